@@ -219,7 +219,7 @@ def display(basis: MaterialBasis) -> Callable[[Array, Array], Array]:
 
     def codes(channels: Array, through: Array) -> Array:
         XYZ = channels @ lit.XYZ_from_channels.T + through[:, None] * lit.backdrop_XYZ
-        return encode_sRGB(np.clip(linear_sRGB_from_XYZ(XYZ / 100.0), 0, 1))
+        return encode_sRGB(np.clip(linear_sRGB_from_XYZ(XYZ), 0, 1))
 
     return codes
 
@@ -230,7 +230,7 @@ def stored_image(
     """Return the image of the true cast at scale 1, and of layers as a file holds them."""
     unscaled = int(np.flatnonzero((COMBINATIONS == 1).all(axis=1))[0])
     channels, through = (each[:, None, unscaled] for each in true)
-    layers = OpacityLayers.of_rows(rows.astype(np.float16), columns, 3, 1)
+    layers = OpacityLayers.of_rows(rows.astype(np.float32), columns, 3, 1).as_stored()
     alpha = (1 - through).astype(np.float32)
     return CoefficientImage(
         channels.astype(np.float32), alpha, np.ones_like(alpha), basis, opacity_layers=layers

@@ -26,7 +26,7 @@ AHEAD_S = 40.0
 
 
 def figures(size: tuple[int, int] = (1280, 720)) -> Iterator[Figure]:
-    """Time the start, drags of a light, of the view and of a paint; the bundled engine."""
+    """Time the start, drags of a light, of the view, a paint and an opacity; the bundled engine."""
     if why := missing():
         yield Figure("viewer", None, note=why)
         return
@@ -47,6 +47,9 @@ def figures(size: tuple[int, int] = (1280, 720)) -> Iterator[Figure]:
         robot.whole()
         robot.rest()
         yield from _paint(robot)
+    with tempfile.TemporaryDirectory() as folder, Robot(Path(folder), size=size) as robot:
+        robot.whole()
+        yield from _faded(robot)
     with tempfile.TemporaryDirectory() as folder:
         series = _series(Path(folder))
         with Robot(Path(folder), [str(series)], size) as robot:
@@ -141,6 +144,18 @@ def _paint(robot: Robot) -> Iterator[Figure]:
     x, y, width, height = robot.area("paint picker")
     start, end = (x + 10, y + 20), (x + 0.7 * width, y + 0.3 * height)
     yield from _relit(robot, "wall paint", along(start, end, DRAG_S))
+
+
+def _faded(robot: Robot) -> Iterator[Figure]:
+    for _ in range(2):  # closed and opened, the panel comes to the front
+        for name in ("menu Window", "action panel-opacity"):
+            robot.click(name)
+            robot.rest()
+    robot.click("opacity eye inserts")  # the first change makes the materials channels
+    robot.rest()
+    x, y, width, height = robot.area("opacity block")
+    start, end = (x + 0.9 * width, y + height / 2), (x + 0.1 * width, y + height / 2)
+    yield from _relit(robot, "opacity", along(start, end, DRAG_S))
 
 
 def _relit(robot: Robot, what: str, places: list[tuple[float, float]]) -> Iterator[Figure]:

@@ -149,7 +149,7 @@ def raycast(
             raise RaycastError(problem, remedy, code="conflict", field="raycast: behind")
     if volume.pyramid is not None:
         volume.pyramid.retry()
-    table = caster.bake(transfer)
+    table = caster.bake(transfer, spec.opacities)
     level = caster.at(camera, size, spec)
     if spec.layers:
         _check_layers(spec, table, transfer, level, behind)
@@ -201,6 +201,7 @@ def raycast(
         groups=spec.shares(),
         first_mm=cast.first_mm,
         fov_deg=None if camera.height_mm is not None else camera.fov_deg,
+        camera=camera,
         opacity_layers=None if layers is None else _opacity_layers(layers, table, len(spec.groups)),
     )
     if into is not None:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from tests.export.conftest import Make
 from tests.support.errors import raises
@@ -18,6 +20,7 @@ from volspec.export.animation import (
     interpolate_ratios,
 )
 from volspec.export.plan import Plan, mix_lights, plan_export, sweep_weights
+from volspec.pipeline import relight
 from volspec.raycast import Camera
 from volspec.relight import LightRig
 from volspec.relight.spec import mixed_rig
@@ -458,3 +461,54 @@ def test_a_scene_with_an_export_is_written_back_as_it_was(scene: Make) -> None:
     assert Scene.load(made.path.with_name("written.toml")).file == file
     write_scene(file, made.path.with_name("again.toml"))
     assert Scene.load(made.path.with_name("again.toml")).file == file
+
+
+FADES = """
+[raycast]
+layers = {layers}
+opacities = {{ gold = 1.5 }}
+
+[[keyframe]]
+time_s = 0
+opacities = {{ gold = 1.0 }}
+
+[[keyframe]]
+time_s = 1
+opacities = {{ gold = 0.0{more} }}
+"""
+
+
+def fading(scene: Make, layers: int, more: str = "") -> Scene:
+    """The scene in which a material fades; materials are its channels."""
+    path = scene().path
+    text = path.read_text(encoding="utf-8").replace('name = "general-7"', 'method = "materials"')
+    path.write_text(text + FADES.format(layers=layers, more=more), encoding="utf-8")
+    return Scene.load(path)
+
+
+@pytest.mark.parametrize(("layers", "casts"), [(8, 1), (0, 3)])
+def test_a_material_fades_with_layers_from_one_cast(
+    scene: Make, tmp_path: Path, layers: int, casts: int
+) -> None:
+    made = fading(scene, layers).exporting(fps=2, lights=["lamp"])
+    shots = plan(made).shots
+    assert [shot.opacities["gold"] for shot in shots] == [1.0, 0.5, 0.0]
+    done = made.export(tmp_path, sheet=False)
+    assert (done.made, done.casts) == (3, casts)
+    lamp = next(each.rig for each in made.lights if each.name == "lamp")
+    for shot, file in zip(shots, done.files, strict=True):
+        spec = replace(made.raycast, layers=0, opacities=dict(shot.opacities))
+        exact = relight(made.render(spec=spec), lamp, made.relight, backend="numpy")
+        found = np.asarray(Image.open(tmp_path / file))
+        assert np.abs(found.astype(int) - exact.astype(int)).max() <= (4 if layers else 1)
+
+
+def test_a_material_that_there_is_not_cannot_fade(scene: Make) -> None:
+    with raises(SceneError, "unknown") as caught:
+        plan(fading(scene, 0, ", silk = 1.0"))
+    assert "silk" in str(caught.value) and "at 1 s" in str(caught.value)
+    path = scene().path
+    text = path.read_text(encoding="utf-8") + "[raycast]\nopacities = { gold = 0.5 }\n"
+    path.write_text(text, encoding="utf-8")
+    with raises(SceneError, "conflict"):
+        plan(Scene.load(path))

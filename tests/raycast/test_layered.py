@@ -225,12 +225,29 @@ def test_a_file_holds_the_layers_in_half_precision(image: CoefficientImage, tmp_
     image.save(tmp_path / "image.exr")
     again = CoefficientImage.load(tmp_path / "image.exr")
     assert again.opacity_layers is not None and image.opacity_layers is not None
-    for one, other in zip(*map(_arrays, (again.opacity_layers, image.opacity_layers)), strict=True):
-        assert np.array_equal(one, other.astype(np.float16))
+    loaded, own = again.opacity_layers, image.opacity_layers
+    for one, other in zip(*map(_arrays, (loaded, own.as_stored())), strict=True):
+        assert np.array_equal(one, other)
+    for one, other in zip(*map(_arrays, (loaded, loaded.as_stored())), strict=True):
+        assert np.array_equal(one, other)
+    assert np.array_equal(loaded.tau, own.tau.astype(np.float16))
+    assert np.array_equal(loaded.depth_mm, own.depth_mm.astype(np.float16))
     assert np.array_equal(again.recompose({}).coefficients, image.coefficients)
     for scales in ({"gold": 0.3}, {"copper": 0}, {"gold": 4, "copper": 4}):
         one, other = (each.recompose(scales) for each in (again, image))
         assert np.abs(one.coefficients - other.coefficients).max() < 2e-3
+
+
+def test_stored_shades_are_exact_to_what_shows(image: CoefficientImage) -> None:
+    """Half of 2^-10 of white at scale 4, or of 2^-5 of a value; and rounding to half floats."""
+    layers = image.opacity_layers
+    assert layers is not None
+    stored = layers.as_stored()
+    total = layers.tau.sum(axis=-1)[..., None]
+    for name, tau in (("shade", layers.tau[..., None, :]), ("gloss", total)):
+        one, other = getattr(stored, name).astype(float), getattr(layers, name)
+        step = np.minimum(2.0**-10 / np.maximum(1 - np.exp(-4.0 * tau), 1e-9), 2.0**-5)
+        assert (np.abs(one - other) <= 0.5 * step + 2.0**-11 * np.abs(other) + 1e-7).all()
 
 
 @pytest.mark.parametrize(

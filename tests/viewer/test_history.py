@@ -105,6 +105,8 @@ _COSTS |= {
     for name in ("choose_cell", "set_smoothness", "set_metric", "set_iterations")
 }
 _COSTS["palette_edits.toggle_merged"] = "frame"
+# The first makes the materials channels.
+_COSTS["opacities"] = "cast"
 # The panel is open; L_A follows from the light; a light of one spectrum, a curve without regions
 # without labels and without opacity by gradient, and a cell without a target have nothing to
 # edit.
@@ -115,6 +117,7 @@ _NOTHING = {
     "transfer_edits": "set_region_values set_region_gradients set_softness "
     "move_gradient_point add_gradient_point remove_gradient_point",
     "lighting": "set_occlusion_radius",  # of a lamp
+    "opacities": "reset",
     "labels": "toggle_label show_only",
     "palette_edits": "set_target_weight set_target_group set_target_distance",
 }
@@ -190,8 +193,8 @@ _ODD |= dict.fromkeys(("transfer-labels", "labels-show", "labels-hide", "labels-
 _ODD |= {"projection-composite": None, "quality-balanced": None, "measure-remove": None}
 _ODD |= {"transfer-points": None, "palette-light": "cast", "palette-restart": None}
 _ODD |= dict.fromkeys(("palette-forget", "palette-own"), "relight")
-# There is no room.
-_ODD |= dict.fromkeys(("panel-room", "reset-paints"))
+# There is no room, and opacities are as they were.
+_ODD |= dict.fromkeys(("panel-room", "reset-paints", "opacities-reset"))
 
 
 def test_actions_cost_what_their_menus_say(cut: ViewState) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,7 +14,7 @@ from volspec import __version__
 from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import read_image_setting, require_image
 from volspec.cli.shell import app, as_written, note, note_everyday, say
-from volspec.cli.viewing import HdrOptions, PictureOptions, in_options
+from volspec.cli.viewing import HdrOptions, PictureOptions, StereoOptions, in_options
 from volspec.errors import ImageError, InputError, VolspecError
 
 if TYPE_CHECKING:
@@ -22,10 +23,10 @@ if TYPE_CHECKING:
 
     from volspec.appearance.hdr import Hdr
     from volspec.raycast import CoefficientImage
-    from volspec.relight import LightRig, RelightSpec
+    from volspec.relight import ErrorMap, LightRig, RelightSpec
     from volspec.spectra import SpectralGrid, Spectrum
 
-_VIEWING, _HDR = PictureOptions(), HdrOptions()
+_VIEWING, _HDR, _STEREO = PictureOptions(), HdrOptions(), StereoOptions()
 
 
 @app.command
@@ -54,6 +55,7 @@ def relight(
     taken_under: str | None = None,
     spectral: Annotated[bool, Parameter(negative="")] = False,
     hdr: HdrOptions = _HDR,
+    stereo: StereoOptions = _STEREO,
 ) -> None:
     """Relight a stored coefficient image, or a measured spectral picture.
 
@@ -73,6 +75,8 @@ def relight(
 
     Example: `volspec relight engine.exr --opacity block=0.3 --light A -o inside.png`
 
+    Example: `volspec relight engine.exr --stereo anaglyph --light A -o anaglyph.png`
+
     Example: `volspec relight engine.exr --light FL2 --spectral -o spectra.exr`
 
     Parameters
@@ -85,7 +89,8 @@ def relight(
         with several lights, their names are appended:
         `engine-A.png`.
     errors
-        Write a map of the colours' errors next to each frame: `engine-errors.png`.
+        Write a map of the colours' errors next to each frame: `engine-errors.png`. With
+        `--opacity`, of the estimated difference from a new cast.
     reflectance
         MATERIAL=REFLECTANCE: show a material with another reflectance, such as
         `inserts=copper`; the image must be cast with `method = "materials"`. Repeatable.
@@ -119,7 +124,10 @@ def relight(
         "relight it: volspec export {file} -o FOLDER; or cast it first: volspec render "
         "{file} -o IMAGE.exr",
     )
-    shown = hdr.display()
+    shown, eyes = hdr.display(), stereo.spec()
+    if eyes and (spectral or errors or shown):
+        option = "spectral" if spectral else "errors" if errors else "hdr"
+        raise InputError(f"--{option} with --stereo: leave one out", code="conflict")
     _check_kind(output, spectral, viewing, model, errors, shown)
     stems = [f"-{file_stem(text)}" if len(light) > 1 else "" for text in light]
     paths = [output.with_name(f"{output.stem}{stem}{output.suffix}") for stem in stems]
@@ -131,9 +139,12 @@ def relight(
         if path.resolve() == image.resolve():
             raise ImageError(f"{path}: is the input image; name another file")
     stored = _picture(image, basis, taken_under)
-    if opacity:
+    layered, scales = stored, _opacities(opacity or ())
+    views = [stored]
+    if eyes or scales:
         with in_options():
-            stored = stored.recompose(_opacities(opacity))
+            views = [*eyes.views(stored, scales)] if eyes else [stored.recompose(scales)]
+        stored = views[0]
     scene = stored_relight_spec(stored)
     lamps = [read_image_setting(image, text, stored) for text in light]
     if shown is not None:
@@ -150,24 +161,30 @@ def relight(
         return
     blanks = BlankFrames("--exposure")
     edited = stored
-    with Relighter(stored) as relighter:
+    with ExitStack() as stack:
+        relighters = [stack.enter_context(Relighter(view)) for view in views]
+        relighter = relighters[0]
         if changes:
             with in_options():
-                relighter.set_reflectances(changes)
+                for each in relighters:
+                    each.set_reflectances(changes)
                 edited = stored.with_reflectances(changes)
         for text, lamp, path, error_path in zip(light, lamps, paths, maps, strict=True):
             with in_options():
-                if shown is None:
+                if eyes:
+                    left, right = (each.frame(lamp, spec) for each in relighters)
+                    frame = eyes.combine(left, right, spec.viewing.display.space)
+                elif shown is None:
                     frame = relighter.frame(lamp, spec)
                 else:
                     frame = to_uint16(hdr_frame(edited, lamp, spec, shown))
             notes = {"light": text, "Software": f"volspec {__version__}"}
             write_frame(path, frame, notes, shown or spec.viewing.display.space)
-            blanks.add(str(path), text, frame, stored.alpha)
+            blanks.add(str(path), text, frame[:, : stored.size[0]], stored.alpha)
             say(path if shown is None else f"{path}: {_luminances(frame, shown)}")
             note_everyday(text)
             if errors:
-                off = relighter.error_map(lamp, spec.mode, spec.backdrop)
+                off = _error_map(layered, changes, scales, lamp, spec)
                 write_frame(error_path, off.image(), {"light": text, "shows": str(off)})
                 say(f"{error_path}: {off}")
     blanks.warn()
@@ -330,6 +347,23 @@ def _opacities(words: Sequence[str]) -> dict[str, float]:
             )
         scales[material] = scale
     return scales
+
+
+def _error_map(
+    image: CoefficientImage,
+    changes: Mapping[str, Spectrum],
+    opacities: Mapping[str, float],
+    lamp: Spectrum | LightRig,
+    spec: RelightSpec,
+) -> ErrorMap:
+    """Return the map of an image's errors: of opacities against a cast, otherwise of colours."""
+    from volspec.relight import error_map
+
+    edited = image.with_reflectances(changes) if changes else image
+    if opacities:
+        how = spec.mode, spec.backdrop
+        return error_map(edited, lamp, *how, against="cast", opacities=opacities)
+    return error_map(edited, lamp, spec.mode, spec.backdrop)
 
 
 def _reflectances(words: Sequence[str], grid: SpectralGrid) -> dict[str, Spectrum]:

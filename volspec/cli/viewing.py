@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from volspec.appearance import Viewing, ViewingConditions
     from volspec.appearance.hdr import Hdr
     from volspec.relight import RelightSpec
+    from volspec.relight.stereo import Stereo
 
 _EYE, _PICTURE = Group("Viewing", sort_key=2), Group("Picture", sort_key=3)
 # Inputs of Hunt's and Nayatani's models, by the field of their settings.
@@ -301,6 +302,50 @@ class HdrOptions:
         with in_options(HDR_OPTIONS):
             table = self.table()
             return Hdr(**table) if table else None
+
+
+_STEREO = Group("Stereo", sort_key=4)
+
+
+@Parameter(name="*", group=_STEREO)
+@dataclass(frozen=True, kw_only=True)
+class StereoOptions:
+    """Both eyes' pictures, from the layers of an image that was cast with `--layers`."""
+
+    stereo: Annotated[
+        Literal["side-by-side", "crossed", "anaglyph", "half-colour"] | None,
+        Parameter(
+            converter=as_written,
+            help="Both eyes' pictures side by side, for parallel or crossed eyes, or an anaglyph "
+            "for red-cyan glasses: least squares (Dubois) or half-colour.",
+        ),
+    ] = None
+    eyes_mm: Annotated[
+        float | None,
+        _number("Distance of the eyes, mm; default 1/30 of the convergence's.", group=_STEREO),
+    ] = None
+    eyes_deg: Annotated[
+        float | None, _number("The same as an angle at the convergence.", group=_STEREO)
+    ] = None
+    convergence_mm: Annotated[
+        float | None,
+        _number("Distance at which both agree, mm; default: expected depth.", group=_STEREO),
+    ] = None
+
+    def spec(self) -> Stereo | None:
+        """Return the settings; None without ``--stereo``."""
+        from volspec.relight.stereo import Stereo
+
+        given = _given(asdict(self))
+        if self.stereo is None:
+            if given:
+                option = f"--{next(iter(given)).replace('_', '-')}"
+                raise InputError(
+                    f"{option} without --stereo: add --stereo anaglyph, or leave it out"
+                )
+            return None
+        with in_options({name: f"--{name.replace('_', '-')}" for name in given}):
+            return Stereo(given.pop("stereo"), **given)
 
 
 _OWN = Group("Inputs of Hunt's and Nayatani's models", sort_key=4)

@@ -16,7 +16,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from typing import Any, TypeVar
 
@@ -33,6 +33,7 @@ from volspec.scene import Scene
 from volspec.scene.export import KeyCamera, Keyframe, Turntable
 from volspec.transfer import Isosurfaces, TransferFunction, TransferFunction2D, Transfers
 from volspec.transfer.missing import bake_for_volume
+from volspec.transfer.opacities import check_opacities
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]
@@ -56,6 +57,7 @@ class FrameState:
     transfer: Transfers
     spec: RelightSpec
     step: int | None = None  # of a series that plays
+    opacities: Mapping[str, float] = field(default_factory=dict)  # `RaycastSpec.opacities`
 
 
 def played_steps(frames: int, steps: int, loops: int = 1) -> list[int]:
@@ -186,7 +188,11 @@ def frame_states(scene: Scene, volume: Volume, spec: RelightSpec, at_s: Array) -
         specs = _relight_specs(spec, keys, at_s)
     with located_in(scene, "[[keyframe]] transfer"):
         transfers = keyframe_transfers(scene, keys, at_s)
-    return [FrameState(*each) for each in zip(cameras, transfers, specs, strict=True)]
+    rows = keyframe_opacities(scene, keys, at_s)
+    return [
+        FrameState(camera, transfer, own, opacities=row)
+        for camera, transfer, own, row in zip(cameras, transfers, specs, rows, strict=True)
+    ]
 
 
 def keyframe_faults(scene: Scene, volume: Volume) -> list[SceneError]:
@@ -200,6 +206,7 @@ def keyframe_faults(scene: Scene, volume: Volume) -> list[SceneError]:
         "camera": lambda keys, at_s: _reaching_cameras(scene, volume, keys, at_s),
         "viewing": lambda keys, at_s: _relight_specs(scene.relight, keys, at_s),
         "transfer": baked,
+        "opacities": lambda keys, at_s: keyframe_opacities(scene, keys, at_s),
     }
     keys = scene.file.keyframe
     found: dict[str, SceneError] = {}
@@ -268,6 +275,19 @@ def _at_times(
             message = str(own_error).removeprefix("camera: ")
             raise type(error)(f"at {time:g} s: {message}{remedy}", code=error.code) from error
     return made
+
+
+def keyframe_opacities(scene: Scene, keys: Keys, at_s: Array) -> list[dict[str, float]]:
+    """Return the scales of materials' opacities in every frame, by material."""
+    own = dict(scene.raycast.opacities)
+    found = [dict(own) for _ in at_s]
+    for name in dict.fromkeys(name for key in keys for name in key.opacities or ()):
+        given = [(k.time_s, k.opacities[name]) for k in keys if k.opacities and name in k.opacities]
+        times, scales = zip(*given, strict=True)
+        for row, scale in zip(found, interpolate_keyframes(times, scales, at_s), strict=True):
+            row[name] = float(scale)
+    _at_times(at_s, keys, found, lambda row: check_opacities(scene.basis, row))
+    return found
 
 
 def turntable_cameras(scene: Scene, volume: Volume, table: Turntable) -> list[Camera]:

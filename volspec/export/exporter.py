@@ -358,11 +358,12 @@ class FrameMaker:
             casts = [s[i : i + _OPEN_FILES] for s in casts for i in range(0, len(s), _OPEN_FILES)]
         meter = _ProgressMeter(casts, progress)
         behind = scene.behind(casters.volume)
-        # Frames are averaged and relit: they have no layers of opacity.
-        flat = replace(scene.raycast, layers=0)
+        layers = scene.raycast.layers if self._is_layered(plan) else 0
 
         def caster_of(shots: list[Shot]) -> TileCaster:
-            return TileCaster(casters.at(shots[0].step), flat, notes, behind)
+            opacities = {} if layers else dict(shots[0].opacities)
+            spec = replace(scene.raycast, layers=layers, opacities=opacities)
+            return TileCaster(casters.at(shots[0].step), spec, notes, behind)
 
         if only_cast:
             self._cast(casts, caster_of, meter)
@@ -374,9 +375,19 @@ class FrameMaker:
         """Return the shots to make, grouped by cast."""
         missing = self.files.folder.missing()
         casts = (
-            [shot for shot in shots if self.files.name(shot) in missing] for shots in plan.casts()
+            [shot for shot in shots if self.files.name(shot) in missing]
+            for shots in plan.casts(self._is_layered(plan))
         )
         return [shots for shots in casts if shots]
+
+    def _is_layered(self, plan: Plan) -> bool:
+        """Return True if frames of other opacities share a cast with layers.
+
+        Parts of a picture and averages of several rays have none.
+        """
+        changes = len({tuple(shot.opacities.items()) for shot in plan.shots}) > 1
+        layers = self.files.scene.raycast.layers and self.files.table.format != "coefficients"
+        return bool(changes and layers and self._parts == 1 and self._canvas.samples == 1)
 
     @property
     def _parts(self) -> int:
@@ -415,9 +426,14 @@ class FrameMaker:
                     continue
                 images_of_shot = next(images)
                 self._record_gaps(shots, images_of_shot)
-                sources = self._sources(images_of_shot)
+                layered = images_of_shot[0].opacity_layers is not None
+                sources = [] if layered else self._sources(images_of_shot)
                 meter.add(_FRAMES_A_CAST)
+                opacities = None
                 for shot in shots:
+                    if layered and shot.opacities != opacities:
+                        sources = self._sources([_shown(images_of_shot[0], shot)])
+                        opacities = shot.opacities
                     notes, pixels = sources[0].image.notes, pool.row(sources, shot)
                     self._check_blank(shot, pixels, sources, blanks)
                     pixels = paint(pixels, self.files.marks(shot, caster.caster.volume))
@@ -434,7 +450,7 @@ class FrameMaker:
         scale = min(1.0, _MEASURED_SIDE / max(self.files.size))
         width, height = (max(1, round(scale * side)) for side in self.files.size)
         small = caster.cast(shots[0].transfer, shots[0].camera, (width, height))
-        return [measured_shot(shot, small) for shot in shots]
+        return [measured_shot(shot, _shown(small, shot)) for shot in shots]
 
     def _relight_strips(
         self,
@@ -475,3 +491,8 @@ class FrameMaker:
 
     def _sources(self, images: Sequence[CoefficientImage]) -> list[FrameSource]:
         return [FrameSource.of(image, self.files.table) for image in images]
+
+
+def _shown(image: CoefficientImage, shot: Shot) -> CoefficientImage:
+    """Return an image with a shot's opacities, if it has layers."""
+    return image if image.opacity_layers is None else image.recompose(shot.opacities)

@@ -11,7 +11,7 @@ import hashlib
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +39,7 @@ from volspec.scene.specs import EMPTY, ROOM_LIGHT
 from volspec.settings import try_table
 from volspec.transfer import FieldTables, Transfers
 from volspec.transfer.missing import bake_for_volume
+from volspec.transfer.opacities import check_opacities
 from volspec.volume import Series, Volume
 
 # Stem of coefficient images; other frames are named after their light.
@@ -59,11 +60,15 @@ class Shot:
     rig: LightRig
     spec: RelightSpec
     step: int | None = None  # of a series that plays
+    opacities: Mapping[str, float] = field(default_factory=dict)  # `RaycastSpec.opacities`
 
-    @property
-    def cast(self) -> tuple[Camera, int, int | None]:
-        """Key of the cast: shots with equal keys share one."""
-        return self.camera, id(self.transfer), self.step
+    def cast(self, layered: bool) -> tuple[object, ...]:
+        """Return the key of the cast: shots with equal keys share one.
+
+        ``layered`` casts are shared by shots of other opacities.
+        """
+        opacities = () if layered else tuple(self.opacities.items())
+        return self.camera, id(self.transfer), self.step, opacities
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,11 +79,11 @@ class Plan:
     # Lights with frames of their own; empty if frames mix several lights.
     lights: tuple[NamedLight, ...]
 
-    def casts(self) -> list[list[Shot]]:
+    def casts(self, layered: bool = False) -> list[list[Shot]]:
         """Return the shots grouped by cast, in the order of each group's first shot."""
         found: dict[object, list[Shot]] = {}
         for shot in self.shots:
-            found.setdefault(shot.cast, []).append(shot)
+            found.setdefault(shot.cast(layered), []).append(shot)
         return list(found.values())
 
     @property
@@ -92,7 +97,8 @@ class Plan:
         for shot in self.shots:
             rig = shot.rig
             facts = shot.stem, shot.camera, shot.transfer, shot.spec, rig.weights, rig.groups
-            digest.update(repr((*facts, rig.illuminance_lux, shot.step)).encode())
+            more = (shot.opacities,) if shot.opacities else ()
+            digest.update(repr((*facts, rig.illuminance_lux, shot.step, *more)).encode())
             for light in rig.lights:
                 digest.update(np.stack([light.wavelengths_nm, light.values]).tobytes())
         return digest.hexdigest()
@@ -139,7 +145,8 @@ def plan_export(
 
 
 def _shot(stem: str, number: int, state: FrameState, light: str, rig: LightRig) -> Shot:
-    return Shot(stem, number, state.camera, state.transfer, light, rig, state.spec, state.step)
+    own = state.camera, state.transfer, light, rig, state.spec, state.step, state.opacities
+    return Shot(stem, number, *own)
 
 
 def export_lights(scene: Scene, table: ExportSpec) -> list[NamedLight]:
@@ -188,9 +195,12 @@ def _played(
 def _states(scene: Scene, volume: Volume, table: ExportSpec, lights: int) -> list[FrameState]:
     # A spectrum has all bands; other modes would smooth a lamp's spectrum.
     spec = replace(scene.relight, mode="exact") if table.spectral else scene.relight
-    still = FrameState(scene.camera(volume), scene.transfer, spec)
+    still = FrameState(
+        scene.camera(volume), scene.transfer, spec, opacities=scene.raycast.opacities
+    )
     with animation.located_in(scene):
         check_reach(volume, still.camera, scene.raycast)
+        check_opacities(scene.basis, scene.raycast.opacities)
     if table.turntable is not None:
         cameras = animation.turntable_cameras(scene, volume, table.turntable)
         return [replace(still, camera=camera) for camera in cameras]

@@ -187,6 +187,7 @@ class TileCaster:
             alpha=alpha,
             depth_mm=depth,
             first_mm=first,
+            camera=camera if part == whole else None,
             notes={**image.notes, **gaps, "camera": repr(camera)},
         )
 

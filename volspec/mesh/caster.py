@@ -224,6 +224,7 @@ class MeshCaster:
             groups=spec.shares(),
             first_mm=found.first_mm,
             fov_deg=None if camera.height_mm is not None else camera.fov_deg,
+            camera=camera,
         )
 
     def _pictures(

@@ -257,6 +257,22 @@ class RayField:
     distance: float
     perspective: bool
 
+    @property
+    def pitch_mm(self) -> float:
+        """Distance between pixels in the target's plane."""
+        return float(np.linalg.norm(self.across))
+
+    @property
+    def nearness(self) -> float:
+        """1 / distance, or 0 for parallel rays."""
+        return 1 / self.distance if self.perspective else 0.0
+
+    def cosines(self, width: int, height: int) -> NDArray[np.float64]:
+        """Return (H, W) cosines of the rays' angles to the view."""
+        u, v = np.arange(width) - self.middle[0], np.arange(height) - self.middle[1]
+        slant = self.pitch_mm * self.nearness
+        return np.asarray(1 / np.sqrt(1 + slant**2 * (u**2 + v[:, None] ** 2)))
+
 
 def radius_mm(volume: Volume) -> float:
     """Return the radius of the sphere around a volume."""

@@ -52,6 +52,7 @@ from volspec.transfer import (
     TransferTable,
 )
 from volspec.transfer.missing import bake_for_volume
+from volspec.transfer.opacities import scale_opacities
 from volspec.volume import Volume
 
 # Pixels of each of the three pictures by which a step is chosen.
@@ -203,7 +204,7 @@ class _Together:
 class _Known:
     """Results that casters of one series share: the last table."""
 
-    baked: tuple[Transfers, Tables] | None
+    baked: tuple[Transfers, dict[str, float], Tables] | None
 
 
 class Raycaster:
@@ -322,15 +323,18 @@ class Raycaster:
         """The OpenGL context that the device shares; None without one."""
         return self._compute.sharing
 
-    def bake(self, transfer: Transfers) -> Tables:
+    def bake(self, transfer: Transfers, opacities: Mapping[str, float] | None = None) -> Tables:
         """Bake a transfer function into a table for the volume; the last one is cached.
 
-        The light volume compares tables by identity to detect changes.
+        ``opacities`` are scales of the materials' optical depths, `RaycastSpec.opacities`. The
+        light volume compares tables by identity to detect changes.
         """
-        baked = self._known.baked
-        if baked is None or baked[0] is not transfer:
-            baked = self._known.baked = transfer, bake_for_volume(transfer, self.volume)
-        return baked[1]
+        scales, baked = dict(opacities or {}), self._known.baked
+        if baked is None or baked[0] is not transfer or baked[1] != scales:
+            table = bake_for_volume(transfer, self.volume)
+            table = scale_opacities(table, transfer.basis, scales)
+            baked = self._known.baked = transfer, scales, table
+        return baked[2]
 
     table_of = renamed_attribute("bake")
 

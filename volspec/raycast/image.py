@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -17,12 +18,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.errors import DeviceError, ImageError, ShapeError, nearest, quoted
+from volspec.raycast.camera import Camera
 from volspec.raycast.checks import number
+from volspec.raycast.depth import DepthEffects, recompose_in_depth
 from volspec.raycast.image_file import ONE_GROUP, checked_groups, read_image, write_image
 from volspec.raycast.layered import OpacityLayers, checked_scales, residual_share
 from volspec.spectra import SpectralGrid, SpectralImage, Spectrum
 from volspec.spectra.spectrum import light_power
 
+NO_SCALES: Mapping[str, float] = MappingProxyType({})
 # Accepted reflectances in a spectral picture: camera noise falls below 0, highlights exceed 1.
 _NOISE, _LARGEST_REFLECTANCE = 0.1, 10.0
 
@@ -52,6 +56,8 @@ class CoefficientImage:
     fov_deg : float, optional
         The vertical field of view, `Camera.fov_deg`; None if it was cast without
         perspective or the angle is unknown.
+    camera : Camera, optional
+        The camera of the cast; None if it is unknown.
     opacity_layers : OpacityLayers, optional
         Layers of the materials' opacities, by which `recompose` scales them; only with a
         MaterialBasis. None if it was cast without `RaycastSpec.layers`.
@@ -83,6 +89,7 @@ class CoefficientImage:
     groups: Mapping[str, float] = field(default_factory=lambda: dict(ONE_GROUP))
     first_mm: NDArray[np.float32] | None = None
     fov_deg: float | None = None
+    camera: Camera | None = None
     opacity_layers: OpacityLayers | None = None
 
     def __repr__(self) -> str:
@@ -191,7 +198,12 @@ class CoefficientImage:
             )
         return checked_scales(scales, self.basis, self.opacity_layers)
 
-    def recompose(self, scales: Mapping[str, float]) -> CoefficientImage:
+    def recompose(
+        self,
+        scales: Mapping[str, float] = NO_SCALES,
+        depth: DepthEffects | None = None,
+        surface: CoefficientImage | None = None,
+    ) -> CoefficientImage:
         """Return the picture with other opacities of some of its materials, without a cast.
 
         Scales act on a material's optical depth: 0 hides it, 2 is twice as much of it. If all
@@ -203,20 +215,37 @@ class CoefficientImage:
         ----------
         scales : {material: scale}
             0 or more; 1 for those that are left out.
+        depth : DepthEffects, optional
+            Focus, fog and cuts.
+        surface : CoefficientImage, optional
+            Opaque surfaces between the layers, at their depth: a mesh's picture
+            (`MeshCaster.alone`) by the same camera, in the same basis and light groups. Neither
+            shades the other.
 
         Raises
         ------
         ImageError
             If the image was cast without layers, a name is unknown, a scale is negative or not
-            finite, or a material had no opacity in the cast.
+            finite, or a material had no opacity in the cast; if the camera has no focus, or the
+            surface is of another camera, basis or light groups.
+        ShapeError
+            If the surface has another size.
         """
         factors = self.opacity_scales(scales)
         layers = self.opacity_layers
         assert layers is not None
-        if all(scale == 1 for scale in factors):
+        if depth is not None and not isinstance(depth, DepthEffects):
+            raise ImageError.refused("recompose: depth", depth, "give DepthEffects", "type")
+        fade = 0.0
+        if surface is not None or (depth is not None and depth.changes):
+            effects = depth or DepthEffects()
+            channels, alpha, weighted_mm = recompose_in_depth(self, factors, effects, surface)
+        elif all(scale == 1 for scale in factors):
             return replace(self, opacity_layers=None, first_mm=None)
-        channels, alpha, weighted_mm = layers.recompose(factors)
-        if (fade := residual_share(factors)) > 0:
+        else:
+            channels, alpha, weighted_mm = layers.recompose(factors)
+            fade = residual_share(factors)
+        if fade > 0:
             unscaled = layers.recompose([1.0] * len(factors))
             own = self.coefficients.reshape(channels.shape).astype(np.float32)
             own_mm = np.where(self.alpha > 0, self.depth_mm, 0) * self.alpha

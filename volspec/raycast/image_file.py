@@ -8,7 +8,8 @@ millimetres from the camera and infinite in empty pixels. ``R``, ``G``, ``B`` ar
 viewers. The header's ``volspec:groups`` holds each group's fraction of the light and
 ``volspec:basis`` the whole basis (JSON), so that an image can be relit without the scene that made
 it, and an image of another basis version is refused; ``volspec:fov_deg`` the camera's vertical
-field of view, if it has one.
+field of view, if it has one, and ``volspec:camera`` the camera itself (JSON), from which nearby
+views follow.
 
 Layers of opacity (`CoefficientImage.opacity_layers`) are half channels, near to far:
 ``l3.tau.block``, ``l3.shade.key.block``, ``l3.gloss.key`` and ``l3.depth.Z``, of layer 3, the
@@ -28,6 +29,7 @@ import re
 import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import asdict
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -40,7 +42,8 @@ from volspec._files import require_suffix
 from volspec._parse import parse_json
 from volspec.appearance.spaces import SPACES
 from volspec.basis import Basis, MaterialBasis, basis_from_dict
-from volspec.errors import BasisError, ImageError, ShapeError
+from volspec.errors import BasisError, CameraError, ImageError, ShapeError
+from volspec.raycast.camera import Camera
 from volspec.raycast.layered import OpacityLayers
 from volspec.raycast.spec import MAX_LAYERS
 
@@ -149,7 +152,7 @@ def _encoded_name(group: str) -> str:
 FORMAT = 3
 _READ = (1, 2, FORMAT)  # images of format 1 have one light group
 # Attributes of the header, after "volspec:".
-_OWN = ("format", "basis", "groups", "notes", "fov_deg", "layers")
+_OWN = ("format", "basis", "groups", "notes", "fov_deg", "camera", "layers")
 LAYERS_VERSION = 1
 _ALPHA_ERROR = 1e-3  # rounding of alpha by a compositor
 
@@ -171,6 +174,8 @@ def write_image(
     }
     if image.fov_deg is not None:
         header["volspec:fov_deg"] = json.dumps(float(image.fov_deg))
+    if type(image.camera) is Camera:  # not of a window or an eye
+        header["volspec:camera"] = json.dumps(asdict(image.camera))
     if own := [key for key in texts if key in _OWN]:
         raise ImageError(
             f"{name}: a text is named {own[0]!r}, which is reserved for the image",
@@ -233,6 +238,9 @@ def read_image(path: str | os.PathLike[str]) -> dict[str, Any]:
     first = pixels.get("first.Z" if version == FORMAT else "ZFirst")
     with _refusing(f"{name}: its volspec:fov_deg is refused"):
         fov_deg = parse_json(header.get("volspec:fov_deg", "null"))
+    with _refusing(f"{name}: its volspec:camera is refused"):
+        placed = parse_json(header.get("volspec:camera", "null"))
+        camera = None if placed is None else Camera(**placed)
     return {
         "coefficients": coefficients,
         "alpha": alpha,
@@ -242,6 +250,7 @@ def read_image(path: str | os.PathLike[str]) -> dict[str, Any]:
         "groups": groups,
         "first_mm": None if first is None else first.astype(np.float32),
         "fov_deg": fov_deg,
+        "camera": camera,
         "opacity_layers": _read_layers(name, header, pixels, basis, groups),
     }
 
@@ -251,10 +260,11 @@ def _layer_channels(image: CoefficientImage, layers: OpacityLayers) -> Channels:
     assert isinstance(image.basis, MaterialBasis)
     height, width = image.alpha.shape
     channels: Channels = {}
+    stored = layers.as_stored()
     for k in range(layers.count):
-        arrays = layers.tau, layers.shade, layers.gloss, layers.depth_mm
+        arrays = stored.tau, stored.shade, stored.gloss, stored.depth_mm
         flat = [each[:, :, k].reshape(height, width, -1) for each in arrays]
-        half = np.concatenate(flat, axis=2).astype(np.float16)
+        half = np.concatenate(flat, axis=2)
         names = layer_names(k, image.basis.materials, image.groups)
         channels |= {name: half[..., n] for n, name in enumerate(names)}
     return channels
@@ -314,7 +324,7 @@ def _refusing(problem: str) -> Iterator[None]:
     """Turn a fault in a header field into an ImageError."""
     try:
         yield
-    except (BasisError, ImageError, ValueError, KeyError, TypeError) as error:
+    except (BasisError, CameraError, ImageError, ValueError, KeyError, TypeError) as error:
         raise ImageError(f"{problem} ({error})", "render again", code="damaged") from error
 
 

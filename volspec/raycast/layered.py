@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
@@ -49,6 +49,7 @@ MOST_LAYER_TAU = 1024.0
 """Optical depth of a layer: half-float has few more."""
 LEAST_TAU = 1e-6
 """Optical depth below which a material has no shade."""
+_MOST_SCALED, _STEP, _MOST_STEP = 4.0, 2.0**-10, 2.0**-5  # see `OpacityLayers.as_stored`
 
 
 class Recomposed(NamedTuple):
@@ -153,6 +154,27 @@ class OpacityLayers:
         shade[..., columns] = shaded
         return cls(tau, shade, gloss, np.ascontiguousarray(rows[..., -1]))
 
+    def as_stored(self) -> Self:
+        """Return the layers as a file holds them: half floats, without digits that do not show.
+
+        Shades and highlights are rounded to 2^-10 of a pixel's white, that is to 2^-10 divided by
+        the visibility of the layer, or of the material in it, at scale 4 (2^-5 at most); depths and
+        distances are not. Files are a tenth smaller.
+        """
+        stored = self.tau.astype(np.float16)
+        tau = stored.astype(np.float32)
+        return type(self)(
+            stored,
+            _rounded(self.shade, tau[..., None, :]),
+            _rounded(self.gloss, tau.sum(axis=-1)[..., None]),
+            self.depth_mm.astype(np.float16),
+        )
+
+    def at(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Self:
+        """Return the layers of P pixels as those of a picture of one row, (1, P, …)."""
+        arrays = {each.name: getattr(self, each.name) for each in fields(self)}
+        return replace(self, **{name: each[rows, columns][None] for name, each in arrays.items()})
+
     def recompose(self, scales: Sequence[float]) -> Recomposed:
         """Composite the layers with the K materials' optical depths scaled."""
         height, width, count, K = self.tau.shape
@@ -176,6 +198,14 @@ class OpacityLayers:
             depth_mm += seen * where
             through -= seen
         return Recomposed(channels, alpha, depth_mm)
+
+
+def _rounded(values: NDArray[Any], tau: NDArray[np.float32]) -> NDArray[np.float16]:
+    """Return values of layers of some optical depths in half precision, rounded to what shows."""
+    visibility = -np.expm1(-_MOST_SCALED * tau)
+    step = np.minimum(_STEP / np.maximum(visibility, _STEP), _MOST_STEP)
+    step = np.exp2(np.floor(np.log2(step)))
+    return (np.rint(values / step) * step).astype(np.float16)
 
 
 def row_size(materials: int, groups: int) -> int:

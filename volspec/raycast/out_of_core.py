@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -100,9 +100,9 @@ class LevelCaster:
         """None: pictures are made on the host."""
         return None
 
-    def bake(self, transfer: Transfers) -> Tables:
+    def bake(self, transfer: Transfers, opacities: Mapping[str, float] | None = None) -> Tables:
         """Bake a transfer function into a table, as `Raycaster.bake`."""
-        return self.base.bake(transfer)
+        return self.base.bake(transfer, opacities)
 
     def with_step(
         self, table: Tables, spec: RaycastSpec, cancel: Cancel | None = None

@@ -23,17 +23,22 @@ class Pass(NamedTuple):
     steps : {"own", "fast", "voxel"}
         As the state asks; as quality "fast" does, long where opacities are gentle; or of a voxel,
         for which nothing is estimated first.
+    layers : int
+        Layers of opacity; the picture is as without them.
     """
 
     divisor: int
     steps: Literal["own", "fast", "voxel"] = "own"
+    layers: int = 0
 
     def spec(self, own: RaycastSpec, volume: Volume) -> RaycastSpec:
         """Return the pass's settings; of a volume larger than memory, on the way, what is in it.
 
-        A picture that is turned has no layers of opacity.
+        Layers are cast of the transfer function's own opacities.
         """
-        own = replace(own, layers=0) if own.layers else own
+        if own.layers != self.layers or (self.layers and own.opacities):
+            opacities = {} if self.layers else own.opacities
+            own = replace(own, layers=self.layers, opacities=opacities)
         if volume.pyramid is not None and self != WHOLE:
             own = replace(own, level=len(volume.pyramid.levels) - 1)
         if self.steps == "own":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal, get_args
 
 import numpy as np
@@ -13,7 +13,17 @@ from volspec.errors import InputError, RaycastError, nearest
 from volspec.raycast.checks import Direction, Weight
 from volspec.raycast.lights import HEADLIT, MAX_GROUPS, MAX_SOURCES, Ambient, LightGroup, as_tuple
 from volspec.raycast.quality import Quality, Target, target_of
-from volspec.settings import PYTHON_ONLY, Box, Fraction, Hint, Positive, Unit, Vector, settings
+from volspec.settings import (
+    PYTHON_ONLY,
+    Box,
+    Fraction,
+    Hint,
+    NotNegative,
+    Positive,
+    Unit,
+    Vector,
+    settings,
+)
 from volspec.volume import Volume
 
 Mode = Literal["composite", "maximum", "average"]
@@ -139,6 +149,11 @@ class RaycastSpec:
     layers: Annotated[int, Field(ge=0, le=MAX_LAYERS)] = 0
     """Layers of opacity along each ray, by which up to four materials fade without a new cast
     (`CoefficientImage.recompose`): 8 to 16, or 0 for none. The basis must be of materials."""
+    opacities: Annotated[
+        dict[str, NotNegative], Hint("{ material = scale, … }, each 0 or more", whole=True)
+    ] = field(default_factory=dict, hash=False)
+    """Scales of materials' optical depths: 0 hides one, 2 is twice as much of it. The basis must be
+    of materials. Layers are those of the scaled depths, and are scaled further from there."""
     tile_ms: Annotated[Positive, Unit("ms"), PYTHON_ONLY] = 20.0
     """Approximate time of one launch on the device; drivers kill long launches, and a cast can be
     cancelled between two."""

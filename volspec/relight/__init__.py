@@ -3,7 +3,7 @@
 raycast -> [relight] -> appearance -> frame
 """
 
-from volspec.relight.error_map import ErrorMap, difference_map, error_map
+from volspec.relight.error_map import ErrorMap, difference_map, error_map, opacity_error
 from volspec.relight.illumination import Illumination
 from volspec.relight.relighter import Relighter, relight
 from volspec.relight.spec import LightRig, RelightSpec
@@ -16,5 +16,6 @@ __all__ = [
     "Relighter",
     "difference_map",
     "error_map",
+    "opacity_error",
     "relight",
 ]

@@ -5,10 +5,13 @@
 Compares the picture from m channels with one from full bands or from the exact light matrix. The
 eye is adapted to the light, so 1 is just noticeable. Full bands need no other cast: a pixel's
 channels determine its mixture of fewer materials than channels, and mixtures have mixed spectra.
+
+Of other opacities (`CoefficientImage.recompose`) it estimates the difference from a new cast.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, get_args
@@ -17,11 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.appearance.difference import SYMBOLS, Difference, distance, uniform
-from volspec.basis import SpectralBasis
+from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.basis.display import DEFAULT_MODE, Mode, visible_white
 from volspec.basis.samples import through_samples
 from volspec.errors import ShapeError, ViewingError
+from volspec.raycast.layered import checked_scales
 from volspec.relight.illumination import Illumination
+from volspec.relight.opacity_error import opacity_deviation, with_neighbours
 from volspec.relight.spec import LightRig, RelightSpec
 from volspec.spectra.spectrum import Spectrum
 
@@ -29,14 +34,14 @@ if TYPE_CHECKING:
     from volspec.basis import Basis
     from volspec.raycast.image import CoefficientImage
 
-Against = Literal["bands", "exact"]
+Against = Literal["bands", "exact", "cast"]
 AGAINST: tuple[Against, ...] = get_args(Against)
-"""References of an error map: full bands, or the exact light matrix."""
+"""References of an error map: full bands, the exact light matrix, or a cast of other opacities."""
 _NAMES = {"bands": "full bands", "exact": "the exact light matrix"}
 _LOOKED_AT = 10_000  # pixels that are compared with mixtures of the samples
 _UNEXPLAINED = 0.01  # largest channel of a pixel that rounding leaves next to a mixture
 _COVERED = 0.05  # opacity from which a pixel counts in the statistics
-_ROWS = 64  # rows at a time: CIEDE2000 needs about forty temporaries
+_ROWS, _PIXELS = 64, 2**14  # at a time: CIEDE2000 needs about forty temporaries
 _BAR, _MARGIN, _TEXT = 18, 14, 62  # width of the scale's parts right of the map, pixels
 _LEAST, _CAPTION = (540, 148), 58  # make five numbers and two lines legible
 _PAPER, _INK = (24, 24, 26), (236, 236, 236)
@@ -157,6 +162,7 @@ def error_map(
     every: int = 1,
     against: Against | None = None,
     difference: Difference = "CIEDE2000",
+    opacities: Mapping[str, float] | None = None,
 ) -> ErrorMap:
     """Return CIEDE2000 between a picture and one from full bands, pixel by pixel.
 
@@ -168,18 +174,23 @@ def error_map(
         As `RelightSpec`.
     every : int
         Use only every n-th row and column, for the statistics without the map.
-    against : {"bands", "exact"}, optional
+    against : {"bands", "exact", "cast"}, optional
         The reference: full bands, which need an image whose basis holds its materials
-        (`through_samples`) and that was cast with achromatic opacity; or the exact
+        (`through_samples`) and that was cast with achromatic opacity; the exact
         light matrix, which has an error of its own, because m channels only approximate a
-        reflectance. Default: full bands if possible.
+        reflectance; or a cast of ``opacities``, an estimate by `opacity_error`. Default: full bands
+        if possible.
     difference : {"CIEDE2000", "CAM16-UCS"}
         CAM16-UCS is also for large differences.
+    opacities : {material: scale}, optional
+        Show the image with these, as `CoefficientImage.recompose`.
 
     Raises
     ------
     ViewingError, SpectrumError
         As `Relighter.frame`; if the image's channels do not determine full bands.
+    ImageError
+        As `CoefficientImage.recompose`.
     """
     if against not in (None, *AGAINST):
         raise ViewingError.refused(
@@ -188,6 +199,9 @@ def error_map(
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
         raise ViewingError.refused("error map.every", every, "give a whole number from 1", "range")
     spec = RelightSpec(mode=mode, backdrop=backdrop)
+    if against == "cast":
+        return _estimated(image, spec, light, every, opacities or {}, difference)
+    image = image if opacities is None else image.recompose(opacities)
     full = None if against == "exact" else full_band_basis(image)
     if full is None and against == "bands":
         raise ViewingError(
@@ -201,6 +215,23 @@ def error_map(
     compared = f"{mode} against {_NAMES['bands' if full else 'exact']}"
     exact = replace(spec, mode="exact")
     return _compared(image, spec, truth, exact, light, every, compared, difference)
+
+
+def opacity_error(
+    image: CoefficientImage,
+    opacities: Mapping[str, float],
+    light: Spectrum | LightRig,
+    mode: Mode = DEFAULT_MODE,
+    backdrop: float | Spectrum = 0.2,
+    every: int = 4,
+) -> float:
+    """Return the mean CIEDE2000 between a picture of other opacities and a cast of them, estimated.
+
+    Use it to decide if a cast is worth its time: by default, a sixteenth of the pixels tell. Of
+    `error_map` ``against="cast"``, whose other arguments and errors these are: what layers lose,
+    not what they freeze, such as occlusion.
+    """
+    return error_map(image, light, mode, backdrop, every, "cast", opacities=opacities).mean
 
 
 def full_band_basis(image: CoefficientImage) -> Basis | None:
@@ -219,6 +250,49 @@ def full_band_basis(image: CoefficientImage) -> Basis | None:
     known = np.vstack([basis.analyse(S), basis.white])
     rest = pixels - pixels @ np.linalg.pinv(known) @ known
     return full if np.abs(rest).max(initial=0.0) < _UNEXPLAINED else None
+
+
+def _estimated(
+    image: CoefficientImage,
+    spec: RelightSpec,
+    light: Spectrum | LightRig,
+    every: int,
+    opacities: Mapping[str, float],
+    difference: Difference,
+) -> ErrorMap:
+    """Return the estimated error of an image with other opacities."""
+    layers, basis = image.opacity_layers, image.basis
+    compared = "layers against a cast, estimated"
+    if layers is None or not isinstance(basis, MaterialBasis):
+        image.recompose(opacities)  # raises the error
+        raise AssertionError
+    scales = checked_scales(opacities, basis, layers)
+    lit = Illumination.of(basis, light, spec, image.groups)
+    white = visible_white(lit.white_XYZ)
+    layered: NDArray[np.bool_] = np.any(layers.tau[::every, ::every], axis=(2, 3))
+    alpha, delta_e = (np.zeros(layered.shape, np.float32) for _ in range(2))
+    places = np.argwhere(layered)
+    for start in range(0, len(places), _PIXELS):
+        rows, columns = places[start : start + _PIXELS].T
+        full = every * rows, every * columns
+        own = layers.at(*full)
+        picture = replace(
+            image,
+            coefficients=image.coefficients[full][None],
+            alpha=image.alpha[full][None],
+            depth_mm=image.depth_mm[full][None],
+            first_mm=None,
+            opacity_layers=own,
+        ).recompose(opacities)
+        alpha[rows, columns] = picture.alpha[0]
+        if any(scale != 1 for scale in scales):
+            XYZ = lit.scene_XYZ(picture.coefficients[0], picture.alpha[0])
+            off = opacity_deviation(own, scales, lit.XYZ_from_channels)
+            shown, other = (uniform(difference, each, white) for each in (XYZ, XYZ + off))
+            delta_e[rows, columns] = distance(difference, shown, other)
+    if delta_e.any():
+        delta_e = with_neighbours(delta_e, alpha > 0)
+    return ErrorMap(delta_e, alpha, _light_name(light), compared, difference)
 
 
 def difference_map(
@@ -272,6 +346,9 @@ def _compared(
             for lit, coefficients, opacity in pictures
         )
         delta_e[rows] = distance(difference, true, tested)
+    return ErrorMap(delta_e, np.asarray(alpha), _light_name(light), compared, difference)
+
+
+def _light_name(light: Spectrum | LightRig) -> str:
     lights = (light,) if isinstance(light, Spectrum) else light.lights
-    name = "+".join(spectrum.name for spectrum in lights if spectrum.name)
-    return ErrorMap(delta_e, np.asarray(alpha), name, compared, difference)
+    return "+".join(spectrum.name for spectrum in lights if spectrum.name)

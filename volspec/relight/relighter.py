@@ -364,7 +364,8 @@ class Relighter:
         scales : {material: scale}
             As in `CoefficientImage.recompose`; 1 for those that are left out.
         packed : PackedOpacity, optional
-            The image's layers, packed beforehand on another thread.
+            The image's layers, packed beforehand on another thread; uploaded now, also if all
+            scales are 1.
 
         Raises
         ------
@@ -376,6 +377,8 @@ class Relighter:
             If the Relighter is closed.
         """
         self._require_open()
+        if packed is None and dict(scales) == self._opacities:
+            return
         self._image.opacity_scales(scales)
         before, self._opacities = self._opacities, dict(scales)
         try:
@@ -390,7 +393,7 @@ class Relighter:
         factors = self._image.opacity_scales(self._opacities)
         if isinstance(engine, CpuEngine):
             engine.upload(*float32_arrays(self._shown()))
-        elif any(scale != 1 for scale in factors) or engine.has_opacity:
+        elif any(scale != 1 for scale in factors) or engine.has_opacity or packed is not None:
             if not engine.has_opacity:
                 assert self._image.opacity_layers is not None
                 engine.load_opacity(packed or PackedOpacity.of(self._image.opacity_layers))

@@ -299,6 +299,9 @@ class Keyframe:
     """Weights by light name; lights left out are dark."""
     viewing: KeyViewing | None = None
     """The viewing conditions."""
+    opacities: dict[Name, NotNegative] | None = None
+    """Scales of materials' optical depths, as [raycast] opacities; with [raycast] layers they need
+    no new cast."""
 
     def __post_init__(self) -> None:
         if self.lights is not None and not any(self.lights.values()):

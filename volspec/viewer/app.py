@@ -220,7 +220,7 @@ class _App:
         casts = self._scheduler.take(self._steps.playing)
         pictures = bool(casts)
         for done in casts:
-            self._screen.take(done, self._present)
+            self._screen.take(done, self._present, self._scheduler.is_newest(done))
             if done.error:
                 self._steps.stop()
         if casts and self._shown is not None:
@@ -247,6 +247,7 @@ class _App:
         if self._history is not None:
             news |= self._screen.update_error_map(self._history.present, self._mouse.held)
         news |= self._screen.take_tables()
+        news |= self._screen.take_recomposed()
         news |= self._renditions.take()
         if pictures and self._steps.playing:
             # Steps leave the layout as it is; more frames would take the casts' time.
@@ -269,6 +270,7 @@ class _App:
         started = time.perf_counter()
         self._window.begin()
         self._ui.scale = self._mouse.scale = self._window.scale
+        self._ui.layers_wanted = False
         self._ui.results = self._results()
         self._focus.frame()
         self._set_theme()
@@ -297,6 +299,7 @@ class _App:
                 state = self._with_own_materials(present, state)
             self._history = self._history.then(state, self._mouse.gestures.number)
             self._do_requests()
+            self._scheduler.layers_wanted = self._ui.layers_wanted and image is None
             if self._ui.lights.tab == "Rendition":
                 self._renditions.follow(chosen_lights(state, self._ui.lights.whole))
             if self._docks.settled:
@@ -502,10 +505,14 @@ class _App:
     def _update(self, change: Difference, now: float) -> None:
         """Start what a change needs: a cast, or a relight."""
         self._shown = change.new
-        if change.stage == "cast":
+        recomposes = change.stage == "recompose" and self._screen.recomposes()
+        if recomposes:
+            self._scheduler.follow(change.new)
+        elif change.stage in ("cast", "recompose"):
             self._scheduler.change(change.new, now, self._moves, self._steps.playing)
             self._screen.whole = False
-        if change.relights:
+            self._screen.forget_layers()
+        if change.relights or recomposes:
             self._screen.mark_stale()
 
     def _relight(self, state: ViewState) -> None:

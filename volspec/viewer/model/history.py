@@ -1,6 +1,6 @@
 """Undo and redo over frozen states, and the cost of a change as a value.
 
-    state, state -> [history] -> "cast" | "relight" | "frame" | None
+    state, state -> [history] -> "cast" | "recompose" | "relight" | "frame" | None
 
 A gesture, such as one drag, is one step.
 """
@@ -10,10 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from volspec.raycast import RaycastSpec
 from volspec.viewer.model.materials import differ_in_spectra
 from volspec.viewer.model.state import ViewState
 
-Stage = Literal["cast", "relight", "frame"]
+# Of a cast with layers, other opacities are recomposed; otherwise that is a cast, too.
+Stage = Literal["cast", "recompose", "relight", "frame"]
 
 # The first stage that depends on each field of a state; lights never need a cast.
 STAGES: dict[str, Stage] = {
@@ -40,7 +42,7 @@ STAGES: dict[str, Stage] = {
     "unthickened": "frame",
 }
 MOST_STEPS = 200
-_ORDER: tuple[Stage, ...] = ("cast", "relight", "frame")
+_ORDER: tuple[Stage, ...] = ("cast", "recompose", "relight", "frame")
 # Names of changes; the first match is used.
 _WORDS = (
     ("palette", ("palette",)),  # before the spectra that the palette has designed
@@ -106,6 +108,8 @@ class Difference:
         old, new = self.old and self.old.shading, self.new.shading
         if old and old.groups != new.groups:
             return "light sources"
+        if old and _differ_in_opacities(old, new):
+            return "opacity"
         cut = any(getattr(old, name, None) != getattr(new, name) for name in _CUTS)
         return "cuts" if cut else "shading"
 
@@ -114,7 +118,14 @@ class Difference:
         old = self.old
         if "transfer" in fields and old and differ_in_spectra(old.transfer, self.new.transfer):
             stages["transfer"] = "relight"
+        if "shading" in fields and old and _differ_in_opacities(old.shading, self.new.shading):
+            stages["shading"] = "recompose"
         return min(stages.values(), key=_ORDER.index, default=None)
+
+
+def _differ_in_opacities(old: RaycastSpec, new: RaycastSpec) -> bool:
+    """Return True if nothing but the opacities of materials differs."""
+    return replace(old, opacities=new.opacities) == new
 
 
 def without_cast(old: ViewState, new: ViewState) -> ViewState:
@@ -125,6 +136,9 @@ def without_cast(old: ViewState, new: ViewState) -> ViewState:
     kept = {n: getattr(old, n) for n in names if getattr(old, n) != getattr(new, n)}
     if "transfer" in kept and differ_in_spectra(old.transfer, new.transfer):
         del kept["transfer"]
+    image = old.document.image
+    if "shading" in kept and image is not None and image.opacity_layers is not None:
+        kept["shading"] = replace(old.shading, opacities=new.shading.opacities)
     return replace(new, unthickened=old.unthickened, **kept) if kept else new
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, get_args
 
+from volspec.basis import MaterialBasis
 from volspec.errors import InputError
 from volspec.raycast import RaycastSpec
 from volspec.raycast.quality import Quality
@@ -50,12 +51,21 @@ def _can_lengthen_steps(state: ViewState) -> bool:
     return not isinstance(transfer, Isosurfaces)
 
 
+def opacity_scales(state: ViewState) -> dict[str, float]:
+    """Return the scales of opacities other than 1, of materials that are channels."""
+    basis, given = state.transfer.basis, state.shading.opacities
+    known = basis.materials if isinstance(basis, MaterialBasis) else {}
+    return {name: given[name] for name in known if given.get(name, 1.0) != 1.0}
+
+
 def cast_spec(state: ViewState) -> RaycastSpec:
     """Return the settings of a state's cast, without those that its transfer function forbids.
 
     The state keeps them for the next transfer function.
     """
     spec = state.shading
+    if spec.opacities:
+        spec = replace(spec, opacities=opacity_scales(state))
     if not can_project(state):
         spec = replace(spec, mode="composite", preintegrated=False)
     return spec if _can_lengthen_steps(state) else replace(spec, adaptive=0.0)

@@ -62,7 +62,7 @@ class Interface:
     probe: bool = True  # show the values under the mouse
     error_map: bool = False
     panels: frozenset[str] = frozenset(
-        {"Lights", "Viewing", "Transfer", "Palette", "Lighting", "Room", "Meshes"}
+        {"Lights", "Viewing", "Transfer", "Opacity", "Palette", "Lighting", "Room", "Meshes"}
     )  # open
     overlays: Overlays = field(default_factory=Overlays)
     slices: Slices = field(default_factory=Slices)

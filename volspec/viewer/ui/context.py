@@ -152,6 +152,7 @@ class UiContext:
     lights: LightsPanelState = field(default_factory=LightsPanelState)
     labels_search: str = ""
     library: LibraryState = field(default_factory=LibraryState)
+    layers_wanted: bool = False  # the panel of opacities is visible, and layers can show them
     # The state that the picture shows instead of the present one, and whether it keeps changing.
     preview: Callable[[ViewState], ViewState] | None = None
     plays: bool = False

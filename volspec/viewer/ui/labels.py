@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from imgui_bundle import imgui
 
 from volspec.transfer import MAX_LABEL, LabelFunction
@@ -11,7 +9,7 @@ from volspec.viewer.model import labels, transfer_edits
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import transfer_detail
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.widgets import lit_button, shorten, shown_rows
+from volspec.viewer.ui.widgets import draw_eye, lit_button, shorten, shown_rows
 
 # The least height of the list; pixels at 96 dpi.
 _LEAST = 100
@@ -56,7 +54,7 @@ def _head(state: ViewState, ui: UiContext, function: LabelFunction) -> ViewState
     """Draw the buttons that show or hide all, and the search."""
     new = state
     shown = len(function.labels) - len(function.hidden)
-    if _eye(ui, shown > 0, "eye of all"):
+    if draw_eye(ui, shown > 0, "eye of all"):
         new = ui.run(new, "labels-hide" if shown else "labels-show")
     ui.note("all labels", "Hide all labels" if shown else "Show all labels")
     imgui.same_line()
@@ -77,7 +75,7 @@ def _row(
 ) -> ViewState:
     new, visible = state, label not in function.hidden
     imgui.table_next_column()
-    if _eye(ui, visible, "eye"):
+    if draw_eye(ui, visible, "eye"):
         new = labels.toggle_label(new, label)
     ui.note(f"eye {label}", "Hide" if visible else "Show")
     imgui.same_line(0, ui.px(2))
@@ -110,27 +108,3 @@ def _row(
         new = transfer_detail.draw_opacity(new, ui, index, -1, "%.3f")
         ui.note(f"label {label}")
     return new
-
-
-def _eye(ui: UiContext, is_open: bool, name: str) -> bool:
-    """Draw a button with an eye, which is crossed out unless open; return True if pressed."""
-    side = imgui.get_frame_height()
-    x, y = imgui.get_cursor_screen_pos()
-    pressed = bool(imgui.invisible_button(f"##{name}", (side, side)))
-    colour = imgui.Col_.text if is_open or imgui.is_item_hovered() else imgui.Col_.text_disabled
-    ink, line = imgui.get_color_u32(colour), max(ui.px(1.3), 1.0)
-    draw_list = imgui.get_window_draw_list()
-    middle, half, tall = (x + side / 2, y + side / 2), side * 0.36, side * 0.24
-    angles = [math.pi * step / 12 for step in range(13)]
-    for up in (-1, 1):
-        arc: list[imgui.ImVec2Like] = [
-            (middle[0] - half * math.cos(angle), middle[1] + up * tall * math.sin(angle))
-            for angle in angles
-        ]
-        draw_list.add_polyline(arc, ink, line, 0)
-    draw_list.add_circle_filled(middle, side * 0.12, ink)
-    if not is_open:
-        slope = 0.8 * half
-        start, end = (middle[0] - half, middle[1] + slope), (middle[0] + half, middle[1] - slope)
-        draw_list.add_line(start, end, ink, line)
-    return pressed

@@ -9,6 +9,7 @@ from imgui_bundle import imgui
 from volspec.basis import MaterialBasis
 from volspec.raycast import CoefficientImage
 from volspec.viewer.model.commands import has_panel
+from volspec.viewer.model.opacities import PANEL as OPACITY
 from volspec.viewer.model.room import PANEL
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import (
@@ -20,6 +21,7 @@ from volspec.viewer.ui import (
     menus,
     meshes,
     messages,
+    opacities,
     overlays,
     quality,
     room,
@@ -48,6 +50,7 @@ _PANELS = (
     (PANEL, room.draw, "lower"),
     ("Meshes", meshes.draw, "lower"),
     ("Transfer", transfer.draw, "lower"),
+    (OPACITY, opacities.draw, "lower"),
     ("Cuts", cuts.draw, "lower"),
     ("Slices", slices.draw, "left"),
     ("Palette", palette.draw, "lower"),

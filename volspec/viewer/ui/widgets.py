@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import textwrap
@@ -281,6 +282,30 @@ def lit_button(label: str, on: bool, dark: bool, size: tuple[float, float] = (0,
     pressed = bool(imgui.button(label, size))
     if on:
         imgui.pop_style_color(2)
+    return pressed
+
+
+def draw_eye(ui: UiContext, is_open: bool, name: str) -> bool:
+    """Draw a button with an eye, which is crossed out unless open; return True if pressed."""
+    side = imgui.get_frame_height()
+    x, y = imgui.get_cursor_screen_pos()
+    pressed = bool(imgui.invisible_button(f"##{name}", (side, side)))
+    colour = imgui.Col_.text if is_open or imgui.is_item_hovered() else imgui.Col_.text_disabled
+    ink, line = imgui.get_color_u32(colour), max(ui.px(1.3), 1.0)
+    draw_list = imgui.get_window_draw_list()
+    middle, half, tall = (x + side / 2, y + side / 2), side * 0.36, side * 0.24
+    angles = [math.pi * step / 12 for step in range(13)]
+    for up in (-1, 1):
+        arc: list[imgui.ImVec2Like] = [
+            (middle[0] - half * math.cos(angle), middle[1] + up * tall * math.sin(angle))
+            for angle in angles
+        ]
+        draw_list.add_polyline(arc, ink, line, 0)
+    draw_list.add_circle_filled(middle, side * 0.12, ink)
+    if not is_open:
+        slope = 0.8 * half
+        start, end = (middle[0] - half, middle[1] + slope), (middle[0] + half, middle[1] - slope)
+        draw_list.add_line(start, end, ink, line)
     return pressed
 
 

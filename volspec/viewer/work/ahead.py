@@ -135,7 +135,7 @@ class ProgramBuilder(LatestWorker[tuple["CastJob", Viewing], None]):
             document.volume.values[:4, :4, :4].copy(),
             caster.device_index,
             caster.packet,
-            caster.bake(cast.transfer),
+            caster.bake(cast.transfer, spec.opacities),
             spec,
             among,
             viewing,

@@ -20,10 +20,12 @@ from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.pace import WHOLE, Pace, Pass
 from volspec.relight.layers import PackedLayers
+from volspec.relight.recompose import PackedOpacity
 from volspec.scene.specs import MeshSpec
 from volspec.transfer import Transfers
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.fields import shown_transfer
+from volspec.viewer.model.opacities import LAYERS
 from volspec.viewer.model.quality import cast_spec
 from volspec.viewer.model.room import has_walls
 from volspec.viewer.model.state import ViewState
@@ -77,6 +79,7 @@ class CastDone:
     image: CoefficientImage | None = None
     error: str = ""
     packed: PackedLayers | None = None
+    opacity: PackedOpacity | None = None  # of an image with layers
     walls: Walls | None = None  # of a room behind the volume
 
 
@@ -94,7 +97,9 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
     def _results(self, job: CastJob) -> Iterator[CastDone]:
         if (image := job.document.image) is not None:
             cast = replace(job, size=image.size)
-            yield CastDone(cast, WHOLE, 0.0, image, packed=PackedLayers.of(image))
+            layers = image.opacity_layers
+            opacity = None if layers is None else PackedOpacity.of(layers)
+            yield CastDone(cast, WHOLE, 0.0, image, packed=PackedLayers.of(image), opacity=opacity)
             return
         for number, each in enumerate(job.passes):
             done = self._cast(job, each, spared=number == 0 and each.divisor > 1)
@@ -126,6 +131,8 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
                 done = replace(done, walls=walls)
             # In this thread, as it would cost the window's thread 20 to 40 ms.
             done = replace(done, image=image, packed=PackedLayers.of(image))
+            if image.opacity_layers is not None:
+                done = replace(done, opacity=PackedOpacity.of(image.opacity_layers))
         except CastCancelled:
             pass
         except MemoryError:
@@ -169,6 +176,9 @@ class CastScheduler:
         self._wanted: ViewState | None = None
         self._changed_at = 0.0
         self._whole_wanted = False
+        self.layers_wanted = False  # cast with layers of opacity when nothing moves
+        self._layers_asked = False  # for the present state
+        self._job: CastJob | None = None  # the newest
 
     @property
     def busy(self) -> bool:
@@ -183,6 +193,7 @@ class CastScheduler:
         if self._wanted is None or not state.document.is_of(self._wanted.document):
             self._pace, self._first = Pace(), True
         self._wanted, self._changed_at = state, now
+        self._layers_asked = False
         moving = self._pace.moving
         if moving == WHOLE and (plays or state.document.volume.pyramid is not None):
             moving = Pass(1, "voxel")
@@ -196,6 +207,18 @@ class CastScheduler:
         if self._whole_wanted and rests and self._wanted is not None:
             self._whole_wanted = False
             self._request(self._wanted, self._to_whole(self._wanted))
+        if self.layers_wanted and not (held or self._layers_asked or self.busy) and self._wanted:
+            self._layers_asked = True
+            layers = self._wanted.shading.layers or LAYERS
+            self._request(self._wanted, (Pass(1, layers=layers),))
+
+    def follow(self, state: ViewState) -> None:
+        """Take a state that differs from the last in what needs no cast, for later ones."""
+        self._wanted = state
+
+    def is_newest(self, done: CastDone) -> bool:
+        """Return True if a cast is of the newest request."""
+        return done.job is self._job
 
     def take(self, plays: bool = False) -> list[CastDone]:
         """Return the casts that have ended, in order; their times change the pace.
@@ -209,7 +232,7 @@ class CastScheduler:
                 continue
             if done.made == WHOLE:
                 self._builder.request((done.job, wanted.relight.viewing))
-            if not self._first:
+            if not self._first and not done.made.layers:
                 self._pace = self._pace.after(done.made, done.ms, plays)
             self._first = False
         return taken
@@ -226,15 +249,14 @@ class CastScheduler:
 
     def _request(self, state: ViewState, passes: tuple[Pass, ...]) -> None:
         camera = state.view.camera(state.document.volume)
-        self._worker.request(
-            CastJob(
-                state.document,
-                shown_transfer(state),
-                camera,
-                cast_spec(state),
-                state.size,
-                passes,
-                state.room if has_walls(state) else None,
-                state.meshes,
-            )
+        self._job = CastJob(
+            state.document,
+            shown_transfer(state),
+            camera,
+            cast_spec(state),
+            state.size,
+            passes,
+            state.room if has_walls(state) else None,
+            state.meshes,
         )
+        self._worker.request(self._job)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import ctypes
 import sys
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ from volspec.pipeline import Relighter
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.layers import PackedLayers
+from volspec.relight.recompose import PackedOpacity
 from volspec.viewer.model.materials import same_channels
 from volspec.viewer.work.room import Walls
 
@@ -89,6 +91,9 @@ class Pictures:
         self._half: Relighter | None = None
         self._half_image: CoefficientImage | None = None
         self._walls: tuple[SeenRoom, PackedLayers] | None = None  # of the half picture
+        # The last picture with layers of opacity, and the scales that are to be drawn.
+        self._layered: tuple[Relighter, CoefficientImage] | None = None
+        self._opacities: dict[str, float] | None = None
         self._painted: tuple[Relighter, Basis] | None = None
         self._frame: Any = None
         self._frame_of: Relighter | None = None
@@ -111,7 +116,30 @@ class Pictures:
     def show(self, image: CoefficientImage, packed: PackedLayers | None = None) -> None:
         """Take a picture, with its packed layers if any; the previous one stays until `relight`."""
         self._shown, self.image = self._relighter_of(image, packed), image
+        self._opacities = None
         self._half = self._half_image = self._walls = None
+        self.current = False
+
+    def take_layers(
+        self, image: CoefficientImage, packed: PackedLayers | None, opacity: PackedOpacity | None
+    ) -> None:
+        """Take a picture with layers of opacity, which `recompose` shows."""
+        relighter = self._relighter_of(image, packed)
+        relighter.set_opacities({}, opacity)
+        self._layered = relighter, image
+
+    def recompose(self, scales: Mapping[str, float]) -> None:
+        """Show the picture with layers, with its materials' opacities scaled, at the next relight.
+
+        Raises ImageError if a scale is refused.
+        """
+        assert self._layered is not None
+        relighter, image = self._layered
+        image.opacity_scales(scales)
+        if self._shown is not relighter:
+            self._shown, self.image = relighter, image
+            self._half = self._half_image = self._walls = None
+        self._opacities = dict(scales)
         self.current = False
 
     def repaint(self, basis: Basis) -> None:
@@ -152,13 +180,15 @@ class Pictures:
         self, image: CoefficientImage, packed: PackedLayers | None = None
     ) -> Relighter:
         """Return a relighter of the image's size, with the image in it."""
-        key = (*image.coefficients.shape, len(image.groups))
+        layers = 0 if image.opacity_layers is None else image.opacity_layers.count
+        key = (*image.coefficients.shape, len(image.groups), layers)
         relighter = self._relighters.pop(key, None)
         if relighter is None:
             while len(self._relighters) >= MOST_SIZES:
                 # The relighter of the shown picture stays until another one is drawn.
+                kept = self._frame_of, self._layered and self._layered[0]
                 known = self._relighters.items()
-                oldest = next(key for key, each in known if each is not self._frame_of)
+                oldest = next(key for key, each in known if each not in kept)
                 self._relighters.pop(oldest).close()
             relighter = Relighter(image, "gl", self._context, lut_cache=self.tables, packed=packed)
         else:
@@ -215,6 +245,8 @@ class Pictures:
         top, bottom = (round(share * height) for share in band)
         left = width if other is None else round(divide * width)
         with self._queries[0]:
+            if self._opacities is not None:
+                shown.set_opacities(self._opacities)
             for lights, start, end in ((rig, 0, left), (other, left, width)):
                 if lights is not None and start < end:
                     within = start, top, end - start, bottom - top
@@ -245,11 +277,18 @@ class Pictures:
 
 def crop(image: CoefficientImage, rows: slice, columns: slice) -> CoefficientImage:
     """Return some rows and columns of an image."""
-    part = rows, columns
+    part, layers = (rows, columns), image.opacity_layers
+    if layers is not None:
+        tau, shade = layers.tau[part], layers.shade[part]
+        layers = replace(
+            layers, tau=tau, shade=shade, gloss=layers.gloss[part], depth_mm=layers.depth_mm[part]
+        )
     return replace(
         image,
         coefficients=np.ascontiguousarray(image.coefficients[part]),
         alpha=image.alpha[part],
         depth_mm=image.depth_mm[part],
         first_mm=None if image.first_mm is None else image.first_mm[part],
+        opacity_layers=layers,
+        camera=None,
     )

@@ -19,11 +19,13 @@ import numpy as np
 from volspec.appearance.lut3d import LutCache, LutKey, needs_host_lut
 from volspec.errors import LutCancelled, RelightError, VolspecError, one_line
 from volspec.raycast import CoefficientImage
+from volspec.raycast.layered import OpacityLayers
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.error_map import ErrorMap, error_map
 from volspec.settings import Vector
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.light_rows import light_rig
+from volspec.viewer.model.quality import opacity_scales
 from volspec.viewer.model.room import has_walls, shown_spec
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import vector
@@ -207,6 +209,8 @@ _TABLE_S = 60.0
 _DARK = "No light is on; turn one on in the Lights panel"
 _NOTHING = "Nothing is visible: opacity is 0 everywhere in view, or the view misses the volume"
 Area = tuple[int, int, int, int]
+# A picture's layers and the scales of its opacities.
+Recomposed = tuple[OpacityLayers, dict[str, float]]
 
 
 class Screen:
@@ -227,6 +231,12 @@ class Screen:
         self.shown_at = 0.0, 0.0, 0.0, 0.0  # left, top, right, bottom in the window
         self._meter, self._notice = meter, notice
         self._cast: CastDone | None = None
+        self._layered: CastDone | None = None  # the state's picture with layers of opacity
+        self._scales: dict[str, float] = {}  # opacities that the picture shows
+        # The picture recomposed with them, to be read, and the one that was asked for.
+        self._recomposed: tuple[Recomposed, CoefficientImage] | None = None
+        self._asked_for: Recomposed | None = None
+        self._recomposing = Tasks(wake)
         self._blank = False  # nothing is visible in it
         self._shape = (0, 0)  # size of the cast whose picture is shown
         self._relit = self._coarse = self._drawing = self._hurries = False
@@ -242,18 +252,19 @@ class Screen:
 
     @property
     def busy(self) -> bool:
-        """True while tables, an error map or a room are computed."""
-        return self._tabling.busy or self._error_map.busy or self._painting.busy
+        """True while tables, an error map, a room or a picture to be read are computed."""
+        services = self._tabling, self._error_map, self._painting, self._recomposing
+        return any(each.busy for each in services)
 
     @property
     def ready(self) -> bool:
         """True if the picture is fully drawn, or there is none."""
         return self._relit or self.pictures.image is None
 
-    def take(self, done: CastDone, state: ViewState | None) -> None:
-        """Take a pass of a cast that has ended."""
+    def take(self, done: CastDone, state: ViewState | None, newest: bool = True) -> None:
+        """Take a pass of a cast that has ended, of the ``newest`` request or an earlier one."""
         how = "cancel" if done.image is None else "cast"
-        divisor, steps = done.made
+        divisor, steps = done.made.divisor, done.made.steps
         size = [-(-side // divisor) for side in done.job.size]
         if done.error:
             self._notice.show(done.error, kind="error")
@@ -265,13 +276,23 @@ class Screen:
         self._notice.trace.note(how, "cast", done.ms, divisor=divisor, steps=steps, size=size)
         if done.image is None or state is None or not done.job.document.is_of(state.document):
             return
+        layered = newest and done.image.opacity_layers is not None
         try:
-            self.pictures.show(done.image, done.packed)
+            wanted = opacity_scales(state)
+            if layered:
+                self.pictures.take_layers(done.image, done.packed, done.opacity)
+                self._layered = replace(done, packed=None, opacity=None)
+                if self.whole and wanted and self._scales == wanted:
+                    return  # the picture is a cast with these opacities
+                self.pictures.recompose(wanted)
+            else:
+                self.pictures.show(done.image, done.packed)
         except VolspecError as error:
             self._notice.show(str(error), kind="error")
             return
         # The packed layers are in a texture now.
-        self._cast, self.fault = replace(done, packed=None), ""
+        self._cast, self.fault = replace(done, packed=None, opacity=None), ""
+        self._scales = wanted if layered else dict(done.job.shading.opacities)
         self._walls, self._wanted = done.walls, None
         self.mark_stale()
         self.image, self.whole = done.image, divisor == 1
@@ -283,9 +304,57 @@ class Screen:
         """The document, at its time step, of the picture; None without one."""
         return None if self._cast is None else self._cast.job.document
 
+    def recomposes(self) -> bool:
+        """Return True if other opacities are shown without a cast."""
+        return self._layered is not None
+
+    def forget_layers(self) -> None:
+        """Recompose no more: a change needs a cast."""
+        self._layered = None
+
+    def _recompose(self, state: ViewState) -> None:
+        """Show the picture with the state's opacities, if it has layers."""
+        wanted = opacity_scales(state)
+        if self._layered is None or wanted == self._scales:
+            return
+        try:
+            self.pictures.recompose(wanted)
+        except VolspecError as error:  # as long as the state has them
+            self._notice.show(one_line(error), kind="error")
+        else:
+            self._cast, self.whole = self._layered, True
+        self._scales = wanted
+
+    def _seen(self, held: bool = False) -> CoefficientImage | None:
+        """Return the picture with its opacities, to be read; None until it is recomposed.
+
+        Starts that unless a mouse button is ``held``.
+        """
+        image, scales = self.pictures.image, self._scales
+        if image is None or image.opacity_layers is None or not scales:
+            return image
+        key = image.opacity_layers, scales
+        if self._recomposed is None or self._recomposed[0] != key:
+            if not held and self._asked_for != key:
+                self._asked_for = key
+                self._recomposing.start("picture", lambda: (key, image.recompose(scales)))
+            return None
+        found = self._recomposed[1]
+        if found.basis is not image.basis:
+            found = replace(found, basis=image.basis)
+            self._recomposed = key, found
+        return found
+
+    def take_recomposed(self) -> bool:
+        """Take the recomposed picture, to be read; return True if there is one."""
+        outcomes = self._recomposing.take()
+        for outcome in outcomes:
+            self._recomposed = outcome.result
+        return bool(outcomes)
+
     def forget(self) -> None:
         """Stop showing the picture, which belongs to another document."""
-        self._cast = self.image = self._walls = None
+        self._cast = self.image = self._walls = self._layered = self._recomposed = None
         self.whole, self.fault = False, ""
 
     def mark_stale(self) -> None:
@@ -303,13 +372,14 @@ class Screen:
         """
         self._drawing = False
         painted = self._repaint(state)
+        self._recompose(state)
         if self._coarse and not held and not painted:
             self.mark_stale()
         if self._relit or self.pictures.image is None or self._awaits_groups(state):
             return False
         self._relit = True
         self.pictures.repaint(state.transfer.basis)
-        self.image = self.pictures.image
+        self.image = self._seen(held) or self.pictures.image
         # Coarse pictures would need tables of their own.
         few = (
             self.whole and self._meter.bands > 1 and not needs_host_lut(state.relight.viewing.model)
@@ -418,7 +488,9 @@ class Screen:
         While a picture is being drawn, the last reading stays, as a new one would wait for it.
         """
         shown, self.under_mouse = self.under_mouse, None
-        image, cast = self.pictures.image, self._cast
+        image, cast = self._seen(held), self._cast
+        if self.pictures.image is not None and image is None:
+            self.under_mouse = shown
         if held or place is None or image is None or cast is None or not self.pictures.framebuffer:
             return
         lights = state.other if state.other and place[0] > state.divide else state.lights
@@ -446,7 +518,7 @@ class Screen:
 
     def point_mm(self, place: tuple[float, float]) -> Vector | None:
         """Return the first hit at a place of the picture in the world; None if there is none."""
-        image, cast = self.pictures.image, self._cast
+        image, cast = self._seen() or self.pictures.image, self._cast
         if image is None or cast is None:
             return None
         width, height = image.size
@@ -456,7 +528,7 @@ class Screen:
 
     def update_error_map(self, state: ViewState, held: bool) -> bool:
         """Request the error map if it is on; return True if a new one has come."""
-        image = self.pictures.image
+        image = self._seen(held)
         if state.interface.error_map and not held and self.whole and image is not None:
             self.error_map = self._error_map
             self._error_map.want(image, state)

@@ -29,7 +29,7 @@ from volspec.raycast import CoefficientImage
 from volspec.raycast.pace import WHOLE
 from volspec.scene.export import Mark
 from volspec.viewer.model.light_rows import light_rig, lit_names
-from volspec.viewer.model.quality import cast_spec
+from volspec.viewer.model.quality import cast_spec, opacity_scales
 from volspec.viewer.model.room import has_walls, shown_spec, solved
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.outputs import (
@@ -115,6 +115,8 @@ def render_frame(state: ViewState, size: tuple[int, int], progress: Progress) ->
     image = state.document.image
     if image is None:
         image = with_own_caster(state.document, partial(_cast, state, size, progress))
+    elif scales := opacity_scales(state):
+        image = image.recompose(scales)
     progress.check()
     other = light_rig(state.other, state.room) if state.other else None
     # In a context of this thread's own: many pixels take longer than the window may wait.

@@ -1,0 +1,179 @@
+"""Estimated errors of layers of opacity against true ones: ``python -m benchmarks.layer_estimate``.
+
+The volumes, combinations of scales and casts of `benchmarks.layers`, but every covered pixel of 64²
+rays, as estimates look at their neighbours. True is CIEDE2000 between the recomposed picture and
+the float64 cast of the scaled function under D65 in front of black; estimated is `error_map` with
+``against="cast"``, which has no cast. With ``--keep`` the table goes to docs/layers.md.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.layers import (
+    CASES,
+    COMBINATIONS,
+    LAYERS_PAGE,
+    SPEC,
+    Truth,
+    stored_image,
+    transfer_of,
+)
+from benchmarks.measure import replaced
+from volspec.basis import MaterialBasis
+from volspec.pipeline import Raycaster
+from volspec.raycast import Camera, CoefficientImage, reference
+from volspec.raycast.layered import LayerStream
+from volspec.relight import difference_map, error_map
+from volspec.spectra import light
+from volspec.transfer import TransferTable
+
+Array = NDArray[np.float64]
+SIDE = 64
+COUNTS = (8, 16)
+_VISIBLE = 0.25  # CIEDE2000 from which a true error counts as such
+
+
+@dataclass(frozen=True, slots=True)
+class Estimates:
+    """Estimated by true CIEDE2000 of a volume, over combinations of scales.
+
+    Means over all; the ratio of a combination's means, from the tenth to the ninetieth percentile;
+    correlations of combinations' means and of pixels; the fractions of all pixels and of those
+    with a visible error, 0.25, whose error is within twice the estimate.
+    """
+
+    name: str
+    layers: int
+    true: float
+    estimated: float
+    low: float
+    high: float
+    means: float
+    pixels: float
+    within: float
+    within_visible: float
+
+    @classmethod
+    def of(cls, name: str, layers: int, true: Array, estimated: Array) -> Estimates:
+        """Compare (combinations, pixels) errors."""
+        ratio = estimated.mean(axis=1) / true.mean(axis=1)
+        covered = true <= 2 * estimated
+        low, high = np.percentile(ratio, (10, 90)).tolist()
+        return cls(
+            *(name, layers, float(true.mean()), float(estimated.mean()), low, high),
+            float(np.corrcoef(true.mean(axis=1), estimated.mean(axis=1))[0, 1]),
+            float(np.corrcoef(true.ravel(), estimated.ravel())[0, 1]),
+            float(covered.mean()),
+            float(covered[true > _VISIBLE].mean()),
+        )
+
+
+def measured(name: str) -> Iterator[Estimates]:
+    """Yield the figures of a volume for each number of layers."""
+    read, points, orbit = CASES[name]
+    volume = read()
+    transfer, camera = transfer_of(points), Camera.orbit(volume, **orbit)
+    basis = transfer.basis
+    assert isinstance(basis, MaterialBasis)
+    spec = replace(SPEC, step_mm=0.5 * volume.finest_mm, layers=max(COUNTS))
+    caster = Raycaster(volume)
+    table = caster.bake(transfer)
+    assert isinstance(table, TransferTable)
+    columns = table.channels.argmax(axis=1).tolist()
+    truth = Truth(SIDE * SIDE, COMBINATIONS[:, columns])
+    streams = [LayerStream(SIDE * SIDE, count, 1, 3) for count in COUNTS]
+    seen = caster.cast(table, camera, (SIDE, SIDE), replace(spec, layers=0)).alpha > 0.01
+    span_mm = np.zeros((SIDE, SIDE, 2), np.float32)
+    span_mm[seen, 1] = np.inf
+    reference.cast_layers(
+        volume, table, camera, (SIDE, SIDE), spec, span_mm, streams=(truth, *streams)
+    )
+    true = truth.channels[..., [*np.argsort(columns), 3]], truth.through
+    for count, stream in zip(COUNTS, streams, strict=True):
+        column = stored_image(stream.rows()[:, None], true, columns, basis)
+        pairs = [*_errors(square(column), true, seen)]
+        yield Estimates.of(name, count, *(np.stack(each) for each in zip(*pairs, strict=True)))
+
+
+def square(column: CoefficientImage) -> CoefficientImage:
+    """Return an image of one column as one of `SIDE` columns."""
+    layers = column.opacity_layers
+    assert layers is not None
+
+    def shaped(array: NDArray[np.float32]) -> NDArray[np.float32]:
+        return array.reshape(SIDE, SIDE, *array.shape[2:])
+
+    arrays = layers.tau, layers.shade, layers.gloss, layers.depth_mm
+    return replace(
+        column,
+        coefficients=shaped(column.coefficients),
+        alpha=shaped(column.alpha),
+        depth_mm=shaped(column.depth_mm),
+        opacity_layers=type(layers)(*map(shaped, arrays)),
+    )
+
+
+def _errors(
+    image: CoefficientImage, true: tuple[Array, Array], seen: NDArray[np.bool_]
+) -> Iterator[tuple[Array, Array]]:
+    """Yield the true and estimated errors of covered pixels, combination by combination."""
+    assert isinstance(image.basis, MaterialBasis)
+    D65 = light("D65")
+    for number, scales in enumerate(COMBINATIONS):
+        if (scales == 1).all():
+            continue
+        opacities = dict(zip(image.basis.materials, scales.tolist(), strict=True))
+        channels, through = (each[:, number] for each in true)
+        cast = replace(
+            image,
+            coefficients=channels.reshape(image.coefficients.shape).astype(np.float32),
+            alpha=(1 - through).reshape(image.alpha.shape).astype(np.float32),
+            opacity_layers=None,
+        )
+        off = difference_map(image.recompose(opacities), cast, D65, "exact", 0.0)
+        guess = error_map(image, D65, "exact", 0.0, against="cast", opacities=opacities)
+        yield off.delta_e[seen].astype(np.float64), guess.delta_e[seen].astype(np.float64)
+
+
+HEADINGS = ("true", "estimated", "ratio, 10…90 %", "corr. means", "pixels", "within 2x", "visible")
+
+
+def table(found: list[Estimates]) -> str:
+    """Return the figures as a table."""
+    lines = ["".ljust(14) + "".join(f"{each:>15s}" for each in HEADINGS)]
+    for row in found:
+        cells = (
+            *(f"{row.true:.3f}", f"{row.estimated:.3f}", f"{row.low:.2f} … {row.high:.2f}"),
+            *(f"{row.means:.2f}", f"{row.pixels:.2f}"),
+            *(f"{100 * row.within:.0f} %", f"{100 * row.within_visible:.0f} %"),
+        )
+        name = f"{row.name}, {row.layers}".ljust(14)
+        lines.append(name + "".join(f"{cell:>15s}" for cell in cells))
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Print the table; with ``--keep``, write it to docs/layers.md."""
+    found: list[Estimates] = []
+    for name in CASES:
+        try:
+            found.extend(measured(name))
+        except FileNotFoundError as error:
+            print(f"{name}: left out: {error}", flush=True)
+    print(table(found))
+    if "--keep" in sys.argv[1:]:
+        page = Path(LAYERS_PAGE)
+        text = page.read_text(encoding="utf-8")
+        content = f"\n```text\n{table(found)}\n```\n"
+        page.write_text(replaced(text, "estimates", content), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

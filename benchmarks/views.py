@@ -1,0 +1,200 @@
+"""Errors of nearby views of layers against casts of them: ``python -m benchmarks.views``.
+
+The volumes and materials of `benchmarks.layers`, 512², an ambient light and one from the camera's
+place at the cast that is fixed in the world. Cameras are turned by 2, 5 and 10° to either side,
+upwards and downwards; errors are means over the four, of pixels that the turned cast covers:
+CIEDE2000 of the frames under D65 in front of black, its mean and 99 %, and the part of the pixels
+that lack a quarter of opacity, the holes. Times are of all cores.
+"""
+
+from __future__ import annotations
+
+import itertools
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import imageio.v3 as iio
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.layers import CASES, LAYERS, LAYERS_PAGE, SPEC, TIMED, Errors, display, transfer_of
+from benchmarks.measure import Figure, in_turn, replaced
+from benchmarks.scenes import Points
+from volspec._gpu.sources import asset
+from volspec.basis import MaterialBasis
+from volspec.pipeline import Raycaster, raycast
+from volspec.raycast import Camera, CoefficientImage, RaycastSpec
+from volspec.raycast.lights import Ambient, Directional, LightGroup
+from volspec.raycast.reproject import Reprojector, Warp, reproject_reference
+from volspec.relight import relight
+from volspec.relight.stereo import Stereo
+from volspec.scene import Scene
+from volspec.spectra import light
+from volspec.transfer import TransferFunction
+from volspec.volume import Volume
+
+Array = NDArray[np.float64]
+TURNS = (2, 5, 10)
+ASKED_DEG, ASKED = 5, 1.7
+# Errors of a turn: CIEDE2000 mean and 99 %, and pixels that lack a quarter of opacity, per cent.
+Turned = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Views:
+    """Errors of nearby views by turn in degrees; the kernel against its twin; a view's time."""
+
+    name: str
+    points: int
+    left: dict[int, Turned]
+    eight: dict[int, Turned]
+    sixteen: dict[int, Turned]
+    headlight: dict[int, Turned]
+    apart: float
+    ms: float
+    quicker: float
+
+
+def turned_views(name: str, volume: Volume, points: Points, orbit: dict[str, Any]) -> Views:
+    """Compare reprojected views, turned to either side and up and down, with casts of them."""
+    transfer, caster = transfer_of(points), Raycaster(volume)
+    assert isinstance(transfer.basis, MaterialBasis)
+    around = {"azimuth_deg": 30, "elevation_deg": 20, **orbit}
+    camera = Camera.orbit(volume, **around)
+    towards = np.subtract(camera.position_mm, camera.target_mm)
+    fixed = LightGroup("light", (Ambient(), Directional(tuple(towards))))
+    codes_of = display(transfer.basis)
+
+    def cast(seen_by: Camera, spec: RaycastSpec) -> CoefficientImage:
+        return raycast(volume, transfer, seen_by, TIMED, spec, caster=caster)
+
+    def shown(image: CoefficientImage) -> Array:
+        flat = image.coefficients.reshape(-1, image.coefficients.shape[2])
+        return codes_of(flat.astype(np.float64), 1.0 - image.alpha.ravel().astype(np.float64))
+
+    found: list[dict[int, list[Turned]]] = [{}, {}, {}, {}]
+    light_spec = replace(SPEC, groups=(fixed,))
+    images = [cast(camera, replace(light_spec, layers=n)) for n in (LAYERS, 16)]
+    images.append(cast(camera, replace(SPEC, layers=LAYERS)))
+    views = [Reprojector(image) for image in images]
+    for turn in TURNS:
+        for key, by in itertools.product(("azimuth_deg", "elevation_deg"), (-turn, turn)):
+            other = Camera.orbit(volume, **{**around, key: around[key] + by})
+            true, true_headlight = cast(other, light_spec), cast(other, SPEC)
+            pairs = [(images[0], true), *((view.view(other), true) for view in views[:2])]
+            pairs.append((views[2].view(other), true_headlight))
+            for into, (made, wanted) in zip(found, pairs, strict=True):
+                seen = wanted.alpha.ravel() > 0.01
+                errors = Errors.of(shown(made)[seen][None], shown(wanted)[seen][None])
+                holes = ((wanted.alpha - made.alpha) > 0.25).sum() / seen.sum()
+                into.setdefault(turn, []).append((errors.mean, errors.most_of, 100 * holes))
+    means = [{turn: _mean(rows) for turn, rows in each.items()} for each in found]
+    layers = images[0].opacity_layers
+    assert layers is not None
+    made, twin = (
+        views[0].view(other),
+        reproject_reference(layers, [1.0] * 3, Warp.of(camera, TIMED, other, TIMED)),
+    )
+    apart = float(np.percentile(np.abs(made.coefficients - twin.coefficients).max(axis=2), 99))
+    times = in_turn(
+        lambda: views[0].view(other),
+        lambda: cast(other, replace(light_spec, layers=LAYERS)),
+        our_calls=5,
+        runs=5,
+    ).cpu
+    quicker = float(np.median(times[:, 1] / times[:, 0]))
+    return Views(name, views[0].points, *means, apart, float(times[:, 0].min()), quicker)
+
+
+def table(found: list[Views | tuple[str, str]]) -> str:
+    """Return mean / 99 % of CIEDE2000 / holes in per cent, turn by turn.
+
+    ``left`` is the picture that is not turned; ``headlight`` has a light that turns with the
+    camera. Then points, times by that of a cast with layers, and the kernel against its twin.
+    """
+    columns = ("left", "8 layers", "16 layers", "8, headlight")
+    lines = ["view turned by".ljust(22) + "".join(f"{each:>18s}" for each in columns)]
+    for row in found:
+        if not isinstance(row, Views):
+            lines.append(f"{row[0]:12s}left out: {row[1]}")
+            continue
+        for turn in TURNS:
+            each = (row.left[turn], row.eight[turn], row.sixteen[turn], row.headlight[turn])
+            cells = "".join(f"{f'{m:.2f} {p:.1f} {h:.2f}':>18s}" for m, p, h in each)
+            lines.append(f"{row.name:14s}{turn:>4d}°   {cells}")
+        about = f"{row.points} points, {row.ms:.0f} ms of all cores, 1/{row.quicker:.0f} of a cast"
+        lines.append(f"{row.name:14s}{about}; kernel {row.apart:.0e}")
+    return "\n".join(lines)
+
+
+def _mean(rows: list[Turned]) -> Turned:
+    mean, most_of, holes = np.mean(rows, axis=0).tolist()
+    return mean, most_of, holes
+
+
+def rows() -> Iterator[Views | tuple[str, str]]:
+    """Yield the figures of each volume, or its name and the reason if it is missing."""
+    for name, (read, points, orbit) in CASES.items():
+        try:
+            yield turned_views(name, read(), points, orbit)
+        except FileNotFoundError as error:
+            yield name, str(error)
+
+
+def figures() -> Iterator[Figure]:
+    """Yield the figures that have a target, for `benchmarks.__main__`."""
+    for row in rows():
+        if isinstance(row, Views):
+            mean = row.eight[ASKED_DEG][0]
+            yield Figure(f"{row.name}: view turned by {ASKED_DEG}°", mean, ASKED, True, "ΔE")
+        else:
+            yield Figure(f"{row[0]}: nearby views", None, note=row[1])
+
+
+def pictures() -> NDArray[np.uint8]:
+    """Return the shipped engine: cast, turned by 10° and cast there, and an anaglyph."""
+    scene = Scene.load(asset("data/scenes/engine.toml"))
+    volume, transfer = scene.volume(), scene.transfer
+    assert isinstance(transfer, TransferFunction)
+    materials = replace(transfer, basis=MaterialBasis(transfer.materials))
+    camera, size = scene.camera(volume), (360, 360)
+    spec = replace(scene.raycast, layers=LAYERS)
+    image = raycast(volume, materials, camera, size, spec)
+    place, target = np.array(camera.position_mm), np.array(camera.target_mm)
+    right, _, _ = camera.frame()
+    away = place - target
+    angle = np.radians(10.0)
+    there = target + np.cos(angle) * away + np.sin(angle) * np.linalg.norm(away) * right
+    other = replace(camera, position_mm=tuple(there.tolist()))
+    stereo = Stereo("anaglyph")
+    each = [
+        relight(image, light("A"), scene.relight),
+        relight(Reprojector(image).view(other), light("A"), scene.relight),
+        relight(raycast(volume, materials, other, size, spec), light("A"), scene.relight),
+        stereo.combine(*(relight(eye, light("A"), scene.relight) for eye in stereo.views(image))),
+    ]
+    return np.hstack(each).astype(np.uint8)
+
+
+def main() -> None:
+    """Print the table; with ``--keep``, write it to docs/layers.md, and its picture."""
+    found = []
+    for row in rows():
+        found.append(row)
+        print(row.name if isinstance(row, Views) else row, flush=True)
+    text = table(found)
+    print(text)
+    if "--keep" in sys.argv[1:]:
+        page = Path(LAYERS_PAGE)
+        iio.imwrite(page.parent / "images" / "views.jpg", pictures(), quality=92)
+        content = f"\n```text\n{text}\n```\n"
+        page.write_text(
+            replaced(page.read_text(encoding="utf-8"), "views", content), encoding="utf-8"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,319 @@
+"""Focus, fog, cuts and a surface at its depth, from layers of opacity."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.support.errors import raises
+from tests.support.raycasts import cube
+from volspec.basis import MaterialBasis, SpectralBasis
+from volspec.errors import ImageError, ShapeError
+from volspec.mesh import shapes
+from volspec.mesh.caster import MeshCaster
+from volspec.pipeline import raycast
+from volspec.raycast import Camera, ClipPlane, CoefficientImage, RaycastSpec
+from volspec.raycast.depth import DepthEffects, axis_cosine, extents, mean_position
+from volspec.raycast.layered import OpacityLayers
+from volspec.spectra import reflectance
+from volspec.transfer import TransferFunction
+
+MATERIALS = {name: reflectance(name) for name in ("copper", "gold")}
+BASIS = MaterialBasis(MATERIALS)
+GROUPS = {"key": 0.75, "fill": 0.25}
+FOV = 30.0
+
+
+def layered(
+    tau: np.ndarray, depth: np.ndarray, fov_deg: float | None = FOV, shade: float = 0.5
+) -> CoefficientImage:
+    """Return an image of layers (H, W, L, 2) at depths (H, W, L), in two light groups."""
+    height, width, count, _ = tau.shape
+    shades = np.full((height, width, count, 2, 2), shade, np.float32)
+    gloss = np.zeros((height, width, count, 2), np.float32)
+    depth = np.where(tau.sum(axis=3) > 0, depth, np.inf).astype(np.float32)
+    layers = OpacityLayers(tau.astype(np.float32), shades, gloss, depth)
+    made = layers.recompose([1, 1])
+    return CoefficientImage(
+        made.channels.reshape(height, width, 6),
+        made.alpha,
+        np.where(made.alpha > 0, made.depth_mm / np.maximum(made.alpha, 1e-9), np.inf),
+        BASIS,
+        groups=GROUPS,
+        fov_deg=fov_deg,
+        opacity_layers=layers,
+    )
+
+
+def slab_layers(
+    begin: float, end: float, tau: float, count: int = 8, size: tuple[int, int] = (1, 1)
+) -> CoefficientImage:
+    """Return a homogeneous slab of copper, cut into layers of unequal depth."""
+    parts = np.linspace(0, 1, count + 1) ** 1.5
+    taus = tau * np.diff(parts)
+    edges = begin + (end - begin) * parts
+    depth = edges[:-1] + np.diff(edges) * mean_position(taus)
+    shape = (*size, count)
+    both = np.stack([np.broadcast_to(taus, shape), np.zeros(shape)], axis=3)
+    return layered(both, np.broadcast_to(depth, shape), None)
+
+
+@pytest.fixture(scope="module")
+def solid() -> CoefficientImage:
+    """A homogeneous cube of gold, cast."""
+    volume = cube(21)
+    points = [(0.0, 0.05, "gold"), (2.0, 0.05, "gold")]
+    transfer = TransferFunction(points, MATERIALS, BASIS, reference_step_mm=1.0)
+    spec = RaycastSpec(ambient=1, diffuse=0, layers=8, alpha_stop=1.0)
+    with pytest.warns(match="no opacity of copper"):
+        return raycast(volume, transfer, camera_of(volume), (40, 30), spec)
+
+
+def camera_of(volume: Any) -> Camera:
+    return Camera.orbit(volume, azimuth_deg=30, elevation_deg=20)
+
+
+def test_without_effects_the_picture_is_the_same_bit_for_bit(solid: CoefficientImage) -> None:
+    for scales in ({}, {"gold": 0.5}):
+        plain, same = solid.recompose(scales), solid.recompose(scales, DepthEffects())
+        assert np.array_equal(plain.coefficients, same.coefficients)
+        assert np.array_equal(plain.alpha, same.alpha)
+        assert np.array_equal(plain.depth_mm, same.depth_mm)
+    cut_nothing = solid.recompose({}, DepthEffects(near_mm=1.0))
+    assert np.abs(cut_nothing.coefficients - solid.coefficients).max() < 1e-4
+
+
+@pytest.mark.parametrize("tau", [0.01, 1.0, 12.0])
+def test_the_extents_of_homogeneous_layers_are_found(tau: float) -> None:
+    layers = slab_layers(100, 140, tau).opacity_layers
+    assert layers is not None
+    begin, width = extents(layers.tau[0].sum(axis=2), layers.depth_mm[0])
+    edges = 100 + 40 * np.linspace(0, 1, 9) ** 1.5
+    assert begin[0] == pytest.approx(edges[:-1], abs=0.02)
+    assert width[0] == pytest.approx(np.diff(edges), abs=0.02)
+
+
+@pytest.mark.parametrize("at", [90.0, 100.5, 104.0, 121.7, 133.0, 150.0])
+def test_a_cut_takes_its_part_of_a_homogeneous_slab(at: float) -> None:
+    image = slab_layers(100, 140, 2.0)
+    beyond = np.clip((140 - at) / 40, 0, 1)
+    near = image.recompose({}, DepthEffects(near_mm=at)).alpha[0, 0]
+    far = image.recompose({}, DepthEffects(far_mm=at)).alpha[0, 0]
+    assert near == pytest.approx(-math.expm1(-2 * beyond), abs=1e-3)
+    assert far == pytest.approx(-math.expm1(-2 * (1 - beyond)), abs=1e-3)
+
+
+def test_a_cut_is_that_of_a_cast_with_a_clip_plane(solid: CoefficientImage) -> None:
+    """Measured: 0.027 at most, where a layer is longest."""
+    volume = cube(21)
+    camera = camera_of(volume)
+    forward = camera.frame()[2]
+    at = camera.distance_mm - 3
+    plane = ClipPlane(tuple(np.add(camera.position_mm, at * forward)), tuple(forward))
+    points = [(0.0, 0.05, "gold"), (2.0, 0.05, "gold")]
+    transfer = TransferFunction(points, MATERIALS, BASIS, reference_step_mm=1.0)
+    spec = RaycastSpec(ambient=1, diffuse=0, alpha_stop=1.0, clip_planes=(plane,))
+    new = raycast(volume, transfer, camera, (40, 30), spec)
+    cut = solid.recompose({}, DepthEffects(near_mm=at))
+    assert np.abs(cut.alpha - new.alpha).max() < 0.04
+    assert np.sqrt(np.mean((cut.alpha - new.alpha) ** 2)) < 0.01
+    both = (cut.alpha > 0.1) & (new.alpha > 0.1)
+    assert np.abs(cut.depth_mm[both] - new.depth_mm[both]).max() < 0.5
+
+
+def test_fog_in_front_of_an_opaque_surface() -> None:
+    tau = np.array([[[[64.0, 0.0]], [[0.0, 0.0]]]])
+    image = layered(tau, np.full((1, 2, 1), 200.0), None)
+    effects = DepthEffects(fog_mm=300, fog_from_mm=50, fog_white=0.4)
+    foggy = image.recompose({}, effects)
+    left = 0.05 ** (150 / 300)
+    assert foggy.alpha[0] == pytest.approx([1, 1], abs=1e-5)
+    for group, share in GROUPS.items():
+        copper, gold, white = foggy.layer(group)[0, 0]
+        assert (copper, gold) == pytest.approx((0.5 * left, 0), abs=1e-5)
+        assert white == pytest.approx(0.4 * share * (1 - left), abs=1e-5)
+        assert foggy.layer(group)[0, 1] == pytest.approx([0, 0, 0.4 * share], abs=1e-5)
+    assert foggy.depth_mm[0, 0] == pytest.approx(200) and np.isinf(foggy.depth_mm[0, 1])
+    ended = image.recompose({}, replace(effects, far_mm=350))
+    assert ended.alpha[0] == pytest.approx([1, 1 - 0.05], abs=1e-5)
+
+
+def test_fog_within_a_homogeneous_slab_is_that_of_a_march() -> None:
+    image = slab_layers(100, 140, 3.0)
+    foggy = image.recompose({}, DepthEffects(fog_mm=120, fog_white=1.0))
+    at = np.linspace(100, 140, 20001)
+    at = 0.5 * (at[1:] + at[:-1])
+    through = np.exp(-3.0 * (at - 100) / 40)
+    seen = float((through * 0.05 ** (at / 120)).sum() * 3.0 / len(at))
+    assert foggy.layer("key")[0, 0, 0] == pytest.approx(0.5 * seen, rel=2e-3)
+    assert foggy.layer("key")[0, 0, 2] == pytest.approx(0.75 * (1 - seen), abs=2e-3)
+
+
+def point_at(distance: float, side: int = 65) -> CoefficientImage:
+    tau, depth = np.zeros((side, side, 1, 2)), np.full((side, side, 1), np.inf)
+    tau[side // 2, side // 2, 0, 0], depth[side // 2, side // 2] = 0.02, distance
+    return layered(tau, depth)
+
+
+@pytest.mark.parametrize("distance", [150.0, 260.0, 700.0])
+def test_a_point_out_of_focus_is_a_disc_as_wide_as_a_lens_makes_it(distance: float) -> None:
+    """The variance of a disc of diameter D is D²/16 along each axis."""
+    effects = DepthEffects(focus_mm=200, aperture_mm=25)
+    blurred = point_at(distance).recompose({}, effects)
+    y, x = np.mgrid[-32:33, -32:33]
+    pixels_per_slope = 65 / (2 * math.tan(math.radians(FOV) / 2))
+    wide = 25 * pixels_per_slope * abs(1 / 200 - 1 / distance)
+    assert blurred.alpha.sum() == pytest.approx(1 - math.exp(-0.02), rel=0.02)
+    for axis in (x, y):
+        variance = (blurred.alpha * axis**2).sum() / blurred.alpha.sum()
+        assert 4 * math.sqrt(variance) == pytest.approx(wide, abs=1.0)
+    assert blurred.coefficients[..., 0] == pytest.approx(0.5 * blurred.alpha, abs=1e-5)
+
+
+def test_what_is_in_focus_stays_as_it_is() -> None:
+    image = point_at(200.0)
+    sharp = image.recompose({}, DepthEffects(focus_mm=200, aperture_mm=25))
+    assert np.abs(sharp.alpha - image.alpha).max() < 1e-4
+
+
+def test_an_opaque_slope_stays_opaque_out_of_focus() -> None:
+    """A blur slice by slice would let light through between slices: 0.75 of it at an edge."""
+    side = 96
+    depth = np.broadcast_to(np.linspace(250, 600, side)[:, None, None], (side, side, 1))
+    tau = np.zeros((side, side, 1, 2))
+    tau[..., 0] = 64
+    blurred = layered(tau, depth).recompose({}, DepthEffects(focus_mm=300, aperture_mm=40))
+    assert blurred.alpha.min() > 0.99
+
+
+def test_a_lens_sees_around_an_edge() -> None:
+    """Half a plane out of focus is in front of a plane in focus: at its edge both are seen."""
+    side = 64
+    tau, depth = np.zeros((side, side, 3, 2)), np.zeros((side, side, 3))
+    tau[:, : side // 2, :2, 0], tau[:, :, 2, 1] = 64, 64
+    depth[..., 0], depth[..., 1], depth[..., 2] = 200, 200.1, 400
+    blurred = layered(tau, depth).recompose({}, DepthEffects(focus_mm=400, aperture_mm=60))
+    assert blurred.alpha.min() > 0.999
+    copper, gold = blurred.layer("key")[side // 2, :, 0], blurred.layer("key")[side // 2, :, 1]
+    assert copper + gold == pytest.approx(0.5, abs=2e-3)
+    assert 0.5 * (copper[side // 2 - 1] + copper[side // 2]) == pytest.approx(0.25, abs=0.02)
+    assert copper[2] > 0.49 and gold[-3] > 0.49
+    assert (np.diff(copper) <= 1e-5).all()
+
+
+def test_fog_out_of_focus_is_that_in_focus() -> None:
+    """A homogeneous slab fills the picture."""
+    image = replace(slab_layers(100, 140, 3.0, size=(16, 16)), fov_deg=2.0)
+    fog = DepthEffects(fog_mm=120, fog_white=1.0)
+    one, other = (
+        image.recompose({}, each).coefficients
+        for each in (fog, replace(fog, focus_mm=100, aperture_mm=5))
+    )
+    assert other == pytest.approx(one, abs=5e-3)
+
+
+def surface_at(distance: float, image: CoefficientImage, alpha: float = 1.0) -> CoefficientImage:
+    """Return a white surface across the picture."""
+    channels = np.zeros_like(image.coefficients)
+    channels[..., 2::3] = alpha * np.array([*GROUPS.values()])
+    flat = np.full_like(image.alpha, alpha)
+    depth = np.full_like(flat, distance)
+    return replace(image, coefficients=channels, alpha=flat, depth_mm=depth, opacity_layers=None)
+
+
+def test_a_surface_is_between_two_slabs() -> None:
+    """Two layers each, which are 0.2 mm apart."""
+    tau = np.zeros((1, 1, 4, 2))
+    tau[0, 0, :2, 0] = tau[0, 0, 2:, 1] = math.log(2) / 2
+    image = layered(tau, np.array([[[99.9, 100.1, 199.9, 200.1]]]), None)
+    made = image.recompose({}, surface=surface_at(150, image))
+    assert made.layer("key")[0, 0] == pytest.approx([0.25, 0, 0.5 * 0.75], abs=1e-5)
+    assert made.alpha[0, 0] == pytest.approx(1) and made.depth_mm[0, 0] == pytest.approx(
+        125, abs=0.1
+    )
+    behind = image.recompose({}, surface=surface_at(300, image))
+    assert behind.layer("key")[0, 0] == pytest.approx([0.25, 0.125, 0.25 * 0.75], abs=1e-5)
+    edge = image.recompose({}, surface=surface_at(150, image, alpha=0.5))
+    assert edge.layer("key")[0, 0] == pytest.approx([0.25, 0.0625, 0.25 * 0.75], abs=1e-5)
+    cut = image.recompose({}, DepthEffects(far_mm=140), surface_at(150, image))
+    assert cut.alpha[0, 0] == pytest.approx(0.5, abs=1e-5)
+
+
+def test_a_surface_within_a_slab_hides_what_is_behind_it() -> None:
+    image = slab_layers(100, 140, 2.0)
+    made = image.recompose({}, surface=surface_at(110, image))
+    through = math.exp(-2.0 * 10 / 40)
+    expected = [0.5 * (1 - through), 0, through * 0.75]
+    assert made.layer("key")[0, 0] == pytest.approx(expected, abs=1e-3)
+
+
+def test_a_mesh_is_put_at_its_depth(solid: CoefficientImage) -> None:
+    """You should see a copper ball inside a gold cube, as a cast with both shows it."""
+    pytest.importorskip("embreex")
+    volume = cube(21)
+    mesh = shapes.shape_mesh("sphere", material="copper").placed((14.0, 8.0, 10.0), scale=8.0)
+    spec = RaycastSpec(ambient=1, diffuse=0, alpha_stop=1.0)
+    caster, camera = MeshCaster([mesh], MATERIALS, BASIS), camera_of(volume)
+    alone = caster.alone(camera, (40, 30), spec)
+    made = solid.recompose({}, surface=alone)
+    points = [(0.0, 0.05, "gold"), (2.0, 0.05, "gold")]
+    transfer = TransferFunction(points, MATERIALS, BASIS, reference_step_mm=1.0)
+    new = raycast(volume, transfer, camera, (40, 30), spec, behind=[caster])
+    inside = alone.alpha == 1
+    assert inside.sum() > 20
+    assert np.abs(made.coefficients - new.coefficients)[inside].max() < 0.002
+    around = inside | (alone.alpha == 0)
+    assert np.abs(made.alpha - new.alpha)[around].max() < 0.002
+
+
+def test_distances_along_the_axis_are_those_of_planes() -> None:
+    cosine = axis_cosine((3, 301), 90.0)
+    assert cosine[150, 1] == 1 and cosine[0, 1] == pytest.approx(math.sqrt(0.5), abs=2e-3)
+    assert (axis_cosine((2, 2), None) == 1).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "field"),
+    [
+        ({"focus_mm": 0.0}, "range", "DepthEffects.focus_mm"),
+        ({"focus_mm": -2.0}, "range", "DepthEffects.focus_mm"),
+        ({"focus_mm": "near"}, "type", "DepthEffects.focus_mm"),
+        ({"aperture_mm": 2.0}, "missing", "DepthEffects.aperture_mm"),
+        ({"fog_mm": float("inf")}, "range", "DepthEffects.fog_mm"),
+        ({"fog_white": 1.5}, "range", "DepthEffects.fog_white"),
+        ({"near_mm": 10.0, "far_mm": 10.0}, "range", "DepthEffects.near_mm"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused(change: dict[str, Any], code: Any, field: str) -> None:
+    with raises(ImageError, code, field):
+        DepthEffects(**change)
+
+
+def test_pictures_that_have_no_such_effects_are_refused() -> None:
+    image = slab_layers(100, 140, 2.0)
+    with raises(ImageError, "conflict", "recompose: focus_mm"):
+        image.recompose({}, DepthEffects(focus_mm=100))
+    with raises(ImageError, "unsupported"):
+        replace(image, opacity_layers=None).recompose({}, DepthEffects(near_mm=100))
+    with raises(ImageError, "type", "recompose: depth"):
+        image.recompose({}, {"near_mm": 100})  # type: ignore[arg-type]
+
+
+def test_surfaces_of_another_picture_are_refused() -> None:
+    image = slab_layers(100, 140, 2.0, size=(2, 2))
+    own = surface_at(120, image)
+    field = "recompose: surface"
+    small = replace(own, **{n: getattr(own, n)[:1] for n in ("coefficients", "alpha", "depth_mm")})
+    with raises(ShapeError, "shape", field):
+        image.recompose({}, surface=small)
+    general = SpectralBasis.load("general-7")
+    other = replace(own, basis=general, coefficients=np.zeros((2, 2, 14), np.float32))
+    for wrong in (other, replace(own, fov_deg=20.0), replace(own, groups={"a": 0.5, "b": 0.5})):
+        with raises(ImageError, "conflict", field):
+            image.recompose({}, surface=wrong)
+    with raises(ImageError, "type", field):
+        image.recompose({}, surface=3)  # type: ignore[arg-type]

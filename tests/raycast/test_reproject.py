@@ -1,0 +1,215 @@
+"""Nearby views and stereo pairs of layers of opacity, against casts; the camera in the file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.raycast.test_image import edited
+from tests.raycast.test_layered import BASIS, function
+from tests.support.errors import raises
+from tests.support.raycasts import along_z, cube, turned
+from volspec.errors import ImageError, RaycastError, VolspecWarning
+from volspec.pipeline import Raycaster, raycast
+from volspec.raycast import Ambient, Camera, CoefficientImage, LightGroup, RaycastSpec
+from volspec.raycast.reproject import Reprojector, reproject
+from volspec.relight import relight
+from volspec.relight.stereo import Stereo, expected_depth_mm
+from volspec.spectra import light
+from volspec.transfer import TransferFunction
+from volspec.volume import Volume
+
+SIZE = 96, 72
+FLAT = RaycastSpec(
+    step_mm=0.25, alpha_stop=1.0, layers=8, groups=(LightGroup("sky", (Ambient(),)),)
+)
+
+
+@pytest.fixture(scope="module")
+def balls() -> Volume:
+    """A ball before a larger one, which it hides in part."""
+    z, y, x = np.mgrid[-1:1:32j, -1:1:32j, -1:1:32j]
+    small = 0.7 - np.sqrt((x - 0.2) ** 2 + (y + 0.6) ** 2 + z**2) / 0.6
+    large = 1 - np.sqrt((x + 0.2) ** 2 + (y - 0.2) ** 2 + z**2)
+    return Volume(np.clip(np.maximum(small, large), 0, 1).astype(np.float32))
+
+
+@pytest.fixture(scope="module")
+def caster(balls: Volume) -> Raycaster:
+    return Raycaster(balls)
+
+
+@pytest.fixture(scope="module")
+def image(balls: Volume, caster: Raycaster) -> CoefficientImage:
+    return raycast(balls, function(), turned(balls, 30, 10), SIZE, FLAT, caster=caster)
+
+
+@pytest.fixture(scope="module")
+def reprojector(image: CoefficientImage) -> Reprojector:
+    return Reprojector(image)
+
+
+def rms(one: CoefficientImage, other: CoefficientImage) -> float:
+    return float(np.sqrt(np.mean((one.coefficients - other.coefficients) ** 2)))
+
+
+@pytest.mark.parametrize("camera", ["turned", "nearer", "farther", "parallel", "half the size"])
+def test_a_nearby_view_is_that_of_a_cast(
+    balls: Volume,
+    caster: Raycaster,
+    image: CoefficientImage,
+    reprojector: Reprojector,
+    camera: str,
+) -> None:
+    """Measured: an RMS of 0.001 to 0.002 of white; of the picture left as it was 0.004 and more."""
+    other, size = {
+        "turned": (turned(balls, 35, 13), SIZE),
+        "nearer": (turned(balls, 32, 10, zoom=1.5), SIZE),
+        "farther": (turned(balls, 32, 10, zoom=0.6), SIZE),
+        "parallel": (turned(balls, 30, 10, orthographic=True), SIZE),
+        "half the size": (turned(balls, 35, 13), (48, 36)),
+    }[camera]
+    shown = reprojector.view(other, size=size)
+    cast = raycast(balls, function(), other, size, replace(FLAT, layers=0), caster=caster)
+    assert rms(shown, cast) < 0.004
+    seen = cast.alpha > 0.3
+    assert np.abs(shown.alpha - cast.alpha)[seen].mean() < 0.02
+    assert np.abs(shown.depth_mm[seen] - cast.depth_mm[seen]).max() < 3.0
+    assert shown.camera == other and shown.opacity_layers is None and shown.first_mm is None
+    if size == SIZE:
+        assert rms(shown, cast) < 0.4 * rms(image, cast)
+
+
+def test_a_slab_keeps_its_opacity_at_any_distance_and_turn() -> None:
+    """Depths add to what the medium has along the new rays, as Beer and Lambert say."""
+    volume = cube(9)
+    transfer = TransferFunction(
+        [(0.0, 0.05, "gold"), (2.0, 0.05, "gold")], BASIS.materials, BASIS, reference_step_mm=1.0
+    )
+    with pytest.warns(VolspecWarning, match="no opacity of copper"):
+        made = raycast(volume, transfer, along_z(volume), (64, 64), FLAT)
+    x, y, z = along_z(volume).target_mm
+    for height_mm, turn in ((4.0, 0.0), (2.5, 0.0), (7.0, 0.0), (4.0, 0.2)):
+        position = x + 60 * np.sin(turn), y, z + 60 * np.cos(turn)
+        other = Camera(position, (x, y, z), up=(0, 1, 0), height_mm=height_mm)
+        tau = -np.log1p(-Reprojector(made).view(other).alpha[24:40, 24:40])
+        expected = -8 * np.log(0.95) / np.cos(turn)
+        assert tau.mean() == pytest.approx(expected, rel=1e-3)
+
+
+def test_scales_act_as_those_of_recompose(
+    image: CoefficientImage, reprojector: Reprojector
+) -> None:
+    assert image.camera is not None and image.opacity_layers is not None
+    same = reprojector.view(image.camera, {"copper": 0.3})
+    true = image.opacity_layers.recompose([0.3, 1.0])
+    assert np.abs(same.alpha - true.alpha).max() < 1e-4
+    assert np.array_equal(
+        reproject(image, image.camera, {"copper": 0.3}).coefficients, same.coefficients
+    )
+
+
+def test_what_cannot_be_reprojected_says_why(
+    balls: Volume, image: CoefficientImage, reprojector: Reprojector
+) -> None:
+    camera = turned(balls, 30, 10)
+    with raises(ImageError, "unsupported"):
+        Reprojector(replace(image, opacity_layers=None))
+    with raises(ImageError, "missing"):
+        Reprojector(replace(image, camera=None))
+    with raises(ImageError, "missing"):
+        Stereo().cameras(replace(image, camera=None))
+    with raises(ImageError, "range", "reproject: camera"):
+        reprojector.view(turned(balls, 200, 10))
+    with raises(ImageError, "type", "reproject: camera"):
+        reprojector.view("left")  # type: ignore[arg-type]
+    with raises(ImageError, "unknown"):
+        reprojector.view(camera, {"silver": 1})
+    with raises(RaycastError, "range"):
+        reprojector.view(camera, size=(0, 4))
+
+
+def test_a_file_holds_the_camera(image: CoefficientImage, tmp_path: Path) -> None:
+    image.save(tmp_path / "image.exr")
+    assert CoefficientImage.load(tmp_path / "image.exr").camera == image.camera
+    parallel = Camera((0.5, -60, 1 / 3), (0, 0, 0), height_mm=20.0)
+    replace(image, camera=parallel).save(tmp_path / "parallel.exr")
+    assert CoefficientImage.load(tmp_path / "parallel.exr").camera == parallel
+    edited(tmp_path / "image.exr", lambda h, c: h.pop("volspec:camera"))
+    assert CoefficientImage.load(tmp_path / "image.exr").camera is None  # an older file
+
+
+@pytest.mark.parametrize("text", ['{"position_mm": 3}', '"left"', '{"at": 1}', "{"])
+def test_a_damaged_camera_is_refused(image: CoefficientImage, tmp_path: Path, text: str) -> None:
+    image.save(tmp_path / "image.exr")
+    edited(tmp_path / "image.exr", lambda h, c: h.update({"volspec:camera": text}))
+    with raises(ImageError, "damaged"):
+        CoefficientImage.load(tmp_path / "image.exr")
+
+
+@pytest.mark.parametrize("height_mm", [None, 60.0], ids=["perspective", "parallel"])
+def test_eyes_see_what_casts_of_their_cameras_do(
+    balls: Volume, caster: Raycaster, height_mm: float | None
+) -> None:
+    here = replace(turned(balls, 30, 10), height_mm=height_mm)
+    made = raycast(balls, function(), here, SIZE, FLAT, caster=caster)
+    stereo = Stereo(eyes_deg=3.0)
+    left, right = stereo.cameras(made)
+    casts = [
+        raycast(balls, function(), eye, SIZE, replace(FLAT, layers=0), caster=caster)
+        for eye in (left, right)
+    ]
+    for view, cast in zip(stereo.views(made), casts, strict=True):
+        assert rms(view, cast) < 0.002
+    assert np.subtract(right.position_mm, left.position_mm) @ here.frame()[0] > 0
+    # Zero disparity at the convergence distance.
+    at = np.array(here.position_mm) + expected_depth_mm(made) * here.frame()[2]
+    for eye in (left, right):
+        field = eye.ray_field(*SIZE)
+        ahead = (at - eye.position_mm) @ eye.frame()[2]
+        scale = field.distance / ahead if field.perspective else 1.0
+        offset = (at - eye.position_mm) @ field.across / (field.across @ field.across) * scale
+        assert field.middle[0] + offset == pytest.approx((SIZE[0] - 1) / 2, abs=1e-6)
+
+
+def test_eyes_by_distance_or_angle_are_the_same(image: CoefficientImage) -> None:
+    depth_mm = expected_depth_mm(image)
+    cameras = [
+        eyes.cameras(image)
+        for eyes in (
+            Stereo(),
+            Stereo(eyes_mm=depth_mm / 30),
+            Stereo(eyes_deg=float(np.degrees(2 * np.arctan(1 / 60))), convergence_mm=depth_mm),
+        )
+    ]
+    for left, right in cameras:
+        apart = np.linalg.norm(np.subtract(left.position_mm, right.position_mm))
+        assert apart == pytest.approx(depth_mm / 30)
+    with raises(ImageError, "conflict"):
+        Stereo(eyes_mm=3, eyes_deg=2)
+    with raises(ImageError, "range", "Stereo.convergence_mm"):
+        Stereo(convergence_mm=0)
+
+
+def test_anaglyphs_are_mixed_in_linear_light(image: CoefficientImage) -> None:
+    rng = np.random.default_rng(1)
+    left, right = rng.integers(0, 256, (2, 4, 5, 3), dtype=np.uint8)
+    assert np.array_equal(Stereo().combine(left, right), np.hstack([left, right]))
+    assert np.array_equal(Stereo("crossed").combine(left, right), np.hstack([right, left]))
+    half = Stereo("half-colour").combine(left, right)
+    assert np.array_equal(half[..., 1:], right[..., 1:])
+    grey = np.repeat(left[..., :1], 3, axis=2)
+    assert np.abs(Stereo("half-colour").combine(grey, right)[..., 0] - left[..., 0]).max() <= 1
+    # White stays white within the rounding of the published numbers; black stays black.
+    for level in (0, 255):
+        same = np.full((2, 2, 3), level, np.uint8)
+        assert np.abs(Stereo("anaglyph").combine(same, same).astype(int) - level).max() <= 1
+    # A red surface is dark through cyan, whichever eye sees it.
+    red = np.zeros((1, 1, 3), np.uint8) + np.array([255, 0, 0], np.uint8)
+    black = np.zeros_like(red)
+    assert Stereo("anaglyph").combine(red, black)[0, 0].tolist() == [177, 0, 0]
+    frames = [relight(eye, light("D65")) for eye in Stereo("anaglyph").views(image)]
+    assert Stereo("anaglyph").combine(*frames).shape == (SIZE[1], SIZE[0], 3)

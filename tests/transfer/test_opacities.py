@@ -1,0 +1,90 @@
+"""Scaled opacities of materials: Beer-Lambert's law per material, and what cannot be scaled."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.support.errors import raises
+from volspec.basis import MaterialBasis, SpectralBasis
+from volspec.errors import RaycastError, TransferError
+from volspec.pipeline import Raycaster, raycast
+from volspec.raycast import Camera, RaycastSpec
+from volspec.spectra import reflectance
+from volspec.transfer import Isosurfaces, SurfaceTable, TransferFunction, Transfers
+from volspec.transfer.opacities import scale_opacities
+from volspec.volume import Volume, phantom
+
+MATERIALS = {name: reflectance(name) for name in ("copper", "gold")}
+BASIS = MaterialBasis(MATERIALS)
+POINTS = [(0.0, 0.2, "copper"), (0.5, 0.5, {"copper": 0.5, "gold": 0.5}), (1.0, 1.0, "gold")]
+
+SURFACES = Isosurfaces([(0.3, 0.8, "copper"), (0.5, 0.8, "gold")], MATERIALS, BASIS)
+
+
+def curve(basis: Any = BASIS) -> TransferFunction:
+    return TransferFunction(POINTS, MATERIALS, basis, reference_step_mm=1.0)
+
+
+def test_each_material_s_optical_depth_is_scaled() -> None:
+    table = curve().bake(1.0)
+    found = scale_opacities(table, BASIS, {"copper": 3.0, "gold": 0.5})
+    tau = -np.log1p(-table.opacity[:-1])[:, None] * table.material_weights[:-1]
+    wanted = tau * [3.0, 0.5]
+    np.testing.assert_allclose(-np.log1p(-found.opacity[:-1]), wanted.sum(axis=1), rtol=1e-9)
+    shares = wanted / wanted.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(found.material_weights[:-1], shares, atol=1e-12)
+    assert found.opacity[-1] == 1  # opaque stays opaque
+
+
+def test_scales_of_1_leave_a_table_as_it_is_and_0_hides() -> None:
+    table = curve().bake(1.0)
+    assert scale_opacities(table, BASIS, {"copper": 1.0}) is table
+    hidden = scale_opacities(table, BASIS, {"gold": 0.0})
+    assert hidden.opacity[-1] == 0 and hidden.opacity[0] == pytest.approx(0.2)
+    surfaces = SurfaceTable(
+        [0.2, 0.8], [0.5, 1.0], np.eye(2), BASIS.channels_for_materials(MATERIALS)
+    )
+    found = scale_opacities(surfaces, BASIS, {"copper": 2.0, "gold": 0.0})
+    np.testing.assert_allclose(found.opacity, [0.75, 0.0])
+
+
+def test_functions_that_step_are_scaled_on_both_sides() -> None:
+    points = [(0.0, 0.2, "copper"), (0.5, 0.2, "copper"), (0.5, 0.6, "gold"), (1.0, 0.6, "gold")]
+    table = TransferFunction(points, MATERIALS, BASIS, reference_step_mm=1.0).bake(1.0)
+    assert table.left is not None
+    found = scale_opacities(table, BASIS, {"copper": 2.0})
+    assert found.left is not None
+    step = np.flatnonzero(table.left.opacity != table.opacity)
+    np.testing.assert_allclose(found.left.opacity[step], 1 - 0.8**2)
+    np.testing.assert_allclose(found.opacity[step], 0.6)
+
+
+@pytest.mark.parametrize("transfer", [curve(), SURFACES])
+def test_a_cast_with_a_hidden_material_is_one_of_a_function_without_it(
+    transfer: Transfers,
+) -> None:
+    volume = Volume(phantom.ball(16).values)
+    caster, camera = Raycaster(volume), Camera.orbit(volume)
+    spec = RaycastSpec(step_mm=0.5, opacities={"gold": 0.0})
+    plain = raycast(volume, transfer, camera, (16, 16), replace(spec, opacities={}), caster=caster)
+    found = raycast(volume, transfer, camera, (16, 16), spec, caster=caster)
+    again = raycast(volume, transfer, camera, (16, 16), replace(spec, opacities={}), caster=caster)
+    gold = [*BASIS.materials].index("gold")
+    assert plain.coefficients[..., gold].any() and not found.coefficients[..., gold].any()
+    np.testing.assert_array_equal(again.coefficients, plain.coefficients)
+
+
+def test_what_cannot_be_scaled_is_named() -> None:
+    table = curve().bake(1.0)
+    with raises(TransferError, "unknown"):
+        scale_opacities(table, BASIS, {"silver": 0.5})
+    basis = SpectralBasis.load("general-7")
+    with raises(TransferError, "conflict"):
+        scale_opacities(curve(basis).bake(1.0), basis, {"gold": 0.5})
+    for scales in ({"gold": -1.0}, {"gold": float("nan")}, {1: 2.0}):
+        with pytest.raises(RaycastError):
+            RaycastSpec(opacities=scales)  # type: ignore[arg-type]

@@ -1,0 +1,85 @@
+"""The reprojection kernel against its NumPy twin."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from volspec.basis import MaterialBasis
+from volspec.raycast import Camera, CoefficientImage
+from volspec.raycast.layered import OpacityLayers
+from volspec.raycast.reproject import Reprojector, Warp, reproject_reference
+from volspec.relight.stereo import ShiftedCamera
+from volspec.spectra import reflectance
+
+# Measured 2e-6, but for points so close to the border of a slice of depth that float32 puts them
+# into the next one.
+TOLERANCE, MOVED = 2e-5, 0.005
+BASIS = MaterialBasis({name: reflectance(name) for name in ("copper", "gold")})
+SIZE = 40, 30
+HERE = Camera((3.0, -100.0, 20.0), (0.0, 0.0, 0.0))
+
+
+def layered(camera: Camera, groups: int = 1, layers: int = 4) -> CoefficientImage:
+    """An image of random layers around the camera's target, some of them unused."""
+    rng = np.random.default_rng(3)
+    shape = SIZE[1], SIZE[0], layers
+    depth = camera.distance_mm + np.sort(rng.uniform(-20, 20, shape), axis=2)
+    used = np.arange(layers) < rng.integers(0, layers + 1, shape[:2])[..., None]
+    tau = rng.uniform(0, 1, (*shape, 2)) * used[..., None]
+    own = OpacityLayers(
+        tau.astype(np.float32),
+        rng.uniform(0.2, 1, (*shape, groups, 2)).astype(np.float32),
+        rng.uniform(0, 0.2, (*shape, groups)).astype(np.float32),
+        np.where(used, depth, np.inf).astype(np.float32),
+    )
+    flat = np.zeros((*shape[:2], 3 * groups), np.float32)
+    names = {f"light {n}": 1 / groups for n in range(groups)}
+    zero = np.zeros(shape[:2], np.float32)
+    return CoefficientImage(
+        flat, zero, zero, BASIS, groups=names, camera=camera, opacity_layers=own
+    )
+
+
+PARALLEL = replace(HERE, height_mm=60.0)
+TURNED = replace(HERE, position_mm=(12.0, -97.0, 26.0))
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "size", "groups"),
+    [
+        (HERE, TURNED, SIZE, 1),
+        (HERE, replace(HERE, position_mm=(1.0, -60.0, 10.0)), (64, 48), 2),  # magnified
+        (HERE, replace(TURNED, height_mm=50.0), (20, 16), 1),
+        (PARALLEL, replace(TURNED, height_mm=60.0), SIZE, 1),
+        (PARALLEL, TURNED, SIZE, 3),  # rows of two float8
+        (HERE, ShiftedCamera(TURNED.position_mm, TURNED.target_mm, shift=0.1), SIZE, 1),
+    ],
+    ids=["turned", "nearer", "to parallel", "parallel", "from parallel", "shifted"],
+)
+@pytest.mark.parametrize("scales", [(1.0, 1.0), (0.0, 3.0)])
+def test_the_kernel_splats_what_its_twin_does(source, target, size, groups, scales):
+    image = layered(source, groups)
+    ours = Reprojector(image).view(target, dict(zip(BASIS.materials, scales, strict=True)), size)
+    true = reproject_reference(
+        image.opacity_layers, list(scales), Warp.of(source, SIZE, target, size)
+    )
+    assert true.alpha.max() > 0.3
+    off = np.abs(ours.coefficients - true.coefficients).max(axis=2)
+    off = np.maximum(off, np.abs(ours.alpha - true.alpha))
+    assert np.mean(off > TOLERANCE) < MOVED
+    assert np.abs(ours.alpha - true.alpha).max() < TOLERANCE
+    seen = true.alpha > 0.01
+    assert np.median(np.abs(ours.depth_mm[seen] - true.depth_mm[seen])) < 1e-3
+    assert np.array_equal(np.isinf(ours.depth_mm), true.alpha < 1e-9)
+
+
+@pytest.mark.parametrize("fine", [True, False])
+def test_the_same_view_is_the_recomposed_picture(fine):
+    image = layered(HERE)
+    same = Reprojector(image, fine=fine).view(HERE, {"gold": 0.5})
+    true = image.opacity_layers.recompose([1.0, 0.5])
+    assert np.abs(same.coefficients - true.channels.reshape(same.coefficients.shape)).max() < 1e-4
+    assert np.abs(same.alpha - true.alpha).max() < 1e-4

@@ -1,0 +1,264 @@
+"""Opacities of materials: edits, their cost, pictures without a cast, the panel in the window."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.support.viewer import opened, wait_until
+from tests.support.window import Robot, along, missing, small_engine
+from volspec.basis import MaterialBasis
+from volspec.pipeline import relight
+from volspec.raycast import CoefficientImage
+from volspec.raycast.pace import WHOLE, Pass
+from volspec.viewer.model import camera, opacities
+from volspec.viewer.model.history import Difference, History, without_cast
+from volspec.viewer.model.light_rows import light_rig
+from volspec.viewer.model.quality import cast_spec, opacity_scales
+from volspec.viewer.model.scene_file import export_scene
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.work.casts import CastDone, CastJob, CastScheduler, CastWorker
+from volspec.viewer.work.documents import open_document
+from volspec.viewer.work.notify import Notice, Trace
+from volspec.viewer.work.outputs import Progress
+from volspec.viewer.work.screen import Meter, Screen
+from volspec.viewer.work.screenshot import render_frame
+
+SIZE = 48, 36
+LAYERED = Pass(1, layers=8)
+
+
+@pytest.fixture
+def ball(tmp_path: Path) -> ViewState:
+    """The state of a scene whose materials are its channels."""
+    first = replace(opened(tmp_path), size=SIZE)
+    return opacities.set_opacity(opacities.set_opacity(first, "copper", 0.5), "copper", 1.0)
+
+
+def job(state: ViewState, *passes: Pass) -> CastJob:
+    view = state.view.camera(state.document.volume)
+    return CastJob(state.document, state.transfer, view, cast_spec(state), SIZE, passes)
+
+
+def casts(state: ViewState, *passes: Pass) -> list[CastDone]:
+    return list(CastWorker(lambda: None)._results(job(state, *passes)))
+
+
+def test_scales_are_clamped_kept_by_name_and_reset(ball: ViewState) -> None:
+    assert opacity_scales(ball) == {}
+    faded = opacities.set_opacity(ball, "copper", 0.25)
+    assert opacity_scales(faded) == {"copper": 0.25}
+    assert opacity_scales(opacities.set_opacity(faded, "copper", 99.0)) == {
+        "copper": opacities.MOST
+    }
+    assert opacities.set_opacity(faded, "silk", 0.5) is faded
+    assert opacities.set_opacity(faded, "copper", 0.25) is faded
+    hidden = opacities.toggle(faded, "copper")
+    assert opacity_scales(hidden) == {"copper": 0.0}
+    assert opacity_scales(opacities.toggle(hidden, "copper")) == {}
+    others = {name: 0.0 for name in opacities.names(ball) if name != "grey"}
+    alone = opacities.show_only(faded, "grey")
+    assert opacity_scales(alone) == others
+    assert opacity_scales(opacities.show_only(alone, "grey")) == {}
+    assert opacities.reset(hidden).shading == ball.shading
+
+
+def test_the_first_scale_makes_materials_the_channels(state: ViewState) -> None:
+    assert not isinstance(state.transfer.basis, MaterialBasis)
+    faded = opacities.set_opacity(state, "copper", 0.5)
+    assert isinstance(faded.transfer.basis, MaterialBasis) and not opacities.can_layer(state)
+    assert opacities.can_layer(faded)
+    projected = replace(faded, shading=replace(faded.shading, mode="maximum"))
+    assert not opacities.can_layer(projected)
+
+
+def test_a_scale_costs_no_cast_and_has_a_step_of_undo(ball: ViewState) -> None:
+    faded = opacities.set_opacity(ball, "grey", 0.5)
+    change = Difference.between(ball, faded)
+    assert (change.stage, change.name, change.undoable) == ("recompose", "opacity", True)
+    turned = camera.orbit(faded, 0.1, 0.0)
+    assert Difference.between(ball, turned).stage == "cast"
+    history = History(ball).then(faded, 1)
+    assert history.undo().present.shading == ball.shading
+
+
+def test_a_saved_scene_has_them(ball: ViewState, tmp_path: Path) -> None:
+    export_scene(opacities.set_opacity(ball, "grey", 0.3), tmp_path / "faded.toml")
+    again = open_document(str(tmp_path / "faded.toml"))
+    assert again.shading.opacities == {"grey": 0.3}
+
+
+def test_other_materials_do_not_leave_scales_behind(ball: ViewState) -> None:
+    faded = opacities.set_opacity(ball, "grey", 0.5)
+    given = replace(faded.shading, opacities={"grey": 0.5, "gone": 0.1})
+    assert cast_spec(replace(faded, shading=given)).opacities == {"grey": 0.5}
+
+
+def test_layers_are_cast_of_the_curve_s_own_opacities(ball: ViewState) -> None:
+    faded = opacities.set_opacity(ball, "grey", 0.0)
+    plain, layered = casts(faded, WHOLE, LAYERED)
+    assert plain.image is not None and layered.image is not None
+    assert plain.image.opacity_layers is None and plain.opacity is None
+    assert layered.image.opacity_layers is not None and layered.opacity is not None
+    own = casts(ball, WHOLE)[0].image
+    assert own is not None
+    np.testing.assert_allclose(layered.image.coefficients, own.coefficients, atol=1e-6)
+
+
+def test_layers_follow_when_nothing_moves_and_once(ball: ViewState) -> None:
+    scheduler = CastScheduler(lambda: None)
+    taken: list[CastDone] = []
+
+    def rest() -> list[CastDone]:
+        taken.clear()
+        wait_until(lambda: taken.extend(scheduler.take()) or not scheduler.busy)
+        return [done for done in taken if done.image is not None and done.made.layers]
+
+    scheduler.change(ball, 0.0, held=False)
+    assert rest() == []
+    scheduler.tick(9.0, held=False)
+    assert rest() == []  # nobody wants them
+    scheduler.layers_wanted = True
+    scheduler.tick(9.0, held=True)
+    assert rest() == []
+    scheduler.tick(9.0, held=False)
+    (done,) = rest()
+    assert scheduler.is_newest(done)
+    scheduler.follow(opacities.set_opacity(ball, "grey", 0.5))
+    scheduler.tick(9.0, held=False)
+    assert rest() == []
+    scheduler.change(camera.orbit(ball, 0.1, 0.0), 9.0, held=False)
+    rest()
+    assert not scheduler.is_newest(done)
+    scheduler.tick(19.0, held=False)
+    assert len(rest()) == 1
+    scheduler.close()
+
+
+@pytest.fixture
+def screen(context: Any) -> Iterator[Screen]:
+    shown = Screen(context, lambda: None, Meter(Trace()), Notice())
+    yield shown
+    shown.close()
+
+
+def drawn(screen: Screen, state: ViewState, held: bool = False) -> NDArray[np.uint8]:
+    screen.mark_stale()
+    while screen.relight(state, held):
+        pass
+    with screen.pictures._context:
+        return screen.pictures.pixels().copy()
+
+
+def wanted(image: CoefficientImage, state: ViewState) -> NDArray[Any]:
+    rig = light_rig(state.lights)
+    assert rig is not None
+    return relight(image.recompose(opacity_scales(state)), rig, state.relight, backend="numpy")
+
+
+def test_a_picture_with_layers_shows_opacities_at_once(screen: Screen, ball: ViewState) -> None:
+    plain, layered = casts(ball, WHOLE, LAYERED)
+    screen.take(plain, ball)
+    assert not screen.recomposes()
+    before = drawn(screen, ball)
+    screen.take(layered, ball)
+    assert screen.recomposes() and layered.image is not None
+    np.testing.assert_array_equal(drawn(screen, ball), before)
+    for scale in (0.2, 2.0, 0.0, 1.0):
+        faded = opacities.set_opacity(ball, "grey", scale)
+        found = drawn(screen, faded)
+        assert np.abs(found.astype(int) - wanted(layered.image, faded).astype(int)).max() <= 1
+        assert np.array_equal(found, before) == (scale == 1)
+    # Fewer pixels while a slow picture is dragged, then all of them.
+    faded = opacities.set_opacity(ball, "grey", 0.4)
+    screen._meter.bands = 2
+    assert drawn(screen, faded, held=True).shape == (SIZE[1] // 2, SIZE[0] // 2, 3)
+    found = drawn(screen, faded)
+    assert np.abs(found.astype(int) - wanted(layered.image, faded).astype(int)).max() <= 1
+    screen.forget_layers()
+    assert not screen.recomposes()
+
+
+def test_a_cast_with_the_same_opacities_stays_until_they_change(
+    screen: Screen, ball: ViewState
+) -> None:
+    faded = opacities.set_opacity(ball, "grey", 0.3)
+    plain, layered = casts(faded, WHOLE, LAYERED)
+    screen.take(plain, faded)
+    exact = drawn(screen, faded)
+    screen.take(layered, faded)
+    np.testing.assert_array_equal(drawn(screen, faded), exact)
+    assert layered.image is not None
+    more = opacities.set_opacity(ball, "grey", 0.2)
+    found = drawn(screen, more)
+    assert np.abs(found.astype(int) - wanted(layered.image, more).astype(int)).max() <= 1
+    # A late cast of another view has no say.
+    late = CastDone(layered.job, LAYERED, 0.0, layered.image, opacity=layered.opacity)
+    screen.forget_layers()
+    screen.take(late, more, newest=False)
+    assert not screen.recomposes()
+
+
+def test_values_under_the_mouse_are_those_of_the_recomposed_picture(
+    screen: Screen, ball: ViewState
+) -> None:
+    (layered,) = casts(ball, LAYERED)
+    screen.take(layered, ball)
+    faded = opacities.set_opacity(ball, "grey", 0.05)
+    drawn(screen, faded)
+    screen.probe(faded, (0.5, 0.5), held=False)
+    assert screen.under_mouse is None and screen.busy  # until it is recomposed
+    wait_until(screen.take_recomposed)
+    drawn(screen, faded)
+    with screen.pictures._context:  # a window's stays current
+        screen.probe(faded, (0.5, 0.5), held=False)
+    reading = screen.under_mouse
+    assert reading is not None and layered.image is not None
+    code = wanted(layered.image, faded)[SIZE[1] // 2, SIZE[0] // 2]
+    shown = np.array(dict(reading.rows)["RGB"].split(), int)
+    assert np.abs(shown - code.astype(int)).max() <= 1
+    assert screen.image is not None and screen.image.opacity_layers is None
+
+
+def test_a_cast_image_with_layers_is_faded_and_saved(ball: ViewState, tmp_path: Path) -> None:
+    (layered,) = casts(ball, LAYERED)
+    assert layered.image is not None
+    layered.image.save(tmp_path / "ball.exr")
+    state = ViewState.first(open_document(str(tmp_path / "ball.exr")), (300, 300))
+    assert opacities.can_layer(state)
+    faded = opacities.set_opacity(state, "grey", 0.1)
+    assert without_cast(state, faded).shading.opacities == {"grey": 0.1}
+    turned = without_cast(state, camera.orbit(faded, 0.2, 0.0))
+    assert turned.shading.opacities == {"grey": 0.1} and turned.view == state.view
+    frame = render_frame(faded, SIZE, Progress(""))
+    image = state.document.image
+    assert image is not None
+    assert np.abs(frame.astype(int) - wanted(image, faded).astype(int)).max() <= 1
+
+
+def test_a_slider_is_dragged_without_a_cast(tmp_path: Path) -> None:
+    if lacking := missing():
+        pytest.skip(lacking)
+    with Robot(tmp_path, small_engine(tmp_path), (1000, 700)) as robot:
+        robot.whole()
+        for _ in range(2):  # closed and opened, it comes to the front
+            for name in ("menu Window", "action panel-opacity"):
+                robot.click(name)
+                robot.rest()
+        robot.click("opacity eye block")  # the first makes the materials channels
+        robot.rest()
+        before = robot.now()
+        x, y, width, height = robot.area("opacity block")
+        places = along((x + 0.1 * width, y + height / 2), (x + 0.6 * width, y + height / 2), 1.0)
+        robot.drag(places)
+        robot.rest()
+        rows = robot.since(before)
+        assert [row for row in rows if row["event"] in ("cast", "error", "gl-error")] == []
+        assert len([row for row in rows if row["event"] == "relight"]) > 8
+        assert robot.viewer.poll() is None

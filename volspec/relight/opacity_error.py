@@ -1,0 +1,160 @@
+"""Errors of recomposed layers of opacity, estimated from the layers themselves.
+
+    CoefficientImage with layers + scales + light -> [opacity_error] -> XYZ by which a pixel is off
+
+What a layer lost can only be guessed, as its samples are gone. Two guesses, both per layer and
+measured against casts (`python -m benchmarks.layers --estimate`):
+
+- **Order.** A layer counts its materials as mixed. If one lay in front of the other, it would be
+  seen more: the difference bounds the error.
+- **Neighbours.** Two layers that are merged, by the rule of `LayerStream`, change the picture; the
+  layers' own samples were merged in the same way.
+
+As the lightest are merged, no part of a layer that was is heavier than the lightest neighbours are
+now: a heavier layer is mostly a single sample, and the guesses are reduced by the ratio of masses.
+Transmittances are exact in front of each layer, whatever is merged, so the errors of layers add,
+and as their signs are unknown, their squares do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.raycast.layered import residual_share
+
+if TYPE_CHECKING:
+    from volspec.raycast.layered import OpacityLayers
+
+Pixels = NDArray[np.float32]
+
+_PART, _LEAST = 0.38, 0.03
+"""Part of the guesses that is lost on average, and the least error, CIEDE2000: calibrated with the
+benchmark's volumes."""
+
+
+class _Lit(NamedTuple):
+    """Layers under a light: depths (K, L, P), XYZ (K, 3, L, P) of materials and of highlights."""
+
+    tau: Pixels
+    colours: Pixels
+    gloss: Pixels
+
+    @classmethod
+    def of(cls, layers: OpacityLayers, XYZ_from_channels: NDArray[Any]) -> _Lit:
+        """Return the layers of a row of pixels under a light."""
+        tau, shade, gloss = (
+            np.ascontiguousarray(np.moveaxis(each[0], 0, -1), np.float32)
+            for each in (layers.tau, layers.shade, layers.gloss)
+        )
+        matrix = XYZ_from_channels.astype(np.float32).reshape(3, layers.groups, -1)
+        return cls(
+            np.moveaxis(tau, 1, 0),
+            np.einsum("lgkp,cgk->kclp", shade, matrix[..., :-1]),
+            np.einsum("lgp,cg->clp", gloss, matrix[..., -1]),
+        )
+
+    def scaled(self, scales: Sequence[float]) -> _Lit:
+        """Return the layers with the materials' depths scaled."""
+        factors = np.asarray(scales, np.float32)[:, None, None]
+        return _Lit(self.tau * factors, self.colours, self.gloss)
+
+    def seen(self) -> tuple[Pixels, Pixels]:
+        """Return XYZ (3, L, P) of each layer by itself, and its transmittance (L, P)."""
+        total = self.tau.sum(axis=0)
+        opacity = -np.expm1(-total)
+        part = opacity / np.maximum(total, 1e-12)
+        XYZ = opacity * self.gloss
+        for tau, colours in zip(self.tau, self.colours, strict=True):
+            XYZ += part * tau * colours
+        return XYZ, 1 - opacity
+
+    def in_pairs(self) -> _Lit:
+        """Return each layer merged with the next, as `LayerStream` merges."""
+        colours = [_merged(*each) for each in zip(self.colours, self.tau, strict=True)]
+        gloss = _merged(self.gloss, self.tau.sum(axis=0))
+        return _Lit(self.tau[:, :-1] + self.tau[:, 1:], np.stack(colours), gloss)
+
+
+def _merged(values: Pixels, tau: Pixels) -> Pixels:
+    """Return the mean of (3, L, P) values of neighbours, weighted by what they show."""
+    front = -np.expm1(-tau[:-1])
+    behind = (1 - front) * -np.expm1(-tau[1:])
+    share = behind / np.maximum(front + behind, 1e-12)
+    return values[:, :-1] + share * (values[:, 1:] - values[:, :-1])
+
+
+def opacity_deviation(
+    layers: OpacityLayers, scales: Sequence[float], XYZ_from_channels: NDArray[Any]
+) -> NDArray[Any]:
+    """Return (P, 3): XYZ by which scaled layers of one row of pixels are off, on average.
+
+    The sign is that of the greatest guess. ``XYZ_from_channels`` is that of an `Illumination`.
+    """
+    lit = _Lit.of(layers, XYZ_from_channels)
+    merged, merging = lit.in_pairs(), _merging(lit.tau)
+    guesses = _guesses(lit.scaled(scales), merged.scaled(scales), *merging)
+    fade = residual_share(scales)
+    if fade > 0:  # the error at scale 1 is known, and removed
+        guesses -= np.float32(fade) * _guesses(lit, merged, *merging)
+    greatest = np.abs(guesses[1]).argmax(axis=0)
+    sign = np.sign(np.take_along_axis(guesses, greatest[None, None], axis=1)[:, 0])
+    return (_PART * sign * np.sqrt(np.square(guesses).sum(axis=1))).T
+
+
+def _merging(tau: Pixels) -> tuple[Pixels, Pixels]:
+    """Return the mass of the lightest neighbours by that of each layer and pair, 1 at most."""
+    seen = np.cumsum(tau, axis=1)
+    quarter = np.exp(-0.25 * seen)  # the scales of `visibility`: 1/4, 1 and 4
+    one = np.square(np.square(quarter))
+    four = np.square(np.square(one))
+    total = 3 * len(tau) - (quarter + one + four).sum(axis=0)
+    mass = np.diff(total, axis=0, prepend=0)
+    pairs = mass[:-1] + mass[1:]
+    lightest = np.where(mass[1:] > 0, pairs, np.inf).min(axis=0, initial=np.inf)
+    layers, both = (np.minimum(1, lightest / np.maximum(each, 1e-9)) for each in (mass, pairs))
+    return layers, both
+
+
+def _guesses(lit: _Lit, merged: _Lit, layers: Pixels, pairs: Pixels) -> Pixels:
+    """Return (3, guesses, P): XYZ by which a pixel is off if layers and pairs lost these parts."""
+    XYZ, through = lit.seen()
+    front = np.ones_like(through)
+    np.cumprod(through[:-1], axis=0, out=front[1:])
+    found = [pairs * front[:-1] * (merged.seen()[0] - XYZ[:, :-1] - through[:-1] * XYZ[:, 1:])]
+    total = lit.tau.sum(axis=0)
+    for one, other in combinations(range(len(lit.tau)), 2):
+        a, b = lit.tau[one], lit.tau[other]
+        both = a + b
+        mixed = a * -np.expm1(-both) / np.maximum(both, 1e-12)
+        in_front = -np.expm1(-a)
+        more = np.maximum(in_front - mixed, mixed - np.exp(-b) * in_front)
+        # The layer's other materials are in front of these half of the time.
+        more *= layers * front * np.exp(-0.5 * (total - both))
+        found.append(more * (lit.colours[one] - lit.colours[other]))
+    return np.concatenate(found, axis=1)
+
+
+def with_neighbours(delta_e: Pixels, seen: NDArray[np.bool_]) -> Pixels:
+    """Return the root mean square of each pixel's estimate and its neighbours', 3 by 3.
+
+    Only pixels in which something is ``seen`` count. What a pixel lost is as good as random, so
+    neighbours tell as much of it.
+    """
+    squares = np.where(seen, np.square(delta_e) + _LEAST**2, 0)
+    total, count = (_box_sum(each) for each in (squares, seen.astype(np.float32)))
+    return np.where(seen, np.sqrt(total / np.maximum(count, 1)), 0).astype(np.float32)
+
+
+def _box_sum(values: Pixels) -> Pixels:
+    for axis in (0, 1):
+        rows = np.moveaxis(values, axis, 0)
+        total = rows.copy()
+        total[1:] += rows[:-1]
+        total[:-1] += rows[1:]
+        values = np.moveaxis(total, 0, axis)
+    return values

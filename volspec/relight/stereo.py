@@ -1,0 +1,170 @@
+"""Stereo pairs and anaglyphs of one cast: two nearby views of its layers of opacity.
+
+    CoefficientImage with layers -> [stereo] -> two images -> relight -> two frames -> [stereo]
+
+The eyes look in parallel, and their pictures are shifted so that they agree at the convergence
+distance: the off-axis frusta of two parallel cameras, without vertical parallax. Parallel rays have
+no such shift; there the cameras turn around the point of convergence.
+
+Anaglyphs are mixed in linear light: the least-squares projection of red-cyan glasses [1], which
+keeps the most of both eyes' colours; or red of the left eye's grey, and green and blue of the
+right eye's colours (half-colour).
+
+References
+----------
+[1] Dubois (2001), "A projection method to generate anaglyph stereo images", ICASSP, 1661-1664;
+    matrices in Dubois (2009), "Conversion of a stereo pair to anaglyph with the least-squares
+    projection method".
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from volspec.appearance.display import colour_space
+from volspec.appearance.spaces import ColourSpace
+from volspec.errors import ImageError
+from volspec.raycast.camera import Camera, RayField
+from volspec.raycast.image import CoefficientImage
+from volspec.raycast.reproject import Reprojector
+from volspec.settings import Positive, Unit, settings
+
+Layout = Literal["side-by-side", "crossed", "anaglyph", "half-colour"]
+"""Ways to show both eyes' pictures in one."""
+# An eye distance of a thirtieth of the way to the subject, as photographers choose it.
+_BASE = 1 / 30
+_LEFT_DUBOIS = np.array([[0.437, 0.449, 0.164], [-0.062, -0.062, -0.024], [-0.048, -0.050, -0.017]])
+_RIGHT_DUBOIS = np.array([[-0.011, -0.032, -0.007], [0.377, 0.761, 0.009], [-0.026, -0.093, 1.234]])
+
+
+@settings(ImageError)
+@dataclass(frozen=True, slots=True)
+class Stereo:
+    """Eyes of a stereo pair."""
+
+    layout: Layout = "side-by-side"
+    """Left eye's picture left of the right one's, or right of it for crossed eyes; or an anaglyph
+    for red-cyan glasses, by Dubois or half-colour."""
+    eyes_mm: Annotated[Positive, Unit("mm")] | None = None
+    """Distance between the eyes; a thirtieth of the convergence distance if left out."""
+    eyes_deg: Annotated[float, Field(gt=0, le=30), Unit("degrees")] | None = None
+    """The same as an angle between the eyes at the convergence distance."""
+    convergence_mm: Annotated[Positive, Unit("mm")] | None = None
+    """Distance at which both pictures agree; the expected depth if left out."""
+
+    def __post_init__(self) -> None:
+        if self.eyes_mm is not None and self.eyes_deg is not None:
+            raise ImageError(
+                f"{self.eyes_mm:g} mm and {self.eyes_deg:g} degrees",
+                "leave one out",
+                code="conflict",
+                field="stereo: distance between the eyes",
+            )
+
+    def cameras(self, image: CoefficientImage) -> tuple[Camera, Camera]:
+        """Return the left and right eye's camera of an image that knows its own."""
+        camera = image.camera
+        if camera is None:
+            raise ImageError(
+                "stereo: the image does not know its camera", "cast it again", code="missing"
+            )
+        convergence_mm = self.convergence_mm or expected_depth_mm(image)
+        angle = 2 * math.atan(_BASE / 2)
+        if self.eyes_deg is not None:
+            angle = math.radians(self.eyes_deg)
+        if self.eyes_mm is not None:
+            angle = 2 * math.atan(self.eyes_mm / 2 / convergence_mm)
+        left, right = (_eye(camera, sign * angle / 2, convergence_mm) for sign in (-1, 1))
+        return left, right
+
+    def views(
+        self, image: CoefficientImage, scales: Mapping[str, float] | None = None
+    ) -> tuple[CoefficientImage, CoefficientImage]:
+        """Return the left and right eye's picture of an image with layers, reprojected.
+
+        ``scales`` are opacities, as of `CoefficientImage.recompose`. Raises as `Reprojector`.
+        """
+        reprojector = Reprojector(image)
+        left, right = (reprojector.view(camera, scales) for camera in self.cameras(image))
+        return left, right
+
+    def combine(
+        self,
+        left: NDArray[Any],
+        right: NDArray[Any],
+        space: str | Path | ColourSpace = "sRGB",
+    ) -> NDArray[Any]:
+        """Return both eyes' frames as one: display codes, 0 to 1 or 8 bits, (H, W, 3)."""
+        if self.layout == "side-by-side":
+            return np.hstack([left, right])
+        if self.layout == "crossed":
+            return np.hstack([right, left])
+        whole = 255.0 if left.dtype == np.uint8 else 1.0
+        display = colour_space(space)
+        linear = [display.decode(np.asarray(each, np.float64) / whole) for each in (left, right)]
+        if self.layout == "anaglyph":
+            mixed = linear[0] @ _LEFT_DUBOIS.T + linear[1] @ _RIGHT_DUBOIS.T
+        else:
+            luminance = linear[0] @ (display.XYZ_from_RGB[1] / 100.0)
+            mixed = np.concatenate([luminance[..., None], linear[1][..., 1:]], axis=-1)
+        codes = display.encode(np.clip(mixed, 0.0, 1.0))
+        return (np.rint(whole * codes) if whole > 1 else codes).astype(left.dtype)
+
+
+def expected_depth_mm(image: CoefficientImage) -> float:
+    """Return the mean depth of a picture along its camera's view, by opacity."""
+    camera = image.camera
+    assert camera is not None
+    seen = np.isfinite(image.depth_mm) & (image.alpha > 0)
+    if not seen.any():
+        return camera.distance_mm
+    depth_mm = image.depth_mm * camera.ray_field(*image.size).cosines(*image.size)
+    return float(np.average(depth_mm[seen], weights=image.alpha[seen]))
+
+
+@dataclass(frozen=True, slots=True)
+class ShiftedCamera(Camera):
+    """Camera whose picture is shifted across, as by a shift lens."""
+
+    shift: float = 0.0
+    """Way of the middle of the view to the right in the picture, by the picture's height."""
+
+    def ray_field(self, width: int, height: int) -> RayField:
+        """Return the rays of a picture."""
+        field = Camera.ray_field(self, width, height)
+        x, y = field.middle
+        return replace(field, middle=(x + self.shift * height, y))
+
+
+def _eye(camera: Camera, angle: float, convergence_mm: float) -> Camera:
+    """Return the camera to the right of another by an angle, seen from the convergence distance."""
+    right, _, forward = camera.frame()
+    if camera.height_mm is not None:
+        place = np.asarray(camera.position_mm) + convergence_mm * forward
+        towards = math.sin(angle) * right - math.cos(angle) * forward
+        position = place + convergence_mm * towards
+        axis = camera.frame()[1]
+        return replace(
+            camera,
+            position_mm=tuple(position),
+            target_mm=tuple(position - camera.distance_mm * towards),
+            up=tuple(axis),
+        )
+    aside = math.tan(angle) * convergence_mm
+    tall = 2 * math.tan(math.radians(camera.fov_deg) / 2)
+    moved = aside * right
+    return ShiftedCamera(
+        tuple(np.asarray(camera.position_mm) + moved),
+        tuple(np.asarray(camera.target_mm) + moved),
+        camera.up,
+        camera.fov_deg,
+        shift=math.tan(angle) / tall,
+    )

@@ -1,0 +1,86 @@
+"""Opacities of materials, scaled in a baked table: what a cast of a faded material sees.
+
+    table, {material: scale} -> [opacities] -> table
+
+A scale s_k acts on the optical depth τ_k = w_k τ of a material k, also within mixtures:
+
+    1 − α' = (1 − α)^(Σ s_k w_k / Σ w_k),   w'_k = s_k w_k Σ w_k / Σ s_k w_k
+
+It is what `volspec.raycast.CoefficientImage.recompose` does without a cast.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.basis import Basis, MaterialBasis
+from volspec.errors import TransferError, nearest, quoted
+from volspec.transfer.fields import FieldTables
+from volspec.transfer.table import Entries, SurfaceTable, TransferTable
+
+Array = NDArray[np.float64]
+Baked = TransferTable | SurfaceTable | FieldTables
+
+
+def scale_opacities(table: Baked, basis: Basis, opacities: Mapping[str, float]) -> Baked:
+    """Return a table with the optical depths of some of its basis' materials scaled.
+
+    Raises TransferError as `check_opacities`.
+    """
+    check_opacities(basis, opacities)
+    if all(scale == 1 for scale in opacities.values()):
+        return table
+    assert isinstance(basis, MaterialBasis)
+    scales = np.array([*(opacities.get(name, 1.0) for name in basis.materials), 1.0])
+
+    def scaled(one: TransferTable) -> TransferTable:
+        rows = scales[one.channels.argmax(axis=1)]
+        opacity, weights = _scaled(one.opacity, one.material_weights, rows)
+        left = one.left
+        if left is not None:
+            left = Entries(*_scaled(left.opacity, left.material_weights, rows), None)
+        return replace(one, opacity=opacity, material_weights=weights, left=left)
+
+    if isinstance(table, FieldTables):
+        return table.changed(scaled)
+    if isinstance(table, TransferTable):
+        return scaled(table)
+    rows = scales[table.channels.argmax(axis=1)]
+    opacity, weights = _scaled(table.opacity, table.material_weights, rows)
+    return replace(table, opacity=opacity, material_weights=weights)
+
+
+def check_opacities(basis: Basis, opacities: Mapping[str, float]) -> None:
+    """Raise TransferError if a name is unknown, or materials are not the basis' channels."""
+    if all(scale == 1 for scale in opacities.values()):
+        return
+    if not isinstance(basis, MaterialBasis):
+        raise TransferError(
+            f"opacities of materials do not work with basis {basis.name!r}, whose channels are "
+            f"{basis.method}",
+            'set [basis] method = "materials" (a MaterialBasis), or leave them out',
+            code="conflict",
+            field="raycast: opacities",
+        )
+    for name in opacities:
+        if name not in basis.materials:
+            raise TransferError(
+                f"there is no material {quoted(name)}; {nearest(name, basis.materials)}"
+                f"known: {', '.join(basis.materials)}",
+                code="unknown",
+                field="raycast: opacities",
+            )
+
+
+def _scaled(opacity: Array, weights: Array, scales: Array) -> tuple[Array, Array]:
+    """Return (…,) opacities and (…, K) weights with (K,) scales of the optical depths."""
+    own, now = weights.sum(axis=-1), weights @ scales
+    share = np.where(own > 0, now / np.where(own > 0, own, 1), 1.0)
+    opacity = 1 - (1 - opacity) ** share
+    shown = np.where(now > 0, own / np.where(now > 0, now, 1), 0.0)
+    kept = np.where(now[..., None] > 0, weights * scales * shown[..., None], weights)
+    return opacity, kept

@@ -1,0 +1,104 @@
+"""Opacities of the materials: edits, and whether layers of a cast can show them.
+
+panel -> [opacities] -> RaycastSpec.opacities -> recompose, or a cast
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from volspec.basis import MaterialBasis
+from volspec.raycast.layered import MAX_MATERIALS
+from volspec.transfer import TransferFunction, TransferFunction2D
+from volspec.viewer.model.edit import Command, bind, edit
+from volspec.viewer.model.materials import can_be_exact, with_material_basis
+from volspec.viewer.model.quality import opacity_scales
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view import clamp
+
+PANEL = "Opacity"
+NEEDED = (
+    "Opacities can be scaled if materials are the channels of the picture. Here they cannot be: "
+    "there are too many of them, or filters, or several fields."
+)
+# The greatest scale on a slider.
+MOST = 8.0
+# Layers of a cast whose settings name none.
+LAYERS = 8
+
+
+def names(state: ViewState) -> tuple[str, ...]:
+    """Return the materials whose opacity can be scaled: those that are channels, or can be."""
+    transfer = state.transfer
+    if isinstance(transfer.basis, MaterialBasis):
+        return tuple(transfer.basis.materials)
+    possible = can_be_exact(transfer) and not state.fields and state.document.image is None
+    return tuple(transfer.materials) if possible else ()
+
+
+def can_layer(state: ViewState) -> bool:
+    """Return True if a cast of the state can have layers of opacity."""
+    document, spec = state.document, state.shading
+    if document.image is not None:
+        return document.image.opacity_layers is not None
+    return (
+        isinstance(state.transfer, TransferFunction | TransferFunction2D)
+        and isinstance(state.transfer.basis, MaterialBasis)
+        and 0 < len(names(state)) <= MAX_MATERIALS
+        and not (state.fields or state.meshes or state.room)
+        and document.volume.pyramid is None
+        and spec.mode == "composite"
+        and not spec.preintegrated
+    )
+
+
+@edit
+def set_opacity(state: ViewState, name: str, scale: float) -> ViewState:
+    """Scale a material's optical depth: 0 hides it, 1 is as the transfer function has it.
+
+    Materials become the channels, if they are not yet.
+    """
+    if name not in names(state):
+        return state
+    return _with(state, opacity_scales(state) | {name: clamp(scale, 0.0, MOST)})
+
+
+@edit
+def toggle(state: ViewState, name: str) -> ViewState:
+    """Hide a material, or show it again as the transfer function does."""
+    return set_opacity(state, name, 0.0 if opacity_scales(state).get(name, 1.0) > 0 else 1.0)
+
+
+@edit
+def show_only(state: ViewState, name: str) -> ViewState:
+    """Hide all materials but one, or show all again if that is so already."""
+    if name not in names(state):
+        return state
+    alone = {each: 0.0 for each in names(state) if each != name}
+    return _with(state, {} if opacity_scales(state) == alone else alone)
+
+
+@edit
+def reset(state: ViewState) -> ViewState:
+    """Show all materials as the transfer function does."""
+    return _with(state, {})
+
+
+def _with(state: ViewState, given: dict[str, float]) -> ViewState:
+    kept = {name: scale for name, scale in given.items() if scale != 1.0}
+    if kept == state.shading.opacities:
+        return state
+    shading = replace(state.shading, opacities=kept)
+    return replace(state, shading=shading, transfer=with_material_basis(state.transfer))
+
+
+COMMANDS = (
+    Command(
+        "opacities-reset",
+        "Transfer",
+        "Opacities: as in the transfer function",
+        (),
+        bind(reset),
+        words="fade hide show materials all",
+    ),
+)

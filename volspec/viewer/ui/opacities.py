@@ -1,0 +1,83 @@
+"""The opacity panel: an eye, the colour and a slider for each material."""
+
+from __future__ import annotations
+
+from imgui_bundle import imgui
+
+from volspec.viewer.model import opacities
+from volspec.viewer.model.quality import opacity_scales
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.transfer_plot import LIT, material_colours, swatch
+from volspec.viewer.ui.widgets import as_one_line, draw_eye, lit_button, shorten, wrap_text
+
+_FLAGS = imgui.TableFlags_.sizing_fixed_fit
+_SLIDER = imgui.SliderFlags_.logarithmic | imgui.SliderFlags_.always_clamp
+_HELP = (
+    "Scales of the optical depth: 0 hides a material, 2 is twice as much of it. "
+    "Double-click or Ctrl+click to type."
+)
+_BY_CASTS = "Each change is a new cast here: layers show up to four materials of one curve."
+
+
+def draw(state: ViewState, ui: UiContext) -> ViewState:
+    """Draw the panel; while it is visible, the picture is cast with layers."""
+    new, shown = state, opacities.names(state)
+    if not shown:
+        wrap_text(opacities.NEEDED, imgui.Col_.text_disabled)
+        return state
+    ui.layers_wanted = opacities.can_layer(state)
+    if imgui.begin_table("opacities", 4, _FLAGS):
+        fixed, stretch = imgui.TableColumnFlags_.width_fixed, imgui.TableColumnFlags_.width_stretch
+        imgui.table_setup_column("eye", fixed, ui.px(50))
+        imgui.table_setup_column("colour", fixed, imgui.get_frame_height())
+        imgui.table_setup_column("name", stretch, 0.4)
+        imgui.table_setup_column("opacity", stretch, 0.6)
+        colours = material_colours(state)
+        for name in shown:
+            imgui.push_id(name)
+            imgui.table_next_row()
+            imgui.table_next_column()
+            new = _buttons(new, ui, name)
+            imgui.table_next_column()
+            swatch(ui, colours[name])
+            ui.note(f"opacity colour {name}", LIT)
+            imgui.table_next_column()
+            imgui.align_text_to_frame_padding()
+            imgui.text(shorten(name, imgui.get_content_region_avail().x))
+            ui.note(f"opacity name {name}", as_one_line(name))
+            imgui.table_next_column()
+            new = _slider(new, ui, name)
+            imgui.pop_id()
+        imgui.end_table()
+    imgui.begin_disabled(not opacity_scales(state))
+    if imgui.button("Reset"):
+        new = opacities.reset(new)
+    imgui.end_disabled()
+    ui.note("opacities reset", "All materials as in the transfer function")
+    wrap_text(_HELP if ui.layers_wanted else f"{_HELP} {_BY_CASTS}", imgui.Col_.text_disabled)
+    return new
+
+
+def _buttons(state: ViewState, ui: UiContext, name: str) -> ViewState:
+    """Draw the buttons that hide a material, and all others."""
+    new, hidden = state, opacity_scales(state).get(name) == 0
+    if draw_eye(ui, not hidden, "eye"):
+        new = opacities.toggle(new, name)
+    ui.note(f"opacity eye {name}", "Show" if hidden else "Hide")
+    imgui.same_line(0, ui.px(2))
+    side = imgui.get_frame_height()
+    others = {each: 0.0 for each in opacities.names(state) if each != name}
+    alone = bool(others) and opacity_scales(state) == others
+    if lit_button("S", alone, state.interface.dark, (side, side)):
+        new = opacities.show_only(new, name)
+    ui.note(f"opacity only {name}", "Show all again" if alone else "Show only this material")
+    return new
+
+
+def _slider(state: ViewState, ui: UiContext, name: str) -> ViewState:
+    now = opacity_scales(state).get(name, 1.0)
+    imgui.set_next_item_width(-1)
+    moved, scale = imgui.slider_float("##scale", now, 0.0, opacities.MOST, "× %.3g", _SLIDER)
+    ui.note(f"opacity {name}", f"Opacity of {as_one_line(name)}")
+    return opacities.set_opacity(state, name, scale) if moved else state
