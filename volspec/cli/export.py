@@ -262,6 +262,7 @@ def page(
     quality: QualityOption = None,
     memory: Memory = None,
     bits: Annotated[int, Parameter(converter=as_written, validator=_check_bits)] = 8,
+    layers: _Whole = None,
     title: str | None = None,
     caption: str = "",
     device: Device = None,
@@ -278,6 +279,8 @@ def page(
 
     Example: `volspec page head.nii.gz -o head.html --preset skin`
 
+    Example: `volspec page head.toml --layers 8 -o head.html`
+
     Parameters
     ----------
     output
@@ -293,12 +296,15 @@ def page(
         WIDTHxHEIGHT in pixels, instead of the scene's.
     bits
         Bits per channel, 8 to 12: 8 is off by CIEDE2000 0.3, 12 by 0.03 at over twice the size.
+    layers
+        Layers of opacity, 1 to 16 (8 do), for a slider of opacity per material; the basis must be
+        of materials, up to four, and the page of a single view.
     title
         Title, instead of the scene's.
     caption
         A few words below the title.
     """
-    from volspec.export.page import PageSpec, PageView, scene_views, write_page
+    from volspec.export.page import PageSpec, PageView, layers_size, scene_views, write_page
     from volspec.pipeline import GAPS
 
     found = jobs(inputs, output, "pages", ".html", ".htm", series=play)
@@ -309,6 +315,9 @@ def page(
         remedy = "give its scene: volspec page SCENE.toml -o PAGE.html; or " + RELIGHT
         scene, volume = open_scene(job.address, preset, light, camera, image=remedy, memory=memory)
         scene = with_quality(scene, quality)
+        if layers is not None:
+            with in_options({"layers": "--layers"}):
+                scene = scene.casting(layers=layers)
         tell("load the scene", 1)
         lights = _page_lights(scene, volume, light or [], job.address)
         series = scene.series() if play else None
@@ -316,11 +325,20 @@ def page(
             raise InputError(
                 f"--play: {job.address} has one time step; leave it out", code="conflict"
             )
+        shown = scene.file.output
+        pixels = sides(size) if size else (shown.width, shown.height)
+        if layers and (count := views * (len(series) if series else 1)) > 1:
+            raise InputError(
+                f"--layers {layers}: a page of {count} pictures would have some "
+                f"{layers_size(count, layers, pixels)} of layers; leave it out, or write a single "
+                "picture",
+                code="conflict",
+            )
         cast = scene_views(
             scene,
             views,
             series=series,
-            size=sides(size) if size else None,
+            size=pixels,
             device=device,
             progress=lambda share: tell("cast", share),
             volume=volume,
@@ -328,15 +346,20 @@ def page(
         name = title or scene.file.title or Path(job.address).stem
         spec = PageSpec(name, caption, bits, scene.file.volume.fps)
 
+        layered: list[str] = []
+
         def watched() -> Iterator[PageView]:
             for view in cast:
                 if GAPS in view.image.notes:
                     incomplete.append(job.address)
+                if (opacity := view.image.opacity_layers) is not None:
+                    layered.append(f", {opacity.count} layers of opacity")
                 yield view
 
         count = write_page(job.output, watched(), lights, scene.relight, spec)
         many = f", {views} views" if views > 1 else ""
         many += f", {len(series)} time steps" if series else ""
+        many += "".join(layered)
         lit = counted(len(lights), "light")
         return f"{job.output}: {count / 1e6:.2f} MB, {lit}{many}; open it in a browser"
 

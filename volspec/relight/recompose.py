@@ -30,11 +30,25 @@ _SLICES_A_STEP = 8
 _LAYERS_UNIT, _BASE_UNIT = 5, 6
 
 
+def layer_slots(materials: int, groups: int) -> tuple[list[int], int]:
+    """Return the places of a layer's numbers in the shader's texels, four to each, and the texels.
+
+    Numbers are the depths, the shades group by group, and the highlights.
+    """
+    slots = list(range(materials))
+    slots += [4 * (1 + g) + k for g in range(groups) for k in range(materials)]
+    if materials < 4:
+        slots += [4 * (1 + g) + materials for g in range(groups)]
+    else:
+        slots += [4 * (1 + groups) + g for g in range(groups)]
+    return slots, 1 + max(slots) // 4
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class PackedOpacity:
     """Layers of opacity in the shader's layout: packed on one thread, uploaded on another.
 
-    ``texels`` (L·TEXELS, H, W, 4) are float16; every layer has L numbers, four to a texel.
+    ``texels`` (L·TEXELS, H, W, 4) are float16.
     """
 
     texels: NDArray[np.float16]
@@ -49,9 +63,9 @@ class PackedOpacity:
         planes = [layers.tau[..., k] for k in range(materials)]
         planes += [layers.shade[..., g, k] for g in range(layers.groups) for k in range(materials)]
         planes += [layers.gloss[..., g] for g in range(layers.groups)]
-        each = -(-len(planes) // 4)
+        slots, each = layer_slots(materials, layers.groups)
         texels = np.zeros((count, each, height, width, 4), np.float16)
-        for i, plane in enumerate(planes):
+        for i, plane in zip(slots, planes, strict=True):
             # (H, W, L) planes, layer by layer.
             texels[:, i // 4, :, :, i % 4] = np.moveaxis(plane, 2, 0)
         return cls(texels.reshape(count * each, height, width, 4), count, materials, layers.groups)
