@@ -227,7 +227,7 @@ def opacity_error(
 ) -> float:
     """Return the mean CIEDE2000 between a picture of other opacities and a cast of them, estimated.
 
-    Use it to decide if a cast is worth its time: by default, a sixteenth of the pixels tell. Of
+    Use it to decide if a cast is worth its time: by default of a sixteenth of the pixels. Of
     `error_map` ``against="cast"``, whose other arguments and errors these are: what layers lose,
     not what they freeze, such as occlusion.
     """
