@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 import re
 import sys
@@ -22,6 +23,7 @@ from tests.export._layers import (
     SHARES,
     SPEC,
     close,
+    layered,
     made,
     opened,
     shown,
@@ -170,6 +172,57 @@ def test_nuke_s_group_has_a_knob_for_each_weight(tmp_path: Path) -> None:
         assert close(np.dstack(found), shown(image, name))
     first = dict(re.findall(r"^ (weight\d) (\d)$", text, re.MULTILINE))
     assert first == {knob: "01"[label.startswith("day")] for knob, label in knobs}
+
+
+STATES: tuple[dict[str, float], ...] = (
+    {},
+    {"rotor": 0.5},
+    {"case": 0.0},
+    {"rotor": 1.5, "case": 0.8},
+    {"rotor": 4.0, "case": 3.0},
+)
+OPACITIES = 1e-5
+"""Of float32 in the recipes and in `CoefficientImage.recompose`."""
+
+
+def chained(text: str, names: dict[str, Any]) -> NDArray[Any]:
+    """Evaluate the Expression nodes of a group, one after the other, as (H, W, 4)."""
+    functions = {"exp": np.exp, "log": np.log, "abs": np.abs, "min": np.minimum}
+    functions["max"] = lambda *each: functools.reduce(np.maximum, each)
+    pixels = dict.fromkeys("rgb", 0.0) | {"a": names.pop("A")}
+    for node in re.findall(r"^ Expression \{\n(.*?)^ \}", text, re.DOTALL | re.MULTILINE):
+        knobs = dict(re.findall(r'^  (\w+) "?(.*?)"?$', node, re.MULTILINE))
+        known = functions | names | pixels
+        for n in range(4):
+            if f"temp_name{n}" in knobs:
+                known[knobs[f"temp_name{n}"]] = eval(knobs[f"temp_expr{n}"], functions | known)
+        pixels |= {c: eval(knobs[f"expr{n}"], known) for n, c in enumerate("rgba")}
+    return np.dstack([np.broadcast_to(pixels[c], np.shape(pixels["a"])) for c in "rgba"])
+
+
+@pytest.mark.parametrize("opacities", STATES, ids=str)
+def test_nuke_s_group_has_a_knob_for_each_opacity(
+    tmp_path: Path, opacities: dict[str, float]
+) -> None:
+    image = layered()
+    stored(tmp_path / "i.exr", image)
+    write_recipe(tmp_path / "i.nk", tmp_path / "i.exr")
+    text = (tmp_path / "i.nk").read_text()
+    knobs = re.findall(r'addUserKnob \{7 (opacity\d) l "(\w+)"', text)
+    assert [label for _, label in knobs] == ["rotor", "case"]
+    assert re.findall(r"^ opacity\d (.*)$", text, re.MULTILINE) == ["1", "1"]
+    weights = re.findall(r'addUserKnob \{7 (weight\d) l "((?:\\.|[^"])*)"', text)
+    # Compositors compute in float32.
+    channels = {k: v.astype(np.float32) for k, v in opened(tmp_path / "i.exr")[1].items()}
+    picture = image.recompose(opacities)
+    for name in LIGHTS:
+        on = {knob: float(label.startswith(name[:5])) for knob, label in weights}
+        on |= {knob: opacities.get(material, 1.0) for knob, material in knobs}
+        names = pasted(channels) | {"A": channels["A"], "parent": SimpleNamespace(**on)}
+        found = chained(text, names)
+        recipe = Recipe.load(tmp_path / "i.exr")
+        assert np.abs(found[..., :3] - recipe.picture(picture, name)).max() < OPACITIES
+        assert np.abs(found[..., 3] - picture.alpha).max() < OPACITIES
 
 
 def test_blender_s_nodes_are_the_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,8 +12,8 @@ field of view, if it has one.
 
 Layers of opacity (`CoefficientImage.opacity_layers`) are half channels, near to far:
 ``l3.tau.block.V``, ``l3.shade.key.block.V``, ``l3.gloss.key.V`` and ``l3.depth.Z``, of layer 3,
-the material ``block`` and the light group ``key``. The header's ``volspec:layers`` holds their version
-and number; programs that do not know them read the image without.
+the material ``block`` and the light group ``key``. The header's ``volspec:layers`` holds their
+version and number; programs that do not know them read the image without.
 
 Up to format 2 channels were called ``key.coefficients.00``, of a single group ``coefficients.00``,
 and the first hit ``ZFirst``.
