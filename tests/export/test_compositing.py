@@ -243,11 +243,36 @@ def test_blender_s_nodes_are_the_frame(tmp_path: Path, monkeypatch: pytest.Monke
         if name != "day":  # which is on at first
             for node in weights:
                 node.outputs[0].default_value = float(node.label.startswith(f"{name}: "))
+        bpy.frame.clear()
         found = output.value()
         assert close(found[..., :3], shown(image, name))
         assert np.array_equal(found[..., 3], image.alpha)
     render = bpy.context.scene.render
     assert (render.resolution_x, render.resolution_y) == image.size
+
+
+@pytest.mark.parametrize("opacities", STATES, ids=str)
+def test_blender_s_nodes_have_the_opacities(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, opacities: dict[str, float]
+) -> None:
+    """Rendered in Blender 4.5 and 5.0 on the engine: at most 3e-7 from these pictures."""
+    image = layered()
+    recipe = stored(tmp_path / "i.exr", image)
+    write_recipe(tmp_path / "i.py", tmp_path / "i.exr")
+    bpy, nodes = blender(
+        {k: v.astype(np.float32) for k, v in opened(tmp_path / "i.exr")[1].items()}
+    )
+    monkeypatch.setitem(sys.modules, "bpy", bpy)
+    monkeypatch.setattr(sys, "argv", ["blender"])
+    exec((tmp_path / "i.py").read_text(), {"__name__": "__main__"})
+    for node in nodes:
+        if node.label.startswith("opacity: "):
+            assert node.outputs[0].default_value == 1.0
+            node.outputs[0].default_value = opacities.get(node.label.removeprefix("opacity: "), 1.0)
+    output = next(node for node in nodes if node.kind == "Composite").inputs[0]
+    picture, found = image.recompose(opacities), output.value()
+    assert np.abs(found[..., :3] - recipe.picture(picture, "day")).max() < OPACITIES
+    assert np.abs(found[..., 3] - picture.alpha).max() < OPACITIES
 
 
 def test_old_images_get_other_lights_by_being_written_once_more(tmp_path: Path) -> None:
