@@ -548,7 +548,8 @@ def compositing(
         )
         with in_options():
             if deep:
-                save_deep(stored, output, recipe, scales)
-            else:
-                save_for_compositors(stored.recompose(scales) if scales else stored, output, recipe)
+                counts = save_deep(stored, output, recipe, scales).counts
+                say(f"{output}: {counts.sum()} samples in {(counts > 0).sum()} pixels")
+                return
+            save_for_compositors(stored.recompose(scales) if scales else stored, output, recipe)
     say(output)

@@ -98,8 +98,10 @@ def save_deep(
     path: str | os.PathLike[str],
     recipe: Recipe,
     opacities: Mapping[str, float] | None = None,
-) -> None:
+) -> DeepSamples:
     """Write a deep OpenEXR file of an image with layers, lit by the first light of a recipe.
+
+    Returns the samples.
 
     Raises
     ------
@@ -127,6 +129,7 @@ def save_deep(
     header: dict[str, Any] = {f"volspec:{name}": text for name, text in recipe.texts().items()}
     header["chromaticities"] = chromaticities(space.primaries_xy, space.white_xy)
     write_deep_exr(path, header, samples.counts, values, ImageError)
+    return samples
 
 
 def _sum_to(values: NDArray[np.float64], pixel: NDArray[np.int64]) -> NDArray[np.float64]:
