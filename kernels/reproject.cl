@@ -18,8 +18,8 @@
 // Launch: arrange 1-D, one work-item per block; twice, as points are stored behind one another:
 // first it counts (`store` 0, `cells` int[BUCKETS][blocks] 0), then it stores (1, and `cells` the
 // first point of each; its ends afterwards). splat 2-D, one work-item per tile of the target: no
-// other writes its pixels. `tile_blocks` int[tiles][1 + blocks]: how many blocks a tile sees, and
-// which; `starts` int[BUCKETS + 1][blocks].
+// other writes its pixels. It sees the blocks tile_blocks[tile_starts[tile]…tile_starts[tile + 1]];
+// `starts` int[BUCKETS + 1][blocks].
 //
 // A point is ROWS float8: τ, depth along the view from the target's plane in mm, its pixel from the
 // middle, and from COLOURS_AT on CHANNELS colours. Sums are alike, with T in place of τ.
@@ -136,7 +136,8 @@ static inline void splat_point(const View *view, const float8 point[ROWS], float
 }
 
 __kernel void splat(__global const float8 *points, __global const int *starts,
-                    __global const int *tile_blocks, const int blocks, const View view,
+                    __global const int *tile_starts, __global const int *tile_blocks,
+                    const int blocks, const View view,
                     __global float8 *sums, __global float *coefficients, __global float *alpha,
                     __global float *depth) {
     const int x0 = get_global_id(0) * view.tile_width, y0 = get_global_id(1) * view.tile_height;
@@ -150,11 +151,10 @@ __kernel void splat(__global const float8 *points, __global const int *starts,
         }
     }
     const int tile = get_global_id(1) * get_global_size(0) + get_global_id(0);
-    __global const int *own = tile_blocks + (size_t)tile * (blocks + 1);
-    const int count = own[0];
+    const int own = tile_starts[tile], own_end = tile_starts[tile + 1];
     for (int b = 0; b < BUCKETS; ++b) {
-        for (int i = 1; i <= count; ++i) {
-            const int block = own[i];
+        for (int i = own; i < own_end; ++i) {
+            const int block = tile_blocks[i];
             const int last = starts[(b + 1) * blocks + block];
             for (int n = starts[b * blocks + block]; n < last; ++n) {
                 float8 point[ROWS];

@@ -45,7 +45,10 @@ BUCKETS = 256
 PART = 10.0
 """Depth of a layer, in pixels, from which on it is more than one point: 5° turn it into one."""
 MOST_PARTS = 3
-_TILE = 64  # rows or columns of the target that a work-item splats
+# Rows or columns of the target that a work-item splats on a CPU, and how many items a core has.
+_ROWS, _ITEMS = (16, 64), 4
+# Side of a work-item's tile on a GPU.
+_GPU_TILE = 16
 _COLOURS_AT = 4
 VIEW = Struct(
     "View",
@@ -138,20 +141,20 @@ class Warp:
         found[extents[:, 0] > extents[:, 1]] = np.inf, np.inf, -np.inf, -np.inf
         return found
 
-    def blocks_of_tiles(self, extents: NDArray[Any], tile: tuple[int, int]) -> NDArray[np.int32]:
-        """Return (T, 1 + B) the number of blocks that each tile sees, and these."""
+    def blocks_of_tiles(
+        self, extents: NDArray[Any], tile: tuple[int, int]
+    ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Return where each tile's blocks begin, (T + 1,), and all tiles' blocks."""
         low_x, low_y, high_x, high_y = self.reach(extents).T
         width, height = self.other_size
-        rows = []
-        for y in range(0, height, tile[1]):
-            for x in range(0, width, tile[0]):
-                seen = (low_x < x + tile[0] - 1 + self.radius) & (high_x > x - self.radius)
-                seen &= (low_y < y + tile[1] - 1 + self.radius) & (high_y > y - self.radius)
-                blocks = np.flatnonzero(seen)
-                row = np.zeros(1 + len(extents), np.int32)
-                row[0], row[1 : 1 + len(blocks)] = len(blocks), blocks
-                rows.append(row)
-        return np.stack(rows)
+        x = np.arange(0, width, tile[0])[:, None]
+        y = np.arange(0, height, tile[1])[:, None]
+        in_x = (low_x < x + tile[0] - 1 + self.radius) & (high_x > x - self.radius)
+        in_y = (low_y < y + tile[1] - 1 + self.radius) & (high_y > y - self.radius)
+        tiles, blocks = np.nonzero((in_y[:, None] & in_x).reshape(-1, len(extents)))
+        firsts = np.searchsorted(tiles, np.arange(len(x) * len(y) + 1))
+        # One more, as buffers cannot be empty.
+        return firsts.astype(np.int32), np.append(blocks, 0).astype(np.int32)
 
     def struct(self, tile: tuple[int, int], depths: tuple[float, float]) -> NDArray[np.void]:
         """Return the kernel's View; ``depths`` are the points' smallest and largest."""
@@ -352,9 +355,7 @@ class Reprojector:
         assert isinstance(self.image.basis, MaterialBasis)
         factors = checked_scales(scales or {}, self.image.basis, self._layers)
         warp = Warp.of(self.camera, self.image.size, camera, (width, height))
-        # Tiles are long where points move: few of them then see the same source.
-        x, y = warp.axes()[1, :2]
-        tile = (width, _TILE) if abs(x) >= abs(y) else (_TILE, height)
+        tile = self._tile(warp)
         view = warp.struct(tile, self._depths)
         self._arrange(factors, view)
         channels = self.image.coefficients.shape[2]
@@ -373,7 +374,7 @@ class Reprojector:
             (1, 1),
             self._points,
             self._starts,
-            self.compute.upload(warp.blocks_of_tiles(self._extents, tile)),
+            *map(self.compute.upload, warp.blocks_of_tiles(self._extents, tile)),
             np.int32(len(self._extents)),
             view,
             self._sums[1],
@@ -391,6 +392,17 @@ class Reprojector:
             camera=camera,
             fov_deg=None if camera.height_mm is not None else camera.fov_deg,
         )
+
+    def _tile(self, warp: Warp) -> tuple[int, int]:
+        """Return the size of the target's tiles, one a work-item."""
+        info, (width, height) = self.compute.info, warp.other_size
+        if not info.is_cpu:
+            return _GPU_TILE, _GPU_TILE
+        # Tiles are long where points move: few of them then see the same source.
+        x, y = np.abs(warp.axes()[1, :2])
+        side = height if x >= y else width
+        rows = int(np.clip(side // (_ITEMS * info.compute_units), *_ROWS))
+        return (width, rows) if x >= y else (rows, height)
 
     def _arrange(self, scales: list[float], view: NDArray[np.void]) -> None:
         """Make the points of some scales, unless they are there."""
