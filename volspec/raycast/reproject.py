@@ -50,6 +50,8 @@ _ROWS, _ITEMS = (16, 64), 4
 # Side of a work-item's tile on a GPU.
 _GPU_TILE = 16
 _COLOURS_AT = 4
+# Pitches of the same camera, turned, differ by rounding.
+_ROUNDING = 1e-6
 VIEW = Struct(
     "View",
     (
@@ -61,7 +63,8 @@ VIEW = Struct(
         ("float", "pitch", "of pixels in the target's plane, mm"),
         ("float", "other_middle_x, other_middle_y", "the same of the target's camera"),
         ("float", "other_distance, other_nearness, other_pitch", ""),
-        ("float", "scale", "pitch by the other's, by the radius of splats"),
+        ("float", "radius", "half width of splats, pixels"),
+        ("float", "scale", "pitch by the other's, by the radius"),
         ("float", "first_ahead, buckets_per_mm", "of depth along the view"),
         ("int", "width, height", "pixels of the source"),
         ("int", "other_width, other_height", ""),
@@ -89,7 +92,8 @@ class Warp:
     @property
     def radius(self) -> float:
         """Half width of splats, pixels: 1, or more if the other camera magnifies."""
-        return max(1.0, self.source.pitch_mm / self.target.pitch_mm)
+        wider = self.source.pitch_mm / self.target.pitch_mm
+        return wider if wider > 1 + _ROUNDING else 1.0
 
     def axes(self) -> Array:
         """Return (4, 3) origin, forward, across, down in the other camera's pixels, and mm."""
@@ -170,6 +174,7 @@ class Warp:
             view[prefix + "nearness"] = field.nearness
             view[prefix + "pitch"] = field.pitch_mm
             view[prefix + "width"], view[prefix + "height"] = size
+        view["radius"] = self.radius
         view["scale"] = self.source.pitch_mm / self.target.pitch_mm / self.radius
         view["tile_width"], view["tile_height"] = tile
         view["first_ahead"], view["buckets_per_mm"] = depths[0], _buckets_per_mm(depths)
@@ -367,7 +372,7 @@ class Reprojector:
             *(np.empty((height, width), np.float32) for _ in range(2)),
         )
         outputs = [self.compute.output(array.nbytes, array) for array in made]
-        kernel = self._kernel("splat", warp.radius)
+        kernel = self._kernel("splat", warp.radius > 1)
         done = kernel(
             self.compute.queue,
             (-(-width // tile[0]), -(-height // tile[1])),
@@ -408,7 +413,7 @@ class Reprojector:
         """Make the points of some scales, unless they are there."""
         if scales == self._scales:
             return
-        kernel, compute = self._kernel("arrange", 1.0), self.compute
+        kernel, compute = self._kernel("arrange"), self.compute
         blocks = len(self._extents)
         extents = compute.output(self._extents.nbytes, self._extents)
         cells = np.zeros((BUCKETS, blocks), np.int32)
@@ -422,24 +427,24 @@ class Reprojector:
             if store:
                 break
             compute.download(counters, cells, done)
-            ends = np.cumsum(cells.T, dtype=np.int64).reshape(blocks, BUCKETS).T
-            starts = np.concatenate([ends - cells, ends[-1:]]).astype(np.int32)
+            # Slice by slice, so that tiles read points that are stored behind one another.
+            starts = np.zeros(cells.size + 1, np.int32)
+            np.cumsum(cells, out=starts[1:])
             self._starts = compute.upload(starts)
-            self.points = int(ends[-1, -1])
+            self.points = int(starts[-1])
             self._points = points = compute.output(max(self.points, 1) * 32 * self._rows)
-            cells = starts[:-1].copy()
+            cells = starts[:-1].reshape(cells.shape).copy()
         compute.download(extents, self._extents, done)
         self._scales = scales
 
-    def _kernel(self, name: str, radius: float) -> Any:
+    def _kernel(self, name: str, wide: bool = False) -> Any:
         constants = {
             "LAYERED": self._layers.count,
             "MATERIALS": self._layers.materials,
             "GROUPS": self._layers.groups,
             "CHANNELS": self.image.coefficients.shape[2],
             "ROWS": self._rows,
-            "RADIUS": radius,
-            "WIDE": int(radius > 1),
+            "WIDE": int(wide),
             "NEAR": NEAR,
             "BLOCK": BLOCK,
             "BUCKETS": BUCKETS,
