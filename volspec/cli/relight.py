@@ -179,6 +179,8 @@ def relight(
                 else:
                     frame = to_uint16(hdr_frame(edited, lamp, spec, shown))
             notes = {"light": text, "Software": f"volspec {__version__}"}
+            if eyes:
+                notes["stereo"] = eyes.layout
             write_frame(path, frame, notes, shown or spec.viewing.display.space)
             blanks.add(str(path), text, frame[:, : stored.size[0]], stored.alpha)
             say(path if shown is None else f"{path}: {_luminances(frame, shown)}")
