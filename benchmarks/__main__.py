@@ -49,7 +49,7 @@ FIGURES = (
         cast.vtk_gpu_figures,
         equal_error.figures,
     ),
-    *(viewer.figures, webpage.figures, served.figures, session.figures),
+    *(viewer.figures, webpage.figures, webpage.layered_figures, served.figures, session.figures),
 )
 
 

@@ -1,6 +1,9 @@
 """Is the web page small, accurate and quick? ``python -m benchmarks.webpage``.
 
-The bundled engine, 512², 7 channels, in Chromium with its software GPU, from a file on disk.
+The bundled engine, 512², 7 channels, in Chromium with its software GPU, from a file on disk. Then
+pages with 8 layers of opacity, of the engine in two materials and a foot in three: CIEDE2000 of
+covered pixels from the desktop's recomposed frame, in several opacities under every light; and
+the time of an opacity's change next to a light's.
 """
 
 from __future__ import annotations
@@ -10,8 +13,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from benchmarks.measure import Figure, report
-from tests.support.browser import chromium, mean_difference, missing, saved_picture
+from benchmarks.scenes import stored
+from tests.support.browser import (
+    chromium,
+    differences,
+    mean_difference,
+    missing,
+    saved_picture,
+)
 from volspec._gpu.sources import asset
 from volspec.export.page import PageSpec, PageView, scene_views, write_page
 from volspec.relight import Relighter
@@ -57,6 +69,87 @@ def figures() -> Iterator[Figure]:
             page.close()
 
 
+# Scales of the first and second material; others stay.
+OPACITIES = ((0.0, 1.0), (0.3, 1.0), (0.5, 2.0), (4.0, 0.0), (1.0, 0.25), (1.0, 1.0))
+# Change one slider a frame, and wait until it is drawn.
+_CHANGES = """async ([where, count]) => {
+    const slider = document.querySelector(where), { min, max } = slider, times = [];
+    const gl = document.getElementById('picture').getContext('webgl2');
+    for (let i = 0; i < count; i++) {
+        slider.value = Number(min) + (max - min) * (0.2 + 0.6 * Math.abs(Math.sin(i)));
+        const start = performance.now();
+        slider.dispatchEvent(new Event('input'));
+        await new Promise(requestAnimationFrame);
+        gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+        times.push(performance.now() - start);
+    }
+    return times.sort((a, b) => a - b)[count >> 1];
+}"""
+
+
+def layered_figures() -> Iterator[Figure]:
+    """Yield sizes, errors and times of pages with layers of opacity."""
+    if why := missing():
+        yield Figure("page/layers", None, note=why)
+        return
+    with tempfile.TemporaryDirectory() as folder, chromium() as browser:
+        for name, stored_volume in (("engine-layers", None), ("foot", stored("foot"))):
+            scene = Scene.load(asset(f"data/scenes/{name}.toml"))
+            try:
+                volume = stored_volume() if stored_volume else scene.volume()
+            except FileNotFoundError as error:
+                yield Figure(f"page/{name}", None, note=str(error))
+                continue
+            (view,) = scene_views(scene, volume=volume)
+            path = Path(folder) / f"{name}.html"
+            size = _written(path, scene, [view], 8)
+            yield Figure(f"page/{name}", size / 1e6, 5.0, at_most=True, unit="MB")
+            page = browser.new_page()
+            mean, worst, most_of = _opacity_errors(page, path, scene, view)
+            yield Figure(f"page/{name}, mean", mean, 0.25, at_most=True, unit="ΔE")
+            yield Figure(f"page/{name}, worst combination", worst, unit="ΔE")
+            yield Figure(f"page/{name}, 99 %", most_of, unit="ΔE")
+            if name == "engine-layers":
+                yield from _times(page)
+            page.close()
+
+
+def _opacity_errors(
+    page: Any, path: Path, scene: Scene, view: PageView
+) -> tuple[float, float, float]:
+    """Return mean, mean of the worst combination, and 99 % over opacities, lights and pixels."""
+    page.goto(path.as_uri())
+    page.wait_for_selector("#opacity-list input:enabled")
+    names, found = list(scene.materials), []
+    covered = np.asarray(view.image.alpha) > 0.01
+    for scales in OPACITIES:
+        given = dict(zip(names, scales, strict=False))
+        row = ",".join(str(given.get(name, 1.0)) for name in names)
+        image = view.image.recompose(given)
+        with Relighter(image) as relighter:
+            for i, light in enumerate(scene.lights):
+                weights = ",".join(str(int(j == i)) for j in range(len(scene.lights)))
+                words = f"a.weights={weights}&a.opacity={row}"
+                page.evaluate("(words) => { location.hash = words; }", words)
+                page.wait_for_timeout(100)
+                frame = relighter.frame(light.rig, scene.relight)
+                found.append(differences(saved_picture(page)[covered], frame[covered]))
+    means = [each.mean() for each in found]
+    most_of = np.percentile(np.concatenate(found), 99)
+    return float(np.mean(means)), float(max(means)), float(most_of)
+
+
+def _times(page: Any) -> Iterator[Figure]:
+    """Yield the times of a change of light and of an opacity, in turn."""
+    page.evaluate("location.hash = 'a.opacity=0.5,1'")
+    sliders = "#light-list input", "#opacity-list input"
+    times = [[page.evaluate(_CHANGES, [where, 15]) for where in sliders] for _ in range(5)]
+    light, opacity = np.median(times, axis=0)
+    yield Figure("page/light changed", float(light), unit="ms")
+    yield Figure("page/opacity changed", float(opacity), unit="ms")
+    yield Figure("page/opacity by light", float(opacity / light), unit="x")
+
+
 def _written(path: Path, scene: Scene, views: list[PageView], bits: int) -> int:
     return write_page(path, views, scene.lights, scene.relight, PageSpec("Engine", bits=bits))
 
@@ -76,4 +169,4 @@ def _worst(page: Any, path: Path, scene: Scene, view: PageView) -> float:
 
 
 if __name__ == "__main__":
-    print(report(list(figures())))
+    print(report([*figures(), *layered_figures()]))

@@ -12,10 +12,10 @@
 // NumPy twin: volspec/raycast/layered.py (OpacityLayers.recompose), image.py (recompose), and
 // depth.py with DEPTH.
 //
-// Reads   layers    texture array of RGBA, TEXELS slices a layer, near to far. Number i of a layer
-//                   is component i % 4 of its slice i / 4: τ[MATERIALS],
-//                   shade[GROUPS][MATERIALS], gloss[GROUPS]; with EXTENTS, where it begins, in mm
-//                   beyond nearest_mm, and its width.
+// Reads   layers    texture array of RGBA, TEXELS slices a layer, near to far: τ of up to four
+//                   materials; for each light group their shades, and the highlight after them;
+//                   four materials leave no place for it: highlights follow, four to a slice.
+//                   With EXTENTS a slice more: where it begins, mm beyond nearest_mm; its width.
 //         base      texture array with the result's slices: the picture as cast if DIFFERENCE,
 //                   else its difference from its layers at scale 1.
 //         scales    of the materials' optical depths; the first MATERIALS count.
@@ -24,8 +24,8 @@
 //         shade_code, gloss_code  if CODED.
 // Writes  recomposed  SLICES_DRAWN slices of channels and alpha from FIRST_SLICE on, as in
 //                   relight.frag; if DIFFERENCE, what the picture as cast has and its layers lack.
-// Host    COUNT (layers), MATERIALS, GROUPS, TEXELS, EXTENTS, FIRST_SLICE, SLICES_DRAWN,
-//         DIFFERENCE, DEPTH (needs EXTENTS), CODED (1 if the numbers are 8-bit codes c of τ = TAU_CODE c³, shade = shade_code c,
+// Host    COUNT (layers), MATERIALS, GROUPS, TEXELS, FIRST_SLICE, SLICES_DRAWN, DIFFERENCE,
+//         CODED (1 if the numbers are 8-bit codes c of τ = TAU_CODE c³, shade = shade_code c,
 //         gloss = gloss_code c²), TAU_CODE.
 //
 // Valid for `330 core` and `300 es`; the host writes the version line.
@@ -35,6 +35,9 @@ precision highp int;
 precision highp sampler2DArray;
 #endif
 
+#ifndef DEPTH
+#define DEPTH 0
+#endif
 #define CHANNELS (GROUPS * (MATERIALS + 1))
 
 uniform sampler2DArray layers, base;
@@ -44,14 +47,12 @@ uniform float fade;
 uniform float shade_code, gloss_code;
 #endif
 
-#if DEPTH
-uniform vec2 cut_mm, fog;
-uniform float fog_light[GROUPS], slope, nearest_mm;
-#endif
-
 layout(location = 0) out vec4 recomposed[SLICES_DRAWN];
 
 #if DEPTH
+uniform vec2 cut_mm, fog;
+uniform float fog_light[GROUPS], slope, nearest_mm;
+
 float fog_clear(float distance_mm) {
     return exp(-fog.x * max(distance_mm - fog.y, 0.0));
 }
@@ -63,87 +64,104 @@ float mean_position(float tau) {
 }
 #endif
 
-void main() {
-    ivec2 pixel = ivec2(gl_FragCoord.xy);
-    float through = 1.0, made[CHANNELS + 4];
+// Channels of a light group; white is last, in a place of its own if there are four materials.
+struct Group {
+    vec4 channels;
+    float white, through;
+};
+
+// Loops hold vectors alone: arrays that a loop indexes cost software devices twenty times as much.
+Group group(ivec2 pixel, int g) {
+    Group made = Group(vec4(0.0), 0.0, 1.0);
 #if DEPTH
     vec2 off_axis = slope * (gl_FragCoord.xy - 0.5 * vec2(textureSize(layers, 0).xy));
-    float along = sqrt(1.0 + dot(off_axis, off_axis)), lit = 1.0, white = 0.0;
+    float along = sqrt(1.0 + dot(off_axis, off_axis)), lit = 1.0, fogged = 0.0;
 #endif
-    for (int i = 0; i < CHANNELS + 4; ++i) made[i] = 0.0;
     for (int layer = 0; layer < COUNT; ++layer) {
-        float number[4 * TEXELS], total = 0.0;
-        for (int j = 0; j < TEXELS; ++j) {
-            vec4 texel = texelFetch(layers, ivec3(pixel, layer * TEXELS + j), 0);
-            for (int i = 0; i < 4; ++i) number[4 * j + i] = texel[i];
-        }
-        for (int k = 0; k < MATERIALS; ++k) {
+        int slice = layer * TEXELS;
+        vec4 tau = texelFetch(layers, ivec3(pixel, slice), 0);
 #if CODED
-            number[k] *= TAU_CODE * number[k] * number[k];
+        // Unused layers are the last.
+        if (tau == vec4(0.0)) break;
+        tau *= TAU_CODE * tau * tau;
 #endif
-            number[k] *= scales[k];
-            total += number[k];
-        }
+        tau *= scales;
+        float total = dot(tau, vec4(1.0));
         if (total <= 0.0) continue;
         float own = total;
 #if DEPTH
-        const int at = MATERIALS * (GROUPS + 1) + GROUPS;
-        float begin = nearest_mm + number[at], width = number[at + 1];
-        float start = max(begin, along * cut_mm.x), stop = min(begin + width, along * cut_mm.y);
-        total *= width > 0.0 ? clamp((stop - start) / width, 0.0, 1.0) : float(start <= stop);
+        vec2 extent = texelFetch(layers, ivec3(pixel, slice + TEXELS - 1), 0).xy;
+        float begin = nearest_mm + extent.x, end = begin + extent.y;
+        float start = max(begin, along * cut_mm.x), stop = min(end, along * cut_mm.y);
+        total *= extent.y > 0.0 ? clamp((stop - start) / extent.y, 0.0, 1.0) : float(start <= stop);
         if (total <= 0.0) continue;
         float clear = min(fog_clear(start + (stop - start) * mean_position(total)), lit);
-        white += through * (lit - clear);
+        fogged += made.through * (lit - clear);
         lit = clear;
 #endif
         // 1 - exp(-total) loses all precision in faint layers.
         float faint = total * (1.0 - total * (0.5 - total * (1.0 / 6.0 - total / 24.0)));
-        float seen = through * (total < 0.1 ? faint : 1.0 - exp(-total));
-        through -= seen;
+        float seen = made.through * (total < 0.1 ? faint : 1.0 - exp(-total));
+        made.through -= seen;
 #if DEPTH
         seen *= clear;
 #endif
-        float part = seen / own;
-        for (int g = 0; g < GROUPS; ++g) {
-            float gloss = number[MATERIALS * (GROUPS + 1) + g], share = part;
-#if CODED
-            gloss *= gloss_code * gloss;
-            share *= shade_code;
+        vec4 shade = texelFetch(layers, ivec3(pixel, slice + 1 + g), 0);
+#if MATERIALS == 4
+        vec4 highlights = texelFetch(layers, ivec3(pixel, slice + 1 + GROUPS + g / 4), 0);
+        float gloss = dot(highlights, vec4(equal(ivec4(g % 4), ivec4(0, 1, 2, 3))));
+#else
+        float gloss = shade[MATERIALS];
 #endif
-            for (int k = 0; k < MATERIALS; ++k) {
-                made[g * (MATERIALS + 1) + k] += share * number[k] * number[MATERIALS * (g + 1) + k];
-            }
-            made[g * (MATERIALS + 1) + MATERIALS] += seen * gloss;
-        }
+#if CODED
+        gloss *= gloss_code * gloss;
+        shade *= shade_code;
+#endif
+        made.channels += seen / own * tau * shade;
+        made.white += seen * gloss;
     }
 #if DEPTH
-    float end = fog_clear(along * cut_mm.y);
-    white += through * (lit - end);
-    through *= end;
-    for (int g = 0; g < GROUPS; ++g) made[g * (MATERIALS + 1) + MATERIALS] += fog_light[g] * white;
+    float left = fog_clear(along * cut_mm.y);
+    fogged += made.through * (lit - left);
+    made.through *= left;
+    made.white += fog_light[g] * fogged;
 #endif
-    made[CHANNELS] = 1.0 - through;
-    vec4 drawn[SLICES_DRAWN];
-    for (int j = 0; j < SLICES_DRAWN; ++j) {
-        int slice = FIRST_SLICE + j, i = 4 * slice;
-        vec4 now = vec4(made[i], made[i + 1], made[i + 2], made[i + 3]);
-        vec4 own = texelFetch(base, ivec3(pixel, slice), 0);
+    return made;
+}
+
+// Channel n of the groups `made`; opacity follows, and then 0. Constant indices, as above.
+#define GROUP(n) made[min((n) / (MATERIALS + 1), GROUPS - 1)]
+#define CHANNEL(n) ((n) > CHANNELS ? 0.0 : (n) == CHANNELS ? 1.0 - made[0].through \
+    : (n) % (MATERIALS + 1) == MATERIALS ? GROUP(n).white \
+    : GROUP(n).channels[min((n) % (MATERIALS + 1), 3)])
 #if DIFFERENCE
-        drawn[j] = own - now;
+#define RESULT(own, now, n) own - now
 #else
-        drawn[j] = max(now + fade * own, 0.0);
-        if (slice == CHANNELS / 4) drawn[j][CHANNELS % 4] = min(drawn[j][CHANNELS % 4], 1.0);
+// Opacity is at most 1.
+#define RESULT(own, now, n) \
+    clamp(now + fade * own, 0.0, (n) == CHANNELS ? 1.0 : 3.0e38)
 #endif
-    }
-    // `300 es` takes only constant indices of outputs.
-    recomposed[0] = drawn[0];
+#define DRAW(j) { \
+    vec4 own = texelFetch(base, ivec3(pixel, FIRST_SLICE + j), 0); \
+    const int n = 4 * (FIRST_SLICE + j); \
+    recomposed[j] = vec4( \
+        RESULT(own.x, CHANNEL(n), n), RESULT(own.y, CHANNEL(n + 1), n + 1), \
+        RESULT(own.z, CHANNEL(n + 2), n + 2), RESULT(own.w, CHANNEL(n + 3), n + 3)); \
+}
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    Group made[GROUPS];
+    made[0] = group(pixel, 0);
+    for (int g = 1; g < GROUPS; ++g) made[g] = group(pixel, g);
+    DRAW(0)
 #if SLICES_DRAWN > 1
-    recomposed[1] = drawn[1];
+    DRAW(1)
 #endif
 #if SLICES_DRAWN > 2
-    recomposed[2] = drawn[2];
+    DRAW(2)
 #endif
 #if SLICES_DRAWN > 3
-    recomposed[3] = drawn[3];
+    DRAW(3)
 #endif
 }

@@ -68,9 +68,14 @@ def saved_picture(page: Any) -> NDArray[np.uint8]:
 
 def mean_difference(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
     """Return the mean CIEDE2000 of two frames."""
+    return float(differences(one, other).mean())
+
+
+def differences(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Return the CIEDE2000 of two frames' pixels."""
     assert one.shape == other.shape
     Lab = [
         cielab(sRGB_CURVE.decode(each / 255.0) @ spaces.XYZ_FROM_sRGB.T, spaces.sRGB_WHITE_XYZ)
         for each in (one, other)
     ]
-    return float(delta_E_2000(*Lab).mean())
+    return np.asarray(delta_E_2000(*Lab))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tests.support.viewer import opened, take_until, wait_until
 from tests.support.window import Robot, along, missing, small_engine
 from volspec.basis import MaterialBasis
-from volspec.pipeline import relight
+from volspec.pipeline import Raycaster, relight
 from volspec.raycast import CoefficientImage
 from volspec.raycast.pace import WHOLE, Pass
 from volspec.viewer.model import camera, opacities
@@ -38,7 +38,9 @@ LAYERED = Pass(1, layers=8)
 @pytest.fixture
 def ball(tmp_path: Path) -> ViewState:
     """The state of a scene whose materials are its channels."""
-    first = replace(opened(tmp_path), size=SIZE)
+    state = opened(tmp_path)
+    document = replace(state.document, caster=Raycaster(state.document.volume))
+    first = replace(state, document=document, size=SIZE)
     return opacities.set_opacity(opacities.set_opacity(first, "copper", 0.5), "copper", 1.0)
 
 
@@ -142,6 +144,56 @@ def test_layers_follow_when_nothing_moves_and_once(ball: ViewState) -> None:
     scheduler.close()
 
 
+def test_a_turned_view_is_first_shown_by_the_layers(ball: ViewState) -> None:
+    faded = opacities.set_opacity(ball, "grey", 0.4)
+    scheduler = CastScheduler(lambda: None)
+    taken: list[CastDone] = []
+
+    def rest() -> list[Pass]:
+        taken.clear()
+        wait_until(lambda: taken.extend(scheduler.take()) or not scheduler._worker.busy)
+        assert all(done.error == "" for done in taken)
+        return [done.made for done in taken if done.image is not None]
+
+    scheduler.change(faded, 0.0, held=False)
+    scheduler.layers_wanted = True
+    rest()
+    scheduler.tick(9.0, held=False)
+    assert [made.layers for made in rest()] == [8]
+    near = camera.orbit(faded, 0.02, 0.0)
+    scheduler.change(near, 10.0, held=True, turned=True)
+    assert rest() == [Pass(1, "none")]
+    (shown,) = taken
+    assert shown.image is not None and shown.image.camera == shown.job.camera
+    (exact,) = casts(near, WHOLE)
+    assert exact.image is not None
+    off = np.abs(shown.image.coefficients - exact.image.coefficients)
+    assert off.mean() < 0.01
+    scheduler.tick(11.0, held=True)  # it rests
+    assert WHOLE in rest()
+    far = camera.orbit(faded, 0.5, 0.0)
+    scheduler.change(far, 12.0, held=True, turned=True)
+    assert "none" not in [made.steps for made in rest()]
+    # Anything else but the view ends it.
+    scheduler.change(opacities.reset(near), 13.0, held=False)
+    scheduler.change(near, 14.0, held=False, turned=True)
+    assert "none" not in [made.steps for made in rest()]
+    scheduler.close()
+
+
+def test_near_is_an_angle_and_a_distance(ball: ViewState) -> None:
+    (layered,) = casts(ball, LAYERED)
+    nearby = layered.nearby
+    assert nearby is not None
+    own = layered.job.camera
+    assert nearby.shows(own)
+    towards = np.subtract(own.position_mm, own.target_mm)
+    for ratio, near in ((1.2, True), (1.5, False), (0.6, False)):
+        x, y, z = (np.asarray(own.target_mm) + ratio * towards).tolist()
+        assert nearby.shows(replace(own, position_mm=(x, y, z))) == near
+    assert not nearby.shows(replace(own, fov_deg=own.fov_deg + 1))
+
+
 @pytest.fixture
 def screen(context: Any) -> Iterator[Screen]:
     shown = Screen(context, lambda: None, Meter(Trace()), Notice())
@@ -194,6 +246,13 @@ def test_a_cast_with_the_same_opacities_stays_until_they_change(
     screen.take(plain, faded)
     exact = drawn(screen, faded)
     screen.take(layered, faded)
+    assert screen.loading  # a step at each tick
+    np.testing.assert_array_equal(drawn(screen, faded), exact)
+    steps = 0
+    while screen.loading:
+        screen.tick(faded, 0.0, held=True)
+        steps += 1
+    assert steps > 3 and screen.recomposes()
     np.testing.assert_array_equal(drawn(screen, faded), exact)
     assert layered.image is not None
     more = opacities.set_opacity(ball, "grey", 0.2)

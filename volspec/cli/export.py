@@ -17,6 +17,7 @@ from volspec.cli.arguments import (
     Lights,
     Size,
     read_image_setting,
+    read_opacities,
     read_setting,
     require_image,
     sides,
@@ -262,6 +263,7 @@ def page(
     quality: QualityOption = None,
     memory: Memory = None,
     bits: Annotated[int, Parameter(converter=as_written, validator=_check_bits)] = 8,
+    layers: _Whole = None,
     title: str | None = None,
     caption: str = "",
     device: Device = None,
@@ -278,6 +280,8 @@ def page(
 
     Example: `volspec page head.nii.gz -o head.html --preset skin`
 
+    Example: `volspec page head.toml --layers 8 -o head.html`
+
     Parameters
     ----------
     output
@@ -293,12 +297,15 @@ def page(
         WIDTHxHEIGHT in pixels, instead of the scene's.
     bits
         Bits per channel, 8 to 12: 8 is off by CIEDE2000 0.3, 12 by 0.03 at over twice the size.
+    layers
+        Layers of opacity, 1 to 16 (8 do), for a slider of opacity per material; the basis must be
+        of materials, up to four, and the page of a single view.
     title
         Title, instead of the scene's.
     caption
         A few words below the title.
     """
-    from volspec.export.page import PageSpec, PageView, scene_views, write_page
+    from volspec.export.page import PageSpec, PageView, layers_size, scene_views, write_page
     from volspec.pipeline import GAPS
 
     found = jobs(inputs, output, "pages", ".html", ".htm", series=play)
@@ -309,6 +316,9 @@ def page(
         remedy = "give its scene: volspec page SCENE.toml -o PAGE.html; or " + RELIGHT
         scene, volume = open_scene(job.address, preset, light, camera, image=remedy, memory=memory)
         scene = with_quality(scene, quality)
+        if layers is not None:
+            with in_options({"layers": "--layers"}):
+                scene = scene.casting(layers=layers)
         tell("load the scene", 1)
         lights = _page_lights(scene, volume, light or [], job.address)
         series = scene.series() if play else None
@@ -316,11 +326,20 @@ def page(
             raise InputError(
                 f"--play: {job.address} has one time step; leave it out", code="conflict"
             )
+        shown = scene.file.output
+        pixels = sides(size) if size else (shown.width, shown.height)
+        if layers and (count := views * (len(series) if series else 1)) > 1:
+            raise InputError(
+                f"--layers {layers}: a page of {count} pictures would have some "
+                f"{layers_size(count, layers, pixels)} of layers; leave it out, or write a single "
+                "picture",
+                code="conflict",
+            )
         cast = scene_views(
             scene,
             views,
             series=series,
-            size=sides(size) if size else None,
+            size=pixels,
             device=device,
             progress=lambda share: tell("cast", share),
             volume=volume,
@@ -328,15 +347,20 @@ def page(
         name = title or scene.file.title or Path(job.address).stem
         spec = PageSpec(name, caption, bits, scene.file.volume.fps)
 
+        layered: list[str] = []
+
         def watched() -> Iterator[PageView]:
             for view in cast:
                 if GAPS in view.image.notes:
                     incomplete.append(job.address)
+                if (opacity := view.image.opacity_layers) is not None:
+                    layered.append(f", {opacity.count} layers of opacity")
                 yield view
 
         count = write_page(job.output, watched(), lights, scene.relight, spec)
         many = f", {views} views" if views > 1 else ""
         many += f", {len(series)} time steps" if series else ""
+        many += "".join(layered)
         lit = counted(len(lights), "light")
         return f"{job.output}: {count / 1e6:.2f} MB, {lit}{many}; open it in a browser"
 
@@ -469,19 +493,24 @@ def compositing(
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     light: Lights = None,
     mode: str | None = None,
+    opacity: Annotated[list[str] | None, Parameter(negative="")] = None,
+    deep: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Relight a stored image in a compositor: Blender, Nuke or another.
 
     `volspec render` writes the lights of the scene into the header of an image, as sums of its
     channels. From these, `-o FILE.py` makes a script that builds the lights as nodes in Blender
     (`blender --python FILE.py`), and `-o FILE.nk` a group to paste into Nuke, with a knob for each
-    light. `-o FILE.exr` writes the image again with other lights.
+    light. `-o FILE.exr` writes the image again with other lights or opacities; with `--deep`, as
+    deep samples, for holdouts and merges by depth.
 
     Example: `volspec compositing engine.exr -o engine.py`
 
     Example: `volspec compositing engine.exr -o engine.nk`
 
     Example: `volspec compositing engine.exr --light D65 --light "key=A; sky=D65*0.3" -o new.exr`
+
+    Example: `volspec compositing engine.exr --deep --opacity block=0.3 -o deep.exr`
 
     Parameters
     ----------
@@ -493,10 +522,16 @@ def compositing(
         For `-o FILE.exr`: as for `volspec relight`; the first lights the preview. Repeatable.
     mode
         For `-o FILE.exr`: fitted, componentwise, exact or linear-model. Default: the scene's.
+    opacity
+        For `-o FILE.exr`: MATERIAL=SCALE, as for `volspec relight`. Repeatable.
+    deep
+        Write a deep OpenEXR file: each layer of an image that was cast with `--layers` is a sample.
+        The first light lights R, G and B.
     """
     from dataclasses import replace
 
     from volspec.export.compositing import Recipe, save_for_compositors
+    from volspec.export.deep import save_deep
     from volspec.export.recipes import SUFFIXES, write_recipe
     from volspec.raycast import CoefficientImage
     from volspec.scene import stored_relight_spec
@@ -509,25 +544,35 @@ def compositing(
         )
     require_writable(output)
     if suffix in SUFFIXES:
-        if light or mode:
+        if light or mode or opacity or deep:
             raise ImageError(
-                f"{output}: has the lights of {image}, so --light and --mode do not apply; make an "
-                "-o NEW.exr with them first"
+                f"{output}: has the lights of {image}, so --light, --mode, --opacity and --deep do "
+                "not apply; make an -o NEW.exr with them first"
             )
         write_recipe(output, image)
     else:
-        if not light:
+        if not (light or opacity or deep):
             raise ImageError(f"{output}: no lights for its header; add --light, such as D65")
+        if mode and not light:
+            raise ImageError(f"{output}: --mode is of lights; add --light, such as D65")
+        light = light or []
         if twice := [text for text in dict.fromkeys(light) if light.count(text) > 1]:
             raise InputError(
                 f"--light: {twice[0]!r} is given twice; give it once", code="duplicate"
             )
-        stored = CoefficientImage.load(image)
+        stored, scales = CoefficientImage.load(image), read_opacities(opacity or ())
         spec = stored_relight_spec(stored)
         with in_options():
             changes: dict[str, Any] = {} if mode is None else {"mode": mode}
             spec = replace(spec, **changes)
         lamps = {text: read_image_setting(image, text, stored) for text in light}
-        recipe = Recipe.of(stored.basis, stored.groups, lamps, spec)
-        save_for_compositors(stored, output, recipe)
+        recipe = (
+            Recipe.of(stored.basis, stored.groups, lamps, spec) if lamps else Recipe.load(image)
+        )
+        with in_options():
+            if deep:
+                counts = save_deep(stored, output, recipe, scales).counts
+                say(f"{output}: {counts.sum()} samples in {(counts > 0).sum()} pixels")
+                return
+            save_for_compositors(stored.recompose(scales) if scales else stored, output, recipe)
     say(output)

@@ -8,7 +8,7 @@ Layers are uploaded once, as half floats; a change of opacities is a draw (shade
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
@@ -29,17 +29,33 @@ if TYPE_CHECKING:
 _GLSL = "330 core"
 # Targets of one draw; every device has at least four.
 _MOST_TARGETS = 4
+# Slices of layers that are uploaded at once.
+_SLICES_A_STEP = 8
 _LAYERS_UNIT, _BASE_UNIT = 5, 6
 # Farther than any layer.
 _FAR_MM = 1e30
+
+
+def layer_slots(materials: int, groups: int) -> tuple[list[int], int]:
+    """Return the places of a layer's numbers in the shader's texels, four to each, and the texels.
+
+    Numbers are the depths, the shades group by group, and the highlights.
+    """
+    slots = list(range(materials))
+    slots += [4 * (1 + g) + k for g in range(groups) for k in range(materials)]
+    if materials < 4:
+        slots += [4 * (1 + g) + materials for g in range(groups)]
+    else:
+        slots += [4 * (1 + groups) + g for g in range(groups)]
+    return slots, 1 + max(slots) // 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PackedOpacity:
     """Layers of opacity in the shader's layout: packed on one thread, uploaded on another.
 
-    ``texels`` (L·TEXELS, H, W, 4) are float16; every layer has L numbers, four to a texel.
-    ``nearest_mm`` is the distance from which extents count; None without.
+    ``texels`` (L·TEXELS, H, W, 4) are float16. ``nearest_mm`` is the distance from which extents,
+    the last texel of a layer, count; None without.
     """
 
     texels: NDArray[np.float16]
@@ -55,6 +71,7 @@ class PackedOpacity:
         planes = [layers.tau[..., k] for k in range(materials)]
         planes += [layers.shade[..., g, k] for g in range(layers.groups) for k in range(materials)]
         planes += [layers.gloss[..., g] for g in range(layers.groups)]
+        slots, each = layer_slots(materials, layers.groups)
         nearest = None
         if depth:
             tau = layers.tau.astype(np.float32).sum(axis=3).reshape(-1, count)
@@ -63,9 +80,9 @@ class PackedOpacity:
             nearest = float(begin[used].min()) if used.any() else 0.0
             begin = np.where(used, begin - nearest, 0)
             planes += [plane.reshape(height, width, count) for plane in (begin, wide)]
-        each = -(-len(planes) // 4)
+            slots, each = [*slots, 4 * each, 4 * each + 1], each + 1
         texels = np.zeros((count, each, height, width, 4), np.float16)
-        for i, plane in enumerate(planes):
+        for i, plane in zip(slots, planes, strict=True):
             # (H, W, L) planes, layer by layer.
             texels[:, i // 4, :, :, i % 4] = np.moveaxis(plane, 2, 0)
         flat = texels.reshape(count * each, height, width, 4)
@@ -139,10 +156,15 @@ class Recomposer:
         """Return True if `load` takes these layers."""
         return packed.constants() == self._constants
 
-    def load(self, packed: PackedOpacity, base: Any) -> None:
-        """Upload layers of the picture in the texture ``base``."""
-        self._layers.write(packed.texels)
+    def load(self, packed: PackedOpacity, base: Any) -> Iterator[None]:
+        """Upload layers of the picture in the texture ``base``, step by step."""
         self._nearest_mm = packed.nearest_mm or 0.0
+        count = len(packed.texels)
+        size = self._size
+        for first in range(0, count, _SLICES_A_STEP):
+            part = packed.texels[first : first + _SLICES_A_STEP]
+            self._layers.write(part, viewport=(0, 0, first, *size, len(part)))
+            yield
         self._draw(base, self._difference, [1.0] * packed.materials, 0.0, difference=True)
 
     @property

@@ -8,7 +8,7 @@ Uses OpenGL if a context can be made, else NumPy with a warning.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sized
+from collections.abc import Callable, Iterator, Mapping, Sized
 from dataclasses import replace
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -372,8 +372,7 @@ class Relighter:
         scales : {material: scale}
             As in `CoefficientImage.recompose`; 1 for those that are left out.
         packed : PackedOpacity, optional
-            The image's layers, packed beforehand on another thread; uploaded now, also if all
-            scales are 1.
+            The image's layers, packed beforehand on another thread.
         depth : DepthEffects, optional
             Fog and cuts, drawn by the device; a focus is made on the host.
 
@@ -400,6 +399,15 @@ class Relighter:
             self._opacities, self._depth = before
             raise
 
+    def load_opacities(self, packed: PackedOpacity) -> Iterator[None]:
+        """Upload the image's layers before `set_opacities` does, in steps of few milliseconds.
+
+        Errors as `set_opacities`.
+        """
+        self._require_open()
+        if isinstance(self._engine, GLEngine):
+            yield from self._engine.load_opacity(packed)
+
     def _put_opacities(
         self, engine: GLEngine | CpuEngine, packed: PackedOpacity | None = None
     ) -> None:
@@ -411,16 +419,14 @@ class Relighter:
         if self._is_uploaded:
             engine.upload(*float32_arrays(self._image))
             self._is_uploaded = False
-        edited = deep or any(scale != 1 for scale in factors)
-        if edited or engine.has_opacity or packed is not None:
+        if deep or any(scale != 1 for scale in factors) or engine.has_opacity:
             layers = self._image.opacity_layers
             assert layers is not None
-            if deep and not engine.has_extents:
-                if packed is None or packed.nearest_mm is None:
-                    packed = PackedOpacity.of(layers, depth=True)
-                engine.load_opacity(packed)
-            elif not engine.has_opacity:
-                engine.load_opacity(packed or PackedOpacity.of(layers))
+            if not (engine.has_extents if deep else engine.has_opacity):
+                if packed is None or (deep and packed.nearest_mm is None):
+                    packed = PackedOpacity.of(layers, deep)
+                for _ in engine.load_opacity(packed):
+                    pass
             engine.recompose(factors, depth_uniforms(self._depth, self._image) if deep else None)
 
     def _shown(self) -> CoefficientImage:

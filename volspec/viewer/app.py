@@ -199,7 +199,10 @@ class _App:
         if self._settle > 0:
             return 0.0
         now = time.perf_counter()
-        longest = min(_BUSY_S if self._scheduler.busy else _IDLE_S, self._steps.patience(now))
+        longest = min(
+            _BUSY_S if self._scheduler.busy or self._screen.loading else _IDLE_S,
+            self._steps.patience(now),
+        )
         rest = longest if self._still is None else max(self._still - now, 0.0)
         return min(rest, longest)
 
@@ -512,7 +515,8 @@ class _App:
         if recomposes:
             self._scheduler.follow(change.new)
         elif change.stage in ("cast", "recompose"):
-            self._scheduler.change(change.new, now, self._moves, self._steps.playing)
+            playing = self._steps.playing
+            self._scheduler.change(change.new, now, self._moves, playing, change.turns)
             self._screen.whole = False
             self._screen.forget_layers()
         if change.relights or recomposes:

@@ -2,7 +2,7 @@
 //
 //     traits of widget.py <-> [host] <-> port <-> web/widget.js, inside the frame
 
-const SETTINGS = ['weights', 'viewing', 'mode', 'backdrop', 'level', 'probe', '_room'];
+const SETTINGS = ['weights', 'viewing', 'mode', 'backdrop', 'level', 'probe', 'opacities', '_room'];
 
 // JupyterLab's theme, light or dark, for the page; elsewhere the system's theme is used.
 const scheme = () => ({ true: 'light', false: 'dark' })[document.body.dataset.jpThemeLight];

@@ -23,6 +23,7 @@ import traitlets
 
 from volspec.appearance import Viewing
 from volspec.appearance.surround import is_finite
+from volspec.basis import MaterialBasis
 from volspec.errors import ImageError, ViewingError, nearest
 from volspec.export.notebook.settings import (
     checked_viewing,
@@ -42,7 +43,7 @@ from volspec.scene.lights import NamedLight
 from volspec.spectra import Spectrum
 
 _HEIGHT = "600px"
-_SETTINGS = ("image", "weights", "viewing", "mode", "backdrop", "level", "probe")
+_SETTINGS = ("image", "weights", "viewing", "mode", "backdrop", "level", "probe", "opacities")
 
 
 class _Checked(traitlets.TraitType):
@@ -79,6 +80,9 @@ class RelightWidget(anywidget.AnyWidget):
         Reflectance, 0 to 1.
     probe : (x, y) or None
         Pixel that is read; row 0 is the top.
+    opacities : {material: float}
+        Scales of the materials' optical depths, as of `CoefficientImage.recompose`; 1 for those
+        that an assignment leaves out. Empty if the image was cast without layers of opacity.
     probed : volspec.export.notebook.settings.PixelReading or None
         Colour of the pixel; None if no pixel is read or every light is off. Read-only.
 
@@ -108,6 +112,14 @@ class RelightWidget(anywidget.AnyWidget):
     backdrop = _Checked().tag(sync=True)
     level = _Checked().tag(sync=True)
     probe = _Checked(default_value=None).tag(sync=True)
+    opacities = _Checked(default_value=MappingProxyType({})).tag(
+        sync=True,
+        to_json=lambda opacities, _: dict(opacities),
+        # A page may still be of the image before.
+        from_json=lambda values, widget: {
+            name: scale for name, scale in values.items() if name in widget.opacities
+        },
+    )
     probed = traitlets.Any(read_only=True, default_value=None)
 
     def __init__(
@@ -115,6 +127,8 @@ class RelightWidget(anywidget.AnyWidget):
     ) -> None:
         self._lights = tuple(lights)
         self._initial = relight_spec
+        # The last recomposed image, with what it is of.
+        self._scaled: tuple[CoefficientImage, Mapping[str, float], CoefficientImage] | None = None
         super().__init__(
             image=image,
             weights={self._names[0]: 1.0},
@@ -162,7 +176,7 @@ class RelightWidget(anywidget.AnyWidget):
         rig, (width, height) = self.rig, self.image.size
         if rig is None:
             return np.zeros((height, width, 3), pixel_type(dtype))
-        return relight(self.image, rig, self.relight_spec, dtype)
+        return relight(self._scaled_image(), rig, self.relight_spec, dtype)
 
     def __repr__(self) -> str:
         width, height = self.image.size
@@ -184,7 +198,13 @@ class RelightWidget(anywidget.AnyWidget):
 
     @traitlets.observe("image")
     def _update_page(self, _: object) -> None:
-        """Build a page for a new picture; settings are kept."""
+        """Build a page for a new picture; settings are kept, if they fit it."""
+        known = _materials(self.image)
+        kept = {name: scale for name, scale in self.opacities.items() if name in known}
+        try:
+            self.opacities = kept
+        except ImageError:  # a material has no opacity in this cast
+            self.opacities = {}
         title = self.image.notes.get("scene") or PageSpec().title
         self._page = page_html([PageView(self.image)], self._lights, self._initial, PageSpec(title))
 
@@ -200,8 +220,18 @@ class RelightWidget(anywidget.AnyWidget):
             return
         rig, found = self.rig, None
         if self.probe is not None and rig is not None:
-            found = read_pixel(self.image, rig, self.relight_spec, self.probe)
+            found = read_pixel(self._scaled_image(), rig, self.relight_spec, self.probe)
         self.set_trait("probed", found)
+
+    def _scaled_image(self) -> CoefficientImage:
+        """Return the image with the present opacities."""
+        image, opacities = self.image, self.opacities
+        if all(scale == 1 for scale in opacities.values()):
+            return image
+        last = self._scaled
+        if last is None or last[0] is not image or last[1] != opacities:
+            last = self._scaled = image, opacities, image.recompose(opacities)
+        return last[2]
 
     def _checked_image(self, image: object) -> CoefficientImage:
         if not isinstance(image, CoefficientImage):
@@ -230,6 +260,13 @@ class RelightWidget(anywidget.AnyWidget):
 
     def _checked_viewing(self, viewing: object) -> Viewing:
         return checked_viewing(viewing)
+
+    def _checked_opacities(self, opacities: Any) -> Mapping[str, float]:
+        names = _materials(self.image)
+        if names or opacities:
+            scales = self.image.opacity_scales(opacities)
+            opacities = dict(zip(names, scales, strict=True))
+        return MappingProxyType(dict(opacities))
 
     def _checked_mode(self, mode: Any) -> str:
         return RelightSpec(mode=mode).mode
@@ -264,6 +301,13 @@ class RelightWidget(anywidget.AnyWidget):
                 "notebook.probe", probe, f"give (x, y) within {width}x{height}, or None", "range"
             )
         return int(probe[0]), int(probe[1])
+
+
+def _materials(image: CoefficientImage) -> tuple[str, ...]:
+    """Return the materials whose opacity an image can scale."""
+    if image.opacity_layers is None or not isinstance(image.basis, MaterialBasis):
+        return ()
+    return tuple(image.basis.materials)
 
 
 def _inside(pixel: Sequence[Any], image: CoefficientImage) -> bool:

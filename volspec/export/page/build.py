@@ -109,9 +109,9 @@ class PageView:
     step: int = 0
 
 
-def layers_size(count: int, size: tuple[int, int]) -> float:
-    """Estimate the bytes of a picture's layers of opacity in a page, of three materials."""
-    return _BYTES_PER_LAYER * count * size[0] * size[1]
+def layers_size(pictures: int, layers: int, size: tuple[int, int]) -> str:
+    """Estimate what layers of opacity take in a page, of three materials, as text."""
+    return _megabytes(_BYTES_PER_LAYER * pictures * layers * size[0] * size[1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,7 +234,7 @@ def page_html(
             "there is no view", "give at least one", code="missing", field="page.views"
         )
     if opacity and len(packed_views) > 1:
-        _warn_without_layers(len(packed_views), len(opacity.text))
+        _warn_without_layers(len(packed_views), _megabytes(len(packed_views) * len(opacity.text)))
         opacity = None
     if opacity:
         blocks.append(f'<script type="text/plain" id="layers">{opacity.text}</script>')
@@ -313,7 +313,7 @@ def scene_views(
     cameras = turntable_cameras(scene, volume, Turntable(frames=count))
     total = count * steps
     if total > 1 and scene.raycast.layers:
-        _warn_without_layers(total, layers_size(scene.raycast.layers, pixels))
+        _warn_without_layers(total, layers_size(total, scene.raycast.layers, pixels))
     for step in range(steps):
         shown = Raycaster(series[step], like=own) if series else own
         for i, camera in enumerate(cameras):
@@ -385,10 +385,14 @@ def _packed_layers(image: CoefficientImage) -> PackedLayers | None:
     return pack_layers(image.opacity_layers)
 
 
-def _warn_without_layers(pictures: int, each: float) -> None:
+def _megabytes(count: float) -> str:
+    return f"{count / 1e6:.0f} MB" if count > 2e6 else f"{count / 1e6:.1f} MB"
+
+
+def _warn_without_layers(pictures: int, size: str) -> None:
     warnings.warn(
-        f"page: {pictures} pictures are without layers of opacity, which would take some "
-        f"{pictures * each / 1e6:.0f} MB; only a page of a single picture has them",
+        f"page: {pictures} pictures are without layers of opacity, which would take some {size}; "
+        "only a page of a single picture has them",
         VolspecWarning,
         stacklevel=3,
     )

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from volspec.raycast import CoefficientImage
 from volspec.raycast.layered import OpacityLayers
 from volspec.relight.layers import clamp_finite
+from volspec.relight.recompose import layer_slots
 
 Codes = NDArray[np.integer[Any]]
 
@@ -90,27 +91,24 @@ class PackedLayers:
         """The data in base64."""
         return base64.b64encode(self.data).decode("ascii")
 
-    @property
-    def planes(self) -> int:
-        """Numbers of a layer."""
-        return _planes(len(self.present), self.groups)
-
     def constants(self) -> dict[str, float]:
         """Return the constants compiled into shaders/recompose.frag."""
         return {
             "COUNT": self.count,
             "MATERIALS": len(self.present),
             "GROUPS": self.groups,
-            "TEXELS": -(-self.planes // 4),
+            "TEXELS": layer_slots(len(self.present), self.groups)[1],
             "CODED": 1,
             "TAU_CODE": self.tau,
         }
 
     def numbers(self) -> dict[str, Any]:
         """Return what unpacking takes besides the data, for JSON."""
+        slots, texels = layer_slots(len(self.present), self.groups)
         return {
             "count": self.count,
-            "planes": self.planes,
+            "slots": slots,
+            "texels": texels,
             "present": self.present,
             "shade": self.shade,
             "gloss": self.gloss,
@@ -120,12 +118,7 @@ class PackedLayers:
 def layer_bytes(layers: OpacityLayers) -> int:
     """Return the bytes of a page's texture of layers."""
     height, width, count, materials = layers.tau.shape
-    return 4 * height * width * count * -(-_planes(materials, layers.groups) // 4)
-
-
-def _planes(materials: int, groups: int) -> int:
-    """Return how many numbers a layer has: depths, shades by group, highlights."""
-    return materials * (1 + groups) + groups
+    return 4 * height * width * count * layer_slots(materials, layers.groups)[1]
 
 
 def pack_layers(layers: OpacityLayers) -> PackedLayers:

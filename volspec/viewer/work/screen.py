@@ -211,6 +211,7 @@ _ESTIMATED, VISIBLE = 20_000, 0.5
 _TABLE_S = 60.0
 _DARK = "No light is on; turn one on in the Lights panel"
 _NOTHING = "Nothing is visible: opacity is 0 everywhere in view, or the view misses the volume"
+_ENDED = object()
 Area = tuple[int, int, int, int]
 # A picture's layers and the scales of its opacities.
 Recomposed = tuple[OpacityLayers, dict[str, float]]
@@ -239,6 +240,7 @@ class Screen:
         # The picture recomposed with them, to be read, and the one that was asked for.
         self._recomposed: tuple[Recomposed, CoefficientImage] | None = None
         self._asked_for: Recomposed | None = None
+        self._loading: Iterator[None] | None = None  # of layers
         self._recomposing = Tasks(wake)
         self.visibly_off = False  # a cast with these opacities would look different
         self._blank = False  # nothing is visible in it
@@ -258,7 +260,7 @@ class Screen:
     def busy(self) -> bool:
         """True while tables, an error map, a room or a picture to be read are computed."""
         services = self._tabling, self._error_map, self._painting, self._recomposing
-        return any(each.busy for each in services)
+        return self.loading or any(each.busy for each in services)
 
     @property
     def ready(self) -> bool:
@@ -268,6 +270,8 @@ class Screen:
     def take(self, done: CastDone, state: ViewState | None, newest: bool = True) -> None:
         """Take a pass of a cast that has ended, of the ``newest`` request or an earlier one."""
         how = "cancel" if done.image is None else "cast"
+        if done.made.steps == "none":
+            how = "reproject"
         divisor, steps = done.made.divisor, done.made.steps
         size = [-(-side // divisor) for side in done.job.size]
         if done.error:
@@ -277,17 +281,20 @@ class Screen:
                 # The picture that is shown belongs to another document.
                 self.fault = one_line(done.error)
                 self._cast = self.image = None
-        self._notice.trace.note(how, "cast", done.ms, divisor=divisor, steps=steps, size=size)
+        stage = "reproject" if how == "reproject" else "cast"
+        self._notice.trace.note(how, stage, done.ms, divisor=divisor, steps=steps, size=size)
         if done.image is None or state is None or not done.job.document.is_of(state.document):
             return
         layered = newest and done.image.opacity_layers is not None
         try:
             wanted = opacity_scales(state)
             if layered:
-                self.pictures.take_layers(done.image, done.packed, done.opacity)
-                self._layered = replace(done, packed=None, opacity=None)
-                if self.whole and wanted and self._scales == wanted:
+                layers = self._layers(done)
+                if self.whole and self._scales == wanted:
+                    self._loading = layers
                     return  # the picture is a cast with these opacities
+                for _ in layers:
+                    pass
                 self.pictures.recompose(wanted)
             else:
                 self.pictures.show(done.image, done.packed)
@@ -299,22 +306,46 @@ class Screen:
         self._scales = wanted if layered else dict(done.job.shading.opacities)
         self._walls, self._wanted = done.walls, None
         self.mark_stale()
-        self.image, self.whole = done.image, divisor == 1
+        self.image, self.whole = done.image, divisor == 1 and stage == "cast"
         self._blank = not done.image.alpha.any()
-        self._meter.ms["cast"] = done.ms
+        self._meter.ms[stage] = done.ms
 
     @property
     def document(self) -> Document | None:
         """The document, at its time step, of the picture; None without one."""
         return None if self._cast is None else self._cast.job.document
 
+    def _layers(self, done: CastDone) -> Iterator[None]:
+        """Upload a picture's layers, step by step; then it has them."""
+        assert done.image is not None
+        yield from self.pictures.take_layers(done.image, done.packed, done.opacity)
+        self._layered = replace(done, packed=None, opacity=None)
+
+    def _load(self) -> None:
+        """Do a step of an upload of layers."""
+        if self._loading is None:
+            return
+        try:
+            if next(self._loading, _ENDED) is _ENDED:
+                self._loading = None
+        except VolspecError as error:
+            self._loading = None
+            self._notice.show(one_line(error), kind="error")
+
+    @property
+    def loading(self) -> bool:
+        """True while layers are uploaded, a step at each `tick`."""
+        return self._loading is not None
+
     def recomposes(self) -> bool:
-        """Return True if other opacities are shown without a cast."""
+        """Return True if other opacities are shown without a cast; ends an upload of layers."""
+        while self._loading is not None:
+            self._load()
         return self._layered is not None
 
     def forget_layers(self) -> None:
         """Recompose no more: a change needs a cast."""
-        self._layered = None
+        self._layered = self._loading = None
 
     def _recompose(self, state: ViewState) -> None:
         """Show the picture with the state's opacities, if it has layers."""
@@ -448,6 +479,7 @@ class Screen:
 
     def tick(self, state: ViewState, now: float, held: bool) -> None:
         """Solve the room, paint the whole picture, and read opacities, once it rests."""
+        self._load()
         if not held:
             self._read_opacities(state)
         room, walls = state.room, self._walls

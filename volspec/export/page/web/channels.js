@@ -121,19 +121,19 @@ async function texelsOf(deflated, view, channels) {
 // Codes of layers of opacity as shaders/recompose.frag reads them: RGBA texels, slice by slice.
 //
 // Inverse of `pack_layers` in volspec/export/page/packing.py: a plane is each number in each layer.
-async function layersOf(deflated, { count, planes }, { width, height }) {
-  const bytes = await inflated(deflated), pixels = width * height, each = Math.ceil(planes / 4);
-  if (bytes.length !== pixels * count * planes) throw new Error('the layers are cut off');
+async function layersOf(deflated, { count, slots, texels: each }, { width, height }) {
+  const bytes = await inflated(deflated), pixels = width * height, planes = count * slots.length;
+  if (bytes.length !== pixels * planes) throw new Error('the layers are cut off');
   const texels = new Uint8Array(4 * pixels * count * each);
   const codes = new Int32Array(pixels), plane = new Int32Array(pixels);
-  for (let i = 0; i < count * planes; i++) {
-    const number = Math.floor(i / count), layer = i % count;
+  for (let i = 0; i < planes; i++) {
+    const slot = slots[Math.floor(i / count)], slice = (i % count) * each + (slot >> 2);
     codes.fill(0);
     unpredicted(residualsOf(bytes, i * pixels, pixels, false), plane, codes, width, 255);
-    const slice = layer * each + (number >> 2), offset = 4 * pixels * slice + (number & 3);
+    const offset = 4 * pixels * slice + (slot & 3);
     for (let at = 0; at < pixels; at++) texels[offset + 4 * at] = codes[at];
     // The page stays responsive.
-    if (i % planes === 0) await new Promise((done) => { setTimeout(done); });
+    if (i % count === 0) await new Promise((done) => { setTimeout(done); });
   }
   return texels;
 }

@@ -23,15 +23,19 @@ class Recomposer {
     this.texels = texels;
     this.slices = Math.ceil(channels.count / 4);
     this.size = [channels.width, channels.height];
-    const names = ['EXT_color_buffer_float', 'EXT_color_buffer_half_float'];
-    const depth = opacity.count * Math.ceil(opacity.planes / 4);
-    if (!names.some((name) => gl.getExtension(name))) {
-      throw new Refused('This browser cannot draw to half floats.');
-    }
+    const depth = opacity.count * opacity.texels;
+    if (!this.drawsHalfFloats()) throw new Refused('This browser cannot draw to half floats.');
     if (depth > gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS)) {
       throw new Refused(`This browser has no textures of ${depth} slices.`);
     }
     this.forget();
+  }
+
+  // Enable drawing to half floats, which a lost context forgets.
+  drawsHalfFloats() {
+    const { gl } = this.relighter;
+    return ['EXT_color_buffer_float', 'EXT_color_buffer_half_float'].some(
+      (name) => gl.getExtension(name));
   }
 
   // Forget the device's objects after the browser has lost the context.
@@ -62,7 +66,8 @@ class Recomposer {
   // Codes of the layers, and what the view has and they lack at scale 1.
   upload() {
     const { relighter, relighter: { gl, page: { opacity } }, texels, size } = this;
-    const depth = opacity.count * Math.ceil(opacity.planes / 4);
+    const depth = opacity.count * opacity.texels;
+    this.drawsHalfFloats();
     const layers = relighter.array(gl.RGBA8, [...size, depth], texels);
     this.difference = this.blank();
     [this.target, this.reader] = [gl.createFramebuffer(), gl.createFramebuffer()];

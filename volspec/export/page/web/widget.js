@@ -4,12 +4,15 @@
 
 const TOLD_EVERY_MS = 100;
 
+const named = (names, values) => Object.fromEntries(names.map((name, i) => [name, values[i]]));
+
 // State shared with a notebook: side A and the pinned pixel.
-function changesOf({ sides: [look], probe }) {
-  const { mode, backdrop, level, weights, solo, ...viewing } = look;
+function changesOf({ page: { opacity: layers }, state: { sides: [look], probe } }) {
+  const { mode, backdrop, level, weights, solo, opacity, ...viewing } = look;
   // Discounting means D = 1; the page's state keeps its own D for later.
   if (viewing.discount) viewing.D = null;
-  return { weights: shining(look), viewing, mode, backdrop, level, probe };
+  const opacities = layers && { opacities: named(layers.materials, opacity) };
+  return { weights: shining(look), viewing, mode, backdrop, level, probe, ...opacities };
 }
 
 // Use the notebook's theme instead of the system's in the page's styles.
@@ -26,12 +29,14 @@ const themeRules = () => [...document.styleSheets]
   .filter(([, wanted]) => wanted);
 
 // Apply the notebook's changes.
-function taken(app, { viewing, weights, probe, _room, scheme, ...settings }) {
+function taken(app, { viewing, weights, probe, opacities, _room, scheme, ...settings }) {
   Object.assign(app.page, _room);
   const [look, other] = app.state.sides;
   const lit = weights ? { weights, solo: -1 } : {};
   if (viewing) offerSurround(viewing.surround);
-  const sides = [{ ...look, ...viewing, ...lit, ...settings }, other];
+  const scaled = opacities && app.page.opacity
+    ? { opacity: app.page.opacity.materials.map((name) => opacities[name] ?? 1) } : {};
+  const sides = [{ ...look, ...viewing, ...lit, ...scaled, ...settings }, other];
   app.put(probe === undefined ? { sides } : { sides, probe });
 }
 
@@ -62,7 +67,7 @@ function connected(app, port) {
   // The notebook's value of each setting, by name. Nothing is sent until the notebook has sent its
   // settings, which would otherwise be overwritten.
   const known = new Map(), rules = themeRules();
-  const news = () => Object.entries(changesOf(app.state))
+  const news = () => Object.entries(changesOf(app))
     .filter(([name, value]) => known.get(name) !== JSON.stringify(value));
   const learn = ([name, value]) => known.set(name, JSON.stringify(value));
   const send = atMostEvery(() => {
