@@ -3,10 +3,10 @@
 //     arrange   τ = Σ s_k τ_k and the colours of each pixel's layers at given scales s, sorted into
 //               slices of depth, BUCKETS, for each block of BLOCK² pixels
 //     splat     front to back into the pixels x around a point's place p, with tents
-//               h(x) = max(0, 1 − |x − p| / RADIUS) along both axes:
+//               h(x) = max(0, 1 − |x − p| / r) along both axes, r the view's `radius`:
 //               left = T exp(−m τ h),  C += (T − left) c,  T = left
 //
-// m is the area of the source's pixel by that of the target's, at the point, by RADIUS². So depths
+// m is the area of the source's pixel by that of the target's, at the point, by r². So depths
 // add to the medium's, whatever distance and zoom. Slices are of depth along the *source's* view:
 // along a ray of the target's they have the same order, if the views are within 90°.
 //
@@ -18,8 +18,8 @@
 // Launch: arrange 1-D, one work-item per block; twice, as points are stored behind one another:
 // first it counts (`store` 0, `cells` int[BUCKETS][blocks] 0), then it stores (1, and `cells` the
 // first point of each; its ends afterwards). splat 2-D, one work-item per tile of the target: no
-// other writes its pixels. `tile_blocks` int[tiles][1 + blocks]: how many blocks a tile sees, and
-// which; `starts` int[BUCKETS + 1][blocks].
+// other writes its pixels. It sees the blocks tile_blocks[tile_starts[tile]…tile_starts[tile + 1]];
+// `starts` int[BUCKETS · blocks + 1].
 //
 // A point is ROWS float8: τ, depth along the view from the target's plane in mm, its pixel from the
 // middle, and from COLOURS_AT on CHANNELS colours. Sums are alike, with T in place of τ.
@@ -28,7 +28,7 @@
 // Writes  coefficients float[other_height][other_width][CHANNELS], alpha, depth: a cast's picture
 //
 // The host sets LAYERED, MATERIALS, GROUPS, CHANNELS = GROUPS · (MATERIALS + 1), ROWS, COLOURS_AT,
-// BLOCK, BUCKETS, PART, MOST_PARTS, RADIUS, WIDE (RADIUS is above 1), NEAR and the struct View.
+// BLOCK, BUCKETS, PART, MOST_PARTS, WIDE (r is above 1), NEAR and the struct View.
 
 #define LANES 4
 #include "lanes.clh"
@@ -104,14 +104,19 @@ static inline void add_point(__global float8 *into, const float8 point[ROWS], fl
 static inline void splat_point(const View *view, const float8 point[ROWS], float tau, float x,
                                float y, int x0, int y0, int x1, int y1, __global float8 *sums) {
 #if WIDE
-    const int left = max((int)ceil(x - RADIUS), x0), right = min((int)floor(x + RADIUS), x1 - 1);
-    const int top = max((int)ceil(y - RADIUS), y0), bottom = min((int)floor(y + RADIUS), y1 - 1);
+    const float radius = view->radius, inverse = 1.0f / radius;
+    const int left = max((int)ceil(x - radius), x0), right = min((int)floor(x + radius), x1 - 1);
+    const int top = max((int)ceil(y - radius), y0), bottom = min((int)floor(y + radius), y1 - 1);
     for (int b = top; b <= bottom; ++b) {
-        const float height = tau * (1.0f - fabs(b - y) * (1.0f / RADIUS));
+        const float height = tau * (1.0f - fabs(b - y) * inverse);
         __global float8 *into = sums + ((size_t)b * view->other_width + left) * ROWS;
-        for (int a = left; a <= right; ++a, into += ROWS) {
-            const float part = 1.0f - fabs(a - x) * (1.0f / RADIUS);
-            add_point(into, point, exp_minus(height * part).x);
+        for (int a = left; a <= right; a += 4) {
+            const float4 away = (float4)(0, 1, 2, 3) + (a - x);
+            floatL clear;
+            clear.v = exp_minus(height * (1.0f - MIN(MAX(away, 0.0f - away) * inverse, 1.0f)));
+            for (int i = 0; i < min(4, right + 1 - a); ++i, into += ROWS) {
+                add_point(into, point, clear.s[i]);
+            }
         }
     }
 #else
@@ -136,7 +141,8 @@ static inline void splat_point(const View *view, const float8 point[ROWS], float
 }
 
 __kernel void splat(__global const float8 *points, __global const int *starts,
-                    __global const int *tile_blocks, const int blocks, const View view,
+                    __global const int *tile_starts, __global const int *tile_blocks,
+                    const int blocks, const View view,
                     __global float8 *sums, __global float *coefficients, __global float *alpha,
                     __global float *depth) {
     const int x0 = get_global_id(0) * view.tile_width, y0 = get_global_id(1) * view.tile_height;
@@ -150,13 +156,11 @@ __kernel void splat(__global const float8 *points, __global const int *starts,
         }
     }
     const int tile = get_global_id(1) * get_global_size(0) + get_global_id(0);
-    __global const int *own = tile_blocks + (size_t)tile * (blocks + 1);
-    const int count = own[0];
+    const int own = tile_starts[tile], own_end = tile_starts[tile + 1];
     for (int b = 0; b < BUCKETS; ++b) {
-        for (int i = 1; i <= count; ++i) {
-            const int block = own[i];
-            const int last = starts[(b + 1) * blocks + block];
-            for (int n = starts[b * blocks + block]; n < last; ++n) {
+        for (int i = own; i < own_end; ++i) {
+            const int cell = b * blocks + tile_blocks[i], last = starts[cell + 1];
+            for (int n = starts[cell]; n < last; ++n) {
                 float8 point[ROWS];
                 UNROLL(r, ROWS) point[r] = points[(size_t)n * ROWS + r];
                 const float tau = point[0].s0, ahead = point[0].s1;

@@ -15,11 +15,12 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from benchmarks import measure, picture
+from benchmarks import layers, measure, picture
 from benchmarks.gpu import Record, recorded
 from benchmarks.measure import PAGE, Comparison, Figure, between, in_turn, replaced, report, save
 from benchmarks.picture import psnr
 from benchmarks.scenes import NAMES, RECIPES, bench_scene, stored
+from volspec.basis import MaterialBasis
 from volspec.spectra import reflectance_names
 
 RECORD = Record("A GPU", "1.0", "2030-01-02", "abc1234", ("1 ms", "2 ms", "3 ms", "4 ms"))
@@ -49,6 +50,16 @@ def test_examples_say_what_they_give(module: ModuleType) -> None:
 def test_a_volume_that_is_not_here_says_how_to_name_its_folder() -> None:
     with pytest.raises(FileNotFoundError, match="VOLSPEC_DATA"):
         stored("no such volume")()
+
+
+def test_white_is_white_where_layers_are_compared() -> None:
+    basis = layers.transfer_of(layers.CASES["engine"][1]).basis
+    assert isinstance(basis, MaterialBasis)
+    white = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 0.5]])
+    codes = layers.display(basis)(white, np.zeros(2))
+    assert np.allclose(codes[0], 1, atol=2e-3) and np.allclose(codes[1], 0.735, atol=2e-3)
+    # L* of white and of half of it: 100 and 76.
+    assert layers.Errors.of(codes[None, :1], codes[None, 1:]).mean == pytest.approx(16, abs=2)
 
 
 def test_psnr_is_that_of_the_root_mean_square() -> None:

@@ -150,10 +150,46 @@ def write_exr(
     written as such, all others as float32. Raises ``error`` if the file cannot be written, and a
     plain `InputError` if the folder is the cause.
     """
+    pixels = {key: _to_float(np.asarray(image)) for key, image in channels.items()}
+    _write(path, header, "scanlineimage", "ZIP_COMPRESSION", pixels, error)
+
+
+def write_deep_exr(
+    path: str | os.PathLike[str],
+    header: Mapping[str, Any],
+    counts: NDArray[np.int64],
+    channels: Mapping[str, NDArray[Any]],
+    error: type[InputError],
+) -> None:
+    """Write an OpenEXR file of deep scan lines, as `write_exr`.
+
+    ``counts`` (H, W) are the samples of each pixel; a channel holds those of all pixels, (N,) in
+    the order of the pixels.
+    """
+    covered = np.flatnonzero(counts)
+    ends = np.cumsum(counts.ravel()[covered]).tolist()
+    places = [*zip(covered.tolist(), [0, *ends[:-1]], ends, strict=True)] if ends else []
+    pixels = {}
+    for key, samples in channels.items():
+        flat, values = np.empty(counts.size, object), _to_float(samples)
+        flat[0] = values[:0]  # the type of a channel without samples
+        for pixel, start, end in places:
+            flat[pixel] = values[start:end]
+        pixels[key] = flat.reshape(counts.shape)
+    _write(path, header, "deepscanline", "ZIPS_COMPRESSION", pixels, error)
+
+
+def _write(
+    path: str | os.PathLike[str],
+    header: Mapping[str, Any],
+    kind: str,
+    compression: str,
+    pixels: Channels,
+    error: type[InputError],
+) -> None:
     import OpenEXR
 
-    layout = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}
-    pixels = {key: _to_float(np.asarray(image)) for key, image in channels.items()}
+    layout = {"type": getattr(OpenEXR, kind), "compression": getattr(OpenEXR, compression)}
     with write_whole(path) as temporary:
         try:
             with captured_output([]):

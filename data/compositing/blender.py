@@ -2,7 +2,8 @@
 
 The image's header says which light makes which colours of its channels. This script builds the
 sums as nodes of the scene's compositor, with a Value node for the weight of every light (of every
-light group where there are several). Run it in Blender's Text Editor, or
+light group where there are several), and one for the opacity of every material if the image has
+layers of opacity. Run it in Blender's Text Editor, or
 
     blender --python FILE.py
 
@@ -68,37 +69,121 @@ def new(tree, kind, x, y, name=""):
     raise SystemExit(f"this Blender has no {kind} node")
 
 
-def times_plus(tree, x, y, factors, plus=None):
-    """The output of a·b, or of a·b + c; each is a number or another output."""
+def math(tree, x, y, operation, *given):
+    """The output of a Math node; what is given are numbers or other outputs."""
     node = new(tree, "Math", x, y)
     node.hide = True
-    node.operation = "MULTIPLY" if plus is None else "MULTIPLY_ADD"
-    for socket, given in zip(node.inputs, (*factors, plus), strict=False):
-        if isinstance(given, (int, float)):
-            socket.default_value = given
-        elif given is not None:
-            tree.links.new(given, socket)
+    node.operation = operation
+    for socket, each in zip(node.inputs, given, strict=False):
+        if isinstance(each, (int, float)):
+            socket.default_value = each
+        elif each is not None:
+            tree.links.new(each, socket)
     return node.outputs[0]
 
 
-def relit(tree, recipe, layers):
+def times_plus(tree, x, y, factors, plus=None):
+    """The output of a·b, or of a·b + c; each is a number or another output."""
+    if plus is None:
+        return math(tree, x, y, "MULTIPLY", *factors)
+    return math(tree, x, y, "MULTIPLY_ADD", *factors, plus)
+
+
+def value(tree, y, name, at=0.0):
+    """A Value node with a name, and its output."""
+    node = new(tree, "Value", 400, y, name)
+    node.name = name
+    node.outputs[0].default_value = at
+    return node.outputs[0]
+
+
+def composited(tree, passes, scales, y):
+    """Channels of each group and the opacity of layers, near to far, with scales or as cast."""
+    left, sums = 1.0, {}
+    for layer, (taus, shades, glosses) in enumerate(passes):
+        at = -2600 + 320 * layer
+        if scales:
+            pairs = zip(taus, scales, strict=True)
+            taus = [times_plus(tree, at, y - 30 * k, each) for k, each in enumerate(pairs)]
+        total = taus[0]
+        for tau in taus[1:]:
+            total = math(tree, at, y - 150, "ADD", total, tau)
+        through = math(tree, at, y - 180, "MULTIPLY", total, -1.0)
+        through = math(tree, at, y - 210, "EXPONENT", through)
+        behind = times_plus(tree, at, y - 240, (left, through))
+        seen = math(tree, at, y - 270, "SUBTRACT", left, behind)
+        part = math(tree, at, y - 300, "MAXIMUM", total, 1e-12)
+        part = math(tree, at, y - 330, "DIVIDE", seen, part)
+        own = [times_plus(tree, at, y - 360 - 30 * k, (part, tau)) for k, tau in enumerate(taus)]
+        for group, shade in shades.items():
+            for k, factors in enumerate(zip((*own, seen), (*shade, glosses[group]), strict=True)):
+                low = y - 480 - 30 * len(sums)
+                sums[group, k] = times_plus(tree, at, low, factors, sums.get((group, k)))
+        left = behind
+    return sums, math(tree, 0, y - 240, "SUBTRACT", 1.0, left)
+
+
+def recomposed(tree, image, recipe, count, own, alpha):
+    """Channels of each group and the opacity, with a Value node for each material's opacity.
+
+    The difference of the picture and its layers is added, and fades until one is 1/4 or 4.
+    """
+    named = {group: names[0].split(".")[0] for group, names in recipe["channels"].items()}
+    materials = recipe["materials"]
+    scales, y = [], 700
+    for material in materials:
+        scales.append(value(tree, y, f"opacity: {material}", 1.0))
+        y += 100
+    passes, plain = [], list(materials.values())
+    for layer in range(count):
+        nodes = {}
+        wanted = "tau", *(f"shade.{name}" for name in named.values()), "gloss"
+        for number, part in enumerate(wanted):
+            nodes[part] = node = new(tree, "Image", -3000, 300 * number - 1200 * layer, part)
+            node.image = image
+            node.layer = f"l{layer}.{part}"
+        passes.append(
+            (
+                [nodes["tau"].outputs[name] for name in plain],
+                {g: [nodes[f"shade.{n}"].outputs[p] for p in plain] for g, n in named.items()},
+                {group: nodes["gloss"].outputs[name] for group, name in named.items()},
+            )
+        )
+    far = 0.0
+    for scale in scales:
+        step = math(tree, 100, 1200, "MAXIMUM", scale, 0.01)
+        step = math(tree, 100, 1170, "LOGARITHM", step, 2.0)
+        step = math(tree, 100, 1140, "ABSOLUTE", step)
+        far = math(tree, 100, 1110, "MAXIMUM", far, step)
+    kept = math(tree, 100, 1080, "MULTIPLY_ADD", far, -0.5, 1.0)
+    kept = math(tree, 100, 1050, "MAXIMUM", kept, 0.0)
+    was, shown = composited(tree, passes, None, 1500), composited(tree, passes, scales, 3000)
+    found = {}
+    for key, output in own.items():
+        off = math(tree, 250, -1500, "SUBTRACT", output, was[0][key])
+        found[key] = times_plus(tree, 250, -1530, (off, kept), shown[0][key])
+        found[key] = math(tree, 250, -1560, "MAXIMUM", found[key], 0.0)
+    off = math(tree, 250, -1600, "SUBTRACT", alpha, was[1])
+    alpha = times_plus(tree, 250, -1630, (off, kept), shown[1])
+    alpha = math(tree, 250, -1660, "MINIMUM", alpha, 1.0)
+    return found, math(tree, 250, -1690, "MAXIMUM", alpha, 0.0)
+
+
+def relit(tree, recipe, channels):
     """Red, green and blue: each light's matrix times channels times weight, added."""
     several, y = len(recipe["channels"]) > 1, 0
     colours = [None, None, None]
     for number, (light, row) in enumerate(recipe["lights"].items()):
         for group, matrix in row["matrices"].items():
             name = f"{light}: {group}" if several else light
-            weight = new(tree, "Value", 400, y, name)
-            weight.name = name
-            weight.outputs[0].default_value = 0.0 if number else 1.0
-            passes = [channel.split(".")[1] for channel in recipe["channels"][group]]
+            weight = value(tree, y, name, 0.0 if number else 1.0)
             for k, numbers in enumerate(matrix):
                 total = None
-                for i, (each, factor) in enumerate(zip(passes, numbers, strict=True)):
-                    channel = layers[group].outputs[each]
-                    total = times_plus(tree, 650 + 170 * i, y - 40 * k, (channel, factor), total)
-                at = 700 + 170 * len(passes), y - 40 * k
-                colours[k] = times_plus(tree, *at, (total, weight.outputs[0]), colours[k])
+                for i, factor in enumerate(numbers):
+                    factors = channels[group, i], factor
+                    total = times_plus(tree, 650 + 170 * i, y - 40 * k, factors, total)
+                at = 700 + 170 * len(numbers), y - 40 * k
+                colours[k] = times_plus(tree, *at, (total, weight), colours[k])
             y -= 200
     return colours
 
@@ -113,16 +198,21 @@ def build(path):
     tree = tree_of(scene)
     cover = new(tree, "Image", 0, 300, "opacity, depth")
     cover.image = image
-    layers = {}
-    for group, channels in recipe["channels"].items():
-        layers[group] = node = new(tree, "Image", 0, -450 * len(layers), group)
+    channels, alpha = {}, cover.outputs["Alpha"]
+    for number, (group, names) in enumerate(recipe["channels"].items()):
+        node = new(tree, "Image", 0, -450 * number, group)
         node.image = image
-        node.layer = channels[0].split(".")[0]
+        node.layer = names[0].split(".")[0]
+        for k, name in enumerate(names):
+            channels[group, k] = node.outputs[name.split(".")[1]]
+    count = json.loads(header.get("volspec:layers", '{"count": 0}'))["count"]
+    if count and recipe.get("materials"):
+        channels, alpha = recomposed(tree, image, recipe, count, channels, alpha)
     far = 1100 + 170 * max(map(len, recipe["channels"].values()))
     joined = new(tree, "CombineColor", far, 0)
-    for colour, socket in zip(relit(tree, recipe, layers), joined.inputs, strict=False):
+    for colour, socket in zip(relit(tree, recipe, channels), joined.inputs, strict=False):
         tree.links.new(colour, socket)
-    tree.links.new(cover.outputs["Alpha"], joined.inputs["Alpha"])
+    tree.links.new(alpha, joined.inputs["Alpha"])
     old = hasattr(bpy.types, "CompositorNodeComposite")
     for kind, y in (("Composite" if old else "GroupOutput", 0), ("Viewer", -200)):
         tree.links.new(joined.outputs[0], new(tree, kind, far + 250, y).inputs[0])

@@ -14,7 +14,7 @@ import pytest
 from tests.support.commands import call, figures
 from tests.support.scenes import BALL, DAY, SMALL, write_scene_text
 from volspec.errors import OpenCLError
-from volspec.export.frames import read_frame
+from volspec.export.frames import read_frame, read_frame_text
 from volspec.raycast import CoefficientImage
 from volspec.raycast.gpu import Raycaster
 
@@ -140,6 +140,17 @@ def test_layers_are_cast_and_fade_when_relit(
         read_codes(tmp_path / f"{name}.png").astype(int) for name in ("1", "plain", "thin", "none")
     )
     assert (same == plain).all() and np.ptp(none, axis=(0, 1)).max() == 0
+    for layout in ("side-by-side", "anaglyph"):
+        stereo = ("--stereo", layout, "--eyes-deg", "4")
+        assert call(*words, tmp_path / f"{layout}.png", *stereo) == 0
+        assert read_frame_text(tmp_path / f"{layout}.png")["stereo"] == layout
+    pair = read_codes(tmp_path / "side-by-side.png").astype(int)
+    left, right = np.hsplit(pair, 2)
+    assert left.shape == plain.shape and 0 < np.abs(left - right).mean() < 20
+    anaglyph = read_codes(tmp_path / "anaglyph.png")
+    assert anaglyph.shape == plain.shape
+    assert call(*words, tmp_path / "gone.png", "--opacity", "ball=0", *stereo) == 0
+    assert np.ptp(read_codes(tmp_path / "gone.png"), axis=(0, 1)).max() == 0
     backdrop = none[0, 0]
     assert 2 < np.abs(thin - backdrop).sum() < np.abs(plain - backdrop).sum()
 
@@ -152,6 +163,15 @@ def test_layers_are_cast_and_fade_when_relit(
         (("render", "{scene}", "-o", "p.png", "--layers", "4"), "name it .exr"),
         (("relight", "{out}", "--light", "A", "-o", "f.png", "--opacity", "ball"), "block=0.3"),
         (("relight", "{out}", "--light", "A", "-o", "f.png", "--opacity", "ball=0"), "layers = 8"),
+        (("relight", "{out}", "--light", "A", "-o", "f.png", "--stereo", "crossed"), "layers = 8"),
+        (
+            ("relight", "{out}", "--light", "A", "-o", "f.png", "--eyes-mm", "3"),
+            "--eyes-mm without --stereo",
+        ),
+        (
+            ("relight", "{out}", "--light", "A", "-o", "f.png", "--stereo", "crossed", "--errors"),
+            "--errors with --stereo",
+        ),
     ],
 )
 def test_what_has_no_layers_is_refused_in_one_line(

@@ -23,10 +23,26 @@ class Socket:
         return self.default_value if self.read is None else self.read()
 
 
-class Node:
-    """Node of a kind, with its sockets."""
+# Operations of Math nodes.
+MATH: dict[str, Callable[..., Any]] = {
+    "ADD": lambda a, b, _: a + b,
+    "SUBTRACT": lambda a, b, _: a - b,
+    "MULTIPLY": lambda a, b, _: a * b,
+    "DIVIDE": lambda a, b, _: a / b,
+    "MULTIPLY_ADD": lambda a, b, c: a * b + c,
+    "EXPONENT": lambda a, *_: np.exp(a),
+    "LOGARITHM": lambda a, b, _: np.log(a) / np.log(b),
+    "ABSOLUTE": lambda a, *_: np.abs(a),
+    "MAXIMUM": lambda a, b, _: np.maximum(a, b),
+    "MINIMUM": lambda a, b, _: np.minimum(a, b),
+}
 
-    def __init__(self, kind: str, pixels: dict[str, NDArray[Any]]) -> None:
+
+class Node:
+    """Node of a kind, with its sockets; its value is computed once in a frame."""
+
+    def __init__(self, kind: str, pixels: dict[str, NDArray[Any]], frame: dict[int, Any]) -> None:
+        self.frame = frame
         self.kind, self.layer, self.operation, self.label = kind, "", "", ""
         inputs = {"Math": 3, "CombineColor": 4}.get(kind, 1)
         self.inputs: Any = [Socket() for _ in range(inputs)]
@@ -36,15 +52,16 @@ class Node:
         value = Socket(None if kind == "Value" else self.value)
         passes = {
             key: Socket(lambda k=key: pixels[f"{self.layer}.{k}.V"])
-            for key in {name.split(".")[1] for name in pixels if name.endswith(".V")}
+            for key in {name.split(".")[-2] for name in pixels if name.endswith(".V")}
         }
         self.outputs = Named({0: value, "Alpha": Socket(lambda: pixels["A"]), **passes})
 
     def value(self) -> Any:
-        given = [socket.value() for socket in self.inputs]
-        if self.kind == "CombineColor":
-            return np.dstack(given)
-        return given[0] * given[1] + (given[2] if self.operation == "MULTIPLY_ADD" else 0.0)
+        if id(self) not in self.frame:
+            given = [socket.value() for socket in self.inputs]
+            known = self.kind == "CombineColor"
+            self.frame[id(self)] = np.dstack(given) if known else MATH[self.operation](*given)
+        return self.frame[id(self)]
 
 
 class Named(dict):
@@ -58,12 +75,16 @@ class Named(dict):
 
 
 def blender(pixels: dict[str, NDArray[Any]]) -> tuple[Any, list[Node]]:
-    """A ``bpy`` with a compositor that knows no more than these nodes, and where they will be."""
+    """A ``bpy`` with a compositor that knows no more than these nodes, and where they will be.
+
+    Values of nodes are in ``bpy.frame``, which is to be emptied when a value has changed.
+    """
     nodes: list[Node] = []
+    frame: dict[int, Any] = {}
 
     class Nodes(list[Node]):
         def new(self, name: str) -> Node:
-            nodes.append(Node(name.removeprefix("CompositorNode"), pixels))
+            nodes.append(Node(name.removeprefix("CompositorNode"), pixels, frame))
             return nodes[-1]
 
     def link(output: Socket, to: Socket) -> None:
@@ -76,5 +97,6 @@ def blender(pixels: dict[str, NDArray[Any]]) -> tuple[Any, list[Node]]:
         types=SimpleNamespace(**dict.fromkeys((f"CompositorNode{kind}" for kind in kinds), True)),
         data=SimpleNamespace(images=SimpleNamespace(load=str)),
         context=SimpleNamespace(scene=scene),
+        frame=frame,
     )
     return bpy, nodes

@@ -10,12 +10,13 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from tests.support.commands import CHART, GENERAL
+from tests.support.commands import CHART, GENERAL, METALS
 from volspec.appearance import Viewing
 from volspec.appearance.spaces import SPACES
 from volspec.basis import Basis, MaterialBasis
 from volspec.export.compositing import Recipe, save_for_compositors
 from volspec.raycast import CoefficientImage
+from volspec.raycast.layered import OpacityLayers
 from volspec.relight import LightRig, RelightSpec, relight
 from volspec.spectra import light
 
@@ -38,6 +39,30 @@ def made(basis: Basis = GENERAL, kind: type = np.float32) -> CoefficientImage:
     layers = np.concatenate([0.6 * (1 - ramp) * own, 0.25 * ramp * own], -1) * alpha[..., None]
     return CoefficientImage(
         *(layers.astype(kind), alpha, alpha, basis, NOTES), groups=SHARES, first_mm=alpha
+    )
+
+
+def layered(count: int = 3) -> CoefficientImage:
+    """Return two metals in layers, of which pixels use some, and a picture a little off."""
+    rng, size = np.random.default_rng(3), (7, 12)
+    tau = rng.exponential(0.4, (*size, count, 2)).astype(np.float16)
+    used = np.arange(count) < rng.integers(0, count + 1, (*size, 1))
+    tau[~used] = 0
+    tau[..., 1][rng.random((*size, count)) < 0.3] = 0
+    used = tau.any(axis=-1)
+    shade = rng.uniform(0.2, 1.0, (*size, count, 2, 2)) * (tau > 0)[:, :, :, None]
+    gloss = rng.uniform(0, 0.2, (*size, count, 2)) * used[..., None]
+    depth = np.where(used, np.arange(count) + 10.0, np.inf)
+    arrays = (each.astype(np.float16) for each in (shade, gloss, depth))
+    layers = OpacityLayers(tau, *arrays).as_stored()
+    found = layers.recompose([1.0, 1.0])
+    off = rng.uniform(0.97, 1.0, found.channels.shape).astype(np.float32)
+    coefficients = (found.channels * off).reshape(*size, -1)
+    alpha = found.alpha * off[..., 0, 0]
+    return CoefficientImage(
+        *(coefficients, alpha, np.where(alpha > 0, 10, np.inf).astype(np.float32), METALS),
+        groups=SHARES,
+        opacity_layers=layers,
     )
 
 

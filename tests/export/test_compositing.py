@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 import re
 import sys
@@ -22,6 +23,7 @@ from tests.export._layers import (
     SHARES,
     SPEC,
     close,
+    layered,
     made,
     opened,
     shown,
@@ -172,6 +174,57 @@ def test_nuke_s_group_has_a_knob_for_each_weight(tmp_path: Path) -> None:
     assert first == {knob: "01"[label.startswith("day")] for knob, label in knobs}
 
 
+STATES: tuple[dict[str, float], ...] = (
+    {},
+    {"rotor": 0.5},
+    {"case": 0.0},
+    {"rotor": 1.5, "case": 0.8},
+    {"rotor": 4.0, "case": 3.0},
+)
+OPACITIES = 1e-5
+"""Of float32 in the recipes and in `CoefficientImage.recompose`."""
+
+
+def chained(text: str, names: dict[str, Any]) -> NDArray[Any]:
+    """Evaluate the Expression nodes of a group, one after the other, as (H, W, 4)."""
+    functions = {"exp": np.exp, "log": np.log, "abs": np.abs, "min": np.minimum}
+    functions["max"] = lambda *each: functools.reduce(np.maximum, each)
+    pixels = dict.fromkeys("rgb", 0.0) | {"a": names.pop("A")}
+    for node in re.findall(r"^ Expression \{\n(.*?)^ \}", text, re.DOTALL | re.MULTILINE):
+        knobs = dict(re.findall(r'^  (\w+) "?(.*?)"?$', node, re.MULTILINE))
+        known = functions | names | pixels
+        for n in range(4):
+            if f"temp_name{n}" in knobs:
+                known[knobs[f"temp_name{n}"]] = eval(knobs[f"temp_expr{n}"], functions | known)
+        pixels |= {c: eval(knobs[f"expr{n}"], known) for n, c in enumerate("rgba")}
+    return np.dstack([np.broadcast_to(pixels[c], np.shape(pixels["a"])) for c in "rgba"])
+
+
+@pytest.mark.parametrize("opacities", STATES, ids=str)
+def test_nuke_s_group_has_a_knob_for_each_opacity(
+    tmp_path: Path, opacities: dict[str, float]
+) -> None:
+    image = layered()
+    stored(tmp_path / "i.exr", image)
+    write_recipe(tmp_path / "i.nk", tmp_path / "i.exr")
+    text = (tmp_path / "i.nk").read_text()
+    knobs = re.findall(r'addUserKnob \{7 (opacity\d) l "(\w+)"', text)
+    assert [label for _, label in knobs] == ["rotor", "case"]
+    assert re.findall(r"^ opacity\d (.*)$", text, re.MULTILINE) == ["1", "1"]
+    weights = re.findall(r'addUserKnob \{7 (weight\d) l "((?:\\.|[^"])*)"', text)
+    # Compositors compute in float32.
+    channels = {k: v.astype(np.float32) for k, v in opened(tmp_path / "i.exr")[1].items()}
+    picture = image.recompose(opacities)
+    for name in LIGHTS:
+        on = {knob: float(label.startswith(name[:5])) for knob, label in weights}
+        on |= {knob: opacities.get(material, 1.0) for knob, material in knobs}
+        names = pasted(channels) | {"A": channels["A"], "parent": SimpleNamespace(**on)}
+        found = chained(text, names)
+        recipe = Recipe.load(tmp_path / "i.exr")
+        assert np.abs(found[..., :3] - recipe.picture(picture, name)).max() < OPACITIES
+        assert np.abs(found[..., 3] - picture.alpha).max() < OPACITIES
+
+
 def test_blender_s_nodes_are_the_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Seen in Blender 3.4 and 5.0 on the engine: CIEDE2000 below 1e-4 from volspec's own frames."""
     image = made()
@@ -190,11 +243,36 @@ def test_blender_s_nodes_are_the_frame(tmp_path: Path, monkeypatch: pytest.Monke
         if name != "day":  # which is on at first
             for node in weights:
                 node.outputs[0].default_value = float(node.label.startswith(f"{name}: "))
+        bpy.frame.clear()
         found = output.value()
         assert close(found[..., :3], shown(image, name))
         assert np.array_equal(found[..., 3], image.alpha)
     render = bpy.context.scene.render
     assert (render.resolution_x, render.resolution_y) == image.size
+
+
+@pytest.mark.parametrize("opacities", STATES, ids=str)
+def test_blender_s_nodes_have_the_opacities(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, opacities: dict[str, float]
+) -> None:
+    """Rendered in Blender 4.5 and 5.0 on the engine: at most 3e-7 from these pictures."""
+    image = layered()
+    recipe = stored(tmp_path / "i.exr", image)
+    write_recipe(tmp_path / "i.py", tmp_path / "i.exr")
+    bpy, nodes = blender(
+        {k: v.astype(np.float32) for k, v in opened(tmp_path / "i.exr")[1].items()}
+    )
+    monkeypatch.setitem(sys.modules, "bpy", bpy)
+    monkeypatch.setattr(sys, "argv", ["blender"])
+    exec((tmp_path / "i.py").read_text(), {"__name__": "__main__"})
+    for node in nodes:
+        if node.label.startswith("opacity: "):
+            assert node.outputs[0].default_value == 1.0
+            node.outputs[0].default_value = opacities.get(node.label.removeprefix("opacity: "), 1.0)
+    output = next(node for node in nodes if node.kind == "Composite").inputs[0]
+    picture, found = image.recompose(opacities), output.value()
+    assert np.abs(found[..., :3] - recipe.picture(picture, "day")).max() < OPACITIES
+    assert np.abs(found[..., 3] - picture.alpha).max() < OPACITIES
 
 
 def test_old_images_get_other_lights_by_being_written_once_more(tmp_path: Path) -> None:

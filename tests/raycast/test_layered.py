@@ -259,8 +259,8 @@ def test_stored_shades_are_exact_to_what_shows(image: CoefficientImage) -> None:
         ),
         (lambda h, c: h.update({"volspec:layers": '{"count": 8}'}), "damaged"),
         (lambda h, c: h.update({"volspec:layers": "5"}), "damaged"),
-        (lambda h, c: c.pop("l3.tau.gold"), "damaged"),
-        (lambda h, c: c["l0.gloss.key"].fill(np.nan), "damaged"),
+        (lambda h, c: c.pop("l3.tau.gold.V"), "damaged"),
+        (lambda h, c: c["l0.gloss.key.V"].fill(np.nan), "damaged"),
     ],
     ids=["later version", "no version", "no table", "no channel", "NaN"],
 )
@@ -278,5 +278,5 @@ def test_names_in_the_file_are_plain(image: CoefficientImage, tmp_path: Path) ->
     with OpenEXR.File(str(tmp_path / "image.exr"), separate_channels=True) as file:
         names = set(file.channels())
         about = json.loads(file.header()["volspec:layers"])
-    assert {"l0.tau.copper", "l7.shade.sky_2.gold", "l7.gloss.key", "l7.depth.Z"} <= names
+    assert {"l0.tau.copper.V", "l7.shade.sky_2.gold.V", "l7.gloss.key.V", "l7.depth.Z"} <= names
     assert about == {"version": 1, "count": 8}

@@ -112,6 +112,21 @@ def test_scales_act_as_those_of_recompose(
     )
 
 
+def test_nothing_is_seen_of_hidden_materials_and_from_elsewhere(
+    image: CoefficientImage, reprojector: Reprojector
+) -> None:
+    assert image.camera is not None
+    right, _, forward = image.camera.frame()
+    away_mm = np.add(image.camera.position_mm, 100 * (forward + 2 * right))
+    away = replace(image.camera, target_mm=tuple(away_mm))
+    for made in (
+        reprojector.view(image.camera, {"copper": 0, "gold": 0}),
+        reprojector.view(away),
+    ):
+        assert not made.alpha.any() and not made.coefficients.any()
+        assert np.isinf(made.depth_mm).all()
+
+
 def test_what_cannot_be_reprojected_says_why(
     balls: Volume, image: CoefficientImage, reprojector: Reprojector
 ) -> None:

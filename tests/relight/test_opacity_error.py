@@ -83,6 +83,20 @@ def test_a_part_of_the_pixels_tells_the_mean(image: CoefficientImage) -> None:
     assert opacity_error(image, opacities, D65, every=2) == pytest.approx(whole.mean, rel=0.3)
 
 
+def test_a_material_of_one_pixel_may_be_missed(image: CoefficientImage) -> None:
+    layers = image.opacity_layers
+    assert layers is not None
+    tau = layers.tau.copy()
+    tau[..., 1] = 0
+    tau[13, 13, 0, 1] = 1
+    rare = replace(image, opacity_layers=replace(layers, tau=tau))
+    assert opacity_error(rare, {"gold": 4}, D65, every=4) == 0
+    assert opacity_error(rare, {"gold": 4}, D65, every=1) > 0
+    tau[13, 13] = 0
+    empty = replace(image, opacity_layers=replace(layers, tau=0 * tau))
+    assert opacity_error(empty, {"gold": 0}, D65) == 0
+
+
 def test_the_light_counts_and_its_groups(image: CoefficientImage) -> None:
     key = LightRig((D65,), groups=(GROUPS[0].name,))
     one, other = (opacity_error(image, {"gold": 4}, lamp, every=1) for lamp in (D65, key))

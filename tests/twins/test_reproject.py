@@ -76,6 +76,15 @@ def test_the_kernel_splats_what_its_twin_does(source, target, size, groups, scal
     assert np.array_equal(np.isinf(ours.depth_mm), true.alpha < 1e-9)
 
 
+def test_tiles_of_gpus_and_of_cpus_make_the_same_picture(monkeypatch):
+    reprojector = Reprojector(layered(HERE))
+    long = reprojector.view(TURNED)
+    monkeypatch.setattr(Reprojector, "_tile", lambda self, warp: (16, 16))
+    square = reprojector.view(TURNED)
+    assert np.array_equal(long.coefficients, square.coefficients)
+    assert np.array_equal(long.alpha, square.alpha)
+
+
 @pytest.mark.parametrize("fine", [True, False])
 def test_the_same_view_is_the_recomposed_picture(fine):
     image = layered(HERE)

@@ -51,6 +51,9 @@ def test_nothing_to_do_where_nothing_changed_and_everything_at_first(state: View
     assert Difference.between(state, state).stage is None
     assert Difference.between(state, replace(state, view=replace(state.view))).stage is None
     # The first of several stages counts; other reflectances are lit again while a cast runs.
+    turned = replace(state, view=replace(state.view, zoom=2.0))
+    assert Difference.between(state, turned).turns
+    assert not Difference.between(state, replace(turned, size=(8, 8))).turns
     both = replace(state, lights=state.lights[:-1], interface=Interface(keys=True))
     assert Difference.between(state, both).stage == "relight"
     assert Difference.between(state, replace(both, size=(8, 8))).stage == "cast"

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.support.viewer import opened, wait_until
+from tests.support.viewer import opened, take_until, wait_until
 from tests.support.window import Robot, along, missing, small_engine
 from volspec.basis import MaterialBasis
-from volspec.pipeline import relight
+from volspec.pipeline import Raycaster, relight
 from volspec.raycast import CoefficientImage
 from volspec.raycast.pace import WHOLE, Pass
 from volspec.viewer.model import camera, opacities
@@ -23,6 +23,7 @@ from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.quality import cast_spec, opacity_scales
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.work import screen as work_screen
 from volspec.viewer.work.casts import CastDone, CastJob, CastScheduler, CastWorker
 from volspec.viewer.work.documents import open_document
 from volspec.viewer.work.notify import Notice, Trace
@@ -37,7 +38,9 @@ LAYERED = Pass(1, layers=8)
 @pytest.fixture
 def ball(tmp_path: Path) -> ViewState:
     """The state of a scene whose materials are its channels."""
-    first = replace(opened(tmp_path), size=SIZE)
+    state = opened(tmp_path)
+    document = replace(state.document, caster=Raycaster(state.document.volume))
+    first = replace(state, document=document, size=SIZE)
     return opacities.set_opacity(opacities.set_opacity(first, "copper", 0.5), "copper", 1.0)
 
 
@@ -141,6 +144,56 @@ def test_layers_follow_when_nothing_moves_and_once(ball: ViewState) -> None:
     scheduler.close()
 
 
+def test_a_turned_view_is_first_shown_by_the_layers(ball: ViewState) -> None:
+    faded = opacities.set_opacity(ball, "grey", 0.4)
+    scheduler = CastScheduler(lambda: None)
+    taken: list[CastDone] = []
+
+    def rest() -> list[Pass]:
+        taken.clear()
+        wait_until(lambda: taken.extend(scheduler.take()) or not scheduler._worker.busy)
+        assert all(done.error == "" for done in taken)
+        return [done.made for done in taken if done.image is not None]
+
+    scheduler.change(faded, 0.0, held=False)
+    scheduler.layers_wanted = True
+    rest()
+    scheduler.tick(9.0, held=False)
+    assert [made.layers for made in rest()] == [8]
+    near = camera.orbit(faded, 0.02, 0.0)
+    scheduler.change(near, 10.0, held=True, turned=True)
+    assert rest() == [Pass(1, "none")]
+    (shown,) = taken
+    assert shown.image is not None and shown.image.camera == shown.job.camera
+    (exact,) = casts(near, WHOLE)
+    assert exact.image is not None
+    off = np.abs(shown.image.coefficients - exact.image.coefficients)
+    assert off.mean() < 0.01
+    scheduler.tick(11.0, held=True)  # it rests
+    assert WHOLE in rest()
+    far = camera.orbit(faded, 0.5, 0.0)
+    scheduler.change(far, 12.0, held=True, turned=True)
+    assert "none" not in [made.steps for made in rest()]
+    # Anything else but the view ends it.
+    scheduler.change(opacities.reset(near), 13.0, held=False)
+    scheduler.change(near, 14.0, held=False, turned=True)
+    assert "none" not in [made.steps for made in rest()]
+    scheduler.close()
+
+
+def test_near_is_an_angle_and_a_distance(ball: ViewState) -> None:
+    (layered,) = casts(ball, LAYERED)
+    nearby = layered.nearby
+    assert nearby is not None
+    own = layered.job.camera
+    assert nearby.shows(own)
+    towards = np.subtract(own.position_mm, own.target_mm)
+    for ratio, near in ((1.2, True), (1.5, False), (0.6, False)):
+        x, y, z = (np.asarray(own.target_mm) + ratio * towards).tolist()
+        assert nearby.shows(replace(own, position_mm=(x, y, z))) == near
+    assert not nearby.shows(replace(own, fov_deg=own.fov_deg + 1))
+
+
 @pytest.fixture
 def screen(context: Any) -> Iterator[Screen]:
     shown = Screen(context, lambda: None, Meter(Trace()), Notice())
@@ -193,6 +246,13 @@ def test_a_cast_with_the_same_opacities_stays_until_they_change(
     screen.take(plain, faded)
     exact = drawn(screen, faded)
     screen.take(layered, faded)
+    assert screen.loading  # a step at each tick
+    np.testing.assert_array_equal(drawn(screen, faded), exact)
+    steps = 0
+    while screen.loading:
+        screen.tick(faded, 0.0, held=True)
+        steps += 1
+    assert steps > 3 and screen.recomposes()
     np.testing.assert_array_equal(drawn(screen, faded), exact)
     assert layered.image is not None
     more = opacities.set_opacity(ball, "grey", 0.2)
@@ -213,7 +273,11 @@ def test_values_under_the_mouse_are_those_of_the_recomposed_picture(
     faded = opacities.set_opacity(ball, "grey", 0.05)
     drawn(screen, faded)
     screen.probe(faded, (0.5, 0.5), held=False)
-    assert screen.under_mouse is None and screen.busy  # until it is recomposed
+    assert screen.under_mouse is None  # until it is recomposed
+    screen.tick(faded, 0.0, held=True)
+    assert not screen.busy
+    screen.tick(faded, 0.0, held=False)
+    assert screen.busy
     wait_until(screen.take_recomposed)
     drawn(screen, faded)
     with screen.pictures._context:  # a window's stays current
@@ -224,6 +288,39 @@ def test_values_under_the_mouse_are_those_of_the_recomposed_picture(
     shown = np.array(dict(reading.rows)["RGB"].split(), int)
     assert np.abs(shown - code.astype(int)).max() <= 1
     assert screen.image is not None and screen.image.opacity_layers is None
+
+
+def test_opacities_that_layers_show_wrongly_are_cast(
+    screen: Screen, ball: ViewState, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scheduler = CastScheduler(lambda: None)
+    scheduler.change(ball, 0.0, held=False)
+    (layered,) = casts(ball, LAYERED)
+    screen.take(layered, ball)
+    faded = opacities.set_opacity(ball, "grey", 0.05)
+    take_until(scheduler.take, lambda _: not scheduler.busy)
+    for visible, off in ((1e6, False), (0.0, True)):
+        monkeypatch.setattr(work_screen, "VISIBLE", visible)
+        faded = opacities.set_opacity(faded, "copper", 0.5 if off else 0.6)
+        drawn(screen, faded)
+        screen.tick(faded, 0.0, held=False)
+        wait_until(screen.take_recomposed)
+        assert screen.visibly_off == off
+    scheduler.cast_opacities(faded)
+    (done,) = take_until(scheduler.take, lambda _: not scheduler.busy)
+    scheduler.close()
+    assert done.image is not None and done.job.shading.opacities == opacity_scales(faded)
+    screen.take(done, faded, scheduler.is_newest(done))
+    assert done.image.opacity_layers is None and screen.recomposes()
+    rig = light_rig(faded.lights)
+    assert rig is not None
+    shown = relight(done.image, rig, faded.relight, backend="numpy")
+    assert np.abs(drawn(screen, faded).astype(int) - shown.astype(int)).max() <= 1
+    # The next change is recomposed again.
+    more = opacities.set_opacity(faded, "copper", 0.4)
+    assert layered.image is not None
+    found = drawn(screen, more)
+    assert np.abs(found.astype(int) - wanted(layered.image, more).astype(int)).max() <= 1
 
 
 def test_a_cast_image_with_layers_is_faded_and_saved(ball: ViewState, tmp_path: Path) -> None:

@@ -220,6 +220,25 @@ def read_image_setting(image: Path, text: str, stored: CoefficientImage) -> Spec
     )
 
 
+def read_opacities(words: Sequence[str]) -> dict[str, float]:
+    """Return the scales of MATERIAL=SCALE arguments."""
+    scales: dict[str, float] = {}
+    for word in words:
+        material, _, text = (part.strip() for part in word.rpartition("="))
+        try:
+            scale = float(text)
+        except ValueError:
+            material = ""
+        if not material:
+            raise InputError(f"--opacity {word!r}: write MATERIAL=SCALE, as block=0.3")
+        if material in scales:
+            raise InputError(
+                f"--opacity: {material!r} is given twice; give it once", code="duplicate"
+            )
+        scales[material] = scale
+    return scales
+
+
 def _part(text: str, part: str, grid: SpectralGrid) -> tuple[str, Spectrum]:
     """Return the group, "" for all, and the light of one part."""
     from volspec.spectra import light

@@ -17,6 +17,7 @@ from volspec.cli.arguments import (
     Lights,
     Size,
     read_image_setting,
+    read_opacities,
     read_setting,
     require_image,
     sides,
@@ -492,19 +493,24 @@ def compositing(
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     light: Lights = None,
     mode: str | None = None,
+    opacity: Annotated[list[str] | None, Parameter(negative="")] = None,
+    deep: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Relight a stored image in a compositor: Blender, Nuke or another.
 
     `volspec render` writes the lights of the scene into the header of an image, as sums of its
     channels. From these, `-o FILE.py` makes a script that builds the lights as nodes in Blender
     (`blender --python FILE.py`), and `-o FILE.nk` a group to paste into Nuke, with a knob for each
-    light. `-o FILE.exr` writes the image again with other lights.
+    light. `-o FILE.exr` writes the image again with other lights or opacities; with `--deep`, as
+    deep samples, for holdouts and merges by depth.
 
     Example: `volspec compositing engine.exr -o engine.py`
 
     Example: `volspec compositing engine.exr -o engine.nk`
 
     Example: `volspec compositing engine.exr --light D65 --light "key=A; sky=D65*0.3" -o new.exr`
+
+    Example: `volspec compositing engine.exr --deep --opacity block=0.3 -o deep.exr`
 
     Parameters
     ----------
@@ -516,10 +522,16 @@ def compositing(
         For `-o FILE.exr`: as for `volspec relight`; the first lights the preview. Repeatable.
     mode
         For `-o FILE.exr`: fitted, componentwise, exact or linear-model. Default: the scene's.
+    opacity
+        For `-o FILE.exr`: MATERIAL=SCALE, as for `volspec relight`. Repeatable.
+    deep
+        Write a deep OpenEXR file: each layer of an image that was cast with `--layers` is a sample.
+        The first light lights R, G and B.
     """
     from dataclasses import replace
 
     from volspec.export.compositing import Recipe, save_for_compositors
+    from volspec.export.deep import save_deep
     from volspec.export.recipes import SUFFIXES, write_recipe
     from volspec.raycast import CoefficientImage
     from volspec.scene import stored_relight_spec
@@ -532,25 +544,35 @@ def compositing(
         )
     require_writable(output)
     if suffix in SUFFIXES:
-        if light or mode:
+        if light or mode or opacity or deep:
             raise ImageError(
-                f"{output}: has the lights of {image}, so --light and --mode do not apply; make an "
-                "-o NEW.exr with them first"
+                f"{output}: has the lights of {image}, so --light, --mode, --opacity and --deep do "
+                "not apply; make an -o NEW.exr with them first"
             )
         write_recipe(output, image)
     else:
-        if not light:
+        if not (light or opacity or deep):
             raise ImageError(f"{output}: no lights for its header; add --light, such as D65")
+        if mode and not light:
+            raise ImageError(f"{output}: --mode is of lights; add --light, such as D65")
+        light = light or []
         if twice := [text for text in dict.fromkeys(light) if light.count(text) > 1]:
             raise InputError(
                 f"--light: {twice[0]!r} is given twice; give it once", code="duplicate"
             )
-        stored = CoefficientImage.load(image)
+        stored, scales = CoefficientImage.load(image), read_opacities(opacity or ())
         spec = stored_relight_spec(stored)
         with in_options():
             changes: dict[str, Any] = {} if mode is None else {"mode": mode}
             spec = replace(spec, **changes)
         lamps = {text: read_image_setting(image, text, stored) for text in light}
-        recipe = Recipe.of(stored.basis, stored.groups, lamps, spec)
-        save_for_compositors(stored, output, recipe)
+        recipe = (
+            Recipe.of(stored.basis, stored.groups, lamps, spec) if lamps else Recipe.load(image)
+        )
+        with in_options():
+            if deep:
+                counts = save_deep(stored, output, recipe, scales).counts
+                say(f"{output}: {counts.sum()} samples in {(counts > 0).sum()} pixels")
+                return
+            save_for_compositors(stored.recompose(scales) if scales else stored, output, recipe)
     say(output)

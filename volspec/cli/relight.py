@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from volspec import __version__
 from volspec._files import require_suffix, require_writable
-from volspec.cli.arguments import read_image_setting, require_image
+from volspec.cli.arguments import read_image_setting, read_opacities, require_image
 from volspec.cli.shell import app, as_written, note, note_everyday, say
 from volspec.cli.viewing import HdrOptions, PictureOptions, StereoOptions, in_options
 from volspec.errors import ImageError, InputError, VolspecError
@@ -139,7 +139,7 @@ def relight(
         if path.resolve() == image.resolve():
             raise ImageError(f"{path}: is the input image; name another file")
     stored = _picture(image, basis, taken_under)
-    layered, scales = stored, _opacities(opacity or ())
+    layered, scales = stored, read_opacities(opacity or ())
     views = [stored]
     if eyes or scales:
         with in_options():
@@ -179,6 +179,8 @@ def relight(
                 else:
                     frame = to_uint16(hdr_frame(edited, lamp, spec, shown))
             notes = {"light": text, "Software": f"volspec {__version__}"}
+            if eyes:
+                notes["stereo"] = eyes.layout
             write_frame(path, frame, notes, shown or spec.viewing.display.space)
             blanks.add(str(path), text, frame[:, : stored.size[0]], stored.alpha)
             say(path if shown is None else f"{path}: {_luminances(frame, shown)}")
@@ -328,25 +330,6 @@ def _picture(path: Path, basis: str | None, taken_under: str | None) -> Coeffici
         return CoefficientImage.from_spectral_image(picture, model, lamp)
     except VolspecError as error:
         raise ImageError(f"{path}: {error}") from error
-
-
-def _opacities(words: Sequence[str]) -> dict[str, float]:
-    """Return the scales of MATERIAL=SCALE arguments."""
-    scales: dict[str, float] = {}
-    for word in words:
-        material, _, text = (part.strip() for part in word.rpartition("="))
-        try:
-            scale = float(text)
-        except ValueError:
-            material = ""
-        if not material:
-            raise InputError(f"--opacity {word!r}: write MATERIAL=SCALE, as block=0.3")
-        if material in scales:
-            raise InputError(
-                f"--opacity: {material!r} is given twice; give it once", code="duplicate"
-            )
-        scales[material] = scale
-    return scales
 
 
 def _error_map(

@@ -16,7 +16,7 @@ import json
 import os
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Self
 
@@ -27,13 +27,14 @@ from volspec._exr import read_header
 from volspec._parse import parse_json
 from volspec.appearance.adaptation import adaptation
 from volspec.appearance.surround import ViewingConditions
-from volspec.basis import Basis, SpectralBasis
+from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.basis.display import visible_white
 from volspec.errors import ImageError, ViewingError, quoted
 from volspec.export.exr import PRIMARIES
 from volspec.export.spectral import flat_white_scale
 from volspec.raycast import CoefficientImage
-from volspec.raycast.image_file import channel_names
+from volspec.raycast.image_file import channel_names, plain_names
+from volspec.raycast.spec import MAX_LAYERS
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
 from volspec.scene import NamedLight, Scene
@@ -45,6 +46,7 @@ VERSION = 1
 _JSON, _TEXT = "compositing", "relight"  # names of attributes, after "volspec:"
 # Names made by `channel_names`.
 _CHANNEL = re.compile(r"[A-Za-z][A-Za-z0-9_]*\.c[0-9]+\.V")
+_MATERIAL = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _DIGITS = 9  # significant digits in a header; float32 has 7
 
 
@@ -76,6 +78,9 @@ class Recipe:
     channels: Mapping[str, tuple[str, ...]]  # names in the file, by light group
     lights: Mapping[str, CompositorLight]  # the first is used for the preview
     mode: str
+    # Names in the file of a basis' materials, in the order of the channels.
+    materials: Mapping[str, str] = field(default_factory=dict)
+    layers: int = 0  # of opacity, in the file that the recipe was read from
 
     def __post_init__(self) -> None:
         if not self.lights:
@@ -89,6 +94,15 @@ class Recipe:
                     code="unknown",
                     field="recipe",
                     given=channel,
+                )
+        for material in self.materials.values():
+            if not (isinstance(material, str) and _MATERIAL.fullmatch(material)):
+                raise ImageError(
+                    f"{quoted(material)} is not a name of a material in a file",
+                    "give letters, digits and _",
+                    code="unknown",
+                    field="recipe",
+                    given=material,
                 )
         for name, light in self.lights.items():
             _require_fit(f"light {quoted(name)}", light, self.channels)
@@ -128,7 +142,11 @@ class Recipe:
             rows[name] = CompositorLight(
                 lit_parts, to_RGB @ lit.backdrop_XYZ, numbers, lit.illuminance_lux
             )
-        return cls(channels, MappingProxyType(rows), spec.mode)
+        materials = {}
+        if isinstance(basis, MaterialBasis):
+            plain = plain_names(basis.materials)
+            materials = dict(zip(basis.materials, plain, strict=True))
+        return cls(channels, MappingProxyType(rows), spec.mode, materials)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
@@ -159,7 +177,10 @@ class Recipe:
                 for light, row in data["lights"].items()
             }
             channels = {g: tuple(names) for g, names in data["channels"].items()}
-            return cls(channels, lights, data["mode"])
+            materials = dict(data.get("materials", {}))
+            count = parse_json(header.get("volspec:layers", '{"count": 0}'))["count"]
+            layers = min(int(count), MAX_LAYERS) if materials else 0
+            return cls(channels, lights, data["mode"], materials, layers)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise ImageError(
                 f"{name}: volspec:{_JSON} cannot be read ({error}); write it again by "
@@ -175,6 +196,7 @@ class Recipe:
             "adapted": "Bradford, completely, from the white of each light",
             "mode": self.mode,
             "channels": {group: list(names) for group, names in self.channels.items()},
+            **({"materials": dict(self.materials)} if self.materials else {}),
             "lights": {
                 name: {
                     "matrices": {g: _rounded(M) for g, M in light.matrices.items()},

@@ -6,8 +6,9 @@ EXR header -> [recipes] -> FILE.py | FILE.nk
 from __future__ import annotations
 
 import json
+import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from volspec._exr import read_exr
@@ -15,8 +16,10 @@ from volspec._files import write_whole
 from volspec._gpu.sources import asset
 from volspec.errors import ImageError, visible
 from volspec.export.compositing import Recipe
+from volspec.raycast.image_file import layer_names
 
 SUFFIXES = (".py", ".nk")
+_DIGITS = 9  # significant digits in expressions, as in a header
 
 
 def write_recipe(path: Path, image: Path) -> None:
@@ -57,7 +60,8 @@ def python_text(text: str) -> str:
 def nuke_group(recipe: Recipe, image: Path) -> str:
     """Return nodes to paste: the image, and a group with one knob per light weight.
 
-    The format is that of Nuke's scripts; an Expression node sums the lights.
+    The format is that of Nuke's scripts; an Expression node sums the lights. If the image has
+    layers of opacity, each material has a knob, and each layer a further node.
     """
     weights = list(_weights(recipe))
     knobs = [
@@ -68,6 +72,14 @@ def nuke_group(recipe: Recipe, image: Path) -> str:
             f" weight{number} {float(light == weights[0][0]):g}",
         )
     ]
+    knobs += [
+        line
+        for number, material in enumerate(recipe.materials if recipe.layers else (), start=1)
+        for line in (
+            f" addUserKnob {{7 opacity{number} l {tcl_word(_plain_label(material))} R 0 4}}",
+            f" opacity{number} 1",
+        )
+    ]
     sums = {light: recipe.sums(light) for light in recipe.lights}
     expressions = [
         "+".join(
@@ -76,6 +88,9 @@ def nuke_group(recipe: Recipe, image: Path) -> str:
         )
         for row in range(3)
     ]
+    nodes = _expression_node("sums", expressions)
+    if recipe.layers:
+        nodes = list(_layer_nodes(recipe, weights, expressions))
     return "\n".join(
         (
             "Read {",
@@ -93,10 +108,7 @@ def nuke_group(recipe: Recipe, image: Path) -> str:
             "  inputs 0",
             "  name Input1",
             " }",
-            " Expression {",
-            *(f"  expr{row} {tcl_word(text)}" for row, text in enumerate(expressions)),
-            "  name sums",
-            " }",
+            *nodes,
             " Output {",
             "  name Output1",
             " }",
@@ -104,6 +116,108 @@ def nuke_group(recipe: Recipe, image: Path) -> str:
             "",
         )
     )
+
+
+def _expression_node(
+    name: str, expressions: Sequence[str], variables: Mapping[str, str] | None = None
+) -> list[str]:
+    """Return the lines of an Expression node within a group."""
+    variables = variables or {}
+    return [
+        " Expression {",
+        *(f"  temp_name{n} {name}" for n, name in enumerate(variables)),
+        *(f"  temp_expr{n} {tcl_word(text)}" for n, text in enumerate(variables.values())),
+        *(f"  expr{row} {tcl_word(text)}" for row, text in enumerate(expressions)),
+        f"  name {name}",
+        " }",
+    ]
+
+
+def _layer_nodes(
+    recipe: Recipe, weights: Sequence[tuple[str, str]], expressions: Sequence[str]
+) -> Iterator[str]:
+    """Yield the lines of nodes that recompose the picture, as `CoefficientImage.recompose`.
+
+    The first holds the part of the picture that is left near scale 1; each further one adds the
+    difference between a layer with other opacities and that part of the layer as it was cast.
+    """
+    groups, materials = list(recipe.channels), list(recipe.materials.values())
+    knobs = [f"parent.opacity{number}" for number in range(1, len(materials) + 1)]
+    stops = ",".join(f"abs(log(max({knob},0.01)))" for knob in knobs)
+    kept = f"max(0,1-max(0,{stops})/{2 * math.log(2):.{_DIGITS}g})"
+    yield from _expression_node(
+        "kept", [*(f"{kept}*({text})" for text in expressions), f"{kept}*a"]
+    )
+    mixed = _mixed(recipe, weights)
+    in_front: tuple[list[str], list[str]] = [], []
+    for layer in range(recipe.layers):
+        names = [_nuke_name(name) for name in layer_names(layer, materials, groups)]
+        K = len(materials)
+        tau, shade, gloss = names[:K], names[K : K + K * len(groups)], names[-1 - len(groups) : -1]
+        scaled = [f"{knob}*{name}" for knob, name in zip(knobs, tau, strict=True)]
+        seen = [_seen(before, own) for before, own in zip(in_front, (scaled, tau), strict=True)]
+        variables = {
+            "seen": seen[0],
+            "part": f"({seen[0]})/max({'+'.join(scaled)},1e-12)",
+            "was_seen": f"{kept}*({seen[1]})",
+            "was_part": f"{kept}*({seen[1]})/max({'+'.join(tau)},1e-12)",
+        }
+        rows = []
+        for row, colour in enumerate("rgb"):
+            terms = [colour]
+            for k, (knob, name) in enumerate(zip(knobs, tau, strict=True)):
+                lit = "+".join(
+                    f"{mixed[row][group][k]}*{shade[g * K + k]}"
+                    for g, group in enumerate(groups)
+                    if group in mixed[row]
+                )
+                terms.append(f"(part*{knob}-was_part)*{name}*({lit})")
+            lit = "+".join(
+                f"{mixed[row][group][K]}*{gloss[g]}"
+                for g, group in enumerate(groups)
+                if group in mixed[row]
+            )
+            rows.append("+".join([*terms, f"(seen-was_seen)*({lit})"]))
+        yield from _expression_node(f"layer{layer}", [*rows, "a+seen-was_seen"], variables)
+        for before, own in zip(in_front, (scaled, tau), strict=True):
+            before += own
+    yield from _expression_node("recomposed", ["r", "g", "b", "min(max(a,0),1)"])
+
+
+def _mixed(recipe: Recipe, weights: Sequence[tuple[str, str]]) -> list[dict[str, list[str]]]:
+    """Return for R, G and B the factor of each channel of each group: lights times weights."""
+    found = []
+    for row in range(3):
+        factors: dict[str, list[str]] = {}
+        for group, names in recipe.channels.items():
+            own = [
+                (f"parent.weight{number}", recipe.lights[light].matrices[group][row])
+                for number, (light, lit) in enumerate(weights, start=1)
+                if lit == group
+            ]
+            if own:
+                factors[group] = [
+                    f"({'+'.join(f'{knob}*({M[k]:.{_DIGITS}g})' for knob, M in own)})"
+                    for k in range(len(names))
+                ]
+        found.append(factors)
+    return found
+
+
+def _seen(before: Sequence[str], own: Sequence[str]) -> str:
+    """Return the expression of a layer's visibility behind others, from optical depths."""
+    front = f"exp(-({'+'.join(before)}))" if before else "1"
+    return f"{front}*(1-exp(-({'+'.join(own)})))"
+
+
+def _nuke_name(channel: str) -> str:
+    """Return a channel's name in Nuke, which knows three parts.
+
+    >>> _nuke_name("l3.tau.block.V"), _nuke_name("key.c00.V")
+    ('l3_tau.block_V', 'key_c00.V')
+    """
+    layer, part, rest = channel.split(".", 2)
+    return f"{layer}_{part}.{rest.replace('.', '_')}"
 
 
 def _weights(recipe: Recipe) -> Iterator[tuple[str, str]]:
@@ -114,8 +228,12 @@ def _weights(recipe: Recipe) -> Iterator[tuple[str, str]]:
 
 
 def _label(recipe: Recipe, light: str, group: str) -> str:
+    """Return the label of a weight's knob."""
+    return _plain_label(f"{light}: {group}" if len(recipe.channels) > 1 else light)
+
+
+def _plain_label(text: str) -> str:
     """Return a knob's label without brackets, which Nuke evaluates even in quotes."""
-    text = f"{light}: {group}" if len(recipe.channels) > 1 else light
     # Braces count even inside quotes.
     return visible(" ".join(text.split())).translate(str.maketrans("{}[]\\", "()()/"))
 

@@ -12,9 +12,9 @@ field of view, if it has one, and ``volspec:camera`` the camera itself (JSON), f
 views follow.
 
 Layers of opacity (`CoefficientImage.opacity_layers`) are half channels, near to far:
-``l3.tau.block``, ``l3.shade.key.block``, ``l3.gloss.key`` and ``l3.depth.Z``, of layer 3, the
-material ``block`` and the light group ``key``. The header's ``volspec:layers`` holds their version
-and number; programs that do not know them read the image without.
+``l3.tau.block.V``, ``l3.shade.key.block.V``, ``l3.gloss.key.V`` and ``l3.depth.Z``, of layer 3,
+the material ``block`` and the light group ``key``. The header's ``volspec:layers`` holds their
+version and number; programs that do not know them read the image without.
 
 Up to format 2 channels were called ``key.coefficients.00``, of a single group ``coefficients.00``,
 and the first hit ``ZFirst``.
@@ -99,20 +99,22 @@ def channel_names(groups: Mapping[str, float], size: int) -> list[str]:
     >>> channel_names({"light": 1.0}, 2), channel_names({"3 é.": 0.5, "3_e": 0.5}, 1)
     (['light.c00.V', 'light.c01.V'], ['g3_e.c00.V', 'g3_e_2.c00.V'])
     """
-    return [f"{layer}.c{k:02d}.V" for layer in _plain_names(groups) for k in range(size)]
+    return [f"{layer}.c{k:02d}.V" for layer in plain_names(groups) for k in range(size)]
 
 
 def layer_names(layer: int, materials: Iterable[str], groups: Iterable[str]) -> list[str]:
     """Return the channels' names of a layer of opacity, in the order of its arrays.
 
+    Nuke reads the first as ``l3_tau.block_V``; in Blender it is the pass ``block`` of ``l3.tau``.
+
     >>> layer_names(3, ["block"], ["key"])
-    ['l3.tau.block', 'l3.shade.key.block', 'l3.gloss.key', 'l3.depth.Z']
+    ['l3.tau.block.V', 'l3.shade.key.block.V', 'l3.gloss.key.V', 'l3.depth.Z']
     """
-    kinds, lights = _plain_names(materials), _plain_names(groups)
+    kinds, lights = plain_names(materials), plain_names(groups)
     return [
-        *(f"l{layer}.tau.{kind}" for kind in kinds),
-        *(f"l{layer}.shade.{light}.{kind}" for light in lights for kind in kinds),
-        *(f"l{layer}.gloss.{light}" for light in lights),
+        *(f"l{layer}.tau.{kind}.V" for kind in kinds),
+        *(f"l{layer}.shade.{light}.{kind}.V" for light in lights for kind in kinds),
+        *(f"l{layer}.gloss.{light}.V" for light in lights),
         f"l{layer}.depth.Z",
     ]
 
@@ -123,8 +125,8 @@ def old_channel_names(groups: Mapping[str, float], size: int) -> list[str]:
     return [f"{layer}coefficients.{k:02d}" for layer in layers for k in range(size)]
 
 
-def _plain_names(names: Iterable[str]) -> list[str]:
-    """Return a plain name of each, no two alike."""
+def plain_names(names: Iterable[str]) -> list[str]:
+    """Return a name for files of each name, no two alike."""
     found: list[str] = []
     taken: set[str] = set()
     for name in names:

@@ -173,7 +173,8 @@ class OpacityLayers:
     def at(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Self:
         """Return the layers of P pixels as those of a picture of one row, (1, P, …)."""
         arrays = {each.name: getattr(self, each.name) for each in fields(self)}
-        return replace(self, **{name: each[rows, columns][None] for name, each in arrays.items()})
+        own = {k: each[rows, columns][None] for k, each in arrays.items() if each is not None}
+        return replace(self, **own)
 
     def recompose(self, scales: Sequence[float]) -> Recomposed:
         """Composite the layers with the K materials' optical depths scaled."""

@@ -20,15 +20,15 @@ class Pass(NamedTuple):
     ----------
     divisor : int
         Of the picture's sides.
-    steps : {"own", "fast", "voxel"}
+    steps : {"own", "fast", "voxel", "none"}
         As the state asks; as quality "fast" does, long where opacities are gentle; or of a voxel,
-        for which nothing is estimated first.
+        for which nothing is estimated first. None if a picture is reprojected from layers.
     layers : int
         Layers of opacity; the picture is as without them.
     """
 
     divisor: int
-    steps: Literal["own", "fast", "voxel"] = "own"
+    steps: Literal["own", "fast", "voxel", "none"] = "own"
     layers: int = 0
 
     def spec(self, own: RaycastSpec, volume: Volume) -> RaycastSpec:

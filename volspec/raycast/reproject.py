@@ -45,8 +45,13 @@ BUCKETS = 256
 PART = 10.0
 """Depth of a layer, in pixels, from which on it is more than one point: 5° turn it into one."""
 MOST_PARTS = 3
-_TILE = 64  # rows or columns of the target that a work-item splats
+# Rows or columns of the target that a work-item splats on a CPU, and how many items a core has.
+_ROWS, _ITEMS = (16, 64), 4
+# Side of a work-item's tile on a GPU.
+_GPU_TILE = 16
 _COLOURS_AT = 4
+# Pitches of the same camera, turned, differ by rounding.
+_ROUNDING = 1e-6
 VIEW = Struct(
     "View",
     (
@@ -58,7 +63,8 @@ VIEW = Struct(
         ("float", "pitch", "of pixels in the target's plane, mm"),
         ("float", "other_middle_x, other_middle_y", "the same of the target's camera"),
         ("float", "other_distance, other_nearness, other_pitch", ""),
-        ("float", "scale", "pitch by the other's, by the radius of splats"),
+        ("float", "radius", "half width of splats, pixels"),
+        ("float", "scale", "pitch by the other's, by the radius"),
         ("float", "first_ahead, buckets_per_mm", "of depth along the view"),
         ("int", "width, height", "pixels of the source"),
         ("int", "other_width, other_height", ""),
@@ -86,7 +92,8 @@ class Warp:
     @property
     def radius(self) -> float:
         """Half width of splats, pixels: 1, or more if the other camera magnifies."""
-        return max(1.0, self.source.pitch_mm / self.target.pitch_mm)
+        wider = self.source.pitch_mm / self.target.pitch_mm
+        return wider if wider > 1 + _ROUNDING else 1.0
 
     def axes(self) -> Array:
         """Return (4, 3) origin, forward, across, down in the other camera's pixels, and mm."""
@@ -138,20 +145,20 @@ class Warp:
         found[extents[:, 0] > extents[:, 1]] = np.inf, np.inf, -np.inf, -np.inf
         return found
 
-    def blocks_of_tiles(self, extents: NDArray[Any], tile: tuple[int, int]) -> NDArray[np.int32]:
-        """Return (T, 1 + B) the number of blocks that each tile sees, and these."""
+    def blocks_of_tiles(
+        self, extents: NDArray[Any], tile: tuple[int, int]
+    ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Return where each tile's blocks begin, (T + 1,), and all tiles' blocks."""
         low_x, low_y, high_x, high_y = self.reach(extents).T
         width, height = self.other_size
-        rows = []
-        for y in range(0, height, tile[1]):
-            for x in range(0, width, tile[0]):
-                seen = (low_x < x + tile[0] - 1 + self.radius) & (high_x > x - self.radius)
-                seen &= (low_y < y + tile[1] - 1 + self.radius) & (high_y > y - self.radius)
-                blocks = np.flatnonzero(seen)
-                row = np.zeros(1 + len(extents), np.int32)
-                row[0], row[1 : 1 + len(blocks)] = len(blocks), blocks
-                rows.append(row)
-        return np.stack(rows)
+        x = np.arange(0, width, tile[0])[:, None]
+        y = np.arange(0, height, tile[1])[:, None]
+        in_x = (low_x < x + tile[0] - 1 + self.radius) & (high_x > x - self.radius)
+        in_y = (low_y < y + tile[1] - 1 + self.radius) & (high_y > y - self.radius)
+        tiles, blocks = np.nonzero((in_y[:, None] & in_x).reshape(-1, len(extents)))
+        firsts = np.searchsorted(tiles, np.arange(len(x) * len(y) + 1))
+        # One more, as buffers cannot be empty.
+        return firsts.astype(np.int32), np.append(blocks, 0).astype(np.int32)
 
     def struct(self, tile: tuple[int, int], depths: tuple[float, float]) -> NDArray[np.void]:
         """Return the kernel's View; ``depths`` are the points' smallest and largest."""
@@ -167,6 +174,7 @@ class Warp:
             view[prefix + "nearness"] = field.nearness
             view[prefix + "pitch"] = field.pitch_mm
             view[prefix + "width"], view[prefix + "height"] = size
+        view["radius"] = self.radius
         view["scale"] = self.source.pitch_mm / self.target.pitch_mm / self.radius
         view["tile_width"], view["tile_height"] = tile
         view["first_ahead"], view["buckets_per_mm"] = depths[0], _buckets_per_mm(depths)
@@ -352,9 +360,7 @@ class Reprojector:
         assert isinstance(self.image.basis, MaterialBasis)
         factors = checked_scales(scales or {}, self.image.basis, self._layers)
         warp = Warp.of(self.camera, self.image.size, camera, (width, height))
-        # Tiles are long where points move: few of them then see the same source.
-        x, y = warp.axes()[1, :2]
-        tile = (width, _TILE) if abs(x) >= abs(y) else (_TILE, height)
+        tile = self._tile(warp)
         view = warp.struct(tile, self._depths)
         self._arrange(factors, view)
         channels = self.image.coefficients.shape[2]
@@ -366,14 +372,14 @@ class Reprojector:
             *(np.empty((height, width), np.float32) for _ in range(2)),
         )
         outputs = [self.compute.output(array.nbytes, array) for array in made]
-        kernel = self._kernel("splat", warp.radius)
+        kernel = self._kernel("splat", warp.radius > 1)
         done = kernel(
             self.compute.queue,
             (-(-width // tile[0]), -(-height // tile[1])),
             (1, 1),
             self._points,
             self._starts,
-            self.compute.upload(warp.blocks_of_tiles(self._extents, tile)),
+            *map(self.compute.upload, warp.blocks_of_tiles(self._extents, tile)),
             np.int32(len(self._extents)),
             view,
             self._sums[1],
@@ -392,11 +398,22 @@ class Reprojector:
             fov_deg=None if camera.height_mm is not None else camera.fov_deg,
         )
 
+    def _tile(self, warp: Warp) -> tuple[int, int]:
+        """Return the size of the target's tiles, one a work-item."""
+        info, (width, height) = self.compute.info, warp.other_size
+        if not info.is_cpu:
+            return _GPU_TILE, _GPU_TILE
+        # Tiles are long where points move: few of them then see the same source.
+        x, y = np.abs(warp.axes()[1, :2])
+        side = height if x >= y else width
+        rows = int(np.clip(side // (_ITEMS * info.compute_units), *_ROWS))
+        return (width, rows) if x >= y else (rows, height)
+
     def _arrange(self, scales: list[float], view: NDArray[np.void]) -> None:
         """Make the points of some scales, unless they are there."""
         if scales == self._scales:
             return
-        kernel, compute = self._kernel("arrange", 1.0), self.compute
+        kernel, compute = self._kernel("arrange"), self.compute
         blocks = len(self._extents)
         extents = compute.output(self._extents.nbytes, self._extents)
         cells = np.zeros((BUCKETS, blocks), np.int32)
@@ -410,24 +427,24 @@ class Reprojector:
             if store:
                 break
             compute.download(counters, cells, done)
-            ends = np.cumsum(cells.T, dtype=np.int64).reshape(blocks, BUCKETS).T
-            starts = np.concatenate([ends - cells, ends[-1:]]).astype(np.int32)
+            # Slice by slice, so that tiles read points that are stored behind one another.
+            starts = np.zeros(cells.size + 1, np.int32)
+            np.cumsum(cells, out=starts[1:])
             self._starts = compute.upload(starts)
-            self.points = int(ends[-1, -1])
+            self.points = int(starts[-1])
             self._points = points = compute.output(max(self.points, 1) * 32 * self._rows)
-            cells = starts[:-1].copy()
+            cells = starts[:-1].reshape(cells.shape).copy()
         compute.download(extents, self._extents, done)
         self._scales = scales
 
-    def _kernel(self, name: str, radius: float) -> Any:
+    def _kernel(self, name: str, wide: bool = False) -> Any:
         constants = {
             "LAYERED": self._layers.count,
             "MATERIALS": self._layers.materials,
             "GROUPS": self._layers.groups,
             "CHANNELS": self.image.coefficients.shape[2],
             "ROWS": self._rows,
-            "RADIUS": radius,
-            "WIDE": int(radius > 1),
+            "WIDE": int(wide),
             "NEAR": NEAR,
             "BLOCK": BLOCK,
             "BUCKETS": BUCKETS,

@@ -227,7 +227,7 @@ def opacity_error(
 ) -> float:
     """Return the mean CIEDE2000 between a picture of other opacities and a cast of them, estimated.
 
-    Use it to decide if a cast is worth its time: by default, a sixteenth of the pixels tell. Of
+    Use it to decide if a cast is worth its time: by default of a sixteenth of the pixels. Of
     `error_map` ``against="cast"``, whose other arguments and errors these are: what layers lose,
     not what they freeze, such as occlusion.
     """
@@ -266,31 +266,36 @@ def _estimated(
     if layers is None or not isinstance(basis, MaterialBasis):
         image.recompose(opacities)  # raises the error
         raise AssertionError
-    scales = checked_scales(opacities, basis, layers)
+    checked_scales(opacities, basis, layers)
     lit = Illumination.of(basis, light, spec, image.groups)
     white = visible_white(lit.white_XYZ)
-    layered: NDArray[np.bool_] = np.any(layers.tau[::every, ::every], axis=(2, 3))
-    alpha, delta_e = (np.zeros(layered.shape, np.float32) for _ in range(2))
-    places = np.argwhere(layered)
-    for start in range(0, len(places), _PIXELS):
-        rows, columns = places[start : start + _PIXELS].T
-        full = every * rows, every * columns
-        own = layers.at(*full)
-        picture = replace(
-            image,
-            coefficients=image.coefficients[full][None],
-            alpha=image.alpha[full][None],
-            depth_mm=image.depth_mm[full][None],
-            first_mm=None,
-            opacity_layers=own,
-        ).recompose(opacities)
-        alpha[rows, columns] = picture.alpha[0]
-        if any(scale != 1 for scale in scales):
-            XYZ = lit.scene_XYZ(picture.coefficients[0], picture.alpha[0])
-            off = opacity_deviation(own, scales, lit.XYZ_from_channels)
+    seen: NDArray[np.bool_] = np.any(layers.tau[::every, ::every], axis=(2, 3))
+    alpha, delta_e = (np.zeros(seen.shape, np.float32) for _ in range(2))
+    full = tuple(every * each for each in np.nonzero(seen))
+    own = layers.at(*full)
+    # A material of few pixels may be in none of these.
+    there = dict(zip(basis.materials, np.any(own.tau, axis=(0, 1, 2)).flat, strict=True))
+    opacities = {name: scale for name, scale in opacities.items() if there[name]}
+    picture = replace(
+        image,
+        coefficients=image.coefficients[full][None],
+        alpha=image.alpha[full][None],
+        depth_mm=image.depth_mm[full][None],
+        first_mm=None,
+        opacity_layers=own,
+    ).recompose(opacities)
+    alpha[seen] = picture.alpha[0]
+    scales = checked_scales(opacities, basis, own)
+    if any(scale != 1 for scale in scales):
+        found = np.empty(full[0].size, np.float32)
+        for start in range(0, found.size, _PIXELS):
+            part = slice(start, start + _PIXELS)
+            XYZ = lit.scene_XYZ(picture.coefficients[0, part], picture.alpha[0, part])
+            pixels = own.at(np.zeros(len(XYZ), int), np.arange(start, start + len(XYZ)))
+            off = opacity_deviation(pixels, scales, lit.XYZ_from_channels)
             shown, other = (uniform(difference, each, white) for each in (XYZ, XYZ + off))
-            delta_e[rows, columns] = distance(difference, shown, other)
-    if delta_e.any():
+            found[part] = distance(difference, shown, other)
+        delta_e[seen] = found
         delta_e = with_neighbours(delta_e, alpha > 0)
     return ErrorMap(delta_e, alpha, _light_name(light), compared, difference)
 

@@ -7,7 +7,7 @@ The coefficients are uploaded once. A light change sends three numbers per chann
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any, cast
 
@@ -57,6 +57,7 @@ if TYPE_CHECKING:
 Box = tuple[int, int, int, int]
 # Component types of textures.
 _COMPONENTS: dict[type, str] = {np.uint8: "f1", np.float32: "f4"}
+_ENDED = object()
 # Renderers that draw on the CPU.
 SOFTWARE = ("llvmpipe", "softpipe", "SwiftShader")
 # Pixels from which a LUT pays on them, including its baking: frames that are read back gain 5 to
@@ -216,8 +217,8 @@ class GLEngine:
         self._lut_rejected = None
         self.has_opacity = self._is_recomposed = False
 
-    def load_opacity(self, packed: PackedOpacity) -> None:
-        """Upload the layers of opacity of the picture that is drawn.
+    def load_opacity(self, packed: PackedOpacity) -> Iterator[None]:
+        """Upload the layers of opacity of the picture that is drawn, step by step.
 
         Raises OpenGLError if the device has no room for them, or its driver refuses the shader.
         """
@@ -241,7 +242,13 @@ class GLEngine:
                         field="OpenGL",
                     ) from error
                 self._recomposer = made
-            self._recomposer.load(packed, self._texture)
+        yield
+        steps = self._recomposer.load(packed, self._texture)
+        going_on = True
+        while going_on:
+            with self._current():
+                going_on = next(steps, _ENDED) is not _ENDED
+            yield
         self.has_opacity = True
 
     def recompose(self, scales: Sequence[float]) -> None:

@@ -143,7 +143,7 @@ def with_neighbours(delta_e: Pixels, seen: NDArray[np.bool_]) -> Pixels:
     """Return the root mean square of each pixel's estimate and its neighbours', 3 by 3.
 
     Only pixels in which something is ``seen`` count. What a pixel lost is as good as random, so
-    neighbours tell as much of it.
+    neighbours say as much of it.
     """
     squares = np.where(seen, np.square(delta_e) + _LEAST**2, 0)
     total, count = (_box_sum(each) for each in (squares, seen.astype(np.float32)))

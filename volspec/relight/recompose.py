@@ -8,7 +8,7 @@ Layers are uploaded once, as half floats; a change of opacities is a draw (shade
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -25,6 +25,8 @@ from volspec.relight.layers import layer_count
 _GLSL = "330 core"
 # Targets of one draw; every device has at least four.
 _MOST_TARGETS = 4
+# Slices of layers that are uploaded at once.
+_SLICES_A_STEP = 8
 _LAYERS_UNIT, _BASE_UNIT = 5, 6
 
 
@@ -122,9 +124,14 @@ class Recomposer:
         """Return True if `load` takes these layers."""
         return packed.constants() == self._constants
 
-    def load(self, packed: PackedOpacity, base: Any) -> None:
-        """Upload layers of the picture in the texture ``base``."""
-        self._layers.write(packed.texels)
+    def load(self, packed: PackedOpacity, base: Any) -> Iterator[None]:
+        """Upload layers of the picture in the texture ``base``, step by step."""
+        count = len(packed.texels)
+        size = self._size
+        for first in range(0, count, _SLICES_A_STEP):
+            part = packed.texels[first : first + _SLICES_A_STEP]
+            self._layers.write(part, viewport=(0, 0, first, *size, len(part)))
+            yield
         self._draw(base, self._difference, [1.0] * packed.materials, 0.0, difference=True)
 
     def draw(self, scales: Sequence[float]) -> None:

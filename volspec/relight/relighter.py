@@ -8,7 +8,7 @@ Uses OpenGL if a context can be made, else NumPy with a warning.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sized
+from collections.abc import Callable, Iterator, Mapping, Sized
 from dataclasses import replace
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -364,8 +364,7 @@ class Relighter:
         scales : {material: scale}
             As in `CoefficientImage.recompose`; 1 for those that are left out.
         packed : PackedOpacity, optional
-            The image's layers, packed beforehand on another thread; uploaded now, also if all
-            scales are 1.
+            The image's layers, packed beforehand on another thread.
 
         Raises
         ------
@@ -387,16 +386,27 @@ class Relighter:
             self._opacities = before
             raise
 
+    def load_opacities(self, packed: PackedOpacity) -> Iterator[None]:
+        """Upload the image's layers before `set_opacities` does, in steps of few milliseconds.
+
+        Errors as `set_opacities`.
+        """
+        self._require_open()
+        if isinstance(self._engine, GLEngine):
+            yield from self._engine.load_opacity(packed)
+
     def _put_opacities(
         self, engine: GLEngine | CpuEngine, packed: PackedOpacity | None = None
     ) -> None:
         factors = self._image.opacity_scales(self._opacities)
         if isinstance(engine, CpuEngine):
             engine.upload(*float32_arrays(self._shown()))
-        elif any(scale != 1 for scale in factors) or engine.has_opacity or packed is not None:
+        elif any(scale != 1 for scale in factors) or engine.has_opacity:
             if not engine.has_opacity:
                 assert self._image.opacity_layers is not None
-                engine.load_opacity(packed or PackedOpacity.of(self._image.opacity_layers))
+                steps = engine.load_opacity(packed or PackedOpacity.of(self._image.opacity_layers))
+                for _ in steps:
+                    pass
             engine.recompose(factors)
 
     def _shown(self) -> CoefficientImage:

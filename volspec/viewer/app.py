@@ -199,7 +199,10 @@ class _App:
         if self._settle > 0:
             return 0.0
         now = time.perf_counter()
-        longest = min(_BUSY_S if self._scheduler.busy else _IDLE_S, self._steps.patience(now))
+        longest = min(
+            _BUSY_S if self._scheduler.busy or self._screen.loading else _IDLE_S,
+            self._steps.patience(now),
+        )
         rest = longest if self._still is None else max(self._still - now, 0.0)
         return min(rest, longest)
 
@@ -247,7 +250,10 @@ class _App:
         if self._history is not None:
             news |= self._screen.update_error_map(self._history.present, self._mouse.held)
         news |= self._screen.take_tables()
-        news |= self._screen.take_recomposed()
+        if self._screen.take_recomposed():
+            news = True
+            if self._screen.visibly_off and self._history is not None:
+                self._scheduler.cast_opacities(self._history.present)
         news |= self._renditions.take()
         if pictures and self._steps.playing:
             # Steps leave the layout as it is; more frames would take the casts' time.
@@ -509,7 +515,8 @@ class _App:
         if recomposes:
             self._scheduler.follow(change.new)
         elif change.stage in ("cast", "recompose"):
-            self._scheduler.change(change.new, now, self._moves, self._steps.playing)
+            playing = self._steps.playing
+            self._scheduler.change(change.new, now, self._moves, playing, change.turns)
             self._screen.whole = False
             self._screen.forget_layers()
         if change.relights or recomposes:

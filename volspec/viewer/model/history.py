@@ -91,6 +91,11 @@ class Difference:
         return any(STAGES[name] == "relight" for name in self.fields)
 
     @property
+    def turns(self) -> bool:
+        """Return True if nothing but the view needs a cast."""
+        return {name for name in self.fields if STAGES[name] == "cast"} == {"view"}
+
+    @property
     def undoable(self) -> bool:
         """Return True if the change is an undo step.
 

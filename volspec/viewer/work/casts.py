@@ -31,6 +31,7 @@ from volspec.viewer.model.room import has_walls
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.ahead import ProgramBuilder
 from volspec.viewer.work.background import LatestWorker, lower_priority
+from volspec.viewer.work.nearby import NearbyViews
 from volspec.viewer.work.room import Walls, WhiteWalls
 from volspec.volume import Volume
 
@@ -67,6 +68,12 @@ class CastJob:
     passes: tuple[Pass, ...]
     room: SceneRoom | None = None  # to be seen behind the volume
     meshes: tuple[MeshSpec, ...] = ()  # to be seen in and around it
+    nearby: NearbyViews | None = None  # to be seen first
+
+    @property
+    def scales(self) -> dict[str, float]:
+        """Scales of the opacities."""
+        return dict(self.shading.opacities)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,6 +88,7 @@ class CastDone:
     packed: PackedLayers | None = None
     opacity: PackedOpacity | None = None  # of an image with layers
     walls: Walls | None = None  # of a room behind the volume
+    nearby: NearbyViews | None = None  # of an image with layers
 
 
 class CastWorker(LatestWorker[CastJob, CastDone]):
@@ -101,11 +109,23 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
             opacity = None if layers is None else PackedOpacity.of(layers)
             yield CastDone(cast, WHOLE, 0.0, image, packed=PackedLayers.of(image), opacity=opacity)
             return
+        if job.nearby is not None:
+            yield self._reprojected(job, job.nearby)
         for number, each in enumerate(job.passes):
             done = self._cast(job, each, spared=number == 0 and each.divisor > 1)
             yield done
             if done.image is None:
                 break
+
+    def _reprojected(self, job: CastJob, nearby: NearbyViews) -> CastDone:
+        """Return the picture that an earlier cast's layers show."""
+        done, started = CastDone(job, Pass(nearby.every, "none"), 0.0), time.perf_counter()
+        try:
+            image = nearby.view(job.camera, job.scales)
+            done = replace(done, image=image, packed=PackedLayers.of(image))
+        except VolspecError as refused:
+            done = replace(done, error=one_line(refused))
+        return replace(done, ms=1e3 * (time.perf_counter() - started))
 
     def _cast(self, job: CastJob, made: Pass, spared: bool) -> CastDone:
         if job.document.fault:
@@ -132,7 +152,9 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
             # In this thread, as it would cost the window's thread 20 to 40 ms.
             done = replace(done, image=image, packed=PackedLayers.of(image))
             if image.opacity_layers is not None:
-                done = replace(done, opacity=PackedOpacity.of(image.opacity_layers))
+                nearby = NearbyViews.of(image, job.document.caster, job.scales)
+                opacity = PackedOpacity.of(image.opacity_layers)
+                done = replace(done, opacity=opacity, nearby=nearby)
         except CastCancelled:
             pass
         except MemoryError:
@@ -179,21 +201,30 @@ class CastScheduler:
         self.layers_wanted = False  # cast with layers of opacity when nothing moves
         self._layers_asked = False  # for the present state
         self._job: CastJob | None = None  # the newest
+        self._nearby: NearbyViews | None = None  # of the last cast with layers
 
     @property
     def busy(self) -> bool:
         """True while a cast is in progress, or will be without a further change."""
         return self._whole_wanted or self._worker.busy
 
-    def change(self, state: ViewState, now: float, held: bool, plays: bool = False) -> None:
+    def change(
+        self, state: ViewState, now: float, held: bool, plays: bool = False, turned: bool = False
+    ) -> None:
         """Cast a state: coarse now, and whole when it rests or no mouse button is ``held``.
 
         While a series ``plays``, steps are of a voxel at any size: others would first be estimated.
+        If only the view was ``turned``, layers of an earlier cast show it first.
         """
         if self._wanted is None or not state.document.is_of(self._wanted.document):
             self._pace, self._first = Pace(), True
         self._wanted, self._changed_at = state, now
         self._layers_asked = False
+        self._nearby = self._nearby if turned else None
+        if self._nearby and self._nearby.shows(state.view.camera(state.document.volume)):
+            self._whole_wanted = held
+            self._request(state, () if held else self._to_whole(state), self._nearby)
+            return
         moving = self._pace.moving
         if moving == WHOLE and (plays or state.document.volume.pyramid is not None):
             moving = Pass(1, "voxel")
@@ -211,6 +242,11 @@ class CastScheduler:
             self._layers_asked = True
             layers = self._wanted.shading.layers or LAYERS
             self._request(self._wanted, (Pass(1, layers=layers),))
+
+    def cast_opacities(self, state: ViewState) -> None:
+        """Cast the opacities of a state whose layers show them visibly wrong."""
+        if not self.busy and state.document.image is None:
+            self._request(state, (WHOLE,))
 
     def follow(self, state: ViewState) -> None:
         """Take a state that differs from the last in what needs no cast, for later ones."""
@@ -230,9 +266,11 @@ class CastScheduler:
             wanted = self._wanted
             if done.image is None or wanted is None or not done.job.document.is_of(wanted.document):
                 continue
+            if done.nearby is not None and done.job is self._job:
+                self._nearby = done.nearby
             if done.made == WHOLE:
                 self._builder.request((done.job, wanted.relight.viewing))
-            if not self._first and not done.made.layers:
+            if not self._first and not done.made.layers and done.made.steps != "none":
                 self._pace = self._pace.after(done.made, done.ms, plays)
             self._first = False
         return taken
@@ -247,7 +285,9 @@ class CastScheduler:
             return Pass(1, "fast"), WHOLE  # finer levels are read for the second
         return self._pace.to_whole(state.shading.quality)
 
-    def _request(self, state: ViewState, passes: tuple[Pass, ...]) -> None:
+    def _request(
+        self, state: ViewState, passes: tuple[Pass, ...], nearby: NearbyViews | None = None
+    ) -> None:
         camera = state.view.camera(state.document.volume)
         self._job = CastJob(
             state.document,
@@ -258,5 +298,6 @@ class CastScheduler:
             passes,
             state.room if has_walls(state) else None,
             state.meshes,
+            nearby,
         )
         self._worker.request(self._job)

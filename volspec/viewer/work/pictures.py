@@ -8,7 +8,7 @@ from __future__ import annotations
 import ctypes
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -122,11 +122,13 @@ class Pictures:
 
     def take_layers(
         self, image: CoefficientImage, packed: PackedLayers | None, opacity: PackedOpacity | None
-    ) -> None:
-        """Take a picture with layers of opacity, which `recompose` shows."""
+    ) -> Iterator[None]:
+        """Take a picture with layers of opacity, which `recompose` shows, step by step."""
         relighter = self._relighter_of(image, packed)
-        relighter.set_opacities({}, opacity)
         self._layered = relighter, image
+        if opacity is not None:
+            yield
+            yield from relighter.load_opacities(opacity)
 
     def recompose(self, scales: Mapping[str, float]) -> None:
         """Show the picture with layers, with its materials' opacities scaled, at the next relight.

@@ -21,7 +21,7 @@ from volspec.errors import LutCancelled, RelightError, VolspecError, one_line
 from volspec.raycast import CoefficientImage
 from volspec.raycast.layered import OpacityLayers
 from volspec.relight import LightRig, RelightSpec
-from volspec.relight.error_map import ErrorMap, error_map
+from volspec.relight.error_map import ErrorMap, error_map, opacity_error
 from volspec.settings import Vector
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.light_rows import light_rig
@@ -204,10 +204,14 @@ class TableWorker(LatestWorker[tuple[LutKey, ...], str]):
             yield ""
 
 
+# Pixels by which the error of other opacities is estimated, and from which mean CIEDE2000 on they
+# are cast.
+_ESTIMATED, VISIBLE = 20_000, 0.5
 # The longest time that a table's notice is shown; it disappears when the table is ready.
 _TABLE_S = 60.0
 _DARK = "No light is on; turn one on in the Lights panel"
 _NOTHING = "Nothing is visible: opacity is 0 everywhere in view, or the view misses the volume"
+_ENDED = object()
 Area = tuple[int, int, int, int]
 # A picture's layers and the scales of its opacities.
 Recomposed = tuple[OpacityLayers, dict[str, float]]
@@ -236,7 +240,9 @@ class Screen:
         # The picture recomposed with them, to be read, and the one that was asked for.
         self._recomposed: tuple[Recomposed, CoefficientImage] | None = None
         self._asked_for: Recomposed | None = None
+        self._loading: Iterator[None] | None = None  # of layers
         self._recomposing = Tasks(wake)
+        self.visibly_off = False  # a cast with these opacities would look different
         self._blank = False  # nothing is visible in it
         self._shape = (0, 0)  # size of the cast whose picture is shown
         self._relit = self._coarse = self._drawing = self._hurries = False
@@ -254,7 +260,7 @@ class Screen:
     def busy(self) -> bool:
         """True while tables, an error map, a room or a picture to be read are computed."""
         services = self._tabling, self._error_map, self._painting, self._recomposing
-        return any(each.busy for each in services)
+        return self.loading or any(each.busy for each in services)
 
     @property
     def ready(self) -> bool:
@@ -264,6 +270,8 @@ class Screen:
     def take(self, done: CastDone, state: ViewState | None, newest: bool = True) -> None:
         """Take a pass of a cast that has ended, of the ``newest`` request or an earlier one."""
         how = "cancel" if done.image is None else "cast"
+        if done.made.steps == "none":
+            how = "reproject"
         divisor, steps = done.made.divisor, done.made.steps
         size = [-(-side // divisor) for side in done.job.size]
         if done.error:
@@ -273,17 +281,20 @@ class Screen:
                 # The picture that is shown belongs to another document.
                 self.fault = one_line(done.error)
                 self._cast = self.image = None
-        self._notice.trace.note(how, "cast", done.ms, divisor=divisor, steps=steps, size=size)
+        stage = "reproject" if how == "reproject" else "cast"
+        self._notice.trace.note(how, stage, done.ms, divisor=divisor, steps=steps, size=size)
         if done.image is None or state is None or not done.job.document.is_of(state.document):
             return
         layered = newest and done.image.opacity_layers is not None
         try:
             wanted = opacity_scales(state)
             if layered:
-                self.pictures.take_layers(done.image, done.packed, done.opacity)
-                self._layered = replace(done, packed=None, opacity=None)
-                if self.whole and wanted and self._scales == wanted:
+                layers = self._layers(done)
+                if self.whole and self._scales == wanted:
+                    self._loading = layers
                     return  # the picture is a cast with these opacities
+                for _ in layers:
+                    pass
                 self.pictures.recompose(wanted)
             else:
                 self.pictures.show(done.image, done.packed)
@@ -295,22 +306,46 @@ class Screen:
         self._scales = wanted if layered else dict(done.job.shading.opacities)
         self._walls, self._wanted = done.walls, None
         self.mark_stale()
-        self.image, self.whole = done.image, divisor == 1
+        self.image, self.whole = done.image, divisor == 1 and stage == "cast"
         self._blank = not done.image.alpha.any()
-        self._meter.ms["cast"] = done.ms
+        self._meter.ms[stage] = done.ms
 
     @property
     def document(self) -> Document | None:
         """The document, at its time step, of the picture; None without one."""
         return None if self._cast is None else self._cast.job.document
 
+    def _layers(self, done: CastDone) -> Iterator[None]:
+        """Upload a picture's layers, step by step; then it has them."""
+        assert done.image is not None
+        yield from self.pictures.take_layers(done.image, done.packed, done.opacity)
+        self._layered = replace(done, packed=None, opacity=None)
+
+    def _load(self) -> None:
+        """Do a step of an upload of layers."""
+        if self._loading is None:
+            return
+        try:
+            if next(self._loading, _ENDED) is _ENDED:
+                self._loading = None
+        except VolspecError as error:
+            self._loading = None
+            self._notice.show(one_line(error), kind="error")
+
+    @property
+    def loading(self) -> bool:
+        """True while layers are uploaded, a step at each `tick`."""
+        return self._loading is not None
+
     def recomposes(self) -> bool:
-        """Return True if other opacities are shown without a cast."""
+        """Return True if other opacities are shown without a cast; ends an upload of layers."""
+        while self._loading is not None:
+            self._load()
         return self._layered is not None
 
     def forget_layers(self) -> None:
         """Recompose no more: a change needs a cast."""
-        self._layered = None
+        self._layered = self._loading = None
 
     def _recompose(self, state: ViewState) -> None:
         """Show the picture with the state's opacities, if it has layers."""
@@ -325,19 +360,31 @@ class Screen:
             self._cast, self.whole = self._layered, True
         self._scales = wanted
 
-    def _seen(self, held: bool = False) -> CoefficientImage | None:
-        """Return the picture with its opacities, to be read; None until it is recomposed.
+    def _read_opacities(self, state: ViewState) -> None:
+        """Start to recompose the picture, to be read, and to estimate its error."""
+        image, scales = self.pictures.image, self._scales
+        rig, spec = light_rig(state.lights, state.room), shown_spec(state)
+        if image is None or image.opacity_layers is None or not scales or rig is None:
+            return
+        key = image.opacity_layers, scales
+        if self._asked_for == key:
+            return
+        self._asked_for = key
+        every = max(1, round((image.alpha.size / _ESTIMATED) ** 0.5))
 
-        Starts that unless a mouse button is ``held``.
-        """
+        def made() -> tuple[Recomposed, CoefficientImage, float]:
+            error = opacity_error(image, scales, rig, spec.mode, spec.backdrop, every)
+            return key, image.recompose(scales), error
+
+        self._recomposing.start("picture", made)
+
+    def _seen(self) -> CoefficientImage | None:
+        """Return the picture with its opacities, to be read; None until it is recomposed."""
         image, scales = self.pictures.image, self._scales
         if image is None or image.opacity_layers is None or not scales:
             return image
         key = image.opacity_layers, scales
         if self._recomposed is None or self._recomposed[0] != key:
-            if not held and self._asked_for != key:
-                self._asked_for = key
-                self._recomposing.start("picture", lambda: (key, image.recompose(scales)))
             return None
         found = self._recomposed[1]
         if found.basis is not image.basis:
@@ -346,10 +393,18 @@ class Screen:
         return found
 
     def take_recomposed(self) -> bool:
-        """Take the recomposed picture, to be read; return True if there is one."""
-        outcomes = self._recomposing.take()
+        """Take the recomposed picture, to be read, and its error; return True if there is one."""
+        self.visibly_off, outcomes = False, self._recomposing.take()
         for outcome in outcomes:
-            self._recomposed = outcome.result
+            if outcome.result is None:
+                self._notice.show(outcome.error, kind="error")
+                continue
+            key, image, error = outcome.result
+            self._recomposed = key, image
+            shown = self.pictures.image
+            is_shown = shown is not None and key == (shown.opacity_layers, self._scales)
+            self.visibly_off = is_shown and error > VISIBLE
+            self._notice.trace.note("opacity-error", None, delta_e=error)
         return bool(outcomes)
 
     def forget(self) -> None:
@@ -379,7 +434,7 @@ class Screen:
             return False
         self._relit = True
         self.pictures.repaint(state.transfer.basis)
-        self.image = self._seen(held) or self.pictures.image
+        self.image = self._seen() or self.pictures.image
         # Coarse pictures would need tables of their own.
         few = (
             self.whole and self._meter.bands > 1 and not needs_host_lut(state.relight.viewing.model)
@@ -423,7 +478,10 @@ class Screen:
         return True
 
     def tick(self, state: ViewState, now: float, held: bool) -> None:
-        """Solve the room, and paint the whole picture, once it rests."""
+        """Solve the room, paint the whole picture, and read opacities, once it rests."""
+        self._load()
+        if not held:
+            self._read_opacities(state)
         room, walls = state.room, self._walls
         if room is None or ((walls is None or walls.room is room) and room.is_solved):
             return
@@ -488,7 +546,7 @@ class Screen:
         While a picture is being drawn, the last reading stays, as a new one would wait for it.
         """
         shown, self.under_mouse = self.under_mouse, None
-        image, cast = self._seen(held), self._cast
+        image, cast = self._seen(), self._cast
         if self.pictures.image is not None and image is None:
             self.under_mouse = shown
         if held or place is None or image is None or cast is None or not self.pictures.framebuffer:
@@ -528,7 +586,7 @@ class Screen:
 
     def update_error_map(self, state: ViewState, held: bool) -> bool:
         """Request the error map if it is on; return True if a new one has come."""
-        image = self._seen(held)
+        image = self._seen()
         if state.interface.error_map and not held and self.whole and image is not None:
             self.error_map = self._error_map
             self._error_map.want(image, state)

@@ -1,0 +1,159 @@
+"""Deep OpenEXR files of layers of opacity: holdouts and merges by depth in a compositor.
+
+    CoefficientImage with layers, lights -> [deep] -> FILE.exr -> Nuke, OpenImageIO, …
+
+A used layer of a pixel is a deep sample, near to far: ``Z``, ``A``, ``R``, ``G`` and ``B`` under
+the first light, and the coefficients ``key.c00.V``, …, all premultiplied by the sample's own ``A``.
+Samples are points, as layers store a mean distance and no extent. Flattened by over they are the
+recomposed picture: what both differ by, the residual at scale 1 included, is spread over a pixel's
+samples in proportion, and a ray that ended early has no samples behind its end.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec._exr import chromaticities, to_half, write_deep_exr
+from volspec._files import require_suffix
+from volspec.basis import MaterialBasis
+from volspec.errors import ImageError
+from volspec.export.compositing import Recipe
+from volspec.export.exr import PRIMARIES
+from volspec.raycast import CoefficientImage
+from volspec.raycast.image_file import channel_names
+from volspec.raycast.layered import checked_scales
+
+_CLEAR = 2.0**-24  # alpha of a sample that half floats do not show
+_MOST_DEPTH = 16.0  # optical depth of an opaque pixel
+_MOST_CHANGE = 2.0  # of a sample, to agree with the picture
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DeepSamples:
+    """Samples of a picture, pixel by pixel and near to far: N together."""
+
+    counts: NDArray[np.int64]
+    """(H, W) samples of each pixel."""
+    depth_mm: NDArray[np.float32]
+    """(N,) distance from the camera's plane; along the ray if the field of view is unknown."""
+    alpha: NDArray[np.float32]
+    """(N,) opacity of each sample by itself."""
+    coefficients: NDArray[np.float32]
+    """(N, L·M), premultiplied by the sample's own opacity."""
+
+    @classmethod
+    def of(cls, image: CoefficientImage, opacities: Mapping[str, float] | None = None) -> Self:
+        """Return the samples of an image with layers, with other opacities of its materials.
+
+        Errors as in `save_deep`.
+        """
+        layers, basis = image.opacity_layers, image.basis
+        if layers is None or not isinstance(basis, MaterialBasis):
+            raise ImageError(
+                "deep samples: the image was cast without layers",
+                "cast with [raycast] layers = 8, RaycastSpec(layers=8)",
+                code="unsupported",
+            )
+        picture = image.recompose(opacities or {})
+        scales = np.asarray(checked_scales(opacities or {}, basis, layers), np.float32)
+        tau = layers.tau.astype(np.float32) * scales
+        used = tau.sum(axis=-1) > 0
+        pixel = np.arange(used[..., 0].size).repeat(used.sum(axis=2).ravel())
+        tau, total = tau[used], tau[used].sum(axis=-1)
+        whole = np.bincount(pixel, total, used[..., 0].size)
+        with np.errstate(divide="ignore"):
+            wanted = np.minimum(-np.log1p(-picture.alpha.ravel().astype(np.float64)), _MOST_DEPTH)
+        total *= np.clip(wanted / np.maximum(whole, 1e-12), 1, _MOST_CHANGE)[pixel]
+        reached = np.minimum(_sum_to(total, pixel), wanted[pixel])
+        total = reached - np.minimum(_sum_to(total, pixel) - total, wanted[pixel])
+        alpha = -np.expm1(-total)
+        share = tau / tau.sum(axis=-1, keepdims=True)
+        shade, gloss = layers.shade[used], layers.gloss[used]
+        own = np.concatenate([share[:, None] * shade, gloss[..., None]], axis=-1)
+        own = alpha[:, None] * own.reshape(len(own), picture.coefficients.shape[-1])
+        front = np.exp(total - reached)
+        found = np.stack([np.bincount(pixel, front * each, whole.size) for each in own.T], axis=-1)
+        channels = picture.coefficients.reshape(found.shape)
+        ratio = np.divide(channels, found, out=np.ones(found.shape), where=found > 0)
+        own *= ratio.clip(0, _MOST_CHANGE)[pixel]
+        depth_mm = (layers.depth_mm.astype(np.float32) * _ray_cosines(image)[..., None])[used]
+        seen = alpha > _CLEAR
+        counts = np.bincount(pixel[seen], minlength=whole.size).reshape(picture.alpha.shape)
+        return cls(
+            counts,
+            _rising(depth_mm[seen], pixel[seen]),
+            alpha[seen].astype(np.float32),
+            own[seen].astype(np.float32),
+        )
+
+
+def save_deep(
+    image: CoefficientImage,
+    path: str | os.PathLike[str],
+    recipe: Recipe,
+    opacities: Mapping[str, float] | None = None,
+) -> DeepSamples:
+    """Write a deep OpenEXR file of an image with layers, lit by the first light of a recipe.
+
+    Returns the samples.
+
+    Raises
+    ------
+    ImageError
+        If the image was cast without layers, or the opacities are refused, as by
+        `CoefficientImage.recompose`; if the file cannot be written or does not end in ``.exr``.
+    """
+    require_suffix(path, "deep images", ".exr")
+    samples = DeepSamples.of(image, opacities)
+    light = next(iter(recipe.lights.values()))
+    size = image.basis.size
+    RGB = np.zeros((len(samples.alpha), 3), np.float32)
+    for number, group in enumerate(image.groups):
+        if (M := light.matrices.get(group)) is not None:
+            own = samples.coefficients[:, number * size : (number + 1) * size]
+            RGB += own @ M.T.astype(np.float32)
+    names = channel_names(image.groups, size)
+    values = {
+        **dict(zip("RGB", to_half(RGB).T, strict=True)),
+        "A": to_half(samples.alpha),
+        **dict(zip(names, to_half(samples.coefficients).T, strict=True)),
+        "Z": samples.depth_mm,
+    }
+    space = PRIMARIES["Rec. 709"]
+    header: dict[str, Any] = {f"volspec:{name}": text for name, text in recipe.texts().items()}
+    header["chromaticities"] = chromaticities(space.primaries_xy, space.white_xy)
+    write_deep_exr(path, header, samples.counts, values, ImageError)
+    return samples
+
+
+def _sum_to(values: NDArray[np.float64], pixel: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the sums of each pixel's values from its first to each, itself included."""
+    whole = np.cumsum(values, dtype=np.float64)
+    first = np.r_[True, pixel[1:] != pixel[:-1]]
+    before = np.where(first, whole - values, 0)
+    return whole - np.maximum.accumulate(before) if len(values) else whole
+
+
+def _rising(depth_mm: NDArray[np.float32], pixel: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Return distances that rise within each pixel: samples at one distance have no order."""
+    depth_mm = depth_mm.copy()
+    behind = np.flatnonzero(pixel[1:] == pixel[:-1]) + 1
+    while (late := behind[depth_mm[behind] <= depth_mm[behind - 1]]).size:
+        depth_mm[late] = np.nextafter(depth_mm[late - 1], np.float32(np.inf))
+    return depth_mm
+
+
+def _ray_cosines(image: CoefficientImage) -> NDArray[np.float32]:
+    """Return (H, W): distance from the camera's plane by distance along the ray."""
+    width, height = image.size
+    if image.fov_deg is None:
+        return np.ones((height, width), np.float32)
+    pixel = 2 * np.tan(np.radians(image.fov_deg) / 2) / height
+    y, x = ((np.arange(n) - (n - 1) / 2) * pixel for n in (height, width))
+    return np.asarray(1 / np.sqrt(1 + x**2 + y[:, None] ** 2), np.float32)
