@@ -19,7 +19,7 @@ from tests.support.errors import raises, warns
 from volspec._gpu.sources import asset
 from volspec.cli import main
 from volspec.errors import ImageError
-from volspec.export.page import PageView, build, page_html, write_page
+from volspec.export.page import PageView, build, page_html, scene_views, write_page
 from volspec.export.page.packing import pack_layers
 from volspec.raycast import CoefficientImage
 from volspec.raycast.layered import residual_share
@@ -398,3 +398,19 @@ def test_the_command_s_layers(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert run("--layers", "17") != 0 and "--layers is 17" in capsys.readouterr().err
     assert run("--layers", "4", "--views", "3") != 0
     assert "--layers 4: a page of 3 pictures would have some" in capsys.readouterr().err
+
+
+def test_a_scene_s_opacities_are_the_sliders_of_the_page_that_is_opened(
+    opened: Callable[..., Opened], tmp_path: Path, scene: Scene, image: CoefficientImage
+) -> None:
+    """A material that the scene hides can be shown."""
+    hidden = scene.casting(opacities={"block": 0.0})
+    views = list(scene_views(hidden, size=SIZE))
+    path = tmp_path / "hidden.html"
+    write_page(path, views, scene.lights, scene.relight)
+    page = opened(path)
+    assert [shown_scale(page, i) for i in (0, 1)] == [0, 1]
+    assert mean_difference(page.picture(), frame(image, scene, {"block": 0})) <= NEAR
+    slider(page, 0).press("Delete")
+    page.settle()
+    assert mean_difference(page.picture(), frame(image, scene, {})) <= NEAR
