@@ -10,7 +10,7 @@
 // add to the medium's, whatever distance and zoom. Slices are of depth along the *source's* view:
 // along a ray of the target's they have the same order, if the views are within 90°.
 //
-// A layer that is deeper than PART pixels is as many as MOST_PARTS points, evenly spaced half-way to
+// A layer is up to MOST_PARTS points, one a PART pixels, evenly spaced over the way to the nearer of
 // its neighbours: borders of layers jump between pixels, which one point a layer shows when turned.
 //
 // NumPy twin: volspec/raycast/reproject.py (reproject_reference).
@@ -34,13 +34,12 @@
 #include "lanes.clh"
 
 
-// Number of points of a layer, and the ways to its neighbours, or the same both ways at the ends.
-static inline int parts_of(__global const float *depth, int layer, float pitch, float *before,
-                           float *behind) {
-    const int first = layer == 0, last = layer + 1 == LAYERED || !(depth[1] < INFINITY);
-    *before = first ? last ? 0.0f : depth[1] - depth[0] : depth[0] - depth[-1];
-    *behind = last ? *before : depth[1] - depth[0];
-    return clamp((int)ceil((*before + *behind) * 0.5f / (PART * pitch)), 1, MOST_PARTS);
+// Way from a layer to the nearer of its neighbours; 0 if it is alone.
+static inline float way_to_neighbour(__global const float *depth, int layer) {
+    const float before = layer > 0 ? depth[0] - depth[-1] : INFINITY;
+    const float behind = layer + 1 < LAYERED ? depth[1] - depth[0] : INFINITY;
+    const float way = min(before, behind);
+    return way < INFINITY ? way : 0.0f;
 }
 
 __kernel void arrange(__global const float *tau, __global const float *shade,
@@ -58,17 +57,17 @@ __kernel void arrange(__global const float *tau, __global const float *shade,
             const float cosine = 1.0f / sqrt(1.0f + slant * slant * (u * u + v * v));
             size_t at = ((size_t)y * view.width + x) * LAYERED;
             for (int i = 0; i < LAYERED && depth[at] < INFINITY; ++i, ++at) {
-                float total = 0.0f, share[MATERIALS], before, behind;
+                float total = 0.0f, share[MATERIALS];
                 for (int k = 0; k < MATERIALS; ++k) {
                     share[k] = scales[k] * tau[at * MATERIALS + k];
                     total += share[k];
                 }
                 if (!(total > 0.0f)) continue;
-                const int parts = parts_of(depth + at, i, view.pitch, &before, &behind);
+                const float way = way_to_neighbour(depth + at, i);
+                const int parts = clamp((int)ceil(way / (PART * view.pitch)), 1, MOST_PARTS);
                 for (int part = 0; part < parts; ++part) {
-                    const float off = (2 * part + 1) / (float)parts - 1.0f;
-                    const float away = depth[at] + 0.5f * off * (off < 0.0f ? before : behind);
-                    const float ahead = away * cosine - view.distance;
+                    const float off = 0.5f * ((2 * part + 1) / (float)parts - 1.0f);
+                    const float ahead = (depth[at] + off * way) * cosine - view.distance;
                     const int bucket = clamp(
                         (int)((ahead - view.first_ahead) * view.buckets_per_mm), 0, BUCKETS - 1);
                     const int place = cells[bucket * blocks + block]++;

@@ -208,15 +208,12 @@ def layer_points(
     edge = np.full_like(depth[..., :1], np.nan)
     before = np.concatenate([edge, steps], axis=2)
     behind = np.concatenate([steps, edge], axis=2)
-    before, behind = (
-        np.nan_to_num(np.where(np.isnan(one), other, one))
-        for one, other in ((before, behind), (behind, before))
-    )
-    deep = (before + behind) / 2 / (_DEEP / parts * warp.source.pitch_mm)
+    way = np.nan_to_num(np.fmin(before, behind))
+    deep = way / (_DEEP / parts * warp.source.pitch_mm)
     count = np.ceil(deep).clip(1, parts)[..., None]
     part = np.arange(parts)
-    off = (2 * part + 1) / count - 1
-    away = depth[..., None] + 0.5 * off * np.where(off < 0, before[..., None], behind[..., None])
+    off = 0.5 * ((2 * part + 1) / count - 1)
+    away = depth[..., None] + off * way[..., None]
     shown = (used & (total > 0))[..., None] & (part < count)
     line, column, layer, number = np.nonzero(shown)
     at = line, column, layer
