@@ -46,6 +46,8 @@ PARTS = 3
 """Points that a deep layer becomes, at most."""
 # Depth in pixels from which on a layer is as many: 10 for each of 3, which 5° turn into one.
 _DEEP = 30.0
+# Times that a layer may reach farther to one neighbour than to the other: there may be a void.
+_FARTHER = 3.0
 # Rows or columns of the target that a work-item splats on a CPU, and how many items a core has.
 _ROWS, _ITEMS = (16, 64), 4
 # Side of a work-item's tile on a GPU.
@@ -208,12 +210,16 @@ def layer_points(
     edge = np.full_like(depth[..., :1], np.nan)
     before = np.concatenate([edge, steps], axis=2)
     behind = np.concatenate([steps, edge], axis=2)
-    way = np.nan_to_num(np.fmin(before, behind))
-    deep = way / (_DEEP / parts * warp.source.pitch_mm)
+    nearer = np.fmin(before, behind)
+    before, behind = (
+        np.nan_to_num(np.where(np.isnan(way), nearer, np.minimum(way, _FARTHER * nearer)))
+        for way in (before, behind)
+    )
+    deep = (before + behind) / 2 / (_DEEP / parts * warp.source.pitch_mm)
     count = np.ceil(deep).clip(1, parts)[..., None]
     part = np.arange(parts)
     off = 0.5 * ((2 * part + 1) / count - 1)
-    away = depth[..., None] + off * way[..., None]
+    away = depth[..., None] + off * np.where(off < 0, before[..., None], behind[..., None])
     shown = (used & (total > 0))[..., None] & (part < count)
     line, column, layer, number = np.nonzero(shown)
     at = line, column, layer
@@ -457,6 +463,7 @@ class Reprojector:
             "COLOURS_AT": _COLOURS_AT,
             "PART": _DEEP / self._parts,
             "MOST_PARTS": self._parts,
+            "FARTHER": _FARTHER,
         }
         text = prelude(constants, "opencl") + VIEW.declaration
         return self.compute.kernel(assemble("kernels/reproject.cl", text), name)
