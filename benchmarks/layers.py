@@ -17,8 +17,9 @@ from __future__ import annotations
 
 import itertools
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -27,13 +28,23 @@ from numpy.typing import NDArray
 
 from benchmarks.measure import PAGE, Figure, in_turn, replaced
 from benchmarks.scenes import RECIPES, Points, stored
+from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import asset
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.appearance.spaces import decode_sRGB, encode_sRGB, linear_sRGB_from_XYZ
 from volspec.basis import MaterialBasis
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec, reference
-from volspec.raycast.layered import LayerStream, OpacityLayers, empty_rows, sample_tau
+from volspec.raycast.kernel_arguments import LIGHT_MARGIN
+from volspec.raycast.layered import (
+    LayerStream,
+    OpacityLayers,
+    Shadow,
+    empty_rows,
+    sample_tau,
+)
+from volspec.raycast.light_volume import LightGrid, LightVolume, light_layers, split_count
+from volspec.raycast.sampling import Arrives, cell
 from volspec.relight import LightRig, RelightSpec, relight
 from volspec.relight.illumination import Illumination
 from volspec.scene import Scene
@@ -84,13 +95,85 @@ CASES = {
 }
 
 
+class ScaledLights:
+    """The light volumes of a table's scaled opacities, (C, K) scales, of every source."""
+
+    def __init__(
+        self,
+        volume: Volume,
+        table: TransferTable,
+        camera: Camera,
+        spec: RaycastSpec,
+        scales: Array,
+    ) -> None:
+        compute = Compute.open()
+        self._light = LightVolume(compute, volume, compute.upload(volume.values))
+        self._compute, self._given = compute, (spec, camera)
+        sources = len(light_layers(spec, volume, camera))
+        self.grid = LightGrid.for_spec(volume, spec)
+        shape = *self.grid.shape_xyz[::-1], len(scales)
+        self._layers = [np.empty(shape, np.uint16) for _ in range(sources)]
+        self._number = {each.source: n for n, each in enumerate(light_layers(spec, volume, camera))}
+        for c, scale in enumerate(scales):
+            for own, one in zip(self._layers, self._of(scaled(table, scale)), strict=True):
+                own[..., c] = one
+
+    def _of(self, table: TransferTable, split: bool = False) -> NDArray[np.uint16]:
+        buffer, grid, wanted = self._light.layers(table, *self._given, split=split)
+        count = len(wanted) * (1 + split_count(table) * split)
+        layers = np.empty((count, *grid.shape_xyz[::-1]), np.uint16)
+        self._compute.download(buffer, layers)
+        return layers
+
+    def arrivals(self, table: TransferTable) -> reference.Lights:
+        """Return the light of a table as `reference.split_arrivals` does, from the device."""
+        layers = self._of(table, split=True) / 65535
+        sources, split = len(self._number), split_count(table)
+
+        def each(first: int, step: int) -> dict[int, Arrives]:
+            return {
+                source: partial(reference.light_at, layers[first + n * step], self.grid)
+                for source, n in self._number.items()
+            }
+
+        return each(0, 1), [each(sources + k, split) for k in range(split)]
+
+    def passes(self, shadow: Shadow) -> Array:
+        """Return (R, C) what arrives at samples with each scale."""
+        layer = self._layers[self._number[shadow.source]]
+        at = shadow.at * np.array(self.grid.per_index) + LIGHT_MARGIN
+        base, f = cell(layer.shape[:3], at)
+        found = np.zeros((len(at), layer.shape[3]))
+        for corner in itertools.product((0, 1), repeat=3):
+            x, y, z = (base + corner).T
+            weight = np.where(corner, f, 1 - f).prod(axis=1)
+            found += weight[:, None] * layer[z, y, x]
+        return found / 65535
+
+
+def scaled(table: TransferTable, scales: Array) -> TransferTable:
+    """Return a table with each material's optical depth scaled, for the light volume."""
+
+    def opacity(side: TransferTable) -> Array:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            depth = -np.log1p(-side.opacity) * (side.material_weights @ scales)
+        return -np.expm1(-np.nan_to_num(depth, posinf=1e3))
+
+    left = None
+    if table.left is not None:
+        left = table.left._replace(opacity=opacity(table.left_limits))
+    return replace(table, opacity=opacity(table), left=left)
+
+
 class Truth:
     """The picture of (C, K) scales of a table's materials, sample by sample: a `SampleStream`."""
 
-    def __init__(self, rays: int, scales: Array) -> None:
-        self.scales = scales
+    def __init__(
+        self, rays: int, scales: Array, groups: int = 1, lights: ScaledLights | None = None
+    ) -> None:
+        self.scales, self.lights = scales, lights
         self.through = np.ones((rays, len(scales)))
-        self.channels = np.zeros((rays, len(scales), 4))
+        self.channels = np.zeros((rays, len(scales), groups, scales.shape[1] + 1), np.float32)
 
     def add(
         self,
@@ -100,15 +183,46 @@ class Truth:
         weights: Array,
         factor: Array,
         highlight: Array,
+        shadows: Sequence[Shadow] = (),
     ) -> None:
         """Composite a sample of each of some rays, in all combinations."""
         tau = sample_tau(alpha)[:, None, None] * weights[:, None, :] * self.scales
         total = tau.sum(axis=2)
         seen = self.through[rays] * -np.expm1(-total)
         part = seen / np.maximum(total, 1e-300)
-        self.channels[rays, :, :3] += (part * factor)[..., None] * tau
-        self.channels[rays, :, 3] += seen * highlight
+        lost = {id(each): 1 - self.lights.passes(each) for each in shadows if self.lights}
+        for group in range(factor.shape[1]):
+            shade, gloss = (
+                np.repeat(f[:, group, None], len(self.scales), 1) for f in (factor, highlight)
+            )
+            for each in shadows:
+                if each.slot[0] == group:
+                    shade -= each.factor[:, None] * lost[id(each)]
+                    gloss -= each.highlight[:, None] * lost[id(each)]
+            self.channels[rays, :, group, :-1] += (part * shade)[..., None] * tau
+            self.channels[rays, :, group, -1] += seen * gloss
         self.through[rays] -= seen
+
+
+class Frozen(LayerStream):
+    """Layers whose shadows stay those of the cast, to compare with."""
+
+    def add(
+        self,
+        rays: NDArray[np.int64],
+        along: Array,
+        alpha: Array,
+        weights: Array,
+        factor: Array,
+        highlight: Array,
+        shadows: Sequence[Shadow] = (),
+    ) -> None:
+        """Add a sample to each of some rays."""
+        factor, highlight = factor.copy(), highlight.copy()
+        for each in shadows:
+            factor[:, each.slot[0]] -= each.factor * (1 - each.passes)
+            highlight[:, each.slot[0]] -= each.highlight * (1 - each.passes)
+        super().add(rays, along, alpha, weights, factor, highlight)
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +333,7 @@ def display(basis: MaterialBasis) -> Callable[[Array, Array], Array]:
 
     def codes(channels: Array, through: Array) -> Array:
         XYZ = channels @ lit.XYZ_from_channels.T + through[:, None] * lit.backdrop_XYZ
-        return encode_sRGB(np.clip(linear_sRGB_from_XYZ(XYZ / 100.0), 0, 1))
+        return encode_sRGB(np.clip(linear_sRGB_from_XYZ(XYZ), 0, 1))
 
     return codes
 

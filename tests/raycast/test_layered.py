@@ -237,7 +237,7 @@ def test_a_file_holds_the_layers_in_half_precision(image: CoefficientImage, tmp_
     ("change", "code"),
     [
         (
-            lambda h, c: h.update({"volspec:layers": '{"version": 2, "count": 8}'}),
+            lambda h, c: h.update({"volspec:layers": '{"version": 3, "count": 8}'}),
             "unsupported",
         ),
         (lambda h, c: h.update({"volspec:layers": '{"count": 8}'}), "damaged"),

@@ -11,7 +11,7 @@ import pytest
 from tests.support.raycasts import labelled, oblique_world
 from volspec.raycast import Camera, RaycastSpec, reference
 from volspec.raycast.gpu import Raycaster
-from volspec.raycast.layered import OpacityLayers, empty_rows
+from volspec.raycast.layered import OpacityLayers, empty_rows, shadow_slots
 from volspec.raycast.lights import Ambient, Directional, Headlight, LightGroup
 from volspec.transfer import TransferTable
 from volspec.volume import Volume
@@ -49,7 +49,10 @@ def assert_layers_alike(
     assert np.abs(ours.coefficients - picture[0]).max() < TOLERANCE
     assert picture[1].max() > 0.05
     K, G = len(table.channels), len(spec.groups)
-    both = [OpacityLayers.of_rows(r.astype(np.float32), range(K), K, G) for r in (rows, true)]
+    slots = shadow_slots(spec)
+    both = [
+        OpacityLayers.of_rows(r.astype(np.float32), range(K), K, G, slots) for r in (rows, true)
+    ]
     for scales in itertools.product((0.0, 0.3, 4.0), repeat=K):
         one, other = (layers.recompose(scales) for layers in both)
         off = np.abs(one.channels - other.channels).reshape(*SIZE, -1).max(axis=2)

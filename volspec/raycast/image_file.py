@@ -12,8 +12,10 @@ field of view, if it has one.
 
 Layers of opacity (`CoefficientImage.opacity_layers`) are half channels, near to far:
 ``l3.tau.block``, ``l3.shade.key.block``, ``l3.gloss.key`` and ``l3.depth.Z``, of layer 3, the
-material ``block`` and the light group ``key``. The header's ``volspec:layers`` holds their version
-and number; programs that do not know them read the image without.
+material ``block`` and the light group ``key``. If lights have shadows, ``l3.shadow.part.key``,
+``l3.shadow.gloss.key``, ``l3.shadow.bend.key`` and ``l3.shadow.depth.key.block`` follow, and the
+same of ``occlusion`` (`OpacityLayers.shadow`). The header's ``volspec:layers`` holds their version,
+number, and groups with shadows; programs that do not know them read the image without.
 
 Up to format 2 channels were called ``key.coefficients.00``, of a single group ``coefficients.00``,
 and the first hit ``ZFirst``.
@@ -26,7 +28,7 @@ import math
 import os
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -41,7 +43,7 @@ from volspec._parse import parse_json
 from volspec.appearance.spaces import SPACES
 from volspec.basis import Basis, MaterialBasis, basis_from_dict
 from volspec.errors import BasisError, ImageError, ShapeError
-from volspec.raycast.layered import OpacityLayers
+from volspec.raycast.layered import OpacityLayers, Slot
 from volspec.raycast.spec import MAX_LAYERS
 
 if TYPE_CHECKING:
@@ -99,17 +101,32 @@ def channel_names(groups: Mapping[str, float], size: int) -> list[str]:
     return [f"{layer}.c{k:02d}.V" for layer in _plain_names(groups) for k in range(size)]
 
 
-def layer_names(layer: int, materials: Iterable[str], groups: Iterable[str]) -> list[str]:
+def layer_names(
+    layer: int, materials: Iterable[str], groups: Iterable[str], slots: Iterable[Slot] = ()
+) -> list[str]:
     """Return the channels' names of a layer of opacity, in the order of its arrays.
+
+    ``slots`` are groups with shadows or occlusion, as `shadow_slots`.
 
     >>> layer_names(3, ["block"], ["key"])
     ['l3.tau.block', 'l3.shade.key.block', 'l3.gloss.key', 'l3.depth.Z']
+    >>> layer_names(3, ["block"], ["key"], [(0, False)])[3:-1]
+    ['l3.shadow.part.key', 'l3.shadow.gloss.key', 'l3.shadow.bend.key', 'l3.shadow.depth.key.block']
     """
     kinds, lights = _plain_names(materials), _plain_names(groups)
+    shadows = [(f"l{layer}.{CASTS[occluded]}", lights[group]) for group, occluded in slots]
     return [
         *(f"l{layer}.tau.{kind}" for kind in kinds),
         *(f"l{layer}.shade.{light}.{kind}" for light in lights for kind in kinds),
         *(f"l{layer}.gloss.{light}" for light in lights),
+        *(
+            name
+            for cast, light in shadows
+            for name in (
+                *(f"{cast}.{number}.{light}" for number in ("part", "gloss", "bend")),
+                *(f"{cast}.depth.{light}.{kind}" for kind in kinds),
+            )
+        ),
         f"l{layer}.depth.Z",
     ]
 
@@ -150,7 +167,10 @@ FORMAT = 3
 _READ = (1, 2, FORMAT)  # images of format 1 have one light group
 # Attributes of the header, after "volspec:".
 _OWN = ("format", "basis", "groups", "notes", "fov_deg", "layers")
-LAYERS_VERSION = 1
+# The version without shadows, and with.
+LAYERS_VERSIONS = 1, 2
+# Of layers' arrays, by `Slot`.
+CASTS = "shadow", "occlusion"
 _ALPHA_ERROR = 1e-3  # rounding of alpha by a compositor
 
 
@@ -187,8 +207,15 @@ def write_image(
     }
     if image.opacity_layers is not None:
         layers = image.opacity_layers
-        header["volspec:layers"] = json.dumps({"version": LAYERS_VERSION, "count": layers.count})
-        channels |= _layer_channels(image, layers)
+        slots = layers.slots
+        about: dict[str, Any] = {
+            "version": LAYERS_VERSIONS[bool(slots)],
+            "count": layers.count,
+        }
+        for o, cast in enumerate(CASTS if slots else ()):
+            about[cast] = [list(image.groups)[group] for group, occluded in slots if occluded == o]
+        header["volspec:layers"] = json.dumps(about)
+        channels |= _layer_channels(image, layers, slots)
     if preview is not None:
         colours = np.asarray(preview)
         if colours.shape != (*image.alpha.shape, 3):
@@ -246,16 +273,19 @@ def read_image(path: str | os.PathLike[str]) -> dict[str, Any]:
     }
 
 
-def _layer_channels(image: CoefficientImage, layers: OpacityLayers) -> Channels:
+def _layer_channels(
+    image: CoefficientImage, layers: OpacityLayers, slots: Sequence[Slot]
+) -> Channels:
     """Return the channels of layers of opacity."""
     assert isinstance(image.basis, MaterialBasis)
     height, width = image.alpha.shape
     channels: Channels = {}
     for k in range(layers.count):
-        arrays = layers.tau, layers.shade, layers.gloss, layers.depth_mm
+        shadows = [layers.slot(slot) for slot in slots]
+        arrays = layers.tau, layers.shade, layers.gloss, *shadows, layers.depth_mm
         flat = [each[:, :, k].reshape(height, width, -1) for each in arrays]
         half = np.concatenate(flat, axis=2).astype(np.float16)
-        names = layer_names(k, image.basis.materials, image.groups)
+        names = layer_names(k, image.basis.materials, image.groups, slots)
         channels |= {name: half[..., n] for n, name in enumerate(names)}
     return channels
 
@@ -273,9 +303,10 @@ def _read_layers(
     with _refusing(f"{name}: its layers of opacity are refused"):
         about = parse_json(header["volspec:layers"])
         version = about["version"]
-    if version != LAYERS_VERSION:
+    if version not in LAYERS_VERSIONS:
         raise ImageError(
-            f"{name}: layers of opacity of version {version}, this volspec reads {LAYERS_VERSION}",
+            f"{name}: layers of opacity of version {version}, this volspec reads "
+            f"{' and '.join(map(str, LAYERS_VERSIONS))}",
             "render the scene again",
             code="unsupported",
         )
@@ -283,10 +314,16 @@ def _read_layers(
         count = int(about["count"])
         if not (isinstance(basis, MaterialBasis) and 1 <= count <= MAX_LAYERS):
             raise ValueError(f"{count} layers, basis {basis.name!r}")
+        numbers = {group: number for number, group in enumerate(groups)}
+        slots = sorted(
+            (numbers[group], occluded)
+            for occluded, cast in ((False, "shadow"), (True, "occlusion"))
+            for group in (about[cast] if version > 1 else ())
+        )
     materials, lights = len(basis.materials), len(groups)
     parts = []
     for k in range(count):
-        names = layer_names(k, basis.materials, groups)
+        names = layer_names(k, basis.materials, groups, slots)
         parts.append(_stacked(name, pixels, names))
     rows = np.stack(parts, axis=2)
     if not np.isfinite(rows[..., :-1]).all() or rows[..., :materials].min() < 0:
@@ -296,7 +333,7 @@ def _read_layers(
             code="damaged",
         )
     with _refusing(f"{name}: its layers of opacity are refused"):
-        return OpacityLayers.of_rows(rows.astype(np.float16), range(materials), materials, lights)
+        return OpacityLayers.of_numbers(rows.astype(np.float16), materials, lights, slots)
 
 
 def _stacked(name: str, pixels: Channels, wanted: Iterable[str]) -> NDArray[Any]:
