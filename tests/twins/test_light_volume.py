@@ -21,7 +21,13 @@ from volspec.raycast import (
     reference,
 )
 from volspec.raycast.kernel_arguments import LIGHT_MARGIN
-from volspec.raycast.light_volume import LightGrid, LightVolume, light_layers
+from volspec.raycast.light_volume import (
+    LightGrid,
+    LightVolume,
+    light_layers,
+    material_tables,
+    split_count,
+)
 from volspec.raycast.lights import Source as LightSource
 from volspec.transfer import SurfaceTable, TransferTable
 from volspec.volume import Volume, phantom
@@ -260,3 +266,21 @@ def test_samples_of_a_layer_match_reference(lanes: int) -> None:
     true = reference.light_at(layer / 65535, grid, (at - LIGHT_MARGIN) / np.array(grid.per_index))
     # Positions of up to 10 nodes in float32 are 1e-6 off, and nodes differ by up to 1.
     assert np.abs(out - true).max() < 5e-6
+
+
+def test_materials_alone_match_reference(half_engine: Volume, engine_table: TransferTable) -> None:
+    """Without ``split`` as with it; each at half of its depth, and occlusion unclipped."""
+    small, spec = half_engine.downsampled(2), lit(SUN, BULB, SKY)
+    camera = Camera.orbit(small)
+    ours, alone = opened(small), downloaded(opened(small), engine_table, spec, camera)
+    split = split_count(engine_table)
+    for _ in range(2):
+        buffer, grid, _ = ours.layers(engine_table, spec, camera, split=True)
+        layers = np.empty((3 + 3 * split, *grid.shape_xyz[::-1]), np.uint16)
+        ours._compute.download(buffer, layers)
+        assert np.array_equal(layers[:3] / 65535, alone)
+        tables = [(each, 0.5) for each in (*material_tables(engine_table), engine_table)]
+        for number, (table, part) in enumerate([*tables, (engine_table, 1.0)]):
+            true = reference.layers(small, table, spec, camera, part=part)
+            off = np.abs(layers[3 + number :: split] / 65535 - true)
+            assert off.max() <= TOLERANCE, number

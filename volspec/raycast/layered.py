@@ -63,7 +63,7 @@ DARKEST = 1e-9
 """Transmittance to a light that counts as none; at half of the depths its root."""
 LIGHT_MASS = 0.5
 """Mass of a change of the light that arrives, so that layers end at the edges of shadows."""
-BEND = 0.01, 16.0
+BEND = 1e-3, 16.0
 """Limits of b; the least is as 0."""
 MOST_EXPONENT = 80.0
 """Exponent that float32 has, also times a scale."""
