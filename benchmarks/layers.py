@@ -46,7 +46,7 @@ from volspec.raycast.layered import (
     sample_tau,
     shadow_slots,
 )
-from volspec.raycast.light_volume import LightGrid, LightVolume, light_layers, split_count
+from volspec.raycast.light_volume import LightGrid, LightVolume, light_layers, split_width
 from volspec.raycast.lights import HEADLIT, Ambient, Directional, Headlight, LightGroup
 from volspec.raycast.sampling import Arrives, cell
 from volspec.relight import LightRig, RelightSpec, relight
@@ -61,7 +61,7 @@ SCALES = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)
 MOST_COMBINATIONS = 215  # of three materials, all
 COUNTS = (4, 8, 12, 16)
 LAYERS = 8
-SIDE, PIXELS, LIT_PIXELS = 96, 1000, 500
+SIDE, PIXELS, LIT_PIXELS = 96, 1000, 300
 TIMED = 512, 512
 SPEC = RaycastSpec(ambient=0.3, diffuse=0.7, specular=0.2, shininess=24, alpha_stop=1.0)
 MATERIALS = {
@@ -150,25 +150,27 @@ class ScaledLights:
             for own, one in zip(self._layers, self._of(scaled(table, scale)), strict=True):
                 own[..., c] = one
 
-    def _of(self, table: TransferTable, split: bool = False) -> NDArray[np.uint16]:
-        buffer, grid, wanted = self._light.layers(table, *self._given, split=split)
-        count = len(wanted) * (1 + split_count(table) * split)
-        layers = np.empty((count, *grid.shape_xyz[::-1]), np.uint16)
+    def _of(self, table: TransferTable, width: int = 0) -> NDArray[np.uint16]:
+        """Return (N, nz, ny, nx) light volumes, and of each N ``width`` more, as read by nodes."""
+        buffer, grid, wanted = self._light.layers(table, *self._given, split=width > 0)
+        layers = np.empty((len(wanted) * (1 + width), *grid.shape_xyz[::-1]), np.uint16)
         self._compute.download(buffer, layers)
         return layers
 
     def arrivals(self, table: TransferTable) -> reference.Lights:
         """Return the light of a table as `reference.split_arrivals` does, from the device."""
-        layers = self._of(table, split=True) / 65535
-        sources, split = len(self._number), split_count(table)
+        width, sources = split_width(table), len(self._number)
+        layers = self._of(table, width) / 65535
+        split = layers[sources:].reshape(sources, *layers.shape[1:], width)
 
-        def each(first: int, step: int) -> dict[int, Arrives]:
+        def each(volumes: Array) -> dict[int, Arrives]:
             return {
-                source: partial(reference.light_at, layers[first + n * step], self.grid)
+                source: partial(reference.light_at, np.ascontiguousarray(volumes[n]), self.grid)
                 for source, n in self._number.items()
             }
 
-        return each(0, 1), [each(sources + k, split) for k in range(split)]
+        half, whole, *alone = (each(split[..., n]) for n in range(2 + len(table.channels)))
+        return each(layers[:sources]), [*alone, half, whole]
 
     def passes(self, shadow: Shadow) -> Array:
         """Return (R, C) what arrives at samples with each scale."""

@@ -18,7 +18,8 @@
 //             writes  the padded grid
 // parallel    reads   the padded grid; steps Step[], by direction; ends int[] per direction
 // converging  reads   the padded grid; the light's position
-//             write   a layer of layers ushort[layer][nz][ny][nx], 65535 if all light arrives
+//             write   a layer of layers ushort[layer][nz][ny][nx], 65535 if all light arrives; or one
+//                     of several numbers of each node
 //
 // The host sets LANES, VOXEL, KIND (one of the five below) and the structs Span, Grid, Step, Curve
 // and Mask (volspec/raycast/light_volume.py and kernel_arguments.py describe their members).
@@ -186,12 +187,14 @@ static inline bool make_packet(const int4 nodes, __global const float *sigma, Pa
     return true;
 }
 
-static inline void store(const Packet *p, const int4 nodes, floatN light, int layer,
+// into: layer, numbers of a node from there on, and which of them.
+static inline void store(const Packet *p, const int4 nodes, floatN light, int4 into,
                          __global ushort *layers) {
     intL level;
     level.v = CONVERT_INT(light * 65535.0f + 0.5f);
-    const size_t at = (((size_t)layer * nodes.z + p->z) * nodes.y + p->y) * nodes.x + p->x;
-    UNROLL(l, LANES) if (p->x + l < nodes.x) layers[at + l] = level.s[l];
+    const size_t node = ((size_t)p->z * nodes.y + p->y) * nodes.x + p->x;
+    layers += (size_t)into.x * nodes.x * nodes.y * nodes.z + node * into.y + into.z;
+    UNROLL(l, LANES) if (p->x + l < nodes.x) layers[l * into.y] = level.s[l];
 }
 
 // Vectors at any address.
@@ -203,7 +206,7 @@ typedef struct __attribute__((packed)) { floatN v; } Nodes;
 // the optical depths.
 __kernel void parallel(__global const float *restrict sigma, __global const Step *restrict steps,
                        __global const int *restrict ends, const int directions, const float gain,
-                       const float part, const int4 nodes, const int layer,
+                       const float part, const int4 nodes, const int4 into,
                        __global ushort *restrict layers) {
     Packet p;
     if (!make_packet(nodes, sigma, &p)) return;
@@ -231,14 +234,14 @@ __kernel void parallel(__global const float *restrict sigma, __global const Step
         light += exp_minus(part * depth);
     }
     light *= gain / (float)directions;
-    store(&p, nodes, MIN(light, 1.0f), layer, layers);
+    store(&p, nodes, MIN(light, 1.0f), into, layers);
 }
 
 // Light from a point. place: its position in the grid; world_x, y, z: rows of world_from_grid, in
 // cells; bias: distance from the node at which sampling begins, in cells.
 __kernel void converging(__global const float *restrict sigma, const float4 place,
                          const float4 world_x, const float4 world_y, const float4 world_z,
-                         const float bias, const float part, const int4 nodes, const int layer,
+                         const float bias, const float part, const int4 nodes, const int4 into,
                          __global ushort *restrict layers) {
     Packet p;
     if (!make_packet(nodes, sigma, &p)) return;
@@ -285,7 +288,7 @@ __kernel void converging(__global const float *restrict sigma, const float4 plac
         const floatN high = lerp(lerp(a[2].v, b[2].v, fx), lerp(a[3].v, b[3].v, fx), fy);
         depth += left * lerp(low, high, fz);
     }
-    store(&p, nodes, exp_minus(part * depth), layer, layers);
+    store(&p, nodes, exp_minus(part * depth), into, layers);
 }
 
 // Takes what surfaces keep from the nodes: parts of 65535 that arrive, of one layer.

@@ -26,7 +26,7 @@ from volspec.raycast.light_volume import (
     LightVolume,
     light_layers,
     material_tables,
-    split_count,
+    split_width,
 )
 from volspec.raycast.lights import Source as LightSource
 from volspec.transfer import SurfaceTable, TransferTable
@@ -268,19 +268,28 @@ def test_samples_of_a_layer_match_reference(lanes: int) -> None:
     assert np.abs(out - true).max() < 5e-6
 
 
-def test_materials_alone_match_reference(half_engine: Volume, engine_table: TransferTable) -> None:
+@pytest.mark.parametrize("materials", [2, 4])
+def test_materials_alone_match_reference(
+    half_engine: Volume, engine_table: TransferTable, materials: int
+) -> None:
     """Without ``split`` as with it; each at half of its depth, and occlusion unclipped."""
     small, spec = half_engine.downsampled(2), lit(SUN, BULB, SKY)
+    at = np.linspace(0, materials - 1, len(engine_table.opacity))
+    weights = np.maximum(1 - np.abs(at[:, None] - np.arange(materials)), 0)
     camera = Camera.orbit(small)
-    ours, alone = opened(small), downloaded(opened(small), engine_table, spec, camera)
-    split = split_count(engine_table)
+    ours = opened(small)
+    whole = dataclasses.replace(
+        engine_table, material_weights=weights, channels=np.eye(materials), white=None
+    )
+    alone = downloaded(opened(small), whole, spec, camera)
+    tables = [(whole, 0.5), (whole, 1.0), *((each, 0.5) for each in material_tables(whole))]
+    width = split_width(whole)
     for _ in range(2):
-        buffer, grid, _ = ours.layers(engine_table, spec, camera, split=True)
-        layers = np.empty((3 + 3 * split, *grid.shape_xyz[::-1]), np.uint16)
+        buffer, grid, _ = ours.layers(whole, spec, camera, split=True)
+        layers = np.empty((3 + 3 * width, grid.nodes), np.uint16)
         ours._compute.download(buffer, layers)
-        assert np.array_equal(layers[:3] / 65535, alone)
-        tables = [(each, 0.5) for each in (*material_tables(engine_table), engine_table)]
-        for number, (table, part) in enumerate([*tables, (engine_table, 1.0)]):
+        assert np.array_equal(layers[:3].ravel() / 65535, alone.ravel())
+        split = layers[3:].reshape(3, *grid.shape_xyz[::-1], width) / 65535
+        for number, (table, part) in enumerate(tables):
             true = reference.layers(small, table, spec, camera, part=part)
-            off = np.abs(layers[3 + number :: split] / 65535 - true)
-            assert off.max() <= TOLERANCE, number
+            assert np.abs(split[..., number] - true).max() <= TOLERANCE, number

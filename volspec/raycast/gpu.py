@@ -33,7 +33,7 @@ from volspec.raycast.distributed import Cluster, is_cluster
 from volspec.raycast.fields import FieldCast, common_dtype, frame_around
 from volspec.raycast.kernel_arguments import check_reach
 from volspec.raycast.layered import shadow_slots
-from volspec.raycast.light_volume import Arrives, Clear, LightVolume, split_count
+from volspec.raycast.light_volume import Arrives, Clear, LightVolume, split_width
 from volspec.raycast.lights import Ambient, Headlight, LightGroup
 from volspec.raycast.masks import MaskLattice
 from volspec.raycast.out_of_core import LevelCaster, level_for
@@ -531,7 +531,7 @@ class Raycaster:
         light, numbers = self._lights_of(table).attach(
             struct, table, spec, camera, clear, bool(slots)
         )
-        split = split_count(table) if slots else 0
+        split = split_width(table) if slots else 0
         upload = self._compute.upload
         inputs = [
             upload(np.ascontiguousarray(array))
@@ -575,6 +575,7 @@ class Raycaster:
             aligned=aligned,
             layers=0 if rows is None else rows.shape[2],
             slots=slots,
+            split=split,
         )
         tile, group = TILES[self.packet.lanes], GROUPS[self.packet.lanes]
         with receiver.receiving(self._compute, spec.half) if receiver else nullcontext() as pack:

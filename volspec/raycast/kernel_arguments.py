@@ -423,7 +423,7 @@ def source_rows(
 ) -> NDArray[np.float32]:
     """Return (R, 4): world rows, groups and sources (shade.clh).
 
-    ``layers`` are the sources' in the light volume, -1 for none; ``split`` more for each follow.
+    ``layers`` are the sources' in the light volume, -1 for none; ``split`` for each follow.
     """
     unit = min(volume.spacing_mm)
     # Positions are relative to the camera's target, to keep them small.

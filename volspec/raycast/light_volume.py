@@ -284,10 +284,13 @@ def steps(begin: float, end: float) -> tuple[NDArray[np.float64], NDArray[np.flo
     return (edges[:-1] + edges[1:]) / 2, np.diff(edges)
 
 
-def split_count(table: Tables) -> int:
-    """Return the number of layers that `LightVolume.layers` adds to each with ``split``."""
+def split_width(table: Tables) -> int:
+    """Return the numbers of a node that `LightVolume.layers` adds for each layer with ``split``.
+
+    They are read as one vector, of 4 or 8.
+    """
     assert isinstance(table, TransferTable)
-    return len(table.channels) + 2
+    return 4 if len(table.channels) <= 2 else 8
 
 
 def extinction_per_mm(opacity: NDArray[np.float64], length_mm: float) -> NDArray[np.float64]:
@@ -398,10 +401,10 @@ class LightVolume:
         The extinction is reused while the table (by identity, not equality), the cuts and the grid
         are the same; a layer, while its light is the same, too. The buffer is
         ushort[layer][nz][ny][nx] in order of `light_layers`, 65535 if all light arrives, valid
-        until the next call. ``clear`` is what surfaces keep from the nodes. With ``split``, more
-        follow for each layer (`split_count`): of each material by itself and of all, with `HALF`
-        of their depths, and of all with the whole; occlusion as the plain mean of directions.
-        Raises OpenCLError if the device has no room for the grid.
+        until the next call. ``clear`` is what surfaces keep from the nodes. With ``split``, for
+        each layer ushort[nz][ny][nx][`split_width`] follows: of all materials, with `HALF` of
+        their depths and with the whole, and of each by itself with half; occlusion is there the
+        plain mean of directions. Raises OpenCLError if the device has no room for the grid.
         """
         grid = LightGrid.for_spec(self.volume, spec)
         wanted = light_layers(spec, self.volume, camera)
@@ -413,7 +416,7 @@ class LightVolume:
             self._sigma, self._by_material = None, []
             self._fill_extinction(table, spec, grid)
             self._extinction = table, *settings
-        count = len(wanted) * (1 + (split_count(table) if split else 0))
+        count = len(wanted) * (1 + (split_width(table) if split else 0))
         if self._capacity < count * grid.nodes * 2:
             self._keys, self._split_keys = [], []
             self._layers, self._capacity = self._compute.output(4), 0
@@ -425,7 +428,7 @@ class LightVolume:
         for number, layer in enumerate(wanted):
             key = *layer.key, clear
             if previous[number : number + 1] != [key]:
-                self._fill_layer(layer, number, grid)
+                self._fill_layer(layer, (number, 1, 0), grid)
                 if clear is not None:
                     self._block(layer, number, grid, clear)
             self._keys.append(key)
@@ -447,12 +450,13 @@ class LightVolume:
                 self._extinction_of(self.volume, self._voxels, [each], spec, grid)
                 for each in material_tables(table)
             ]
-        parts = [(sigma, HALF) for sigma in (*self._by_material, self._sigma)]
-        parts.append((self._sigma, 1.0))
+        parts = [(self._sigma, HALF), (self._sigma, 1.0)]
+        parts += [(sigma, HALF) for sigma in self._by_material]
+        width = split_width(table)
         for n, layer in enumerate(wanted):
-            first = len(wanted) + n * len(parts)
-            for number, (sigma, part) in enumerate(parts, first):
-                self._fill_layer(layer, number, grid, sigma, part, gain=1.0)
+            for number, (sigma, part) in enumerate(parts):
+                place = len(wanted) + n * width, width, number
+                self._fill_layer(layer, place, grid, sigma, part, gain=1.0)
         self._split_keys = keys
 
     def _require(self, nbytes: int, field: str, grid: LightGrid) -> None:
@@ -575,16 +579,20 @@ class LightVolume:
     def _fill_layer(
         self,
         layer: LightLayer,
-        number: int,
+        place: tuple[int, int, int],
         grid: LightGrid,
         sigma: Any = None,
         part: float = 1.0,
         gain: float = OCCLUSION_GAIN,
     ) -> None:
-        """Fill one layer, with a part of an extinction's depths; occlusion's mean has a gain."""
+        """Fill one layer, with a part of an extinction's depths; occlusion's mean has a gain.
+
+        ``place`` is the number of the layer, of values of a node, and of the one that is filled.
+        """
         x, y, z = grid.shape_xyz
         packets = -(-x // self._lanes) * y * z
-        end = np.float32(part), np.array([x, y, z, 0], np.int32), np.int32(number), self._layers
+        nodes, at = (np.array([*each, 0], np.int32) for each in ((x, y, z), place))
+        end = np.float32(part), nodes, at, self._layers
         sigma = sigma or self._sigma
         if layer.kind == "point":
             world = np.linalg.inv(grid.grid_from_world[:3, :3]) / grid.cell_mm

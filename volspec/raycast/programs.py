@@ -44,6 +44,7 @@ def cast_kernel(
     parts: bool = False,
     layers: int = 0,
     slots: Sequence[Slot] = (),
+    split: int = 0,
 ) -> Any:
     """Return the kernel that casts voxels of a type.
 
@@ -67,6 +68,8 @@ def cast_kernel(
         Layers of opacity, which are written, too.
     slots : sequence of (group, occluded)
         Shadows of the layers.
+    split : int
+        Numbers of a node in the light volume, of materials by themselves.
     """
     tile_width, tile_height = TILES[packet.lanes]
     constants = {
@@ -96,6 +99,7 @@ def cast_kernel(
             "MOST_LAYER_TAU": MOST_LAYER_TAU,
             "LEAST_TAU": LEAST_TAU,
             "SLOT_COUNT": len(slots),
+            "SPLIT": split,
             "LIGHT_MASS": LIGHT_MASS,
         }
     constants["NEIGHBOURS"] = int(constants["NORMALS"] or program.constants["TABLE_ROWS"] > 1)
