@@ -7,6 +7,11 @@ a file holds them, in half precision. All 215 combinations of 0, 1/4, 1/2, 1, 2 
 something, on covered pixels of 96² rays; errors are of sRGB codes, 1 for white, and CIEDE2000 of
 the frame under D65 in front of black, without an eye model.
 
+Shadows: a directional lamp with shadows, in a light group of its own and in one with ambient and
+headlight, and ambient occlusion. The truth reads the light volume of the scaled opacities, one for
+each combination; "frozen" layers have the cast's shadows. Other functions: two and four materials
+(of four, every sixth combination), labels, and the noisy CT of a chest.
+
 The kernel is compared with the stream on the same pixels and combinations: the difference of
 coefficients that 99 % of the pixels stay below, and the pixels above 1e-4, in which a layer ends a
 sample earlier or later, as a mass is close to the limit. Its time is that of all cores by that of

@@ -596,8 +596,8 @@ class LightVolume:
         sigma = sigma or self._sigma
         if layer.kind == "point":
             world = np.linalg.inv(grid.grid_from_world[:3, :3]) / grid.cell_mm
-            place = grid.grid_from_world @ [*layer.vector, 1.0]
-            light = *_float4s(place[:3], *world), np.float32(grid.shadow_bias)
+            lamp = grid.grid_from_world @ [*layer.vector, 1.0]
+            light = *_float4s(lamp[:3], *world), np.float32(grid.shadow_bias)
             self._launch("converging", packets, (sigma, *light, *end))
         else:
             light = self._parallel(layer, grid, gain)
