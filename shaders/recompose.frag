@@ -5,6 +5,11 @@
 //
 // and fade (C as cast - C at scale 1) is added. The result replaces what relight.frag reads.
 //
+// Shades and highlights of groups that are SHADOWED or OCCLUDED are kept apart from the light that
+// shadows take: they are multiplied by
+//
+//     1 - v + v p,   p = min(1, gain (1 + Σ s_k (exp(b E_k) - 1))^(-1/b))
+//
 // With DEPTH, layers are cut, and seen through fog F(d) = exp(-fog.x (d - fog.y)), which adds
 //
 //     white_g += fog_light_g T (F(d_i) - F(d_j))    between layers i and j, to the cut's far end.
@@ -15,6 +20,8 @@
 // Reads   layers    texture array of RGBA, TEXELS slices a layer, near to far: τ of up to four
 //                   materials; for each light group their shades, and the highlight after them;
 //                   four materials leave no place for it: highlights follow, four to a slice.
+//                   From slice SHADOWS_AT on two slices for each group's shadow and occlusion: E;
+//                   v of the shade and of the highlight, and b.
 //                   With EXTENTS a slice more: where it begins, mm beyond nearest_mm; its width.
 //         base      texture array with the result's slices: the picture as cast if DIFFERENCE,
 //                   else its difference from its layers at scale 1.
@@ -26,7 +33,9 @@
 //                   relight.frag; if DIFFERENCE, what the picture as cast has and its layers lack.
 // Host    COUNT (layers), MATERIALS, GROUPS, TEXELS, FIRST_SLICE, SLICES_DRAWN, DIFFERENCE,
 //         CODED (1 if the numbers are 8-bit codes c of τ = TAU_CODE c³, shade = shade_code c,
-//         gloss = gloss_code c²), TAU_CODE.
+//         gloss = gloss_code c², E = PATH_CODE c³, b = BEND_CODE c³), TAU_CODE, PATH_CODE,
+//         BEND_CODE; SHADOWED and OCCLUDED (bits of groups), SHADOWS_AT, OCCLUSION_GAIN, BEND_LEAST
+//         and MOST_EXPONENT.
 //
 // Valid for `330 core` and `300 es`; the host writes the version line.
 #ifdef GL_ES
@@ -64,6 +73,25 @@ float mean_position(float tau) {
 }
 #endif
 
+#if SHADOWED || OCCLUDED
+// Fractions of a shade and of a highlight that are taken from it.
+vec2 taken(ivec2 pixel, int slice, float gain) {
+    vec4 path = texelFetch(layers, ivec3(pixel, slice), 0);
+    vec4 part = texelFetch(layers, ivec3(pixel, slice + 1), 0);
+#if CODED
+    path *= PATH_CODE * path * path;
+    part.z *= BEND_CODE * part.z * part.z;
+#endif
+    float bend = max(part.z, BEND_LEAST);
+    vec4 depth = min(bend * path, vec4(MOST_EXPONENT));
+    // exp(depth) - 1 loses all precision of small depths.
+    vec4 small = depth * (1.0 + depth * (0.5 + depth / 6.0));
+    vec4 grown = mix(exp(depth) - 1.0, small, lessThan(depth, vec4(0.02)));
+    float passes = exp(-log(1.0 + dot(grown, scales)) / bend);
+    return part.xy * (1.0 - min(gain * passes, 1.0));
+}
+#endif
+
 // Channels of a light group; white is last, in a place of its own if there are four materials.
 struct Group {
     vec4 channels;
@@ -76,6 +104,11 @@ Group group(ivec2 pixel, int g) {
 #if DEPTH
     vec2 off_axis = slope * (gl_FragCoord.xy - 0.5 * vec2(textureSize(layers, 0).xy));
     float along = sqrt(1.0 + dot(off_axis, off_axis)), lit = 1.0, fogged = 0.0;
+#endif
+#if SHADOWED || OCCLUDED
+    bool shadowed = ((SHADOWED >> g) & 1) == 1, occluded = ((OCCLUDED >> g) & 1) == 1;
+    int shadow_at = SHADOWS_AT;
+    for (int i = 0; i < g; ++i) shadow_at += 2 * (((SHADOWED >> i) & 1) + ((OCCLUDED >> i) & 1));
 #endif
     for (int layer = 0; layer < COUNT; ++layer) {
         int slice = layer * TEXELS;
@@ -116,6 +149,16 @@ Group group(ivec2 pixel, int g) {
 #if CODED
         gloss *= gloss_code * gloss;
         shade *= shade_code;
+#endif
+#if SHADOWED || OCCLUDED
+        vec2 kept = vec2(1.0);
+        if (shadowed) kept -= taken(pixel, slice + shadow_at, 1.0);
+        if (occluded) {
+            int at = slice + shadow_at + (shadowed ? 2 : 0);
+            kept -= taken(pixel, at, OCCLUSION_GAIN);
+        }
+        shade *= kept.x;
+        gloss *= kept.y;
 #endif
         made.channels += seen / own * tau * shade;
         made.white += seen * gloss;

@@ -140,7 +140,7 @@ def test_a_slider_that_is_dragged_fades_as_a_new_frame_of_the_desktop(
 def test_any_number_of_materials_and_groups_is_drawn(
     opened: Callable[..., Opened], tmp_path: Path, materials: int, groups: int
 ) -> None:
-    """From one texel a layer to eleven, and from one pass of a slice to three of four."""
+    """One texel a layer to eleven, and one pass of a slice to three of four."""
     image = layered(materials, groups)
     scales = dict(zip(image.basis.materials, (0.5, 1.0, 0.0, 2.0), strict=False))
     lights = [NamedLight("mixed", "", light("A"), rig(image))]

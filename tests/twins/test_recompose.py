@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from tests.support.errors import raises
 from tests.support.relighting import gl_or_skip
@@ -22,8 +23,13 @@ NAMES = ("copper", "gold", "brass", "silver")
 SIZE = 7, 5
 
 
-def layered(materials: int, groups: int, count: int = 5, seed: int = 0) -> CoefficientImage:
-    """Random layers, some without opacity, and a picture that differs from them a little."""
+def layered(
+    materials: int, groups: int, count: int = 5, seed: int = 0, shadows: str = ""
+) -> CoefficientImage:
+    """Random layers, some without opacity, and a picture that differs from them a little.
+
+    ``shadows`` has a letter for each group: shadow, occlusion, both or neither.
+    """
     rng = np.random.default_rng(seed)
     pixels = SIZE[1], SIZE[0], count
     tau = rng.random((*pixels, materials)) ** 4 * 6
@@ -34,6 +40,7 @@ def layered(materials: int, groups: int, count: int = 5, seed: int = 0) -> Coeff
         (rng.random((*pixels, groups, materials)) / groups).astype(np.float16),
         (0.2 * rng.random((*pixels, groups)) / groups).astype(np.float16),
         np.sort(rng.random(pixels), axis=-1).astype(np.float16),
+        *(casts(rng, (*pixels, groups, 3 + materials), shadows, kinds) for kinds in ("sb", "ob")),
     )
     channels, alpha, weighted = layers.recompose([1.0] * materials)
     channels += 0.02 * rng.standard_normal(channels.shape).astype(np.float32)
@@ -42,6 +49,20 @@ def layered(materials: int, groups: int, count: int = 5, seed: int = 0) -> Coeff
     basis = MaterialBasis({name: reflectance(name) for name in NAMES[:materials]})
     shares = {f"group {g}": 1 / groups for g in range(groups)} if groups > 1 else {"light": 1.0}
     return CoefficientImage(channels, alpha, depth, basis, groups=shares, opacity_layers=layers)
+
+
+def casts(
+    rng: np.random.Generator, shape: tuple[int, ...], shadows: str, kinds: str
+) -> NDArray[np.float16] | None:
+    """Random shadows of the groups whose letter is one of ``kinds``; None if there are none."""
+    has = [kind in kinds for kind in shadows]
+    if not any(has):
+        return None
+    found = rng.random(shape)
+    found[..., :2] *= 0.5  # two of them take no more than there is
+    found[..., 2] = 10 ** (3 * found[..., 2] - 3)
+    found[..., 3:] = 10 ** (5 * found[..., 3:] - 4)
+    return (found * np.array(has)[:, None]).astype(np.float16)
 
 
 def rig(image: CoefficientImage) -> LightRig:
@@ -66,6 +87,28 @@ def test_frames_of_other_opacities_match(
     recomposed = image.recompose(wanted)
     with Relighter(recomposed, "numpy") as relighter:
         np.testing.assert_array_equal(relighter.frame(rig(image), dtype=np.float32), frames[1])
+
+
+@pytest.mark.parametrize(
+    ("materials", "shadows"), [(3, "s"), (3, "o"), (2, "-b"), (4, "b-s"), (1, "os")]
+)
+@pytest.mark.parametrize("scales", [(0.3, 1.0, 4.0, 0.0), (0.7, 1.3, 1.0, 0.9)])
+def test_shadows_fade_alike(materials: int, shadows: str, scales: tuple[float, ...]) -> None:
+    image = layered(materials, len(shadows), shadows=shadows)
+    wanted = dict(zip(NAMES[:materials], scales, strict=False))
+    with gl_or_skip(image) as drawn:
+        drawn.set_opacities(wanted)
+        found = drawn.frame(rig(image), dtype=np.float32)
+    twins = [image.recompose(wanted)]
+    assert image.opacity_layers is not None
+    plain = replace(image.opacity_layers, shadow=None, occlusion=None)
+    twins.append(replace(image, opacity_layers=plain).recompose(wanted))
+    frames = []
+    for twin in twins:
+        with Relighter(twin, "numpy") as relighter:
+            frames.append(relighter.frame(rig(image), dtype=np.float32))
+    np.testing.assert_allclose(found, frames[0], atol=3e-4)
+    assert np.abs(frames[0] - frames[1]).max() > 0.01
 
 
 def test_scales_of_1_draw_the_cast_s_picture_bit_for_bit(backend: str) -> None:

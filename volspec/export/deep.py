@@ -62,6 +62,7 @@ class DeepSamples:
             )
         picture = image.recompose(opacities or {})
         scales = np.asarray(checked_scales(opacities or {}, basis, layers), np.float32)
+        layers = layers.lit(scales.tolist())
         tau = layers.tau.astype(np.float32) * scales
         used = tau.sum(axis=-1) > 0
         pixel = np.arange(used[..., 0].size).repeat(used.sum(axis=2).ravel())

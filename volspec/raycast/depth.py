@@ -226,7 +226,7 @@ def _slabs(
 ) -> Iterator[_Slab]:
     """Yield what is left of layers between two distances, near to far, and a surface in between."""
     near, far = cut
-    count = layers.count
+    count, layers = layers.count, layers.lit(scales)
     flat = [
         each.reshape(-1, *each.shape[2:])[pixels]
         for each in (layers.tau, layers.shade, layers.gloss, layers.depth_mm)

@@ -202,6 +202,7 @@ def layer_points(
     layers: OpacityLayers, scales: list[float], warp: Warp, parts: int = PARTS
 ) -> Points:
     """Return the points of layers with the materials' optical depths scaled, pixel by pixel."""
+    layers = layers.lit(scales)
     tau = layers.tau.astype(np.float64) * scales
     total = tau.sum(axis=-1)
     depth = layers.depth_mm.astype(np.float64)
@@ -344,12 +345,7 @@ class Reprojector:
         upload = self.compute.upload
         self._inputs = [
             upload(np.ascontiguousarray(each, np.float32), share=True)
-            for each in (
-                self._layers.tau,
-                self._layers.shade,
-                self._layers.gloss,
-                self._layers.depth_mm,
-            )
+            for each in _arrays(self._layers.lit([1.0] * self._layers.materials))
         ]
         blocks = -(-width // BLOCK) * -(-height // BLOCK)
         self._extents = np.empty((blocks, 2), np.float32)
@@ -425,6 +421,12 @@ class Reprojector:
         """Make the points of some scales, unless they are there."""
         if scales == self._scales:
             return
+        if self._layers.slots:
+            lit = _arrays(self._layers.lit(scales))[1:3]  # shadows fade with their materials
+            self._inputs[1:3] = [
+                self.compute.upload(np.ascontiguousarray(each, np.float32), share=True)
+                for each in lit
+            ]
         kernel, compute = self._kernel("arrange"), self.compute
         blocks = len(self._extents)
         extents = compute.output(self._extents.nbytes, self._extents)
@@ -467,6 +469,10 @@ class Reprojector:
         }
         text = prelude(constants, "opencl") + VIEW.declaration
         return self.compute.kernel(assemble("kernels/reproject.cl", text), name)
+
+
+def _arrays(layers: OpacityLayers) -> list[NDArray[Any]]:
+    return [layers.tau, layers.shade, layers.gloss, layers.depth_mm]
 
 
 def _depths(depth_mm: NDArray[Any], warp: Warp) -> tuple[float, float]:

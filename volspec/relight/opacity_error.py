@@ -95,12 +95,13 @@ def opacity_deviation(
 
     The sign is that of the greatest guess. ``XYZ_from_channels`` is that of an `Illumination`.
     """
-    lit = _Lit.of(layers, XYZ_from_channels)
-    merged, merging = lit.in_pairs(), _merging(lit.tau)
-    guesses = _guesses(lit.scaled(scales), merged.scaled(scales), *merging)
+    lit = _Lit.of(layers.lit(scales), XYZ_from_channels)
+    merging = _merging(lit.tau)
+    guesses = _guesses(lit.scaled(scales), lit.in_pairs().scaled(scales), *merging)
     fade = residual_share(scales)
     if fade > 0:  # the error at scale 1 is known, and removed
-        guesses -= np.float32(fade) * _guesses(lit, merged, *merging)
+        as_cast = _Lit.of(layers.lit([1.0] * len(scales)), XYZ_from_channels)
+        guesses -= np.float32(fade) * _guesses(as_cast, as_cast.in_pairs(), *merging)
     greatest = np.abs(guesses[1]).argmax(axis=0)
     sign = np.sign(np.take_along_axis(guesses, greatest[None, None], axis=1)[:, 0])
     return (_PART * sign * np.sqrt(np.square(guesses).sum(axis=1))).T

@@ -20,7 +20,14 @@ from volspec._gpu.prelude import prelude
 from volspec._gpu.sources import assemble
 from volspec.errors import OpenGLError
 from volspec.raycast.depth import DepthEffects, extents
-from volspec.raycast.layered import OpacityLayers, residual_share
+from volspec.raycast.layered import (
+    BEND,
+    MOST_EXPONENT,
+    OpacityLayers,
+    Slot,
+    residual_share,
+)
+from volspec.raycast.lights import OCCLUSION_GAIN
 from volspec.relight.layers import layer_count
 
 if TYPE_CHECKING:
@@ -36,10 +43,11 @@ _LAYERS_UNIT, _BASE_UNIT = 5, 6
 _FAR_MM = 1e30
 
 
-def layer_slots(materials: int, groups: int) -> tuple[list[int], int]:
+def layer_slots(materials: int, groups: int, shadows: int = 0) -> tuple[list[int], int]:
     """Return the places of a layer's numbers in the shader's texels, four to each, and the texels.
 
-    Numbers are the depths, the shades group by group, and the highlights.
+    Numbers are the depths, the shades group by group, the highlights; then of each of some shadows
+    the depths, the parts of shade and highlight, and b.
     """
     slots = list(range(materials))
     slots += [4 * (1 + g) + k for g in range(groups) for k in range(materials)]
@@ -47,7 +55,36 @@ def layer_slots(materials: int, groups: int) -> tuple[list[int], int]:
         slots += [4 * (1 + g) + materials for g in range(groups)]
     else:
         slots += [4 * (1 + groups) + g for g in range(groups)]
-    return slots, 1 + max(slots) // 4
+    texels = 1 + max(slots) // 4
+    for first in range(4 * texels, 4 * texels + 8 * shadows, 8):
+        slots += [*range(first, first + materials), *range(first + 4, first + 7)]
+    return slots, texels + 2 * shadows
+
+
+def layer_planes(layers: OpacityLayers) -> list[NDArray[Any]]:
+    """Return (H, W, L) planes of all numbers of layers, in the order of `layer_slots`."""
+    planes = [layers.tau[..., k] for k in range(layers.materials)]
+    planes += [
+        layers.shade[..., g, k] for g in range(layers.groups) for k in range(layers.materials)
+    ]
+    planes += [layers.gloss[..., g] for g in range(layers.groups)]
+    for slot in layers.slots:
+        own = layers.slot(slot)
+        planes += [own[..., n] for n in (*range(3, own.shape[-1]), 0, 1, 2)]
+    return planes
+
+
+def shadow_constants(materials: int, groups: int, slots: Sequence[Slot]) -> dict[str, float]:
+    """Return the shader's constants of shadows and occlusion of some groups."""
+    bits = [sum(1 << g for g, occluded in slots if occluded == kind) for kind in (False, True)]
+    return {
+        "SHADOWED": bits[0],
+        "OCCLUDED": bits[1],
+        "SHADOWS_AT": layer_slots(materials, groups)[1],
+        "OCCLUSION_GAIN": OCCLUSION_GAIN,
+        "BEND_LEAST": BEND[0],
+        "MOST_EXPONENT": MOST_EXPONENT,
+    }
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,16 +99,15 @@ class PackedOpacity:
     count: int
     materials: int
     groups: int
+    shadows: tuple[Slot, ...] = ()  # groups that have them, or occlusion
     nearest_mm: float | None = None
 
     @classmethod
     def of(cls, layers: OpacityLayers, depth: bool = False) -> Self:
         """Pack an image's layers, with their extents for effects of depth."""
         height, width, count, materials = layers.tau.shape
-        planes = [layers.tau[..., k] for k in range(materials)]
-        planes += [layers.shade[..., g, k] for g in range(layers.groups) for k in range(materials)]
-        planes += [layers.gloss[..., g] for g in range(layers.groups)]
-        slots, each = layer_slots(materials, layers.groups)
+        planes, shadows = layer_planes(layers), tuple(layers.slots)
+        slots, each = layer_slots(materials, layers.groups, len(shadows))
         nearest = None
         if depth:
             tau = layers.tau.astype(np.float32).sum(axis=3).reshape(-1, count)
@@ -86,11 +122,12 @@ class PackedOpacity:
             # (H, W, L) planes, layer by layer.
             texels[:, i // 4, :, :, i % 4] = np.moveaxis(plane, 2, 0)
         flat = texels.reshape(count * each, height, width, 4)
-        return cls(flat, count, materials, layers.groups, nearest)
+        return cls(flat, count, materials, layers.groups, shadows, nearest)
 
-    def constants(self) -> dict[str, int]:
+    def constants(self) -> dict[str, float]:
         """Return the constants compiled into the shader."""
         return {
+            **shadow_constants(self.materials, self.groups, self.shadows),
             "COUNT": self.count,
             "MATERIALS": self.materials,
             "GROUPS": self.groups,
@@ -139,7 +176,7 @@ class Recomposer:
     def allocate(self) -> None:
         """Make the textures; raises moderngl.Error if there is no memory."""
         context, size, array = self._context, self._size, (*self._size, self._slices)
-        slices = self._constants["COUNT"] * self._constants["TEXELS"]
+        slices = int(self._constants["COUNT"] * self._constants["TEXELS"])
         self._layers = self._own(context.texture_array((*size, slices), 4, dtype="f2"))
         self._difference = self._own(context.texture_array(array, 4, dtype="f4"))
         self.texture = self._own(context.texture_array(array, 4, dtype="f4"))

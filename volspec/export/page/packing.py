@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.raycast import CoefficientImage
-from volspec.raycast.layered import OpacityLayers
+from volspec.raycast.layered import OpacityLayers, Slot
 from volspec.relight.layers import clamp_finite
-from volspec.relight.recompose import layer_slots
+from volspec.relight.recompose import layer_slots, shadow_constants
 
 Codes = NDArray[np.integer[Any]]
 
@@ -75,7 +75,8 @@ class PackedLayers:
 
     ``data`` are deflated residuals, plane by plane: each number of a layer, as
     shaders/recompose.frag counts them, in all layers. ``present`` is true of those of the K
-    materials that have opacity; ``tau``, ``shade`` and ``gloss`` are the values of a texel of 1.
+    materials that have opacity; ``tau``, ``shade``, ``gloss``, ``path`` and ``bend`` (these of the
+    ``shadows``) are the values of a texel of 1.
     """
 
     data: bytes
@@ -85,6 +86,9 @@ class PackedLayers:
     tau: float
     shade: float
     gloss: float
+    shadows: tuple[Slot, ...] = ()
+    path: float = 1.0
+    bend: float = 1.0
 
     @property
     def text(self) -> str:
@@ -93,18 +97,22 @@ class PackedLayers:
 
     def constants(self) -> dict[str, float]:
         """Return the constants compiled into shaders/recompose.frag."""
+        materials = len(self.present)
         return {
+            **shadow_constants(materials, self.groups, self.shadows),
             "COUNT": self.count,
-            "MATERIALS": len(self.present),
+            "MATERIALS": materials,
             "GROUPS": self.groups,
-            "TEXELS": layer_slots(len(self.present), self.groups)[1],
+            "TEXELS": layer_slots(materials, self.groups, len(self.shadows))[1],
             "CODED": 1,
             "TAU_CODE": self.tau,
+            "PATH_CODE": self.path,
+            "BEND_CODE": self.bend,
         }
 
     def numbers(self) -> dict[str, Any]:
         """Return what unpacking takes besides the data, for JSON."""
-        slots, texels = layer_slots(len(self.present), self.groups)
+        slots, texels = layer_slots(len(self.present), self.groups, len(self.shadows))
         return {
             "count": self.count,
             "slots": slots,
@@ -118,18 +126,20 @@ class PackedLayers:
 def layer_bytes(layers: OpacityLayers) -> int:
     """Return the bytes of a page's texture of layers."""
     height, width, count, materials = layers.tau.shape
-    return 4 * height * width * count * layer_slots(materials, layers.groups)[1]
+    texels = layer_slots(materials, layers.groups, len(layers.slots))[1]
+    return 4 * height * width * count * texels
 
 
 def pack_layers(layers: OpacityLayers) -> PackedLayers:
     """Quantise layers of opacity to up to 8 bits a number, predict, and deflate.
 
-    Codes c of a number from 0 to 1: τ ∝ c³, shade ∝ c, highlight ∝ c². Neighbouring layers are
+    Codes c of a number from 0 to 1: τ ∝ c³, shade ∝ c, highlight ∝ c², and of shadows E ∝ c³,
+    b ∝ c³, parts c. Neighbouring layers are
     not similar enough to predict each other; a plane is predicted by its neighbouring pixels.
     Shades of absent materials and highlights of unused layers repeat the pixel to their left.
     """
-    given = layers.tau, layers.shade, layers.gloss
-    tau, shade, gloss = (clamp_finite(np.asarray(each, np.float32)) for each in given)
+    given = layers.tau, layers.shade, layers.gloss, *map(layers.slot, layers.slots)
+    tau, shade, gloss, *casts = (clamp_finite(np.asarray(each, np.float32)) for each in given)
     tau = np.minimum(tau, _MOST_TAU)
     most_tau = float(tau.max(initial=0))
     # The shader stops at a pixel's first unused layer.
@@ -139,6 +149,7 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
         tau = np.take_along_axis(tau, order[..., None], axis=2)
         shade = np.take_along_axis(shade, order[..., None, None], axis=2)
         gloss = np.take_along_axis(gloss, order[..., None], axis=2)
+        casts = [np.take_along_axis(each, order[..., None], axis=2) for each in casts]
     tau_codes, most_tau = _coded(tau, 255, 3)
     shown: NDArray[np.bool_] = tau_codes > 0
     used = np.any(shown, axis=-1)
@@ -151,6 +162,14 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
         for k in range(layers.materials):
             planes.append(_filled(shade_codes[..., g, k], shown[..., k]))
     planes += [_filled(gloss_codes[..., g], used) for g in range(layers.groups)]
+    # A light reaches far; what is darker than by this depth is black also at the least scale.
+    paths = [np.minimum(each[..., 3:], _MOST_TAU) for each in casts]
+    path = max((float(each.max(initial=0)) for each in paths), default=1.0) or 1.0
+    bend = max((float(each[..., 2].max(initial=0)) for each in casts), default=1.0) or 1.0
+    for cast, depths in zip(casts, paths, strict=True):
+        roots = np.cbrt(depths / path), cast[..., :2], np.cbrt(cast[..., 2:3] / bend)
+        codes = np.rint(255 * np.concatenate(roots, axis=-1).clip(0, 1)).astype(np.int32)
+        planes += [_filled(codes[..., n], used) for n in range(codes.shape[-1])]
     parts = [residual_bytes(p[..., [i]], 8) for p in planes for i in range(layers.count)]
     return PackedLayers(
         _deflated(b"".join(parts)),
@@ -160,6 +179,9 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
         most_tau,
         most_shade,
         most_gloss,
+        tuple(layers.slots),
+        path,
+        bend,
     )
 
 

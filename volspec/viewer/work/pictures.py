@@ -9,7 +9,7 @@ import ctypes
 import sys
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -281,10 +281,9 @@ def crop(image: CoefficientImage, rows: slice, columns: slice) -> CoefficientIma
     """Return some rows and columns of an image."""
     part, layers = (rows, columns), image.opacity_layers
     if layers is not None:
-        tau, shade = layers.tau[part], layers.shade[part]
-        layers = replace(
-            layers, tau=tau, shade=shade, gloss=layers.gloss[part], depth_mm=layers.depth_mm[part]
-        )
+        arrays = {each.name: getattr(layers, each.name) for each in fields(layers)}
+        own = {name: array[part] for name, array in arrays.items() if array is not None}
+        layers = replace(layers, **own)
     return replace(
         image,
         coefficients=np.ascontiguousarray(image.coefficients[part]),
