@@ -17,7 +17,7 @@ from __future__ import annotations
 import itertools
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import imageio.v3 as iio
@@ -41,7 +41,13 @@ from volspec.mesh.shapes import shape_mesh
 from volspec.pipeline import Raycaster, raycast, relight
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec, reference
 from volspec.raycast.depth import DepthEffects, axis_cosine
-from volspec.raycast.layered import LayerStream, OpacityLayers, empty_rows, sample_tau
+from volspec.raycast.layered import (
+    LayerStream,
+    OpacityLayers,
+    Shadow,
+    empty_rows,
+    sample_tau,
+)
 from volspec.scene import Scene
 from volspec.spectra import light
 from volspec.transfer import TransferFunction, TransferTable
@@ -82,6 +88,7 @@ class Truth:
         weights: Array,
         factor: Array,
         highlight: Array,
+        shadows: Sequence[Shadow] = (),
     ) -> None:
         """Composite a sample of each of some rays."""
         effects = self.effects

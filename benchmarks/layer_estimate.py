@@ -8,6 +8,7 @@ the float64 cast of the scaled function under D65 in front of black; estimated i
 
 from __future__ import annotations
 
+import itertools
 import sys
 import time
 from collections.abc import Iterator
@@ -20,11 +21,10 @@ from numpy.typing import NDArray
 
 from benchmarks.layers import (
     CASES,
-    COMBINATIONS,
     LAYERS_PAGE,
+    SCALES,
     SPEC,
     Truth,
-    stored_image,
     transfer_of,
 )
 from benchmarks.measure import replaced
@@ -34,7 +34,7 @@ from volspec.export.compositing import Recipe, save_for_compositors
 from volspec.export.deep import save_deep
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, reference
-from volspec.raycast.layered import LayerStream
+from volspec.raycast.layered import LayerStream, OpacityLayers
 from volspec.relight import difference_map, error_map, opacity_error
 from volspec.scene import Scene
 from volspec.spectra import light
@@ -42,6 +42,7 @@ from volspec.transfer import TransferFunction, TransferTable
 
 Array = NDArray[np.float64]
 SIDE = 64
+COMBINATIONS = np.array([each for each in itertools.product(SCALES, repeat=3) if any(each)])
 COUNTS = (8, 16)
 _VISIBLE = 0.25  # CIEDE2000 from which a true error counts as such
 
@@ -101,9 +102,16 @@ def measured(name: str) -> Iterator[Estimates]:
     reference.cast_layers(
         volume, table, camera, (SIDE, SIDE), spec, span_mm, streams=(truth, *streams)
     )
-    true = truth.channels[..., [*np.argsort(columns), 3]], truth.through
+    true = truth.channels[:, :, 0][..., [*np.argsort(columns), 3]], truth.through
+    unscaled = int(np.flatnonzero((COMBINATIONS == 1).all(axis=1))[0])
+    channels, through = (each[:, None, unscaled] for each in true)
+    alpha = (1 - through).astype(np.float32)
     for count, stream in zip(COUNTS, streams, strict=True):
-        column = stored_image(stream.rows()[:, None], true, columns, basis)
+        rows = stream.rows()[:, None].astype(np.float32)
+        column = CoefficientImage(
+            *(channels.astype(np.float32), alpha, np.ones_like(alpha), basis),
+            opacity_layers=OpacityLayers.of_rows(rows, columns, 3, 1).as_stored(),
+        )
         pairs = [*_errors(square(column), true, seen)]
         yield Estimates.of(name, count, *(np.stack(each) for each in zip(*pairs, strict=True)))
 

@@ -7,6 +7,11 @@ a file holds them, in half precision. All 215 combinations of 0, 1/4, 1/2, 1, 2 
 something, on covered pixels of 96² rays; errors are of sRGB codes, 1 for white, and CIEDE2000 of
 the frame under D65 in front of black, without an eye model.
 
+Shadows: a directional lamp with shadows, in a light group of its own and in one with ambient and
+headlight, and ambient occlusion. The truth reads the light volume of the scaled opacities, one for
+each combination; "frozen" layers have the cast's shadows. Other functions: two and four materials
+(of four, every sixth combination), labels, and the noisy CT of a chest.
+
 The kernel is compared with the stream on the same pixels and combinations: the difference of
 coefficients that 99 % of the pixels stay below, and the pixels above 1e-4, in which a layer ends a
 sample earlier or later, as a mass is close to the limit. Its time is that of all cores by that of
@@ -17,42 +22,67 @@ from __future__ import annotations
 
 import itertools
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import imageio.v3 as iio
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.measure import PAGE, Figure, in_turn, replaced
-from benchmarks.scenes import RECIPES, Points, stored
+from benchmarks.scenes import RECIPES, Points, chest, stored
+from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import asset
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.appearance.spaces import decode_sRGB, encode_sRGB, linear_sRGB_from_XYZ
-from volspec.basis import MaterialBasis
+from volspec.basis import Basis, MaterialBasis
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec, reference
-from volspec.raycast.layered import LayerStream, OpacityLayers, empty_rows, sample_tau
+from volspec.raycast.image_file import ONE_GROUP
+from volspec.raycast.kernel_arguments import LIGHT_MARGIN
+from volspec.raycast.layered import (
+    LayerStream,
+    OpacityLayers,
+    Shadow,
+    Slot,
+    empty_rows,
+    sample_tau,
+    shadow_slots,
+)
+from volspec.raycast.light_volume import LightGrid, LightVolume, light_layers, split_width
+from volspec.raycast.lights import HEADLIT, Ambient, Directional, Headlight, LightGroup
+from volspec.raycast.sampling import Arrives, cell
 from volspec.relight import LightRig, RelightSpec, relight
 from volspec.relight.illumination import Illumination
 from volspec.scene import Scene
 from volspec.spectra import light, reflectance
-from volspec.transfer import TransferFunction, TransferTable
+from volspec.transfer import LabelFunction, TransferFunction, TransferTable
 from volspec.volume import Volume, load_volume
 
 Array = NDArray[np.float64]
 SCALES = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)
-COMBINATIONS = np.array([s for s in itertools.product(SCALES, repeat=3) if any(s)])
+MOST_COMBINATIONS = 215  # of three materials, all
 COUNTS = (4, 8, 12, 16)
 LAYERS = 8
-SIDE, PIXELS = 96, 1000
+SIDE, PIXELS, LIT_PIXELS = 96, 1000, 300
 TIMED = 512, 512
 SPEC = RaycastSpec(ambient=0.3, diffuse=0.7, specular=0.2, shininess=24, alpha_stop=1.0)
 MATERIALS = {
     "skin": "ColorChecker/light skin",
     "brass": "brass",
     "sky": "ColorChecker/blue sky",
+    "leaf": "ColorChecker/foliage",
+}
+LAMP = Directional((1.0, 0.75, 0.6), frame="camera", intensity=0.7, shadows=True)
+HEAD = Ambient(), Headlight(0.3)
+RIGS = {
+    "": HEADLIT,
+    "own group": (LightGroup("head", HEAD), LightGroup("lamp", LAMP)),
+    "one group": (LightGroup("light", (*HEAD, LAMP)),),
+    "occlusion": (LightGroup("light", (Ambient(occlusion=True), Headlight())),),
 }
 LAYERS_PAGE = PAGE.parent / "layers.md"
 
@@ -62,8 +92,9 @@ def _bundled(name: str) -> Callable[[], Volume]:
     return lambda: load_volume(asset(f"data/{name}.nrrd"))
 
 
+Case = tuple[Callable[[], Volume], Points, dict[str, Any]]
 # A volume, the points of its function, and keywords of its orbit. Materials follow from the order
-# of the recipe's, three of each.
+# of the recipe's.
 _ENGINE: Points = (
     *((88, 0.0, "skin"), (108, 0.045, "skin"), (128, 0.045, "skin")),
     *((140, 0.03, "brass"), (165, 0.03, "brass"), (180, 0.12, "sky")),
@@ -75,7 +106,7 @@ _FROG: Points = (
     *((85, 0.06, "brass"), (110, 0.08, "brass")),
     *((130, 0.25, "sky"), (190, 0.6, "sky"), (255, 0.8, "sky")),
 )
-CASES = {
+CASES: dict[str, Case] = {
     "engine": (_bundled("engine"), _ENGINE, _VIEW),
     "foot": (stored("foot"), RECIPES["foot"].points, RECIPES["foot"].camera),
     "mrbrain": (_bundled("mrbrain"), RECIPES["mrbrain"].points, RECIPES["mrbrain"].camera),
@@ -84,13 +115,105 @@ CASES = {
 }
 
 
+def _labels() -> Volume:
+    """Return the engine's materials by value, as labels."""
+    engine = CASES["engine"][0]()
+    labels = np.digitize(engine.values, (100, 134, 172)).astype(np.uint8)
+    return Volume(labels, spacing_mm=engine.spacing_mm, name="labels")
+
+
+_TWO: Points = tuple((v, a, "sky" if name == "brass" else name) for v, a, name in _ENGINE)
+_FOUR: Points = (*_ENGINE[:-1], (235, 0.5, "leaf"), (255, 0.9, "leaf"))
+OTHERS: dict[str, Case] = {
+    "engine, K=2": (_bundled("engine"), _TWO, _VIEW),
+    "engine, K=4": (_bundled("engine"), _FOUR, _VIEW),
+    # A label's opacity and material.
+    "labels": (_labels, ((1, 0.045, "skin"), (2, 0.03, "brass"), (3, 0.4, "sky")), _VIEW),
+    "chest CT": (chest, RECIPES["chest"].points, RECIPES["chest"].camera),
+}
+
+
+class ScaledLights:
+    """The light volumes of a table's scaled opacities, (C, K) scales, of every source."""
+
+    def __init__(
+        self,
+        volume: Volume,
+        table: TransferTable,
+        camera: Camera,
+        spec: RaycastSpec,
+        scales: Array,
+    ) -> None:
+        compute = Compute.open()
+        self._light = LightVolume(compute, volume, compute.upload(volume.values))
+        self._compute, self._given = compute, (spec, camera)
+        sources = len(light_layers(spec, volume, camera))
+        self.grid = LightGrid.for_spec(volume, spec)
+        shape = *self.grid.shape_xyz[::-1], len(scales)
+        self._layers = [np.empty(shape, np.uint16) for _ in range(sources)]
+        self._number = {each.source: n for n, each in enumerate(light_layers(spec, volume, camera))}
+        for c, scale in enumerate(scales):
+            for own, one in zip(self._layers, self._of(scaled(table, scale)), strict=True):
+                own[..., c] = one
+
+    def _of(self, table: TransferTable, width: int = 0) -> NDArray[np.uint16]:
+        """Return (N, nz, ny, nx) light volumes, and of each N ``width`` more, as read by nodes."""
+        buffer, grid, wanted = self._light.layers(table, *self._given, split=width > 0)
+        layers = np.empty((len(wanted) * (1 + width), *grid.shape_xyz[::-1]), np.uint16)
+        self._compute.download(buffer, layers)
+        return layers
+
+    def arrivals(self, table: TransferTable) -> reference.Lights:
+        """Return the light of a table as `reference.split_arrivals` does, from the device."""
+        width, sources = split_width(table), len(self._number)
+        layers = self._of(table, width) / 65535
+        split = layers[sources:].reshape(sources, *layers.shape[1:], width)
+
+        def each(volumes: Array) -> dict[int, Arrives]:
+            return {
+                source: partial(reference.light_at, np.ascontiguousarray(volumes[n]), self.grid)
+                for source, n in self._number.items()
+            }
+
+        half, whole, *alone = (each(split[..., n]) for n in range(2 + len(table.channels)))
+        return each(layers[:sources]), [*alone, half, whole]
+
+    def passes(self, shadow: Shadow) -> Array:
+        """Return (R, C) what arrives at samples with each scale."""
+        layer = self._layers[self._number[shadow.source]]
+        at = shadow.at * np.array(self.grid.per_index) + LIGHT_MARGIN
+        base, f = cell(layer.shape[:3], at)
+        found = np.zeros((len(at), layer.shape[3]))
+        for corner in itertools.product((0, 1), repeat=3):
+            x, y, z = (base + corner).T
+            weight = np.where(corner, f, 1 - f).prod(axis=1)
+            found += weight[:, None] * layer[z, y, x]
+        return found / 65535
+
+
+def scaled(table: TransferTable, scales: Array) -> TransferTable:
+    """Return a table with each material's optical depth scaled, for the light volume."""
+
+    def opacity(side: TransferTable) -> Array:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            depth = -np.log1p(-side.opacity) * (side.material_weights @ scales)
+        return -np.expm1(-np.nan_to_num(depth, posinf=1e3))
+
+    left = None
+    if table.left is not None:
+        left = table.left._replace(opacity=opacity(table.left_limits))
+    return replace(table, opacity=opacity(table), left=left)
+
+
 class Truth:
     """The picture of (C, K) scales of a table's materials, sample by sample: a `SampleStream`."""
 
-    def __init__(self, rays: int, scales: Array) -> None:
-        self.scales = scales
+    def __init__(
+        self, rays: int, scales: Array, groups: int = 1, lights: ScaledLights | None = None
+    ) -> None:
+        self.scales, self.lights = scales, lights
         self.through = np.ones((rays, len(scales)))
-        self.channels = np.zeros((rays, len(scales), 4))
+        self.channels = np.zeros((rays, len(scales), groups, scales.shape[1] + 1), np.float32)
 
     def add(
         self,
@@ -100,15 +223,46 @@ class Truth:
         weights: Array,
         factor: Array,
         highlight: Array,
+        shadows: Sequence[Shadow] = (),
     ) -> None:
         """Composite a sample of each of some rays, in all combinations."""
         tau = sample_tau(alpha)[:, None, None] * weights[:, None, :] * self.scales
         total = tau.sum(axis=2)
         seen = self.through[rays] * -np.expm1(-total)
         part = seen / np.maximum(total, 1e-300)
-        self.channels[rays, :, :3] += (part * factor)[..., None] * tau
-        self.channels[rays, :, 3] += seen * highlight
+        lost = {id(each): 1 - self.lights.passes(each) for each in shadows if self.lights}
+        for group in range(factor.shape[1]):
+            shade, gloss = (
+                np.repeat(f[:, group, None], len(self.scales), 1) for f in (factor, highlight)
+            )
+            for each in shadows:
+                if each.slot[0] == group:
+                    shade -= each.factor[:, None] * lost[id(each)]
+                    gloss -= each.highlight[:, None] * lost[id(each)]
+            self.channels[rays, :, group, :-1] += (part * shade)[..., None] * tau
+            self.channels[rays, :, group, -1] += seen * gloss
         self.through[rays] -= seen
+
+
+class Frozen(LayerStream):
+    """Layers whose shadows stay those of the cast, to compare with."""
+
+    def add(
+        self,
+        rays: NDArray[np.int64],
+        along: Array,
+        alpha: Array,
+        weights: Array,
+        factor: Array,
+        highlight: Array,
+        shadows: Sequence[Shadow] = (),
+    ) -> None:
+        """Add a sample to each of some rays."""
+        factor, highlight = factor.copy(), highlight.copy()
+        for each in shadows:
+            factor[:, each.slot[0]] -= each.factor * (1 - each.passes)
+            highlight[:, each.slot[0]] -= each.highlight * (1 - each.passes)
+        super().add(rays, along, alpha, weights, factor, highlight)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,119 +296,169 @@ class Errors:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Figures of a volume: errors by number of layers, twins, and times."""
+    """Figures of a volume: errors by number of layers and by light, twins, and times."""
 
     name: str
     pixels: int
     errors: dict[int, Errors]
+    lit: dict[str, dict[str, Errors]]
     apart: float
     moved: float
     ratio: float
     ratio_early: float
 
 
-def transfer_of(points: Points) -> TransferFunction:
-    """Return a function of three materials, in the order in which the points name theirs."""
-    names = dict(zip(dict.fromkeys(name for *_, name in points), MATERIALS, strict=True))
-    materials = {name: reflectance(text) for name, text in MATERIALS.items()}
+def transfer_of(points: Points) -> TransferFunction | LabelFunction:
+    """Return a function of up to four materials, in the order in which the points name theirs.
+
+    It is of labels, if the points are numbered from 1.
+    """
+    used = dict.fromkeys(name for *_, name in points)
+    names = dict(zip(used, MATERIALS, strict=False))
+    materials = {names[name]: reflectance(MATERIALS[names[name]]) for name in used}
+    basis = MaterialBasis(materials)
+    if points[0][0] == 1:
+        return LabelFunction({int(n): (a, names[name]) for n, a, name in points}, materials, basis)
     renamed = [(value, opacity, names[name]) for value, opacity, name in points]
-    return TransferFunction(points=renamed, materials=materials, basis=MaterialBasis(materials))
+    return TransferFunction(points=renamed, materials=materials, basis=basis)
 
 
-def covered(
-    caster: Raycaster, table: TransferTable, camera: Camera, spec: RaycastSpec
-) -> NDArray[np.int64]:
-    """Return the numbers of some pixels that see something, evenly spread."""
-    alpha = caster.cast(table, camera, (SIDE, SIDE), replace(spec, layers=0)).alpha.ravel()
-    seen = np.flatnonzero(alpha > 0.01)
-    return seen[np.linspace(0, len(seen) - 1, min(PIXELS, len(seen))).astype(int)]
+class Setup:
+    """A volume to be cast under a rig: what all figures of it share."""
+
+    def __init__(self, case: Case, rig: str, most: int = PIXELS) -> None:
+        read, points, orbit = case
+        self.volume = read()
+        self.transfer, self.camera = transfer_of(points), Camera.orbit(self.volume, **orbit)
+        step_mm = 0.5 * self.volume.finest_mm
+        self.spec = replace(SPEC, step_mm=step_mm, layers=LAYERS, groups=RIGS[rig])
+        self.caster = Raycaster(self.volume)
+        table = self.caster.bake(self.transfer)
+        assert isinstance(table, TransferTable)
+        self.table, self.slots = table, shadow_slots(self.spec)
+        self.columns: list[int] = table.channels.argmax(axis=1).tolist()
+        every = [s for s in itertools.product(SCALES, repeat=len(self.columns)) if any(s)]
+        if len(every) > MOST_COMBINATIONS:
+            every = every[:: len(every) // MOST_COMBINATIONS]
+            every.append((1.0,) * len(self.columns))
+        self.scales = np.array(every)
+        plain = replace(self.spec, layers=0)
+        alpha = self.caster.cast(table, self.camera, (SIDE, SIDE), plain).alpha.ravel()
+        seen = np.flatnonzero(alpha > 0.01)
+        # Evenly spread.
+        self.pixels = seen[np.linspace(0, len(seen) - 1, min(most, len(seen))).astype(int)]
+
+    def errors(self, streams: Mapping[str, LayerStream]) -> dict[str, Errors]:
+        """Return the errors of some streams' layers against new casts."""
+        by_row = self.scales[:, self.columns]
+        lights = None
+        if self.slots:
+            lights = ScaledLights(self.volume, self.table, self.camera, self.spec, by_row)
+        truth = Truth(SIDE * SIDE, by_row, len(self.spec.groups), lights)
+        span_mm = np.zeros((SIDE * SIDE, 2), np.float32)
+        span_mm[self.pixels, 1] = np.inf
+        reference.cast_layers(
+            *(self.volume, self.table, self.camera, (SIDE, SIDE), self.spec),
+            span_mm.reshape(SIDE, SIDE, 2),
+            streams=(truth, *streams.values()),
+            lights=None if lights is None else lights.arrivals(self.table),
+        )
+        order = [*np.argsort(self.columns), len(self.columns)]
+        channels, through = truth.channels[self.pixels][..., order], truth.through[self.pixels]
+        wanted = self.codes(channels.swapaxes(0, 1), through.T)
+        found = {}
+        for name, stream in streams.items():
+            slots = () if isinstance(stream, Frozen) else self.slots
+            layers = self.layers_of(stream.rows()[self.pixels, None], slots).as_stored()
+            image = self.stored_image(layers, channels, through)
+            shown = [image.recompose(self.by_name(scales)) for scales in self.scales]
+            each = np.stack([one.coefficients[:, 0] for one in shown]).astype(np.float64)
+            through_all = np.stack([1.0 - one.alpha[:, 0].astype(np.float64) for one in shown])
+            found[name] = Errors.of(self.codes(each, through_all), wanted)
+        return found
+
+    def by_name(self, scales: Array) -> dict[str, float]:
+        """Return {material: scale}."""
+        return dict(zip(self.transfer.materials, scales.tolist(), strict=True))
+
+    def layers_of(self, rows: Array, slots: Sequence[Slot]) -> OpacityLayers:
+        """Return the layers of a cast's rows."""
+        counts = len(self.columns), len(self.spec.groups)
+        return OpacityLayers.of_rows(rows.astype(np.float32), self.columns, *counts, slots)
+
+    def codes(self, channels: Array, through: Array) -> Array:
+        """Return sRGB codes of (…, R, G, K + 1) channels and (…, R) transmittance, under D65."""
+        return display(self.transfer.basis, self.spec.shares())(channels, through)
+
+    def stored_image(
+        self, layers: OpacityLayers, channels: Array, through: Array
+    ) -> CoefficientImage:
+        """Return the image of the true cast at scale 1, a column, with layers."""
+        unscaled = int(np.flatnonzero((self.scales == 1).all(axis=1))[0])
+        alpha = (1 - through[:, unscaled, None]).astype(np.float32)
+        flat = channels[:, unscaled].reshape(len(alpha), 1, -1).astype(np.float32)
+        shares = self.spec.shares()
+        return CoefficientImage(
+            *(flat, alpha, np.ones_like(alpha), self.transfer.basis),
+            groups=shares,
+            opacity_layers=layers,
+        )
+
+    def twins_apart(self, stream: LayerStream) -> NDArray[np.float32]:
+        """Return each pixel's greatest difference of kernel and stream, over all combinations."""
+        ours = empty_rows(self.table, (SIDE, SIDE), self.spec)
+        self.caster.cast(self.table, self.camera, (SIDE, SIDE), self.spec, layers=ours)
+        kernel = ours.reshape(SIDE * SIDE, *ours.shape[2:])
+        sides = [
+            self.layers_of(each[self.pixels, None], self.slots) for each in (kernel, stream.rows())
+        ]
+        worst = np.zeros(len(self.pixels), np.float32)
+        for scales in self.scales:
+            one, other = (side.recompose(scales.tolist()).channels for side in sides)
+            worst = np.maximum(worst, np.abs(one - other).max(axis=(1, 2, 3)))
+        return worst
 
 
-def measured(name: str, volume: Volume, points: Points, orbit: dict[str, object]) -> Row:
-    """Measure a volume."""
-    transfer, camera = transfer_of(points), Camera.orbit(volume, **orbit)
-    spec = replace(SPEC, step_mm=0.5 * volume.finest_mm, layers=LAYERS)
-    caster = Raycaster(volume)
-    table = caster.bake(transfer)
-    assert isinstance(table, TransferTable)
-    pixels = covered(caster, table, camera, spec)
-    span_mm = np.zeros((SIDE * SIDE, 2), np.float32)
-    span_mm[pixels, 1] = np.inf
-    columns = table.channels.argmax(axis=1).tolist()
-    truth = Truth(SIDE * SIDE, COMBINATIONS[:, columns])
-    streams = {n: LayerStream(SIDE * SIDE, n, 1, 3) for n in COUNTS}
-    reference.cast_layers(
-        *(volume, table, camera, (SIDE, SIDE), spec, span_mm.reshape(SIDE, SIDE, 2)),
-        streams=(truth, *streams.values()),
-    )
-    true = truth.channels[pixels][..., [*np.argsort(columns), 3]], truth.through[pixels]
-    basis = transfer.basis
-    assert isinstance(basis, MaterialBasis)
-    codes_of = display(basis)
-    wanted = np.stack([codes_of(*each) for each in zip(*map(_by_combination, true), strict=True)])
-    errors = {}
-    for count, stream in streams.items():
-        rows = stream.rows()[pixels, None]
-        image = stored_image(rows, true, columns, basis)
-        shown = [recomposed(image, scales) for scales in COMBINATIONS]
-        errors[count] = Errors.of(np.stack([codes_of(*each) for each in shown]), wanted)
-        if count == LAYERS:
-            ours = empty_rows(table, (SIDE, SIDE), spec)
-            caster.cast(table, camera, (SIDE, SIDE), spec, layers=ours)
-            kernel = ours.reshape(SIDE * SIDE, 1, *ours.shape[2:])[pixels]
-            apart = twins_apart(kernel, rows.astype(np.float32), columns)
-    ratio, ratio_early = times(caster, table, camera, replace(spec, step_mm=None))
-    most, moved = float(np.percentile(apart, 99)), float(np.mean(apart > 1e-4))
-    return Row(name, len(pixels), errors, most, moved, ratio, ratio_early)
+def display(
+    basis: Basis, shares: Mapping[str, float] = ONE_GROUP
+) -> Callable[[Array, Array], Array]:
+    """Return the function from channels (…, R, [G,] K + 1) and transmittance (…, R) to sRGB codes.
 
-
-def _by_combination(array: Array) -> Array:
-    return np.moveaxis(array, 1, 0)
-
-
-def display(basis: MaterialBasis) -> Callable[[Array, Array], Array]:
-    """Return the function from channels (R, 4) and transmittance (R,) to sRGB codes."""
+    Under D65, in front of black.
+    """
     black = RelightSpec(mode="exact", backdrop=0.0)
-    lit = Illumination.of(basis, LightRig.of(light("D65")), black, {"light": 1})
+    lit = Illumination.of(basis, LightRig.of(light("D65")), black, shares)
 
     def codes(channels: Array, through: Array) -> Array:
-        XYZ = channels @ lit.XYZ_from_channels.T + through[:, None] * lit.backdrop_XYZ
+        XYZ = channels.reshape(*through.shape, -1) @ lit.XYZ_from_channels.T
+        XYZ += through[..., None] * lit.backdrop_XYZ
         return encode_sRGB(np.clip(linear_sRGB_from_XYZ(XYZ), 0, 1))
 
     return codes
 
 
-def stored_image(
-    rows: Array, true: tuple[Array, Array], columns: list[int], basis: MaterialBasis
-) -> CoefficientImage:
-    """Return the image of the true cast at scale 1, and of layers as a file holds them."""
-    unscaled = int(np.flatnonzero((COMBINATIONS == 1).all(axis=1))[0])
-    channels, through = (each[:, None, unscaled] for each in true)
-    layers = OpacityLayers.of_rows(rows.astype(np.float32), columns, 3, 1).as_stored()
-    alpha = (1 - through).astype(np.float32)
-    return CoefficientImage(
-        channels.astype(np.float32), alpha, np.ones_like(alpha), basis, opacity_layers=layers
-    )
+def measured(name: str, case: Case) -> Row:
+    """Measure a volume."""
+    setup = Setup(case, "")
+    rays, materials = SIDE * SIDE, len(setup.columns)
+    streams = {str(n): LayerStream(rays, n, 1, materials) for n in COUNTS}
+    errors = {int(n): each for n, each in setup.errors(streams).items()}
+    apart = setup.twins_apart(streams[str(LAYERS)])
+    lit = {rig: lit_errors(case, rig) for rig in RIGS if rig}
+    caster, spec = setup.caster, replace(setup.spec, step_mm=None)
+    ratio, ratio_early = times(caster, setup.table, setup.camera, spec)
+    most, moved = float(np.percentile(apart, 99)), float(np.mean(apart > 1e-4))
+    return Row(name, len(setup.pixels), errors, lit, most, moved, ratio, ratio_early)
 
 
-def recomposed(image: CoefficientImage, scales: Array) -> tuple[Array, Array]:
-    """Return the channels and transmittance of an image's only column, recomposed."""
-    assert isinstance(image.basis, MaterialBasis)
-    given = dict(zip(image.basis.materials, scales.tolist(), strict=True))
-    made = image.recompose(given)
-    return made.coefficients[:, 0].astype(np.float64), 1.0 - made.alpha[:, 0].astype(np.float64)
-
-
-def twins_apart(
-    kernel: NDArray[np.float32], twin: NDArray[np.float32], columns: list[int]
-) -> NDArray[np.float32]:
-    """Return each pixel's greatest difference of recomposed channels, over all combinations."""
-    sides = [OpacityLayers.of_rows(rows, columns, 3, 1) for rows in (kernel, twin)]
-    worst = np.zeros(len(kernel), np.float32)
-    for scales in COMBINATIONS:
-        one, other = (side.recompose(scales.tolist()).channels for side in sides)
-        worst = np.maximum(worst, np.abs(one - other).max(axis=(1, 2, 3)))
-    return worst
+def lit_errors(case: Case, rig: str) -> dict[str, Errors]:
+    """Return the errors of layers under a rig, and of layers whose shadows stay."""
+    setup = Setup(case, rig, LIT_PIXELS)
+    given = SIDE * SIDE, LAYERS, len(setup.spec.groups), len(setup.columns)
+    streams = {"split": LayerStream(*given, setup.slots)}
+    if setup.slots:
+        streams["frozen"] = Frozen(*given)
+    return setup.errors(streams)
 
 
 def times(
@@ -277,13 +481,20 @@ def times(
 
 def rows() -> Iterator[Row | tuple[str, str]]:
     """Yield the figures of each volume, or its name and the reason if it is missing."""
-    for name, (read, points, orbit) in CASES.items():
+    for name, case in CASES.items():
         try:
-            volume = read()
+            yield measured(name, case)
         except FileNotFoundError as error:
             yield name, str(error)
-            continue
-        yield measured(name, volume, points, orbit)
+
+
+def other_rows() -> Iterator[tuple[str, dict[str, Errors] | str]]:
+    """Yield the errors of other functions by rig, or the reason if the volume is missing."""
+    for name, case in OTHERS.items():
+        try:
+            yield name, {rig: lit_errors(case, rig)["split"] for rig in ("", "one group")}
+        except FileNotFoundError as error:
+            yield name, str(error)
 
 
 def figures_of(row: Row) -> list[Figure]:
@@ -298,10 +509,19 @@ def figures_of(row: Row) -> list[Figure]:
         ("16: mean", sixteen.mean, 0.08, "ΔE"),
         ("kernel, 99 %", row.apart, 1e-4, ""),
         ("time", row.ratio, 1.8, "x"),
+        *(
+            figure
+            for rig, each in row.lit.items()
+            for figure in (
+                (f"{rig}, mean", each["split"].mean, LIT_MEAN, "ΔE"),
+                (f"{rig}, 99 %", each["split"].most_of, LIT_MOST, "ΔE"),
+            )
+        ),
     )
     return [Figure(f"{row.name}: {n}", v, a, True, unit) for n, v, a, unit in asked]
 
 
+LIT_MEAN, LIT_MOST = 0.35, 2.0
 HEADINGS = ("RMS", "mean", "worst", "99%", "max", "L16:mean", "kernel", "moved,%", "time", "early")
 TARGETS = ("0.004", "0.25", "0.6", "1.5", "6", "0.08", "0.0001", "-", "1.8", "-")
 
@@ -322,7 +542,8 @@ def table(found: list[Row | tuple[str, str]]) -> str:
             lines.append(f"{row[0]:12s}left out: {row[1]}")
             continue
         cells = [
-            f"{figure.reached:.2g}" + (" " if figure.met else "!") for figure in figures_of(row)
+            f"{figure.reached:.2g}" + (" " if figure.met else "!")
+            for figure in figures_of(row)[: len(HEADINGS) - 2]
         ]
         cells.append(f"{row.ratio_early:.2g} ")
         cells.insert(7, f"{100 * row.moved:.2g} ")
@@ -339,6 +560,42 @@ def by_count(found: list[Row | tuple[str, str]]) -> str:
             texts = [f"{e.rms:.4f} {e.mean:.3f} {e.most_of:.2f} {e.most:.1f}" for e in cells]
             lines.append(f"{row.name:12s}" + "".join(f"{text:>24s}" for text in texts))
     return "\n".join(lines)
+
+
+def by_light(found: list[Row | tuple[str, str]]) -> str:
+    """Return mean and 99 % of layers whose shadows stay, and mean / worst / 99 % / max of split."""
+    lines = ["shadows".ljust(12) + "".join(f"{rig:>32s}" for rig in RIGS if rig)]
+    for row in found:
+        if isinstance(row, Row):
+            cells = []
+            for each in row.lit.values():
+                stays, split = each["frozen"], each["split"]
+                texts = (
+                    f"{stays.mean:.2f} {stays.most_of:.1f} | {_marked(split.mean, LIT_MEAN)}",
+                    f"{split.worst:.2f} {_marked(split.most_of, LIT_MOST)} {split.most:.1f}",
+                )
+                cells.append(" ".join(texts))
+            lines.append(f"{row.name:12s}" + "".join(f"{cell:>32s}" for cell in cells))
+    return "\n".join(lines)
+
+
+def by_function(found: list[tuple[str, dict[str, Errors] | str]]) -> str:
+    """Return RMS / mean / 99 % / max of other functions, without and with shadows."""
+    lines = ["others".ljust(14) + f"{'no shadow':>28s}{'one group':>28s}"]
+    for name, errors in found:
+        if isinstance(errors, str):
+            lines.append(f"{name:14s}left out: {errors}")
+            continue
+        texts = (
+            f"{e.rms:.4f} {_marked(e.mean, LIT_MEAN)} {e.most_of:.2f} {e.most:.1f}"
+            for e in errors.values()
+        )
+        lines.append(f"{name:14s}" + "".join(f"{text:>28s}" for text in texts))
+    return "\n".join(lines)
+
+
+def _marked(reached: float, asked: float) -> str:
+    return f"{reached:.2f}" + ("" if reached <= asked else "!")
 
 
 STATES: tuple[dict[str, float], ...] = (
@@ -368,15 +625,23 @@ def figures() -> Iterator[Figure]:
             yield from figures_of(row)
         else:
             yield Figure(f"{row[0]}: layers", None, note=row[1])
+    for name, errors in other_rows():
+        if isinstance(errors, str):
+            yield Figure(f"{name}: layers", None, note=errors)
+            continue
+        for rig, each in errors.items():
+            title = f"{name}: {rig or 'no shadow'}, mean"
+            yield Figure(title, each.mean, LIT_MEAN, True, "ΔE")
 
 
 def main() -> None:
-    """Print both tables; with ``--keep``, write them to docs/layers.md, and its picture."""
+    """Print all tables; with ``--keep``, write them to docs/layers.md, and its picture."""
     found = []
     for row in rows():
         found.append(row)
         print(row if not isinstance(row, Row) else f"{row.name}: {row.pixels} pixels", flush=True)
-    text = f"{table(found)}\n\n{by_count(found)}"
+    text = "\n\n".join([table(found), by_count(found), by_light(found)])
+    text += f"\n\n{by_function(list(other_rows()))}"
     print(text)
     if "--keep" in sys.argv[1:]:
         page = Path(LAYERS_PAGE)

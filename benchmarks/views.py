@@ -28,7 +28,7 @@ from volspec.basis import MaterialBasis
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.lights import Ambient, Directional, LightGroup
-from volspec.raycast.reproject import Reprojector, Warp, reproject_reference
+from volspec.raycast.reproject import PARTS, Reprojector, Warp, reproject_reference
 from volspec.relight import relight
 from volspec.relight.stereo import Stereo
 from volspec.scene import Scene
@@ -43,19 +43,27 @@ ASKED_DEG, ASKED = 5, 1.7
 Turned = tuple[float, float, float]
 
 
+# Reprojectors by their column: layers, points a layer, and whether the light turns with the camera.
+COLUMNS = {
+    "parts=1": (LAYERS, 1, False),
+    "8 layers": (LAYERS, PARTS, False),
+    "parts=6": (LAYERS, 6, False),
+    "16 layers": (16, PARTS, False),
+    "headlight": (LAYERS, PARTS, True),
+}
+OURS = "8 layers"
+
+
 @dataclass(frozen=True, slots=True)
 class Views:
-    """Errors of nearby views by turn in degrees; the kernel against its twin; a view's time."""
+    """Figures of a volume: errors by column and turn, points and ms by column."""
 
     name: str
-    points: int
-    left: dict[int, Turned]
-    eight: dict[int, Turned]
-    sixteen: dict[int, Turned]
-    headlight: dict[int, Turned]
-    apart: float
-    ms: float
+    errors: dict[str, dict[int, Turned]]
+    points: dict[str, int]
+    ms: dict[str, float]
     quicker: float
+    apart: float
 
 
 def turned_views(name: str, volume: Volume, points: Points, orbit: dict[str, Any]) -> Views:
@@ -65,68 +73,85 @@ def turned_views(name: str, volume: Volume, points: Points, orbit: dict[str, Any
     around = {"azimuth_deg": 30, "elevation_deg": 20, **orbit}
     camera = Camera.orbit(volume, **around)
     towards = np.subtract(camera.position_mm, camera.target_mm)
-    fixed = LightGroup("light", (Ambient(), Directional(tuple(towards))))
+    fixed = replace(SPEC, groups=(LightGroup("light", (Ambient(), Directional(tuple(towards)))),))
     codes_of = display(transfer.basis)
 
-    def cast(seen_by: Camera, spec: RaycastSpec) -> CoefficientImage:
+    def cast(seen_by: Camera, spec: RaycastSpec, layers: int = 0) -> CoefficientImage:
+        spec = replace(spec, layers=layers)
         return raycast(volume, transfer, seen_by, TIMED, spec, caster=caster)
 
     def shown(image: CoefficientImage) -> Array:
         flat = image.coefficients.reshape(-1, image.coefficients.shape[2])
         return codes_of(flat.astype(np.float64), 1.0 - image.alpha.ravel().astype(np.float64))
 
-    found: list[dict[int, list[Turned]]] = [{}, {}, {}, {}]
-    light_spec = replace(SPEC, groups=(fixed,))
-    images = [cast(camera, replace(light_spec, layers=n)) for n in (LAYERS, 16)]
-    images.append(cast(camera, replace(SPEC, layers=LAYERS)))
-    views = [Reprojector(image) for image in images]
+    images = {
+        key: cast(camera, SPEC if key[1] else fixed, key[0])
+        for key in {(layers, turns) for layers, _, turns in COLUMNS.values()}
+    }
+    views = {
+        column: Reprojector(images[layers, turns], parts=parts)
+        for column, (layers, parts, turns) in COLUMNS.items()
+    }
+    rows: dict[str, dict[int, list[Turned]]] = {each: {} for each in ("left", *COLUMNS)}
     for turn in TURNS:
         for key, by in itertools.product(("azimuth_deg", "elevation_deg"), (-turn, turn)):
             other = Camera.orbit(volume, **{**around, key: around[key] + by})
-            true, true_headlight = cast(other, light_spec), cast(other, SPEC)
-            pairs = [(images[0], true), *((view.view(other), true) for view in views[:2])]
-            pairs.append((views[2].view(other), true_headlight))
-            for into, (made, wanted) in zip(found, pairs, strict=True):
+            true = {turns: cast(other, SPEC if turns else fixed) for turns in (False, True)}
+            for column, into in rows.items():
+                wanted = true[column in COLUMNS and COLUMNS[column][2]]
+                made = images[LAYERS, False] if column == "left" else views[column].view(other)
                 seen = wanted.alpha.ravel() > 0.01
                 errors = Errors.of(shown(made)[seen][None], shown(wanted)[seen][None])
                 holes = ((wanted.alpha - made.alpha) > 0.25).sum() / seen.sum()
                 into.setdefault(turn, []).append((errors.mean, errors.most_of, 100 * holes))
-    means = [{turn: _mean(rows) for turn, rows in each.items()} for each in found]
-    layers = images[0].opacity_layers
+    layers = images[LAYERS, False].opacity_layers
     assert layers is not None
-    made, twin = (
-        views[0].view(other),
-        reproject_reference(layers, [1.0] * 3, Warp.of(camera, TIMED, other, TIMED)),
-    )
+    made, warp = views[OURS].view(other), Warp.of(camera, TIMED, other, TIMED)
+    twin = reproject_reference(layers, [1.0] * 3, warp)
     apart = float(np.percentile(np.abs(made.coefficients - twin.coefficients).max(axis=2), 99))
-    times = in_turn(
-        lambda: views[0].view(other),
-        lambda: cast(other, replace(light_spec, layers=LAYERS)),
-        our_calls=5,
-        runs=5,
-    ).cpu
-    quicker = float(np.median(times[:, 1] / times[:, 0]))
-    return Views(name, views[0].points, *means, apart, float(times[:, 0].min()), quicker)
+    times = {
+        column: in_turn(
+            lambda column=column: views[column].view(other),  # type: ignore[misc]
+            lambda: cast(other, fixed, LAYERS),
+            our_calls=5,
+            runs=5,
+        ).cpu
+        for column in list(COLUMNS)[:3]
+    }
+    return Views(
+        name,
+        {c: {turn: _mean(each) for turn, each in by.items()} for c, by in rows.items()},
+        {column: view.points for column, view in views.items()},
+        {column: float(each[:, 0].min()) for column, each in times.items()},
+        float(np.median(times[OURS][:, 1] / times[OURS][:, 0])),
+        apart,
+    )
 
 
 def table(found: list[Views | tuple[str, str]]) -> str:
     """Return mean / 99 % of CIEDE2000 / holes in per cent, turn by turn.
 
-    ``left`` is the picture that is not turned; ``headlight`` has a light that turns with the
-    camera. Then points, times by that of a cast with layers, and the kernel against its twin.
+    ``left`` is the picture that is not turned; ``parts`` are points a deep layer; ``headlight`` has
+    a light that turns with the camera. Then thousands of points and milliseconds of all cores; a
+    view's time by that of a cast with layers; and the kernel against its twin.
     """
-    columns = ("left", "8 layers", "16 layers", "8, headlight")
-    lines = ["view turned by".ljust(22) + "".join(f"{each:>18s}" for each in columns)]
+    head = "".join(f"{each:>17s}" for each in ("left", *COLUMNS))
+    lines = ["turned by".ljust(14) + head]
     for row in found:
         if not isinstance(row, Views):
             lines.append(f"{row[0]:12s}left out: {row[1]}")
             continue
         for turn in TURNS:
-            each = (row.left[turn], row.eight[turn], row.sixteen[turn], row.headlight[turn])
-            cells = "".join(f"{f'{m:.2f} {p:.1f} {h:.2f}':>18s}" for m, p, h in each)
-            lines.append(f"{row.name:14s}{turn:>4d}°   {cells}")
-        about = f"{row.points} points, {row.ms:.0f} ms of all cores, 1/{row.quicker:.0f} of a cast"
-        lines.append(f"{row.name:14s}{about}; kernel {row.apart:.0e}")
+            each = (by[turn] for by in row.errors.values())
+            cells = "".join(f"{f'{m:.2f} {p:.1f} {h:.2f}':>17s}" for m, p, h in each)
+            lines.append(f"{row.name:9s}{turn:>3d}° {cells}")
+        sizes = (
+            f"{row.points[c] / 1000:.0f} k" + (f", {row.ms[c]:.0f} ms" if c in row.ms else "")
+            for c in COLUMNS
+        )
+        about = f"1/{row.quicker:.0f} of a cast"
+        cells = "".join(f"{each:>17s}" for each in (about, *sizes))
+        lines.append(f"{row.name:14s}{cells}; kernel {row.apart:.0e}")
     return "\n".join(lines)
 
 
@@ -148,7 +173,7 @@ def figures() -> Iterator[Figure]:
     """Yield the figures that have a target, for `benchmarks.__main__`."""
     for row in rows():
         if isinstance(row, Views):
-            mean = row.eight[ASKED_DEG][0]
+            mean = row.errors[OURS][ASKED_DEG][0]
             yield Figure(f"{row.name}: view turned by {ASKED_DEG}°", mean, ASKED, True, "ΔE")
         else:
             yield Figure(f"{row[0]}: nearby views", None, note=row[1])

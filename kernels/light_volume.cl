@@ -18,7 +18,8 @@
 //             writes  the padded grid
 // parallel    reads   the padded grid; steps Step[], by direction; ends int[] per direction
 // converging  reads   the padded grid; the light's position
-//             write   a layer of layers ushort[layer][nz][ny][nx], 65535 if all light arrives
+//             write   a layer of layers ushort[layer][nz][ny][nx], 65535 if all light arrives; or one
+//                     of several numbers of each node
 //
 // The host sets LANES, VOXEL, KIND (one of the five below) and the structs Span, Grid, Step, Curve
 // and Mask (volspec/raycast/light_volume.py and kernel_arguments.py describe their members).
@@ -186,12 +187,14 @@ static inline bool make_packet(const int4 nodes, __global const float *sigma, Pa
     return true;
 }
 
-static inline void store(const Packet *p, const int4 nodes, floatN light, int layer,
+// into: layer, numbers of a node from there on, and which of them.
+static inline void store(const Packet *p, const int4 nodes, floatN light, int4 into,
                          __global ushort *layers) {
     intL level;
     level.v = CONVERT_INT(light * 65535.0f + 0.5f);
-    const size_t at = (((size_t)layer * nodes.z + p->z) * nodes.y + p->y) * nodes.x + p->x;
-    UNROLL(l, LANES) if (p->x + l < nodes.x) layers[at + l] = level.s[l];
+    const size_t node = ((size_t)p->z * nodes.y + p->y) * nodes.x + p->x;
+    layers += (size_t)into.x * nodes.x * nodes.y * nodes.z + node * into.y + into.z;
+    UNROLL(l, LANES) if (p->x + l < nodes.x) layers[l * into.y] = level.s[l];
 }
 
 // Vectors at any address.
@@ -199,13 +202,15 @@ typedef struct __attribute__((packed)) { floatN v; } Nodes;
 #define NODES(offset) (((__global const Nodes *)(first + (offset)))->v)
 
 // Light along directions that are the same for all nodes: neighbours read neighbours, with the
-// same weights. gain: factor of the mean over the directions; the product is clipped to 1.
+// same weights. gain: factor of the mean over the directions; the product is clipped to 1. part: of
+// the optical depths.
 __kernel void parallel(__global const float *restrict sigma, __global const Step *restrict steps,
                        __global const int *restrict ends, const int directions, const float gain,
-                       const int4 nodes, const int layer,
+                       const float part, const int4 nodes, const int4 into,
                        __global ushort *restrict layers) {
     Packet p;
     if (!make_packet(nodes, sigma, &p)) return;
+    const float dark = DARK / part;
     floatN light = 0.0f;
     for (int d = 0, s = 0; d < directions; ++d) {
         const int end = ends[d];
@@ -223,26 +228,26 @@ __kernel void parallel(__global const float *restrict sigma, __global const Step
                      step->weight[4] * NODES(p.slice) + step->weight[5] * NODES(p.slice + 1) +
                      step->weight[6] * NODES(p.slice + p.row) +
                      step->weight[7] * NODES(p.slice + p.row + 1);
-            if (!ANY(MASK(depth < DARK))) break;
+            if (!ANY(MASK(depth < dark))) break;
         }
         s = end;
-        light += exp_minus(depth);
+        light += exp_minus(part * depth);
     }
     light *= gain / (float)directions;
-    store(&p, nodes, MIN(light, 1.0f), layer, layers);
+    store(&p, nodes, MIN(light, 1.0f), into, layers);
 }
 
 // Light from a point. place: its position in the grid; world_x, y, z: rows of world_from_grid, in
 // cells; bias: distance from the node at which sampling begins, in cells.
 __kernel void converging(__global const float *restrict sigma, const float4 place,
                          const float4 world_x, const float4 world_y, const float4 world_z,
-                         const float bias, const int4 nodes, const int layer,
+                         const float bias, const float part, const int4 nodes, const int4 into,
                          __global ushort *restrict layers) {
     Packet p;
     if (!make_packet(nodes, sigma, &p)) return;
     floatL column;
     UNROLL(l, LANES) column.s[l] = p.x + l;
-    const float last_x = nodes.x, last_y = nodes.y, last_z = nodes.z;
+    const float last_x = nodes.x, last_y = nodes.y, last_z = nodes.z, dark = DARK / part;
     floatN dx = place.x - column.v, dy = place.y - p.y, dz = place.z - p.z;
     const floatN wx = world_x.x * dx + world_x.y * dy + world_x.z * dz;
     const floatN wy = world_y.x * dx + world_y.y * dy + world_y.z * dz;
@@ -259,7 +264,7 @@ __kernel void converging(__global const float *restrict sigma, const float4 plac
         const floatN x = column.v + middle * dx, y = p.y + middle * dy, z = p.z + middle * dz;
         const intN inside = MASK(x > -1.0f) & MASK(x < last_x) & MASK(y > -1.0f) &
                             MASK(y < last_y) & MASK(z > -1.0f) & MASK(z < last_z);
-        if (!ANY(inside & MASK(left > 0.0f) & MASK(depth < DARK))) break;
+        if (!ANY(inside & MASK(left > 0.0f) & MASK(depth < dark))) break;
         // Lanes beyond the grid read its padding.
         const floatN cx = MIN(MAX(x, -1.0f), last_x) + 1.0f;
         const floatN cy = MIN(MAX(y, -1.0f), last_y) + 1.0f;
@@ -283,7 +288,7 @@ __kernel void converging(__global const float *restrict sigma, const float4 plac
         const floatN high = lerp(lerp(a[2].v, b[2].v, fx), lerp(a[3].v, b[3].v, fx), fy);
         depth += left * lerp(low, high, fz);
     }
-    store(&p, nodes, exp_minus(depth), layer, layers);
+    store(&p, nodes, exp_minus(part * depth), into, layers);
 }
 
 // Takes what surfaces keep from the nodes: parts of 65535 that arrive, of one layer.

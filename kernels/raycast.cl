@@ -164,8 +164,14 @@ __kernel void raycast(__global const VOXEL *restrict voxels,
             add_alpha(&cast, &g, g.transmittance - mean_transmittance(&g), middle[s]);
 #elif LAYERED
             const floatN unweighted = SELECT(opaque, (floatN)(1.0f), (floatN)(0.0f));
+#if SLOTS
+            Unshadowed bare;
+            shade(&cast, sources, light_volume, &r, middle[s], nx[s], ny[s], nz[s], unweighted,
+                  &bare, shading, highlight);
+#else
             shade(&cast, sources, light_volume, &r, middle[s], nx[s], ny[s], nz[s], unweighted,
                   shading, highlight);
+#endif
             // The picture ends where it would without layers.
             const floatN visible = SELECT(reached, g.transmittance * alpha[s], (floatN)(0.0f));
             floatN seen[GROUPS];
@@ -175,7 +181,12 @@ __kernel void raycast(__global const VOXEL *restrict voxels,
             }
             reflect(&g, material_weights, &cast, &f[s], &entry[s], seen);
             add_alpha(&cast, &g, visible, middle[s]);
+#if SLOTS
+            add_to_layers(&layers, g.rows, alpha[s], middle[s], &bare, bare.diffuse,
+                          bare.highlight);
+#else
             add_to_layers(&layers, g.rows, alpha[s], middle[s], shading, highlight);
+#endif
 #else
             const floatN visible = g.transmittance * alpha[s];
             shade(&cast, sources, light_volume, &r, middle[s], nx[s], ny[s], nz[s], visible,

@@ -10,8 +10,8 @@
 // add to the medium's, whatever distance and zoom. Slices are of depth along the *source's* view:
 // along a ray of the target's they have the same order, if the views are within 90°.
 //
-// A layer that is deeper than PART pixels is as many as MOST_PARTS points, evenly spaced half-way to
-// its neighbours: borders of layers jump between pixels, which one point a layer shows when turned.
+// A layer is up to MOST_PARTS points, one a PART pixels, evenly spaced half-way to its neighbours:
+// borders of layers jump between pixels, which one point a layer shows when turned.
 //
 // NumPy twin: volspec/raycast/reproject.py (reproject_reference).
 //
@@ -28,19 +28,20 @@
 // Writes  coefficients float[other_height][other_width][CHANNELS], alpha, depth: a cast's picture
 //
 // The host sets LAYERED, MATERIALS, GROUPS, CHANNELS = GROUPS · (MATERIALS + 1), ROWS, COLOURS_AT,
-// BLOCK, BUCKETS, PART, MOST_PARTS, WIDE (r is above 1), NEAR and the struct View.
+// BLOCK, BUCKETS, PART, MOST_PARTS, FARTHER, WIDE (r is above 1), NEAR and the struct View.
 
 #define LANES 4
 #include "lanes.clh"
 
 
-// Number of points of a layer, and the ways to its neighbours, or the same both ways at the ends.
-static inline int parts_of(__global const float *depth, int layer, float pitch, float *before,
-                           float *behind) {
-    const int first = layer == 0, last = layer + 1 == LAYERED || !(depth[1] < INFINITY);
-    *before = first ? last ? 0.0f : depth[1] - depth[0] : depth[0] - depth[-1];
-    *behind = last ? *before : depth[1] - depth[0];
-    return clamp((int)ceil((*before + *behind) * 0.5f / (PART * pitch)), 1, MOST_PARTS);
+// Ways from a layer to its neighbours, neither more than FARTHER times the other: what is farther
+// away is behind a void; 0 if it is alone.
+static inline void ways_to_neighbours(__global const float *depth, int layer, float ways[2]) {
+    const float before = layer > 0 ? depth[0] - depth[-1] : INFINITY;
+    const float behind = layer + 1 < LAYERED ? depth[1] - depth[0] : INFINITY;
+    const float nearer = min(before, behind), most = nearer < INFINITY ? FARTHER * nearer : 0.0f;
+    ways[0] = before < INFINITY ? min(before, most) : nearer < INFINITY ? nearer : 0.0f;
+    ways[1] = behind < INFINITY ? min(behind, most) : nearer < INFINITY ? nearer : 0.0f;
 }
 
 __kernel void arrange(__global const float *tau, __global const float *shade,
@@ -58,17 +59,18 @@ __kernel void arrange(__global const float *tau, __global const float *shade,
             const float cosine = 1.0f / sqrt(1.0f + slant * slant * (u * u + v * v));
             size_t at = ((size_t)y * view.width + x) * LAYERED;
             for (int i = 0; i < LAYERED && depth[at] < INFINITY; ++i, ++at) {
-                float total = 0.0f, share[MATERIALS], before, behind;
+                float total = 0.0f, share[MATERIALS], ways[2];
                 for (int k = 0; k < MATERIALS; ++k) {
                     share[k] = scales[k] * tau[at * MATERIALS + k];
                     total += share[k];
                 }
                 if (!(total > 0.0f)) continue;
-                const int parts = parts_of(depth + at, i, view.pitch, &before, &behind);
+                ways_to_neighbours(depth + at, i, ways);
+                const float deep = 0.5f * (ways[0] + ways[1]) / (PART * view.pitch);
+                const int parts = clamp((int)ceil(deep), 1, MOST_PARTS);
                 for (int part = 0; part < parts; ++part) {
-                    const float off = (2 * part + 1) / (float)parts - 1.0f;
-                    const float away = depth[at] + 0.5f * off * (off < 0.0f ? before : behind);
-                    const float ahead = away * cosine - view.distance;
+                    const float off = 0.5f * ((2 * part + 1) / (float)parts - 1.0f);
+                    const float ahead = (depth[at] + off * ways[off > 0.0f]) * cosine - view.distance;
                     const int bucket = clamp(
                         (int)((ahead - view.first_ahead) * view.buckets_per_mm), 0, BUCKETS - 1);
                     const int place = cells[bucket * blocks + block]++;

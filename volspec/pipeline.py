@@ -28,6 +28,7 @@ from volspec.raycast.layered import (
     empty_rows,
     materials_without_opacity,
     refuse_layers,
+    shadow_slots,
 )
 from volspec.raycast.projection import Projection
 from volspec.raycast.row_batches import Cancel, Progress
@@ -202,7 +203,7 @@ def raycast(
         first_mm=cast.first_mm,
         fov_deg=None if camera.height_mm is not None else camera.fov_deg,
         camera=camera,
-        opacity_layers=None if layers is None else _opacity_layers(layers, table, len(spec.groups)),
+        opacity_layers=None if layers is None else _opacity_layers(layers, table, spec),
     )
     if into is not None:
         into.update(image, slot)
@@ -380,11 +381,12 @@ def _check_layers(
         )
 
 
-def _opacity_layers(rows: NDArray[np.float32], table: Tables, groups: int) -> OpacityLayers:
+def _opacity_layers(rows: NDArray[np.float32], table: Tables, spec: RaycastSpec) -> OpacityLayers:
     """Return the layers of rows whose materials are a table's."""
     assert not isinstance(table, FieldTables)
     columns = table.channels.argmax(axis=1).tolist()
-    return OpacityLayers.of_rows(rows, columns, table.size - 1, groups)
+    groups = len(spec.groups), shadow_slots(spec)
+    return OpacityLayers.of_rows(rows, columns, table.size - 1, *groups)
 
 
 def _empty_picture_warning(volume: Volume, table: Tables) -> str:

@@ -16,6 +16,7 @@ from PIL import Image
 import volspec as vs
 from tests.support.errors import raises
 from tests.support.images import named_lights, some_rows
+from tests.twins.test_recompose import layered
 from volspec.appearance import Display, Viewing
 from volspec.errors import (
     DeviceError,
@@ -135,6 +136,35 @@ def test_another_image_keeps_the_settings(widget: Any, colours: CoefficientImage
     assert widget.get_state("_page")["_page"] != before
     assert dict(widget.weights)["A"] == 1.0 and widget.probe is None
     assert widget.frame().shape == (16, 64, 3)
+
+
+def test_opacities_are_the_picture_s_the_probe_s_and_the_page_s() -> None:
+    image = layered(3, 1)
+    widget = vs.notebook(image, LIGHTS)
+    assert dict(widget.opacities) == {"copper": 1.0, "gold": 1.0, "brass": 1.0}
+    widget.probe = (5, 3)
+    before = widget.probed.opacity
+    widget.opacities = {"gold": 0.2}
+    made = image.recompose({"gold": 0.2})
+    np.testing.assert_array_equal(widget.frame(), relight(made, vs.light("D65")))
+    assert widget.probed.opacity == made.alpha[3, 5] != before
+    assert widget.get_state("opacities")["opacities"] == {"copper": 1, "gold": 0.2, "brass": 1}
+    widget.set_state({"opacities": {"copper": 0, "gold": 1, "brass": 4, "skin": 2}})
+    assert dict(widget.opacities) == {"copper": 0, "gold": 1, "brass": 4}
+    for wrong, code in (({"skin": 1}, "unknown"), ({"gold": -1}, "range"), (0.5, "type")):
+        with raises(ImageError, code):
+            widget.opacities = wrong
+    assert widget.opacities["brass"] == 4
+    # Another image keeps what fits it.
+    widget.image = layered(2, 1, seed=1)
+    assert dict(widget.opacities) == {"copper": 0, "gold": 1}
+
+
+def test_an_image_without_layers_has_no_opacities(widget: Any) -> None:
+    assert dict(widget.opacities) == {}
+    widget.opacities = {}
+    with raises(ImageError, "unsupported"):
+        widget.opacities = {"skin": 0.5}
 
 
 @pytest.mark.parametrize(

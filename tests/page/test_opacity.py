@@ -16,15 +16,18 @@ from tests.page.conftest import Opened, open_file
 from tests.page.test_access import breaches
 from tests.support.browser import mean_difference
 from tests.support.errors import raises, warns
+from tests.twins.test_recompose import layered, rig
 from volspec._gpu.sources import asset
 from volspec.cli import main
 from volspec.errors import ImageError
-from volspec.export.page import PageView, build, page_html, write_page
+from volspec.export.page import PageView, build, page_html, scene_views, write_page
 from volspec.export.page.packing import pack_layers
 from volspec.raycast import CoefficientImage
 from volspec.raycast.layered import residual_share
 from volspec.relight import relight
 from volspec.scene import Scene
+from volspec.scene.lights import NamedLight
+from volspec.spectra import light
 
 # Measured at 0.08 to 0.13 with its channels of 8 bits, as are pages without layers.
 NEAR = 0.25
@@ -90,10 +93,10 @@ def drag(page: Opened, number: int, to: float) -> float:
 
 
 def frame(
-    image: CoefficientImage, scene: Scene, scales: dict[str, float], light: int = 0
+    image: CoefficientImage, scene: Scene, scales: dict[str, float], lamp: int = 0
 ) -> NDArray[np.uint8]:
-    rig = scene.lights[light].rig
-    return np.asarray(relight(image.recompose(scales), rig, scene.relight), np.uint8)
+    made = image.recompose(scales)
+    return np.asarray(relight(made, scene.lights[lamp].rig, scene.relight), np.uint8)
 
 
 def test_scales_of_1_draw_the_page_of_today(
@@ -123,11 +126,29 @@ def test_a_slider_that_is_dragged_fades_as_a_new_frame_of_the_desktop(
 ) -> None:
     scales = {name: drag(page, i, to[i]) for i, name in enumerate(("block", "inserts"))}
     assert len(set(scales.values())) == 2
-    for light in (0, 3):
-        page.page.click(f"#light-list li:nth-child({light + 1}) .light-name")
+    for lamp in (0, 3):
+        page.page.click(f"#light-list li:nth-child({lamp + 1}) .light-name")
         page.settle()
-        wanted = frame(image, scene, scales, light)
-        assert mean_difference(page.picture(), wanted) <= NEAR, (scales, light)
+        wanted = frame(image, scene, scales, lamp)
+        assert mean_difference(page.picture(), wanted) <= NEAR, (scales, lamp)
+    assert page.complaints == []
+
+
+@pytest.mark.parametrize(
+    ("materials", "groups"), [(1, 1), (4, 1), pytest.param(3, 2, marks=pytest.mark.slow), (4, 8)]
+)
+def test_any_number_of_materials_and_groups_is_drawn(
+    opened: Callable[..., Opened], tmp_path: Path, materials: int, groups: int
+) -> None:
+    """From one texel a layer to eleven, and from one pass of a slice to three of four."""
+    image = layered(materials, groups)
+    scales = dict(zip(image.basis.materials, (0.5, 1.0, 0.0, 2.0), strict=False))
+    lights = [NamedLight("mixed", "", light("A"), rig(image))]
+    path = tmp_path / "random.html"
+    write_page(path, [PageView(image, opacities=scales)], lights)
+    page = opened(path)
+    wanted = np.asarray(relight(image.recompose(scales), rig(image)), np.uint8)
+    assert mean_difference(page.picture(), wanted) <= 2 * NEAR, "noise, dark in many pixels"
     assert page.complaints == []
 
 
@@ -398,3 +419,19 @@ def test_the_command_s_layers(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert run("--layers", "17") != 0 and "--layers is 17" in capsys.readouterr().err
     assert run("--layers", "4", "--views", "3") != 0
     assert "--layers 4: a page of 3 pictures would have some" in capsys.readouterr().err
+
+
+def test_a_scene_s_opacities_are_the_sliders_of_the_page_that_is_opened(
+    opened: Callable[..., Opened], tmp_path: Path, scene: Scene, image: CoefficientImage
+) -> None:
+    """A material that the scene hides can be shown."""
+    hidden = scene.casting(opacities={"block": 0.0})
+    views = list(scene_views(hidden, size=SIZE))
+    path = tmp_path / "hidden.html"
+    write_page(path, views, scene.lights, scene.relight)
+    page = opened(path)
+    assert [shown_scale(page, i) for i in (0, 1)] == [0, 1]
+    assert mean_difference(page.picture(), frame(image, scene, {"block": 0})) <= NEAR
+    slider(page, 0).press("Delete")
+    page.settle()
+    assert mean_difference(page.picture(), frame(image, scene, {})) <= NEAR

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -18,8 +19,13 @@ from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.errors import ImageError, RaycastError, ShapeError, VolspecWarning
 from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast import Camera, CoefficientImage, LightGroup, RaycastSpec
-from volspec.raycast.layered import LayerStream, OpacityLayers
-from volspec.raycast.lights import Ambient, Headlight
+from volspec.raycast.layered import (
+    LayerStream,
+    OpacityLayers,
+    shadow_of_means,
+    transmittance,
+)
+from volspec.raycast.lights import Ambient, Directional, Headlight, Point
 from volspec.relight import relight
 from volspec.spectra import light, reflectance
 from volspec.transfer import Isosurfaces, TransferFunction, TransferTable
@@ -122,6 +128,107 @@ def test_a_recomposed_picture_is_relit(image: CoefficientImage) -> None:
     assert inner.alpha.sum() < 0.9 * image.alpha.sum()
 
 
+SUN = Directional((1.0, 0.0, 0.0), shadows=True)
+
+
+def test_a_slab_takes_its_shadow_with_it_exactly() -> None:
+    """Light from +x passes 4 mm of copper to gold, which is seen along z: 0.9^(4 s) of it."""
+    values = np.zeros((20, 20, 20), np.float32)
+    values[:, :, :9], values[:, :, 13:17] = 1.0, 0.3
+    volume = Volume(values)
+    spec = RaycastSpec(
+        ambient=0, layers=8, physical_light=True, groups=(LightGroup("sun", (SUN,)),)
+    )
+    camera = along_z(volume, 20)
+    made = raycast(volume, function(), camera, (20, 20), replace(spec, alpha_stop=1.0))
+
+    def shade(copper: float, gold: float) -> float:
+        """Return the light on gold 4 mm deep: that of the shade by the whole of the light, 0.7."""
+        shown = made.recompose({"copper": copper, "gold": gold})
+        return float(shown.coefficients[10, 4, 1] / shown.alpha[10, 4] / 0.7)
+
+    assert shade(1, 1) == made.coefficients[10, 4, 1] / made.alpha[10, 4] / np.float32(0.7)
+    own = -np.log(shade(0, 1))
+    for copper, gold in ((0, 1), (0.25, 1), (1, 1), (4, 1), (4, 0.25), (2, 2), (0, 4)):
+        light = np.exp(-gold * own) * 0.9 ** (4 * copper)
+        assert shade(copper, gold) == pytest.approx(light, abs=3e-4), (copper, gold)
+
+
+LIT = (
+    LightGroup("key", (Directional((1.0, 0.7, 0.5), shadows=True), Headlight(0.3))),
+    LightGroup("sky", (Ambient(occlusion=True), Point((30.0, 30.0, 40.0), shadows=True))),
+)
+
+
+@pytest.fixture(scope="module")
+def lit(ball: Volume, caster: Raycaster) -> CoefficientImage:
+    spec, camera = replace(SPEC, groups=LIT, layers=8), Camera.orbit(ball, azimuth_deg=30)
+    return raycast(ball, function(), camera, SIZE, spec, caster=caster)
+
+
+@pytest.mark.parametrize(
+    ("scales", "least"), [((0, 1), 20), ((0.25, 1), 15), ((1, 0), 15), ((4, 1), 10)]
+)
+def test_shadows_are_those_of_a_new_cast(
+    ball: Volume,
+    caster: Raycaster,
+    lit: CoefficientImage,
+    scales: tuple[float, float],
+    least: float,
+) -> None:
+    """``least``: how many times closer they are than shadows that stay those of the cast."""
+    given = dict(zip(MATERIALS, scales, strict=True))
+    table = scaled(caster.bake(function()), scales)
+    camera, spec = Camera.orbit(ball, azimuth_deg=30), replace(SPEC, groups=LIT)
+    new = caster.cast(table, camera, SIZE, spec).coefficients
+    off = np.sqrt(((lit.recompose(given).coefficients - new) ** 2).mean())
+    layers = lit.opacity_layers
+    assert layers is not None and layers.shadow is not None and layers.occlusion is not None
+    one = np.ones(2, np.float32)
+    shade, gloss = layers.shade.copy(), layers.gloss.copy()
+    part = layers.shadow[..., :2] * (1 - transmittance(layers.shadow[..., 2:], one))[..., None]
+    occluded = 2 * transmittance(layers.occlusion[..., 2:], one)
+    part += layers.occlusion[..., :2] * (1 - np.minimum(occluded, 1))[..., None]
+    frozen = replace(
+        layers,
+        shade=shade * (1 - part[..., :1]),
+        gloss=gloss * (1 - part[..., 1]),
+        shadow=None,
+        occlusion=None,
+    )
+    stays = replace(lit, opacity_layers=frozen).recompose(given).coefficients
+    assert off < 0.0015 and np.sqrt(((stays - new) ** 2).mean()) > least * off
+
+
+def test_with_shadows_scale_1_is_the_picture_bit_for_bit(lit: CoefficientImage) -> None:
+    assert np.array_equal(lit.recompose({"gold": 1}).coefficients, lit.coefficients)
+    near = lit.recompose({"gold": 1.0001})
+    assert np.abs(near.coefficients - lit.coefficients).max() < 1e-4
+
+
+@pytest.mark.parametrize("bend", [0.05, 0.5, 4.0])
+def test_light_of_gamma_distributed_depths_is_exact(bend: float) -> None:
+    """But for the fit of b, to 2 %."""
+    depths = np.array([1.0, 0.5])
+
+    def light(*scales: float) -> float:
+        """Return the mean of e^(−g Σ s d) over a gamma distribution of g."""
+        return float((1 + bend * (depths @ scales)) ** (-1 / bend))
+
+    means = np.array([[1.0, 0.0, light(0.5, 0.5), light(1, 1), light(0.5, 0), light(0, 0.5)]])
+    cast = shadow_of_means(means)[:, 2:]
+    for scales in itertools.product((0.0, 0.25, 1.0, 4.0), repeat=2):
+        found = transmittance(cast, np.array(scales, np.float32))
+        assert found == pytest.approx(light(*scales), abs=4e-3), scales
+    assert transmittance(cast, np.ones(2, np.float32)) == pytest.approx(light(1, 1), abs=1e-5)
+
+
+def test_darkness_and_no_light_have_finite_numbers() -> None:
+    dark = shadow_of_means(np.array([[1.0, 1.0, 0.0, 0.0, 0.0, 1.0], [0, 0, 1, 1, 1, 1]]))
+    assert np.isfinite(dark.astype(np.float16)).all()
+    assert transmittance(dark[:, 2:], np.array([0, 4], np.float32)) == pytest.approx(1, abs=1e-5)
+
+
 def test_one_ray_keeps_its_samples_while_there_is_room() -> None:
     stream = LayerStream(1, 8, 1, 2)
     rng, ray = np.random.default_rng(1), np.array([0])
@@ -213,6 +320,8 @@ def test_layers_are_checked_when_made(image: CoefficientImage) -> None:
         replace(layers, tau=layers.tau[..., 0])
     with raises(ImageError, "type", "opacity layers: shade"):
         replace(layers, shade=layers.shade.astype(np.float64))
+    with raises(ShapeError, field="opacity layers: shadow"):
+        replace(layers, shadow=layers.shade)
     with raises(ShapeError, field="coefficient image: opacity_layers"):
         replace(image, opacity_layers=OpacityLayers(*(each[:-1] for each in _arrays(layers))))
 
@@ -250,11 +359,51 @@ def test_stored_shades_are_exact_to_what_shows(image: CoefficientImage) -> None:
         assert (np.abs(one - other) <= 0.5 * step + 2.0**-11 * np.abs(other) + 1e-7).all()
 
 
+def test_a_file_holds_shadows_with_its_second_version(
+    lit: CoefficientImage, tmp_path: Path
+) -> None:
+    lit.save(tmp_path / "image.exr")
+    with OpenEXR.File(str(tmp_path / "image.exr"), separate_channels=True) as file:
+        names, about = set(file.channels()), json.loads(file.header()["volspec:layers"])
+    assert {
+        "l3.shadow.part.sky.V",
+        "l3.shadow.depth.key.gold.V",
+        "l0.occlusion.bend.sky.V",
+    } <= names
+    assert "l3.occlusion.part.key.V" not in names
+    assert about == {"version": 2, "count": 8, "shadow": ["key", "sky"], "occlusion": ["sky"]}
+    again = CoefficientImage.load(tmp_path / "image.exr")
+    for scales in ({"gold": 0.3}, {"copper": 0}, {"gold": 4, "copper": 4}):
+        one, other = (each.recompose(scales) for each in (again, lit))
+        assert np.abs(one.coefficients - other.coefficients).max() < 3e-3
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda h, c: h.update({"volspec:layers": '{"version": 2, "count": 8}'}),
+        lambda h, c: h.update(
+            {"volspec:layers": '{"version": 2, "count": 8, "shadow": ["moon"], "occlusion": []}'}
+        ),
+        lambda h, c: c.pop("l3.shadow.depth.key.gold.V"),
+        lambda h, c: c["l0.shadow.bend.key.V"].fill(np.nan),
+    ],
+    ids=["no groups", "unknown group", "no channel", "NaN"],
+)
+def test_a_file_with_damaged_shadows_is_refused(
+    lit: CoefficientImage, tmp_path: Path, change: object
+) -> None:
+    lit.save(tmp_path / "image.exr")
+    edited(tmp_path / "image.exr", change)
+    with raises(ImageError, "damaged"):
+        CoefficientImage.load(tmp_path / "image.exr")
+
+
 @pytest.mark.parametrize(
     ("change", "code"),
     [
         (
-            lambda h, c: h.update({"volspec:layers": '{"version": 2, "count": 8}'}),
+            lambda h, c: h.update({"volspec:layers": '{"version": 3, "count": 8}'}),
             "unsupported",
         ),
         (lambda h, c: h.update({"volspec:layers": '{"count": 8}'}), "damaged"),

@@ -11,8 +11,8 @@ import pytest
 from tests.support.raycasts import labelled, oblique_world
 from volspec.raycast import Camera, RaycastSpec, reference
 from volspec.raycast.gpu import Raycaster
-from volspec.raycast.layered import OpacityLayers, empty_rows
-from volspec.raycast.lights import Ambient, Directional, Headlight, LightGroup
+from volspec.raycast.layered import OpacityLayers, empty_rows, shadow_slots
+from volspec.raycast.lights import Ambient, Directional, Headlight, LightGroup, Point
 from volspec.transfer import TransferTable
 from volspec.volume import Volume
 
@@ -49,7 +49,10 @@ def assert_layers_alike(
     assert np.abs(ours.coefficients - picture[0]).max() < TOLERANCE
     assert picture[1].max() > 0.05
     K, G = len(table.channels), len(spec.groups)
-    both = [OpacityLayers.of_rows(r.astype(np.float32), range(K), K, G) for r in (rows, true)]
+    slots = shadow_slots(spec)
+    both = [
+        OpacityLayers.of_rows(r.astype(np.float32), range(K), K, G, slots) for r in (rows, true)
+    ]
     for scales in itertools.product((0.0, 0.3, 4.0), repeat=K):
         one, other = (layers.recompose(scales) for layers in both)
         off = np.abs(one.channels - other.channels).reshape(*SIZE, -1).max(axis=2)
@@ -79,6 +82,15 @@ def test_any_number_of_layers_is_that_of_the_stream(layers: int) -> None:
 def test_shadows_and_two_light_groups_of_four_materials() -> None:
     spec = RaycastSpec(layers=8, step_mm=0.5, groups=TWO, specular=0.2, light_cells=8)
     assert_layers_alike(noise(8), blend(0.3, 4), spec)
+
+
+@pytest.mark.parametrize("lanes", [1, 8])
+def test_every_shadow_and_occlusion_in_one_group(lanes: int) -> None:
+    near = Point((20.0, 30.0, 25.0), shadows=True, falloff_mm=30.0)
+    lights = (*TWO[0].sources, Ambient(occlusion=True, radius_mm=5.0), near, Headlight(0.2))
+    groups = LightGroup("key", lights), LightGroup("sky", (Ambient(occlusion=True),))
+    spec = RaycastSpec(layers=6, step_mm=0.5, groups=groups, specular=0.2, light_cells=8)
+    assert_layers_alike(noise(8), blend(0.4, 2), spec, lanes=lanes)
 
 
 def test_opaque_samples_and_labels() -> None:

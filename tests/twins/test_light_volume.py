@@ -21,7 +21,13 @@ from volspec.raycast import (
     reference,
 )
 from volspec.raycast.kernel_arguments import LIGHT_MARGIN
-from volspec.raycast.light_volume import LightGrid, LightVolume, light_layers
+from volspec.raycast.light_volume import (
+    LightGrid,
+    LightVolume,
+    light_layers,
+    material_tables,
+    split_width,
+)
 from volspec.raycast.lights import Source as LightSource
 from volspec.transfer import SurfaceTable, TransferTable
 from volspec.volume import Volume, phantom
@@ -260,3 +266,30 @@ def test_samples_of_a_layer_match_reference(lanes: int) -> None:
     true = reference.light_at(layer / 65535, grid, (at - LIGHT_MARGIN) / np.array(grid.per_index))
     # Positions of up to 10 nodes in float32 are 1e-6 off, and nodes differ by up to 1.
     assert np.abs(out - true).max() < 5e-6
+
+
+@pytest.mark.parametrize("materials", [2, 4])
+def test_materials_alone_match_reference(
+    half_engine: Volume, engine_table: TransferTable, materials: int
+) -> None:
+    """Without ``split`` as with it; each at half of its depth, and occlusion unclipped."""
+    small, spec = half_engine.downsampled(2), lit(SUN, BULB, SKY)
+    at = np.linspace(0, materials - 1, len(engine_table.opacity))
+    weights = np.maximum(1 - np.abs(at[:, None] - np.arange(materials)), 0)
+    camera = Camera.orbit(small)
+    ours = opened(small)
+    whole = dataclasses.replace(
+        engine_table, material_weights=weights, channels=np.eye(materials), white=None
+    )
+    alone = downloaded(opened(small), whole, spec, camera)
+    tables = [(whole, 0.5), (whole, 1.0), *((each, 0.5) for each in material_tables(whole))]
+    width = split_width(whole)
+    for _ in range(2):
+        buffer, grid, _ = ours.layers(whole, spec, camera, split=True)
+        layers = np.empty((3 + 3 * width, grid.nodes), np.uint16)
+        ours._compute.download(buffer, layers)
+        assert np.array_equal(layers[:3].ravel() / 65535, alone.ravel())
+        split = layers[3:].reshape(3, *grid.shape_xyz[::-1], width) / 65535
+        for number, (table, part) in enumerate(tables):
+            true = reference.layers(small, table, spec, camera, part=part)
+            assert np.abs(split[..., number] - true).max() <= TOLERANCE, number

@@ -85,10 +85,10 @@ def test_tiles_of_gpus_and_of_cpus_make_the_same_picture(monkeypatch):
     assert np.array_equal(long.alpha, square.alpha)
 
 
-@pytest.mark.parametrize("fine", [True, False])
-def test_the_same_view_is_the_recomposed_picture(fine):
+@pytest.mark.parametrize("parts", [1, 3, 16])
+def test_the_same_view_is_the_recomposed_picture(parts):
     image = layered(HERE)
-    same = Reprojector(image, fine=fine).view(HERE, {"gold": 0.5})
+    same = Reprojector(image, parts=parts).view(HERE, {"gold": 0.5})
     true = image.opacity_layers.recompose([1.0, 0.5])
     assert np.abs(same.coefficients - true.channels.reshape(same.coefficients.shape)).max() < 1e-4
     assert np.abs(same.alpha - true.alpha).max() < 1e-4

@@ -1,15 +1,17 @@
-"""Make the pictures of docs/page.md: ``python -m tools.gallery.webpage``.
+"""Make the pictures of docs/page.md and layers.md: ``python -m tools.gallery.webpage [NAME …]``.
 
-scenes -> pages -> [webpage] -> docs/images/page-engine.jpg, page-frog.jpg
+scenes -> pages -> [webpage] -> docs/images/page-engine.jpg, page-frog.jpg, page-foot.jpg
 
-Each page is opened in Chromium at a phone's width and shown under three of its lights. The frog's
-labels come with pyvista.
+Each page is opened in Chromium at a phone's width and shown under three of its lights, the foot in
+three opacities. The frog's labels come with pyvista, the foot is looked for in $VOLSPEC_DATA.
 """
 
 from __future__ import annotations
 
 import io
+import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,19 +23,28 @@ from volspec.export.page import PageSpec, PageView, write_page
 from volspec.scene import Scene
 
 FOLDER = ROOT / "docs" / "images"
-SHOWN = {"engine": ("D65", "A", "HP1"), "frog": ("noon", "evening", "street")}
+SHOWN = {
+    "engine": ("D65", "A", "HP1"),
+    "frog": ("noon", "evening", "street"),
+    "foot": ("daylight", "daylight", "tungsten"),
+}
+# Sliders of opacity under each of the lights, by row and slider.
+OPACITIES = {"foot": ({}, {1: -2.3}, {1: -4.0, 2: -2.0})}
 _PHONE = {"width": 460, "height": 740}
 _GAP, _PAPER, _BYTES = 24, (255, 255, 255), 250_000
 
 
 def main() -> None:
-    """Make both strips."""
+    """Make the named strips, or all."""
+    names = sys.argv[1:] or list(SHOWN)
     with tempfile.TemporaryDirectory() as folder, chromium() as browser:
-        for name, lights in SHOWN.items():
+        for name in names:
+            lights = SHOWN[name]
             path = Path(folder) / f"{name}.html"
             scene = write(name, path)
             numbers = [[light.name for light in scene.lights].index(light) for light in lights]
-            size = save(strip(screens(browser, path, numbers)), FOLDER / f"page-{name}.jpg")
+            shots = screens(browser, path, numbers, OPACITIES.get(name, ()))
+            size = save(strip(shots), FOLDER / f"page-{name}.jpg")
             print(f"page-{name}.jpg: {size / 1000:.0f} kB", flush=True)
 
 
@@ -46,16 +57,27 @@ def write(name: str, path: Path) -> Scene:
     return scene
 
 
-def screens(browser: Any, path: Path, lights: list[int]) -> list[Image.Image]:
-    """Return screenshots of the page under each of the lights, chosen by touch."""
+def screens(
+    browser: Any, path: Path, lights: list[int], opacities: Sequence[dict[int, float]] = ()
+) -> list[Image.Image]:
+    """Return screenshots of the page under each of the lights, chosen by touch.
+
+    ``opacities`` are sliders' octaves by row, set under each of the lights.
+    """
     context = browser.new_context(viewport=_PHONE, device_scale_factor=2, color_scheme="dark")
     page = context.new_page()
     page.goto(path.as_uri())
     page.wait_for_selector("html.ready", state="attached")
     shots = []
-    for light in lights:
+    if opacities:
+        page.wait_for_selector("#opacity-list input:enabled")
+    for i, light in enumerate(lights):
         page.click(f"#light-list li:nth-child({light + 1}) .light-name")
+        for row, octave in opacities[i].items() if opacities else ():
+            page.fill(f"#opacity-list li:nth-child({row}) input", str(max(octave, -3.05)))
         page.evaluate("document.activeElement.blur(); window.scrollTo(0, 0)")
+        if opacities:
+            page.evaluate("document.getElementById('opacity').scrollIntoView()")
         page.mouse.move(0, 0)
         page.wait_for_timeout(400)
         shots.append(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))

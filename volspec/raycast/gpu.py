@@ -32,7 +32,8 @@ from volspec.raycast.checks import check_callable, checked_size
 from volspec.raycast.distributed import Cluster, is_cluster
 from volspec.raycast.fields import FieldCast, common_dtype, frame_around
 from volspec.raycast.kernel_arguments import check_reach
-from volspec.raycast.light_volume import Arrives, Clear, LightVolume
+from volspec.raycast.layered import shadow_slots
+from volspec.raycast.light_volume import Arrives, Clear, LightVolume, split_width
 from volspec.raycast.lights import Ambient, Headlight, LightGroup
 from volspec.raycast.masks import MaskLattice
 from volspec.raycast.out_of_core import LevelCaster, level_for
@@ -530,13 +531,17 @@ class Raycaster:
             together, several, frame = None, None, self.volume
             struct = kernel_arguments.cast_struct(frame, table, *view, spec)
             self._own.set_buffers(struct)
-        light, numbers = self._lights_of(table).attach(struct, table, spec, camera, clear)
+        slots = [] if rows is None else shadow_slots(spec)
+        light, numbers = self._lights_of(table).attach(
+            struct, table, spec, camera, clear, bool(slots)
+        )
+        split = split_width(table) if slots else 0
         upload = self._compute.upload
         inputs = [
             upload(np.ascontiguousarray(array))
             for array in (
                 *program.tables,
-                kernel_arguments.source_rows(frame, camera, spec, numbers),
+                kernel_arguments.source_rows(frame, camera, spec, numbers, split),
             )
         ]
         try:
@@ -573,6 +578,8 @@ class Raycaster:
             spans=span_mm is not None,
             aligned=aligned,
             layers=0 if rows is None else rows.shape[2],
+            slots=slots,
+            split=split,
         )
         tile, group = TILES[self.packet.lanes], GROUPS[self.packet.lanes]
         with receiver.receiving(self._compute, spec.half) if receiver else nullcontext() as pack:

@@ -13,8 +13,11 @@ views follow.
 
 Layers of opacity (`CoefficientImage.opacity_layers`) are half channels, near to far:
 ``l3.tau.block.V``, ``l3.shade.key.block.V``, ``l3.gloss.key.V`` and ``l3.depth.Z``, of layer 3,
-the material ``block`` and the light group ``key``. The header's ``volspec:layers`` holds their
-version and number; programs that do not know them read the image without.
+the material ``block`` and the light group ``key``. If lights have shadows, layers also have
+``l3.shadow.part.key.V``, ``l3.shadow.gloss.key.V``, ``l3.shadow.bend.key.V`` and
+``l3.shadow.depth.key.block.V``, and the same of ``occlusion`` (`OpacityLayers.shadow`). The
+header's ``volspec:layers`` holds their version, number, and groups with shadows; programs that do
+not know them read the image without.
 
 Up to format 2 channels were called ``key.coefficients.00``, of a single group ``coefficients.00``,
 and the first hit ``ZFirst``.
@@ -27,7 +30,7 @@ import math
 import os
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from types import MappingProxyType
@@ -44,7 +47,7 @@ from volspec.appearance.spaces import SPACES
 from volspec.basis import Basis, MaterialBasis, basis_from_dict
 from volspec.errors import BasisError, CameraError, ImageError, ShapeError
 from volspec.raycast.camera import Camera
-from volspec.raycast.layered import OpacityLayers
+from volspec.raycast.layered import OpacityLayers, Slot
 from volspec.raycast.spec import MAX_LAYERS
 
 if TYPE_CHECKING:
@@ -102,19 +105,33 @@ def channel_names(groups: Mapping[str, float], size: int) -> list[str]:
     return [f"{layer}.c{k:02d}.V" for layer in plain_names(groups) for k in range(size)]
 
 
-def layer_names(layer: int, materials: Iterable[str], groups: Iterable[str]) -> list[str]:
+def layer_names(
+    layer: int, materials: Iterable[str], groups: Iterable[str], slots: Iterable[Slot] = ()
+) -> list[str]:
     """Return the channels' names of a layer of opacity, in the order of its arrays.
 
-    Nuke reads the first as ``l3_tau.block_V``; in Blender it is the pass ``block`` of ``l3.tau``.
+    ``slots`` are groups with shadows or occlusion, as `shadow_slots`. Nuke reads the first as
+    ``l3_tau.block_V``; in Blender it is the pass ``block`` of ``l3.tau``.
 
     >>> layer_names(3, ["block"], ["key"])
     ['l3.tau.block.V', 'l3.shade.key.block.V', 'l3.gloss.key.V', 'l3.depth.Z']
+    >>> layer_names(3, ["block"], ["key"], [(0, False)])[3:6]
+    ['l3.shadow.part.key.V', 'l3.shadow.gloss.key.V', 'l3.shadow.bend.key.V']
     """
     kinds, lights = plain_names(materials), plain_names(groups)
+    shadows = [(f"l{layer}.{CASTS[occluded]}", lights[group]) for group, occluded in slots]
     return [
         *(f"l{layer}.tau.{kind}.V" for kind in kinds),
         *(f"l{layer}.shade.{light}.{kind}.V" for light in lights for kind in kinds),
         *(f"l{layer}.gloss.{light}.V" for light in lights),
+        *(
+            name
+            for cast, light in shadows
+            for name in (
+                *(f"{cast}.{number}.{light}.V" for number in ("part", "gloss", "bend")),
+                *(f"{cast}.depth.{light}.{kind}.V" for kind in kinds),
+            )
+        ),
         f"l{layer}.depth.Z",
     ]
 
@@ -155,7 +172,10 @@ FORMAT = 3
 _READ = (1, 2, FORMAT)  # images of format 1 have one light group
 # Attributes of the header, after "volspec:".
 _OWN = ("format", "basis", "groups", "notes", "fov_deg", "camera", "layers")
-LAYERS_VERSION = 1
+# The version without shadows, and with.
+LAYERS_VERSIONS = 1, 2
+# Of layers' arrays, by `Slot`.
+CASTS = "shadow", "occlusion"
 _ALPHA_ERROR = 1e-3  # rounding of alpha by a compositor
 
 
@@ -194,8 +214,15 @@ def write_image(
     }
     if image.opacity_layers is not None:
         layers = image.opacity_layers
-        header["volspec:layers"] = json.dumps({"version": LAYERS_VERSION, "count": layers.count})
-        channels |= _layer_channels(image, layers)
+        slots = layers.slots
+        about: dict[str, Any] = {
+            "version": LAYERS_VERSIONS[bool(slots)],
+            "count": layers.count,
+        }
+        for o, cast in enumerate(CASTS if slots else ()):
+            about[cast] = [list(image.groups)[group] for group, occluded in slots if occluded == o]
+        header["volspec:layers"] = json.dumps(about)
+        channels |= _layer_channels(image, layers, slots)
     if preview is not None:
         colours = np.asarray(preview)
         if colours.shape != (*image.alpha.shape, 3):
@@ -257,17 +284,20 @@ def read_image(path: str | os.PathLike[str]) -> dict[str, Any]:
     }
 
 
-def _layer_channels(image: CoefficientImage, layers: OpacityLayers) -> Channels:
+def _layer_channels(
+    image: CoefficientImage, layers: OpacityLayers, slots: Sequence[Slot]
+) -> Channels:
     """Return the channels of layers of opacity."""
     assert isinstance(image.basis, MaterialBasis)
     height, width = image.alpha.shape
     channels: Channels = {}
     stored = layers.as_stored()
     for k in range(layers.count):
-        arrays = stored.tau, stored.shade, stored.gloss, stored.depth_mm
+        shadows = [stored.slot(slot) for slot in slots]
+        arrays = stored.tau, stored.shade, stored.gloss, *shadows, stored.depth_mm
         flat = [each[:, :, k].reshape(height, width, -1) for each in arrays]
         half = np.concatenate(flat, axis=2)
-        names = layer_names(k, image.basis.materials, image.groups)
+        names = layer_names(k, image.basis.materials, image.groups, slots)
         channels |= {name: half[..., n] for n, name in enumerate(names)}
     return channels
 
@@ -285,9 +315,10 @@ def _read_layers(
     with _refusing(f"{name}: its layers of opacity are refused"):
         about = parse_json(header["volspec:layers"])
         version = about["version"]
-    if version != LAYERS_VERSION:
+    if version not in LAYERS_VERSIONS:
         raise ImageError(
-            f"{name}: layers of opacity of version {version}, this volspec reads {LAYERS_VERSION}",
+            f"{name}: layers of opacity of version {version}, this volspec reads "
+            f"{' and '.join(map(str, LAYERS_VERSIONS))}",
             "render the scene again",
             code="unsupported",
         )
@@ -295,10 +326,16 @@ def _read_layers(
         count = int(about["count"])
         if not (isinstance(basis, MaterialBasis) and 1 <= count <= MAX_LAYERS):
             raise ValueError(f"{count} layers, basis {basis.name!r}")
+        numbers = {group: number for number, group in enumerate(groups)}
+        slots = sorted(
+            (numbers[group], occluded)
+            for occluded, cast in ((False, "shadow"), (True, "occlusion"))
+            for group in (about[cast] if version > 1 else ())
+        )
     materials, lights = len(basis.materials), len(groups)
     parts = []
     for k in range(count):
-        names = layer_names(k, basis.materials, groups)
+        names = layer_names(k, basis.materials, groups, slots)
         parts.append(_stacked(name, pixels, names))
     rows = np.stack(parts, axis=2)
     if not np.isfinite(rows[..., :-1]).all() or rows[..., :materials].min() < 0:
@@ -308,7 +345,7 @@ def _read_layers(
             code="damaged",
         )
     with _refusing(f"{name}: its layers of opacity are refused"):
-        return OpacityLayers.of_rows(rows.astype(np.float16), range(materials), materials, lights)
+        return OpacityLayers.of_numbers(rows.astype(np.float16), materials, lights, slots)
 
 
 def _stacked(name: str, pixels: Channels, wanted: Iterable[str]) -> NDArray[Any]:

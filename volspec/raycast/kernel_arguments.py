@@ -419,11 +419,11 @@ def numbered_sources(spec: RaycastSpec) -> list[tuple[int, Source]]:
 
 
 def source_rows(
-    volume: Volume, camera: Camera, spec: RaycastSpec, layers: Sequence[int]
+    volume: Volume, camera: Camera, spec: RaycastSpec, layers: Sequence[int], split: int = 0
 ) -> NDArray[np.float32]:
     """Return (R, 4): world rows, groups and sources (shade.clh).
 
-    ``layers`` are the sources' in the light volume, -1 for none.
+    ``layers`` are the sources' in the light volume, -1 for none; ``split`` for each follow.
     """
     unit = min(volume.spacing_mm)
     # Positions are relative to the camera's target, to keep them small.
@@ -440,6 +440,7 @@ def source_rows(
         row = np.zeros((2, 4))
         row[0, 3] = source.intensity
         row[1, :3] = ((falloff or 0.0) / unit) ** 2, KINDS[type(source)], layer
+        row[1, 3] = max(layers) + 1 + layer * split
         if isinstance(source, Directional):
             row[0, :3] = camera.to_world(source.towards, source.frame)
         elif isinstance(source, Point):

@@ -36,7 +36,7 @@ from volspec._gpu.sources import assemble
 from volspec.raycast.camera import Camera
 from volspec.raycast.checks import Vector
 from volspec.raycast.kernel_arguments import CURVE, LIGHT_MARGIN, MASK, numbered_sources
-from volspec.raycast.lights import Ambient, Directional, Point
+from volspec.raycast.lights import OCCLUSION_GAIN, Ambient, Directional, Point
 from volspec.raycast.masks import MIXED
 from volspec.raycast.sampling import trilinear
 from volspec.raycast.spec import MAX_PLANES, RaycastSpec
@@ -53,13 +53,13 @@ SHADOW_BIAS, OCCLUSION_BIAS = 1.0, 0.5
 PHYSICAL_BIAS = 1.5
 MOST_CELLS = 512
 DIRECTIONS = 24
-# A point on a flat wall sees half of the sphere, which counts as all of the light.
-OCCLUSION_GAIN = 2.0
 # In cells: distance in front of surfaces, along the normal, at which light is read; nodes within
 # and behind them are dark. Without a gradient (in homogeneous media) the distance falls to 0.
 LIFT = 2.0
 # In smallest spacings: voxels closer than this to a cut count as inside, in float32 and float64.
 CUT_TOLERANCE = 1e-3
+# Of depths with ``split``: at the whole, what is dark is rounded to 0.
+HALF = 0.5
 # In mm: as far as directional lights are away.
 FAR = 1e7
 # (K, 3) starts, ends -> (K,): nothing opaque is between them.
@@ -284,9 +284,33 @@ def steps(begin: float, end: float) -> tuple[NDArray[np.float64], NDArray[np.flo
     return (edges[:-1] + edges[1:]) / 2, np.diff(edges)
 
 
+def split_width(table: Tables) -> int:
+    """Return the numbers of a node that `LightVolume.layers` adds for each layer with ``split``.
+
+    They are read as one vector, of 4 or 8.
+    """
+    assert isinstance(table, TransferTable)
+    return 4 if len(table.channels) <= 2 else 8
+
+
 def extinction_per_mm(opacity: NDArray[np.float64], length_mm: float) -> NDArray[np.float64]:
     """Return −log(1 − opacity) / length; opacity is clipped to `OPAQUE`."""
     return -np.log1p(-np.minimum(opacity, OPAQUE)) / length_mm
+
+
+def material_tables(table: TransferTable) -> list[TransferTable]:
+    """Return a table of each material by itself: its part of every entry's optical depth."""
+
+    def alone(side: TransferTable, k: int) -> NDArray[np.float64]:
+        return -np.expm1(-extinction_per_mm(side.opacity, 1.0) * side.material_weights[..., k])
+
+    found = []
+    for k in range(len(table.channels)):
+        left = None
+        if table.left is not None:
+            left = table.left._replace(opacity=alone(table.left_limits, k))
+        found.append(replace(table, opacity=alone(table, k), left=left))
+    return found
 
 
 _BY_VALUE, _BY_GRADIENT, _BY_LABEL, _BY_SURFACE, _BY_MASK = range(5)
@@ -357,9 +381,11 @@ class LightVolume:
         # The table that the extinction was computed from, the cells and the cuts.
         self._extinction: tuple[Any, ...] = (None,)
         self._sigma: Any = None
+        self._by_material: list[Any] = []  # the extinction of each by itself
         self._layers: Any = compute.output(4)
         self._capacity = 0
         self._keys: list[tuple[Any, ...]] = []
+        self._split_keys: list[tuple[Any, ...]] = []
         self._alone: dict[int, NDArray[np.uint16]] = {}
 
     def layers(
@@ -368,14 +394,17 @@ class LightVolume:
         spec: RaycastSpec,
         camera: Camera,
         clear: Clear | None = None,
+        split: bool = False,
     ) -> tuple[Any, LightGrid, tuple[LightLayer, ...]]:
         """Update the layers; return their buffer, the grid and their descriptions.
 
         The extinction is reused while the table (by identity, not equality), the cuts and the grid
         are the same; a layer, while its light is the same, too. The buffer is
         ushort[layer][nz][ny][nx] in order of `light_layers`, 65535 if all light arrives, valid
-        until the next call. ``clear`` is what surfaces keep from the nodes. Raises
-        OpenCLError if the device has no room for the grid.
+        until the next call. ``clear`` is what surfaces keep from the nodes. With ``split``, for
+        each layer ushort[nz][ny][nx][`split_width`] follows: of all materials, with `HALF` of
+        their depths and with the whole, and of each by itself with half; occlusion is there the
+        plain mean of directions. Raises OpenCLError if the device has no room for the grid.
         """
         grid = LightGrid.for_spec(self.volume, spec)
         wanted = light_layers(spec, self.volume, camera)
@@ -383,23 +412,57 @@ class LightVolume:
             return self._layers, grid, wanted
         settings = grid.shape_xyz, grid.physical, spec.crop_voxels, spec.clip_planes
         if self._extinction[0] is not table or self._extinction[1:] != settings:
-            self._extinction, self._keys, self._sigma = (None,), [], None
+            self.forget()
+            self._sigma, self._by_material = None, []
             self._fill_extinction(table, spec, grid)
             self._extinction = table, *settings
-        if self._capacity < len(wanted) * grid.nodes * 2:
-            self._keys = []
-            self._layers = self._compute.output(len(wanted) * grid.nodes * 2)
-            self._capacity = len(wanted) * grid.nodes * 2
+        count = len(wanted) * (1 + (split_width(table) if split else 0))
+        if self._capacity < count * grid.nodes * 2:
+            self._keys, self._split_keys = [], []
+            self._layers, self._capacity = self._compute.output(4), 0
+            self._require(count * grid.nodes * 2, f"{count} light volumes", grid)
+            self._layers = self._compute.output(count * grid.nodes * 2)
+            self._capacity = count * grid.nodes * 2
         previous = self._keys
         self._keys = []
         for number, layer in enumerate(wanted):
             key = *layer.key, clear
             if previous[number : number + 1] != [key]:
-                self._fill_layer(layer, number, grid)
+                self._fill_layer(layer, (number, 1, 0), grid)
                 if clear is not None:
                     self._block(layer, number, grid, clear)
             self._keys.append(key)
+        if split:
+            self._fill_split(table, spec, wanted, grid)
         return self._layers, grid, wanted
+
+    def _fill_split(
+        self, table: Tables, spec: RaycastSpec, wanted: Sequence[LightLayer], grid: LightGrid
+    ) -> None:
+        """Fill the layers of materials by themselves."""
+        assert isinstance(table, TransferTable)
+        keys = [layer.key for layer in wanted]
+        if self._split_keys == keys:
+            return
+        self._split_keys = []
+        if not self._by_material:
+            self._by_material = [
+                self._extinction_of(self.volume, self._voxels, [each], spec, grid)
+                for each in material_tables(table)
+            ]
+        parts = [(self._sigma, HALF), (self._sigma, 1.0)]
+        parts += [(sigma, HALF) for sigma in self._by_material]
+        width = split_width(table)
+        for n, layer in enumerate(wanted):
+            for number, (sigma, part) in enumerate(parts):
+                place = len(wanted) + n * width, width, number
+                self._fill_layer(layer, place, grid, sigma, part, gain=1.0)
+        self._split_keys = keys
+
+    def _require(self, nbytes: int, field: str, grid: LightGrid) -> None:
+        x, y, z = grid.shape_xyz
+        remedy = "leave out physical_light" if grid.physical else "lower light_cells"
+        self._compute.require(nbytes, f"{field} of {x}x{y}x{z} nodes", remedy)
 
     def extinction(
         self, table: Table, spec: RaycastSpec, boxes: Iterable[VoxelBox]
@@ -414,7 +477,7 @@ class LightVolume:
 
     def forget(self) -> None:
         """Forget the voxels' extinction, which the next cast then finds again."""
-        self._extinction, self._keys = (None,), []
+        self._extinction, self._keys, self._split_keys = (None,), [], []
 
     def set_extinction(self, nodes: NDArray[np.float32], table: Table, spec: RaycastSpec) -> None:
         """Set the extinction (nz, ny, nx) for a table and settings, as made by `extinction`."""
@@ -486,8 +549,7 @@ class LightVolume:
         """
         x, y, z = grid.shape_xyz
         padded = (x + 2 * self._lanes) * (y + 2) * (z + 2)
-        remedy = "leave out physical_light" if grid.physical else "lower light_cells"
-        self._compute.require(padded * 4, f"a light volume of {x}x{y}x{z} nodes", remedy)
+        self._require(padded * 4, "a light volume", grid)
         axes = zip(volume.shape_xyz, grid.shape_xyz, strict=True)
         spans = np.concatenate([_spans(count, nodes) for count, nodes in axes])
         constants, rows, kind = _constants(volume, tables[0], spec, grid)
@@ -514,19 +576,32 @@ class LightVolume:
             self._compute.queue.finish()  # it reads the box's own memory
         return sigma
 
-    def _fill_layer(self, layer: LightLayer, number: int, grid: LightGrid) -> None:
-        """Fill one layer."""
+    def _fill_layer(
+        self,
+        layer: LightLayer,
+        place: tuple[int, int, int],
+        grid: LightGrid,
+        sigma: Any = None,
+        part: float = 1.0,
+        gain: float = OCCLUSION_GAIN,
+    ) -> None:
+        """Fill one layer, with a part of an extinction's depths; occlusion's mean has a gain.
+
+        ``place`` is the number of the layer, of values of a node, and of the one that is filled.
+        """
         x, y, z = grid.shape_xyz
         packets = -(-x // self._lanes) * y * z
-        end = np.array([x, y, z, 0], np.int32), np.int32(number), self._layers
+        nodes, at = (np.array([*each, 0], np.int32) for each in ((x, y, z), place))
+        end = np.float32(part), nodes, at, self._layers
+        sigma = sigma or self._sigma
         if layer.kind == "point":
             world = np.linalg.inv(grid.grid_from_world[:3, :3]) / grid.cell_mm
-            place = grid.grid_from_world @ [*layer.vector, 1.0]
-            light = *_float4s(place[:3], *world), np.float32(grid.shadow_bias)
-            self._launch("converging", packets, (self._sigma, *light, *end))
+            lamp = grid.grid_from_world @ [*layer.vector, 1.0]
+            light = *_float4s(lamp[:3], *world), np.float32(grid.shadow_bias)
+            self._launch("converging", packets, (sigma, *light, *end))
         else:
-            light = self._parallel(layer, grid)
-            self._launch("parallel", packets, (self._sigma, *light, *end))
+            light = self._parallel(layer, grid, gain)
+            self._launch("parallel", packets, (sigma, *light, *end))
 
     def _block(self, layer: LightLayer, number: int, grid: LightGrid, clear: Clear) -> None:
         """Keep a layer as the volume alone makes it, then take what surfaces keep from it."""
@@ -544,12 +619,14 @@ class LightVolume:
         spec: RaycastSpec,
         camera: Camera,
         clear: Clear | None,
+        split: bool = False,
     ) -> tuple[Any, list[int]]:
         """Set the members of a `CAST` for the light volume.
 
-        Return its buffer, and each source's layer in the buffer (-1: none).
+        Return its buffer, and each source's layer in the buffer (-1: none). Arguments are those of
+        `layers`.
         """
-        buffer, grid, layers = self.layers(table, spec, camera, clear)
+        buffer, grid, layers = self.layers(table, spec, camera, clear, split)
         struct["light_x"], struct["light_y"], struct["light_z"] = grid.shape_xyz
         struct["light_scale"][:3] = grid.per_index
         struct["light_lift"] = grid.lift_mm / min(self.volume.spacing_mm)
@@ -572,12 +649,12 @@ class LightVolume:
             for number, layer in enumerate(wanted)
         }
 
-    def _parallel(self, layer: LightLayer, grid: LightGrid) -> tuple[Any, ...]:
+    def _parallel(self, layer: LightLayer, grid: LightGrid, gain: float) -> tuple[Any, ...]:
         """Return the steps of all directions, the end of each, their number and the gain."""
         if layer.kind == "directional":
             directions, gain = np.array([layer.vector]), 1.0
         else:
-            directions, gain = sphere_directions(), OCCLUSION_GAIN
+            directions = sphere_directions()
         middles, lengths = layer.steps(grid)
         rows = self._compute.upload(_steps(grid, directions, middles, lengths, self._lanes))
         ends = (np.arange(len(directions), dtype=np.int32) + 1) * np.int32(len(middles))

@@ -5,6 +5,7 @@ Program, RaycastSpec -> [programs] -> kernel
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,14 @@ from volspec._gpu.prelude import C_TYPES, prelude
 from volspec._gpu.sources import assemble
 from volspec.raycast import kernel_arguments
 from volspec.raycast.bricks import BRICK, STRIDES
-from volspec.raycast.layered import LEAST_TAU, MOST_LAYER_TAU, MOST_TAU, least_mass
+from volspec.raycast.layered import (
+    LEAST_TAU,
+    LIGHT_MASS,
+    MOST_LAYER_TAU,
+    MOST_TAU,
+    Slot,
+    least_mass,
+)
 from volspec.raycast.packets import TILES, Packet
 from volspec.raycast.spec import RaycastSpec
 
@@ -35,6 +43,8 @@ def cast_kernel(
     aligned: bool = True,
     parts: bool = False,
     layers: int = 0,
+    slots: Sequence[Slot] = (),
+    split: int = 0,
 ) -> Any:
     """Return the kernel that casts voxels of a type.
 
@@ -56,6 +66,10 @@ def cast_kernel(
         Only a part of the volume is stored.
     layers : int
         Layers of opacity, which are written, too.
+    slots : sequence of (group, occluded)
+        Shadows of the layers.
+    split : int
+        Numbers of a node in the light volume, of materials by themselves.
     """
     tile_width, tile_height = TILES[packet.lanes]
     constants = {
@@ -70,6 +84,7 @@ def cast_kernel(
         "ALIGNED": int(aligned),
         "PARTS": int(parts),
         "LAYERED": layers,
+        "SLOTS": sum(1 << (2 * group + occluded) for group, occluded in slots),
         "VOXEL": C_TYPES[dtype.name],
         "VOXEL_BYTES": dtype.itemsize,
         "VOXEL_SIGNED": int(dtype.kind == "i"),
@@ -83,6 +98,9 @@ def cast_kernel(
             "MOST_TAU": MOST_TAU,
             "MOST_LAYER_TAU": MOST_LAYER_TAU,
             "LEAST_TAU": LEAST_TAU,
+            "SLOT_COUNT": len(slots),
+            "SPLIT": split,
+            "LIGHT_MASS": LIGHT_MASS,
         }
     constants["NEIGHBOURS"] = int(constants["NORMALS"] or program.constants["TABLE_ROWS"] > 1)
     steps = 2 if constants["NEIGHBOURS"] else 4

@@ -34,17 +34,19 @@ from numpy.typing import NDArray
 from volspec.raycast.camera import Camera
 from volspec.raycast.fields import FieldCast
 from volspec.raycast.kernel_arguments import ITERATIONS, LIGHT_MARGIN, MIX_OPAQUE, check_reach
-from volspec.raycast.layered import LayerStream, SampleStream
+from volspec.raycast.layered import LayerStream, SampleStream, Shadow, shadow_slots
 from volspec.raycast.light_volume import (
     CUT_TOLERANCE,
-    OCCLUSION_GAIN,
+    HALF,
     Clear,
     LightGrid,
     extinction_per_mm,
     light_layers,
+    material_tables,
     sphere_directions,
     unblocked_part,
 )
+from volspec.raycast.lights import OCCLUSION_GAIN
 from volspec.raycast.masks import MaskLattice
 from volspec.raycast.sampling import (
     Array,
@@ -57,6 +59,7 @@ from volspec.raycast.sampling import (
     interpolate,
     make_rays,
     shade,
+    shade_by_source,
     trilinear,
 )
 from volspec.raycast.spec import RaycastSpec
@@ -70,6 +73,8 @@ from volspec.transfer import (
 from volspec.volume import Volume
 
 Result = tuple[Array, Array, Array, Array]
+# `arrivals`; then those at half of all depths, of each material alone, then of all; and unclipped.
+Lights = tuple[dict[int, Arrives], list[dict[int, Arrives]]]
 
 
 def cast(
@@ -98,7 +103,8 @@ def cast(
         several = FieldCast.of(volume, table, spec)
         frame, spec = several.frame, several.spec
         rays = clipped_rays(frame, spec.for_field(None))
-        cast = _Fields(frame, table, camera, spec, rays, clear)
+        arrives = arrivals(frame, table, spec, camera, clear)
+        cast = _Fields(frame, table, camera, spec, rays, arrives)
         cast.rays_of = {
             name: cast.cropped(clipped_rays(frame.by_name[name], several.own[name]))
             for name in table.tables
@@ -114,7 +120,8 @@ def cast(
             kind = _Preintegrated
         elif table.filters is not None:
             kind = _Filtered
-        cast = kind(volume, table, camera, spec, clipped_rays(volume, spec), clear)
+        arrives = arrivals(volume, table, spec, camera, clear)
+        cast = kind(volume, table, camera, spec, clipped_rays(volume, spec), arrives)
     cast.march()
     return cast.picture(size)
 
@@ -127,16 +134,19 @@ def cast_layers(
     spec: RaycastSpec,
     span_mm: NDArray[np.float32] | None = None,
     streams: Sequence[SampleStream] = (),
+    lights: Lights | None = None,
 ) -> tuple[Result, Array]:
     """Cast a picture with `RaycastSpec.layers`, as `cast`, and return its layers, too.
 
     They are (H, W, L, `row_size`), of materials in the table's order, and of whole rays: they do
-    not end where the picture's rays do. ``streams`` receive the same samples.
+    not end where the picture's rays do. ``streams`` receive the same samples. ``lights`` are as
+    `split_arrivals`, which it are by default.
     """
     check_reach(volume, camera, spec)
     spec = spec.naming_fields(volume).for_field(volume.name)
     rays = _within(make_rays(volume, camera, size, spec), span_mm)
-    cast = _Layered(volume, table, camera, spec, rays, None)
+    lights = lights or split_arrivals(volume, table, spec, camera)
+    cast = _Layered(volume, table, camera, spec, rays, lights)
     cast.streams = cast.stream, *streams
     cast.march()
     rows = cast.stream.rows()
@@ -161,14 +171,14 @@ class _March:
         camera: Camera,
         spec: RaycastSpec,
         rays: Rays,
-        clear: Clear | None,
+        arrives: dict[int, Arrives],
     ) -> None:
         self.volume, self.table, self.camera = volume, table, camera
         self.spec, self.rays = spec, rays
         self.sampler: Any = None  # of several fields, each has its own
         if not isinstance(table, FieldTables):
             self.sampler = Sampler(volume, table, spec)
-        self.arrives = arrivals(volume, table, spec, camera, clear)
+        self.arrives = arrives
         self.lift_mm = LightGrid.for_spec(volume, spec).lift_mm
         self.normals = spec.shaded or bool(self.arrives)
         self.step = spec.step_of(volume)
@@ -251,11 +261,14 @@ class _March:
         self, live: Index, along: Array, point: Array, gradient: Array | None
     ) -> tuple[Array, Array]:
         """Return the factors of the samples' reflectances and the highlights, (R, L) each."""
-        return shade(
+        return shade(self.arrives, *self.shading(live, along, point, gradient))
+
+    def shading(self, live: Index, along: Array, point: Array, gradient: Array | None) -> Any:
+        """Return the arguments of `shade_by_source` for samples."""
+        return (
             self.volume,
             self.camera,
             self.spec,
-            self.arrives,
             self.lift_mm,
             point,
             self.rays.direction[live],
@@ -274,15 +287,24 @@ class _March:
 class _Layered(_March):
     """A picture and its layers of opacity; twin: raycast.cl with LAYERED."""
 
-    def __init__(self, *given: Any) -> None:
-        super().__init__(*given)
-        rays, groups = len(self.transmittance), len(self.spec.groups)
-        materials = len(self.table.channels)
-        self.stream = LayerStream(rays, self.spec.layers, groups, materials)
+    def __init__(
+        self,
+        volume: Volume,
+        table: TransferTable,
+        camera: Camera,
+        spec: RaycastSpec,
+        rays: Rays,
+        lights: Lights,
+    ) -> None:
+        super().__init__(volume, table, camera, spec, rays, lights[0])
+        groups, materials = len(spec.groups), len(table.channels)
+        slots = shadow_slots(spec)
+        self.stream = LayerStream(len(rays.near), spec.layers, groups, materials, slots)
         self.streams: Sequence[SampleStream] = (self.stream,)
         # The table whose channels are the materials themselves.
         weights = np.eye(materials), np.zeros(materials)
-        self.weights = replace(self.table, channels=weights[0], white=weights[1])
+        self.weights = replace(table, channels=weights[0], white=weights[1])
+        self.split = lights[1]
 
     @property
     def least_transmittance(self) -> float:
@@ -298,15 +320,34 @@ class _Layered(_March):
         alpha: Array,
         reflectance: Array,
     ) -> None:
-        light = self.shade(live, along, point, gradient)
+        factor, highlight, shadows = self.unshadowed(live, along, point, gradient)
         _, weights = classify(self.weights, self.sampler, point, gradient, self.step)
         seen = np.flatnonzero(alpha > 0)
-        factor, highlight = (part[seen] for part in light)
+        rays, here, shadows = live[seen], along[seen], [each.of(seen) for each in shadows]
         for stream in self.streams:
-            stream.add(live[seen], along[seen], alpha[seen], weights[seen], factor, highlight)
+            given = alpha[seen], weights[seen], factor[seen], highlight[seen]
+            stream.add(rays, here, *given, shadows)
         reached = self.transmittance[live] > self.spec.least_transmittance
         shown = np.where(reached, alpha, 0.0)
         super().composite(live, along, point, gradient, shown, reflectance)
+
+    def unshadowed(
+        self, live: Index, along: Array, point: Array, gradient: Array | None
+    ) -> tuple[Array, Array, list[Shadow]]:
+        """Return factors and highlights without shadows, as `shade`, and the shadows."""
+        factor = np.zeros((len(live), len(self.spec.groups)))
+        highlight, shadows = np.zeros_like(factor), []
+        for each in shade_by_source(*self.shading(live, along, point, gradient)):
+            factor[:, each.group] += each.factor
+            highlight[:, each.group] += each.highlight
+            if each.number in self.arrives:
+                at = each.in_front
+                assert at is not None
+                *alone, half, whole = (lights[each.number](at) for lights in self.split)
+                light = each.factor, each.highlight, at, self.arrives[each.number](at)
+                slot = each.group, each.occluded
+                shadows.append(Shadow(each.number, slot, *light, half, whole, np.stack(alone, 1)))
+        return factor, highlight, shadows
 
 
 class _Fields(_March):
@@ -514,10 +555,15 @@ def layers(
     spec: RaycastSpec,
     camera: Camera,
     clear: Clear | None = None,
+    part: float | None = None,
 ) -> Array:
-    """Return (L, nz, ny, nx), the fraction of light that arrives, for each of `light_layers`."""
+    """Return (L, nz, ny, nx), the fraction of light that arrives, for each of `light_layers`.
+
+    With ``part``, depths are that part of theirs, and occlusion is the plain mean of directions.
+    """
     grid = LightGrid.for_spec(volume, spec)
-    sigma = extinction(volume, table, spec, grid)
+    sigma = (part or 1.0) * extinction(volume, table, spec, grid)
+    gain = OCCLUSION_GAIN if part is None else 1.0
     found = []
     for layer in light_layers(spec, volume, camera):
         if layer.kind == "directional":
@@ -527,7 +573,7 @@ def layers(
         else:
             steps = layer.steps(grid)
             rays = [_along(sigma, grid, d, *steps) for d in sphere_directions()]
-            found.append(np.minimum(OCCLUSION_GAIN * np.mean(rays, axis=0), 1))
+            found.append(np.minimum(gain * np.mean(rays, axis=0), 1))
         if clear is not None:
             found[-1] = found[-1] * unblocked_part(layer, grid, clear).reshape(sigma.shape)
     return np.reshape(found, (-1, *sigma.shape))
@@ -539,16 +585,31 @@ def arrivals(
     spec: RaycastSpec,
     camera: Camera,
     clear: Clear | None = None,
+    part: float | None = None,
 ) -> dict[int, Arrives]:
-    """Return functions for shadows and occlusion, by index in `numbered_sources`."""
+    """Return functions for shadows and occlusion, by index in `numbered_sources`; see `layers`."""
     wanted = light_layers(spec, volume, camera)
     if not wanted:
         return {}
     grid = LightGrid.for_spec(volume, spec)
     return {
         layer.source: partial(light_at, values, grid)
-        for layer, values in zip(wanted, layers(volume, table, spec, camera, clear), strict=True)
+        for layer, values in zip(
+            wanted, layers(volume, table, spec, camera, clear, part), strict=True
+        )
     }
+
+
+def split_arrivals(
+    volume: Volume, table: TransferTable, spec: RaycastSpec, camera: Camera
+) -> Lights:
+    """Return the light past a table's materials, together and each alone; twin of ``split``."""
+    arrives = arrivals(volume, table, spec, camera)
+    if not arrives:
+        return arrives, []
+    of = partial(arrivals, volume, spec=spec, camera=camera)
+    split = [of(each, part=HALF) for each in (*material_tables(table), table)]
+    return arrives, [*split, of(table, part=1.0)]
 
 
 def light_at(layer: Array, grid: LightGrid, index: Array) -> Array:

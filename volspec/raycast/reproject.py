@@ -2,7 +2,7 @@
 
     CoefficientImage with layers, its camera -> [reproject] -> CoefficientImage of another camera
 
-Every layer of a pixel is one to three points in its depth, which are splatted with their optical
+Every layer of a pixel is one or more points in its depth, which are splatted with their optical
 depths, bilinearly. They are sorted once, by depth in the image: along a ray of the other camera's
 that is the same order. Shades stay those of the cast, as light that is fixed in the world gives.
 
@@ -30,7 +30,7 @@ from volspec._gpu.sources import assemble
 from volspec.basis import MaterialBasis
 from volspec.errors import ImageError
 from volspec.raycast.camera import Camera, RayField
-from volspec.raycast.checks import checked_size
+from volspec.raycast.checks import checked_size, whole
 from volspec.raycast.image import CoefficientImage
 from volspec.raycast.layered import OpacityLayers, checked_scales
 
@@ -42,9 +42,12 @@ BLOCK = 16
 """Side of the blocks of pixels whose points are stored together."""
 BUCKETS = 256
 """Slices of depth in which points are sorted."""
-PART = 10.0
-"""Depth of a layer, in pixels, from which on it is more than one point: 5° turn it into one."""
-MOST_PARTS = 3
+PARTS = 3
+"""Points that a deep layer becomes, at most."""
+# Depth in pixels from which on a layer is as many: 10 for each of 3, which 5° turn into one.
+_DEEP = 30.0
+# Times that a layer may reach farther to one neighbour than to the other: there may be a void.
+_FARTHER = 3.0
 # Rows or columns of the target that a work-item splats on a CPU, and how many items a core has.
 _ROWS, _ITEMS = (16, 64), 4
 # Side of a work-item's tile on a GPU.
@@ -195,7 +198,9 @@ class Points(NamedTuple):
     colours: Array
 
 
-def layer_points(layers: OpacityLayers, scales: list[float], warp: Warp) -> Points:
+def layer_points(
+    layers: OpacityLayers, scales: list[float], warp: Warp, parts: int = PARTS
+) -> Points:
     """Return the points of layers with the materials' optical depths scaled, pixel by pixel."""
     tau = layers.tau.astype(np.float64) * scales
     total = tau.sum(axis=-1)
@@ -205,16 +210,17 @@ def layer_points(layers: OpacityLayers, scales: list[float], warp: Warp) -> Poin
     edge = np.full_like(depth[..., :1], np.nan)
     before = np.concatenate([edge, steps], axis=2)
     behind = np.concatenate([steps, edge], axis=2)
+    nearer = np.fmin(before, behind)
     before, behind = (
-        np.nan_to_num(np.where(np.isnan(one), other, one))
-        for one, other in ((before, behind), (behind, before))
+        np.nan_to_num(np.where(np.isnan(way), nearer, np.minimum(way, _FARTHER * nearer)))
+        for way in (before, behind)
     )
-    deep = (before + behind) / 2 / (PART * warp.source.pitch_mm)
-    parts = np.ceil(deep).clip(1, MOST_PARTS)[..., None]
-    part = np.arange(MOST_PARTS)
-    off = (2 * part + 1) / parts - 1
-    away = depth[..., None] + 0.5 * off * np.where(off < 0, before[..., None], behind[..., None])
-    shown = (used & (total > 0))[..., None] & (part < parts)
+    deep = (before + behind) / 2 / (_DEEP / parts * warp.source.pitch_mm)
+    count = np.ceil(deep).clip(1, parts)[..., None]
+    part = np.arange(parts)
+    off = 0.5 * ((2 * part + 1) / count - 1)
+    away = depth[..., None] + off * np.where(off < 0, before[..., None], behind[..., None])
+    shown = (used & (total > 0))[..., None] & (part < count)
     line, column, layer, number = np.nonzero(shown)
     at = line, column, layer
     share = tau[at] / total[at][:, None]
@@ -223,7 +229,7 @@ def layer_points(layers: OpacityLayers, scales: list[float], warp: Warp) -> Poin
     return Points(
         column,
         line,
-        total[at] / parts[..., 0][at],
+        total[at] / count[..., 0][at],
         away[(*at, number)] * warp.source.cosines(*warp.size)[line, column] - warp.source.distance,
         colours.reshape(len(line), -1),
     )
@@ -238,13 +244,18 @@ class Sums(NamedTuple):
 
 
 def reproject_reference(
-    layers: OpacityLayers, scales: list[float], warp: Warp, *, by_depth: bool = False
+    layers: OpacityLayers,
+    scales: list[float],
+    warp: Warp,
+    parts: int = PARTS,
+    *,
+    by_depth: bool = False,
 ) -> Sums:
     """Splat the layers of a picture into another camera's: the kernel in float64.
 
     If ``by_depth``, points are sorted by depth in each pixel; in the kernel by slices of depth.
     """
-    points = layer_points(layers, scales, warp)
+    points = layer_points(layers, scales, warp, parts)
     rank: tuple[Array | NDArray[np.int64], ...] = (points.ahead,)
     if not by_depth:
         depths = _depths(layers.depth_mm, warp)
@@ -298,9 +309,9 @@ class Reprojector:
     ----------
     image : CoefficientImage
         Cast with layers; it knows its camera.
-    fine : bool
-        Deep layers are up to `MOST_PARTS` points; otherwise all are one, which takes half the time
-        and shows their borders when turned by much.
+    parts : int
+        Points that a deep layer becomes at most, 1 to 16. Borders of layers show as dark dots in a
+        turned view: fewer with 6; 1 is the fastest.
     device : str, optional
         Part of an OpenCL device's name.
     compute : Compute, optional
@@ -318,13 +329,13 @@ class Reprojector:
         self,
         image: CoefficientImage,
         *,
-        fine: bool = True,
+        parts: int = PARTS,
         device: str | None = None,
         compute: Compute | None = None,
     ) -> None:
         self.camera, self._layers = _camera_and_layers(image)
         self.image, self.compute = image, Compute.open(device) if compute is None else compute
-        self._most_parts = MOST_PARTS if fine else 1
+        self._parts = whole("reproject: parts", parts, 1, 16)
         height, width = self._layers.tau.shape[:2]
         self._rows = -(-(_COLOURS_AT + image.coefficients.shape[2]) // 8)
         self._depths = _depths(
@@ -395,6 +406,7 @@ class Reprojector:
             first_mm=None,
             opacity_layers=None,
             camera=camera,
+            notes={**self.image.notes, "camera": repr(camera)},
             fov_deg=None if camera.height_mm is not None else camera.fov_deg,
         )
 
@@ -449,8 +461,9 @@ class Reprojector:
             "BLOCK": BLOCK,
             "BUCKETS": BUCKETS,
             "COLOURS_AT": _COLOURS_AT,
-            "PART": PART,
-            "MOST_PARTS": self._most_parts,
+            "PART": _DEEP / self._parts,
+            "MOST_PARTS": self._parts,
+            "FARTHER": _FARTHER,
         }
         text = prelude(constants, "opencl") + VIEW.declaration
         return self.compute.kernel(assemble("kernels/reproject.cl", text), name)

@@ -5,8 +5,9 @@ Twins: ``kernels/include/rays.clh``, ``field.clh`` and ``shade.clh``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -213,10 +214,10 @@ def trilinear(values: Array, point: Array) -> Array:
 
 
 def shade(
+    arrives: dict[int, Arrives],
     volume: Volume,
     camera: Camera,
     spec: RaycastSpec,
-    arrives: dict[int, Arrives],
     lift_mm: float,
     point: Array,
     direction: Array,
@@ -226,37 +227,75 @@ def shade(
     """Shade samples by group: factors of the reflectance, and white highlights to add, (R, L).
 
     ``arrives`` holds the shadows and occlusion of sources that have them, numbered as by
-    `numbered_sources`, read ``lift_mm`` in front of surfaces and ``above_cut`` (R, 3), mm, away.
+    `numbered_sources`. The rest are arguments of `shade_by_source`.
+    """
+    factor = np.zeros((len(point), len(spec.groups)))
+    highlight = np.zeros_like(factor)
+    for each in shade_by_source(
+        volume, camera, spec, lift_mm, point, direction, gradient, above_cut
+    ):
+        lights = each.factor, each.highlight
+        if each.number in arrives:
+            assert each.in_front is not None
+            passes = arrives[each.number](each.in_front)
+            lights = passes * each.factor, passes * each.highlight
+        factor[:, each.group] += lights[0]
+        highlight[:, each.group] += lights[1]
+    return factor, highlight
+
+
+class SourceShade(NamedTuple):
+    """Shade of R samples by one source, without shadow or occlusion."""
+
+    number: int  # of the source, and of its group
+    group: int
+    occluded: bool  # not shadowed: light from all directions
+    factor: Array  # (R,) of the reflectance
+    highlight: Array  # (R,)
+    in_front: Array | None  # (R, 3) index positions at which its shadow is read
+
+
+def shade_by_source(
+    volume: Volume,
+    camera: Camera,
+    spec: RaycastSpec,
+    lift_mm: float,
+    point: Array,
+    direction: Array,
+    gradient: Array | None,
+    above_cut: Array,
+) -> Iterator[SourceShade]:
+    """Yield the unshadowed shade of samples by every source.
+
+    Shadows are read ``lift_mm`` in front of surfaces and ``above_cut`` (R, 3), mm, away.
     ``point`` (R, 3) is in index space, ``direction`` the ray's unit vector in the world;
     ``gradient`` is None if nothing is shaded or shadowed.
     """
     world = point @ volume.world_from_index[:3, :3].T + volume.world_from_index[:3, 3]
-    factor = np.zeros((len(point), len(spec.groups)))
-    highlight = np.zeros_like(factor)
     if gradient is not None:
         square = (gradient**2).sum(axis=1)
         confidence = square / (square + spec.gradient_floor_squared)
         normal = gradient / np.sqrt(np.maximum(square, 1e-30))[:, None]
     for number, (group, source) in enumerate(numbered_sources(spec)):
         towards, light = source_at(camera, source, world, direction)
+        in_front = None
         if gradient is not None:
             n_dot_l = (normal * towards).sum(axis=1)
-        if number in arrives:
             side = np.where(n_dot_l < 0, -1.0, 1.0) * confidence * lift_mm
             lift = side[:, None] * normal + above_cut
             in_front = point + lift @ volume.index_from_world[:3, :3].T
-            light = light * arrives[number](in_front)
+        highlight = np.zeros(len(point))
         if isinstance(source, Ambient):
-            factor[:, group] += light * spec.ambient
+            factor = light * spec.ambient
         elif not spec.shaded:
-            factor[:, group] += light * spec.diffuse
+            factor = light * spec.diffuse
         else:
             half = towards - direction
             half = half / np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-6)
             n_dot_h = np.minimum(np.abs((normal * half).sum(axis=1)), 1.0)
-            factor[:, group] += light * spec.diffuse * (1 + confidence * (np.abs(n_dot_l) - 1))
-            highlight[:, group] += light * spec.specular * confidence * n_dot_h**spec.shininess
-    return factor, highlight
+            factor = light * spec.diffuse * (1 + confidence * (np.abs(n_dot_l) - 1))
+            highlight = light * spec.specular * confidence * n_dot_h**spec.shininess
+        yield SourceShade(number, group, isinstance(source, Ambient), factor, highlight, in_front)
 
 
 def source_at(

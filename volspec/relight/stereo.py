@@ -41,6 +41,8 @@ Layout = Literal["side-by-side", "crossed", "anaglyph", "half-colour"]
 """Ways to show both eyes' pictures in one."""
 # An eye distance of a thirtieth of the way to the subject, as photographers choose it.
 _BASE = 1 / 30
+# Points a deep layer: pairs are looked at for longer than a first picture of a turn.
+_PARTS = 6
 _LEFT_DUBOIS = np.array([[0.437, 0.449, 0.164], [-0.062, -0.062, -0.024], [-0.048, -0.050, -0.017]])
 _RIGHT_DUBOIS = np.array([[-0.011, -0.032, -0.007], [0.377, 0.761, 0.009], [-0.026, -0.093, 1.234]])
 
@@ -92,7 +94,7 @@ class Stereo:
 
         ``scales`` are opacities, as of `CoefficientImage.recompose`. Raises as `Reprojector`.
         """
-        reprojector = Reprojector(image)
+        reprojector = Reprojector(image, parts=_PARTS)
         left, right = (reprojector.view(camera, scales) for camera in self.cameras(image))
         return left, right
 

@@ -15,8 +15,8 @@ import io
 import json
 import os
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from string import Template
 from typing import Annotated, Any
@@ -26,6 +26,7 @@ from pydantic import Field
 from volspec import __version__
 from volspec._deprecated import renamed_keyword
 from volspec._files import require_suffix, write_whole
+from volspec.basis import MaterialBasis
 from volspec.errors import ImageError, ShapeError, VolspecWarning
 from volspec.export.animation import turntable_cameras
 from volspec.export.annotate import annotation_svg
@@ -34,6 +35,7 @@ from volspec.export.page.packing import PackedLayers, layer_bytes, pack_layers, 
 from volspec.export.tiles import part_of
 from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast import CoefficientImage
+from volspec.raycast.layered import OpacityLayers
 from volspec.raycast.row_batches import Progress
 from volspec.relight import RelightSpec
 from volspec.relight.error_map import full_band_basis
@@ -101,12 +103,16 @@ class PageView:
         Time step of a series, from 0.
     marks : str
         SVG drawn over the picture, in its pixels; for example `annotation_svg`.
+    opacities : {material: scale}
+        Of the sliders when the page is opened; 1 for those that are left out. Only if the image was
+        cast with layers.
     """
 
     image: CoefficientImage
     azimuth_deg: float = 0.0
     marks: str = ""
     step: int = 0
+    opacities: Mapping[str, float] = field(default_factory=dict)
 
 
 def layers_size(pictures: int, layers: int, size: tuple[int, int]) -> str:
@@ -212,11 +218,13 @@ def page_html(
         raise ImageError.refused("page.lights", lights, "give at least one", "missing")
     first: CoefficientImage | None = None
     opacity: PackedLayers | None = None
+    scales: list[float] = []
     blocks, packed_views, marks = [], [], []
     for i, view in enumerate(views):
         first = first or view.image
-        if i == 0 and not served:
-            opacity = _packed_layers(first)
+        if i == 0 and not served and first.opacity_layers is not None:
+            scales = first.opacity_scales(view.opacities)
+            opacity = _packed_layers(first, first.opacity_layers)
         _require_alike(view.image, first, i)
         packed = pack_view(view.image, spec.bits)
         blocks.append(f'<script type="text/plain" id="view-{i}">{packed.text}</script>')
@@ -251,7 +259,8 @@ def page_html(
         # A file without its folder, which is of this machine.
         "filter": os.path.basename(relight_spec.filter or ""),
         "lights": [payload.light_numbers(each, first.basis, seen_through) for each in lights],
-        "look": payload.look_numbers(relight_spec, lights) | payload.opacity_look(opacity),
+        "look": payload.look_numbers(relight_spec, lights)
+        | ({"opacity": scales} if opacity else {}),
         "opacity": payload.opacity_numbers(opacity, first.basis),
         **payload.page_viewing(relight_spec.viewing),
         "models": payload.models(),
@@ -260,7 +269,10 @@ def page_html(
         "shader": payload.shaders(channels, height, opacity),
         "served": asdict(served) if served else None,
     }
-    still = _still(first, lights[0], relight_spec)
+    shown = first
+    if opacity and isinstance(first.basis, MaterialBasis):
+        shown = first.recompose(dict(zip(first.basis.materials, scales, strict=True)))
+    still = _still(shown, lights[0], relight_spec)
     texts = {"views": "\n".join(blocks), "marks": "".join(marks)}
     return _assembled(spec, numbers, still, texts, (width, height))
 
@@ -314,6 +326,10 @@ def scene_views(
     total = count * steps
     if total > 1 and scene.raycast.layers:
         _warn_without_layers(total, layers_size(total, scene.raycast.layers, pixels))
+    spec, opacities = replace(scene.raycast, layers=0), {}
+    if total == 1 and scene.raycast.layers:
+        # Sliders scale what is cast, from which a hidden material would be missing.
+        spec, opacities = replace(scene.raycast, opacities={}), scene.raycast.opacities
     for step in range(steps):
         shown = Raycaster(series[step], like=own) if series else own
         for i, camera in enumerate(cameras):
@@ -323,13 +339,13 @@ def scene_views(
                 scene.transfer,
                 camera,
                 pixels,
-                scene.raycast if total == 1 else replace(scene.raycast, layers=0),
+                spec,
                 caster=shown,
                 progress=progress and part_of(progress, done / total, 1 / total),
                 behind=behind,
             )
             marks = annotation_svg(scene.file.annotation, camera, pixels)
-            yield PageView(image, 360.0 * i / count, marks, step)
+            yield PageView(image, 360.0 * i / count, marks, step, opacities)
 
 
 def script() -> str:
@@ -367,22 +383,20 @@ def _assembled(
     )
 
 
-def _packed_layers(image: CoefficientImage) -> PackedLayers | None:
-    """Pack an image's layers of opacity, if it has any; refuse more than browsers hold."""
-    if image.opacity_layers is None:
-        return None
+def _packed_layers(image: CoefficientImage, layers: OpacityLayers) -> PackedLayers:
+    """Pack an image's layers of opacity; refuse more than browsers hold."""
     width, height = image.size
-    held = layer_bytes(image.opacity_layers)
+    held = layer_bytes(layers)
     if held > _MOST_LAYER_BYTES:
         raise ImageError(
-            f"{image.opacity_layers.count} layers of opacity of {width}x{height} take "
+            f"{layers.count} layers of opacity of {width}x{height} take "
             f"{held / 1e6:.0f} MB of a browser's memory, which is more than "
             f"{_MOST_LAYER_BYTES / 1e6:.0f} MB",
             "cast it smaller, or with fewer layers or none",
             code="size",
             field="page.layers",
         )
-    return pack_layers(image.opacity_layers)
+    return pack_layers(layers)
 
 
 def _megabytes(count: float) -> str:

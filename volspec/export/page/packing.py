@@ -20,9 +20,9 @@ from volspec.relight.recompose import layer_slots
 
 Codes = NDArray[np.integer[Any]]
 
-# Greatest codes of a layer's depths, shades and highlights, of 255: finer ones cost more bytes than
-# they save error (docs/layers.md).
-_TAU_CODES, _SHADE_CODES, _GLOSS_CODES = 255, 127, 31
+# Codes of a shade of 1 and of a highlight of 1: finer ones cost more bytes than they save error
+# (docs/layers.md). Depths have all 255.
+_SHADE_CODES, _GLOSS_CODES = 127, 48
 # Optical depth that hides what is behind it also at the least scale but 0 of a page, 1/8.
 _MOST_TAU = 32.0
 
@@ -130,11 +130,22 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
     """
     given = layers.tau, layers.shade, layers.gloss
     tau, shade, gloss = (clamp_finite(np.asarray(each, np.float32)) for each in given)
-    tau_codes, most_tau = _coded(np.minimum(tau, _MOST_TAU), _TAU_CODES, 1 / 3)
+    tau = np.minimum(tau, _MOST_TAU)
+    most_tau = float(tau.max(initial=0))
+    # The shader stops at a pixel's first unused layer.
+    used: NDArray[np.bool_] = np.any(tau > most_tau * (0.5 / 255) ** 3, axis=-1)
+    if (used[..., 1:] & ~used[..., :-1]).any():
+        order = np.argsort(~used, axis=-1, kind="stable")
+        tau = np.take_along_axis(tau, order[..., None], axis=2)
+        shade = np.take_along_axis(shade, order[..., None, None], axis=2)
+        gloss = np.take_along_axis(gloss, order[..., None], axis=2)
+    tau_codes, most_tau = _coded(tau, 255, 3)
     shown: NDArray[np.bool_] = tau_codes > 0
-    used: NDArray[np.bool_] = np.any(shown, axis=-1)
+    used = np.any(shown, axis=-1)
     shade_codes, most_shade = _coded(shade * shown[:, :, :, None], _SHADE_CODES, 1)
-    gloss_codes, most_gloss = _coded(gloss * used[..., None], _GLOSS_CODES, 1 / 2)
+    gloss_codes, most_gloss = _coded(gloss * used[..., None], _GLOSS_CODES, 2)
+    shade_codes = _rounded(shade_codes, tau[:, :, :, None])
+    gloss_codes = _rounded(gloss_codes, tau.sum(axis=-1)[..., None])
     planes = [tau_codes[..., k] for k in range(layers.materials)]
     for g in range(layers.groups):
         for k in range(layers.materials):
@@ -147,15 +158,27 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
         tuple(bool(shown[..., k].any()) for k in range(layers.materials)),
         layers.groups,
         most_tau,
-        most_shade * 255 / _SHADE_CODES,
-        most_gloss * (255 / _GLOSS_CODES) ** 2,
+        most_shade,
+        most_gloss,
     )
 
 
-def _coded(values: NDArray[np.float32], codes: int, power: float) -> tuple[Codes, float]:
-    """Return the codes 0 to ``codes`` of values, linear in their ``power``, and the greatest."""
+def _coded(values: NDArray[np.float32], codes: int, root: int) -> tuple[Codes, float]:
+    """Return codes of values' roots, and the value of code 255.
+
+    A value of 1 has code ``codes``, or less if 255 were not enough for the greatest value; the
+    greatest has 255 if ``codes`` is that.
+    """
     most = float(values.max(initial=0)) or 1.0
-    return np.rint(codes * (np.maximum(values, 0) / most) ** power).astype(np.int32), most
+    top = most if codes == 255 else max((255 / codes) ** root, most)
+    found = np.rint(255 * (np.maximum(values, 0) / top) ** (1 / root))
+    return found.astype(np.int32), top
+
+
+def _rounded(codes: Codes, depth: NDArray[np.float32]) -> Codes:
+    """Return codes in coarser steps where depths are faint, and errors hardly seen."""
+    step = np.select([depth > 0.12, depth > 0.03], [1, 2], 4)
+    return np.minimum(np.rint(codes / step).astype(np.int32) * step, 255)
 
 
 def _filled(codes: Codes, present: NDArray[np.bool_]) -> Codes:

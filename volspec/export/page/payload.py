@@ -201,11 +201,6 @@ def page_viewing(viewing: Viewing) -> dict[str, Any]:
     }
 
 
-def opacity_look(opacity: PackedLayers | None) -> dict[str, Any]:
-    """Return the scales of the materials' opacities when the page is opened."""
-    return {"opacity": [1.0] * len(opacity.present)} if opacity else {}
-
-
 def opacity_numbers(opacity: PackedLayers | None, basis: Basis) -> dict[str, Any] | None:
     """Return what unpacking and recomposing of layers take; None if there are none."""
     if opacity is None or not isinstance(basis, MaterialBasis):

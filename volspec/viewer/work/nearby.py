@@ -43,7 +43,7 @@ class NearbyViews:
         some = slice(None, None, every)
         part = replace(crop(image, some, some), camera=image.camera) if every > 1 else image
         with suppress(VolspecError):
-            found = cls(every, image.camera, Reprojector(part, fine=False, compute=caster.compute))
+            found = cls(every, image.camera, Reprojector(part, compute=caster.compute))
             found.view(image.camera, scales)  # arranges the layers, and builds the program
             return found
         return None

@@ -288,9 +288,11 @@ class App {
       this.put(opened(this.page));
       this.turnTo(0);
     });
+    // Only a picture of other opacities waits for the layers.
+    const loaded = this.page.opacity && this.loadOpacity();
+    if (!this.state.sides.every(({ opacity }) => isUnscaled(opacity ?? []))) await loaded;
     this.refreshed();
     document.documentElement.classList.add('ready');
-    if (this.page.opacity) this.loadOpacity();
   }
 }
 
