@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from tests.support.viewer import run_command
 from tests.viewer._edits import MODULES, drawn, edits_of, with_arguments
 from volspec.palette import Cell
-from volspec.raycast import Ambient, ClipPlane, Headlight, LightGroup, Point
+from volspec.raycast import Ambient, ClipPlane, DepthEffects, Headlight, LightGroup, Point
 from volspec.relight import LightRig, RelightSpec
 from volspec.scene.annotation import Annotation
 from volspec.scene.specs import MeshSpec
@@ -82,6 +82,7 @@ def test_a_change_of_one_field_is_of_its_stage(state: ViewState, name: str) -> N
         "palette": PaletteState(),
         "annotations": (Annotation(points_mm=((0.0, 0.0, 0.0),), text="here"),),
         "meshes": (MeshSpec(shape="triad"),),
+        "depth": DepthEffects(near_mm=5.0),
         "thickness": 2.0,
         "unthickened": (state.transfer, 1.0, state.transfer),
         "fields": (FieldLook("", state.transfer), FieldLook("red", state.transfer)),

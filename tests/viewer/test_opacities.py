@@ -15,9 +15,9 @@ from tests.support.viewer import opened, take_until, wait_until
 from tests.support.window import Robot, along, missing, small_engine
 from volspec.basis import MaterialBasis
 from volspec.pipeline import Raycaster, relight
-from volspec.raycast import CoefficientImage
+from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.raycast.pace import WHOLE, Pass
-from volspec.viewer.model import camera, opacities
+from volspec.viewer.model import camera, depth, opacities
 from volspec.viewer.model.history import Difference, History, without_cast
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.quality import cast_spec, opacity_scales
@@ -321,6 +321,45 @@ def test_opacities_that_layers_show_wrongly_are_cast(
     assert layered.image is not None
     found = drawn(screen, more)
     assert np.abs(found.astype(int) - wanted(layered.image, more).astype(int)).max() <= 1
+
+
+def test_cuts_and_fog_are_recomposed_and_saved(
+    screen: Screen, ball: ViewState, tmp_path: Path
+) -> None:
+    """You should see half a ball in fog."""
+    (layered,) = casts(ball, LAYERED)
+    screen.take(layered, ball)
+    least, most = depth.limits_mm(ball)
+    middle = 0.5 * (least + most)
+    foggy = depth.set_fog(depth.set_cut(ball, middle, most), 2.0)
+    fog_mm = (most - least) / 2
+    assert foggy.depth == DepthEffects(near_mm=middle, fog_mm=fog_mm, fog_from_mm=least)
+    change = Difference.between(ball, foggy)
+    assert (change.stage, change.name, change.undoable) == ("recompose", "depth", True)
+    for state in (foggy, depth.set_cut(foggy, least, middle), depth.reset(foggy)):
+        rig, image = light_rig(state.lights), layered.image
+        assert rig is not None and image is not None
+        shown = image.recompose({}, depth.shown_depth(state))
+        codes = relight(shown, rig, state.relight, backend="numpy").astype(int)
+        assert np.abs(drawn(screen, state).astype(int) - codes).max() <= 2
+    export_scene(foggy, tmp_path / "foggy.toml")
+    again = open_document(str(tmp_path / "foggy.toml"))
+    assert again.file is not None and again.shading.layers == 8
+    assert again.file.depth.near_mm == pytest.approx(middle)
+    frame = render_frame(foggy, SIZE, Progress("picture"))
+    assert np.abs(frame.astype(int) - drawn(screen, foggy).astype(int)).mean() < 2
+
+
+def test_cuts_at_the_ends_are_none(ball: ViewState) -> None:
+    least, most = depth.limits_mm(ball)
+    cut = depth.set_cut(ball, least + 1, most - 1)
+    assert cut.depth.near_mm == least + 1 and cut.depth.far_mm == most - 1
+    assert depth.set_cut(cut, least - 9, most + 9).depth == DepthEffects()
+    crossed = depth.set_cut(ball, most + 5, least - 5).depth
+    assert crossed.far_mm is None or crossed.near_mm < crossed.far_mm
+    assert depth.set_fog(depth.set_fog(ball, 1.0), 0.0).depth == DepthEffects()
+    focused = replace(ball, depth=DepthEffects(focus_mm=least))
+    assert not depth.shown_depth(focused).changes and depth.can_be_set(focused)
 
 
 def test_a_cast_image_with_layers_is_faded_and_saved(ball: ViewState, tmp_path: Path) -> None:

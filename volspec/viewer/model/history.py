@@ -38,6 +38,7 @@ STAGES: dict[str, Stage] = {
     "palette": "relight",
     "annotations": "frame",
     "meshes": "cast",
+    "depth": "recompose",
     "thickness": "cast",
     "unthickened": "frame",
 }
@@ -55,6 +56,7 @@ _WORDS = (
     ("meshes", ("meshes",)),
     ("viewing", ("relight",)),
     ("annotations", ("annotations",)),
+    ("depth", ("depth",)),
 )
 _CUTS = ("clip_planes", "crop_voxels")
 

@@ -23,8 +23,6 @@ NEEDED = (
 )
 # The greatest scale on a slider.
 MOST = 8.0
-# Layers of a cast whose settings name none.
-LAYERS = 8
 
 
 def names(state: ViewState) -> tuple[str, ...]:

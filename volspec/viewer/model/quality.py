@@ -51,6 +51,10 @@ def _can_lengthen_steps(state: ViewState) -> bool:
     return not isinstance(transfer, Isosurfaces)
 
 
+LAYERS = 8
+"""Layers of a cast whose settings name none."""
+
+
 def opacity_scales(state: ViewState) -> dict[str, float]:
     """Return the scales of opacities other than 1, of materials that are channels."""
     basis, given = state.transfer.basis, state.shading.opacities

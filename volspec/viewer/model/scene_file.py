@@ -42,7 +42,7 @@ from volspec.spectra.datasets import colour_matching_functions
 from volspec.transfer import Transfer, TransferFunction
 from volspec.transfer.fields import OWN
 from volspec.viewer.model import light_rows
-from volspec.viewer.model.quality import cast_spec
+from volspec.viewer.model.quality import LAYERS, cast_spec
 from volspec.viewer.model.state import ViewState
 
 # A folder without files: relative names must not be found in the working directory by chance.
@@ -209,6 +209,8 @@ def scene_from_state(state: ViewState) -> SceneFile:
             field="viewing.backdrop",
         )
     shading = cast_spec(state)
+    if state.depth.changes and not shading.layers:
+        shading = replace(shading, layers=LAYERS)
     groups, room = file.group, file.room
     if state.room is not None:
         exact = isinstance(state.transfer.basis, MaterialBasis)  # without channels for walls
@@ -230,6 +232,7 @@ def scene_from_state(state: ViewState) -> SceneFile:
         room=room,
         light=tuple(_light_tables(state, file)),
         viewing=file.viewing if same_viewing else as_typed(state.relight),
+        depth=state.depth,
         output=OutputSpec(width, height),
         annotation=as_typed(state.annotations),
         mesh=file.mesh if state.meshes == file.mesh else as_typed(state.meshes),

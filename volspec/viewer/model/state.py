@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from volspec.raycast import RaycastSpec
+from volspec.raycast import DepthEffects, RaycastSpec
 from volspec.relight import RelightSpec
 from volspec.scene.annotation import Annotation
 from volspec.scene.specs import MeshSpec
@@ -97,6 +97,7 @@ class ViewState:
     palette: PaletteState = field(default_factory=PaletteState)
     annotations: tuple[Annotation, ...] = ()
     meshes: tuple[MeshSpec, ...] = ()  # in and around the volume; paths are as in its file
+    depth: DepthEffects = field(default_factory=DepthEffects)  # of a picture with layers
     thickness: float = 1.0  # factor by which the transfer function was thickened
     # The transfer function before it was thickened, its thickness, and the result: valid while the
     # result is `transfer`. Opacities that were rounded to 1 are restored from it.
@@ -123,4 +124,5 @@ class ViewState:
             annotations=document.file.annotation if document.file else (),
             meshes=document.file.mesh if document.file else (),
             room=document.room,
+            depth=document.file.depth if document.file else DepthEffects(),
         )

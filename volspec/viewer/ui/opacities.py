@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from volspec.viewer.model import opacities
+from volspec.viewer.model import depth, opacities
 from volspec.viewer.model.quality import opacity_scales
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
@@ -13,6 +13,7 @@ from volspec.viewer.ui.widgets import as_one_line, draw_eye, lit_button, shorten
 
 _FLAGS = imgui.TableFlags_.sizing_fixed_fit
 _SLIDER = imgui.SliderFlags_.logarithmic | imgui.SliderFlags_.always_clamp
+_CLAMPED = imgui.SliderFlags_.always_clamp
 _HELP = (
     "Scales of the optical depth: 0 hides a material, 2 is twice as much of it. "
     "Double-click or Ctrl+click to type."
@@ -55,7 +56,34 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
         new = opacities.reset(new)
     imgui.end_disabled()
     ui.note("opacities reset", "All materials as in the transfer function")
+    if depth.can_be_set(state):
+        new = _depth(new, ui)
     wrap_text(_HELP if ui.layers_wanted else f"{_HELP} {_BY_CASTS}", imgui.Col_.text_disabled)
+    return new
+
+
+def _depth(state: ViewState, ui: UiContext) -> ViewState:
+    """Draw the cuts by distance, and the fog."""
+    new, now = state, state.depth
+    least, most = depth.limits_mm(state)
+    if not least < most:
+        return state
+    imgui.separator_text("Depth")
+    near, far = max(now.near_mm, least), most if now.far_mm is None else now.far_mm
+    for name, label, value in (("nearer", "Near", near), ("farther", "Far", far)):
+        moved, mm = imgui.slider_float(label, value, least, most, "%.4g mm", _CLAMPED)
+        ui.note(f"depth {label.lower()}", f"What is {name} vanishes; distance from the camera")
+        if moved:
+            new = depth.set_cut(new, *((mm, far) if label == "Near" else (near, mm)))
+    moved, times = imgui.slider_float("Fog", depth.fog(state), 0.0, depth.MOST_FOG, "%.2f", _SLIDER)
+    ui.note("depth fog", "Depth of the volume over the visibility in fog; 0 for none")
+    if moved:
+        new = depth.set_fog(new, times)
+    imgui.begin_disabled(not now.changes)
+    if imgui.button("Reset##depth"):
+        new = depth.reset(new)
+    imgui.end_disabled()
+    ui.note("depth reset", "Everything, without fog")
     return new
 
 

@@ -25,8 +25,7 @@ from volspec.scene.specs import MeshSpec
 from volspec.transfer import Transfers
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.fields import shown_transfer
-from volspec.viewer.model.opacities import LAYERS
-from volspec.viewer.model.quality import cast_spec
+from volspec.viewer.model.quality import LAYERS, cast_spec
 from volspec.viewer.model.room import has_walls
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.ahead import ProgramBuilder

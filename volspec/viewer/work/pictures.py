@@ -19,7 +19,7 @@ from OpenGL import GL
 from volspec.appearance.lut3d import LutCache, LutKey, needs_host_lut
 from volspec.basis import Basis, MaterialBasis
 from volspec.pipeline import Relighter
-from volspec.raycast import CoefficientImage
+from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.layers import PackedLayers
 from volspec.relight.recompose import PackedOpacity
@@ -94,6 +94,7 @@ class Pictures:
         # The last picture with layers of opacity, and the scales that are to be drawn.
         self._layered: tuple[Relighter, CoefficientImage] | None = None
         self._opacities: dict[str, float] | None = None
+        self._depth = DepthEffects()
         self._painted: tuple[Relighter, Basis] | None = None
         self._frame: Any = None
         self._frame_of: Relighter | None = None
@@ -130,7 +131,7 @@ class Pictures:
             yield
             yield from relighter.load_opacities(opacity)
 
-    def recompose(self, scales: Mapping[str, float]) -> None:
+    def recompose(self, scales: Mapping[str, float], depth: DepthEffects) -> None:
         """Show the picture with layers, with its materials' opacities scaled, at the next relight.
 
         Raises ImageError if a scale is refused.
@@ -141,7 +142,7 @@ class Pictures:
         if self._shown is not relighter:
             self._shown, self.image = relighter, image
             self._half = self._half_image = self._walls = None
-        self._opacities = dict(scales)
+        self._opacities, self._depth = dict(scales), depth
         self.current = False
 
     def repaint(self, basis: Basis) -> None:
@@ -248,7 +249,7 @@ class Pictures:
         left = width if other is None else round(divide * width)
         with self._queries[0]:
             if self._opacities is not None:
-                shown.set_opacities(self._opacities)
+                shown.set_opacities(self._opacities, depth=self._depth)
             for lights, start, end in ((rig, 0, left), (other, left, width)):
                 if lights is not None and start < end:
                     within = start, top, end - start, bottom - top

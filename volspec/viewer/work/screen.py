@@ -18,11 +18,12 @@ import numpy as np
 
 from volspec.appearance.lut3d import LutCache, LutKey, needs_host_lut
 from volspec.errors import LutCancelled, RelightError, VolspecError, one_line
-from volspec.raycast import CoefficientImage
+from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.raycast.layered import OpacityLayers
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.error_map import ErrorMap, error_map, opacity_error
 from volspec.settings import Vector
+from volspec.viewer.model.depth import shown_depth
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.quality import opacity_scales
@@ -213,8 +214,8 @@ _DARK = "No light is on; turn one on in the Lights panel"
 _NOTHING = "Nothing is visible: opacity is 0 everywhere in view, or the view misses the volume"
 _ENDED = object()
 Area = tuple[int, int, int, int]
-# A picture's layers and the scales of its opacities.
-Recomposed = tuple[OpacityLayers, dict[str, float]]
+# A picture's layers, the scales of its opacities and its effects of depth.
+Recomposed = tuple[OpacityLayers, dict[str, float], DepthEffects]
 
 
 class Screen:
@@ -237,6 +238,7 @@ class Screen:
         self._cast: CastDone | None = None
         self._layered: CastDone | None = None  # the state's picture with layers of opacity
         self._scales: dict[str, float] = {}  # opacities that the picture shows
+        self._depth = DepthEffects()  # likewise
         # The picture recomposed with them, to be read, and the one that was asked for.
         self._recomposed: tuple[Recomposed, CoefficientImage] | None = None
         self._asked_for: Recomposed | None = None
@@ -287,15 +289,15 @@ class Screen:
             return
         layered = newest and done.image.opacity_layers is not None
         try:
-            wanted = opacity_scales(state)
+            wanted, depth = opacity_scales(state), shown_depth(state)
             if layered:
                 layers = self._layers(done)
-                if self.whole and self._scales == wanted:
+                if self.whole and (self._scales, self._depth) == (wanted, depth):
                     self._loading = layers
                     return  # the picture is a cast with these opacities
                 for _ in layers:
                     pass
-                self.pictures.recompose(wanted)
+                self.pictures.recompose(wanted, depth)
             else:
                 self.pictures.show(done.image, done.packed)
         except VolspecError as error:
@@ -304,6 +306,7 @@ class Screen:
         # The packed layers are in a texture now.
         self._cast, self.fault = replace(done, packed=None, opacity=None), ""
         self._scales = wanted if layered else dict(done.job.shading.opacities)
+        self._depth = depth if layered else DepthEffects()
         self._walls, self._wanted = done.walls, None
         self.mark_stale()
         self.image, self.whole = done.image, divisor == 1 and stage == "cast"
@@ -349,41 +352,45 @@ class Screen:
 
     def _recompose(self, state: ViewState) -> None:
         """Show the picture with the state's opacities, if it has layers."""
-        wanted = opacity_scales(state)
-        if self._layered is None or wanted == self._scales:
+        wanted, depth = opacity_scales(state), shown_depth(state)
+        if self._layered is None or (wanted, depth) == (self._scales, self._depth):
             return
         try:
-            self.pictures.recompose(wanted)
+            self.pictures.recompose(wanted, depth)
         except VolspecError as error:  # as long as the state has them
             self._notice.show(one_line(error), kind="error")
         else:
             self._cast, self.whole = self._layered, True
-        self._scales = wanted
+        self._scales, self._depth = wanted, depth
 
     def _read_opacities(self, state: ViewState) -> None:
         """Start to recompose the picture, to be read, and to estimate its error."""
-        image, scales = self.pictures.image, self._scales
+        image, scales, depth = self.pictures.image, self._scales, self._depth
         rig, spec = light_rig(state.lights, state.room), shown_spec(state)
-        if image is None or image.opacity_layers is None or not scales or rig is None:
+        if image is None or image.opacity_layers is None or rig is None:
             return
-        key = image.opacity_layers, scales
+        if not (scales or depth.changes):
+            return
+        key = image.opacity_layers, scales, depth
         if self._asked_for == key:
             return
         self._asked_for = key
         every = max(1, round((image.alpha.size / _ESTIMATED) ** 0.5))
 
         def made() -> tuple[Recomposed, CoefficientImage, float]:
-            error = opacity_error(image, scales, rig, spec.mode, spec.backdrop, every)
-            return key, image.recompose(scales), error
+            error = 0.0
+            if scales and not depth.changes:
+                error = opacity_error(image, scales, rig, spec.mode, spec.backdrop, every)
+            return key, image.recompose(scales, depth), error
 
         self._recomposing.start("picture", made)
 
     def _seen(self) -> CoefficientImage | None:
         """Return the picture with its opacities, to be read; None until it is recomposed."""
-        image, scales = self.pictures.image, self._scales
-        if image is None or image.opacity_layers is None or not scales:
+        image, scales, depth = self.pictures.image, self._scales, self._depth
+        if image is None or image.opacity_layers is None or not (scales or depth.changes):
             return image
-        key = image.opacity_layers, scales
+        key = image.opacity_layers, scales, depth
         if self._recomposed is None or self._recomposed[0] != key:
             return None
         found = self._recomposed[1]
@@ -402,7 +409,9 @@ class Screen:
             key, image, error = outcome.result
             self._recomposed = key, image
             shown = self.pictures.image
-            is_shown = shown is not None and key == (shown.opacity_layers, self._scales)
+            is_shown = shown is not None and key == (
+                *(shown.opacity_layers, self._scales, self._depth),
+            )
             self.visibly_off = is_shown and error > VISIBLE
             self._notice.trace.note("opacity-error", None, delta_e=error)
         return bool(outcomes)

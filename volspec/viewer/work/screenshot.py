@@ -6,7 +6,7 @@ state, Shot -> [screenshot] -> PNG
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,11 +25,12 @@ from volspec.export.annotate import (
     picture_marks,
 )
 from volspec.pipeline import Raycaster, Relighter, raycast
-from volspec.raycast import CoefficientImage
+from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.raycast.pace import WHOLE
 from volspec.scene.export import Mark
 from volspec.viewer.model.light_rows import light_rig, lit_names
-from volspec.viewer.model.quality import cast_spec, opacity_scales
+from volspec.viewer.model.opacities import can_layer
+from volspec.viewer.model.quality import LAYERS, cast_spec, opacity_scales
 from volspec.viewer.model.room import has_walls, shown_spec, solved
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.outputs import (
@@ -115,8 +116,8 @@ def render_frame(state: ViewState, size: tuple[int, int], progress: Progress) ->
     image = state.document.image
     if image is None:
         image = with_own_caster(state.document, partial(_cast, state, size, progress))
-    elif scales := opacity_scales(state):
-        image = image.recompose(scales)
+    elif (scales := opacity_scales(state)) or state.depth.changes:
+        image = image.recompose(scales, state.depth)
     progress.check()
     other = light_rig(state.other, state.room) if state.other else None
     # In a context of this thread's own: many pixels take longer than the window may wait.
@@ -134,19 +135,24 @@ def _cast(
 ) -> CoefficientImage:
     volume = state.document.volume
     camera = state.view.camera(volume)
-    what = volume, state.transfer, camera, size, WHOLE.spec(cast_spec(state), volume)
+    spec = WHOLE.spec(cast_spec(state), volume)
+    depth = state.depth if can_layer(state) else DepthEffects()
+    if depth.changes:
+        spec = replace(spec, layers=spec.layers or LAYERS)
+    what = volume, state.transfer, camera, size, spec
     room = state.room
     seen = room is not None and has_walls(state)
     behind = room.behind(volume, state.transfer.basis) if room and seen else None
     surfaces = state.document.surfaces(state.meshes, state.transfer)
     try:
-        return raycast(
+        image = raycast(
             *what,
             progress=progress.report,
             cancel=lambda: progress.ended,
             caster=caster,
             behind=surfaces if behind is None else (*surfaces, behind),
         )
+        return image.recompose({}, depth) if depth.changes else image
     except CastCancelled:
         progress.check()
         raise

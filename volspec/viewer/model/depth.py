@@ -1,0 +1,94 @@
+"""Cuts and fog by distance from the camera, of pictures with layers of opacity.
+
+panel -> [depth] -> ViewState.depth -> recompose
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from volspec.basis import MaterialBasis
+from volspec.raycast import DepthEffects
+from volspec.raycast.camera import radius_mm
+from volspec.raycast.layered import MAX_MATERIALS
+from volspec.viewer.model import opacities
+from volspec.viewer.model.edit import edit
+from volspec.viewer.model.materials import with_material_basis
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view import clamp
+
+# Depth of the volume over the visibility, at most.
+MOST_FOG = 8.0
+
+
+def limits_mm(state: ViewState) -> tuple[float, float]:
+    """Return the distances between which the picture has layers."""
+    image = state.document.image
+    if image is not None and image.opacity_layers is not None:
+        return image.opacity_layers.range_mm
+    volume = state.document.volume
+    distance, radius = state.view.camera(volume).distance_mm, radius_mm(volume)
+    return max(0.0, distance - radius), distance + radius
+
+
+def can_be_set(state: ViewState) -> bool:
+    """Return True if the picture can have these effects, also if first its basis changes."""
+    spectral = not isinstance(state.transfer.basis, MaterialBasis)
+    others = state.fields or state.meshes or state.room or state.document.image is not None
+    return opacities.can_layer(state) or (
+        spectral and not others and 0 < len(opacities.names(state)) <= MAX_MATERIALS
+    )
+
+
+def shown_depth(state: ViewState) -> DepthEffects:
+    """Return the effects that the window shows: without a focus, which takes too long."""
+    if not opacities.can_layer(state):
+        return DepthEffects()
+    return replace(state.depth, focus_mm=None, aperture_mm=None)
+
+
+def fog(state: ViewState) -> float:
+    """Return the volume's depth over the visibility in fog."""
+    near, far = limits_mm(state)
+    return 0.0 if state.depth.fog_mm is None else (far - near) / state.depth.fog_mm
+
+
+@edit
+def set_cut(state: ViewState, near_mm: float, far_mm: float) -> ViewState:
+    """Hide what is nearer or farther; at the ends of `limits_mm` nothing is cut."""
+    least, most = limits_mm(state)
+    near = clamp(near_mm, least, math.nextafter(most, 0))
+    far = clamp(far_mm, math.nextafter(near, math.inf), most)
+    cut = replace(
+        state.depth,
+        near_mm=near if near > least else 0.0,
+        far_mm=far if far < most else None,
+    )
+    return _with(state, cut)
+
+
+@edit
+def set_fog(state: ViewState, times: float) -> ViewState:
+    """Fill the picture with fog, whose visibility is the volume's depth over a number; 0 for none.
+
+    It begins where the volume does.
+    """
+    least, most = limits_mm(state)
+    times = clamp(times, 0.0, MOST_FOG)
+    fog_mm = (most - least) / times if times > 0 else None
+    start = least if fog_mm is not None else 0.0
+    foggy = replace(state.depth, fog_mm=fog_mm, fog_from_mm=start)
+    return _with(state, foggy)
+
+
+@edit
+def reset(state: ViewState) -> ViewState:
+    """Show everything, without fog."""
+    return replace(state, depth=DepthEffects()) if state.depth.changes else state
+
+
+def _with(state: ViewState, depth: DepthEffects) -> ViewState:
+    if depth == state.depth:
+        return state
+    return replace(state, depth=depth, transfer=with_material_basis(state.transfer))
