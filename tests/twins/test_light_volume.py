@@ -293,3 +293,16 @@ def test_materials_alone_match_reference(
         for number, (table, part) in enumerate(tables):
             true = reference.layers(small, table, spec, camera, part=part)
             assert np.abs(split[..., number] - true).max() <= TOLERANCE, number
+
+
+def test_the_memory_of_materials_alone_is_asked_for(
+    half_engine: Volume, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+    monkeypatch.setattr(Compute, "require", lambda _, nbytes, field, remedy: asked.append(nbytes))
+    table = TransferTable((0.0, 255.0), np.full(8, 0.1), np.full((8, 2), 0.5), 1.0)
+    small = half_engine.downsampled(4)
+    _, grid, wanted = opened(small).layers(table, lit(SUN, SKY), Camera.orbit(small), split=True)
+    assert asked.count(2 * grid.nodes * (len(wanted) + len(wanted) * split_width(table))) == 1
+    x, y, z = grid.shape_xyz
+    assert sum(nbytes >= 4 * x * y * z for nbytes in asked) == 3 + 1  # extinctions, and the layers
