@@ -87,6 +87,19 @@ def test_without_effects_the_picture_is_the_same_bit_for_bit(solid: CoefficientI
     assert np.abs(cut_nothing.coefficients - solid.coefficients).max() < 1e-4
 
 
+def test_shadows_fade_with_their_materials_in_depth_as_well() -> None:
+    image = layered(np.ones((2, 2, 3, 2)), np.array([100.0, 101.0, 102.0]) * np.ones((2, 2, 1)))
+    layers = image.opacity_layers
+    assert layers is not None
+    shadow = np.full((2, 2, 3, 2, 5), 0.5, np.float32)
+    shaded = replace(image, opacity_layers=replace(layers, shadow=shadow))
+    scales = {"gold": 0.25, "copper": 4.0}  # the difference from the cast is not added to these
+    plain = shaded.recompose(scales)
+    assert np.abs(plain.coefficients - image.recompose(scales).coefficients).max() > 0.01
+    deep = shaded.recompose(scales, DepthEffects(near_mm=1.0))
+    np.testing.assert_allclose(deep.coefficients, plain.coefficients, atol=1e-5)
+
+
 @pytest.mark.parametrize("tau", [0.01, 1.0, 12.0])
 def test_the_extents_of_homogeneous_layers_are_found(tau: float) -> None:
     layers = slab_layers(100, 140, tau).opacity_layers

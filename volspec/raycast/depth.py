@@ -149,8 +149,8 @@ def recompose_in_depth(
     ShapeError
         If the surface has another size.
     """
-    layers = image.opacity_layers
-    assert layers is not None
+    assert image.opacity_layers is not None
+    layers = image.opacity_layers.lit(scales)
     height, width = image.alpha.shape
     _check_surface(image, surface)
     blur_px = effects.blur_px(height, image.fov_deg)
