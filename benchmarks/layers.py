@@ -564,7 +564,7 @@ def by_count(found: list[Row | tuple[str, str]]) -> str:
 
 def by_light(found: list[Row | tuple[str, str]]) -> str:
     """Return mean and 99 % of layers whose shadows stay, and mean / worst / 99 % / max of split."""
-    lines = ["shadows".ljust(12) + "".join(f"{rig:>32s}" for rig in RIGS if rig)]
+    lines = ["shadows".ljust(12) + "".join(f"{rig:>36s}" for rig in RIGS if rig)]
     for row in found:
         if isinstance(row, Row):
             cells = []
@@ -575,7 +575,7 @@ def by_light(found: list[Row | tuple[str, str]]) -> str:
                     f"{split.worst:.2f} {_marked(split.most_of, LIT_MOST)} {split.most:.1f}",
                 )
                 cells.append(" ".join(texts))
-            lines.append(f"{row.name:12s}" + "".join(f"{cell:>32s}" for cell in cells))
+            lines.append(f"{row.name:12s}" + "".join(f"{cell:>36s}" for cell in cells))
     return "\n".join(lines)
 
 
