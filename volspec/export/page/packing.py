@@ -137,9 +137,7 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
     b ∝ c³, parts c. Neighbouring layers are
     not similar enough to predict each other; a plane is predicted by its neighbouring pixels.
     Shades of absent materials and highlights of unused layers repeat the pixel to their left.
-    Shadows and occlusion are in the shades, as cast.
     """
-    layers = layers.lit([1.0] * layers.materials)
     given = layers.tau, layers.shade, layers.gloss, *map(layers.slot, layers.slots)
     tau, shade, gloss, *casts = (clamp_finite(np.asarray(each, np.float32)) for each in given)
     tau = np.minimum(tau, _MOST_TAU)
