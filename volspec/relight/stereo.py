@@ -29,10 +29,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from volspec._gpu.opencl import Compute
 from volspec.appearance.display import colour_space
 from volspec.appearance.spaces import ColourSpace
 from volspec.errors import ImageError
 from volspec.raycast.camera import Camera, RayField
+from volspec.raycast.depth import DepthEffects, fog_behind, layers_in_depth
 from volspec.raycast.image import CoefficientImage
 from volspec.raycast.reproject import Reprojector
 from volspec.settings import Positive, Unit, settings
@@ -78,7 +80,10 @@ class Stereo:
             raise ImageError(
                 "stereo: the image does not know its camera", "cast it again", code="missing"
             )
-        convergence_mm = self.convergence_mm or expected_depth_mm(image)
+        return self.eyes(camera, self.convergence_mm or expected_depth_mm(image))
+
+    def eyes(self, camera: Camera, convergence_mm: float) -> tuple[Camera, Camera]:
+        """Return the left and right eye's camera; their pictures agree at the convergence."""
         angle = 2 * math.atan(_BASE / 2)
         if self.eyes_deg is not None:
             angle = math.radians(self.eyes_deg)
@@ -88,15 +93,30 @@ class Stereo:
         return left, right
 
     def views(
-        self, image: CoefficientImage, scales: Mapping[str, float] | None = None
+        self,
+        image: CoefficientImage,
+        scales: Mapping[str, float] | None = None,
+        effects: DepthEffects | None = None,
+        compute: Compute | None = None,
     ) -> tuple[CoefficientImage, CoefficientImage]:
         """Return the left and right eye's picture of an image with layers, reprojected.
 
-        ``scales`` are opacities, as of `CoefficientImage.recompose`. Raises as `Reprojector`.
+        ``scales`` are opacities and ``effects`` cuts and fog, as of `CoefficientImage.recompose`;
+        ``compute`` is an open device. Raises as `Reprojector`; ImageError if there is a focus.
         """
-        reprojector = Reprojector(image, parts=_PARTS)
-        left, right = (reprojector.view(camera, scales) for camera in self.cameras(image))
+        cameras, seen = self.cameras(image), image
+        if effects is not None and effects.changes:
+            seen = layers_in_depth(image, image.opacity_scales(scales or {}), effects)
+        reprojector = Reprojector(seen, parts=_PARTS, compute=compute)
+        left, right = (reprojector.view(camera, scales) for camera in cameras)
+        if effects is not None and effects.fog_mm is not None:
+            return fog_behind(left, effects), fog_behind(right, effects)
         return left, right
+
+    def frame_size(self, size: tuple[int, int]) -> tuple[int, int]:
+        """Return width and height of both eyes' frames as one."""
+        width, height = size
+        return (2 * width, height) if self.layout in ("side-by-side", "crossed") else size
 
     def combine(
         self,
@@ -104,12 +124,12 @@ class Stereo:
         right: NDArray[Any],
         space: str | Path | ColourSpace = "sRGB",
     ) -> NDArray[Any]:
-        """Return both eyes' frames as one: display codes, 0 to 1 or 8 bits, (H, W, 3)."""
+        """Return both eyes' frames as one: display codes, 0 to 1 or 8 or 16 bits, (H, W, 3)."""
         if self.layout == "side-by-side":
             return np.hstack([left, right])
         if self.layout == "crossed":
             return np.hstack([right, left])
-        whole = 255.0 if left.dtype == np.uint8 else 1.0
+        whole = float(np.iinfo(left.dtype).max) if left.dtype.kind == "u" else 1.0
         display = colour_space(space)
         linear = [display.decode(np.asarray(each, np.float64) / whole) for each in (left, right)]
         if self.layout == "anaglyph":
