@@ -23,13 +23,16 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
 from volspec._gpu.opencl import Compute
+from volspec._gpu.opengl import compile_program, egl_handle, made_current
+from volspec._gpu.prelude import prelude
+from volspec._gpu.sources import assemble
 from volspec.appearance.display import colour_space
 from volspec.appearance.spaces import ColourSpace
 from volspec.errors import ImageError
@@ -41,10 +44,15 @@ from volspec.settings import Positive, Unit, settings
 
 Layout = Literal["side-by-side", "crossed", "anaglyph", "half-colour"]
 """Ways to show both eyes' pictures in one."""
+Matrix = NDArray[np.float64]
+# Layouts of two pictures next to each other.
+_PAIRS = "side-by-side", "crossed"
 # An eye distance of a thirtieth of the way to the subject, as photographers choose it.
 _BASE = 1 / 30
 # Points a deep layer: pairs are looked at for longer than a first picture of a turn.
 _PARTS = 6
+# Texels of the table of codes by the root of linear light.
+_ENCODED = 2048
 _LEFT_DUBOIS = np.array([[0.437, 0.449, 0.164], [-0.062, -0.062, -0.024], [-0.048, -0.050, -0.017]])
 _RIGHT_DUBOIS = np.array([[-0.011, -0.032, -0.007], [0.377, 0.761, 0.009], [-0.026, -0.093, 1.234]])
 
@@ -104,19 +112,12 @@ class Stereo:
         ``scales`` are opacities and ``effects`` cuts and fog, as of `CoefficientImage.recompose`;
         ``compute`` is an open device. Raises as `Reprojector`; ImageError if there is a focus.
         """
-        cameras, seen = self.cameras(image), image
-        if effects is not None and effects.changes:
-            seen = layers_in_depth(image, image.opacity_scales(scales or {}), effects)
-        reprojector = Reprojector(seen, parts=_PARTS, compute=compute)
-        left, right = (reprojector.view(camera, scales) for camera in cameras)
-        if effects is not None and effects.fog_mm is not None:
-            return fog_behind(left, effects), fog_behind(right, effects)
-        return left, right
+        return StereoViews(image, compute).views(self, scales, effects)
 
     def frame_size(self, size: tuple[int, int]) -> tuple[int, int]:
         """Return width and height of both eyes' frames as one."""
         width, height = size
-        return (2 * width, height) if self.layout in ("side-by-side", "crossed") else size
+        return (2 * width, height) if self.layout in _PAIRS else size
 
     def combine(
         self,
@@ -125,20 +126,24 @@ class Stereo:
         space: str | Path | ColourSpace = "sRGB",
     ) -> NDArray[Any]:
         """Return both eyes' frames as one: display codes, 0 to 1 or 8 or 16 bits, (H, W, 3)."""
-        if self.layout == "side-by-side":
-            return np.hstack([left, right])
-        if self.layout == "crossed":
-            return np.hstack([right, left])
+        if self.layout in _PAIRS:
+            return np.hstack([left, right] if self.layout == "side-by-side" else [right, left])
         whole = float(np.iinfo(left.dtype).max) if left.dtype.kind == "u" else 1.0
         display = colour_space(space)
-        linear = [display.decode(np.asarray(each, np.float64) / whole) for each in (left, right)]
-        if self.layout == "anaglyph":
-            mixed = linear[0] @ _LEFT_DUBOIS.T + linear[1] @ _RIGHT_DUBOIS.T
-        else:
-            luminance = linear[0] @ (display.XYZ_from_RGB[1] / 100.0)
-            mixed = np.concatenate([luminance[..., None], linear[1][..., 1:]], axis=-1)
+        mixed = sum(
+            display.decode(np.asarray(frame, np.float64) / whole) @ mix.T
+            for frame, mix in zip((left, right), self.mixes(display), strict=True)
+        )
         codes = display.encode(np.clip(mixed, 0.0, 1.0))
         return (np.rint(whole * codes) if whole > 1 else codes).astype(left.dtype)
+
+    def mixes(self, display: ColourSpace) -> tuple[Matrix, Matrix]:
+        """Return the parts of an anaglyph that are the left and right eye's linear RGB, (3, 3)."""
+        if self.layout == "anaglyph":
+            return _LEFT_DUBOIS, _RIGHT_DUBOIS
+        red = np.zeros((3, 3))
+        red[0] = display.XYZ_from_RGB[1] / 100.0
+        return red, np.diag([0.0, 1.0, 1.0])
 
 
 def expected_depth_mm(image: CoefficientImage) -> float:
@@ -150,6 +155,130 @@ def expected_depth_mm(image: CoefficientImage) -> float:
         return camera.distance_mm
     depth_mm = image.depth_mm * camera.ray_field(*image.size).cosines(*image.size)
     return float(np.average(depth_mm[seen], weights=image.alpha[seen]))
+
+
+class StereoViews:
+    """Stereo pairs of one image, whose layers stay on an OpenCL device.
+
+    Arguments and errors as of `Reprojector`.
+    """
+
+    def __init__(self, image: CoefficientImage, compute: Compute | None = None) -> None:
+        self.image, self.compute = image, compute
+        self._cameras: tuple[Stereo, tuple[Camera, Camera]] | None = None
+        # The layers with effects of depth, which depend on the scales; none without.
+        self._made: tuple[tuple[DepthEffects, list[float]] | None, Reprojector] | None = None
+
+    def views(
+        self,
+        stereo: Stereo,
+        scales: Mapping[str, float] | None = None,
+        effects: DepthEffects | None = None,
+        size: tuple[int, int] | None = None,
+    ) -> tuple[CoefficientImage, CoefficientImage]:
+        """Return the left and right eye's picture, as `Stereo.views`, in another size if given."""
+        if self._cameras is None or self._cameras[0] != stereo:
+            self._cameras = stereo, stereo.cameras(self.image)
+        reprojector = self._reprojector(scales or {}, effects or DepthEffects())
+        left, right = (reprojector.view(eye, scales, size) for eye in self._cameras[1])
+        if effects is not None and effects.fog_mm is not None:
+            return fog_behind(left, effects), fog_behind(right, effects)
+        return left, right
+
+    def _reprojector(self, scales: Mapping[str, float], effects: DepthEffects) -> Reprojector:
+        factors = self.image.opacity_scales(scales) if effects.changes else []
+        key = (effects, factors) if effects.changes else None
+        if self._made is None or self._made[0] != key:
+            image = layers_in_depth(self.image, factors, effects) if key else self.image
+            self._made = key, Reprojector(image, parts=_PARTS, compute=self.compute)
+            self.compute = self._made[1].compute
+        return self._made[1]
+
+
+class StereoPass:
+    """Both eyes' frames combined in the GL context that holds them: `Stereo.combine` on the GPU.
+
+    Raises OpenGLError if the driver refuses the shader.
+    """
+
+    def __init__(self, context: Any) -> None:
+        self._context = context
+        with context:
+            self._handle = egl_handle()
+        self._programs: dict[bool, tuple[Any, Any]] = {}
+        self._tables: tuple[ColourSpace, list[Any]] | None = None
+        self._target: Any = None
+
+    def draw(self, stereo: Stereo, left: Any, right: Any, space: ColourSpace) -> Any:
+        """Return a framebuffer with both eyes', which is valid until the next call."""
+        with made_current(self._context, self._handle):
+            return self._draw(stereo, left, right, space)
+
+    def _draw(self, stereo: Stereo, left: Any, right: Any, space: ColourSpace) -> Any:
+        context, pair = self._context, stereo.layout in _PAIRS
+        size = stereo.frame_size(left.size)
+        if self._target is None or self._target.size != size:
+            self._release_target()
+            self._target = context.framebuffer([context.texture(size, 4)])
+        program, triangle = self._program(pair)
+        frames = (right, left) if stereo.layout == "crossed" else (left, right)
+        for unit, frame in enumerate(frames):
+            frame.color_attachments[0].use(unit)
+        if not pair:
+            self._use_tables(space)
+            for name, mix in zip(("left_mix", "right_mix"), stereo.mixes(space), strict=True):
+                program[name].write(mix.T.astype(np.float32).tobytes())
+        self._target.use()
+        context.enable_only(context.NOTHING)
+        triangle.render(context.TRIANGLES, vertices=3)
+        return self._target
+
+    def _use_tables(self, space: ColourSpace) -> None:
+        if self._tables is None or self._tables[0] is not space:
+            light = space.decode(np.linspace(0, 1, 256))
+            codes = space.encode(np.linspace(0, 1, _ENCODED) ** 2)
+            made = [
+                self._context.texture(
+                    (len(table), 1), 1, table.astype(np.float32).tobytes(), dtype="f4"
+                )
+                for table in (light, codes)
+            ]
+            self._release_tables()
+            self._tables = space, made
+        for unit, texture in enumerate(self._tables[1], start=2):
+            texture.use(unit)
+
+    def _program(self, pair: bool) -> tuple[Any, Any]:
+        if pair not in self._programs:
+            lines = prelude({"SIDE_BY_SIDE": int(pair), "ENCODED": _ENCODED}, "glsl")
+            vertex = assemble("shaders/fullscreen.vert", lines, glsl_version="330 core")
+            fragment = assemble("shaders/stereo.frag", lines, glsl_version="330 core")
+            program = compile_program(self._context, vertex, fragment)
+            for unit, name in enumerate(("left", "right", "decoded", "encoded")):
+                if (uniform := cast(Any, program.get(name, None))) is not None:
+                    uniform.value = unit
+            self._programs[pair] = program, self._context.vertex_array(program, [])
+        return self._programs[pair]
+
+    def _release_target(self) -> None:
+        if self._target is not None:
+            self._target.color_attachments[0].release()
+            self._target.release()
+            self._target = None
+
+    def _release_tables(self) -> None:
+        for texture in self._tables[1] if self._tables else ():
+            texture.release()
+        self._tables = None
+
+    def close(self) -> None:
+        """Release everything."""
+        self._release_target()
+        self._release_tables()
+        for program, triangle in self._programs.values():
+            triangle.release()
+            program.release()
+        self._programs.clear()
 
 
 @dataclass(frozen=True, slots=True)
