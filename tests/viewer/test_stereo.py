@@ -37,10 +37,11 @@ def expected(image: CoefficientImage, state: ViewState, size: tuple[int, int]) -
     return stereo.combine(*(relight(eye, rig, state.relight, backend="numpy") for eye in found))
 
 
-def taken(screen: Screen, state: ViewState, held: bool = False) -> NDArray[np.int_]:
-    screen.tick(state, 0.0, held)
+def taken(screen: Screen, state: ViewState) -> NDArray[np.int_]:
+    drawn(screen, state)
+    screen.tick(state, 0.0, held=False)
     wait_until(screen.take_eyes)
-    return drawn(screen, state, held).astype(int)
+    return drawn(screen, state).astype(int)
 
 
 def test_the_window_shows_both_eyes_with_lights_opacities_and_fog(
@@ -59,11 +60,14 @@ def test_the_window_shows_both_eyes_with_lights_opacities_and_fog(
     other = replace(state, lights=state.lights[::-1])
     assert np.abs(drawn(screen, other) - expected(image, other, SIZE)).max() <= 2
     faded = depth.set_fog(opacities.set_opacity(state, "grey", 0.3), 1.0)
-    drawn(screen, faded)
     assert np.abs(taken(screen, faded) - expected(image, faded, SIZE)).max() <= 2
     assert not screen.side_by_side
-    small = taken(screen, state, held=True)  # of a quarter of the pixels
-    assert small.shape == (SIZE[1] // 2, SIZE[0] // 2, 3)
+    # Other opacities are shown at once, in one picture until the mouse is released.
+    more = opacities.set_opacity(ball, "grey", 0.2)
+    assert np.array_equal(drawn(screen, in_stereo(more, "anaglyph"), True), drawn(screen, more))
+    screen.tick(in_stereo(more, "anaglyph"), 0.0, held=True)
+    assert not screen._eyeing.busy
+    taken(screen, state)
     screen.probe(state, (0.5, 0.5), held=False)
     assert screen.under_mouse is None
     assert np.array_equal(drawn(screen, ball), plain)

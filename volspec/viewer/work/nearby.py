@@ -75,15 +75,20 @@ class StereoJob:
     stereo: Stereo
     scales: Mapping[str, float]
     depth: DepthEffects
-    divisor: int  # of the sides of each eye's picture
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of each eye's picture: half of those that are next to each other."""
+        wider = self.stereo.frame_size((1, 1))[0]
+        width, height = (max(1, side // wider) for side in self.image.size)
+        return width, height
 
     def same(self, other: StereoJob | None) -> bool:
         """Return True if another job makes the same pictures."""
-        return other is not None and (
-            self.image is other.image
-            and (self.stereo, self.divisor) == (other.stereo, other.divisor)
-            and (self.scales, self.depth) == (other.scales, other.depth)
-        )
+        if other is None or self.image is not other.image:
+            return False
+        own = self.stereo, self.scales, self.depth
+        return own == (other.stereo, other.scales, other.depth)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,8 +116,7 @@ class StereoWorker(LatestWorker[StereoJob, StereoDone]):
             if self._views is None or self._views.image is not job.image:
                 before = None if self._views is None else self._views.compute
                 self._views = StereoViews(job.image, before)
-            width, height = (max(1, side // job.divisor) for side in job.image.size)
-            eyes = self._views.views(job.stereo, job.scales, job.depth, (width, height))
+            eyes = self._views.views(job.stereo, job.scales, job.depth, job.size)
             left, right = (PackedLayers.of(eye) for eye in eyes)
             done = replace(done, eyes=EyePictures(job.stereo, eyes, (left, right)))
         except MemoryError:

@@ -442,7 +442,7 @@ class Screen:
         self._drawing = False
         painted = self._repaint(state)
         self._recompose(state)
-        if self.pictures.eyes is not None and not self._has_eyes(state):
+        if self.pictures.eyes is not None and not self._shows_eyes(state):
             self._eyes_wanted = None
             self.pictures.show_eyes(None)
             self.mark_stale()
@@ -498,8 +498,8 @@ class Screen:
     def tick(self, state: ViewState, now: float, held: bool) -> None:
         """Solve the room, paint the whole picture, and read opacities, once it rests."""
         self._load()
-        self._want_eyes(state, held)
         if not held:
+            self._want_eyes(state)
             self._read_opacities(state)
         room, walls = state.room, self._walls
         if room is None or ((walls is None or walls.room is room) and room.is_solved):
@@ -509,21 +509,23 @@ class Screen:
             self._asked = room, walls
             self._painting.request(RoomJob(room, self.image, walls))
 
-    def _has_eyes(self, state: ViewState) -> bool:
-        """Return True if both eyes' pictures of the state can be shown."""
-        return self._layered is not None and bool(shown_stereo(state))
+    def _shows_eyes(self, state: ViewState) -> bool:
+        """Return True if those that are shown, or asked for, are the state's."""
+        job = self._eyes_wanted
+        return job is not None and job.same(self._stereo_job(state))
 
-    def _want_eyes(self, state: ViewState, held: bool) -> None:
-        """Start to reproject the picture to both eyes; smaller while the mouse is held."""
-        if not self._has_eyes(state) or self.loading:
-            return
-        assert self._layered is not None
-        image, stereo = self._layered.image, Stereo(shown_stereo(state))  # type: ignore[arg-type]
-        assert image is not None
-        # Next to each other they are half as large in any case.
-        divisor = 2 if held or stereo.frame_size((1, 1))[0] > 1 else 1
-        job = StereoJob(image, stereo, self._scales, self._depth, divisor)
-        if not job.same(self._eyes_wanted):
+    def _stereo_job(self, state: ViewState) -> StereoJob | None:
+        """Return what makes both eyes' pictures; None if one is to be shown, or has no layers."""
+        layout = shown_stereo(state)
+        if not layout or self._layered is None or self._layered.image is None or self.loading:
+            return None
+        stereo = Stereo(layout)  # type: ignore[arg-type]
+        return StereoJob(self._layered.image, stereo, self._scales, self._depth)
+
+    def _want_eyes(self, state: ViewState) -> None:
+        """Start to reproject the picture to both eyes, with its opacities and effects."""
+        job = self._stereo_job(state)
+        if job is not None and not job.same(self._eyes_wanted):
             self._eyes_wanted = job
             self._eyeing.request(job)
 
@@ -533,8 +535,8 @@ class Screen:
         for done in outcomes:
             if done.error:
                 self._notice.show(done.error, kind="error")
-            elif self._layered is not None and done.job.image is self._layered.image:
-                self._notice.trace.note("stereo", "stereo", done.ms, size=done.job.divisor)
+            elif done.job is self._eyes_wanted:
+                self._notice.trace.note("stereo", "stereo", done.ms)
                 self.pictures.show_eyes(done.eyes)
                 self.mark_stale()
         return bool(outcomes)
