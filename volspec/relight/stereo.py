@@ -51,8 +51,6 @@ _PAIRS = "side-by-side", "crossed"
 _BASE = 1 / 30
 # Points a deep layer: pairs are looked at for longer than a first picture of a turn.
 _PARTS = 6
-# Texels of the table of codes by the root of linear light.
-_ENCODED = 2048
 _LEFT_DUBOIS = np.array([[0.437, 0.449, 0.164], [-0.062, -0.062, -0.024], [-0.048, -0.050, -0.017]])
 _RIGHT_DUBOIS = np.array([[-0.011, -0.032, -0.007], [0.377, 0.761, 0.009], [-0.026, -0.093, 1.234]])
 
@@ -205,8 +203,7 @@ class StereoPass:
         self._context = context
         with context:
             self._handle = egl_handle()
-        self._programs: dict[bool, tuple[Any, Any]] = {}
-        self._tables: tuple[ColourSpace, list[Any]] | None = None
+        self._programs: dict[tuple[bool, object], tuple[Any, Any]] = {}
         self._target: Any = None
 
     def draw(self, stereo: Stereo, left: Any, right: Any, space: ColourSpace) -> Any:
@@ -220,12 +217,11 @@ class StereoPass:
         if self._target is None or self._target.size != size:
             self._release_target()
             self._target = context.framebuffer([context.texture(size, 4)])
-        program, triangle = self._program(pair)
+        program, triangle = self._program(pair, space)
         frames = (right, left) if stereo.layout == "crossed" else (left, right)
         for unit, frame in enumerate(frames):
             frame.color_attachments[0].use(unit)
         if not pair:
-            self._use_tables(space)
             for name, mix in zip(("left_mix", "right_mix"), stereo.mixes(space), strict=True):
                 program[name].write(mix.T.astype(np.float32).tobytes())
         self._target.use()
@@ -233,32 +229,19 @@ class StereoPass:
         triangle.render(context.TRIANGLES, vertices=3)
         return self._target
 
-    def _use_tables(self, space: ColourSpace) -> None:
-        if self._tables is None or self._tables[0] is not space:
-            light = space.decode(np.linspace(0, 1, 256))
-            codes = space.encode(np.linspace(0, 1, _ENCODED) ** 2)
-            made = [
-                self._context.texture(
-                    (len(table), 1), 1, table.astype(np.float32).tobytes(), dtype="f4"
-                )
-                for table in (light, codes)
-            ]
-            self._release_tables()
-            self._tables = space, made
-        for unit, texture in enumerate(self._tables[1], start=2):
-            texture.use(unit)
-
-    def _program(self, pair: bool) -> tuple[Any, Any]:
-        if pair not in self._programs:
-            lines = prelude({"SIDE_BY_SIDE": int(pair), "ENCODED": _ENCODED}, "glsl")
+    def _program(self, pair: bool, space: ColourSpace) -> tuple[Any, Any]:
+        key = pair, space.transfer
+        if key not in self._programs:
+            constants = {"SIDE_BY_SIDE": int(pair), "SIMULATE": 0, **space.shader_constants()}
+            lines = prelude(constants, "glsl")
             vertex = assemble("shaders/fullscreen.vert", lines, glsl_version="330 core")
             fragment = assemble("shaders/stereo.frag", lines, glsl_version="330 core")
             program = compile_program(self._context, vertex, fragment)
-            for unit, name in enumerate(("left", "right", "decoded", "encoded")):
+            for unit, name in enumerate(("left", "right")):
                 if (uniform := cast(Any, program.get(name, None))) is not None:
                     uniform.value = unit
-            self._programs[pair] = program, self._context.vertex_array(program, [])
-        return self._programs[pair]
+            self._programs[key] = program, self._context.vertex_array(program, [])
+        return self._programs[key]
 
     def _release_target(self) -> None:
         if self._target is not None:
@@ -266,15 +249,9 @@ class StereoPass:
             self._target.release()
             self._target = None
 
-    def _release_tables(self) -> None:
-        for texture in self._tables[1] if self._tables else ():
-            texture.release()
-        self._tables = None
-
     def close(self) -> None:
         """Release everything."""
         self._release_target()
-        self._release_tables()
         for program, triangle in self._programs.values():
             triangle.release()
             program.release()
