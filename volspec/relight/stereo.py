@@ -175,9 +175,9 @@ class StereoViews:
         size: tuple[int, int] | None = None,
     ) -> tuple[CoefficientImage, CoefficientImage]:
         """Return the left and right eye's picture, as `Stereo.views`, in another size if given."""
+        reprojector = self._reprojector(scales or {}, effects or DepthEffects())
         if self._cameras is None or self._cameras[0] != stereo:
             self._cameras = stereo, stereo.cameras(self.image)
-        reprojector = self._reprojector(scales or {}, effects or DepthEffects())
         left, right = (reprojector.view(eye, scales, size) for eye in self._cameras[1])
         if effects is not None and effects.fog_mm is not None:
             return fog_behind(left, effects), fog_behind(right, effects)
