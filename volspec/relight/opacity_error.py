@@ -168,19 +168,19 @@ def _shadow_changes(
 ) -> list[Pixels]:
     """Return (3, …, P) parts of the changes by shadows, layer by layer, and by occlusion, added."""
     found = []
-    for kind, other in (("shadow", "occlusion"), ("occlusion", "shadow")):
-        if getattr(layers, kind) is None:
+    for part, own in (
+        (_SHADOW, replace(layers, occlusion=None)),
+        (_OCCLUSION, replace(layers, shadow=None)),
+    ):
+        if own.shadow is None and own.occlusion is None:
             continue
-        own = replace(layers, **{other: None})
         now, as_cast = (
             _Lit.of(own.lit(each), XYZ_from_channels).scaled(scales).seen()
             for each in (scales, [1.0] * len(scales))
         )
-        change = _in_front(now[1]) * (now[0] - as_cast[0])
-        if kind == "occlusion":
-            found.append(_OCCLUSION * change.sum(axis=1, keepdims=True))
-        else:
-            found.append(_SHADOW * change)
+        change = part * _in_front(now[1]) * (now[0] - as_cast[0])
+        added = own.occlusion is not None
+        found.append(change.sum(axis=1, keepdims=True) if added else change)
     return found
 
 
