@@ -60,7 +60,7 @@ def layered(count: int = 3, shadows: bool = False) -> CoefficientImage:
     layers = OpacityLayers(tau, *arrays)
     if shadows:
         casts = np.zeros((2, *size, count, 2, 5), np.float32)
-        casts[..., :2] = rng.uniform(0.2, 0.9, (2, *size, count, 2, 2))
+        casts[..., :2] = rng.uniform(0.1, 0.5, (2, *size, count, 2, 2))
         casts[..., 2] = rng.choice([1e-3, 0.3, 2.0], (2, *size, count, 2))
         casts[..., 3:] = rng.exponential(0.5, (2, *size, count, 2, 2))
         casts[1, ..., 0, :] = 0

@@ -181,9 +181,9 @@ STATES: tuple[dict[str, float], ...] = (
     {"rotor": 1.5, "case": 0.8},
     {"rotor": 4.0, "case": 3.0},
 )
-OPACITIES = {False: 1e-5, True: 5e-4}
-"""Of float32 in the recipes and in `CoefficientImage.recompose`. With shadows exp(b E) − 1 is off by
-6e-8, times scales and 1 / b, which is 1000 at most."""
+OPACITIES = {False: 1e-5, True: 2e-4}
+"""Of float32 in the recipes and in `CoefficientImage.recompose`. With shadows exp(b E) - 1 is off
+by 6e-8, and is divided by b, 0.001 at least."""
 SHADOWS = pytest.mark.parametrize("shadows", [False, True], ids=["", "shadows"])
 
 
