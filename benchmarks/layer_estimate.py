@@ -3,7 +3,8 @@
 The volumes, combinations of scales and casts of `benchmarks.layers`, but every covered pixel of 64²
 rays, as estimates look at their neighbours. True is CIEDE2000 between the recomposed picture and
 the float64 cast of the scaled function under D65 in front of black; estimated is `error_map` with
-``against="cast"``, which has no cast. With ``--keep`` the table goes to docs/layers.md.
+``against="cast"``, which has no cast. Rows with a lamp with shadows and with ambient occlusion are
+of every fifth combination. With ``--keep`` the table goes to docs/layers.md.
 """
 
 from __future__ import annotations
@@ -19,31 +20,25 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.layers import (
-    CASES,
-    LAYERS_PAGE,
-    SCALES,
-    SPEC,
-    Truth,
-    transfer_of,
-)
+from benchmarks.layers import CASES, LAYERS_PAGE, ScaledLights, Setup, Truth
 from benchmarks.measure import replaced
 from volspec._gpu.sources import asset
 from volspec.basis import MaterialBasis
 from volspec.export.compositing import Recipe, save_for_compositors
 from volspec.export.deep import save_deep
-from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import Camera, CoefficientImage, reference
-from volspec.raycast.layered import LayerStream, OpacityLayers
+from volspec.pipeline import raycast
+from volspec.raycast import CoefficientImage, reference
+from volspec.raycast.layered import LayerStream
 from volspec.relight import difference_map, error_map, opacity_error
 from volspec.scene import Scene
 from volspec.spectra import light
-from volspec.transfer import TransferFunction, TransferTable
+from volspec.transfer import TransferFunction
 
 Array = NDArray[np.float64]
 SIDE = 64
-COMBINATIONS = np.array([each for each in itertools.product(SCALES, repeat=3) if any(each)])
 COUNTS = (8, 16)
+# Of `benchmarks.layers`, and every which combination.
+RIGS = {"": 1, "one group": 5, "occlusion": 5}
 _VISIBLE = 0.25  # CIEDE2000 from which a true error counts as such
 
 
@@ -82,78 +77,66 @@ class Estimates:
         )
 
 
-def measured(name: str) -> Iterator[Estimates]:
+def measured(name: str, rig: str) -> Iterator[Estimates]:
     """Yield the figures of a volume for each number of layers."""
-    read, points, orbit = CASES[name]
-    volume = read()
-    transfer, camera = transfer_of(points), Camera.orbit(volume, **orbit)
-    basis = transfer.basis
-    assert isinstance(basis, MaterialBasis)
-    spec = replace(SPEC, step_mm=0.5 * volume.finest_mm, layers=max(COUNTS))
-    caster = Raycaster(volume)
-    table = caster.bake(transfer)
-    assert isinstance(table, TransferTable)
-    columns = table.channels.argmax(axis=1).tolist()
-    truth = Truth(SIDE * SIDE, COMBINATIONS[:, columns])
-    streams = [LayerStream(SIDE * SIDE, count, 1, 3) for count in COUNTS]
-    seen = caster.cast(table, camera, (SIDE, SIDE), replace(spec, layers=0)).alpha > 0.01
+    setup, rays = Setup(CASES[name], rig), SIDE * SIDE
+    unscaled = int(np.flatnonzero((setup.scales == 1).all(axis=1))[0])
+    chosen = sorted({unscaled, *range(0, len(setup.scales), RIGS[rig])})
+    setup.scales, unscaled = setup.scales[chosen], chosen.index(unscaled)
+    by_row = setup.scales[:, setup.columns]
+    shares = setup.spec.shares()
+    lights = None
+    if setup.slots:
+        given = setup.volume, setup.table, setup.camera, setup.spec
+        lights = ScaledLights(*given, by_row)
+    truth = Truth(rays, by_row, len(shares), lights)
+    counts = len(shares), len(setup.columns)
+    streams = [LayerStream(rays, count, *counts, setup.slots) for count in COUNTS]
+    plain = replace(setup.spec, layers=0)
+    seen = setup.caster.cast(setup.table, setup.camera, (SIDE, SIDE), plain).alpha > 0.01
     span_mm = np.zeros((SIDE, SIDE, 2), np.float32)
     span_mm[seen, 1] = np.inf
     reference.cast_layers(
-        volume, table, camera, (SIDE, SIDE), spec, span_mm, streams=(truth, *streams)
+        *(setup.volume, setup.table, setup.camera, (SIDE, SIDE), setup.spec, span_mm),
+        streams=(truth, *streams),
+        lights=None if lights is None else lights.arrivals(setup.table),
     )
-    true = truth.channels[:, :, 0][..., [*np.argsort(columns), 3]], truth.through
-    unscaled = int(np.flatnonzero((COMBINATIONS == 1).all(axis=1))[0])
-    channels, through = (each[:, None, unscaled] for each in true)
-    alpha = (1 - through).astype(np.float32)
-    for count, stream in zip(COUNTS, streams, strict=True):
-        rows = stream.rows()[:, None].astype(np.float32)
-        column = CoefficientImage(
-            *(channels.astype(np.float32), alpha, np.ones_like(alpha), basis),
-            opacity_layers=OpacityLayers.of_rows(rows, columns, 3, 1).as_stored(),
+    order = [*np.argsort(setup.columns), len(setup.columns)]
+    shape = SIDE, SIDE, len(setup.scales)
+    channels = truth.channels[..., order].reshape(*shape, -1).astype(np.float32)
+    alpha = (1 - truth.through).reshape(shape).astype(np.float32)
+    casts = [
+        CoefficientImage(
+            *(channels[:, :, n], alpha[:, :, n], np.ones((SIDE, SIDE), np.float32)),
+            setup.transfer.basis,
+            groups=shares,
         )
-        pairs = [*_errors(square(column), true, seen)]
-        yield Estimates.of(name, count, *(np.stack(each) for each in zip(*pairs, strict=True)))
-
-
-def square(column: CoefficientImage) -> CoefficientImage:
-    """Return an image of one column as one of `SIDE` columns."""
-    layers = column.opacity_layers
-    assert layers is not None
-
-    def shaped(array: NDArray[np.float32]) -> NDArray[np.float32]:
-        return array.reshape(SIDE, SIDE, *array.shape[2:])
-
-    arrays = layers.tau, layers.shade, layers.gloss, layers.depth_mm
-    return replace(
-        column,
-        coefficients=shaped(column.coefficients),
-        alpha=shaped(column.alpha),
-        depth_mm=shaped(column.depth_mm),
-        opacity_layers=type(layers)(*map(shaped, arrays)),
-    )
+        for n in range(len(setup.scales))
+    ]
+    for count, stream in zip(COUNTS, streams, strict=True):
+        rows = stream.rows().reshape(SIDE, SIDE, count, -1)
+        layers = setup.layers_of(rows, setup.slots).as_stored()
+        image = replace(casts[unscaled], opacity_layers=layers)
+        pairs = [
+            _errors(image, cast, setup.by_name(scales), seen)
+            for n, (cast, scales) in enumerate(zip(casts, setup.scales, strict=True))
+            if n != unscaled
+        ]
+        title = name if not rig else f"{name}, {'lamp' if rig == 'one group' else rig}"
+        yield Estimates.of(title, count, *(np.stack(each) for each in zip(*pairs, strict=True)))
 
 
 def _errors(
-    image: CoefficientImage, true: tuple[Array, Array], seen: NDArray[np.bool_]
-) -> Iterator[tuple[Array, Array]]:
-    """Yield the true and estimated errors of covered pixels, combination by combination."""
-    assert isinstance(image.basis, MaterialBasis)
+    image: CoefficientImage,
+    cast: CoefficientImage,
+    opacities: dict[str, float],
+    seen: NDArray[np.bool_],
+) -> tuple[Array, Array]:
+    """Return the true and estimated errors of covered pixels."""
     D65 = light("D65")
-    for number, scales in enumerate(COMBINATIONS):
-        if (scales == 1).all():
-            continue
-        opacities = dict(zip(image.basis.materials, scales.tolist(), strict=True))
-        channels, through = (each[:, number] for each in true)
-        cast = replace(
-            image,
-            coefficients=channels.reshape(image.coefficients.shape).astype(np.float32),
-            alpha=(1 - through).reshape(image.alpha.shape).astype(np.float32),
-            opacity_layers=None,
-        )
-        off = difference_map(image.recompose(opacities), cast, D65, "exact", 0.0)
-        guess = error_map(image, D65, "exact", 0.0, against="cast", opacities=opacities)
-        yield off.delta_e[seen].astype(np.float64), guess.delta_e[seen].astype(np.float64)
+    off = difference_map(image.recompose(opacities), cast, D65, "exact", 0.0)
+    guess = error_map(image, D65, "exact", 0.0, against="cast", opacities=opacities)
+    return off.delta_e[seen].astype(np.float64), guess.delta_e[seen].astype(np.float64)
 
 
 HEADINGS = ("true", "estimated", "ratio, 10…90 %", "corr. means", "pixels", "within 2x", "visible")
@@ -161,14 +144,14 @@ HEADINGS = ("true", "estimated", "ratio, 10…90 %", "corr. means", "pixels", "w
 
 def table(found: list[Estimates]) -> str:
     """Return the figures as a table."""
-    lines = ["".ljust(14) + "".join(f"{each:>15s}" for each in HEADINGS)]
+    lines = ["".ljust(24) + "".join(f"{each:>15s}" for each in HEADINGS)]
     for row in found:
         cells = (
             *(f"{row.true:.3f}", f"{row.estimated:.3f}", f"{row.low:.2f} … {row.high:.2f}"),
             *(f"{row.means:.2f}", f"{row.pixels:.2f}"),
             *(f"{100 * row.within:.0f} %", f"{100 * row.within_visible:.0f} %"),
         )
-        name = f"{row.name}, {row.layers}".ljust(14)
+        name = f"{row.name}, {row.layers}".ljust(24)
         lines.append(name + "".join(f"{cell:>15s}" for cell in cells))
     return "\n".join(lines)
 
@@ -207,9 +190,9 @@ def files() -> str:
 def main() -> None:
     """Print the table and the sizes; with ``--keep``, write them to docs/layers.md."""
     found: list[Estimates] = []
-    for name in CASES:
+    for rig, name in itertools.product(RIGS, CASES):
         try:
-            found.extend(measured(name))
+            found.extend(measured(name, rig))
         except FileNotFoundError as error:
             print(f"{name}: left out: {error}", flush=True)
     text = f"{table(found)}\n\n{files()}"

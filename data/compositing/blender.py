@@ -97,10 +97,41 @@ def value(tree, y, name, at=0.0):
     return node.outputs[0]
 
 
+def grown(tree, x, y, cast):
+    """A shadow's parts of the shades and of the highlight, -1/b, and exp(b E) - 1 of each E."""
+    bend = math(tree, x, y, "MAXIMUM", cast["bend"], 1e-3)
+    found = []
+    for depth in cast["depth"]:
+        depth = math(tree, x, y - 30, "MULTIPLY", depth, bend)
+        depth = math(tree, x, y - 60, "MINIMUM", depth, 80.0)
+        depth = math(tree, x, y - 90, "EXPONENT", depth)
+        found.append(math(tree, x, y - 120, "SUBTRACT", depth, 1.0))
+    power = math(tree, x, y - 150, "DIVIDE", -1.0, bend)
+    return (cast["part"], cast["gloss"]), power, found
+
+
+def unshadowed(tree, x, y, casts, scales):
+    """What shadows leave of a group's shades and of its highlight, 1 - v + v p, or None."""
+    kept = [None, None]
+    for gain, (parts, power, depths) in casts:
+        total = 1.0
+        for k, depth in enumerate(depths):
+            factors = (depth, scales[k]) if scales else (depth, 1.0)
+            total = times_plus(tree, x, y, factors, total)
+        through = math(tree, x, y - 30, "POWER", total, power)
+        if gain != 1.0:
+            through = math(tree, x, y - 60, "MULTIPLY", through, gain)
+        through = math(tree, x, y - 90, "MINIMUM", through, 1.0)
+        lost = math(tree, x, y - 120, "SUBTRACT", through, 1.0)
+        for n, part in enumerate(parts):
+            kept[n] = times_plus(tree, x, y - 150, (part, lost), kept[n] or 1.0)
+    return kept
+
+
 def composited(tree, passes, scales, y):
     """Channels of each group and the opacity of layers, near to far, with scales or as cast."""
     left, sums = 1.0, {}
-    for layer, (taus, shades, glosses) in enumerate(passes):
+    for layer, (taus, shades, glosses, casts) in enumerate(passes):
         at = -2600 + 320 * layer
         if scales:
             pairs = zip(taus, scales, strict=True)
@@ -114,16 +145,21 @@ def composited(tree, passes, scales, y):
         seen = math(tree, at, y - 270, "SUBTRACT", left, behind)
         part = math(tree, at, y - 300, "MAXIMUM", total, 1e-12)
         part = math(tree, at, y - 330, "DIVIDE", seen, part)
-        own = [times_plus(tree, at, y - 360 - 30 * k, (part, tau)) for k, tau in enumerate(taus)]
         for group, shade in shades.items():
-            for k, factors in enumerate(zip((*own, seen), (*shade, glosses[group]), strict=True)):
+            parts = [part, seen]
+            for n, kept in enumerate(unshadowed(tree, at, y + 300, casts[group], scales)):
+                if kept is not None:
+                    parts[n] = times_plus(tree, at, y - 360, (parts[n], kept))
+            own = [times_plus(tree, at, y - 390, (parts[0], tau)) for tau in taus]
+            pairs = zip((*own, parts[1]), (*shade, glosses[group]), strict=True)
+            for k, factors in enumerate(pairs):
                 low = y - 480 - 30 * len(sums)
                 sums[group, k] = times_plus(tree, at, low, factors, sums.get((group, k)))
         left = behind
     return sums, math(tree, 0, y - 240, "SUBTRACT", 1.0, left)
 
 
-def recomposed(tree, image, recipe, count, own, alpha):
+def recomposed(tree, image, recipe, about, own, alpha):
     """Channels of each group and the opacity, with a Value node for each material's opacity.
 
     The difference of the picture and its layers is added, and fades until one is 1/4 or 4.
@@ -135,18 +171,32 @@ def recomposed(tree, image, recipe, count, own, alpha):
         scales.append(value(tree, y, f"opacity: {material}", 1.0))
         y += 100
     passes, plain = [], list(materials.values())
-    for layer in range(count):
-        nodes = {}
-        wanted = "tau", *(f"shade.{name}" for name in named.values()), "gloss"
-        for number, part in enumerate(wanted):
-            nodes[part] = node = new(tree, "Image", -3000, 300 * number - 1200 * layer, part)
-            node.image = image
-            node.layer = f"l{layer}.{part}"
+    gains = {"shadow": 1.0, "occlusion": 2.0}
+    for layer in range(about["count"]):
+        nodes, casts = {}, {group: [] for group in named}
+
+        def outputs(part, names, layer=layer, nodes=nodes):
+            """Passes of a part of a layer."""
+            if part not in nodes:
+                y = 300 * len(nodes) - 1200 * layer
+                nodes[part] = node = new(tree, "Image", -3000, y, part)
+                node.image = image
+                node.layer = f"l{layer}.{part}"
+            return [nodes[part].outputs[name] for name in names]
+
+        for kind, gain in gains.items():
+            for group in about.get(kind, ()):
+                name = named[group]
+                cast = {n: outputs(f"{kind}.{n}", [name])[0] for n in ("part", "gloss", "bend")}
+                cast["depth"] = outputs(f"{kind}.depth.{name}", plain)
+                at = -2800, -1200 * layer - 200 * len(casts[group])
+                casts[group].append((gain, grown(tree, *at, cast)))
         passes.append(
             (
-                [nodes["tau"].outputs[name] for name in plain],
-                {g: [nodes[f"shade.{n}"].outputs[p] for p in plain] for g, n in named.items()},
-                {group: nodes["gloss"].outputs[name] for group, name in named.items()},
+                outputs("tau", plain),
+                {group: outputs(f"shade.{name}", plain) for group, name in named.items()},
+                dict(zip(named, outputs("gloss", named.values()), strict=True)),
+                casts,
             )
         )
     far = 0.0
@@ -205,9 +255,9 @@ def build(path):
         node.layer = names[0].split(".")[0]
         for k, name in enumerate(names):
             channels[group, k] = node.outputs[name.split(".")[1]]
-    count = json.loads(header.get("volspec:layers", '{"count": 0}'))["count"]
-    if count and recipe.get("materials"):
-        channels, alpha = recomposed(tree, image, recipe, count, channels, alpha)
+    layers = json.loads(header.get("volspec:layers", '{"count": 0}'))
+    if layers["count"] and recipe.get("materials"):
+        channels, alpha = recomposed(tree, image, recipe, layers, channels, alpha)
     far = 1100 + 170 * max(map(len, recipe["channels"].values()))
     joined = new(tree, "CombineColor", far, 0)
     for colour, socket in zip(relit(tree, recipe, channels), joined.inputs, strict=False):

@@ -30,6 +30,7 @@ MATH: dict[str, Callable[..., Any]] = {
     "MULTIPLY": lambda a, b, _: a * b,
     "DIVIDE": lambda a, b, _: a / b,
     "MULTIPLY_ADD": lambda a, b, c: a * b + c,
+    "POWER": lambda a, b, _: np.power(a, b),
     "EXPONENT": lambda a, *_: np.exp(a),
     "LOGARITHM": lambda a, b, _: np.log(a) / np.log(b),
     "ABSOLUTE": lambda a, *_: np.abs(a),

@@ -42,8 +42,11 @@ def made(basis: Basis = GENERAL, kind: type = np.float32) -> CoefficientImage:
     )
 
 
-def layered(count: int = 3) -> CoefficientImage:
-    """Return two metals in layers, of which pixels use some, and a picture a little off."""
+def layered(count: int = 3, shadows: bool = False) -> CoefficientImage:
+    """Return two metals in layers, of which pixels use some, and a picture a little off.
+
+    With shadows the key has them, and the sky has both them and occlusion.
+    """
     rng, size = np.random.default_rng(3), (7, 12)
     tau = rng.exponential(0.4, (*size, count, 2)).astype(np.float16)
     used = np.arange(count) < rng.integers(0, count + 1, (*size, 1))
@@ -54,7 +57,16 @@ def layered(count: int = 3) -> CoefficientImage:
     gloss = rng.uniform(0, 0.2, (*size, count, 2)) * used[..., None]
     depth = np.where(used, np.arange(count) + 10.0, np.inf)
     arrays = (each.astype(np.float16) for each in (shade, gloss, depth))
-    layers = OpacityLayers(tau, *arrays).as_stored()
+    layers = OpacityLayers(tau, *arrays)
+    if shadows:
+        casts = np.zeros((2, *size, count, 2, 5), np.float32)
+        casts[..., :2] = rng.uniform(0.1, 0.5, (2, *size, count, 2, 2))
+        casts[..., 2] = rng.choice([1e-3, 0.3, 2.0], (2, *size, count, 2))
+        casts[..., 3:] = rng.exponential(0.5, (2, *size, count, 2, 2))
+        casts[1, ..., 0, :] = 0
+        casts[:, ~used] = 0
+        layers = dataclasses.replace(layers, shadow=casts[0], occlusion=casts[1])
+    layers = layers.as_stored()
     found = layers.recompose([1.0, 1.0])
     off = rng.uniform(0.97, 1.0, found.channels.shape).astype(np.float32)
     coefficients = (found.channels * off).reshape(*size, -1)

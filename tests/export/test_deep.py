@@ -53,17 +53,20 @@ def opened(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
 
 
 def over(channels: dict[str, NDArray[Any]], nearer_than: float = np.inf) -> dict[str, Any]:
-    """Flatten samples nearer than a distance by over, in order of Z."""
-    flat = {name: np.zeros(channels["A"].shape) for name in channels if name != "Z"}
+    """Flatten what is nearer than a distance by over, in order of Z; samples are slabs."""
+    flat = {name: np.zeros(channels["A"].shape) for name in channels if name[0] != "Z"}
     for at in np.ndindex(channels["A"].shape):
         through = 1.0
         if channels["Z"][at] is None:
             continue
         for sample in np.argsort(channels["Z"][at]):
-            if channels["Z"][at][sample] < nearer_than:
+            front, back, alpha = (float(channels[name][at][sample]) for name in ("Z", "ZBack", "A"))
+            if front < nearer_than:
+                part = min(1.0, (nearer_than - front) / max(back - front, 1e-9))
+                own = 1 - (1 - alpha) ** part
                 for name, pixels in flat.items():
-                    pixels[at] += through * float(channels[name][at][sample])
-                through *= 1 - float(channels["A"][at][sample])
+                    pixels[at] += through * own / alpha * float(channels[name][at][sample])
+                through *= 1 - own
     return flat
 
 
@@ -104,7 +107,7 @@ def test_another_library_flattens_them_alike(
 def test_a_card_in_the_middle_holds_out_what_is_behind_it(
     image: CoefficientImage, recipe: Recipe, tmp_path: Path
 ) -> None:
-    """OpenImageIO merges an opaque black card by depth; the samples in front of it are left."""
+    """OpenImageIO merges an opaque black card by depth, and cuts samples at it."""
     oiio = pytest.importorskip("OpenImageIO")
     save_deep(image, tmp_path / "deep.exr", recipe)
     channels = opened(tmp_path / "deep.exr")[1]
@@ -115,7 +118,8 @@ def test_a_card_in_the_middle_holds_out_what_is_behind_it(
     for y, x in np.ndindex(spec.height, spec.width):
         card.set_deep_samples(x, y, 0, 1)
         for channel, name in enumerate(spec.channelnames):
-            card.set_deep_value(x, y, 0, channel, 0, {"A": 1.0, "Z": at}.get(name, 0.0))
+            value = {"A": 1.0, "Z": at, "ZBack": at}.get(name, 0.0)
+            card.set_deep_value(x, y, 0, channel, 0, value)
     both = oiio.ImageBufAlgo.flatten(oiio.ImageBufAlgo.deep_merge(source, card))
     red = both.get_pixels()[..., both.spec().channelnames.index("R")]
     wanted = over(channels, nearer_than=at)["R"]
@@ -130,6 +134,9 @@ def test_samples_are_in_order_and_measured_from_the_camera_s_plane(
     pixel = np.arange(samples.counts.size).repeat(samples.counts.ravel())
     same = pixel[1:] == pixel[:-1]
     assert same.any() and (np.diff(samples.depth_mm)[same] > 0).all()
+    assert (samples.back_mm >= samples.depth_mm).all()
+    assert (samples.back_mm[:-1] <= samples.depth_mm[1:])[same].all()
+    assert (samples.back_mm > samples.depth_mm)[pixel == pixel[np.flatnonzero(same)[0]]].all()
     parallel = DeepSamples.of(replace(image, fov_deg=None))
     height = SIZE[1]
     y, x = np.divmod(pixel, SIZE[0])

@@ -14,7 +14,8 @@ from tests.support.errors import raises
 from tests.support.raycasts import along_z, cube
 from volspec.errors import ImageError, ViewingError
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import Camera, CoefficientImage, RaycastSpec
+from volspec.raycast import Camera, CoefficientImage, LightGroup, RaycastSpec
+from volspec.raycast.lights import Ambient, Directional, Headlight
 from volspec.relight import LightRig, difference_map, error_map
 from volspec.relight.error_map import opacity_error
 from volspec.spectra import light
@@ -38,24 +39,41 @@ def image(caster: Raycaster) -> CoefficientImage:
     return raycast(caster.volume, function(), camera, SIZE, spec, caster=caster)
 
 
-@pytest.mark.parametrize("scales", [(1, 0.3), (0, 1), (1, 0), (4, 1), (0.25, 4), (4, 4)])
-def test_estimates_are_of_the_size_of_true_errors(
-    caster: Raycaster, image: CoefficientImage, scales: tuple[float, float]
-) -> None:
-    """Measured: means of 0.4 to 1.6 of the true ones, and 76 to 100 % of the pixels within twice.
+STATES = (1, 0.3), (0, 1), (1, 0), (4, 1), (0.25, 4), (4, 4)
+LAMP = Directional((1.0, 0.75, 0.6), frame="camera", intensity=0.5, shadows=True)
+SHADED = (
+    LightGroup("key", (Headlight(0.5), LAMP)),
+    LightGroup("sky 2", (Ambient(occlusion=True),)),
+)
 
+
+@pytest.mark.parametrize(
+    ("layers", "groups"),
+    [(4, GROUPS), (8, GROUPS), (4, SHADED)],
+    ids=["4 layers", "8 layers", "with shadows"],
+)
+def test_a_mean_is_good_to_a_factor_of_two(
+    caster: Raycaster, layers: int, groups: tuple[LightGroup, ...]
+) -> None:
+    """Every estimate has a least error, 0.03, besides.
+
+    Measured: 0.58 to 1.9 of true means above that, and 88 to 94 % of all pixels within twice.
     `benchmarks.layer_estimate` has volumes.
     """
-    opacities = dict(zip(MATERIALS, scales, strict=True))
-    camera = Camera.orbit(caster.volume, azimuth_deg=30)
-    cast = caster.cast(scaled(caster.bake(function()), scales), camera, SIZE, SPEC)
-    true_image = replace(image, coefficients=cast.coefficients, alpha=cast.alpha)
-    true = difference_map(image.recompose(opacities), true_image, D65, *BLACK)
-    guess = error_map(image, D65, *BLACK, against="cast", opacities=opacities)
-    assert guess.compared == "layers against a cast, estimated"
-    seen = true.alpha > 0.05
-    assert 0.3 * true.mean < guess.mean < 2 * true.mean
-    assert (true.delta_e <= 2 * guess.delta_e)[seen].mean() > 0.7
+    camera, spec = Camera.orbit(caster.volume, azimuth_deg=30), replace(SPEC, groups=groups)
+    given = replace(spec, layers=layers)
+    image = raycast(caster.volume, function(), camera, SIZE, given, caster=caster)
+    within = []
+    for scales in STATES:
+        opacities = dict(zip(MATERIALS, scales, strict=True))
+        cast = caster.cast(scaled(caster.bake(function()), scales), camera, SIZE, spec)
+        true_image = replace(image, coefficients=cast.coefficients, alpha=cast.alpha)
+        true = difference_map(image.recompose(opacities), true_image, D65, *BLACK)
+        guess = error_map(image, D65, *BLACK, against="cast", opacities=opacities)
+        assert guess.compared == "layers against a cast, estimated"
+        assert 0.5 * true.mean < guess.mean < 2 * true.mean + 0.03
+        within.append((true.delta_e <= 2 * guess.delta_e)[true.alpha > 0.05])
+    assert np.concatenate(within).mean() > 0.8
 
 
 def test_a_body_of_one_kind_loses_nothing() -> None:

@@ -33,7 +33,8 @@ from volspec.errors import ImageError, ViewingError, quoted
 from volspec.export.exr import PRIMARIES
 from volspec.export.spectral import flat_white_scale
 from volspec.raycast import CoefficientImage
-from volspec.raycast.image_file import channel_names, plain_names
+from volspec.raycast.image_file import channel_names, plain_names, stored_slots
+from volspec.raycast.layered import Slot
 from volspec.raycast.spec import MAX_LAYERS
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
@@ -81,6 +82,7 @@ class Recipe:
     # Names in the file of a basis' materials, in the order of the channels.
     materials: Mapping[str, str] = field(default_factory=dict)
     layers: int = 0  # of opacity, in the file that the recipe was read from
+    shadows: tuple[Slot, ...] = ()  # of these layers
 
     def __post_init__(self) -> None:
         if not self.lights:
@@ -178,9 +180,10 @@ class Recipe:
             }
             channels = {g: tuple(names) for g, names in data["channels"].items()}
             materials = dict(data.get("materials", {}))
-            count = parse_json(header.get("volspec:layers", '{"count": 0}'))["count"]
-            layers = min(int(count), MAX_LAYERS) if materials else 0
-            return cls(channels, lights, data["mode"], materials, layers)
+            about = parse_json(header.get("volspec:layers", '{"count": 0}'))
+            layers = min(int(about["count"]), MAX_LAYERS) if materials else 0
+            shadows = stored_slots(about, channels) if layers else ()
+            return cls(channels, lights, data["mode"], materials, layers, tuple(shadows))
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise ImageError(
                 f"{name}: volspec:{_JSON} cannot be read ({error}); write it again by "

@@ -2,11 +2,12 @@
 
     CoefficientImage with layers, lights -> [deep] -> FILE.exr -> Nuke, OpenImageIO, …
 
-A used layer of a pixel is a deep sample, near to far: ``Z``, ``A``, ``R``, ``G`` and ``B`` under
-the first light, and the coefficients ``key.c00.V``, …, all premultiplied by the sample's own ``A``.
-Samples are points, as layers store a mean distance and no extent. Flattened by over they are the
-recomposed picture: what both differ by, the residual at scale 1 included, is spread over a pixel's
-samples in proportion, and a ray that ended early has no samples behind its end.
+A used layer of a pixel is a deep sample, near to far: ``Z``, ``ZBack``, ``A``, ``R``, ``G`` and
+``B`` under the first light, and the coefficients ``key.c00.V``, …, all premultiplied by the
+sample's own ``A``. Samples are slabs, as those of `volspec.raycast.depth`, that do not overlap.
+Flattened by over they are the recomposed picture: what both differ by, the residual at scale 1
+included, is spread over a pixel's samples in proportion, and a ray that ended early has no samples
+behind its end.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from volspec.errors import ImageError
 from volspec.export.compositing import Recipe
 from volspec.export.exr import PRIMARIES
 from volspec.raycast import CoefficientImage
+from volspec.raycast.depth import extents
 from volspec.raycast.image_file import channel_names
 from volspec.raycast.layered import checked_scales
 
@@ -42,6 +44,8 @@ class DeepSamples:
     """(H, W) samples of each pixel."""
     depth_mm: NDArray[np.float32]
     """(N,) distance from the camera's plane; along the ray if the field of view is unknown."""
+    back_mm: NDArray[np.float32]
+    """(N,) where they end, likewise."""
     alpha: NDArray[np.float32]
     """(N,) opacity of each sample by itself."""
     coefficients: NDArray[np.float32]
@@ -83,12 +87,24 @@ class DeepSamples:
         channels = picture.coefficients.reshape(found.shape)
         ratio = np.divide(channels, found, out=np.ones(found.shape), where=found > 0)
         own *= ratio.clip(0, _MOST_CHANGE)[pixel]
-        depth_mm = (layers.depth_mm.astype(np.float32) * _ray_cosines(image)[..., None])[used]
+        begin, width = extents(
+            layers.tau.astype(np.float32).sum(axis=-1).reshape(-1, layers.count),
+            layers.depth_mm.astype(np.float32).reshape(-1, layers.count),
+        )
+        cosines = np.broadcast_to(_ray_cosines(image)[..., None], used.shape)[used]
+        front_mm, back_mm = (
+            each.reshape(used.shape)[used] * cosines for each in (begin, begin + width)
+        )
         seen = alpha > _CLEAR
         counts = np.bincount(pixel[seen], minlength=whole.size).reshape(picture.alpha.shape)
+        front_mm, pixel = _rising(front_mm[seen], pixel[seen]), pixel[seen]
+        last = np.r_[pixel[1:] != pixel[:-1], True][: len(pixel)]
+        following = np.where(last, np.inf, np.r_[front_mm[1:], np.inf][: len(pixel)])
+        back_mm = np.maximum(front_mm, np.minimum(back_mm[seen], following))
         return cls(
             counts,
-            _rising(depth_mm[seen], pixel[seen]),
+            front_mm,
+            back_mm.astype(np.float32),
             alpha[seen].astype(np.float32),
             own[seen].astype(np.float32),
         )
@@ -125,6 +141,7 @@ def save_deep(
         "A": to_half(samples.alpha),
         **dict(zip(names, to_half(samples.coefficients).T, strict=True)),
         "Z": samples.depth_mm,
+        "ZBack": samples.back_mm,
     }
     space = PRIMARIES["Rec. 709"]
     header: dict[str, Any] = {f"volspec:{name}": text for name, text in recipe.texts().items()}

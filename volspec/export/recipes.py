@@ -9,14 +9,18 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
+from typing import NamedTuple, Self
 
 from volspec._exr import read_exr
 from volspec._files import write_whole
 from volspec._gpu.sources import asset
 from volspec.errors import ImageError, visible
 from volspec.export.compositing import Recipe
-from volspec.raycast.image_file import layer_names
+from volspec.raycast.image_file import CASTS, layer_names
+from volspec.raycast.layered import BEND, MOST_EXPONENT, Slot
+from volspec.raycast.lights import OCCLUSION_GAIN
 
 SUFFIXES = (".py", ".nk")
 _DIGITS = 9  # significant digits in expressions, as in a header
@@ -61,7 +65,8 @@ def nuke_group(recipe: Recipe, image: Path) -> str:
     """Return nodes to paste: the image, and a group with one knob per light weight.
 
     The format is that of Nuke's scripts; an Expression node sums the lights. If the image has
-    layers of opacity, each material has a knob, and each layer a further node.
+    layers of opacity, each material has a knob, and each layer a further node; with shadows, two
+    nodes for each light group.
     """
     weights = list(_weights(recipe))
     knobs = [
@@ -151,11 +156,19 @@ def _layer_nodes(
     mixed = _mixed(recipe, weights)
     in_front: tuple[list[str], list[str]] = [], []
     for layer in range(recipe.layers):
-        names = [_nuke_name(name) for name in layer_names(layer, materials, groups)]
-        K = len(materials)
-        tau, shade, gloss = names[:K], names[K : K + K * len(groups)], names[-1 - len(groups) : -1]
+        names = [*map(_nuke_name, layer_names(layer, materials, groups, recipe.shadows))]
+        K, G = len(materials), len(groups)
+        tau, shade, gloss = names[:K], names[K : K + K * G], names[K + K * G :][:G]
         scaled = [f"{knob}*{name}" for knob, name in zip(knobs, tau, strict=True)]
         seen = [_seen(before, own) for before, own in zip(in_front, (scaled, tau), strict=True)]
+        for before, own in zip(in_front, (scaled, tau), strict=True):
+            before += own
+        if recipe.shadows:
+            layered = _Shaded.of(names, recipe)
+            yield from layered.nodes(f"layer{layer}", "+", seen[0], knobs, mixed)
+            was_seen = f"{kept}*({seen[1]})"
+            yield from layered.nodes(f"layer{layer}_as_cast", "-", was_seen, ["1"] * K, mixed)
+            continue
         variables = {
             "seen": seen[0],
             "part": f"({seen[0]})/max({'+'.join(scaled)},1e-12)",
@@ -179,9 +192,68 @@ def _layer_nodes(
             )
             rows.append("+".join([*terms, f"(seen-was_seen)*({lit})"]))
         yield from _expression_node(f"layer{layer}", [*rows, "a+seen-was_seen"], variables)
-        for before, own in zip(in_front, (scaled, tau), strict=True):
-            before += own
     yield from _expression_node("recomposed", ["r", "g", "b", "min(max(a,0),1)"])
+
+
+class _Shaded(NamedTuple):
+    """Channels of a layer with shadows: of materials, of light groups, and by `Slot`."""
+
+    tau: list[str]
+    shade: dict[str, list[str]]
+    gloss: dict[str, str]
+    shadows: dict[Slot, list[str]]
+
+    @classmethod
+    def of(cls, names: Sequence[str], recipe: Recipe) -> Self:
+        """Return the channels of names in the order of `layer_names`."""
+        rest, K = iter(names), len(recipe.materials)
+        tau, *shades = ([*islice(rest, K)] for _ in range(1 + len(recipe.channels)))
+        shade = dict(zip(recipe.channels, shades, strict=True))
+        gloss = {group: next(rest) for group in recipe.channels}
+        return cls(tau, shade, gloss, {slot: [*islice(rest, 3 + K)] for slot in recipe.shadows})
+
+    def nodes(
+        self,
+        name: str,
+        sign: str,
+        seen: str,
+        scales: Sequence[str],
+        mixed: Sequence[Mapping[str, Sequence[str]]],
+    ) -> Iterator[str]:
+        """Yield the lines of a node for each group, which adds or subtracts what is seen of it."""
+        scaled = [f"{scale}*{tau}" for scale, tau in zip(scales, self.tau, strict=True)]
+        part = f"({seen})/max({'+'.join(scaled)},1e-12)"
+        for number, (group, shade) in enumerate(self.shade.items()):
+            variables, kept = {"seen": seen, "part": part}, ["1", "1"]
+            for (of_group, occluded), (part_lit, part_gloss, bend, *depths) in self.shadows.items():
+                if of_group == number:
+                    cast = CASTS[occluded]
+                    variables[cast] = _lost(bend, depths, scales, occluded)
+                    parts = zip(kept, (part_lit, part_gloss), strict=True)
+                    kept = [f"{left}-{each}*{cast}" for left, each in parts]
+            rows = []
+            for colour, factors in zip("rgb", mixed, strict=True):
+                if group not in factors:  # unlit
+                    rows.append(colour)
+                    continue
+                *reflected, white = factors[group]
+                terms = zip(scaled, reflected, shade, strict=True)
+                lit = "+".join("*".join(term) for term in terms)
+                bright = f"{white}*{self.gloss[group]}"
+                rows.append(
+                    f"{colour}{sign}part*({lit})*({kept[0]}){sign}seen*{bright}*({kept[1]})"
+                )
+            alpha = "a" if number else f"a{sign}seen"
+            yield from _expression_node(f"{name}_group{number}", [*rows, alpha], variables)
+
+
+def _lost(bend: str, depths: Sequence[str], scales: Sequence[str], occluded: bool) -> str:
+    """Return the expression of the light that shadows or occlusion take, as `transmittance`."""
+    bend = f"max({bend},{BEND[0]:g})"
+    terms = zip(scales, depths, strict=True)
+    grown = "+".join(f"{s}*(exp(min({bend}*{E},{MOST_EXPONENT:g}))-1)" for s, E in terms)
+    gain = OCCLUSION_GAIN if occluded else 1
+    return f"1-min(1,{gain:g}*exp(-log(1+{grown})/{bend}))"
 
 
 def _mixed(recipe: Recipe, weights: Sequence[tuple[str, str]]) -> list[dict[str, list[str]]]:

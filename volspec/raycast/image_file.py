@@ -326,12 +326,7 @@ def _read_layers(
         count = int(about["count"])
         if not (isinstance(basis, MaterialBasis) and 1 <= count <= MAX_LAYERS):
             raise ValueError(f"{count} layers, basis {basis.name!r}")
-        numbers = {group: number for number, group in enumerate(groups)}
-        slots = sorted(
-            (numbers[group], occluded)
-            for occluded, cast in ((False, "shadow"), (True, "occlusion"))
-            for group in (about[cast] if version > 1 else ())
-        )
+        slots = stored_slots(about, groups)
     materials, lights = len(basis.materials), len(groups)
     parts = []
     for k in range(count):
@@ -346,6 +341,16 @@ def _read_layers(
         )
     with _refusing(f"{name}: its layers of opacity are refused"):
         return OpacityLayers.of_numbers(rows.astype(np.float16), materials, lights, slots)
+
+
+def stored_slots(about: Mapping[str, Any], groups: Iterable[str]) -> list[Slot]:
+    """Return the groups with shadows or occlusion of a header's ``volspec:layers``."""
+    numbers = {group: number for number, group in enumerate(groups)}
+    return sorted(
+        (numbers[group], bool(occluded))
+        for occluded, cast in enumerate(CASTS)
+        for group in (about[cast] if about["version"] > 1 else ())
+    )
 
 
 def _stacked(name: str, pixels: Channels, wanted: Iterable[str]) -> NDArray[Any]:

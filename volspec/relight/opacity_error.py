@@ -2,23 +2,31 @@
 
     CoefficientImage with layers + scales + light -> [opacity_error] -> XYZ by which a pixel is off
 
-What a layer lost can only be guessed, as its samples are gone. Two guesses, both per layer and
-measured against casts (`python -m benchmarks.layers --estimate`):
+What a layer lost can only be guessed, as its samples are gone. The guesses, each measured against
+casts (`python -m benchmarks.layer_estimate`):
 
 - **Order.** A layer counts its materials as mixed. If one lay in front of the other, it would be
   seen more: the difference bounds the error.
 - **Neighbours.** Two layers that are merged, by the rule of `LayerStream`, change the picture; the
   layers' own samples were merged in the same way.
+- **Highlights.** A layer has one number for all its materials. If they share the layer differently
+  than at scale 1, the highlight may be any up to the brightest of the ray.
+- **Shadows** and occlusion that other opacities change are wrong by a part of the change.
 
 As the lightest are merged, no part of a layer that was is heavier than the lightest neighbours are
-now: a heavier layer is mostly a single sample, and the guesses are reduced by the ratio of masses.
+now: a heavier layer is mostly a single sample. With r, the ratio of both masses, order and
+highlights change by r², as a product of two parts, and neighbours by r³, as their difference is
+smaller too. With shadows layers also end where light changes, which their masses do not show;
+parts are then taken for `_SHADED` mean masses at least.
+
 Transmittances are exact in front of each layer, whatever is merged, so the errors of layers add,
-and as their signs are unknown, their squares do.
+and as their signs are unknown, their squares do; those of occlusion add in a pixel.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -32,9 +40,10 @@ if TYPE_CHECKING:
 
 Pixels = NDArray[np.float32]
 
-_PART, _LEAST = 0.38, 0.03
-"""Part of the guesses that is lost on average, and the least error, CIEDE2000: calibrated with the
-benchmark's volumes."""
+_MERGED, _GLOSS, _SHADOW, _OCCLUSION, _LEAST = 0.45, 0.3, 0.1, 0.3, 0.03
+"""Parts of the guesses that are lost on average, and the least error, CIEDE2000: calibrated with
+the benchmark's volumes."""
+_SHADED = 1.5  # mean masses of a layer
 
 
 class _Lit(NamedTuple):
@@ -95,20 +104,27 @@ def opacity_deviation(
 
     The sign is that of the greatest guess. ``XYZ_from_channels`` is that of an `Illumination`.
     """
+    shaded = layers.shadow is not None or layers.occlusion is not None
     lit = _Lit.of(layers.lit(scales), XYZ_from_channels)
-    merging = _merging(lit.tau)
-    guesses = _guesses(lit.scaled(scales), lit.in_pairs().scaled(scales), *merging)
+    merging = _merging(lit.tau, _SHADED if shaded else 0)
+    guesses = _guesses(lit, scales, *merging)
     fade = residual_share(scales)
     if fade > 0:  # the error at scale 1 is known, and removed
-        as_cast = _Lit.of(layers.lit([1.0] * len(scales)), XYZ_from_channels)
-        guesses -= np.float32(fade) * _guesses(as_cast, as_cast.in_pairs(), *merging)
+        ones = [1.0] * len(scales)
+        as_cast = _Lit.of(layers.lit(ones), XYZ_from_channels)
+        guesses -= np.float32(fade) * _guesses(as_cast, ones, *merging)
+    changes = _shadow_changes(layers, scales, XYZ_from_channels)
+    guesses = np.concatenate([guesses, *changes], axis=1)
     greatest = np.abs(guesses[1]).argmax(axis=0)
     sign = np.sign(np.take_along_axis(guesses, greatest[None, None], axis=1)[:, 0])
-    return (_PART * sign * np.sqrt(np.square(guesses).sum(axis=1))).T
+    return (sign * np.sqrt(np.square(guesses).sum(axis=1))).T
 
 
-def _merging(tau: Pixels) -> tuple[Pixels, Pixels]:
-    """Return the mass of the lightest neighbours by that of each layer and pair, 1 at most."""
+def _merging(tau: Pixels, mean_masses: float) -> tuple[Pixels, Pixels]:
+    """Return the mass of the greatest merged part by that of each layer and pair, 1 at most.
+
+    That is the mass of the lightest neighbours, or some mean masses of a layer.
+    """
     seen = np.cumsum(tau, axis=1)
     quarter = np.exp(-0.25 * seen)  # the scales of `visibility`: 1/4, 1 and 4
     one = np.square(np.square(quarter))
@@ -117,27 +133,62 @@ def _merging(tau: Pixels) -> tuple[Pixels, Pixels]:
     mass = np.diff(total, axis=0, prepend=0)
     pairs = mass[:-1] + mass[1:]
     lightest = np.where(mass[1:] > 0, pairs, np.inf).min(axis=0, initial=np.inf)
-    layers, both = (np.minimum(1, lightest / np.maximum(each, 1e-9)) for each in (mass, pairs))
+    mean = total[-1] / np.maximum(1, (mass > 0).sum(axis=0))
+    part = np.maximum(lightest, mean_masses * mean)
+    layers, both = (np.minimum(1, part / np.maximum(each, 1e-9)) for each in (mass, pairs))
     return layers, both
 
 
-def _guesses(lit: _Lit, merged: _Lit, layers: Pixels, pairs: Pixels) -> Pixels:
-    """Return (3, guesses, P): XYZ by which a pixel is off if layers and pairs lost these parts."""
-    XYZ, through = lit.seen()
-    front = np.ones_like(through)
-    np.cumprod(through[:-1], axis=0, out=front[1:])
-    found = [pairs * front[:-1] * (merged.seen()[0] - XYZ[:, :-1] - through[:-1] * XYZ[:, 1:])]
-    total = lit.tau.sum(axis=0)
-    for one, other in combinations(range(len(lit.tau)), 2):
-        a, b = lit.tau[one], lit.tau[other]
+def _guesses(lit: _Lit, scales: Sequence[float], layers: Pixels, pairs: Pixels) -> Pixels:
+    """Return (3, guesses, P): XYZ by which a pixel is off, of layers and pairs with such parts."""
+    scaled, merged = lit.scaled(scales), lit.in_pairs().scaled(scales)
+    XYZ, through = scaled.seen()
+    front = _in_front(through)
+    alone = XYZ[:, :-1] + through[:-1] * XYZ[:, 1:]
+    found = [_MERGED * pairs**3 * front[:-1] * (merged.seen()[0] - alone)]
+    parts = np.square(layers) * front
+    total = scaled.tau.sum(axis=0)
+    for one, other in combinations(range(len(scaled.tau)), 2):
+        a, b = scaled.tau[one], scaled.tau[other]
         both = a + b
         mixed = a * -np.expm1(-both) / np.maximum(both, 1e-12)
         in_front = -np.expm1(-a)
         more = np.maximum(in_front - mixed, mixed - np.exp(-b) * in_front)
         # The layer's other materials are in front of these half of the time.
-        more *= layers * front * np.exp(-0.5 * (total - both))
+        more *= _MERGED * parts * np.exp(-0.5 * (total - both))
         found.append(more * (lit.colours[one] - lit.colours[other]))
+    shares, before = (tau / np.maximum(tau.sum(axis=0), 1e-12) for tau in (scaled.tau, lit.tau))
+    moved = 0.5 * np.abs(shares - before).sum(axis=0)
+    found.append(_GLOSS * parts * (1 - through) * moved * lit.gloss.max(axis=1, keepdims=True))
     return np.concatenate(found, axis=1)
+
+
+def _shadow_changes(
+    layers: OpacityLayers, scales: Sequence[float], XYZ_from_channels: NDArray[Any]
+) -> list[Pixels]:
+    """Return (3, …, P) parts of the changes by shadows, layer by layer, and by occlusion, added."""
+    found = []
+    for part, own in (
+        (_SHADOW, replace(layers, occlusion=None)),
+        (_OCCLUSION, replace(layers, shadow=None)),
+    ):
+        if own.shadow is None and own.occlusion is None:
+            continue
+        now, as_cast = (
+            _Lit.of(own.lit(each), XYZ_from_channels).scaled(scales).seen()
+            for each in (scales, [1.0] * len(scales))
+        )
+        change = part * _in_front(now[1]) * (now[0] - as_cast[0])
+        added = own.occlusion is not None
+        found.append(change.sum(axis=1, keepdims=True) if added else change)
+    return found
+
+
+def _in_front(through: Pixels) -> Pixels:
+    """Return the transmittance in front of each layer, of transmittances (L, P)."""
+    front = np.ones_like(through)
+    np.cumprod(through[:-1], axis=0, out=front[1:])
+    return front
 
 
 def with_neighbours(delta_e: Pixels, seen: NDArray[np.bool_]) -> Pixels:
