@@ -242,7 +242,8 @@ def test_an_address_brings_opacities_back_and_rubbish_none(
     page.until("location.hash.includes('a.opacity=')")
     again = unpacked(opened(file, page.page.evaluate("location.hash")))
     assert shown_scale(again, 0) == pytest.approx(scale, rel=1e-5)
-    np.testing.assert_array_equal(again.picture(), page.picture())
+    # An address has six digits of a scale.
+    np.testing.assert_allclose(again.picture(), page.picture().astype(float), atol=1)
     for rubbish in ("-1,1", "1", "1,NaN", "1e9,1"):
         again.show(**{"a.opacity": rubbish})
         assert [shown_scale(again, i) for i in (0, 1)] == [1, 1]

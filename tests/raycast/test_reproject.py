@@ -15,6 +15,7 @@ from tests.support.raycasts import along_z, cube, turned
 from volspec.errors import ImageError, RaycastError, VolspecWarning
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Ambient, Camera, CoefficientImage, LightGroup, RaycastSpec
+from volspec.raycast.depth import DepthEffects, fog_behind, layers_in_depth
 from volspec.raycast.reproject import Reprojector, reproject
 from volspec.relight import relight
 from volspec.relight.stereo import Stereo, expected_depth_mm
@@ -228,3 +229,29 @@ def test_anaglyphs_are_mixed_in_linear_light(image: CoefficientImage) -> None:
     assert Stereo("anaglyph").combine(red, black)[0, 0].tolist() == [177, 0, 0]
     frames = [relight(eye, light("D65")) for eye in Stereo("anaglyph").views(image)]
     assert Stereo("anaglyph").combine(*frames).shape == (SIZE[1], SIZE[0], 3)
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.3])
+def test_cuts_and_fog_of_views_are_those_of_the_picture(
+    image: CoefficientImage, scale: float
+) -> None:
+    """Layers that are cut and in fog are composited to what `recompose` makes of them."""
+    middle = expected_depth_mm(image)
+    effects = DepthEffects(near_mm=middle - 2, far_mm=middle + 9, fog_mm=3 * middle, fog_white=0.7)
+    changed = layers_in_depth(image, [scale, 1.0], effects)
+    assert changed.opacity_layers is not None
+    sums = changed.opacity_layers.recompose([scale, 1.0])
+    bare = replace(
+        image,
+        coefficients=sums.channels.reshape(image.coefficients.shape).astype(np.float32),
+        alpha=sums.alpha.astype(np.float32),
+    )
+    made, wanted = fog_behind(bare, effects), image.recompose({"copper": scale}, effects)
+    assert np.abs(made.alpha - wanted.alpha).max() < 2e-3
+    assert np.abs(made.coefficients - wanted.coefficients).max() < 2e-3
+    assert rms(made, replace(image, coefficients=wanted.coefficients)) < 1e-4
+    left, right = Stereo(eyes_deg=0.01).views(image, {"copper": scale}, effects)
+    for view in (left, right):
+        assert rms(view, wanted) < 1e-4
+    with raises(ImageError, "unsupported"):
+        Stereo().views(image, {}, DepthEffects(focus_mm=30))

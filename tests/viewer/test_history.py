@@ -197,8 +197,9 @@ _ODD |= dict.fromkeys(("transfer-labels", "labels-show", "labels-hide", "labels-
 _ODD |= {"projection-composite": None, "quality-balanced": None, "measure-remove": None}
 _ODD |= {"transfer-points": None, "palette-light": "cast", "palette-restart": None}
 _ODD |= dict.fromkeys(("palette-forget", "palette-own"), "relight")
-# There is no room, and opacities are as they were.
+# There is no room, opacities are as they were, and layers have no meshes.
 _ODD |= dict.fromkeys(("panel-room", "reset-paints", "opacities-reset"))
+_ODD |= dict.fromkeys(("stereo-anaglyph", "stereo-side-by-side"))
 
 
 def test_actions_cost_what_their_menus_say(cut: ViewState) -> None:

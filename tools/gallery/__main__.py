@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from tools.gallery import fields, light, matter, page, rays, studio
+from tools.gallery import fields, layers, light, matter, page, rays, studio
 from tools.gallery.studio import READERS, ROOT, Feature
 
 FOLDER = ROOT / "docs" / "gallery"
@@ -26,11 +26,20 @@ FEATURES = (
     Feature("PET in CT", fields.pet_in_ct),
     Feature("A segmentation over its CT", fields.organs_in_ct),
 )
+LAYERS = (
+    Feature("An engine's block", layers.engine_block),
+    Feature("Skin and flesh", layers.skin_and_flesh),
+)
+PAGES = (
+    page.Page("raycast.md", FEATURES, page.TOP, studio, page.CREDITS),
+    page.Page("layers.md", LAYERS, page.LAYERS_TOP, layers),
+)
 
 
 def main() -> None:
-    """Make the pictures whose volumes are available, then the page."""
-    names = [feature.name for feature in FEATURES]
+    """Make the pictures whose volumes are available, then the pages."""
+    features = (*FEATURES, *LAYERS)
+    names = [feature.name for feature in features]
     parser = argparse.ArgumentParser(prog="python -m tools.gallery", description=__doc__)
     parser.add_argument("--only", choices=names, nargs="+", default=names, metavar="NAME")
     parser.add_argument("--draft", type=Path, metavar="FOLDER", help="small pictures, elsewhere")
@@ -39,10 +48,11 @@ def main() -> None:
         studio.SIZE = (800, 600)
     folder = options.draft or FOLDER
     folder.mkdir(parents=True, exist_ok=True)
-    for feature in FEATURES:
+    for feature in features:
         if feature.name in options.only:
             remake(feature, folder)
-    page.write(FEATURES, folder)
+    for each in PAGES:
+        page.write(each, folder)
 
 
 def remake(feature: Feature, folder: Path) -> None:

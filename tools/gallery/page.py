@@ -1,4 +1,4 @@
-"""Save the pictures, and write their page from the features' own captions and code."""
+"""Save the pictures, and write their pages from the features' own captions and code."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ import json
 import os
 import textwrap
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from PIL import Image
@@ -21,7 +23,7 @@ _BYTES, _QUALITY = 250_000, 88
 _ROW = 3  # pictures per row
 _CASTS = "casts.json"
 
-_TOP = """# Gallery
+TOP = """# Gallery
 
 Every picture, its caption and the code under it are made by one command, `python -m tools.gallery`
 (`--only NAME` makes one section). The code is the very code that ran; `cast`, `show` and the lamps
@@ -34,7 +36,24 @@ command says so and leaves their pictures as they are. [Credits](#credits).
 Times are of whole casts, lamps included, on {device}.
 """
 
-_CREDITS = """
+LAYERS_TOP = """# Layers of opacity
+
+One cast with 8 [layers](../layers.md) in six states of opacity, above six new casts of the same
+opacities. The figures are their difference: CIEDE2000 of the two pictures as they are here, for an
+adapted eye; mean, and what 99 % of the pixels that either covers stay below. The key light casts
+shadows, which fade with their material. Lights need no cast, either: the upper three are in
+daylight, in the lower three the key is tungsten, and the rest a blue sky.
+
+All casts take steps of half a voxel, and their rays do not end early, so that a pair differs by its
+layers alone. The code is the very code that ran, `python -m tools.gallery --only engine-block
+skin-and-flesh`; `pairs` and the lamps are [at the end](#shared-by-all), the rest is in the
+[gallery](raycast.md#shared-by-all). The engine ships, the foot does not:
+[credits](raycast.md#credits).
+
+Times are of whole casts, lamps included, on {device}; the first is of the cast with layers.
+"""
+
+CREDITS = """
 ## Credits
 
 | volume | from |
@@ -48,6 +67,17 @@ _CREDITS = """
 
 Materials and their licences are in [data/README.md](../../data/README.md).
 """
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A page: its file, sections, first words, the module of shared code, and last words."""
+
+    file: str
+    features: Sequence[Feature]
+    top: str
+    shared: ModuleType
+    bottom: str = ""
 
 
 def save(feature: Feature, pictures: dict[str, Picture], folder: Path) -> str:
@@ -69,15 +99,15 @@ def save(feature: Feature, pictures: dict[str, Picture], folder: Path) -> str:
     return f"{seconds} s, {[round(size / 1000) for size in sizes]} kB"
 
 
-def write(features: Sequence[Feature], folder: Path) -> None:
-    """Write the page, with all sections that have pictures."""
+def write(page: Page, folder: Path) -> None:
+    """Write a page, with all sections that have pictures."""
     casts = _casts(folder)
-    made = [feature for feature in features if feature.name in casts]
+    made = [feature for feature in page.features if feature.name in casts]
     devices = sorted({casts[feature.name]["device"] for feature in made})
-    parts = [_TOP.format(device=" or ".join(devices))]
+    parts = [page.top.format(device=" or ".join(devices))]
     parts += [_section(feature, casts[feature.name]) for feature in made]
-    parts += [_shared(), _CREDITS]
-    (folder / "raycast.md").write_text("".join(parts))
+    parts += [_shared(page.shared), page.bottom]
+    (folder / page.file).write_text("".join(parts))
 
 
 def _casts(folder: Path) -> dict[str, Any]:
@@ -116,17 +146,21 @@ def _section(feature: Feature, casts: dict[str, Any]) -> str:
 
 
 def _pictures(feature: Feature, labels: list[str]) -> str:
+    """Return tables of pictures; a second line of a label is below its picture."""
+    heads, notes = zip(*(label.partition("\n")[::2] for label in labels), strict=True)
     shown = [
-        f"![{feature.title}{': ' + label if label else ''}]({file})"
-        for label, file in zip(labels, _files(feature, labels), strict=True)
+        f"![{feature.title}{': ' + head if head else ''}]({file})"
+        for head, file in zip(heads, _files(feature, labels), strict=True)
     ]
     if len(labels) == 1:
         return f"{shown[0]}\n"
     row = 2 if len(labels) == 4 else _ROW
     tables = []
     for i in range(0, len(labels), row):
-        cells = labels[i : i + row], ["---"] * len(labels[i : i + row]), shown[i : i + row]
-        tables.append("".join(f"| {' | '.join(line)} |\n" for line in cells))
+        part = slice(i, i + row)
+        lines = [heads[part], ["---"] * len(heads[part]), shown[part]]
+        lines += [notes[part]] if any(notes) else []
+        tables.append("".join(f"| {' | '.join(line)} |\n" for line in lines))
     return "\n".join(tables)
 
 
@@ -139,17 +173,15 @@ def _body(function: Any) -> str:
     return textwrap.dedent("".join(source.splitlines(keepends=True)[first - 1 :]))
 
 
-def _shared() -> str:
-    """Return the section with the code that all pictures share."""
-    source = inspect.getsource(studio)
-    wanted = {"BASIS", "KEY", "FILL", "SKY", "STUDIO"}
-    lamps = [
-        ast.get_source_segment(source, node) or ""
-        for node in ast.parse(source).body
-        if isinstance(node, ast.Assign)
-        and isinstance(node.targets[0], ast.Name)
-        and node.targets[0].id in wanted
-    ]
-    helpers = (studio.materials, studio.cast, studio.show)
-    code = "\n\n\n".join(["\n".join(lamps), *(inspect.getsource(h).rstrip() for h in helpers)])
+def _shared(module: ModuleType) -> str:
+    """Return the section with the code that all pictures of a page share: a module's `SHARED`."""
+    source = inspect.getsource(module)
+    constants, functions = [], []
+    for node in ast.parse(source).body:
+        segment = ast.get_source_segment(source, node) or ""
+        if isinstance(node, ast.FunctionDef) and node.name in module.SHARED:
+            functions.append(segment)
+        elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) in module.SHARED:
+            constants.append(segment)
+    code = "\n\n\n".join(["\n".join(constants), *functions])
     return f"\n## Shared by all\n\n```python\n{code}\n```\n"

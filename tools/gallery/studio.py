@@ -19,6 +19,7 @@ from volspec.pipeline import Raycaster
 
 Picture = NDArray[np.uint8]
 SIZE = (1600, 1200)  # cast; a picture has half of it
+SHARED = ("BASIS", "KEY", "FILL", "SKY", "STUDIO", "materials", "cast", "show")  # printed
 
 BASIS = vs.SpectralBasis.load("general-7")
 KEY = vs.LightGroup("key", (vs.Directional((-1, 1.2, 1), frame="camera", shadows=True),))

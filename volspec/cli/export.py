@@ -46,7 +46,7 @@ from volspec.cli.shell import (
     note_everyday,
     say,
 )
-from volspec.cli.viewing import HDR_OPTIONS, HdrOptions, in_options
+from volspec.cli.viewing import HDR_OPTIONS, HdrOptions, StereoOptions, in_options
 from volspec.errors import ImageError, InputError, nearest
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 _Strict = Parameter(converter=as_written)
 _Whole = Annotated[int | None, _Strict]
 _Number = Annotated[float | None, _Strict]
-_HDR = HdrOptions()
+_HDR, _STEREO = HdrOptions(), StereoOptions()
 # The name of all lights of a scene, or of all marks, together.
 _ALL = "all"
 
@@ -84,6 +84,7 @@ def export(
     spectral: Annotated[bool, Parameter(negative="")] = False,
     transparent: Annotated[bool, Parameter(negative="")] = False,
     annotate: Annotated[list[str] | None, Parameter(negative="")] = None,
+    stereo: StereoOptions = _STEREO,
     fps: _Number = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     device: Device = None,
@@ -107,6 +108,8 @@ def export(
     Example: `volspec export engine.toml -o shot --format coefficients --turntable 72`
 
     Example: `volspec export engine.toml -o hdr --format avif --hdr PQ --hdr-peak 600`
+
+    Example: `volspec export engine.toml -o stereo.mp4 --turntable 120 --stereo side-by-side`
 
     Example: `volspec export engine.toml -o poster --size 12000x9000 --samples 2 --bits 16`
 
@@ -168,6 +171,8 @@ def export(
             "annotate": MARKS if annotate == [_ALL] else annotate,
             "play": {} if play and own.play is None else None,
         }
+        if (eyes := stereo.spec()) is not None:
+            changes["stereo"] = plain(eyes, defaults=True)
         if shown := hdr.table(own.hdr):
             changes["hdr"] = (plain(own.hdr) if own.hdr else {}) | shown
         for key, count, table in (

@@ -139,8 +139,8 @@ def relight(
     if eyes and (spectral or errors or shown):
         option = "spectral" if spectral else "errors" if errors else "hdr"
         raise InputError(f"--{option} with --stereo: leave one out", code="conflict")
-    if eyes and depth.given:
-        option = DEPTH_OPTIONS[next(iter(depth.given))]
+    if eyes and (given := {"focus_mm", "aperture_mm", "surface"} & {*depth.given}):
+        option = DEPTH_OPTIONS[min(given)]
         raise InputError(f"{option} with --stereo: leave one out", code="conflict")
     _check_kind(output, spectral, viewing, model, errors, shown)
     stems = [f"-{file_stem(text)}" if len(light) > 1 else "" for text in light]
@@ -155,7 +155,9 @@ def relight(
     stored = _picture(image, basis, taken_under)
     layered, scales = stored, read_opacities(opacity or ())
     with in_options():
-        views = [*eyes.views(stored, scales)] if eyes else [depth.onto(stored, scales)]
+        views = (
+            [*eyes.views(stored, scales, depth.effects())] if eyes else [depth.onto(stored, scales)]
+        )
     stored = views[0]
     if depth.given:  # errors are those of the picture's own
         layered, scales = stored, {}

@@ -23,7 +23,7 @@ from volspec.errors import InputError, SpectrumError
 if TYPE_CHECKING:
     from volspec.appearance import Viewing, ViewingConditions
     from volspec.appearance.hdr import Hdr
-    from volspec.raycast import CoefficientImage
+    from volspec.raycast import CoefficientImage, DepthEffects
     from volspec.relight import RelightSpec
     from volspec.relight.stereo import Stereo
 
@@ -357,23 +357,32 @@ class DepthOptions:
         """Options that were given, by field."""
         return _given({name: getattr(self, name) for name in DEPTH_OPTIONS})
 
-    def onto(self, image: CoefficientImage, scales: Mapping[str, float]) -> CoefficientImage:
-        """Return an image recomposed with these effects and {material: scale}, if any is given."""
-        import numpy as np
-
-        from volspec.raycast import CoefficientImage, DepthEffects
+    def effects(self) -> DepthEffects:
+        """Return focus, fog and cuts."""
+        from volspec.raycast import DepthEffects
 
         given = self.given
-        if not given and not scales:
-            return image
         for name, needed in _NEEDED.items():
             if name in given and needed not in given:
                 option, missing = DEPTH_OPTIONS[name], DEPTH_OPTIONS[needed]
                 raise InputError(f"{option} without {missing}: add it, or leave {option} out")
+        given.pop("surface", None)
+        with in_options(DEPTH_OPTIONS):
+            return DepthEffects(**given)
+
+    def onto(self, image: CoefficientImage, scales: Mapping[str, float]) -> CoefficientImage:
+        """Return an image recomposed with these effects and {material: scale}, if any is given."""
+        import numpy as np
+
+        from volspec.raycast import CoefficientImage
+
+        given = self.given
+        if not given and not scales:
+            return image
         surface = given.pop("surface", None)
         with in_options(DEPTH_OPTIONS):
             other = None if surface is None else CoefficientImage.load(surface)
-            made = image.recompose(scales, DepthEffects(**given), other)
+            made = image.recompose(scales, self.effects(), other)
         is_cut = "near_mm" in given or "far_mm" in given
         if is_cut and image.opacity_layers is not None and not np.isfinite(made.depth_mm).any():
             near, far = image.opacity_layers.range_mm

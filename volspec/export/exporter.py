@@ -38,9 +38,10 @@ from volspec.export.frames import BlankFrames
 from volspec.export.manifest import ExportFolder, fingerprint
 from volspec.export.overview import write_overview
 from volspec.export.plan import Plan, Shot, plan_export
-from volspec.export.tiles import Canvas, TileCaster, Window
+from volspec.export.tiles import Canvas, TileCaster, Window, part_of
 from volspec.pipeline import GAPS, Raycaster
 from volspec.raycast import CoefficientImage
+from volspec.relight.stereo import expected_depth_mm
 from volspec.scene import Scene
 from volspec.scene.model import viewing_note
 from volspec.settings import plain
@@ -67,6 +68,8 @@ _OPEN_FILES = 64
 _BRIGHTNESS = "the light's illuminance_lux, or exposure in [viewing]"
 # Side of the picture in which adaptation is measured if the full one is never in memory.
 _MEASURED_SIDE = 512
+# Side of the picture whose expected depth is where two cast eyes converge.
+_DEPTH_SIDE = 128
 
 
 @dataclass(frozen=True, slots=True)
@@ -359,10 +362,15 @@ class FrameMaker:
         meter = _ProgressMeter(casts, progress)
         behind = scene.behind(casters.volume)
         layers = scene.raycast.layers if self._is_layered(plan) else 0
-        if plan.deep and self._canvas.windows(Window(0, 0, *self.files.size))[1:]:
-            width, height = self.files.size
-            problem = f"{width}x{height} is cast in parts, which [depth] cannot join"
-            raise InputError(problem, "make it smaller, or leave [depth] out", code="size")
+        width, height = self.files.size
+        for what, cannot in (
+            ("[depth] cannot join", plan.deep and not self._in_one_window),
+            ("[export] stereo cannot join", table.stereo is not None and self._parts > 1),
+        ):
+            if cannot:
+                problem = f"{width}x{height} is cast in parts, which {what}"
+                remedy = f"make it smaller, or leave {what.removesuffix(' cannot join')} out"
+                raise InputError(problem, remedy, code="size")
 
         def caster_of(shots: list[Shot]) -> TileCaster:
             opacities = {} if layers else dict(shots[0].opacities)
@@ -373,7 +381,8 @@ class FrameMaker:
             self._cast(casts, caster_of, meter)
         else:
             self._relight(casts, caster_of, meter)
-        return sum(len(shots) for shots in casts), len(casts)
+        eyes = 2 if table.stereo is not None and not layers else 1
+        return sum(len(shots) for shots in casts), eyes * len(casts)
 
     def _missing(self, plan: Plan) -> list[list[Shot]]:
         """Return the shots to make, grouped by cast."""
@@ -385,15 +394,21 @@ class FrameMaker:
         return [shots for shots in casts if shots]
 
     def _is_layered(self, plan: Plan) -> bool:
-        """Return True if frames of other opacities, or in depth, share a cast with layers.
+        """Return True if frames of other opacities, in depth or of two eyes share layered casts.
 
-        Parts of a picture and averages of several rays have none.
+        Parts of a picture and averages of several rays have no layers.
         """
         if plan.deep:
             return True
+        table = self.files.table
         changes = len({tuple(shot.opacities.items()) for shot in plan.shots}) > 1
-        layers = self.files.scene.raycast.layers and self.files.table.format != "coefficients"
-        return bool(changes and layers and self._parts == 1 and self._canvas.samples == 1)
+        layers = self.files.scene.raycast.layers and table.format != "coefficients"
+        return bool((changes or table.stereo) and layers and self._in_one_window)
+
+    @property
+    def _in_one_window(self) -> bool:
+        windows = self._canvas.windows(Window(0, 0, *self.files.size))
+        return len(windows) == 1 and self._canvas.samples == 1
 
     @property
     def _parts(self) -> int:
@@ -419,6 +434,8 @@ class FrameMaker:
         ) -> tuple[list[Shot], Iterator[list[CoefficientImage]]]:
             measured = self._measured(shots, caster)
             transfer, camera = measured[0].transfer, measured[0].camera
+            if self.files.table.stereo is not None and not caster.spec.layers:
+                return measured, iter([self._eyes(caster, measured[0], tell)])
             images = caster.strips(transfer, camera, self._canvas, tell)
             # Many strips are cast one after the other, as one alone is in memory.
             return measured, images if self._parts > 1 else iter([*images])
@@ -438,14 +455,53 @@ class FrameMaker:
                 shown = None
                 for shot in shots:
                     if layered and (shot.opacities, shot.depth) != shown:
-                        sources = self._sources([_shown(images_of_shot[0], shot)])
+                        views = self._views(caster, images_of_shot[0], shot)
+                        sources = self._sources(views)
                         shown = shot.opacities, shot.depth
-                    notes, pixels = sources[0].image.notes, pool.row(sources, shot)
-                    self._check_blank(shot, pixels, sources, blanks)
-                    pixels = paint(pixels, self.files.marks(shot, caster.caster.volume))
+                    notes, parts = sources[0].image.notes, pool.each(sources, shot)
+                    self._check_blank(shot, np.hstack(parts), sources, blanks)
+                    pixels = self._marked(caster, shot, sources, parts)
                     self.files.put(shot, pixels, notes, encoders)
                     meter.add(1)
         blanks.warn()
+
+    def _eyes(self, caster: TileCaster, shot: Shot, tell: Fraction) -> list[CoefficientImage]:
+        """Cast the pictures of both eyes."""
+        stereo = self.files.table.stereo
+        assert stereo is not None
+        convergence_mm = stereo.convergence_mm
+        if convergence_mm is None:
+            width, height = self.files.size
+            scale = min(1.0, _DEPTH_SIDE / max(width, height))
+            size = max(1, round(scale * width)), max(1, round(scale * height))
+            small = caster.cast(shot.transfer, shot.camera, size)
+            convergence_mm = expected_depth_mm(small)
+        return [
+            caster.whole(shot.transfer, eye, self._canvas, part_of(tell, n / 2, 1 / 2))
+            for n, eye in enumerate(stereo.eyes(shot.camera, convergence_mm))
+        ]
+
+    def _views(
+        self, caster: TileCaster, image: CoefficientImage, shot: Shot
+    ) -> Sequence[CoefficientImage]:
+        """Return the pictures of a shot that an image with layers shows: one, or both eyes'."""
+        stereo = self.files.table.stereo
+        if stereo is None:
+            return [_shown(image, shot)]
+        return stereo.views(image, shot.opacities, shot.depth, caster.caster.compute)
+
+    def _marked(
+        self, caster: TileCaster, shot: Shot, sources: Sequence[FrameSource], parts: Sequence[Array]
+    ) -> Array:
+        """Return the pixels of adjacent images, or of both eyes, with the picture's marks."""
+        stereo, volume = self.files.table.stereo, caster.caster.volume
+        if stereo is None:
+            return paint(np.hstack(parts), self.files.marks(shot, volume))
+        left, right = (
+            paint(part, self.files.marks(_by_eye(shot, source), volume))
+            for source, part in zip(sources, parts, strict=True)
+        )
+        return stereo.combine(left, right, shot.spec.viewing.display.space)
 
     def _measured(self, shots: list[Shot], caster: TileCaster) -> list[Shot]:
         """Measure the viewing in a small cast if no frame is the complete picture."""
@@ -497,6 +553,13 @@ class FrameMaker:
 
     def _sources(self, images: Sequence[CoefficientImage]) -> list[FrameSource]:
         return [FrameSource.of(image, self.files.table) for image in images]
+
+
+def _by_eye(shot: Shot, source: FrameSource) -> Shot:
+    """Return a shot by the camera of an eye's picture."""
+    camera = source.image.camera
+    assert camera is not None
+    return replace(shot, camera=camera)
 
 
 def _shown(image: CoefficientImage, shot: Shot) -> CoefficientImage:

@@ -140,9 +140,13 @@ class RelighterPool:
 
     def row(self, sources: Sequence[FrameSource], shot: Shot) -> Array:
         """Return the pixels of adjacent images under a shot's light."""
+        return np.hstack(self.each(sources, shot))
+
+    def each(self, sources: Sequence[FrameSource], shot: Shot) -> list[Array]:
+        """Return each image's pixels under a shot's light."""
         if [source for source, _ in self._held] != list(sources):
             self._load(sources)
-        return np.hstack([source.pixels(relighter, shot) for source, relighter in self._held])
+        return [source.pixels(relighter, shot) for source, relighter in self._held]
 
     def _load(self, sources: Sequence[FrameSource]) -> None:
         held = [source.image.coefficients.shape for source, _ in self._held]
@@ -254,7 +258,8 @@ class FrameFiles:
     def encoders(self) -> AbstractContextManager[Encoders]:
         """Return the queue for `put`."""
         bands = self.scene.basis.grid.size if self.table.spectral else 0
-        return Encoders((_COLOUR_BYTES + 2 * bands) * self.size[0] * self.size[1]).running()
+        width, height = self.table.frame_size(self.size)
+        return Encoders((_COLOUR_BYTES + 2 * bands) * width * height).running()
 
     def name(self, shot: Shot) -> str:
         """Return the name of a shot's file in the folder."""
@@ -278,7 +283,7 @@ class FrameFiles:
         table, text = self.table, self._text(shot, notes)
         if table.format == "exr":
             return partial(exr.ExrWriter, header=self._header(shot, text), threads=threads)
-        size, hdr = self.size, table.hdr
+        size, hdr = table.frame_size(self.size), table.hdr
         if table.format == "avif" and hdr is not None:
             return lambda file: AvifWriter(file, size, table.depth, hdr)
         channels = 4 if table.transparent else 3
@@ -316,6 +321,7 @@ class FrameFiles:
             "relight": f"mode {spec.mode}, level {spec.level}, backdrop {spec.backdrop}",
             "samples": f"{samples} x {samples}",
             "hdr": repr(self.table.hdr) if self.table.hdr else "",
+            "stereo": repr(self.table.stereo) if self.table.stereo else "",
             **{key: notes[key] for key in ("volume", "raycast")},
             **({} if shot.step is None else {"step": str(shot.step)}),
             "depth": repr(shot.depth) if shot.depth.changes else "",

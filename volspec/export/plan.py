@@ -132,6 +132,9 @@ def plan_export(
             # A focus needs a camera that has one.
             camera = state.camera
             state.depth.blur_px(1, None if camera.height_mm is not None else camera.fov_deg)
+        if table.stereo is not None and any(state.depth.focus_mm for state in states):
+            problem = "focus_mm does not work with [export] stereo"
+            raise InputError(problem, "leave out one of them", code="conflict")
         if table.samples > 1 and any(state.depth.changes for state in states):
             problem = f"does not work with [export] samples = {table.samples}"
             raise InputError(problem, "leave out one of them", code="conflict")

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from volspec.raycast.behind import Behind
 from volspec.raycast.camera import RayField
 from volspec.raycast.checks import MAX_SIDE
 from volspec.raycast.row_batches import Progress
+from volspec.relight.stereo import ShiftedCamera
 from volspec.transfer import Transfers
 
 # Bytes of one cast; and of a relit strip, including its copy on the device.
@@ -37,7 +38,7 @@ _ALIGNED = 64
 
 
 @dataclass(frozen=True, slots=True)
-class WindowCamera(Camera):
+class WindowCamera(ShiftedCamera):
     """Camera of a window in a larger picture."""
 
     whole: tuple[int, int] = (1, 1)  # rays of the larger picture
@@ -45,7 +46,7 @@ class WindowCamera(Camera):
 
     def ray_field(self, width: int, height: int) -> RayField:
         """Return the rays of the window; its size is not used."""
-        field = Camera.ray_field(self, *self.whole)
+        field = ShiftedCamera.ray_field(self, *self.whole)
         x, y = field.middle
         return replace(field, middle=(x - self.corner[0], y - self.corner[1]))
 
@@ -157,11 +158,7 @@ class TileCaster:
         depth, first = np.full_like(alpha, np.inf), None if n > 1 else np.empty_like(alpha)
         for i, window in enumerate(windows):
             window_camera = WindowCamera(
-                camera.position_mm,
-                camera.target_mm,
-                camera.up,
-                camera.fov_deg,
-                camera.height_mm,
+                **{each.name: getattr(camera, each.name) for each in fields(camera)},
                 whole=(n * canvas.size[0], n * canvas.size[1]),
                 corner=(n * window.x, n * window.y),
             )

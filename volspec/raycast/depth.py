@@ -30,7 +30,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
@@ -173,6 +173,61 @@ def recompose_in_depth(
         shares = np.array([*image.groups.values()], np.float32)
         channels[..., -1] += effects.fog_white * shares * seen.fog[..., None]
     return Recomposed(channels, seen.alpha, seen.depth_mm)
+
+
+def layers_in_depth(
+    image: CoefficientImage, scales: Sequence[float], effects: DepthEffects
+) -> CoefficientImage:
+    """Return an image whose layers are cut and in fog, for views nearby.
+
+    ``scales`` of the K materials decide how deep what is left of a layer is, and its shadows. What
+    fog is behind all layers, `fog_behind` adds to a view. Raises ImageError if there is a focus.
+    """
+    if effects.focus_mm is not None:
+        raise ImageError(
+            f"is {effects.focus_mm:g}, which views of layers from elsewhere do not have",
+            "leave it out",
+            code="unsupported",
+            field="reproject: focus_mm",
+        )
+    assert image.opacity_layers is not None
+    layers = image.opacity_layers.lit(scales)
+    height, width, count = layers.tau.shape[:3]
+    cosine = axis_cosine((width, height), image.fov_deg)
+    near = np.float32(effects.near_mm) / cosine
+    far = np.float32(np.inf if effects.far_mm is None else effects.far_mm) / cosine
+    pixels = np.arange(height * width)
+    tau, depth = layers.tau.astype(np.float32), layers.depth_mm.astype(np.float32)
+    # What is cut away is at the cut, as layers without a depth end a ray's.
+    depth = np.where(np.isfinite(depth), depth.clip(near[..., None], far[..., None]), depth)
+    fog = _Fog(effects, far)
+    shade, gloss = (each.astype(np.float32) for each in (layers.shade, layers.gloss))
+    shares = np.array([*image.groups.values()], np.float32)
+    slabs = _slabs(layers, scales, pixels, (near.ravel(), far.ravel()), None)
+    scale = np.asarray(scales, np.float32)
+    for k, slab in zip(range(count), slabs, strict=True):
+        left = slab.tau.reshape(height, width)
+        own = (tau[:, :, k] * scale).sum(axis=-1)
+        tau[:, :, k] *= (left / np.where(own > 0, own, 1))[..., None]
+        depth[:, :, k][left > 0] = slab.depth.reshape(height, width)[left > 0]
+        clear = fog.left(slab.depth.reshape(height, width))[..., None]
+        shade[:, :, k] *= clear[..., None]
+        gloss[:, :, k] = clear * gloss[:, :, k] + effects.fog_white * (1 - clear) * shares
+    own = replace(layers, tau=tau, shade=shade, gloss=gloss, depth_mm=depth)
+    return replace(image, opacity_layers=own)
+
+
+def fog_behind(view: CoefficientImage, effects: DepthEffects) -> CoefficientImage:
+    """Return a view of layers with the fog that is behind all of them, up to the far cut."""
+    assert view.camera is not None
+    cosine = view.camera.ray_field(*view.size).cosines(*view.size).astype(np.float32)
+    far: Array = np.float32(np.inf if effects.far_mm is None else effects.far_mm) / cosine
+    added = (1 - view.alpha) * (1 - _Fog(effects, far).end)
+    groups = np.array([*view.groups.values()], np.float32)
+    channels = view.coefficients.astype(np.float32).reshape(*view.alpha.shape, len(groups), -1)
+    channels[..., -1] += effects.fog_white * added[..., None] * groups
+    coefficients = channels.reshape(view.coefficients.shape).astype(view.coefficients.dtype)
+    return replace(view, coefficients=coefficients, alpha=view.alpha + added)
 
 
 def axis_cosine(size: tuple[int, int], fov_deg: float | None) -> Array:

@@ -63,6 +63,8 @@ DARKEST = 1e-9
 """Transmittance to a light that counts as none; at half of the depths its root."""
 LIGHT_MASS = 0.5
 """Mass of a change of the light that arrives, so that layers end at the edges of shadows."""
+MADE_COST, LIT_COST = 1.0, 3.0
+"""Cost of merging layers by the difference of their materials, and of their shades."""
 BEND = 1e-3, 16.0
 """Limits of b; the least is as 0."""
 MOST_EXPONENT = 80.0
@@ -513,9 +515,14 @@ class SampleStream(Protocol):
 class LayerStream:
     """Layers of many rays, found sample by sample: one pass, 2 L slots a ray.
 
-    A layer ends when its mass passes θ, `least_mass` at first. When 2 L are there, the lightest
-    neighbours merge until L are left, and θ rises to half the lightest pair's mass; at the end L
-    are left.
+    A layer ends when its mass passes θ, `least_mass` at first. When 2 L are there, the neighbours
+    that cost least merge until L are left, and θ rises to the cost of the cheapest pair; at the end
+    L are left. A pair with masses M and M' costs
+
+        2 M M' / (M + M') (1 + d + 3 e),
+
+    d being the difference of what it is made of, 0 to 1, and e that of its shades: the harmonic
+    mean, as in Ward's clustering, of what differs.
     """
 
     def __init__(
@@ -582,8 +589,8 @@ class LayerStream:
         if full.size:
             self._merge(full)
             if self.layers > 1:
-                lightest = self._pairs(full).min(axis=1)
-                self._limit[full] = np.maximum(self._limit[full], 0.5 * lightest)
+                cheapest = self._costs(full).min(axis=1)
+                self._limit[full] = np.maximum(self._limit[full], cheapest)
 
     def _shadow_sums(self, factor: Array, shadows: Sequence[Shadow]) -> Array:
         """Return what samples add to `_shadow`, but for their weight."""
@@ -622,17 +629,26 @@ class LayerStream:
         flat = [each.reshape(*tau.shape[:2], -1) for each in (tau, shade, gloss, shadow, depth)]
         return np.concatenate(flat, axis=2)
 
-    def _pairs(self, rays: NDArray[np.int64]) -> Array:
-        """Return (R, 2 L − 1) masses of neighbours; inf beyond the last layer."""
-        pairs = self._mass[rays, :-1] + self._mass[rays, 1:]
-        last = np.arange(pairs.shape[1]) >= self._count[rays, None] - 1
-        return np.where(last, np.inf, pairs)
+    def _costs(self, rays: NDArray[np.int64]) -> Array:
+        """Return (R, 2 L − 1) costs of merging neighbours; inf beyond the last layer."""
+        mass, tau = self._mass[rays], self._tau[rays]
+        share = _ratio(tau, tau.sum(axis=2, keepdims=True))
+        made = 0.5 * np.abs(np.diff(share, axis=1)).sum(axis=2)
+        seen = -np.expm1(-tau)
+        shade = _ratio(self._shade[rays], seen[:, :, None])
+        both = np.minimum(seen[:, 1:], seen[:, :-1])
+        lit = (np.abs(np.diff(shade, axis=1)) * both[:, :, None]).sum(axis=(2, 3))
+        lit = _ratio(lit, both.sum(axis=2))
+        front, behind = mass[:, :-1], mass[:, 1:]
+        cost = _ratio(2 * front * behind, front + behind) * (1 + MADE_COST * made + LIT_COST * lit)
+        last = np.arange(cost.shape[1]) >= self._count[rays, None] - 1
+        return np.where(last, np.inf, cost)
 
     def _merge(self, rays: NDArray[np.int64]) -> None:
-        """Merge the lightest neighbours of rays until L layers are left."""
+        """Merge the cheapest neighbours of rays until L layers are left."""
         slots = np.arange(2 * self.layers)
         while rays.size:
-            first = self._pairs(rays).argmin(axis=1)
+            first = self._costs(rays).argmin(axis=1)
             front, behind = (rays, first), (rays, first + 1)
             own = np.exp(-self._tau[front])
             clear = np.exp(-self._tau[front].sum(axis=1))

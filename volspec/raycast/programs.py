@@ -18,6 +18,8 @@ from volspec.raycast.bricks import BRICK, STRIDES
 from volspec.raycast.layered import (
     LEAST_TAU,
     LIGHT_MASS,
+    LIT_COST,
+    MADE_COST,
     MOST_LAYER_TAU,
     MOST_TAU,
     Slot,
@@ -101,6 +103,8 @@ def cast_kernel(
             "SLOT_COUNT": len(slots),
             "SPLIT": split,
             "LIGHT_MASS": LIGHT_MASS,
+            "MADE_COST": MADE_COST,
+            "LIT_COST": LIT_COST,
         }
     constants["NEIGHBOURS"] = int(constants["NORMALS"] or program.constants["TABLE_ROWS"] > 1)
     steps = 2 if constants["NEIGHBOURS"] else 4

@@ -23,22 +23,30 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from volspec._gpu.opencl import Compute
+from volspec._gpu.opengl import compile_program, egl_handle, made_current
+from volspec._gpu.prelude import prelude
+from volspec._gpu.sources import assemble
 from volspec.appearance.display import colour_space
 from volspec.appearance.spaces import ColourSpace
 from volspec.errors import ImageError
 from volspec.raycast.camera import Camera, RayField
+from volspec.raycast.depth import DepthEffects, fog_behind, layers_in_depth
 from volspec.raycast.image import CoefficientImage
 from volspec.raycast.reproject import Reprojector
 from volspec.settings import Positive, Unit, settings
 
 Layout = Literal["side-by-side", "crossed", "anaglyph", "half-colour"]
 """Ways to show both eyes' pictures in one."""
+Matrix = NDArray[np.float64]
+# Layouts of two pictures next to each other.
+_PAIRS = "side-by-side", "crossed"
 # An eye distance of a thirtieth of the way to the subject, as photographers choose it.
 _BASE = 1 / 30
 # Points a deep layer: pairs are looked at for longer than a first picture of a turn.
@@ -78,7 +86,10 @@ class Stereo:
             raise ImageError(
                 "stereo: the image does not know its camera", "cast it again", code="missing"
             )
-        convergence_mm = self.convergence_mm or expected_depth_mm(image)
+        return self.eyes(camera, self.convergence_mm or expected_depth_mm(image))
+
+    def eyes(self, camera: Camera, convergence_mm: float) -> tuple[Camera, Camera]:
+        """Return the left and right eye's camera; their pictures agree at the convergence."""
         angle = 2 * math.atan(_BASE / 2)
         if self.eyes_deg is not None:
             angle = math.radians(self.eyes_deg)
@@ -88,15 +99,23 @@ class Stereo:
         return left, right
 
     def views(
-        self, image: CoefficientImage, scales: Mapping[str, float] | None = None
+        self,
+        image: CoefficientImage,
+        scales: Mapping[str, float] | None = None,
+        effects: DepthEffects | None = None,
+        compute: Compute | None = None,
     ) -> tuple[CoefficientImage, CoefficientImage]:
         """Return the left and right eye's picture of an image with layers, reprojected.
 
-        ``scales`` are opacities, as of `CoefficientImage.recompose`. Raises as `Reprojector`.
+        ``scales`` are opacities and ``effects`` cuts and fog, as of `CoefficientImage.recompose`;
+        ``compute`` is an open device. Raises as `Reprojector`; ImageError if there is a focus.
         """
-        reprojector = Reprojector(image, parts=_PARTS)
-        left, right = (reprojector.view(camera, scales) for camera in self.cameras(image))
-        return left, right
+        return StereoViews(image, compute).views(self, scales, effects)
+
+    def frame_size(self, size: tuple[int, int]) -> tuple[int, int]:
+        """Return width and height of both eyes' frames as one."""
+        width, height = size
+        return (2 * width, height) if self.layout in _PAIRS else size
 
     def combine(
         self,
@@ -104,21 +123,25 @@ class Stereo:
         right: NDArray[Any],
         space: str | Path | ColourSpace = "sRGB",
     ) -> NDArray[Any]:
-        """Return both eyes' frames as one: display codes, 0 to 1 or 8 bits, (H, W, 3)."""
-        if self.layout == "side-by-side":
-            return np.hstack([left, right])
-        if self.layout == "crossed":
-            return np.hstack([right, left])
-        whole = 255.0 if left.dtype == np.uint8 else 1.0
+        """Return both eyes' frames as one: display codes, 0 to 1 or 8 or 16 bits, (H, W, 3)."""
+        if self.layout in _PAIRS:
+            return np.hstack([left, right] if self.layout == "side-by-side" else [right, left])
+        whole = float(np.iinfo(left.dtype).max) if left.dtype.kind == "u" else 1.0
         display = colour_space(space)
-        linear = [display.decode(np.asarray(each, np.float64) / whole) for each in (left, right)]
-        if self.layout == "anaglyph":
-            mixed = linear[0] @ _LEFT_DUBOIS.T + linear[1] @ _RIGHT_DUBOIS.T
-        else:
-            luminance = linear[0] @ (display.XYZ_from_RGB[1] / 100.0)
-            mixed = np.concatenate([luminance[..., None], linear[1][..., 1:]], axis=-1)
+        mixed = sum(
+            display.decode(np.asarray(frame, np.float64) / whole) @ mix.T
+            for frame, mix in zip((left, right), self.mixes(display), strict=True)
+        )
         codes = display.encode(np.clip(mixed, 0.0, 1.0))
         return (np.rint(whole * codes) if whole > 1 else codes).astype(left.dtype)
+
+    def mixes(self, display: ColourSpace) -> tuple[Matrix, Matrix]:
+        """Return the parts of an anaglyph that are the left and right eye's linear RGB, (3, 3)."""
+        if self.layout == "anaglyph":
+            return _LEFT_DUBOIS, _RIGHT_DUBOIS
+        red = np.zeros((3, 3))
+        red[0] = display.XYZ_from_RGB[1] / 100.0
+        return red, np.diag([0.0, 1.0, 1.0])
 
 
 def expected_depth_mm(image: CoefficientImage) -> float:
@@ -130,6 +153,109 @@ def expected_depth_mm(image: CoefficientImage) -> float:
         return camera.distance_mm
     depth_mm = image.depth_mm * camera.ray_field(*image.size).cosines(*image.size)
     return float(np.average(depth_mm[seen], weights=image.alpha[seen]))
+
+
+class StereoViews:
+    """Stereo pairs of one image, whose layers stay on an OpenCL device.
+
+    Arguments and errors as of `Reprojector`.
+    """
+
+    def __init__(self, image: CoefficientImage, compute: Compute | None = None) -> None:
+        self.image, self.compute = image, compute
+        self._cameras: tuple[Stereo, tuple[Camera, Camera]] | None = None
+        # The layers with effects of depth, which depend on the scales; none without.
+        self._made: tuple[tuple[DepthEffects, list[float]] | None, Reprojector] | None = None
+
+    def views(
+        self,
+        stereo: Stereo,
+        scales: Mapping[str, float] | None = None,
+        effects: DepthEffects | None = None,
+        size: tuple[int, int] | None = None,
+    ) -> tuple[CoefficientImage, CoefficientImage]:
+        """Return the left and right eye's picture, as `Stereo.views`, in another size if given."""
+        reprojector = self._reprojector(scales or {}, effects or DepthEffects())
+        if self._cameras is None or self._cameras[0] != stereo:
+            self._cameras = stereo, stereo.cameras(self.image)
+        left, right = (reprojector.view(eye, scales, size) for eye in self._cameras[1])
+        if effects is not None and effects.fog_mm is not None:
+            return fog_behind(left, effects), fog_behind(right, effects)
+        return left, right
+
+    def _reprojector(self, scales: Mapping[str, float], effects: DepthEffects) -> Reprojector:
+        factors = self.image.opacity_scales(scales) if effects.changes else []
+        key = (effects, factors) if effects.changes else None
+        if self._made is None or self._made[0] != key:
+            image = layers_in_depth(self.image, factors, effects) if key else self.image
+            self._made = key, Reprojector(image, parts=_PARTS, compute=self.compute)
+            self.compute = self._made[1].compute
+        return self._made[1]
+
+
+class StereoPass:
+    """Both eyes' frames combined in the GL context that holds them: `Stereo.combine` on the GPU.
+
+    Raises OpenGLError if the driver refuses the shader.
+    """
+
+    def __init__(self, context: Any) -> None:
+        self._context = context
+        with context:
+            self._handle = egl_handle()
+        self._programs: dict[tuple[bool, object], tuple[Any, Any]] = {}
+        self._target: Any = None
+
+    def draw(self, stereo: Stereo, left: Any, right: Any, space: ColourSpace) -> Any:
+        """Return a framebuffer with both eyes', which is valid until the next call."""
+        with made_current(self._context, self._handle):
+            return self._draw(stereo, left, right, space)
+
+    def _draw(self, stereo: Stereo, left: Any, right: Any, space: ColourSpace) -> Any:
+        context, pair = self._context, stereo.layout in _PAIRS
+        size = stereo.frame_size(left.size)
+        if self._target is None or self._target.size != size:
+            self._release_target()
+            self._target = context.framebuffer([context.texture(size, 4)])
+        program, triangle = self._program(pair, space)
+        frames = (right, left) if stereo.layout == "crossed" else (left, right)
+        for unit, frame in enumerate(frames):
+            frame.color_attachments[0].use(unit)
+        if not pair:
+            for name, mix in zip(("left_mix", "right_mix"), stereo.mixes(space), strict=True):
+                program[name].write(mix.T.astype(np.float32).tobytes())
+        self._target.use()
+        context.enable_only(context.NOTHING)
+        triangle.render(context.TRIANGLES, vertices=3)
+        return self._target
+
+    def _program(self, pair: bool, space: ColourSpace) -> tuple[Any, Any]:
+        key = pair, space.transfer
+        if key not in self._programs:
+            constants = {"SIDE_BY_SIDE": int(pair), "SIMULATE": 0, **space.shader_constants()}
+            lines = prelude(constants, "glsl")
+            vertex = assemble("shaders/fullscreen.vert", lines, glsl_version="330 core")
+            fragment = assemble("shaders/stereo.frag", lines, glsl_version="330 core")
+            program = compile_program(self._context, vertex, fragment)
+            for unit, name in enumerate(("left", "right")):
+                if (uniform := cast(Any, program.get(name, None))) is not None:
+                    uniform.value = unit
+            self._programs[key] = program, self._context.vertex_array(program, [])
+        return self._programs[key]
+
+    def _release_target(self) -> None:
+        if self._target is not None:
+            self._target.color_attachments[0].release()
+            self._target.release()
+            self._target = None
+
+    def close(self) -> None:
+        """Release everything."""
+        self._release_target()
+        for program, triangle in self._programs.values():
+            triangle.release()
+            program.release()
+        self._programs.clear()
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,7 @@ from pydantic import AfterValidator, Field
 
 from volspec.appearance.hdr import Hdr
 from volspec.errors import SceneError, nearest
+from volspec.relight.stereo import Stereo
 from volspec.scene.specs import CameraSpec, fault
 from volspec.scene.transfer import PointSpec
 from volspec.settings import (
@@ -123,6 +124,9 @@ class ExportSpec:
     """Write a contact sheet next to the frames."""
     annotate: Annotated[tuple[Mark, ...], Field(strict=False)] = ()
     """PNG and films: marks in the picture: scale, orientation, title, light, materials."""
+    stereo: Stereo | None = None
+    """PNG and films: both eyes' pictures in one, of one cast with [raycast] layers, otherwise of
+    two casts."""
 
     def __post_init__(self) -> None:
         if self.lights == ():
@@ -171,6 +175,16 @@ class ExportSpec:
                 form != "png" and bool(self.annotate),
                 f'is for format = "png", not "{form}"',
             ),
+            (
+                "stereo",
+                form != "png" and self.stereo is not None,
+                f'is for format = "png", not "{form}"',
+            ),
+            (
+                "stereo",
+                self.stereo is not None and (self.transparent or self.hdr is not None),
+                f"does not work with {'transparent' if self.transparent else 'hdr'}",
+            ),
             ("spectral", self.spectral and form != "exr", f'is for format = "exr", not "{form}"'),
             (
                 "spectral",
@@ -214,6 +228,10 @@ class ExportSpec:
         if self.hdr is None:
             return self.bits
         return 16 if self.format == "png" else max(self.bits, 10)
+
+    def frame_size(self, size: tuple[int, int]) -> tuple[int, int]:
+        """Return width and height of the files, of pictures of a size."""
+        return size if self.stereo is None else self.stereo.frame_size(size)
 
     @property
     def has_eye(self) -> bool:

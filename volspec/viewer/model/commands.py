@@ -13,6 +13,7 @@ from volspec.errors import InputError
 from volspec.viewer.model import (
     camera,
     cuts,
+    depth,
     labels,
     lighting,
     lights,
@@ -200,6 +201,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("next-step", "View", "Next time step", (".",), words="time series frame"),
     Command("play", "View", "Play the time steps", ("j",), words="time series animate pause"),
     Command("previous-step", "View", "Previous time step", (",",), words="time series frame"),
+    *depth.COMMANDS,
     _switch("error_map", "View", "Error map", "e"),
     *measure.COMMANDS,
     *viewing.COMMANDS,

@@ -1,6 +1,6 @@
-"""Cuts and fog by distance from the camera, of pictures with layers of opacity.
+"""Cuts and fog by distance from the camera, and stereo, of pictures with layers of opacity.
 
-panel -> [depth] -> ViewState.depth -> recompose
+panel, menu -> [depth] -> ViewState.depth, Interface.stereo -> recompose, reproject
 """
 
 from __future__ import annotations
@@ -9,11 +9,12 @@ import math
 from dataclasses import replace
 
 from volspec.basis import MaterialBasis
+from volspec.errors import InputError
 from volspec.raycast import DepthEffects
 from volspec.raycast.camera import radius_mm
 from volspec.raycast.layered import MAX_MATERIALS
 from volspec.viewer.model import opacities
-from volspec.viewer.model.edit import edit
+from volspec.viewer.model.edit import Command, bind, edit, refusable, with_interface
 from volspec.viewer.model.materials import with_material_basis
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
@@ -92,3 +93,40 @@ def _with(state: ViewState, depth: DepthEffects) -> ViewState:
     if depth == state.depth:
         return state
     return replace(state, depth=depth, transfer=with_material_basis(state.transfer))
+
+
+def shown_stereo(state: ViewState) -> str:
+    """Return the layout of both eyes' pictures; empty if one is shown."""
+    shown = opacities.can_layer(state) and not state.interface.error_map
+    return state.interface.stereo if shown else ""
+
+
+@refusable
+def set_stereo(state: ViewState, layout: str) -> ViewState:
+    """Show both eyes' pictures, or one again if they are; materials become the channels."""
+    if layout == state.interface.stereo:
+        return with_interface(state, stereo="")
+    if not can_be_set(state):
+        raise InputError(
+            "Stereo is made of layers of opacity, which this picture cannot have",
+            "see the Opacity panel",
+            code="unsupported",
+        )
+    new = with_interface(state, stereo=layout, error_map=False)
+    if state.document.image is None:
+        new = replace(new, transfer=with_material_basis(state.transfer))
+    return new
+
+
+COMMANDS = tuple(
+    Command(
+        f"stereo-{layout}",
+        "View",
+        f"Stereo: {title}",
+        (),
+        bind(set_stereo, layout),
+        lambda state, layout=layout: state.interface.stereo == layout,  # type: ignore[misc]
+        words=f"3-D eyes glasses red cyan {layout}",
+    )
+    for layout, title in (("anaglyph", "anaglyph"), ("side-by-side", "side by side"))
+)

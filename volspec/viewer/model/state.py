@@ -61,6 +61,7 @@ class Interface:
     source: int = 0  # index of the chosen light source of the cast, counted through its groups
     probe: bool = True  # show the values under the mouse
     error_map: bool = False
+    stereo: str = ""  # layout of both eyes' pictures, as `Stereo.layout`; empty for one picture
     panels: frozenset[str] = frozenset(
         {"Lights", "Viewing", "Transfer", "Opacity", "Palette", "Lighting", "Room", "Meshes"}
     )  # open

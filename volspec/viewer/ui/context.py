@@ -109,6 +109,7 @@ class Results:
     whole: bool = False  # True if it has the picture's full resolution
     # (left, top, right, bottom) of the picture in the window
     shown_at: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    side_by_side: bool = False  # both eyes' pictures are shown next to each other
     fault: str = ""  # error message if there is no picture; empty while one is awaited
     fps: float = 0.0  # while something moves
     ms: dict[str, float] = field(default_factory=dict)  # last duration of each stage

@@ -74,6 +74,11 @@ _OVERLAYS = (
     start.draw,
     commands.draw,
 )
+# Overlays of places in the picture, which pictures next to each other have twice.
+_OF_PLACES = (
+    *(overlays.draw_error_map, overlays.draw_divide, cuts.draw_handles, lighting.draw_handles),
+    *(overlays.draw_scale, measure.draw_annotations),
+)
 # Overlays and panels of what was settled by the cast.
 _OF_VOLUME = cuts.draw_handles, lighting.draw_handles, overlays.draw_cube, overlays.draw_scale
 _OF_CAST = ("Meshes", "Transfer", "Cuts", "Slices", "Lighting", "Quality")
@@ -168,8 +173,10 @@ class Docks:
                 state = replace(state, interface=replace(state.interface, panels=rest))
         if self._frames == 1:
             imgui.set_window_focus(PANEL if state.room else "Viewing")  # in front of the others
+        hidden: list[object] = [] if state.document.image is None else [*_OF_VOLUME]
+        hidden += _OF_PLACES if ui.results.side_by_side else ()
         for overlay in _OVERLAYS:
-            if state.document.image is None or overlay not in _OF_VOLUME:
+            if overlay not in hidden:
                 state = overlay(state, ui) or state
         return state
 

@@ -1,22 +1,26 @@
-"""Pictures of nearby views from the layers of the last cast, while the view is turned.
+"""Pictures of nearby views from the layers of the last cast: while it is turned, and of both eyes.
 
-image with layers -> [nearby] -> CoefficientImage of another camera
+image with layers -> [nearby] -> CoefficientImage of another camera, or of two
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import time
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
-from volspec.errors import VolspecError
+from volspec.errors import VolspecError, one_line
 from volspec.pipeline import Raycaster
-from volspec.raycast import Camera, CoefficientImage
+from volspec.raycast import Camera, CoefficientImage, DepthEffects
 from volspec.raycast.reproject import Reprojector
-from volspec.viewer.work.pictures import crop
+from volspec.relight.layers import PackedLayers
+from volspec.relight.stereo import Stereo, StereoViews
+from volspec.viewer.work.background import LatestWorker
+from volspec.viewer.work.pictures import EyePictures, crop
 
 # Cameras whose views differ by more than this angle, or this ratio of distances, are not near.
 _MOST_DEG, _MOST_RATIO = 10.0, 1.3
@@ -61,3 +65,62 @@ class NearbyViews:
     def view(self, camera: Camera, scales: Mapping[str, float]) -> CoefficientImage:
         """Return the picture of a camera, with the materials' opacities scaled."""
         return self._reprojector.view(camera, scales)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StereoJob:
+    """Both eyes' pictures that are wanted."""
+
+    image: CoefficientImage  # with layers
+    stereo: Stereo
+    scales: Mapping[str, float]
+    depth: DepthEffects
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of each eye's picture: half of those that are next to each other."""
+        wider = self.stereo.frame_size((1, 1))[0]
+        width, height = (max(1, side // wider) for side in self.image.size)
+        return width, height
+
+    def same(self, other: StereoJob | None) -> bool:
+        """Return True if another job makes the same pictures."""
+        if other is None or self.image is not other.image:
+            return False
+        own = self.stereo, self.scales, self.depth
+        return own == (other.stereo, other.scales, other.depth)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StereoDone:
+    """Both eyes' pictures, or an error's message."""
+
+    job: StereoJob
+    ms: float
+    eyes: EyePictures | None = None
+    error: str = ""
+
+
+class StereoWorker(LatestWorker[StereoJob, StereoDone]):
+    """Reprojects pictures with layers to both eyes, on a device of its own.
+
+    The casts' device would have two threads.
+    """
+
+    _name = "volspec-stereo"
+    _views: StereoViews | None = None
+
+    def _results(self, job: StereoJob) -> Iterator[StereoDone]:
+        done, started = StereoDone(job, 0.0), time.perf_counter()
+        try:
+            if self._views is None or self._views.image is not job.image:
+                before = None if self._views is None else self._views.compute
+                self._views = StereoViews(job.image, before)
+            eyes = self._views.views(job.stereo, job.scales, job.depth, job.size)
+            left, right = (PackedLayers.of(eye) for eye in eyes)
+            done = replace(done, eyes=EyePictures(job.stereo, eyes, (left, right)))
+        except MemoryError:
+            done = replace(done, error="no memory for both eyes' pictures")
+        except VolspecError as refused:
+            done = replace(done, error=one_line(refused))
+        yield replace(done, ms=1e3 * (time.perf_counter() - started))

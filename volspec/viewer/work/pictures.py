@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from OpenGL import GL
 
+from volspec.appearance.display import colour_space
 from volspec.appearance.lut3d import LutCache, LutKey, needs_host_lut
 from volspec.basis import Basis, MaterialBasis
 from volspec.pipeline import Relighter
@@ -23,6 +24,7 @@ from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.layers import PackedLayers
 from volspec.relight.recompose import PackedOpacity
+from volspec.relight.stereo import Stereo, StereoPass
 from volspec.viewer.model.materials import same_channels
 from volspec.viewer.work.room import Walls
 
@@ -81,6 +83,20 @@ class Relit:
         return float(self.host_ms + self.query.elapsed / 1e6)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class EyePictures:
+    """The left and right eye's picture, to be shown in place of the one between them."""
+
+    stereo: Stereo
+    images: tuple[CoefficientImage, CoefficientImage]
+    packed: tuple[PackedLayers, PackedLayers]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of both as one."""
+        return self.stereo.frame_size(self.images[0].size)
+
+
 class Pictures:
     """Relighters of the window's picture, one per size, in the window's context."""
 
@@ -96,6 +112,11 @@ class Pictures:
         self._opacities: dict[str, float] | None = None
         self._depth = DepthEffects()
         self._painted: tuple[Relighter, Basis] | None = None
+        self.eyes: EyePictures | None = None  # shown in place of the picture
+        self._eyes: list[Relighter] = []
+        self._eyes_of: tuple[tuple[int, ...], int] | None = None  # shape and groups
+        self._eyes_painted: Basis | None = None
+        self._combining = StereoPass(context)
         self._frame: Any = None
         self._frame_of: Relighter | None = None
         self.current = False  # True if the last picture is drawn under the last lights
@@ -117,7 +138,7 @@ class Pictures:
     def show(self, image: CoefficientImage, packed: PackedLayers | None = None) -> None:
         """Take a picture, with its packed layers if any; the previous one stays until `relight`."""
         self._shown, self.image = self._relighter_of(image, packed), image
-        self._opacities = None
+        self._opacities = self.eyes = None
         self._half = self._half_image = self._walls = None
         self.current = False
 
@@ -144,6 +165,33 @@ class Pictures:
             self._half = self._half_image = self._walls = None
         self._opacities, self._depth = dict(scales), depth
         self.current = False
+
+    def show_eyes(self, eyes: EyePictures | None) -> None:
+        """Show both eyes' pictures of the one that is shown, or that again, at the next relight."""
+        if eyes is self.eyes:
+            return
+        self.eyes, self.current = eyes, False
+        if eyes is None:
+            return
+        pairs = list(zip(eyes.images, eyes.packed, strict=True))
+        shape = eyes.images[0].coefficients.shape
+        groups = len(eyes.images[0].groups)
+        if self._eyes and self._eyes_of == (shape, groups):
+            for relighter, (image, packed) in zip(self._eyes, pairs, strict=True):
+                relighter.update(image, packed)
+        else:
+            self._close_eyes()
+            self._eyes = [
+                Relighter(image, "gl", self._context, lut_cache=self.tables, packed=packed)
+                for image, packed in pairs
+            ]
+            self._eyes_of = shape, groups
+        self._eyes_painted = None
+
+    def _close_eyes(self) -> None:
+        for relighter in self._eyes:
+            relighter.close()
+        self._eyes = []
 
     def repaint(self, basis: Basis) -> None:
         """Replace the reflectances of the picture's materials, if they are its channels."""
@@ -239,26 +287,42 @@ class Pictures:
             return None
         started = time.perf_counter()
         shown = self._shown
-        if coarse and self.image is not None:
+        if coarse and self.image is not None and self.eyes is None:
             self._half = self._half or self._half_relighter(self.image)
             shown = self._half
         self._paint(shown)
         self._queries.reverse()
-        width, height = shown.size
+        drawn = [shown] if self.eyes is None else self._painted_eyes()
+        width, height = drawn[0].size
         top, bottom = (round(share * height) for share in band)
         left = width if other is None else round(divide * width)
         with self._queries[0]:
-            if self._opacities is not None:
+            if self._opacities is not None and self.eyes is None:
                 shown.set_opacities(self._opacities, depth=self._depth)
-            for lights, start, end in ((rig, 0, left), (other, left, width)):
-                if lights is not None and start < end:
-                    within = start, top, end - start, bottom - top
-                    frame = shown.draw(lights, spec, within)
+            frames = []
+            for each in drawn:
+                for lights, start, end in ((rig, 0, left), (other, left, width)):
+                    if lights is not None and start < end:
+                        within = start, top, end - start, bottom - top
+                        frame = each.draw(lights, spec, within)
+                frames.append(frame)
+            if self.eyes is not None and bottom == height:
+                space = colour_space(spec.viewing.display.space)
+                frame = self._combining.draw(self.eyes.stereo, frames[0], frames[1], space)
         GL.glFlush()
         self.current = bottom == height
         if self.current:
             self._frame, self._frame_of = frame, shown
         return Relit(self._queries[0], 1e3 * (time.perf_counter() - started))
+
+    def _painted_eyes(self) -> list[Relighter]:
+        """Return the eyes' relighters with the reflectances of the picture."""
+        basis = self.image.basis if self.image else None
+        if isinstance(basis, MaterialBasis) and self._eyes_painted is not basis:
+            for relighter in self._eyes:
+                relighter.set_reflectances(basis.materials)
+            self._eyes_painted = basis
+        return self._eyes
 
     def code(self, x: int, y: int) -> tuple[int, int, int]:
         """Return the 8-bit code of a drawn pixel."""
@@ -273,6 +337,8 @@ class Pictures:
 
     def close(self) -> None:
         """Release everything."""
+        self._close_eyes()
+        self._combining.close()
         for relighter in self._relighters.values():
             relighter.close()
         self._relighters.clear()

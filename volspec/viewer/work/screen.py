@@ -22,8 +22,9 @@ from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.raycast.layered import OpacityLayers
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.error_map import ErrorMap, error_map, opacity_error
+from volspec.relight.stereo import Stereo
 from volspec.settings import Vector
-from volspec.viewer.model.depth import shown_depth
+from volspec.viewer.model.depth import shown_depth, shown_stereo
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.quality import opacity_scales
@@ -32,6 +33,7 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import vector
 from volspec.viewer.work.background import LatestWorker, Tasks
 from volspec.viewer.work.casts import CastDone
+from volspec.viewer.work.nearby import StereoJob, StereoWorker
 from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.pictures import Painted, Pictures, Relit
 from volspec.viewer.work.probe import Reading, place_mm, read
@@ -244,6 +246,8 @@ class Screen:
         self._asked_for: Recomposed | None = None
         self._loading: Iterator[None] | None = None  # of layers
         self._recomposing = Tasks(wake)
+        self._eyeing = StereoWorker(wake)
+        self._eyes_wanted: StereoJob | None = None
         self.visibly_off = False  # a cast with these opacities would look different
         self._blank = False  # nothing is visible in it
         self._shape = (0, 0)  # size of the cast whose picture is shown
@@ -262,7 +266,7 @@ class Screen:
     def busy(self) -> bool:
         """True while tables, an error map, a room or a picture to be read are computed."""
         services = self._tabling, self._error_map, self._painting, self._recomposing
-        return self.loading or any(each.busy for each in services)
+        return self.loading or self._eyeing.busy or any(each.busy for each in services)
 
     @property
     def ready(self) -> bool:
@@ -288,6 +292,7 @@ class Screen:
         if done.image is None or state is None or not done.job.document.is_of(state.document):
             return
         layered = newest and done.image.opacity_layers is not None
+        self._eyes_wanted = None
         try:
             wanted, depth = opacity_scales(state), shown_depth(state)
             if layered:
@@ -437,6 +442,10 @@ class Screen:
         self._drawing = False
         painted = self._repaint(state)
         self._recompose(state)
+        if self.pictures.eyes is not None and not self._shows_eyes(state):
+            self._eyes_wanted = None
+            self.pictures.show_eyes(None)
+            self.mark_stale()
         if self._coarse and not held and not painted:
             self.mark_stale()
         if self._relit or self.pictures.image is None or self._awaits_groups(state):
@@ -490,6 +499,7 @@ class Screen:
         """Solve the room, paint the whole picture, and read opacities, once it rests."""
         self._load()
         if not held:
+            self._want_eyes(state)
             self._read_opacities(state)
         room, walls = state.room, self._walls
         if room is None or ((walls is None or walls.room is room) and room.is_solved):
@@ -498,6 +508,38 @@ class Screen:
         if rests and self._asked != (room, walls):
             self._asked = room, walls
             self._painting.request(RoomJob(room, self.image, walls))
+
+    def _shows_eyes(self, state: ViewState) -> bool:
+        """Return True if those that are shown, or asked for, are the state's."""
+        job = self._eyes_wanted
+        return job is not None and job.same(self._stereo_job(state))
+
+    def _stereo_job(self, state: ViewState) -> StereoJob | None:
+        """Return what makes both eyes' pictures; None if one is to be shown, or has no layers."""
+        layout = shown_stereo(state)
+        if not layout or self._layered is None or self._layered.image is None or self.loading:
+            return None
+        stereo = Stereo(layout)  # type: ignore[arg-type]
+        return StereoJob(self._layered.image, stereo, self._scales, self._depth)
+
+    def _want_eyes(self, state: ViewState) -> None:
+        """Start to reproject the picture to both eyes, with its opacities and effects."""
+        job = self._stereo_job(state)
+        if job is not None and not job.same(self._eyes_wanted):
+            self._eyes_wanted = job
+            self._eyeing.request(job)
+
+    def take_eyes(self) -> bool:
+        """Take both eyes' pictures; return True if there are any."""
+        outcomes = self._eyeing.take()
+        for done in outcomes:
+            if done.error:
+                self._notice.show(done.error, kind="error")
+            elif done.job is self._eyes_wanted:
+                self._notice.trace.note("stereo", "stereo", done.ms)
+                self.pictures.show_eyes(done.eyes)
+                self.mark_stale()
+        return bool(outcomes)
 
     def take_room(self, state: ViewState | None) -> SceneRoom | None:
         """Take the state's room once it is solved, with its picture."""
@@ -558,6 +600,8 @@ class Screen:
         image, cast = self._seen(), self._cast
         if self.pictures.image is not None and image is None:
             self.under_mouse = shown
+        if self.pictures.eyes is not None:
+            return
         if held or place is None or image is None or cast is None or not self.pictures.framebuffer:
             return
         lights = state.other if state.other and place[0] > state.divide else state.lights
@@ -586,7 +630,7 @@ class Screen:
     def point_mm(self, place: tuple[float, float]) -> Vector | None:
         """Return the first hit at a place of the picture in the world; None if there is none."""
         image, cast = self._seen() or self.pictures.image, self._cast
-        if image is None or cast is None:
+        if image is None or cast is None or self.side_by_side:
             return None
         width, height = image.size
         pixel = min(int(place[0] * width), width - 1), min(int(place[1] * height), height - 1)
@@ -607,10 +651,23 @@ class Screen:
         if not self.pictures.framebuffer or self._cast is None or shown is None:
             return None
         columns, rows = self._shape
+        eyes = self.pictures.eyes
+        if eyes is not None:
+            columns, rows = eyes.size
         wide = width if self._shape == shown.size else height * columns / rows
-        left = x + (width - wide) / 2
-        to = self.shown_at = left, y, left + wide, y + height
+        high = float(height)
+        if self.side_by_side:
+            wide = min(width, height * columns / rows)
+            high = wide * rows / columns
+        left, top = x + (width - wide) / 2, y + (height - high) / 2
+        to = self.shown_at = left, top, left + wide, top + high
         return Painted(self.pictures.framebuffer, self.pictures.size, to, area)
+
+    @property
+    def side_by_side(self) -> bool:
+        """True if both eyes' pictures are next to each other."""
+        eyes = self.pictures.eyes
+        return eyes is not None and eyes.size != eyes.images[0].size
 
     def missing_message(self, shown: ViewState | None, painted: Painted | None) -> str:
         """Return the message in place of a picture, or on an empty one; empty for no message."""
@@ -627,6 +684,7 @@ class Screen:
         """Release everything, without waiting for tables."""
         self._tabling.close(0.0)
         self._painting.close(0.0)
+        self._eyeing.close(0.0)
         self._error_map.close()
         self.pictures.close()
         self.slices.close()

@@ -1,0 +1,130 @@
+"""Layers of opacity: one cast in six states above six casts.
+
+``python -m tools.gallery.layers`` makes README.md's picture of them, docs/images/fading.jpg.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from PIL import Image
+
+import volspec as vs
+from tests.support.browser import differences
+from tools.gallery.studio import FILL, KEY, READERS, ROOT, STUDIO, Picture, cast, materials, show
+
+OPEN_SKY = vs.LightGroup("sky", (vs.Ambient(0.5), *FILL.sources))
+TWO_GROUPS = replace(STUDIO, groups=(KEY, OPEN_SKY), alpha_stop=1)
+EVENING = vs.LightRig((vs.light("A"), vs.light("daylight:15000")), groups=("key", "sky"))
+State = tuple[dict[str, float], vs.Spectrum | vs.LightRig | str]
+
+SHARED = ("OPEN_SKY", "TWO_GROUPS", "EVENING", "pairs", "foot_function", "foot_camera")  # printed
+
+_STRIP = ROOT / "docs" / "images" / "fading.jpg"
+_TILE = (920, 840)  # cast; a tile has half of it
+
+
+def pairs(
+    volume: vs.Volume,
+    transfer: vs.TransferFunction,
+    camera: vs.Camera,
+    states: Mapping[str, State],
+    exposure: float = 1.1,
+) -> dict[str, Picture]:
+    """Recompose one cast, above new casts of the same opacities, and compare the pictures."""
+    spec = replace(TWO_GROUPS, step_mm=volume.finest_mm / 2)
+    image = cast(volume, transfer, camera, replace(spec, layers=8))
+    shown = {}
+    for name, (opacities, light) in states.items():
+        new = cast(volume, transfer, camera, replace(spec, opacities=opacities))
+        both = image.recompose(opacities), new
+        pair = [show(each, light, exposure) for each in both]
+        alpha = np.maximum(*(each.alpha for each in both))
+        height, width = pair[0].shape[:2]
+        covered = alpha.reshape(height, 2, width, 2).max(axis=(1, 3)) > 0.01
+        off = differences(*pair)[covered]
+        figures = f"CIEDE2000 {off.mean():.2f}, 99 % {np.percentile(off, 99):.1f}"
+        shown[f"{name}\n{figures}"] = np.concatenate(pair)
+    return shown
+
+
+def engine_block(engine: vs.Volume) -> dict[str, Picture]:
+    """The block fades from copper inserts, and its shadow with it: the plate gets brighter, and the
+    shadows of the inserts are left on it. Pairs differ most along the borders of these shadows,
+    where layers have a faint grain.
+    """
+    looks = materials(block="Vrhel/64 light blue towel", inserts="copper")
+    points = [
+        *((88, 0.0, "block"), (108, 0.045, "block"), (128, 0.045, "block")),
+        *((140, 0.03, "block"), (165, 0.03, "block")),
+        *((180, 0.12, "inserts"), (200, 0.5, "inserts"), (255, 0.9, "inserts")),
+    ]
+    transfer = vs.TransferFunction(points, looks, vs.MaterialBasis(looks))
+    pose = {"azimuth_deg": 148, "elevation_deg": 32, "up": (0, 0, -1)}
+    camera = vs.Camera.orbit(engine, **pose, zoom=1.73, target_mm=(134, 141, 67))
+    states: dict[str, State] = {
+        "block × 4, daylight": ({"block": 4}, "D65"),
+        "as cast, daylight": ({}, "D65"),
+        "block × ¼, daylight": ({"block": 0.25}, "D65"),
+        "no block, tungsten and sky": ({"block": 0}, EVENING),
+        "block × ¼, inserts × 4, tungsten and sky": ({"block": 0.25, "inserts": 4}, EVENING),
+        "no inserts, tungsten and sky": ({"inserts": 0}, EVENING),
+    }
+    return pairs(engine, transfer, camera, states, exposure=0.95)
+
+
+def skin_and_flesh(foot: vs.Volume) -> dict[str, Picture]:
+    """Skin and flesh fade from the bones. Hidden, they shade nothing: the bones get their full
+    light, and show the shadows of one another.
+    """
+    transfer, camera = foot_function(), foot_camera(foot)
+    states: dict[str, State] = {
+        "as cast, daylight": ({}, "D65"),
+        "skin × ¼, daylight": ({"skin": 0.25}, "D65"),
+        "no skin, daylight": ({"skin": 0}, "D65"),
+        "no skin, flesh × ¼, tungsten and sky": ({"skin": 0, "flesh": 0.25}, EVENING),
+        "bones, tungsten and sky": ({"skin": 0, "flesh": 0}, EVENING),
+        "skin × 2, no flesh, tungsten and sky": ({"skin": 2, "flesh": 0}, EVENING),
+    }
+    return pairs(foot, transfer, camera, states)
+
+
+def foot_function() -> vs.TransferFunction:
+    """Return skin, flesh and bone of the foot."""
+    looks = materials(
+        skin="Vrhel/81 skin caucasian light", flesh="PMC/Pork", bone="Vrhel/158 fabric white"
+    )
+    points = [
+        *((24, 0.0, "skin"), (34, 0.12, "skin"), (46, 0.12, "skin")),
+        *((60, 0.02, "flesh"), (85, 0.03, "flesh")),
+        *((105, 0.15, "bone"), (150, 0.6, "bone")),
+    ]
+    return vs.TransferFunction(points, looks, vs.MaterialBasis(looks))
+
+
+def foot_camera(foot: vs.Volume) -> vs.Camera:
+    """Return the camera of all pictures of the foot."""
+    pose = {"azimuth_deg": 75, "elevation_deg": 35, "up": (-1, 0, 0)}
+    return vs.Camera.orbit(foot, **pose, zoom=1.4, target_mm=(148, 111, 138))
+
+
+def main() -> None:
+    """Cast the foot once, and save four states side by side."""
+    volume = READERS["foot"]()
+    spec = replace(TWO_GROUPS, layers=8)
+    image = cast(volume, foot_function(), foot_camera(volume), spec, _TILE)
+    states: tuple[State, ...] = (
+        ({}, "D65"),
+        ({"skin": 0.2}, "D65"),
+        ({"skin": 0.0}, EVENING),
+        ({"skin": 0.0, "flesh": 0.0}, EVENING),
+    )
+    tiles = [show(image.recompose(opacities), light) for opacities, light in states]
+    Image.fromarray(np.hstack(tiles)).save(_STRIP, quality=90)
+    print(f"{_STRIP.name}: {_STRIP.stat().st_size / 1000:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()
