@@ -259,7 +259,10 @@ def test_blender_s_nodes_are_the_frame(tmp_path: Path, monkeypatch: pytest.Monke
 def test_blender_s_nodes_have_the_opacities(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, opacities: dict[str, float], shadows: bool
 ) -> None:
-    """Rendered in Blender 4.5 and 5.0 on the engine: at most 3e-7 from these pictures."""
+    """Rendered in Blender 4.5 and 5.0 on the engine: at most 3e-7 from these pictures.
+
+    With shadows 3e-5.
+    """
     image = layered(shadows=shadows)
     recipe = stored(tmp_path / "i.exr", image)
     write_recipe(tmp_path / "i.py", tmp_path / "i.exr")

@@ -33,6 +33,7 @@ from volspec.raycast.layered import checked_scales
 
 _CLEAR = 2.0**-24  # alpha of a sample that half floats do not show
 _MOST_DEPTH = 16.0  # optical depth of an opaque pixel
+_DIGITS = np.float32(2**13)  # of distances
 _MOST_CHANGE = 2.0  # of a sample, to agree with the picture
 
 
@@ -93,7 +94,7 @@ class DeepSamples:
         )
         cosines = np.broadcast_to(_ray_cosines(image)[..., None], used.shape)[used]
         front_mm, back_mm = (
-            each.reshape(used.shape)[used] * cosines for each in (begin, begin + width)
+            _rounded(each.reshape(used.shape)[used] * cosines) for each in (begin, begin + width)
         )
         seen = alpha > _CLEAR
         counts = np.bincount(pixel[seen], minlength=whole.size).reshape(picture.alpha.shape)
@@ -156,6 +157,12 @@ def _sum_to(values: NDArray[np.float64], pixel: NDArray[np.int64]) -> NDArray[np
     first = np.r_[True, pixel[1:] != pixel[:-1]]
     before = np.where(first, whole - values, 0)
     return whole - np.maximum.accumulate(before) if len(values) else whole
+
+
+def _rounded(depth_mm: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return distances with 13 binary digits, as layers have 11: more make files larger."""
+    fraction, exponent = np.frexp(depth_mm)
+    return np.asarray(np.ldexp(np.rint(fraction * _DIGITS) / _DIGITS, exponent), np.float32)
 
 
 def _rising(depth_mm: NDArray[np.float32], pixel: NDArray[np.int64]) -> NDArray[np.float32]:

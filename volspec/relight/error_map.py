@@ -228,8 +228,7 @@ def opacity_error(
     """Return the mean CIEDE2000 between a picture of other opacities and a cast of them, estimated.
 
     Use it to decide if a cast is worth its time: by default of a sixteenth of the pixels. Of
-    `error_map` ``against="cast"``, whose other arguments and errors these are: what layers lose,
-    not what they freeze, such as occlusion.
+    `error_map` ``against="cast"``, whose other arguments and errors these are.
     """
     return error_map(image, light, mode, backdrop, every, "cast", opacities=opacities).mean
 

@@ -13,11 +13,11 @@ casts (`python -m benchmarks.layer_estimate`):
   than at scale 1, the highlight may be any up to the brightest of the ray.
 - **Shadows** and occlusion that other opacities change are wrong by a part of the change.
 
-As the lightest are merged, no part of a layer that was is heavier than the lightest neighbours are
-now: a heavier layer is mostly a single sample. With r, the ratio of both masses, order and
-highlights change by r², as a product of two parts, and neighbours by r³, as their difference is
-smaller too. With shadows layers also end where light changes, which their masses do not show;
-parts are then taken for `_SHADED` mean masses at least.
+As light neighbours that are alike are merged first, parts of a layer are hardly heavier than the
+lightest neighbours are now: a heavier layer is mostly a single sample. With r, the ratio of both
+masses, order and highlights change by r², as a product of two parts, and neighbours by r³, as their
+difference is smaller too. With shadows layers also end where light changes, which their masses do
+not show; parts are then taken for `_SHADED` mean masses at least.
 
 Transmittances are exact in front of each layer, whatever is merged, so the errors of layers add,
 and as their signs are unknown, their squares do; those of occlusion add in a pixel.
