@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 from volspec.raycast import Camera, RaycastSpec, reference
@@ -92,11 +91,9 @@ def cast(
 ) -> tuple[Array, Array]:
     """Return the channels (H·W, L·M) and alpha (H·W,) of a cast with such light."""
     rays = reference.make_rays(volume, camera, size, spec)
-    with pytest.MonkeyPatch.context() as patch:
-        layers = light_layers(spec, volume, camera)
-        arrives = {each.source: light_of(volume, table, each) for each in layers}
-        patch.setattr(reference, "arrivals", lambda *_: arrives)
-        march = _March(volume, table, camera, spec, rays, None)
+    layers = light_layers(spec, volume, camera)
+    arrives = {each.source: light_of(volume, table, each) for each in layers}
+    march = _March(volume, table, camera, spec, rays, arrives)
     march.lift_mm = 0.0
     march.march()
     return march.colour.reshape(len(march.alpha), -1), march.alpha
