@@ -169,6 +169,7 @@ def test_a_background_that_is_given_is_used():
     assert appearance_distance(wall_appearance(paint, irradiance(paint)), wanted) > 1.0
 
 
+@pytest.mark.slow
 def test_the_paint_is_the_smoothest():
     """SLSQP, started at the result and at grey, finds none with smaller second differences."""
     wanted, irradiance = atlas_appearance("#ffd9b3"), brick_wall("A")

@@ -378,6 +378,7 @@ def test_a_cast_image_with_layers_is_faded_and_saved(ball: ViewState, tmp_path: 
     assert np.abs(frame.astype(int) - wanted(image, faded).astype(int)).max() <= 1
 
 
+@pytest.mark.slow
 def test_a_slider_is_dragged_without_a_cast(tmp_path: Path) -> None:
     if lacking := missing():
         pytest.skip(lacking)
