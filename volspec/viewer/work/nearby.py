@@ -25,7 +25,7 @@ from volspec.viewer.work.pictures import EyePictures, crop
 # Cameras whose views differ by more than this angle, or this ratio of distances, are not near.
 _MOST_DEG, _MOST_RATIO = 10.0, 1.3
 # Pictures with more pixels are seen in every n-th row and column.
-_MOST_PIXELS = 200_000
+_MOST_PIXELS = 120_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
