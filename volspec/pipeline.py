@@ -372,7 +372,8 @@ def _check_layers(
             "a level of detail that is cast in parts",
             "take a coarser [raycast] level, or leave layers out",
         )
-    if absent := materials_without_opacity(table, transfer.basis):
+    absent = materials_without_opacity(table, transfer.basis)
+    if absent := [name for name in absent if spec.opacities.get(name, 1.0) > 0]:
         warnings.warn(
             f"layers: no opacity of {', '.join(absent)}, which no scale can show; give a little, "
             "such as 0.02, and hide it with scale 0",

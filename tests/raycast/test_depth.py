@@ -329,3 +329,21 @@ def test_surfaces_of_another_picture_are_refused() -> None:
             image.recompose({}, surface=wrong)
     with raises(ImageError, "type", field):
         image.recompose({}, surface=3)  # type: ignore[arg-type]
+
+
+def test_a_picture_of_nothing_stays_one() -> None:
+    nothing = np.zeros((4, 5, 2, 1), np.float32)
+    layers = OpacityLayers(
+        nothing, nothing[..., None], nothing, np.full((4, 5, 2), np.inf, np.float32)
+    )
+    basis = MaterialBasis({"gold": reflectance("gold")})
+    empty = np.zeros((4, 5), np.float32)
+    image = CoefficientImage(
+        *(np.zeros((4, 5, 2), np.float32), empty, np.full_like(empty, np.inf), basis),
+        fov_deg=30.0,
+        opacity_layers=layers,
+    )
+    for effects in (DepthEffects(near_mm=10.0), DepthEffects(focus_mm=20.0)):
+        assert not image.recompose({}, effects).alpha.any()
+    fogged = image.recompose({}, DepthEffects(fog_mm=100.0))
+    assert np.isfinite(fogged.coefficients).all()

@@ -556,6 +556,8 @@ def compositing(
             )
         write_recipe(output, image)
     else:
+        if opacity and output.exists() and output.samefile(image):
+            raise ImageError(f"{output}: is the input image; name another file")
         if not (light or opacity or deep):
             raise ImageError(f"{output}: no lights for its header; add --light, such as D65")
         if mode and not light:

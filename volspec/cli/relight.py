@@ -159,8 +159,12 @@ def relight(
             [*eyes.views(stored, scales, depth.effects())] if eyes else [depth.onto(stored, scales)]
         )
     stored = views[0]
-    if depth.given:  # errors are those of the picture's own
-        layered, scales = stored, {}
+    if depth.given and errors:
+        raise InputError(
+            "--errors is of opacities and lights, not of what depends on depth; leave out one of "
+            "them",
+            code="conflict",
+        )
     scene = stored_relight_spec(stored)
     lamps = [read_image_setting(image, text, stored) for text in light]
     if shown is not None:

@@ -66,7 +66,7 @@ class DeepSamples:
                 code="unsupported",
             )
         picture = image.recompose(opacities or {})
-        scales = np.asarray(checked_scales(opacities or {}, basis, layers), np.float32)
+        scales = np.asarray(checked_scales(opacities or {}, basis), np.float32)
         layers = layers.lit(scales.tolist())
         tau = layers.tau.astype(np.float32) * scales
         used = tau.sum(axis=-1) > 0

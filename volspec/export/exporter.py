@@ -9,6 +9,7 @@ import operator
 import os
 import re
 import threading
+import warnings
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -22,7 +23,7 @@ import numpy as np
 
 from volspec._deprecated import renamed_keyword
 from volspec._files import exclusive_folder, require_writable, require_writable_folder
-from volspec.errors import CastCancelled, InputError, ViewingError, VolspecError
+from volspec.errors import CastCancelled, InputError, ViewingError, VolspecError, VolspecWarning
 from volspec.export.annotate import Patch, paint
 from volspec.export.film import SUFFIXES, check_film, write_film
 from volspec.export.frame_files import (
@@ -566,4 +567,7 @@ def _shown(image: CoefficientImage, shot: Shot) -> CoefficientImage:
     """Return an image with a shot's opacities and effects of depth, if it has layers."""
     if image.opacity_layers is None:
         return image
-    return image.recompose(shot.opacities, shot.depth)
+    with warnings.catch_warnings():
+        # A material may be out of view in some frames.
+        warnings.filterwarnings("ignore", "recompose: .* has no opacity", VolspecWarning)
+        return image.recompose(shot.opacities, shot.depth)

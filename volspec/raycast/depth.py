@@ -305,7 +305,8 @@ def _slabs(
             shares = tau / np.where(own > 0, own, 1)[:, None]
             colours = np.concatenate([shares[:, None] * shade, gloss[..., None]], axis=2)
             depth = start + (stop - start) * mean_position(left)
-            yield _Slab(start, stop, depth, left, colours.reshape(len(own), -1))
+            flat_colours = colours.reshape(len(own), colours.shape[1] * colours.shape[2])
+            yield _Slab(start, stop, depth, left, flat_colours)
 
     if surface is None:
         yield from parts(near, far)
@@ -538,9 +539,16 @@ def _check_surface(image: CoefficientImage, surface: CoefficientImage | None) ->
             code="conflict",
             field=field,
         )
-    for name in ("groups", "fov_deg"):
+    if surface.opacity_layers is not None:
+        raise ImageError(
+            "is a volume's picture, with layers",
+            "give a mesh's, such as of MeshCaster.alone",
+            code="conflict",
+            field=field,
+        )
+    for name in ("groups", "fov_deg", "camera"):
         own, other = getattr(image, name), getattr(surface, name)
-        if own != other:
+        if own != other and not (name == "camera" and None in (own, other)):
             raise ImageError(
                 f"{name} is {other}, the image's {own}",
                 "cast both with the same camera and lights",

@@ -22,7 +22,7 @@ from volspec.raycast.camera import Camera
 from volspec.raycast.checks import number
 from volspec.raycast.depth import DepthEffects, recompose_in_depth
 from volspec.raycast.image_file import ONE_GROUP, checked_groups, read_image, write_image
-from volspec.raycast.layered import OpacityLayers, checked_scales, residual_share
+from volspec.raycast.layered import OpacityLayers, checked_scales, residual_share, warn_of_absent
 from volspec.spectra import SpectralGrid, SpectralImage, Spectrum
 from volspec.spectra.spectrum import light_power
 
@@ -196,7 +196,7 @@ class CoefficientImage:
                 "cast with [raycast] layers = 8, RaycastSpec(layers=8)",
                 code="unsupported",
             )
-        return checked_scales(scales, self.basis, self.opacity_layers)
+        return checked_scales(scales, self.basis)
 
     def recompose(
         self,
@@ -225,15 +225,22 @@ class CoefficientImage:
         Raises
         ------
         ImageError
-            If the image was cast without layers, a name is unknown, a scale is negative or not
-            finite, or a material had no opacity in the cast; if the camera has no focus, or the
-            surface is of another camera, basis or light groups.
+            If the image was cast without layers, a name is unknown, or a scale is negative or not
+            finite; if the camera has no focus, or the surface is of another camera, basis or light
+            groups.
         ShapeError
             If the surface has another size.
+
+        Warns
+        -----
+        VolspecWarning
+            If a material that is to be scaled has no opacity in the picture.
         """
         factors = self.opacity_scales(scales)
         layers = self.opacity_layers
         assert layers is not None
+        assert isinstance(self.basis, MaterialBasis)
+        warn_of_absent(self.basis, layers, factors)
         if depth is not None and not isinstance(depth, DepthEffects):
             raise ImageError.refused("recompose: depth", depth, "give DepthEffects", "type")
         fade = 0.0

@@ -37,6 +37,7 @@ Twins: ``kernels/include/layered.clh``. Guide: ``docs/layers.md``.
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple, Protocol, Self
@@ -45,7 +46,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.basis import Basis, MaterialBasis
-from volspec.errors import ImageError, OpenCLError, RaycastError, ShapeError, nearest, quoted
+from volspec.errors import (
+    ImageError,
+    OpenCLError,
+    RaycastError,
+    ShapeError,
+    VolspecWarning,
+    nearest,
+    quoted,
+)
 from volspec.raycast.checks import number
 from volspec.raycast.lights import OCCLUSION_GAIN, Ambient, Headlight
 from volspec.raycast.spec import MAX_LAYERS, RaycastSpec
@@ -371,7 +380,7 @@ def check_layers(spec: RaycastSpec, table: Tables, basis: Basis) -> None:
     if not isinstance(basis, MaterialBasis):
         raise _refused(
             spec,
-            f"the channels of basis {basis.name!r} are {basis.method}, not materials",
+            f"basis {basis.name!r}, whose channels are {basis.method}, not materials",
             'set [basis] method = "materials" (a MaterialBasis), or leave layers out',
         )
     if len(basis.materials) > MAX_MATERIALS:
@@ -417,11 +426,23 @@ def materials_without_opacity(table: Tables, basis: Basis) -> list[str]:
     return [name for name, there in zip(basis.materials, present, strict=False) if not there]
 
 
-def checked_scales(scales: Any, basis: MaterialBasis, layers: OpacityLayers) -> list[float]:
+def warn_of_absent(basis: MaterialBasis, layers: OpacityLayers, scales: Sequence[float]) -> None:
+    """Warn of materials that are to be scaled, but have no opacity in the layers."""
+    for k, (name, scale) in enumerate(zip(basis.materials, scales, strict=True)):
+        if scale not in (0.0, 1.0) and not layers.tau[..., k].any():
+            warnings.warn(
+                f"recompose: {name!r} has no opacity in this picture, so {scale:g} times it is "
+                "none; if it is not out of view, cast it with a little opacity, such as 0.02, and "
+                "hide it with scale 0",
+                VolspecWarning,
+                stacklevel=3,
+            )
+
+
+def checked_scales(scales: Any, basis: MaterialBasis) -> list[float]:
     """Return the scale of each material in the basis' order; 1 if it is left out.
 
-    Raises ImageError if a name is unknown, a scale is not a finite number of 0 or more, or a
-    material that is to be scaled has no opacity in the layers.
+    Raises ImageError if a name is unknown, or a scale is not a finite number of 0 or more.
     """
     if not isinstance(scales, Mapping):
         raise ImageError.refused("recompose: scales", scales, "give {material: scale}", "type")
@@ -433,17 +454,11 @@ def checked_scales(scales: Any, basis: MaterialBasis, layers: OpacityLayers) -> 
                 code="unknown",
             )
     found = []
-    for k, name in enumerate(basis.materials):
+    for name in basis.materials:
         scale = number(f"recompose: scale of {name!r}", scales.get(name, 1.0), ImageError)
         if scale < 0:
             raise ImageError.refused(
                 f"recompose: scale of {name!r}", scale, "give 0 or more", "range"
-            )
-        if scale not in (0.0, 1.0) and not layers.tau[..., k].any():
-            raise ImageError(
-                f"recompose: {name!r} has no opacity in this cast, so {scale:g} times it is none",
-                "cast it with a little opacity, such as 0.02, and hide it with scale 0",
-                code="impossible",
             )
         found.append(scale)
     return found

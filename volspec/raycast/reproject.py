@@ -365,7 +365,7 @@ class Reprojector:
         width, height = checked_size(size or self.image.size, "reproject")
         _check_camera(camera, self.camera)
         assert isinstance(self.image.basis, MaterialBasis)
-        factors = checked_scales(scales or {}, self.image.basis, self._layers)
+        factors = checked_scales(scales or {}, self.image.basis)
         warp = Warp.of(self.camera, self.image.size, camera, (width, height))
         tile = self._tile(warp)
         view = warp.struct(tile, self._depths)

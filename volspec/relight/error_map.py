@@ -265,7 +265,7 @@ def _estimated(
     if layers is None or not isinstance(basis, MaterialBasis):
         image.recompose(opacities)  # raises the error
         raise AssertionError
-    checked_scales(opacities, basis, layers)
+    checked_scales(opacities, basis)
     lit = Illumination.of(basis, light, spec, image.groups)
     white = visible_white(lit.white_XYZ)
     seen: NDArray[np.bool_] = np.any(layers.tau[::every, ::every], axis=(2, 3))
@@ -284,7 +284,7 @@ def _estimated(
         opacity_layers=own,
     ).recompose(opacities)
     alpha[seen] = picture.alpha[0]
-    scales = checked_scales(opacities, basis, own)
+    scales = checked_scales(opacities, basis)
     if any(scale != 1 for scale in scales):
         found = np.empty(full[0].size, np.float32)
         for start in range(0, found.size, _PIXELS):

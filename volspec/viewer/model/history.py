@@ -146,6 +146,8 @@ def without_cast(old: ViewState, new: ViewState) -> ViewState:
     image = old.document.image
     if "shading" in kept and image is not None and image.opacity_layers is not None:
         kept["shading"] = replace(old.shading, opacities=new.shading.opacities)
+        if kept["shading"] == new.shading:
+            del kept["shading"]
     return replace(new, unthickened=old.unthickened, **kept) if kept else new
 
 

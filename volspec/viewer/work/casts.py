@@ -252,8 +252,11 @@ class CastScheduler:
         self._wanted = state
 
     def is_newest(self, done: CastDone) -> bool:
-        """Return True if a cast is of the newest request."""
-        return done.job is self._job
+        """Return True if a cast is of the newest request; an opened image is of every one."""
+        job, newest = done.job, self._job
+        if newest is None or job.document.image is None:
+            return job is newest
+        return job.document is newest.document
 
     def take(self, plays: bool = False) -> list[CastDone]:
         """Return the casts that have ended, in order; their times change the pace.
