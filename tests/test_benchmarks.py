@@ -153,6 +153,7 @@ for job in (well, torn, left):
 """
 
 
+@pytest.mark.slow
 def test_kills_find_what_is_torn_and_what_is_left(tmp_path: Path) -> None:
     command = [sys.executable, "-c", KILLS, str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -70,6 +70,7 @@ def test_shares_are_mixtures_and_numbers_far_away_their_mean() -> None:
     assert np.abs(far.coefficients - mean).max() < 5e-3
 
 
+@pytest.mark.slow
 def test_the_device_interpolates_colours_as_numpy() -> None:
     lattice = texture.channel_lattice(BASIS, "twin")
     codes = CODES.reshape(-1, 3).astype(np.uint16) * np.uint16(257)

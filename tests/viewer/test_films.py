@@ -152,6 +152,7 @@ def test_a_page_has_the_views_and_the_lights_of_the_window(tmp_path: Path) -> No
     assert '"daylight"' in text and '"tungsten"' in text
 
 
+@pytest.mark.slow
 def test_from_a_volume_to_a_film_and_a_page_by_mouse_in_few_actions(
     tmp_path: Path, screen: None
 ) -> None:
