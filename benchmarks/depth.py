@@ -17,8 +17,9 @@ from __future__ import annotations
 import itertools
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import imageio.v3 as iio
 import numpy as np
@@ -44,7 +45,7 @@ from volspec.raycast.depth import DepthEffects, axis_cosine
 from volspec.raycast.layered import (
     LayerStream,
     OpacityLayers,
-    Shadow,
+    Samples,
     empty_rows,
     sample_tau,
 )
@@ -80,30 +81,21 @@ class Truth:
         self.through, self.lit, self.white = np.ones(rays), np.ones(rays), np.zeros(rays)
         self.channels = np.zeros((rays, 4))
 
-    def add(
-        self,
-        rays: NDArray[np.int64],
-        along: Array,
-        alpha: Array,
-        weights: Array,
-        factor: Array,
-        highlight: Array,
-        shadows: Sequence[Shadow] = (),
-    ) -> None:
+    def add(self, rays: NDArray[np.int64], samples: Samples) -> None:
         """Composite a sample of each of some rays."""
-        effects = self.effects
+        effects, along = self.effects, samples.along
         far = math.inf if effects.far_mm is None else effects.far_mm
         deep = along * self.cosine[rays]
         inside = (deep >= effects.near_mm) & (deep < far)
-        tau = (sample_tau(alpha) * inside)[:, None] * weights * self.scales
+        tau = (sample_tau(samples.alpha) * inside)[:, None] * samples.weights * self.scales
         total = tau.sum(axis=1)
         seen = self.through[rays] * -np.expm1(-total)
         lit = np.exp(-effects.fog_per_mm * np.maximum(along - effects.fog_from_mm, 0))
         self.white[rays] += self.through[rays] * (self.lit[rays] - lit)
         self.lit[rays] = lit
         part = lit * seen / np.maximum(total, 1e-300)
-        self.channels[rays, :3] += (part * factor[:, 0])[:, None] * tau
-        self.channels[rays, 3] += lit * seen * highlight[:, 0]
+        self.channels[rays, :3] += (part * samples.factor[:, 0])[:, None] * tau
+        self.channels[rays, 3] += lit * seen * samples.highlight[:, 0]
         self.through[rays] -= seen
 
     def picture(self, columns: list[int]) -> tuple[Array, Array]:
@@ -117,10 +109,10 @@ class Truth:
 
 
 def marched(
-    volume: Volume, points: Points, orbit: dict[str, object]
+    volume: Volume, points: Points, orbit: dict[str, Any]
 ) -> dict[tuple[int, str], list[Errors]]:
     """Return the errors of cuts and fog, by layers and kind: as cast, and a material at 1/4."""
-    transfer, camera = transfer_of(points), Camera.orbit(volume, **orbit)  # type: ignore[arg-type]
+    transfer, camera = transfer_of(points), Camera.orbit(volume, **orbit)
     basis = transfer.basis
     assert isinstance(basis, MaterialBasis)
     spec = replace(SPEC, step_mm=0.5 * volume.finest_mm, layers=COUNTS[0])
@@ -198,11 +190,11 @@ def cut_and_fogged(image: CoefficientImage) -> Iterator[_Case]:
 
 
 def focused(
-    volume: Volume, points: Points, orbit: dict[str, object]
+    volume: Volume, points: Points, orbit: dict[str, Any]
 ) -> dict[tuple[int, str], list[Errors]]:
     """Return the errors of focus, by layers."""
     transfer = transfer_of(points)
-    camera = Camera.orbit(volume, **orbit)  # type: ignore[arg-type]
+    camera = Camera.orbit(volume, **orbit)
     basis = transfer.basis
     assert isinstance(basis, MaterialBasis)
     spec = replace(SPEC, ambient=1.0, diffuse=0.0, specular=0.0, step_mm=0.5 * volume.finest_mm)

@@ -46,6 +46,7 @@ from volspec.raycast.kernel_arguments import LIGHT_MARGIN
 from volspec.raycast.layered import (
     LayerStream,
     OpacityLayers,
+    Samples,
     Shadow,
     Slot,
     empty_rows,
@@ -215,17 +216,9 @@ class Truth:
         self.through = np.ones((rays, len(scales)))
         self.channels = np.zeros((rays, len(scales), groups, scales.shape[1] + 1), np.float32)
 
-    def add(
-        self,
-        rays: NDArray[np.int64],
-        along: Array,
-        alpha: Array,
-        weights: Array,
-        factor: Array,
-        highlight: Array,
-        shadows: Sequence[Shadow] = (),
-    ) -> None:
+    def add(self, rays: NDArray[np.int64], samples: Samples) -> None:
         """Composite a sample of each of some rays, in all combinations."""
+        _, alpha, weights, factor, highlight, shadows = samples
         tau = sample_tau(alpha)[:, None, None] * weights[:, None, :] * self.scales
         total = tau.sum(axis=2)
         seen = self.through[rays] * -np.expm1(-total)
@@ -247,22 +240,14 @@ class Truth:
 class Frozen(LayerStream):
     """Layers whose shadows stay those of the cast, to compare with."""
 
-    def add(
-        self,
-        rays: NDArray[np.int64],
-        along: Array,
-        alpha: Array,
-        weights: Array,
-        factor: Array,
-        highlight: Array,
-        shadows: Sequence[Shadow] = (),
-    ) -> None:
+    def add(self, rays: NDArray[np.int64], samples: Samples) -> None:
         """Add a sample to each of some rays."""
-        factor, highlight = factor.copy(), highlight.copy()
-        for each in shadows:
+        factor, highlight = samples.factor.copy(), samples.highlight.copy()
+        for each in samples.shadows:
             factor[:, each.slot[0]] -= each.factor * (1 - each.passes)
             highlight[:, each.slot[0]] -= each.highlight * (1 - each.passes)
-        super().add(rays, along, alpha, weights, factor, highlight)
+        shaded = samples._replace(factor=factor, highlight=highlight, shadows=())
+        super().add(rays, shaded)
 
 
 @dataclass(frozen=True, slots=True)
@@ -474,7 +459,7 @@ def times(
     ratios = []
     for stop in (1.0, None):
         plain = replace(spec, alpha_stop=stop)
-        both = in_turn(lambda: caster.cast(table, camera, TIMED, plain), layered, runs=5)  # noqa: B023
+        both = in_turn(partial(caster.cast, table, camera, TIMED, plain), layered, runs=5)
         ratios.append(float(np.median(both.cpu[:, 1] / both.cpu[:, 0])))
     return ratios[0], ratios[1]
 

@@ -13,6 +13,7 @@ import itertools
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -111,7 +112,7 @@ def turned_views(name: str, volume: Volume, points: Points, orbit: dict[str, Any
     apart = float(np.percentile(np.abs(made.coefficients - twin.coefficients).max(axis=2), 99))
     times = {
         column: in_turn(
-            lambda column=column: views[column].view(other),  # type: ignore[misc]
+            partial(views[column].view, other),
             lambda: cast(other, fixed, LAYERS),
             our_calls=5,
             runs=5,

@@ -111,7 +111,7 @@ def grown(tree, x, y, cast):
 
 
 def unshadowed(tree, x, y, casts, scales):
-    """What shadows leave of a group's shades and of its highlight, 1 - v + v p, or None."""
+    """Parts of a group's shades and highlight that shadows leave, 1 - v + v p, or None."""
     kept = [None, None]
     for gain, (parts, power, depths) in casts:
         total = 1.0

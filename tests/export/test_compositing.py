@@ -182,8 +182,8 @@ STATES: tuple[dict[str, float], ...] = (
     {"rotor": 4.0, "case": 3.0},
 )
 OPACITIES = {False: 1e-5, True: 2e-4}
-"""Of float32 in the recipes and in `CoefficientImage.recompose`. With shadows exp(b E) - 1 is off
-by 6e-8, and is divided by b, 0.001 at least."""
+"""Rounding of float32, in the recipes and in `CoefficientImage.recompose`. With shadows
+exp(b E) - 1 is off by 6e-8, and is divided by b, 0.001 at least."""
 SHADOWS = pytest.mark.parametrize("shadows", [False, True], ids=["", "shadows"])
 
 

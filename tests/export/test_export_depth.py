@@ -79,7 +79,7 @@ def test_coefficient_images_have_it_as_well(ball_folder: Path, tmp_path: Path) -
 def test_a_depth_that_cannot_be_is_refused(
     ball_folder: Path, more: str, code: str, field: str
 ) -> None:
-    with raises(SceneError, code, field):  # type: ignore[arg-type]
+    with raises(SceneError, code, field):
         made(ball_folder, more)
 
 
@@ -103,5 +103,5 @@ def test_exports_without_such_a_depth_are_refused(
     ball_folder: Path, tmp_path: Path, more: str, code: str
 ) -> None:
     scene = made(ball_folder, more)
-    with raises(SceneError, code):  # type: ignore[arg-type]
+    with raises(SceneError, code):
         scene.export(tmp_path / "none")

@@ -75,7 +75,7 @@ def test_a_turntable_converges_where_it_is_told(ball_folder: Path, tmp_path: Pat
     assert (exported.frames, exported.casts) == (2, 4)
     image = scene.render()
     assert image.camera is not None and abs(expected_depth_mm(image) - 70) > 1
-    left, right = scene.file.export.stereo.eyes(image.camera, 70.0)  # type: ignore[union-attr]
+    left, right = scene.file.export.stereo.eyes(image.camera, 70.0)
     apart = np.linalg.norm(np.subtract(left.position_mm, right.position_mm))
     assert apart == pytest.approx(2 * 70 * np.tan(np.radians(2)))
 
@@ -92,7 +92,7 @@ def test_a_turntable_converges_where_it_is_told(ball_folder: Path, tmp_path: Pat
 def test_files_without_a_pair_are_refused(
     ball_folder: Path, more: str, code: str, field: str
 ) -> None:
-    with raises(SceneError, code, field):  # type: ignore[arg-type]
+    with raises(SceneError, code, field):
         made(ball_folder, f"{EYES}{more}\n")
 
 

@@ -312,7 +312,7 @@ def test_pictures_that_have_no_such_effects_are_refused() -> None:
     with raises(ImageError, "unsupported"):
         replace(image, opacity_layers=None).recompose({}, DepthEffects(near_mm=100))
     with raises(ImageError, "type", "recompose: depth"):
-        image.recompose({}, {"near_mm": 100})  # type: ignore[arg-type]
+        image.recompose({}, {"near_mm": 100})
 
 
 def test_surfaces_of_another_picture_are_refused() -> None:
@@ -328,7 +328,7 @@ def test_surfaces_of_another_picture_are_refused() -> None:
         with raises(ImageError, "conflict", field):
             image.recompose({}, surface=wrong)
     with raises(ImageError, "type", field):
-        image.recompose({}, surface=3)  # type: ignore[arg-type]
+        image.recompose({}, surface=3)
 
 
 def test_a_picture_of_nothing_stays_one() -> None:

@@ -22,6 +22,7 @@ from volspec.raycast import Camera, CoefficientImage, LightGroup, RaycastSpec
 from volspec.raycast.layered import (
     LayerStream,
     OpacityLayers,
+    Samples,
     shadow_of_means,
     transmittance,
 )
@@ -235,7 +236,9 @@ def test_one_ray_keeps_its_samples_while_there_is_room() -> None:
     alphas, weights = rng.uniform(0.3, 0.6, 6), rng.dirichlet((1, 1), 6)
     for k, (alpha, weight) in enumerate(zip(alphas, weights, strict=True)):
         along, factor = np.array([float(k)]), np.array([[0.5]])
-        stream.add(ray, along, np.array([alpha]), weight[None], factor, np.array([[0.1]]))
+        highlight = np.array([[0.1]])
+        sample = Samples(along, np.array([alpha]), weight[None], factor, highlight)
+        stream.add(ray, sample)
     layers = OpacityLayers.of_rows(stream.rows()[None].astype(np.float32), [0, 1], 2, 1)
     tau = -np.log1p(-alphas)[:, None] * weights
     assert layers.tau[0, 0].sum(axis=0) == pytest.approx(tau.sum(axis=0), rel=1e-5)
@@ -257,7 +260,7 @@ def test_scales_that_cannot_be_are_refused(
     image: CoefficientImage, scales: object, code: str
 ) -> None:
     with raises(ImageError, code):
-        image.recompose(scales)  # type: ignore[arg-type]
+        image.recompose(scales)
 
 
 def test_an_image_without_layers_says_how_to_cast_them(image: CoefficientImage) -> None:

@@ -141,7 +141,7 @@ def test_what_cannot_be_reprojected_says_why(
     with raises(ImageError, "range", "reproject: camera"):
         reprojector.view(turned(balls, 200, 10))
     with raises(ImageError, "type", "reproject: camera"):
-        reprojector.view("left")  # type: ignore[arg-type]
+        reprojector.view("left")
     with raises(ImageError, "unknown"):
         reprojector.view(camera, {"silver": 1})
     with raises(RaycastError, "range"):

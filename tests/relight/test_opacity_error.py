@@ -135,7 +135,7 @@ def test_what_cannot_be_estimated_is_refused(image: CoefficientImage) -> None:
     with raises(ImageError, "unknown"):
         error_map(image, D65, against="cast", opacities={"silver": 0})
     with raises(ViewingError, "unknown", "error map.against"):
-        error_map(image, D65, against="layers")  # type: ignore[arg-type]
+        error_map(image, D65, against="layers")
 
 
 def test_the_command_draws_the_estimate(

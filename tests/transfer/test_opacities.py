@@ -87,4 +87,4 @@ def test_what_cannot_be_scaled_is_named() -> None:
         scale_opacities(curve(basis).bake(1.0), basis, {"gold": 0.5})
     for scales in ({"gold": -1.0}, {"gold": float("nan")}, {1: 2.0}):
         with pytest.raises(RaycastError):
-            RaycastSpec(opacities=scales)  # type: ignore[arg-type]
+            RaycastSpec(opacities=scales)

@@ -28,7 +28,7 @@ def in_stereo(state: ViewState, layout: str) -> ViewState:
 
 
 def expected(image: CoefficientImage, state: ViewState, size: tuple[int, int]) -> NDArray[Any]:
-    rig, stereo = light_rig(state.lights), Stereo(state.interface.stereo)  # type: ignore[arg-type]
+    rig, stereo = light_rig(state.lights), Stereo(state.interface.stereo)
     assert rig is not None
     found = stereo.views(image, opacity_scales(state), depth.shown_depth(state))
     assert found[0].size == SIZE

@@ -22,14 +22,12 @@ from numpy.typing import NDArray
 
 from volspec._exr import chromaticities, to_half, write_deep_exr
 from volspec._files import require_suffix
-from volspec.basis import MaterialBasis
 from volspec.errors import ImageError
 from volspec.export.compositing import Recipe
 from volspec.export.exr import PRIMARIES
 from volspec.raycast import CoefficientImage
-from volspec.raycast.depth import extents
+from volspec.raycast.depth import axis_cosine, extents
 from volspec.raycast.image_file import channel_names
-from volspec.raycast.layered import checked_scales
 
 _CLEAR = 2.0**-24  # alpha of a sample that half floats do not show
 _MOST_DEPTH = 16.0  # optical depth of an opaque pixel
@@ -58,16 +56,10 @@ class DeepSamples:
 
         Errors as in `save_deep`.
         """
-        layers, basis = image.opacity_layers, image.basis
-        if layers is None or not isinstance(basis, MaterialBasis):
-            raise ImageError(
-                "deep samples: the image was cast without layers",
-                "cast with [raycast] layers = 8, RaycastSpec(layers=8)",
-                code="unsupported",
-            )
         picture = image.recompose(opacities or {})
-        scales = np.asarray(checked_scales(opacities or {}, basis), np.float32)
-        layers = layers.lit(scales.tolist())
+        scales = np.asarray(image.opacity_scales(opacities or {}), np.float32)
+        assert image.opacity_layers is not None
+        layers = image.opacity_layers.lit(scales.tolist())
         tau = layers.tau.astype(np.float32) * scales
         used = tau.sum(axis=-1) > 0
         pixel = np.arange(used[..., 0].size).repeat(used.sum(axis=2).ravel())
@@ -92,7 +84,8 @@ class DeepSamples:
             layers.tau.astype(np.float32).sum(axis=-1).reshape(-1, layers.count),
             layers.depth_mm.astype(np.float32).reshape(-1, layers.count),
         )
-        cosines = np.broadcast_to(_ray_cosines(image)[..., None], used.shape)[used]
+        cosine = axis_cosine(image.size, image.fov_deg)[..., None]
+        cosines = np.broadcast_to(cosine, used.shape)[used]
         front_mm, back_mm = (
             _rounded(each.reshape(used.shape)[used] * cosines) for each in (begin, begin + width)
         )
@@ -172,13 +165,3 @@ def _rising(depth_mm: NDArray[np.float32], pixel: NDArray[np.int64]) -> NDArray[
     while (late := behind[depth_mm[behind] <= depth_mm[behind - 1]]).size:
         depth_mm[late] = np.nextafter(depth_mm[late - 1], np.float32(np.inf))
     return depth_mm
-
-
-def _ray_cosines(image: CoefficientImage) -> NDArray[np.float32]:
-    """Return (H, W): distance from the camera's plane by distance along the ray."""
-    width, height = image.size
-    if image.fov_deg is None:
-        return np.ones((height, width), np.float32)
-    pixel = 2 * np.tan(np.radians(image.fov_deg) / 2) / height
-    y, x = ((np.arange(n) - (n - 1) / 2) * pixel for n in (height, width))
-    return np.asarray(1 / np.sqrt(1 + x**2 + y[:, None] ** 2), np.float32)

@@ -364,13 +364,13 @@ class FrameMaker:
         behind = scene.behind(casters.volume)
         layers = scene.raycast.layers if self._is_layered(plan) else 0
         width, height = self.files.size
-        for what, cannot in (
-            ("[depth] cannot join", plan.deep and not self._in_one_window),
-            ("[export] stereo cannot join", table.stereo is not None and self._parts > 1),
+        for name, is_split in (
+            ("[depth]", plan.deep and not self._in_one_window),
+            ("[export] stereo", table.stereo is not None and self._parts > 1),
         ):
-            if cannot:
-                problem = f"{width}x{height} is cast in parts, which {what}"
-                remedy = f"make it smaller, or leave {what.removesuffix(' cannot join')} out"
+            if is_split:
+                problem = f"{width}x{height} is cast in parts, which {name} cannot join"
+                remedy = f"make it smaller, or leave {name} out"
                 raise InputError(problem, remedy, code="size")
 
         def caster_of(shots: list[Shot]) -> TileCaster:

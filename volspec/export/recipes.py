@@ -220,7 +220,7 @@ class _Shaded(NamedTuple):
         scales: Sequence[str],
         mixed: Sequence[Mapping[str, Sequence[str]]],
     ) -> Iterator[str]:
-        """Yield the lines of a node for each group, which adds or subtracts what is seen of it."""
+        """Yield the lines of a node for each group, which adds or subtracts its light."""
         scaled = [f"{scale}*{tau}" for scale, tau in zip(scales, self.tau, strict=True)]
         part = f"({seen})/max({'+'.join(scaled)},1e-12)"
         for number, (group, shade) in enumerate(self.shade.items()):

@@ -80,9 +80,9 @@ class DepthEffects:
     """Light that fog scatters to the eye, in each light group; a white surface that faces its
     sources has 1. Fog that absorbs nothing has 1 under light from all sides, 1/4 under a lamp."""
     near_mm: Annotated[NotNegative, Unit("mm")] = 0.0
-    """What is nearer vanishes."""
+    """Near cut: nothing nearer is shown."""
     far_mm: Annotated[Positive, Unit("mm")] | None = None
-    """What is farther vanishes."""
+    """Far cut: nothing farther is shown."""
 
     def __post_init__(self) -> None:
         if self.far_mm is not None and not self.near_mm < self.far_mm:
@@ -131,7 +131,7 @@ class _Slab(NamedTuple):
     end: Array
     depth: Array  # expected distance
     tau: Array
-    colours: Array  # (P, G·(K + 1)): channels of what is seen of it
+    colours: Array  # (P, G·(K + 1)): its channels at an alpha of 1
 
 
 def recompose_in_depth(
@@ -159,8 +159,7 @@ def recompose_in_depth(
     if surface is not None:
         there |= surface.alpha > 0
     pixels = np.flatnonzero(there)
-    near = np.float32(effects.near_mm) / cosine
-    far = np.float32(np.inf if effects.far_mm is None else effects.far_mm) / cosine
+    near, far = _cuts(effects, cosine)
     slabs = _slabs(layers, scales, pixels, (near.ravel()[pixels], far.ravel()[pixels]), surface)
     fog = _Fog(effects, far)
     numbers = layers.groups * (layers.materials + 1)
@@ -194,8 +193,7 @@ def layers_in_depth(
     layers = image.opacity_layers.lit(scales)
     height, width, count = layers.tau.shape[:3]
     cosine = axis_cosine((width, height), image.fov_deg)
-    near = np.float32(effects.near_mm) / cosine
-    far = np.float32(np.inf if effects.far_mm is None else effects.far_mm) / cosine
+    near, far = _cuts(effects, cosine)
     pixels = np.arange(height * width)
     tau, depth = layers.tau.astype(np.float32), layers.depth_mm.astype(np.float32)
     # What is cut away is at the cut, as layers without a depth end a ray's.
@@ -221,8 +219,7 @@ def fog_behind(view: CoefficientImage, effects: DepthEffects) -> CoefficientImag
     """Return a view of layers with the fog that is behind all of them, up to the far cut."""
     assert view.camera is not None
     cosine = view.camera.ray_field(*view.size).cosines(*view.size).astype(np.float32)
-    far: Array = np.float32(np.inf if effects.far_mm is None else effects.far_mm) / cosine
-    added = (1 - view.alpha) * (1 - _Fog(effects, far).end)
+    added = (1 - view.alpha) * (1 - _Fog(effects, _cuts(effects, cosine)[1]).end)
     groups = np.array([*view.groups.values()], np.float32)
     channels = view.coefficients.astype(np.float32).reshape(*view.alpha.shape, len(groups), -1)
     channels[..., -1] += effects.fog_white * added[..., None] * groups
@@ -239,6 +236,12 @@ def axis_cosine(size: tuple[int, int], fov_deg: float | None) -> Array:
     across = (np.arange(width) - (width - 1) / 2) * pixel
     down = (np.arange(height) - (height - 1) / 2) * pixel
     return np.asarray(1 / np.sqrt(1 + across**2 + down[:, None] ** 2), np.float32)
+
+
+def _cuts(effects: DepthEffects, cosine: Array) -> tuple[Array, Array]:
+    """Return the distances (H, W) of the near and the far cut along rays, mm."""
+    near = np.float32(effects.near_mm) / cosine
+    return near, np.float32(np.inf if effects.far_mm is None else effects.far_mm) / cosine
 
 
 def mean_position(tau: Array) -> Array:
@@ -279,9 +282,12 @@ def _slabs(
     cut: tuple[Array, Array],
     surface: CoefficientImage | None,
 ) -> Iterator[_Slab]:
-    """Yield what is left of layers between two distances, near to far, and a surface in between."""
+    """Yield the slabs of layers between two distances, near to far, and of a surface.
+
+    The layers' shades have their shadows, `OpacityLayers.lit`.
+    """
     near, far = cut
-    count, layers = layers.count, layers.lit(scales)
+    count = layers.count
     flat = [
         each.reshape(-1, *each.shape[2:])[pixels]
         for each in (layers.tau, layers.shade, layers.gloss, layers.depth_mm)
@@ -326,14 +332,14 @@ def _slabs(
 
 
 class _Fog:
-    """Fog in front of what is seen at distances along rays."""
+    """Transmittance of fog along rays."""
 
     def __init__(self, effects: DepthEffects, far: Array) -> None:
         self.per_mm, self.from_mm = np.float32(effects.fog_per_mm), effects.fog_from_mm
         self.end = self.left(far)  # (H, W) of all of it
 
     def left(self, distance: Array) -> Array:
-        """Return the light that it leaves, F(d)."""
+        """Return the fog's transmittance up to distances, F(d)."""
         if self.per_mm == 0:
             return np.ones_like(distance)
         return np.exp(-self.per_mm * np.maximum(distance - self.from_mm, 0))

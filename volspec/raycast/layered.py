@@ -38,7 +38,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple, Protocol, Self
 
@@ -133,26 +133,25 @@ class OpacityLayers:
                 f"expected (H, W, L, K), L up to {MAX_LAYERS} and K up to {MAX_MATERIALS}",
                 field="opacity layers: tau",
             )
-        groups = np.shape(self.gloss)[3:4] or (1,)
+        by_group = (*shape[:3], *(np.shape(self.gloss)[3:4] or (1,)))
         for name, wanted in (
-            ("shade", (*shape[:3], *groups, shape[3])),
-            ("gloss", (*shape[:3], *groups)),
+            ("tau", shape),
+            ("shade", (*by_group, shape[3])),
+            ("gloss", by_group),
             ("depth_mm", shape[:3]),
-            ("shadow", (*shape[:3], *groups, 3 + shape[3])),
-            ("occlusion", (*shape[:3], *groups, 3 + shape[3])),
+            ("shadow", (*by_group, 3 + shape[3])),
+            ("occlusion", (*by_group, 3 + shape[3])),
         ):
-            if name in ("shadow", "occlusion") and getattr(self, name) is None:
+            array = getattr(self, name)
+            if array is None and name in ("shadow", "occlusion"):
                 continue
-            if np.shape(getattr(self, name)) != wanted:
+            if np.shape(array) != wanted:
                 raise ShapeError(
-                    f"shape {np.shape(getattr(self, name))}",
+                    f"shape {np.shape(array)}",
                     f"expected {wanted}",
                     field=f"opacity layers: {name}",
                 )
-        for name in ("tau", "shade", "gloss", "depth_mm", "shadow", "occlusion"):
-            if name in ("shadow", "occlusion") and getattr(self, name) is None:
-                continue
-            kind = getattr(getattr(self, name), "dtype", type(getattr(self, name)).__name__)
+            kind = getattr(array, "dtype", type(array).__name__)
             if kind not in (np.float32, np.float16):
                 raise ImageError(
                     f"type {kind}",
@@ -286,8 +285,12 @@ class OpacityLayers:
 
     def at(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Self:
         """Return the layers of P pixels as those of a picture of one row, (1, P, …)."""
+        return self.changed(lambda array: array[rows, columns][None])
+
+    def changed(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Self:
+        """Return the layers with a change of each array, such as to some of the pixels."""
         arrays = {each.name: getattr(self, each.name) for each in fields(self)}
-        own = {k: each[rows, columns][None] for k, each in arrays.items() if each is not None}
+        own = {name: change(array) for name, array in arrays.items() if array is not None}
         return replace(self, **own)
 
     def recompose(self, scales: Sequence[float]) -> Recomposed:
@@ -507,24 +510,27 @@ class Shadow(NamedTuple):
         return Shadow(self.source, self.slot, *(part[samples] for part in self[2:]))
 
 
+class Samples(NamedTuple):
+    """A sample of each of R rays."""
+
+    along: Array  # (R,) distance
+    alpha: Array  # (R,)
+    weights: Array  # (R, K) of the materials
+    factor: Array  # (R, G) as of `shade`, without shadows and occlusion
+    highlight: Array  # (R, G)
+    shadows: Sequence[Shadow] = ()  # and occlusion, source by source
+
+    def of(self, samples: NDArray[np.int64]) -> Samples:
+        """Return some of the samples."""
+        own = {name: getattr(self, name)[samples] for name in self._fields[:5]}
+        return self._replace(**own, shadows=[each.of(samples) for each in self.shadows])
+
+
 class SampleStream(Protocol):
     """Receiver of the samples of many rays, front to back."""
 
-    def add(
-        self,
-        rays: NDArray[np.int64],
-        along: Array,
-        alpha: Array,
-        weights: Array,
-        factor: Array,
-        highlight: Array,
-        shadows: Sequence[Shadow] = (),
-    ) -> None:
-        """Add a sample to each of some rays.
-
-        ``weights`` (R, K) are the materials', ``factor`` and ``highlight`` (R, G) as of `shade`
-        without shadows and occlusion, which are ``shadows``, source by source.
-        """
+    def add(self, rays: NDArray[np.int64], samples: Samples) -> None:
+        """Add a sample to each of some rays."""
 
 
 class LayerStream:
@@ -567,18 +573,10 @@ class LayerStream:
         self._arrived = np.full(rays, np.nan)  # shadowed light at the last sample
         self._change = np.zeros(rays)  # mass by changes of it
 
-    def add(
-        self,
-        rays: NDArray[np.int64],
-        along: Array,
-        alpha: Array,
-        weights: Array,
-        factor: Array,
-        highlight: Array,
-        shadows: Sequence[Shadow] = (),
-    ) -> None:
-        """Add a sample to each of some rays; see `SampleStream`."""
+    def add(self, rays: NDArray[np.int64], samples: Samples) -> None:
+        """Add a sample to each of some rays."""
         at = rays, self._count[rays]
+        along, alpha, weights, factor, highlight, shadows = samples
         tau = sample_tau(alpha)[:, None] * weights
         lost = np.exp(-self._tau[at]) * -np.expm1(-tau)
         seen = np.exp(-self._tau[at].sum(axis=1)) * alpha

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from volspec.raycast.camera import Camera
 from volspec.raycast.fields import FieldCast
 from volspec.raycast.kernel_arguments import ITERATIONS, LIGHT_MARGIN, MIX_OPAQUE, check_reach
-from volspec.raycast.layered import LayerStream, SampleStream, Shadow, shadow_slots
+from volspec.raycast.layered import LayerStream, Samples, SampleStream, Shadow, shadow_slots
 from volspec.raycast.light_volume import (
     CUT_TOLERANCE,
     HALF,
@@ -323,10 +323,9 @@ class _Layered(_March):
         factor, highlight, shadows = self.unshadowed(live, along, point, gradient)
         _, weights = classify(self.weights, self.sampler, point, gradient, self.step)
         seen = np.flatnonzero(alpha > 0)
-        rays, here, shadows = live[seen], along[seen], [each.of(seen) for each in shadows]
+        samples = Samples(along, alpha, weights, factor, highlight, shadows).of(seen)
         for stream in self.streams:
-            given = alpha[seen], weights[seen], factor[seen], highlight[seen]
-            stream.add(rays, here, *given, shadows)
+            stream.add(live[seen], samples)
         reached = self.transmittance[live] > self.spec.least_transmittance
         shown = np.where(reached, alpha, 0.0)
         super().composite(live, along, point, gradient, shown, reflectance)

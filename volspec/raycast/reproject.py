@@ -27,12 +27,11 @@ from numpy.typing import NDArray
 from volspec._gpu.opencl import Compute
 from volspec._gpu.prelude import Struct, prelude
 from volspec._gpu.sources import assemble
-from volspec.basis import MaterialBasis
 from volspec.errors import ImageError
 from volspec.raycast.camera import Camera, RayField
 from volspec.raycast.checks import checked_size, whole
 from volspec.raycast.image import CoefficientImage
-from volspec.raycast.layered import OpacityLayers, checked_scales
+from volspec.raycast.layered import OpacityLayers
 
 Array = NDArray[np.float64]
 
@@ -364,8 +363,7 @@ class Reprojector:
         """Return the picture of another camera, with other opacities; see `reproject`."""
         width, height = checked_size(size or self.image.size, "reproject")
         _check_camera(camera, self.camera)
-        assert isinstance(self.image.basis, MaterialBasis)
-        factors = checked_scales(scales or {}, self.image.basis)
+        factors = self.image.opacity_scales(scales or {})
         warp = Warp.of(self.camera, self.image.size, camera, (width, height))
         tile = self._tile(warp)
         view = warp.struct(tile, self._depths)

@@ -24,7 +24,6 @@ from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.basis.display import DEFAULT_MODE, Mode, visible_white
 from volspec.basis.samples import through_samples
 from volspec.errors import ShapeError, ViewingError
-from volspec.raycast.layered import checked_scales
 from volspec.relight.illumination import Illumination
 from volspec.relight.opacity_error import opacity_deviation, with_neighbours
 from volspec.relight.spec import LightRig, RelightSpec
@@ -260,12 +259,11 @@ def _estimated(
     difference: Difference,
 ) -> ErrorMap:
     """Return the estimated error of an image with other opacities."""
+    image.opacity_scales(opacities)  # raises the error of an image without layers
     layers, basis = image.opacity_layers, image.basis
+    assert layers is not None
+    assert isinstance(basis, MaterialBasis)
     compared = "layers against a cast, estimated"
-    if layers is None or not isinstance(basis, MaterialBasis):
-        image.recompose(opacities)  # raises the error
-        raise AssertionError
-    checked_scales(opacities, basis)
     lit = Illumination.of(basis, light, spec, image.groups)
     white = visible_white(lit.white_XYZ)
     seen: NDArray[np.bool_] = np.any(layers.tau[::every, ::every], axis=(2, 3))
@@ -284,7 +282,7 @@ def _estimated(
         opacity_layers=own,
     ).recompose(opacities)
     alpha[seen] = picture.alpha[0]
-    scales = checked_scales(opacities, basis)
+    scales = image.opacity_scales(opacities)
     if any(scale != 1 for scale in scales):
         found = np.empty(full[0].size, np.float32)
         for start in range(0, found.size, _PIXELS):

@@ -184,10 +184,9 @@ class StereoViews:
         return left, right
 
     def _reprojector(self, scales: Mapping[str, float], effects: DepthEffects) -> Reprojector:
-        factors = self.image.opacity_scales(scales) if effects.changes else []
-        key = (effects, factors) if effects.changes else None
+        key = (effects, self.image.opacity_scales(scales)) if effects.changes else None
         if self._made is None or self._made[0] != key:
-            image = layers_in_depth(self.image, factors, effects) if key else self.image
+            image = layers_in_depth(self.image, key[1], effects) if key else self.image
             self._made = key, Reprojector(image, parts=_PARTS, compute=self.compute)
             self.compute = self._made[1].compute
         return self._made[1]

@@ -306,9 +306,9 @@ class KeyDepth:
     fog_mm: Annotated[Positive, Unit("mm")] | None = None
     """Visibility."""
     near_mm: Annotated[NotNegative, Unit("mm")] | None = None
-    """What is nearer vanishes."""
+    """Near cut: nothing nearer is shown."""
     far_mm: Annotated[Positive, Unit("mm")] | None = None
-    """What is farther vanishes."""
+    """Far cut: nothing farther is shown."""
 
 
 # Kind of a keyframe's camera: with a position, or without.

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Literal
 
 from volspec.basis import MaterialBasis
 from volspec.errors import InputError
 from volspec.raycast import DepthEffects
 from volspec.raycast.camera import radius_mm
 from volspec.raycast.layered import MAX_MATERIALS
+from volspec.relight.stereo import Layout
 from volspec.viewer.model import opacities
 from volspec.viewer.model.edit import Command, bind, edit, refusable, with_interface
 from volspec.viewer.model.materials import with_material_basis
@@ -95,14 +97,14 @@ def _with(state: ViewState, depth: DepthEffects) -> ViewState:
     return replace(state, depth=depth, transfer=with_material_basis(state.transfer))
 
 
-def shown_stereo(state: ViewState) -> str:
+def shown_stereo(state: ViewState) -> Layout | Literal[""]:
     """Return the layout of both eyes' pictures; empty if one is shown."""
     shown = opacities.can_layer(state) and not state.interface.error_map
     return state.interface.stereo if shown else ""
 
 
 @refusable
-def set_stereo(state: ViewState, layout: str) -> ViewState:
+def set_stereo(state: ViewState, layout: Layout) -> ViewState:
     """Show both eyes' pictures, or one again if they are; materials become the channels."""
     if layout == state.interface.stereo:
         return with_interface(state, stereo="")
@@ -118,15 +120,16 @@ def set_stereo(state: ViewState, layout: str) -> ViewState:
     return new
 
 
-COMMANDS = tuple(
-    Command(
+def _stereo_command(layout: Layout) -> Command:
+    return Command(
         f"stereo-{layout}",
         "View",
-        f"Stereo: {title}",
+        f"Stereo: {layout.replace('-', ' ')}",
         (),
         bind(set_stereo, layout),
-        lambda state, layout=layout: state.interface.stereo == layout,  # type: ignore[misc]
+        lambda state: state.interface.stereo == layout,
         words=f"3-D eyes glasses red cyan {layout}",
     )
-    for layout, title in (("anaglyph", "anaglyph"), ("side-by-side", "side by side"))
-)
+
+
+COMMANDS = _stereo_command("anaglyph"), _stereo_command("side-by-side")

@@ -6,10 +6,11 @@ inputs, panels -> [state] -> cast, relight, frame
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from volspec.raycast import DepthEffects, RaycastSpec
 from volspec.relight import RelightSpec
+from volspec.relight.stereo import Layout
 from volspec.scene.annotation import Annotation
 from volspec.scene.specs import MeshSpec
 from volspec.settings import Vector
@@ -61,7 +62,7 @@ class Interface:
     source: int = 0  # index of the chosen light source of the cast, counted through its groups
     probe: bool = True  # show the values under the mouse
     error_map: bool = False
-    stereo: str = ""  # layout of both eyes' pictures, as `Stereo.layout`; empty for one picture
+    stereo: Layout | Literal[""] = ""  # of both eyes' pictures; empty for one picture
     panels: frozenset[str] = frozenset(
         {"Lights", "Viewing", "Transfer", "Opacity", "Palette", "Lighting", "Room", "Meshes"}
     )  # open

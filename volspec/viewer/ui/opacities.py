@@ -72,7 +72,7 @@ def _depth(state: ViewState, ui: UiContext) -> ViewState:
     near, far = max(now.near_mm, least), most if now.far_mm is None else now.far_mm
     for name, label, value in (("nearer", "Near", near), ("farther", "Far", far)):
         moved, mm = imgui.slider_float(label, value, least, most, "%.4g mm", _CLAMPED)
-        ui.note(f"depth {label.lower()}", f"What is {name} vanishes; distance from the camera")
+        ui.note(f"depth {label.lower()}", f"Nothing {name} is shown; distance from the camera")
         if moved:
             new = depth.set_cut(new, *((mm, far) if label == "Near" else (near, mm)))
     moved, times = imgui.slider_float("Fog", depth.fog(state), 0.0, depth.MOST_FOG, "%.2f", _SLIDER)

@@ -9,7 +9,7 @@ import ctypes
 import sys
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -348,9 +348,7 @@ def crop(image: CoefficientImage, rows: slice, columns: slice) -> CoefficientIma
     """Return some rows and columns of an image."""
     part, layers = (rows, columns), image.opacity_layers
     if layers is not None:
-        arrays = {each.name: getattr(layers, each.name) for each in fields(layers)}
-        own = {name: array[part] for name, array in arrays.items() if array is not None}
-        layers = replace(layers, **own)
+        layers = layers.changed(lambda array: array[part])
     return replace(
         image,
         coefficients=np.ascontiguousarray(image.coefficients[part]),

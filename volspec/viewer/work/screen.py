@@ -519,8 +519,7 @@ class Screen:
         layout = shown_stereo(state)
         if not layout or self._layered is None or self._layered.image is None or self.loading:
             return None
-        stereo = Stereo(layout)  # type: ignore[arg-type]
-        return StereoJob(self._layered.image, stereo, self._scales, self._depth)
+        return StereoJob(self._layered.image, Stereo(layout), self._scales, self._depth)
 
     def _want_eyes(self, state: ViewState) -> None:
         """Start to reproject the picture to both eyes, with its opacities and effects."""
