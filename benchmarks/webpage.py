@@ -2,8 +2,9 @@
 
 The bundled engine, 512², 7 channels, in Chromium with its software GPU, from a file on disk. Then
 pages with 8 layers of opacity, of the engine in two materials and a foot in three: CIEDE2000 of
-covered pixels from the desktop's recomposed frame, in several opacities under every light; and
-the time of an opacity's change next to a light's.
+covered pixels from the desktop's recomposed frame, in several opacities under every light, with
+cuts and fog, and turned by 5° from a cast there; and the times of changed opacities and turns next
+to a light's.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 
 from benchmarks.measure import Figure, report
 from benchmarks.scenes import stored
+from tests.page.test_depth import turned
 from tests.support.browser import (
     chromium,
     differences,
@@ -26,11 +28,15 @@ from tests.support.browser import (
 )
 from volspec._gpu.sources import asset
 from volspec.export.page import PageSpec, PageView, scene_views, write_page
-from volspec.relight import Relighter
+from volspec.pipeline import raycast
+from volspec.raycast import CoefficientImage, DepthEffects
+from volspec.relight import Relighter, relight
 from volspec.scene import Scene
+from volspec.volume import Volume
 
 # Views of the full turn, and the number of them to cast for an estimate of its size.
 TURN, CAST = 36, 6
+TURN_DEG = 5
 # Drag a slider for some seconds, with one change per frame, like a user.
 _DRAG = """async (seconds) => {
     const slider = document.querySelector('#light-list input'), start = performance.now();
@@ -110,6 +116,10 @@ def layered_figures() -> Iterator[Figure]:
             yield Figure(f"page/{name}, mean as cast", unscaled, unit="ΔE")
             yield Figure(f"page/{name}, worst combination", worst, unit="ΔE")
             yield Figure(f"page/{name}, 99 %", most_of, unit="ΔE")
+            for title, error in _depth_errors(page, scene, view.image):
+                yield Figure(f"page/{name}, {title}", error, unit="ΔE")
+            turned = _turned_error(page, scene, view.image, volume)
+            yield Figure(f"page/{name}, turned by {TURN_DEG}°", turned, 1.7, True, "ΔE")
             if name == "engine-layers":
                 yield from _times(page)
             page.close()
@@ -141,15 +151,53 @@ def _opacity_errors(
     return float(np.mean(means)), float(max(means)), float(most_of), float(as_cast)
 
 
+def _depth_errors(page: Any, scene: Scene, image: CoefficientImage) -> Iterator[tuple[str, float]]:
+    """Yield mean differences of cuts in the middle and of fog from the desktop's."""
+    assert image.opacity_layers is not None
+    near, far = image.opacity_layers.range_mm
+    middle = (near + far) / 2
+    covered = np.asarray(image.alpha) > 0.01
+    for title, words, effects in (
+        ("near cut", f"a.near={middle:.6g}", DepthEffects(near_mm=middle)),
+        ("far cut", f"a.far={middle:.6g}", DepthEffects(far_mm=middle)),
+        ("fog", f"a.fog={far - near:.6g}", DepthEffects(fog_mm=far - near, fog_from_mm=near)),
+    ):
+        wanted = relight(image.recompose({}, effects), scene.lights[0].rig, scene.relight)
+        page.evaluate("(words) => { location.hash = words; }", words)
+        page.wait_for_timeout(200)
+        yield title, float(differences(saved_picture(page)[covered], wanted[covered]).mean())
+
+
+def _turned_error(page: Any, scene: Scene, image: CoefficientImage, volume: Volume) -> float:
+    """Return the mean difference of both turns across from casts of these views."""
+    assert image.camera is not None
+    found = []
+    for angle in (-TURN_DEG, TURN_DEG):
+        camera = turned(image.camera, angle, 0)
+        cast = raycast(volume, scene.transfer, camera, image.size, scene.raycast)
+        wanted = relight(cast, scene.lights[0].rig, scene.relight)
+        page.evaluate("(words) => { location.hash = words; }", f"turn={angle},0")
+        page.wait_for_timeout(1000)
+        covered = np.asarray(cast.alpha) > 0.01
+        found.append(differences(saved_picture(page)[covered], wanted[covered]).mean())
+    return float(np.mean(found))
+
+
 def _times(page: Any) -> Iterator[Figure]:
-    """Yield the times of a change of light and of an opacity, in turn."""
+    """Yield the times of a change of light, of an opacity, and of a turn, in turn."""
     page.evaluate("location.hash = 'a.opacity=0.5,1'")
-    sliders = "#light-list input", "#opacity-list input"
-    times = [[page.evaluate(_CHANGES, [where, 15]) for where in sliders] for _ in range(5)]
-    light, opacity = np.median(times, axis=0)
+    sliders = "#light-list input", "#opacity-list input", "#turn-across"
+    times: list[list[float]] = []
+    for _ in range(5):
+        times.append([])
+        for where in sliders:
+            times[-1].append(page.evaluate(_CHANGES, [where, 15]))
+            page.evaluate("document.getElementById('depth-reset').click()")
+    light, *others = np.median(times, axis=0)
     yield Figure("page/light changed", float(light), unit="ms")
-    yield Figure("page/opacity changed", float(opacity), unit="ms")
-    yield Figure("page/opacity by light", float(opacity / light), unit="x")
+    for name, each in zip(("opacity", "turn"), others, strict=True):
+        yield Figure(f"page/{name} changed", float(each), unit="ms")
+        yield Figure(f"page/{name} by light", float(each / light), unit="x")
 
 
 def _written(path: Path, scene: Scene, views: list[PageView], bits: int) -> int:

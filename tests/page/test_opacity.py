@@ -257,7 +257,7 @@ def test_an_address_brings_opacities_back_and_rubbish_none(
             "const had = WebGL2RenderingContext.prototype.getParameter;"
             "WebGL2RenderingContext.prototype.getParameter = function (what) {"
             "  return what === this.MAX_ARRAY_TEXTURE_LAYERS ? 4 : had.call(this, what); };",
-            "no textures of 16 slices",
+            "no textures of 24 slices",
             marks=pytest.mark.slow,
         ),
     ],
@@ -365,10 +365,10 @@ def test_packed_layers_are_small_and_their_constants_the_shader_s(image: Coeffic
     packed = pack_layers(image.opacity_layers)
     constants = packed.constants()
     names = "COUNT", "MATERIALS", "GROUPS", "TEXELS", "CODED"
-    assert [constants[name] for name in names] == [8, 2, 1, 2, 1]
+    assert [constants[name] for name in names] == [8, 2, 1, 3, 1]
     assert packed.present == (True, True) and 0 < packed.tau <= 32
-    # 40 numbers of a pixel in less than 10 bytes.
-    assert len(packed.data) < 10 * SIZE[0] * SIZE[1]
+    # 56 numbers of a pixel in less than 14 bytes.
+    assert len(packed.data) < 14 * SIZE[0] * SIZE[1]
 
 
 def test_several_views_are_written_without_layers_and_say_what_they_would_take(
@@ -383,7 +383,7 @@ def test_several_views_are_written_without_layers_and_say_what_they_would_take(
 def test_layers_too_large_for_browsers_are_refused(
     scene: Scene, image: CoefficientImage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(build, "_MOST_LAYER_BYTES", 4 * 16 * SIZE[0] * SIZE[1] - 1)
+    monkeypatch.setattr(build, "_MOST_LAYER_BYTES", 4 * 24 * SIZE[0] * SIZE[1] - 1)
     with raises(ImageError, "size", "page.layers"):
         page_html([PageView(image)], scene.lights)
 

@@ -43,11 +43,14 @@ _LAYERS_UNIT, _BASE_UNIT = 5, 6
 _FAR_MM = 1e30
 
 
-def layer_slots(materials: int, groups: int, shadows: int = 0) -> tuple[list[int], int]:
+def layer_slots(
+    materials: int, groups: int, shadows: int = 0, *, extents: bool = False
+) -> tuple[list[int], int]:
     """Return the places of a layer's numbers in the shader's texels, four to each, and the texels.
 
     Numbers are the depths, the shades group by group, the highlights; then of each of some shadows
-    the depths, the parts of shade and highlight, and b.
+    the depths, the parts of shade and highlight, and b; at last where the layer begins, and its
+    width.
     """
     slots = list(range(materials))
     slots += [4 * (1 + g) + k for g in range(groups) for k in range(materials)]
@@ -58,7 +61,10 @@ def layer_slots(materials: int, groups: int, shadows: int = 0) -> tuple[list[int
     texels = 1 + max(slots) // 4
     for first in range(4 * texels, 4 * texels + 8 * shadows, 8):
         slots += [*range(first, first + materials), *range(first + 4, first + 7)]
-    return slots, texels + 2 * shadows
+    texels += 2 * shadows
+    if extents:
+        slots += [4 * texels, 4 * texels + 1]
+    return slots, texels + extents
 
 
 def layer_planes(layers: OpacityLayers) -> list[NDArray[Any]]:
@@ -72,6 +78,17 @@ def layer_planes(layers: OpacityLayers) -> list[NDArray[Any]]:
         own = layers.slot(slot)
         planes += [own[..., n] for n in (*range(3, own.shape[-1]), 0, 1, 2)]
     return planes
+
+
+def layer_extents(layers: OpacityLayers) -> tuple[NDArray[Any], float]:
+    """Return where layers begin, from the nearest on, and their widths, (H, W, L, 2), and that."""
+    shape = layers.tau.shape[:3]
+    tau = layers.tau.astype(np.float32).sum(axis=3).reshape(-1, layers.count)
+    begin, wide = extents(tau, layers.depth_mm.reshape(-1, layers.count).astype(np.float32))
+    used = tau > 0
+    nearest = float(begin[used].min()) if used.any() else 0.0
+    both = np.stack([np.where(used, begin - nearest, 0), wide], axis=-1)
+    return both.reshape(*shape, 2), nearest
 
 
 def shadow_constants(materials: int, groups: int, slots: Sequence[Slot]) -> dict[str, float]:
@@ -107,16 +124,11 @@ class PackedOpacity:
         """Pack an image's layers, with their extents for effects of depth."""
         height, width, count, materials = layers.tau.shape
         planes, shadows = layer_planes(layers), tuple(layers.slots)
-        slots, each = layer_slots(materials, layers.groups, len(shadows))
+        slots, each = layer_slots(materials, layers.groups, len(shadows), extents=depth)
         nearest = None
         if depth:
-            tau = layers.tau.astype(np.float32).sum(axis=3).reshape(-1, count)
-            begin, wide = extents(tau, layers.depth_mm.reshape(-1, count).astype(np.float32))
-            used = tau > 0
-            nearest = float(begin[used].min()) if used.any() else 0.0
-            begin = np.where(used, begin - nearest, 0)
-            planes += [plane.reshape(height, width, count) for plane in (begin, wide)]
-            slots, each = [*slots, 4 * each, 4 * each + 1], each + 1
+            extent, nearest = layer_extents(layers)
+            planes += [extent[..., 0], extent[..., 1]]
         texels = np.zeros((count, each, height, width, 4), np.float16)
         for i, plane in zip(slots, planes, strict=True):
             # (H, W, L) planes, layer by layer.

@@ -47,8 +47,8 @@ Layout = Literal["side-by-side", "crossed", "anaglyph", "half-colour"]
 Matrix = NDArray[np.float64]
 # Layouts of two pictures next to each other.
 _PAIRS = "side-by-side", "crossed"
-# An eye distance of a thirtieth of the way to the subject, as photographers choose it.
-_BASE = 1 / 30
+EYES = 1 / 30
+"""Distance between the eyes over the way to the subject, as photographers choose it."""
 # Points a deep layer: pairs are looked at for longer than a first picture of a turn.
 _PARTS = 6
 _LEFT_DUBOIS = np.array([[0.437, 0.449, 0.164], [-0.062, -0.062, -0.024], [-0.048, -0.050, -0.017]])
@@ -90,7 +90,7 @@ class Stereo:
 
     def eyes(self, camera: Camera, convergence_mm: float) -> tuple[Camera, Camera]:
         """Return the left and right eye's camera; their pictures agree at the convergence."""
-        angle = 2 * math.atan(_BASE / 2)
+        angle = 2 * math.atan(EYES / 2)
         if self.eyes_deg is not None:
             angle = math.radians(self.eyes_deg)
         if self.eyes_mm is not None:

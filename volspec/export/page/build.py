@@ -34,7 +34,7 @@ from volspec.export.page import payload
 from volspec.export.page.packing import PackedLayers, layer_bytes, pack_layers, pack_view
 from volspec.export.tiles import part_of
 from volspec.pipeline import Raycaster, Relighter, raycast
-from volspec.raycast import CoefficientImage
+from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.raycast.layered import OpacityLayers
 from volspec.raycast.row_batches import Progress
 from volspec.relight import RelightSpec
@@ -58,8 +58,9 @@ _WEB = Path(__file__).parent / "web"
 # are the third copy of light matrices and CIECAM, after NumPy and GLSL: pages work offline for any
 # weights, model and surround (docs/architecture.md). tests/page/test_twins.py compares the copies.
 _SCRIPTS = (
-    "algebra illumination conditions view_transform looks channels relight recompose lighting "
-    "state elements spectrum dial lights opacity viewing errors probe stage share widget "
+    "algebra illumination conditions view_transform looks channels relight recompose nearby "
+    "lighting state elements spectrum dial lights opacity depth viewing errors probe stage share "
+    "widget "
     "camera main"
 )
 _POLICY = (
@@ -106,6 +107,8 @@ class PageView:
     opacities : {material: scale}
         Of the sliders when the page is opened; 1 for those that are left out. Only if the image was
         cast with layers.
+    depth : DepthEffects
+        Cuts and fog when the page is opened, likewise.
     """
 
     image: CoefficientImage
@@ -113,6 +116,7 @@ class PageView:
     marks: str = ""
     step: int = 0
     opacities: Mapping[str, float] = field(default_factory=dict)
+    depth: DepthEffects = field(default_factory=DepthEffects)
 
 
 def layers_size(pictures: int, layers: int, size: tuple[int, int]) -> str:
@@ -219,12 +223,14 @@ def page_html(
     first: CoefficientImage | None = None
     opacity: PackedLayers | None = None
     scales: list[float] = []
+    effects = DepthEffects()
     blocks, packed_views, marks = [], [], []
     for i, view in enumerate(views):
         first = first or view.image
         if i == 0 and not served and first.opacity_layers is not None:
             scales = first.opacity_scales(view.opacities)
             opacity = _packed_layers(first, first.opacity_layers)
+            effects = _without_focus(view.depth)
         _require_alike(view.image, first, i)
         packed = pack_view(view.image, spec.bits)
         blocks.append(f'<script type="text/plain" id="view-{i}">{packed.text}</script>')
@@ -260,8 +266,8 @@ def page_html(
         "filter": os.path.basename(relight_spec.filter or ""),
         "lights": [payload.light_numbers(each, first.basis, seen_through) for each in lights],
         "look": payload.look_numbers(relight_spec, lights)
-        | ({"opacity": scales} if opacity else {}),
-        "opacity": payload.opacity_numbers(opacity, first.basis),
+        | ({"opacity": scales, **payload.depth_look(effects)} if opacity else {}),
+        "opacity": payload.opacity_numbers(opacity, first, effects),
         **payload.page_viewing(relight_spec.viewing),
         "models": payload.models(),
         "heat": payload.heat_colours(),
@@ -271,7 +277,8 @@ def page_html(
     }
     shown = first
     if opacity and isinstance(first.basis, MaterialBasis):
-        shown = first.recompose(dict(zip(first.basis.materials, scales, strict=True)))
+        named = dict(zip(first.basis.materials, scales, strict=True))
+        shown = first.recompose(named, effects)
     still = _still(shown, lights[0], relight_spec)
     texts = {"views": "\n".join(blocks), "marks": "".join(marks)}
     return _assembled(spec, numbers, still, texts, (width, height))
@@ -345,7 +352,8 @@ def scene_views(
                 behind=behind,
             )
             marks = annotation_svg(scene.file.annotation, camera, pixels)
-            yield PageView(image, 360.0 * i / count, marks, step, opacities)
+            depth = scene.file.depth if spec.layers else DepthEffects()
+            yield PageView(image, 360.0 * i / count, marks, step, opacities, depth)
 
 
 def script() -> str:
@@ -397,6 +405,17 @@ def _packed_layers(image: CoefficientImage, layers: OpacityLayers) -> PackedLaye
             field="page.layers",
         )
     return pack_layers(layers)
+
+
+def _without_focus(effects: DepthEffects) -> DepthEffects:
+    if effects.focus_mm is not None:
+        warnings.warn(
+            f"page: depth.focus_mm is {effects.focus_mm:g}, but a page is sharp everywhere; its "
+            "cuts and fog are as given",
+            VolspecWarning,
+            stacklevel=3,
+        )
+    return replace(effects, focus_mm=None, aperture_mm=None)
 
 
 def _megabytes(count: float) -> str:

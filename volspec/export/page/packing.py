@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from volspec.raycast import CoefficientImage
 from volspec.raycast.layered import OpacityLayers, Slot
 from volspec.relight.layers import clamp_finite
-from volspec.relight.recompose import layer_slots, shadow_constants
+from volspec.relight.recompose import layer_extents, layer_slots, shadow_constants
 
 Codes = NDArray[np.integer[Any]]
 
@@ -76,7 +76,7 @@ class PackedLayers:
     ``data`` are deflated residuals, plane by plane: each number of a layer, as
     shaders/recompose.frag counts them, in all layers. ``present`` is true of those of the K
     materials that have opacity; ``tau``, ``shade``, ``gloss``, ``path`` and ``bend`` (these of the
-    ``shadows``) are the values of a texel of 1.
+    ``shadows``), ``begin`` and ``width`` (from ``nearest`` on, mm) are the values of a texel of 1.
     """
 
     data: bytes
@@ -86,6 +86,9 @@ class PackedLayers:
     tau: float
     shade: float
     gloss: float
+    nearest: float
+    begin: float
+    width: float
     shadows: tuple[Slot, ...] = ()
     path: float = 1.0
     bend: float = 1.0
@@ -103,8 +106,10 @@ class PackedLayers:
             "COUNT": self.count,
             "MATERIALS": materials,
             "GROUPS": self.groups,
-            "TEXELS": layer_slots(materials, self.groups, len(self.shadows))[1],
+            "TEXELS": layer_slots(materials, self.groups, len(self.shadows), extents=True)[1],
             "CODED": 1,
+            "BEGIN_CODE": self.begin,
+            "WIDTH_CODE": self.width,
             "TAU_CODE": self.tau,
             "PATH_CODE": self.path,
             "BEND_CODE": self.bend,
@@ -112,7 +117,7 @@ class PackedLayers:
 
     def numbers(self) -> dict[str, Any]:
         """Return what unpacking takes besides the data, for JSON."""
-        slots, texels = layer_slots(len(self.present), self.groups, len(self.shadows))
+        slots, texels = layer_slots(len(self.present), self.groups, len(self.shadows), extents=True)
         return {
             "count": self.count,
             "slots": slots,
@@ -120,13 +125,16 @@ class PackedLayers:
             "present": self.present,
             "shade": self.shade,
             "gloss": self.gloss,
+            "nearest_mm": self.nearest,
+            "begin_mm": self.begin,
+            "width_mm": self.width,
         }
 
 
 def layer_bytes(layers: OpacityLayers) -> int:
     """Return the bytes of a page's texture of layers."""
     height, width, count, materials = layers.tau.shape
-    texels = layer_slots(materials, layers.groups, len(layers.slots))[1]
+    texels = layer_slots(materials, layers.groups, len(layers.slots), extents=True)[1]
     return 4 * height * width * count * texels
 
 
@@ -134,12 +142,15 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
     """Quantise layers of opacity to up to 8 bits a number, predict, and deflate.
 
     Codes c of a number from 0 to 1: τ ∝ c³, shade ∝ c, highlight ∝ c², and of shadows E ∝ c³,
-    b ∝ c³, parts c. Neighbouring layers are
-    not similar enough to predict each other; a plane is predicted by its neighbouring pixels.
+    b ∝ c³, parts c; a slab's begin ∝ c, width ∝ c². Neighbouring layers are not similar enough to
+    predict each other; a plane is predicted by its neighbouring pixels.
     Shades of absent materials and highlights of unused layers repeat the pixel to their left.
     """
-    given = layers.tau, layers.shade, layers.gloss, *map(layers.slot, layers.slots)
-    tau, shade, gloss, *casts = (clamp_finite(np.asarray(each, np.float32)) for each in given)
+    extents, nearest = layer_extents(layers)
+    given = layers.tau, layers.shade, layers.gloss, extents, *map(layers.slot, layers.slots)
+    tau, shade, gloss, extents, *casts = (
+        clamp_finite(np.asarray(each, np.float32)) for each in given
+    )
     tau = np.minimum(tau, _MOST_TAU)
     most_tau = float(tau.max(initial=0))
     # The shader stops at a pixel's first unused layer.
@@ -149,7 +160,9 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
         tau = np.take_along_axis(tau, order[..., None], axis=2)
         shade = np.take_along_axis(shade, order[..., None, None], axis=2)
         gloss = np.take_along_axis(gloss, order[..., None], axis=2)
-        casts = [np.take_along_axis(each, order[..., None], axis=2) for each in casts]
+        extents, *casts = (
+            np.take_along_axis(each, order[..., None], axis=2) for each in (extents, *casts)
+        )
     tau_codes, most_tau = _coded(tau, 255, 3)
     shown: NDArray[np.bool_] = tau_codes > 0
     used = np.any(shown, axis=-1)
@@ -170,6 +183,10 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
         roots = np.cbrt(depths / path), cast[..., :2], np.cbrt(cast[..., 2:3] / bend)
         codes = np.rint(255 * np.concatenate(roots, axis=-1).clip(0, 1)).astype(np.int32)
         planes += [_filled(codes[..., n], used) for n in range(codes.shape[-1])]
+    begin_codes, begin = _coded(extents[..., 0] * used, 255, 1)
+    width_codes, width = _coded(extents[..., 1] * used, 255, 2)
+    # Even codes: a slab's width matters only where it is cut.
+    planes += [_filled(codes, used) for codes in (begin_codes, width_codes // 2 * 2)]
     parts = [residual_bytes(p[..., [i]], 8) for p in planes for i in range(layers.count)]
     return PackedLayers(
         _deflated(b"".join(parts)),
@@ -179,6 +196,9 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
         most_tau,
         most_shade,
         most_gloss,
+        nearest,
+        begin,
+        width,
         tuple(layers.slots),
         path,
         bend,

@@ -32,10 +32,13 @@ from volspec.basis.display import Mode
 from volspec.basis.materials import Basis
 from volspec.errors import ViewingError, VolspecWarning
 from volspec.export.page.packing import PackedLayers
+from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.relight import ErrorMap, LightRig, RelightSpec
 from volspec.relight.advice import mode_advice
 from volspec.relight.layers import layer_count
 from volspec.relight.programs import picture_constants, screen_uniforms
+from volspec.relight.recompose import depth_uniforms
+from volspec.relight.stereo import EYES, Stereo, expected_depth_mm
 from volspec.scene.lights import NamedLight
 from volspec.spectra import Spectrum
 from volspec.spectra.datasets import colour_matching_functions
@@ -201,11 +204,48 @@ def page_viewing(viewing: Viewing) -> dict[str, Any]:
     }
 
 
-def opacity_numbers(opacity: PackedLayers | None, basis: Basis) -> dict[str, Any] | None:
-    """Return what unpacking and recomposing of layers take; None if there are none."""
-    if opacity is None or not isinstance(basis, MaterialBasis):
+def opacity_numbers(
+    opacity: PackedLayers | None, image: CoefficientImage, effects: DepthEffects
+) -> dict[str, Any] | None:
+    """Return what unpacking and recomposing of layers take; None if there are none.
+
+    ``effects`` are those of the page as it is opened.
+    """
+    if opacity is None or not isinstance(image.basis, MaterialBasis):
         return None
-    return {"materials": list(basis.materials), **opacity.numbers()}
+    assert image.opacity_layers is not None
+    near, far = image.opacity_layers.range_mm
+    numbers = depth_uniforms(effects, image)
+    return {
+        "materials": list(image.basis.materials),
+        **opacity.numbers(),
+        "range_mm": [near, far],
+        "fog_from_mm": near if effects.fog_mm is None else effects.fog_from_mm,
+        "fog_light": numbers["fog_light"],
+        "slope": numbers["slope"][0],
+        "camera": _camera_numbers(image),
+    }
+
+
+def _camera_numbers(image: CoefficientImage) -> dict[str, Any] | None:
+    """Return the camera of an image with layers, and where eyes meet; None if it is unknown."""
+    if image.camera is None:
+        return None
+    field = image.camera.ray_field(*image.size)
+    mixes = Stereo("anaglyph").mixes(SPACES["sRGB"])
+    return {
+        "distance_mm": field.distance,
+        "nearness": field.nearness,
+        "pitch_mm": field.pitch_mm,
+        "convergence_mm": expected_depth_mm(image),
+        "eyes": EYES,
+        **{f"{eye}_mix": mix.tolist() for eye, mix in zip(("left", "right"), mixes, strict=True)},
+    }
+
+
+def depth_look(effects: DepthEffects) -> dict[str, float | None]:
+    """Return the page's cuts and visibility."""
+    return {"near": effects.near_mm, "far": effects.far_mm, "fog": effects.fog_mm}
 
 
 def shaders(channels: int, height: int, opacity: PackedLayers | None = None) -> dict[str, str]:
@@ -221,7 +261,10 @@ def shaders(channels: int, height: int, opacity: PackedLayers | None = None) -> 
     made = {kind: assemble(file, lines, glsl_version=_GLSL).text for kind, file in files.items()}
     if opacity:
         own = prelude(opacity.constants(), "glsl")
-        made["recompose"] = assemble("shaders/recompose.frag", own, glsl_version=_GLSL).text
+        for kind in ("recompose.frag", "splat.vert", "splat.frag", "splatted.frag"):
+            made[kind] = assemble(f"shaders/{kind}", own, glsl_version=_GLSL).text
+        display = prelude({"SIMULATE": 0, **SPACES["sRGB"].shader_constants()}, "glsl")
+        made["stereo.frag"] = assemble("shaders/stereo.frag", display, glsl_version=_GLSL).text
     return made
 
 

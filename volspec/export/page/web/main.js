@@ -27,7 +27,7 @@ class App {
     this.spoken = false;
     this.relighter = new Relighter(byId('picture'), page);
     // Of pages with layers of opacity, once they are unpacked.
-    this.recomposer = null;
+    this.recomposer = this.nearby = this.stereo = null;
     this.forget();
     // Number of full pictures in a row that took too long.
     this.late = 0;
@@ -75,8 +75,8 @@ class App {
     return SCALES[input.dataset.scale ?? 'plain'].of(input.valueAsNumber);
   }
 
-  // Pixel that is read: the one under the mouse, else the pinned one.
-  get probe() { return this.hovered ?? this.state.probe; }
+  // Pixel that is read: the one under the mouse, else the pinned one; none of two eyes' pictures.
+  get probe() { return this.isStereo ? null : this.hovered ?? this.state.probe; }
 
   hover(pixel) {
     this.hovered = pixel;
@@ -176,14 +176,35 @@ class App {
       return light && drawingOf(page, light, look);
     });
     const split = state.compare ? state.divide : 1;
-    relighter.draw([[0, split], [split, 1]].slice(0, state.compare ? 2 : 1).map(
-      ([from, to], i) => ({ drawing: drawings[i], texture: this.recomposed(i), from, to })), every);
-    if (every === 1) byId('port').style.background = state.compare ? '' : this.backdropColour();
+    const sidesOf = (eye) => [[0, split], [split, 1]].slice(0, state.compare ? 2 : 1).map(
+      ([from, to], i) => ({ drawing: drawings[i], texture: this.recomposed(i, eye), from, to }));
+    if (this.isStereo) this.stereo.draw(state.stereo, every, sidesOf);
+    else relighter.draw(sidesOf(0), every);
+    const whole = !state.compare && !this.isStereo;
+    if (every === 1) byId('port').style.background = whole ? this.backdropColour() : '';
+    // Marks are those of the cast's camera.
+    byId('marks').style.visibility = this.isMoved ? 'hidden' : '';
   }
 
-  // Texture of a side's opacities; null if they are the cast's.
-  recomposed(side) {
-    return this.recomposer?.texture(side, this.state.sides[side].opacity) ?? null;
+  // Texture of a side's opacities and view, of both eyes between -1 and 1; null if it is the cast's.
+  recomposed(side, eye = 0) {
+    const look = this.state.sides[side], { turn } = this.state;
+    const view = this.nearby && viewOf(this.page, turn, eye);
+    if (view) return this.nearby.texture(side, look, eye, view);
+    return this.recomposer?.texture(side, look) ?? null;
+  }
+
+  // True if both eyes' pictures are shown.
+  get isStereo() { return Boolean(this.stereo) && this.state.stereo !== 'off'; }
+
+  // True if the picture is not seen from the cast's camera.
+  get isMoved() { return this.isStereo || Boolean(this.state.turn?.some((angle) => angle)); }
+
+  // Turn a little, if the page has a camera and layers.
+  lean(across, down) {
+    const angles = [across, down].map((by, i) => (
+      clamped(this.state.turn[i] + by, -MOST_TURN, MOST_TURN)));
+    this.put({ turn: angles });
   }
 
   // Channels of a side's pixel; opacity is the last.
@@ -199,6 +220,10 @@ class App {
       const packed = bytesOf(byId('layers').textContent);
       const texels = await layersOf(packed, this.page.opacity, this.page.channels);
       this.recomposer = new Recomposer(this.relighter, texels);
+      if (this.page.opacity.camera) {
+        this.nearby = new NearbyViews(this.recomposer);
+        this.stereo = new StereoPass(this.relighter);
+      }
       byId('opacity-status').textContent = '';
       this.forget();
     } catch (error) {
@@ -214,14 +239,14 @@ class App {
     const { page: { channels }, relighter } = this;
     const [right, low] = [channels.width - 1, channels.height - 1];
     const corner = [[0, 0], [right, 0], [0, low], [right, low]].find(
-      ([x, y]) => this.channelsAt(0, x, y).at(-1) < CLEAR);
+      ([x, y]) => this.state.sides[0].fog || this.channelsAt(0, x, y).at(-1) < CLEAR);
     return corner ? `rgb(${relighter.codesAt(...corner).join(' ')})` : '';
   }
 
   // State on which the picture depends; the probe, for example, is not part of this.
   get pictured() {
-    const { texels, state: { sides, compare, divide } } = this;
-    return [texels, sides, compare, compare && divide];
+    const { texels, state: { sides, compare, divide, turn, stereo } } = this;
+    return [texels, sides, compare, compare && divide, turn, stereo];
   }
 
   // Draw the picture if it has changed; coarsely while it keeps changing in a slow browser.
@@ -260,7 +285,7 @@ class App {
     this.stage = new Stage(this);
     fillHeatScale(this.page);
     this.panels = [
-      lightsPanel, opacityPanel, viewingPanel, errorsPanel, probePanel, comparing, labels,
+      lightsPanel, opacityPanel, depthPanel, viewingPanel, errorsPanel, probePanel, comparing, labels,
     ].map((panel) => panel(this));
     captioning();
     sharing(this);
@@ -273,7 +298,7 @@ class App {
     canvas.addEventListener('webglcontextlost', (event) => event.preventDefault());
     canvas.addEventListener('webglcontextrestored', () => {
       this.relighter.forget();
-      this.recomposer?.forget();
+      [this.recomposer, this.nearby, this.stereo].forEach((each) => each?.forget());
       this.swatches = null;
       this.forget();
       this.refresh();
@@ -288,9 +313,10 @@ class App {
       this.put(opened(this.page));
       this.turnTo(0);
     });
-    // Only a picture of other opacities waits for the layers.
+    // Only a picture other than the cast's waits for the layers.
     const loaded = this.page.opacity && this.loadOpacity();
-    if (!this.state.sides.every(({ opacity }) => isUnscaled(opacity ?? []))) await loaded;
+    const { sides, turn = [], stereo = 'off' } = this.state;
+    if (!sides.every(isAsCast) || turn.some(Boolean) || stereo !== 'off') await loaded;
     this.refreshed();
     document.documentElement.classList.add('ready');
   }

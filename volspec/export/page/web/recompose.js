@@ -1,6 +1,6 @@
-// Opacities: the picture recomposed from its layers, one pass per change of scales.
+// Opacities, cuts and fog: the picture recomposed from its layers, one pass per change of them.
 //
-//     codes of layers, scales -> shaders/recompose.frag -> half floats that relight.frag reads
+//     codes of layers, scales, effects -> shaders/recompose.frag -> half floats for relight.frag
 //
 // Twin of volspec/relight/recompose.py.
 
@@ -12,8 +12,15 @@ function residualShare(scales) {
 
 const isUnscaled = (scales) => scales.every((scale) => scale === 1);
 
+const isInDepth = ({ near, far, fog }) => near > 0 || far !== null || fog !== null;
+
+// True if a look has the cast's opacities, without effects of depth; so has one without layers.
+const isAsCast = (look) => !look.opacity || (isUnscaled(look.opacity) && !isInDepth(look));
+
 // Targets of one draw; every browser has at least four. Units of textures: base, layers.
 const MOST_TARGETS = 4, BASE_UNIT = 0, LAYERS_UNIT = 1;
+// Farther than any layer; and the light that fog leaves at its visibility.
+const FAR_MM = 1e30, LEFT_AT_VISIBILITY = 0.05;
 
 class Recomposer {
   // Throws Refused if the browser cannot draw or hold what is needed.
@@ -41,26 +48,34 @@ class Recomposer {
   // Forget the device's objects after the browser has lost the context.
   forget() {
     this.layers = null;
-    // Of each side: scales, and the texture that shows them.
-    this.sides = [];
+    // Textures of channels, by the side and eye that they are for, and what they show.
+    this.made = new Map();
   }
 
-  // A side's texture of channels at some scales; null for the view's own.
-  texture(side, scales) {
-    if (isUnscaled(scales)) return null;
+  // A side's texture of channels; null for the view's own.
+  texture(side, look) {
+    if (isAsCast(look)) return null;
+    const { opacity: scales } = look, inDepth = isInDepth(look);
+    return this.kept(`side ${side}`, [scales, this.effects(look)], (texture) => this.draw(
+      this.difference, texture, inDepth ? { DEPTH: 1 } : {},
+      { ...this.uniforms(look), fade: [inDepth ? 0 : residualShare(scales)] }));
+  }
+
+  // A texture of channels, drawn again if it is to show something else than before.
+  kept(name, shows, draw) {
     if (!this.layers) this.upload();
-    this.sides[side] ??= { texture: this.blank(), scales: null };
-    const own = this.sides[side], key = scales.join();
-    if (own.scales !== key) {
-      this.draw(this.difference, own.texture, scales, false);
-      own.scales = key;
+    if (!this.made.has(name)) this.made.set(name, { texture: this.blank() });
+    const own = this.made.get(name), key = JSON.stringify(shows);
+    if (own.key !== key) {
+      draw(own.texture);
+      own.key = key;
     }
     return own.texture;
   }
 
-  blank() {
+  blank(slices = this.slices) {
     const { relighter, relighter: { gl } } = this;
-    return relighter.array(gl.RGBA16F, [...this.size, this.slices]);
+    return relighter.array(gl.RGBA16F, [...this.size, slices]);
   }
 
   // Codes of the layers, and what the view has and they lack at scale 1.
@@ -72,37 +87,66 @@ class Recomposer {
     this.difference = this.blank();
     [this.target, this.reader] = [gl.createFramebuffer(), gl.createFramebuffer()];
     this.layers = layers;
-    this.draw(relighter.shown, this.difference, opacity.materials.map(() => 1), true);
+    const scales = opacity.materials.map(() => 1);
+    this.draw(relighter.shown, this.difference, { DIFFERENCE: 1 }, this.uniforms({
+      opacity: scales }));
   }
 
-  draw(base, into, scales, difference) {
-    const { relighter, relighter: { gl, page: { opacity } }, slices } = this;
-    gl.activeTexture(gl.TEXTURE0 + LAYERS_UNIT);
-    gl.bindTexture(gl.TEXTURE_2D_ARRAY, this.layers);
+  // Uniforms of shaders/include/opacity.glsl.
+  uniforms(look) {
+    const { opacity } = this.relighter.page;
+    return {
+      scales: [...look.opacity, 1, 1, 1].slice(0, 4),
+      shade_code: [opacity.shade], gloss_code: [opacity.gloss],
+      nearest_mm: [opacity.nearest_mm], slope: [opacity.slope], fog_light: opacity.fog_light,
+      ...this.effects(look),
+    };
+  }
+
+  effects({ near = 0, far = null, fog = null }) {
+    const { opacity } = this.relighter.page;
+    const perMm = fog === null ? 0 : -Math.log(LEFT_AT_VISIBILITY) / fog;
+    return { cut_mm: [near, far ?? FAR_MM], fog: [perMm, opacity.fog_from_mm] };
+  }
+
+  draw(base, into, form, uniforms) {
+    this.drawInto(into, this.slices, (first, drawn) => {
+      const made = this.relighter.program(
+        { FIRST_SLICE: first, SLICES_DRAWN: drawn, DIFFERENCE: 0, ...form }, 'recompose.frag');
+      this.bind(made, { base });
+      this.relighter.pass(made, uniforms);
+    });
+  }
+
+  // Give a program its textures: the layers, and another one by the name of its sampler.
+  bind({ program }, others = {}) {
+    const { gl } = this.relighter;
+    gl.useProgram(program);
+    for (const [name, texture] of Object.entries({ layers: this.layers, ...others })) {
+      const unit = name === 'layers' ? LAYERS_UNIT : BASE_UNIT;
+      gl.activeTexture(gl.TEXTURE0 + unit);
+      gl.bindTexture(gl.TEXTURE_2D_ARRAY, texture);
+      gl.uniform1i(gl.getUniformLocation(program, name), unit);
+    }
     gl.activeTexture(gl.TEXTURE0 + BASE_UNIT);
-    gl.bindTexture(gl.TEXTURE_2D_ARRAY, base);
+  }
+
+  // Draw all slices of a texture, some at once.
+  drawInto(texture, slices, draw) {
+    const { gl } = this.relighter;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.target);
     gl.viewport(0, 0, ...this.size);
     gl.scissor(0, 0, ...this.size);
-    const uniforms = {
-      scales: [...scales, 1, 1, 1].slice(0, 4), fade: [residualShare(scales)],
-      shade_code: [opacity.shade], gloss_code: [opacity.gloss],
-    };
     for (let first = 0; first < slices; first += MOST_TARGETS) {
       const drawn = Math.min(slices - first, MOST_TARGETS), targets = [];
       for (let i = 0; i < MOST_TARGETS; i++) {
         const place = gl.COLOR_ATTACHMENT0 + i;
         gl.framebufferTextureLayer(
-          gl.FRAMEBUFFER, place, i < drawn ? into : null, 0, i < drawn ? first + i : 0);
+          gl.FRAMEBUFFER, place, i < drawn ? texture : null, 0, i < drawn ? first + i : 0);
         if (i < drawn) targets.push(place);
       }
       gl.drawBuffers(targets);
-      const made = relighter.program({
-        FIRST_SLICE: first, SLICES_DRAWN: drawn, DIFFERENCE: difference ? 1 : 0 }, 'recompose');
-      gl.useProgram(made.program);
-      gl.uniform1i(gl.getUniformLocation(made.program, 'layers'), LAYERS_UNIT);
-      gl.uniform1i(gl.getUniformLocation(made.program, 'base'), BASE_UNIT);
-      relighter.pass(made, uniforms);
+      draw(first, drawn);
     }
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }

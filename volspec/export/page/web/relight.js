@@ -99,14 +99,14 @@ class Relighter {
   }
 
   // Program for compile-time definitions; the `#define` lines follow the `#version` line.
-  program(form, fragment = 'fragment') {
+  program(form, fragment = 'fragment', vertex = 'vertex') {
     const { gl, page: { shader } } = this;
     const lines = Object.entries(form)
       .map(([name, value]) => `#define ${name} ${value}\n`).join('');
     const key = fragment + lines;
     if (!this.programs.has(key)) {
       const program = gl.createProgram();
-      for (const [name, kind] of [['vertex', gl.VERTEX_SHADER], [fragment, gl.FRAGMENT_SHADER]]) {
+      for (const [name, kind] of [[vertex, gl.VERTEX_SHADER], [fragment, gl.FRAGMENT_SHADER]]) {
         const text = shader[name], end = text.indexOf('\n') + 1;
         const part = gl.createShader(kind);
         gl.shaderSource(part, text.slice(0, end) + lines + text.slice(end));
@@ -193,10 +193,12 @@ class Relighter {
   }
 
   // Draw adjacent sides: [{drawing, texture, from, to}] in fractions of the width; black if drawing
-  // is null, the view's own channels if texture is.
-  draw(sides, every) {
-    this.resize(every);
-    const { gl, canvas: { width, height } } = this;
+  // is null, the view's own channels if texture is. On the canvas unless another target is given,
+  // {framebuffer, size}.
+  draw(sides, every, target = null) {
+    if (!target) this.resize(every);
+    const { gl, canvas } = this, [width, height] = target?.size ?? [canvas.width, canvas.height];
+    gl.bindFramebuffer(gl.FRAMEBUFFER, target?.framebuffer ?? null);
     gl.viewport(0, 0, width, height);
     for (const { drawing, texture, from, to } of sides) {
       const left = Math.round(from * width);
@@ -209,16 +211,21 @@ class Relighter {
       gl.bindTexture(gl.TEXTURE_2D_ARRAY, texture ?? this.shown);
       this.pass(this.program({ ...drawing.form, EVERY: every }), drawing.uniforms);
     }
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
-  // Draw with a program of `program`.
-  pass({ program, setters }, uniforms) {
-    const { gl } = this;
-    gl.useProgram(program);
+  // Use a program of `program`, with values of its uniforms.
+  set({ program, setters }, uniforms) {
+    this.gl.useProgram(program);
     for (const [name, values] of Object.entries(uniforms)) {
       setters.get(name)?.(new Float32Array(values));
     }
-    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  // Draw with a program of `program`.
+  pass(made, uniforms) {
+    this.set(made, uniforms);
+    this.gl.drawArrays(this.gl.TRIANGLES, 0, 3);
   }
 
   // Red, green and blue of a pixel, directly after it was drawn in full.

@@ -1,10 +1,13 @@
 // The picture on the screen: zoom and pan, turning to other views, probe, and dividing line.
 //
-// One finger or button turns (or pans if there is one view), two fingers pinch, the wheel zooms.
+// One finger or button turns (or pans if there is one view, without layers), two fingers pinch, the
+// wheel zooms.
 
 const MOST_ZOOM = 40, NEAR_DIVIDE = 16, MOVED = 5, MARGIN = 24;
 // Least displayed length of a picture's side, in screen pixels.
 const LEAST_SIDE = 6;
+// A drag across the picture turns a camera nearby by so much.
+const LEAN_DEG = 30;
 // Attributes that make the port a control while the picture can be relit.
 const HEARS_KEYS = { tabindex: 0, role: 'application', 'aria-describedby': 'keys' };
 
@@ -139,7 +142,7 @@ class Stage {
     this.port.setPointerCapture(event.pointerId);
     const at = this.within(event), { state, page } = this.app, { across, left } = this.box;
     const line = left + state.divide * page.channels.width * across;
-    const views = camerasOf(page) > 1 || page.served;
+    const views = camerasOf(page) > 1 || page.served || this.app.nearby;
     const turns = views && event.button === 0 && !event.shiftKey;
     const divides = state.compare && Math.abs(at[0] - line) < NEAR_DIVIDE;
     const task = divides ? 'divide' : turns ? 'turn' : 'pan';
@@ -162,6 +165,10 @@ class Stage {
       const rate = DRAG_DEG / this.port.clientHeight;
       app.hovered = null;
       app.camera.turn(-rate * dx, rate * dy);
+    } else if (held.task === 'turn' && app.nearby) {
+      const rate = LEAN_DEG / this.port.clientWidth;
+      app.hovered = null;
+      app.lean(rate * dx, rate * dy);
     } else if (held.task === 'turn') {
       const turned = (held.from[0] - at[0]) / this.port.clientWidth * camerasOf(app.page);
       app.turnTo(viewAfter(app.page, app.state.view, Math.round(turned) - held.turned, 0));
@@ -200,7 +207,8 @@ class Stage {
     const { app } = this, { width, height } = app.page.channels;
     const go = (turns, steps) => app.turnTo(viewAfter(app.page, app.state.view, turns, steps));
     const page = (way) => {
-      if (!app.camera) go(way, 0);
+      if (app.nearby) app.lean(...(event.shiftKey ? [0, -way] : [-way, 0]));
+      else if (!app.camera) go(way, 0);
       else app.camera.turn(...(event.shiftKey ? [0, -KEY_DEG * way] : [KEY_DEG * way, 0]));
     };
     const step = event.shiftKey ? 10 : 1;

@@ -51,6 +51,7 @@ function lookFields(page) {
     mark: yesOrNo, deficiency: choice('none', ...Object.keys(page.deficiencies)),
     severity: within(0, 1),
     ...(page.opacity && { opacity: numbers(page.opacity.materials.length, 0, MOST_SCALE) }),
+    ...depthFields(page),
   };
 }
 
@@ -58,7 +59,7 @@ const desktopFields = (page) => ({
   compare: yesOrNo, divide: within(0, 1), view: wholeNumber(0, page.views.length - 1),
   errors: yesOrNo,
   probe: orNone(numbers(2, 0, Math.max(page.channels.width, page.channels.height))),
-  ...(page.served && cameraFields(page.served)),
+  ...(page.served && cameraFields(page.served)), ...turnFields(page),
 });
 
 const cameraFields = ({ distances }) => ({
@@ -83,6 +84,7 @@ const opened = (page) => ({
   probe: null,
   ...(page.served && {
     azimuth: page.served.azimuth_deg, elevation: page.served.elevation_deg, distance: 1 }),
+  ...turnOpened(page),
 });
 
 function written(state, page) {

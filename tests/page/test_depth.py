@@ -1,0 +1,220 @@
+"""Cuts, fog, a small turn and two eyes in the page, against the desktop's pictures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.page.conftest import Opened, open_file
+from tests.page.test_access import breaches
+from tests.page.test_opacity import NEAR, unpacked
+from tests.support.browser import mean_difference
+from tests.support.errors import warns
+from volspec._gpu.sources import asset
+from volspec.export.page import PageView, scene_views, write_page
+from volspec.pipeline import raycast
+from volspec.raycast import Camera, CoefficientImage, DepthEffects
+from volspec.relight import relight
+from volspec.relight.stereo import Stereo
+from volspec.scene import Scene
+
+SCENE = asset("data/scenes/engine-layers.toml")
+SIZE = 160, 120
+# Views of layers, against casts and against views that are splatted as other points.
+TURNED, SPLATTED = 1.7, 0.6
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return Scene.load(SCENE)
+
+
+@pytest.fixture(scope="module")
+def image(scene: Scene) -> CoefficientImage:
+    return scene.render(size=SIZE)
+
+
+@pytest.fixture(scope="module")
+def shared(
+    browser: Any, tmp_path_factory: pytest.TempPathFactory, scene: Scene, image: CoefficientImage
+) -> Iterator[Opened]:
+    path = tmp_path_factory.mktemp("depth") / "engine.html"
+    write_page(path, [PageView(image)], scene.lights, scene.relight)
+    made = unpacked(open_file(browser, path))
+    yield made
+    made.page.context.close()
+
+
+@pytest.fixture
+def page(shared: Opened) -> Opened:
+    shared.show()
+    return shared
+
+
+def frame(image: CoefficientImage, scene: Scene) -> NDArray[np.uint8]:
+    return np.asarray(relight(image, scene.lights[0].rig, scene.relight), np.uint8)
+
+
+def turned(camera: Camera, across: float, down: float) -> Camera:
+    """The camera that sees what is in front of its target move right and down, in degrees."""
+    right, above, ahead = camera.frame()
+    a, b = math.radians(across), math.radians(down)
+    # Rows of the matrix that takes the old camera's coordinates to the new one's.
+    first = np.array([[math.cos(a), 0, -math.sin(a)], [0, 1, 0], [math.sin(a), 0, math.cos(a)]])
+    second = np.array([[1, 0, 0], [0, math.cos(b), -math.sin(b)], [0, math.sin(b), math.cos(b)]])
+    axes = second @ first @ np.stack([right, -above, ahead])
+    position = np.asarray(camera.target_mm) - camera.distance_mm * axes[2]
+    return replace(camera, position_mm=tuple(position), up=tuple(-axes[1]))
+
+
+@pytest.mark.parametrize(
+    ("words", "scales", "effects"),
+    [
+        ({"a.near": "520"}, {}, DepthEffects(near_mm=520)),
+        ({"a.far": "520"}, {}, DepthEffects(far_mm=520)),
+        (
+            {"a.near": "480", "a.far": "600", "a.fog": "900", "a.opacity": "0.3,2"},
+            {"block": 0.3, "inserts": 2.0},
+            DepthEffects(near_mm=480, far_mm=600, fog_mm=900),
+        ),
+    ],
+    ids=["near", "far", "all"],
+)
+def test_cuts_and_fog_are_the_desktop_s(
+    page: Opened, scene: Scene, image: CoefficientImage, words: dict[str, str],
+    scales: dict[str, float], effects: DepthEffects,
+) -> None:  # fmt: skip
+    assert image.opacity_layers is not None
+    begins = replace(effects, fog_from_mm=image.opacity_layers.range_mm[0])
+    page.show(**words)
+    wanted = frame(image.recompose(scales, begins), scene)
+    assert mean_difference(wanted, frame(image, scene)) > 2 * NEAR
+    # A cut opens what is steep: codes of a slab's ends are seen there.
+    assert mean_difference(page.picture(), wanted) <= 2 * NEAR
+    assert page.complaints == []
+
+
+@pytest.mark.parametrize(("across", "down"), [(4.0, 0.0), (-3.0, 2.5)])
+def test_a_small_turn_is_near_a_cast(
+    page: Opened, scene: Scene, image: CoefficientImage, across: float, down: float
+) -> None:
+    assert image.camera is not None
+    camera = turned(image.camera, across, down)
+    volume = scene.volume()
+    cast = frame(raycast(volume, scene.transfer, camera, SIZE, scene.raycast), scene)
+    page.show(turn=f"{across},{down}")
+    got = page.picture()
+    assert mean_difference(got, cast) <= TURNED
+    assert mean_difference(frame(image, scene), cast) > 2 * mean_difference(got, cast)
+    # Also of other opacities.
+    page.show(turn=f"{across},{down}", **{"a.opacity": "0,1"})
+    spec = replace(scene.raycast, opacities={"block": 0.0})
+    without = raycast(volume, scene.transfer, camera, SIZE, spec)
+    assert mean_difference(page.picture(), frame(without, scene)) <= TURNED
+    page.show()
+    assert mean_difference(page.picture(), frame(image, scene)) <= NEAR
+
+
+def test_an_anaglyph_and_a_pair_are_of_the_desktop_s_eyes(
+    page: Opened, scene: Scene, image: CoefficientImage
+) -> None:
+    effects = DepthEffects(near_mm=480)
+    eyes = [frame(eye, scene) for eye in Stereo("anaglyph").views(image, {"block": 0.5}, effects)]
+    words = {"a.opacity": "0.5,1", "a.near": "480"}
+    page.show(stereo="anaglyph", **words)
+    wanted = Stereo("anaglyph").combine(*eyes)
+    assert mean_difference(page.picture(), wanted) <= SPLATTED
+    assert mean_difference(page.picture(), Stereo("anaglyph").combine(*eyes[::-1])) > SPLATTED
+    page.show(stereo="pair", **words)
+    got, (width, height) = page.picture(), (side // 2 for side in SIZE)
+    top = height // 2
+    assert not got[:top].any() and not got[top + height :].any()
+    for eye, left in zip(eyes, (0, width), strict=True):
+        part = got[top : top + height, left : left + width]
+        assert mean_difference(part, eye[::2, ::2]) <= SPLATTED
+    assert page.complaints == []
+
+
+def test_a_drag_and_keys_turn_and_reset_turns_back(page: Opened, image: CoefficientImage) -> None:
+    before = page.picture()
+    box = page.page.locator("#port").bounding_box()
+    x, y, mouse = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2, page.page.mouse
+    mouse.move(x, y)
+    mouse.down()
+    mouse.move(x + 0.1 * box["width"], y, steps=3)
+    mouse.up()
+    page.settle()
+    assert float(page.page.input_value("#turn-across")) == pytest.approx(3, abs=0.1)
+    assert mean_difference(page.picture(), before) > 0.5
+    page.page.focus("#port")
+    page.page.keyboard.press("Shift+PageDown")
+    page.settle()
+    assert float(page.page.input_value("#turn-down")) == -1
+    page.page.locator("#turn-across").dblclick()
+    page.settle()
+    assert float(page.page.input_value("#turn-across")) == 0
+    page.page.click("#depth-reset")
+    page.settle()
+    np.testing.assert_array_equal(page.picture(), before)
+
+
+def test_sliders_of_cuts_and_fog_say_what_they_cut(page: Opened, image: CoefficientImage) -> None:
+    assert image.opacity_layers is not None
+    least, most = image.opacity_layers.range_mm
+    for name, key, text in (("near", "End", f"{most:.0f} mm"), ("far", "Home", f"{least:.0f} mm")):
+        page.page.locator(f"#{name}").press(key)
+        page.settle()
+        row = page.page.locator(f".row:has(#{name}) output")
+        assert row.text_content() == text
+        page.page.locator(f"#{name}").press("Delete")
+        page.settle()
+        assert row.text_content() == "off"
+    page.page.locator("#fog").press("ArrowRight")
+    page.until("location.hash.includes('a.fog=')")
+    for rubbish in ("-5", "x", "0"):
+        page.show(**{"a.fog": rubbish, "a.far": rubbish, "turn": f"{rubbish},99"})
+        assert page.page.locator(".row:has(#fog) output").text_content() == "off"
+        assert float(page.page.input_value("#turn-across")) == 0
+
+
+def test_a_scene_s_cuts_and_fog_open_the_page_and_its_focus_is_said_to_be_missing(
+    opened: Callable[..., Opened], tmp_path: Path, scene: Scene, image: CoefficientImage
+) -> None:
+    given = DepthEffects(near_mm=500, fog_mm=2000, fog_white=0.3, focus_mm=520)
+    path = tmp_path / "cut.html"
+    with warns("focus_mm is 520", "sharp"):
+        write_page(path, [PageView(image, depth=given)], scene.lights, scene.relight)
+    page = opened(path)
+    effects = replace(given, focus_mm=None)
+    wanted = frame(image.recompose({}, effects), scene)
+    assert mean_difference(page.picture(), wanted) <= 2 * NEAR
+    own = Scene(replace(scene.file, depth=effects), SCENE)
+    assert [view.depth for view in scene_views(own, size=(32, 24))] == [effects]
+
+
+def test_a_picture_that_does_not_know_its_camera_is_not_turned(
+    opened: Callable[..., Opened], tmp_path: Path, scene: Scene, image: CoefficientImage
+) -> None:
+    path = tmp_path / "older.html"
+    write_page(path, [PageView(replace(image, camera=None))], scene.lights, scene.relight)
+    page = unpacked(opened(path, "#turn=3,0&stereo=anaglyph&a.near=520"))
+    assert not page.page.locator("#turn-rows").is_visible()
+    assert page.page.locator("#near").is_visible()
+    wanted = frame(image.recompose({}, DepthEffects(near_mm=520)), scene)
+    assert mean_difference(page.picture(), wanted) <= 2 * NEAR
+
+
+def test_axe_finds_nothing_wrong_with_depth(page: Opened) -> None:
+    page.show(stereo="pair", **{"a.fog": "300"})
+    # What is scrolled has colours that axe does not find.
+    page.page.evaluate("document.querySelector('.panel').scrollTo(0, 0)")
+    page.page.set_viewport_size({"width": 1280, "height": 1500})
+    page.settle()
+    assert breaches(page.page) == []

@@ -1,0 +1,197 @@
+// Views of a camera nearby, for a small turn and for two eyes: layers splatted as points.
+//
+//     codes of layers, turn -> shaders/splat.vert -> half floats for relight.frag
+//
+// Twin of volspec/raycast/reproject.py; eyes and anaglyphs of volspec/relight/stereo.py.
+
+// Greatest turn, in degrees; and slices of depth in which points are sorted. Deep layers are up to so
+// many points, one every so many pixels: their borders jump between pixels, which one point shows.
+const MOST_TURN = 6, SORTED = 4096, MOST_PARTS = 4, PART_PX = 8;
+
+// Axes of a camera that is turned around its target, so that what is in front moves right and down:
+// columns of a matrix.
+function turned(across, down) {
+  const [c, s] = [Math.cos(across * RADIANS), Math.sin(across * RADIANS)];
+  const [d, t] = [Math.cos(down * RADIANS), Math.sin(down * RADIANS)];
+  return [c, -t * s, d * s, 0, d, t, -s, -t * c, d * c];
+}
+
+const RADIANS = Math.PI / 180;
+
+// What views other than the cast's are made of; null for its own. `side` is -1 for the left eye, 1
+// for the right one.
+function viewOf({ opacity }, [across, down], side) {
+  if (!opacity?.camera || (!across && !down && !side)) return null;
+  const { distance_mm: distance, nearness, convergence_mm: meet, eyes } = opacity.camera;
+  if (!nearness) {
+    // Parallel rays have no shift: eyes turn around where they meet.
+    const angle = 2 * Math.atan(eyes / 2) / RADIANS / 2;
+    return { turn: turned(across - side * angle, down), eye_mm: [0, 0] };
+  }
+  const away = side * eyes / 2 * meet;
+  return { turn: turned(across, down), eye_mm: [away, away * distance / meet] };
+}
+
+class NearbyViews {
+  constructor(recomposer) {
+    this.recomposer = recomposer;
+    this.order = this.sorted();
+    this.forget();
+  }
+
+  forget() { this.points = null; }
+
+  // Parts of layers as `point` of shaders/splat.vert, far to near. Along a ray of a camera nearby that
+  // is the same order.
+  sorted() {
+    const { texels, relighter: { page: { opacity } }, size: [width, height] } = this.recomposer;
+    const pixels = width * height, { camera, nearest_mm: nearest, begin_mm, width_mm } = opacity;
+    const slant = camera.pitch_mm * camera.nearness;
+    const cosines = new Float32Array(pixels);
+    for (let y = 0, at = 0; y < height; y++) {
+      for (let x = 0; x < width; x++, at++) {
+        cosines[at] = 1 / Math.hypot(1, slant * (x - (width - 1) / 2), slant * (y - (height - 1) / 2));
+      }
+    }
+    const perMm = SORTED / (nearest + begin_mm + width_mm), counts = new Uint32Array(SORTED + 1);
+    // Of points: far ones first.
+    const each = (found) => {
+      for (let layer = 0, i = 0; layer < opacity.count; layer++) {
+        const depths = 4 * pixels * layer * opacity.texels;
+        const extents = depths + 4 * pixels * (opacity.texels - 1);
+        for (let at = 0; at < pixels; at++, i++) {
+          const j = depths + 4 * at, k = extents + 4 * at;
+          if (!(texels[j] || texels[j + 1] || texels[j + 2] || texels[j + 3])) continue;
+          const begin = nearest + texels[k] / 255 * begin_mm, c = texels[k + 1] / 255;
+          const long = c * c * width_mm;
+          const parts = clamped(Math.ceil(long / (PART_PX * camera.pitch_mm)), 1, MOST_PARTS);
+          for (let part = 0; part < parts; part++) {
+            const place = (begin + long * (part + 0.5) / parts) * cosines[at] * perMm;
+            found(SORTED - clamped(Math.floor(place), 0, SORTED - 1), i, parts, part);
+          }
+        }
+      }
+    };
+    each((key) => { counts[key]++; });
+    const firsts = new Uint32Array(SORTED + 1);
+    for (let key = 1; key <= SORTED; key++) firsts[key] = firsts[key - 1] + counts[key - 1];
+    const order = new Uint32Array(firsts[SORTED] + counts[SORTED]);
+    each((key, i, parts, part) => {
+      order[firsts[key]++] = (part << 30 | (parts - 1) << 28 | i) >>> 0;
+    });
+    return order;
+  }
+
+  upload() {
+    const { recomposer, recomposer: { relighter: { gl, page: { opacity } } } } = this;
+    const channels = Object.keys(recomposer.relighter.page.groups).length
+      * (opacity.materials.length + 1);
+    this.slices = Math.ceil(channels / 3);
+    this.splatted = recomposer.blank(this.slices);
+    const buffer = gl.createBuffer();
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, this.order, gl.STATIC_DRAW);
+    this.points = buffer;
+  }
+
+  // A side's texture of channels, as an eye sees it; the eyes of `viewOf`.
+  texture(side, look, eye, view) {
+    const { recomposer } = this, name = `side ${side}, eye ${eye}`;
+    return recomposer.kept(name, [look.opacity, recomposer.effects(look), view], (texture) => {
+      if (!this.points) this.upload();
+      this.draw(texture, { ...recomposer.uniforms(look), ...view });
+    });
+  }
+
+  draw(texture, uniforms) {
+    const { recomposer, recomposer: { relighter, relighter: { gl, page: { opacity } } } } = this;
+    const { distance_mm, nearness, pitch_mm } = opacity.camera;
+    const all = { ...uniforms, camera: [distance_mm, nearness, pitch_mm] };
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    recomposer.drawInto(this.splatted, this.slices, (first, drawn) => {
+      const form = { FIRST_TARGET: first, TARGETS_DRAWN: drawn, DEPTH: 1 };
+      const made = relighter.program(form, 'splat.frag', 'splat.vert');
+      recomposer.bind(made);
+      relighter.set(made, all);
+      gl.clearColor(0, 0, 0, 0);
+      gl.clear(gl.COLOR_BUFFER_BIT);
+      const place = gl.getAttribLocation(made.program, 'point');
+      gl.bindBuffer(gl.ARRAY_BUFFER, this.points);
+      gl.enableVertexAttribArray(place);
+      gl.vertexAttribIPointer(place, 1, gl.UNSIGNED_INT, 0, 0);
+      gl.drawArrays(gl.POINTS, 0, this.order.length);
+      gl.disableVertexAttribArray(place);
+    });
+    gl.disable(gl.BLEND);
+    recomposer.drawInto(texture, recomposer.slices, (first, drawn) => {
+      const form = { FIRST_SLICE: first, SLICES_DRAWN: drawn, DEPTH: 1 };
+      const made = relighter.program(form, 'splatted.frag');
+      recomposer.bind(made, { splatted: this.splatted });
+      relighter.pass(made, all);
+    });
+  }
+}
+
+// Both eyes' frames as one: an anaglyph, or half as large and next to each other.
+class StereoPass {
+  constructor(relighter) {
+    this.relighter = relighter;
+    this.forget();
+  }
+
+  forget() { this.eyes = null; }
+
+  // Draw each eye's sides, `sidesOf(-1)` and `sidesOf(1)`, in every n-th row and column, and both
+  // eyes on the canvas.
+  draw(layout, every, sidesOf) {
+    const { relighter, relighter: { gl, canvas, page: { opacity: { camera } } } } = this;
+    const pair = layout === 'pair';
+    relighter.resize(pair ? 1 : every);
+    const size = [canvas.width, canvas.height].map((side) => (pair ? Math.ceil(side / 2) : side));
+    if (this.eyes?.size.join() !== size.join()) this.allocate(size);
+    this.eyes.frames.forEach(({ framebuffer }, i) => {
+      relighter.draw(sidesOf([-1, 1][i]), pair ? 2 : every, { framebuffer, size });
+    });
+    const form = { SIDE_BY_SIDE: pair ? 1 : 0 };
+    const made = relighter.program(form, 'stereo.frag');
+    gl.useProgram(made.program);
+    this.eyes.frames.forEach(({ texture }, unit) => {
+      gl.activeTexture(gl.TEXTURE0 + unit);
+      gl.bindTexture(gl.TEXTURE_2D, texture);
+      gl.uniform1i(gl.getUniformLocation(made.program, ['left', 'right'][unit]), unit);
+    });
+    gl.activeTexture(gl.TEXTURE0);
+    const corner = [0, pair ? Math.floor((canvas.height - size[1]) / 2) : 0];
+    gl.viewport(0, 0, canvas.width, canvas.height);
+    gl.scissor(0, 0, canvas.width, canvas.height);
+    gl.clearColor(0, 0, 0, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+    if (pair) gl.scissor(...corner, canvas.width, size[1]);
+    relighter.pass(made, {
+      corner, left_mix: transposed(camera.left_mix).flat(),
+      right_mix: transposed(camera.right_mix).flat() });
+  }
+
+  allocate(size) {
+    const { relighter: { gl } } = this;
+    for (const { texture, framebuffer } of this.eyes?.frames ?? []) {
+      gl.deleteTexture(texture);
+      gl.deleteFramebuffer(framebuffer);
+    }
+    const frames = [-1, 1].map(() => {
+      const texture = gl.createTexture(), framebuffer = gl.createFramebuffer();
+      gl.bindTexture(gl.TEXTURE_2D, texture);
+      gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, ...size);
+      for (const side of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
+        gl.texParameteri(gl.TEXTURE_2D, side, gl.NEAREST);
+      }
+      gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
+      gl.framebufferTexture2D(
+        gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
+      return { texture, framebuffer };
+    });
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    this.eyes = { size, frames };
+  }
+}
