@@ -350,6 +350,55 @@ def test_cuts_and_fog_are_recomposed_and_saved(
     assert np.abs(frame.astype(int) - drawn(screen, foggy).astype(int)).mean() < 2
 
 
+def test_a_focus_is_shown_once_nothing_moves(
+    screen: Screen, ball: ViewState, tmp_path: Path
+) -> None:
+    """You should see a ball that is sharp in front."""
+    (layered,) = casts(ball, LAYERED)
+    screen.take(layered, ball)
+    image, rig = layered.image, light_rig(ball.lights)
+    assert image is not None and rig is not None
+    least, most = depth.limits_mm(ball)
+    focused = depth.set_focus(ball, least)
+    assert depth.aperture_mm(focused) == least / 20
+    focused = depth.set_aperture(focused, least)
+    assert focused.depth == DepthEffects(focus_mm=least, aperture_mm=least / 4)
+    change = Difference.between(ball, focused)
+    assert (change.stage, change.name, change.undoable) == ("recompose", "depth", True)
+    plain = drawn(screen, ball)
+    assert np.array_equal(drawn(screen, focused), plain)
+    screen.tick(focused, 0.0, held=True)
+    assert not screen._resting.busy
+
+    def rested(state: ViewState) -> NDArray[np.int_]:
+        drawn(screen, state)
+        screen.tick(state, 0.0, held=False)
+        wait_until(screen.take_rest)
+        return drawn(screen, state).astype(int)
+
+    def expected(state: ViewState) -> NDArray[np.int_]:
+        shown, rig = image.recompose(opacity_scales(state), state.depth), light_rig(state.lights)
+        assert rig is not None
+        return relight(shown, rig, state.relight, backend="numpy").astype(int)
+
+    shown = rested(focused)
+    assert np.abs(shown - expected(focused)).max() <= 2 and np.abs(shown - plain).max() > 5
+    # Lights change at once, and what is read is what is shown.
+    other = replace(focused, lights=focused.lights[::-1])
+    assert np.abs(drawn(screen, other) - expected(other)).max() <= 2
+    screen.probe(other, (0.5, 0.5), held=False)
+    assert screen.under_mouse is not None
+    faded = depth.set_cut(opacities.set_opacity(focused, "grey", 0.3), least, (least + most) / 2)
+    assert np.abs(rested(faded) - expected(faded)).max() <= 2
+    assert np.array_equal(drawn(screen, ball), plain)
+    assert depth.set_focus(focused, None).depth == DepthEffects()
+    export_scene(focused, tmp_path / "focused.toml")
+    again = open_document(str(tmp_path / "focused.toml"))
+    assert again.file is not None and again.file.depth.focus_mm == pytest.approx(least)
+    parallel = replace(ball, view=replace(ball.view, orthographic=True))
+    assert depth.can_focus(ball) and not depth.can_focus(parallel)
+
+
 def test_cuts_at_the_ends_are_none(ball: ViewState) -> None:
     least, most = depth.limits_mm(ball)
     cut = depth.set_cut(ball, least + 1, most - 1)

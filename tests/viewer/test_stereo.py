@@ -40,7 +40,7 @@ def expected(image: CoefficientImage, state: ViewState, size: tuple[int, int]) -
 def taken(screen: Screen, state: ViewState) -> NDArray[np.int_]:
     drawn(screen, state)
     screen.tick(state, 0.0, held=False)
-    wait_until(screen.take_eyes)
+    wait_until(screen.take_rest)
     return drawn(screen, state).astype(int)
 
 
@@ -66,7 +66,7 @@ def test_the_window_shows_both_eyes_with_lights_opacities_and_fog(
     more = opacities.set_opacity(ball, "grey", 0.2)
     assert np.array_equal(drawn(screen, in_stereo(more, "anaglyph"), True), drawn(screen, more))
     screen.tick(in_stereo(more, "anaglyph"), 0.0, held=True)
-    assert not screen._eyeing.busy
+    assert not screen._resting.busy
     taken(screen, state)
     screen.probe(state, (0.5, 0.5), held=False)
     assert screen.under_mouse is None

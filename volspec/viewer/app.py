@@ -18,7 +18,7 @@ from imgui_bundle import imgui, implot
 from volspec.errors import InputError
 from volspec.viewer.model import fields, measure, meshes, room
 from volspec.viewer.model.commands import BY_KEY, MENUS
-from volspec.viewer.model.depth import shown_depth, shown_stereo
+from volspec.viewer.model.depth import focused_depth, shown_stereo
 from volspec.viewer.model.edit import bind
 from volspec.viewer.model.effects import EFFECT
 from volspec.viewer.model.history import Difference, History, without_cast
@@ -250,7 +250,7 @@ class _App:
             self._trace.note("warning", message=message)
         if self._history is not None:
             news |= self._screen.update_error_map(self._history.present, self._mouse.held)
-        news |= self._screen.take_tables() | self._screen.take_eyes()
+        news |= self._screen.take_tables() | self._screen.take_rest()
         if self._screen.take_recomposed():
             news = True
             if self._screen.visibly_off and self._history is not None:
@@ -306,7 +306,7 @@ class _App:
                 state = self._with_own_materials(present, state)
             self._history = self._history.then(state, self._mouse.gestures.number)
             self._do_requests()
-            wanted = self._ui.layers_wanted or shown_depth(state).changes or shown_stereo(state)
+            wanted = self._ui.layers_wanted or focused_depth(state).changes or shown_stereo(state)
             self._scheduler.layers_wanted = bool(wanted) and image is None
             if self._ui.lights.tab == "Rendition":
                 self._renditions.follow(chosen_lights(state, self._ui.lights.whole))

@@ -1,4 +1,4 @@
-"""Cuts and fog by distance from the camera, and stereo, of pictures with layers of opacity.
+"""Cuts, fog and focus by distance from the camera, and stereo, of pictures with layers of opacity.
 
 panel, menu -> [depth] -> ViewState.depth, Interface.stereo -> recompose, reproject
 """
@@ -11,8 +11,9 @@ from typing import Literal
 
 from volspec.basis import MaterialBasis
 from volspec.errors import InputError
-from volspec.raycast import DepthEffects
+from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.raycast.camera import radius_mm
+from volspec.raycast.depth import F_NUMBER, axis_cosine
 from volspec.raycast.layered import MAX_MATERIALS
 from volspec.relight.stereo import Layout
 from volspec.viewer.model import opacities
@@ -23,6 +24,8 @@ from volspec.viewer.model.view import clamp
 
 # Depth of the volume over the visibility, at most.
 MOST_FOG = 8.0
+# Openings of the lens over the distance of its focus, that is one over the f-number.
+APERTURES = 1 / 100, 1 / 4
 
 
 def limits_mm(state: ViewState) -> tuple[float, float]:
@@ -45,10 +48,31 @@ def can_be_set(state: ViewState) -> bool:
 
 
 def shown_depth(state: ViewState) -> DepthEffects:
-    """Return the effects that the window shows: without a focus, which takes too long."""
-    if not opacities.can_layer(state):
-        return DepthEffects()
-    return replace(state.depth, focus_mm=None, aperture_mm=None)
+    """Return the effects that the window shows at once: without a focus, which takes too long."""
+    return replace(focused_depth(state), focus_mm=None, aperture_mm=None)
+
+
+def focused_depth(state: ViewState) -> DepthEffects:
+    """Return the effects that the window shows once nothing moves."""
+    return state.depth if opacities.can_layer(state) else DepthEffects()
+
+
+def can_focus(state: ViewState) -> bool:
+    """Return True if the camera has the perspective that a lens needs."""
+    image = state.document.image
+    return not state.view.orthographic if image is None else image.fov_deg is not None
+
+
+def distance_mm(image: CoefficientImage, pixel: tuple[int, int]) -> float:
+    """Return the expected depth of a pixel along the camera's axis."""
+    x, y = pixel
+    return float(image.depth_mm[y, x] * axis_cosine(image.size, image.fov_deg)[y, x])
+
+
+def aperture_mm(state: ViewState) -> float:
+    """Return the opening of the lens, given or by default; 0 without a focus."""
+    focus = state.depth.focus_mm or 0.0
+    return state.depth.aperture_mm or focus / F_NUMBER
 
 
 def fog(state: ViewState) -> float:
@@ -86,8 +110,25 @@ def set_fog(state: ViewState, times: float) -> ViewState:
 
 
 @edit
+def set_focus(state: ViewState, focus_mm: float | None) -> ViewState:
+    """Focus a lens at a distance, as wide as it is; None for a pinhole, with all in focus."""
+    if focus_mm is None:
+        return _with(state, replace(state.depth, focus_mm=None, aperture_mm=None))
+    return _with(state, replace(state.depth, focus_mm=clamp(focus_mm, *limits_mm(state))))
+
+
+@edit
+def set_aperture(state: ViewState, aperture_mm: float) -> ViewState:
+    """Open the lens so wide."""
+    least, most = (part * (state.depth.focus_mm or 0.0) for part in APERTURES)
+    if not 0 < least < most:
+        return state
+    return _with(state, replace(state.depth, aperture_mm=clamp(aperture_mm, least, most)))
+
+
+@edit
 def reset(state: ViewState) -> ViewState:
-    """Show everything, without fog."""
+    """Show everything, in focus and without fog."""
     return replace(state, depth=DepthEffects()) if state.depth.changes else state
 
 

@@ -147,7 +147,8 @@ class UiContext:
     start: bool = False  # the start screen is open
     # Where the picture was clicked with the right button in this frame, 0 to 1 of its sides,
     clicked: tuple[float, float] | None = None
-    picked: str = ""  # and the material there
+    picked: str = ""  # and the material there,
+    picked_mm: float | None = None  # and its depth along the camera's axis
     front: str = ""  # the panel to bring to the front now,
     item: str = ""  # and its item to focus
     lights: LightsPanelState = field(default_factory=LightsPanelState)

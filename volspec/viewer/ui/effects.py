@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from imgui_bundle import imgui
 
-from volspec.viewer.model import effects, palette_table
+from volspec.viewer.model import depth, effects, palette_table
 from volspec.viewer.model.edit import with_interface
 from volspec.viewer.model.effects import EFFECT
 from volspec.viewer.model.light_rows import brightest_row
@@ -132,7 +132,7 @@ def _swatch(state: ViewState, material: str, ui: UiContext) -> None:
 def draw_picture_menu(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw the menu of a right click into the picture: what can be done with the material there."""
     if ui.clicked is not None:
-        ui.picked = _material_at(state, ui, ui.clicked)
+        ui.picked, ui.picked_mm = _met_at(state, ui, ui.clicked)
         ui.clicked = None
         if ui.picked:
             imgui.open_popup(_PICTURE)
@@ -141,6 +141,11 @@ def draw_picture_menu(state: ViewState, ui: UiContext) -> ViewState | None:
         material = ui.picked
         if material in state.transfer.materials:
             new = _material_items(new, ui, material)
+        if ui.picked_mm is not None and depth.can_be_set(state) and depth.can_focus(state):
+            imgui.separator()
+            if imgui.menu_item("Focus here", "", False)[0]:
+                new = depth.set_focus(new, ui.picked_mm)
+            ui.note("picture focus")
         imgui.end_popup()
     return None if new is state else new
 
@@ -171,11 +176,14 @@ def _material_items(state: ViewState, ui: UiContext, material: str) -> ViewState
     return new
 
 
-def _material_at(state: ViewState, ui: UiContext, place: tuple[float, float]) -> str:
-    """Return the material at a place of the picture, 0 to 1; empty if there is none."""
+def _met_at(
+    state: ViewState, ui: UiContext, place: tuple[float, float]
+) -> tuple[str, float | None]:
+    """Return the material at a place of the picture, 0 to 1, and its depth; none if it is empty."""
     image = ui.results.image
     if image is None:
-        return ""
+        return "", None
     width, height = image.size
     pixel = min(int(place[0] * width), width - 1), min(int(place[1] * height), height - 1)
-    return material_at(image, state.transfer, pixel)
+    name = material_at(image, state.transfer, pixel)
+    return name, depth.distance_mm(image, pixel) if name else None

@@ -63,7 +63,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
 
 
 def _depth(state: ViewState, ui: UiContext) -> ViewState:
-    """Draw the cuts by distance, and the fog."""
+    """Draw the cuts by distance, the fog and the focus."""
     new, now = state, state.depth
     least, most = depth.limits_mm(state)
     if not least < most:
@@ -79,12 +79,33 @@ def _depth(state: ViewState, ui: UiContext) -> ViewState:
     ui.note("depth fog", "Depth of the volume over the visibility in fog; 0 for none")
     if moved:
         new = depth.set_fog(new, times)
+    if depth.can_focus(state):
+        new = _focus(new, ui, (least, most))
     imgui.begin_disabled(not now.changes)
     if imgui.button("Reset##depth"):
         new = depth.reset(new)
     imgui.end_disabled()
-    ui.note("depth reset", "Everything, without fog")
+    ui.note("depth reset", "Everything, in focus and without fog")
     return new
+
+
+def _focus(state: ViewState, ui: UiContext, limits: tuple[float, float]) -> ViewState:
+    """Draw the lens, which is shown once nothing moves."""
+    new, focus = state, state.depth.focus_mm
+    toggled, on = imgui.checkbox("Lens", focus is not None)
+    ui.note("depth lens", "Blur what is out of focus, once nothing moves")
+    if toggled:
+        new = depth.set_focus(new, sum(limits) / 2 if on else None)
+    if focus is None:
+        return new
+    moved, mm = imgui.slider_float("Focus", focus, *limits, "%.4g mm", _CLAMPED)
+    ui.note("depth focus", "Distance in focus from the camera; also: right-click into the picture")
+    if moved:
+        new = depth.set_focus(new, mm)
+    wide, (least, most) = depth.aperture_mm(state), (part * focus for part in depth.APERTURES)
+    moved, mm = imgui.slider_float("Opening", wide, least, most, f"f/{focus / wide:.3g}", _SLIDER)
+    ui.note("depth opening", f"Diameter of the lens, {wide:.3g} mm; less is sharper")
+    return depth.set_aperture(new, mm) if moved else new
 
 
 def _buttons(state: ViewState, ui: UiContext, name: str) -> ViewState:

@@ -1,6 +1,6 @@
-"""Pictures of nearby views from the layers of the last cast: while it is turned, and of both eyes.
+"""Pictures from the layers of the last cast: while it is turned, of both eyes, and with a focus.
 
-image with layers -> [nearby] -> CoefficientImage of another camera, or of two
+image with layers -> [nearby] -> CoefficientImage of another camera, of two, or of a lens
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from volspec.raycast.reproject import Reprojector
 from volspec.relight.layers import PackedLayers
 from volspec.relight.stereo import Stereo, StereoViews
 from volspec.viewer.work.background import LatestWorker
-from volspec.viewer.work.pictures import EyePictures, crop
+from volspec.viewer.work.pictures import RestPictures, crop
 
 # Cameras whose views differ by more than this angle, or this ratio of distances, are not near.
 _MOST_DEG, _MOST_RATIO = 10.0, 1.3
@@ -68,22 +68,22 @@ class NearbyViews:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StereoJob:
-    """Both eyes' pictures that are wanted."""
+class RestJob:
+    """Both eyes' pictures, or one with a focus, that are wanted once nothing moves."""
 
     image: CoefficientImage  # with layers
-    stereo: Stereo
+    stereo: Stereo | None
     scales: Mapping[str, float]
     depth: DepthEffects
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height of each eye's picture: half of those that are next to each other."""
-        wider = self.stereo.frame_size((1, 1))[0]
+        """Width and height of a picture: half of those that are next to each other."""
+        wider = self.stereo.frame_size((1, 1))[0] if self.stereo else 1
         width, height = (max(1, side // wider) for side in self.image.size)
         return width, height
 
-    def same(self, other: StereoJob | None) -> bool:
+    def same(self, other: RestJob | None) -> bool:
         """Return True if another job makes the same pictures."""
         if other is None or self.image is not other.image:
             return False
@@ -92,35 +92,40 @@ class StereoJob:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StereoDone:
-    """Both eyes' pictures, or an error's message."""
+class RestDone:
+    """The pictures that were wanted, or an error's message."""
 
-    job: StereoJob
+    job: RestJob
     ms: float
-    eyes: EyePictures | None = None
+    pictures: RestPictures | None = None
     error: str = ""
 
 
-class StereoWorker(LatestWorker[StereoJob, StereoDone]):
-    """Reprojects pictures with layers to both eyes, on a device of its own.
+class RestWorker(LatestWorker[RestJob, RestDone]):
+    """Reprojects pictures with layers to both eyes, or focuses them, once nothing moves.
 
-    The casts' device would have two threads.
+    It has a device of its own: the casts' would have two threads.
     """
 
-    _name = "volspec-stereo"
+    _name = "volspec-rest"
     _views: StereoViews | None = None
 
-    def _results(self, job: StereoJob) -> Iterator[StereoDone]:
-        done, started = StereoDone(job, 0.0), time.perf_counter()
+    def _results(self, job: RestJob) -> Iterator[RestDone]:
+        done, started = RestDone(job, 0.0), time.perf_counter()
         try:
-            if self._views is None or self._views.image is not job.image:
-                before = None if self._views is None else self._views.compute
-                self._views = StereoViews(job.image, before)
-            eyes = self._views.views(job.stereo, job.scales, job.depth, job.size)
-            left, right = (PackedLayers.of(eye) for eye in eyes)
-            done = replace(done, eyes=EyePictures(job.stereo, eyes, (left, right)))
+            images = self._images(job)
+            packed = tuple(map(PackedLayers.of, images))
+            done = replace(done, pictures=RestPictures(job.stereo, images, packed))
         except MemoryError:
-            done = replace(done, error="no memory for both eyes' pictures")
+            done = replace(done, error="no memory for both eyes' pictures, or a focus")
         except VolspecError as refused:
             done = replace(done, error=one_line(refused))
         yield replace(done, ms=1e3 * (time.perf_counter() - started))
+
+    def _images(self, job: RestJob) -> tuple[CoefficientImage, ...]:
+        if job.stereo is None:
+            return (job.image.recompose(job.scales, job.depth),)
+        if self._views is None or self._views.image is not job.image:
+            before = None if self._views is None else self._views.compute
+            self._views = StereoViews(job.image, before)
+        return self._views.views(job.stereo, job.scales, job.depth, job.size)

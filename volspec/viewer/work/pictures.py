@@ -84,17 +84,21 @@ class Relit:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class EyePictures:
-    """The left and right eye's picture, to be shown in place of the one between them."""
+class RestPictures:
+    """What is shown in place of the picture once nothing moves.
 
-    stereo: Stereo
-    images: tuple[CoefficientImage, CoefficientImage]
-    packed: tuple[PackedLayers, PackedLayers]
+    The left and right eye's picture, or without ``stereo`` one with a focus.
+    """
+
+    stereo: Stereo | None
+    images: tuple[CoefficientImage, ...]
+    packed: tuple[PackedLayers, ...]
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height of both as one."""
-        return self.stereo.frame_size(self.images[0].size)
+        """Width and height of all as one."""
+        size = self.images[0].size
+        return self.stereo.frame_size(size) if self.stereo else size
 
 
 class Pictures:
@@ -112,10 +116,10 @@ class Pictures:
         self._opacities: dict[str, float] | None = None
         self._depth = DepthEffects()
         self._painted: tuple[Relighter, Basis] | None = None
-        self.eyes: EyePictures | None = None  # shown in place of the picture
-        self._eyes: list[Relighter] = []
-        self._eyes_of: tuple[tuple[int, ...], int] | None = None  # shape and groups
-        self._eyes_painted: Basis | None = None
+        self.rest: RestPictures | None = None  # shown in place of the picture
+        self._rest: list[Relighter] = []
+        self._rest_of: tuple[int, tuple[int, ...], int] | None = None  # number, shape, groups
+        self._rest_painted: Basis | None = None
         self._combining = StereoPass(context)
         self._frame: Any = None
         self._frame_of: Relighter | None = None
@@ -138,7 +142,7 @@ class Pictures:
     def show(self, image: CoefficientImage, packed: PackedLayers | None = None) -> None:
         """Take a picture, with its packed layers if any; the previous one stays until `relight`."""
         self._shown, self.image = self._relighter_of(image, packed), image
-        self._opacities = self.eyes = None
+        self._opacities = self.rest = None
         self._half = self._half_image = self._walls = None
         self.current = False
 
@@ -166,32 +170,32 @@ class Pictures:
         self._opacities, self._depth = dict(scales), depth
         self.current = False
 
-    def show_eyes(self, eyes: EyePictures | None) -> None:
-        """Show both eyes' pictures of the one that is shown, or that again, at the next relight."""
-        if eyes is self.eyes:
+    def show_rest(self, rest: RestPictures | None) -> None:
+        """Show pictures in place of the one that is shown, or that again, at the next relight."""
+        if rest is self.rest:
             return
-        self.eyes, self.current = eyes, False
-        if eyes is None:
+        self.rest, self.current = rest, False
+        if rest is None:
             return
-        pairs = list(zip(eyes.images, eyes.packed, strict=True))
-        shape = eyes.images[0].coefficients.shape
-        groups = len(eyes.images[0].groups)
-        if self._eyes and self._eyes_of == (shape, groups):
-            for relighter, (image, packed) in zip(self._eyes, pairs, strict=True):
+        pairs = list(zip(rest.images, rest.packed, strict=True))
+        first = rest.images[0]
+        key = len(pairs), first.coefficients.shape, len(first.groups)
+        if self._rest and self._rest_of == key:
+            for relighter, (image, packed) in zip(self._rest, pairs, strict=True):
                 relighter.update(image, packed)
         else:
-            self._close_eyes()
-            self._eyes = [
+            self._close_rest()
+            self._rest = [
                 Relighter(image, "gl", self._context, lut_cache=self.tables, packed=packed)
                 for image, packed in pairs
             ]
-            self._eyes_of = shape, groups
-        self._eyes_painted = None
+            self._rest_of = key
+        self._rest_painted = None
 
-    def _close_eyes(self) -> None:
-        for relighter in self._eyes:
+    def _close_rest(self) -> None:
+        for relighter in self._rest:
             relighter.close()
-        self._eyes = []
+        self._rest = []
 
     def repaint(self, basis: Basis) -> None:
         """Replace the reflectances of the picture's materials, if they are its channels."""
@@ -287,17 +291,17 @@ class Pictures:
             return None
         started = time.perf_counter()
         shown = self._shown
-        if coarse and self.image is not None and self.eyes is None:
+        if coarse and self.image is not None and self.rest is None:
             self._half = self._half or self._half_relighter(self.image)
             shown = self._half
         self._paint(shown)
         self._queries.reverse()
-        drawn = [shown] if self.eyes is None else self._painted_eyes()
+        drawn = [shown] if self.rest is None else self._painted_rest()
         width, height = drawn[0].size
         top, bottom = (round(share * height) for share in band)
         left = width if other is None else round(divide * width)
         with self._queries[0]:
-            if self._opacities is not None and self.eyes is None:
+            if self._opacities is not None and self.rest is None:
                 shown.set_opacities(self._opacities, depth=self._depth)
             frames = []
             for each in drawn:
@@ -306,23 +310,23 @@ class Pictures:
                         within = start, top, end - start, bottom - top
                         frame = each.draw(lights, spec, within)
                 frames.append(frame)
-            if self.eyes is not None and bottom == height:
+            if self.rest is not None and self.rest.stereo and bottom == height:
                 space = colour_space(spec.viewing.display.space)
-                frame = self._combining.draw(self.eyes.stereo, frames[0], frames[1], space)
+                frame = self._combining.draw(self.rest.stereo, frames[0], frames[1], space)
         GL.glFlush()
         self.current = bottom == height
         if self.current:
             self._frame, self._frame_of = frame, shown
         return Relit(self._queries[0], 1e3 * (time.perf_counter() - started))
 
-    def _painted_eyes(self) -> list[Relighter]:
-        """Return the eyes' relighters with the reflectances of the picture."""
+    def _painted_rest(self) -> list[Relighter]:
+        """Return the relighters of what is shown instead, with the picture's reflectances."""
         basis = self.image.basis if self.image else None
-        if isinstance(basis, MaterialBasis) and self._eyes_painted is not basis:
-            for relighter in self._eyes:
+        if isinstance(basis, MaterialBasis) and self._rest_painted is not basis:
+            for relighter in self._rest:
                 relighter.set_reflectances(basis.materials)
-            self._eyes_painted = basis
-        return self._eyes
+            self._rest_painted = basis
+        return self._rest
 
     def code(self, x: int, y: int) -> tuple[int, int, int]:
         """Return the 8-bit code of a drawn pixel."""
@@ -337,7 +341,7 @@ class Pictures:
 
     def close(self) -> None:
         """Release everything."""
-        self._close_eyes()
+        self._close_rest()
         self._combining.close()
         for relighter in self._relighters.values():
             relighter.close()

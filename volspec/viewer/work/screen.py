@@ -24,7 +24,7 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.relight.error_map import ErrorMap, error_map, opacity_error
 from volspec.relight.stereo import Stereo
 from volspec.settings import Vector
-from volspec.viewer.model.depth import shown_depth, shown_stereo
+from volspec.viewer.model.depth import focused_depth, shown_depth, shown_stereo
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.quality import opacity_scales
@@ -33,7 +33,7 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import vector
 from volspec.viewer.work.background import LatestWorker, Tasks
 from volspec.viewer.work.casts import CastDone
-from volspec.viewer.work.nearby import StereoJob, StereoWorker
+from volspec.viewer.work.nearby import RestJob, RestWorker
 from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.pictures import Painted, Pictures, Relit
 from volspec.viewer.work.probe import Reading, place_mm, read
@@ -246,8 +246,8 @@ class Screen:
         self._asked_for: Recomposed | None = None
         self._loading: Iterator[None] | None = None  # of layers
         self._recomposing = Tasks(wake)
-        self._eyeing = StereoWorker(wake)
-        self._eyes_wanted: StereoJob | None = None
+        self._resting = RestWorker(wake)
+        self._rest_wanted: RestJob | None = None
         self.visibly_off = False  # a cast with these opacities would look different
         self._blank = False  # nothing is visible in it
         self._shape = (0, 0)  # size of the cast whose picture is shown
@@ -266,7 +266,7 @@ class Screen:
     def busy(self) -> bool:
         """True while tables, an error map, a room or a picture to be read are computed."""
         services = self._tabling, self._error_map, self._painting, self._recomposing
-        return self.loading or self._eyeing.busy or any(each.busy for each in services)
+        return self.loading or self._resting.busy or any(each.busy for each in services)
 
     @property
     def ready(self) -> bool:
@@ -292,7 +292,7 @@ class Screen:
         if done.image is None or state is None or not done.job.document.is_of(state.document):
             return
         layered = newest and done.image.opacity_layers is not None
-        self._eyes_wanted = None
+        self._rest_wanted = None
         try:
             wanted, depth = opacity_scales(state), shown_depth(state)
             if layered:
@@ -393,6 +393,8 @@ class Screen:
     def _seen(self) -> CoefficientImage | None:
         """Return the picture with its opacities, to be read; None until it is recomposed."""
         image, scales, depth = self.pictures.image, self._scales, self._depth
+        if self._focused is not None:
+            return self._focused
         if image is None or image.opacity_layers is None or not (scales or depth.changes):
             return image
         key = image.opacity_layers, scales, depth
@@ -403,6 +405,17 @@ class Screen:
             found = replace(found, basis=image.basis)
             self._recomposed = key, found
         return found
+
+    @property
+    def _focused(self) -> CoefficientImage | None:
+        """The picture with a focus, if it is shown."""
+        rest = self.pictures.rest
+        return None if rest is None or rest.stereo else rest.images[0]
+
+    @property
+    def _shows_both(self) -> bool:
+        """True if both eyes' pictures are shown."""
+        return self.pictures.rest is not None and self._focused is None
 
     def take_recomposed(self) -> bool:
         """Take the recomposed picture, to be read, and its error; return True if there is one."""
@@ -442,9 +455,9 @@ class Screen:
         self._drawing = False
         painted = self._repaint(state)
         self._recompose(state)
-        if self.pictures.eyes is not None and not self._shows_eyes(state):
-            self._eyes_wanted = None
-            self.pictures.show_eyes(None)
+        if self.pictures.rest is not None and not self._is_wanted(state):
+            self._rest_wanted = None
+            self.pictures.show_rest(None)
             self.mark_stale()
         if self._coarse and not held and not painted:
             self.mark_stale()
@@ -499,7 +512,7 @@ class Screen:
         """Solve the room, paint the whole picture, and read opacities, once it rests."""
         self._load()
         if not held:
-            self._want_eyes(state)
+            self._want_rest(state)
             self._read_opacities(state)
         room, walls = state.room, self._walls
         if room is None or ((walls is None or walls.room is room) and room.is_solved):
@@ -509,34 +522,39 @@ class Screen:
             self._asked = room, walls
             self._painting.request(RoomJob(room, self.image, walls))
 
-    def _shows_eyes(self, state: ViewState) -> bool:
-        """Return True if those that are shown, or asked for, are the state's."""
-        job = self._eyes_wanted
-        return job is not None and job.same(self._stereo_job(state))
+    def _is_wanted(self, state: ViewState) -> bool:
+        """Return True if what is shown in place of the picture, or asked for, is the state's."""
+        job = self._rest_wanted
+        return job is not None and job.same(self._rest_job(state))
 
-    def _stereo_job(self, state: ViewState) -> StereoJob | None:
-        """Return what makes both eyes' pictures; None if one is to be shown, or has no layers."""
-        layout = shown_stereo(state)
-        if not layout or self._layered is None or self._layered.image is None or self.loading:
+    def _rest_job(self, state: ViewState) -> RestJob | None:
+        """Return what makes both eyes' pictures, or a focus; None without, or without layers."""
+        layout, depth = shown_stereo(state), focused_depth(state)
+        if self._layered is None or self._layered.image is None or self.loading:
             return None
-        return StereoJob(self._layered.image, Stereo(layout), self._scales, self._depth)
+        if layout:
+            return RestJob(self._layered.image, Stereo(layout), self._scales, self._depth)
+        if depth.focus_mm is None:
+            return None
+        return RestJob(self._layered.image, None, self._scales, depth)
 
-    def _want_eyes(self, state: ViewState) -> None:
-        """Start to reproject the picture to both eyes, with its opacities and effects."""
-        job = self._stereo_job(state)
-        if job is not None and not job.same(self._eyes_wanted):
-            self._eyes_wanted = job
-            self._eyeing.request(job)
+    def _want_rest(self, state: ViewState) -> None:
+        """Start to make both eyes' pictures, or a focus, with the picture's opacities."""
+        job = self._rest_job(state)
+        if job is not None and not job.same(self._rest_wanted):
+            self._rest_wanted = job
+            self._resting.request(job)
 
-    def take_eyes(self) -> bool:
-        """Take both eyes' pictures; return True if there are any."""
-        outcomes = self._eyeing.take()
+    def take_rest(self) -> bool:
+        """Take both eyes' pictures, or one with a focus; return True if there are any."""
+        outcomes = self._resting.take()
         for done in outcomes:
             if done.error:
                 self._notice.show(done.error, kind="error")
-            elif done.job is self._eyes_wanted:
-                self._notice.trace.note("stereo", "stereo", done.ms)
-                self.pictures.show_eyes(done.eyes)
+            elif done.job is self._rest_wanted:
+                stage = "stereo" if done.job.stereo else "focus"
+                self._notice.trace.note(stage, stage, done.ms)
+                self.pictures.show_rest(done.pictures)
                 self.mark_stale()
         return bool(outcomes)
 
@@ -599,7 +617,7 @@ class Screen:
         image, cast = self._seen(), self._cast
         if self.pictures.image is not None and image is None:
             self.under_mouse = shown
-        if self.pictures.eyes is not None:
+        if self._shows_both:
             return
         if held or place is None or image is None or cast is None or not self.pictures.framebuffer:
             return
@@ -650,9 +668,9 @@ class Screen:
         if not self.pictures.framebuffer or self._cast is None or shown is None:
             return None
         columns, rows = self._shape
-        eyes = self.pictures.eyes
-        if eyes is not None:
-            columns, rows = eyes.size
+        rest = self.pictures.rest
+        if rest is not None:
+            columns, rows = rest.size
         wide = width if self._shape == shown.size else height * columns / rows
         high = float(height)
         if self.side_by_side:
@@ -665,8 +683,8 @@ class Screen:
     @property
     def side_by_side(self) -> bool:
         """True if both eyes' pictures are next to each other."""
-        eyes = self.pictures.eyes
-        return eyes is not None and eyes.size != eyes.images[0].size
+        rest = self.pictures.rest
+        return rest is not None and rest.size != rest.images[0].size
 
     def missing_message(self, shown: ViewState | None, painted: Painted | None) -> str:
         """Return the message in place of a picture, or on an empty one; empty for no message."""
@@ -683,7 +701,7 @@ class Screen:
         """Release everything, without waiting for tables."""
         self._tabling.close(0.0)
         self._painting.close(0.0)
-        self._eyeing.close(0.0)
+        self._resting.close(0.0)
         self._error_map.close()
         self.pictures.close()
         self.slices.close()
