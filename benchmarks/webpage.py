@@ -3,8 +3,8 @@
 The bundled engine, 512², 7 channels, in Chromium with its software GPU, from a file on disk. Then
 pages with 8 layers of opacity, of the engine in two materials and a foot in three: CIEDE2000 of
 covered pixels from the desktop's recomposed frame, in several opacities under every light, with
-cuts and fog, and turned by 5° from a cast there; and the times of changed opacities and turns next
-to a light's.
+cuts, fog and a lens, and turned by 5° from a cast there; and the times of changed opacities and
+turns next to a light's.
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ def _opacity_errors(
 
 
 def _depth_errors(page: Any, scene: Scene, image: CoefficientImage) -> Iterator[tuple[str, float]]:
-    """Yield mean differences of cuts in the middle and of fog from the desktop's."""
+    """Yield mean differences of cuts in the middle, fog and a lens from the desktop's."""
     assert image.opacity_layers is not None
     near, far = image.opacity_layers.range_mm
     middle = (near + far) / 2
@@ -162,10 +162,12 @@ def _depth_errors(page: Any, scene: Scene, image: CoefficientImage) -> Iterator[
         ("near cut", f"a.near={middle:.6g}", DepthEffects(near_mm=middle)),
         ("far cut", f"a.far={middle:.6g}", DepthEffects(far_mm=middle)),
         ("fog", f"a.fog={far - near:.6g}", DepthEffects(fog_mm=far - near, fog_from_mm=near)),
+        ("lens", f"a.focus={middle:.6g}", DepthEffects(focus_mm=middle)),
     ):
         wanted = relight(image.recompose({}, effects), scene.lights[0].rig, scene.relight)
         page.evaluate("(words) => { location.hash = words; }", words)
         page.wait_for_timeout(200)
+        page.wait_for_selector("#picture[aria-busy=false]", timeout=120_000)
         yield title, float(differences(saved_picture(page)[covered], wanted[covered]).mean())
 
 

@@ -6,14 +6,14 @@
 // Valid for `300 es`; the host writes the version line.
 precision highp float;
 
-flat in vec2 place;
+flat in vec3 place;
 flat in float tau;
 flat in vec3 colours[TARGETS_DRAWN];
 
 layout(location = 0) out vec4 sums[TARGETS_DRAWN];
 
 void main() {
-    vec2 near = max(1.0 - abs(gl_FragCoord.xy - 0.5 - place), 0.0);
+    vec2 near = max(1.0 - abs(gl_FragCoord.xy - 0.5 - place.xy) / place.z, 0.0);
     float depth = tau * near.x * near.y;
     float faint = depth * (1.0 - depth * (0.5 - depth / 6.0));
     float seen = depth < 0.1 ? faint : 1.0 - exp(-depth);

@@ -1,10 +1,11 @@
 // Splat a picture's layers of opacity into the view of a camera nearby: a layer is up to four points,
 // evenly spaced in its slab, which are drawn far to near and blended by (one, one - alpha).
 //
-//     p' = M (u w, v w, z) - e,   x = p'_xy / w' / pitch,   w = 1 + z / distance
+//     p' = M (u w, v w, z) - e,   x = (p'_xy / w' + s) / pitch,   w = 1 + z / distance
 //
 // u, v being a pixel's place in the target's plane and z the layer's depth behind it. The optical
-// depth grows by (w / w')², as the area of what a pixel covers shrinks.
+// depth grows by (w / w')², as the area of what a pixel covers shrinks. Through a part of a lens, what
+// is out of focus is as wide as the circle that the part makes of a point.
 //
 // NumPy twin: volspec/raycast/reproject.py (Warp.places); kernel: kernels/reproject.cl.
 //
@@ -12,9 +13,11 @@
 //                    layer's points less one, and two of this point's number.
 //         layers, scales, cuts and fog: include/opacity.glsl, with DEPTH.
 //         turn       M, of the camera's axes: across, down, ahead.
-//         eye_mm     e across; and by how much the picture is shifted then, in the target's plane.
+//         eye_mm     e across and down; and s, by which the picture is shifted.
 //         camera     its distance and 1 / distance (0 for parallel rays); a pixel's pitch there, mm.
-// Writes  place      in the view, pixels; tau; three channels of each target from FIRST_TARGET on.
+//         lens       circle of what is infinitely far, pixels; and the distance in focus, mm.
+// Writes  place      in the view, pixels; its tent's half width; tau; three channels of each target
+//                    from FIRST_TARGET on.
 // Host    FIRST_TARGET, TARGETS_DRAWN, and what include/opacity.glsl takes.
 //
 // Valid for `300 es`; the host writes the version line.
@@ -27,10 +30,11 @@ precision highp sampler2DArray;
 in uint point;
 
 uniform mat3 turn;
-uniform vec2 eye_mm;
+uniform vec4 eye_mm;
 uniform vec3 camera;
+uniform vec2 lens;
 
-flat out vec2 place;
+flat out vec3 place;
 flat out float tau;
 flat out vec3 colours[TARGETS_DRAWN];
 
@@ -49,14 +53,16 @@ void main() {
     vec3 slab = slab_of(pixel, slice, own, stretch);
     if (parts > 1.0) slab.y += slab.z * ((part + 0.5) / parts - mean_position(slab.x));
     float ahead = slab.y / stretch - camera.x, wider = 1.0 + ahead * camera.y;
-    vec3 seen = turn * vec3(from_middle * camera.z * wider, ahead) - vec3(eye_mm.x, 0.0, 0.0);
+    vec3 seen = turn * vec3(from_middle * camera.z * wider, ahead) - vec3(eye_mm.xy, 0.0);
     float w = 1.0 + seen.z * camera.y;
     if (slab.x <= 0.0 || w < NEAR) {
         gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
         return;
     }
-    place = middle + (seen.xy / w + vec2(eye_mm.y, 0.0)) / camera.z;
-    tau = slab.x / parts * (wider / w) * (wider / w);
+    float radius = max(1.0, lens.x * abs(1.0 - lens.y / (camera.x + seen.z)));
+    place = vec3(middle + (seen.xy / w + eye_mm.zw) / camera.z, radius);
+    float magnified = wider / w / radius;
+    tau = slab.x / parts * magnified * magnified;
     float clear = fog_clear(slab.y);
     float channels[3 * TARGETS_DRAWN + MATERIALS + 1];
     const int first = 3 * FIRST_TARGET;
@@ -73,7 +79,6 @@ void main() {
     for (int i = 0; i < TARGETS_DRAWN; ++i) {
         colours[i] = vec3(channels[3 * i], channels[3 * i + 1], channels[3 * i + 2]);
     }
-    // The pixels whose tents it meets are two by two.
-    gl_PointSize = 2.0;
-    gl_Position = vec4(2.0 * (floor(place) + 1.0) / vec2(size) - 1.0, 0.0, 1.0);
+    gl_PointSize = 2.0 * radius;
+    gl_Position = vec4(2.0 * (place.xy + 0.5) / vec2(size) - 1.0, 0.0, 1.0);
 }

@@ -1,4 +1,4 @@
-"""Cuts, fog, a small turn and two eyes in the page, against the desktop's pictures."""
+"""Cuts, fog, a lens, a small turn and two eyes in the page, against the desktop's pictures."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from tests.page.conftest import Opened, open_file
 from tests.page.test_access import breaches
 from tests.page.test_opacity import NEAR, unpacked
 from tests.support.browser import mean_difference
-from tests.support.errors import warns
 from volspec._gpu.sources import asset
 from volspec.export.page import PageView, scene_views, write_page
 from volspec.pipeline import raycast
@@ -28,7 +27,7 @@ from volspec.scene import Scene
 SCENE = asset("data/scenes/engine-layers.toml")
 SIZE = 160, 120
 # Views of layers, against casts and against views that are splatted as other points.
-TURNED, SPLATTED = 1.7, 0.6
+TURNED, SPLATTED, LENS = 1.7, 0.6, 0.6
 
 
 @pytest.fixture(scope="module")
@@ -142,6 +141,49 @@ def test_an_anaglyph_and_a_pair_are_of_the_desktop_s_eyes(
     assert page.complaints == []
 
 
+RESTS = "document.getElementById('picture').getAttribute('aria-busy') === 'false'"
+
+
+@pytest.mark.parametrize(("focus", "aperture"), [(470, None), (620, 60)])
+def test_a_lens_is_refined_to_the_desktop_s(
+    page: Opened, scene: Scene, image: CoefficientImage, focus: float, aperture: float | None
+) -> None:
+    words = {"a.focus": str(focus)} | ({"a.aperture": str(aperture)} if aperture else {})
+    effects = DepthEffects(focus_mm=focus, aperture_mm=aperture)
+    wanted = frame(image.recompose({}, effects), scene)
+    page.show(**words)
+    page.until(RESTS)
+    got = page.picture()
+    assert mean_difference(got, wanted) <= LENS
+    assert mean_difference(frame(image, scene), wanted) > 1.5 * mean_difference(got, wanted)
+    assert page.page.locator(".row:has(#focus) output").text_content() == f"{focus} mm"
+    # Lights change what is there; a lens that is taken off leaves no trace.
+    page.show(**words, **{"a.weights": "0,1,0,0,0"})
+    other = relight(image.recompose({}, effects), scene.lights[1].rig, scene.relight)
+    assert mean_difference(page.picture(), np.asarray(other, np.uint8)) <= LENS
+    page.page.locator("#lens").uncheck()
+    page.show()
+    assert mean_difference(page.picture(), frame(image, scene)) <= NEAR
+    assert page.complaints == []
+
+
+def test_a_lens_is_switched_on_in_the_middle(page: Opened, image: CoefficientImage) -> None:
+    assert image.opacity_layers is not None
+    assert page.page.locator("#focus").is_disabled()
+    page.page.locator("#lens").check()
+    page.settle()
+    middle = sum(image.opacity_layers.range_mm) / 2
+    assert float(page.page.input_value("#focus")) == pytest.approx(middle, rel=0.01)
+    assert page.page.locator(".row:has(#aperture) output").text_content() == "f/20"
+    page.page.locator("#aperture").press("End")
+    page.settle()
+    assert page.page.locator(".row:has(#aperture) output").text_content() == "f/4.0"
+    page.until("location.hash.includes('a.aperture=')")
+    page.page.click("#depth-reset")
+    page.settle()
+    assert not page.page.locator("#lens").is_checked()
+
+
 def test_a_drag_and_keys_turn_and_reset_turns_back(page: Opened, image: CoefficientImage) -> None:
     before = page.picture()
     box = page.page.locator("#port").bounding_box()
@@ -184,17 +226,16 @@ def test_sliders_of_cuts_and_fog_say_what_they_cut(page: Opened, image: Coeffici
         assert float(page.page.input_value("#turn-across")) == 0
 
 
-def test_a_scene_s_cuts_and_fog_open_the_page_and_its_focus_is_said_to_be_missing(
+def test_a_scene_s_depth_opens_the_page(
     opened: Callable[..., Opened], tmp_path: Path, scene: Scene, image: CoefficientImage
 ) -> None:
-    given = DepthEffects(near_mm=500, fog_mm=2000, fog_white=0.3, focus_mm=520)
+    effects = DepthEffects(near_mm=500, fog_mm=2000, fog_white=0.3, focus_mm=520)
     path = tmp_path / "cut.html"
-    with warns("focus_mm is 520", "sharp"):
-        write_page(path, [PageView(image, depth=given)], scene.lights, scene.relight)
+    write_page(path, [PageView(image, depth=effects)], scene.lights, scene.relight)
     page = opened(path)
-    effects = replace(given, focus_mm=None)
     wanted = frame(image.recompose({}, effects), scene)
-    assert mean_difference(page.picture(), wanted) <= 2 * NEAR
+    page.until(RESTS)
+    assert mean_difference(page.picture(), wanted) <= LENS
     own = Scene(replace(scene.file, depth=effects), SCENE)
     assert [view.depth for view in scene_views(own, size=(32, 24))] == [effects]
 

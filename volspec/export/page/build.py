@@ -108,7 +108,7 @@ class PageView:
         Of the sliders when the page is opened; 1 for those that are left out. Only if the image was
         cast with layers.
     depth : DepthEffects
-        Cuts and fog when the page is opened, likewise.
+        Cuts, fog and focus when the page is opened, likewise.
     """
 
     image: CoefficientImage
@@ -230,7 +230,7 @@ def page_html(
         if i == 0 and not served and first.opacity_layers is not None:
             scales = first.opacity_scales(view.opacities)
             opacity = _packed_layers(first, first.opacity_layers)
-            effects = _without_focus(view.depth)
+            effects = view.depth
         _require_alike(view.image, first, i)
         packed = pack_view(view.image, spec.bits)
         blocks.append(f'<script type="text/plain" id="view-{i}">{packed.text}</script>')
@@ -266,7 +266,7 @@ def page_html(
         "filter": os.path.basename(relight_spec.filter or ""),
         "lights": [payload.light_numbers(each, first.basis, seen_through) for each in lights],
         "look": payload.look_numbers(relight_spec, lights)
-        | ({"opacity": scales, **payload.depth_look(effects)} if opacity else {}),
+        | ({"opacity": scales, **payload.depth_look(effects, first)} if opacity else {}),
         "opacity": payload.opacity_numbers(opacity, first, effects),
         **payload.page_viewing(relight_spec.viewing),
         "models": payload.models(),
@@ -405,17 +405,6 @@ def _packed_layers(image: CoefficientImage, layers: OpacityLayers) -> PackedLaye
             field="page.layers",
         )
     return pack_layers(layers)
-
-
-def _without_focus(effects: DepthEffects) -> DepthEffects:
-    if effects.focus_mm is not None:
-        warnings.warn(
-            f"page: depth.focus_mm is {effects.focus_mm:g}, but a page is sharp everywhere; its "
-            "cuts and fog are as given",
-            VolspecWarning,
-            stacklevel=3,
-        )
-    return replace(effects, focus_mm=None, aperture_mm=None)
 
 
 def _megabytes(count: float) -> str:

@@ -243,9 +243,12 @@ def _camera_numbers(image: CoefficientImage) -> dict[str, Any] | None:
     }
 
 
-def depth_look(effects: DepthEffects) -> dict[str, float | None]:
-    """Return the page's cuts and visibility."""
-    return {"near": effects.near_mm, "far": effects.far_mm, "fog": effects.fog_mm}
+def depth_look(effects: DepthEffects, image: CoefficientImage) -> dict[str, float | None]:
+    """Return the page's cuts, visibility, and lens if its camera has one."""
+    look = {"near": effects.near_mm, "far": effects.far_mm, "fog": effects.fog_mm}
+    if image.camera is None or image.fov_deg is None:
+        return look
+    return look | {"focus": effects.focus_mm, "aperture": effects.aperture_mm}
 
 
 def shaders(channels: int, height: int, opacity: PackedLayers | None = None) -> dict[str, str]:

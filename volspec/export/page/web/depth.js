@@ -1,21 +1,29 @@
-// Panel of what depends on depth: cuts and fog, a small turn of the camera, and two eyes.
+// Panel of what depends on depth: cuts, fog, a lens, a small turn of the camera, and two eyes.
 //
-//     sliders -> look.near, far, fog; state.turn, stereo -> [recompose, nearby] -> picture
+//     sliders -> look.near, far, fog, focus, aperture; state.turn, stereo
+//             -> [recompose, nearby] -> picture
 
 // The volume's depth over the visibility, at most.
 const MOST_FOG = 8;
+// Least and greatest f-number, the distance in focus over the lens's opening.
+const F_NUMBERS = [4, 100];
 
 // Cuts at the ends of what the picture shows cut nothing.
 function depthFields(page) {
   if (!page.opacity) return {};
   const distance = within(1e-3, 1e7);
-  return { near: within(0, 1e7), far: orNone(distance), fog: orNone(distance) };
+  return {
+    near: within(0, 1e7), far: orNone(distance), fog: orNone(distance),
+    ...(page.opacity.camera?.nearness && { focus: orNone(distance), aperture: orNone(distance) }),
+  };
 }
 
 const turnFields = (page) => (page.opacity?.camera
   ? { turn: numbers(2, -MOST_TURN, MOST_TURN), stereo: choice('off', 'anaglyph', 'pair') } : {});
 
 const turnOpened = (page) => (page.opacity?.camera ? { turn: [0, 0], stereo: 'off' } : {});
+
+const NO_LENS = { focus: null, aperture: null };
 
 function depthPanel(app) {
   const { page: { opacity } } = app;
@@ -38,6 +46,25 @@ function depthPanel(app) {
     app.put({ turn: app.state.turn.map((old, j) => (j === i ? x : old)) }));
   const degrees = (x) => `${x > 0 ? '+' : x < 0 ? '\u2212' : ''}${Math.abs(x).toFixed(1)}\u00b0`;
   const turns = { min: -MOST_TURN, max: MOST_TURN, step: 0.5, value: 0 };
+  const opening = ({ focus, aperture }) => aperture ?? focus * LENS_OPENING;
+  const lens = byId('lens');
+  byId('lens-rows').hidden = !opacity.camera?.nearness;
+  if (opacity.camera?.nearness) {
+    const lit = ({ focus }) => focus !== null;
+    rows.push(
+      depthRow('focus', { ...cuts, value: least + depth / 2 }, (x) => set({ focus: x }),
+        ({ focus }) => [focus ?? least + depth / 2, focus === null ? 'off' : millimetres(focus)],
+        lit),
+      depthRow('aperture', {
+        min: -Math.log2(F_NUMBERS[1]), max: -Math.log2(F_NUMBERS[0]),
+        step: Math.log2(F_NUMBERS[1] / F_NUMBERS[0]) / 100,
+        value: Math.log2(LENS_OPENING) },
+      (x) => set({ aperture: app.look().focus * 2 ** x }),
+      (look) => (lit(look) ? [Math.log2(opening(look) / look.focus),
+        `f/${figures(look.focus / opening(look), 2)}`] : [Math.log2(LENS_OPENING), '']), lit));
+    lens.addEventListener('change', () => set(
+      { focus: lens.checked ? byId('focus').valueAsNumber : null, aperture: null }));
+  }
   if (opacity.camera) {
     rows.push(...['turn-across', 'turn-down'].map((id, i) => depthRow(id, turns, turn(i),
       () => [app.state.turn[i], degrees(app.state.turn[i])])));
@@ -46,20 +73,21 @@ function depthPanel(app) {
   byId('turn-rows').hidden = !opacity.camera;
   const reset = byId('depth-reset');
   reset.addEventListener('click', () => {
-    set({ near: 0, far: null, fog: null });
+    set({ near: 0, far: null, fog: null, ...('focus' in app.look() && NO_LENS) });
     app.put(turnOpened(app.page));
   });
   return () => {
     const look = app.look(), { stereo = 'off' } = app.state;
     rows.forEach((refresh) => refresh(look, Boolean(app.recomposer)));
     byId('stereo').value = stereo;
-    byId('stereo').disabled = !app.recomposer;
-    reset.setAttribute('aria-disabled', !isInDepth(look) && !app.isMoved);
+    byId('stereo').disabled = lens.disabled = !app.recomposer;
+    lens.checked = isFocused(look);
+    reset.setAttribute('aria-disabled', !isInDepth(look) && !isFocused(look) && !app.isMoved);
   };
 }
 
-// A slider of the HTML; returns the function that shows its value.
-function depthRow(id, range, set, shown) {
+// A slider of the HTML; returns the function that shows its value, and if a look has any.
+function depthRow(id, range, set, shown, has = () => true) {
   const slider = byId(id), output = slider.closest('.row').querySelector('output');
   const { value, ...limits } = range;
   Object.assign(slider, limits);
@@ -74,7 +102,7 @@ function depthRow(id, range, set, shown) {
   return (look, ready) => {
     const [x, words] = shown(look);
     slider.value = x;
-    slider.disabled = !ready;
+    slider.disabled = !ready || !has(look);
     output.textContent = words;
     slider.setAttribute('aria-valuetext', words);
   };

@@ -166,8 +166,9 @@ class App {
     this.refresh();
   }
 
-  // The picture, or every second column and row of it.
-  draw(every = 1) {
+  // The picture, or every second column and row of it; through one more point of a lens if it is to
+  // be refined.
+  draw(every = 1, refine = false) {
     const { state, page, relighter } = this;
     if (!this.texels || relighter.gl.isContextLost()) return;
     relighter.show(this.shown, this.texels);
@@ -177,18 +178,23 @@ class App {
     });
     const split = state.compare ? state.divide : 1;
     const sidesOf = (eye) => [[0, split], [split, 1]].slice(0, state.compare ? 2 : 1).map(
-      ([from, to], i) => ({ drawing: drawings[i], texture: this.recomposed(i, eye), from, to }));
+      ([from, to], i) => ({
+        drawing: drawings[i], texture: this.recomposed(i, eye, refine), from, to }));
     if (this.isStereo) this.stereo.draw(state.stereo, every, sidesOf);
     else relighter.draw(sidesOf(0), every);
     const whole = !state.compare && !this.isStereo;
     if (every === 1) byId('port').style.background = whole ? this.backdropColour() : '';
+    byId('picture').setAttribute('aria-busy', this.refines);
     // Marks are those of the cast's camera.
     byId('marks').style.visibility = this.isMoved ? 'hidden' : '';
   }
 
   // Texture of a side's opacities and view, of both eyes between -1 and 1; null if it is the cast's.
-  recomposed(side, eye = 0) {
+  recomposed(side, eye = 0, refine = false) {
     const look = this.state.sides[side], { turn } = this.state;
+    if (this.nearby && isFocused(look) && !eye) {
+      return this.nearby.focused(side, look, turn, refine);
+    }
     const view = this.nearby && viewOf(this.page, turn, eye);
     if (view) return this.nearby.texture(side, look, eye, view);
     return this.recomposer?.texture(side, look) ?? null;
@@ -196,6 +202,12 @@ class App {
 
   // True if both eyes' pictures are shown.
   get isStereo() { return Boolean(this.stereo) && this.state.stereo !== 'off'; }
+
+  // True if a lens shows more with each frame.
+  get refines() {
+    const { compare, sides } = this.state, shown = compare ? sides : [sides[0]];
+    return Boolean(this.nearby?.refines) && !this.isStereo && shown.some(isFocused);
+  }
 
   // True if the picture is not seen from the cast's camera.
   get isMoved() { return this.isStereo || Boolean(this.state.turn?.some((angle) => angle)); }
@@ -252,11 +264,16 @@ class App {
   // Draw the picture if it has changed; coarsely while it keeps changing in a slow browser.
   redraw() {
     const pictured = this.pictured, now = performance.now();
-    if (pictured.every((part, i) => part === this.drawn[i])) return;
+    if (pictured.every((part, i) => part === this.drawn[i])) {
+      if (this.refines) this.draw(1, true);
+      if (this.refines) this.refresh();
+      return;
+    }
     const coarse = this.late >= FEW && now - this.drawnAt < REST_MS;
     this.drawn = pictured;
     this.draw(coarse ? 2 : 1);
     if (coarse) this.sharpenLater();
+    if (this.refines) this.refresh();
     // A browser that falls behind requests the next frame late.
     requestAnimationFrame(() => {
       this.drawnAt = performance.now();

@@ -1,4 +1,5 @@
-// Views of a camera nearby, for a small turn and for two eyes: layers splatted as points.
+// Views of a camera nearby: layers splatted as points, for a small turn, two eyes, and a lens, whose
+// picture is the mean of what many eyes see.
 //
 //     codes of layers, turn -> shaders/splat.vert -> half floats for relight.frag
 //
@@ -26,10 +27,25 @@ function viewOf({ opacity }, [across, down], side) {
   if (!nearness) {
     // Parallel rays have no shift: eyes turn around where they meet.
     const angle = 2 * Math.atan(eyes / 2) / RADIANS / 2;
-    return { turn: turned(across - side * angle, down), eye_mm: [0, 0] };
+    return { turn: turned(across - side * angle, down), eye_mm: [0, 0, 0, 0] };
   }
   const away = side * eyes / 2 * meet;
-  return { turn: turned(across, down), eye_mm: [away, away * distance / meet] };
+  return { turn: turned(across, down), eye_mm: [away, 0, away * distance / meet, 0] };
+}
+
+// Points of a lens, and its opening by the distance in focus if none is given.
+const LENS_POINTS = 16, LENS_OPENING = 1 / 20;
+
+// Point `i` of a lens seen by a turned camera, as `viewOf`; from the middle to the edge.
+function viewThrough({ opacity }, [across, down], { focus, aperture }, i) {
+  const { distance_mm: distance, pitch_mm: pitch } = opacity.camera;
+  const opening = aperture ?? focus * LENS_OPENING, angle = i * Math.PI * (3 - Math.sqrt(5));
+  const radius = 0.5 * opening * Math.sqrt(1 - 1 / LENS_POINTS) * Math.sqrt((i + 0.5) / LENS_POINTS);
+  const [x, y] = [radius * Math.cos(angle), radius * Math.sin(angle)];
+  const part = Math.sqrt(Math.PI / 4 / LENS_POINTS), shift = distance / focus;
+  return {
+    turn: turned(across, down), eye_mm: [x, y, x * shift, y * shift],
+    lens: [part * opening / focus * distance / pitch, focus] };
 }
 
 class NearbyViews {
@@ -39,7 +55,11 @@ class NearbyViews {
     this.forget();
   }
 
-  forget() { this.points = null; }
+  forget() {
+    this.points = null;
+    // Of each side: what its lens shows, and by how many points.
+    this.lenses = new Map();
+  }
 
   // Parts of layers as `point` of shaders/splat.vert, far to near. Along a ray of a camera nearby that
   // is the same order.
@@ -103,10 +123,29 @@ class NearbyViews {
     });
   }
 
-  draw(texture, uniforms) {
+  // A side's texture of what a lens sees, by one more of its points if it is to be refined.
+  focused(side, look, turn, refine) {
+    const { recomposer, recomposer: { relighter: { page } } } = this, name = `side ${side}, lens`;
+    const shows = [look.opacity, recomposer.effects(look), look.focus, look.aperture, turn];
+    const key = JSON.stringify(shows);
+    if (this.lenses.get(name)?.key !== key) this.lenses.set(name, { key, points: 0 });
+    const lens = this.lenses.get(name);
+    if (lens.points === 0 || (refine && lens.points < LENS_POINTS)) lens.points += 1;
+    return recomposer.kept(name, [key, lens.points], (texture) => {
+      if (!this.points) this.upload();
+      const view = viewThrough(page, turn, look, lens.points - 1);
+      this.draw(texture, { ...recomposer.uniforms(look), ...view }, 1 / lens.points);
+    });
+  }
+
+  // True if a lens has points that were not drawn.
+  get refines() { return [...this.lenses.values()].some(({ points }) => points < LENS_POINTS); }
+
+  // Draw a view into a texture, or into the mean of what is there with a share.
+  draw(texture, uniforms, share = 1) {
     const { recomposer, recomposer: { relighter, relighter: { gl, page: { opacity } } } } = this;
     const { distance_mm, nearness, pitch_mm } = opacity.camera;
-    const all = { ...uniforms, camera: [distance_mm, nearness, pitch_mm] };
+    const all = { lens: [0, 1], ...uniforms, camera: [distance_mm, nearness, pitch_mm] };
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     recomposer.drawInto(this.splatted, this.slices, (first, drawn) => {
@@ -123,13 +162,15 @@ class NearbyViews {
       gl.drawArrays(gl.POINTS, 0, this.order.length);
       gl.disableVertexAttribArray(place);
     });
-    gl.disable(gl.BLEND);
+    gl.blendColor(share, share, share, share);
+    gl.blendFunc(gl.CONSTANT_ALPHA, gl.ONE_MINUS_CONSTANT_ALPHA);
     recomposer.drawInto(texture, recomposer.slices, (first, drawn) => {
       const form = { FIRST_SLICE: first, SLICES_DRAWN: drawn, DEPTH: 1 };
       const made = relighter.program(form, 'splatted.frag');
       recomposer.bind(made, { splatted: this.splatted });
       relighter.pass(made, all);
     });
+    gl.disable(gl.BLEND);
   }
 }
 

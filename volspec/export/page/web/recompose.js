@@ -14,8 +14,11 @@ const isUnscaled = (scales) => scales.every((scale) => scale === 1);
 
 const isInDepth = ({ near, far, fog }) => near > 0 || far !== null || fog !== null;
 
+const isFocused = ({ focus = null }) => focus !== null;
+
 // True if a look has the cast's opacities, without effects of depth; so has one without layers.
-const isAsCast = (look) => !look.opacity || (isUnscaled(look.opacity) && !isInDepth(look));
+const isAsCast = (look) => (
+  !look.opacity || (isUnscaled(look.opacity) && !isInDepth(look) && !isFocused(look)));
 
 // Targets of one draw; every browser has at least four. Units of textures: base, layers.
 const MOST_TARGETS = 4, BASE_UNIT = 0, LAYERS_UNIT = 1;
@@ -54,8 +57,8 @@ class Recomposer {
 
   // A side's texture of channels; null for the view's own.
   texture(side, look) {
-    if (isAsCast(look)) return null;
     const { opacity: scales } = look, inDepth = isInDepth(look);
+    if (isUnscaled(scales) && !inDepth) return null;
     return this.kept(`side ${side}`, [scales, this.effects(look)], (texture) => this.draw(
       this.difference, texture, inDepth ? { DEPTH: 1 } : {},
       { ...this.uniforms(look), fade: [inDepth ? 0 : residualShare(scales)] }));

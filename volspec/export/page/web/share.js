@@ -43,7 +43,7 @@ async function copy(field) {
 
 // The picture as drawn, at its own size.
 function download(app) {
-  app.draw();
+  do app.draw(1, true); while (app.refines);
   app.relighter.canvas.toBlob((blob) => {
     const address = URL.createObjectURL(blob);
     const words = app.page.title.match(/[A-Za-z0-9]+/g) ?? ['picture'];
