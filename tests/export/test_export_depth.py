@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,12 @@ import pytest
 from tests.cli.test_render import read_codes
 from tests.export.conftest import SCENE
 from tests.support.errors import raises
-from volspec.errors import SceneError
-from volspec.raycast import CoefficientImage
+from volspec.cli import main
+from volspec.errors import ImageError, SceneError
+from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.relight import relight
-from volspec.scene import Scene
+from volspec.scene import Scene, stored_depth, stored_relight_spec
+from volspec.spectra import light
 
 DEEP = SCENE.replace('name = "general-7"', 'method = "materials"') + "[raycast]\nlayers = 4\n"
 PULL = """
@@ -66,6 +69,32 @@ def test_coefficient_images_have_it_as_well(ball_folder: Path, tmp_path: Path) -
     exported = scene.export(tmp_path / "images")
     image = CoefficientImage.load(tmp_path / "images" / exported.files[0])  # all of it is cut
     assert not image.alpha.any() and image.opacity_layers is None
+
+
+def test_an_image_is_relit_with_the_depth_of_its_scene(ball_folder: Path, tmp_path: Path) -> None:
+    scene = made(ball_folder, "[depth]\nnear_mm = 50\n")
+    image, frame = tmp_path / "ball.exr", tmp_path / "ball.png"
+    assert run("render", ball_folder / "deep.toml", "-o", image) == 0
+    cast = CoefficientImage.load(image)
+    spec = stored_relight_spec(cast)
+    assert stored_depth(cast) == scene.file.depth
+    for options, effects in (
+        ((), DepthEffects(near_mm=50)),
+        (("--near", "0"), DepthEffects()),
+        (("--far", "60"), DepthEffects(near_mm=50, far_mm=60)),
+    ):
+        assert run("relight", image, "--light", "A", "-o", frame, *options) == 0
+        wanted = relight(cast.recompose({}, effects), light("A"), spec)
+        assert np.abs(read_codes(frame).astype(int) - wanted.astype(int)).max() <= 1
+    damaged = replace(cast, notes={"depth": '{"near_mm": "x"}'})
+    with raises(ImageError, "damaged"):
+        stored_depth(damaged)
+
+
+def run(*words: object) -> int:
+    with pytest.raises(SystemExit) as ended:
+        main([*map(str, words)])
+    return int(ended.value.code or 0)
 
 
 @pytest.mark.parametrize(

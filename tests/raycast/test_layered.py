@@ -411,10 +411,12 @@ def test_a_file_with_damaged_shadows_is_refused(
         ),
         (lambda h, c: h.update({"volspec:layers": '{"count": 8}'}), "damaged"),
         (lambda h, c: h.update({"volspec:layers": "5"}), "damaged"),
+        (lambda h, c: h.update({"volspec:layers": '{"version": 1, "count": "x"}'}), "damaged"),
+        (lambda h, c: h.update({"volspec:layers": '{"version": 1, "count": 99}'}), "damaged"),
         (lambda h, c: c.pop("l3.tau.gold.V"), "damaged"),
         (lambda h, c: c["l0.gloss.key.V"].fill(np.nan), "damaged"),
     ],
-    ids=["later version", "no version", "no table", "no channel", "NaN"],
+    ids=["later version", "no version", "no table", "no number", "too many", "no channel", "NaN"],
 )
 def test_a_damaged_or_later_file_is_refused(
     image: CoefficientImage, tmp_path: Path, change: object, code: str

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -127,8 +127,9 @@ def relight(
     """
     from volspec.export.frames import BlankFrames, file_stem, to_uint16, write_frame
     from volspec.pipeline import Relighter
+    from volspec.raycast import DepthEffects
     from volspec.relight.hdr import hdr_frame
-    from volspec.scene import stored_relight_spec
+    from volspec.scene import stored_depth, stored_relight_spec
 
     require_image(
         image,
@@ -154,9 +155,15 @@ def relight(
             raise ImageError(f"{path}: is the input image; name another file")
     stored = _picture(image, basis, taken_under)
     layered, scales = stored, read_opacities(opacity or ())
+    # Errors are of opacities and lights alone, and eyes have no lens.
+    own = DepthEffects() if errors or stored.opacity_layers is None else stored_depth(stored)
+    if eyes:
+        own = replace(own, focus_mm=None, aperture_mm=None)
     with in_options():
         views = (
-            [*eyes.views(stored, scales, depth.effects())] if eyes else [depth.onto(stored, scales)]
+            [*eyes.views(stored, scales, depth.effects(own))]
+            if eyes
+            else [depth.onto(stored, scales, own)]
         )
     stored = views[0]
     if depth.given and errors:

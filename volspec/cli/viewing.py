@@ -357,33 +357,32 @@ class DepthOptions:
         """Options that were given, by field."""
         return _given({name: getattr(self, name) for name in DEPTH_OPTIONS})
 
-    def effects(self) -> DepthEffects:
-        """Return focus, fog and cuts."""
-        from volspec.raycast import DepthEffects
-
+    def effects(self, scene: DepthEffects) -> DepthEffects:
+        """Return focus, fog and cuts: a scene's own, changed by the options."""
         given = self.given
         for name, needed in _NEEDED.items():
-            if name in given and needed not in given:
+            if name in given and needed not in given and getattr(scene, needed) is None:
                 option, missing = DEPTH_OPTIONS[name], DEPTH_OPTIONS[needed]
                 raise InputError(f"{option} without {missing}: add it, or leave {option} out")
         given.pop("surface", None)
         with in_options(DEPTH_OPTIONS):
-            return DepthEffects(**given)
+            return replace(scene, **given)
 
-    def onto(self, image: CoefficientImage, scales: Mapping[str, float]) -> CoefficientImage:
-        """Return an image recomposed with these effects and {material: scale}, if any is given."""
+    def onto(
+        self, image: CoefficientImage, scales: Mapping[str, float], scene: DepthEffects
+    ) -> CoefficientImage:
+        """Return an image recomposed with {material: scale} and `effects`, if there are any."""
         import numpy as np
 
         from volspec.raycast import CoefficientImage
 
-        given = self.given
-        if not given and not scales:
+        effects = self.effects(scene)
+        if not (scales or effects.changes or self.surface):
             return image
-        surface = given.pop("surface", None)
         with in_options(DEPTH_OPTIONS):
-            other = None if surface is None else CoefficientImage.load(surface)
-            made = image.recompose(scales, self.effects(), other)
-        is_cut = "near_mm" in given or "far_mm" in given
+            other = None if self.surface is None else CoefficientImage.load(self.surface)
+            made = image.recompose(scales, effects, other)
+        is_cut = effects.near_mm > 0 or effects.far_mm is not None
         if is_cut and image.opacity_layers is not None and not np.isfinite(made.depth_mm).any():
             near, far = image.opacity_layers.range_mm
             note(f"nothing is left: the layers are {near:.4g} to {far:.4g} mm from the camera")

@@ -44,7 +44,7 @@ from volspec.pipeline import GAPS, Raycaster
 from volspec.raycast import CoefficientImage
 from volspec.relight.stereo import expected_depth_mm
 from volspec.scene import Scene
-from volspec.scene.model import viewing_note
+from volspec.scene.model import cast_notes
 from volspec.settings import plain
 from volspec.volume import Series, Volume
 
@@ -356,7 +356,7 @@ class FrameMaker:
             return 0, 0
         scene, table = self.files.scene, self.files.table
         check_adapting(table, scene.relight.viewing.adapting, self._parts)
-        notes = {"scene": scene.file.title, "viewing": viewing_note(scene.relight)}
+        notes = cast_notes(scene.file, scene.relight)
         only_cast = table.format == "coefficients"
         if self._parts > 1 and not only_cast:
             casts = [s[i : i + _OPEN_FILES] for s in casts for i in range(0, len(s), _OPEN_FILES)]
@@ -569,5 +569,5 @@ def _shown(image: CoefficientImage, shot: Shot) -> CoefficientImage:
         return image
     with warnings.catch_warnings():
         # A material may be out of view in some frames.
-        warnings.filterwarnings("ignore", "recompose: .* has no opacity", VolspecWarning)
+        warnings.filterwarnings("ignore", ".* has no opacity in this picture", VolspecWarning)
         return image.recompose(shot.opacities, shot.depth)

@@ -45,7 +45,7 @@ from volspec._files import require_suffix
 from volspec._parse import parse_json
 from volspec.appearance.spaces import SPACES
 from volspec.basis import Basis, MaterialBasis, basis_from_dict
-from volspec.errors import BasisError, CameraError, ImageError, ShapeError
+from volspec.errors import ImageError, ShapeError, VolspecError
 from volspec.raycast.camera import Camera
 from volspec.raycast.layered import OpacityLayers, Slot
 from volspec.raycast.spec import MAX_LAYERS
@@ -325,7 +325,8 @@ def _read_layers(
     with _refusing(f"{name}: its layers of opacity are refused"):
         count = int(about["count"])
         if not (isinstance(basis, MaterialBasis) and 1 <= count <= MAX_LAYERS):
-            raise ValueError(f"{count} layers, basis {basis.name!r}")
+            problem = f"{count} layers in basis {basis.name!r}"
+            raise ImageError(problem, f"1 to {MAX_LAYERS} in one of materials are read")
         slots = stored_slots(about, groups)
     materials, lights = len(basis.materials), len(groups)
     parts = []
@@ -368,8 +369,10 @@ def _refusing(problem: str) -> Iterator[None]:
     """Turn a fault in a header field into an ImageError."""
     try:
         yield
-    except (BasisError, CameraError, ImageError, ValueError, KeyError, TypeError) as error:
-        raise ImageError(f"{problem} ({error})", "render again", code="damaged") from error
+    except (ValueError, KeyError, TypeError) as error:
+        # Python's own words are about code.
+        why = f" ({error})" if isinstance(error, VolspecError) else ", its header is damaged"
+        raise ImageError(f"{problem}{why}", "render again", code="damaged") from error
 
 
 def _checked_pixels(name: str, pixels: Channels, wanted: list[str]) -> tuple[Any, Any]:

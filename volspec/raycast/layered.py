@@ -434,7 +434,7 @@ def warn_of_absent(basis: MaterialBasis, layers: OpacityLayers, scales: Sequence
     for k, (name, scale) in enumerate(zip(basis.materials, scales, strict=True)):
         if scale not in (0.0, 1.0) and not layers.tau[..., k].any():
             warnings.warn(
-                f"recompose: {name!r} has no opacity in this picture, so {scale:g} times it is "
+                f"{name!r} has no opacity in this picture, so {scale:g} times it is "
                 "none; if it is not out of view, cast it with a little opacity, such as 0.02, and "
                 "hide it with scale 0",
                 VolspecWarning,
@@ -448,21 +448,21 @@ def checked_scales(scales: Any, basis: MaterialBasis) -> list[float]:
     Raises ImageError if a name is unknown, or a scale is not a finite number of 0 or more.
     """
     if not isinstance(scales, Mapping):
-        raise ImageError.refused("recompose: scales", scales, "give {material: scale}", "type")
+        raise ImageError.refused("opacities", scales, "give {material: scale}", "type")
     for name in scales:
         if name not in basis.materials:
             raise ImageError(
-                f"recompose: no material {quoted(name)}; {nearest(str(name), basis.materials)}"
+                f"no material {quoted(name)}; {nearest(str(name), basis.materials)}"
                 f"it has {', '.join(basis.materials)}",
                 code="unknown",
+                field="opacities",
             )
     found = []
     for name in basis.materials:
-        scale = number(f"recompose: scale of {name!r}", scales.get(name, 1.0), ImageError)
+        field = f"opacity of {name!r}"
+        scale = number(field, scales.get(name, 1.0), ImageError)
         if scale < 0:
-            raise ImageError.refused(
-                f"recompose: scale of {name!r}", scale, "give 0 or more", "range"
-            )
+            raise ImageError.refused(field, scale, "give 0 or more", "range")
         found.append(scale)
     return found
 

@@ -11,10 +11,10 @@ import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.basis.base import require_reflective
 from volspec.errors import ImageError, MeshError, SceneError, visible
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import Camera, CoefficientImage, RaycastSpec
+from volspec.raycast import Camera, CoefficientImage, DepthEffects, RaycastSpec
 from volspec.raycast.camera import Orbit
 from volspec.raycast.framing import shown_mm
 from volspec.raycast.row_batches import Cancel, Progress
@@ -51,6 +51,8 @@ if TYPE_CHECKING:
     from volspec.raycast.behind import Behind
     from volspec.scene.room import SceneRoom
 
+Spec = TypeVar("Spec")
+
 
 def stored_relight_spec(image: CoefficientImage) -> RelightSpec:
     """Return the ``[viewing]`` of the scene an image was cast from; the default if it has none.
@@ -60,22 +62,42 @@ def stored_relight_spec(image: CoefficientImage) -> RelightSpec:
     ImageError
         If the image's note cannot be read.
     """
+    return _read_note(image, "viewing", RelightSpec)
+
+
+def stored_depth(image: CoefficientImage) -> DepthEffects:
+    """Return the ``[depth]`` of the scene an image was cast from; none if it has none.
+
+    Raises ImageError if the image's note cannot be read.
+    """
+    return _read_note(image, "depth", DepthEffects)
+
+
+def cast_notes(file: SceneFile, relight: RelightSpec) -> dict[str, str]:
+    """Return a scene's title, viewing conditions and ``[depth]`` as notes of its images.
+
+    They need no other file.
+    """
+    viewing = {each.name: getattr(relight.viewing, each.name) for each in fields(relight.viewing)}
+    rest = {name: getattr(relight, name) for name in ("backdrop", "mode", "level", "filter")}
+    notes = {"scene": file.title, "viewing": _note(viewing | rest)}
+    return notes | ({"depth": _note(asdict(file.depth))} if file.depth.changes else {})
+
+
+def _note(values: Mapping[str, Any]) -> str:
+    return json.dumps({key: plain(value) for key, value in values.items()})
+
+
+def _read_note(image: CoefficientImage, name: str, kind: type[Spec]) -> Spec:
     try:
-        note = _without_nulls(parse_json(image.notes.get("viewing", "{}")))
-        return read_table(RelightSpec, note, ImageError)
+        note = _without_nulls(parse_json(image.notes.get(name, "{}")))
+        return read_table(kind, note, ImageError)
     except ValueError as error:  # ours and the parser's
         raise ImageError(
-            "the image's viewing note cannot be read",
+            f"the image's {name} note cannot be read",
             "render again, or install a later version if one made it",
             code="damaged",
         ) from error
-
-
-def viewing_note(spec: RelightSpec) -> str:
-    """Return a scene's viewing conditions as an image note that needs no other file."""
-    viewing = {each.name: getattr(spec.viewing, each.name) for each in fields(spec.viewing)}
-    rest = {name: getattr(spec, name) for name in ("backdrop", "mode", "level", "filter")}
-    return json.dumps({key: plain(value) for key, value in (viewing | rest).items()})
 
 
 def _without_nulls(value: Any) -> Any:
@@ -392,7 +414,7 @@ class Scene:
                 cancel=cancel,
                 caster=caster,
                 behind=behind,
-                notes={"scene": self.file.title, "viewing": viewing_note(self.relight)},
+                notes=cast_notes(self.file, self.relight),
             )
 
     def behind(self, volume: Volume) -> tuple[Behind, ...]:

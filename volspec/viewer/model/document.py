@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from volspec._gpu.sources import asset
 from volspec.errors import SceneError
 from volspec.pipeline import Raycaster
-from volspec.raycast import CoefficientImage, RaycastSpec
+from volspec.raycast import CoefficientImage, DepthEffects, RaycastSpec
 from volspec.raycast.camera import Orbit
 from volspec.relight import RelightSpec
 from volspec.scene import Scene
@@ -159,6 +159,7 @@ class Document:
     # Opened instead of a scene: one view of fixed materials. The volume then only takes the place
     # of the one that was cast.
     image: CoefficientImage | None = None
+    depth: DepthEffects = field(default_factory=DepthEffects)  # of its scene
     room: SceneRoom | None = None  # the volume is in it; its lamps are the lights
     meshes: MeshCache = field(default_factory=lambda: MeshCache(Path()))
     series: Series | None = None  # the volume's time steps

@@ -126,5 +126,5 @@ class ViewState:
             annotations=document.file.annotation if document.file else (),
             meshes=document.file.mesh if document.file else (),
             room=document.room,
-            depth=document.file.depth if document.file else DepthEffects(),
+            depth=document.file.depth if document.file else document.depth,
         )

@@ -13,7 +13,7 @@ from dataclasses import replace
 from volspec.basis import Basis, MaterialBasis
 from volspec.raycast import Ambient, CoefficientImage, LightGroup
 from volspec.scene import Scene
-from volspec.scene.model import stored_relight_spec
+from volspec.scene.model import stored_depth, stored_relight_spec
 from volspec.spectra import reflectance
 from volspec.transfer import TransferFunction
 from volspec.viewer.model.document import Document
@@ -47,6 +47,7 @@ def open_image(path: str) -> Document:
         transfer=_transfer(image.basis),
         shading=replace(document.shading, groups=groups),
         relight=stored_relight_spec(image),
+        depth=stored_depth(image),
     )
 
 
