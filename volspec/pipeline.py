@@ -363,9 +363,7 @@ def _check_layers(
     behind: Sequence[Behind],
 ) -> None:
     """Refuse what cannot be cast in layers of opacity, and warn of materials that lack it."""
-    check_layers(spec, table, transfer.basis)
-    if behind:
-        refuse_layers(spec, "meshes or a room", "leave these out, or leave layers out")
+    check_layers(spec, table, transfer.basis, behind)
     if not isinstance(level, Raycaster):
         refuse_layers(
             spec,

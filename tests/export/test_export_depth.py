@@ -13,6 +13,7 @@ from tests.export.conftest import SCENE
 from tests.support.errors import raises
 from volspec.cli import main
 from volspec.errors import ImageError, SceneError
+from volspec.export.plan import check_scene
 from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.relight import relight
 from volspec.scene import Scene, stored_depth, stored_relight_spec
@@ -110,6 +111,16 @@ def test_a_depth_that_cannot_be_is_refused(
 ) -> None:
     with raises(SceneError, code, field):
         made(ball_folder, more)
+
+
+def test_scene_check_finds_what_layers_cannot_show(ball_folder: Path) -> None:
+    path = ball_folder / "deep.toml"
+    made(ball_folder, "")
+    assert check_scene(path).errors == ()
+    spectral = SCENE + "[raycast]\nlayers = 4\n"
+    path.write_text(spectral, encoding="utf-8")
+    (fault,) = check_scene(path).errors
+    assert "[raycast]" in fault and "not materials" in fault
 
 
 def test_depth_needs_layers(ball_folder: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from volspec.appearance.spaces import SPACES as COLOUR_SPACES
 from volspec.appearance.spec import MODELS, SURROUNDS
 from volspec.scene import Scene, SceneFile, write_scene
 from volspec.scene.file import scene_file
+from volspec.scene.specs import CameraSpec
 from volspec.scene.writing import rebased
 
 SHIPPED = sorted((Path(__file__).resolve().parents[2] / "data" / "scenes").glob("*.toml"))
@@ -204,6 +206,13 @@ def is_written_into(file: SceneFile, shipped: Path, folder: Path) -> None:
     path = write_scene(file, folder / "into.toml", like)
     assert read(path) == file
     assert lines(path)[:2] == lines(shipped)[:2]
+
+
+def test_stated_defaults_make_way_for_what_contradicts_them(tmp_path: Path) -> None:
+    """The foot's camera has the default's angles, which a place replaces."""
+    shipped = next(path for path in SHIPPED if path.name == "foot.toml")
+    placed = CameraSpec(position_mm=(0.0, 0.0, 900.0))
+    is_written_into(replace(read(shipped), camera=placed), shipped, tmp_path)
 
 
 class Unresolved(Scene):

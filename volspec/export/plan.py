@@ -26,6 +26,7 @@ from volspec.export.frames import distinct_stems
 from volspec.raycast import Camera, DepthEffects
 from volspec.raycast.fields import FieldCast
 from volspec.raycast.kernel_arguments import check_reach
+from volspec.raycast.layered import check_layers
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.hdr import check_hdr
 from volspec.relight.illumination import Illumination
@@ -356,8 +357,7 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
         try:
             scene = Scene(file, path)
             scene.camera(volume)
-            scene.behind(volume)
-            _require_castable(scene, volume)
+            _require_castable(scene, volume, scene.behind(volume))
             require_lux(scene.lights, scene.relight, path)
             errors += map(str, animation.keyframe_faults(scene, volume))
             if not errors:
@@ -377,14 +377,16 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
     )
 
 
-def _require_castable(scene: Scene, volume: Volume) -> None:
-    """Raise SceneError if settings of the cast do not fit the volume's fields."""
+def _require_castable(scene: Scene, volume: Volume, behind: Sequence[object]) -> None:
+    """Raise SceneError if settings of the cast do not fit what is cast."""
     try:
         tables = bake_for_volume(scene.transfer, volume)
         if isinstance(tables, FieldTables):
             FieldCast.of(volume, tables, scene.raycast)
         else:
             scene.raycast.naming_fields(volume)
+        if scene.raycast.layers:
+            check_layers(scene.raycast, tables, scene.basis, behind)
     except InputError as error:
         raise error.within(f"{scene.path}: [raycast]", SceneError) from error
 

@@ -378,8 +378,8 @@ def empty_rows(table: Tables, size: tuple[int, int], spec: RaycastSpec) -> NDArr
         ) from None
 
 
-def check_layers(spec: RaycastSpec, table: Tables, basis: Basis) -> None:
-    """Refuse what cannot be cast in layers. Raises RaycastError."""
+def check_layers(spec: RaycastSpec, table: Tables, basis: Basis, behind: Sequence[object]) -> None:
+    """Refuse what cannot be cast in layers, or with what is ``behind``. Raises RaycastError."""
     if not isinstance(basis, MaterialBasis):
         raise _refused(
             spec,
@@ -400,6 +400,8 @@ def check_layers(spec: RaycastSpec, table: Tables, basis: Basis) -> None:
         raise _refused(
             spec, "spectral absorption (filters)", "leave the filters out, or leave layers out"
         )
+    if behind:
+        raise _refused(spec, "meshes or a room", "leave these out, or leave layers out")
 
 
 def _refused(spec: RaycastSpec, problem: str, remedy: str) -> RaycastError:

@@ -170,10 +170,15 @@ def _edited(file: SceneFile, source: Path, target: Path) -> str | None:
         return None
     try:
         text = scene_text(source)
-        # A key set to its default keeps its line, unless the table then contradicts itself.
-        tries: list[dict[str, Any]] = [plain(file, defaults=True), {}]
-        for defaults in tries:
-            edited = _edited_once(text, file, defaults, source, target)
+        # A key set to its default keeps its line, unless the table then contradicts itself; so does
+        # one that has said its default already.
+        tries: list[tuple[dict[str, Any], bool]] = [
+            (plain(file, defaults=True), True),
+            ({}, True),
+            ({}, False),
+        ]
+        for defaults, keeps in tries:
+            edited = _edited_once(text, file, defaults, keeps, source, target)
             if edited is not None:
                 return edited
     except (ValueError, TOMLKitError, RecursionError):  # a SceneError, too
@@ -182,14 +187,23 @@ def _edited(file: SceneFile, source: Path, target: Path) -> str | None:
 
 
 def _edited_once(
-    text: str, file: SceneFile, defaults: Mapping[str, Any], source: Path, target: Path
+    text: str,
+    file: SceneFile,
+    defaults: Mapping[str, Any],
+    keeps: bool,
+    source: Path,
+    target: Path,
 ) -> str | None:
-    """Return the text with the file's settings; None if it does not read back the same."""
+    """Return the text with the file's settings; None if it does not read back the same.
+
+    It ``keeps`` lines that say a default, or drops them.
+    """
     import tomlkit
 
     document: Any = tomlkit.parse(text if text.endswith("\n") else f"{text}\n")
     migrate(document)
-    before = plain(scene_file(document.unwrap(), source))
+    stated = document.unwrap()
+    before = plain(scene_file(stated, source)) if keeps else stated
     bind_comments(document)
     _update(document, before, plain(file), defaults)
     space = document.get("viewing", {}).get("display", {}).get("space")
