@@ -21,6 +21,8 @@ from tests.support.window import ENGINE, Robot, along, missing
 
 # Seconds of each drag.
 DRAG_S = 5.0
+# And between turns.
+PAUSES_S = 2.5, 0.3, 0.8, 1.5
 # After which programs are built ahead: up to seven, of up to four seconds each.
 AHEAD_S = 40.0
 
@@ -156,6 +158,24 @@ def _faded(robot: Robot) -> Iterator[Figure]:
     x, y, width, height = robot.area("opacity block")
     start, end = (x + 0.9 * width, y + height / 2), (x + 0.1 * width, y + height / 2)
     yield from _relit(robot, "opacity", along(start, end, DRAG_S))
+    yield from _turned(robot)
+
+
+def _turned(robot: Robot) -> Iterator[Figure]:
+    """Turn by a few degrees after pauses in which layers are cast, packed, and ready."""
+    x, y = robot.middle("picture")
+    firsts, others = [], []
+    for pause in (*PAUSES_S, *PAUSES_S):
+        time.sleep(pause)
+        pressed, released = _drag(robot, along((x, y), (x + 12, y), 0.4))
+        rows = [row for row in robot.since(pressed) if row["t"] <= released + 0.1]
+        times = [row["ms"] for row in rows if row["event"] == "reproject"]
+        firsts += times[:1]
+        others += times[1:]
+    for name, times in (("first picture of a turn", firsts), ("next ones", others)):
+        title = f"viewer/{name} by layers"
+        yield Figure(f"{title}, median", float(np.median(times)), 30.0, at_most=True, unit="ms")
+        yield Figure(f"{title}, longest", max(times), unit="ms")
 
 
 def _relit(robot: Robot, what: str, places: list[tuple[float, float]]) -> Iterator[Figure]:

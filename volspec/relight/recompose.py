@@ -67,28 +67,29 @@ def layer_slots(
     return slots, texels + extents
 
 
-def layer_planes(layers: OpacityLayers) -> list[NDArray[Any]]:
-    """Return (H, W, L) planes of all numbers of layers, in the order of `layer_slots`."""
-    planes = [layers.tau[..., k] for k in range(layers.materials)]
-    planes += [
-        layers.shade[..., g, k] for g in range(layers.groups) for k in range(layers.materials)
-    ]
-    planes += [layers.gloss[..., g] for g in range(layers.groups)]
+def layer_blocks(layers: OpacityLayers) -> list[NDArray[Any]]:
+    """Return all numbers of layers in the order of `layer_slots`, (H, W, L, n) of a texel each."""
+    blocks: list[NDArray[Any]] = [layers.tau]
+    blocks += [layers.shade[..., g, :] for g in range(layers.groups)]
+    blocks += [layers.gloss[..., g : g + 1] for g in range(layers.groups)]
     for slot in layers.slots:
         own = layers.slot(slot)
-        planes += [own[..., n] for n in (*range(3, own.shape[-1]), 0, 1, 2)]
-    return planes
+        blocks += [own[..., 3:], own[..., :3]]
+    return blocks
 
 
 def layer_extents(layers: OpacityLayers) -> tuple[NDArray[Any], float]:
     """Return where layers begin, from the nearest on, and their widths, (H, W, L, 2), and that."""
-    shape = layers.tau.shape[:3]
-    tau = layers.tau.astype(np.float32).sum(axis=3).reshape(-1, layers.count)
-    begin, wide = extents(tau, layers.depth_mm.reshape(-1, layers.count).astype(np.float32))
-    used = tau > 0
-    nearest = float(begin[used].min()) if used.any() else 0.0
-    both = np.stack([np.where(used, begin - nearest, 0), wide], axis=-1)
-    return both.reshape(*shape, 2), nearest
+    both = np.zeros((*layers.tau.shape[:3], 2), np.float32)
+    nearest = math.inf
+    # Row by row, which stays in a core's cache.
+    for line, (tau, depth) in enumerate(zip(layers.tau, layers.depth_mm, strict=True)):
+        total = tau.astype(np.float32).sum(axis=2)
+        both[line, ..., 0], both[line, ..., 1] = extents(total, depth.astype(np.float32))
+        nearest = min(nearest, both[line, ..., 0].min(initial=math.inf, where=total > 0))
+    nearest = float(nearest) if math.isfinite(nearest) else 0.0
+    both[..., 0] = np.maximum(both[..., 0] - nearest, 0)
+    return both, nearest
 
 
 def shadow_constants(materials: int, groups: int, slots: Sequence[Slot]) -> dict[str, float]:
@@ -123,16 +124,20 @@ class PackedOpacity:
     def of(cls, layers: OpacityLayers, depth: bool = False) -> Self:
         """Pack an image's layers, with their extents for effects of depth."""
         height, width, count, materials = layers.tau.shape
-        planes, shadows = layer_planes(layers), tuple(layers.slots)
+        blocks, shadows = layer_blocks(layers), tuple(layers.slots)
         slots, each = layer_slots(materials, layers.groups, len(shadows), extents=depth)
         nearest = None
         if depth:
             extent, nearest = layer_extents(layers)
-            planes += [extent[..., 0], extent[..., 1]]
+            blocks.append(extent)
         texels = np.zeros((count, each, height, width, 4), np.float16)
-        for i, plane in zip(slots, planes, strict=True):
-            # (H, W, L) planes, layer by layer.
-            texels[:, i // 4, :, :, i % 4] = np.moveaxis(plane, 2, 0)
+        place = iter(slots)
+        for block in blocks:
+            first = next(place)
+            size = block.shape[3]
+            texels[:, first // 4, ..., first % 4 : first % 4 + size] = np.moveaxis(block, 2, 0)
+            for _ in range(size - 1):
+                next(place)
         flat = texels.reshape(count * each, height, width, 4)
         return cls(flat, count, materials, layers.groups, shadows, nearest)
 

@@ -108,23 +108,11 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
             opacity = None if layers is None else PackedOpacity.of(layers)
             yield CastDone(cast, WHOLE, 0.0, image, packed=PackedLayers.of(image), opacity=opacity)
             return
-        if job.nearby is not None:
-            yield self._reprojected(job, job.nearby)
         for number, each in enumerate(job.passes):
             done = self._cast(job, each, spared=number == 0 and each.divisor > 1)
             yield done
             if done.image is None:
                 break
-
-    def _reprojected(self, job: CastJob, nearby: NearbyViews) -> CastDone:
-        """Return the picture that an earlier cast's layers show."""
-        done, started = CastDone(job, Pass(nearby.every, "none"), 0.0), time.perf_counter()
-        try:
-            image = nearby.view(job.camera, job.scales)
-            done = replace(done, image=image, packed=PackedLayers.of(image))
-        except VolspecError as refused:
-            done = replace(done, error=one_line(refused))
-        return replace(done, ms=1e3 * (time.perf_counter() - started))
 
     def _cast(self, job: CastJob, made: Pass, spared: bool) -> CastDone:
         if job.document.fault:
@@ -182,6 +170,22 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
         return WhiteWalls(room, backdrop, len(room.response.names) * basis.size)
 
 
+class NearbyWorker(LatestWorker[CastJob, CastDone]):
+    """Shows views by an earlier cast's layers, while a later one ends and is packed."""
+
+    _name = "volspec-nearby"
+
+    def _results(self, job: CastJob) -> Iterator[CastDone]:
+        assert job.nearby is not None
+        done, started = CastDone(job, Pass(job.nearby.every, "none"), 0.0), time.perf_counter()
+        try:
+            image = job.nearby.view(job.camera, job.scales)
+            done = replace(done, image=image, packed=PackedLayers.of(image))
+        except VolspecError as refused:
+            done = replace(done, error=one_line(refused))
+        yield replace(done, ms=1e3 * (time.perf_counter() - started))
+
+
 # A drag rests if the mouse is still for this long.
 REST_S = 0.15
 
@@ -190,7 +194,7 @@ class CastScheduler:
     """Turns changes of state into casts."""
 
     def __init__(self, wake: Callable[[], object]) -> None:
-        self._worker = CastWorker(wake)
+        self._worker, self._nearby_worker = CastWorker(wake), NearbyWorker(wake)
         self._builder = ProgramBuilder(wake)
         self._pace = Pace()
         self._first = True  # the first cast, which includes the kernel's build
@@ -200,12 +204,13 @@ class CastScheduler:
         self.layers_wanted = False  # cast with layers of opacity when nothing moves
         self._layers_asked = False  # for the present state
         self._job: CastJob | None = None  # the newest
+        self._shown: CastJob | None = None  # the last of which a pass has ended
         self._nearby: NearbyViews | None = None  # of the last cast with layers
 
     @property
     def busy(self) -> bool:
         """True while a cast is in progress, or will be without a further change."""
-        return self._whole_wanted or self._worker.busy
+        return self._whole_wanted or self._worker.busy or self._nearby_worker.busy
 
     def change(
         self, state: ViewState, now: float, held: bool, plays: bool = False, turned: bool = False
@@ -264,6 +269,10 @@ class CastScheduler:
         ``plays`` is True while a series does.
         """
         taken = self._worker.take()
+        self._shown = taken[-1].job if taken else self._shown
+        # What layers show comes first, or not at all.
+        nearby = [done for done in self._nearby_worker.take() if done.job is not self._shown]
+        taken = [*nearby, *taken]
         for done in taken:
             wanted = self._wanted
             if done.image is None or wanted is None or not done.job.document.is_of(wanted.document):
@@ -280,6 +289,7 @@ class CastScheduler:
     def close(self) -> None:
         """End the threads."""
         self._worker.close()
+        self._nearby_worker.close()
         self._builder.close(0.0)
 
     def _to_whole(self, state: ViewState) -> tuple[Pass, ...]:
@@ -302,4 +312,6 @@ class CastScheduler:
             state.meshes,
             nearby,
         )
+        if nearby is not None:
+            self._nearby_worker.request(self._job)
         self._worker.request(self._job)
