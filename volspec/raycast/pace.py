@@ -39,6 +39,8 @@ class Pass(NamedTuple):
         if own.layers != self.layers or (self.layers and own.opacities):
             opacities = {} if self.layers else own.opacities
             own = replace(own, layers=self.layers, opacities=opacities)
+        if self.layers:
+            own = replace(own, tile_ms=min(own.tile_ms, _LAYERS_TILE_MS))
         if volume.pyramid is not None and self != WHOLE:
             own = replace(own, level=len(volume.pyramid.levels) - 1)
         if self.steps == "own":
@@ -61,6 +63,10 @@ SLOW_MS, QUICK_MS = 75.0, 45.0
 PLAY_SLOW_MS, PLAY_QUICK_MS = 180.0, 90.0
 # A whole cast that takes longer gets a pass with longer steps before it.
 STEP_MS = 900.0
+
+
+# Of a pass with layers, which runs when nothing moves: a view that turns then waits for two bands.
+_LAYERS_TILE_MS = 6.0
 
 
 @dataclass(frozen=True, slots=True)
