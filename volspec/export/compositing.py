@@ -23,7 +23,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._exr import read_header
+from volspec._exr import read_header, to_half
 from volspec._parse import parse_json
 from volspec.appearance.adaptation import adaptation
 from volspec.appearance.surround import ViewingConditions
@@ -247,8 +247,12 @@ def scene_recipe(scene: Scene, lights: Iterable[NamedLight], spec: RelightSpec) 
 def save_for_compositors(
     image: CoefficientImage, path: str | os.PathLike[str], recipe: Recipe
 ) -> None:
-    """Write a coefficient image with lights in its header and a preview under the first light."""
-    image.save(path, recipe.picture(image, next(iter(recipe.lights))), recipe.texts())
+    """Write a coefficient image with lights in its header and a preview under the first light.
+
+    The preview is of half floats, as renderers' pictures are.
+    """
+    preview = to_half(recipe.picture(image, next(iter(recipe.lights))))
+    image.save(path, preview, recipe.texts())
 
 
 def _RGB_from_XYZ(white_XYZ: Array) -> Array:
