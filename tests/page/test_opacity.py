@@ -344,7 +344,10 @@ def test_a_notebook_sets_and_hears_opacities(browser: Any, file: Path, tmp_path:
         if "opacities" in outer.evaluate("window.heard"):
             break
         outer.wait_for_timeout(25)
-    assert outer.evaluate("window.heard")["opacities"] == {"block": 0.5, "inserts": 0}
+    heard = outer.evaluate("window.heard")
+    assert heard["opacities"] == {"block": 0.5, "inserts": 0}
+    # Only fields of Viewing, for the kernel.
+    assert "near" not in heard.get("viewing", {}) and "focus" not in heard.get("viewing", {})
     outer.close()
 
 

@@ -1,9 +1,10 @@
 """Make the pictures of docs/page.md and layers.md: ``python -m tools.gallery.webpage [NAME …]``.
 
-scenes -> pages -> [webpage] -> docs/images/page-engine.jpg, page-frog.jpg, page-foot.jpg
+scenes -> pages -> [webpage] -> docs/images/page-engine.jpg, page-frog.jpg, page-foot.jpg, …
 
 Each page is opened in Chromium at a phone's width and shown under three of its lights, the foot in
-three opacities. The frog's labels come with pyvista, the foot is looked for in $VOLSPEC_DATA.
+three opacities, and cut, through a lens, and for two eyes (page-foot-depth.jpg). The frog's labels
+come with pyvista, the foot is looked for in $VOLSPEC_DATA.
 """
 
 from __future__ import annotations
@@ -30,6 +31,10 @@ SHOWN = {
 }
 # Sliders of opacity under each of the lights, by row and slider.
 OPACITIES = {"foot": ({}, {1: -2.3}, {1: -4.0, 2: -2.0})}
+# Then, with the first material faded: sliders of what depends on depth, by fractions of their
+# range.
+DEPTHS = {"foot": ({"near": 0.42}, {"focus": 0.3, "aperture": 0.75}, {"stereo": "anaglyph"})}
+FADED = -2.3
 _PHONE = {"width": 460, "height": 740}
 _GAP, _PAPER, _BYTES = 24, (255, 255, 255), 250_000
 
@@ -46,6 +51,9 @@ def main() -> None:
             shots = screens(browser, path, numbers, OPACITIES.get(name, ()))
             size = save(strip(shots), FOLDER / f"page-{name}.jpg")
             print(f"page-{name}.jpg: {size / 1000:.0f} kB", flush=True)
+            if name in DEPTHS:
+                shots = depths(browser, path, DEPTHS[name])
+                save(strip(shots), FOLDER / f"page-{name}-depth.jpg")
 
 
 def write(name: str, path: Path) -> Scene:
@@ -80,6 +88,35 @@ def screens(
             page.evaluate("document.getElementById('opacity').scrollIntoView()")
         page.mouse.move(0, 0)
         page.wait_for_timeout(400)
+        shots.append(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))
+    context.close()
+    return shots
+
+
+def depths(
+    browser: Any, path: Path, states: Sequence[dict[str, float | str]]
+) -> list[Image.Image]:
+    """Return screenshots of the page with its panel of depth in each of some states."""
+    context = browser.new_context(viewport=_PHONE, device_scale_factor=2, color_scheme="dark")
+    page = context.new_page()
+    page.goto(path.as_uri())
+    page.wait_for_selector("#opacity-list input:enabled")
+    page.fill("#opacity-list li:nth-child(1) input", str(FADED))
+    shots = []
+    for state in states:
+        page.evaluate("document.getElementById('depth-reset').click()")
+        page.set_checked("#lens", "focus" in state)
+        for name, value in state.items():
+            if isinstance(value, str):
+                page.select_option(f"#{name}", value)
+                continue
+            low, high = (float(page.get_attribute(f"#{name}", end)) for end in ("min", "max"))
+            page.fill(f"#{name}", str(low + value * (high - low)))
+        page.evaluate("document.activeElement.blur()")
+        page.evaluate("document.getElementById('depth').scrollIntoView()")
+        page.mouse.move(0, 0)
+        page.wait_for_timeout(1000)
+        page.wait_for_selector("#picture[aria-busy=false]", timeout=120_000)
         shots.append(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))
     context.close()
     return shots

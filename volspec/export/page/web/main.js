@@ -235,6 +235,7 @@ class App {
       if (this.page.opacity.camera) {
         this.nearby = new NearbyViews(this.recomposer);
         this.stereo = new StereoPass(this.relighter);
+        byId('keys').append(' Page Up and Page Down turn the view a little, with Shift they tilt it.');
       }
       byId('opacity-status').textContent = '';
       this.forget();

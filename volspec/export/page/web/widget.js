@@ -8,7 +8,9 @@ const named = (names, values) => Object.fromEntries(names.map((name, i) => [name
 
 // State shared with a notebook: side A and the pinned pixel.
 function changesOf({ page: { opacity: layers }, state: { sides: [look], probe } }) {
-  const { mode, backdrop, level, weights, solo, opacity, ...viewing } = look;
+  const { mode, backdrop, level, weights, solo, opacity, ...seen } = look;
+  // What depends on depth is the page's alone.
+  const { near, far, fog, focus, aperture, ...viewing } = seen;
   // Discounting means D = 1; the page's state keeps its own D for later.
   if (viewing.discount) viewing.D = null;
   const opacities = layers && { opacities: named(layers.materials, opacity) };
