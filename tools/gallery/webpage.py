@@ -3,8 +3,8 @@
 scenes -> pages -> [webpage] -> docs/images/page-engine.jpg, page-frog.jpg, page-foot.jpg, …
 
 Each page is opened in Chromium at a phone's width and shown under three of its lights, the foot in
-three opacities, and cut, through a lens, and for two eyes (page-foot-depth.jpg). The frog's labels
-come with pyvista, the foot is looked for in $VOLSPEC_DATA.
+three opacities, and in fog, through a lens, and for two eyes (page-foot-depth.jpg). The frog's
+labels come with pyvista, the foot is looked for in $VOLSPEC_DATA.
 """
 
 from __future__ import annotations
@@ -33,7 +33,13 @@ SHOWN = {
 OPACITIES = {"foot": ({}, {1: -2.3}, {1: -4.0, 2: -2.0})}
 # Then, with the first material faded: sliders of what depends on depth, by fractions of their
 # range.
-DEPTHS = {"foot": ({"near": 0.42}, {"focus": 0.3, "aperture": 0.75}, {"stereo": "anaglyph"})}
+DEPTHS: dict[str, tuple[dict[str, float | str], ...]] = {
+    "foot": (
+        {"fog": 0.05, "turn-across": 0.8},
+        {"focus": 0.3, "aperture": 0.75},
+        {"stereo": "anaglyph"},
+    )
+}
 FADED = -2.3
 _PHONE = {"width": 460, "height": 740}
 _GAP, _PAPER, _BYTES = 24, (255, 255, 255), 250_000
@@ -93,9 +99,7 @@ def screens(
     return shots
 
 
-def depths(
-    browser: Any, path: Path, states: Sequence[dict[str, float | str]]
-) -> list[Image.Image]:
+def depths(browser: Any, path: Path, states: Sequence[dict[str, float | str]]) -> list[Image.Image]:
     """Return screenshots of the page with its panel of depth in each of some states."""
     context = browser.new_context(viewport=_PHONE, device_scale_factor=2, color_scheme="dark")
     page = context.new_page()
@@ -105,6 +109,7 @@ def depths(
     shots = []
     for state in states:
         page.evaluate("document.getElementById('depth-reset').click()")
+        page.wait_for_timeout(200)
         page.set_checked("#lens", "focus" in state)
         for name, value in state.items():
             if isinstance(value, str):

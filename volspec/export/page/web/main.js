@@ -182,7 +182,7 @@ class App {
         drawing: drawings[i], texture: this.recomposed(i, eye, refine), from, to }));
     if (this.isStereo) this.stereo.draw(state.stereo, every, sidesOf);
     else relighter.draw(sidesOf(0), every);
-    const whole = !state.compare && !this.isStereo;
+    const whole = !state.compare && state.stereo !== 'pair';
     if (every === 1) byId('port').style.background = whole ? this.backdropColour() : '';
     byId('picture').setAttribute('aria-busy', this.refines);
     // Marks are those of the cast's camera.
@@ -252,7 +252,8 @@ class App {
     const { page: { channels }, relighter } = this;
     const [right, low] = [channels.width - 1, channels.height - 1];
     const corner = [[0, 0], [right, 0], [0, low], [right, low]].find(
-      ([x, y]) => this.state.sides[0].fog || this.channelsAt(0, x, y).at(-1) < CLEAR);
+      ([x, y]) => this.isStereo || this.state.sides[0].fog
+        || this.channelsAt(0, x, y).at(-1) < CLEAR);
     return corner ? `rgb(${relighter.codesAt(...corner).join(' ')})` : '';
   }
 
