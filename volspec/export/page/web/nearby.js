@@ -9,6 +9,8 @@
 // many points, one every so many pixels: their borders jump between pixels, which one point shows.
 const MOST_TURN = 6, SORTED = 4096, MOST_PARTS = 4, PART_PX = 8;
 
+const RADIANS = Math.PI / 180;
+
 // Axes of a camera that is turned around its target, so that what is in front moves right and down:
 // columns of a matrix.
 function turned(across, down) {
@@ -16,8 +18,6 @@ function turned(across, down) {
   const [d, t] = [Math.cos(down * RADIANS), Math.sin(down * RADIANS)];
   return [c, -t * s, d * s, 0, d, t, -s, -t * c, d * c];
 }
-
-const RADIANS = Math.PI / 180;
 
 // What views other than the cast's are made of; null for its own. `side` is -1 for the left eye, 1
 // for the right one.
@@ -149,7 +149,10 @@ class NearbyViews {
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     recomposer.drawInto(this.splatted, this.slices, (first, drawn) => {
-      const form = { FIRST_TARGET: first, TARGETS_DRAWN: drawn, DEPTH: 1 };
+      const [, largest] = gl.getParameter(gl.ALIASED_POINT_SIZE_RANGE);
+      const form = {
+        FIRST_TARGET: first, TARGETS_DRAWN: drawn, DEPTH: 1,
+        MOST_RADIUS: (largest / 2).toFixed(1) };
       const made = relighter.program(form, 'splat.frag', 'splat.vert');
       recomposer.bind(made);
       relighter.set(made, all);
