@@ -19,7 +19,7 @@ from volspec.errors import SceneError, ViewingError
 from volspec.export.png import icc_profile
 from volspec.relight import RelightSpec
 from volspec.scene import Scene
-from volspec.scene.model import viewing_note
+from volspec.scene.model import cast_notes
 from volspec.settings import read_table
 
 
@@ -149,7 +149,7 @@ def test_a_scene_finds_the_profile_beside_it(tmp_path: Path) -> None:
 def test_the_note_in_an_image_needs_no_profile_and_names_no_path(tmp_path: Path) -> None:
     (tmp_path / "mine.icc").write_bytes(icc_profile(SPACES["Display P3"]))
     scene = scene_for(tmp_path, 'space = "mine.icc"')
-    note = viewing_note(scene.relight)
+    note = cast_notes(scene.file, scene.relight)["viewing"]
     assert str(tmp_path) not in note and ".icc" not in note
     (tmp_path / "mine.icc").unlink()
     again = read_table(RelightSpec, json.loads(note), SceneError).viewing

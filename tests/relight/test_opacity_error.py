@@ -55,7 +55,7 @@ SHADED = (
 def test_a_mean_is_good_to_a_factor_of_two(
     caster: Raycaster, layers: int, groups: tuple[LightGroup, ...]
 ) -> None:
-    """Every estimate has a least error, 0.03, besides.
+    """Estimates of next to nothing are up to 0.05 too high: every one has a least error, 0.03.
 
     Measured: 0.58 to 1.9 of true means above that, and 88 to 94 % of all pixels within twice.
     `benchmarks.layer_estimate` has volumes.
@@ -71,7 +71,7 @@ def test_a_mean_is_good_to_a_factor_of_two(
         true = difference_map(image.recompose(opacities), true_image, D65, *BLACK)
         guess = error_map(image, D65, *BLACK, against="cast", opacities=opacities)
         assert guess.compared == "layers against a cast, estimated"
-        assert 0.5 * true.mean < guess.mean < 2 * true.mean + 0.03
+        assert 0.5 * true.mean < guess.mean < 2 * true.mean + 0.05
         within.append((true.delta_e <= 2 * guess.delta_e)[true.alpha > 0.05])
     assert np.concatenate(within).mean() > 0.8
 

@@ -151,7 +151,7 @@ def test_a_turned_view_is_first_shown_by_the_layers(ball: ViewState) -> None:
 
     def rest() -> list[Pass]:
         taken.clear()
-        wait_until(lambda: taken.extend(scheduler.take()) or not scheduler._worker.busy)
+        wait_until(lambda: taken.extend(scheduler.take()) or not scheduler.working)
         assert all(done.error == "" for done in taken)
         return [done.made for done in taken if done.image is not None]
 

@@ -210,7 +210,12 @@ class CastScheduler:
     @property
     def busy(self) -> bool:
         """True while a cast is in progress, or will be without a further change."""
-        return self._whole_wanted or self._worker.busy or self._nearby_worker.busy
+        return self._whole_wanted or self.working
+
+    @property
+    def working(self) -> bool:
+        """True while a thread is at work, or its results were not taken."""
+        return self._worker.busy or self._nearby_worker.busy
 
     def change(
         self, state: ViewState, now: float, held: bool, plays: bool = False, turned: bool = False

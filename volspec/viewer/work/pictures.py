@@ -85,7 +85,7 @@ class Relit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RestPictures:
-    """What is shown in place of the picture once nothing moves.
+    """Pictures that are shown in place of the live one once nothing moves.
 
     The left and right eye's picture, or without ``stereo`` one with a focus.
     """
