@@ -184,6 +184,23 @@ def test_a_lens_is_switched_on_in_the_middle(page: Opened, image: CoefficientIma
     assert not page.page.locator("#lens").is_checked()
 
 
+def test_a_lens_that_is_taken_off_half_way_is_waited_for_no_more(page: Opened) -> None:
+    """Also that of a side that is no longer shown, which saving a picture would wait for."""
+    page.page.evaluate("location.hash = 'compare=1&b.focus=600'")
+    page.settle()
+    page.show(**{"a.focus": "500"})
+    page.until(RESTS)
+    assert page.picture().std() > 10
+    assert "focus 500 mm" in page.page.text_content("#label-a")
+    page.show(**{"a.focus": "500", "stereo": "anaglyph"})
+    assert page.page.locator("#focus").is_disabled() and page.page.locator("#lens").is_disabled()
+    # The cuts do not cross.
+    page.show(**{"a.far": "500"})
+    page.page.locator("#near").press("End")
+    page.settle()
+    assert 480 < float(page.page.input_value("#near")) < 500
+
+
 def test_a_drag_and_keys_turn_and_reset_turns_back(page: Opened, image: CoefficientImage) -> None:
     before = page.picture()
     box = page.page.locator("#port").bounding_box()

@@ -156,8 +156,12 @@ def relight(
     stored = _picture(image, basis, taken_under)
     layered, scales = stored, read_opacities(opacity or ())
     # Errors are of opacities and lights alone, and eyes have no lens.
-    own = DepthEffects() if errors or stored.opacity_layers is None else stored_depth(stored)
-    if eyes:
+    own = DepthEffects() if stored.opacity_layers is None else stored_depth(stored)
+    if errors and own.changes:
+        note("--errors: frame and map are without the [depth] of the image's scene")
+        own = DepthEffects()
+    if eyes and own.focus_mm is not None:
+        note("--stereo: the focus of the image's scene is left out")
         own = replace(own, focus_mm=None, aperture_mm=None)
     with in_options():
         views = (

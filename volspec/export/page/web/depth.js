@@ -23,6 +23,14 @@ const turnFields = (page) => (page.opacity?.camera
 
 const turnOpened = (page) => (page.opacity?.camera ? { turn: [0, 0], stereo: 'off' } : {});
 
+// What a look has of cuts, fog and a lens.
+function depthInWords(look) {
+  if (!look.opacity) return '';
+  const { near, far, fog } = look;
+  return [(near > 0 || far !== null) && 'cut', fog !== null && 'fog',
+    isFocused(look) && `focus ${figures(look.focus)} mm`].filter(Boolean).join(', ');
+}
+
 const NO_LENS = { focus: null, aperture: null };
 
 function depthPanel(app) {
@@ -34,9 +42,13 @@ function depthPanel(app) {
   const set = (changes) => app.edit((look) => ({ ...look, ...changes }));
   const cuts = { min: least, max: most, step: depth / 200 };
   const rows = [
-    depthRow('near', { ...cuts, value: least }, (x) => set({ near: x > least ? x : 0 }),
+    depthRow('near', { ...cuts, value: least }, (x) => {
+      const most = (app.look().far ?? Infinity) - cuts.step;
+      set({ near: x > least ? Math.min(x, most) : 0 });
+    },
       ({ near }) => [Math.max(near, least), near > least ? millimetres(near) : 'off']),
-    depthRow('far', { ...cuts, value: most }, (x) => set({ far: x < most ? x : null }),
+    depthRow('far', { ...cuts, value: most },
+      (x) => set({ far: x < most ? Math.max(x, app.look().near + cuts.step) : null }),
       ({ far }) => [far ?? most, far === null ? 'off' : millimetres(far)]),
     depthRow('fog', { min: 0, max: MOST_FOG, step: 0.1, value: 0 },
       (x) => set({ fog: x > 0 ? depth / x : null }),
@@ -50,7 +62,7 @@ function depthPanel(app) {
   const lens = byId('lens');
   byId('lens-rows').hidden = !opacity.camera?.nearness;
   if (opacity.camera?.nearness) {
-    const lit = ({ focus }) => focus !== null;
+    const lit = (look) => isFocused(look) && !app.isStereo;
     rows.push(
       depthRow('focus', { ...cuts, value: least + depth / 2 }, (x) => set({ focus: x }),
         ({ focus }) => [focus ?? least + depth / 2, focus === null ? 'off' : millimetres(focus)],
@@ -60,7 +72,7 @@ function depthPanel(app) {
         step: Math.log2(F_NUMBERS[1] / F_NUMBERS[0]) / 100,
         value: Math.log2(LENS_OPENING) },
       (x) => set({ aperture: app.look().focus * 2 ** x }),
-      (look) => (lit(look) ? [Math.log2(opening(look) / look.focus),
+      (look) => (isFocused(look) ? [Math.log2(opening(look) / look.focus),
         `f/${figures(look.focus / opening(look), 2)}`] : [Math.log2(LENS_OPENING), '']), lit));
     lens.addEventListener('change', () => set(
       { focus: lens.checked ? byId('focus').valueAsNumber : null, aperture: null }));
@@ -80,7 +92,9 @@ function depthPanel(app) {
     const look = app.look(), { stereo = 'off' } = app.state;
     rows.forEach((refresh) => refresh(look, Boolean(app.recomposer)));
     byId('stereo').value = stereo;
-    byId('stereo').disabled = lens.disabled = !app.recomposer;
+    byId('stereo').disabled = !app.recomposer;
+    // Both eyes have no lens.
+    lens.disabled = !app.recomposer || app.isStereo;
     lens.checked = isFocused(look);
     reset.setAttribute('aria-disabled', !isInDepth(look) && !isFocused(look) && !app.isMoved);
   };

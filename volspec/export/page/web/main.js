@@ -206,7 +206,8 @@ class App {
   // True if a lens shows more with each frame.
   get refines() {
     const { compare, sides } = this.state, shown = compare ? sides : [sides[0]];
-    return Boolean(this.nearby?.refines) && !this.isStereo && shown.some(isFocused);
+    return Boolean(this.nearby) && !this.isStereo
+      && shown.some((look, side) => isFocused(look) && !this.nearby.isWhole(side));
   }
 
   // True if the picture is not seen from the cast's camera.
@@ -388,8 +389,8 @@ function labels(app) {
     const { deficiency, severity } = look;
     const vision = deficiency !== 'none' && severity > 0 ? ` \u00b7 ${deficiency}`
       + (severity < 1 ? ` ${severity.toFixed(2)}` : '') : '';
-    const scaled = scaledInWords(app.page, look);
-    return `${namesOf(app.page, look)} \u00b7 ${model}${vision}${scaled && ` \u00b7 ${scaled}`}`;
+    const more = [scaledInWords(app.page, look), depthInWords(look)].filter(Boolean);
+    return [`${namesOf(app.page, look)} \u00b7 ${model}${vision}`, ...more].join(' \u00b7 ');
   };
   return () => {
     const { compare, sides } = app.state;

@@ -138,8 +138,8 @@ class NearbyViews {
     });
   }
 
-  // True if a lens has points that were not drawn.
-  get refines() { return [...this.lenses.values()].some(({ points }) => points < LENS_POINTS); }
+  // True if all points of a side's lens were drawn.
+  isWhole(side) { return this.lenses.get(`side ${side}, lens`)?.points >= LENS_POINTS; }
 
   // Draw a view into a texture, or into the mean of what is there with a share.
   draw(texture, uniforms, share = 1) {
