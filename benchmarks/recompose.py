@@ -7,13 +7,13 @@ the peer: layers must not make them slower.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 
-from benchmarks.measure import Figure, report
+from benchmarks.measure import Figure, in_turn, report
 from benchmarks.scenes import stored
 from volspec._gpu.sources import asset
 from volspec.relight import LightRig, Relighter
@@ -37,35 +37,23 @@ def figures() -> Iterator[Figure]:
     rigs = [LightRig.of(light(name)) for name in LIGHTS]
     plain = replace(image, opacity_layers=None)
     with Relighter(image, "gl") as layered, Relighter(plain, "gl") as peer:
-        first = next(iter(scene.materials))
+        first, runs = next(iter(scene.materials)), count()
 
-        def fade(run: int) -> None:
-            layered.set_opacities({first: 0.3 + 0.02 * run})
+        def relit(relighter: Relighter) -> None:
+            relighter.frame(rigs[next(runs) % 2])
 
-        def shown(relighter: Relighter, run: int) -> None:
-            relighter.frame(rigs[run % 2])
+        def faded() -> None:
+            layered.set_opacities({first: 0.3 + 0.02 * (next(runs) % RUNS)})
+            layered.frame(rigs[0])
 
-        fade(0)
-        shown(layered, 0)
-        ms = {
-            "opacity": _median(lambda run: (fade(run), shown(layered, 0))),
-            "light": _median(lambda run: shown(layered, run)),
-            "without": _median(lambda run: shown(peer, run)),
-        }
-    recomposed = ms["opacity"] - ms["light"]
-    yield Figure("recompose/opacity changed, 512²", recomposed, 16.0, at_most=True, unit="ms")
-    yield Figure("recompose/light changed, 512²", ms["light"], unit="ms")
-    ratio = ms["light"] / ms["without"]
-    yield Figure("recompose/light frame by one without layers", ratio, 1.1, at_most=True, unit="x")
-
-
-def _median(change: Callable[[int], object]) -> float:
-    times = []
-    for run in range(RUNS):
-        started = time.perf_counter()
-        change(run)
-        times.append(1e3 * (time.perf_counter() - started))
-    return float(np.median(times))
+        faded()
+        opacity = in_turn(faded, lambda: relit(layered), runs=RUNS).wall
+        lights = in_turn(lambda: relit(layered), lambda: relit(peer), runs=RUNS).wall
+    changed, relight = (float(ms) for ms in np.median(opacity, axis=0))
+    ratio = float(np.median(lights[:, 0] / lights[:, 1]))
+    yield Figure("recompose/opacity changed, 512²", changed - relight, 16.0, True, "ms")
+    yield Figure("recompose/light changed, 512²", relight, unit="ms")
+    yield Figure("recompose/light frame by one without layers", ratio, 1.1, True, "x")
 
 
 if __name__ == "__main__":

@@ -18,7 +18,6 @@ import numpy as np
 
 from benchmarks.measure import Figure, report
 from benchmarks.scenes import stored
-from tests.page.test_depth import turned
 from tests.support.browser import (
     chromium,
     differences,
@@ -26,6 +25,7 @@ from tests.support.browser import (
     missing,
     saved_picture,
 )
+from tests.support.raycasts import leaned
 from volspec._gpu.sources import asset
 from volspec.export.page import PageSpec, PageView, scene_views, write_page
 from volspec.pipeline import raycast
@@ -176,7 +176,7 @@ def _turned_error(page: Any, scene: Scene, image: CoefficientImage, volume: Volu
     assert image.camera is not None
     found = []
     for angle in (-TURN_DEG, TURN_DEG):
-        camera = turned(image.camera, angle, 0)
+        camera = leaned(image.camera, angle, 0)
         cast = raycast(volume, scene.transfer, camera, image.size, scene.raycast)
         wanted = relight(cast, scene.lights[0].rig, scene.relight)
         page.evaluate("(words) => { location.hash = words; }", f"turn={angle},0")

@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.page.conftest import Opened, open_file
+from tests.page.conftest import Opened
 from tests.page.test_access import breaches
-from tests.page.test_opacity import NEAR, unpacked
+from tests.page.test_opacity import NEAR, file, page, scene, shared, unpacked
 from tests.support.browser import mean_difference
+from tests.support.raycasts import leaned
 from volspec._gpu.sources import asset
 from volspec.export.page import PageView, scene_views, write_page
 from volspec.pipeline import raycast
-from volspec.raycast import Camera, CoefficientImage, DepthEffects
+from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.relight import relight
 from volspec.relight.stereo import Stereo
 from volspec.scene import Scene
 
+__all__ = ["file", "page", "scene", "shared"]
 SCENE = asset("data/scenes/engine-layers.toml")
 SIZE = 160, 120
 # Views of layers, against casts and against views that are splatted as other points.
@@ -31,46 +31,12 @@ TURNED, SPLATTED, LENS = 1.7, 0.6, 0.6
 
 
 @pytest.fixture(scope="module")
-def scene() -> Scene:
-    return Scene.load(SCENE)
-
-
-@pytest.fixture(scope="module")
 def image(scene: Scene) -> CoefficientImage:
     return scene.render(size=SIZE)
 
 
-@pytest.fixture(scope="module")
-def shared(
-    browser: Any, tmp_path_factory: pytest.TempPathFactory, scene: Scene, image: CoefficientImage
-) -> Iterator[Opened]:
-    path = tmp_path_factory.mktemp("depth") / "engine.html"
-    write_page(path, [PageView(image)], scene.lights, scene.relight)
-    made = unpacked(open_file(browser, path))
-    yield made
-    made.page.context.close()
-
-
-@pytest.fixture
-def page(shared: Opened) -> Opened:
-    shared.show()
-    return shared
-
-
 def frame(image: CoefficientImage, scene: Scene) -> NDArray[np.uint8]:
     return np.asarray(relight(image, scene.lights[0].rig, scene.relight), np.uint8)
-
-
-def turned(camera: Camera, across: float, down: float) -> Camera:
-    """The camera that sees what is in front of its target move right and down, in degrees."""
-    right, above, ahead = camera.frame()
-    a, b = math.radians(across), math.radians(down)
-    # Rows of the matrix that takes the old camera's coordinates to the new one's.
-    first = np.array([[math.cos(a), 0, -math.sin(a)], [0, 1, 0], [math.sin(a), 0, math.cos(a)]])
-    second = np.array([[1, 0, 0], [0, math.cos(b), -math.sin(b)], [0, math.sin(b), math.cos(b)]])
-    axes = second @ first @ np.stack([right, -above, ahead])
-    position = np.asarray(camera.target_mm) - camera.distance_mm * axes[2]
-    return replace(camera, position_mm=tuple(position), up=tuple(-axes[1]))
 
 
 @pytest.mark.parametrize(
@@ -105,7 +71,7 @@ def test_a_small_turn_is_near_a_cast(
     page: Opened, scene: Scene, image: CoefficientImage, across: float, down: float
 ) -> None:
     assert image.camera is not None
-    camera = turned(image.camera, across, down)
+    camera = leaned(image.camera, across, down)
     volume = scene.volume()
     cast = frame(raycast(volume, scene.transfer, camera, SIZE, scene.raycast), scene)
     page.show(turn=f"{across},{down}")

@@ -347,7 +347,7 @@ def test_a_notebook_sets_and_hears_opacities(browser: Any, file: Path, tmp_path:
     heard = outer.evaluate("window.heard")
     assert heard["opacities"] == {"block": 0.5, "inserts": 0}
     # Only fields of Viewing, for the kernel.
-    assert "near" not in heard.get("viewing", {}) and "focus" not in heard.get("viewing", {})
+    assert {"model", "lux"} <= {*heard["viewing"]} and not {"near", "focus"} & {*heard["viewing"]}
     outer.close()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -80,3 +81,15 @@ def chords_mm(volume: Volume, camera: Camera, size: tuple[int, int]) -> np.ndarr
         a, b = (low - origin) / direction, (high - origin) / direction
     chord = np.maximum(a, b).min(axis=1) - np.maximum(np.minimum(a, b).max(axis=1), 0)
     return np.maximum(chord, 0).reshape(size[1], size[0])
+
+
+def leaned(camera: Camera, across: float, down: float) -> Camera:
+    """The camera that sees what is in front of its target move right and down, in degrees."""
+    right, above, ahead = camera.frame()
+    a, b = math.radians(across), math.radians(down)
+    # Rows of the matrix that takes the old camera's coordinates to the new one's.
+    first = np.array([[math.cos(a), 0, -math.sin(a)], [0, 1, 0], [math.sin(a), 0, math.cos(a)]])
+    second = np.array([[1, 0, 0], [0, math.cos(b), -math.sin(b)], [0, math.sin(b), math.cos(b)]])
+    axes = second @ first @ np.stack([right, -above, ahead])
+    position = np.asarray(camera.target_mm) - camera.distance_mm * axes[2]
+    return replace(camera, position_mm=tuple(position), up=tuple(-axes[1]))

@@ -12,7 +12,8 @@ from __future__ import annotations
 import io
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,28 @@ def write(name: str, path: Path) -> Scene:
     return scene
 
 
+@contextmanager
+def opened(browser: Any, path: Path) -> Iterator[Any]:
+    """Open a page on a phone in the dark scheme."""
+    context = browser.new_context(viewport=_PHONE, device_scale_factor=2, color_scheme="dark")
+    page = context.new_page()
+    page.goto(path.as_uri())
+    page.wait_for_selector("html.ready", state="attached")
+    yield page
+    context.close()
+
+
+def shot(page: Any, top: str) -> Image.Image:
+    """Return a screenshot at rest, with the panel scrolled to a part of it; empty for its top."""
+    page.evaluate("document.activeElement.blur(); window.scrollTo(0, 0)")
+    if top:
+        page.evaluate("(id) => document.getElementById(id).scrollIntoView()", top)
+    page.mouse.move(0, 0)
+    page.wait_for_timeout(1000)
+    page.wait_for_selector("#picture[aria-busy=false]", timeout=120_000)
+    return Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+
+
 def screens(
     browser: Any, path: Path, lights: list[int], opacities: Sequence[dict[int, float]] = ()
 ) -> list[Image.Image]:
@@ -78,52 +101,35 @@ def screens(
 
     ``opacities`` are sliders' octaves by row, set under each of the lights.
     """
-    context = browser.new_context(viewport=_PHONE, device_scale_factor=2, color_scheme="dark")
-    page = context.new_page()
-    page.goto(path.as_uri())
-    page.wait_for_selector("html.ready", state="attached")
     shots = []
-    if opacities:
-        page.wait_for_selector("#opacity-list input:enabled")
-    for i, light in enumerate(lights):
-        page.click(f"#light-list li:nth-child({light + 1}) .light-name")
-        for row, octave in opacities[i].items() if opacities else ():
-            page.fill(f"#opacity-list li:nth-child({row}) input", str(max(octave, -3.05)))
-        page.evaluate("document.activeElement.blur(); window.scrollTo(0, 0)")
+    with opened(browser, path) as page:
         if opacities:
-            page.evaluate("document.getElementById('opacity').scrollIntoView()")
-        page.mouse.move(0, 0)
-        page.wait_for_timeout(400)
-        shots.append(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))
-    context.close()
+            page.wait_for_selector("#opacity-list input:enabled")
+        for i, light in enumerate(lights):
+            page.click(f"#light-list li:nth-child({light + 1}) .light-name")
+            for row, octave in opacities[i].items() if opacities else ():
+                page.fill(f"#opacity-list li:nth-child({row}) input", str(max(octave, -3.05)))
+            shots.append(shot(page, "opacity" if opacities else ""))
     return shots
 
 
 def depths(browser: Any, path: Path, states: Sequence[dict[str, float | str]]) -> list[Image.Image]:
     """Return screenshots of the page with its panel of depth in each of some states."""
-    context = browser.new_context(viewport=_PHONE, device_scale_factor=2, color_scheme="dark")
-    page = context.new_page()
-    page.goto(path.as_uri())
-    page.wait_for_selector("#opacity-list input:enabled")
-    page.fill("#opacity-list li:nth-child(1) input", str(FADED))
     shots = []
-    for state in states:
-        page.evaluate("document.getElementById('depth-reset').click()")
-        page.wait_for_timeout(200)
-        page.set_checked("#lens", "focus" in state)
-        for name, value in state.items():
-            if isinstance(value, str):
-                page.select_option(f"#{name}", value)
-                continue
-            low, high = (float(page.get_attribute(f"#{name}", end)) for end in ("min", "max"))
-            page.fill(f"#{name}", str(low + value * (high - low)))
-        page.evaluate("document.activeElement.blur()")
-        page.evaluate("document.getElementById('depth').scrollIntoView()")
-        page.mouse.move(0, 0)
-        page.wait_for_timeout(1000)
-        page.wait_for_selector("#picture[aria-busy=false]", timeout=120_000)
-        shots.append(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))
-    context.close()
+    with opened(browser, path) as page:
+        page.wait_for_selector("#opacity-list input:enabled")
+        page.fill("#opacity-list li:nth-child(1) input", str(FADED))
+        for state in states:
+            page.evaluate("document.getElementById('depth-reset').click()")
+            page.wait_for_timeout(200)
+            page.set_checked("#lens", "focus" in state)
+            for name, value in state.items():
+                if isinstance(value, str):
+                    page.select_option(f"#{name}", value)
+                    continue
+                low, high = (float(page.get_attribute(f"#{name}", end)) for end in ("min", "max"))
+                page.fill(f"#{name}", str(low + value * (high - low)))
+            shots.append(shot(page, "depth"))
     return shots
 
 

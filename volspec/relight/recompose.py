@@ -67,19 +67,24 @@ def layer_slots(
     return slots, texels + extents
 
 
-def layer_blocks(layers: OpacityLayers) -> list[NDArray[Any]]:
-    """Return all numbers of layers in the order of `layer_slots`, (H, W, L, n) of a texel each."""
-    blocks: list[NDArray[Any]] = [layers.tau]
-    blocks += [layers.shade[..., g, :] for g in range(layers.groups)]
-    blocks += [layers.gloss[..., g : g + 1] for g in range(layers.groups)]
+def layer_planes(layers: OpacityLayers) -> list[NDArray[Any]]:
+    """Return (H, W, L) planes of all numbers of layers, in the order of `layer_slots`."""
+    planes = [layers.tau[..., k] for k in range(layers.materials)]
+    planes += [
+        layers.shade[..., g, k] for g in range(layers.groups) for k in range(layers.materials)
+    ]
+    planes += [layers.gloss[..., g] for g in range(layers.groups)]
     for slot in layers.slots:
         own = layers.slot(slot)
-        blocks += [own[..., 3:], own[..., :3]]
-    return blocks
+        planes += [own[..., n] for n in (*range(3, own.shape[-1]), 0, 1, 2)]
+    return planes
 
 
 def layer_extents(layers: OpacityLayers) -> tuple[NDArray[Any], float]:
-    """Return where layers begin, from the nearest on, and their widths, (H, W, L, 2), and that."""
+    """Return (H, W, L, 2) where layers begin, beyond the nearest, and their widths; and its place.
+
+    All are millimetres along the rays; `volspec.raycast.depth.extents` says of what slabs.
+    """
     both = np.zeros((*layers.tau.shape[:3], 2), np.float32)
     nearest = math.inf
     # Row by row, which stays in a core's cache.
@@ -124,20 +129,16 @@ class PackedOpacity:
     def of(cls, layers: OpacityLayers, depth: bool = False) -> Self:
         """Pack an image's layers, with their extents for effects of depth."""
         height, width, count, materials = layers.tau.shape
-        blocks, shadows = layer_blocks(layers), tuple(layers.slots)
+        planes, shadows = layer_planes(layers), tuple(layers.slots)
         slots, each = layer_slots(materials, layers.groups, len(shadows), extents=depth)
         nearest = None
         if depth:
             extent, nearest = layer_extents(layers)
-            blocks.append(extent)
+            planes += [extent[..., 0], extent[..., 1]]
         texels = np.zeros((count, each, height, width, 4), np.float16)
-        place = iter(slots)
-        for block in blocks:
-            first = next(place)
-            size = block.shape[3]
-            texels[:, first // 4, ..., first % 4 : first % 4 + size] = np.moveaxis(block, 2, 0)
-            for _ in range(size - 1):
-                next(place)
+        for i, plane in zip(slots, planes, strict=True):
+            # (H, W, L) planes, layer by layer.
+            texels[:, i // 4, :, :, i % 4] = np.moveaxis(plane, 2, 0)
         flat = texels.reshape(count * each, height, width, 4)
         return cls(flat, count, materials, layers.groups, shadows, nearest)
 

@@ -60,8 +60,7 @@ _WEB = Path(__file__).parent / "web"
 _SCRIPTS = (
     "algebra illumination conditions view_transform looks channels relight recompose nearby "
     "lighting state elements spectrum dial lights opacity depth viewing errors probe stage share "
-    "widget "
-    "camera main"
+    "widget camera main"
 )
 _POLICY = (
     "default-src 'none'; script-src 'sha256-{script}'; style-src 'sha256-{style}'; "

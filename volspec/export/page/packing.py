@@ -152,20 +152,9 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
         clamp_finite(np.asarray(each, np.float32)) for each in given
     )
     tau = np.minimum(tau, _MOST_TAU)
-    most_tau = float(tau.max(initial=0))
-    # The shader stops at a pixel's first unused layer.
-    used: NDArray[np.bool_] = np.any(tau > most_tau * (0.5 / 255) ** 3, axis=-1)
-    if (used[..., 1:] & ~used[..., :-1]).any():
-        order = np.argsort(~used, axis=-1, kind="stable")
-        tau = np.take_along_axis(tau, order[..., None], axis=2)
-        shade = np.take_along_axis(shade, order[..., None, None], axis=2)
-        gloss = np.take_along_axis(gloss, order[..., None], axis=2)
-        extents, *casts = (
-            np.take_along_axis(each, order[..., None], axis=2) for each in (extents, *casts)
-        )
     tau_codes, most_tau = _coded(tau, 255, 3)
     shown: NDArray[np.bool_] = tau_codes > 0
-    used = np.any(shown, axis=-1)
+    used: NDArray[np.bool_] = np.any(shown, axis=-1)
     shade_codes, most_shade = _coded(shade * shown[:, :, :, None], _SHADE_CODES, 1)
     gloss_codes, most_gloss = _coded(gloss * used[..., None], _GLOSS_CODES, 2)
     shade_codes = _rounded(shade_codes, tau[:, :, :, None])

@@ -8,13 +8,16 @@ const MOST_FOG = 8;
 // Least and greatest f-number, the distance in focus over the lens's opening.
 const F_NUMBERS = [4, 100];
 
+// A lens needs a perspective.
+const hasLens = ({ opacity }) => Boolean(opacity?.camera?.nearness);
+
 // Cuts at the ends of what the picture shows cut nothing.
 function depthFields(page) {
   if (!page.opacity) return {};
   const distance = within(1e-3, 1e7);
   return {
     near: within(0, 1e7), far: orNone(distance), fog: orNone(distance),
-    ...(page.opacity.camera?.nearness && { focus: orNone(distance), aperture: orNone(distance) }),
+    ...(hasLens(page) && { focus: orNone(distance), aperture: orNone(distance) }),
   };
 }
 
@@ -42,10 +45,8 @@ function depthPanel(app) {
   const set = (changes) => app.edit((look) => ({ ...look, ...changes }));
   const cuts = { min: least, max: most, step: depth / 200 };
   const rows = [
-    depthRow('near', { ...cuts, value: least }, (x) => {
-      const most = (app.look().far ?? Infinity) - cuts.step;
-      set({ near: x > least ? Math.min(x, most) : 0 });
-    },
+    depthRow('near', { ...cuts, value: least },
+      (x) => set({ near: x > least ? Math.min(x, (app.look().far ?? Infinity) - cuts.step) : 0 }),
       ({ near }) => [Math.max(near, least), near > least ? millimetres(near) : 'off']),
     depthRow('far', { ...cuts, value: most },
       (x) => set({ far: x < most ? Math.max(x, app.look().near + cuts.step) : null }),
@@ -58,22 +59,21 @@ function depthPanel(app) {
     app.put({ turn: app.state.turn.map((old, j) => (j === i ? x : old)) }));
   const degrees = (x) => `${x > 0 ? '+' : x < 0 ? '\u2212' : ''}${Math.abs(x).toFixed(1)}\u00b0`;
   const turns = { min: -MOST_TURN, max: MOST_TURN, step: 0.5, value: 0 };
-  const opening = ({ focus, aperture }) => aperture ?? focus * LENS_OPENING;
   const lens = byId('lens');
-  byId('lens-rows').hidden = !opacity.camera?.nearness;
-  if (opacity.camera?.nearness) {
-    const lit = (look) => isFocused(look) && !app.isStereo;
+  byId('lens-rows').hidden = !hasLens(app.page);
+  if (hasLens(app.page)) {
+    const shown = (look) => isFocused(look) && !app.isStereo;
     rows.push(
       depthRow('focus', { ...cuts, value: least + depth / 2 }, (x) => set({ focus: x }),
         ({ focus }) => [focus ?? least + depth / 2, focus === null ? 'off' : millimetres(focus)],
-        lit),
+        shown),
       depthRow('aperture', {
         min: -Math.log2(F_NUMBERS[1]), max: -Math.log2(F_NUMBERS[0]),
         step: Math.log2(F_NUMBERS[1] / F_NUMBERS[0]) / 100,
         value: Math.log2(LENS_OPENING) },
       (x) => set({ aperture: app.look().focus * 2 ** x }),
-      (look) => (isFocused(look) ? [Math.log2(opening(look) / look.focus),
-        `f/${figures(look.focus / opening(look), 2)}`] : [Math.log2(LENS_OPENING), '']), lit));
+      (look) => (isFocused(look) ? [Math.log2(openingOf(look) / look.focus),
+        `f/${figures(look.focus / openingOf(look), 2)}`] : [Math.log2(LENS_OPENING), '']), shown));
     lens.addEventListener('change', () => set(
       { focus: lens.checked ? byId('focus').valueAsNumber : null, aperture: null }));
   }
@@ -85,7 +85,7 @@ function depthPanel(app) {
   byId('turn-rows').hidden = !opacity.camera;
   const reset = byId('depth-reset');
   reset.addEventListener('click', () => {
-    set({ near: 0, far: null, fog: null, ...('focus' in app.look() && NO_LENS) });
+    set({ near: 0, far: null, fog: null, ...(hasLens(app.page) && NO_LENS) });
     app.put(turnOpened(app.page));
   });
   return () => {

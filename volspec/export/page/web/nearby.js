@@ -36,10 +36,12 @@ function viewOf({ opacity }, [across, down], side) {
 // Points of a lens, and its opening by the distance in focus if none is given.
 const LENS_POINTS = 16, LENS_OPENING = 1 / 20;
 
+const openingOf = ({ focus, aperture }) => aperture ?? focus * LENS_OPENING;
+
 // Point `i` of a lens seen by a turned camera, as `viewOf`; from the middle to the edge.
-function viewThrough({ opacity }, [across, down], { focus, aperture }, i) {
+function viewThrough({ opacity }, [across, down], look, i) {
   const { distance_mm: distance, pitch_mm: pitch } = opacity.camera;
-  const opening = aperture ?? focus * LENS_OPENING, angle = i * Math.PI * (3 - Math.sqrt(5));
+  const { focus } = look, opening = openingOf(look), angle = i * Math.PI * (3 - Math.sqrt(5));
   const radius = 0.5 * opening * Math.sqrt(1 - 1 / LENS_POINTS) * Math.sqrt((i + 0.5) / LENS_POINTS);
   const [x, y] = [radius * Math.cos(angle), radius * Math.sin(angle)];
   const part = Math.sqrt(Math.PI / 4 / LENS_POINTS), shift = distance / focus;
@@ -108,6 +110,7 @@ class NearbyViews {
       * (opacity.materials.length + 1);
     this.slices = Math.ceil(channels / 3);
     this.splatted = recomposer.blank(this.slices);
+    this.mostRadius = (gl.getParameter(gl.ALIASED_POINT_SIZE_RANGE)[1] / 2).toFixed(1);
     const buffer = gl.createBuffer();
     gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
     gl.bufferData(gl.ARRAY_BUFFER, this.order, gl.STATIC_DRAW);
@@ -149,10 +152,8 @@ class NearbyViews {
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     recomposer.drawInto(this.splatted, this.slices, (first, drawn) => {
-      const [, largest] = gl.getParameter(gl.ALIASED_POINT_SIZE_RANGE);
       const form = {
-        FIRST_TARGET: first, TARGETS_DRAWN: drawn, DEPTH: 1,
-        MOST_RADIUS: (largest / 2).toFixed(1) };
+        FIRST_TARGET: first, TARGETS_DRAWN: drawn, DEPTH: 1, MOST_RADIUS: this.mostRadius };
       const made = relighter.program(form, 'splat.frag', 'splat.vert');
       recomposer.bind(made);
       relighter.set(made, all);
