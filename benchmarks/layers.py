@@ -177,7 +177,7 @@ class ScaledLights:
             }
 
         half, whole, *alone = (each(split[..., n]) for n in range(2 + len(table.channels)))
-        return each(layers[:sources]), [*alone, half, whole]
+        return each(layers[:sources]), [*alone, half, whole], {}
 
     def passes(self, shadow: Shadow) -> Array:
         """Return (R, C) what arrives at samples with each scale."""

@@ -19,7 +19,7 @@
 // parallel    reads   the padded grid; steps Step[], by direction; ends int[] per direction
 // converging  reads   the padded grid; the light's position
 //             write   a layer of layers ushort[layer][nz][ny][nx], 65535 if all light arrives; or one
-//                     of several numbers of each node
+//                     of several numbers of each node; blocked multiplies one
 //
 // The host sets LANES, VOXEL, KIND (one of the five below) and the structs Span, Grid, Step, Curve
 // and Mask (volspec/raycast/light_volume.py and kernel_arguments.py describe their members).
@@ -291,11 +291,12 @@ __kernel void converging(__global const float *restrict sigma, const float4 plac
     store(&p, nodes, exp_minus(part * depth), into, layers);
 }
 
-// Takes what surfaces keep from the nodes: parts of 65535 that arrive, of one layer.
-__kernel void blocked(__global const ushort *restrict parts, const int nodes, const int layer,
+// Takes what surfaces keep from the nodes: parts of 65535 that arrive.
+__kernel void blocked(__global const ushort *restrict parts, const int nodes, const int4 into,
                       __global ushort *restrict layers) {
     const uint item = get_global_id(0);
     if (item >= nodes) return;
-    __global ushort *light = layers + (size_t)layer * nodes + item;
+    __global ushort *light =
+        layers + (size_t)into.x * nodes + (size_t)item * into.y + into.z;
     *light = ((uint)*light * parts[item] + 32767u) / 65535u;
 }

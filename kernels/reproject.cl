@@ -37,8 +37,10 @@
 // Ways from a layer to its neighbours, neither more than FARTHER times the other: what is farther
 // away is behind a void; 0 if it is alone.
 static inline void ways_to_neighbours(__global const float *depth, int layer, float ways[2]) {
-    const float before = layer > 0 ? depth[0] - depth[-1] : INFINITY;
-    const float behind = layer + 1 < LAYERED ? depth[1] - depth[0] : INFINITY;
+    const int last = LAYERED - SOLID;
+    const bool next_to = 0 < layer && layer < last && depth[-1] < INFINITY;
+    const float before = next_to ? depth[0] - depth[-1] : INFINITY;
+    const float behind = layer + 1 < last ? depth[1] - depth[0] : INFINITY;
     const float nearer = min(before, behind), most = nearer < INFINITY ? FARTHER * nearer : 0.0f;
     ways[0] = before < INFINITY ? min(before, most) : nearer < INFINITY ? nearer : 0.0f;
     ways[1] = behind < INFINITY ? min(behind, most) : nearer < INFINITY ? nearer : 0.0f;
@@ -58,10 +60,12 @@ __kernel void arrange(__global const float *tau, __global const float *shade,
             const float u = x - view.middle_x, v = y - view.middle_y;
             const float cosine = 1.0f / sqrt(1.0f + slant * slant * (u * u + v * v));
             size_t at = ((size_t)y * view.width + x) * LAYERED;
-            for (int i = 0; i < LAYERED && depth[at] < INFINITY; ++i, ++at) {
+            for (int i = 0; i < LAYERED; ++i, ++at) {
+                if (!(depth[at] < INFINITY)) continue;
+                const bool fades = i < LAYERED - SOLID;
                 float total = 0.0f, share[MATERIALS], ways[2];
                 for (int k = 0; k < MATERIALS; ++k) {
-                    share[k] = scales[k] * tau[at * MATERIALS + k];
+                    share[k] = (fades ? scales[k] : 1.0f) * tau[at * MATERIALS + k];
                     total += share[k];
                 }
                 if (!(total > 0.0f)) continue;

@@ -11,12 +11,13 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.basis import SpectralBasis
+from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.errors import RaycastError, VolspecWarning, quoted
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.behind import Behind, OpacityCaster, Surfaces
@@ -163,15 +164,15 @@ def raycast(
         slot = into.place(shape, spec.groups, None if behind else level.sharing)
     opacity = OpacityCaster(level, table, spec)
     surfaces = Surfaces.of(behind, camera, checked_size(size), opacity)
-    layers = None
+    layers, cast_part = None, level.cast
     if isinstance(level, Raycaster) and spec.layers:
-        layers = empty_rows(table, checked_size(size), spec)
-        casts = [level.cast(table, camera, size, spec, progress, cancel, slot, layers=layers)]
-    else:
-        casts = [
-            level.cast(table, camera, size, spec, part, cancel, slot, span_mm, surfaces.clear)
-            for part, span_mm in surfaces.spans(progress)
-        ]
+        # The last layer is of surfaces.
+        layers = empty_rows(table, checked_size(size), spec, spec.layers - bool(behind))
+        cast_part = partial(level.cast, layers=layers)
+    casts = [
+        cast_part(table, camera, size, spec, part, cancel, slot, span_mm, surfaces.clear)
+        for part, span_mm in surfaces.spans(progress)
+    ]
     if volume.is_empty and not behind:
         why = "the picture is empty: no mesh is shown; set shown = true for one"
         warnings.warn(why, VolspecWarning, stacklevel=2)
@@ -203,7 +204,9 @@ def raycast(
         first_mm=cast.first_mm,
         fov_deg=None if camera.height_mm is not None else camera.fov_deg,
         camera=camera,
-        opacity_layers=None if layers is None else _opacity_layers(layers, table, spec),
+        opacity_layers=None
+        if layers is None
+        else _opacity_layers(layers, table, transfer.basis, spec, surfaces),
     )
     if into is not None:
         into.update(image, slot)
@@ -362,7 +365,7 @@ def _check_layers(
     level: Any,
     behind: Sequence[Behind],
 ) -> None:
-    """Refuse what cannot be cast in layers of opacity, and warn of materials that lack it."""
+    """Refuse what cannot be cast in layers of opacity."""
     check_layers(spec, table, transfer.basis, behind)
     if not isinstance(level, Raycaster):
         refuse_layers(
@@ -370,22 +373,36 @@ def _check_layers(
             "a level of detail that is cast in parts",
             "take a coarser [raycast] level, or leave layers out",
         )
-    absent = materials_without_opacity(table, transfer.basis)
-    if absent := [name for name in absent if spec.opacities.get(name, 1.0) > 0]:
+
+
+def _opacity_layers(
+    rows: NDArray[np.float32], table: Tables, basis: Basis, spec: RaycastSpec, surfaces: Surfaces
+) -> OpacityLayers:
+    """Return the layers of rows whose materials are a table's, and of surfaces.
+
+    Warns of materials without opacity.
+    """
+    assert not isinstance(table, FieldTables)
+    columns, slots = table.channels.argmax(axis=1).tolist(), shadow_slots(spec)
+    solid = surfaces.solid(slots) if surfaces.behind else None
+    layers = OpacityLayers.of_rows(rows, columns, table.size - 1, len(spec.groups), slots, solid)
+    shown: list[bool] = np.any(layers.tau, axis=(0, 1, 2)).tolist()
+    assert isinstance(basis, MaterialBasis)
+    absent = [
+        name
+        for name, is_shown in zip(basis.materials, shown, strict=True)
+        if name in materials_without_opacity(table, basis)
+        and not is_shown  # by a surface
+        and spec.opacities.get(name, 1.0) > 0
+    ]
+    if absent:
         warnings.warn(
             f"layers: no opacity of {', '.join(absent)}, which no scale can show; give a little, "
             "such as 0.02, and hide it with scale 0",
             VolspecWarning,
             stacklevel=3,
         )
-
-
-def _opacity_layers(rows: NDArray[np.float32], table: Tables, spec: RaycastSpec) -> OpacityLayers:
-    """Return the layers of rows whose materials are a table's."""
-    assert not isinstance(table, FieldTables)
-    columns = table.channels.argmax(axis=1).tolist()
-    groups = len(spec.groups), shadow_slots(spec)
-    return OpacityLayers.of_rows(rows, columns, table.size - 1, *groups)
+    return layers
 
 
 def _empty_picture_warning(volume: Volume, table: Tables) -> str:

@@ -128,12 +128,15 @@ def unshadowed(tree, x, y, casts, scales):
     return kept
 
 
-def composited(tree, passes, scales, y):
-    """Channels of each group and the opacity of layers, near to far, with scales or as cast."""
+def composited(tree, passes, scales, solid, y):
+    """Channels of each group and the opacity of layers, near to far, with scales or as cast.
+
+    If solid, the last is of surfaces, which scales leave as they are.
+    """
     left, sums = 1.0, {}
     for layer, (taus, shades, glosses, casts) in enumerate(passes):
         at = -2600 + 320 * layer
-        if scales:
+        if scales and not (solid and layer == len(passes) - 1):
             pairs = zip(taus, scales, strict=True)
             taus = [times_plus(tree, at, y - 30 * k, each) for k, each in enumerate(pairs)]
         total = taus[0]
@@ -207,7 +210,9 @@ def recomposed(tree, image, recipe, about, own, alpha):
         far = math(tree, 100, 1110, "MAXIMUM", far, step)
     kept = math(tree, 100, 1080, "MULTIPLY_ADD", far, -0.5, 1.0)
     kept = math(tree, 100, 1050, "MAXIMUM", kept, 0.0)
-    was, shown = composited(tree, passes, None, 1500), composited(tree, passes, scales, 3000)
+    solid = about["version"] > 2
+    was = composited(tree, passes, None, solid, 1500)
+    shown = composited(tree, passes, scales, solid, 3000)
     found = {}
     for key, output in own.items():
         off = math(tree, 250, -1500, "SUBTRACT", output, was[0][key])

@@ -16,7 +16,8 @@
 //         scales    of the materials' optical depths; the first MATERIALS count.
 //         cut_mm, fog (per mm, mm), fog_light, slope (of a pixel to the axis), nearest_mm  if DEPTH.
 //         shade_code, gloss_code  if CODED.
-// Host    COUNT (layers), MATERIALS, GROUPS, TEXELS,
+// Host    COUNT (layers), SOLID (1 if the last is of surfaces, which scales leave as they are),
+//         MATERIALS, GROUPS, TEXELS,
 //         CODED (1 if the numbers are 8-bit codes c of τ = TAU_CODE c³, shade = shade_code c,
 //         gloss = gloss_code c², E = PATH_CODE c³, b = BEND_CODE c³, a slab's begin = BEGIN_CODE c
 //         and width = WIDTH_CODE c²), TAU_CODE, PATH_CODE, BEND_CODE, BEGIN_CODE, WIDTH_CODE;
@@ -37,6 +38,9 @@ vec4 scaled_depths(ivec2 pixel, int slice) {
     vec4 tau = texelFetch(layers, ivec3(pixel, slice), 0);
 #if CODED
     tau *= TAU_CODE * tau * tau;
+#endif
+#if SOLID
+    if (slice >= (COUNT - 1) * TEXELS) return tau;
 #endif
     return tau * scales;
 }

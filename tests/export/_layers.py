@@ -42,10 +42,11 @@ def made(basis: Basis = GENERAL, kind: type = np.float32) -> CoefficientImage:
     )
 
 
-def layered(count: int = 3, shadows: bool = False) -> CoefficientImage:
+def layered(count: int = 3, shadows: bool = False, solid: bool = False) -> CoefficientImage:
     """Return two metals in layers, of which pixels use some, and a picture a little off.
 
-    With shadows the key has them, and the sky has both them and occlusion.
+    With shadows the key has them, and the sky has both them and occlusion; if solid, the last layer
+    is of surfaces.
     """
     rng, size = np.random.default_rng(3), (7, 12)
     tau = rng.exponential(0.4, (*size, count, 2)).astype(np.float16)
@@ -66,7 +67,7 @@ def layered(count: int = 3, shadows: bool = False) -> CoefficientImage:
         casts[1, ..., 0, :] = 0
         casts[:, ~used] = 0
         layers = dataclasses.replace(layers, shadow=casts[0], occlusion=casts[1])
-    layers = layers.as_stored()
+    layers = dataclasses.replace(layers, solid=solid).as_stored()
     found = layers.recompose([1.0, 1.0])
     off = rng.uniform(0.97, 1.0, found.channels.shape).astype(np.float32)
     coefficients = (found.channels * off).reshape(*size, -1)

@@ -186,7 +186,11 @@ STATES: tuple[dict[str, float], ...] = (
 OPACITIES = {False: 1e-5, True: 2e-4}
 """Rounding of float32, in the recipes and in `CoefficientImage.recompose`. With shadows
 exp(b E) - 1 is off by 6e-8, and is divided by b, 0.001 at least."""
-SHADOWS = pytest.mark.parametrize("shadows", [False, True], ids=["", "shadows"])
+KINDS = pytest.mark.parametrize(
+    ("shadows", "solid"),
+    [(False, False), (True, False), (False, True), (True, True)],
+    ids=["", "shadows", "solid", "solid and shadows"],
+)
 
 
 def chained(text: str, names: dict[str, Any]) -> NDArray[Any]:
@@ -204,12 +208,12 @@ def chained(text: str, names: dict[str, Any]) -> NDArray[Any]:
     return np.dstack([np.broadcast_to(pixels[c], np.shape(pixels["a"])) for c in "rgba"])
 
 
-@SHADOWS
+@KINDS
 @pytest.mark.parametrize("opacities", STATES, ids=str)
 def test_nuke_s_group_has_a_knob_for_each_opacity(
-    tmp_path: Path, opacities: dict[str, float], shadows: bool
+    tmp_path: Path, opacities: dict[str, float], shadows: bool, solid: bool
 ) -> None:
-    image = layered(shadows=shadows)
+    image = layered(shadows=shadows, solid=solid)
     stored(tmp_path / "i.exr", image)
     write_recipe(tmp_path / "i.nk", tmp_path / "i.exr")
     text = (tmp_path / "i.nk").read_text()
@@ -256,16 +260,20 @@ def test_blender_s_nodes_are_the_frame(tmp_path: Path, monkeypatch: pytest.Monke
     assert (render.resolution_x, render.resolution_y) == image.size
 
 
-@SHADOWS
+@KINDS
 @pytest.mark.parametrize("opacities", STATES, ids=str)
 def test_blender_s_nodes_have_the_opacities(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, opacities: dict[str, float], shadows: bool
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    opacities: dict[str, float],
+    shadows: bool,
+    solid: bool,
 ) -> None:
     """Rendered in Blender 4.5 and 5.0 on the engine: at most 3e-7 from these pictures.
 
     With shadows 3e-5.
     """
-    image = layered(shadows=shadows)
+    image = layered(shadows=shadows, solid=solid)
     recipe = stored(tmp_path / "i.exr", image)
     write_recipe(tmp_path / "i.py", tmp_path / "i.exr")
     bpy, nodes = blender(

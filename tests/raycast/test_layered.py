@@ -406,7 +406,7 @@ def test_a_file_with_damaged_shadows_is_refused(
     ("change", "code"),
     [
         (
-            lambda h, c: h.update({"volspec:layers": '{"version": 3, "count": 8}'}),
+            lambda h, c: h.update({"volspec:layers": '{"version": 4, "count": 8}'}),
             "unsupported",
         ),
         (lambda h, c: h.update({"volspec:layers": '{"count": 8}'}), "damaged"),

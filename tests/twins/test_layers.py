@@ -12,6 +12,7 @@ from tests.support.raycasts import labelled, oblique_world
 from volspec.raycast import Camera, RaycastSpec, reference
 from volspec.raycast.gpu import Raycaster
 from volspec.raycast.layered import OpacityLayers, empty_rows, shadow_slots
+from volspec.raycast.light_volume import Clear
 from volspec.raycast.lights import Ambient, Directional, Headlight, LightGroup, Point
 from volspec.transfer import TransferTable
 from volspec.volume import Volume
@@ -40,12 +41,17 @@ def blend(top: float, materials: int = 3) -> TransferTable:
 
 
 def assert_layers_alike(
-    volume: Volume, table: TransferTable, spec: RaycastSpec, **settings: int
+    volume: Volume,
+    table: TransferTable,
+    spec: RaycastSpec,
+    clear: Clear | None = None,
+    **settings: int,
 ) -> None:
     camera = Camera.orbit(volume, azimuth_deg=30, elevation_deg=20)
-    picture, true = reference.cast_layers(volume, table, camera, SIZE, spec)
+    picture, true = reference.cast_layers(volume, table, camera, SIZE, spec, clear=clear)
     rows = empty_rows(table, SIZE, spec)
-    ours = Raycaster(volume, **settings).cast(table, camera, SIZE, spec, layers=rows)
+    caster = Raycaster(volume, **settings)
+    ours = caster.cast(table, camera, SIZE, spec, clear=clear, layers=rows)
     assert np.abs(ours.coefficients - picture[0]).max() < TOLERANCE
     assert picture[1].max() > 0.05
     K, G = len(table.channels), len(spec.groups)

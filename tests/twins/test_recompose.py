@@ -24,11 +24,17 @@ SIZE = 7, 5
 
 
 def layered(
-    materials: int, groups: int, count: int = 5, seed: int = 0, shadows: str = ""
+    materials: int,
+    groups: int,
+    count: int = 5,
+    seed: int = 0,
+    shadows: str = "",
+    solid: bool = False,
 ) -> CoefficientImage:
     """Random layers, some without opacity, and a picture that differs from them a little.
 
-    ``shadows`` has a letter for each group: shadow, occlusion, both or neither.
+    ``shadows`` has a letter for each group: shadow, occlusion, both or neither. If ``solid``, the
+    last layer is of surfaces.
     """
     rng = np.random.default_rng(seed)
     pixels = SIZE[1], SIZE[0], count
@@ -41,6 +47,7 @@ def layered(
         (0.2 * rng.random((*pixels, groups)) / groups).astype(np.float16),
         np.sort(rng.random(pixels), axis=-1).astype(np.float16),
         *(casts(rng, (*pixels, groups, 3 + materials), shadows, kinds) for kinds in ("sb", "ob")),
+        solid=solid,
     )
     channels, alpha, weighted = layers.recompose([1.0] * materials)
     channels += 0.02 * rng.standard_normal(channels.shape).astype(np.float32)
@@ -111,6 +118,22 @@ def test_shadows_fade_alike(materials: int, shadows: str, scales: tuple[float, .
     assert np.abs(frames[0] - frames[1]).max() > 0.01
 
 
+@pytest.mark.parametrize("shadows", ["--", "b-"])
+def test_surfaces_do_not_fade(shadows: str) -> None:
+    image = layered(3, 2, shadows=shadows, solid=True)
+    none = dict.fromkeys(NAMES[:3], 0.0)
+    with gl_or_skip(image) as drawn, Relighter(image, "numpy") as twin:
+        frames = []
+        for relighter in (drawn, twin):
+            relighter.set_opacities(none)
+            frames.append(relighter.frame(rig(image), dtype=np.float32))
+    np.testing.assert_allclose(*frames, atol=3e-4)
+    layers = image.opacity_layers
+    assert layers is not None
+    last = layers.tau[:, :, -1].astype(np.float32).sum(axis=-1)
+    np.testing.assert_allclose(image.recompose(none).alpha, 1 - np.exp(-last), atol=1e-6)
+
+
 def test_scales_of_1_draw_the_cast_s_picture_bit_for_bit(backend: str) -> None:
     image = layered(3, 2)
     with gl_or_skip(image) if backend == "gl" else Relighter(image, backend) as relighter:
@@ -148,10 +171,10 @@ def test_opacities_outlast_another_cast_of_the_same_size(backend: str) -> None:
     ],
     ids=["near", "far", "fog", "all", "focus"],
 )
-@pytest.mark.parametrize("groups", [1, 5])
-def test_frames_in_depth_match(depth: DepthEffects, groups: int) -> None:
+@pytest.mark.parametrize(("groups", "solid"), [(1, False), (5, False), (2, True)])
+def test_frames_in_depth_match(depth: DepthEffects, groups: int, solid: bool) -> None:
     """Extents are half floats on the device: half a µm of 1 mm, a hundredth of a thin layer."""
-    image = deep(groups)
+    image = deep(groups, solid)
     frames = []
     with gl_or_skip(image) as drawn, Relighter(image, "numpy") as twin:
         for relighter in (drawn, twin):
@@ -166,9 +189,9 @@ def test_frames_in_depth_match(depth: DepthEffects, groups: int) -> None:
     assert np.abs(frames[0] - before).max() > 0.02
 
 
-def deep(groups: int) -> CoefficientImage:
+def deep(groups: int, solid: bool) -> CoefficientImage:
     """Return layers of 1 mm, 100 mm from a camera."""
-    image = layered(3, groups)
+    image = layered(3, groups, solid=solid)
     layers = image.opacity_layers
     assert layers is not None
     tau = np.maximum(layers.tau, np.float16(0.01))

@@ -22,18 +22,25 @@ SIZE = 40, 30
 HERE = Camera((3.0, -100.0, 20.0), (0.0, 0.0, 0.0))
 
 
-def layered(camera: Camera, groups: int = 1, layers: int = 4) -> CoefficientImage:
-    """An image of random layers around the camera's target, some of them unused."""
+def layered(
+    camera: Camera, groups: int = 1, layers: int = 4, solid: bool = False
+) -> CoefficientImage:
+    """An image of random layers around the camera's target, some of them unused.
+
+    If ``solid``, the last layer is of surfaces, also behind unused ones.
+    """
     rng = np.random.default_rng(3)
     shape = SIZE[1], SIZE[0], layers
     depth = camera.distance_mm + np.sort(rng.uniform(-20, 20, shape), axis=2)
     used = np.arange(layers) < rng.integers(0, layers + 1, shape[:2])[..., None]
+    used[..., -1] |= solid & (depth[..., -1] > camera.distance_mm + 5)
     tau = rng.uniform(0, 1, (*shape, 2)) * used[..., None]
     own = OpacityLayers(
         tau.astype(np.float32),
         rng.uniform(0.2, 1, (*shape, groups, 2)).astype(np.float32),
         rng.uniform(0, 0.2, (*shape, groups)).astype(np.float32),
         np.where(used, depth, np.inf).astype(np.float32),
+        solid=solid,
     )
     flat = np.zeros((*shape[:2], 3 * groups), np.float32)
     names = {f"light {n}": 1 / groups for n in range(groups)}
@@ -51,17 +58,18 @@ TURNED = replace(HERE, position_mm=(12.0, -97.0, 26.0))
     ("source", "target", "size", "groups"),
     [
         (HERE, TURNED, SIZE, 1),
+        (HERE, TURNED, SIZE, -1),  # with surfaces
         (HERE, replace(HERE, position_mm=(1.0, -60.0, 10.0)), (64, 48), 2),  # magnified
         (HERE, replace(TURNED, height_mm=50.0), (20, 16), 1),
         (PARALLEL, replace(TURNED, height_mm=60.0), SIZE, 1),
         (PARALLEL, TURNED, SIZE, 3),  # rows of two float8
         (HERE, ShiftedCamera(TURNED.position_mm, TURNED.target_mm, shift=0.1), SIZE, 1),
     ],
-    ids=["turned", "nearer", "to parallel", "parallel", "from parallel", "shifted"],
+    ids=["turned", "solid", "nearer", "to parallel", "parallel", "from parallel", "shifted"],
 )
 @pytest.mark.parametrize("scales", [(1.0, 1.0), (0.0, 3.0)])
 def test_the_kernel_splats_what_its_twin_does(source, target, size, groups, scales):
-    image = layered(source, groups)
+    image = layered(source, abs(groups), solid=groups < 0)
     ours = Reprojector(image).view(target, dict(zip(BASIS.materials, scales, strict=True)), size)
     true = reproject_reference(
         image.opacity_layers, list(scales), Warp.of(source, SIZE, target, size)

@@ -33,7 +33,7 @@ from volspec.errors import ImageError, ViewingError, quoted
 from volspec.export.exr import PRIMARIES
 from volspec.export.spectral import flat_white_scale
 from volspec.raycast import CoefficientImage
-from volspec.raycast.image_file import channel_names, plain_names, stored_slots
+from volspec.raycast.image_file import SOLID_VERSION, channel_names, plain_names, stored_slots
 from volspec.raycast.layered import Slot
 from volspec.raycast.spec import MAX_LAYERS
 from volspec.relight import LightRig, RelightSpec
@@ -83,6 +83,7 @@ class Recipe:
     materials: Mapping[str, str] = field(default_factory=dict)
     layers: int = 0  # of opacity, in the file that the recipe was read from
     shadows: tuple[Slot, ...] = ()  # of these layers
+    solid: bool = False  # the last layer is of surfaces
 
     def __post_init__(self) -> None:
         if not self.lights:
@@ -183,7 +184,8 @@ class Recipe:
             about = parse_json(header.get("volspec:layers", '{"count": 0}'))
             layers = min(int(about["count"]), MAX_LAYERS) if materials else 0
             shadows = stored_slots(about, channels) if layers else ()
-            return cls(channels, lights, data["mode"], materials, layers, tuple(shadows))
+            solid = layers > 0 and about["version"] == SOLID_VERSION
+            return cls(channels, lights, data["mode"], materials, layers, tuple(shadows), solid)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise ImageError(
                 f"{name}: volspec:{_JSON} cannot be read ({error}); write it again by "

@@ -57,10 +57,10 @@ class DeepSamples:
         Errors as in `save_deep`.
         """
         picture = image.recompose(opacities or {})
-        scales = np.asarray(image.opacity_scales(opacities or {}), np.float32)
+        scales = image.opacity_scales(opacities or {})
         assert image.opacity_layers is not None
-        layers = image.opacity_layers.lit(scales.tolist())
-        tau = layers.tau.astype(np.float32) * scales
+        layers = image.opacity_layers.lit(scales)
+        tau = layers.scaled(scales)
         used = tau.sum(axis=-1) > 0
         pixel = np.arange(used[..., 0].size).repeat(used.sum(axis=2).ravel())
         tau, total = tau[used], tau[used].sum(axis=-1)
@@ -83,6 +83,7 @@ class DeepSamples:
         begin, width = extents(
             layers.tau.astype(np.float32).sum(axis=-1).reshape(-1, layers.count),
             layers.depth_mm.astype(np.float32).reshape(-1, layers.count),
+            layers.solid,
         )
         cosine = axis_cosine(image.size, image.fov_deg)[..., None]
         cosines = np.broadcast_to(cosine, used.shape)[used]

@@ -24,6 +24,7 @@ from volspec.export import animation
 from volspec.export.animation import FrameState
 from volspec.export.frames import distinct_stems
 from volspec.raycast import Camera, DepthEffects
+from volspec.raycast.behind import Behind
 from volspec.raycast.fields import FieldCast
 from volspec.raycast.kernel_arguments import check_reach
 from volspec.raycast.layered import check_layers
@@ -377,7 +378,7 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
     )
 
 
-def _require_castable(scene: Scene, volume: Volume, behind: Sequence[object]) -> None:
+def _require_castable(scene: Scene, volume: Volume, behind: Sequence[Behind]) -> None:
     """Raise SceneError if settings of the cast do not fit what is cast."""
     try:
         tables = bake_for_volume(scene.transfer, volume)

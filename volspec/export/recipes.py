@@ -159,15 +159,18 @@ def _layer_nodes(
         names = [*map(_nuke_name, layer_names(layer, materials, groups, recipe.shadows))]
         K, G = len(materials), len(groups)
         tau, shade, gloss = names[:K], names[K : K + K * G], names[K + K * G :][:G]
-        scaled = [f"{knob}*{name}" for knob, name in zip(knobs, tau, strict=True)]
+        fades = not (recipe.solid and layer == recipe.layers - 1)
+        own_knobs = knobs if fades else ["1"] * K
+        scaled = [f"{knob}*{name}" for knob, name in zip(own_knobs, tau, strict=True)]
         seen = [_seen(before, own) for before, own in zip(in_front, (scaled, tau), strict=True)]
         for before, own in zip(in_front, (scaled, tau), strict=True):
             before += own
         if recipe.shadows:
             layered = _Shaded.of(names, recipe)
-            yield from layered.nodes(f"layer{layer}", "+", seen[0], knobs, mixed)
+            yield from layered.nodes(f"layer{layer}", "+", seen[0], scaled, knobs, mixed)
             was_seen = f"{kept}*({seen[1]})"
-            yield from layered.nodes(f"layer{layer}_as_cast", "-", was_seen, ["1"] * K, mixed)
+            as_cast = f"layer{layer}_as_cast"
+            yield from layered.nodes(as_cast, "-", was_seen, tau, ["1"] * K, mixed)
             continue
         variables = {
             "seen": seen[0],
@@ -178,7 +181,7 @@ def _layer_nodes(
         rows = []
         for row, colour in enumerate("rgb"):
             terms = [colour]
-            for k, (knob, name) in enumerate(zip(knobs, tau, strict=True)):
+            for k, (knob, name) in enumerate(zip(own_knobs, tau, strict=True)):
                 lit = "+".join(
                     f"{mixed[row][group][k]}*{shade[g * K + k]}"
                     for g, group in enumerate(groups)
@@ -196,9 +199,8 @@ def _layer_nodes(
 
 
 class _Shaded(NamedTuple):
-    """Channels of a layer with shadows: of materials, of light groups, and by `Slot`."""
+    """Channels of a layer's light with shadows: of light groups, and by `Slot`."""
 
-    tau: list[str]
     shade: dict[str, list[str]]
     gloss: dict[str, str]
     shadows: dict[Slot, list[str]]
@@ -207,21 +209,24 @@ class _Shaded(NamedTuple):
     def of(cls, names: Sequence[str], recipe: Recipe) -> Self:
         """Return the channels of names in the order of `layer_names`."""
         rest, K = iter(names), len(recipe.materials)
-        tau, *shades = ([*islice(rest, K)] for _ in range(1 + len(recipe.channels)))
+        _, *shades = ([*islice(rest, K)] for _ in range(1 + len(recipe.channels)))
         shade = dict(zip(recipe.channels, shades, strict=True))
         gloss = {group: next(rest) for group in recipe.channels}
-        return cls(tau, shade, gloss, {slot: [*islice(rest, 3 + K)] for slot in recipe.shadows})
+        return cls(shade, gloss, {slot: [*islice(rest, 3 + K)] for slot in recipe.shadows})
 
     def nodes(
         self,
         name: str,
         sign: str,
         seen: str,
+        scaled: Sequence[str],
         scales: Sequence[str],
         mixed: Sequence[Mapping[str, Sequence[str]]],
     ) -> Iterator[str]:
-        """Yield the lines of a node for each group, which adds or subtracts its light."""
-        scaled = [f"{scale}*{tau}" for scale, tau in zip(scales, self.tau, strict=True)]
+        """Yield the lines of a node for each group, which adds or subtracts its light.
+
+        ``scaled`` are the layer's own depths, ``scales`` those of depths on the way to the lights.
+        """
         part = f"({seen})/max({'+'.join(scaled)},1e-12)"
         for number, (group, shade) in enumerate(self.shade.items()):
             variables, kept = {"seen": seen, "part": part}, ["1", "1"]

@@ -192,6 +192,11 @@ class MeshCaster:
         made._take(materials, basis)
         return made
 
+    @property
+    def is_opaque(self) -> bool:
+        """Return False if a mesh is translucent, as `volspec.raycast.behind.Behind`."""
+        return self._translucent is None
+
     def depths_mm(self, camera: Camera, size: Size) -> list[NDArray[np.float32]]:
         """Return (H, W) distances, as `volspec.raycast.behind.Behind`."""
         window, views = self._look(camera, size)

@@ -5,7 +5,7 @@ meshes, rooms -> [behind] -> raycast
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, repeat
 from typing import NamedTuple, Protocol
@@ -16,8 +16,10 @@ from numpy.typing import DTypeLike, NDArray
 from volspec.basis import Basis
 from volspec.raycast.camera import Camera
 from volspec.raycast.gpu import Raycaster, opacity_key
+from volspec.raycast.kernel_arguments import numbered_sources
+from volspec.raycast.layered import Slot, Solid
 from volspec.raycast.light_volume import Arrives, Clear
-from volspec.raycast.lights import HEADLIT
+from volspec.raycast.lights import HEADLIT, Ambient
 from volspec.raycast.out_of_core import LevelCaster
 from volspec.raycast.row_batches import Progress, Result
 from volspec.raycast.spec import RaycastSpec
@@ -31,6 +33,8 @@ class OpacityCaster:
     caster: Raycaster | LevelCaster
     table: Tables
     spec: RaycastSpec
+    arrives: Mapping[int, Arrives] | None = None
+    """What the volume is taken to let pass, instead of what it does."""
 
     @property
     def _flat(self) -> RaycastSpec:
@@ -51,8 +55,10 @@ class OpacityCaster:
         cast = self.caster.cast(self.table, camera, size, self._flat)
         return cast.alpha, cast.depth_mm
 
-    def arrivals(self, camera: Camera, clear: Clear) -> dict[int, Arrives]:
+    def arrivals(self, camera: Camera, clear: Clear) -> Mapping[int, Arrives]:
         """Return the part of each source's light that the volume lets pass; see `Raycaster`."""
+        if self.arrives is not None:
+            return self.arrives
         return self.caster.arrivals(self.table, self.spec, camera, clear)
 
 
@@ -78,6 +84,11 @@ class Behind(Protocol):
     def basis(self) -> Basis | None:
         """Return the basis of their channels, which has to be the volume's; None for any."""
         return None
+
+    @property
+    def is_opaque(self) -> bool:
+        """Return False if some surfaces are translucent."""
+        return True
 
     def depths_mm(self, camera: Camera, size: tuple[int, int]) -> Sequence[NDArray[np.float32]]:
         """Return (H, W) distances from the camera, inf where nothing is seen.
@@ -170,11 +181,56 @@ class Surfaces:
             put_behind(front, layer)
         return front
 
+    def solid(self, slots: Sequence[Slot]) -> Solid:
+        """Return what is opaque as the last of layers of opacity, for groups with shadows."""
+        split: list[dict[int, Arrives]] = []
+        if slots:
+            assert isinstance(self.opacity.caster, Raycaster)
+            assert self.clear is not None
+            given = self.opacity.table, self.opacity.spec, self.camera, self.clear
+            split = self.opacity.caster.split_arrivals(*given)
+        every: dict[int, Arrives] = dict.fromkeys(split[0] if slots else (), _all)
+        lit = self._alone(every)
+        shape = (*lit.alpha.shape, len(self.opacity.spec.groups), -1)
+        sources = numbered_sources(self.opacity.spec)
+        means: dict[Slot, NDArray[np.floating]] = {}
+        for kind in {kind for _, kind in slots}:
+            own = [number for number in every if isinstance(sources[number][1], Ambient) == kind]
+            # Without this light, then past half of the depths, ….
+            parts: list[dict[int, Arrives]] = [dict.fromkeys(own, _none), *split]
+            dark, *passed = (
+                self._alone({**every, **{number: part[number] for number in own}}).coefficients
+                for part in parts
+            )
+            may, *arriving = ((each - dark).reshape(shape) for each in (lit.coefficients, *passed))
+            whole = lit.coefficients.reshape(shape)
+            light = may.sum(axis=-1)
+            found = [_share(each.sum(axis=-1), light, 1) for each in arriving]
+            found[:0] = [
+                _share(may[..., part].sum(axis=-1), whole[..., part].sum(axis=-1), 0)
+                for part in (np.s_[:-1], np.s_[-1:])  # of materials, and of white
+            ]
+            numbers = np.stack(found, axis=-1)
+            means |= {slot: numbers[:, :, slot[0]] for slot in slots if slot[1] == kind}
+        return Solid(lit.coefficients, lit.alpha, lit.depth_mm, means)
+
+    def _alone(self, arrives: Mapping[int, Arrives]) -> Result:
+        """Return what is opaque without the volume, which lets parts of the light pass."""
+        clear = np.zeros(self.size[::-1], np.float32)
+        made = replace(self, opacity=replace(self.opacity, arrives=arrives))
+        opaque, _ = made._pictures([Result(clear[..., None], clear, clear, clear)])
+        channels = len(self.opacity.spec.groups) * self.opacity.table.size
+        found = nothing((*clear.shape, channels), np.float32)
+        for each in opaque:
+            put_behind(found, each)
+        return found
+
     def _pictures(self, casts: Sequence[Result]) -> tuple[list[BehindImage], list[BehindImage]]:
         """Return pictures of what is opaque and of sheets, as far as casts let them be seen."""
         assert self.stop_mm is not None
-        # Where a ray would have ended, nothing is seen.
-        least = self.opacity.spec.least_transmittance
+        # Where a ray would have ended, nothing is seen; in front of layers all may be.
+        spec = self.opacity.spec
+        least = -1.0 if spec.layers else spec.least_transmittance
         through: NDArray[np.float32] | float = 1.0
         seen = []
         for cast in casts:
@@ -199,6 +255,20 @@ def nothing(shape: tuple[int, ...], dtype: DTypeLike) -> Result:
     """Return an empty picture of a shape (H, W, L·M)."""
     far = np.full(shape[:2], np.inf, np.float32)
     return Result(np.zeros(shape, dtype), np.zeros(shape[:2], np.float32), far, far.copy())
+
+
+def _all(points_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.ones(len(points_mm))
+
+
+def _none(points_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.zeros(len(points_mm))
+
+
+def _share(
+    part: NDArray[np.floating], whole: NDArray[np.floating], of_nothing: float
+) -> NDArray[np.floating]:
+    return np.where(whole > 0, part / np.where(whole > 0, whole, 1), of_nothing)
 
 
 def put_behind(front: Result, other: BehindImage) -> None:

@@ -202,10 +202,9 @@ def layers_in_depth(
     shade, gloss = (each.astype(np.float32) for each in (layers.shade, layers.gloss))
     shares = np.array([*image.groups.values()], np.float32)
     slabs = _slabs(layers, scales, pixels, (near.ravel(), far.ravel()), None)
-    scale = np.asarray(scales, np.float32)
+    scaled = layers.scaled(scales).sum(axis=-1)
     for k, slab in zip(range(count), slabs, strict=True):
-        left = slab.tau.reshape(height, width)
-        own = (tau[:, :, k] * scale).sum(axis=-1)
+        left, own = slab.tau.reshape(height, width), scaled[:, :, k]
         tau[:, :, k] *= (left / np.where(own > 0, own, 1))[..., None]
         depth[:, :, k][left > 0] = slab.depth.reshape(height, width)[left > 0]
         clear = fog.left(slab.depth.reshape(height, width))[..., None]
@@ -251,14 +250,19 @@ def mean_position(tau: Array) -> Array:
     return np.where(thin, 0.5 - tau / 12, 1 / safe - 1 / np.expm1(safe)).astype(np.float32)
 
 
-def extents(tau: Array, depth: Array) -> tuple[Array, Array]:
+def extents(tau: Array, depth: Array, solid: bool = False) -> tuple[Array, Array]:
     """Return where slabs (P, L) with optical and expected depths begin, and their widths, mm.
 
     A slab that is alone on its ray has no width, and none is wider than `MOST_GAPS` distances to
-    its nearest neighbour: an opaque surface does not reach from one body to the next.
+    its nearest neighbour: an opaque surface does not reach from one body to the next. If
+    ``solid``, the last are surfaces, which have no width.
     """
     m = mean_position(tau)
     used = tau > 0
+    if solid:
+        begin, width = extents(tau[:, :-1], depth[:, :-1])
+        end = np.where(used, depth, 0)[:, -1:]
+        return np.hstack([begin, end]), np.hstack([width, np.zeros_like(end)])
     both = used[:, 1:] & used[:, :-1]
     before, after = tau[:, :-1] * (1 - m[:, :-1]), tau[:, 1:] * m[:, 1:]
     with np.errstate(invalid="ignore"):
@@ -293,13 +297,13 @@ def _slabs(
         for each in (layers.tau, layers.shade, layers.gloss, layers.depth_mm)
     ]
     total = flat[0].astype(np.float32).sum(axis=2)
-    begin, width = extents(total, flat[3].astype(np.float32))
-    scale = np.asarray(scales, np.float32)
+    begin, width = extents(total, flat[3].astype(np.float32), layers.solid)
+    scaled = layers.scaled(scales).reshape(-1, *layers.tau.shape[2:])[pixels]
 
     def parts(low: Array, high: Array) -> Iterator[_Slab]:
         for k in range(count):
-            tau, shade, gloss = (each[:, k].astype(np.float32) for each in flat[:3])
-            tau = tau * scale
+            shade, gloss = (each[:, k].astype(np.float32) for each in flat[1:3])
+            tau = scaled[:, k]
             own = tau.sum(axis=1)
             first, wide = begin[:, k], width[:, k]
             last = first + wide

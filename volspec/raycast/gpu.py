@@ -535,7 +535,7 @@ class Raycaster:
         light, numbers = self._lights_of(table).attach(
             struct, table, spec, camera, clear, bool(slots)
         )
-        split = split_width(table) if slots else 0
+        split = split_width(table, clear is not None) if slots else 0
         upload = self._compute.upload
         inputs = [
             upload(np.ascontiguousarray(array))
@@ -580,6 +580,7 @@ class Raycaster:
             layers=0 if rows is None else rows.shape[2],
             slots=slots,
             split=split,
+            blocked=clear is not None,
         )
         tile, group = TILES[self.packet.lanes], GROUPS[self.packet.lanes]
         with receiver.receiving(self._compute, spec.half) if receiver else nullcontext() as pack:
@@ -610,6 +611,14 @@ class Raycaster:
             else:
                 spec = spec.naming_fields(self.volume).for_field(self.volume.name)
             return lights.arrivals(table, spec, camera, clear)
+
+    def split_arrivals(
+        self, table: Tables, spec: RaycastSpec, camera: Camera, clear: Clear
+    ) -> list[dict[int, Arrives]]:
+        """Return `arrivals` past depths at half, the whole, and each material alone at half."""
+        spec = spec.for_lattice(self.volume).naming_fields(self.volume).for_field(self.volume.name)
+        with self._lock:
+            return self._lights_of(table).split_arrivals(table, spec, camera, clear)
 
     def _cast_together(self, table: FieldTables) -> _Together:
         """Return the fields of tables on the device; the last are cached."""

@@ -16,8 +16,9 @@ Layers of opacity (`CoefficientImage.opacity_layers`) are half channels, near to
 the material ``block`` and the light group ``key``. If lights have shadows, layers also have
 ``l3.shadow.part.key.V``, ``l3.shadow.gloss.key.V``, ``l3.shadow.bend.key.V`` and
 ``l3.shadow.depth.key.block.V``, and the same of ``occlusion`` (`OpacityLayers.shadow`). The
-header's ``volspec:layers`` holds their version, number, and groups with shadows; programs that do
-not know them read the image without.
+header's ``volspec:layers`` holds their version, number, and groups with shadows; in version 3 the
+last layer is of surfaces (`OpacityLayers.solid`). Programs that do not know them read the image
+without.
 
 Up to format 2 channels were called ``key.coefficients.00``, of a single group ``coefficients.00``,
 and the first hit ``ZFirst``.
@@ -32,7 +33,7 @@ import re
 import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -172,8 +173,8 @@ FORMAT = 3
 _READ = (1, 2, FORMAT)  # images of format 1 have one light group
 # Attributes of the header, after "volspec:".
 _OWN = ("format", "basis", "groups", "notes", "fov_deg", "camera", "layers")
-# The version without shadows, and with.
-LAYERS_VERSIONS = 1, 2
+# Without shadows, with, and with a last layer of surfaces.
+LAYERS_VERSIONS = _, _, SOLID_VERSION = 1, 2, 3
 # Of layers' arrays, by `Slot`.
 CASTS = "shadow", "occlusion"
 _ALPHA_ERROR = 1e-3  # rounding of alpha by a compositor
@@ -216,10 +217,10 @@ def write_image(
         layers = image.opacity_layers
         slots = layers.slots
         about: dict[str, Any] = {
-            "version": LAYERS_VERSIONS[bool(slots)],
+            "version": SOLID_VERSION if layers.solid else 2 if slots else 1,
             "count": layers.count,
         }
-        for o, cast in enumerate(CASTS if slots else ()):
+        for o, cast in enumerate(CASTS if about["version"] > 1 else ()):
             about[cast] = [list(image.groups)[group] for group, occluded in slots if occluded == o]
         header["volspec:layers"] = json.dumps(about)
         channels |= _layer_channels(image, layers, slots)
@@ -318,7 +319,7 @@ def _read_layers(
     if version not in LAYERS_VERSIONS:
         raise ImageError(
             f"{name}: layers of opacity of version {version}, this volspec reads "
-            f"{' and '.join(map(str, LAYERS_VERSIONS))}",
+            f"{', '.join(map(str, LAYERS_VERSIONS))}",
             "render the scene again",
             code="unsupported",
         )
@@ -341,7 +342,8 @@ def _read_layers(
             code="damaged",
         )
     with _refusing(f"{name}: its layers of opacity are refused"):
-        return OpacityLayers.of_numbers(rows.astype(np.float16), materials, lights, slots)
+        layers = OpacityLayers.of_numbers(rows.astype(np.float16), materials, lights, slots)
+        return replace(layers, solid=version == SOLID_VERSION)
 
 
 def stored_slots(about: Mapping[str, Any], groups: Iterable[str]) -> list[Slot]:

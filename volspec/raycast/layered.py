@@ -91,6 +91,19 @@ class Recomposed(NamedTuple):
     depth_mm: NDArray[np.float32]
 
 
+class Solid(NamedTuple):
+    """Picture of opaque surfaces behind a volume that lets all light pass.
+
+    ``channels`` (H, W, G·(K + 1)) premultiplied by ``alpha`` (H, W), ``depth_mm`` (H, W), and of
+    groups with shadows (H, W, 4 + materials) `shadow_of_means`' numbers.
+    """
+
+    channels: NDArray[np.floating]
+    alpha: NDArray[np.float32]
+    depth_mm: NDArray[np.float32]
+    means: Mapping[Slot, NDArray[np.float32]]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class OpacityLayers:
     """Layers of the materials' optical depths along each pixel's ray, near to far.
@@ -109,6 +122,9 @@ class OpacityLayers:
         Parts of a group's shade and of its highlight that shadows, or ambient occlusion, may take;
         b; each material's optical depth on the way to the lights. Shade and gloss are then without
         them. None, or 0 in a group, if no light has any.
+    solid : bool
+        The last layer is of opaque surfaces, such as meshes, which no scale changes. It is the
+        last in each pixel, also if layers before it are unused.
 
     Raises
     ------
@@ -124,6 +140,7 @@ class OpacityLayers:
     depth_mm: NDArray[Any]
     shadow: NDArray[Any] | None = None
     occlusion: NDArray[Any] | None = None
+    solid: bool = False
 
     def __post_init__(self) -> None:
         shape = np.shape(self.tau)
@@ -185,6 +202,19 @@ class OpacityLayers:
         return (float(used.min()), float(used.max())) if used.size else (0.0, 0.0)
 
     @property
+    def fading(self) -> Self:
+        """The layers that scales change: all but those of surfaces."""
+        if not self.solid:
+            return self
+        return replace(self.changed(lambda array: array[:, :, :-1]), solid=False)
+
+    def scaled(self, scales: Sequence[float]) -> NDArray[np.float32]:
+        """Return (H, W, L, K) optical depths, with those of the K materials scaled."""
+        tau = self.tau.astype(np.float32)
+        tau[:, :, : self.count - self.solid] *= np.asarray(scales, np.float32)
+        return tau
+
+    @property
     def slots(self) -> list[Slot]:
         """Groups with shadows or occlusion, as `shadow_slots`."""
         casts = ((False, self.shadow), (True, self.occlusion))
@@ -210,8 +240,9 @@ class OpacityLayers:
         materials: int,
         groups: int,
         slots: Sequence[Slot] = (),
+        surfaces: Solid | None = None,
     ) -> Self:
-        """Return the layers of a cast's rows (H, W, L, `row_size`).
+        """Return the layers of a cast's rows (H, W, L, `row_size`), and one of ``surfaces``.
 
         ``columns`` are the numbers in the basis, of K ``materials``, of the rows' materials;
         ``slots`` as `shadow_slots`.
@@ -220,20 +251,26 @@ class OpacityLayers:
         ends = np.cumsum([K, groups * K, groups, *[4 + K] * len(slots)])
         tau, shade, gloss, *means, depth = np.split(rows, ends, axis=3)
         used = tau.any(axis=3)
+        count = whole[2] + (surfaces is not None)
 
         def spread(given: NDArray[Any], first: int = 0) -> NDArray[Any]:
             """Move the materials, which are last, from the rows' columns to the basis'."""
-            made = np.zeros((*given.shape[:-1], first + materials), rows.dtype)
-            made[..., :first] = given[..., :first]
-            made[..., [first + column for column in columns]] = given[..., first:]
+            made = np.zeros((*whole[:2], count, *given.shape[3:-1], first + materials), rows.dtype)
+            made[:, :, : whole[2], ..., :first] = given[..., :first]
+            for column, own in zip(columns, range(first, first + K), strict=True):
+                made[:, :, : whole[2], ..., first + column] = given[..., own]
             return made
 
         shadows = []
         for each in means:
-            shadows.append(np.zeros((*whole, 3 + materials), rows.dtype))
-            shadows[-1][used] = spread(shadow_of_means(each[used]), 3)
+            numbers = np.zeros((*whole, 3 + K), rows.dtype)
+            numbers[used] = shadow_of_means(each[used])
+            shadows.append(spread(numbers, 3))
+        highlights, place = (np.zeros((*whole[:2], count, n), rows.dtype) for n in (groups, 1))
+        highlights[:, :, : whole[2]], place[:, :, : whole[2]] = gloss, depth
         shades = spread(shade.reshape(*whole, groups, K))
-        return cls._of_arrays(spread(tau), shades, gloss, shadows, depth, slots)
+        made = cls._of_arrays(spread(tau), shades, highlights, shadows, place, slots)
+        return made if surfaces is None else made._ended_by(surfaces, columns)
 
     @classmethod
     def of_numbers(
@@ -256,15 +293,14 @@ class OpacityLayers:
         depth: NDArray[Any],
         slots: Sequence[Slot],
     ) -> Self:
-        casts: list[NDArray[Any] | None] = [None, None]
+        casts: dict[bool, NDArray[Any]] = {}
         for (group, occluded), numbers in zip(slots, shadows, strict=True):
-            made = casts[occluded]
-            if made is None:
+            if occluded not in casts:
                 shape = *numbers.shape[:3], shade.shape[3], numbers.shape[3]
-                made = casts[occluded] = np.zeros(shape, numbers.dtype)
-            made[:, :, :, group] = numbers
-        plain = (np.ascontiguousarray(each) for each in (tau, shade, gloss, depth[..., 0]))
-        return cls(*plain, *casts)
+                casts[occluded] = np.zeros(shape, numbers.dtype)
+            casts[occluded][:, :, :, group] = numbers
+        tau, shade, gloss, depth = map(np.ascontiguousarray, (tau, shade, gloss, depth[..., 0]))
+        return cls(tau, shade, gloss, depth, casts.get(False), casts.get(True))
 
     def as_stored(self) -> Self:
         """Return the layers as a file holds them: half floats, without digits that do not show.
@@ -273,15 +309,34 @@ class OpacityLayers:
         the visibility of the layer, or of the material in it, at scale 4 (2^-5 at most); depths and
         distances are not. Files are a tenth smaller.
         """
-        stored, casts = self.tau.astype(np.float16), (self.shadow, self.occlusion)
-        tau = stored.astype(np.float32)
-        return type(self)(
-            stored,
-            _rounded(self.shade, tau[..., None, :]),
-            _rounded(self.gloss, tau.sum(axis=-1)[..., None]),
-            self.depth_mm.astype(np.float16),
-            *(None if each is None else each.astype(np.float16) for each in casts),
+        half = self.changed(lambda array: array.astype(np.float16))
+        tau = half.tau.astype(np.float32)
+        return replace(
+            half,
+            shade=_rounded(self.shade, tau[..., None, :]),
+            gloss=_rounded(self.gloss, tau.sum(axis=-1)[..., None]),
         )
+
+    def _ended_by(self, surfaces: Solid, columns: Sequence[int]) -> Self:
+        """Fill the last layer by surfaces; arguments as of `of_rows`."""
+        K, alpha = self.materials, surfaces.alpha.astype(np.float64)
+        own = surfaces.channels.reshape(*alpha.shape, self.groups, K + 1)
+        own = own / np.where(alpha > 0, alpha, 1)[..., None, None]
+        # Each material has a share of the depth, so that its shade is that of a surface of it.
+        reflected = own[..., :K].sum(axis=2)
+        reflected[..., 0] += reflected.sum(axis=-1) == 0
+        share = reflected / reflected.sum(axis=-1, keepdims=True)
+        self.tau[:, :, -1] = sample_tau(alpha)[..., None] * share
+        self.shade[:, :, -1] = _ratio(own[..., :K], share[:, :, None])
+        self.gloss[:, :, -1] = own[..., K]
+        self.depth_mm[:, :, -1] = np.where(alpha > 0, _nearest_known(surfaces.depth_mm), np.inf)
+        for (group, occluded), means in surfaces.means.items():
+            cast = self.occlusion if occluded else self.shadow
+            assert cast is not None
+            numbers = shadow_of_means(means.reshape(-1, means.shape[2]))
+            placed = [0, 1, 2, *(3 + column for column in columns)]
+            cast[:, :, -1, group, placed] = numbers.reshape(*alpha.shape, -1)
+        return replace(self, solid=True)
 
     def at(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Self:
         """Return the layers of P pixels as those of a picture of one row, (1, P, …)."""
@@ -289,9 +344,12 @@ class OpacityLayers:
 
     def changed(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Self:
         """Return the layers with a change of each array, such as to some of the pixels."""
-        arrays = {each.name: getattr(self, each.name) for each in fields(self)}
-        own = {name: change(array) for name, array in arrays.items() if array is not None}
+        own: dict[str, Any] = {name: change(array) for name, array in self._arrays().items()}
         return replace(self, **own)
+
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        arrays = {each.name: getattr(self, each.name) for each in fields(self)}
+        return {name: each for name, each in arrays.items() if isinstance(each, np.ndarray)}
 
     def recompose(self, scales: Sequence[float]) -> Recomposed:
         """Composite the layers with the K materials' optical depths scaled."""
@@ -301,8 +359,9 @@ class OpacityLayers:
         alpha = np.zeros((height, width), np.float32)
         depth_mm = np.zeros((height, width), np.float32)
         through = np.ones((height, width), np.float32)
+        scaled = self.scaled(scales)
         for layer in range(count):
-            tau = self.tau[:, :, layer].astype(np.float32) * scale
+            tau = scaled[:, :, layer]
             total = tau.sum(axis=-1)
             if not total.any():
                 continue
@@ -355,30 +414,53 @@ def _rounded(values: NDArray[Any], tau: NDArray[np.float32]) -> NDArray[np.float
     return (np.rint(values / step) * step).astype(np.float16)
 
 
+def _nearest_known(depth_mm: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return distances; where there is none, as at edges, that of the nearest pixel."""
+    from scipy.ndimage import distance_transform_edt
+
+    unknown = ~np.isfinite(depth_mm)
+    if unknown.all():
+        return depth_mm
+    at = distance_transform_edt(unknown, return_distances=False, return_indices=True)
+    return depth_mm[tuple(at)]
+
+
 def row_size(materials: int, groups: int, slots: int = 0) -> int:
     """Return the numbers of a layer: depths, shades by group, highlights, shadows, distance."""
     return materials + groups * materials + groups + slots * (4 + materials) + 1
 
 
-def empty_rows(table: Tables, size: tuple[int, int], spec: RaycastSpec) -> NDArray[np.float32]:
+def empty_rows(
+    table: Tables, size: tuple[int, int], spec: RaycastSpec, count: int | None = None
+) -> NDArray[np.float32]:
     """Return (H, W, L, `row_size`) zeros for a table's materials, which a cast fills.
+
+    L is ``count``, or that of the cast.
 
     Raises OpenCLError if there is no memory for them.
     """
     assert not isinstance(table, FieldTables)
     width, height = size
+    count = spec.layers if count is None else count
     numbers = row_size(len(table.channels), len(spec.groups), len(shadow_slots(spec)))
     try:
-        return np.zeros((height, width, spec.layers, numbers), np.float32)
+        return np.zeros((height, width, count, numbers), np.float32)
     except MemoryError:
         raise OpenCLError(
-            f"raycast: no memory for {spec.layers} layers of {width}x{height}",
+            f"raycast: no memory for {count} layers of {width}x{height}",
             "cast it smaller, or with fewer layers",
             code="size",
         ) from None
 
 
-def check_layers(spec: RaycastSpec, table: Tables, basis: Basis, behind: Sequence[object]) -> None:
+class _Surfaces(Protocol):
+    @property
+    def is_opaque(self) -> bool: ...
+
+
+def check_layers(
+    spec: RaycastSpec, table: Tables, basis: Basis, behind: Sequence[_Surfaces]
+) -> None:
     """Refuse what cannot be cast in layers, or with what is ``behind``. Raises RaycastError."""
     if not isinstance(basis, MaterialBasis):
         raise _refused(
@@ -400,8 +482,10 @@ def check_layers(spec: RaycastSpec, table: Tables, basis: Basis, behind: Sequenc
         raise _refused(
             spec, "spectral absorption (filters)", "leave the filters out, or leave layers out"
         )
-    if behind:
-        raise _refused(spec, "meshes or a room", "leave these out, or leave layers out")
+    if behind and spec.layers == 1:
+        raise _refused(spec, "meshes, which take one", "give 2 or more, or leave the meshes out")
+    if not all(each.is_opaque for each in behind):
+        raise _refused(spec, "translucent meshes", "set opacity = 1, or leave layers out")
 
 
 def _refused(spec: RaycastSpec, problem: str, remedy: str) -> RaycastError:
@@ -434,7 +518,7 @@ def materials_without_opacity(table: Tables, basis: Basis) -> list[str]:
 def warn_of_absent(basis: MaterialBasis, layers: OpacityLayers, scales: Sequence[float]) -> None:
     """Warn of materials that are to be scaled, but have no opacity in the layers."""
     for k, (name, scale) in enumerate(zip(basis.materials, scales, strict=True)):
-        if scale not in (0.0, 1.0) and not layers.tau[..., k].any():
+        if scale not in (0.0, 1.0) and not layers.fading.tau[..., k].any():
             warnings.warn(
                 f"{name!r} has no opacity in this picture, so {scale:g} times it is "
                 "none; if it is not out of view, cast it with a little opacity, such as 0.02, and "

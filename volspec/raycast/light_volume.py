@@ -284,13 +284,13 @@ def steps(begin: float, end: float) -> tuple[NDArray[np.float64], NDArray[np.flo
     return (edges[:-1] + edges[1:]) / 2, np.diff(edges)
 
 
-def split_width(table: Tables) -> int:
+def split_width(table: Tables, blocked: bool = False) -> int:
     """Return the numbers of a node that `LightVolume.layers` adds for each layer with ``split``.
 
     They are read as one vector, of 4 or 8.
     """
     assert isinstance(table, TransferTable)
-    return 4 if len(table.channels) <= 2 else 8
+    return 4 if len(table.channels) + blocked <= 2 else 8
 
 
 def extinction_per_mm(opacity: NDArray[np.float64], length_mm: float) -> NDArray[np.float64]:
@@ -387,6 +387,7 @@ class LightVolume:
         self._keys: list[tuple[Any, ...]] = []
         self._split_keys: list[tuple[Any, ...]] = []
         self._alone: dict[int, NDArray[np.uint16]] = {}
+        self._parts: dict[int, Any] = {}  # what surfaces let pass
 
     def layers(
         self,
@@ -404,7 +405,8 @@ class LightVolume:
         until the next call. ``clear`` is what surfaces keep from the nodes. With ``split``, for
         each layer ushort[nz][ny][nx][`split_width`] follows: of all materials, with `HALF` of
         their depths and with the whole, and of each by itself with half; occlusion is there the
-        plain mean of directions. Raises OpenCLError if the device has no room for the grid.
+        plain mean of directions. They are without what surfaces keep; if there are some, the part
+        that these let pass is last. Raises OpenCLError if the device has no room for the grid.
         """
         grid = LightGrid.for_spec(self.volume, spec)
         wanted = light_layers(spec, self.volume, camera)
@@ -416,7 +418,7 @@ class LightVolume:
             self._sigma, self._by_material = None, []
             self._fill_extinction(table, spec, grid)
             self._extinction = table, *settings
-        count = len(wanted) * (1 + (split_width(table) if split else 0))
+        count = len(wanted) * (1 + (split_width(table, clear is not None) if split else 0))
         if self._capacity < count * grid.nodes * 2:
             self._keys, self._split_keys = [], []
             self._layers, self._capacity = self._compute.output(4), 0
@@ -433,15 +435,20 @@ class LightVolume:
                     self._block(layer, number, grid, clear)
             self._keys.append(key)
         if split:
-            self._fill_split(table, spec, wanted, grid)
+            self._fill_split(table, spec, wanted, grid, clear)
         return self._layers, grid, wanted
 
     def _fill_split(
-        self, table: Tables, spec: RaycastSpec, wanted: Sequence[LightLayer], grid: LightGrid
+        self,
+        table: Tables,
+        spec: RaycastSpec,
+        wanted: Sequence[LightLayer],
+        grid: LightGrid,
+        clear: Clear | None,
     ) -> None:
         """Fill the layers of materials by themselves."""
         assert isinstance(table, TransferTable)
-        keys = [layer.key for layer in wanted]
+        keys = [(*layer.key, clear) for layer in wanted]
         if self._split_keys == keys:
             return
         self._split_keys = []
@@ -452,11 +459,15 @@ class LightVolume:
             ]
         parts = [(self._sigma, HALF), (self._sigma, 1.0)]
         parts += [(sigma, HALF) for sigma in self._by_material]
-        width = split_width(table)
+        width = split_width(table, clear is not None)
         for n, layer in enumerate(wanted):
             for number, (sigma, part) in enumerate(parts):
                 place = len(wanted) + n * width, width, number
                 self._fill_layer(layer, place, grid, sigma, part, gain=1.0)
+            if clear is not None:
+                place = len(wanted) + n * width, width, len(parts)
+                self._fill_layer(layer, place, grid, self._sigma, 0.0, gain=1.0)
+                self._take(self._parts[n], place, grid)
         self._split_keys = keys
 
     def _require(self, nbytes: int, field: str, grid: LightGrid) -> None:
@@ -609,8 +620,13 @@ class LightVolume:
         self._compute.download(self._layers, filled)
         self._alone[number] = filled[number * grid.nodes : (number + 1) * grid.nodes]
         parts = np.rint(65535.0 * unblocked_part(layer, grid, clear)).astype(np.uint16)
-        numbers = np.int32(grid.nodes), np.int32(number)
-        self._launch("blocked", grid.nodes, (self._compute.upload(parts), *numbers, self._layers))
+        self._parts[number] = self._compute.upload(parts)
+        self._take(self._parts[number], (number, 1, 0), grid)
+
+    def _take(self, parts: Any, place: tuple[int, int, int], grid: LightGrid) -> None:
+        """Multiply the numbers of a place, as of `_fill_layer`, by parts of 65535."""
+        at = np.array([*place, 0], np.int32)
+        self._launch("blocked", grid.nodes, (parts, np.int32(grid.nodes), at, self._layers))
 
     def attach(
         self,
@@ -648,6 +664,24 @@ class LightVolume:
             layer.source: partial(arriving, layer, grid, self._alone[number] / 65535.0)
             for number, layer in enumerate(wanted)
         }
+
+    def split_arrivals(
+        self, table: Tables, spec: RaycastSpec, camera: Camera, clear: Clear
+    ) -> list[dict[int, Arrives]]:
+        """Return `arrivals` past depths at half, the whole, and each material alone at half."""
+        buffer, grid, wanted = self.layers(table, spec, camera, clear, split=True)
+        assert isinstance(table, TransferTable)
+        width = split_width(table, blocked=True)
+        numbers = np.empty((len(wanted) * (1 + width), grid.nodes), np.uint16)
+        self._compute.download(buffer, numbers)
+        split = numbers[len(wanted) :].reshape(len(wanted), grid.nodes, width)
+        return [
+            {
+                layer.source: partial(arriving, layer, grid, split[number, :, n] / 65535.0)
+                for number, layer in enumerate(wanted)
+            }
+            for n in range(2 + len(table.channels))
+        ]
 
     def _parallel(self, layer: LightLayer, grid: LightGrid, gain: float) -> tuple[Any, ...]:
         """Return the steps of all directions, the end of each, their number and the gain."""

@@ -47,6 +47,7 @@ def cast_kernel(
     layers: int = 0,
     slots: Sequence[Slot] = (),
     split: int = 0,
+    blocked: bool = False,
 ) -> Any:
     """Return the kernel that casts voxels of a type.
 
@@ -72,6 +73,8 @@ def cast_kernel(
         Shadows of the layers.
     split : int
         Numbers of a node in the light volume, of materials by themselves.
+    blocked : bool
+        What surfaces let pass is one of them.
     """
     tile_width, tile_height = TILES[packet.lanes]
     constants = {
@@ -102,6 +105,7 @@ def cast_kernel(
             "LEAST_TAU": LEAST_TAU,
             "SLOT_COUNT": len(slots),
             "SPLIT": split,
+            "BLOCKED": int(blocked),
             "LIGHT_MASS": LIGHT_MASS,
             "MADE_COST": MADE_COST,
             "LIT_COST": LIT_COST,

@@ -73,8 +73,9 @@ from volspec.transfer import (
 from volspec.volume import Volume
 
 Result = tuple[Array, Array, Array, Array]
-# `arrivals`; then those at half of all depths, of each material alone, then of all; and unclipped.
-Lights = tuple[dict[int, Arrives], list[dict[int, Arrives]]]
+# `arrivals`; then those at half of all depths, of each material alone, then of all; and unclipped;
+# these without what surfaces keep, which is last.
+Lights = tuple[dict[int, Arrives], list[dict[int, Arrives]], dict[int, Arrives]]
 
 
 def cast(
@@ -135,6 +136,7 @@ def cast_layers(
     span_mm: NDArray[np.float32] | None = None,
     streams: Sequence[SampleStream] = (),
     lights: Lights | None = None,
+    clear: Clear | None = None,
 ) -> tuple[Result, Array]:
     """Cast a picture with `RaycastSpec.layers`, as `cast`, and return its layers, too.
 
@@ -145,7 +147,7 @@ def cast_layers(
     check_reach(volume, camera, spec)
     spec = spec.naming_fields(volume).for_field(volume.name)
     rays = _within(make_rays(volume, camera, size, spec), span_mm)
-    lights = lights or split_arrivals(volume, table, spec, camera)
+    lights = lights or split_arrivals(volume, table, spec, camera, clear)
     cast = _Layered(volume, table, camera, spec, rays, lights)
     cast.streams = cast.stream, *streams
     cast.march()
@@ -304,7 +306,7 @@ class _Layered(_March):
         # The table whose channels are the materials themselves.
         weights = np.eye(materials), np.zeros(materials)
         self.weights = replace(table, channels=weights[0], white=weights[1])
-        self.split = lights[1]
+        self.split, self.unblocked = lights[1:]
 
     @property
     def least_transmittance(self) -> float:
@@ -337,10 +339,14 @@ class _Layered(_March):
         factor = np.zeros((len(live), len(self.spec.groups)))
         highlight, shadows = np.zeros_like(factor), []
         for each in shade_by_source(*self.shading(live, along, point, gradient)):
+            at = each.in_front
+            if each.number in self.unblocked:
+                assert at is not None
+                part = self.unblocked[each.number](at)
+                each = each._replace(factor=part * each.factor, highlight=part * each.highlight)
             factor[:, each.group] += each.factor
             highlight[:, each.group] += each.highlight
             if each.number in self.arrives:
-                at = each.in_front
                 assert at is not None
                 *alone, half, whole = (lights[each.number](at) for lights in self.split)
                 light = each.factor, each.highlight, at, self.arrives[each.number](at)
@@ -600,15 +606,25 @@ def arrivals(
 
 
 def split_arrivals(
-    volume: Volume, table: TransferTable, spec: RaycastSpec, camera: Camera
+    volume: Volume,
+    table: TransferTable,
+    spec: RaycastSpec,
+    camera: Camera,
+    clear: Clear | None = None,
 ) -> Lights:
     """Return the light past a table's materials, together and each alone; twin of ``split``."""
-    arrives = arrivals(volume, table, spec, camera)
+    arrives = arrivals(volume, table, spec, camera, clear)
     if not arrives:
-        return arrives, []
+        return arrives, [], {}
     of = partial(arrivals, volume, spec=spec, camera=camera)
     split = [of(each, part=HALF) for each in (*material_tables(table), table)]
-    return arrives, [*split, of(table, part=1.0)]
+    passed: dict[int, Arrives] = {}
+    if clear is not None:
+        grid = LightGrid.for_spec(volume, spec)
+        for layer in light_layers(spec, volume, camera):
+            part = unblocked_part(layer, grid, clear).reshape(grid.shape_xyz[::-1])
+            passed[layer.source] = partial(light_at, part, grid)
+    return arrives, [*split, of(table, part=1.0)], passed
 
 
 def light_at(layer: Array, grid: LightGrid, index: Array) -> Array:

@@ -202,11 +202,13 @@ def layer_points(
 ) -> Points:
     """Return the points of layers with the materials' optical depths scaled, pixel by pixel."""
     layers = layers.lit(scales)
-    tau = layers.tau.astype(np.float64) * scales
+    tau = layers.scaled(scales).astype(np.float64)
     total = tau.sum(axis=-1)
     depth = layers.depth_mm.astype(np.float64)
     used = np.isfinite(depth)
-    steps = np.diff(np.where(used, depth, np.nan), axis=2)
+    deep = np.where(used, depth, np.nan)
+    deep[:, :, layers.count - layers.solid :] = np.nan  # surfaces have no depth
+    steps = np.diff(deep, axis=2)
     edge = np.full_like(depth[..., :1], np.nan)
     before = np.concatenate([edge, steps], axis=2)
     behind = np.concatenate([steps, edge], axis=2)
@@ -452,6 +454,7 @@ class Reprojector:
     def _kernel(self, name: str, wide: bool = False) -> Any:
         constants = {
             "LAYERED": self._layers.count,
+            "SOLID": int(self._layers.solid),
             "MATERIALS": self._layers.materials,
             "GROUPS": self._layers.groups,
             "CHANNELS": self.image.coefficients.shape[2],

@@ -271,7 +271,7 @@ def _estimated(
     full = tuple(every * each for each in np.nonzero(seen))
     own = layers.at(*full)
     # A material of few pixels may be in none of these.
-    there = dict(zip(basis.materials, np.any(own.tau, axis=(0, 1, 2)).flat, strict=True))
+    there = dict(zip(basis.materials, np.any(own.fading.tau, axis=(0, 1, 2)).flat, strict=True))
     opacities = {name: scale for name, scale in opacities.items() if there[name]}
     picture = replace(
         image,

@@ -104,6 +104,7 @@ def opacity_deviation(
 
     The sign is that of the greatest guess. ``XYZ_from_channels`` is that of an `Illumination`.
     """
+    layers = layers.fading  # transmittances in front of surfaces are exact
     shaded = layers.shadow is not None or layers.occlusion is not None
     lit = _Lit.of(layers.lit(scales), XYZ_from_channels)
     merging = _merging(lit.tau, _SHADED if shaded else 0)

@@ -90,7 +90,9 @@ def layer_extents(layers: OpacityLayers) -> tuple[NDArray[Any], float]:
     # Row by row, which stays in a core's cache.
     for line, (tau, depth) in enumerate(zip(layers.tau, layers.depth_mm, strict=True)):
         total = tau.astype(np.float32).sum(axis=2)
-        both[line, ..., 0], both[line, ..., 1] = extents(total, depth.astype(np.float32))
+        both[line, ..., 0], both[line, ..., 1] = extents(
+            total, depth.astype(np.float32), layers.solid
+        )
         nearest = min(nearest, both[line, ..., 0].min(initial=math.inf, where=total > 0))
     nearest = float(nearest) if math.isfinite(nearest) else 0.0
     both[..., 0] = np.maximum(both[..., 0] - nearest, 0)
@@ -123,6 +125,7 @@ class PackedOpacity:
     materials: int
     groups: int
     shadows: tuple[Slot, ...] = ()  # groups that have them, or occlusion
+    solid: bool = False
     nearest_mm: float | None = None
 
     @classmethod
@@ -140,13 +143,14 @@ class PackedOpacity:
             # (H, W, L) planes, layer by layer.
             texels[:, i // 4, :, :, i % 4] = np.moveaxis(plane, 2, 0)
         flat = texels.reshape(count * each, height, width, 4)
-        return cls(flat, count, materials, layers.groups, shadows, nearest)
+        return cls(flat, count, materials, layers.groups, shadows, layers.solid, nearest)
 
     def constants(self) -> dict[str, float]:
         """Return the constants compiled into the shader."""
         return {
             **shadow_constants(self.materials, self.groups, self.shadows),
             "COUNT": self.count,
+            "SOLID": int(self.solid),
             "MATERIALS": self.materials,
             "GROUPS": self.groups,
             "TEXELS": len(self.texels) // self.count,

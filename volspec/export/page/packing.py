@@ -92,6 +92,7 @@ class PackedLayers:
     shadows: tuple[Slot, ...] = ()
     path: float = 1.0
     bend: float = 1.0
+    solid: bool = False
 
     @property
     def text(self) -> str:
@@ -104,6 +105,7 @@ class PackedLayers:
         return {
             **shadow_constants(materials, self.groups, self.shadows),
             "COUNT": self.count,
+            "SOLID": int(self.solid),
             "MATERIALS": materials,
             "GROUPS": self.groups,
             "TEXELS": layer_slots(materials, self.groups, len(self.shadows), extents=True)[1],
@@ -154,6 +156,7 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
     tau = np.minimum(tau, _MOST_TAU)
     tau_codes, most_tau = _coded(tau, 255, 3)
     shown: NDArray[np.bool_] = tau_codes > 0
+    fading = shown[:, :, : layers.count - layers.solid]
     used: NDArray[np.bool_] = np.any(shown, axis=-1)
     shade_codes, most_shade = _coded(shade * shown[:, :, :, None], _SHADE_CODES, 1)
     gloss_codes, most_gloss = _coded(gloss * used[..., None], _GLOSS_CODES, 2)
@@ -180,7 +183,7 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
     return PackedLayers(
         _deflated(b"".join(parts)),
         layers.count,
-        tuple(bool(shown[..., k].any()) for k in range(layers.materials)),
+        tuple(bool(fading[..., k].any()) for k in range(layers.materials)),
         layers.groups,
         most_tau,
         most_shade,
@@ -191,6 +194,7 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
         tuple(layers.slots),
         path,
         bend,
+        layers.solid,
     )
 
 

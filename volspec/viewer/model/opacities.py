@@ -43,7 +43,8 @@ def can_layer(state: ViewState) -> bool:
         isinstance(state.transfer, TransferFunction | TransferFunction2D)
         and isinstance(state.transfer.basis, MaterialBasis)
         and 0 < len(names(state)) <= MAX_MATERIALS
-        and not (state.fields or state.meshes or state.room)
+        and not (state.fields or state.room)
+        and all(row.opacity == 1.0 for row in state.meshes if row.shown)
         and document.volume.pyramid is None
         and spec.mode == "composite"
         and not spec.preintegrated

@@ -18,7 +18,10 @@ _HELP = (
     "Scales of the optical depth: 0 hides a material, 2 is twice as much of it. "
     "Double-click or Ctrl+click to type."
 )
-_BY_CASTS = "Each change is a new cast here: layers show up to four materials of one curve."
+_BY_CASTS = (
+    "Each change is a new cast here: layers show up to four materials of one curve, and opaque "
+    "meshes."
+)
 
 
 def draw(state: ViewState, ui: UiContext) -> ViewState:

@@ -66,7 +66,7 @@ function materialRow(name, present, set) {
     type: 'button', class: 'material', title: `Show or hide ${named}`,
     onclick: () => set(slider.dataset.scale === '0' ? shown : 0),
   }, swatch, el('span', { class: 'words' }, el('bdi', {}, name),
-    present ? '' : el('span', { class: 'quiet' }, 'none in this cast')));
+    present ? '' : el('span', { class: 'quiet' }, 'none in the volume')));
   const output = el('output', { 'aria-hidden': 'true' });
   const item = el('li', {}, toggle, slider, output);
   const refresh = (scale, ready) => {
