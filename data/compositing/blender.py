@@ -165,7 +165,7 @@ def composited(tree, passes, scales, solid, y):
 def recomposed(tree, image, recipe, about, own, alpha):
     """Channels of each group and the opacity, with a Value node for each material's opacity.
 
-    The difference of the picture and its layers is added, and fades until one is 1/4 or 4.
+    The difference of the picture and its layers is added, and fades by the root of the least scale.
     """
     named = {group: names[0].split(".")[0] for group, names in recipe["channels"].items()}
     materials = recipe["materials"]
@@ -202,14 +202,10 @@ def recomposed(tree, image, recipe, about, own, alpha):
                 casts,
             )
         )
-    far = 0.0
+    kept = 1.0
     for scale in scales:
-        step = math(tree, 100, 1200, "MAXIMUM", scale, 0.01)
-        step = math(tree, 100, 1170, "LOGARITHM", step, 2.0)
-        step = math(tree, 100, 1140, "ABSOLUTE", step)
-        far = math(tree, 100, 1110, "MAXIMUM", far, step)
-    kept = math(tree, 100, 1080, "MULTIPLY_ADD", far, -0.5, 1.0)
-    kept = math(tree, 100, 1050, "MAXIMUM", kept, 0.0)
+        kept = math(tree, 100, 1200, "MINIMUM", kept, scale)
+    kept = math(tree, 100, 1050, "SQRT", kept)
     solid = about["version"] > 2
     was = composited(tree, passes, None, solid, 1500)
     shown = composited(tree, passes, scales, solid, 3000)

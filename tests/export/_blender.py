@@ -36,6 +36,7 @@ MATH: dict[str, Callable[..., Any]] = {
     "ABSOLUTE": lambda a, *_: np.abs(a),
     "MAXIMUM": lambda a, b, _: np.maximum(a, b),
     "MINIMUM": lambda a, b, _: np.minimum(a, b),
+    "SQRT": lambda a, b, _: np.sqrt(a),
 }
 
 

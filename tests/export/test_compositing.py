@@ -195,8 +195,9 @@ KINDS = pytest.mark.parametrize(
 
 def chained(text: str, names: dict[str, Any]) -> NDArray[Any]:
     """Evaluate the Expression nodes of a group, one after the other, as (H, W, 4)."""
-    functions = {"exp": np.exp, "log": np.log, "abs": np.abs, "min": np.minimum}
+    functions = {"exp": np.exp, "log": np.log, "sqrt": np.sqrt}
     functions["max"] = lambda *each: functools.reduce(np.maximum, each)
+    functions["min"] = lambda *each: functools.reduce(np.minimum, each)
     pixels = dict.fromkeys("rgb", 0.0) | {"a": names.pop("A")}
     for node in re.findall(r"^ Expression \{\n(.*?)^ \}", text, re.DOTALL | re.MULTILINE):
         knobs = dict(re.findall(r'^  (\w+) "?(.*?)"?$', node, re.MULTILINE))
@@ -230,7 +231,11 @@ def test_nuke_s_group_has_a_knob_for_each_opacity(
         names = pasted(channels) | {"A": channels["A"], "parent": SimpleNamespace(**on)}
         found = chained(text, names)
         recipe = Recipe.load(tmp_path / "i.exr")
-        assert np.abs(found[..., :3] - recipe.picture(picture, name)).max() < OPACITIES[shadows]
+        off = np.abs(found[..., :3] - recipe.picture(picture, name)).max(axis=2)
+        # Channels that fall below 0 are 0 in the picture, but not in Nuke's sums.
+        clipped = ((picture.coefficients == 0) & (image.coefficients > 0)).any(axis=2)
+        clipped &= min(opacities.values(), default=1.0) > 0
+        assert off[~clipped].max() < OPACITIES[shadows] and off.max() < 1e-3
         assert np.abs(found[..., 3] - picture.alpha).max() < OPACITIES[shadows]
 
 

@@ -278,7 +278,7 @@ def test_a_material_without_opacity_is_named_with_the_remedy(image: CoefficientI
     without.recompose({"gold": 0})
     with pytest.warns(VolspecWarning, match="'gold' has no opacity .* 0.02"):
         shown = without.recompose({"gold": 4})
-    np.testing.assert_array_equal(shown.alpha, without.recompose({"gold": 0}).alpha)
+    np.testing.assert_allclose(shown.alpha, without.alpha, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -342,7 +342,7 @@ def test_a_file_holds_the_layers_in_half_precision(image: CoefficientImage, tmp_
         assert np.array_equal(one, other)
     for one, other in zip(*map(_arrays, (loaded, loaded.as_stored())), strict=True):
         assert np.array_equal(one, other)
-    assert np.array_equal(loaded.tau, own.tau.astype(np.float16))
+    assert np.array_equal(loaded.tau > 0, own.tau > 2.0**-13)
     assert np.array_equal(loaded.depth_mm, own.depth_mm.astype(np.float16))
     assert np.array_equal(again.recompose({}).coefficients, image.coefficients)
     for scales in ({"gold": 0.3}, {"copper": 0}, {"gold": 4, "copper": 4}):
@@ -350,11 +350,14 @@ def test_a_file_holds_the_layers_in_half_precision(image: CoefficientImage, tmp_
         assert np.abs(one.coefficients - other.coefficients).max() < 2e-3
 
 
-def test_stored_shades_are_exact_to_what_shows(image: CoefficientImage) -> None:
-    """Half of 2^-10 of white at scale 4, or of 2^-5 of a value; and rounding to half floats."""
+def test_stored_numbers_are_exact_to_what_shows(image: CoefficientImage) -> None:
+    """Half of 2^-10 of white at any scale, or of 2^-5 of a shade; and rounding to half floats."""
     layers = image.opacity_layers
     assert layers is not None
     stored = layers.as_stored()
+    for scale in (0.25, 1.0, 4.0):
+        one, other = (np.exp(-scale * each.tau.astype(float)) for each in (stored, layers))
+        assert np.abs(one - other).max() <= 2.0**-11 + 1e-6
     total = layers.tau.sum(axis=-1)[..., None]
     for name, tau in (("shade", layers.tau[..., None, :]), ("gloss", total)):
         one, other = getattr(stored, name).astype(float), getattr(layers, name)

@@ -6,7 +6,6 @@ EXR header -> [recipes] -> FILE.py | FILE.nk
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
@@ -143,13 +142,12 @@ def _layer_nodes(
 ) -> Iterator[str]:
     """Yield the lines of nodes that recompose the picture, as `CoefficientImage.recompose`.
 
-    The first holds the part of the picture that is left near scale 1; each further one adds the
+    The first holds the part of the picture that is left; each further one adds the
     difference between a layer with other opacities and that part of the layer as it was cast.
     """
     groups, materials = list(recipe.channels), list(recipe.materials.values())
     knobs = [f"parent.opacity{number}" for number in range(1, len(materials) + 1)]
-    stops = ",".join(f"abs(log(max({knob},0.01)))" for knob in knobs)
-    kept = f"max(0,1-max(0,{stops})/{2 * math.log(2):.{_DIGITS}g})"
+    kept = f"sqrt(min(1,{','.join(knobs)}))"  # `residual_share`
     yield from _expression_node(
         "kept", [*(f"{kept}*({text})" for text in expressions), f"{kept}*a"]
     )

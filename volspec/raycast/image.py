@@ -208,7 +208,7 @@ class CoefficientImage:
 
         Scales act on a material's optical depth: 0 hides it, 2 is twice as much of it. If all
         are 1, the result is this picture, bit for bit; the difference between the picture and its
-        layers is added and fades until a scale is 1/4 or 4. Shadows and occlusion are those of
+        layers is added, and fades as materials do. Shadows and occlusion are those of
         the scaled opacities. The result has no first hit and no layers.
 
         Parameters

@@ -5,10 +5,7 @@
 // Twin of volspec/relight/recompose.py.
 
 // How much of what the layers lack at scale 1 is added: volspec/raycast/layered.py.
-function residualShare(scales) {
-  if (Math.min(...scales) <= 0) return 0;
-  return Math.max(0, 1 - Math.max(...scales.map((scale) => Math.abs(Math.log2(scale)))) / 2);
-}
+const residualShare = (scales) => Math.sqrt(Math.min(1, ...scales));
 
 const isUnscaled = (scales) => scales.every((scale) => scale === 1);
 
