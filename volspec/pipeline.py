@@ -176,7 +176,11 @@ def raycast(
     if volume.is_empty and not behind:
         why = "the picture is empty: no mesh is shown; set shown = true for one"
         warnings.warn(why, VolspecWarning, stacklevel=2)
-    elif not (any(cast.alpha.any() for cast in casts) or volume.is_empty):
+    elif not (
+        any(cast.alpha.any() for cast in casts)
+        or volume.is_empty
+        or (behind and spec.opacities)  # hidden on purpose, with a mesh to be seen
+    ):
         if Projection(camera, (0, 0, *checked_size(size))).shows(volume.corners_mm):
             why = _empty_picture_warning(volume, table)
             if behind:

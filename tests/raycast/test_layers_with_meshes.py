@@ -56,7 +56,7 @@ def caster(ball: Volume) -> Raycaster:
 
 
 def balls(*, opacity: float = 1.0) -> MeshCaster:
-    """A silver ball in the volume, towards the eye, and a copper one beside it."""
+    """A silver ball in the volume, towards the eye, and a copper one next to it."""
     one = shapes.shape_mesh("sphere", material="silver").placed((11.5, 6.0, 15.0), scale=8.0)
     other = shapes.shape_mesh("sphere", material="copper").placed((20.0, 10.0, 6.0), scale=5.0)
     return MeshCaster([replace(one, opacity=opacity), other], MATERIALS, BASIS)

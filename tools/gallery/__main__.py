@@ -29,6 +29,7 @@ FEATURES = (
 LAYERS = (
     Feature("An engine's block", layers.engine_block),
     Feature("Skin and flesh", layers.skin_and_flesh),
+    Feature("A plate on a bone", layers.a_plate_on_a_bone),
 )
 PAGES = (
     page.Page("raycast.md", FEATURES, page.TOP, studio, page.CREDITS),

@@ -5,10 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+import pyvista as pv
+from numpy.typing import NDArray
 from PIL import Image
 
 import volspec as vs
@@ -18,9 +20,11 @@ from tools.gallery.studio import FILL, KEY, READERS, ROOT, STUDIO, Picture, cast
 OPEN_SKY = vs.LightGroup("sky", (vs.Ambient(0.5), *FILL.sources))
 TWO_GROUPS = replace(STUDIO, groups=(KEY, OPEN_SKY), alpha_stop=1)
 EVENING = vs.LightRig((vs.light("A"), vs.light("daylight:15000")), groups=("key", "sky"))
+Array = NDArray[np.float64]
 State = tuple[dict[str, float], vs.Spectrum | vs.LightRig | str]
 
-SHARED = ("OPEN_SKY", "TWO_GROUPS", "EVENING", "pairs", "foot_function", "foot_camera")  # printed
+SHARED = ("OPEN_SKY", "TWO_GROUPS", "EVENING", "pairs")  # printed
+SHARED += ("foot_function", "foot_camera", "plate", "disc")
 
 _STRIP = ROOT / "docs" / "images" / "fading.jpg"
 _TILE = (920, 840)  # cast; a tile has half of it
@@ -32,13 +36,15 @@ def pairs(
     camera: vs.Camera,
     states: Mapping[str, State],
     exposure: float = 1.1,
+    meshes: Sequence[vs.MeshCaster] = (),
 ) -> dict[str, Picture]:
     """Recompose one cast, above new casts of the same opacities, and compare the pictures."""
     spec = replace(TWO_GROUPS, step_mm=volume.finest_mm / 2)
-    image = cast(volume, transfer, camera, replace(spec, layers=8))
+    image = cast(volume, transfer, camera, replace(spec, layers=8), meshes=meshes)
     shown = {}
     for name, (opacities, light) in states.items():
-        new = cast(volume, transfer, camera, replace(spec, opacities=opacities))
+        own = replace(spec, opacities=opacities)
+        new = cast(volume, transfer, camera, own, meshes=meshes)
         both = image.recompose(opacities), new
         pair = [show(each, light, exposure) for each in both]
         alpha = np.maximum(*(each.alpha for each in both))
@@ -91,10 +97,54 @@ def skin_and_flesh(foot: vs.Volume) -> dict[str, Picture]:
     return pairs(foot, transfer, camera, states)
 
 
-def foot_function() -> vs.TransferFunction:
-    """Return skin, flesh and bone of the foot."""
+def a_plate_on_a_bone(foot: vs.Volume) -> dict[str, Picture]:
+    """A gold-coloured plate with four screws, a mesh, is the last of the layers. It stays, its
+    shadow on the bone with it, while what is in front of it fades and takes its shadow off it.
+    """
+    transfer, camera = foot_function(plate="gold"), foot_camera(foot)
+    bone, along = np.array((135.0, 44.0, 133.0)), np.array((0.12, 0.99, -0.11))
+    mesh = vs.Mesh.of(plate(bone, along, np.array(camera.position_mm) - bone), "plate")
+    meshes = [vs.MeshCaster([mesh], transfer.materials, transfer.basis)]
+    states: dict[str, State] = {
+        "as cast, daylight": ({}, "D65"),
+        "skin × ¼, daylight": ({"skin": 0.25}, "D65"),
+        "no skin, daylight": ({"skin": 0}, "D65"),
+        "bones, tungsten and sky": ({"skin": 0, "flesh": 0}, EVENING),
+        "bones × ⅒, tungsten and sky": ({"skin": 0, "flesh": 0, "bone": 0.1}, EVENING),
+        "the plate, tungsten and sky": ({"skin": 0, "flesh": 0, "bone": 0}, EVENING),
+    }
+    return pairs(foot, transfer, camera, states, meshes=meshes)
+
+
+def plate(bone: Array, along: Array, out: Array) -> pv.PolyData:
+    """Return a bone plate of 62 mm with four screws; its place, its axis and where it faces."""
+    box = pv.Box((-31, 31, -5.5, 5.5, -1.25, 1.25)).triangulate()
+    parts = [disc(x, 0.0, 5.5, 2.5) for x in (-31, 31)]
+    for x in (-26, -11, 11, 26):
+        parts += [disc(x, -9.0, 2.0, 18.0), disc(x, 1.85, 3.8, 1.2)]
+    axes = np.eye(4)
+    x = along / np.linalg.norm(along)
+    z = out - (out @ x) * x
+    z /= np.linalg.norm(z)
+    axes[:3] = np.stack([x, np.cross(z, x), z, bone + 17.0 * z], axis=1)
+    return box.merge(parts).transform(axes, inplace=False)
+
+
+def disc(x: float, z: float, radius: float, height: float) -> pv.PolyData:
+    """Return a cylinder along z."""
+    made = pv.Cylinder(
+        center=(x, 0.0, z), direction=(0.0, 0.0, 1.0), radius=radius, height=height, resolution=64
+    )
+    return made.triangulate()
+
+
+def foot_function(**more: str) -> vs.TransferFunction:
+    """Return skin, flesh and bone of the foot, and perhaps materials of meshes."""
     looks = materials(
-        skin="Vrhel/81 skin caucasian light", flesh="PMC/Pork", bone="Vrhel/158 fabric white"
+        skin="Vrhel/81 skin caucasian light",
+        flesh="PMC/Pork",
+        bone="Vrhel/158 fabric white",
+        **more,
     )
     points = [
         *((24, 0.0, "skin"), (34, 0.12, "skin"), (46, 0.12, "skin")),

@@ -46,8 +46,8 @@ daylight, in the lower three the key is tungsten, and the rest a blue sky.
 
 All casts take steps of half a voxel, and their rays do not end early, so that a pair differs by its
 layers alone. The code is the very code that ran, `python -m tools.gallery --only engine-block
-skin-and-flesh`; `pairs` and the lamps are [at the end](#shared-by-all), the rest is in the
-[gallery](raycast.md#shared-by-all). The engine ships, the foot does not:
+skin-and-flesh a-plate-on-a-bone`; `pairs` and the lamps are [at the end](#shared-by-all), the rest
+is in the [gallery](raycast.md#shared-by-all). The engine ships, the foot does not:
 [credits](raycast.md#credits).
 
 Times are of whole casts, lamps included, on {device}; the first is of the cast with layers.

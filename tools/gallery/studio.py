@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -55,13 +55,16 @@ def cast(
     camera: vs.Camera,
     spec: vs.RaycastSpec = STUDIO,
     size: tuple[int, int] | None = None,
+    meshes: Sequence[vs.MeshCaster] = (),
 ) -> vs.CoefficientImage:
     """Cast and note the time: of march and lamps, the volume being on the device already."""
     caster = Raycaster(volume)
     # Compiles the kernel, which is kept from then on.
-    vs.raycast(volume, transfer, camera, (32, 24), spec, caster=Raycaster(volume))
+    small = (32, 24)
+    vs.raycast(volume, transfer, camera, small, spec, caster=Raycaster(volume), behind=meshes)
     start = time.perf_counter()
-    image = vs.raycast(volume, transfer, camera, size or SIZE, spec, caster=caster)
+    shown = size or SIZE
+    image = vs.raycast(volume, transfer, camera, shown, spec, caster=caster, behind=meshes)
     CLOCK.casts.append(time.perf_counter() - start)
     CLOCK.device = caster.device
     return image
