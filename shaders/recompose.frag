@@ -47,7 +47,8 @@ Group group(ivec2 pixel, int g) {
     float stretch = stretch_of(gl_FragCoord.xy - 0.5 * vec2(textureSize(layers, 0).xy));
     float lit = 1.0, fogged = 0.0;
 #endif
-    for (int layer = 0; layer < COUNT; ++layer) {
+    int count = layers_of(pixel);
+    for (int layer = 0; layer < count; ++layer) {
         int slice = layer * TEXELS;
         vec4 tau = scaled_depths(pixel, slice);
         float total = dot(tau, vec4(1.0)), own = total;

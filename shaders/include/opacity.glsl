@@ -17,7 +17,7 @@
 //         cut_mm, fog (per mm, mm), fog_light, slope (of a pixel to the axis), nearest_mm  if DEPTH.
 //         shade_code, gloss_code  if CODED.
 // Host    COUNT (layers), SOLID (1 if the last is of surfaces, which scales leave as they are),
-//         MATERIALS, GROUPS, TEXELS,
+//         FILLED (1 if layers are used from the first on), MATERIALS, GROUPS, TEXELS,
 //         CODED (1 if the numbers are 8-bit codes c of τ = TAU_CODE c³, shade = shade_code c,
 //         gloss = gloss_code c², E = PATH_CODE c³, b = BEND_CODE c³, a slab's begin = BEGIN_CODE c
 //         and width = WIDTH_CODE c²), TAU_CODE, PATH_CODE, BEND_CODE, BEGIN_CODE, WIDTH_CODE;
@@ -43,6 +43,20 @@ vec4 scaled_depths(ivec2 pixel, int slice) {
     if (slice >= (COUNT - 1) * TEXELS) return tau;
 #endif
     return tau * scales;
+}
+
+// Layers to look at: none in a pixel without any, where software devices leave the loop. With FILLED
+// a layer before the last is used only if the first is.
+int layers_of(ivec2 pixel) {
+#if FILLED
+    float found = dot(texelFetch(layers, ivec3(pixel, 0), 0), vec4(1.0));
+#if SOLID
+    found += dot(texelFetch(layers, ivec3(pixel, (COUNT - 1) * TEXELS), 0), vec4(1.0));
+#endif
+    return found > 0.0 ? COUNT : 0;
+#else
+    return COUNT;
+#endif
 }
 
 // 1 - exp(-tau), which loses all precision in faint layers.

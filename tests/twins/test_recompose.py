@@ -118,6 +118,26 @@ def test_shadows_fade_alike(materials: int, shadows: str, scales: tuple[float, .
     assert np.abs(frames[0] - frames[1]).max() > 0.01
 
 
+@pytest.mark.parametrize("solid", [False, True])
+def test_layers_from_the_first_on_match_where_pixels_have_none(solid: bool) -> None:
+    image = layered(3, 2, solid=solid)
+    layers = image.opacity_layers
+    assert layers is not None
+    assert not PackedOpacity.of(layers).filled
+    tau = layers.tau + np.float16(0.02)
+    tau[1, :, : 4 if solid else 5] = 0
+    tau[2], tau[3, :, 2:] = 0, 0
+    own = replace(layers, tau=tau)
+    assert PackedOpacity.of(own).filled
+    image = replace(image, opacity_layers=own)
+    frames = []
+    for relighter in (gl_or_skip(image), Relighter(image, "numpy")):
+        with relighter:
+            relighter.set_opacities({"gold": 0.4})
+            frames.append(relighter.frame(rig(image), dtype=np.float32))
+    np.testing.assert_allclose(*frames, atol=2e-4)
+
+
 @pytest.mark.parametrize("shadows", ["--", "b-"])
 def test_surfaces_do_not_fade(shadows: str) -> None:
     image = layered(3, 2, shadows=shadows, solid=True)

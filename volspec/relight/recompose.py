@@ -80,6 +80,12 @@ def layer_planes(layers: OpacityLayers) -> list[NDArray[Any]]:
     return planes
 
 
+def are_filled(used: NDArray[np.bool_], solid: bool) -> bool:
+    """Return True if layers (H, W, L) are used from the first on; the last may be of surfaces."""
+    own = used[..., : used.shape[2] - solid]
+    return not (own.any(axis=2) & ~own[..., 0]).any() if own.shape[2] else False
+
+
 def layer_extents(layers: OpacityLayers) -> tuple[NDArray[Any], float]:
     """Return (H, W, L, 2) where layers begin, beyond the nearest, and their widths; and its place.
 
@@ -126,6 +132,7 @@ class PackedOpacity:
     groups: int
     shadows: tuple[Slot, ...] = ()  # groups that have them, or occlusion
     solid: bool = False
+    filled: bool = False
     nearest_mm: float | None = None
 
     @classmethod
@@ -143,7 +150,9 @@ class PackedOpacity:
             # (H, W, L) planes, layer by layer.
             texels[:, i // 4, :, :, i % 4] = np.moveaxis(plane, 2, 0)
         flat = texels.reshape(count * each, height, width, 4)
-        return cls(flat, count, materials, layers.groups, shadows, layers.solid, nearest)
+        used: NDArray[np.bool_] = np.any(layers.tau, axis=3)
+        filled = are_filled(used, layers.solid)
+        return cls(flat, count, materials, layers.groups, shadows, layers.solid, filled, nearest)
 
     def constants(self) -> dict[str, float]:
         """Return the constants compiled into the shader."""
@@ -151,6 +160,7 @@ class PackedOpacity:
             **shadow_constants(self.materials, self.groups, self.shadows),
             "COUNT": self.count,
             "SOLID": int(self.solid),
+            "FILLED": int(self.filled),
             "MATERIALS": self.materials,
             "GROUPS": self.groups,
             "TEXELS": len(self.texels) // self.count,

@@ -16,7 +16,12 @@ from numpy.typing import NDArray
 from volspec.raycast import CoefficientImage
 from volspec.raycast.layered import OpacityLayers, Slot
 from volspec.relight.layers import clamp_finite
-from volspec.relight.recompose import layer_extents, layer_slots, shadow_constants
+from volspec.relight.recompose import (
+    are_filled,
+    layer_extents,
+    layer_slots,
+    shadow_constants,
+)
 
 Codes = NDArray[np.integer[Any]]
 
@@ -93,6 +98,7 @@ class PackedLayers:
     path: float = 1.0
     bend: float = 1.0
     solid: bool = False
+    filled: bool = False
 
     @property
     def text(self) -> str:
@@ -106,6 +112,7 @@ class PackedLayers:
             **shadow_constants(materials, self.groups, self.shadows),
             "COUNT": self.count,
             "SOLID": int(self.solid),
+            "FILLED": int(self.filled),
             "MATERIALS": materials,
             "GROUPS": self.groups,
             "TEXELS": layer_slots(materials, self.groups, len(self.shadows), extents=True)[1],
@@ -195,6 +202,7 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
         path,
         bend,
         layers.solid,
+        are_filled(used, layers.solid),
     )
 
 
