@@ -170,6 +170,10 @@ def test_layers_are_cast_and_fade_when_relit(
         (("render", "{scene}", "-o", "p.png", "--layers", "4"), "name it .exr"),
         (("relight", "{out}", "--light", "A", "-o", "f.png", "--opacity", "ball"), "block=0.3"),
         (("relight", "{out}", "--light", "A", "-o", "f.png", "--opacity", "ball=0"), "layers = 8"),
+        (
+            ("relight", "{out}", "--light", "A", "-o", "f.png", "--opacity", "ball=0,air=1"),
+            "one material each, --opacity ball=0 --opacity air=1",
+        ),
         (("relight", "{out}", "--light", "A", "-o", "f.png", "--focus", "0"), "--focus is 0"),
         (("relight", "{out}", "--light", "A", "-o", "f.png", "--near", "1"), "layers = 8"),
         (("relight", "{out}", "--light", "A", "-o", "f.png", "--stereo", "crossed"), "layers = 8"),

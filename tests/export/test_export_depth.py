@@ -72,7 +72,9 @@ def test_coefficient_images_have_it_as_well(ball_folder: Path, tmp_path: Path) -
     assert not image.alpha.any() and image.opacity_layers is None
 
 
-def test_an_image_is_relit_with_the_depth_of_its_scene(ball_folder: Path, tmp_path: Path) -> None:
+def test_an_image_is_relit_with_the_depth_of_its_scene(
+    ball_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     scene = made(ball_folder, "[depth]\nnear_mm = 50\n")
     image, frame = tmp_path / "ball.exr", tmp_path / "ball.png"
     assert run("render", ball_folder / "deep.toml", "-o", image) == 0
@@ -83,6 +85,7 @@ def test_an_image_is_relit_with_the_depth_of_its_scene(ball_folder: Path, tmp_pa
         ((), DepthEffects(near_mm=50)),
         (("--near", "0"), DepthEffects()),
         (("--far", "60"), DepthEffects(near_mm=50, far_mm=60)),
+        (("--far", "off", "--fog", "off"), DepthEffects(near_mm=50)),
     ):
         assert run("relight", image, "--light", "A", "-o", frame, *options) == 0
         wanted = relight(cast.recompose({}, effects), light("A"), spec)
@@ -90,6 +93,10 @@ def test_an_image_is_relit_with_the_depth_of_its_scene(ball_folder: Path, tmp_pa
     damaged = replace(cast, notes={"depth": '{"near_mm": "x"}'})
     with raises(ImageError, "damaged"):
         stored_depth(damaged)
+    damaged.save(image)
+    capsys.readouterr()
+    assert run("relight", image, "--light", "A", "-o", frame) == 1
+    assert f"{image}: the image's depth note" in "".join(capsys.readouterr().err.split("\n"))
 
 
 def run(*words: object) -> int:

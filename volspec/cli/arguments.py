@@ -231,6 +231,9 @@ def read_opacities(words: Sequence[str]) -> dict[str, float]:
             material = ""
         if not material:
             raise InputError(f"--opacity {word!r}: write MATERIAL=SCALE, as block=0.3")
+        if "," in material and "=" in material:
+            each = " ".join(f"--opacity {shlex.quote(part.strip())}" for part in word.split(","))
+            raise InputError(f"--opacity {word!r}: give one material each, {each}")
         if material in scales:
             raise InputError(
                 f"--opacity: {material!r} is given twice; give it once", code="duplicate"

@@ -21,6 +21,7 @@ from volspec.cli.viewing import (
     PictureOptions,
     StereoOptions,
     in_options,
+    naming,
 )
 from volspec.errors import ImageError, InputError, VolspecError
 
@@ -156,7 +157,10 @@ def relight(
     stored = _picture(image, basis, taken_under)
     layered, scales = stored, read_opacities(opacity or ())
     # Errors are of opacities and lights alone, and eyes have no lens.
-    own = DepthEffects() if stored.opacity_layers is None else stored_depth(stored)
+    own = DepthEffects()
+    if stored.opacity_layers is not None:
+        with naming(image):
+            own = stored_depth(stored)
     if errors and own.changes:
         note("--errors: frame and map are without the [depth] of the image's scene")
         own = DepthEffects()
@@ -176,7 +180,8 @@ def relight(
             "them",
             code="conflict",
         )
-    scene = stored_relight_spec(stored)
+    with naming(image):
+        scene = stored_relight_spec(stored)
     lamps = [read_image_setting(image, text, stored) for text in light]
     if shown is not None:
         lamps = _lit(lamps, viewing.lux, stored)

@@ -74,17 +74,24 @@ Json = Annotated[bool, Parameter(name="--json", negative="", help="Print figures
 
 
 def as_written(kind: Any, tokens: Sequence[Token]) -> Any:
-    """Convert a number, a whole number or a `Literal`, for cyclopts.
+    """Convert a number, a whole number, a `Literal`, or a number or a word, for cyclopts.
 
     Unlike cyclopts' own converter, it does not round, and rejects ``none``.
     """
     word = tokens[0].value
+    parts, words = get_args(kind), []
+    if float in parts:
+        words = [each for part in parts for each in get_args(part)]
+        if word in words:
+            return word
+        kind = float
     if kind in (int, float):
         try:
             return kind(word)
         except ValueError:
             what = "whole number" if kind is int else "number"
-            raise ValueError(f"{word!r} is not a {what}; give one") from None
+            other = "".join(f", or {each}" for each in words)
+            raise ValueError(f"{word!r} is not a {what}; give one{other}") from None
     choices = {str(choice): choice for choice in get_args(kind)}
     if word not in choices:
         raise ValueError(f"{word!r} is unknown; give one of {', '.join(choices)}")

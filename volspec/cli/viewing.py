@@ -61,7 +61,7 @@ _OPTIONS |= {name: f"--{name}" for name in (*_EYE_FIELDS, *_LOOK_FIELDS)}
 
 
 def _number(help: str, name: str | None = None, group: Group = _EYE) -> Parameter:
-    return Parameter(name, converter=as_written, help=help, group=group)
+    return Parameter(name, converter=as_written, help=help, group=group, show_choices=False)
 
 
 @Parameter(name="*", group=_EYE)
@@ -319,6 +319,7 @@ DEPTH_OPTIONS = {
 }
 """Options by the field of `DepthEffects` that they set."""
 
+_OFF = "focus_mm", "fog_mm", "far_mm"  # also say "off", of what the image's scene has
 _NEEDED = {"aperture_mm": "focus_mm", "fog_from_mm": "fog_mm", "fog_white": "fog_mm"}
 
 
@@ -331,19 +332,25 @@ def _depth(help: str, name: str) -> Parameter:
 class DepthOptions:
     """Focus, fog and cuts, and a mesh at its depth; millimetres from the camera."""
 
-    focus_mm: Annotated[float | None, _depth("Distance in focus.", "focus_mm")] = None
+    focus_mm: Annotated[
+        float | Literal["off"] | None,
+        _depth("Distance in focus; off: everything is sharp.", "focus_mm"),
+    ] = None
     aperture_mm: Annotated[
         float | None, _depth("Diameter of the lens; default 1/20 of --focus.", "aperture_mm")
     ] = None
     fog_mm: Annotated[
-        float | None, _depth("Visibility in fog, where 5 % of the light is left.", "fog_mm")
+        float | Literal["off"] | None,
+        _depth("Visibility in fog, where 5 % of the light is left; off: no fog.", "fog_mm"),
     ] = None
     fog_from_mm: Annotated[float | None, _depth("Where the fog begins.", "fog_from_mm")] = None
     fog_white: Annotated[
         float | None, _depth("Light of the fog, 0 to 1; default 0.5.", "fog_white")
     ] = None
     near_mm: Annotated[float | None, _depth("Hide what is nearer.", "near_mm")] = None
-    far_mm: Annotated[float | None, _depth("Hide what is farther.", "far_mm")] = None
+    far_mm: Annotated[
+        float | Literal["off"] | None, _depth("Hide what is farther; off: nothing.", "far_mm")
+    ] = None
     surface: Annotated[
         Path | None,
         Parameter(
@@ -365,8 +372,9 @@ class DepthOptions:
                 option, missing = DEPTH_OPTIONS[name], DEPTH_OPTIONS[needed]
                 raise InputError(f"{option} without {missing}: add it, or leave {option} out")
         given.pop("surface", None)
+        none = {name: None for name in _OFF if given.get(name) == "off"}
         with in_options(DEPTH_OPTIONS):
-            return replace(scene, **given)
+            return replace(scene, **given | none)
 
     def onto(
         self, image: CoefficientImage, scales: Mapping[str, float], scene: DepthEffects
@@ -519,6 +527,15 @@ def in_options(options: Mapping[str, str] = _OPTIONS) -> Iterator[None]:
         raise InputError(
             problem, remedy, code=error.code, field=option, given=error.given
         ) from error
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Name the file that an error is about."""
+    try:
+        yield
+    except InputError as error:
+        raise error.within(f"{path}") from error
 
 
 def white_triple(white: str) -> tuple[float, float, float] | None:
