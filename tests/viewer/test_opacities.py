@@ -17,6 +17,7 @@ from volspec.basis import MaterialBasis
 from volspec.pipeline import Raycaster, relight
 from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.raycast.pace import WHOLE, Pass
+from volspec.scene.specs import MeshSpec
 from volspec.viewer.model import camera, depth, opacities
 from volspec.viewer.model.history import Difference, History, without_cast
 from volspec.viewer.model.light_rows import light_rig
@@ -79,6 +80,27 @@ def test_the_first_scale_makes_materials_the_channels(state: ViewState) -> None:
     assert opacities.can_layer(faded)
     projected = replace(faded, shading=replace(faded.shading, mode="maximum"))
     assert not opacities.can_layer(projected)
+
+
+def test_meshes_are_the_last_layer_and_do_not_fade(ball: ViewState) -> None:
+    pytest.importorskip("embreex")
+    names = opacities.names(ball)
+    mesh = MeshSpec(shape="sphere", size_mm=3.0, material=names[0])
+    state = replace(ball, meshes=(mesh,))
+    assert opacities.can_layer(state) and opacities.is_in_volume(state, names[0])
+    assert not opacities.can_layer(replace(state, meshes=(replace(mesh, opacity=0.5),)))
+    assert opacities.can_layer(replace(state, meshes=(replace(mesh, opacity=0.5, shown=False),)))
+    only = replace(mesh, material="silk")
+    assert not opacities.is_in_volume(replace(ball, meshes=(only,)), "silk")
+    view = state.view.camera(state.document.volume)
+    own = CastJob(
+        *(state.document, state.transfer, view, cast_spec(state), SIZE, (LAYERED,)),
+        meshes=state.meshes,
+    )
+    (done,) = CastWorker(lambda: None)._results(own)
+    assert done.image is not None and done.opacity is not None, done.error
+    layers = done.image.opacity_layers
+    assert layers is not None and layers.solid and done.opacity.solid
 
 
 def test_a_scale_costs_no_cast_and_has_a_step_of_undo(ball: ViewState) -> None:

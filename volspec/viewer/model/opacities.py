@@ -10,10 +10,12 @@ from dataclasses import replace
 from volspec.basis import MaterialBasis
 from volspec.raycast.layered import MAX_MATERIALS
 from volspec.transfer import TransferFunction, TransferFunction2D
+from volspec.transfer.mixes import used_materials
 from volspec.viewer.model.edit import Command, bind, edit
 from volspec.viewer.model.materials import can_be_exact, with_material_basis
 from volspec.viewer.model.quality import opacity_scales
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.transfer_parts import list_parts
 from volspec.viewer.model.view import clamp
 
 PANEL = "Opacity"
@@ -32,6 +34,13 @@ def names(state: ViewState) -> tuple[str, ...]:
         return tuple(transfer.basis.materials)
     possible = can_be_exact(transfer) and not state.fields and state.document.image is None
     return tuple(transfer.materials) if possible else ()
+
+
+def is_in_volume(state: ViewState, name: str) -> bool:
+    """Return False of a material that only meshes have, which do not fade."""
+    if state.document.image is not None or not any(name in row.used for row in state.meshes):
+        return True
+    return name in used_materials(part.mix for part in list_parts(state.transfer))
 
 
 def can_layer(state: ViewState) -> bool:

@@ -114,8 +114,10 @@ def _focus(state: ViewState, ui: UiContext, limits: tuple[float, float]) -> View
 def _buttons(state: ViewState, ui: UiContext, name: str) -> ViewState:
     """Draw the buttons that hide a material, and all others."""
     new, hidden = state, opacity_scales(state).get(name) == 0
+    imgui.begin_disabled(not opacities.is_in_volume(state, name))
     if draw_eye(ui, not hidden, "eye"):
         new = opacities.toggle(new, name)
+    imgui.end_disabled()
     ui.note(f"opacity eye {name}", "Show" if hidden else "Hide")
     imgui.same_line(0, ui.px(2))
     side = imgui.get_frame_height()
@@ -128,8 +130,11 @@ def _buttons(state: ViewState, ui: UiContext, name: str) -> ViewState:
 
 
 def _slider(state: ViewState, ui: UiContext, name: str) -> ViewState:
-    now = opacity_scales(state).get(name, 1.0)
+    now, fades = opacity_scales(state).get(name, 1.0), opacities.is_in_volume(state, name)
     imgui.set_next_item_width(-1)
+    imgui.begin_disabled(not fades)
     moved, scale = imgui.slider_float("##scale", now, 0.0, opacities.MOST, "× %.3g", _SLIDER)
-    ui.note(f"opacity {name}", f"Opacity of {as_one_line(name)}")
+    imgui.end_disabled()
+    words = "Opacity of {}" if fades else "{}: only meshes have it, and do not fade"
+    ui.note(f"opacity {name}", words.format(as_one_line(name)))
     return opacities.set_opacity(state, name, scale) if moved else state
