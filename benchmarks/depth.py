@@ -45,13 +45,9 @@ from volspec.mesh.shapes import shape_mesh
 from volspec.pipeline import Raycaster, raycast, relight
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec, reference
 from volspec.raycast.depth import DepthEffects, axis_cosine
-from volspec.raycast.layered import (
-    LayerStream,
-    OpacityLayers,
-    Samples,
-    empty_rows,
-    sample_tau,
-)
+from volspec.raycast.layer_casts import empty_rows
+from volspec.raycast.layer_stream import LayerStream, Samples
+from volspec.raycast.layered import OpacityLayers, sample_tau
 from volspec.scene import Scene
 from volspec.spectra import light
 from volspec.transfer import TransferFunction, TransferTable

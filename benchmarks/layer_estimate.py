@@ -28,7 +28,7 @@ from volspec.export.compositing import Recipe, save_for_compositors
 from volspec.export.deep import save_deep
 from volspec.pipeline import raycast
 from volspec.raycast import CoefficientImage, reference
-from volspec.raycast.layered import LayerStream
+from volspec.raycast.layer_stream import LayerStream
 from volspec.relight import difference_map, error_map, opacity_error
 from volspec.scene import Scene
 from volspec.spectra import light

@@ -43,16 +43,9 @@ from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec, reference
 from volspec.raycast.image_file import ONE_GROUP
 from volspec.raycast.kernel_arguments import LIGHT_MARGIN
-from volspec.raycast.layered import (
-    LayerStream,
-    OpacityLayers,
-    Samples,
-    Shadow,
-    Slot,
-    empty_rows,
-    sample_tau,
-    shadow_slots,
-)
+from volspec.raycast.layer_casts import empty_rows, shadow_slots
+from volspec.raycast.layer_stream import LayerStream, Samples, Shadow
+from volspec.raycast.layered import OpacityLayers, Slot, sample_tau
 from volspec.raycast.light_volume import LightGrid, LightVolume, light_layers, split_width
 from volspec.raycast.lights import HEADLIT, Ambient, Directional, Headlight, LightGroup
 from volspec.raycast.sampling import Arrives, cell

@@ -23,14 +23,14 @@ from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.behind import Behind, OpacityCaster, Surfaces
 from volspec.raycast.checks import MAX_SIDE, check_callable, checked_size, whole
 from volspec.raycast.gpu import Raycaster
-from volspec.raycast.layered import (
-    OpacityLayers,
+from volspec.raycast.layer_casts import (
     check_layers,
     empty_rows,
     materials_without_opacity,
     refuse_layers,
     shadow_slots,
 )
+from volspec.raycast.layered import OpacityLayers
 from volspec.raycast.projection import Projection
 from volspec.raycast.row_batches import Cancel, Progress
 from volspec.relight import ErrorMap, LightRig, Relighter, difference_map, relight

@@ -19,13 +19,8 @@ from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.errors import ImageError, RaycastError, ShapeError, VolspecWarning
 from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast import Camera, CoefficientImage, LightGroup, RaycastSpec
-from volspec.raycast.layered import (
-    LayerStream,
-    OpacityLayers,
-    Samples,
-    shadow_of_means,
-    transmittance,
-)
+from volspec.raycast.layer_stream import LayerStream, Samples
+from volspec.raycast.layered import OpacityLayers, shadow_of_means, transmittance
 from volspec.raycast.lights import Ambient, Directional, Headlight, Point
 from volspec.relight import relight
 from volspec.spectra import light, reflectance

@@ -11,7 +11,8 @@ import pytest
 from tests.support.raycasts import labelled, oblique_world
 from volspec.raycast import Camera, RaycastSpec, reference
 from volspec.raycast.gpu import Raycaster
-from volspec.raycast.layered import OpacityLayers, empty_rows, shadow_slots
+from volspec.raycast.layer_casts import empty_rows, shadow_slots
+from volspec.raycast.layered import OpacityLayers
 from volspec.raycast.light_volume import Clear
 from volspec.raycast.lights import Ambient, Directional, Headlight, LightGroup, Point
 from volspec.transfer import TransferTable

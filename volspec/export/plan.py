@@ -27,7 +27,7 @@ from volspec.raycast import Camera, DepthEffects
 from volspec.raycast.behind import Behind
 from volspec.raycast.fields import FieldCast
 from volspec.raycast.kernel_arguments import check_reach
-from volspec.raycast.layered import check_layers
+from volspec.raycast.layer_casts import check_layers
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.hdr import check_hdr
 from volspec.relight.illumination import Illumination

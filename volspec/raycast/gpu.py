@@ -32,7 +32,7 @@ from volspec.raycast.checks import check_callable, checked_size
 from volspec.raycast.distributed import Cluster, is_cluster
 from volspec.raycast.fields import FieldCast, common_dtype, frame_around
 from volspec.raycast.kernel_arguments import check_reach
-from volspec.raycast.layered import shadow_slots
+from volspec.raycast.layer_casts import shadow_slots
 from volspec.raycast.light_volume import Arrives, Clear, LightVolume, split_width
 from volspec.raycast.lights import Ambient, Headlight, LightGroup
 from volspec.raycast.masks import MaskLattice

@@ -34,7 +34,8 @@ from numpy.typing import NDArray
 from volspec.raycast.camera import Camera
 from volspec.raycast.fields import FieldCast
 from volspec.raycast.kernel_arguments import ITERATIONS, LIGHT_MARGIN, MIX_OPAQUE, check_reach
-from volspec.raycast.layered import LayerStream, Samples, SampleStream, Shadow, shadow_slots
+from volspec.raycast.layer_casts import shadow_slots
+from volspec.raycast.layer_stream import LayerStream, Samples, SampleStream, Shadow
 from volspec.raycast.light_volume import (
     CUT_TOLERANCE,
     HALF,
