@@ -9,6 +9,7 @@ programs need not parse English.
 from __future__ import annotations
 
 import difflib
+import re
 import unicodedata
 from collections.abc import Iterable
 from typing import Literal, Self, get_args
@@ -106,8 +107,12 @@ class VolspecError(Exception):
 
         >>> str(InputError.refused("D", 3.0, "give 0 to 1", "range").within("a.toml", SceneError))
         'a.toml: D is 3.0; give 0 to 1'
+        >>> str(InputError.refused("raycast: step", 0, "give more", "range").within("[raycast]"))
+        '[raycast]: step is 0; give more'
         """
-        field = ": ".join(part for part in (place, self.field) if part)
+        table = re.search(r"\[(\w+)\]$", place)
+        own = self.field.removeprefix(f"{table[1]}: ") if table else self.field
+        field = ": ".join(part for part in (place, own) if part)
         kind = kind or type(self)
         return kind(self.problem, self.remedy, code=self.code, field=field, given=self.given)
 

@@ -184,6 +184,7 @@ def raycast(
         if Projection(camera, (0, 0, *checked_size(size))).shows(volume.corners_mm):
             why = _empty_picture_warning(volume, table)
             if behind:
+                why = why.replace("the picture is empty", "nothing of it is seen")
                 why += "; or furniture of the room or a mesh hides it"
         else:
             why = _looks_past_warning(volume)

@@ -171,7 +171,8 @@ def recomposed(tree, image, recipe, about, own, alpha):
     materials = recipe["materials"]
     scales, y = [], 700
     for material in materials:
-        scales.append(value(tree, y, f"opacity: {material}", 1.0))
+        fades = material in about.get("fades", materials)
+        scales.append(value(tree, y, f"opacity: {material}", 1.0) if fades else 1.0)
         y += 100
     passes, plain = [], list(materials.values())
     gains = {"shadow": 1.0, "occlusion": 2.0}

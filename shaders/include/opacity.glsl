@@ -20,7 +20,7 @@
 //         FILLED (1 if layers are used from the first on), MATERIALS, GROUPS, TEXELS,
 //         CODED (1 if the numbers are 8-bit codes c of τ = TAU_CODE c³, shade = shade_code c,
 //         gloss = gloss_code c², E = PATH_CODE c³, b = BEND_CODE c³, a slab's begin = BEGIN_CODE c
-//         and width = WIDTH_CODE c²), TAU_CODE, PATH_CODE, BEND_CODE, BEGIN_CODE, WIDTH_CODE;
+//         and width = WIDTH_CODE c²; a surface's begin = SURFACE_CODE c, c of both), TAU_CODE, PATH_CODE, BEND_CODE, BEGIN_CODE, WIDTH_CODE;
 //         SHADOWED and OCCLUDED (bits of groups), SHADOWS_AT, OCCLUSION_GAIN, BEND_LEAST and
 //         MOST_EXPONENT.
 #ifndef DEPTH
@@ -138,7 +138,11 @@ float mean_position(float tau) {
 // Optical depth that the cuts leave of a layer's, its expected distance along the ray, and the width.
 vec3 slab_of(ivec2 pixel, int slice, float tau, float stretch) {
     vec2 extent = texelFetch(layers, ivec3(pixel, slice + TEXELS - 1), 0).xy;
-#if CODED
+#if CODED && SOLID
+    bool surface = slice >= (COUNT - 1) * TEXELS;
+    vec2 place = vec2(SURFACE_CODE * (256.0 * extent.x + extent.y) / 257.0, 0.0);
+    extent = surface ? place : extent * vec2(BEGIN_CODE, WIDTH_CODE * extent.y);
+#elif CODED
     extent *= vec2(BEGIN_CODE, WIDTH_CODE * extent.y);
 #endif
     float begin = nearest_mm + extent.x, end = begin + extent.y;

@@ -72,6 +72,17 @@ def test_coefficient_images_have_it_as_well(ball_folder: Path, tmp_path: Path) -
     assert not image.alpha.any() and image.opacity_layers is None
 
 
+def test_coefficient_images_without_it_are_those_of_render(
+    ball_folder: Path, tmp_path: Path
+) -> None:
+    scene = made(ball_folder, '[export]\nformat = "coefficients"\n')
+    (name,) = (each for each in scene.export(tmp_path / "images").files if "cast" in each)
+    assert run("render", ball_folder / "deep.toml", "-o", tmp_path / "ball.exr") == 0
+    exported, rendered = (tmp_path / "images" / name, tmp_path / "ball.exr")
+    assert exported.read_bytes() == rendered.read_bytes()
+    assert CoefficientImage.load(exported).opacity_layers is not None
+
+
 def test_an_image_is_relit_with_the_depth_of_its_scene(
     ball_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

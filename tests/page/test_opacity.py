@@ -356,11 +356,17 @@ def test_what_layers_lack_is_added_as_on_the_desktop(browser: Any, web: Path) ->
     given = [(2.0 ** rng.uniform(-2.5, 2.5, 3)).tolist() for _ in range(50)]
     given += [[1, 1, 0], [1, 1], [4, 1], [0.3]]
     code = (web / "recompose.js").read_text(encoding="utf-8")
+    code += "const fades = (scales, k) => scales.map((_, i) => (i + k) % 3 > 0);"
     page = browser.new_page()
-    call = f"(given) => {{ class Refused {{}} {code}; return given.map(residualShare); }}"
+    each = "(scales, k) => residualShare(scales, fades(scales, k))"
+    call = f"(given) => {{ class Refused {{}} {code}; return given.map({each}); }}"
     got = page.evaluate(call, given)
     page.close()
-    np.testing.assert_allclose(got, [residual_share(scales) for scales in given], atol=1e-12)
+    wanted = [
+        residual_share(scales, [(i + k) % 3 > 0 for i in range(len(scales))])
+        for k, scales in enumerate(given)
+    ]
+    np.testing.assert_allclose(got, wanted, atol=1e-12)
 
 
 def test_packed_layers_are_small_and_their_constants_the_shader_s(image: CoefficientImage) -> None:

@@ -167,7 +167,7 @@ def relight(
     if eyes and own.focus_mm is not None:
         note("--stereo: the focus of the image's scene is left out")
         own = replace(own, focus_mm=None, aperture_mm=None)
-    with in_options():
+    with in_options(), naming(image):
         views = (
             [*eyes.views(stored, scales, depth.effects(own))]
             if eyes
@@ -176,8 +176,8 @@ def relight(
     stored = views[0]
     if depth.given and errors:
         raise InputError(
-            "--errors is of opacities and lights, not of what depends on depth; leave out one of "
-            "them",
+            f"--errors is of opacities and lights, not of depth; leave out it, or "
+            f"{DEPTH_OPTIONS[min(depth.given)]}",
             code="conflict",
         )
     with naming(image):

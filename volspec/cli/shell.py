@@ -222,7 +222,9 @@ def _miscounted(error: CycloptsError) -> str:
     """Return a message on a missing or extra argument; cyclopts would print a Python list."""
     command = " ".join(error.command_chain or ())
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
-        return f"{command}: {_takes(command)}unexpected argument {error.unused_tokens[0]!r}"
+        word = error.unused_tokens[0]
+        own = "; give each its own option" if "=" in word else ""
+        return f"{command}: {_takes(command)}unexpected argument {word!r}{own}"
     if not isinstance(error, MissingArgumentError) or error.argument is None:
         return ""
     names = error.argument.names
@@ -234,7 +236,8 @@ def _miscounted(error: CycloptsError) -> str:
 def _takes(command: str) -> str:
     """Return what a command takes without an option's name, such as "takes one VOLUME, "."""
     arguments = _command(command.split()).assemble_argument_collection()
-    names = [each.names[0] for each in arguments if not each.names[0].startswith("-")]
+    first = [each.names[0] for each in arguments]
+    names = [name for name in first if not name.startswith(("-", "*"))]
     return f"takes one {' and one '.join(names)}, " if names else "takes options only, "
 
 

@@ -84,6 +84,7 @@ class Recipe:
     layers: int = 0  # of opacity, in the file that the recipe was read from
     shadows: tuple[Slot, ...] = ()  # of these layers
     solid: bool = False  # the last layer is of surfaces
+    fades: frozenset[str] | None = None  # materials; all if None
 
     def __post_init__(self) -> None:
         if not self.lights:
@@ -185,7 +186,10 @@ class Recipe:
             layers = min(int(about["count"]), MAX_LAYERS) if materials else 0
             shadows = stored_slots(about, channels) if layers else ()
             solid = layers > 0 and about["version"] == SOLID_VERSION
-            return cls(channels, lights, data["mode"], materials, layers, tuple(shadows), solid)
+            fades = frozenset(about["fades"]) if "fades" in about else None
+            return cls(
+                *(channels, lights, data["mode"], materials, layers, tuple(shadows), solid, fades)
+            )
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise ImageError(
                 f"{name}: volspec:{_JSON} cannot be read ({error}); write it again by "

@@ -362,7 +362,9 @@ class FrameMaker:
             casts = [s[i : i + _OPEN_FILES] for s in casts for i in range(0, len(s), _OPEN_FILES)]
         meter = _ProgressMeter(casts, progress)
         behind = scene.behind(casters.volume)
-        layers = scene.raycast.layers if self._is_layered(plan) else 0
+        shared = self._is_layered(plan)
+        has_layers = shared or (only_cast and self._in_one_window)
+        layers = scene.raycast.layers if has_layers else 0
         width, height = self.files.size
         for name, is_split in (
             ("[depth]", plan.deep and not self._in_one_window),
@@ -374,12 +376,12 @@ class FrameMaker:
                 raise InputError(problem, remedy, code="size")
 
         def caster_of(shots: list[Shot]) -> TileCaster:
-            opacities = {} if layers else dict(shots[0].opacities)
+            opacities = {} if shared else dict(shots[0].opacities)
             spec = replace(scene.raycast, layers=layers, opacities=opacities)
             return TileCaster(casters.at(shots[0].step), spec, notes, behind)
 
         if only_cast:
-            self._cast(casts, caster_of, meter)
+            self._cast(casts, caster_of, meter, _shown if shared else lambda image, shot: image)
         else:
             self._relight(casts, caster_of, meter)
         eyes = 2 if table.stereo is not None and not layers else 1
@@ -416,7 +418,13 @@ class FrameMaker:
         strips = self._canvas.strips()
         return len(strips) * len(strips[0])
 
-    def _cast(self, casts: list[list[Shot]], caster_of: CasterOf, meter: _ProgressMeter) -> None:
+    def _cast(
+        self,
+        casts: list[list[Shot]],
+        caster_of: CasterOf,
+        meter: _ProgressMeter,
+        shown: Callable[[CoefficientImage, Shot], CoefficientImage],
+    ) -> None:
         def whole(caster: TileCaster, shots: list[Shot], tell: Fraction) -> CoefficientImage:
             return caster.whole(shots[0].transfer, shots[0].camera, self._canvas, tell)
 
@@ -424,7 +432,7 @@ class FrameMaker:
             self._record_gaps(shots, [image])
             meter.add(_FRAMES_A_CAST)
             for shot in shots:
-                self.files.save(shot, _shown(image, shot))
+                self.files.save(shot, shown(image, shot))
                 meter.add(1)
 
     def _relight(self, casts: list[list[Shot]], caster_of: CasterOf, meter: _ProgressMeter) -> None:

@@ -79,6 +79,7 @@ def nuke_group(recipe: Recipe, image: Path) -> str:
     knobs += [
         line
         for number, material in enumerate(recipe.materials if recipe.layers else (), start=1)
+        if recipe.fades is None or material in recipe.fades
         for line in (
             f" addUserKnob {{7 opacity{number} l {tcl_word(_plain_label(material))} R 0 4}}",
             f" opacity{number} 1",
@@ -146,7 +147,10 @@ def _layer_nodes(
     difference between a layer with other opacities and that part of the layer as it was cast.
     """
     groups, materials = list(recipe.channels), list(recipe.materials.values())
-    knobs = [f"parent.opacity{number}" for number in range(1, len(materials) + 1)]
+    knobs = [
+        f"parent.opacity{number}" if recipe.fades is None or material in recipe.fades else "1"
+        for number, material in enumerate(recipe.materials, start=1)
+    ]
     kept = f"sqrt(min(1,{','.join(knobs)}))"  # `residual_share`
     yield from _expression_node(
         "kept", [*(f"{kept}*({text})" for text in expressions), f"{kept}*a"]

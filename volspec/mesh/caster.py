@@ -193,9 +193,10 @@ class MeshCaster:
         return made
 
     @property
-    def is_opaque(self) -> bool:
-        """Return False if a mesh is translucent, as `volspec.raycast.behind.Behind`."""
-        return self._translucent is None
+    def translucent(self) -> str:
+        """Return the first translucent mesh, as `volspec.raycast.behind.Behind`."""
+        found = [each for each in self.meshes if each.opacity < 1.0]
+        return f"{found[0].name} of opacity {found[0].opacity:g}" if found else ""
 
     def depths_mm(self, camera: Camera, size: Size) -> list[NDArray[np.float32]]:
         """Return (H, W) distances, as `volspec.raycast.behind.Behind`."""

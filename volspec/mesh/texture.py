@@ -242,7 +242,7 @@ def channel_lattice(basis: Basis, name: str) -> NDArray[np.float32]:
     Raises MeshError if a basis of materials is given; ``name`` is the texture's.
     """
     if not isinstance(basis, SpectralBasis):
-        remedy = "use a spectral basis, or a texture of materials"
+        remedy = "give it a material, or use a spectral basis"
         raise MeshError(f"{name}: a basis of materials has no colours", remedy, code="conflict")
     return basis.analyse(reflectance_lattice(basis.grid)).astype(np.float32)
 

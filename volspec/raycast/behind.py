@@ -86,9 +86,9 @@ class Behind(Protocol):
         return None
 
     @property
-    def is_opaque(self) -> bool:
-        """Return False if some surfaces are translucent."""
-        return True
+    def translucent(self) -> str:
+        """Return what is translucent, in words; empty if nothing is."""
+        return ""
 
     def depths_mm(self, camera: Camera, size: tuple[int, int]) -> Sequence[NDArray[np.float32]]:
         """Return (H, W) distances from the camera, inf where nothing is seen.

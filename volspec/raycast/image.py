@@ -251,7 +251,7 @@ class CoefficientImage:
             return replace(self, opacity_layers=None, first_mm=None)
         else:
             channels, alpha, weighted_mm = layers.recompose(factors)
-            fade = residual_share(factors)
+            fade = residual_share(factors, layers.fades)
         if fade > 0:
             unscaled = layers.recompose([1.0] * len(factors))
             own = self.coefficients.reshape(channels.shape).astype(np.float32)

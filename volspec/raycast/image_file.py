@@ -16,9 +16,9 @@ Layers of opacity (`CoefficientImage.opacity_layers`) are half channels, near to
 the material ``block`` and the light group ``key``. If lights have shadows, layers also have
 ``l3.shadow.part.key.V``, ``l3.shadow.gloss.key.V``, ``l3.shadow.bend.key.V`` and
 ``l3.shadow.depth.key.block.V``, and the same of ``occlusion`` (`OpacityLayers.shadow`). The
-header's ``volspec:layers`` holds their version, number, and groups with shadows; in version 3 the
-last layer is of surfaces (`OpacityLayers.solid`). Programs that do not know them read the image
-without.
+header's ``volspec:layers`` holds their version, number, groups with shadows, and the materials that
+fade, if not all do; in version 3 the last layer is of surfaces (`OpacityLayers.solid`). Programs
+that do not know them read the image without.
 
 Up to format 2 channels were called ``key.coefficients.00``, of a single group ``coefficients.00``,
 and the first hit ``ZFirst``.
@@ -222,6 +222,10 @@ def write_image(
         }
         for o, cast in enumerate(CASTS if about["version"] > 1 else ()):
             about[cast] = [list(image.groups)[group] for group, occluded in slots if occluded == o]
+        assert isinstance(image.basis, MaterialBasis)
+        if not all(layers.fades):
+            pairs = zip(image.basis.materials, layers.fades, strict=True)
+            about["fades"] = [name for name, fades in pairs if fades]
         header["volspec:layers"] = json.dumps(about)
         channels |= _layer_channels(image, layers, slots)
     if preview is not None:
@@ -316,18 +320,21 @@ def _read_layers(
     with _refusing(f"{name}: its layers of opacity are refused"):
         about = parse_json(header["volspec:layers"])
         version = about["version"]
-    if version not in LAYERS_VERSIONS:
+    if isinstance(version, bool) or version not in LAYERS_VERSIONS:
         raise ImageError(
             f"{name}: layers of opacity of version {version}, this volspec reads "
             f"{', '.join(map(str, LAYERS_VERSIONS))}",
-            "render the scene again",
+            "install a later volspec, or render the scene again",
             code="unsupported",
         )
     with _refusing(f"{name}: its layers of opacity are refused"):
-        count = int(about["count"])
-        if not (isinstance(basis, MaterialBasis) and 1 <= count <= MAX_LAYERS):
+        count, least = int(about["count"]), 2 if version == SOLID_VERSION else 1
+        if not (isinstance(basis, MaterialBasis) and least <= count <= MAX_LAYERS):
             problem = f"{count} layers in basis {basis.name!r}"
-            raise ImageError(problem, f"1 to {MAX_LAYERS} in one of materials are read")
+            raise ImageError(problem, f"{least} to {MAX_LAYERS} in one of materials are read")
+        stored = sum(re.fullmatch(r"l\d+\.depth\.Z", name) is not None for name in pixels)
+        if count != stored:
+            raise ImageError(f"{count} layers are named and {stored} are there")
         slots = stored_slots(about, groups)
     materials, lights = len(basis.materials), len(groups)
     parts = []

@@ -61,7 +61,7 @@ def shadow_slots(spec: RaycastSpec) -> list[Slot]:
 
 class _Surfaces(Protocol):
     @property
-    def is_opaque(self) -> bool: ...
+    def translucent(self) -> str: ...
 
 
 def check_layers(
@@ -90,8 +90,10 @@ def check_layers(
         )
     if behind and spec.layers == 1:
         raise _refused(spec, "meshes, which take one", "give 2 or more, or leave the meshes out")
-    if not all(each.is_opaque for each in behind):
-        raise _refused(spec, "translucent meshes", "set opacity = 1, or leave layers out")
+    for each in behind:
+        if each.translucent:
+            problem = f"a translucent mesh, {each.translucent}"
+            raise _refused(spec, problem, "set opacity = 1, or leave layers out")
 
 
 def _refused(spec: RaycastSpec, problem: str, remedy: str) -> RaycastError:

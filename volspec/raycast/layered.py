@@ -198,6 +198,12 @@ class OpacityLayers:
             return self
         return replace(self.changed(lambda array: array[:, :, :-1]), solid=False)
 
+    @property
+    def fades(self) -> list[bool]:
+        """True of the materials that scales change: those with opacity in front of surfaces."""
+        found: list[bool] = np.any(self.fading.tau, axis=(0, 1, 2)).tolist()
+        return found
+
     def scaled(self, scales: Sequence[float]) -> NDArray[np.float32]:
         """Return (H, W, L, K) optical depths, with those of the K materials scaled."""
         tau = self.tau.astype(np.float32)
@@ -427,16 +433,22 @@ def _nearest_known(depth_mm: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def warn_of_absent(basis: MaterialBasis, layers: OpacityLayers, scales: Sequence[float]) -> None:
-    """Warn of materials that are to be scaled, but have no opacity in the layers."""
+    """Warn of materials that are to be scaled, but have no opacity in front of surfaces."""
     for k, (name, scale) in enumerate(zip(basis.materials, scales, strict=True)):
-        if scale not in (0.0, 1.0) and not layers.fading.tau[..., k].any():
-            warnings.warn(
+        if scale == 1.0 or layers.tau[:, :, : layers.count - layers.solid, k].any():
+            continue
+        if layers.solid and layers.tau[:, :, -1, k].any():
+            why = "only meshes have, and these keep theirs; leave one out with shown = false"
+            text = f"opacity of {name!r} is scaled, which {why}"
+        elif scale > 0:
+            text = (
                 f"{name!r} has no opacity in this picture, so {scale:g} times it is "
                 "none; if it is not out of view, cast it with a little opacity, such as 0.02, and "
-                "hide it with scale 0",
-                VolspecWarning,
-                stacklevel=3,
+                "hide it with scale 0"
             )
+        else:
+            continue
+        warnings.warn(text, VolspecWarning, stacklevel=3)
 
 
 def checked_scales(scales: Any, basis: MaterialBasis) -> list[float]:
@@ -464,13 +476,15 @@ def checked_scales(scales: Any, basis: MaterialBasis) -> list[float]:
     return found
 
 
-def residual_share(scales: Sequence[float]) -> float:
+def residual_share(scales: Sequence[float], fades: Sequence[bool]) -> float:
     """Return how much of what the layers lack at scale 1 is added: √s of the least scale, up to 1.
 
-    Layers lack about as much at other scales: by least squares 1 to 1.5 times it at 4, half of it
-    at 1/4. What is hidden lacks nothing, and a material alone is exact.
+    ``fades`` says which scales count, as `OpacityLayers.fades`. Layers lack about as much at other
+    scales: by least squares 1 to 1.5 times it at 4, half of it at 1/4. What is hidden lacks
+    nothing, and a material alone is exact.
     """
-    return math.sqrt(min(1.0, *scales))
+    own = [scale for scale, counts in zip(scales, fades, strict=True) if counts]
+    return math.sqrt(min(1.0, *own)) if own else 1.0
 
 
 Slot = tuple[int, bool]

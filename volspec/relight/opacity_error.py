@@ -109,7 +109,7 @@ def opacity_deviation(
     lit = _Lit.of(layers.lit(scales), XYZ_from_channels)
     merging = _merging(lit.tau, _SHADED if shaded else 0)
     guesses = _guesses(lit, scales, *merging)
-    fade = residual_share(scales)
+    fade = residual_share(scales, [True] * len(scales))
     if fade > 0:  # the error at scale 1 is known, and removed
         ones = [1.0] * len(scales)
         as_cast = _Lit.of(layers.lit(ones), XYZ_from_channels)

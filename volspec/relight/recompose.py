@@ -133,6 +133,7 @@ class PackedOpacity:
     shadows: tuple[Slot, ...] = ()  # groups that have them, or occlusion
     solid: bool = False
     filled: bool = False
+    fades: tuple[bool, ...] = ()
     nearest_mm: float | None = None
 
     @classmethod
@@ -152,7 +153,8 @@ class PackedOpacity:
         flat = texels.reshape(count * each, height, width, 4)
         used: NDArray[np.bool_] = np.any(layers.tau, axis=3)
         filled = are_filled(used, layers.solid)
-        return cls(flat, count, materials, layers.groups, shadows, layers.solid, filled, nearest)
+        about = shadows, layers.solid, filled, tuple(layers.fades)
+        return cls(flat, count, materials, layers.groups, *about, nearest)
 
     def constants(self) -> dict[str, float]:
         """Return the constants compiled into the shader."""
@@ -227,7 +229,7 @@ class Recomposer:
 
     def load(self, packed: PackedOpacity, base: Any) -> Iterator[None]:
         """Upload layers of the picture in the texture ``base``, step by step."""
-        self._nearest_mm = packed.nearest_mm or 0.0
+        self._nearest_mm, self._fades = packed.nearest_mm or 0.0, packed.fades
         count = len(packed.texels)
         size = self._size
         for first in range(0, count, _SLICES_A_STEP):
@@ -248,7 +250,7 @@ class Recomposer:
 
         ``depth`` are `depth_uniforms`.
         """
-        share = residual_share(scales) if depth is None else 0.0
+        share = residual_share(scales, self._fades) if depth is None else 0.0
         self._draw(self._difference, self.texture, scales, share, depth, difference=False)
 
     def release(self) -> None:

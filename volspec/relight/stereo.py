@@ -145,14 +145,23 @@ class Stereo:
 
 
 def expected_depth_mm(image: CoefficientImage) -> float:
-    """Return the mean depth of a picture along its camera's view, by opacity."""
-    camera = image.camera
+    """Return the mean depth of a picture along its camera's view, by opacity; without surfaces.
+
+    These may reach far, as a floor does.
+    """
+    camera, layers = image.camera, image.opacity_layers
     assert camera is not None
-    seen = np.isfinite(image.depth_mm) & (image.alpha > 0)
+    alpha, depth_mm = image.alpha, image.depth_mm
+    if layers is not None and layers.solid:
+        own = layers.fading.recompose([1.0] * layers.materials)
+        if own.alpha.any():
+            alpha = own.alpha
+            depth_mm = np.divide(own.depth_mm, np.where(alpha > 0, alpha, 1), dtype=np.float32)
+    seen = np.isfinite(depth_mm) & (alpha > 0)
     if not seen.any():
         return camera.distance_mm
-    depth_mm = image.depth_mm * camera.ray_field(*image.size).cosines(*image.size)
-    return float(np.average(depth_mm[seen], weights=image.alpha[seen]))
+    along_mm = depth_mm * camera.ray_field(*image.size).cosines(*image.size)
+    return float(np.average(along_mm[seen], weights=alpha[seen]))
 
 
 class StereoViews:

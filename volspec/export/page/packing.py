@@ -81,7 +81,8 @@ class PackedLayers:
     ``data`` are deflated residuals, plane by plane: each number of a layer, as
     shaders/recompose.frag counts them, in all layers. ``present`` is true of those of the K
     materials that have opacity; ``tau``, ``shade``, ``gloss``, ``path`` and ``bend`` (these of the
-    ``shadows``), ``begin`` and ``width`` (from ``nearest`` on, mm) are the values of a texel of 1.
+    ``shadows``), ``begin`` and ``width`` (from ``nearest`` on, mm) are the values of a texel of 1;
+    ``surface`` is that of the begin of surfaces, in both bytes.
     """
 
     data: bytes
@@ -99,6 +100,7 @@ class PackedLayers:
     bend: float = 1.0
     solid: bool = False
     filled: bool = False
+    surface: float = 1.0
 
     @property
     def text(self) -> str:
@@ -118,6 +120,7 @@ class PackedLayers:
             "TEXELS": layer_slots(materials, self.groups, len(self.shadows), extents=True)[1],
             "CODED": 1,
             "BEGIN_CODE": self.begin,
+            "SURFACE_CODE": self.surface,
             "WIDTH_CODE": self.width,
             "TAU_CODE": self.tau,
             "PATH_CODE": self.path,
@@ -137,6 +140,7 @@ class PackedLayers:
             "nearest_mm": self.nearest,
             "begin_mm": self.begin,
             "width_mm": self.width,
+            "surface_mm": self.surface if self.solid else 0.0,
         }
 
 
@@ -182,10 +186,19 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
         roots = np.cbrt(depths / path), cast[..., :2], np.cbrt(cast[..., 2:3] / bend)
         codes = np.rint(255 * np.concatenate(roots, axis=-1).clip(0, 1)).astype(np.int32)
         planes += [_filled(codes[..., n], used) for n in range(codes.shape[-1])]
-    begin_codes, begin = _coded(extents[..., 0] * used, 255, 1)
-    width_codes, width = _coded(extents[..., 1] * used, 255, 2)
-    # Even codes: a slab's width matters only where it is cut.
-    planes += [_filled(codes, used) for codes in (begin_codes, width_codes // 2 * 2)]
+    own = np.s_[:, :, : layers.count - layers.solid]
+    begin_codes, begin = _coded((extents[..., 0] * used)[own], 255, 1)
+    width_codes, width = _coded((extents[..., 1] * used)[own], 255, 2)
+    width_codes = width_codes // 2 * 2  # even: a slab's width matters only where it is cut
+    surface = 1.0
+    if layers.solid:
+        # Floors reach far, and have no width: two bytes of their distance.
+        far = extents[:, :, -1:, 0] * used[:, :, -1:]
+        surface = float(far.max(initial=0)) or 1.0
+        codes = np.rint(65535 * far / surface).astype(np.int32)
+        begin_codes = np.concatenate([begin_codes, codes >> 8], axis=2)
+        width_codes = np.concatenate([width_codes, codes & 255], axis=2)
+    planes += [_filled(codes, used) for codes in (begin_codes, width_codes)]
     parts = [residual_bytes(p[..., [i]], 8) for p in planes for i in range(layers.count)]
     return PackedLayers(
         _deflated(b"".join(parts)),
@@ -203,6 +216,7 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
         bend,
         layers.solid,
         are_filled(used, layers.solid),
+        surface,
     )
 
 

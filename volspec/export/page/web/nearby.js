@@ -67,7 +67,7 @@ class NearbyViews {
   // is the same order.
   sorted() {
     const { texels, relighter: { page: { opacity } }, size: [width, height] } = this.recomposer;
-    const pixels = width * height, { camera, nearest_mm: nearest, begin_mm, width_mm } = opacity;
+    const pixels = width * height, { camera, nearest_mm: nearest, begin_mm, width_mm, surface_mm } = opacity;
     const slant = camera.pitch_mm * camera.nearness;
     const cosines = new Float32Array(pixels);
     for (let y = 0, at = 0; y < height; y++) {
@@ -75,17 +75,21 @@ class NearbyViews {
         cosines[at] = 1 / Math.hypot(1, slant * (x - (width - 1) / 2), slant * (y - (height - 1) / 2));
       }
     }
-    const perMm = SORTED / (nearest + begin_mm + width_mm), counts = new Uint32Array(SORTED + 1);
+    const most = nearest + Math.max(begin_mm + width_mm, surface_mm);
+    const perMm = SORTED / most, counts = new Uint32Array(SORTED + 1);
     // Of points: far ones first.
     const each = (found) => {
       for (let layer = 0, i = 0; layer < opacity.count; layer++) {
         const depths = 4 * pixels * layer * opacity.texels;
         const extents = depths + 4 * pixels * (opacity.texels - 1);
+        const isSurface = surface_mm > 0 && layer === opacity.count - 1;
         for (let at = 0; at < pixels; at++, i++) {
           const j = depths + 4 * at, k = extents + 4 * at;
           if (!(texels[j] || texels[j + 1] || texels[j + 2] || texels[j + 3])) continue;
-          const begin = nearest + texels[k] / 255 * begin_mm, c = texels[k + 1] / 255;
-          const long = c * c * width_mm;
+          const near = texels[k], c = texels[k + 1];
+          const begin = nearest + (isSurface
+            ? (256 * near + c) / 65535 * surface_mm : near / 255 * begin_mm);
+          const long = isSurface ? 0 : (c / 255) ** 2 * width_mm;
           const parts = clamped(Math.ceil(long / (PART_PX * camera.pitch_mm)), 1, MOST_PARTS);
           for (let part = 0; part < parts; part++) {
             const place = (begin + long * (part + 0.5) / parts) * cosines[at] * perMm;

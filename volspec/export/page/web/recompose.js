@@ -5,7 +5,8 @@
 // Twin of volspec/relight/recompose.py.
 
 // How much of what the layers lack at scale 1 is added: volspec/raycast/layered.py.
-const residualShare = (scales) => Math.sqrt(Math.min(1, ...scales));
+const residualShare = (scales, fades) => (
+  Math.sqrt(Math.min(1, ...scales.filter((_, k) => fades[k]))));
 
 const isUnscaled = (scales) => scales.every((scale) => scale === 1);
 
@@ -58,7 +59,7 @@ class Recomposer {
     if (isUnscaled(scales) && !inDepth) return null;
     return this.kept(`side ${side}`, [scales, this.effects(look)], (texture) => this.draw(
       this.difference, texture, inDepth ? { DEPTH: 1 } : {},
-      { ...this.uniforms(look), fade: [inDepth ? 0 : residualShare(scales)] }));
+      { ...this.uniforms(look), fade: [inDepth ? 0 : residualShare(scales, this.relighter.page.opacity.present)] }));
   }
 
   // A texture of channels, drawn again if it is to show something else than before.
