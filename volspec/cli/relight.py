@@ -167,7 +167,7 @@ def relight(
     if eyes and own.focus_mm is not None:
         note("--stereo: the focus of the image's scene is left out")
         own = replace(own, focus_mm=None, aperture_mm=None)
-    with in_options(), naming(image):
+    with in_options(), naming(image, only="unsupported"):  # without layers
         views = (
             [*eyes.views(stored, scales, depth.effects(own))]
             if eyes

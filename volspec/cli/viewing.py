@@ -530,11 +530,13 @@ def in_options(options: Mapping[str, str] = _OPTIONS) -> Iterator[None]:
 
 
 @contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Name the file that an error is about."""
+def naming(path: Path, only: str | None = None) -> Iterator[None]:
+    """Name the file that an error is about, if it has the code ``only``."""
     try:
         yield
     except InputError as error:
+        if only not in (None, error.code):
+            raise
         raise error.within(f"{path}") from error
 
 

@@ -192,7 +192,7 @@ class CoefficientImage:
         """Return the scale of each material in the basis' order; errors as `recompose`."""
         if self.opacity_layers is None or not isinstance(self.basis, MaterialBasis):
             raise ImageError(
-                "coefficient image: it was cast without layers, by which opacity and depth change",
+                "the image was cast without layers, by which opacity and depth change",
                 "cast with [raycast] layers = 8, RaycastSpec(layers=8)",
                 code="unsupported",
             )
