@@ -179,7 +179,7 @@ def raycast(
     elif not (
         any(cast.alpha.any() for cast in casts)
         or volume.is_empty
-        or (behind and spec.opacities)  # hidden on purpose, with a mesh to be seen
+        or (behind and 0 in spec.opacities.values())  # hidden, with a mesh to be seen
     ):
         if Projection(camera, (0, 0, *checked_size(size))).shows(volume.corners_mm):
             why = _empty_picture_warning(volume, table)
@@ -211,7 +211,7 @@ def raycast(
         camera=camera,
         opacity_layers=None
         if layers is None
-        else _opacity_layers(layers, table, transfer.basis, spec, surfaces),
+        else _opacity_layers(layers, table, transfer.basis, spec, surfaces, cancel),
     )
     if into is not None:
         into.update(image, slot)
@@ -381,7 +381,12 @@ def _check_layers(
 
 
 def _opacity_layers(
-    rows: NDArray[np.float32], table: Tables, basis: Basis, spec: RaycastSpec, surfaces: Surfaces
+    rows: NDArray[np.float32],
+    table: Tables,
+    basis: Basis,
+    spec: RaycastSpec,
+    surfaces: Surfaces,
+    cancel: Cancel | None,
 ) -> OpacityLayers:
     """Return the layers of rows whose materials are a table's, and of surfaces.
 
@@ -389,16 +394,14 @@ def _opacity_layers(
     """
     assert not isinstance(table, FieldTables)
     columns, slots = table.channels.argmax(axis=1).tolist(), shadow_slots(spec)
-    solid = surfaces.solid(slots) if surfaces.behind else None
+    solid = surfaces.solid(slots, cancel) if surfaces.behind else None
     layers = OpacityLayers.of_rows(rows, columns, table.size - 1, len(spec.groups), slots, solid)
-    shown: list[bool] = np.any(layers.tau, axis=(0, 1, 2)).tolist()
     assert isinstance(basis, MaterialBasis)
+    of_meshes = {name for each in surfaces.behind for name in each.materials}
     absent = [
         name
-        for name, is_shown in zip(basis.materials, shown, strict=True)
-        if name in materials_without_opacity(table, basis)
-        and not is_shown  # by a surface
-        and spec.opacities.get(name, 1.0) > 0
+        for name in materials_without_opacity(table, basis)
+        if spec.opacities.get(name, 1.0) > 0 and name not in of_meshes
     ]
     if absent:
         warnings.warn(

@@ -20,7 +20,8 @@
 //         FILLED (1 if layers are used from the first on), MATERIALS, GROUPS, TEXELS,
 //         CODED (1 if the numbers are 8-bit codes c of τ = TAU_CODE c³, shade = shade_code c,
 //         gloss = gloss_code c², E = PATH_CODE c³, b = BEND_CODE c³, a slab's begin = BEGIN_CODE c
-//         and width = WIDTH_CODE c²; a surface's begin = SURFACE_CODE c, c of both), TAU_CODE, PATH_CODE, BEND_CODE, BEGIN_CODE, WIDTH_CODE;
+//         and width = WIDTH_CODE c²; a surface's begin = SURFACE_CODE c, c of both), TAU_CODE,
+//         PATH_CODE, BEND_CODE, BEGIN_CODE, WIDTH_CODE, SURFACE_CODE;
 //         SHADOWED and OCCLUDED (bits of groups), SHADOWS_AT, OCCLUSION_GAIN, BEND_LEAST and
 //         MOST_EXPONENT.
 #ifndef DEPTH

@@ -97,10 +97,16 @@ def test_an_image_is_relit_with_the_depth_of_its_scene(
         (("--near", "0"), DepthEffects()),
         (("--far", "60"), DepthEffects(near_mm=50, far_mm=60)),
         (("--far", "off", "--fog", "off"), DepthEffects(near_mm=50)),
+        (("--stereo", "anaglyph", "--focus", "off", "--near", "0"), None),
     ):
         assert run("relight", image, "--light", "A", "-o", frame, *options) == 0
+        if effects is None:
+            continue
         wanted = relight(cast.recompose({}, effects), light("A"), spec)
         assert np.abs(read_codes(frame).astype(int) - wanted.astype(int)).max() <= 1
+    capsys.readouterr()
+    words = ("relight", image, "--light", "A", "-o", frame, "--focus", "off", "--aperture", "3")
+    assert run(*words) == 1 and "--aperture without --focus" in capsys.readouterr().err
     damaged = replace(cast, notes={"depth": '{"near_mm": "x"}'})
     with raises(ImageError, "damaged"):
         stored_depth(damaged)

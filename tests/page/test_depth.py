@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +18,8 @@ from tests.support.browser import mean_difference
 from tests.support.raycasts import leaned
 from volspec._gpu.sources import asset
 from volspec.export.page import PageView, scene_views, write_page
+from volspec.mesh.caster import MeshCaster
+from volspec.mesh.shapes import shape_mesh
 from volspec.pipeline import raycast
 from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.relight import relight
@@ -28,6 +31,7 @@ SCENE = asset("data/scenes/engine-layers.toml")
 SIZE = 160, 120
 # Views of layers, against casts and against views that are splatted as other points.
 TURNED, SPLATTED, LENS = 1.7, 0.6, 0.6
+MIXED = {"block": 0.2, "inserts": 0.8}
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +89,48 @@ def test_a_small_turn_is_near_a_cast(
     assert mean_difference(page.picture(), frame(without, scene)) <= TURNED
     page.show()
     assert mean_difference(page.picture(), frame(image, scene)) <= NEAR
+
+
+def test_meshes_stay_and_are_cut_and_turned_where_they_are(
+    scene: Scene, opened: Callable[..., Opened], tmp_path: Path
+) -> None:
+    """A ball of two materials among the inserts, on a floor that reaches far."""
+    pytest.importorskip("embreex")
+    volume, materials = scene.volume(), scene.materials
+    ball = shape_mesh("sphere", 60.0, "block").placed((150.0, 140.0, 50.0))
+    shares = {name: np.full(len(ball.points_mm), part) for name, part in MIXED.items()}
+    floor = shape_mesh("plane", 4000.0, "inserts").placed((133.0, 137.0, 115.0))
+    caster = MeshCaster([replace(ball, material=shares), floor], materials, scene.basis)
+    camera = scene.camera(volume)
+    given = volume, scene.transfer, camera, SIZE
+
+    def cast(**changes: Any) -> CoefficientImage:
+        return raycast(*given, replace(scene.raycast, **changes), behind=[caster])
+
+    image = cast()
+    layers = image.opacity_layers
+    assert layers is not None and layers.solid and layers.range_mm[1] > 800
+    file = tmp_path / "mesh.html"
+    write_page(file, [PageView(image)], scene.lights, scene.relight)
+    page = opened(file)
+    page.until("!document.querySelector('#opacity-list input').disabled")
+    page.show(**{"a.opacity": "0,1"})
+    new = frame(cast(layers=0, opacities={"block": 0.0}), scene)
+    assert mean_difference(page.picture(), new) <= 2 * NEAR
+    hidden = {"block": 0.0, "inserts": 0.0}
+    middle = np.unravel_index(np.nanargmin(image.recompose(hidden).depth_mm), SIZE[::-1])
+    ball_mm = float(image.recompose(hidden).depth_mm[middle])
+    for near in (ball_mm - 4, ball_mm + 4):
+        page.show(**{"a.opacity": "0,0", "a.near": f"{near:.0f}"})
+        wanted = frame(image.recompose(hidden, DepthEffects(near_mm=round(near))), scene)
+        assert mean_difference(page.picture(), wanted) <= 2 * NEAR  # a code of much floor
+    page.show(turn="4,0", **{"a.opacity": "0,0"})
+    turned = raycast(
+        volume, scene.transfer, leaned(camera, 4.0, 0.0), SIZE,
+        replace(scene.raycast, layers=0, opacities=hidden), behind=[caster],
+    )  # fmt: skip
+    assert mean_difference(page.picture(), frame(turned, scene)) <= TURNED
+    assert page.complaints == []
 
 
 def test_an_anaglyph_and_a_pair_are_of_the_desktop_s_eyes(

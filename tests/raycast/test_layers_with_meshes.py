@@ -12,12 +12,14 @@ import pytest
 from tests.support.errors import raises
 from tests.twins.test_layers import assert_layers_alike, blend, noise
 from volspec.basis import MaterialBasis
-from volspec.errors import RaycastError, VolspecWarning
+from volspec.errors import CastCancelled, RaycastError, VolspecWarning
 from volspec.export.deep import DeepSamples
 from volspec.mesh import shapes
 from volspec.mesh.caster import MeshCaster
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, DepthEffects, LightGroup, RaycastSpec
+from volspec.raycast.depth import extents
+from volspec.raycast.layered import OpacityLayers
 from volspec.raycast.lights import Ambient, Directional, Headlight
 from volspec.raycast.reproject import Reprojector
 from volspec.relight import LightRig, error_map
@@ -27,7 +29,8 @@ from volspec.volume import Volume
 
 pytest.importorskip("embreex")
 
-MATERIALS = {name: reflectance(name) for name in ("copper", "gold", "silver")}
+# In another order than the function has them.
+MATERIALS = {name: reflectance(name) for name in ("silver", "gold", "copper")}
 BASIS = MaterialBasis(MATERIALS)
 SIZE = 48, 36
 POINTS = [(0.1, 0.0, "copper"), (0.2, 0.08, "copper"), (0.5, 0.08, "copper")]
@@ -88,6 +91,7 @@ def test_scale_1_is_the_cast_without_layers(
 ) -> None:
     layers = image.opacity_layers
     assert layers is not None and layers.solid and layers.count == 8
+    assert layers.fades == [False, True, True]
     without = cast(ball, caster, groups, layers=0)
     np.testing.assert_allclose(image.coefficients, without.coefficients, atol=1e-5)
     assert np.array_equal(image.recompose({}).coefficients, image.coefficients)
@@ -155,6 +159,70 @@ def test_cuts_fog_views_and_deep_files_have_them(image: CoefficientImage) -> Non
     assert camera is not None
     same = Reprojector(image).view(camera, none)
     assert np.abs(same.alpha - bare.alpha).max() < 1e-4
+
+
+def test_an_opaque_body_in_front_uncovers_a_mesh(ball: Volume, caster: Raycaster) -> None:
+    """Rays of the picture end in it; what is behind is seen once it is gone."""
+    transfer = replace(function(), points=[(0.1, 0.0, "gold"), (0.2, 1.0, "gold")])
+    camera = Camera.orbit(ball, azimuth_deg=30, elevation_deg=20)
+    spec = RaycastSpec(step_mm=0.25, groups=PLAIN, layers=8)
+    image = raycast(ball, transfer, camera, SIZE, spec, caster=caster, behind=[balls()])
+    alone = balls().alone(camera, SIZE, replace(spec, layers=0))
+    bare = image.recompose({"gold": 0})
+    np.testing.assert_allclose(bare.coefficients, alone.coefficients, atol=2e-4)
+
+
+def test_extents_and_deep_samples_of_a_mesh_are_at_its_surface(image: CoefficientImage) -> None:
+    """Also behind unused layers, and next to a layer of the volume."""
+    layers = image.opacity_layers
+    assert layers is not None
+    total = layers.tau.sum(axis=3).reshape(-1, 8)
+    begin, width = extents(total, layers.depth_mm.reshape(-1, 8), solid=True)
+    seen = total[:, -1] > 0
+    assert not width[seen, -1].any()
+    np.testing.assert_allclose(begin[seen, -1], layers.depth_mm.reshape(-1, 8)[seen, -1])
+    alone = OpacityLayers(
+        *(each[:, :, :7] for each in (layers.tau, layers.shade, layers.gloss, layers.depth_mm))
+    )
+    own, wide = extents(total[:, :7], alone.depth_mm.reshape(-1, 7))
+    np.testing.assert_array_equal(begin[:, :7], own)
+    np.testing.assert_array_equal(width[:, :7], wide)
+    samples, bare = DeepSamples.of(image), image.recompose({"copper": 0.0, "gold": 0.0})
+    last = np.cumsum(samples.counts.ravel()) - 1
+    opaque = (bare.alpha == 1).ravel() & (samples.counts.ravel() > 0)
+    np.testing.assert_array_equal(samples.back_mm[last[opaque]], samples.depth_mm[last[opaque]])
+
+
+def test_an_edge_of_a_mesh_is_behind_the_volume(image: CoefficientImage) -> None:
+    camera, layers = image.camera, image.opacity_layers
+    assert camera is not None and layers is not None
+    used = np.where(np.isfinite(layers.depth_mm), layers.depth_mm, 0)
+    edge = (layers.tau[:, :, -1].sum(axis=2) > 0) & np.isinf(balls().depths_mm(camera, SIZE)[0])
+    assert edge.sum() > 5
+    assert (used[edge][:, -1] >= used[edge][:, :-1].max(axis=1)).all()
+
+
+def test_a_cast_is_cancelled_while_meshes_are_lit(ball: Volume, caster: Raycaster) -> None:
+    done: list[float] = []
+    spec = RaycastSpec(groups=LIT, layers=8, light_cells=24)
+    with pytest.raises(CastCancelled):
+        raycast(
+            *(ball, function(), Camera.orbit(ball), SIZE, spec),
+            caster=caster, behind=[balls()], progress=done.append,
+            cancel=lambda: done[-1:] == [1.0],
+        )  # fmt: skip
+
+
+def test_light_of_other_lamps_is_not_used_again(ball: Volume, caster: Raycaster) -> None:
+    """More lamps without layers move what the light volume has of those with them."""
+    first = cast(ball, caster, LIT)
+    more = (*LIT, LightGroup("rim", (Directional((-1.0, 0.2, 0.1), shadows=True),)))
+    cast(ball, caster, more, layers=0)
+    again = cast(ball, caster, LIT)
+    assert first.opacity_layers is not None and again.opacity_layers is not None
+    for name in ("tau", "shadow", "occlusion"):
+        one, other = (getattr(each.opacity_layers, name) for each in (first, again))
+        np.testing.assert_array_equal(one, other)
 
 
 def test_an_error_is_estimated_of_what_fades_alone(image: CoefficientImage) -> None:

@@ -138,6 +138,21 @@ def test_layers_from_the_first_on_match_where_pixels_have_none(solid: bool) -> N
     np.testing.assert_allclose(*frames, atol=2e-4)
 
 
+def test_a_first_layer_too_faint_for_half_floats_hides_no_others() -> None:
+    image = layered(3, 1)
+    layers = image.opacity_layers
+    assert layers is not None
+    tau = layers.tau.astype(np.float32) + 0.02
+    tau[1, :, 0] = 1e-9
+    image = replace(image, opacity_layers=replace(layers, tau=tau))
+    frames = []
+    for relighter in (gl_or_skip(image), Relighter(image, "numpy")):
+        with relighter:
+            relighter.set_opacities({"gold": 0.4})
+            frames.append(relighter.frame(rig(image), dtype=np.float32))
+    np.testing.assert_allclose(*frames, atol=1e-3)
+
+
 @pytest.mark.parametrize("shadows", ["--", "b-"])
 def test_surfaces_do_not_fade(shadows: str) -> None:
     image = layered(3, 2, shadows=shadows, solid=True)

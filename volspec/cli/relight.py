@@ -20,8 +20,8 @@ from volspec.cli.viewing import (
     HdrOptions,
     PictureOptions,
     StereoOptions,
+    errors_of_file,
     in_options,
-    naming,
 )
 from volspec.errors import ImageError, InputError, VolspecError
 
@@ -141,7 +141,7 @@ def relight(
     if eyes and (spectral or errors or shown):
         option = "spectral" if spectral else "errors" if errors else "hdr"
         raise InputError(f"--{option} with --stereo: leave one out", code="conflict")
-    if eyes and (given := {"focus_mm", "aperture_mm", "surface"} & {*depth.given}):
+    if eyes and (given := {"focus_mm", "aperture_mm", "surface"} & {*depth.given_values}):
         option = DEPTH_OPTIONS[min(given)]
         raise InputError(f"{option} with --stereo: leave one out", code="conflict")
     _check_kind(output, spectral, viewing, model, errors, shown)
@@ -159,7 +159,7 @@ def relight(
     # Errors are of opacities and lights alone, and eyes have no lens.
     own = DepthEffects()
     if stored.opacity_layers is not None:
-        with naming(image):
+        with errors_of_file(image):
             own = stored_depth(stored)
     if errors and own.changes:
         note("--errors: frame and map are without the [depth] of the image's scene")
@@ -167,20 +167,20 @@ def relight(
     if eyes and own.focus_mm is not None:
         note("--stereo: the focus of the image's scene is left out")
         own = replace(own, focus_mm=None, aperture_mm=None)
-    with in_options(), naming(image, only="unsupported"):  # without layers
+    with in_options(), errors_of_file(image, only="unsupported"):  # without layers
         views = (
             [*eyes.views(stored, scales, depth.effects(own))]
             if eyes
             else [depth.onto(stored, scales, own)]
         )
     stored = views[0]
-    if depth.given and errors:
+    if errors and (asked := depth.given_values):
         raise InputError(
             f"--errors is of opacities and lights, not of depth; leave out it, or "
-            f"{DEPTH_OPTIONS[min(depth.given)]}",
+            f"{DEPTH_OPTIONS[min(asked)]}",
             code="conflict",
         )
-    with naming(image):
+    with errors_of_file(image):
         scene = stored_relight_spec(stored)
     lamps = [read_image_setting(image, text, stored) for text in light]
     if shown is not None:

@@ -319,7 +319,6 @@ DEPTH_OPTIONS = {
 }
 """Options by the field of `DepthEffects` that they set."""
 
-_OFF = "focus_mm", "fog_mm", "far_mm"  # also say "off", of what the image's scene has
 _NEEDED = {"aperture_mm": "focus_mm", "fog_from_mm": "fog_mm", "fog_white": "fog_mm"}
 
 
@@ -361,20 +360,25 @@ class DepthOptions:
 
     @property
     def given(self) -> dict[str, Any]:
-        """Options that were given, by field."""
-        return _given({name: getattr(self, name) for name in DEPTH_OPTIONS})
+        """Options that were given, by field; None if one is off."""
+        given = _given({name: getattr(self, name) for name in DEPTH_OPTIONS})
+        return {name: None if value == "off" else value for name, value in given.items()}
+
+    @property
+    def given_values(self) -> dict[str, Any]:
+        """Options that were given and are not off, by field."""
+        return _given(self.given)
 
     def effects(self, scene: DepthEffects) -> DepthEffects:
         """Return focus, fog and cuts: a scene's own, changed by the options."""
         given = self.given
         for name, needed in _NEEDED.items():
-            if name in given and needed not in given and getattr(scene, needed) is None:
+            if name in given and given.get(needed, getattr(scene, needed)) is None:
                 option, missing = DEPTH_OPTIONS[name], DEPTH_OPTIONS[needed]
                 raise InputError(f"{option} without {missing}: add it, or leave {option} out")
         given.pop("surface", None)
-        none = {name: None for name in _OFF if given.get(name) == "off"}
         with in_options(DEPTH_OPTIONS):
-            return replace(scene, **given | none)
+            return replace(scene, **given)
 
     def onto(
         self, image: CoefficientImage, scales: Mapping[str, float], scene: DepthEffects
@@ -530,7 +534,7 @@ def in_options(options: Mapping[str, str] = _OPTIONS) -> Iterator[None]:
 
 
 @contextmanager
-def naming(path: Path, only: str | None = None) -> Iterator[None]:
+def errors_of_file(path: Path, only: str | None = None) -> Iterator[None]:
     """Name the file that an error is about, if it has the code ``only``."""
     try:
         yield

@@ -193,6 +193,11 @@ class MeshCaster:
         return made
 
     @property
+    def materials(self) -> list[str]:
+        """Return the meshes' materials, as `volspec.raycast.behind.Behind`."""
+        return [name for mesh in self.meshes for name in mesh.materials]
+
+    @property
     def translucent(self) -> str:
         """Return the first translucent mesh, as `volspec.raycast.behind.Behind`."""
         found = [each for each in self.meshes if each.opacity < 1.0]

@@ -14,14 +14,16 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from volspec.basis import Basis
+from volspec.errors import CastCancelled
 from volspec.raycast.camera import Camera
 from volspec.raycast.gpu import Raycaster, opacity_key
 from volspec.raycast.kernel_arguments import numbered_sources
-from volspec.raycast.layered import Slot, Solid
+from volspec.raycast.layered import Slot, Solid, nearest_known, ratio
 from volspec.raycast.light_volume import Arrives, Clear
 from volspec.raycast.lights import HEADLIT, Ambient
 from volspec.raycast.out_of_core import LevelCaster
-from volspec.raycast.row_batches import Progress, Result
+from volspec.raycast.row_batches import Cancel, Progress, Result
+from volspec.raycast.sampling import world_rays
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import Tables, TransferTable
 
@@ -89,6 +91,11 @@ class Behind(Protocol):
     def translucent(self) -> str:
         """Return what is translucent, in words; empty if nothing is."""
         return ""
+
+    @property
+    def materials(self) -> Sequence[str]:
+        """Return the names of the surfaces' materials; empty if they have none of a basis'."""
+        return ()
 
     def depths_mm(self, camera: Camera, size: tuple[int, int]) -> Sequence[NDArray[np.float32]]:
         """Return (H, W) distances from the camera, inf where nothing is seen.
@@ -181,38 +188,47 @@ class Surfaces:
             put_behind(front, layer)
         return front
 
-    def solid(self, slots: Sequence[Slot]) -> Solid:
-        """Return what is opaque as the last of layers of opacity, for groups with shadows."""
-        split: list[dict[int, Arrives]] = []
-        if slots:
-            assert isinstance(self.opacity.caster, Raycaster)
-            assert self.clear is not None
-            given = self.opacity.table, self.opacity.spec, self.camera, self.clear
-            split = self.opacity.caster.split_arrivals(*given)
-        every: dict[int, Arrives] = dict.fromkeys(split[0] if slots else (), _all)
-        lit = self._alone(every)
-        shape = (*lit.alpha.shape, len(self.opacity.spec.groups), -1)
+    def solid(self, slots: Sequence[Slot], cancel: Cancel | None = None) -> Solid:
+        """Return what is opaque as the last of layers of opacity, for groups with shadows.
+
+        Light is linear in its sources: each is rendered once, and past the volume's depths at half,
+        the whole, and each material alone at half it is what these let pass.
+        """
+        lit = self._alone({})
+        there = lit.alpha > 0.0
+        if not slots or not there.any():
+            return Solid(*lit[:3], {})
+        assert isinstance(self.opacity.caster, Raycaster)
+        given = self.opacity.table, self.opacity.spec, self.camera, self.clear or _all_passes
+        split = self.opacity.caster.split_arrivals(*given)
+        shape = (*there.shape, len(self.opacity.spec.groups), -1)
+        origins, directions = world_rays(self.camera, *self.size)
+        points_mm = nearest_known(lit.depth_mm).reshape(-1, 1) * directions + origins
+        points_mm = points_mm[there.ravel()]
+        every = lit.coefficients.reshape(shape)[there]
+        may = {slot: np.zeros_like(every[:, 0]) for slot in slots}
+        passed = {slot: np.zeros((len(every), len(split))) for slot in slots}
         sources = numbered_sources(self.opacity.spec)
-        means: dict[Slot, NDArray[np.floating]] = {}
-        for kind in {kind for _, kind in slots}:
-            own = [number for number in every if isinstance(sources[number][1], Ambient) == kind]
-            # Without this light, then past half of the depths, ….
-            parts: list[dict[int, Arrives]] = [dict.fromkeys(own, _none), *split]
-            dark, *passed = (
-                self._alone({**every, **{number: part[number] for number in own}}).coefficients
-                for part in parts
-            )
-            may, *arriving = ((each - dark).reshape(shape) for each in (lit.coefficients, *passed))
-            whole = lit.coefficients.reshape(shape)
-            light = may.sum(axis=-1)
-            found = [_share(each.sum(axis=-1), light, 1) for each in arriving]
-            found[:0] = [
-                _share(may[..., part].sum(axis=-1), whole[..., part].sum(axis=-1), 0)
-                for part in (np.s_[:-1], np.s_[-1:])  # of materials, and of white
-            ]
-            numbers = np.stack(found, axis=-1)
-            means |= {slot: numbers[:, :, slot[0]] for slot in slots if slot[1] == kind}
-        return Solid(lit.coefficients, lit.alpha, lit.depth_mm, means)
+        for number in split[0]:
+            if cancel is not None and cancel():
+                raise CastCancelled("raycast: cancelled", code="state")
+            group, source = sources[number]
+            slot = group, isinstance(source, Ambient)
+            dark = self._alone({number: _none_arrives}).coefficients.reshape(shape)[there]
+            own = np.maximum(every[:, group] - dark[:, group], 0)
+            may[slot] += own
+            arriving = np.stack([part[number](points_mm) for part in split], axis=1)
+            passed[slot] += own.sum(axis=1)[:, None] * arriving
+        means = {}
+        for slot in slots:
+            whole, own = every[:, slot[0]], may[slot]
+            light = own.sum(axis=1, keepdims=True)
+            coloured = ratio(own[:, :-1].sum(axis=1), whole[:, :-1].sum(axis=1))
+            white = ratio(own[:, -1], whole[:, -1])
+            passes = np.where(light > 0, ratio(passed[slot], light), 1.0)
+            means[slot] = np.zeros((*there.shape, 2 + len(split)), np.float32)
+            means[slot][there] = np.column_stack([coloured, white, passes])
+        return Solid(*lit[:3], means)
 
     def _alone(self, arrives: Mapping[int, Arrives]) -> Result:
         """Return what is opaque without the volume, which lets parts of the light pass."""
@@ -257,18 +273,14 @@ def nothing(shape: tuple[int, ...], dtype: DTypeLike) -> Result:
     return Result(np.zeros(shape, dtype), np.zeros(shape[:2], np.float32), far, far.copy())
 
 
-def _all(points_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.ones(len(points_mm))
-
-
-def _none(points_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+def _none_arrives(points_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return zeros, of a volume that lets no light pass; an `Arrives`."""
     return np.zeros(len(points_mm))
 
 
-def _share(
-    part: NDArray[np.floating], whole: NDArray[np.floating], of_nothing: float
-) -> NDArray[np.floating]:
-    return np.where(whole > 0, part / np.where(whole > 0, whole, 1), of_nothing)
+def _all_passes(starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return ones, of surfaces that keep no light; a `Clear`."""
+    return np.ones(len(starts))
 
 
 def put_behind(front: Result, other: BehindImage) -> None:

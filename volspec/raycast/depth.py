@@ -196,7 +196,7 @@ def layers_in_depth(
     near, far = _cuts(effects, cosine)
     pixels = np.arange(height * width)
     tau, depth = layers.tau.astype(np.float32), layers.depth_mm.astype(np.float32)
-    # What is cut away is at the cut, as layers without a depth end a ray's.
+    # What is cut away is at the cut: unused layers alone have no depth.
     depth = np.where(np.isfinite(depth), depth.clip(near[..., None], far[..., None]), depth)
     fog = _Fog(effects, far)
     shade, gloss = (each.astype(np.float32) for each in (layers.shade, layers.gloss))
@@ -298,12 +298,12 @@ def _slabs(
     ]
     total = flat[0].astype(np.float32).sum(axis=2)
     begin, width = extents(total, flat[3].astype(np.float32), layers.solid)
-    scaled = layers.scaled(scales).reshape(-1, *layers.tau.shape[2:])[pixels]
+    factors = layers.factors(scales)
 
     def parts(low: Array, high: Array) -> Iterator[_Slab]:
         for k in range(count):
-            shade, gloss = (each[:, k].astype(np.float32) for each in flat[1:3])
-            tau = scaled[:, k]
+            tau, shade, gloss = (each[:, k].astype(np.float32) for each in flat[:3])
+            tau *= factors[k]
             own = tau.sum(axis=1)
             first, wide = begin[:, k], width[:, k]
             last = first + wide

@@ -580,7 +580,7 @@ class Raycaster:
             layers=0 if rows is None else rows.shape[2],
             slots=slots,
             split=split,
-            blocked=clear is not None,
+            blocked=bool(slots) and clear is not None,
         )
         tile, group = TILES[self.packet.lanes], GROUPS[self.packet.lanes]
         with receiver.receiving(self._compute, spec.half) if receiver else nullcontext() as pack:

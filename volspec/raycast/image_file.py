@@ -174,7 +174,7 @@ _READ = (1, 2, FORMAT)  # images of format 1 have one light group
 # Attributes of the header, after "volspec:".
 _OWN = ("format", "basis", "groups", "notes", "fov_deg", "camera", "layers")
 # Without shadows, with, and with a last layer of surfaces.
-LAYERS_VERSIONS = _, _, SOLID_VERSION = 1, 2, 3
+PLAIN_VERSION, SHADOWS_VERSION, SOLID_VERSION = LAYERS_VERSIONS = 1, 2, 3
 # Of layers' arrays, by `Slot`.
 CASTS = "shadow", "occlusion"
 _ALPHA_ERROR = 1e-3  # rounding of alpha by a compositor
@@ -217,7 +217,11 @@ def write_image(
         layers = image.opacity_layers
         slots = layers.slots
         about: dict[str, Any] = {
-            "version": SOLID_VERSION if layers.solid else 2 if slots else 1,
+            "version": SOLID_VERSION
+            if layers.solid
+            else SHADOWS_VERSION
+            if slots
+            else PLAIN_VERSION,
             "count": layers.count,
         }
         for o, cast in enumerate(CASTS if about["version"] > 1 else ()):

@@ -6,7 +6,7 @@ RaycastSpec, tables -> [layer_casts] -> rows that a cast fills
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,9 @@ from volspec.raycast.layered import MAX_MATERIALS, Slot
 from volspec.raycast.lights import Ambient, Headlight
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import FieldTables, SurfaceTable, Tables
+
+if TYPE_CHECKING:
+    from volspec.raycast.behind import Behind
 
 
 def row_size(materials: int, groups: int, slots: int = 0) -> int:
@@ -59,14 +62,7 @@ def shadow_slots(spec: RaycastSpec) -> list[Slot]:
     return sorted(found)
 
 
-class _Surfaces(Protocol):
-    @property
-    def translucent(self) -> str: ...
-
-
-def check_layers(
-    spec: RaycastSpec, table: Tables, basis: Basis, behind: Sequence[_Surfaces]
-) -> None:
+def check_layers(spec: RaycastSpec, table: Tables, basis: Basis, behind: Sequence[Behind]) -> None:
     """Refuse what cannot be cast in layers, or with what is ``behind``. Raises RaycastError."""
     if not isinstance(basis, MaterialBasis):
         raise _refused(

@@ -207,8 +207,14 @@ class OpacityLayers:
     def scaled(self, scales: Sequence[float]) -> NDArray[np.float32]:
         """Return (H, W, L, K) optical depths, with those of the K materials scaled."""
         tau = self.tau.astype(np.float32)
-        tau[:, :, : self.count - self.solid] *= np.asarray(scales, np.float32)
+        tau *= self.factors(scales)
         return tau
+
+    def factors(self, scales: Sequence[float]) -> NDArray[np.float32]:
+        """Return (L, K) factors of the optical depths; 1 of surfaces."""
+        found = np.tile(np.asarray(scales, np.float32), (self.count, 1))
+        found[self.count - self.solid :] = 1
+        return found
 
     @property
     def slots(self) -> list[Slot]:
@@ -327,7 +333,12 @@ class OpacityLayers:
         self.tau[:, :, -1] = sample_tau(alpha)[..., None] * share
         self.shade[:, :, -1] = ratio(own[..., :K], share[:, :, None])
         self.gloss[:, :, -1] = own[..., K]
-        self.depth_mm[:, :, -1] = np.where(alpha > 0, _nearest_known(surfaces.depth_mm), np.inf)
+        place = nearest_known(surfaces.depth_mm)
+        # At edges, which only points of a pixel see, surfaces are behind all that is there.
+        edge = (alpha > 0) & ~np.isfinite(surfaces.depth_mm)
+        deepest = np.where(np.isfinite(self.depth_mm), self.depth_mm, 0)[edge][:, :-1]
+        place[edge] = np.maximum(place[edge], deepest.max(axis=1, initial=0))
+        self.depth_mm[:, :, -1] = np.where(alpha > 0, place, np.inf)
         for (group, occluded), means in surfaces.means.items():
             cast = self.occlusion if occluded else self.shadow
             assert cast is not None
@@ -357,9 +368,9 @@ class OpacityLayers:
         alpha = np.zeros((height, width), np.float32)
         depth_mm = np.zeros((height, width), np.float32)
         through = np.ones((height, width), np.float32)
-        scaled = self.scaled(scales)
+        factors = self.factors(scales)
         for layer in range(count):
-            tau = scaled[:, :, layer]
+            tau = self.tau[:, :, layer].astype(np.float32) * factors[layer]
             total = tau.sum(axis=-1)
             if not total.any():
                 continue
@@ -408,9 +419,11 @@ def _rounded_depths(tau: NDArray[Any]) -> NDArray[np.float16]:
     """Return optical depths in half precision, rounded to what shows."""
     low = np.exp2(np.floor(np.log2(np.maximum(tau, _STEP).astype(np.float32))))
     scale = np.clip(1 / low, 1 / _MOST_SCALED, _MOST_SCALED)  # at which a change shows most
-    shown = scale * np.exp(-scale * low)
+    shown = np.maximum(scale * np.exp(-scale * low), np.float32(1e-30))
     step = np.minimum(np.exp2(np.floor(np.log2(_STEP / shown))), low / 4)
-    return (np.rint(tau / step) * step).astype(np.float16)
+    found = np.rint(tau / step) * step
+    # A used layer stays one: cuts take its neighbours for its surroundings.
+    return np.where(found > 0, found, tau).astype(np.float16)
 
 
 def _rounded(values: NDArray[Any], tau: NDArray[np.float32]) -> NDArray[np.float16]:
@@ -421,13 +434,13 @@ def _rounded(values: NDArray[Any], tau: NDArray[np.float32]) -> NDArray[np.float
     return (np.rint(values / step) * step).astype(np.float16)
 
 
-def _nearest_known(depth_mm: NDArray[np.float32]) -> NDArray[np.float32]:
+def nearest_known(depth_mm: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return distances; where there is none, as at edges, that of the nearest pixel."""
     from scipy.ndimage import distance_transform_edt
 
     unknown = ~np.isfinite(depth_mm)
     if unknown.all():
-        return depth_mm
+        return depth_mm.copy()
     at = distance_transform_edt(unknown, return_distances=False, return_indices=True)
     return depth_mm[tuple(at)]
 

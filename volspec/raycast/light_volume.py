@@ -426,6 +426,8 @@ class LightVolume:
             self._layers = self._compute.output(count * grid.nodes * 2)
             self._capacity = count * grid.nodes * 2
         previous = self._keys
+        if len(previous) != len(wanted):  # the rest of the buffer is elsewhere
+            self._split_keys = []
         self._keys = []
         for number, layer in enumerate(wanted):
             key = *layer.key, clear
@@ -467,7 +469,7 @@ class LightVolume:
             if clear is not None:
                 place = len(wanted) + n * width, width, len(parts)
                 self._fill_layer(layer, place, grid, self._sigma, 0.0, gain=1.0)
-                self._take(self._parts[n], place, grid)
+                self._multiply(self._parts[n], place, grid)
         self._split_keys = keys
 
     def _require(self, nbytes: int, field: str, grid: LightGrid) -> None:
@@ -621,9 +623,9 @@ class LightVolume:
         self._alone[number] = filled[number * grid.nodes : (number + 1) * grid.nodes]
         parts = np.rint(65535.0 * unblocked_part(layer, grid, clear)).astype(np.uint16)
         self._parts[number] = self._compute.upload(parts)
-        self._take(self._parts[number], (number, 1, 0), grid)
+        self._multiply(self._parts[number], (number, 1, 0), grid)
 
-    def _take(self, parts: Any, place: tuple[int, int, int], grid: LightGrid) -> None:
+    def _multiply(self, parts: Any, place: tuple[int, int, int], grid: LightGrid) -> None:
         """Multiply the numbers of a place, as of `_fill_layer`, by parts of 65535."""
         at = np.array([*place, 0], np.int32)
         self._launch("blocked", grid.nodes, (parts, np.int32(grid.nodes), at, self._layers))

@@ -151,7 +151,8 @@ class PackedOpacity:
             # (H, W, L) planes, layer by layer.
             texels[:, i // 4, :, :, i % 4] = np.moveaxis(plane, 2, 0)
         flat = texels.reshape(count * each, height, width, 4)
-        used: NDArray[np.bool_] = np.any(layers.tau, axis=3)
+        # Half floats have no depths below 3e-8.
+        used = np.moveaxis(np.any(texels[:, 0, :, :, :materials], axis=3), 0, 2)
         filled = are_filled(used, layers.solid)
         about = shadows, layers.solid, filled, tuple(layers.fades)
         return cls(flat, count, materials, layers.groups, *about, nearest)

@@ -164,7 +164,8 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
     tau, shade, gloss, extents, *casts = (
         clamp_finite(np.asarray(each, np.float32)) for each in given
     )
-    tau = np.minimum(tau, _MOST_TAU)
+    total = tau.sum(axis=-1, keepdims=True)
+    tau *= _MOST_TAU / np.maximum(total, _MOST_TAU)
     tau_codes, most_tau = _coded(tau, 255, 3)
     shown: NDArray[np.bool_] = tau_codes > 0
     fading = shown[:, :, : layers.count - layers.solid]
