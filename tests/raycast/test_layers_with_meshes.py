@@ -108,13 +108,16 @@ def test_meshes_are_seen_as_in_a_new_cast(
     ball: Volume, caster: Raycaster, image: CoefficientImage, groups: Any,
     scales: tuple[float, float],
 ) -> None:  # fmt: skip
-    """Measured: at most 0.13 on average, 3 in a pixel; with the shadows of the cast 2.5 and 27."""
+    """Measured: channels are off by 1.4e-4 on average, 0.027 at most, on meshes by 6e-4."""
     opacities = dict(zip(("copper", "gold"), scales, strict=True))
     shown = image.recompose(opacities)
     new = cast(ball, caster, groups, layers=0, **opacities)
     assert np.abs(shown.alpha - new.alpha).max() < 1e-4
     off = np.abs(shown.coefficients - new.coefficients)
-    assert off.max() < 0.08 and off.mean() < 2e-3
+    assert off.max() < 0.04 and off.mean() < 2e-4
+    layers = image.opacity_layers
+    assert layers is not None
+    assert off[layers.tau[:, :, -1].any(axis=2)].mean() < 8e-4
 
 
 def test_without_the_volume_meshes_alone_are_left(

@@ -78,6 +78,16 @@ def rig(image: CoefficientImage) -> LightRig:
     return LightRig(tuple(map(light, lamps[: len(groups)])), groups=groups)
 
 
+def both_frames(image: CoefficientImage, scales: dict[str, float]) -> list[NDArray[np.float32]]:
+    """Frames of other opacities on the device, and by its twin."""
+    frames = []
+    for relighter in (gl_or_skip(image), Relighter(image, "numpy")):
+        with relighter:
+            relighter.set_opacities(scales)
+            frames.append(relighter.frame(rig(image), dtype=np.float32))
+    return frames
+
+
 @pytest.mark.parametrize(("materials", "groups"), [(1, 1), (3, 1), (4, 1), (3, 2), (2, 5), (4, 8)])
 @pytest.mark.parametrize("scales", [(0.0, 1.0, 4.0, 0.5), (0.7, 1.3, 1.0, 0.9), (3.9, 0, 0, 1)])
 def test_frames_of_other_opacities_match(
@@ -85,11 +95,7 @@ def test_frames_of_other_opacities_match(
 ) -> None:
     image = layered(materials, groups)
     wanted = dict(zip(NAMES[:materials], scales, strict=False))
-    frames = []
-    with gl_or_skip(image) as drawn, Relighter(image, "numpy") as twin:
-        for relighter in (drawn, twin):
-            relighter.set_opacities(wanted)
-            frames.append(relighter.frame(rig(image), dtype=np.float32))
+    frames = both_frames(image, wanted)
     np.testing.assert_allclose(*frames, atol=2e-4)
     recomposed = image.recompose(wanted)
     with Relighter(recomposed, "numpy") as relighter:
@@ -130,12 +136,7 @@ def test_layers_from_the_first_on_match_where_pixels_have_none(solid: bool) -> N
     own = replace(layers, tau=tau)
     assert PackedOpacity.of(own).filled
     image = replace(image, opacity_layers=own)
-    frames = []
-    for relighter in (gl_or_skip(image), Relighter(image, "numpy")):
-        with relighter:
-            relighter.set_opacities({"gold": 0.4})
-            frames.append(relighter.frame(rig(image), dtype=np.float32))
-    np.testing.assert_allclose(*frames, atol=2e-4)
+    np.testing.assert_allclose(*both_frames(image, {"gold": 0.4}), atol=2e-4)
 
 
 def test_a_first_layer_too_faint_for_half_floats_hides_no_others() -> None:
@@ -145,24 +146,14 @@ def test_a_first_layer_too_faint_for_half_floats_hides_no_others() -> None:
     tau = layers.tau.astype(np.float32) + 0.02
     tau[1, :, 0] = 1e-9
     image = replace(image, opacity_layers=replace(layers, tau=tau))
-    frames = []
-    for relighter in (gl_or_skip(image), Relighter(image, "numpy")):
-        with relighter:
-            relighter.set_opacities({"gold": 0.4})
-            frames.append(relighter.frame(rig(image), dtype=np.float32))
-    np.testing.assert_allclose(*frames, atol=1e-3)
+    np.testing.assert_allclose(*both_frames(image, {"gold": 0.4}), atol=1e-3)
 
 
 @pytest.mark.parametrize("shadows", ["--", "b-"])
 def test_surfaces_do_not_fade(shadows: str) -> None:
     image = layered(3, 2, shadows=shadows, solid=True)
     none = dict.fromkeys(NAMES[:3], 0.0)
-    with gl_or_skip(image) as drawn, Relighter(image, "numpy") as twin:
-        frames = []
-        for relighter in (drawn, twin):
-            relighter.set_opacities(none)
-            frames.append(relighter.frame(rig(image), dtype=np.float32))
-    np.testing.assert_allclose(*frames, atol=3e-4)
+    np.testing.assert_allclose(*both_frames(image, none), atol=3e-4)
     layers = image.opacity_layers
     assert layers is not None
     last = layers.tau[:, :, -1].astype(np.float32).sum(axis=-1)
