@@ -1,15 +1,15 @@
 """Errors of focus, fog, cuts and meshes in layers, against casts: ``python -m benchmarks.depth``.
 
-The volumes, materials and lights of `benchmarks.layers`, with all opacities as cast and with the
-first material's at a quarter. Cuts and fog are compared with the float64 march of the reference,
-of which samples are left out beyond a cut, and each sample is seen through its fog; on covered
-pixels of 96² rays. Focus is compared with the mean of casts from points all over a lens, each
-shifted so that the plane in focus stays; under ambient light, as a headlight would move.
+The volumes, materials and lights of `benchmarks.layer_cases`, with all opacities as cast and with
+the first material's at a quarter. Cuts and fog are compared with the float64 march of the
+reference, of which samples are left out beyond a cut, and each sample is seen through its fog; on
+covered pixels of 96² rays. Focus is compared with the mean of casts from points all over a lens,
+each shifted so that the plane in focus stays; under ambient light, as a headlight would move.
 
 Distances are those below which parts of the opacity are: a cut at 30 and 60 %, fog that begins at
-the first and leaves 5 % after one and three times the distance from 5 to 95 %, focus at 10 and
-90 % with a circle of confusion of 16 pixels at the other end, of 320². A mesh is a ball of a sixth
-of the volume, at the median depth in the middle of the picture, under a shadowing lamp too: all
+the first and leaves 5 % after one and three times the distance from 5 to 95 %, focus at 10 and 90 %
+with a circle of confusion of 16 pixels at the other end, of 320². A mesh is a ball of a sixth of
+the volume, at the median depth in the middle of the picture, under a shadowing lamp too: all
 combinations of the scales 0, 1/4, 1 and 4 are compared with casts of 192² pixels. Errors are the
 RMS of sRGB codes, 1 for white, and CIEDE2000 of the frame under D65 in front of black: mean, 99 %.
 """
@@ -27,7 +27,7 @@ import imageio.v3 as iio
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.layers import (
+from benchmarks.layer_cases import (
     CASES,
     LAYERS_PAGE,
     RIGS,
@@ -108,13 +108,21 @@ class Truth:
         return channels, self.through * end
 
 
+def subject(
+    volume: Volume, points: Points, orbit: dict[str, Any]
+) -> tuple[TransferFunction, MaterialBasis, Camera]:
+    """Return a case's function, its basis and its camera."""
+    transfer = transfer_of(points)
+    assert isinstance(transfer, TransferFunction)
+    assert isinstance(transfer.basis, MaterialBasis)
+    return transfer, transfer.basis, Camera.orbit(volume, **orbit)
+
+
 def marched(
     volume: Volume, points: Points, orbit: dict[str, Any]
 ) -> dict[tuple[int, str], list[Errors]]:
     """Return the errors of cuts and fog, by layers and kind: as cast, and a material at 1/4."""
-    transfer, camera = transfer_of(points), Camera.orbit(volume, **orbit)
-    basis = transfer.basis
-    assert isinstance(basis, MaterialBasis)
+    transfer, basis, camera = subject(volume, points, orbit)
     spec = replace(SPEC, step_mm=0.5 * volume.finest_mm, layers=COUNTS[0])
     caster = Raycaster(volume)
     table = caster.bake(transfer)
@@ -193,10 +201,7 @@ def focused(
     volume: Volume, points: Points, orbit: dict[str, Any]
 ) -> dict[tuple[int, str], list[Errors]]:
     """Return the errors of focus, by layers."""
-    transfer = transfer_of(points)
-    camera = Camera.orbit(volume, **orbit)
-    basis = transfer.basis
-    assert isinstance(basis, MaterialBasis)
+    transfer, basis, camera = subject(volume, points, orbit)
     spec = replace(SPEC, ambient=1.0, diffuse=0.0, specular=0.0, step_mm=0.5 * volume.finest_mm)
     caster = Raycaster(volume)
     table = caster.bake(transfer)
@@ -231,9 +236,7 @@ def with_mesh(
     volume: Volume, points: Points, orbit: dict[str, Any]
 ) -> dict[tuple[int, str], list[Errors]]:
     """Return the errors of opacities around and within a mesh, by layers."""
-    transfer, camera = transfer_of(points), Camera.orbit(volume, **orbit)
-    basis = transfer.basis
-    assert isinstance(basis, MaterialBasis)
+    transfer, basis, camera = subject(volume, points, orbit)
     caster = Raycaster(volume)
     spec = replace(SPEC, step_mm=0.5 * volume.finest_mm, groups=RIGS["one group"])
     middle = np.array(camera.target_mm)

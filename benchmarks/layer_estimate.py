@@ -20,8 +20,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.layers import CASES, LAYERS_PAGE, ScaledLights, Setup, Truth
+from benchmarks.layer_cases import CASES, LAYERS_PAGE
+from benchmarks.layers import Setup
 from benchmarks.measure import replaced
+from benchmarks.scaled_casts import ScaledLights, Truth
 from volspec._gpu.sources import asset
 from volspec.basis import MaterialBasis
 from volspec.export.compositing import Recipe, save_for_compositors

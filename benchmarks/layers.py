@@ -22,39 +22,39 @@ from __future__ import annotations
 
 import itertools
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import imageio.v3 as iio
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.measure import PAGE, Figure, in_turn, replaced
-from benchmarks.scenes import RECIPES, Points, chest, stored
-from volspec._gpu.opencl import Compute
+from benchmarks.layer_cases import (
+    CASES,
+    LAYERS_PAGE,
+    OTHERS,
+    RIGS,
+    SPEC,
+    Case,
+    Errors,
+    display,
+    transfer_of,
+)
+from benchmarks.measure import Figure, in_turn, replaced
+from benchmarks.scaled_casts import Frozen, ScaledLights, Truth
 from volspec._gpu.sources import asset
-from volspec.appearance.models.cielab import cielab, delta_E_2000
-from volspec.appearance.spaces import decode_sRGB, encode_sRGB, linear_sRGB_from_XYZ
-from volspec.basis import Basis, MaterialBasis
+from volspec.basis import MaterialBasis
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec, reference
-from volspec.raycast.image_file import ONE_GROUP
-from volspec.raycast.kernel_arguments import LIGHT_MARGIN
 from volspec.raycast.layer_casts import empty_rows, shadow_slots
-from volspec.raycast.layer_stream import LayerStream, Samples, Shadow
-from volspec.raycast.layered import OpacityLayers, Slot, sample_tau
-from volspec.raycast.light_volume import LightGrid, LightVolume, light_layers, split_width
-from volspec.raycast.lights import HEADLIT, Ambient, Directional, Headlight, LightGroup
-from volspec.raycast.sampling import Arrives, cell
-from volspec.relight import LightRig, RelightSpec, relight
-from volspec.relight.illumination import Illumination
+from volspec.raycast.layer_stream import LayerStream
+from volspec.raycast.layered import OpacityLayers, Slot
+from volspec.relight import relight
 from volspec.scene import Scene
-from volspec.spectra import light, reflectance
-from volspec.transfer import LabelFunction, TransferFunction, TransferTable
-from volspec.volume import Volume, load_volume
+from volspec.spectra import light
+from volspec.transfer import TransferFunction, TransferTable
 
 Array = NDArray[np.float64]
 SCALES = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)
@@ -63,213 +63,6 @@ COUNTS = (4, 8, 12, 16)
 LAYERS = 8
 SIDE, PIXELS, LIT_PIXELS = 96, 1000, 300
 TIMED = 512, 512
-SPEC = RaycastSpec(ambient=0.3, diffuse=0.7, specular=0.2, shininess=24, alpha_stop=1.0)
-MATERIALS = {
-    "skin": "ColorChecker/light skin",
-    "brass": "brass",
-    "sky": "ColorChecker/blue sky",
-    "leaf": "ColorChecker/foliage",
-}
-LAMP = Directional((1.0, 0.75, 0.6), frame="camera", intensity=0.7, shadows=True)
-HEAD = Ambient(), Headlight(0.3)
-RIGS = {
-    "": HEADLIT,
-    "own group": (LightGroup("head", HEAD), LightGroup("lamp", LAMP)),
-    "one group": (LightGroup("light", (*HEAD, LAMP)),),
-    "occlusion": (LightGroup("light", (Ambient(occlusion=True), Headlight())),),
-}
-LAYERS_PAGE = PAGE.parent / "layers.md"
-
-
-def _bundled(name: str) -> Callable[[], Volume]:
-    """Return a reader of a volume that ships."""
-    return lambda: load_volume(asset(f"data/{name}.nrrd"))
-
-
-Case = tuple[Callable[[], Volume], Points, dict[str, Any]]
-# A volume, the points of its function, and keywords of its orbit. Materials follow from the order
-# of the recipe's.
-_ENGINE: Points = (
-    *((88, 0.0, "skin"), (108, 0.045, "skin"), (128, 0.045, "skin")),
-    *((140, 0.03, "brass"), (165, 0.03, "brass"), (180, 0.12, "sky")),
-    *((200, 0.5, "sky"), (255, 0.9, "sky")),
-)
-_VIEW = {"azimuth_deg": 148, "elevation_deg": 32, "up": (0, 0, -1)}
-_FROG: Points = (
-    *((20, 0.0, "skin"), (36, 0.02, "skin"), (70, 0.03, "skin")),
-    *((85, 0.06, "brass"), (110, 0.08, "brass")),
-    *((130, 0.25, "sky"), (190, 0.6, "sky"), (255, 0.8, "sky")),
-)
-CASES: dict[str, Case] = {
-    "engine": (_bundled("engine"), _ENGINE, _VIEW),
-    "foot": (stored("foot"), RECIPES["foot"].points, RECIPES["foot"].camera),
-    "mrbrain": (_bundled("mrbrain"), RECIPES["mrbrain"].points, RECIPES["mrbrain"].camera),
-    "aneurism": (stored("aneurism"), RECIPES["aneurism"].points, RECIPES["aneurism"].camera),
-    "frog": (stored("frog"), _FROG, {"azimuth_deg": 30, "elevation_deg": 40}),
-}
-
-
-def _labels() -> Volume:
-    """Return the engine's materials by value, as labels."""
-    engine = CASES["engine"][0]()
-    labels = np.digitize(engine.values, (100, 134, 172)).astype(np.uint8)
-    return Volume(labels, spacing_mm=engine.spacing_mm, name="labels")
-
-
-_TWO: Points = tuple((v, a, "sky" if name == "brass" else name) for v, a, name in _ENGINE)
-_FOUR: Points = (*_ENGINE[:-1], (235, 0.5, "leaf"), (255, 0.9, "leaf"))
-OTHERS: dict[str, Case] = {
-    "engine, K=2": (_bundled("engine"), _TWO, _VIEW),
-    "engine, K=4": (_bundled("engine"), _FOUR, _VIEW),
-    # A label's opacity and material.
-    "labels": (_labels, ((1, 0.045, "skin"), (2, 0.03, "brass"), (3, 0.4, "sky")), _VIEW),
-    "chest CT": (chest, RECIPES["chest"].points, RECIPES["chest"].camera),
-}
-
-
-class ScaledLights:
-    """The light volumes of a table's scaled opacities, (C, K) scales, of every source."""
-
-    def __init__(
-        self,
-        volume: Volume,
-        table: TransferTable,
-        camera: Camera,
-        spec: RaycastSpec,
-        scales: Array,
-    ) -> None:
-        compute = Compute.open()
-        self._light = LightVolume(compute, volume, compute.upload(volume.values))
-        self._compute, self._given = compute, (spec, camera)
-        sources = len(light_layers(spec, volume, camera))
-        self.grid = LightGrid.for_spec(volume, spec)
-        shape = *self.grid.shape_xyz[::-1], len(scales)
-        self._layers = [np.empty(shape, np.uint16) for _ in range(sources)]
-        self._number = {each.source: n for n, each in enumerate(light_layers(spec, volume, camera))}
-        for c, scale in enumerate(scales):
-            for own, one in zip(self._layers, self._of(scaled(table, scale)), strict=True):
-                own[..., c] = one
-
-    def _of(self, table: TransferTable, width: int = 0) -> NDArray[np.uint16]:
-        """Return (N, nz, ny, nx) light volumes, and of each N ``width`` more, as read by nodes."""
-        buffer, grid, wanted = self._light.layers(table, *self._given, split=width > 0)
-        layers = np.empty((len(wanted) * (1 + width), *grid.shape_xyz[::-1]), np.uint16)
-        self._compute.download(buffer, layers)
-        return layers
-
-    def arrivals(self, table: TransferTable) -> reference.Lights:
-        """Return the light of a table as `reference.split_arrivals` does, from the device."""
-        width, sources = split_width(table), len(self._number)
-        layers = self._of(table, width) / 65535
-        split = layers[sources:].reshape(sources, *layers.shape[1:], width)
-
-        def each(volumes: Array) -> dict[int, Arrives]:
-            return {
-                source: partial(reference.light_at, np.ascontiguousarray(volumes[n]), self.grid)
-                for source, n in self._number.items()
-            }
-
-        half, whole, *alone = (each(split[..., n]) for n in range(2 + len(table.channels)))
-        return each(layers[:sources]), [*alone, half, whole], {}
-
-    def passes(self, shadow: Shadow) -> Array:
-        """Return (R, C) what arrives at samples with each scale."""
-        layer = self._layers[self._number[shadow.source]]
-        at = shadow.at * np.array(self.grid.per_index) + LIGHT_MARGIN
-        base, f = cell(layer.shape[:3], at)
-        found = np.zeros((len(at), layer.shape[3]))
-        for corner in itertools.product((0, 1), repeat=3):
-            x, y, z = (base + corner).T
-            weight = np.where(corner, f, 1 - f).prod(axis=1)
-            found += weight[:, None] * layer[z, y, x]
-        return found / 65535
-
-
-def scaled(table: TransferTable, scales: Array) -> TransferTable:
-    """Return a table with each material's optical depth scaled, for the light volume."""
-
-    def opacity(side: TransferTable) -> Array:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            depth = -np.log1p(-side.opacity) * (side.material_weights @ scales)
-        return -np.expm1(-np.nan_to_num(depth, posinf=1e3))
-
-    left = None
-    if table.left is not None:
-        left = table.left._replace(opacity=opacity(table.left_limits))
-    return replace(table, opacity=opacity(table), left=left)
-
-
-class Truth:
-    """The picture of (C, K) scales of a table's materials, sample by sample: a `SampleStream`."""
-
-    def __init__(
-        self, rays: int, scales: Array, groups: int = 1, lights: ScaledLights | None = None
-    ) -> None:
-        self.scales, self.lights = scales, lights
-        self.through = np.ones((rays, len(scales)))
-        self.channels = np.zeros((rays, len(scales), groups, scales.shape[1] + 1), np.float32)
-
-    def add(self, rays: NDArray[np.int64], samples: Samples) -> None:
-        """Composite a sample of each of some rays, in all combinations."""
-        _, alpha, weights, factor, highlight, shadows = samples
-        tau = sample_tau(alpha)[:, None, None] * weights[:, None, :] * self.scales
-        total = tau.sum(axis=2)
-        seen = self.through[rays] * -np.expm1(-total)
-        part = seen / np.maximum(total, 1e-300)
-        lost = {id(each): 1 - self.lights.passes(each) for each in shadows if self.lights}
-        for group in range(factor.shape[1]):
-            shade, gloss = (
-                np.repeat(f[:, group, None], len(self.scales), 1) for f in (factor, highlight)
-            )
-            for each in shadows:
-                if each.slot[0] == group:
-                    shade -= each.factor[:, None] * lost[id(each)]
-                    gloss -= each.highlight[:, None] * lost[id(each)]
-            self.channels[rays, :, group, :-1] += (part * shade)[..., None] * tau
-            self.channels[rays, :, group, -1] += seen * gloss
-        self.through[rays] -= seen
-
-
-class Frozen(LayerStream):
-    """Layers whose shadows stay those of the cast, to compare with."""
-
-    def add(self, rays: NDArray[np.int64], samples: Samples) -> None:
-        """Add a sample to each of some rays."""
-        factor, highlight = samples.factor.copy(), samples.highlight.copy()
-        for each in samples.shadows:
-            factor[:, each.slot[0]] -= each.factor * (1 - each.passes)
-            highlight[:, each.slot[0]] -= each.highlight * (1 - each.passes)
-        shaded = samples._replace(factor=factor, highlight=highlight, shadows=())
-        super().add(rays, shaded)
-
-
-@dataclass(frozen=True, slots=True)
-class Errors:
-    """Errors over combinations and pixels.
-
-    RMS of sRGB codes; CIEDE2000: the mean, the mean of the worst combination, 99 % and the most.
-    """
-
-    rms: float
-    mean: float
-    worst: float
-    most_of: float
-    most: float
-
-    @classmethod
-    def of(cls, shown: Array, true: Array) -> Errors:
-        """Compare (combinations, pixels, 3) sRGB codes."""
-        white = np.array([95.047, 100.0, 108.883])
-        XYZ_from_linear = np.linalg.inv(linear_sRGB_from_XYZ(np.eye(3)).T)
-        labs = [cielab(decode_sRGB(each) @ XYZ_from_linear.T, white) for each in (shown, true)]
-        off = delta_E_2000(*labs)
-        return cls(
-            float(np.sqrt(np.mean((shown - true) ** 2))),
-            float(off.mean()),
-            float(off.mean(axis=1).max()),
-            float(np.percentile(off, 99)),
-            float(off.max()),
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,21 +77,6 @@ class Row:
     moved: float
     ratio: float
     ratio_early: float
-
-
-def transfer_of(points: Points) -> TransferFunction | LabelFunction:
-    """Return a function of up to four materials, in the order in which the points name theirs.
-
-    It is of labels, if the points are numbered from 1.
-    """
-    used = dict.fromkeys(name for *_, name in points)
-    names = dict(zip(used, MATERIALS, strict=False))
-    materials = {names[name]: reflectance(MATERIALS[names[name]]) for name in used}
-    basis = MaterialBasis(materials)
-    if points[0][0] == 1:
-        return LabelFunction({int(n): (a, names[name]) for n, a, name in points}, materials, basis)
-    renamed = [(value, opacity, names[name]) for value, opacity, name in points]
-    return TransferFunction(points=renamed, materials=materials, basis=basis)
 
 
 class Setup:
@@ -395,24 +173,6 @@ class Setup:
             one, other = (side.recompose(scales.tolist()).channels for side in sides)
             worst = np.maximum(worst, np.abs(one - other).max(axis=(1, 2, 3)))
         return worst
-
-
-def display(
-    basis: Basis, shares: Mapping[str, float] = ONE_GROUP
-) -> Callable[[Array, Array], Array]:
-    """Return the function from channels (…, R, [G,] K + 1) and transmittance (…, R) to sRGB codes.
-
-    Under D65, in front of black.
-    """
-    black = RelightSpec(mode="exact", backdrop=0.0)
-    lit = Illumination.of(basis, LightRig.of(light("D65")), black, shares)
-
-    def codes(channels: Array, through: Array) -> Array:
-        XYZ = channels.reshape(*through.shape, -1) @ lit.XYZ_from_channels.T
-        XYZ += through[..., None] * lit.backdrop_XYZ
-        return encode_sRGB(np.clip(linear_sRGB_from_XYZ(XYZ), 0, 1))
-
-    return codes
 
 
 def measured(name: str, case: Case) -> Row:

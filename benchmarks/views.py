@@ -1,8 +1,8 @@
 """Errors of nearby views of layers against casts of them: ``python -m benchmarks.views``.
 
-The volumes and materials of `benchmarks.layers`, 512², an ambient light and one from the camera's
-place at the cast that is fixed in the world. Cameras are turned by 2, 5 and 10° to either side,
-upwards and downwards; errors are means over the four, of pixels that the turned cast covers:
+The volumes and materials of `benchmarks.layer_cases`, 512², an ambient light and one from the
+camera's place at the cast that is fixed in the world. Cameras are turned by 2, 5 and 10° to either
+side, upwards and downwards; errors are means over the four, of pixels that the turned cast covers:
 CIEDE2000 of the frames under D65 in front of black, its mean and 99 %, and the part of the pixels
 that lack a quarter of opacity, the holes. Times are of all cores.
 """
@@ -21,7 +21,8 @@ import imageio.v3 as iio
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.layers import CASES, LAYERS, LAYERS_PAGE, SPEC, TIMED, Errors, display, transfer_of
+from benchmarks.layer_cases import CASES, LAYERS_PAGE, SPEC, Errors, display, transfer_of
+from benchmarks.layers import LAYERS, TIMED
 from benchmarks.measure import Figure, in_turn, replaced
 from benchmarks.scenes import Points
 from volspec._gpu.sources import asset

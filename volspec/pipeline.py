@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.basis import Basis, MaterialBasis, SpectralBasis
+from volspec.basis import SpectralBasis
 from volspec.errors import RaycastError, VolspecWarning, quoted
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.behind import Behind, OpacityCaster, Surfaces
@@ -182,9 +182,9 @@ def raycast(
         or (behind and 0 in spec.opacities.values())  # hidden, with a mesh to be seen
     ):
         if Projection(camera, (0, 0, *checked_size(size))).shows(volume.corners_mm):
-            why = _empty_picture_warning(volume, table)
+            what = "nothing of it is seen" if behind else "the picture is empty"
+            why = f"{volume.name}: {what}{_why_nothing_is_seen(volume, table)}"
             if behind:
-                why = why.replace("the picture is empty", "nothing of it is seen")
                 why += "; or furniture of the room or a mesh hides it"
         else:
             why = _looks_past_warning(volume)
@@ -211,7 +211,7 @@ def raycast(
         camera=camera,
         opacity_layers=None
         if layers is None
-        else _opacity_layers(layers, table, transfer.basis, spec, surfaces, cancel),
+        else _opacity_layers(layers, table, spec, surfaces, cancel),
     )
     if into is not None:
         into.update(image, slot)
@@ -370,7 +370,7 @@ def _check_layers(
     level: Any,
     behind: Sequence[Behind],
 ) -> None:
-    """Refuse what cannot be cast in layers of opacity."""
+    """Refuse what cannot be cast in layers of opacity, and warn of materials that lack it."""
     check_layers(spec, table, transfer.basis, behind)
     if not isinstance(level, Raycaster):
         refuse_layers(
@@ -378,29 +378,10 @@ def _check_layers(
             "a level of detail that is cast in parts",
             "take a coarser [raycast] level, or leave layers out",
         )
-
-
-def _opacity_layers(
-    rows: NDArray[np.float32],
-    table: Tables,
-    basis: Basis,
-    spec: RaycastSpec,
-    surfaces: Surfaces,
-    cancel: Cancel | None,
-) -> OpacityLayers:
-    """Return the layers of rows whose materials are a table's, and of surfaces.
-
-    Warns of materials without opacity.
-    """
-    assert not isinstance(table, FieldTables)
-    columns, slots = table.channels.argmax(axis=1).tolist(), shadow_slots(spec)
-    solid = surfaces.solid(slots, cancel) if surfaces.behind else None
-    layers = OpacityLayers.of_rows(rows, columns, table.size - 1, len(spec.groups), slots, solid)
-    assert isinstance(basis, MaterialBasis)
-    of_meshes = {name for each in surfaces.behind for name in each.materials}
+    of_meshes = {name for each in behind for name in each.materials}
     absent = [
         name
-        for name in materials_without_opacity(table, basis)
+        for name in materials_without_opacity(table, transfer.basis)
         if spec.opacities.get(name, 1.0) > 0 and name not in of_meshes
     ]
     if absent:
@@ -410,30 +391,43 @@ def _opacity_layers(
             VolspecWarning,
             stacklevel=3,
         )
-    return layers
 
 
-def _empty_picture_warning(volume: Volume, table: Tables) -> str:
-    """Return the warning about an empty picture, with its likely causes."""
+def _opacity_layers(
+    rows: NDArray[np.float32],
+    table: Tables,
+    spec: RaycastSpec,
+    surfaces: Surfaces,
+    cancel: Cancel | None,
+) -> OpacityLayers:
+    """Return the layers of rows whose materials are a table's, and of surfaces."""
+    assert not isinstance(table, FieldTables)
+    columns, slots = table.channels.argmax(axis=1).tolist(), shadow_slots(spec)
+    solid = surfaces.solid(slots, cancel) if surfaces.behind else None
+    return OpacityLayers.of_rows(rows, columns, table.size - 1, len(spec.groups), slots, solid)
+
+
+def _why_nothing_is_seen(volume: Volume, table: Tables) -> str:
+    """Return the likely causes of an empty picture, with the mark before them."""
     if isinstance(table, FieldTables):
         if not any(one.opacity.any() for one in table.every):
-            return f"{volume.name}: the picture is empty: every field's opacities are 0; raise one"
+            return ": every field's opacities are 0; raise one"
         return (
-            f"{volume.name}: the picture is empty. Shown are {', '.join(table.tables)}, but none "
+            f". Shown are {', '.join(table.tables)}, but none "
             "has values that its transfer function shows, or the camera looks past them"
         )
     if isinstance(table, SurfaceTable):
         levels = ", ".join(f"{value:g}" for value in table.values)
         content = f"The isosurfaces lie at {levels}"
     elif not table.opacity.any():
-        return f"{volume.name}: the picture is empty: every opacity is 0; raise one"
+        return ": every opacity is 0; raise one"
     else:
         content = (
             f"The transfer function runs from {table.domain[0]:g} to {table.domain[1]:g} with "
             f"opacity up to {table.opacity.max():g}"
         )
     return (
-        f"{volume.name}: the picture is empty. {content}, but the volume's values from "
+        f". {content}, but the volume's values from "
         f"{volume.range[0]:g} to {volume.range[1]:g}; or the camera looks past it, or crop and "
         "clip planes leave nothing of it"
     )

@@ -32,8 +32,6 @@ MATH: dict[str, Callable[..., Any]] = {
     "MULTIPLY_ADD": lambda a, b, c: a * b + c,
     "POWER": lambda a, b, _: np.power(a, b),
     "EXPONENT": lambda a, *_: np.exp(a),
-    "LOGARITHM": lambda a, b, _: np.log(a) / np.log(b),
-    "ABSOLUTE": lambda a, *_: np.abs(a),
     "MAXIMUM": lambda a, b, _: np.maximum(a, b),
     "MINIMUM": lambda a, b, _: np.minimum(a, b),
     "SQRT": lambda a, b, _: np.sqrt(a),

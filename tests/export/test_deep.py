@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from tests.raycast.test_layered import SIZE, SPEC, function
 from tests.support.commands import call, refusal
 from tests.support.errors import raises
+from tests.support.raycasts import soft_ball
 from volspec.errors import ImageError
 from volspec.export.compositing import Recipe, save_for_compositors
 from volspec.export.deep import DeepSamples, save_deep
 from volspec.pipeline import raycast
 from volspec.raycast import Camera, CoefficientImage
 from volspec.spectra import light
-from volspec.volume import Volume
 
 STATES: tuple[dict[str, float], ...] = (
     {},
@@ -35,8 +35,7 @@ ROUNDED = 1e-3
 
 @pytest.fixture(scope="module")
 def image() -> CoefficientImage:
-    z, y, x = np.mgrid[-1:1:20j, -1:1:20j, -1:1:20j]
-    ball = Volume(np.clip(1.2 - np.sqrt(x**2 + y**2 + z**2), 0, 1).astype(np.float32))
+    ball = soft_ball(20)
     camera = Camera.orbit(ball, azimuth_deg=30, fov_deg=40)
     spec = replace(SPEC, layers=8, alpha_stop=0.98)
     return raycast(ball, function(), camera, SIZE, spec)

@@ -14,7 +14,7 @@ import pytest
 
 from tests.raycast.test_image import edited
 from tests.support.errors import raises
-from tests.support.raycasts import along_z, cube
+from tests.support.raycasts import along_z, cube, soft_ball
 from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.errors import ImageError, RaycastError, ShapeError, VolspecWarning
 from volspec.pipeline import Raycaster, Relighter, raycast
@@ -55,8 +55,7 @@ def scaled(table: TransferTable, scales: tuple[float, float]) -> TransferTable:
 
 @pytest.fixture(scope="module")
 def ball() -> Volume:
-    z, y, x = np.mgrid[-1:1:20j, -1:1:20j, -1:1:20j]
-    return Volume(np.clip(1.2 - np.sqrt(x**2 + y**2 + z**2), 0, 1).astype(np.float32))
+    return soft_ball(20)
 
 
 @pytest.fixture(scope="module")

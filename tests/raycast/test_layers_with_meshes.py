@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.support.errors import raises
+from tests.support.raycasts import soft_ball
 from tests.twins.test_layers import assert_layers_alike, blend, noise
 from volspec.basis import MaterialBasis
 from volspec.errors import CastCancelled, RaycastError, VolspecWarning
@@ -49,8 +50,7 @@ def function(opacities: float = 1.0) -> TransferFunction:
 
 @pytest.fixture(scope="module")
 def ball() -> Volume:
-    z, y, x = np.mgrid[-1:1:24j, -1:1:24j, -1:1:24j]
-    return Volume(np.clip(1.2 - np.sqrt(x**2 + y**2 + z**2), 0, 1).astype(np.float32))
+    return soft_ball(24)
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import pytest
 from tests.raycast.test_layered import BASIS, GROUPS, MATERIALS, SIZE, SPEC, function, scaled
 from tests.support.commands import call
 from tests.support.errors import raises
-from tests.support.raycasts import along_z, cube
+from tests.support.raycasts import along_z, cube, soft_ball
 from volspec.errors import ImageError, ViewingError
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, LightGroup, RaycastSpec
@@ -20,7 +20,6 @@ from volspec.relight import LightRig, difference_map, error_map
 from volspec.relight.error_map import opacity_error
 from volspec.spectra import light
 from volspec.transfer import TransferFunction
-from volspec.volume import Volume
 
 D65 = light("D65")
 BLACK = ("exact", 0.0)
@@ -28,8 +27,7 @@ BLACK = ("exact", 0.0)
 
 @pytest.fixture(scope="module")
 def caster() -> Raycaster:
-    z, y, x = np.mgrid[-1:1:20j, -1:1:20j, -1:1:20j]
-    return Raycaster(Volume(np.clip(1.2 - np.sqrt(x**2 + y**2 + z**2), 0, 1).astype(np.float32)))
+    return Raycaster(soft_ball(20))
 
 
 @pytest.fixture(scope="module")

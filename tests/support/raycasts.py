@@ -55,6 +55,12 @@ def ramp(top: float, high: float = 1.0, channels: int = 2, entries: int = 256) -
     return TransferTable((0.0, high), opacity, np.ones((entries, channels)), 1.0)
 
 
+def soft_ball(side: int) -> Volume:
+    """A ball: 1.2 less the distance from the middle by half of the side, 0 to 1."""
+    z, y, x = np.mgrid[-1 : 1 : side * 1j, -1 : 1 : side * 1j, -1 : 1 : side * 1j]
+    return Volume(np.clip(1.2 - np.sqrt(x**2 + y**2 + z**2), 0, 1).astype(np.float32))
+
+
 def labelled(opacity: list[float], materials: np.ndarray | None = None) -> TransferTable:
     """Opacities of labels 0, 1, …; a material for each."""
     count = len(opacity)

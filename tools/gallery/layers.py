@@ -101,7 +101,8 @@ def a_plate_on_a_bone(foot: vs.Volume) -> dict[str, Picture]:
     """A gold-coloured plate with four screws, a mesh, is the last of the layers. It stays, its
     shadow on the bone with it, while what is in front of it fades and takes its shadow off it.
     """
-    transfer, camera = foot_function(plate="gold"), foot_camera(foot)
+    transfer = foot_function(plate="gold")
+    camera = foot_camera(foot, zoom=2.5, target_mm=(138, 62, 134))
     bone, along = np.array((135.0, 44.0, 133.0)), np.array((0.12, 0.99, -0.11))
     mesh = vs.Mesh.of(plate(bone, along, np.array(camera.position_mm) - bone), "plate")
     meshes = [vs.MeshCaster([mesh], transfer.materials, transfer.basis)]
@@ -154,10 +155,12 @@ def foot_function(**more: str) -> vs.TransferFunction:
     return vs.TransferFunction(points, looks, vs.MaterialBasis(looks))
 
 
-def foot_camera(foot: vs.Volume) -> vs.Camera:
+def foot_camera(
+    foot: vs.Volume, zoom: float = 1.4, target_mm: tuple[float, float, float] = (148, 111, 138)
+) -> vs.Camera:
     """Return the camera of all pictures of the foot."""
     pose = {"azimuth_deg": 75, "elevation_deg": 35, "up": (-1, 0, 0)}
-    return vs.Camera.orbit(foot, **pose, zoom=1.4, target_mm=(148, 111, 138))
+    return vs.Camera.orbit(foot, **pose, zoom=zoom, target_mm=target_mm)
 
 
 def main() -> None:

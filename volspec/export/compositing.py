@@ -84,7 +84,7 @@ class Recipe:
     layers: int = 0  # of opacity, in the file that the recipe was read from
     shadows: tuple[Slot, ...] = ()  # of these layers
     solid: bool = False  # the last layer is of surfaces
-    fades: frozenset[str] | None = None  # materials; all if None
+    fades: frozenset[str] = frozenset()  # materials that the layers' scales change
 
     def __post_init__(self) -> None:
         if not self.lights:
@@ -186,7 +186,7 @@ class Recipe:
             layers = min(int(about["count"]), MAX_LAYERS) if materials else 0
             shadows = stored_slots(about, channels) if layers else ()
             solid = layers > 0 and about["version"] == SOLID_VERSION
-            fades = frozenset(about["fades"]) if "fades" in about else None
+            fades = frozenset(about.get("fades", materials))
             return cls(
                 *(channels, lights, data["mode"], materials, layers, tuple(shadows), solid, fades)
             )

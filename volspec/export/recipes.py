@@ -79,7 +79,7 @@ def nuke_group(recipe: Recipe, image: Path) -> str:
     knobs += [
         line
         for number, material in enumerate(recipe.materials if recipe.layers else (), start=1)
-        if recipe.fades is None or material in recipe.fades
+        if material in recipe.fades
         for line in (
             f" addUserKnob {{7 opacity{number} l {tcl_word(_plain_label(material))} R 0 4}}",
             f" opacity{number} 1",
@@ -143,12 +143,12 @@ def _layer_nodes(
 ) -> Iterator[str]:
     """Yield the lines of nodes that recompose the picture, as `CoefficientImage.recompose`.
 
-    The first holds the part of the picture that is left; each further one adds the
-    difference between a layer with other opacities and that part of the layer as it was cast.
+    The first holds the part of the picture that is left; each further one adds the difference
+    between a layer with other opacities and that part of the layer as it was cast.
     """
     groups, materials = list(recipe.channels), list(recipe.materials.values())
     knobs = [
-        f"parent.opacity{number}" if recipe.fades is None or material in recipe.fades else "1"
+        f"parent.opacity{number}" if material in recipe.fades else "1"
         for number, material in enumerate(recipe.materials, start=1)
     ]
     kept = f"sqrt(min(1,{','.join(knobs)}))"  # `residual_share`

@@ -36,7 +36,7 @@ class OpacityCaster:
     table: Tables
     spec: RaycastSpec
     arrives: Mapping[int, Arrives] | None = None
-    """What the volume is taken to let pass, instead of what it does."""
+    """Parts of the sources' light that the volume is taken to let pass; its own if None."""
 
     @property
     def _flat(self) -> RaycastSpec:

@@ -240,25 +240,28 @@ class CoefficientImage:
         layers = self.opacity_layers
         assert layers is not None
         assert isinstance(self.basis, MaterialBasis)
-        warn_of_absent(self.basis, layers, factors)
+        unscaled = all(scale == 1 for scale in factors)
+        fades = [] if unscaled else layers.fades
+        if not unscaled:
+            warn_of_absent(self.basis, layers, factors, fades)
         if depth is not None and not isinstance(depth, DepthEffects):
             raise ImageError.refused("recompose: depth", depth, "give DepthEffects", "type")
         fade = 0.0
         if surface is not None or (depth is not None and depth.changes):
             effects = depth or DepthEffects()
             channels, alpha, weighted_mm = recompose_in_depth(self, factors, effects, surface)
-        elif all(scale == 1 for scale in factors):
+        elif unscaled:
             return replace(self, opacity_layers=None, first_mm=None)
         else:
             channels, alpha, weighted_mm = layers.recompose(factors)
-            fade = residual_share(factors, layers.fades)
+            fade = residual_share(factors, fades)
         if fade > 0:
-            unscaled = layers.recompose([1.0] * len(factors))
+            as_cast = layers.recompose([1.0] * len(factors))
             own = self.coefficients.reshape(channels.shape).astype(np.float32)
             own_mm = np.where(self.alpha > 0, self.depth_mm, 0) * self.alpha
-            channels += np.float32(fade) * (own - unscaled.channels)
-            alpha += np.float32(fade) * (self.alpha - unscaled.alpha)
-            weighted_mm += np.float32(fade) * (own_mm - unscaled.depth_mm)
+            channels += np.float32(fade) * (own - as_cast.channels)
+            alpha += np.float32(fade) * (self.alpha - as_cast.alpha)
+            weighted_mm += np.float32(fade) * (own_mm - as_cast.depth_mm)
         channels = np.maximum(channels, 0).reshape(self.coefficients.shape)
         alpha = alpha.clip(0, 1)
         seen = alpha > 0

@@ -34,6 +34,7 @@ import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from itertools import compress
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -216,20 +217,16 @@ def write_image(
     if image.opacity_layers is not None:
         layers = image.opacity_layers
         slots = layers.slots
-        about: dict[str, Any] = {
-            "version": SOLID_VERSION
-            if layers.solid
-            else SHADOWS_VERSION
-            if slots
-            else PLAIN_VERSION,
-            "count": layers.count,
-        }
-        for o, cast in enumerate(CASTS if about["version"] > 1 else ()):
+        version = SHADOWS_VERSION if slots else PLAIN_VERSION
+        if layers.solid:
+            version = SOLID_VERSION
+        about: dict[str, Any] = {"version": version, "count": layers.count}
+        for o, cast in enumerate(CASTS if version > PLAIN_VERSION else ()):
             about[cast] = [list(image.groups)[group] for group, occluded in slots if occluded == o]
         assert isinstance(image.basis, MaterialBasis)
-        if not all(layers.fades):
-            pairs = zip(image.basis.materials, layers.fades, strict=True)
-            about["fades"] = [name for name, fades in pairs if fades]
+        fading = [*compress(image.basis.materials, layers.fades)]
+        if len(fading) < layers.materials:
+            about["fades"] = fading
         header["volspec:layers"] = json.dumps(about)
         channels |= _layer_channels(image, layers, slots)
     if preview is not None:
@@ -363,7 +360,7 @@ def stored_slots(about: Mapping[str, Any], groups: Iterable[str]) -> list[Slot]:
     return sorted(
         (numbers[group], bool(occluded))
         for occluded, cast in enumerate(CASTS)
-        for group in (about[cast] if about["version"] > 1 else ())
+        for group in (about[cast] if about["version"] > PLAIN_VERSION else ())
     )
 
 

@@ -435,7 +435,10 @@ def _rounded(values: NDArray[Any], tau: NDArray[np.float32]) -> NDArray[np.float
 
 
 def nearest_known(depth_mm: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return distances; where there is none, as at edges, that of the nearest pixel."""
+    """Return distances (H, W), mm; where there is none, as at edges, that of the nearest pixel.
+
+    Unchanged if all are inf.
+    """
     from scipy.ndimage import distance_transform_edt
 
     unknown = ~np.isfinite(depth_mm)
@@ -445,10 +448,15 @@ def nearest_known(depth_mm: NDArray[np.float32]) -> NDArray[np.float32]:
     return depth_mm[tuple(at)]
 
 
-def warn_of_absent(basis: MaterialBasis, layers: OpacityLayers, scales: Sequence[float]) -> None:
-    """Warn of materials that are to be scaled, but have no opacity in front of surfaces."""
+def warn_of_absent(
+    basis: MaterialBasis, layers: OpacityLayers, scales: Sequence[float], fades: Sequence[bool]
+) -> None:
+    """Warn of materials that are to be scaled, but have no opacity in front of surfaces.
+
+    ``fades`` are the layers' own.
+    """
     for k, (name, scale) in enumerate(zip(basis.materials, scales, strict=True)):
-        if scale == 1.0 or layers.tau[:, :, : layers.count - layers.solid, k].any():
+        if scale == 1.0 or fades[k]:
             continue
         if layers.solid and layers.tau[:, :, -1, k].any():
             why = "only meshes have, and these keep theirs; leave one out with shown = false"
@@ -492,9 +500,9 @@ def checked_scales(scales: Any, basis: MaterialBasis) -> list[float]:
 def residual_share(scales: Sequence[float], fades: Sequence[bool]) -> float:
     """Return how much of what the layers lack at scale 1 is added: √s of the least scale, up to 1.
 
-    ``fades`` says which scales count, as `OpacityLayers.fades`. Layers lack about as much at other
-    scales: by least squares 1 to 1.5 times it at 4, half of it at 1/4. What is hidden lacks
-    nothing, and a material alone is exact.
+    ``fades`` says which scales count, as `OpacityLayers.fades`. Layers lack about as much at
+    greater scales, and less as a material fades: what is hidden lacks nothing, and a material alone
+    is exact.
     """
     own = [scale for scale, counts in zip(scales, fades, strict=True) if counts]
     return math.sqrt(min(1.0, *own)) if own else 1.0

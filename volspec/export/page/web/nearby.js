@@ -67,7 +67,8 @@ class NearbyViews {
   // is the same order.
   sorted() {
     const { texels, relighter: { page: { opacity } }, size: [width, height] } = this.recomposer;
-    const pixels = width * height, { camera, nearest_mm: nearest, begin_mm, width_mm, surface_mm } = opacity;
+    const { camera, nearest_mm: nearest, begin_mm, width_mm, surface_mm } = opacity;
+    const pixels = width * height;
     const slant = camera.pitch_mm * camera.nearness;
     const cosines = new Float32Array(pixels);
     for (let y = 0, at = 0; y < height; y++) {

@@ -56,10 +56,11 @@ class Recomposer {
   // A side's texture of channels; null for the view's own.
   texture(side, look) {
     const { opacity: scales } = look, inDepth = isInDepth(look);
+    const { present } = this.relighter.page.opacity;
     if (isUnscaled(scales) && !inDepth) return null;
     return this.kept(`side ${side}`, [scales, this.effects(look)], (texture) => this.draw(
       this.difference, texture, inDepth ? { DEPTH: 1 } : {},
-      { ...this.uniforms(look), fade: [inDepth ? 0 : residualShare(scales, this.relighter.page.opacity.present)] }));
+      { ...this.uniforms(look), fade: [inDepth ? 0 : residualShare(scales, present)] }));
   }
 
   // A texture of channels, drawn again if it is to show something else than before.
