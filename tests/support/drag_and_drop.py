@@ -16,8 +16,9 @@ from collections.abc import Sequence
 from contextlib import closing
 from typing import Any
 
-from Xlib import X, Xatom
+from Xlib import XK, X, Xatom
 from Xlib.display import Display
+from Xlib.ext import xtest
 from Xlib.protocol.event import ClientMessage, SelectionNotify
 
 _VERSION = 5
@@ -29,13 +30,17 @@ class DropError(Exception):
     """A window refuses the dragged files, or does not answer."""
 
 
-def drop(display: str, window: int, uris: Sequence[str], place: tuple[int, int]) -> None:
+def drop(
+    display: str, window: int, uris: Sequence[str], place: tuple[int, int], key: str = ""
+) -> None:
     """Drag files onto a window, let go at a place of the screen, and wait until it has them.
+
+    A key is pressed at the same moment as the window is sent the files' names.
 
     Raises DropError if the window does not take them, or does not answer.
     """
     with closing(Display(display)) as server:
-        source = _Source(server, window, uris)
+        source = _Source(server, window, uris, key)
         source.drag(place)
         source.let_go()
 
@@ -43,7 +48,8 @@ def drop(display: str, window: int, uris: Sequence[str], place: tuple[int, int])
 class _Source:
     """The source program of a drag: it owns the selection and serves requests for it."""
 
-    def __init__(self, server: Display, window: int, uris: Sequence[str]) -> None:
+    def __init__(self, server: Display, window: int, uris: Sequence[str], key: str) -> None:
+        self._code = server.keysym_to_keycode(XK.string_to_keysym(key)) if key else 0
         self._server, self._atom = server, server.intern_atom
         self._root = server.screen().root
         self._target = server.create_resource_object("window", window)
@@ -103,4 +109,6 @@ class _Source:
         request.requestor.change_property(request.property, request.target, 8, self._list)
         names = "time", "requestor", "selection", "target", "property"
         request.requestor.send_event(SelectionNotify(**{n: getattr(request, n) for n in names}))
+        for event in (X.KeyPress, X.KeyRelease) if self._code else ():
+            xtest.fake_input(self._server, event, self._code)
         self._server.flush()

@@ -210,12 +210,15 @@ class Robot:
             words += ["sleep", f"{MOUSE_S:.4f}", "mousemove", float(x), float(y)]
         self.do(*words, "mouseup", str(button))
 
-    def drop(self, *uris: str) -> None:
-        """Drag files, as ``file:///a/b%20c.npy``, from another program onto the picture."""
+    def drop(self, *uris: str, key: str = "") -> None:
+        """Drag files, as ``file:///a/b%20c.npy``, from another program onto the picture.
+
+        A key is pressed as they arrive.
+        """
         from tests.support.drag_and_drop import drop
 
         x, y = self.middle("picture")
-        drop(self.environment["DISPLAY"], int(self.find()), uris, (round(x), round(y)))
+        drop(self.environment["DISPLAY"], int(self.find()), uris, (round(x), round(y)), key)
 
     def grab(self, path: Path) -> None:
         """Save a picture of the whole screen."""

@@ -234,6 +234,11 @@ def test_what_is_dropped_is_opened_or_refused_and_what_was_open_stays(tmp_path: 
         assert str(plain) in refusal(robot, plain.as_uri())
         for ending in (".npy", ".volspec.json"):
             assert "UTF-8" in refusal(robot, f"{tmp_path.as_uri()}/caf%E9{ending}")
+        # A key that comes with such a name is not lost.
+        before = robot.now()
+        robot.drop(f"{tmp_path.as_uri()}/caf%E9.npy", key="F12")
+        robot.wait_for(lambda row: row.get("key") == "f12", before)
+        robot.rest()
         # A folder with such a name is listed without it.
         robot.key("ctrl+o")
         robot.rest()

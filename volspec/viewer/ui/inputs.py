@@ -5,6 +5,7 @@ glfw -> [inputs] -> Input -> mouse, app
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -70,8 +71,11 @@ class Inputs:
         glfw.set_scroll_callback(window, self._on_wheel)
         glfw.set_key_callback(window, self._on_key)
         glfw.set_char_callback(window, self._on_char)
-        # glfw's annotation has a number before the paths; the actual call does not.
-        glfw.set_drop_callback(window, lambda *given: self.drop(given[-1]))
+        # glfw.set_drop_callback decodes names as UTF-8; where one is not, its error loses what else
+        # comes in the same poll.
+        library: Any = glfw
+        self._dropped = library._GLFWdropfun(self._on_drop)
+        library._glfw.glfwSetDropCallback(window, self._dropped)
         glfw.set_cursor_enter_callback(window, self._on_enter)
         glfw.set_framebuffer_size_callback(window, lambda *_: self._add(Input("resize")))
         glfw.set_window_refresh_callback(window, lambda *_: self._add(Input("resize")))
@@ -89,10 +93,6 @@ class Inputs:
             pass_on()
         del self._queue[:end]
         return [given for given, _ in taken]
-
-    def drop(self, paths: Sequence[str]) -> None:
-        """Add dropped files to the queue."""
-        self._add(Input("drop", paths=tuple(paths)))
 
     def _add(self, given: Input, pass_on: Callable[[], object] = lambda: None) -> None:
         self._queue.append((given, pass_on))
@@ -116,6 +116,9 @@ class Inputs:
         if not entered:
             away = -3.4e38, -3.4e38
             self._add(Input("move", -1.0, -1.0), lambda: imgui.get_io().add_mouse_pos_event(*away))
+
+    def _on_drop(self, _: Any, count: int, paths: Sequence[bytes]) -> None:
+        self._add(Input("drop", paths=tuple(os.fsdecode(paths[i]) for i in range(count))))
 
     def _on_wheel(self, _: Any, x: float, y: float) -> None:
         bits = sum(bit for bit, left, right, _ in _MODIFIERS if self._is_down(left, right))

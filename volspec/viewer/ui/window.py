@@ -5,7 +5,6 @@ glfw -> [window] -> inputs -> app
 
 from __future__ import annotations
 
-import os
 import sys
 
 import glfw
@@ -119,14 +118,10 @@ class Window:
 
     def wait(self, seconds: float) -> list[Input]:
         """Wait for input, but no longer than this; return it, one gesture at a time."""
-        try:
-            if seconds > 0 and not self._inputs.waiting:
-                glfw.wait_events_timeout(seconds)
-            else:
-                glfw.poll_events()
-        except UnicodeDecodeError as error:
-            # glfw expects UTF-8 names of dropped files; opening this one will fail with a message.
-            self._inputs.drop([os.fsdecode(error.object)])
+        if seconds > 0 and not self._inputs.waiting:
+            glfw.wait_events_timeout(seconds)
+        else:
+            glfw.poll_events()
         return self._inputs.take()
 
     @staticmethod
