@@ -433,6 +433,7 @@ def test_a_frame_takes_one_gesture(
         monkeypatch.setattr(
             module.glfw, name, lambda _, listener, name=name: heard.update({name: listener})
         )
+    monkeypatch.setattr(module.glfw._glfw, "glfwSetDropCallback", lambda *_: None)
     monkeypatch.setattr(module.glfw, "get_cursor_pos", lambda _: (90.0, 90.0))
     monkeypatch.setattr(module.glfw, "get_key", lambda *_: module.glfw.RELEASE)
     context = module.imgui.create_context()
