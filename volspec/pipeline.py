@@ -198,7 +198,12 @@ def raycast(
     }
     if volume.pyramid is not None and (gaps := volume.pyramid.describe_gaps()):
         notes[GAPS] = gaps
-    cast = surfaces.composite(casts)
+    cast = surfaces.composite(
+        casts,
+        lambda span_mm: level.cast(
+            table, camera, size, spec, None, cancel, None, span_mm, surfaces.clear
+        ),
+    )
     image = CoefficientImage(
         cast.coefficients,
         cast.alpha,

@@ -184,6 +184,34 @@ def test_a_mesh_in_a_volume_is_behind_what_is_before_it() -> None:
     assert changed.mean() < 0.005  # pixels of its outline
 
 
+# Of a sheet that leaves a ball of radius 20.
+CORNERS = ((-9.0, -7.0, 8.0), (8.0, -6.0, -6.0), (7.0, 8.0, 0.0), (-6.0, 9.0, -8.0))
+
+
+@pytest.mark.parametrize("mode", ["composite", "maximum"])
+def test_edges_of_a_mesh_before_and_in_a_volume_are_those_of_a_finer_picture(mode: str) -> None:
+    """Mean of 4 x 4 pixels: behind what an edge covers in part, the volume goes on."""
+    volume, thin = ball()
+    transfer = replace(thin, points=((0.3, 0.0, "white"), (0.5, 0.9, "white")))
+    camera, spec = vs.Camera.orbit(volume, azimuth_deg=30, zoom=2), vs.RaycastSpec(mode=mode)
+    right, down, forward = camera.frame()
+    near = volume.corners_mm.mean(axis=0) - 17.0 * forward
+    corners = [near + a * right + b * down + c * forward for a, b, c in CORNERS]
+    sheet = vs.Mesh(corners, [[0, 1, 2], [0, 2, 3]], "red")
+    meshes = vs.MeshCaster([sheet], WHITE, BASIS)
+    one, fine = (
+        vs.raycast(volume, transfer, camera, (n, n), spec, behind=(meshes,)) for n in (48, 192)
+    )
+    true = fine.alpha.reshape(48, 4, 48, 4).mean(axis=(1, 3))
+    seen = true > 0.999
+    assert seen.sum() > 400
+    assert np.abs(one.alpha - true)[seen].max() < 0.01
+    colour = fine.coefficients.reshape(48, 4, 48, 4, -1).mean(axis=(1, 3))
+    # A highlight along the sheet's fold is sampled four times in a pixel.
+    assert np.sqrt(np.square(one.coefficients - colour)[seen].mean()) < 0.015
+    assert np.isfinite(one.depth_mm[one.alpha > 0]).all()
+
+
 def test_a_mesh_is_shaded_only_where_the_volume_lets_it_be_seen() -> None:
     """The picture of all of the mesh, but for what the ends of rays leave out."""
     volume, thin = ball()

@@ -5,13 +5,14 @@ meshes, rooms -> [behind] -> raycast
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, repeat
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
+from scipy.ndimage import binary_dilation
 
 from volspec.basis import Basis
 from volspec.errors import CastCancelled
@@ -26,6 +27,9 @@ from volspec.raycast.row_batches import Cancel, Progress, Result
 from volspec.raycast.sampling import world_rays
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import Tables, TransferTable
+
+SpanCast = Callable[[NDArray[np.float32]], Result]
+"""Cast of a volume along parts (H, W, 2) of the pixels' rays, mm: their begin and end."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -168,16 +172,17 @@ class Surfaces:
             yield _part(progress, number, len(ends) + 1), np.stack([begin, end], axis=2)
             begin = end
 
-    def composite(self, casts: Sequence[Result]) -> Result:
+    def composite(self, casts: Sequence[Result], cast: SpanCast) -> Result:
         """Return the picture of the casts between sheets, front to back, with all surfaces.
 
-        The first cast is changed in place.
+        They are changed in place. ``cast`` is for pixels that surfaces cover only in part.
         """
         front = casts[0]
         if not self.behind:
             return front
         opaque, sheets = self._pictures(casts)
-        rest = [BehindImage(*cast) for cast in casts]
+        self._put_edges(casts[-1], opaque, cast)
+        rest = [BehindImage(*each) for each in casts]
         if not self._projected:
             rest = [layer for pair in zip(sheets, rest[1:], strict=True) for layer in pair]
         elif sheets:
@@ -188,6 +193,52 @@ class Surfaces:
             put_behind(front, layer)
         return front
 
+    def _put_edges(self, last: Result, opaque: Sequence[BehindImage], cast: SpanCast) -> None:
+        """Put the pixels that surfaces cover only in part into the last cast, out of the pictures.
+
+        It ends at a surface that covers a pixel's middle, and passes one that does not. A further
+        cast has what it lacks: the way behind the surface, or the way before it. The volume is seen
+        before the surface, and next to it all of its way.
+        """
+        for number, picture in enumerate(opaque):
+            if picture.depth_mm is None:
+                continue
+            here = (picture.alpha > 0.0) & (picture.alpha < 1.0) & np.isfinite(picture.depth_mm)
+            if not here.any():
+                continue
+            own, *others = (mm[0][picture.part][here] for mm in self._from(number))
+            sheets = [] if self._projected else [mm for _, *mms in self.depths_mm for mm in mms]
+            begin_mm = sheets[-1][picture.part][here] if sheets else np.zeros_like(own)
+            passes, depth_mm = np.isinf(own), picture.depth_mm[here]
+            span_mm = np.zeros((*self.size[::-1], 2), np.float32)
+            span_mm[picture.part][here, 0] = np.where(passes, begin_mm, depth_mm)
+            end_mm = np.minimum.reduce([np.full_like(own, np.inf), *others])
+            span_mm[picture.part][here, 1] = np.where(passes, depth_mm, end_mm)
+
+            views = [each[picture.part] for each in last]
+            found = [each[picture.part][here] for each in cast(span_mm)]
+            one, other = _weighted(*(view[here] for view in views)), _weighted(*found)
+            mesh = np.zeros_like(one)
+            mesh[:, -2 - picture.channels.shape[2] : -2] = picture.channels[here]
+            mesh[:, -2] = alpha = picture.alpha[here]
+            mesh[:, -1] = alpha * depth_mm
+            before = np.where(passes[:, None], other, one)
+            after = np.where(passes[:, None], one - other, (1.0 - one[:, -2:-1]) * other)
+            total = before + (1.0 - before[:, -2:-1]) * mesh + (1.0 - alpha[:, None]) * after
+
+            channels, alphas, depths_mm, firsts_mm = views
+            most = np.finfo(channels.dtype).max
+            channels[here] = np.clip(total[:, :-2], -most, most)
+            alphas[here] = total[:, -2]
+            depths_mm[here] = total[:, -1] / total[:, -2]
+            seen_mm = np.where(before[:, -2] < 1.0, depth_mm, np.inf)
+            firsts_mm[here] = np.minimum.reduce([firsts_mm[here], found[3], seen_mm])
+            picture.channels[here], picture.alpha[here] = 0.0, 0.0
+
+    def _from(self, number: int) -> list[Sequence[NDArray[np.float32]]]:
+        """Return the depths of surfaces, those of a number first."""
+        return [self.depths_mm[number], *self.depths_mm[:number], *self.depths_mm[number + 1 :]]
+
     def solid(self, slots: Sequence[Slot], cancel: Cancel | None = None) -> Solid:
         """Return what is opaque as the last of layers of opacity, for groups with shadows.
 
@@ -195,6 +246,9 @@ class Surfaces:
         the whole, and each material alone at half it is what these let pass.
         """
         lit = self._alone({})
+        assert self.stop_mm is not None
+        # Layers pass what they only touch, which is behind them all.
+        lit.depth_mm[np.isinf(self.stop_mm)] = np.inf
         there = lit.alpha > 0.0
         if not slots or not there.any():
             return Solid(*lit[:3], {})
@@ -258,13 +312,26 @@ class Surfaces:
             # Points of a pixel may see more of the same surface behind its middle.
             rest = [depth_mm for k, (depth_mm, *_) in enumerate(self.depths_mm) if k != number]
             stop_mm = np.minimum.reduce(rest) if rest else np.float32(np.inf)
-            ends = [np.where(seen[-1], stop_mm, 0.0)]
+            own_seen = seen[-1] & np.isfinite(self.depths_mm[number][0])
+            # Next to them it may cover pixels in part, before the volume that these end in.
+            ends = [np.where(seen[-1] | binary_dilation(own_seen, np.ones((3, 3))), stop_mm, 0.0)]
             for here in islice(sheets_seen, len(self.depths_mm[number]) - 1):
                 ends.append(np.where(here, self.stop_mm, 0.0))
             first, *others = each.pictures(self.camera, self.size, self.opacity, ends)
             opaque.append(first)
             sheets += others
         return opaque, sheets
+
+
+def _weighted(
+    channels: NDArray[np.floating],
+    alpha: NDArray[np.float32],
+    depth_mm: NDArray[np.float32],
+    _: NDArray[np.float32],
+) -> NDArray[np.float32]:
+    """Return what adds up when composited, (K, L·M + 2): channels, alpha, and depth times alpha."""
+    weighted = np.multiply(alpha, depth_mm, out=np.zeros_like(alpha), where=alpha > 0.0)
+    return np.column_stack([channels, alpha, weighted]).astype(np.float32)
 
 
 def nothing(shape: tuple[int, ...], dtype: DTypeLike) -> Result:

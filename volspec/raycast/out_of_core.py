@@ -464,10 +464,12 @@ class PartPicture:
             spans=span_mm is not None,
             parts=True,
         )
-        spans = None
+        width, height = size
+        spans, through = None, np.ones((height, width), np.float32)
         if span_mm is not None:
             spans = np.divide(span_mm, min(frame.spacing_mm), dtype=np.float32)
-        width, height = size
+            # No part is read for pixels that see none.
+            through[spans[..., 0] >= spans[..., 1]] = 0.0
         layers = len(spec.groups) * table.size
         so_far = None
         if spec.mode != "composite":
@@ -487,7 +489,7 @@ class PartPicture:
             np.zeros((height, width), np.float32),
             np.zeros((height, width), np.float32),
             np.full((height, width), np.inf, np.float32),
-            np.ones((height, width), np.float32),
+            through,
             so_far,
             [],
         )
