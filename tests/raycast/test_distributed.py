@@ -122,7 +122,10 @@ def test_workers_of_another_version_are_refused(
 
 
 @pytest.mark.parametrize("address", ["local:0", "local:many", "tcp://127.0.0.1:9"])
-def test_addresses_without_a_cluster(address: str, caster: Raycaster) -> None:
+def test_addresses_without_a_cluster(
+    address: str, caster: Raycaster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(distributed, "_PATIENCE_S", 0.5)
     given = caster.volume, curve(40, 150), Camera.orbit(caster.volume), SIZE, SPEC
     with raises(DeviceError):
         raycast(*given, device=address)

@@ -28,18 +28,27 @@ _LEAST = 1e-3
 
 
 def transmittance(
-    volume: Volume, table: TransferTable, index: Array, direction: Array, length_mm: float
+    volume: Volume,
+    padded: Array,
+    table: TransferTable,
+    index: Array,
+    directions: Array,
+    length_mm: float,
 ) -> Array:
-    """Return (K,) transmittance from places (K, 3), in voxels, along a direction of the world."""
+    """Return (D, K) transmittance from places (K, 3), in voxels, along (D, 3) ways in the world.
+
+    ``padded`` are the volume's voxels with one more around.
+    """
     unit = min(volume.spacing_mm)
-    along = volume.index_from_world[:3, :3] @ direction
+    shape = len(directions), len(index)
+    along = np.repeat(directions @ volume.index_from_world[:3, :3].T, len(index), axis=0)
+    index = np.tile(index, (len(directions), 1))
     last = np.array(volume.shape_xyz) - 1
-    padded = np.pad(volume.values.astype(np.float64), 1, mode="edge")
     depth, live = np.zeros(len(index)), np.arange(len(index))
     at = BIAS * unit
     while at < length_mm and live.size:
         step = min(STEP * unit, length_mm - at)
-        place = index[live] + (at + 0.5 * step) * along
+        place = index[live] + (at + 0.5 * step) * along[live]
         inside = ((place >= 0) & (place <= last)).all(axis=1)
         j, f = find_entry(table, trilinear(padded, place[inside] + 1))
         opacity = interpolate([table.opacity, table.left_limits.opacity], j, f)
@@ -47,19 +56,19 @@ def transmittance(
         near = ((place > -1) & (place < last + 1)).all(axis=1)
         live = live[near & (depth[live] < _DARK)]
         at += step
-    return np.exp(-depth)
+    return np.exp(-depth).reshape(shape)
 
 
 def light_of(volume: Volume, table: TransferTable, layer: LightLayer) -> Callable[[Array], Array]:
     """Return the part of a directional light, or of a sky, that arrives at places in voxels."""
+    padded = np.pad(volume.values.astype(np.float64), 1, mode="edge")
 
     def light(index: Array) -> Array:
         if layer.kind == "directional":
-            return transmittance(volume, table, index, np.array(layer.vector), np.inf)
-        rays = [
-            transmittance(volume, table, index, way, layer.radius_mm) for way in sphere_directions()
-        ]
-        return np.minimum(2.0 * np.mean(rays, axis=0), 1.0)
+            return transmittance(volume, padded, table, index, np.array([layer.vector]), np.inf)[0]
+        ways = np.array(sphere_directions())
+        rays = transmittance(volume, padded, table, index, ways, layer.radius_mm)
+        return np.minimum(2.0 * rays.mean(axis=0), 1.0)
 
     return light
 

@@ -22,7 +22,7 @@ from volspec.volume import Volume
 # differ, and pictures by as much as layers err; else as `tests/twins/test_raycast.py`, measured
 # 8e-6.
 TOLERANCE, MOVED = 1e-4, 2
-SIZE = 24, 24
+SIZE = 16, 16
 TWO = (
     LightGroup("key", (Directional((1.0, 1.0, 1.0), shadows=True),)),
     LightGroup("fill", (Ambient(), Headlight())),

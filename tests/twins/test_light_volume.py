@@ -96,9 +96,9 @@ def curve(low: float, high: float) -> TransferTable:
 
 @pytest.mark.parametrize("lanes", [1, pytest.param(4, marks=pytest.mark.slow), 8])
 def test_engine_matches_reference_at_every_packet_width(
-    half_engine: Volume, engine_table: TransferTable, lanes: int
+    half_engine: Volume, three_channels: TransferTable, lanes: int
 ) -> None:
-    assert_alike(half_engine, engine_table, lit(SUN, LAMP, BULB, SKY, cells=29), lanes=lanes)
+    assert_alike(half_engine, three_channels, lit(SUN, LAMP, BULB, SKY, cells=29), lanes=lanes)
 
 
 @pytest.mark.parametrize("cells", [9, 24, 40])
@@ -114,13 +114,13 @@ def test_oblique_anisotropic_volume_matches_reference(cells: int) -> None:
     "towards", [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (-3, 2, -1)]
 )
 def test_light_from_every_side_matches_reference(
-    half_engine: Volume, engine_table: TransferTable, towards: tuple[int, int, int]
+    half_engine: Volume, three_channels: TransferTable, towards: tuple[int, int, int]
 ) -> None:
-    assert_alike(half_engine, engine_table, lit(Directional(towards, shadows=True)))
+    assert_alike(half_engine, three_channels, lit(Directional(towards, shadows=True)))
 
 
 def test_point_lights_inside_the_volume_and_of_the_camera_match_reference(
-    half_engine: Volume, engine_table: TransferTable
+    half_engine: Volume, three_channels: TransferTable
 ) -> None:
     """Also on a node, where the way has no length."""
     x, y, z = np.array(half_engine.corners_mm[7]) / 2
@@ -129,14 +129,16 @@ def test_point_lights_inside_the_volume_and_of_the_camera_match_reference(
     torch = Point((40.0, 60.0, -300.0), frame="camera", shadows=True)
     camera = turned(half_engine, -70, 35)
     assert_alike(
-        half_engine, engine_table, lit(inside, Point(on_a_node, shadows=True), torch), camera
+        half_engine, three_channels, lit(inside, Point(on_a_node, shadows=True), torch), camera
     )
 
 
-def test_physical_light_matches_reference(half_engine: Volume, engine_table: TransferTable) -> None:
+def test_physical_light_matches_reference(
+    half_engine: Volume, three_channels: TransferTable
+) -> None:
     """A node per voxel; per smallest spacing where these differ."""
     small = half_engine.downsampled(4)
-    assert_alike(small, engine_table, lit(SUN, LAMP, BULB, SKY, physical_light=True))
+    assert_alike(small, three_channels, lit(SUN, LAMP, BULB, SKY, physical_light=True))
     assert_alike(oblique(), curve(-40, 150), lit(SUN, BULB, SKY, physical_light=True))
 
 
@@ -146,12 +148,12 @@ def test_every_voxel_type_matches_reference(dtype: type) -> None:
     assert_alike(volume, curve(0, 120), lit(SUN, SKY))
 
 
-def test_cuts_match_reference(engine: Volume, engine_table: TransferTable) -> None:
+def test_cuts_match_reference(engine: Volume, three_channels: TransferTable) -> None:
     """The planes pass exactly through voxels, the crop through two faces of them."""
     planes = (ClipPlane((100.0, 0, 0), (1, 0, 0)), ClipPlane((0, 0, 20.0), (0, 1, 3)))
     crop = ((20.5, 240.0), (30.0, 200.2), (0.0, 90.0))
     spec = lit(SUN, SKY, crop_voxels=crop, clip_planes=planes)
-    assert_alike(engine, engine_table, spec)
+    assert_alike(engine, three_channels, spec)
     volume = oblique()
     through = ClipPlane(tuple(volume.corners_mm.mean(axis=0)), (1, 1, 1))
     assert_alike(volume, curve(-40, 150), lit(SUN, clip_planes=(through,)))
@@ -195,17 +197,17 @@ def test_surfaces_match_reference(opacity: float) -> None:
 
 
 def test_layers_follow_what_changes_and_only_that(
-    half_engine: Volume, engine_table: TransferTable
+    half_engine: Volume, three_channels: TransferTable
 ) -> None:
     """Cached layers equal new ones, whatever changed between."""
     ours, camera = opened(half_engine), Camera.orbit(half_engine)
     turned = Camera.orbit(half_engine, azimuth_deg=120)
-    other = dataclasses.replace(engine_table, opacity=engine_table.opacity / 2)
+    other = dataclasses.replace(three_channels, opacity=three_channels.opacity / 2)
     for table, spec, view in (
-        (engine_table, lit(SUN, LAMP), camera),
-        (engine_table, lit(SUN, LAMP), turned),
-        (engine_table, lit(LAMP), turned),
-        (engine_table, lit(LAMP, SUN, SKY), turned),
+        (three_channels, lit(SUN, LAMP), camera),
+        (three_channels, lit(SUN, LAMP), turned),
+        (three_channels, lit(LAMP), turned),
+        (three_channels, lit(LAMP, SUN, SKY), turned),
         (other, lit(LAMP, SUN, SKY), turned),
         (other, lit(LAMP, SUN, crop_voxels=((0, 99), (0, 99), (0, 99))), turned),
         (other, lit(LAMP, SUN, cells=13), turned),
@@ -270,16 +272,16 @@ def test_samples_of_a_layer_match_reference(lanes: int) -> None:
 
 @pytest.mark.parametrize("materials", [2, 4])
 def test_materials_alone_match_reference(
-    half_engine: Volume, engine_table: TransferTable, materials: int
+    half_engine: Volume, three_channels: TransferTable, materials: int
 ) -> None:
     """Without ``split`` as with it; each at half of its depth, and occlusion unclipped."""
     small, spec = half_engine.downsampled(2), lit(SUN, BULB, SKY)
-    at = np.linspace(0, materials - 1, len(engine_table.opacity))
+    at = np.linspace(0, materials - 1, len(three_channels.opacity))
     weights = np.maximum(1 - np.abs(at[:, None] - np.arange(materials)), 0)
     camera = Camera.orbit(small)
     ours = opened(small)
     whole = dataclasses.replace(
-        engine_table, material_weights=weights, channels=np.eye(materials), white=None
+        three_channels, material_weights=weights, channels=np.eye(materials), white=None
     )
     alone = downloaded(opened(small), whole, spec, camera)
     tables = [(whole, 0.5), (whole, 1.0), *((each, 0.5) for each in material_tables(whole))]

@@ -28,8 +28,8 @@ from volspec.transfer.missing import bake_for_volume
 from volspec.volume import Volume
 from volspec.volume.labels import Label
 
-BASIS = vs.SpectralBasis.load("general-7")
 METALS = {name: vs.reflectance(name) for name in ("copper", "gold")}
+BASIS = vs.MaterialBasis(METALS)
 SIZE = 40, 32
 # float32 against float64, as for fields.
 TOLERANCE = 2e-4

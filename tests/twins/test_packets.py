@@ -32,14 +32,14 @@ TOLERANCE = 1e-4
     ids=["adaptive", "shaded"],
 )
 def test_pictures_are_alike_in_all_packets(
-    half_engine: Volume, engine_table: TransferTable, dtype: str, spec: RaycastSpec
+    half_engine: Volume, three_channels: TransferTable, dtype: str, spec: RaycastSpec
 ) -> None:
     volume = Volume(half_engine.values.astype(dtype), spacing_mm=half_engine.spacing_mm)
     camera, known = Camera.orbit(volume), [Packet(1), NARROW_SINGLE]
     if choose_packet(Compute.open().index).lanes == 16:  # others may not compile it
         known += [WIDE, WIDE_SINGLE]
     first, *rest = (
-        Raycaster(volume, packet=packet).cast(engine_table, camera, (96, 96), spec)
+        Raycaster(volume, packet=packet).cast(three_channels, camera, (96, 96), spec)
         for packet in (SAFE, *known)
     )
     assert first.alpha.max() > 0.5

@@ -10,7 +10,7 @@ import pytest
 
 from tests.support.pyramids import in_parts_of, pyramid_of
 from tests.support.raycasts import oblique_world
-from volspec.basis import SpectralBasis
+from volspec.basis import MaterialBasis
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import (
     Ambient,
@@ -33,8 +33,8 @@ LIT = (
     LightGroup("sky", (Ambient(occlusion=True), Headlight())),
     LightGroup("lamp", (Directional((1, 1, 1), shadows=True),)),
 )
-BASIS = SpectralBasis.load("general-7")
 MATERIALS = {"skin": reflectance("PMC/Caucasian"), "bone": reflectance("PMC/White")}
+BASIS = MaterialBasis(MATERIALS)
 
 
 def curve(low: float, high: float) -> TransferFunction:

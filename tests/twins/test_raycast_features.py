@@ -61,12 +61,12 @@ def test_groups_together_are_one_group_of_all_sources(
 
 @pytest.mark.parametrize("orthographic", [False, True])
 def test_jittered_steps_match_reference(
-    engine: Volume, engine_table: TransferTable, orthographic: bool
+    engine: Volume, three_channels: TransferTable, orthographic: bool
 ) -> None:
     camera = Camera.orbit(engine, orthographic=orthographic)
     for seed in (0, 4294967295):
         spec = RaycastSpec(jitter=1, seed=seed, step_mm=1.5)
-        assert_alike(engine, engine_table, camera, spec)
+        assert_alike(engine, three_channels, camera, spec)
 
 
 CUTS = [
@@ -82,26 +82,26 @@ CUTS = [
 @pytest.mark.parametrize("spec", CUTS, ids=["crop", "plane", "both"])
 @pytest.mark.parametrize("view", [(30, 20), (0, 0), (90, 0)])
 def test_cut_volumes_match_reference(
-    engine: Volume, engine_table: TransferTable, spec: RaycastSpec, view: tuple[int, int]
+    engine: Volume, three_channels: TransferTable, spec: RaycastSpec, view: tuple[int, int]
 ) -> None:
     camera = turned(engine, *view)
-    assert_alike(engine, engine_table, camera, spec)
+    assert_alike(engine, three_channels, camera, spec)
 
 
-def steep_table(engine_table: TransferTable) -> TransferTable:
+def steep_table(three_channels: TransferTable) -> TransferTable:
     """Opacity only where the value changes: a table of 16 gradients."""
     rows = np.linspace(0, 1, 16)[:, None]
-    opacity = rows**0.5 * engine_table.opacity * 1.5
-    weights = (0.4 + 0.6 * rows[..., None]) * engine_table.material_weights
-    return replace(engine_table, opacity=opacity, material_weights=weights, gradient_top=60.0)
+    opacity = rows**0.5 * three_channels.opacity * 1.5
+    weights = (0.4 + 0.6 * rows[..., None]) * three_channels.material_weights
+    return replace(three_channels, opacity=opacity, material_weights=weights, gradient_top=60.0)
 
 
 @pytest.mark.parametrize("diffuse", [pytest.param(0.0, marks=pytest.mark.slow), 0.7])
 def test_tables_of_value_and_gradient_match_reference(
-    engine: Volume, engine_table: TransferTable, diffuse: float
+    engine: Volume, three_channels: TransferTable, diffuse: float
 ) -> None:
     spec = RaycastSpec(diffuse=diffuse)
-    assert_alike(engine, steep_table(engine_table), Camera.orbit(engine), spec)
+    assert_alike(engine, steep_table(three_channels), Camera.orbit(engine), spec)
 
 
 def labelled(dtype: type) -> tuple[Volume, TransferTable]:
@@ -175,11 +175,11 @@ def test_isosurfaces_match_reference(engine: Volume, lanes: int) -> None:
     assert_alike(engine, SURFACES, Camera.orbit(engine), spec, lanes=lanes, grazing=2)
 
 
-def steep(engine_table: TransferTable) -> TransferTable:
+def steep(three_channels: TransferTable) -> TransferTable:
     """Thin opaque shells."""
-    at = np.linspace(*engine_table.domain, 1024)
+    at = np.linspace(*three_channels.domain, 1024)
     opacity = np.interp(at, [79, 80, 81, 149, 150, 151], [0, 0.4, 0, 0, 0.9, 0])
-    return replace(engine_table, opacity=opacity)
+    return replace(three_channels, opacity=opacity)
 
 
 @pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
@@ -193,9 +193,9 @@ def test_preintegrated_steps_match_reference(
 
 
 def test_preintegration_needs_fewer_steps_for_a_steep_transfer_function(
-    engine: Volume, engine_table: TransferTable
+    engine: Volume, three_channels: TransferTable
 ) -> None:
-    table, camera, caster = steep(engine_table), Camera.orbit(engine), Raycaster(engine)
+    table, camera, caster = steep(three_channels), Camera.orbit(engine), Raycaster(engine)
     fine = caster.cast(table, camera, (64, 64), replace(FLAT, step_mm=1 / 32)).coefficients
     errors = [
         np.abs(caster.cast(table, camera, (64, 64), spec).coefficients - fine).mean()
@@ -220,12 +220,12 @@ def test_spectral_absorption_matches_reference(
 
 @pytest.mark.parametrize("preintegrated", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_adaptive_steps_stay_near_the_whole_truth(
-    engine: Volume, engine_table: TransferTable, preintegrated: bool
+    engine: Volume, three_channels: TransferTable, preintegrated: bool
 ) -> None:
     caster, camera = Raycaster(engine), Camera.orbit(engine)
     whole = RaycastSpec(ambient=1, diffuse=0, preintegrated=preintegrated)
-    true = caster.cast(engine_table, camera, (128, 128), whole)
-    ours = caster.cast(engine_table, camera, (128, 128), replace(whole, adaptive=0.02))
+    true = caster.cast(three_channels, camera, (128, 128), whole)
+    ours = caster.cast(three_channels, camera, (128, 128), replace(whole, adaptive=0.02))
     assert not np.array_equal(ours.coefficients, true.coefficients)
     assert np.abs(ours.coefficients - true.coefficients).mean() < 2e-3
 
@@ -254,13 +254,13 @@ def test_shadows_and_occlusion_match_reference(
     ],
 )
 def test_rays_are_cast_within_their_spans(
-    engine: Volume, engine_table: TransferTable, mode: Any
+    engine: Volume, three_channels: TransferTable, mode: Any
 ) -> None:
     """A half ends in the middle of the volume, a corner before it; the last rows begin there."""
-    table: TransferTable | SurfaceTable = engine_table
+    table: TransferTable | SurfaceTable = three_channels
     spec = RaycastSpec(jitter=0.5)
     if mode == "surfaces":
-        weights = np.ones((1, engine_table.size))
+        weights = np.ones((1, three_channels.size))
         table = SurfaceTable(np.array([150.0]), np.array([0.4]), weights)
     elif mode == "preintegrated":
         spec = RaycastSpec(preintegrated=True)

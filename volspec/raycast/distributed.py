@@ -49,6 +49,8 @@ if TYPE_CHECKING:
 _TASKS_PER_THREAD = 6
 # How often a task is repeated if it fails, as by a file system that is away for a moment.
 _RETRIES = 2
+# Seconds until a scheduler has to have answered.
+_PATIENCE_S = 10.0
 # Environment of a worker of one thread: of PoCL, by its versions, and of Zarr.
 _ONE_THREAD = dict.fromkeys(
     ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "ZARR_THREADING__MAX_WORKERS"), "1"
@@ -427,7 +429,7 @@ class Cluster:
         kind, _, number = self._address.partition(":")
         if kind != "local":
             try:
-                return Client(self._address, timeout=10)
+                return Client(self._address, timeout=_PATIENCE_S)
             except (OSError, ValueError) as error:
                 raise DeviceError(
                     f"device {self._address}: no Dask scheduler answers "
