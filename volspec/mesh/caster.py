@@ -95,7 +95,7 @@ class _Window(NamedTuple):
 
 
 class _View(NamedTuple):
-    """What the middles of a window's pixels see, and depths (R,) also of those it only touches."""
+    """View of the middles of a window's pixels; depths (R,) also of those it only touches."""
 
     seen: Seen
     depth_mm: Array

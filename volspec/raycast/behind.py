@@ -12,7 +12,6 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
-from scipy.ndimage import binary_dilation
 
 from volspec.basis import Basis
 from volspec.errors import CastCancelled
@@ -298,6 +297,8 @@ class Surfaces:
     def _pictures(self, casts: Sequence[Result]) -> tuple[list[BehindImage], list[BehindImage]]:
         """Return pictures of what is opaque and of sheets, as far as casts let them be seen."""
         assert self.stop_mm is not None
+        from scipy.ndimage import binary_dilation  # loaded with surfaces alone
+
         # Where a ray would have ended, nothing is seen; in front of layers all may be.
         spec = self.opacity.spec
         least = -1.0 if spec.layers else spec.least_transmittance
