@@ -12,7 +12,7 @@ from tests.cli.test_render import read_codes
 from tests.export.conftest import SCENE
 from tests.support.errors import raises
 from volspec.cli import main
-from volspec.errors import ImageError, SceneError
+from volspec.errors import ImageError, SceneError, VolspecWarning
 from volspec.export.plan import check_scene
 from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.relight import relight
@@ -63,6 +63,20 @@ def test_frames_and_pictures_have_the_scene_s_depth(ball_folder: Path, tmp_path:
     assert np.abs(frame - own.astype(int)).max() <= 1
     plain = relight(image, scene.lights[0].rig, scene.relight)
     assert np.abs(frame - plain.astype(int)).max() > 10
+
+
+def test_frames_of_which_a_cut_leaves_nothing_are_named_in_one_warning(
+    ball_folder: Path, tmp_path: Path
+) -> None:
+    away = "depth = { near_mm = 0, far_mm = 1 }"
+    text = PULL.replace("depth = { focus_mm = 30 }", away).replace('["day"]', '["day", "lamp"]')
+    text = text.replace("focus_mm = 120, near_mm = 1", "near_mm = 0, far_mm = 1.5")
+    scene = made(ball_folder, text)
+    with pytest.warns(VolspecWarning, match="and 5 more shows nothing of what was cast") as told:
+        scene.export(tmp_path / "away")
+    assert len(told) == 1
+    scene = made(ball_folder, '[depth]\nnear_mm = 50\n[export]\nlights = ["day"]\n')
+    scene.export(tmp_path / "cut")
 
 
 def test_coefficient_images_have_it_as_well(ball_folder: Path, tmp_path: Path) -> None:

@@ -394,9 +394,9 @@ class DepthOptions:
         with in_options(DEPTH_OPTIONS):
             other = None if self.surface is None else CoefficientImage.load(self.surface)
             made = image.recompose(scales, effects, other)
-        is_cut = effects.near_mm > 0 or effects.far_mm is not None
-        if is_cut and image.opacity_layers is not None and not np.isfinite(made.depth_mm).any():
-            near, far = image.opacity_layers.range_mm
+        layers = image.opacity_layers
+        if effects.cuts and layers is not None and not np.isfinite(made.depth_mm).any():
+            near, far = layers.range_mm
             note(f"nothing is left: the layers are {near:.4g} to {far:.4g} mm from the camera")
         return made
 

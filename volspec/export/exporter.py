@@ -558,7 +558,8 @@ class FrameMaker:
         """Check frames for a display only: a compositor can brighten linear light."""
         if self.files.table.has_eye:
             alpha = np.hstack([source.alpha for source in sources])
-            blanks.add(self.files.name(shot), shot.light, pixels, alpha, min(self.files.size))
+            side, cut = min(self.files.size), shot.depth.cuts
+            blanks.add(self.files.name(shot), shot.light, pixels, alpha, side, cut=cut)
 
     def _sources(self, images: Sequence[CoefficientImage]) -> list[FrameSource]:
         return [FrameSource.of(image, self.files.table) for image in images]

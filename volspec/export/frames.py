@@ -6,7 +6,7 @@ import io
 import os
 import unicodedata
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -195,24 +195,33 @@ class _Coverage:
     """Sampled opacity of a frame, and its black and clipped parts."""
 
     light: str
+    cut: bool = False
     covered: float = 0.0
     blank: dict[str, float] = field(default_factory=lambda: dict.fromkeys(_PROBLEMS, 0.0))
 
 
 class BlankFrames:
-    """Find frames that are all black or clipped all over; ``remedy`` names settings to change."""
+    """Find frames that are all black, clipped all over, or cut away; ``remedy`` names settings."""
 
     def __init__(self, remedy: str) -> None:
         self._remedy = remedy
         self._frames: dict[str, _Coverage] = {}
 
     def add(
-        self, name: str, light: str, pixels: NDArray[Any], alpha: NDArray[np.float32], side: int = 0
+        self,
+        name: str,
+        light: str,
+        pixels: NDArray[Any],
+        alpha: NDArray[np.float32],
+        side: int = 0,
+        *,
+        cut: bool = False,
     ) -> None:
         """Sample a frame, or the next rows of a frame whose shorter side has ``side`` pixels.
 
         Pixels are display codes, or linear light premultiplied by opacity, the fourth channel.
-        ``alpha`` is opacity as cast, so that a backdrop alone counts as blank.
+        ``alpha`` is opacity as cast, so that a backdrop alone counts as blank. ``cut`` is True if
+        what is near or far was left out of what was cast.
         """
         every = max(1, (side or min(alpha.shape)) // _SAMPLED)
         colours, cover = pixels[::every, ::every, :3], alpha[::every, ::every]
@@ -223,24 +232,34 @@ class BlankFrames:
             dark, bright = colours <= _BLACK * scale, colours >= _WHITE * scale
         black = dark.all(axis=-1)
         found = self._frames.setdefault(name, _Coverage(light))
+        found.cut = cut
         found.covered += float(cover.sum())
         found.blank["black"] += float(cover[black].sum())
         found.blank["clipped"] += float(cover[(dark | bright).all(axis=-1) & ~black].sum())
 
     def warn(self) -> None:
-        """Issue one warning for all black frames and one for all clipped frames."""
+        """Issue one warning for all frames of each kind."""
+        frames = self._frames.items()
+        empty = [name for name, found in frames if found.cut and found.covered == 0.0]
+        if empty:
+            text = "shows nothing of what was cast; move near_mm and far_mm of [depth]"
+            self._warn(f"{empty[0]}{_more(empty)} {text}")
         for way, problem in _PROBLEMS.items():
             lights = {
                 name: found.light
-                for name, found in self._frames.items()
+                for name, found in frames
                 if found.covered > 0.0 and found.blank[way] >= _BLANK_FRACTION * found.covered
             }
             if not lights:
                 continue
             name, light = next(iter(lights.items()))
-            rest = f", and {len(lights) - 1} more" if len(lights) > 1 else ""
-            warnings.warn(
-                f"{name} {problem} under {light}{rest}; {_REMEDIES[way]} {self._remedy}",
-                VolspecWarning,
-                stacklevel=2,
-            )
+            more = _more(lights)
+            self._warn(f"{name} {problem} under {light}{more}; {_REMEDIES[way]} {self._remedy}")
+
+    def _warn(self, text: str) -> None:
+        warnings.warn(text, VolspecWarning, stacklevel=3)
+
+
+def _more(names: Collection[str]) -> str:
+    """Return how many more there are than the first."""
+    return f", and {len(names) - 1} more" if len(names) > 1 else ""

@@ -97,8 +97,12 @@ class DepthEffects:
     @property
     def changes(self) -> bool:
         """True if a picture is changed."""
-        given = (self.focus_mm, self.fog_mm, self.far_mm)
-        return self.near_mm > 0 or any(each is not None for each in given)
+        return self.cuts or self.focus_mm is not None or self.fog_mm is not None
+
+    @property
+    def cuts(self) -> bool:
+        """True if what is near or far is left out."""
+        return self.near_mm > 0 or self.far_mm is not None
 
     @property
     def fog_per_mm(self) -> float:
