@@ -67,7 +67,7 @@ def flame_paints() -> dict[str, vs.Spectrum]:
 def paint_difference(paints: Mapping[str, vs.Spectrum], lamp: str) -> float:
     """Return CIEDE2000 between two paints under a lamp."""
     light = vs.light(lamp)
-    one, other = (XYZ_from_spectra(light, each.values) for each in paints.values())
+    one, other = XYZ_from_spectra(light, [*paints.values()])
     return float(difference(light, one, other))
 
 
