@@ -189,6 +189,12 @@ def raycast(
         else:
             why = _looks_past_warning(volume)
         warnings.warn(why, VolspecWarning, stacklevel=2)
+    cast = surfaces.composite(
+        casts,
+        lambda span_mm: level.cast(
+            table, camera, size, spec, None, cancel, None, span_mm, surfaces.clear
+        ),
+    )
     notes = {
         "volume": volume.name,
         "camera": repr(camera),
@@ -198,12 +204,6 @@ def raycast(
     }
     if volume.pyramid is not None and (gaps := volume.pyramid.describe_gaps()):
         notes[GAPS] = gaps
-    cast = surfaces.composite(
-        casts,
-        lambda span_mm: level.cast(
-            table, camera, size, spec, None, cancel, None, span_mm, surfaces.clear
-        ),
-    )
     image = CoefficientImage(
         cast.coefficients,
         cast.alpha,

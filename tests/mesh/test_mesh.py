@@ -188,9 +188,15 @@ def test_a_mesh_in_a_volume_is_behind_what_is_before_it() -> None:
 CORNERS = ((-9.0, -7.0, 8.0), (8.0, -6.0, -6.0), (7.0, 8.0, 0.0), (-6.0, 9.0, -8.0))
 
 
+@pytest.mark.parametrize("more", [(), (0.0,), (40.0,)], ids=["alone", "before", "behind"])
 @pytest.mark.parametrize("mode", ["composite", "maximum"])
-def test_edges_of_a_mesh_before_and_in_a_volume_are_those_of_a_finer_picture(mode: str) -> None:
-    """Mean of 4 x 4 pixels: behind what an edge covers in part, the volume goes on."""
+def test_edges_of_a_mesh_before_and_in_a_volume_are_those_of_a_finer_picture(
+    mode: str, more: tuple[float, ...]
+) -> None:
+    """Mean of 4 x 4 pixels: behind what an edge covers in part, the volume goes on.
+
+    So it does with a small translucent sheet elsewhere.
+    """
     volume, thin = ball()
     transfer = replace(thin, points=((0.3, 0.0, "white"), (0.5, 0.9, "white")))
     camera, spec = vs.Camera.orbit(volume, azimuth_deg=30, zoom=2), vs.RaycastSpec(mode=mode)
@@ -198,7 +204,8 @@ def test_edges_of_a_mesh_before_and_in_a_volume_are_those_of_a_finer_picture(mod
     near = volume.corners_mm.mean(axis=0) - 17.0 * forward
     corners = [near + a * right + b * down + c * forward for a, b, c in CORNERS]
     sheet = vs.Mesh(corners, [[0, 1, 2], [0, 2, 3]], "red")
-    meshes = vs.MeshCaster([sheet], WHITE, BASIS)
+    faint = [replace(sheet, opacity=0.5).placed(20.0 * right + at * forward) for at in more]
+    meshes = vs.MeshCaster([sheet, *faint], WHITE, BASIS)
     one, fine = (
         vs.raycast(volume, transfer, camera, (n, n), spec, behind=(meshes,)) for n in (48, 192)
     )
@@ -210,6 +217,29 @@ def test_edges_of_a_mesh_before_and_in_a_volume_are_those_of_a_finer_picture(mod
     # A highlight along the sheet's fold is sampled four times in a pixel.
     assert np.sqrt(np.square(one.coefficients - colour)[seen].mean()) < 0.015
     assert np.isfinite(one.depth_mm[one.alpha > 0]).all()
+
+
+@pytest.mark.parametrize("mode", ["composite", "maximum", "average"])
+def test_what_an_edge_covers_in_part_is_a_mixture(mode: str) -> None:
+    """Opacity a … + (1 - a) W, with W of the volume alone; also of tips between the points."""
+    volume, transfer = ball()
+    camera, spec = vs.Camera.orbit(volume, zoom=2), vs.RaycastSpec(mode=mode, alpha_stop=1.0)
+    middle = volume.corners_mm.mean(axis=0)
+    right, down, _ = camera.frame()
+    tips = [middle + x * right + y * down for x, y in ((-9, -9), (-9, -8.9), (9, 7.0))]
+    wide = [middle + x * right + y * down for x, y in ((-6, -9), (9, -8), (9, 4))]
+    meshes = vs.MeshCaster(
+        [vs.Mesh(each, [[0, 1, 2]], "red") for each in (tips, wide)], WHITE, BASIS
+    )
+    both = vs.raycast(volume, transfer, camera, SIZE, spec, behind=(meshes,)).alpha
+    alone = vs.raycast(volume, transfer, camera, SIZE, spec).alpha
+    mesh = meshes.alone(camera, SIZE, spec).alpha
+    hits = np.isfinite(meshes.depths_mm(camera, SIZE)[0])
+    assert ((mesh > 0) & (mesh < 1)).sum() > 30 and (hits & (mesh == 0)).any()
+    edge, free = mesh < 1, (1 - mesh) * alone
+    # The opacity before the mesh is unknown: at least 0, at most 1.
+    assert (both[edge] >= free[edge] - 1e-5).all()
+    assert (both[edge] <= (mesh + free)[edge] + 1e-5).all()
 
 
 def test_a_mesh_is_shaded_only_where_the_volume_lets_it_be_seen() -> None:

@@ -196,6 +196,7 @@ class _Coverage:
 
     light: str
     cut: bool = False
+    shown: bool = False
     covered: float = 0.0
     blank: dict[str, float] = field(default_factory=lambda: dict.fromkeys(_PROBLEMS, 0.0))
 
@@ -233,6 +234,7 @@ class BlankFrames:
         black = dark.all(axis=-1)
         found = self._frames.setdefault(name, _Coverage(light))
         found.cut = cut
+        found.shown |= bool(alpha.any())
         found.covered += float(cover.sum())
         found.blank["black"] += float(cover[black].sum())
         found.blank["clipped"] += float(cover[(dark | bright).all(axis=-1) & ~black].sum())
@@ -240,10 +242,10 @@ class BlankFrames:
     def warn(self) -> None:
         """Issue one warning for all frames of each kind."""
         frames = self._frames.items()
-        empty = [name for name, found in frames if found.cut and found.covered == 0.0]
+        empty = [name for name, found in frames if found.cut and not found.shown]
         if empty:
-            text = "shows nothing of what was cast; move near_mm and far_mm of [depth]"
-            self._warn(f"{empty[0]}{_more(empty)} {text}")
+            remedy = "move near_mm and far_mm of [depth]"
+            self._warn(f"cuts leave nothing to be seen in {empty[0]}{_more(empty)}; {remedy}")
         for way, problem in _PROBLEMS.items():
             lights = {
                 name: found.light

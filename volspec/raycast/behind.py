@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, repeat
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -157,6 +157,12 @@ class Surfaces:
         """True for a projection, which has no depth: translucent surfaces are in front of it."""
         return self.opacity.spec.mode != "composite"
 
+    @property
+    def _least(self) -> float:
+        """Transmittance below which nothing behind a pixel's volume is seen; -1 for layers."""
+        spec = self.opacity.spec
+        return -1.0 if spec.layers else spec.least_transmittance
+
     def spans(
         self, progress: Progress | None
     ) -> Iterator[tuple[Progress | None, NDArray[np.float32] | None]]:
@@ -180,7 +186,7 @@ class Surfaces:
         if not self.behind:
             return front
         opaque, sheets = self._pictures(casts)
-        self._put_edges(casts[-1], opaque, cast)
+        self._put_edges(casts, opaque, cast)
         rest = [BehindImage(*each) for each in casts]
         if not self._projected:
             rest = [layer for pair in zip(sheets, rest[1:], strict=True) for layer in pair]
@@ -192,51 +198,46 @@ class Surfaces:
             put_behind(front, layer)
         return front
 
-    def _put_edges(self, last: Result, opaque: Sequence[BehindImage], cast: SpanCast) -> None:
-        """Put the pixels that surfaces cover only in part into the last cast, out of the pictures.
+    def _put_edges(
+        self, casts: Sequence[Result], opaque: Sequence[BehindImage], cast: SpanCast
+    ) -> None:
+        """Put the pixels that surfaces cover only in part into the casts, out of the pictures.
 
-        It ends at a surface that covers a pixel's middle, and passes one that does not. A further
-        cast has what it lacks: the way behind the surface, or the way before it. The volume is seen
-        before the surface, and next to it all of its way.
+        Of the casts between sheets it is the one that reaches the surface: it ends there if the
+        surface covers the pixel's middle, and else goes on. A further cast has the way that it
+        lacks. The volume is seen before the surface, and next to it all of that way.
         """
+        assert self.stop_mm is not None
+        spans = [span_mm for _, span_mm in self.spans(None) if span_mm is not None]
+        seen = np.prod([1.0 - each.alpha for each in casts], axis=0) > self._least
         for number, picture in enumerate(opaque):
             if picture.depth_mm is None:
                 continue
-            here = (picture.alpha > 0.0) & (picture.alpha < 1.0) & np.isfinite(picture.depth_mm)
+            part, own = picture.part, self.depths_mm[number][0][picture.part]
+            # Thin tips may be seen by a pixel's middle alone.
+            ends = np.isfinite(own) & (own <= self.stop_mm[part]) & seen[part]
+            here = (picture.alpha > 0.0) | ends
+            here &= (picture.alpha < 1.0) & np.isfinite(picture.depth_mm)
             if not here.any():
                 continue
-            own, *others = (mm[0][picture.part][here] for mm in self._from(number))
-            sheets = [] if self._projected else [mm for _, *mms in self.depths_mm for mm in mms]
-            begin_mm = sheets[-1][picture.part][here] if sheets else np.zeros_like(own)
-            passes, depth_mm = np.isinf(own), picture.depth_mm[here]
+            depth_mm, passes = picture.depth_mm[here], np.isinf(own[here])
+            every = np.stack([each[part][here] for each in spans])
+            reaches = (every[..., 1] >= depth_mm).argmax(axis=0)
+            begin_mm = np.take_along_axis(every[..., 0], reaches[None], axis=0)[0]
+            others = [mm[part][here] for k, (mm, *_) in enumerate(self.depths_mm) if k != number]
+            end_mm = np.minimum.reduce([np.full_like(depth_mm, np.inf), *others])
             span_mm = np.zeros((*self.size[::-1], 2), np.float32)
-            span_mm[picture.part][here, 0] = np.where(passes, begin_mm, depth_mm)
-            end_mm = np.minimum.reduce([np.full_like(own, np.inf), *others])
-            span_mm[picture.part][here, 1] = np.where(passes, depth_mm, end_mm)
+            span_mm[part][here, 0] = begin_mm
+            span_mm[part][here, 1] = np.where(passes, depth_mm, end_mm)
+            further = [each[part][here] for each in cast(span_mm)]
 
-            views = [each[picture.part] for each in last]
-            found = [each[picture.part][here] for each in cast(span_mm)]
-            one, other = _weighted(*(view[here] for view in views)), _weighted(*found)
-            mesh = np.zeros_like(one)
-            mesh[:, -2 - picture.channels.shape[2] : -2] = picture.channels[here]
-            mesh[:, -2] = alpha = picture.alpha[here]
-            mesh[:, -1] = alpha * depth_mm
-            before = np.where(passes[:, None], other, one)
-            after = np.where(passes[:, None], one - other, (1.0 - one[:, -2:-1]) * other)
-            total = before + (1.0 - before[:, -2:-1]) * mesh + (1.0 - alpha[:, None]) * after
-
-            channels, alphas, depths_mm, firsts_mm = views
-            most = np.finfo(channels.dtype).max
-            channels[here] = np.clip(total[:, :-2], -most, most)
-            alphas[here] = total[:, -2]
-            depths_mm[here] = total[:, -1] / total[:, -2]
-            seen_mm = np.where(before[:, -2] < 1.0, depth_mm, np.inf)
-            firsts_mm[here] = np.minimum.reduce([firsts_mm[here], found[3], seen_mm])
+            for k, result in enumerate(casts):
+                some = reaches == k
+                rows = tuple(index[some] for index in np.nonzero(here))
+                surface = picture.channels[rows], picture.alpha[rows], depth_mm[some]
+                own_part, rest = [each[part] for each in result], [each[some] for each in further]
+                _put_edge(own_part, rows, rest, surface, passes[some])
             picture.channels[here], picture.alpha[here] = 0.0, 0.0
-
-    def _from(self, number: int) -> list[Sequence[NDArray[np.float32]]]:
-        """Return the depths of surfaces, those of a number first."""
-        return [self.depths_mm[number], *self.depths_mm[:number], *self.depths_mm[number + 1 :]]
 
     def solid(self, slots: Sequence[Slot], cancel: Cancel | None = None) -> Solid:
         """Return what is opaque as the last of layers of opacity, for groups with shadows.
@@ -300,8 +301,7 @@ class Surfaces:
         from scipy.ndimage import binary_dilation  # loaded with surfaces alone
 
         # Where a ray would have ended, nothing is seen; in front of layers all may be.
-        spec = self.opacity.spec
-        least = -1.0 if spec.layers else spec.least_transmittance
+        least = self._least
         through: NDArray[np.float32] | float = 1.0
         seen = []
         for cast in casts:
@@ -322,6 +322,45 @@ class Surfaces:
             opaque.append(first)
             sheets += others
         return opaque, sheets
+
+
+def _put_edge(
+    views: Sequence[NDArray[Any]],
+    rows: tuple[NDArray[np.intp], ...],
+    further: Sequence[NDArray[Any]],
+    surface: tuple[NDArray[Any], NDArray[np.float32], NDArray[np.float32]],
+    passes: NDArray[np.bool_],
+) -> None:
+    """Put a surface, which covers K pixels only in part, into ``rows`` of a cast's arrays.
+
+    Parameters
+    ----------
+    views : arrays of a `Result`
+        Changed in place.
+    rows : tuple of arrays
+        Indices of the pixels.
+    further : arrays (K, …) of a `Result`
+        The pixels up to the surface if the cast ``passes`` (K,) it, else all of their way.
+    surface : channels (K, L·M), alpha and depth in mm (K,)
+    """
+    mesh_channels, mesh_alpha, mesh_mm = surface
+    cast, other = _weighted(*(view[rows] for view in views)), _weighted(*further)
+    mesh = np.zeros_like(other)
+    mesh[:, -2 - mesh_channels.shape[1] : -2] = mesh_channels
+    mesh[:, -2:] = np.column_stack([mesh_alpha, mesh_alpha * mesh_mm])
+    before = np.where(passes[:, None], other, cast)
+    whole = np.where(passes[:, None], cast, other)
+    seen = 1.0 - before[:, -2:-1]
+    total = before + seen * mesh + (1.0 - mesh_alpha[:, None]) * (whole - before)
+
+    channels, alpha, depth_mm, first_mm = views
+    most = np.finfo(channels.dtype).max
+    channels[rows] = np.clip(total[:, :-2], -most, most)
+    alpha[rows] = total[:, -2].clip(0.0, 1.0)
+    far, there = np.full(len(total), np.inf, np.float32), total[:, -2] > 0.0
+    depth_mm[rows] = np.divide(total[:, -1], total[:, -2], out=far, where=there)
+    seen_mm = np.where(seen[:, 0] * mesh_alpha > 0.0, mesh_mm, np.inf)
+    first_mm[rows] = np.minimum.reduce([first_mm[rows], further[3], seen_mm])
 
 
 def _weighted(
