@@ -19,7 +19,9 @@ from volspec.volume.checks import checked_geometry, missing_value
 from volspec.volume.files.query import Query, Reading, Stored
 from volspec.volume.model import Volume
 from volspec.volume.pyramid import (
+    ASK_ANOTHER,
     DEFAULT_BYTES,
+    WITHOUT_PARTS,
     Chunk,
     Level,
     Pyramid,
@@ -61,8 +63,10 @@ def read_coarsest(query: Query, name: str, stack: Stack, remarks: list[str]) -> 
     except VolumeError:
         raise
     except Exception as error:  # whatever the array's library raises
+        why = one_line(error)[:120]
+        remedy = ASK_ANOTHER if WITHOUT_PARTS in why else "copy it again"
         raise VolumeError(
-            f"{query.path}: cannot be read ({one_line(error)[:120]}); copy it again", code="damaged"
+            f"{query.path}: cannot be read ({why}); {remedy}", code="damaged"
         ) from error
 
 

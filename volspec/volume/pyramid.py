@@ -44,6 +44,8 @@ _MOST = 0.75
 # Seconds after which a store that did not answer is asked again.
 _AGAIN_S = 5.0
 _GONE = "its file or folder is gone"
+WITHOUT_PARTS, ASK_ANOTHER = "HTTP ranges", "use a server that answers them"
+"""Part of the cause if a server answers with whole files alone, and the remedy."""
 # Most causes of gaps that a message names.
 _MOST_CAUSES = 3
 
@@ -546,8 +548,8 @@ class Pyramid:
             remedy = "the store is asked again by the next picture"
         elif _GONE in first:
             remedy = "is its disk mounted?"
-        elif any("HTTP ranges" in why for why in first):
-            remedy = "use a server that answers them"
+        elif any(WITHOUT_PARTS in why for why in first):
+            remedy = ASK_ANOTHER
         return f"{self.name}: {named} left out of the picture; {remedy}"
 
 
