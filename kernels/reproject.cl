@@ -28,7 +28,8 @@
 // Writes  coefficients float[other_height][other_width][CHANNELS], alpha, depth: a cast's picture
 //
 // The host sets LAYERED, SOLID (1 if the last is of surfaces, which scales leave as they are),
-// MATERIALS, GROUPS, CHANNELS = GROUPS · (MATERIALS + 1), ROWS, COLOURS_AT, BLOCK, BUCKETS, PART, MOST_PARTS, FARTHER, WIDE (r is above 1), NEAR and the struct View.
+// MATERIALS, GROUPS, CHANNELS = GROUPS · (MATERIALS + 1), ROWS, COLOURS_AT, BLOCK, BUCKETS, PART,
+// MOST_PARTS, FARTHER, WIDE (r is above 1), NEAR and the struct View.
 
 #define LANES 4
 #include "lanes.clh"

@@ -94,13 +94,6 @@ class _Window(NamedTuple):
         return picture
 
 
-class _View(NamedTuple):
-    """View of the middles of a window's pixels; depths (R,) also of those it only touches."""
-
-    seen: Seen
-    depth_mm: Array
-
-
 class MeshCaster:
     """Meshes around and in a volume.
 
@@ -160,7 +153,7 @@ class MeshCaster:
         ]
         self._extent = float(np.linalg.norm(np.ptp(np.concatenate(self._boxes), axis=0)))
         # What the last camera sees, opaque and then sheets; also that of `painted` ones.
-        self._views: dict[tuple[Camera, Size], tuple[_Window, list[_View]]] = {}
+        self._views: dict[tuple[Camera, Size], tuple[_Window, list[Seen]]] = {}
         if like is not None and same_surfaces(self.meshes, like.meshes):
             opacities = [mesh.opacity for mesh in like.meshes]
             if [opacity < 1.0 for opacity in opacities] == [mesh.opacity < 1.0 for mesh in meshes]:
@@ -213,7 +206,7 @@ class MeshCaster:
     def depths_mm(self, camera: Camera, size: Size) -> list[NDArray[np.float32]]:
         """Return (H, W) distances, as `volspec.raycast.behind.Behind`."""
         window, views = self._look(camera, size)
-        return [window.framed(view.seen.along_mm, size) for view in views]
+        return [window.framed(seen.along_mm, size) for seen in views]
 
     def pictures(
         self,
@@ -265,10 +258,10 @@ class MeshCaster:
         beam = (0.0, pixel_mm / field.distance) if field.perspective else (pixel_mm, 0.0)
         window, views = self._look(camera, size)
         found = []
-        for number, ((seen, depth_mm), end_mm) in enumerate(zip(views, ends_mm, strict=False)):
+        for number, (seen, end_mm) in enumerate(zip(views, ends_mm, strict=False)):
             ends = end_mm[window.part].ravel()
             if number > 0:
-                ends = np.minimum(ends, views[0].seen.along_mm)
+                ends = np.minimum(ends, views[0].along_mm)
             channels, sees = self._send_all(seen, ends, light, beam)
             edges = _edges(seen, sees, seen.along_mm <= ends, window.size)
             edges = edges[ends[edges] > 0.0]
@@ -277,12 +270,19 @@ class MeshCaster:
             sent, _ = self._send_all(further, np.repeat(ends[edges], POINTS), light, beam)
             channels[edges] = sent.reshape(len(edges), POINTS, channels.shape[1]).mean(axis=1)
             picture = channels.reshape(window.height, window.width, channels.shape[1])
-            along = depth_mm.astype(np.float32).reshape(picture.shape[:2])
+            # Where a pixel's middle sees nothing, its nearest point is where the surface is.
+            along = seen.along_mm.astype(np.float32)
+            nearest = further.along_mm.reshape(-1, POINTS).min(axis=1)
+            along[edges] = np.where(np.isinf(along[edges]), nearest, along[edges])
+            along = along.reshape(picture.shape[:2])
             found.append(BehindImage(picture[..., :-1], picture[..., -1], along, part=window.part))
         return found
 
-    def _look(self, camera: Camera, size: Size) -> tuple[_Window, list[_View]]:
-        """Return where meshes may be seen, and what is seen there: what is opaque, then sheets."""
+    def _look(self, camera: Camera, size: Size) -> tuple[_Window, list[Seen]]:
+        """Return the window of the meshes, and what the middles of its pixels see.
+
+        The latter is what is opaque, then sheets.
+        """
         made = self._views.get((camera, size))
         if made is None:
             self._warn_of_unseen(camera, size)
@@ -294,15 +294,8 @@ class MeshCaster:
                     if not (seen.along_mm < found[0].along_mm).any():
                         break
                     found.append(seen)
-            views = []
-            for number, seen in enumerate(found):
-                depth_mm, rims = seen.along_mm.copy(), _rims(seen, window.size)
-                places = further_points(rims, window.width) + (window.left, window.top)
-                points = self._see_all(number, *world_rays(camera, *size, places))
-                depth_mm[rims] = points.along_mm.reshape(-1, POINTS).min(axis=1)
-                views.append(_View(seen, depth_mm))
             self._views.clear()
-            made = self._views[camera, size] = window, views
+            made = self._views[camera, size] = window, found
         return made
 
     def _warn_of_unseen(self, camera: Camera, size: Size) -> None:
@@ -450,14 +443,6 @@ def _in_strips(work: Callable[[slice], _Part], count: int) -> list[_Part]:
         return [work(strips[0])]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(work, strips))
-
-
-def _rims(seen: Seen, size: Size) -> NDArray[np.intp]:
-    """Return the pixels whose middles see nothing, next to others that do."""
-    width, height = size
-    there = (seen.mesh >= 0).reshape(height, width)
-    edges = next_to(there[:, :-1] != there[:, 1:], there[:-1] != there[1:])
-    return edges[~there.ravel()[edges]]
 
 
 def _edges(

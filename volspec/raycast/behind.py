@@ -235,8 +235,8 @@ class Surfaces:
                 some = reaches == k
                 rows = tuple(index[some] for index in np.nonzero(here))
                 surface = picture.channels[rows], picture.alpha[rows], depth_mm[some]
-                own_part, rest = [each[part] for each in result], [each[some] for each in further]
-                _put_edge(own_part, rows, rest, surface, passes[some])
+                views, rest = [each[part] for each in result], [each[some] for each in further]
+                _put_edge(views, rows, rest, surface, passes[some])
             picture.channels[here], picture.alpha[here] = 0.0, 0.0
 
     def solid(self, slots: Sequence[Slot], cancel: Cancel | None = None) -> Solid:
