@@ -32,7 +32,7 @@ from volspec.viewer.work.casts import WHOLE, CastDone, CastJob, Pass
 from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.pictures import Relit
 from volspec.viewer.work.probe import place_mm, read, spectra, value_at
-from volspec.viewer.work.screen import SLOW_MS, Meter, Screen, TableWorker
+from volspec.viewer.work.screen import SLOW_MS, ErrorMapTexture, Meter, Screen, TableWorker
 from volspec.volume import Volume
 
 BANDS = 3
@@ -103,6 +103,24 @@ def test_values_under_the_mouse_stay_while_bands_are_drawn(slow: Screen, state: 
     slow.probe(under(state, 1), (0.5, 0.5), held=False)
     after = slow.under_mouse
     assert after is not None and str(after) != str(before)
+
+
+def test_the_last_frame_shows_the_values_of_its_picture(slow: Screen, state: ViewState) -> None:
+    """A coarse picture rests under the mouse, the whole one comes in bands, then nothing more."""
+    middle = 0.5, 0.5
+    bright = done(state, 1)
+    assert bright.image is not None
+    coarse = replace(bright.image, coefficients=0.5 * bright.image.coefficients)
+    for ended in (replace(bright, image=coarse, made=Pass(2)), bright):
+        slow.take(ended, state)
+        frames, news = [slow.under_mouse], True
+        while news:  # as the window's loop: a frame, after which the next picture is drawn
+            frames.append(slow.under_mouse)
+            drawn = slow.relight(under(state, 0), held=False)
+            news = slow.probe(under(state, 0), middle, held=False) or drawn
+        assert frames[-1] is slow.under_mouse is not None
+        code = slow.pictures.code(SIZE[0] // 2, SIZE[1] // 2)
+        assert dict(frames[-1].rows)["RGB"] == "  ".join(map(str, code))
 
 
 def test_an_empty_picture_says_so_and_a_fault_takes_its_place(
@@ -224,7 +242,8 @@ def test_the_picture_waits_for_the_newest_table(
         assert np.array_equal(pixels(screen), before)
         assert "Nayatani95" in screen._notice.text
         # Values under the mouse would be of another light than its pixel.
-        assert screen.probe(seen_by(state, "Nayatani95", light), (0.5, 0.5), held=False) is None
+        screen.probe(seen_by(state, "Nayatani95", light), (0.5, 0.5), held=False)
+        assert screen.under_mouse is None
     # A cast that comes meanwhile waits for the light, too.
     screen.take(done(state, 1), state)
     screen.relight(seen_by(state, "Nayatani95", 1), held=False)
@@ -424,6 +443,21 @@ def test_the_probe_has_the_error_maps_figure(state: ViewState) -> None:
     assert "0.00" in dict(rows)["Colour error"]
 
 
+def test_an_error_map_is_shown_on_its_own_picture_and_light_only(
+    context: Any, state: ViewState
+) -> None:
+    came = threading.Event()
+    overlay = ErrorMapTexture(context, came.set)
+    _, image, _ = shot(state)
+    overlay.want(image, state)
+    assert not overlay.shows(image, state)
+    came.wait()
+    assert overlay.take() and overlay.shows(image, state)
+    for other, lights in ((replace(image), state.lights), (image, state.lights[1:])):
+        assert not overlay.shows(other, replace(state, lights=lights))
+    overlay.close()
+
+
 def test_the_error_map_is_made_once(state: ViewState, monkeypatch: pytest.MonkeyPatch) -> None:
     from volspec.viewer.work import screen as heat
 
@@ -434,6 +468,6 @@ def test_the_error_map_is_made_once(state: ViewState, monkeypatch: pytest.Monkey
     for lights in (state.lights, state.lights, state.lights[1:], state.lights[1:]):
         overlay.want(image, replace(state, lights=lights))
     shining, dark = begun
-    assert shining()[0].delta_e.shape == (33, 33) and shining()[1] is image
+    assert shining().delta_e.shape == (33, 33)
     with raises(RelightError, "missing"):
         dark()

@@ -528,9 +528,9 @@ class _App:
     def _relight(self, state: ViewState) -> None:
         """Draw the picture of a state for the next frame."""
         held = self._moves
-        if self._screen.relight(state, held):
+        draws = self._screen.relight(state, held)
+        if self._screen.probe(state, self._mouse.over_picture, held) or draws:
             self._settle = max(self._settle, 1)
-        self._screen.probe(state, self._mouse.over_picture, held)
 
     def _set_theme(self) -> None:
         dark = self._history is None or self._history.present.interface.dark

@@ -218,7 +218,10 @@ def draw_error_map(state: ViewState, ui: UiContext) -> None:
     shown = ui.results.error_map
     if shown is None or not state.interface.error_map:
         return
-    if shown.texture and shown.image is ui.results.image:
+    if not shown.shows(ui.results.image, state):
+        _draw_legend(ui, None, error_map_lines(None, ""))
+        return
+    if shown.texture:
         left, top, right, bottom = ui.results.shown_at
         with over_picture(ui) as draw_list:
             draw_list.add_image(imgui.ImTextureRef(shown.texture), (left, top), (right, bottom))

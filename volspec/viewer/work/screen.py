@@ -123,10 +123,10 @@ class ErrorMapTexture:
 
     def __init__(self, context: Any, wake: Callable[[], object]) -> None:
         self._context, self._tasks = context, Tasks(wake)
-        self._of: tuple[Any, ...] | None = None
+        self._of: tuple[Any, ...] | None = None  # the picture and lights asked for last
+        self._made_of: tuple[Any, ...] | None = None  # and those of the map
         self._texture: Any = None
         self.map: ErrorMap | None = None
-        self.image: CoefficientImage | None = None  # the map's picture
         self.problem = ""  # error message if there is no map
 
     @property
@@ -137,25 +137,34 @@ class ErrorMapTexture:
     def want(self, image: CoefficientImage, state: ViewState) -> None:
         """Start a picture's map, unless it was the last one started."""
         rig, spec = light_rig(state.lights, state.room), state.relight
-        key = image, state.lights, state.room, spec.mode, spec.backdrop
+        key = self._key(image, state)
         if key == self._of:
             return
         self._of = key
         every = max(1, round((image.alpha.size / _PIXELS) ** 0.5))
 
-        def made() -> tuple[ErrorMap, CoefficientImage]:
+        def made() -> ErrorMap:
             if rig is None:
                 raise RelightError("No light is on, so no colour has an error", code="missing")
-            return error_map(image, rig, spec.mode, spec.backdrop, every), image
+            return error_map(image, rig, spec.mode, spec.backdrop, every)
 
         self._tasks.start("map", made)
+
+    @staticmethod
+    def _key(image: CoefficientImage | None, state: ViewState) -> tuple[Any, ...]:
+        """Return all that a map depends on."""
+        spec = state.relight
+        return image, state.lights, state.room, spec.mode, spec.backdrop
+
+    def shows(self, image: CoefficientImage | None, state: ViewState) -> bool:
+        """Return True if the map, or the message in its place, is of a picture under its lights."""
+        return self._made_of == self._key(image, state)
 
     def take(self) -> bool:
         """Take new maps; return True if there are any."""
         outcomes = self._tasks.take()
         for outcome in outcomes:
-            self.problem = outcome.error
-            self.map, self.image = outcome.result or (None, None)
+            self.problem, self.map, self._made_of = outcome.error, outcome.result, self._of
             self.close()
             if self.map is not None:
                 alpha = np.where(self.map.alpha > 0, _ALPHA, 0).astype(np.uint8)
@@ -230,7 +239,6 @@ class Screen:
         self._tabling = TableWorker(wake, self.pictures.tables)
         self._tables: tuple[LutKey, ...] = ()  # those that the picture waits for
         self.slices = SlicePictures(context)
-        self.image: CoefficientImage | None = None  # the last cast
         self.whole = False  # True if it has the picture's full resolution
         self.fault = ""  # error message if there is no picture; empty while one is awaited
         self.under_mouse: Reading | None = None
@@ -286,7 +294,7 @@ class Screen:
             if self._cast is None or not self._cast.job.document.is_of(done.job.document):
                 # The picture that is shown belongs to another document.
                 self.fault = one_line(done.error)
-                self._cast = self.image = None
+                self._cast = None
         stage = "reproject" if how == "reproject" else "cast"
         self._notice.trace.note(how, stage, done.ms, divisor=divisor, steps=steps, size=size)
         if done.image is None or state is None or not done.job.document.is_of(state.document):
@@ -314,9 +322,14 @@ class Screen:
         self._depth = depth if layered else DepthEffects()
         self._walls, self._wanted = done.walls, None
         self.mark_stale()
-        self.image, self.whole = done.image, divisor == 1 and stage == "cast"
+        self.whole = divisor == 1 and stage == "cast"
         self._blank = not done.image.alpha.any()
         self._meter.ms[stage] = done.ms
+
+    @property
+    def image(self) -> CoefficientImage | None:
+        """The last cast, with its opacities as soon as it is recomposed; None without one."""
+        return None if self._cast is None else self._seen() or self.pictures.image
 
     @property
     def document(self) -> Document | None:
@@ -436,7 +449,7 @@ class Screen:
 
     def forget(self) -> None:
         """Stop showing the picture, which belongs to another document."""
-        self._cast = self.image = self._walls = self._layered = self._recomposed = None
+        self._cast = self._walls = self._layered = self._recomposed = None
         self.whole, self.fault = False, ""
 
     def mark_stale(self) -> None:
@@ -465,7 +478,6 @@ class Screen:
             return False
         self._relit = True
         self.pictures.repaint(state.transfer.basis)
-        self.image = self._seen() or self.pictures.image
         # Coarse pictures would need tables of their own.
         few = (
             self.whole and self._meter.bands > 1 and not needs_host_lut(state.relight.viewing.model)
@@ -568,7 +580,7 @@ class Screen:
                 found = done.room
                 if done.image is not None and done.job.walls is self._walls:
                     self.pictures.show(done.image, done.packed)
-                    self.image, self._walls = done.image, done.walls
+                    self._walls = done.walls
                     self.mark_stale()
         return found
 
@@ -608,27 +620,36 @@ class Screen:
                 self._relit = False
         return bool(errors)
 
-    def probe(self, state: ViewState, place: tuple[float, float] | None, held: bool) -> None:
+    def probe(self, state: ViewState, place: tuple[float, float] | None, held: bool) -> bool:
         """Read the pixel under the mouse; nothing if a button is down.
+
+        Return True if the values have changed, so that the next frame has others to show.
+        """
+        shown, self.under_mouse = self.under_mouse, self._reading_at(state, place, held)
+        return self.under_mouse is not shown
+
+    def _reading_at(
+        self, state: ViewState, place: tuple[float, float] | None, held: bool
+    ) -> Reading | None:
+        """Return the values at a place of the picture; None if there are none.
 
         While a picture is being drawn, the last reading stays, as a new one would wait for it.
         """
-        shown, self.under_mouse = self.under_mouse, None
         image, cast = self._seen(), self._cast
-        if self.pictures.image is not None and image is None:
-            self.under_mouse = shown
         if self._shows_both:
-            return
+            return None
+        if self.pictures.image is not None and image is None:
+            return self.under_mouse  # until it is recomposed
         if held or place is None or image is None or cast is None or not self.pictures.framebuffer:
-            return
+            return None
         lights = state.other if state.other and place[0] > state.divide else state.lights
         rig, spec = light_rig(lights, state.room), shown_spec(state)
         if rig is None:
-            return
+            return None
         if self._drawing or self._coarse:
-            self.under_mouse = shown
-        if self._drawing or self._coarse or not self.pictures.current:
-            return
+            return self.under_mouse
+        if not self.pictures.current:
+            return None
         width, height = image.size
         pixel = min(int(place[0] * width), width - 1), min(int(place[1] * height), height - 1)
         patient = state.interface.overlays.patient
@@ -642,7 +663,7 @@ class Screen:
                 self._reading = read(image, camera, volume, rig, spec, pixel, code, patient)
             except VolspecError:  # reported when it was relit
                 self._reading = None
-        self.under_mouse = self._reading
+        return self._reading
 
     def point_mm(self, place: tuple[float, float]) -> Vector | None:
         """Return the first hit at a place of the picture in the world; None if there is none."""
