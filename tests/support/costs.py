@@ -1,0 +1,81 @@
+"""Pytest plug-in: CPU seconds of each test, children included, in a CSV file.
+
+    python -m pytest -p tests.support.costs --costs costs.csv -n 2
+
+A row a test: its seconds of CPU time (user and system, of this process, of children that ended
+and of those that still run), its seconds of wall time, and its name. What a fixture of a module
+or of the session takes counts for the first test that asks for it.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import time
+from collections.abc import Generator
+from pathlib import Path
+
+import psutil
+import pytest
+
+COSTS = pytest.StashKey[list[tuple[float, float, str]]]()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--costs", type=Path, help="write the CPU seconds of each test to this CSV")
+
+
+def cpu_seconds() -> float:
+    """Return the CPU seconds of this process and of its children, ended ones included."""
+    total = sum(os.times()[:4])
+    for child in psutil.Process().children(recursive=True):
+        try:
+            times = child.cpu_times()
+        except psutil.Error:
+            continue
+        total += times.user + times.system + times.children_user + times.children_system
+    return total
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    if item.config.option.costs is None:
+        return (yield)
+    item.stash[COSTS] = [(cpu_seconds(), time.perf_counter(), "")]
+    return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    report = yield
+    if call.when == "teardown" and COSTS in item.stash:
+        cpu, wall, _ = item.stash[COSTS][0]
+        costs = (cpu_seconds() - cpu, time.perf_counter() - wall)
+        report.user_properties.append(("costs", costs))
+    return report
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.option.costs is not None and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(Writer(config.option.costs), "costs")
+
+
+class Writer:
+    """Collects the rows of all workers, and writes them at the end, dearest first."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.rows: list[tuple[float, float, str]] = []
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        for name, costs in report.user_properties:
+            if name == "costs" and report.when == "teardown":
+                self.rows.append((round(costs[0], 3), round(costs[1], 3), report.nodeid))
+
+    def pytest_sessionfinish(self) -> None:
+        with self.path.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(("cpu_s", "wall_s", "test"))
+            writer.writerows(sorted(self.rows, reverse=True))
