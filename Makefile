@@ -1,17 +1,19 @@
 # One command each on a machine with Python 3.11+, git and make.
 #   make demo    the bundled engine CT, cast once and relit
-#   make test    every check; what CI runs
+#   make quick   values only (spectra, appearance, basis, scene …): after every save
+#   make test    linters, and all that the README promises, on every stage
+#   make trust   everything else: further cases (`make test-more`, which CI runs, too),
+#                random order, every basis against full spectra, other systems and
+#                versions, ten minutes in the viewer, fuzzed readers, killed writers,
+#                memory over 20 scenes
 #   make bench   comparisons with peers, each figure with its target
 #   make gallery docs/gallery/raycast.md, cast again
-#   make trust   the slow checks: further test cases, every basis against full
-#                spectra, the time of fits, other systems and versions, ten minutes
-#                in the viewer, fuzzed readers, killed writers, memory over 20 scenes
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO_OUT ?= volspec-demo
 
-.PHONY: demo test bench trust gallery lint clean
+.PHONY: demo quick test test-more trust bench gallery lint clean
 .DEFAULT_GOAL := demo
 
 $(BIN)/python:
@@ -45,9 +47,18 @@ lint: $(VENV)/.installed-test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# One worker per core, so BLAS gets one thread; files in order, the smallest last.
+# One worker per core, so BLAS gets one thread. A free worker takes the next file; the dearest
+# files come first.
+PYTEST = OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
+
+quick: $(VENV)/.installed-test
+	$(PYTEST) --quick
+
 test: lint
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
+	$(PYTEST) -m 'not slow'
+
+test-more: $(VENV)/.installed-test
+	$(PYTEST) -m slow
 
 bench: $(VENV)/.installed-test
 	$(BIN)/python -m benchmarks
@@ -55,8 +66,8 @@ bench: $(VENV)/.installed-test
 gallery: $(VENV)/.installed
 	$(BIN)/python -m tools.gallery
 
-trust: $(VENV)/.installed-test
-	$(BIN)/python -m pytest -n auto -m slow
+trust: test-more
+	for seed in 1 2 3; do $(PYTEST) -m 'not slow' -p randomly --randomly-seed=$$seed || exit 1; done
 	$(BIN)/python -m benchmarks.basis
 	$(BIN)/mypy --platform win32
 	$(BIN)/mypy --platform darwin

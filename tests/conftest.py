@@ -18,6 +18,7 @@ from volspec.spectra.datasets import colour_science
 from volspec.transfer import TransferTable
 from volspec.volume import Volume, load_volume
 
+pytest_plugins = ["tests.support.tiers"]
 ROOT = Path(__file__).resolve().parent.parent
 
 # Test files import colour-science directly, which changes NumPy's print options, so this is first.
@@ -31,13 +32,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--remake", action="store_true", help="write tests/cli/transcripts")
 
 
-def pytest_terminal_summary(
-    terminalreporter: pytest.TerminalReporter, config: pytest.Config
-) -> None:
-    """Print the devices used, and the command for skipped cases."""
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Print the devices used."""
     terminalreporter.write_line(devices_line())
-    if config.option.markexpr == "not slow":
-        terminalreporter.write_line("Cases marked `slow` are left to `make trust`.")
 
 
 def devices_line() -> str:

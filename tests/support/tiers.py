@@ -1,0 +1,134 @@
+"""Pytest plug-in: the tiers of the suite, tests that a machine cannot run, and what was not run.
+
+    make quick      --quick       values only: no OpenCL device, child process or window
+    make test       -m "not slow" all that the README promises, on every stage
+    make test-more  -m slow       further cases of the same
+
+A test of the folders of `QUICK` that needs more than values is marked `machine`. With ``--quick``
+whatever opens a device, a child process or a window fails, so that none is forgotten.
+"""
+
+from __future__ import annotations
+
+import subprocess
+from collections import Counter
+from collections.abc import Generator, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from volspec._gpu.opencl import Compute
+from volspec._gpu.opengl import headless_context
+from volspec.errors import DeviceError
+
+TESTS = Path(__file__).resolve().parents[1]
+QUICK = ("appearance", "basis", "palette", "scene", "spectra", "transfer", "viewer")
+# Fixtures of a device, a browser or a window.
+MACHINE_FIXTURES = frozenset({"backend", "browser", "context", "needs_gl", "screen"})
+_FORBIDDEN = "`make quick` opens no device, child process or window; mark the test `machine`"
+DESELECTED = pytest.StashKey[int]()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--quick", action="store_true", help="tests of values only; see tests/support/tiers.py"
+    )
+
+
+def _is_quick(item: pytest.Item) -> bool:
+    """Return True if a test is of values only."""
+    folder = item.path.relative_to(TESTS).parts[0] if item.path.is_relative_to(TESTS) else ""
+    machine = item.get_closest_marker("machine") or MACHINE_FIXTURES & {*item.fixturenames}
+    return folder in QUICK and not machine
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if config.option.quick:
+        others = [item for item in items if not _is_quick(item)]
+        items[:] = [item for item in items if _is_quick(item)]
+        config.hook.pytest_deselected(items=others)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _only_values(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Let whatever opens a device, a child process or a window fail with ``--quick``."""
+
+    def forbidden(*_: object, **__: object) -> None:
+        raise AssertionError(_FORBIDDEN)
+
+    with pytest.MonkeyPatch.context() as patched:
+        if request.config.option.quick:
+            patched.setattr(Compute, "open", forbidden)
+            patched.setattr(subprocess.Popen, "__init__", forbidden)
+            patched.setattr("moderngl.create_standalone_context", forbidden)
+        yield
+
+
+@cache
+def missing_devices() -> tuple[str, ...]:
+    """Return the error, with its remedy, of each kind of device that this machine lacks."""
+    errors = []
+    for opened in (Compute.open, headless_context):
+        try:
+            device = opened()
+        except DeviceError as error:
+            errors.append(str(error))
+        else:
+            if opened is headless_context:
+                device.release()
+    return tuple(errors)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Turn a failure for want of a device into a skip that has the remedy.
+
+    The test, a command that it ran or a child process has told so.
+    """
+    report = yield
+    if report.failed:
+        text = " ".join([report.longreprtext, *(content for _, content in report.sections)])
+        words = " ".join(text.split())
+        for error in missing_devices():
+            if error.partition("; ")[0] in words:
+                report.outcome = "skipped"
+                report.longrepr = str(item.path), item.location[1] or 0, f"Skipped: {error}"
+    return report
+
+
+def pytest_deselected(items: list[pytest.Item]) -> None:
+    if items:
+        stash = items[0].config.stash
+        stash[DESELECTED] = stash.get(DESELECTED, 0) + len(items)
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput["deselected"] = session.config.stash.get(DESELECTED, 0)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any) -> None:
+    node.config.stash[DESELECTED] = getattr(node, "workeroutput", {}).get("deselected", 0)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> None:
+    """Print in one line what was not run, and why."""
+    reasons = Counter(
+        report.longrepr[2].removeprefix("Skipped: ")
+        for report in terminalreporter.stats.get("skipped", ())
+        if isinstance(report.longrepr, tuple)
+    )
+    parts = [f"{count} tests ({reason})" for reason, count in reasons.most_common()]
+    if more := config.stash.get(DESELECTED, 0):
+        tier = {"not slow": "`make test-more` has them"}.get(config.option.markexpr, "deselected")
+        parts.append(f"{more} cases ({'`make test` has them' if config.option.quick else tier})")
+    terminalreporter.write_line(f"Not run: {'; '.join(parts) or 'nothing'}.")
