@@ -52,7 +52,8 @@ def pytest_runtest_makereport(
     report = yield
     if call.when == "teardown" and COSTS in item.stash:
         cpu, wall, _ = item.stash[COSTS][0]
-        costs = (cpu_seconds() - cpu, time.perf_counter() - wall)
+        # A child that is killed and not waited for takes its seconds with it.
+        costs = (max(cpu_seconds() - cpu, 0.0), time.perf_counter() - wall)
         report.user_properties.append(("costs", costs))
     return report
 

@@ -117,18 +117,19 @@ def pytest_testnodedown(node: Any) -> None:
     node.config.stash[DESELECTED] = getattr(node, "workeroutput", {}).get("deselected", 0)
 
 
-@pytest.hookimpl(trylast=True)
-def pytest_terminal_summary(
-    terminalreporter: pytest.TerminalReporter, config: pytest.Config
-) -> None:
-    """Print in one line what was not run, and why."""
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Print what was not run, and why, as the last line."""
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    if reporter is None or hasattr(config, "workeroutput"):
+        return
     reasons = Counter(
         report.longrepr[2].removeprefix("Skipped: ")
-        for report in terminalreporter.stats.get("skipped", ())
+        for report in reporter.stats.get("skipped", ())
         if isinstance(report.longrepr, tuple)
     )
     parts = [f"{count} tests ({reason})" for reason, count in reasons.most_common()]
-    if more := config.stash.get(DESELECTED, 0):
-        tier = {"not slow": "`make test-more` has them"}.get(config.option.markexpr, "deselected")
-        parts.append(f"{more} cases ({'`make test` has them' if config.option.quick else tier})")
-    terminalreporter.write_line(f"Not run: {'; '.join(parts) or 'nothing'}.")
+    if cases := config.stash.get(DESELECTED, 0):
+        quick, more = config.option.quick, config.option.markexpr == "not slow"
+        has = "`make test` has them" if quick else "`make test-more` has them" if more else "by -m"
+        parts.append(f"{cases} cases ({has})")
+    reporter.write_line(f"Not run: {'; '.join(parts) or 'nothing'}.")

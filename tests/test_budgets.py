@@ -1,0 +1,49 @@
+"""Budgets of the suite: its size, tests of refusals, and clocks."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+TESTS = Path(__file__).resolve().parent
+FILES = sorted(TESTS.rglob("*.py"))
+MAX_LINES = 48_000
+# Refusals are gathered in one table a module.
+REFUSAL, MAX_REFUSALS = re.compile(r"\b(raises|refuses)\(|refus"), 0.12
+# A clock, a pause, or a limit in seconds. Waits that only end a hang take PATIENCE_S.
+CLOCK = re.compile(
+    r"\b(sleep|perf_counter|monotonic|process_time|time\.time)\(|timeout(_s)?=\d|\b(wait|join)\(\d"
+)
+# Lines that have one for another reason.
+CLOCKS = {
+    "support/costs.py": "measures tests",
+}
+
+
+def test_functions() -> Iterator[tuple[str, str]]:
+    """Yield the name and source of each test function."""
+    for path in FILES:
+        source = path.read_text(encoding="utf-8")
+        for node in ast.walk(ast.parse(source)):
+            if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
+                yield node.name, ast.get_source_segment(source, node) or ""
+
+
+def test_the_suite_is_no_larger_than_its_budget() -> None:
+    assert sum(len(path.read_bytes().splitlines()) for path in FILES) <= MAX_LINES
+
+
+def test_few_functions_test_refusals() -> None:
+    sources = [source for _, source in test_functions()]
+    assert sum(bool(REFUSAL.search(source)) for source in sources) <= MAX_REFUSALS * len(sources)
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(TESTS)))
+def test_no_verdict_depends_on_a_clock(path: Path) -> None:
+    lines = path.read_text(encoding="utf-8").splitlines()
+    clocks = [line for line in lines if CLOCK.search(line)]
+    assert str(path.relative_to(TESTS)) in (*CLOCKS, "test_budgets.py") or clocks == []
