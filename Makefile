@@ -13,7 +13,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DEMO_OUT ?= volspec-demo
 
-.PHONY: demo quick test test-more trust bench gallery lint clean
+.PHONY: demo quick test suite test-more trust bench gallery lint clean
 .DEFAULT_GOAL := demo
 
 $(BIN)/python:
@@ -54,7 +54,11 @@ PYTEST = OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
 quick: $(VENV)/.installed-test
 	$(PYTEST) --quick
 
-test: lint
+# mypy takes one core half a minute, and the suite goes on meanwhile.
+test: $(VENV)/.installed-test
+	@$(MAKE) --no-print-directory -j 2 lint suite
+
+suite: $(VENV)/.installed-test
 	$(PYTEST) -m 'not slow'
 
 test-more: $(VENV)/.installed-test

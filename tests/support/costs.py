@@ -1,8 +1,9 @@
 """Pytest plug-in: CPU seconds of each test, children included, in a CSV file.
 
     python -m pytest -p tests.support.costs --costs costs.csv -n 2
+    python -m tests.support.costs before.csv after.csv
 
-A row a test: its seconds of CPU time (user and system, of this process, of children that ended
+The second command prints the dearest tests of two such files as a table. A row a test: its seconds of CPU time (user and system, of this process, of children that ended
 and of those that still run), its seconds of wall time, and its name. What a fixture of a module
 or of the session takes counts for the first test that asks for it.
 """
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 import csv
 import os
+import sys
 import time
 from collections.abc import Generator
 from pathlib import Path
@@ -18,6 +20,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+DEAREST = 50
 COSTS = pytest.StashKey[list[tuple[float, float, str]]]()
 
 
@@ -80,3 +83,21 @@ class Writer:
             writer = csv.writer(file)
             writer.writerow(("cpu_s", "wall_s", "test"))
             writer.writerows(sorted(self.rows, reverse=True))
+
+
+def table(*paths: Path) -> str:
+    """Return the dearest tests of some files as columns of a Markdown table."""
+    columns: list[list[str]] = [[] for _ in range(DEAREST + 1)]
+    for path in paths:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = [(row["test"], float(row["cpu_s"])) for row in csv.DictReader(file)]
+        columns[0] += [f"{len(rows)} tests", f"{sum(cost for _, cost in rows):.0f}"]
+        for column, (test, cost) in zip(columns[1:], rows, strict=False):
+            module, _, name = test.removeprefix("tests/").partition(".py::")
+            column += [f"`{module} {name}`".replace("|", " "), f"{cost:.1f}"]
+    lines = [f"| {' | '.join(column)} |" for column in columns]
+    return "\n".join([lines[0], "|---|--:" * len(paths) + "|", *lines[1:]])
+
+
+if __name__ == "__main__":
+    print(table(*map(Path, sys.argv[1:])))
