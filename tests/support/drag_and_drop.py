@@ -11,7 +11,6 @@ References
 from __future__ import annotations
 
 import select
-import time
 from collections.abc import Sequence
 from contextlib import closing
 from typing import Any
@@ -21,9 +20,10 @@ from Xlib.display import Display
 from Xlib.ext import xtest
 from Xlib.protocol.event import ClientMessage, SelectionNotify
 
+from tests.support.patience import PATIENCE_S
+
 _VERSION = 5
 _STEPS = 4  # of the mouse, from the corner of the screen to the drop
-_PATIENCE_S = 10.0
 
 
 class DropError(Exception):
@@ -92,17 +92,16 @@ class _Source:
 
     def _answer(self, name: str) -> Sequence[int]:
         """Wait for the window's answer to a message; it may request the files before."""
-        end = time.monotonic() + _PATIENCE_S
-        while (left := end - time.monotonic()) > 0:
+        while True:
             if not self._server.pending_events():
-                select.select([self._server.fileno()], [], [], left)
+                if not select.select([self._server.fileno()], [], [], PATIENCE_S)[0]:
+                    raise DropError(f"window {self._target.id}: no {name}")
                 continue
             event = self._server.next_event()
             if event.type == X.SelectionRequest:
                 self._give(event)
             elif event.type == X.ClientMessage and event.client_type == self._atom(name):
                 return event.data[1]
-        raise DropError(f"window {self._target.id}: no {name} within {_PATIENCE_S:g} s")
 
     def _give(self, request: Any) -> None:
         """Write the files' names to the property that the window names."""

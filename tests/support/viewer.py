@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.support.patience import PATIENCE_S
 from volspec.basis import SpectralBasis
 from volspec.basis.display import DEFAULT_MODE, Mode
 from volspec.palette import Cell, CellReport, design
@@ -51,9 +52,9 @@ def run_command(state: ViewState, command: str) -> Edited:
     return after(change, state)
 
 
-def wait_until(ended: Callable[[], object], seconds: float = 20.0) -> None:
+def wait_until(ended: Callable[[], object]) -> None:
     """Wait for a condition, and assert it."""
-    end = time.monotonic() + seconds
+    end = time.monotonic() + PATIENCE_S
     while not (done := ended()) and time.monotonic() < end:
         time.sleep(0.002)
     assert done
@@ -166,6 +167,14 @@ def assert_same_picture(state: ViewState, folder: Path) -> ViewState:
         assert one.std() > 0.01
         np.testing.assert_allclose(one, other, atol=most)
     return again
+
+
+def assert_same_tables(one: ViewState, other: ViewState) -> None:
+    """Assert that two states are cast alike, by what a kernel gets: another kind needs its own."""
+    tables = [each.transfer.bake(1.0) for each in (one, other)]
+    for name in ("opacity", "channels"):
+        np.testing.assert_array_equal(*(getattr(table, name) for table in tables))
+    assert cast_spec(one) == cast_spec(other)
 
 
 KINDS = ("points", "regions", "surfaces", "labels")

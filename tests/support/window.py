@@ -16,7 +16,15 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from PIL import Image, ImageGrab
+
+from tests.support.patience import PATIENCE_S
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 Row = dict[str, Any]
 Place = tuple[float, float]
@@ -26,6 +34,13 @@ MOUSE_S = 1 / 60
 ENGINE = str(Path(__file__).resolve().parents[2] / "data" / "scenes" / "engine.toml")
 # A key that does nothing.
 _MARK = "F12"
+_TWICE = ("click", "--repeat", "2", "--delay", "60", "1")
+_VIEW = "from volspec.cli import main; main()"
+# Each document would start a process that compiles programs for some seconds.
+_NOTHING_AHEAD = (
+    "from volspec.viewer.work.ahead import ProgramBuilder; "
+    "ProgramBuilder.request = lambda *_: None; "
+)
 
 
 def missing() -> str:
@@ -39,19 +54,20 @@ def missing() -> str:
     )
 
 
-def small_engine(folder: Path) -> list[str]:
-    """Write the bundled scene downsampled by 2, for quicker casts; return its name."""
+def small_engine(folder: Path) -> Path:
+    """Write the bundled scene downsampled by 2, for quicker casts; return its path."""
     data = Path(__file__).resolve().parents[2] / "data"
     text = (data / "scenes" / "engine.toml").read_text(encoding="utf-8")
     text = text.replace('"../', f'"{data}/').replace('.nrrd"', '.nrrd"\ndownsample = 2')
     (folder / "engine.toml").write_text(text, encoding="utf-8")
-    return ["engine.toml"]
+    return folder / "engine.toml"
 
 
 class Robot:
     """The viewer under Xvfb, running in a folder that gets its trace; a context manager.
 
-    Programs with its ``environment`` see the same screen.
+    Programs with its ``environment`` see the same screen. Without ``ahead``, it compiles no
+    programs before they are needed.
     """
 
     def __init__(
@@ -60,12 +76,15 @@ class Robot:
         arguments: Sequence[str] = (ENGINE,),
         size: tuple[int, int] = (1280, 720),
         dpi: int = 96,
+        ahead: bool = True,
     ) -> None:
-        self.folder, self.trace = folder, folder / "trace.jsonl"
+        self.trace = folder / "trace.jsonl"
+        self.trace.unlink(missing_ok=True)
+        self.size = size
         self._rows: list[Row] = []
-        self._read = 0
+        self._read = self._first = 0
         width, height = size
-        screen = f"{width}x{height}x24"
+        screen = f"{max(width, 1000)}x{max(height, 800)}x24"
         window = f"{width * 96 // dpi}x{height * 96 // dpi}"
         self._server = subprocess.Popen(
             ["Xvfb", "-displayfd", "1", "-screen", "0", screen, "-nolisten", "tcp", "-noreset"],
@@ -89,7 +108,7 @@ class Robot:
         self.started = time.time()
         self.viewer = subprocess.Popen(
             [
-                *(sys.executable, "-c", "from volspec.cli import main; main()", "view"),
+                *(sys.executable, "-c", _VIEW if ahead else _NOTHING_AHEAD + _VIEW, "view"),
                 *("--trace", str(self.trace), "--size", window, *arguments),
             ],
             env=self.environment | {"PYTHONPATH": str(Path(__file__).resolve().parents[2])},
@@ -99,7 +118,10 @@ class Robot:
         )
 
     def rows(self) -> list[Row]:
-        """The trace so far."""
+        """The trace so far, or since the last `begin`."""
+        return self._all()[self._first :]
+
+    def _all(self) -> list[Row]:
         if self.trace.exists():
             with self.trace.open("rb") as file:
                 file.seek(self._read)
@@ -108,64 +130,79 @@ class Robot:
             self._rows += [json.loads(line) for line in new.splitlines()]
         return self._rows
 
-    def since(self, t: float) -> list[Row]:
-        """Return the rows after a time of the trace."""
-        return [row for row in self.rows() if row["t"] > t]
+    def begin(self) -> None:
+        """Forget the trace so far."""
+        self._first = len(self._all())
+
+    def since(self, t: float, *events: str) -> list[Row]:
+        """Return the rows after a time of the trace, of all events or of some."""
+        rows = (row for row in self.rows() if row["t"] > t)
+        return [row for row in rows if not events or row["event"] in events]
 
     def now(self) -> float:
         """The present as a time of the trace."""
-        return time.time() - float(self.rows()[0]["unix"])
+        return time.time() - float(self._all()[0]["unix"])
 
-    def wait_for(
-        self, wanted: Callable[[Row], bool], after: float = -1.0, seconds: float = 120
-    ) -> Row:
-        """Return the first wanted row after a time; TimeoutError, with the last rows, if none.
+    def wait_for(self, wanted: Callable[[Row], bool], after: float = -1.0) -> Row:
+        """Return the first wanted row after a time; TimeoutError, with the last rows, if none."""
+        found: list[Row] = []
 
-        A runtime that has no kernel in its cache compiles half a minute on a busy machine.
-        """
-        end = time.time() + seconds
-        while time.time() < end:
-            for row in self.rows():
-                if row["t"] > after and wanted(row):
-                    return row
-            if self.viewer.poll() is not None:
-                break
+        def came() -> bool:
+            found.extend(row for row in self.rows() if row["t"] > after and wanted(row))
+            return bool(found)
+
+        self.until(came)
+        return found[0]
+
+    def event(self, name: str, after: float = -1.0) -> Row:
+        """Wait for the first event of a name after a time."""
+        return self.wait_for(lambda row: row["event"] == name, after)
+
+    def until(self, holds: Callable[[], object]) -> None:
+        """Wait for a condition; TimeoutError, with the last rows, if the viewer ends before."""
+        end = time.monotonic() + PATIENCE_S
+        while not holds():
+            ended = self.viewer.poll() is not None
+            if ended and holds():
+                return
+            if ended or time.monotonic() > end:
+                tail = [row for row in self.rows() if row["event"] not in ("frame", "layout")][-8:]
+                said = self.viewer.stderr.read() if ended and self.viewer.stderr else ""
+                raise TimeoutError(f"the viewer did not; last: {tail}; {said}")
             time.sleep(0.02)
-        tail = [row for row in self.rows() if row["event"] not in ("frame", "layout")][-8:]
-        said = ""
-        if self.viewer.poll() is not None and self.viewer.stderr is not None:
-            said = self.viewer.stderr.read()
-        raise TimeoutError(f"the viewer did not; last: {tail}; {said}")
 
-    def until(self, holds: Callable[[], bool], seconds: float = 10) -> bool:
-        """Return True as soon as a condition holds, False after so many seconds."""
-        end = time.time() + seconds
-        while not (held := holds()) and time.time() < end:
-            time.sleep(0.05)
-        return held
+    def ends(self) -> int:
+        """Wait until the viewer has ended; return its exit code."""
+        return self.viewer.wait(PATIENCE_S)
 
     def whole(self, after: float = -1.0) -> Row:
         """The first whole picture relit after a time."""
         return self.wait_for(lambda row: row["event"] == "relight" and row["whole"], after)
 
-    def rest(self, seconds: float = 120) -> float:
+    def rest(self) -> float:
         """Wait until the viewer has answered all input and is idle; return the time."""
-        after = self.rows()[-1]["t"]
+        after = self._all()[-1]["t"]
         self.key(_MARK)  # goes last through the window's queue
-        marked = self.wait_for(lambda row: row.get("key") == _MARK.lower(), after, seconds)
-        rested = self.wait_for(lambda row: row["event"] == "rest", marked["t"], seconds)
-        return float(rested["t"])
+        marked = self.wait_for(lambda row: row.get("key") == _MARK.lower(), after)
+        return float(self.event("rest", marked["t"])["t"])
+
+    def areas(self) -> dict[str, tuple[int, int, int, int]]:
+        """Return the last rectangles of all items: x, y, width, height."""
+        found = next(row for row in reversed(self._all()) if row["event"] == "layout")
+        return {name: tuple(area) for name, area in found["areas"].items()}
 
     def area(self, name: str) -> tuple[int, int, int, int]:
-        """Return the last rectangle of an item: x, y, width, height."""
-        found = [row["areas"] for row in self.rows() if row["event"] == "layout"]
-        x, y, width, height = found[-1][name]
-        return x, y, width, height
+        """Return the last rectangle of an item."""
+        return self.areas()[name]
+
+    def at(self, name: str, across: float = 0.5, down: float = 0.5) -> Place:
+        """Return a place in an item, in fractions of its sides."""
+        x, y, width, height = self.area(name)
+        return x + across * width, y + down * height
 
     def middle(self, name: str) -> Place:
         """Return the centre of an item."""
-        x, y, width, height = self.area(name)
-        return x + width / 2, y + height / 2
+        return self.at(name)
 
     def do(self, *words: str | float) -> None:
         """Run xdotool with arguments."""
@@ -180,6 +217,12 @@ class Robot:
         )
         return found.stdout.split()[-1]
 
+    def resize(self, size: tuple[int, int]) -> None:
+        """Resize the window, if it has another size."""
+        if size != self.size:
+            self.do("windowsize", "--sync", self.find(), *size)
+            self.size = size
+
     def key(self, name: str) -> None:
         """Press a key."""
         self.do("key", name)
@@ -188,10 +231,55 @@ class Robot:
         """Press the keys of a text, one after the other."""
         self.do("type", "--delay", "20", text)
 
-    def click(self, where: str | Place) -> None:
-        """Go to a place, or the middle of an area, and press the left button."""
+    def click(self, *names: str | Place) -> None:
+        """Go to places, or the middles of items, and press the left button at each."""
+        for number, where in enumerate(names):
+            if number:
+                self.rest()
+            x, y = self.middle(where) if isinstance(where, str) else where
+            self.do("mousemove", x, y, "sleep", "0.1", "click", "1")
+
+    def double_click(self, where: str | Place, done: Callable[[], object]) -> None:
+        """Double-click an item, again where a frame in between took too long for one."""
         x, y = self.middle(where) if isinstance(where, str) else where
-        self.do("mousemove", x, y, "sleep", "0.1", "click", "1")
+
+        def clicked() -> object:
+            self.do("mousemove", x, y, "sleep", "0.1", *_TWICE)
+            self.rest()
+            return done()
+
+        self.until(clicked)
+
+    def keys(self, *names: str) -> float:
+        """Press keys, each when the viewer is idle; return when it is idle again."""
+        for name in names:
+            self.rest()
+            self.key(name)
+        return self.rest()
+
+    def enter(self, text: str, *keys: str) -> float:
+        """Type a text into what is open and press keys, by default Enter; return the time."""
+        self.rest()
+        self.type(text)
+        return self.keys(*(keys or ("Return",)))
+
+    def command(self, words: str) -> float:
+        """Run a command from the list; return when the viewer is idle again."""
+        self.keys("ctrl+p")
+        return self.enter(words)
+
+    def front(self, panel: str) -> None:
+        """Close and open a panel, which brings it to the front."""
+        for _ in range(2):
+            self.click("menu Window", f"action panel-{panel}")
+            self.rest()
+
+    def open(self, path: Path) -> float:
+        """Drop a file and wait until it is shown; return the time."""
+        before = self.now()
+        self.drop(path.as_uri())
+        self.whole(self.event("open", before)["t"])
+        return self.rest()
 
     def memory(self) -> int:
         """Return the bytes of RAM that the viewer uses.
@@ -210,6 +298,16 @@ class Robot:
             words += ["sleep", f"{MOUSE_S:.4f}", "mousemove", float(x), float(y)]
         self.do(*words, "mouseup", str(button))
 
+    def steps(self, places: Sequence[Place], event: str) -> float:
+        """Drag as `drag` does, but wait for an event after each move; return when it is idle."""
+        self.do("mousemove", *map(float, places[0]), "sleep", "0.1", "mousedown", "1")
+        for place in places[1:]:
+            before = self.now()
+            self.do("mousemove", *map(float, place))
+            self.event(event, before)
+        self.do("mouseup", "1")
+        return self.rest()
+
     def drop(self, *uris: str, key: str = "") -> None:
         """Drag files, as ``file:///a/b%20c.npy``, from another program onto the picture.
 
@@ -222,9 +320,30 @@ class Robot:
 
     def grab(self, path: Path) -> None:
         """Save a picture of the whole screen."""
-        from PIL import ImageGrab
-
         ImageGrab.grab(xdisplay=self.environment["DISPLAY"]).save(path)
+
+    def pixels(self, area: str = "picture") -> NDArray[np.int16]:
+        """Return the RGB of an item once the viewer is idle."""
+        self.rest()
+        return self.look(area)
+
+    def look(self, area: str = "picture") -> NDArray[np.int16]:
+        """Return the RGB of an item now."""
+        x, y, width, height = self.area(area)
+        box = x, y, x + width, y + height
+        screen = ImageGrab.grab(box, xdisplay=self.environment["DISPLAY"])
+        return np.asarray(screen.convert("RGB"), np.int16)
+
+    def picture(self) -> NDArray[np.int16]:
+        """Return the part of the picture below a message and above the values under the mouse."""
+        whole = self.pixels()
+        high = len(whole)
+        return whole[high // 4 : high // 2, :-8]
+
+    def saved(self, event: str, after: float) -> NDArray[np.int16]:
+        """Wait for a picture's file; return its RGB."""
+        with Image.open(self.event(event, after)["path"]) as image:
+            return np.asarray(image.convert("RGB"), np.int16)
 
     def __enter__(self) -> Self:
         return self
@@ -237,7 +356,7 @@ class Robot:
     ) -> None:
         for process in (self.viewer, self._server):
             process.terminate()
-            process.wait(20)
+            process.wait(PATIENCE_S)
             for stream in (process.stdout, process.stderr):
                 if stream is not None:
                     stream.close()

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +15,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from tests.support.patience import PATIENCE_S
 from tests.support.viewer import opened, take_until, wait_until
 from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import Source
@@ -28,6 +29,7 @@ from volspec.relight import programs as programs_of_gl
 from volspec.spectra import light
 from volspec.viewer.model import lighting
 from volspec.viewer.model.lighting_aim import list_sources
+from volspec.viewer.model.materials import with_material_basis
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import file_commands
 from volspec.viewer.ui.context import Request, UiContext
@@ -57,7 +59,7 @@ class Slow(LatestWorker[str, str]):
 
     def _results(self, job: str) -> Iterator[str]:
         self.begun.append(job)
-        assert self.go_on.wait(20)
+        assert self.go_on.wait(PATIENCE_S)
         if job == "fault":
             raise ZeroDivisionError
         for letter in job:
@@ -90,7 +92,7 @@ def test_a_closed_worker_begins_nothing_more() -> None:
     worker.request("ab")
     wait_until(lambda: worker.begun)
     worker.request("cd")
-    worker.close(0.05)  # what it began waits for the next line, or fails after 20 s
+    worker.close(0.0)
     worker.go_on.set()
     assert all_of(worker) == ["a"]
     worker.request("ef")
@@ -127,33 +129,23 @@ def test_the_last_of_two_files_is_opened(
     may_end = {name: threading.Event() for name in ("scene", "session")}
 
     def slow(name: str, result: object) -> Callable[..., Any]:
-        return lambda *_: (may_end[name].wait(20), result)[1]
+        return lambda *_: (may_end[name].wait(PATIENCE_S), result)[1]
 
     monkeypatch.setattr(documents, "open_document", slow("scene", state.document))
     resumed = replace(state, document=replace(state.document, title="resumed"))
     monkeypatch.setattr(documents, "restore_state", slow("session", resumed))
-    tasks = Tasks(lambda: None)
+    ended = threading.Semaphore(0)
+    tasks = Tasks(ended.release)
     each = DocumentService(tasks, Notice(), None)
-    found: list[Opened] = []
-
-    def taken() -> bool:
-        came = [each.finish_open(outcome, first=False) for outcome in tasks.take()]
-        found.extend(opened for opened in came if opened)
-        return bool(found)
-
+    titles: list[str] = []
     each.open(str(session))
     each.open("a.toml")
-    first, last = ("session", "scene") if first_ends_first else ("scene", "session")
-    may_end[first].set()
-    if first_ends_first:
-        time.sleep(0.1)
-        assert not taken()
-    else:
-        wait_until(taken)
-    may_end[last].set()
-    wait_until(taken)
-    time.sleep(0.1)
-    assert taken() and [each.state.document.title for each in found] == ["ball"]
+    for name in ("session", "scene") if first_ends_first else ("scene", "session"):
+        may_end[name].set()
+        assert ended.acquire(timeout=PATIENCE_S)
+        came = [each.finish_open(outcome, first=False) for outcome in tasks.take()]
+        titles += [opened.state.document.title for opened in came if opened]
+        assert titles == ["ball"] * (name == "scene" or not first_ends_first)
 
 
 def test_only_the_opening_s_message_ends_with_it(
@@ -190,7 +182,7 @@ def test_a_late_picture_is_saved(
     rest: tuple[Any, ...] = (UiContext(), notice, None, None, lambda *_: None, steps)
     each = file_commands.FileCommands(Tasks(came.set), cast(Any, None), *rest)
     each.run(Request("screenshot"), opened(tmp_path))
-    assert came.wait(20) and each.take(first=False)[0]
+    assert came.wait(PATIENCE_S) and each.take(first=False)[0]
     assert notice.text and (str(tmp_path / "late.png") in notice.text) == written
 
 
@@ -204,7 +196,7 @@ def test_the_window_casts_while_a_picture_is_cast_for_a_file(tmp_path: Path) -> 
     class Held(Progress):
         def report(self, share: float) -> None:
             under_way.set()
-            assert may_end.wait(20)
+            assert may_end.wait(PATIENCE_S)
 
     def picture() -> None:
         frames.append(render_frame(state, (64, 48), Held("")))
@@ -212,7 +204,7 @@ def test_the_window_casts_while_a_picture_is_cast_for_a_file(tmp_path: Path) -> 
     frames: list[Any] = []
     saving = threading.Thread(target=picture)
     saving.start()
-    assert under_way.wait(20)
+    assert under_way.wait(PATIENCE_S)
     camera = state.view.camera(document.volume)
     casts = []
     window = threading.Thread(
@@ -222,10 +214,10 @@ def test_the_window_casts_while_a_picture_is_cast_for_a_file(tmp_path: Path) -> 
         daemon=True,
     )
     window.start()
-    window.join(20)
+    window.join(PATIENCE_S)
     assert casts and not frames
     may_end.set()
-    saving.join(20)
+    saving.join(PATIENCE_S)
     assert frames[0].shape == (48, 64, 3)
 
 
@@ -242,6 +234,7 @@ class SlowCasts:
 
     def __init__(self) -> None:
         self.begun: list[tuple[int, int]] = []
+        self.polls = 0
         self.go_on = threading.Event()
         flat = np.ones((2, 3), np.float32)
         basis = SpectralBasis.load("general-7")
@@ -250,6 +243,7 @@ class SlowCasts:
     def __call__(self, *what: Any, cancel: Any, caster: Any, behind: Any) -> CoefficientImage:
         self.begun.append(what[3])
         while not self.go_on.wait(0.002):
+            self.polls += 1
             if cancel():
                 raise CastCancelled("ended")
         return self.image
@@ -279,15 +273,15 @@ def test_a_newer_request_ends_a_cast_and_replaces_what_waits(
     casts.wait(2)  # coarse, and let through: the next ones wait
     scheduler.request(job(state, 2))
     scheduler.request(last := job(state, 8))
-    time.sleep(0.05)
-    assert len(casts.begun) == 2
+    polls = casts.polls
+    wait_until(lambda: casts.polls > polls + 1)
     casts.go_on.set()
     done = drained(scheduler, 3)
     assert [each.made.divisor for each in done] == [1, 4, 8]
     assert [each.image for each in done] == [None, casts.image, casts.image]
     # Packed where it was cast: the window's thread only uploads it.
     assert [each.packed is None for each in done] == [True, False, False]
-    assert done[-1].job is last and casts.begun[-1] == (10, 8)
+    assert done[-1].job is last and casts.begun == [(80, 60), (20, 15), (10, 8)]
     scheduler.close()
 
 
@@ -311,10 +305,10 @@ def test_closing_ends_even_a_coarse_cast(state: ViewState, casts: SlowCasts) -> 
 def test_the_thread_outlives_errors(
     state: ViewState, monkeypatch: pytest.MonkeyPatch, error: Exception, message: str
 ) -> None:
-    def refuse(*what: Any, **more: Any) -> None:
+    def fails(*what: Any, **more: Any) -> None:
         raise error
 
-    monkeypatch.setattr("volspec.viewer.work.casts.raycast", refuse)
+    monkeypatch.setattr("volspec.viewer.work.casts.raycast", fails)
     woken = threading.Event()
     scheduler = CastWorker(woken.set)
     for _ in range(2):
@@ -336,6 +330,8 @@ def taken():
 
 if {given}:
     from volspec.viewer.work.pictures import return_large_blocks
+    from OpenGL import _configflags
+    assert not _configflags.ERROR_CHECKING
     return_large_blocks()
 import numpy as np
 before, small = taken(), []
@@ -348,16 +344,10 @@ print(taken() - before)
 
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="the C library is not glibc")
-def test_a_picture_s_memory_is_given_back() -> None:
+def test_a_picture_s_memory_is_given_back_and_opengl_is_not_asked_after_every_call() -> None:
+    """PyOpenGL asks how a call went unless that is switched off before its first import."""
     kept, back = (
-        float(
-            subprocess.run(
-                [sys.executable, "-c", _PICTURES.format(given=given)],
-                check=True,
-                capture_output=True,
-                text=True,
-            ).stdout
-        )
+        float(subprocess.check_output([sys.executable, "-c", _PICTURES.format(given=given)]))
         for given in (False, True)
     )
     # MiB, of which the small ones take 1.1.
@@ -395,6 +385,7 @@ def test_passes_lengthen_steps_and_nothing_else() -> None:
     assert WHOLE.spec(replace(own, layers=8), volume) == own, "a turned picture has no layers"
 
 
+@pytest.mark.slow
 def test_edits_of_lights_need_no_program_that_was_not_built_ahead(
     state: ViewState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -414,11 +405,10 @@ def test_edits_of_lights_need_no_program_that_was_not_built_ahead(
 
     monkeypatch.setattr(programs_of_gl, "compile_program", noted)
     document = replace(state.document, caster=Raycaster(state.document.volume))
-    state = replace(state, document=document)
+    state = replace(state, document=document, transfer=with_material_basis(state.transfer))
     caster = CastWorker(lambda: None)
     caster.request(job(state, 1))
     drained(caster, 1)
-    assert document.caster is not None
     corner = document.volume.values[:4, :4, :4].copy()
     table, packet = document.caster.bake(state.transfer), document.caster.packet
     device = document.caster.device_index
@@ -431,7 +421,6 @@ def test_edits_of_lights_need_no_program_that_was_not_built_ahead(
     for edited in (many, shadowless, lighting.add_source(state, "ambient").state, point, state):
         caster.request(job(edited, 1))
         image = drained(caster, 1)[0].image
-        assert image is not None
         for by_table in (False, True):
             with Relighter(image, "gl", lut3d=by_table) as relighter:
                 relighter.frame(light("D65"))
@@ -449,6 +438,7 @@ def test_programs_are_built_by_a_child_that_ends_with_the_viewer(
     document = replace(state.document, caster=Raycaster(state.document.volume))
     builder = ProgramBuilder(lambda: None)
     builder.request((job(replace(state, document=document), 1), Viewing()))
-    wait_until(lambda: list(tmp_path.rglob("raycast*.so")), 60.0)
+    # PoCL renames folders meanwhile, which `walk` forgives.
+    wait_until(lambda: any("raycast.so" in files for _, _, files in os.walk(tmp_path)))
     builder.close()
     assert not builder.busy

@@ -8,22 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.errors import raises
 from tests.support.viewer import opened
 from volspec.basis import MaterialBasis
-from volspec.errors import ImageError, SceneError
 from volspec.pipeline import raycast, relight
-from volspec.raycast import Ambient, CoefficientImage, LightGroup, RaycastSpec
+from volspec.raycast import CoefficientImage
 from volspec.viewer.model import camera, light_rows, transfer_edits
 from volspec.viewer.model.history import without_cast
 from volspec.viewer.model.light_rows import light_rig
-from volspec.viewer.model.scene_file import scene_from_state
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.casts import WHOLE, CastJob, CastWorker, Pass
 from volspec.viewer.work.documents import open_document
 from volspec.viewer.work.outputs import Progress
 from volspec.viewer.work.screenshot import render_frame
-from volspec.viewer.work.script import script_from_state
 from volspec.viewer.work.session import read_session, restore_state, save_session
 
 SIZE = (48, 32)
@@ -48,7 +44,6 @@ def test_an_image_is_relit_at_its_own_size(path: Path) -> None:
     assert state.document.source == str(path) and state.document.caster is None
     lamp = replace(state, lights=light_rows.only_row(state.lights, 1))
     rig = light_rig(lamp.lights)
-    assert rig is not None
     frame = render_frame(lamp, (640, 480), Progress(""))
     assert frame.shape == (SIZE[1], SIZE[0], 3)
     wanted = relight(CoefficientImage.load(path), rig, lamp.relight, backend="numpy")
@@ -98,10 +93,10 @@ def test_reflectances_of_an_image_cast_with_materials_may_change(tmp_path: Path)
 
 def test_light_groups_of_an_image_are_those_of_its_lights(tmp_path: Path) -> None:
     begun = opened(tmp_path)
-    groups = tuple(LightGroup(name, (Ambient(),)) for name in ("lamp", "sky"))
-    volume = begun.document.volume
-    spec = RaycastSpec(groups=groups)
-    raycast(volume, begun.transfer, begun.view.camera(volume), SIZE, spec).save(tmp_path / "b.exr")
+    basis, ones = begun.transfer.basis, np.ones(SIZE[::-1], np.float32)
+    pixels = np.random.default_rng(1).random((*SIZE[::-1], 2 * basis.size)).astype(np.float32)
+    groups = {"lamp": 0.5, "sky": 0.5}
+    CoefficientImage(pixels, ones, ones, basis, groups=groups).save(tmp_path / "b.exr")
     state = state_of(tmp_path / "b.exr")
     assert [group.name for group in state.shading.groups] == ["lamp", "sky"]
     assert render_frame(state, SIZE, Progress("")).std() > 1
@@ -112,18 +107,6 @@ def test_a_session_of_an_image_is_restored(path: Path, tmp_path: Path) -> None:
     state = replace(state, lights=light_rows.only_row(state.lights, 1))
     saved = save_session(state, tmp_path / "s.volspec.json")
     again = restore_state(read_session(saved))
-    assert again.document.image is not None
     assert [row.weight for row in again.lights] == [row.weight for row in state.lights]
     frames = [render_frame(each, SIZE, Progress("")) for each in (state, again)]
     np.testing.assert_array_equal(*frames)
-
-
-def test_an_image_makes_no_scene_and_another_picture_is_refused(path: Path) -> None:
-    state = state_of(path)
-    for refused in (scene_from_state, script_from_state):
-        with raises(SceneError, "unsupported"):
-            refused(state)
-    damaged = path.with_name("x.exr")
-    damaged.write_bytes(b"no picture")
-    with raises(ImageError):
-        open_document(str(damaged))

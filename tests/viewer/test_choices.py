@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.errors import raises
-from volspec.errors import VolumeError
+from tests.support.errors import refuses
+from volspec.errors import ImageError, VolspecError, VolumeError
 from volspec.viewer.model.choices import RawLayout, Undecided, address_with, guess_layouts
-from volspec.viewer.work.documents import Opened, open_path
+from volspec.viewer.work.documents import open_path
 from volspec.volume import Choice, load_volume, phantom
 
 SHAPE = (40, 64, 48)  # x, y, z
@@ -61,7 +61,7 @@ def test_a_layout_is_compared_with_the_size_of_its_file() -> None:
     )
 
 
-def test_what_is_ambiguous_is_asked_and_what_is_damaged_is_refused(tmp_path: Path) -> None:
+def test_what_is_ambiguous_is_asked(tmp_path: Path) -> None:
     tifffile = pytest.importorskip("tifffile", reason="tifffile is not installed")
     ball = (phantom.ball(12).values * 1000).astype(np.uint16)
     several = tmp_path / "cells.ome.tif"
@@ -71,12 +71,10 @@ def test_what_is_ambiguous_is_asked_and_what_is_damaged_is_refused(tmp_path: Pat
     notes |= {f"PhysicalSize{axis}Unit": "mm" for axis in "XYZ"}
     tifffile.imwrite(several, stack, metadata=notes)
     found = open_path(str(several), None)
-    assert isinstance(found, Opened)
     document = found.state.document
-    assert document.series is not None and len(document.series) == 3 and document.choices == ()
+    assert len(document.series) == 3 and document.choices == ()
     assert [look.name for look in found.state.fields] == ["", "GFP"]
     found = open_path(address_with(str(several), {"time": "1", "channel": "1"}), None)
-    assert isinstance(found, Opened)
     document = found.state.document
     assert {choice.key: choice.chosen for choice in document.choices} == {"channel": "1"}
     assert document.series is None
@@ -84,5 +82,11 @@ def test_what_is_ambiguous_is_asked_and_what_is_damaged_is_refused(tmp_path: Pat
     raw.write_bytes(bytes(64))
     layout = open_path(str(raw), None)
     assert layout == Undecided(str(raw), (Choice("shape", (), ()),))
-    with raises(VolumeError, "damaged"):
-        open_path(address_with(str(raw), RawLayout((9, 9, 9)).options), None)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("x.raw?shape=9x9x9&dtype=uint8", VolumeError), ("x.exr", ImageError)]
+)
+def test_what_is_damaged_is_refused(tmp_path: Path, name: str, kind: type[VolspecError]) -> None:
+    (tmp_path / name.partition("?")[0]).write_bytes(b"no picture")
+    refuses(lambda: open_path(str(tmp_path / name), None), "damaged", kind)

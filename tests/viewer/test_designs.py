@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from tests.support.errors import raises
+from tests.support.patience import PATIENCE_S
 from tests.support.viewer import (
     VISIBLE,
     run_command,
@@ -25,13 +24,12 @@ from volspec.appearance import Display
 from volspec.appearance.spaces import SPACES
 from volspec.basis import MaterialBasis
 from volspec.errors import PaletteError
-from volspec.palette import Cell, Design, Palette, PaletteSpectrum, design, load_palette
+from volspec.palette import Cell, Design, Palette, design, load_palette
 from volspec.relight import LightRig
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import palette_edits, palette_results
 from volspec.viewer.model.history import Difference, History
-from volspec.viewer.model.light_rows import MOST_ROWS
 from volspec.viewer.model.materials import with_reflectances
 from volspec.viewer.model.palette_table import (
     colour_table,
@@ -92,7 +90,6 @@ def test_five_colours_that_merge_to_three_and_one_are_designed(state: ViewState)
     assert column_names(begun.lights) == ("D65", "split 1", "split 2")
     assert begun.palette.is_pending and begun.palette.from_scratch
     found = answers(begun)[-1].made
-    assert found is not None
     made = with_design(begun, found, begun.palette.targets)
     table = colour_table(made)
     assert not made.palette.is_pending
@@ -123,11 +120,10 @@ def test_the_latest_wish_wins_and_is_answered_quickly_then_well(state: ViewState
     ]
     assert not any(each.whole for each in done if each.job.targets is first.palette.targets)
     made = done[-1].made
-    assert made is not None
     assert max(colour_table(with_design(last, made, last.palette.targets)).errors) < VISIBLE
 
 
-def test_what_contradicts_itself_is_refused_in_words(state: ViewState) -> None:
+def test_what_contradicts_itself_is_named(state: ViewState) -> None:
     asked = state
     for index, colour in ((4, "#ff0000"), (5, "#0000ff")):
         asked = with_target(asked, index, colour)
@@ -173,7 +169,7 @@ def test_designs_outlive_a_failed_solver(state: ViewState, monkeypatch: pytest.M
     for colour in ("#8c5a3c", "#906050"):
         asked = with_target(state, 5, colour)
         worker.request(designs.DesignJob(palette_from_state(asked), asked.palette.targets))
-        assert told.acquire(timeout=20)
+        assert told.acquire(timeout=PATIENCE_S)
     done = worker.take()
     worker.close()
     assert done[0].whole and "SVD" in done[0].error
@@ -185,15 +181,15 @@ def test_closing_waits_for_no_design(state: ViewState, monkeypatch: pytest.Monke
 
     def long(_: Palette, *, again: bool) -> Design:
         begun.set()
-        may_end.wait(20)
+        may_end.wait(PATIENCE_S)
         ended.set()
         raise PaletteError("ended")
 
     monkeypatch.setattr(designs, "design", long)
     worker, asked = designs.DesignWorker(lambda: None), with_target(state, 5)
     worker.request(designs.DesignJob(palette_from_state(asked), asked.palette.targets))
-    assert begun.wait(20)
-    worker.close(0.1)
+    assert begun.wait(PATIENCE_S)
+    worker.close(0.0)
     assert not ended.is_set()
     may_end.set()
 
@@ -217,7 +213,9 @@ def test_a_wizard_s_result_needs_its_materials(
     pick = Pick(place=("gold", "A"))
     begun = replace(state, interface=replace(state.interface, pick=pick))
     result, may_end = palette_results.run_wizard(begun, "hide"), threading.Event()
-    monkeypatch.setattr(palette_results, "run_wizard", lambda *_: (may_end.wait(20), result)[1])
+    monkeypatch.setattr(
+        palette_results, "run_wizard", lambda *_: (may_end.wait(PATIENCE_S), result)[1]
+    )
     bench = Bench()
     bench.designs.follow(begun)
     bench.designs.run("hide", begun)
@@ -242,7 +240,7 @@ def test_a_wizard_waits_for_the_running_design(
     monkeypatch.setattr(
         designs,
         "design",
-        lambda palette, again: (may_end.wait(20), design(palette, again=again))[1],
+        lambda palette, again: (may_end.wait(PATIENCE_S), design(palette, again=again))[1],
     )
     began_with: list[ViewState] = []
     monkeypatch.setattr(
@@ -275,46 +273,58 @@ def test_the_scene_s_own_spectra_are_its_lights_too(state: ViewState) -> None:
     assert again.lights is rows
 
 
-def test_the_dialog_s_path_goes_to_the_design(
-    state: ViewState, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+@pytest.fixture
+def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Bench, FileCommands]:
+    """Commands on files, with our own dialogs, whose palettes a bench designs."""
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "kept"))
     monkeypatch.setattr(dialogs, "has_native_dialogs", lambda: False)
-    path, bench, asked = str(tmp_path / "mine.toml"), Bench(), with_target(state, 5)
+    bench = Bench()
     rest = (UiContext(), bench.notice, None, None, bench.designs.file)
     steps = Steps(lambda: None, bench.notice)
-    file_commands = FileCommands(Tasks(lambda: None), cast(Any, None), *rest, steps)
-    history = History(asked)
-    for name in ("palette-save", "palette-load"):
-        assert name not in bench.designs.commands
-        file_commands.run(Request(name), asked)
-        monkeypatch.setattr(FileDialogs, "take", lambda _, request=REQUESTS[name]: (request, path))
-        file_commands.take(first=False)
-        ends = {"palette-save": lambda h: bench.notice.text == f"Saved {path}"}
-        history = bench.until(history, ends.get(name, lambda h: len(h.past) == 1))
+    return bench, FileCommands(Tasks(lambda: None), cast(Any, None), *rest, steps)
+
+
+def answer(
+    files: FileCommands, patched: pytest.MonkeyPatch, name: str, path: str, state: ViewState
+) -> None:
+    """Run a command whose dialog is answered with a path."""
+    files.run(Request(name), state)
+    patched.setattr(FileDialogs, "take", lambda _: (REQUESTS[name], path))
+    files.take(first=False)
+
+
+def test_the_dialog_s_path_goes_to_the_design(
+    state: ViewState,
+    files: tuple[Bench, FileCommands],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    (bench, commands), path = files, str(tmp_path / "mine.toml")
+    asked = with_target(state, 5)
+    answer(commands, monkeypatch, "palette-save", path, asked)
+    history = bench.until(History(asked), lambda _: bench.notice.text == f"Saved {path}")
+    answer(commands, monkeypatch, "palette-load", path, asked)
+    history = bench.until(history, lambda h: len(h.past) == 1)
     assert load_palette(path).cells == history.present.palette.targets.cells
 
 
 def test_requested_files_are_there_when_the_window_has_closed(
-    state: ViewState, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    state: ViewState,
+    files: tuple[Bench, FileCommands],
+    closing: threading.Event,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
 ) -> None:
-    def slow(_: object, path: str) -> None:
-        time.sleep(0.05)
+    def late(_: object, path: str) -> None:
+        assert closing.wait(PATIENCE_S)
         Path(path).touch()
 
-    monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "kept"))
-    monkeypatch.setattr("volspec.viewer.ui.file_commands.export_scene", slow)
-    monkeypatch.setattr(designs, "save_palette", slow)
-    bench = Bench()
-    rest = (UiContext(), bench.notice, None, None, bench.designs.file)
-    steps = Steps(lambda: None, bench.notice)
-    file_commands = FileCommands(Tasks(lambda: None), cast(Any, None), *rest, steps)
+    bench, commands = files
+    monkeypatch.setattr("volspec.viewer.ui.file_commands.export_scene", late)
+    monkeypatch.setattr(designs, "save_palette", late)
     for name in ("export-scene", "palette-save"):
-        answer = REQUESTS[name], str(tmp_path / name)
-        monkeypatch.setattr(FileDialogs, "take", lambda _, answer=answer: answer)
-        file_commands.run(Request("message"), with_target(state, 5))
-        file_commands.take(first=False)
-    file_commands.close(None, faulty=True)
+        answer(commands, monkeypatch, name, str(tmp_path / name), with_target(state, 5))
+    commands.close(None, faulty=True)
     bench.designs.close()
     assert (tmp_path / "export-scene").exists() and (tmp_path / "palette-save").exists()
 
@@ -337,11 +347,3 @@ def test_a_palette_s_model_without_pixels_measures_the_picture(state: ViewState)
     )
     found = loaded.relight.viewing
     assert (found.model, found.adapting) == ("CAT02", "picture")
-
-
-def test_a_palette_whose_lights_find_no_room_is_refused(state: ViewState) -> None:
-    palette = load_palette(PALETTES / "figure-2.toml")
-    many = tuple(PaletteSpectrum(f"lamp {n}", light("A")) for n in range(MOST_ROWS))
-    crowded = replace(palette, lights=(*palette.lights, *many))
-    with raises(PaletteError, "size"):
-        palette_results.with_palette(state, crowded)

@@ -38,7 +38,7 @@ def test_daylight_is_added_where_it_is_missing(engine: ViewState) -> None:
     assert effects.daylight_row(dark.lights) is None
     ready = effects.prepare(dark, ("inserts", "block"))
     index = effects.daylight_row(ready.lights)
-    assert index is not None and ready.lights[index].name == "D65"
+    assert ready.lights[index].name == "D65"
     assert ready.interface.pick.place == ("inserts", "D65")
     assert effects.prepare(engine, ("inserts",)).lights is engine.lights
     assert effects.prepare(engine, ("piston",)) is engine
@@ -51,11 +51,10 @@ def test_a_difference_is_found_without_a_new_material(engine: ViewState) -> None
     after = effects.with_light(ready, found)
     assert after.transfer.materials == engine.transfer.materials
     told = effects.outcome(ready, after, effects.DIFFERENCE)
-    assert told is not None and told.telling == len(after.lights) - 1
+    assert told.telling == len(after.lights) - 1
     assert told.before == pytest.approx(told.after, abs=0.1)
     assert told.shown == pytest.approx(found.delta_e, abs=0.2)
     compared = effects.with_comparison(after, told)
-    assert compared.other is not None
     assert effective_weights(compared.lights)[-1] == 1.0 == effective_weights(compared.other)[0]
 
 
@@ -63,7 +62,7 @@ def test_what_is_hidden_in_daylight_is_told_in_words(engine: ViewState) -> None:
     ready = effects.prepare(engine, ("inserts",))
     made = palette_results.run_wizard(ready, "hide")
     told = effects.outcome(ready, palette_results.with_wizard_result(ready, made), "hide")
-    assert told is not None and told.pair == ("inserts", "block")
+    assert told.pair == ("inserts", "block")
     assert told.after < 1 and told.shown > 5
     assert effects.sentences(replace(told, before=12.34, after=0.4), engine.lights)[0] == (
         "In daylight, inserts and block: ΔE 12.3 before (obvious), 0.4 now (invisible)"
@@ -83,7 +82,7 @@ def test_a_service_ends_an_effect_in_a_comparison(engine: ViewState) -> None:
 
     take_until(take, lambda _: not service.busy)
     done = histories[-1].present
-    assert done.other is not None and len(done.lights) == len(engine.lights) + 1
+    assert len(done.lights) == len(engine.lights) + 1
     assert len(service.status.reached) == 2
     assert histories[-1].undo().present.lights is ready.lights
     service.close()
@@ -100,31 +99,23 @@ def test_a_pixel_s_material_is_found_whatever_the_basis(engine: ViewState) -> No
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("screen")
-def test_a_material_is_hidden_by_two_clicks(tmp_path: Path) -> None:
+def test_a_material_is_hidden_by_two_clicks(window: Robot, tmp_path: Path) -> None:
     values = np.zeros((24, 24, 24), np.float32)
     values[4:20, 4:20, 4:20], values[8:16, 8:16, 8:16] = 0.5, 1.0
     np.save(tmp_path / "box.npy", values)
-    with Robot(tmp_path, ["box.npy"], (1000, 640)) as robot:
-        robot.whole()
-        robot.rest()
-        x, y, width, height = robot.area("picture")
-        middle = x + width / 2, y + height / 2
-        robot.do("mousemove", *middle, "sleep", "0.1", "click", "3")
-        robot.rest()
-        before = robot.now()
-        robot.click("picture hide")
-        hidden = robot.wait_for(lambda row: row["event"] == "wizard", before)
-        assert hidden["name"] == "hide" and "now (invisible)" in hidden["reached"][0]
-        robot.rest()
-        # Undone in one step; a right drag still zooms, without a menu.
-        robot.key("ctrl+z")
-        before = robot.rest()
-        robot.drag([middle, (middle[0], middle[1] + 9), (middle[0], middle[1] + 40)], button=3)
-        robot.rest()
-        assert any(row["event"] == "cast" for row in robot.since(before))
-        robot.click("effect hide")
-        robot.rest()
-        before = robot.now()
-        robot.click("effect hide soft")
-        robot.wait_for(lambda row: row["event"] == "wizard", before)
+    window.open(tmp_path / "box.npy")
+    x, y = window.middle("picture")
+    window.do("mousemove", x, y, "sleep", "0.1", "click", "3")
+    before = window.rest()
+    window.click("picture hide")
+    hidden = window.event("wizard", before)
+    assert hidden["name"] == "hide" and "now (invisible)" in hidden["reached"][0]
+    # Undone in one step; a right drag still zooms, without a menu.
+    before = window.keys("ctrl+z")
+    window.drag([(x, y), (x, y + 9), (x, y + 40)], button=3)
+    window.rest()
+    assert window.since(before, "cast")
+    window.click("effect hide")
+    before = window.rest()
+    window.click("effect hide soft")
+    window.event("wizard", before)

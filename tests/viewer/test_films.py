@@ -29,7 +29,6 @@ from volspec.viewer.model.film import (
 )
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui import commands
 from volspec.viewer.work.films import (
     FRAMES,
     FilmFile,
@@ -79,7 +78,6 @@ def test_a_film_fades_through_saved_states_and_between_sides(state: ViewState) -
     states = Film(0.0, STATES, False, seconds=1.0, fps=3.0)
     backdrops = [frame_state(seen, states, i).relight.backdrop for i in range(3)]
     start = state.relight.backdrop
-    assert isinstance(start, float)
     assert backdrops == pytest.approx([start, (start + 0.5) / 2, 0.5])
     sides = weights(seen, replace(states, lights=SIDES))
     assert [row[:2] for row in sides] == [[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]]
@@ -138,6 +136,10 @@ def test_a_film_that_is_cancelled_leaves_nothing(tmp_path: Path) -> None:
             save_film(state, FilmFile(kind=kind, size=SMALL), Cancelled("", "film"))
     with pytest.raises(CastCancelled):
         save_page(state, PageFile(size=SMALL), Cancelled("", "page"))
+    ended = Progress("")
+    ended.ended = True
+    with pytest.raises(CastCancelled):
+        save_picture(state, Shot(to=Destination(str(tmp_path))), ended)
     assert set(tmp_path.iterdir()) == before
     with raises(ViewingError, "missing"):
         dark = replace(state, lights=state.lights[1:])
@@ -154,48 +156,45 @@ def test_a_page_has_the_views_and_the_lights_of_the_window(tmp_path: Path) -> No
 
 @pytest.mark.slow
 def test_from_a_volume_to_a_film_and_a_page_by_mouse_in_few_actions(
-    tmp_path: Path, screen: None
+    window: Robot, tmp_path: Path
 ) -> None:
     imageio = pytest.importorskip("imageio_ffmpeg")
     np.save(tmp_path / "ball.npy", np.random.default_rng(1).random((12, 12, 12), np.float32))
-    with Robot(tmp_path, ["ball.npy", "--screenshot", "64x48"], (1000, 700)) as robot:
-        robot.whole()
-        robot.rest()
-        actions = 0
+    window.open(tmp_path / "ball.npy")
+    actions = 0
 
-        def click(name: str, at: float = 0.5) -> float:
-            nonlocal actions
-            x, y, width, height = robot.area(name)
-            before = robot.rest()
-            robot.click((x + at * width, y + height / 2))
-            robot.rest()
-            actions += 1
-            return before
+    def click(name: str, at: float = 0.5) -> float:
+        nonlocal actions
+        before = window.rest()
+        window.click(window.at(name, at))
+        window.rest()
+        actions += 1
+        return before
 
-        click("menu File")
-        click("action film")
-        click("film length", 0.01)
-        click("film rate", 0.01)
-        click("mark scale", 0.2)
-        # The preview turns the picture, and the picture is as it was after it.
-        before = click("film preview", 0.5)
-        assert any(row["stage"] == "cast" for row in robot.since(before))
-        before = click("film ok")
-        film = robot.wait_for(lambda row: row["event"] in ("film", "error"), before)
-        assert actions <= 12
-        command = [imageio.get_ffmpeg_exe(), "-loglevel", "error", "-i", film["path"]]
-        raw = subprocess.run(
-            [*command, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], capture_output=True, check=True
-        )
-        frames = np.frombuffer(raw.stdout, np.uint8).reshape(-1, 48, 64, 3)
-        assert len(frames) == 4
-        assert np.abs(np.subtract(frames[0], frames[2], dtype=int)).mean() > 1
-        click("menu File")
-        click("action page")
-        before = click("page ok")
-        page = robot.wait_for(lambda row: row["event"] in ("page", "error"), before)
-        assert Path(page["path"]).parent == tmp_path
-        assert '<script type="text/plain" id="view-0">' in Path(page["path"]).read_text("utf-8")
+    click("menu File")
+    click("action film")
+    click("film length", 0.01)
+    click("film rate", 0.01)
+    click("mark scale", 0.2)
+    # The preview turns the picture, and the picture is as it was after it.
+    before = click("film preview", 0.5)
+    assert window.since(before, "cast")
+    before = click("film ok")
+    film = window.wait_for(lambda row: row["event"] in ("film", "error"), before)
+    assert actions <= 12
+    command = [imageio.get_ffmpeg_exe(), "-loglevel", "error", "-i", film["path"]]
+    raw = subprocess.run(
+        [*command, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], capture_output=True, check=True
+    )
+    frames = np.frombuffer(raw.stdout, np.uint8).reshape(-1, 120, 160, 3)
+    assert len(frames) == 4
+    assert np.abs(np.subtract(frames[0], frames[2], dtype=int)).mean() > 1
+    click("menu File")
+    click("action page")
+    before = click("page ok")
+    page = window.wait_for(lambda row: row["event"] in ("page", "error"), before)
+    assert Path(page["path"]).parent == tmp_path
+    assert '<script type="text/plain" id="view-0">' in Path(page["path"]).read_text("utf-8")
 
 
 def test_a_turntable_of_36_frames_is_typed() -> None:
@@ -216,17 +215,3 @@ def test_pictures_and_films_have_the_same_marks(tmp_path: Path) -> None:
     )
     assert np.abs(frame - shown).max() <= 2
     assert (np.abs(shown - bare).max(axis=-1) > 20).mean() > 0.02
-
-
-@pytest.mark.parametrize(
-    ("word", "title"),
-    [
-        *((word, "Save a film") for word in ("film", "movie", "video", "turntable", "animation")),
-        *((word, "Save a web page") for word in ("page", "web page", "html")),
-        *((word, "Save the picture") for word in ("screenshot", "png")),
-    ],
-)
-def test_films_pages_and_pictures_are_found_by_their_usual_names(
-    state: ViewState, word: str, title: str
-) -> None:
-    assert commands.list_entries(state, (), word)[0].title == title

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -15,9 +15,8 @@ from hypothesis import strategies as st
 from tests.support.viewer import run_command
 from tests.viewer._edits import MODULES, drawn, edits_of, with_arguments
 from volspec.palette import Cell
-from volspec.raycast import Ambient, ClipPlane, DepthEffects, Headlight, LightGroup, Point
-from volspec.relight import LightRig, RelightSpec
-from volspec.scene.annotation import Annotation
+from volspec.raycast import Ambient, ClipPlane, Headlight, LightGroup, Point
+from volspec.relight import LightRig
 from volspec.scene.specs import MeshSpec
 from volspec.spectra import DEFAULT_GRID, light, reflectance
 from volspec.viewer.model import (
@@ -27,20 +26,21 @@ from volspec.viewer.model import (
     light_rows,
     light_states,
     lights,
+    room,
     slices,
     transfer_edits,
 )
 from volspec.viewer.model.commands import COMMANDS
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.edit import Change, after
-from volspec.viewer.model.field_looks import FieldLook
 from volspec.viewer.model.history import MOST_STEPS, STAGES, Difference, History
-from volspec.viewer.model.light_rows import Fade, LightRow, LightState, effective_weights
+from volspec.viewer.model.light_rows import LightRow, LightState, effective_weights, light_rig
 from volspec.viewer.model.palette_targets import LIGHT, DesignTargets, PaletteState
 from volspec.viewer.model.state import Interface, ViewState
 from volspec.viewer.ui.inputs import Input
 from volspec.viewer.ui.mouse import RUN_S, Gestures
 from volspec.viewer.work.background import Outcome, Tasks
+from volspec.viewer.work.casts import CastScheduler
 from volspec.viewer.work.documents import DocumentService, Opened
 from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.session_store import RecentFiles
@@ -62,98 +62,66 @@ def test_nothing_to_do_where_nothing_changed_and_everything_at_first(state: View
         assert Difference.between(before, replace(state, transfer=other)).relights
 
 
-@pytest.mark.parametrize("name", STAGES)
-def test_a_change_of_one_field_is_of_its_stage(state: ViewState, name: str) -> None:
-    others: dict[str, Any] = {
-        "document": replace(state.document),
-        "view": replace(state.view, zoom=2.0),
-        "transfer": replace(state.transfer),
-        "shift": 1.0,
-        "shading": replace(state.shading, ambient=0.9),
-        "size": (80, 60),
-        "lights": state.lights[:-1],
-        "relight": RelightSpec(backdrop=0.5),
-        "other": state.lights,
-        "room": object(),
-        "divide": 0.25,
-        "interface": Interface(dark=False),
-        "saved_lights": (LightState("State 1", state.lights, state.relight),),
-        "fade": Fade(state.lights, state.relight, 1.0),
-        "palette": PaletteState(),
-        "annotations": (Annotation(points_mm=((0.0, 0.0, 0.0),), text="here"),),
-        "meshes": (MeshSpec(shape="triad"),),
-        "depth": DepthEffects(near_mm=5.0),
-        "thickness": 2.0,
-        "unthickened": (state.transfer, 1.0, state.transfer),
-        "fields": (FieldLook("", state.transfer), FieldLook("red", state.transfer)),
-        "chosen_field": 1,
-    }
-    assert set(others) == {field.name for field in fields(ViewState)}
-    changed = replace(state, **{name: others[name]})
-    assert Difference.between(state, changed).stage == STAGES[name]
-    # The picture that is shown until the cast is there need not be drawn again.
-    assert Difference.between(state, changed).relights == (STAGES[name] == "relight")
+class Read(ViewState):
+    """A state that notes which of its fields are read."""
+
+    __slots__ = ()
+    names: ClassVar[set[str]] = set()
+
+    def __getattribute__(self, name: str) -> Any:
+        Read.names.add(name)
+        return super().__getattribute__(name)
 
 
-# Cost of the edits of a module, and of those that cost something else.
-_COSTS = dict.fromkeys(("camera", "cuts", "transfer_edits", "materials", "palette_edits"), "cast")
-_COSTS |= dict.fromkeys(("lights", "light_parts", "viewing", "light_states.recall"), "relight")
-_COSTS |= dict.fromkeys(("slices", "light_states", "cuts.choose_plane", "lights.choose"), "frame")
-_COSTS |= dict.fromkeys(("lighting", "quality", "meshes"), "cast")
-_COSTS |= {"lighting.choose_source": "frame", "lighting.set_spectrum": "relight"}
-_COSTS |= {"transfer_edits.choose_part": "frame", "measure.show": "frame"}
-_COSTS["meshes.choose"] = "frame"
-# The first target makes the materials channels, which is the one cast; these relight.
-_COSTS |= {
-    f"palette_edits.{name}": "relight"
-    for name in ("choose_cell", "set_smoothness", "set_metric", "set_iterations")
-}
-_COSTS["palette_edits.toggle_merged"] = "frame"
-# The first makes the materials channels.
-_COSTS["opacities"] = "cast"
-# The panel is open; L_A follows from the light; a light of one spectrum, a curve without regions
-# without labels and without opacity by gradient, and a cell without a target have nothing to
-# edit.
-_NOTHING = {
-    "commands": "open_panel",
-    "viewing": "set_luminance",
-    "light_parts": "remove_part",
-    "transfer_edits": "set_region_values set_region_gradients set_softness "
-    "move_gradient_point add_gradient_point remove_gradient_point",
-    "lighting": "set_occlusion_radius",  # of a lamp
-    "opacities": "reset",
-    "labels": "toggle_label show_only",
-    "palette_edits": "set_target_weight set_target_group set_target_distance",
-}
-# Texts with which edits do something; others take a material's name.
-_WORDS = {
-    "lights.add": "HP1",
-    "lighting.add_source": "sky",
-    "lighting.set_spectrum": "FL2",
-    "quality.set_projection": "maximum",
-    "quality.set_quality": "fast",
-    "light_parts.respell": "FL2",
-    "materials.remove_material": "silver",
-    "palette_edits.set_target": "#804020",
-    "palette_edits.set_target_kind": "colour",
-    "palette_edits.toggle_free": "light",
-    "palette_edits.toggle_lamp": "A",
-    "palette_edits.set_metric": "RGB",
-    "palette_edits.recast_range": "copper",
-    "palette_edits.pick_light": "A",
-    "viewing.set_model": "CAM16",
-    "viewing.set_adapting": "picture",
-    "viewing.set_adopted_white": "scene",
-    "viewing.set_surround": "dim",
-    "viewing.set_room": "dim room",
-    "viewing.set_space": "Display P3",
-    "viewing.set_display_surround": "dim",
-    "viewing.set_gamut": "reduce",
-    "viewing.set_deficiency": "tritan",
-    "viewing.set_filter": "longpass:500",
-    "viewing.set_mode": "exact",
-    "viewing.set_level": "absolute",
-}
+def test_a_change_of_what_a_cast_reads_casts_and_of_what_a_relight_reads_relights(
+    state: ViewState,
+) -> None:
+    assert set(STAGES) == {field.name for field in fields(ViewState)}
+    read = Read(**{name: getattr(state, name) for name in STAGES})
+    scheduler = CastScheduler(lambda: None)
+    seen: dict[str, set[str]] = {}
+    for stage, step in (
+        ("cast", lambda: scheduler.change(read, 0.0, held=False)),
+        ("relight", lambda: (room.shown_spec(read), light_rig(read.lights), read.other)),
+    ):
+        Read.names.clear()
+        step()
+        seen[stage] = Read.names & set(STAGES)
+    scheduler.close()
+    # The walls of a room are another's cast, and the other fields' functions have one of a cast.
+    assert {STAGES[name] for name in seen["cast"] - {"room", "chosen_field"}} == {"cast"}
+    assert {"view", "transfer", "shading", "size", "meshes"} <= seen["cast"]
+    assert {STAGES[name] for name in seen["relight"]} <= {"cast", "relight"}
+
+
+def test_a_change_of_light_relights_the_picture_that_is_shown(state: ViewState) -> None:
+    lit = Difference.between(state, replace(state, lights=state.lights[:-1]))
+    assert (lit.stage, lit.relights) == ("relight", True)
+    # The picture that is shown until a cast is there need not be drawn again.
+    wide = Difference.between(state, replace(state, size=(80, 60)))
+    assert (wide.stage, wide.relights) == ("cast", False)
+
+
+# What edits say with one of these texts; others are names of materials.
+_TEXTS = (
+    *("gold", "copper", "silver", "HP1", "sky", "FL2", "A", "maximum", "fast", "#804020", "dim"),
+    *("colour", "light", "RGB", "CAM16", "picture", "scene", "dim room", "Display P3", "reduce"),
+    *("tritan", "longpass:500", "exact", "absolute", "distance"),
+)
+# Their panel is open; L_A follows from the light; a light of one spectrum, a curve without regions,
+# labels and opacity by gradient, a lamp, a cell without a target, no room, and no measurement have
+# nothing to edit.
+_IDLE = (
+    *("commands.open_panel", "viewing.set_luminance", "light_parts.remove_part"),
+    *("transfer_edits.set_region_values", "transfer_edits.set_region_gradients"),
+    *("transfer_edits.set_softness", "transfer_edits.move_gradient_point"),
+    *("transfer_edits.add_gradient_point", "transfer_edits.remove_gradient_point"),
+    *("lighting.set_occlusion_radius", "opacities.reset", "labels.toggle_label"),
+    *("labels.show_only", "palette_edits.set_target_weight", "palette_edits.set_target_group"),
+    *("palette_edits.set_target_distance", "room.paint", "room.pick", "effects.prepare"),
+    *(f"measure.{name}" for name in ("pick", "rename", "remove", "remove_all", "stop")),
+)
+_UNCAST = ("lights", "light_parts", "light_states", "viewing", "slices")
 
 
 @pytest.fixture
@@ -171,38 +139,27 @@ def cut(state: ViewState) -> ViewState:
 
 
 @pytest.mark.parametrize("name", edits_of(*MODULES))
-def test_edits_cost_what_their_names_say(cut: ViewState, name: str) -> None:
-    module, _, edit = name.partition(".")
-    choice = edit.startswith("pick_")
-    cost = "frame" if choice else _COSTS.get(name, _COSTS.get(module))
-    if edit in _NOTHING.get(module, "").split():
-        cost = None
-    index = 3 if name == "lights.set_kelvin" else 1
-    new = with_arguments(name, (0.3, 0.4) * 2, (index, 0), _WORDS.get(name, "gold"))(cut)
-    assert Difference.between(cut, new).stage == cost
+def test_every_edit_does_something_and_those_of_lights_never_cast(
+    cut: ViewState, name: str
+) -> None:
+    indices = (3 if name == "lights.set_kelvin" else 1), 0
+    edits = [with_arguments(name, (0.3, 0.4) * 2, indices, text) for text in _TEXTS]
+    costs = {Difference.between(cut, edit(cut)).stage for edit in edits}
+    assert (costs == {None}) == (name in _IDLE)
+    assert "cast" not in costs or name.partition(".")[0] not in _UNCAST
 
 
-# What an action does at most, by its menu; others are in `_ODD`.
-_MENUS = {"View": "cast", "Light": "relight", "Window": "frame"}
-_MENUS |= {"Cut": "cast", "Transfer": "cast", "Render": "cast", "": "cast"}
-_ODD = {"reset-transfer": "cast", "mark": "relight", "save-state": "frame"} | dict.fromkeys(
-    ("cube", "scale", "crop", "planes", "lights", "error-map")
-    + ("axial-down", "axial-up", "coronal-forward", "coronal-backward")
-    + ("sagittal-right", "sagittal-left")
-    + ("measure-distance", "measure-angle", "measure-label"),
-    "frame",
+# There are no labels, room, measurements and opacities; meshes have no layers; the rest is so.
+_DONE = (
+    *("transfer-labels", "labels-show", "labels-hide", "labels-invert", "transfer-points"),
+    *("projection-composite", "quality-balanced", "measure-remove", "palette-restart"),
+    *("panel-room", "reset-paints", "opacities-reset", "stereo-anaglyph", "stereo-side-by-side"),
 )
-# Points are what it has already, and its values are not labels.
-_ODD |= dict.fromkeys(("transfer-labels", "labels-show", "labels-hide", "labels-invert"))
-_ODD |= {"projection-composite": None, "quality-balanced": None, "measure-remove": None}
-_ODD |= {"transfer-points": None, "palette-light": "cast", "palette-restart": None}
-_ODD |= dict.fromkeys(("palette-forget", "palette-own"), "relight")
-# There is no room, opacities are as they were, and layers have no meshes.
-_ODD |= dict.fromkeys(("panel-room", "reset-paints", "opacities-reset"))
-_ODD |= dict.fromkeys(("stereo-anaglyph", "stereo-side-by-side"))
 
 
-def test_actions_cost_what_their_menus_say(cut: ViewState) -> None:
+def test_every_action_does_something_and_those_of_lights_and_the_window_never_cast(
+    cut: ViewState,
+) -> None:
     state = slices.set_greys(slices.move_slice(cut, 1, 0.3), 0.2, 0.4)
     old = transfer_edits.shift(replace(state, view=replace(state.view, zoom=3.0)), 0.1)
     states = [LightState(str(i), state.lights[1:], state.relight) for i in range(9)]
@@ -211,9 +168,9 @@ def test_actions_cost_what_their_menus_say(cut: ViewState) -> None:
     old = replace(old, interface=replace(old.interface, light=2))
     for action in COMMANDS:
         if action.change is not None:
-            cost = _ODD.get(action.name, _MENUS.get(action.menu))
-            new = after(action.change, old).state
-            assert Difference.between(old, new).stage == cost, action.name
+            cost = Difference.between(old, after(action.change, old).state).stage
+            assert (cost is None) == (action.name in _DONE), action.name
+            assert cost != "cast" or action.menu not in ("Light", "Window"), action.name
 
 
 def test_a_drag_is_one_step_of_undo_and_the_window_is_none(state: ViewState) -> None:

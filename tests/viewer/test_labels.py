@@ -7,11 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from tests.support.viewer import read_scene, run_command
 from tests.support.window import Robot
-from tests.viewer.test_window_panels import picture
 from tests.volume.test_labels import blocks
 from volspec.pipeline import raycast
 from volspec.scene import Scene
@@ -58,7 +56,6 @@ def test_the_probe_names_the_label_behind_its_boundary(state: ViewState) -> None
     camera = state.view.camera(volume)
     image = raycast(volume, state.transfer, camera, state.size, state.shading)
     rig = light_rig(state.lights)
-    assert rig is not None
     y, x = np.nonzero(image.alpha > 0.5)
     middle = len(x) // 2
     rows = dict(
@@ -122,30 +119,18 @@ def test_a_saved_scene_keeps_names_opacities_and_hidden_labels(
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("screen")
-def test_eyes_search_and_solo_in_the_window(tmp_path: Path) -> None:
-    segmentation(tmp_path, 20)
-    with Robot(tmp_path, ["organs.npy"], (900, 640)) as robot:
-        robot.whole()
-        robot.rest()
-
-        def clicked(*names: str) -> NDArray[np.int16]:
-            for name in names:
-                robot.rest()
-                robot.click(name)
-            return picture(robot, tmp_path)
-
-        # Closed and opened again, the panel is in front of the others.
-        whole = clicked(*("menu Window", "action panel-transfer") * 2)
-        hidden = clicked("eye 1", "eye 2")
-        assert np.abs(hidden - whole).mean() > 0.2
-        robot.click("search labels")
-        robot.type("right kid")
-        robot.rest()
-        alone = clicked("only 3")
-        assert np.abs(alone - hidden).mean() > 0.5
-        robot.click("picture")
-        for _ in range(3):
-            robot.key("ctrl+z")
-            robot.rest()
-        assert np.abs(picture(robot, tmp_path) - whole).mean() < 0.1
+def test_eyes_search_and_solo_in_the_window(window: Robot, tmp_path: Path) -> None:
+    window.open(segmentation(tmp_path, 20))
+    window.front("transfer")
+    whole = window.picture()
+    window.click("eye 1", "eye 2")
+    hidden = window.picture()
+    assert np.abs(hidden - whole).mean() > 0.2
+    window.click("search labels")
+    window.type("right kid")
+    window.rest()
+    window.click("only 3")
+    assert np.abs(window.picture() - hidden).mean() > 0.5
+    window.click("picture")
+    window.keys(*["ctrl+z"] * 3)
+    assert np.abs(window.picture() - whole).mean() < 0.1

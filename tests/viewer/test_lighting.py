@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,19 +11,23 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.support.errors import raises
-from tests.support.viewer import assert_same_picture, opened, run_command
-from tests.support.window import Robot, missing, small_engine
+from tests.support.viewer import (
+    assert_same_picture,
+    assert_same_tables,
+    opened,
+    read_scene,
+    run_command,
+)
+from tests.support.window import Robot, small_engine
 from tests.viewer._edits import drawn
-from volspec.errors import InputError
 from volspec.raycast import Ambient, Directional, LightGroup, Point, RaycastSpec
 from volspec.raycast.projection import Projection
-from volspec.raycast.spec import MAX_GROUPS
 from volspec.spectra import light
 from volspec.viewer.model import lighting, lighting_aim, lights, quality
 from volspec.viewer.model.edit import Change
 from volspec.viewer.model.light_rows import Rows, light_rig
 from volspec.viewer.model.lighting_aim import list_sources
+from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
 
 AREA = (10, 20, 400, 300)
@@ -54,15 +57,6 @@ def test_a_source_that_is_added_or_removed_leaves_the_exposure(state: ViewState)
     while len(list_sources(state.shading)) > 1:
         state = lighting.remove_source(state, 0).state
         assert exposure(state) == pytest.approx(before, rel=2e-2)
-    last = lighting.remove_source(state, 0)
-    assert last.state is state and last.message
-
-
-def test_a_group_too_many_is_refused(state: ViewState) -> None:
-    full = added(state, *["headlight"] * (MAX_GROUPS - 1))
-    assert len(full.shading.groups) == MAX_GROUPS
-    refused = lighting.add_source(full, "sky")
-    assert refused.state is full and refused.message
 
 
 def test_lights_follow_the_groups(tmp_path: Path) -> None:
@@ -80,16 +74,17 @@ def test_lights_follow_the_groups(tmp_path: Path) -> None:
         assert plain.lights[-1].name == title
     assert [lighting.group_text(own, g) for g in range(3)] == ["D65", "A", "D65"]
     spectrum = lighting.group_spectrum(own, 1)
-    assert spectrum is not None and np.array_equal(spectrum.values, light("A").values)
+    assert np.array_equal(spectrum.values, light("A").values)
     compared = run_command(own, "compare").state
     for changed, names in (
         (lighting.rename_group(compared, 1, "lamp").state, ("light", "lamp", "sky")),
+        (lighting.rename_group(compared, 1, "light").state, ("light", "light (2)", "sky")),
         (lighting.remove_source(compared, 2).state, ("light", "sky")),
         (added(compared, "point light"), (*row.rig.groups, "point light")),
     ):
         assert tuple(group.name for group in changed.shading.groups) == names
         for rows in (changed.lights, changed.other):
-            assert rows is not None and rows[0].rig.groups == names
+            assert rows[0].rig.groups == names
             assert groups_of(rows[1:]) == groups_of(state.lights[1:])
 
 
@@ -111,13 +106,6 @@ def test_sources_move_between_groups(state: ViewState) -> None:
     assert lighting.move_source(joined, 5, 0).state is joined
 
 
-def test_names_of_groups_are_checked(state: ViewState) -> None:
-    two = added(state, "sky")
-    assert lighting.rename_group(two, 1, "light").state.shading.groups[1].name == "light (2)"
-    refused = lighting.rename_group(two, 1, "a=b")
-    assert refused.state is two and refused.message
-
-
 @settings(
     deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
@@ -129,8 +117,7 @@ def test_lights_fit_the_groups_whatever_is_edited(state: ViewState, edits: list[
         shares = state.shading.shares()
         for row in state.lights:
             assert row.rig.facing(shares).total_lux is None  # raises for a group that is gone
-    rig = light_rig(state.lights)
-    assert rig is not None
+    assert light_rig(state.lights) is not None
 
 
 def test_shadows_and_occlusion_are_one_command_each(state: ViewState) -> None:
@@ -162,7 +149,7 @@ def test_lamps_are_aimed_by_azimuth_and_elevation(
         new = lighting.aim(far, 2, azimuth, elevation)
         source = list_sources(new.shading)[2].source
         angles = lighting_aim.angles_deg(new, source)
-        assert angles is not None and angles[1] == pytest.approx(elevation, abs=1e-6)
+        assert angles[1] == pytest.approx(elevation, abs=1e-6)
         if elevation < 90:
             assert math.remainder(angles[0] - azimuth, 360) == pytest.approx(0, abs=1e-6)
         if isinstance(source, Point):
@@ -263,12 +250,6 @@ def test_projections_leave_out_what_they_cannot(state: ViewState) -> None:
     assert mip.shading.mode == "maximum" and not mip.shading.preintegrated
     back = quality.toggle_preintegration(mip).state
     assert back.shading.mode == "composite" and back.shading.preintegrated
-    surfaces = run_command(state, "transfer-surfaces").state
-    for command in ("projection-average", "preintegration"):
-        refused = run_command(surfaces, command)
-        assert refused.state is surfaces and refused.message
-    with raises(InputError, "conflict"):
-        quality.require_curve(surfaces, "Pre-integration")
 
 
 @pytest.mark.parametrize("kind", ["points", "gradients", "regions", "labels", "surfaces"])
@@ -278,7 +259,7 @@ def test_settings_that_a_transfer_function_forbids_wait_for_another(
     state = opened(tmp_path, kind)
     wanted = replace(state.shading, preintegrated=True, adaptive=0.02)
     state = replace(state, shading=wanted)
-    assert_same_picture(state, tmp_path)
+    assert_same_tables(read_scene(export_scene(state, tmp_path / "again.toml")), state)
     assert quality.cast_spec(state).preintegrated == (kind == "points")
     assert (quality.cast_spec(state).adaptive > 0) == (kind != "surfaces")
     assert state.shading == wanted
@@ -305,39 +286,19 @@ def test_every_setting_of_a_cast_can_be_edited() -> None:
     assert set(LightGroup.__slots__) == {"name", "sources"}
 
 
-@pytest.fixture
-def window(tmp_path: Path) -> Iterator[Robot]:
-    if lacking := missing():
-        pytest.skip(lacking)
-    with Robot(tmp_path, small_engine(tmp_path)) as robot:
-        robot.whole()
-        robot.rest()
-        yield robot
-
-
-def casts(robot: Robot, after: float) -> list[object]:
-    return [row for row in robot.since(after) if row["event"] == "cast"]
-
-
 @pytest.mark.slow
-def test_a_lamp_is_added_and_aimed_with_mouse_and_keys(window: Robot) -> None:
-    before = window.now()
-    window.key("ctrl+p")
-    window.rest()
-    window.type("shadow")
-    window.key("Return")
-    window.rest()
-    assert casts(window, before)
+def test_a_lamp_is_added_and_aimed_with_mouse_and_keys(window: Robot, tmp_path: Path) -> None:
+    before = window.open(small_engine(tmp_path))
+    window.command("shadow")
+    assert window.since(before, "cast")
     x, y = window.middle("light 2")
     window.drag([(x, y), (x + 10, y + 5), (x + 30, y + 12), (x + 60, y + 20)])
     after = window.rest()
     assert window.middle("light 2") == pytest.approx((x + 60, y + 20), abs=3)
-    window.key("ctrl+z")
-    window.rest()
+    window.keys("ctrl+z")
     assert window.middle("light 2") == pytest.approx((x, y), abs=3)
-    assert casts(window, after)
-    window.click((1205.0, 378.0))
-    window.rest()
+    assert window.since(after, "cast")
+    window.front("lighting")
     window.click("remove source 2")
     window.rest()
-    assert not [row for row in window.rows() if row["event"] == "error"]
+    assert window.since(-1.0, "error") == []

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.support.errors import raises
+from tests.support.errors import refuses
 from tests.support.viewer import run_command
 from volspec.appearance import Viewing
-from volspec.errors import SpectrumError, ViewingError
+from volspec.errors import ViewingError
 from volspec.raycast import Ambient, Headlight, LightGroup
 from volspec.relight import LightRig, RelightSpec
 from volspec.scene import Scene
@@ -120,10 +120,10 @@ def test_lux_count_where_all_that_shines_has_them(lit: ViewState) -> None:
     bright = light_parts.set_lux(lit, 0, 500.0)
     rows = bright.lights
     rig = light_rig(rows)
-    assert rig is not None and rig.total_lux == 500.0
+    assert rig.total_lux == 500.0
     both = lights.set_weight(bright, 1, 1.0).lights
     rig = light_rig(both)
-    assert rig is not None and rig.total_lux is None
+    assert rig.total_lux is None
     assert light_parts.set_lux(bright, 0, 0.0).lights[0].rig.illuminance_lux is None
 
 
@@ -166,14 +166,12 @@ def test_a_group_cannot_be_weighted_until_all_is_dark(lit: ViewState) -> None:
     assert brighter.lights[3].rig.weights[1] == light_rows.MOST_WEIGHT
 
 
-def test_a_spectrum_is_respelled_or_refused_with_the_name(lit: ViewState) -> None:
+def test_a_spectrum_is_respelled(lit: ViewState) -> None:
     new = light_parts.respell(lit, 0, 0, "planck:2700").state.lights[0]
     assert new.name == "2700 K" and new.kelvin == 2700.0 and new.weight == 1.0
     sky = light_parts.respell(lit, 3, 1, "daylight:7500").state.lights[3]
     assert sky.name == "evening" and sky.texts == ("A", "daylight:7500")
     assert light_parts.respell(lit, 0, 0, " D65 ").state is lit
-    refused = light_parts.respell(lit, 0, 0, "D6")
-    assert refused.state is lit and "D6" in refused.message
 
 
 # Notation
@@ -188,8 +186,7 @@ def test_scenes_keep_the_notation_of_their_lights() -> None:
 
 
 def test_a_row_has_one_text_for_each_spectrum() -> None:
-    with raises(ViewingError, "shape", "LightRow.texts"):
-        replace(ROWS[0], texts=("D65", "A"))
+    refuses(lambda: replace(ROWS[0], texts=("D65", "A")), "shape LightRow.texts", ViewingError)
     assert LightRow("x", "", ROWS[3].rig).texts == (None, None)
 
 
@@ -204,8 +201,6 @@ def test_a_file_is_found_in_the_scene_s_folder_first(
     monkeypatch.chdir(here)
     for file, named in (("scene.csv", "scene.csv"), ("here.csv", str(here / "here.csv"))):
         assert light_rows.light_from_text(file, DEFAULT_GRID, str(scene))[1] == named
-    with raises(SpectrumError, "not-found"):
-        light_rows.light_from_text("nosuch.csv", DEFAULT_GRID, str(scene))
 
 
 # Mixes
@@ -213,14 +208,13 @@ def test_a_file_is_found_in_the_scene_s_folder_first(
 
 def mixed(rows: Rows) -> LightRow:
     kept = mix_row(rows, DEFAULT_GRID)
-    assert kept is not None
     return kept
 
 
 def test_a_kept_mix_is_the_light_that_shines_and_says_how_it_was_mixed(lit: ViewState) -> None:
     state = lights.set_weight(lights.set_weight(replace(lit, lights=ROWS[:3]), 0, 0.7), 1, 0.3)
     before, kept = light_rig(state.lights), lights.keep_mix(state).state.lights
-    assert before is not None and kept[-1].texts == ("D65*0.7+A*0.3",)
+    assert kept[-1].texts == ("D65*0.7+A*0.3",)
     assert light_rows.effective_weights(kept) == (0, 0, 0, 1)
     # The text has four digits.
     expected = before.mixed(DEFAULT_GRID).values
@@ -277,7 +271,7 @@ def test_weights_spectra_and_temperatures_lie_between(share: float) -> None:
     brighter = (replace(END[0], rig=replace(END[0].rig, illuminance_lux=(500.0,))), *END[1:])
     rows, seen = interpolate_lights((START, DIM), (brighter, BRIGHT), share)
     lux = rows[0].rig.illuminance_lux
-    assert lux is not None and lux[0] == pytest.approx(100 + 400 * share)
+    assert lux[0] == pytest.approx(100 + 400 * share)
     assert len(rows) == 4 and not any(each.solo or each.muted for each in rows)
     a, b = effective_weights((*START, replace(END[3], weight=0.0))), effective_weights(END)
     expected = [(1 - share) * p + share * q for p, q in zip(a, b, strict=True)]
@@ -286,7 +280,6 @@ def test_weights_spectra_and_temperatures_lie_between(share: float) -> None:
     np.testing.assert_allclose(values[1], (1 - share) * values[0] + share * values[2])
     # A temperature is set in whole kelvins, by equal steps of its reciprocal.
     kelvin = rows[2].kelvin
-    assert kelvin is not None
     assert kelvin == pytest.approx(1 / ((1 - share) / 2000 + share / 8000), abs=0.51)
     np.testing.assert_array_equal(rows[2].rig.lights[0].values, light(f"planck:{kelvin}").values)
     viewing = seen.viewing
@@ -385,7 +378,7 @@ def test_a_state_recalled_on_the_way_starts_from_there(state: ViewState) -> None
     new = recalling(state, 1.0)
     shown = light_states.during_fade(new, 0.5)
     again = light_states.after_fade(new, shown, light_states.recall(shown, 0))
-    assert again.fade is not None and effective_weights(again.fade.lights)[:2] == (0.5, 0.5)
+    assert effective_weights(again.fade.lights)[:2] == (0.5, 0.5)
     at_first = light_states.during_fade(again, 0.0)
     assert effective_weights(at_first.lights)[:2] == (0.5, 0.5)
 

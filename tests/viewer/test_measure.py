@@ -11,7 +11,6 @@ from tests.support.viewer import read_scene
 from tests.support.window import Robot
 from volspec.raycast.projection import Projection
 from volspec.scene import Scene
-from volspec.scene.annotation import Annotation
 from volspec.viewer.model import measure
 from volspec.viewer.model.state import ViewState
 
@@ -44,15 +43,6 @@ def test_points_without_a_tool_are_ignored(state: ViewState) -> None:
     assert measure.pick(measure.start(state, "ruler"), POINTS[0]).state.annotations == ()
 
 
-def test_there_is_a_limit(state: ViewState) -> None:
-    many = picked(state, "label")
-    for _ in range(measure.MOST - 1):
-        many = measure.pick(many, POINTS[0]).state
-    assert len(many.annotations) == measure.MOST
-    refused = measure.pick(many, POINTS[0])
-    assert refused.message and refused.state is many
-
-
 def test_texts_and_rows_are_edited(state: ViewState) -> None:
     new = picked(picked(state, "label"), "distance")
     new = measure.rename(measure.rename(new, 0, "  aortic\nvalve "), 1, "width")
@@ -64,61 +54,31 @@ def test_texts_and_rows_are_edited(state: ViewState) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("screen")
-def test_points_of_the_picture_are_points_of_the_volume(tmp_path: Path) -> None:
+def test_points_of_the_picture_are_points_of_the_volume(window: Robot, tmp_path: Path) -> None:
     values = np.zeros((40, 40, 40), np.float32)
     values[8:32, 8:32, 8:32] = 1.0
     np.save(tmp_path / "box.npy", values)
-    with Robot(tmp_path, ["box.npy"], (800, 520)) as robot:
-        robot.whole()
-        robot.rest()
-
-        def command(words: str) -> None:
-            robot.key("ctrl+p")
-            robot.rest()
-            robot.type(words)
-            robot.rest()
-            robot.key("Return")
-            robot.rest()
-
-        command("preset surface")
-        command("measure a distance")
-        x, y, width, height = robot.area("picture")
-        places = [(x + width * 0.4, y + height * 0.45), (x + width * 0.6, y + height * 0.5)]
-        for place in places:
-            robot.click(place)
-            robot.rest()
-        # A new label is typed at once; its letters are no commands.
-        command("add a label")
-        robot.click(places[0])
-        robot.rest()
-        robot.type("a crust")
-        robot.rest()
-        robot.key("Return")
-        robot.rest()
-        robot.key("Escape")
-        robot.rest()
-        # The palette takes keys at once, before it is drawn: S saves no picture.
-        robot.do("key", "--delay", "0", "ctrl+p", "s")
-        robot.rest()
-        robot.key("Escape")
-        robot.rest()
-        # A double click on its caption in the picture edits the text.
-        robot.do("mousemove", *robot.middle("annotation 1"), "sleep", "0.1")
-        robot.do("click", "--repeat", "2", "--delay", "60", "1")
-        robot.rest()
-        robot.type("the crust")
-        robot.rest()
-        robot.key("Return")
-        robot.rest()
-        robot.key("ctrl+s")
-        robot.rest()
-        before = robot.now()
-        robot.key("Return")
-        saved = robot.wait_for(lambda row: row["event"] == "export-scene", before)
-        robot.key("ctrl+z")
-        robot.rest()
-        assert robot.viewer.poll() is None
+    window.open(tmp_path / "box.npy")
+    window.command("preset surface")
+    window.command("measure a distance")
+    x, y, width, height = window.area("picture")
+    places = [window.at("picture", 0.4, 0.45), window.at("picture", 0.6, 0.5)]
+    window.click(*places)
+    # A new label is typed at once; its letters are no commands.
+    window.command("add a label")
+    window.click(places[0])
+    window.enter("a crust")
+    window.keys("Escape")
+    # The palette takes keys at once, before it is drawn: S saves no picture.
+    window.do("key", "--delay", "0", "ctrl+p", "s")
+    window.keys("Escape")
+    # A double click on its caption in the picture edits the text.
+    window.double_click("annotation 1", lambda: True)
+    window.enter("the crust")
+    before = window.keys("ctrl+s")
+    window.key("Return")
+    saved = window.event("export-scene", before)
+    window.keys("ctrl+z")
     scene = Scene.load(saved["path"])
     found, label = scene.file.annotation
     assert label.text == "the crust"
@@ -131,4 +91,3 @@ def test_points_of_the_picture_are_points_of_the_volume(tmp_path: Path) -> None:
     drawn = projection.to_window(np.array(found.points_mm))[:, :2]
     assert np.abs(drawn - places).max() < 2.0
     assert read_scene(Path(saved["path"])).annotations == (found, label)
-    assert isinstance(found, Annotation)

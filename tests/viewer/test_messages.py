@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,11 +24,23 @@ from tests.support.viewer import (
 from volspec.errors import VolspecError, one_line
 from volspec.palette import Cell
 from volspec.pipeline import raycast
+from volspec.raycast import Ambient, LightGroup
+from volspec.raycast.spec import MAX_GROUPS
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.error_map import ErrorMap
+from volspec.scene.annotation import Annotation
 from volspec.spectra import DEFAULT_GRID, Spectrum, light
 from volspec.transfer import Region, TransferFunction2D
-from volspec.viewer.model import light_parts, lights, materials, room
+from volspec.viewer.model import (
+    light_parts,
+    lighting,
+    lights,
+    materials,
+    measure,
+    opacities,
+    room,
+)
+from volspec.viewer.model.edit import Edited
 from volspec.viewer.model.light_rows import MOST_ROWS, LightRow, LightState, lux_note
 from volspec.viewer.model.light_states import MOST_STATES
 from volspec.viewer.model.palette_table import colour_table
@@ -49,6 +62,7 @@ from volspec.viewer.work.script import script_from_state
 
 GOLDEN = Path(__file__).with_name("messages.txt")
 RED = Cell(colour=(1, 0, 0))
+LABEL = Annotation(points_mm=((0.0, 0.0, 0.0),), text="here")
 GLASS = {"copper": Spectrum([390, 710], [0.2, 0.9])}
 
 
@@ -71,19 +85,45 @@ def transcript(state: ViewState) -> str:
 
 
 def _refusals(state: ViewState) -> Iterator[str]:
+    """Messages of edits that change nothing."""
     full = replace(state, lights=state.lights[:1] * MOST_ROWS)
     dark = replace(state, lights=(replace(state.lights[0], weight=0.0),))
     saved = tuple(LightState(str(i), state.lights, state.relight) for i in range(MOST_STATES))
     cut = run_command(state, "p").state
+    surfaces = of_kind(state, "surfaces")
+    exact = opacities.set_opacity(state, "gold", 0.5)
+    projected = replace(exact, shading=replace(exact.shading, mode="maximum"))
     for given, name in (
         *((full, "keep-mix"), (full, "palette-light"), (dark, "keep-mix"), (dark, "remove-light")),
         *((replace(state, saved_lights=saved), "save-state"), (state, "palette-restart")),
         *((state, "transfer-labels"), (cut, "plane-facing")),
         *((state, "panel-room"), (state, "reset-paints")),
+        *((surfaces, "projection-average"), (surfaces, "preintegration")),
+        (projected, "stereo-anaglyph"),
     ):
         new, message, _ = run_command(given, name)
         assert new is given
         yield f"{name}: {message}"
+    sky = lighting.add_source(state, "sky").state
+    groups = state
+    while len(groups.shading.groups) < MAX_GROUPS:
+        groups = lighting.add_source(groups, "headlight").state
+    shading = replace(state.shading, groups=(LightGroup("light", (Ambient(),)),))
+    one = replace(state, shading=shading)
+    measured = replace(measure.start(state, "label"), annotations=(LABEL,) * measure.MOST)
+    rows: list[tuple[ViewState, Callable[..., Edited], tuple[Any, ...]]] = [
+        (groups, lighting.add_source, ("sky",)),
+        (sky, lighting.rename_group, (1, "a=b")),
+        (one, lighting.remove_source, (0,)),
+        (measured, measure.pick, ((0.0, 0.0, 0.0),)),
+        *((state, materials.add_material, (0, name)) for name in ("gould", "no.csv", "grey:7")),
+        *((state, lights.add, (name,)) for name in ("D65*0.7+Q*0.3", "no.csv")),
+        *((state, light_parts.respell, (0, 0, name)) for name in ("D6", "no.csv")),
+    ]
+    for given, edit, arguments in rows:
+        new, message, _ = edit(given, *arguments)
+        assert new is given
+        yield f"{edit.__name__}: {message}"
     yield room.LIGHTS
 
 
@@ -150,7 +190,7 @@ def _overlays(state: ViewState) -> Iterator[str]:
 def _errors(state: ViewState) -> Iterator[str]:
     """Messages of refused files, notations and copies."""
     dark = replace(state, lights=(replace(state.lights[0], weight=0.0),))
-    for refused in (
+    for call in (
         lambda: dropped_path(["/a/x.nrrd", "/b/y.nrrd"]),
         lambda: check_name("/a/caf\udce9.npy"),
         lambda: scene_from_state(state),
@@ -159,7 +199,7 @@ def _errors(state: ViewState) -> Iterator[str]:
         lambda: copy_values(None),
     ):
         with raises(VolspecError) as caught:
-            refused()
+            call()
         yield one_line(caught.value)
     for text in ("D65*0.7+Q*0.3", "daylight:62", "lamp.csv"):
         yield verdict(text, DEFAULT_GRID, ".")[1]

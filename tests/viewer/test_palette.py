@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,23 +14,37 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.support.errors import raises
-from tests.support.viewer import KINDS, VISIBLE, of_kind, run_command, with_designed, with_target
+from tests.support.viewer import (
+    KINDS,
+    VISIBLE,
+    curve_of,
+    of_kind,
+    run_command,
+    with_designed,
+    with_target,
+)
 from tests.viewer._edits import MODULES, drawn
 from volspec.basis import MaterialBasis
-from volspec.errors import PaletteError
-from volspec.palette import Apart, Cell, Criteria, load_palette, save_palette
+from volspec.errors import Code, PaletteError
+from volspec.palette import (
+    Apart,
+    Cell,
+    Criteria,
+    Palette,
+    PaletteSpectrum,
+    load_palette,
+    save_palette,
+)
 from volspec.pipeline import raycast
 from volspec.raycast import Ambient, LightGroup
 from volspec.relight import LightRig, relight
 from volspec.spectra import light, reflectance
-from volspec.transfer import (
-    TransferFunction,
-)
+from volspec.transfer import TransferFunction
 from volspec.viewer.model import camera, palette_edits, palette_results
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.edit import Change, after
 from volspec.viewer.model.history import Difference, History
-from volspec.viewer.model.light_rows import LightRow
+from volspec.viewer.model.light_rows import MOST_ROWS, LightRow
 from volspec.viewer.model.materials import with_reflectances
 from volspec.viewer.model.palette_table import (
     colour_table,
@@ -40,6 +56,8 @@ from volspec.viewer.model.palette_table import (
 from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, STAY, PaletteState, Pick
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.palette_cells import contrast, importance, levels
+
+PALETTES = Path(__file__).resolve().parents[2] / "data" / "palettes"
 
 
 def undressed(state: ViewState) -> ViewState:
@@ -88,14 +106,12 @@ def test_a_column_of_two_groups_shows_what_is_out_of_every_shadow(state: ViewSta
 def test_other_spectra_relight_and_everything_else_of_a_transfer_casts(state: ViewState) -> None:
     shown = undressed(state)
     curve = shown.transfer
-    assert isinstance(curve, TransferFunction)
 
     def stage(transfer: TransferFunction) -> str | None:
         return Difference.between(shown, replace(shown, transfer=transfer)).stage
 
     silver = {"gold": reflectance("silver")}
     repainted = with_reflectances(curve, silver)
-    assert isinstance(repainted, TransferFunction)
     assert repainted.materials["gold"] is silver["gold"]
     assert stage(repainted) == "relight"
     assert stage(with_material_range(repainted, 0.3, 0.4, "gold")) == "cast"
@@ -145,7 +161,7 @@ def test_kinds_of_wishes_keep_their_weight_and_their_partner(state: ViewState) -
         return new.palette.targets.cells.get(("gold", "A"))
 
     free = kind("free")
-    assert free is not None and free.group and free == Cell("free", group=free.group, weight=3.0)
+    assert free.group and free == Cell("free", group=free.group, weight=3.0)
     assert kind("black") == Cell("black", weight=3.0)
     assert kind("same") == Cell("same", other=("copper", "A"), weight=3.0)
     assert kind("distinct", 0) == Cell("distinct", other=("copper", "D65"), weight=3.0, distance=20)
@@ -174,7 +190,6 @@ def test_undo_takes_a_wish_and_its_spectra_back_together(state: ViewState) -> No
 
 def test_materials_of_values_are_cut_out_of_the_curve(state: ViewState) -> None:
     curve = state.transfer
-    assert isinstance(curve, TransferFunction)
     assert [(r.low, r.high, r.material) for r in material_ranges(curve)] == [
         (0.2, 0.5, "copper"),
         (0.9, 0.9, "gold"),
@@ -239,8 +254,7 @@ def test_any_edits_make_a_palette_or_fail(
 
 @pytest.fixture(scope="module")
 def hidden(state: ViewState) -> ViewState:
-    pick = Pick(place=("gold", "A"))
-    asked = replace(state, interface=replace(state.interface, pick=pick))
+    asked = with_pick(state)
     return palette_results.with_wizard_result(asked, palette_results.run_wizard(asked, "hide"))
 
 
@@ -255,8 +269,7 @@ def test_a_wizard_hides_a_material_and_leaves_its_wishes_in_the_table(hidden: Vi
 
 
 def test_a_wizard_s_light_is_a_row_that_shines(state: ViewState) -> None:
-    pick = Pick(place=("gold", "A"), like="D65")
-    asked = replace(state, interface=replace(state.interface, pick=pick))
+    asked = with_pick(state, like="D65")
     made = palette_results.with_wizard_result(asked, palette_results.run_wizard(asked, "hide"))
     assert column_names(made.lights)[-1] == "new 1" and made.lights[-1].weight == 1.0
     assert (LIGHT, "new 1") in made.palette.targets.free
@@ -264,21 +277,45 @@ def test_a_wizard_s_light_is_a_row_that_shines(state: ViewState) -> None:
     assert Difference.between(undressed(state), plain).stage == "relight"
 
 
-def test_filters_keep_their_basis_and_no_wizard_touches_them(state: ViewState) -> None:
-    assert isinstance(state.transfer, TransferFunction)
-    glass = replace(state.transfer, filters={"gold": reflectance("gold")})
-    asked = with_target(replace(state, transfer=glass), 5)
-    assert asked.transfer is glass and asked.palette.is_pending
+def test_filters_keep_their_basis(state: ViewState) -> None:
+    glass = with_filter(state)
+    asked = with_target(glass, 5)
+    assert asked.transfer is glass.transfer and asked.palette.is_pending
     assert Difference.between(asked, with_designed(asked)).stage == "cast"
-    with raises(PaletteError, "unsupported"):
-        palette_results.run_wizard(asked, "hide")
 
 
-def test_a_wizard_that_refuses_says_why(state: ViewState) -> None:
-    pick = Pick(place=("gold", "A"), distance=99.0)
-    asked = replace(state, interface=replace(state.interface, pick=pick))
-    with raises(PaletteError):
-        palette_results.run_wizard(asked, "reveal")
+def with_pick(state: ViewState, **fields: Any) -> ViewState:
+    pick = Pick(place=("gold", "A"), **fields)
+    return replace(state, interface=replace(state.interface, pick=pick))
+
+
+def with_filter(state: ViewState) -> ViewState:
+    return replace(state, transfer=replace(curve_of(state), filters={"gold": reflectance("gold")}))
+
+
+def crowded() -> Palette:
+    """A palette with more lights than there is room for."""
+    palette = load_palette(PALETTES / "figure-2.toml")
+    many = (PaletteSpectrum(f"lamp {n}", light("A")) for n in range(MOST_ROWS))
+    return replace(palette, lights=(*palette.lights, *many))
+
+
+@pytest.mark.parametrize(
+    ("code", "call"),
+    [
+        ("unsupported", lambda s: palette_results.run_wizard(with_filter(with_pick(s)), "hide")),
+        (
+            "impossible",
+            lambda s: palette_results.run_wizard(with_pick(s, distance=99.0), "reveal"),
+        ),
+        ("size", lambda s: palette_results.with_palette(s, crowded())),
+    ],
+)
+def test_what_a_palette_cannot_is_refused(
+    state: ViewState, code: Code, call: Callable[[ViewState], object]
+) -> None:
+    with raises(PaletteError, code):
+        call(state)
 
 
 def test_a_palette_is_written_and_loaded_as_it_was(hidden: ViewState, tmp_path: Path) -> None:

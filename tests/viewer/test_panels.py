@@ -135,7 +135,6 @@ def test_actions_that_do_something_or_have_nothing_to_do_say_nothing(state: View
 
 def test_the_command_palette_says_why_a_light_is_not_added(state: ViewState) -> None:
     command = commands.list_entries(state, (), "add light hp1")[0]
-    assert command.change is not None
     here, full = UiContext(), replace(state, lights=state.lights[:1] * MOST_ROWS)
     assert here.edited(full, command.change) is full
     assert here.requests == [Request("warning", after(command.change, full).message)]
@@ -283,7 +282,6 @@ def test_usual_names_find_their_command(state: ViewState, search: str) -> None:
 def test_rows_do_what_they_say(state: ViewState) -> None:
     def done(search: str) -> ViewState:
         row = commands.list_entries(state, (), search)[0]
-        assert row.change is not None
         return after(row.change, state).state
 
     alone, model, added, dark = map(
@@ -315,10 +313,8 @@ def test_settings_are_reached_by_name(state: ViewState) -> None:
             assert (setting.panel, setting.item) == (panel, name) and setting.change is not None
             assert panel in after(setting.change, closed).state.interface.panels
     deutan = row("deuteranopia deutan").change
-    assert deutan is not None
     assert after(deutan, state).state.relight.viewing.deficiency == "deutan"
     dim, reduce = row("surround dim").change, row("gamut reduce").change
-    assert dim is not None and reduce is not None
     assert after(dim, state).state.relight.viewing.surround == "dim"
     assert after(reduce, state).state.relight.viewing.display.gamut == "reduce"
 

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import astuple, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from tests.support.errors import raises
-from tests.support.viewer import SCENES, assert_same_picture, opened, read_scene
+from tests.support.errors import refuses
+from tests.support.viewer import (
+    SCENES,
+    assert_same_picture,
+    assert_same_tables,
+    opened,
+    read_scene,
+)
 from volspec.basis import SpectralBasis
-from volspec.errors import InputError, SceneError
+from volspec.errors import InputError, SceneError, ViewingError, VolspecError
 from volspec.raycast import ClipPlane, Directional, LightGroup, Point
 from volspec.relight import LightRig, RelightSpec
+from volspec.scene.specs import MeshSpec
 from volspec.spectra import Spectrum, light
 from volspec.transfer import FieldFunctions
 from volspec.viewer.model import camera, fields, light_rows, lights, transfer_edits
@@ -22,6 +30,8 @@ from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.light_rows import LightRow, light_rig
 from volspec.viewer.model.scene_file import export_scene, scene_from_state
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.work.script import export_python, script_from_state
+from volspec.viewer.work.session import SUFFIX, SessionError, save_session
 
 
 @pytest.mark.parametrize("kind", SCENES)
@@ -30,7 +40,7 @@ def test_every_kind_of_transfer_function_comes_back(tmp_path: Path, kind: str) -
     # The tables are made again, not taken from the file.
     other = replace(state, transfer=replace(state.transfer))
     assert scene_from_state(other).transfer == scene_from_state(state).transfer
-    assert_same_picture(other, tmp_path)
+    assert_same_tables(read_scene(export_scene(other, tmp_path / "again.toml")), other)
 
 
 def test_what_mouse_and_sliders_change_comes_back(tmp_path: Path) -> None:
@@ -104,7 +114,7 @@ def test_lux_stay_with_their_lights(tmp_path: Path) -> None:
     seen = replace(state.relight, level="absolute")
     again = assert_same_picture(replace(state, lights=rows, relight=seen), tmp_path)
     rig = light_rig(again.lights)
-    assert rig is not None and rig.total_lux == pytest.approx(0.7 * 340.0)
+    assert rig.total_lux == pytest.approx(0.7 * 340.0)
 
 
 def test_a_basis_that_a_scene_trains_is_kept_if_lights_would_change_it(tmp_path: Path) -> None:
@@ -119,31 +129,63 @@ def test_materials_as_channels_and_another_folder(tmp_path: Path) -> None:
     state = opened(tmp_path, basis='method = "materials"')
     (tmp_path / "there").mkdir()
     again = assert_same_picture(camera.orbit(state, 0.1, 0.0), tmp_path / "there")
-    assert again.document.file is not None
     assert Path(again.document.file.volume.file).parent == Path("..")
 
 
-def test_what_no_file_can_say_is_refused_in_a_line(state: ViewState, tmp_path: Path) -> None:
-    with raises(SceneError, "missing"):
-        scene_from_state(state)
-    here = opened(tmp_path)
-    spectrum = RelightSpec(backdrop=Spectrum([400, 700], [0.1, 0.2]))
-    with raises(SceneError, "unsupported", "viewing.backdrop"):
-        scene_from_state(replace(here, relight=spectrum))
-    dark = tuple(replace(row, weight=0.0) for row in here.lights)
-    with raises(SceneError, "missing"):  # it would open lit
-        scene_from_state(replace(here, lights=dark))
-    with raises(SceneError):
-        export_scene(here, tmp_path / "x.json")
-    with raises(InputError, "unwritable"):
-        export_scene(here, "/proc/nothing/x.toml")
+def dark(state: ViewState) -> ViewState:
+    return replace(state, lights=tuple(replace(row, weight=0.0) for row in state.lights))
+
+
+def backdrop(state: ViewState) -> ViewState:
+    return replace(state, relight=RelightSpec(backdrop=Spectrum([400, 700], [0.1, 0.2])))
+
+
+def of_image(state: ViewState) -> ViewState:
+    return replace(state, document=replace(state.document, image=cast(Any, object())))
+
+
+def nameless(state: ViewState) -> ViewState:
+    return replace(state, document=replace(state.document, path=None, file=None))
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected", "write"),
+    [
+        (SceneError, "missing", lambda s: scene_from_state(nameless(s))),
+        (SceneError, "unsupported", lambda s: scene_from_state(of_image(s))),
+        (SceneError, "unsupported viewing.backdrop", lambda s: scene_from_state(backdrop(s))),
+        (SceneError, "missing", lambda s: scene_from_state(dark(s))),  # it would open lit
+        (InputError, "unsupported", lambda s: export_scene(s, "x.json")),
+        (InputError, "unwritable", lambda s: export_scene(s, "/proc/nothing/x.toml")),
+        (SceneError, "missing", lambda s: script_from_state(nameless(s))),
+        (SceneError, "unsupported", lambda s: script_from_state(of_image(s))),
+        (SceneError, "unsupported", lambda s: script_from_state(replace(s, room=object()))),
+        (
+            SceneError,
+            "unsupported",
+            lambda s: script_from_state(replace(s, meshes=(MeshSpec(shape="triad"),))),
+        ),
+        (ViewingError, "missing", lambda s: script_from_state(dark(s))),
+        (InputError, "unsupported", lambda s: export_python(s, "x.txt")),
+        (SceneError, "missing", lambda s: save_session(nameless(s), f"x{SUFFIX}")),
+        (SessionError, "unsupported", lambda s: save_session(s, "x.toml")),
+    ],
+)
+def test_what_no_file_can_say_is_refused(
+    tmp_path: Path,
+    kind: type[VolspecError],
+    expected: str,
+    write: Callable[[ViewState], object],
+) -> None:
+    state = opened(tmp_path)
+    refuses(lambda: write(state), expected, kind)
 
 
 def test_a_basis_of_another_scene_is_shown_by_its_name(tmp_path: Path) -> None:
     state = opened(tmp_path)
     other = replace(state.transfer, basis=SpectralBasis.load("general-7"))
     again = assert_same_picture(replace(state, transfer=other), tmp_path)
-    assert again.document.file is not None and again.document.file.basis.name == "general-7"
+    assert again.document.file.basis.name == "general-7"
 
 
 MASK = """
@@ -172,7 +214,6 @@ def shown_mask(state: ViewState) -> Any:
 
 def test_masks_stay_through_edits_of_other_things(tmp_path: Path) -> None:
     path = opened(tmp_path).document.path
-    assert path is not None
     halves = np.zeros((12, 12, 12), np.uint8)
     halves[:, :6], halves[:, 6:, :6] = 1, 2
     np.save(tmp_path / "halves.npy", halves)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import threading
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +13,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.support.errors import raises
+from tests.support.errors import refuses
+from tests.support.patience import PATIENCE_S
 from tests.support.viewer import wait_until
 from volspec.appearance import lut3d
 from volspec.errors import RelightError, ViewingError
@@ -40,7 +40,7 @@ AREA = (0, 0, 200, 100)
 
 
 @pytest.fixture
-def slow(context: Any, state: ViewState, monkeypatch: pytest.MonkeyPatch) -> Iterator[Screen]:
+def slow(context: Any, state: ViewState) -> Iterator[Screen]:
     """A screen that shows a picture; the next one is to be relit in bands."""
     meter = Meter(Trace())
     screen = Screen(context, lambda: None, meter, Notice())
@@ -48,7 +48,8 @@ def slow(context: Any, state: ViewState, monkeypatch: pytest.MonkeyPatch) -> Ite
     screen.relight(under(state, 0), held=False)
     screen.relight(under(state, 0), held=False)
     meter.bands = BANDS
-    yield screen
+    with context:
+        yield screen
     screen.close()
 
 
@@ -93,7 +94,6 @@ def test_each_second_of_changing_lights_is_drawn_whole(slow: Screen, state: View
 def test_values_under_the_mouse_stay_while_bands_are_drawn(slow: Screen, state: ViewState) -> None:
     slow.probe(under(state, 0), (0.5, 0.5), held=False)
     before = slow.under_mouse
-    assert before is not None
     slow.mark_stale()
     for _ in range(BANDS):
         slow.relight(under(state, 1), held=False)
@@ -102,14 +102,13 @@ def test_values_under_the_mouse_stay_while_bands_are_drawn(slow: Screen, state: 
     slow.relight(under(state, 1), held=False)
     slow.probe(under(state, 1), (0.5, 0.5), held=False)
     after = slow.under_mouse
-    assert after is not None and str(after) != str(before)
+    assert str(after) != str(before)
 
 
 def test_the_last_frame_shows_the_values_of_its_picture(slow: Screen, state: ViewState) -> None:
     """A coarse picture rests under the mouse, the whole one comes in bands, then nothing more."""
     middle = 0.5, 0.5
     bright = done(state, 1)
-    assert bright.image is not None
     coarse = replace(bright.image, coefficients=0.5 * bright.image.coefficients)
     for ended in (replace(bright, image=coarse, made=Pass(2)), bright):
         slow.take(ended, state)
@@ -128,7 +127,6 @@ def test_an_empty_picture_says_so_and_a_fault_takes_its_place(
 ) -> None:
     lit(slow, state)
     cast, painted = done(state, 0), slow.painted_picture(AREA, state)
-    assert painted is not None and cast.image is not None
     assert slow.missing_message(state, painted) == ""
     blank = replace(cast.image, alpha=np.zeros_like(cast.image.alpha))
     for divisor, empty in ((2, False), (1, True)):  # coarse, its rays may miss something small
@@ -151,7 +149,6 @@ def test_a_picture_keeps_its_shape_until_another_is_drawn(slow: Screen, state: V
         assert slow.painted_picture(AREA, wide) == before
         slow.relight(under(wide, 0), held=False)
     now = slow.painted_picture(AREA, wide)
-    assert before is not None and now is not None
     width = AREA[3] * SIZE[0] / SIZE[1]
     assert before.to == pytest.approx(((AREA[2] - width) / 2, 0, (AREA[2] + width) / 2, AREA[3]))
     assert now.to == AREA
@@ -166,7 +163,8 @@ def screen(context: Any, state: ViewState, monkeypatch: pytest.MonkeyPatch) -> I
     monkeypatch.setattr(Window, "wake", lambda: None)
     shown = Screen(context, lambda: None, Meter(Trace()), Notice())
     shown.take(done(state, 0), state)
-    yield shown
+    with context:
+        yield shown
     shown.close()
 
 
@@ -188,8 +186,7 @@ def seen_by(state: ViewState, model: str, light: int) -> ViewState:
 
 
 def pixels(screen: Screen) -> NDArray[np.uint8]:
-    with screen.pictures._context:  # a window's stays current
-        return screen.pictures.pixels().copy()
+    return screen.pictures.pixels().copy()
 
 
 def test_lights_from_groups_that_are_being_cast_wait_for_them(
@@ -211,10 +208,6 @@ def test_lights_from_groups_that_are_being_cast_wait_for_them(
     # No cast will bring a group that the scene lacks.
     screen.relight(lamp, held=False)
     assert "lamp" in screen._notice.text
-
-
-def until_told(screen: Screen) -> None:
-    wait_until(screen.take_tables)
 
 
 def test_the_picture_waits_for_the_newest_table(
@@ -249,7 +242,7 @@ def test_the_picture_waits_for_the_newest_table(
     screen.relight(seen_by(state, "Nayatani95", 1), held=False)
     assert np.array_equal(pixels(screen), before) and not screen.pictures.current
     rests.set()
-    until_told(screen)
+    wait_until(screen.take_tables)
     screen.relight(seen_by(state, "Nayatani95", 1), held=False)
     after = pixels(screen)
     assert not np.array_equal(after, before) and screen.pictures.current
@@ -268,9 +261,7 @@ def test_the_next_light_cancels_a_table(
 
     def without_end(key: lut3d.LutKey, cancel: Callable[[], bool]) -> NDArray[np.float32]:
         begun.append(key)
-        end = time.time() + 20
-        while len(begun) == 1 and time.time() < end and not cancel():
-            time.sleep(0.002)
+        wait_until(lambda: len(begun) == 2 or cancel())
         return work_out(key, cancel)
 
     monkeypatch.setattr(lut3d, "_bake_texels", without_end)
@@ -278,7 +269,7 @@ def test_the_next_light_cancels_a_table(
     wait_until(lambda: begun)
     screen.mark_stale()
     screen.relight(seen_by(state, "Nayatani95", 1), held=False)
-    until_told(screen)
+    wait_until(screen.take_tables)
     assert len(begun) == 2
     assert begun[0] not in screen.pictures.tables and begun[1] in screen.pictures.tables
 
@@ -288,7 +279,7 @@ def test_both_sides_of_the_divide_have_own_tables(screen: Screen, state: ViewSta
         seen_by(state, "Nayatani95", 0), other=light_rows.only_row(state.lights, 1), divide=0.5
     )
     screen.relight(both, held=False)
-    until_told(screen)
+    wait_until(screen.take_tables)
     screen.relight(both, held=False)
     assert screen.pictures.current
     split = pixels(screen)
@@ -303,13 +294,13 @@ def test_a_failed_table_is_requested_once(
 ) -> None:
     reason = "no colour at\nsome node"
 
-    def refused(key: lut3d.LutKey, cancel: object) -> None:
+    def fails(key: lut3d.LutKey, cancel: object) -> None:
         raise ViewingError(reason)
 
-    monkeypatch.setattr(lut3d, "_bake_texels", refused)
+    monkeypatch.setattr(lut3d, "_bake_texels", fails)
     hunt = seen_by(state, "Hunt", 0)
     screen.relight(hunt, held=False)
-    until_told(screen)
+    wait_until(screen.take_tables)
     assert screen._notice.text.split() == reason.split()
     screen.relight(hunt, held=False)
     assert screen._notice.text.split() == reason.split()
@@ -361,7 +352,6 @@ def shot(state: ViewState) -> tuple[Camera, CoefficientImage, LightRig]:
     document = state.document
     camera = state.view.camera(document.volume)
     rig = light_rig(state.lights)
-    assert rig is not None
     return camera, raycast(document.volume, document.transfer, camera, (33, 33)), rig
 
 
@@ -379,7 +369,6 @@ def test_the_probe_finds_the_hit_of_a_ball(
     head = read(image, camera, volume, rig, state.relight, MIDDLE, (1, 2, 3), patient=True)
     assert dict(head.rows)["mm LPS"] == rows["mm"]
     place = place_mm(image, camera, MIDDLE)
-    assert place is not None
     centre = volume.corners_mm.mean(axis=0)
     away = np.subtract(camera.position_mm, centre)
     nearer = place - centre
@@ -451,7 +440,7 @@ def test_an_error_map_is_shown_on_its_own_picture_and_light_only(
     _, image, _ = shot(state)
     overlay.want(image, state)
     assert not overlay.shows(image, state)
-    came.wait()
+    assert came.wait(PATIENCE_S)
     assert overlay.take() and overlay.shows(image, state)
     for other, lights in ((replace(image), state.lights), (image, state.lights[1:])):
         assert not overlay.shows(other, replace(state, lights=lights))
@@ -469,5 +458,4 @@ def test_the_error_map_is_made_once(state: ViewState, monkeypatch: pytest.Monkey
         overlay.want(image, replace(state, lights=lights))
     shining, dark = begun
     assert shining().delta_e.shape == (33, 33)
-    with raises(RelightError, "missing"):
-        dark()
+    refuses(dark, "missing", RelightError)

@@ -239,7 +239,6 @@ def test_slices_are_relit_as_pixels_of_a_picture_are(state: ViewState) -> None:
 
 
 def _gold(state: ViewState, opacity: float) -> TransferFunction:
-    assert isinstance(state.transfer, TransferFunction)
     return replace(state.transfer, points=[(0.0, 0.0, "gold"), (0.01, opacity, "gold")])
 
 
@@ -254,7 +253,7 @@ def test_greys_are_the_values_between_black_and_white(state: ViewState) -> None:
     # 4096 entries and rounding to codes: half a code.
     assert np.abs(grey - 255 * (shown - low) / (high - low)).max() <= 0.6
     narrow = slices.set_greys(plain, 0.7, 0.2).interface.slices.greys
-    assert narrow is not None and narrow[0] < narrow[1]
+    assert narrow[0] < narrow[1]
 
 
 def test_greys_run_where_most_values_lie_unless_they_are_set() -> None:

@@ -144,10 +144,9 @@ def test_undo_leaves_the_step_as_it_is(tmp_path: Path) -> None:
     state = of_series(tmp_path, balls(2))
     history = History(state).step(replace(state, thickness=2.0))
     series = state.document.series
-    assert series is not None
     later = state.document.at_step(1, series[1], None)
     history = history.amend(replace(history.present, document=later))
-    assert history.difference is not None and history.difference.stage == "cast"
+    assert history.difference.stage == "cast"
     assert {id(each.document) for each in history.past} == {id(later)}
     undone = history.undo().present
     assert undone.thickness == 1.0 and undone.document is later

@@ -14,7 +14,6 @@ from tests.support.viewer import run_command
 from volspec.raycast import Camera, ClipPlane
 from volspec.raycast.framing import fit_view, shown_mm
 from volspec.raycast.projection import Projection, cube_faces, cube_label, length_mm
-from volspec.transfer import TransferFunction
 from volspec.viewer.model import camera, cuts, slices, transfer_edits
 from volspec.viewer.model.commands import BY_KEY
 from volspec.viewer.model.cuts import drag_handle, list_handles, nearest_handle
@@ -112,7 +111,6 @@ def test_a_plane_follows_its_handles(tilted: ViewState, view: View) -> None:
             assert x == pytest.approx(5.0, abs=1e-6)
         else:
             tilt_handle = handle
-    assert tilt_handle is not None
     # Where it is: nothing changes. Elsewhere: the axis is where the mouse is.
     plane = state.shading.clip_planes[0]
     x, y = drag_handle(state.shading, volume, tilt_handle, tilt_handle.held, seen)
@@ -150,15 +148,13 @@ def test_a_crop_leaves_a_voxel_and_a_whole_volume_is_no_crop(state: ViewState) -
 
 def test_six_planes_are_the_most_none_twice_and_flipping_twice_is_nothing(state: ViewState) -> None:
     once = run_command(state, "p").state
-    twice, refusal, _ = run_command(once, "p")
-    assert twice is once and refusal
     # One that was moved away, or that cuts the other side, is another.
     for other in (cuts.shift_plane(once, 0, 1.0), cuts.flip_plane(once, 0)):
         assert run_command(other, "p").message == ""
     for azimuth in range(8):
         state = replace(state, view=View(azimuth_deg=10.0 * azimuth))
-        state, refusal, _ = run_command(state, "p")
-        assert bool(refusal) == (azimuth > 5)
+        state, message, _ = run_command(state, "p")
+        assert bool(message) == (azimuth > 5)
     assert len(state.shading.clip_planes) == 6 and state.interface.overlays.plane == 5
     flipped = cuts.flip_plane(cuts.flip_plane(state, 2), 2)
     assert flipped.shading == state.shading
@@ -245,7 +241,6 @@ def test_the_field_of_view_changes_and_the_volume_keeps_its_size(state: ViewStat
 def test_everything_the_mouse_does_to_the_view_has_a_key(state: ViewState) -> None:
     for pair in (("left", "right"), ("up", "down"), ("shift+left", "shift+right"), ("=", "-")):
         there, back = (BY_KEY[key].change for key in pair)
-        assert there is not None and back is not None
         assert there(state).view != state.view
         again, first = back(there(state)).view.camera(state.document.volume), state.view
         np.testing.assert_allclose(
@@ -315,7 +310,6 @@ def test_what_is_shown_is_fitted(tilted: ViewState, view: View, aspect: float) -
 def test_where_nothing_is_shown_the_volume_is_fitted(state: ViewState) -> None:
     volume = state.document.volume
     curve = state.transfer
-    assert isinstance(curve, TransferFunction)
     clear = replace(curve, points=[(value, 0.0, mix) for value, _, mix in curve.points])
     np.testing.assert_array_equal(shown_mm([volume], clear, state.shading), volume.corners_mm)
     # What is cut away is not shown.

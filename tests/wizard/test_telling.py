@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.support.errors import raises
 from volspec._gpu.sources import asset
 from volspec.appearance.models.cielab import delta_E_2000
-from volspec.errors import SceneError
 from volspec.scene import Scene
 from volspec.spectra import DEFAULT_GRID, colour_matching_functions, light
 from volspec.transfer.presets import PRESETS
@@ -50,11 +48,3 @@ def test_the_difference_of_metamers_is_found() -> None:
     assert found.before < 1 and found.delta_e > 20
     own = light(found.text, scene.basis.grid)
     assert own.values.min() >= 0
-
-
-def test_a_material_does_not_differ_from_itself() -> None:
-    scene = Scene.load(asset("data/scenes/engine.toml"))
-    with raises(SceneError, "conflict", "two"):
-        show_difference(scene, "block", "block", under="D65")
-    with raises(SceneError, "unknown"):
-        show_difference(scene, "block", "piston", under="D65")
