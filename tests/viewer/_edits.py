@@ -36,20 +36,9 @@ from volspec.viewer.model.edit import Edited
 from volspec.viewer.model.state import ViewState
 
 MODULES = (
-    *(camera, commands, cuts, effects, labels, light_parts, light_states, lights),
-    *(
-        materials,
-        measure,
-        meshes,
-        opacities,
-        palette_edits,
-        slices,
-        transfer_edits,
-        viewing,
-        lighting,
-        quality,
-        room,
-    ),
+    *(camera, commands, cuts, effects, labels, light_parts, light_states, lighting, lights),
+    *(materials, measure, meshes, opacities, palette_edits, quality, room, slices),
+    *(transfer_edits, viewing),
 )
 NUMBERS = st.floats(-2, 30) | st.floats(-1e9, 1e9) | st.sampled_from([0.0, math.nan, math.inf])
 INDICES = st.integers(-2, 12)

@@ -40,7 +40,7 @@ from volspec.viewer.model.state import Interface, ViewState
 from volspec.viewer.ui.inputs import Input
 from volspec.viewer.ui.mouse import RUN_S, Gestures
 from volspec.viewer.work.background import Outcome, Tasks
-from volspec.viewer.work.casts import CastScheduler
+from volspec.viewer.work.casts import CastScheduler, CastWorker
 from volspec.viewer.work.documents import DocumentService, Opened
 from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.session_store import RecentFiles
@@ -74,8 +74,9 @@ class Read(ViewState):
 
 
 def test_a_change_of_what_a_cast_reads_casts_and_of_what_a_relight_reads_relights(
-    state: ViewState,
+    state: ViewState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(CastWorker, "request", lambda *_: None)
     assert set(STAGES) == {field.name for field in fields(ViewState)}
     read = Read(**{name: getattr(state, name) for name in STAGES})
     scheduler = CastScheduler(lambda: None)
@@ -87,7 +88,6 @@ def test_a_change_of_what_a_cast_reads_casts_and_of_what_a_relight_reads_relight
         Read.names.clear()
         step()
         seen[stage] = Read.names & set(STAGES)
-    scheduler.close()
     # The walls of a room are another's cast, and the other fields' functions have one of a cast.
     assert {STAGES[name] for name in seen["cast"] - {"room", "chosen_field"}} == {"cast"}
     assert {"view", "transfer", "shading", "size", "meshes"} <= seen["cast"]

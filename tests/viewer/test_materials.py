@@ -168,7 +168,9 @@ def test_every_name_of_the_list_is_a_reflectance_or_a_colour() -> None:
     assert found["banana"][0] == BANANA and "steelblue" in found["blue css"]
 
 
-@pytest.mark.parametrize("basis", ['name = "general-5"', 'method = "materials"'])
+@pytest.mark.parametrize(
+    "basis", [pytest.param('name = "general-5"', marks=pytest.mark.slow), 'method = "materials"']
+)
 def test_all_files_keep_such_a_material(
     tmp_path: Path, basis: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -33,30 +33,23 @@ from volspec.volume import phantom
 SIZE = 48, 36
 SCENE = """
 version = 2
-[volume]
-file = "ball.npy"
-[[material]]
-name = "bone"
-reflectance = "grey:0.7"
-[[material]]
-name = "wax"
-reflectance = "ColorChecker/red"
-[transfer]
-points = [
+volume.file = "ball.npy"
+basis.name = "general-5"
+material = [
+    { name = "bone", reflectance = "grey:0.7" },
+    { name = "wax", reflectance = "ColorChecker/red" },
+]
+light = [{ name = "day", spectrum = "D65" }]
+transfer.points = [
     { value = 0.2, opacity = 0.0, material = "bone" },
     { value = 0.9, opacity = 0.4, material = "bone" },
 ]
-[basis]
-name = "general-5"
 [[mesh]]
 file = "parts/pin.stl"  # it is in front
 material = "wax"
 move_mm = [5.5, 0, 5.5]
 [[mesh]]
 shape = "triad"
-[[light]]
-name = "day"
-spectrum = "D65"
 """
 
 
@@ -111,6 +104,7 @@ def test_the_file_is_read_once(opened: ViewState, tmp_path: Path) -> None:
     assert np.abs(frame(meshes.set_material(opened, 0, "bone")) - frame(opened)).max() > 20
 
 
+@pytest.mark.slow
 def test_other_looks_use_what_is_known_of_a_surface(opened: ViewState) -> None:
     """Pictures are those of a scene that begins with them."""
     for change in (
@@ -176,6 +170,7 @@ def test_meshes_are_added_from_files(opened: ViewState, tmp_path: Path) -> None:
         assert read_meshes(opened, (str(tmp_path / "metres.glb"),)).rows
 
 
+@pytest.mark.slow
 def test_meshes_are_added_in_their_own_colours(opened: ViewState, tmp_path: Path) -> None:
     tile = pyvista.Plane(
         center=(4.0, 4.0, 12.0), i_size=5.0, j_size=5.0, i_resolution=1, j_resolution=1
@@ -207,6 +202,7 @@ def test_the_list_in_the_window(window: Robot, tmp_path: Path) -> None:
     write_glb(tmp_path / "tile.glb", 8.0)
     write_glb(tmp_path / "metres.glb", 8000.0)
     (tmp_path / "broken.stl").write_bytes(b"solid")
+    window.resize((1000, 700))
     before = window.open(tmp_path / "scene.toml")
     window.drop(*((tmp_path / name).as_uri() for name in ("broken.stl", "metres.glb")))
     window.rest()

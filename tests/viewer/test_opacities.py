@@ -36,10 +36,10 @@ SIZE = 48, 36
 LAYERED = Pass(1, layers=8)
 
 
-@pytest.fixture
-def ball(tmp_path: Path) -> ViewState:
+@pytest.fixture(scope="module")
+def ball(tmp_path_factory: pytest.TempPathFactory) -> ViewState:
     """The state of a scene whose materials are its channels."""
-    state = opened(tmp_path)
+    state = opened(tmp_path_factory.mktemp("ball"))
     document = replace(state.document, caster=Raycaster(state.document.volume))
     first = replace(state, document=document, size=SIZE)
     return opacities.set_opacity(opacities.set_opacity(first, "copper", 0.5), "copper", 1.0)
@@ -52,6 +52,11 @@ def job(state: ViewState, *passes: Pass) -> CastJob:
 
 def casts(state: ViewState, *passes: Pass) -> list[CastDone]:
     return list(CastWorker(lambda: None)._results(job(state, *passes)))
+
+
+@pytest.fixture(scope="module")
+def layered(ball: ViewState) -> CastDone:
+    return casts(ball, LAYERED)[0]
 
 
 def test_scales_are_clamped_kept_by_name_and_reset(ball: ViewState) -> None:
@@ -200,8 +205,7 @@ def test_a_turned_view_is_first_shown_by_the_layers(ball: ViewState) -> None:
     scheduler.close()
 
 
-def test_near_is_an_angle_and_a_distance(ball: ViewState) -> None:
-    (layered,) = casts(ball, LAYERED)
+def test_near_is_an_angle_and_a_distance(ball: ViewState, layered: CastDone) -> None:
     nearby = layered.nearby
     own = layered.job.camera
     assert nearby.shows(own)
@@ -229,7 +233,13 @@ def drawn(screen: Screen, state: ViewState, held: bool = False) -> NDArray[np.ui
 
 def wanted(image: CoefficientImage, state: ViewState) -> NDArray[Any]:
     rig = light_rig(state.lights)
-    return relight(image.recompose(opacity_scales(state)), rig, state.relight, backend="numpy")
+    shown = image.recompose(opacity_scales(state))
+    return relight(shown, rig, state.relight, backend="numpy").astype(int)
+
+
+def assert_shown(screen: Screen, state: ViewState, image: CoefficientImage) -> None:
+    """The screen's picture is that of an image with the state's opacities, to a code."""
+    assert np.abs(drawn(screen, state).astype(int) - wanted(image, state)).max() <= 1
 
 
 def test_a_picture_with_layers_shows_opacities_at_once(screen: Screen, ball: ViewState) -> None:
@@ -242,15 +252,13 @@ def test_a_picture_with_layers_shows_opacities_at_once(screen: Screen, ball: Vie
     np.testing.assert_array_equal(drawn(screen, ball), before)
     for scale in (0.2, 2.0, 0.0, 1.0):
         faded = opacities.set_opacity(ball, "grey", scale)
-        found = drawn(screen, faded)
-        assert np.abs(found.astype(int) - wanted(layered.image, faded).astype(int)).max() <= 1
-        assert np.array_equal(found, before) == (scale == 1)
+        assert_shown(screen, faded, layered.image)
+        assert np.array_equal(drawn(screen, faded), before) == (scale == 1)
     # Fewer pixels while a slow picture is dragged, then all of them.
     faded = opacities.set_opacity(ball, "grey", 0.4)
     screen._meter.bands = 2
     assert drawn(screen, faded, held=True).shape == (SIZE[1] // 2, SIZE[0] // 2, 3)
-    found = drawn(screen, faded)
-    assert np.abs(found.astype(int) - wanted(layered.image, faded).astype(int)).max() <= 1
+    assert_shown(screen, faded, layered.image)
     screen.forget_layers()
     assert not screen.recomposes()
 
@@ -272,8 +280,7 @@ def test_a_cast_with_the_same_opacities_stays_until_they_change(
     assert steps > 3 and screen.recomposes()
     np.testing.assert_array_equal(drawn(screen, faded), exact)
     more = opacities.set_opacity(ball, "grey", 0.2)
-    found = drawn(screen, more)
-    assert np.abs(found.astype(int) - wanted(layered.image, more).astype(int)).max() <= 1
+    assert_shown(screen, more, layered.image)
     # A late cast of another view has no say.
     late = CastDone(layered.job, LAYERED, 0.0, layered.image, opacity=layered.opacity)
     screen.forget_layers()
@@ -282,9 +289,8 @@ def test_a_cast_with_the_same_opacities_stays_until_they_change(
 
 
 def test_values_under_the_mouse_are_those_of_the_recomposed_picture(
-    screen: Screen, ball: ViewState
+    screen: Screen, ball: ViewState, layered: CastDone
 ) -> None:
-    (layered,) = casts(ball, LAYERED)
     screen.take(layered, ball)
     faded = opacities.set_opacity(ball, "grey", 0.05)
     drawn(screen, faded)
@@ -299,18 +305,16 @@ def test_values_under_the_mouse_are_those_of_the_recomposed_picture(
     with screen.pictures._context:  # a window's stays current
         screen.probe(faded, (0.5, 0.5), held=False)
     reading = screen.under_mouse
-    code = wanted(layered.image, faded)[SIZE[1] // 2, SIZE[0] // 2]
     shown = np.array(dict(reading.rows)["RGB"].split(), int)
-    assert np.abs(shown - code.astype(int)).max() <= 1
+    assert np.abs(shown - wanted(layered.image, faded)[SIZE[1] // 2, SIZE[0] // 2]).max() <= 1
     assert screen.image.opacity_layers is None
 
 
 def test_opacities_that_layers_show_wrongly_are_cast(
-    screen: Screen, ball: ViewState, monkeypatch: pytest.MonkeyPatch
+    screen: Screen, ball: ViewState, monkeypatch: pytest.MonkeyPatch, layered: CastDone
 ) -> None:
     scheduler = CastScheduler(lambda: None)
     scheduler.change(ball, 0.0, held=False)
-    (layered,) = casts(ball, LAYERED)
     screen.take(layered, ball)
     faded = opacities.set_opacity(ball, "grey", 0.05)
     take_until(scheduler.take, lambda _: not scheduler.busy)
@@ -331,16 +335,13 @@ def test_opacities_that_layers_show_wrongly_are_cast(
     shown = relight(done.image, rig, faded.relight, backend="numpy")
     assert np.abs(drawn(screen, faded).astype(int) - shown.astype(int)).max() <= 1
     # The next change is recomposed again.
-    more = opacities.set_opacity(faded, "copper", 0.4)
-    found = drawn(screen, more)
-    assert np.abs(found.astype(int) - wanted(layered.image, more).astype(int)).max() <= 1
+    assert_shown(screen, opacities.set_opacity(faded, "copper", 0.4), layered.image)
 
 
 def test_cuts_and_fog_are_recomposed_and_saved(
-    screen: Screen, ball: ViewState, tmp_path: Path
+    screen: Screen, ball: ViewState, tmp_path: Path, layered: CastDone
 ) -> None:
     """You should see half a ball in fog."""
-    (layered,) = casts(ball, LAYERED)
     screen.take(layered, ball)
     least, most = depth.limits_mm(ball)
     middle = 0.5 * (least + most)
@@ -363,10 +364,9 @@ def test_cuts_and_fog_are_recomposed_and_saved(
 
 
 def test_a_focus_is_shown_once_nothing_moves(
-    screen: Screen, ball: ViewState, tmp_path: Path
+    screen: Screen, ball: ViewState, tmp_path: Path, layered: CastDone
 ) -> None:
     """You should see a ball that is sharp in front."""
-    (layered,) = casts(ball, LAYERED)
     screen.take(layered, ball)
     image = layered.image
     least, most = depth.limits_mm(ball)
@@ -421,8 +421,9 @@ def test_cuts_at_the_ends_are_none(ball: ViewState) -> None:
     assert not depth.shown_depth(focused).changes and depth.can_be_set(focused)
 
 
-def test_a_cast_image_with_layers_is_faded_and_saved(ball: ViewState, tmp_path: Path) -> None:
-    (layered,) = casts(ball, LAYERED)
+def test_a_cast_image_with_layers_is_faded_and_saved(
+    ball: ViewState, tmp_path: Path, layered: CastDone
+) -> None:
     layered.image.save(tmp_path / "ball.exr")
     state = ViewState.first(open_document(str(tmp_path / "ball.exr")), (300, 300))
     assert opacities.can_layer(state)
@@ -436,8 +437,7 @@ def test_a_cast_image_with_layers_is_faded_and_saved(ball: ViewState, tmp_path: 
     turned = without_cast(state, camera.orbit(faded, 0.2, 0.0))
     assert turned.shading.opacities == {"grey": 0.1} and turned.view == state.view
     frame = render_frame(faded, SIZE, Progress(""))
-    image = state.document.image
-    assert np.abs(frame.astype(int) - wanted(image, faded).astype(int)).max() <= 1
+    assert np.abs(frame.astype(int) - wanted(state.document.image, faded)).max() <= 1
 
 
 @pytest.mark.slow

@@ -91,6 +91,7 @@ def test_the_table_shows_what_the_picture_shows(state: ViewState) -> None:
     assert_pixel_is_cell(replace(shown, shading=flat), LightRig((light("A"),)), "A")
 
 
+@pytest.mark.slow
 def test_a_column_of_two_groups_shows_what_is_out_of_every_shadow(state: ViewState) -> None:
     """Pixel lit by sky and room with 0.3 and 0.7."""
     groups = (LightGroup("sky", Ambient(0.3)), LightGroup("room", Ambient(0.7)))

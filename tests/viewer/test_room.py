@@ -32,15 +32,11 @@ from volspec.volume import phantom
 SIZE = 48, 36
 ROOM = """
 size_m = [3.0, 3.0, 2.5]
-[[surface]]
-name = "walls"
-reflectance = "grey:0.6"
-[[surface]]
-name = "floor"
-reflectance = "#a08060"
-[[surface]]
-name = "ceiling"
-reflectance = "grey:0.8"
+surface = [
+    { name = "walls", reflectance = "grey:0.6" },
+    { name = "floor", reflectance = "#a08060" },
+    { name = "ceiling", reflectance = "grey:0.8" },
+]
 [[light]]
 name = "panel"
 spectrum = "A"
@@ -55,32 +51,23 @@ lumen = 200
 """
 SCENE = """
 version = 2
-[volume]
-file = "ball.npy"
-[[material]]
-name = "copper"
-reflectance = "copper"
-[transfer]
-points = [
+volume.file = "ball.npy"
+material = [{ name = "copper", reflectance = "copper" }]
+transfer.points = [
     { value = 0.2, opacity = 0.0, material = "copper" },
     { value = 0.9, opacity = 0.4, material = "copper" },
 ]
-[camera]
-azimuth_deg = 30
-elevation_deg = 10
+camera = { azimuth_deg = 30, elevation_deg = 10 }
+light = [
+    { name = "evening", spectrum = "room" },
+    { name = "day", label = "daylight", spectrum = "D65" },
+]
 [room]
 file = "room.toml"
 position_m = [1.5, 1.5, 1.0]
 scale = 20
 patches = 200
 shadows = false
-[[light]]
-name = "evening"
-spectrum = "room"
-[[light]]
-name = "day"
-label = "daylight"
-spectrum = "D65"
 """
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.support.viewer import wait_until
-from tests.viewer.test_opacities import LAYERED, SIZE, ball, casts, drawn, screen
+from tests.viewer.test_opacities import SIZE, ball, drawn, layered, screen
 from volspec.pipeline import relight
 from volspec.raycast import CoefficientImage
 from volspec.relight.stereo import Stereo, StereoViews
@@ -18,9 +18,10 @@ from volspec.viewer.model.edit import after, with_interface
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.quality import opacity_scales
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.work.casts import CastDone
 from volspec.viewer.work.screen import Screen
 
-__all__ = ["ball", "screen"]
+__all__ = ["ball", "layered", "screen"]
 
 
 def in_stereo(state: ViewState, layout: str) -> ViewState:
@@ -44,9 +45,8 @@ def taken(screen: Screen, state: ViewState) -> NDArray[np.int_]:
 
 
 def test_the_window_shows_both_eyes_with_lights_opacities_and_fog(
-    screen: Screen, ball: ViewState
+    screen: Screen, ball: ViewState, layered: CastDone
 ) -> None:
-    (layered,) = casts(ball, LAYERED)
     image = layered.image
     screen.take(layered, ball)
     plain = drawn(screen, ball)
@@ -71,8 +71,9 @@ def test_the_window_shows_both_eyes_with_lights_opacities_and_fog(
     assert np.array_equal(drawn(screen, ball), plain)
 
 
-def test_pictures_next_to_each_other_fit_the_window(screen: Screen, ball: ViewState) -> None:
-    (layered,) = casts(ball, LAYERED)
+def test_pictures_next_to_each_other_fit_the_window(
+    screen: Screen, ball: ViewState, layered: CastDone
+) -> None:
     screen.take(layered, ball)
     state = in_stereo(ball, "side-by-side")
     drawn(screen, state)
@@ -97,9 +98,8 @@ def test_stereo_is_switched(state: ViewState) -> None:
 
 
 def test_images_of_other_spaces_are_mixed_as_by_the_library(
-    screen: Screen, ball: ViewState
+    screen: Screen, ball: ViewState, layered: CastDone
 ) -> None:
-    (layered,) = casts(ball, LAYERED)
     screen.take(layered, ball)
     viewing = ball.relight.viewing
     p3 = replace(viewing, display=replace(viewing.display, space="Display P3"))

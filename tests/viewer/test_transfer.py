@@ -312,9 +312,6 @@ def test_a_curve_of_more_bands_than_it_has_points_for_shows_all_of_them(state: V
     assert isinstance(surfaces, Isosurfaces) and surfaces.surfaces[-1][2] == {"copper": 1.0}
 
 
-_SPAN = (0.0, 1.0)
-
-
 def factors_of(state: ViewState) -> list[tuple[float, float]]:
     return list(curve_of(state).gradient_opacity or ())
 

@@ -100,24 +100,14 @@ def test_without_a_device_the_remedy_is_shown(
 SCENE = """
 title = "%s"
 version = 2
-[volume]
-file = "plain.npy"
-[[material]]
-name = "grey"
-reflectance = "grey:0.5"
-[transfer]
-points = [
+volume.file = "plain.npy"
+basis.method = "materials"
+material = [{ name = "grey", reflectance = "grey:0.5" }]
+light = [{ name = "day", spectrum = "D65" }, { name = "sodium", spectrum = "HP1" }]
+transfer.points = [
     { value = 0.2, opacity = 0.0, material = "grey" },
     { value = 0.9, opacity = 0.4, material = "grey" },
 ]
-[basis]
-method = "materials"
-[[light]]
-name = "day"
-spectrum = "D65"
-[[light]]
-name = "sodium"
-spectrum = "HP1"
 """
 
 

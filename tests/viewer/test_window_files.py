@@ -143,7 +143,8 @@ def test_steps_play_and_raw_layouts_are_chosen_from_lists(tmp_path: Path) -> Non
         robot.until(lambda: red(robot.look()[300:]) > 100)
         robot.key("ctrl+o")
         robot.wait_for(lambda row: "file c.ome.tif" in row.get("areas", {}))
-        robot.double_click("file c.ome.tif", lambda: "time play" in robot.areas())
+        robot.click("file c.ome.tif")
+        robot.key("Return")
         robot.whole(robot.event("open")["t"])
         # Steps are chosen by key, by the slider and while they play.
         before = robot.rest()
@@ -170,6 +171,7 @@ def test_a_cast_image_is_relit_and_says_what_it_cannot(window: Robot, tmp_path: 
     volume = state.document.volume
     image = raycast(volume, state.transfer, state.view.camera(volume), (64, 32), state.shading)
     image.save(tmp_path / "it.exr")
+    window.resize((1000, 700))
     before = window.open(tmp_path / "it.exr")
     # The picture keeps the image's shape; another light is a relight.
     x, y, width, height = window.area("picture")
@@ -207,11 +209,12 @@ def test_a_picture_dialog_stays_until_its_folder_can_be_made(ball: Robot, tmp_pa
 
 
 @pytest.mark.slow
-def test_a_click_on_a_swatch_picks_a_colour_for_its_material(ball: Robot) -> None:
-    ball.resize((1000, 800))
-    ball.rest()
-    ball.front("transfer")
-    ball.click(next(name for name in ball.areas() if name.startswith("swatch ")))
-    before = ball.rest()
-    ball.click(ball.at("picker", 0.3, 0.3))
-    assert ball.event("design", before)
+def test_a_click_on_a_swatch_picks_a_colour_for_its_material(tmp_path: Path) -> None:
+    np.save(tmp_path / "ball.npy", phantom.ball(16).values)
+    with Robot(tmp_path, ["ball.npy"], (1000, 800), ahead=False) as robot:
+        robot.whole()
+        robot.front("transfer")
+        robot.click(next(name for name in robot.areas() if name.startswith("swatch ")))
+        before = robot.rest()
+        robot.click(robot.at("picker", 0.3, 0.3))
+        assert robot.event("design", before)

@@ -18,6 +18,7 @@ from tests.support.window import Robot, small_engine
 @pytest.fixture
 def engine(window: Robot, tmp_path: Path) -> Robot:
     """The window with a smaller engine; the trace begins when it is shown."""
+    window.resize((1000, 700))
     window.open(small_engine(tmp_path))
     window.begin()
     return window
@@ -141,8 +142,6 @@ def slices(robot: Robot) -> list[NDArray[np.int16]]:
 
 @pytest.mark.slow
 def test_handles_cube_and_slices_take_the_mouse(engine: Robot) -> None:
-    engine.resize((1000, 640))
-    engine.rest()
     # A face of the crop's box: cast coarsely while it is dragged, whole when it is let go.
     start = engine.rest()
     before = engine.keys("c")

@@ -73,6 +73,7 @@ def test_figure_7_is_of_one_colour_and_then_without_a_body() -> None:
     assert len(scene.lights) == 5
 
 
+@pytest.mark.slow
 def test_figure_7_casts_the_frog(volumes: Path) -> None:
     if not (volumes / "frog.nrrd").exists():
         pytest.skip("frog.nrrd is not in the folder of the larger volumes")

@@ -195,6 +195,7 @@ def coloured(scene: vs.Scene) -> vs.Scene:
     return vs.Scene(replace(scene.file, light=rows, viewing=viewing), scene.path)
 
 
+@pytest.mark.slow
 def test_a_distance_out_of_reach_is_refused_with_the_largest(scene: vs.Scene) -> None:
     with raises(PaletteError, "impossible", "distance") as caught:
         vs.reveal(scene, "core", under="day", distance=100)
