@@ -218,6 +218,7 @@ def _spectrum(data: dict[str, Any]) -> dict[str, Any]:
     return next(each for each in data["objects"] if each.get("is") == "Spectrum")
 
 
+_SAVED, _COPPER = "session.saved_lights 1", "session.transfer.materials.copper.values"
 _EDITS: tuple[tuple[Code | None, str, Callable[[dict[str, Any]], Any]], ...] = (
     ("unsupported", "", lambda d: d.update(version=VERSION + 1)),
     ("type", "", lambda d: d.update(version="1")),
@@ -239,21 +240,9 @@ _EDITS: tuple[tuple[Code | None, str, Callable[[dict[str, Any]], Any]], ...] = (
     ("type", "session.palette", lambda d: d["state"].update(palette="none")),
     ("type", "session.palette", lambda d: d["state"]["palette"].update({"is": "Plank"})),
     ("type", "session.palette.targets", lambda d: d["state"]["palette"].update(targets=7)),
-    (
-        "missing",
-        "session.saved_lights 1.relight",
-        lambda d: d["state"]["saved_lights"][0].pop("relight"),
-    ),
-    (
-        "type",
-        "session.transfer.materials.copper.values",
-        lambda d: _spectrum(d).update(values=["abc"]),
-    ),
-    (
-        "type",
-        "session.transfer.materials.copper.values",
-        lambda d: _spectrum(d).update(values=[[1.0], [2.0, 3.0]]),
-    ),
+    ("missing", f"{_SAVED}.relight", lambda d: d["state"]["saved_lights"][0].pop("relight")),
+    ("type", _COPPER, lambda d: _spectrum(d).update(values=["abc"])),
+    ("type", _COPPER, lambda d: _spectrum(d).update(values=[[1.0], [2.0, 3.0]])),
 )
 
 

@@ -151,7 +151,7 @@ def test_steps_play_and_raw_layouts_are_chosen_from_lists(tmp_path: Path) -> Non
         robot.key("comma")
         assert robot.event("step", before)["step"] == 2
         before = robot.rest()
-        robot.drag([robot.at("time step", 0.95), robot.at("time step")])
+        robot.steps([robot.at("time step", 0.95), robot.at("time step")], "step")
         assert robot.event("step", before)["step"] == 1
         before = robot.rest()
         robot.click("time play")
