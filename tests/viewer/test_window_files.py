@@ -162,7 +162,8 @@ def test_steps_play_and_raw_layouts_are_chosen_from_lists(tmp_path: Path) -> Non
         robot.wait_for(lambda row: "guess 0" in row.get("areas", {}), before)
         robot.key("Return")
         assert robot.event("open", before)["title"] == "ball.raw"
-        robot.keys("ctrl+q")
+        robot.rest()
+        robot.key("ctrl+q")
         assert robot.ends() == 0
 
 
