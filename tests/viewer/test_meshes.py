@@ -197,6 +197,7 @@ def test_other_transfer_functions_keep_the_meshes_materials(opened: ViewState) -
     assert list(materials.remove_material(free, "wax").transfer.materials) == ["bone"]
 
 
+@pytest.mark.slow
 def test_the_list_in_the_window(window: Robot, tmp_path: Path) -> None:
     write_scene(tmp_path)
     write_glb(tmp_path / "tile.glb", 8.0)

@@ -263,6 +263,7 @@ def test_what_a_room_cannot_do(opened: ViewState, state: ViewState) -> None:
     assert frame(exact).std() > 1
 
 
+@pytest.mark.slow
 def test_walls_are_painted_in_the_window_without_a_cast(window: Robot, tmp_path: Path) -> None:
     write_scene(tmp_path)
     window.open(tmp_path / "scene.toml")

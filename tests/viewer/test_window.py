@@ -266,6 +266,7 @@ def test_work_is_exported_found_by_name_kept_and_restored(tmp_path: Path) -> Non
         assert robot.viewer.poll() is None
 
 
+@pytest.mark.slow
 def test_a_volume_s_saved_scene_exports_the_picture_on_the_screen(
     window: Robot, tmp_path: Path
 ) -> None:

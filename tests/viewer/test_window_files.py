@@ -32,6 +32,7 @@ def ball(window: Robot, tmp_path: Path) -> Robot:
     return window
 
 
+@pytest.mark.slow
 def test_warnings_and_errors_stay_readable(ball: Robot, tmp_path: Path) -> None:
     values = phantom.ball(16).values.copy()
     values[3, 4, 5] = np.nan

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from tests.support.pyramids import stored
 from tests.support.window import Robot, Row
@@ -16,6 +17,7 @@ def is_fine(row: Row) -> bool:
     return row["event"] == "cast" and (row["divisor"], row["steps"]) == (1, "own")
 
 
+@pytest.mark.slow
 def test_coarse_at_once_and_finer_when_it_rests(window: Robot, tmp_path: Path) -> None:
     z, y, x = np.mgrid[-1:1:160j, -1:1:150j, -1:1:170j]
     values = np.clip(1 - np.sqrt(x**2 + y**2 + z**2), 0, 1)
