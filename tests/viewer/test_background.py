@@ -34,7 +34,7 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import file_commands
 from volspec.viewer.ui.context import Request, UiContext
 from volspec.viewer.work import ahead, documents
-from volspec.viewer.work.ahead import ProgramBuilder, Programs
+from volspec.viewer.work.ahead import ProgramBuilder, Programs, few_voxels
 from volspec.viewer.work.background import LatestWorker, Tasks
 from volspec.viewer.work.casts import CastDone, CastJob, CastWorker
 from volspec.viewer.work.documents import DocumentService, Opened
@@ -409,7 +409,7 @@ def test_edits_of_lights_need_no_program_that_was_not_built_ahead(
     caster = CastWorker(lambda: None)
     caster.request(job(state, 1))
     drained(caster, 1)
-    corner = document.volume.values[:4, :4, :4].copy()
+    corner = few_voxels(document.volume)
     table, packet = document.caster.bake(state.transfer), document.caster.packet
     device = document.caster.device_index
     programs = Programs(corner, device, packet, table, state.shading, False, Viewing())

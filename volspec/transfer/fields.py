@@ -298,7 +298,7 @@ class FieldTables:
             name: replace(mask, rows=tuple(map(change, mask.rows)))
             for name, mask in self.masks.items()
         }
-        return FieldTables(MappingProxyType(tables), MappingProxyType(masks))
+        return FieldTables(tables, masks)
 
     @property
     def _first(self) -> TransferTable:

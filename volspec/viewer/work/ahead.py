@@ -19,7 +19,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,9 +51,9 @@ _SERVE = "from volspec.viewer.work.ahead import serve; serve()"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Programs:
-    """All that programs depend on, with a few voxels (Z, Y, X); ``spans`` if rays have ends."""
+    """All that programs depend on, with a few voxels of all fields; ``spans`` if rays have ends."""
 
-    voxels: NDArray[Any]
+    volume: Volume
     device: str
     packet: Packet
     table: Tables
@@ -74,10 +74,9 @@ class Programs:
 
     def casts(self, like: Raycaster | None) -> Iterator[Result]:
         """Cast the neighbours with the programs of a caster, or of one of its own."""
-        volume = Volume(self.voxels)
         device, packet = (None, None) if like else (self.device, self.packet)
-        caster = Raycaster(volume, device=device, packet=packet, like=like)
-        camera = Camera.orbit(volume)
+        caster = Raycaster(self.volume, device=device, packet=packet, like=like)
+        camera = Camera.orbit(self.volume)
         width, height = _SIZE
         ends = np.full((height, width, 2), np.inf, np.float32) if self.spans else None
         for each in neighbours(self.spec):
@@ -93,6 +92,16 @@ class Programs:
             engine = GLEngine(coefficients, alpha, lut3d=by_table)
             engine.render(light, self.viewing, np.uint8)
             engine.close()
+
+
+def few_voxels(volume: Volume) -> Volume:
+    """Return the first 4³ voxels of all fields of a volume."""
+    return Volume(
+        volume.values[:4, :4, :4].copy(),
+        world_from_index=volume.world_from_index,
+        name=volume.name,
+        fields=tuple(map(few_voxels, volume.fields)),
+    )
 
 
 def neighbours(spec: RaycastSpec) -> Iterator[RaycastSpec]:
@@ -132,7 +141,7 @@ class ProgramBuilder(LatestWorker[tuple["CastJob", Viewing], None]):
         self._built = wanted
         caster = document.caster
         programs = Programs(
-            document.volume.values[:4, :4, :4].copy(),
+            few_voxels(document.volume),
             caster.device_index,
             caster.packet,
             caster.bake(cast.transfer, spec.opacities),
@@ -159,9 +168,11 @@ class ProgramBuilder(LatestWorker[tuple["CastJob", Viewing], None]):
             # A child that is still at work ends after its program, so that none is left half-built.
             child.stdin.close()
             child.wait()
+        if self._closed or child.returncode:
+            return
         with suppress(VolspecError):  # the cast that needs the program will report it
             for _ in programs.casts(caster):
-                if self._closed or child.returncode:
+                if self._closed:
                     break
 
 
