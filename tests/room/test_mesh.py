@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -40,18 +42,6 @@ def test_a_wall_has_a_window() -> None:
     assert corners.max(axis=0) == pytest.approx([0, 3, 2.3])
 
 
-@pytest.mark.parametrize("place", [(4, 0, 2, 1), (-1, 0, 2, 1), (0, 0, 0, 1), (0, 2, 1, 1)])
-def test_a_window_is_within_its_wall(place: tuple[float, float, float, float]) -> None:
-    with raises(RoomError, "range"):
-        panel((0, 0, 0), (0, 5, 0), (0, 0, 2.7), "left", [("window", place)])
-
-
-def test_windows_do_not_overlap() -> None:
-    two = [("one", (1.0, 1.0, 1.0, 1.0)), ("two", (1.5, 1.5, 1.0, 1.0))]
-    with raises(RoomError, "conflict"):
-        panel((0, 0, 0), (0, 5, 0), (0, 0, 2.7), "left", two)
-
-
 def test_halves_cover_their_triangles() -> None:
     fine = ROOM.with_edges(0.5)
     sides = np.linalg.norm(fine.corners_m - np.roll(fine.corners_m, 1, axis=1), axis=-1)
@@ -71,17 +61,37 @@ def test_points_are_uniform_over_a_triangle() -> None:
     assert np.abs(points.mean(axis=1) - ROOM.centres_m).max() < 0.05
 
 
-def test_meshes_that_cannot_be_used_are_refused() -> None:
-    flat = [[[0, 0, 0], [1, 1, 1], [2, 2, 2]]]
-    with raises(RoomError, "conflict"):
-        RoomMesh(np.array(flat), np.zeros(1, np.intp), ("wall",))
-    with raises(RoomError, "duplicate"):
-        (
-            rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0), "a")
-            + rectangle((0, 0, 0), (0, 1, 0), (1, 0, 0), "b")
-            + rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0), "c")
-        )
-    with raises(RoomError, "range"):
-        RoomMesh(np.full((1, 3, 3), np.nan), np.zeros(1, np.intp), ("wall",))
-    with raises(RoomError, "shape"):
-        RoomMesh(np.zeros((0, 3, 3)), np.zeros(0, np.intp), ())
+def wall(*places: tuple[float, float, float, float]) -> RoomMesh:
+    windows = [(f"window {k}", place) for k, place in enumerate(places)]
+    return panel((0, 0, 0), (0, 5, 0), (0, 0, 2.7), "left", windows)
+
+
+def three_at_an_edge() -> RoomMesh:
+    return (
+        rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0), "a")
+        + rectangle((0, 0, 0), (0, 1, 0), (1, 0, 0), "b")
+        + rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0), "c")
+    )
+
+
+def mesh(corners: object, count: int = 1) -> RoomMesh:
+    return RoomMesh(np.array(corners, float), np.zeros(count, np.intp), ("wall",) * count)
+
+
+@pytest.mark.parametrize(
+    ("make", "code"),
+    [
+        *(
+            (lambda place=place: wall(place), "range")
+            for place in ((4, 0, 2, 1), (-1, 0, 2, 1), (0, 0, 0, 1), (0, 2, 1, 1))
+        ),
+        (lambda: wall((1.0, 1.0, 1.0, 1.0), (1.5, 1.5, 1.0, 1.0)), "conflict"),
+        (lambda: mesh([[[0, 0, 0], [1, 1, 1], [2, 2, 2]]]), "conflict"),
+        (three_at_an_edge, "duplicate"),
+        (lambda: mesh(np.full((1, 3, 3), np.nan)), "range"),
+        (lambda: mesh(np.zeros((0, 3, 3)), 0), "shape"),
+    ],
+)
+def test_meshes_that_cannot_be_used_are_refused(make: Callable[[], object], code: str) -> None:
+    with raises(RoomError, code):
+        make()

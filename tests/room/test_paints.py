@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.support.errors import raises
-from volspec.errors import RoomError, SpectrumError, VolspecWarning
+from volspec.errors import InputError, VolspecWarning
 from volspec.room import mix_paints, paint_set
 from volspec.room.paints import absorption_from_reflectance, reflectance_from_absorption
 from volspec.spectra import DEFAULT_GRID, reflectance, reflectance_set, reflectance_set_names
@@ -47,21 +49,6 @@ def test_an_atlas_that_ends_early_warns_once(tmp_path: Path) -> None:
     assert [each.category for each in seen] == [VolspecWarning]
 
 
-def test_wrong_sets_are_refused(tmp_path: Path) -> None:
-    with raises(RoomError, "unknown", "paint_set"):
-        paint_set(["natral"])
-    for name, text, error, code in (
-        ("empty.csv", "", SpectrumError, "missing"),
-        ("twice.csv", "nm,a,a\n400,0.1,0.2\n700,0.1,0.2\n", RoomError, "duplicate"),
-        ("percent.csv", "nm,a\n400,10\n700,20\n", SpectrumError, "range"),
-    ):
-        (tmp_path / name).write_text(text)
-        with raises(error, code):
-            paint_set([name], folder=tmp_path)
-    with raises(SpectrumError, "not-found"):
-        paint_set(["nothere.csv"], folder=tmp_path)
-
-
 def test_kubelka_munk_s_layer_has_its_published_values() -> None:
     """R = 0.5 has K/S = 0.25; R = 0.1 has 4.05; the inverse returns them."""
     assert absorption_from_reflectance([0.5, 0.1]) == pytest.approx([0.25, 4.05])
@@ -93,14 +80,36 @@ def test_mixtures_of_a_black_without_any_reflection_are_finite() -> None:
     assert not found[0].values.any() and 0 < found[1].values[0] < found[2].values[0] < 0.01
 
 
-def test_impossible_mixtures_are_refused() -> None:
-    paints = paint_set(["ColorChecker"])
-    with raises(RoomError, "missing"):
-        mix_paints(paints[:1], 0.5)
-    for step in (0.0, 0.3, 1.0, -0.5, float("nan")):
-        with raises(RoomError, "range", "step"):
-            mix_paints(paints, step)
-    with raises(RoomError, "size", "step"):
-        mix_paints(paints, 0.1)
-    with raises(RoomError, "unknown", "law"):
-        mix_paints(paints, 0.5, "oil")  # type: ignore[arg-type]  # no law
+def read(text: str) -> Callable[[Path], object]:
+    """Return a row's call: read an atlas of a text."""
+
+    def call(folder: Path) -> object:
+        (folder / "atlas.csv").write_text(text)
+        return paint_set(["atlas.csv"], folder=folder)
+
+    return call
+
+
+def mix(count: int, *given: Any) -> Callable[[Path], object]:
+    return lambda _: mix_paints(paint_set(["ColorChecker"])[:count], *given)
+
+
+@pytest.mark.parametrize(
+    ("call", "expected"),
+    [
+        (lambda _: paint_set(["natral"]), "unknown paint_set"),
+        (lambda folder: paint_set(["nothere.csv"], folder=folder), "not-found"),
+        (read(""), "missing"),
+        (read("nm,a,a\n400,0.1,0.2\n700,0.1,0.2\n"), "duplicate"),
+        (read("nm,a\n400,10\n700,20\n"), "range"),
+        (mix(1, 0.5), "missing"),
+        *((mix(24, step), "range step") for step in (0.0, 0.3, 1.0, -0.5, float("nan"))),
+        (mix(24, 0.1), "size step"),
+        (mix(24, 0.5, "oil"), "unknown law"),
+    ],
+)
+def test_wrong_sets_and_impossible_mixtures_are_refused(
+    tmp_path: Path, call: Callable[[Path], object], expected: str
+) -> None:
+    with raises(InputError, *expected.split()):
+        call(tmp_path)

@@ -14,6 +14,7 @@ from volspec.errors import SceneError, VolspecWarning
 from volspec.scene import Scene, write_scene
 from volspec.scene.specs import SpectrumNumbers
 from volspec.spectra import DEFAULT_GRID, Spectrum, light, reflectance
+from volspec.transfer import TransferFunction
 
 RAMP = "{ wavelengths_nm = [390, 710], values = [0.2, 0.8] }"
 
@@ -35,10 +36,11 @@ def test_numbers_are_what_a_file_of_them_is(tmp_path: Path) -> None:
 
 def test_a_filter_may_be_numbers(tmp_path: Path) -> None:
     scene = load(tmp_path, paint=f'"copper"\nfilter = {RAMP}')
-    assert scene.render().alpha.max() > 0.5
-    assert scene.file.material[0].filter == SpectrumNumbers(
-        wavelengths_nm=(390, 710), values=(0.2, 0.8)
-    )
+    numbers = SpectrumNumbers(wavelengths_nm=(390, 710), values=(0.2, 0.8))
+    assert scene.file.material[0].filter == numbers
+    assert isinstance(scene.transfer, TransferFunction)
+    found, ramp = scene.transfer.filters["ball"], Spectrum([390, 710], [0.2, 0.8])
+    assert found.values == pytest.approx(ramp.on(found.grid).values)
 
 
 def test_a_spectrum_on_the_scene_s_bands_comes_back_to_the_last_bit(tmp_path: Path) -> None:
@@ -95,53 +97,40 @@ def test_a_reflectance_above_one_is_warned_about(tmp_path: Path) -> None:
     assert str(said[0].message).startswith("values: reflectance 1.2 at 710 nm is above 1")
 
 
-WRONG = {
-    "lengths": (RAMP.replace("0.8", "0.8, 1"), "invalid", ""),
-    "one number": ("{ wavelengths_nm = [500], values = [1] }", "invalid", ""),
-    "order": (RAMP.replace("390", "720"), "invalid", ""),
-    "not finite": (RAMP.replace("0.8", "nan"), "invalid", ""),
-    "text": (RAMP.replace("0.8", '"0.8"'), "type", ".values[1]"),
-    "missing": ("{ values = [1, 2] }", "missing", ".wavelengths_nm"),
-    "misspelt": (RAMP.replace("values", "value"), "unknown", ".value"),
-    "a number": ("7", "type", ""),
-}
+def ramp(old: str, new: str) -> str:
+    return RAMP.replace(old, new)
 
 
-@pytest.mark.parametrize("where", ["light[0].spectrum", "material[0].reflectance"])
-@pytest.mark.parametrize("case", WRONG)
+# Text for the numbers, the error's code, the place below them; of the light, and of the material.
+NO_SPECTRUM = [
+    (ramp("0.8", "0.8, 1"), None, ""),
+    ("{ wavelengths_nm = [500], values = [1] }", None, ""),
+    (ramp("390", "720"), None, ""),
+    (ramp("0.8", "nan"), None, ""),
+    (ramp("0.8", '"0.8"'), "type", ".values[1]"),
+    ("{ values = [1, 2] }", "missing", ".wavelengths_nm"),
+    (ramp("values", "value"), "unknown", ".value"),
+    ("7", "type", ""),
+]
+WRONG = [
+    *(({"spectrum": text}, code, f"light[0].spectrum{key}") for text, code, key in NO_SPECTRUM),
+    *(({"paint": text}, code, f"material[0].reflectance{key}") for text, code, key in NO_SPECTRUM),
+    # Nothing shines or reflects with these.
+    ({"spectrum": ramp("0.2", "-0.5")}, "range", "light[0]"),
+    ({"spectrum": ramp("710", "500")}, "range", "light[0]"),
+    ({"paint": ramp("0.8", "80")}, "range", "material[0].reflectance"),
+    (
+        {"spectrum": RAMP, "more": "power_W = 100\ndistance_m = 1\n"},
+        "conflict",
+        "light[0].power_W",
+    ),
+]
+
+
+@pytest.mark.parametrize(("words", "code", "field"), WRONG)
 def test_numbers_that_are_no_spectrum_are_refused_by_name(
-    tmp_path: Path, case: str, where: str
+    tmp_path: Path, words: dict[str, str], code: str | None, field: str
 ) -> None:
-    given, code, key = WRONG[case]
-    words = {"spectrum": given} if where.startswith("light") else {"paint": given}
-    with raises(SceneError, None if code == "invalid" else code, where + key) as caught:
+    with raises(SceneError, code, field) as caught:
         load(tmp_path, **words)
     assert "scene.toml: " in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (
-            {"spectrum": RAMP.replace("0.2", "-0.5")},
-            "range light[0]",
-        ),
-        (
-            {"spectrum": RAMP.replace("710", "500")},
-            "range light[0]",
-        ),
-        (
-            {"paint": RAMP.replace("0.8", "80")},
-            "range material[0].reflectance",
-        ),
-        (
-            {"spectrum": RAMP, "more": "power_W = 100\ndistance_m = 1\n"},
-            "conflict light[0].power_W",
-        ),
-    ],
-)
-def test_numbers_that_nothing_shines_or_reflects_with_are_refused(
-    tmp_path: Path, words: dict[str, str], message: str
-) -> None:
-    with raises(SceneError, *message.split(" ")):
-        load(tmp_path, **words)

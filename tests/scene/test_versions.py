@@ -87,19 +87,13 @@ def test_bands_of_a_palette_are_those_of_its_values(path: Path, version: int) ->
 
 
 @pytest.mark.parametrize(
-    ("version", "message"),
-    [
-        ("3", "version is 3; this volspec reads up to 2; install a later one"),
-        ("0", "version is 0; give a whole number from 1"),
-        ('"1"', "version is '1'; give a whole number from 1"),
-        ("true", "version is True; give a whole number from 1"),
-    ],
+    ("version", "code"), [("3", "unsupported"), ("0", "range"), ('"1"', "range"), ("true", "range")]
 )
-def test_another_version_is_refused_in_one_line(path: Path, version: str, message: str) -> None:
+def test_another_version_is_refused_in_one_line(path: Path, version: str, code: str) -> None:
     path.write_text(f"version = {version}\nlater = true\n{TEXT}", encoding="utf-8")
-    with pytest.raises(SceneError) as caught:
+    with raises(SceneError, code, "version") as caught:
         Scene.load(path)
-    assert str(caught.value) == f"{path}: {message}"
+    assert str(path) in str(caught.value)
 
 
 def test_a_migration_is_applied_before_the_file_is_checked(
@@ -113,8 +107,6 @@ def test_a_migration_is_applied_before_the_file_is_checked(
             row["spectrum"] = row.pop("power")
 
     path.write_text(TEXT.replace("spectrum =", "power ="), encoding="utf-8")
-    with raises(SceneError, "unknown", "light[0].power"):
-        Scene.load(path)
     monkeypatch.setattr(file, "MIGRATIONS", {**file.MIGRATIONS, 2: renamed})
     scene = Scene.load(path)
     assert (scene.file.version, scene.file.light[0].spectrum) == (3, "D65")

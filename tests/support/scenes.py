@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,43 @@ SMALL = """[output]
 width = 24
 height = 16
 """
+
+
+def scene_text(
+    materials: Mapping[str, str],
+    points: Sequence[tuple[float, float, str]] = (),
+    *,
+    file: str = "ball.npy",
+    lights: Mapping[str, str] = {"day": "D65"},
+    more: str = "",
+) -> str:
+    """Return the text of a scene.
+
+    Parameters
+    ----------
+    materials, lights : mapping of str to str
+        Reflectances and spectra by name.
+    points : sequence of tuple
+        Value, opacity and material, a name or the text of a mix, of the transfer function.
+    file : str
+        The volume's; none if empty.
+    more : str
+        Tables above the lights.
+    """
+    rows = ""
+    for value, opacity, material in points:
+        mix = material if material.startswith("{") else f'"{material}"'
+        rows += f"    {{ value = {value}, opacity = {opacity}, material = {mix} }},\n"
+    return "".join(
+        (
+            "version = 2\n",
+            f'[volume]\nfile = "{file}"\n' if file else "",
+            *(f'[[material]]\nname = "{n}"\nreflectance = "{r}"\n' for n, r in materials.items()),
+            f"[transfer]\npoints = [\n{rows}]\n" if rows else "",
+            more,
+            *(f'[[light]]\nname = "{n}"\nspectrum = "{s}"\n' for n, s in lights.items()),
+        )
+    )
 
 
 def write_scene_text(folder: Path, text: str, size: int = 12) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -65,35 +66,36 @@ def test_surfaces_are_sorted_by_value() -> None:
 
 
 @pytest.mark.parametrize(
-    ("bad", "code", "field"),
+    ("make", "code", "field"),
     [
-        ({}, "type", "labels"),
-        ([(1, "gold")], "type", "labels"),
-        ({70000: (1, "gold")}, "range", "labels"),
-        ({-1: (1, "gold")}, "range", "labels"),
-        ({1.5: (1, "gold")}, "type", "labels"),
-        ({"1": (1, "gold")}, "type", "labels"),
-        ({True: (1, "gold")}, "type", "labels"),
-        ({1: (2, "gold")}, "range", "labels[1].opacity"),
-        ({1: (1, "glod")}, "unknown", "labels[1].material"),
-        ({1: "gold"}, "type", "labels[1]"),
+        *(
+            (lambda bad=bad: labels(bad), code, f"LabelFunction.{field}")
+            for bad, code, field in (
+                ({}, "type", "labels"),
+                ([(1, "gold")], "type", "labels"),
+                ({70000: (1, "gold")}, "range", "labels"),
+                ({-1: (1, "gold")}, "range", "labels"),
+                ({1.5: (1, "gold")}, "type", "labels"),
+                ({True: (1, "gold")}, "type", "labels"),
+                ({1: (2, "gold")}, "range", "labels[1].opacity"),
+                ({1: (1, "glod")}, "unknown", "labels[1].material"),
+                ({1: "gold"}, "type", "labels[1]"),
+            )
+        ),
+        *(
+            (lambda bad=bad: surfaces(*bad), code, f"Isosurfaces.{field}")
+            for bad, code, field in (
+                ((), "missing", "surfaces"),
+                (((1, 1, "gold"), (1, 0.5, "steel")), "duplicate", "surfaces"),
+                (tuple((i, 1, "gold") for i in range(9)), "size", "surfaces"),
+                (((math.nan, 1, "gold"),), "range", "surfaces[0].value"),
+                ((5,), "type", "surfaces[0]"),
+            )
+        ),
     ],
 )
-def test_bad_labels_are_named_in_one_line(bad: object, code: str, field: str) -> None:
-    with raises(TransferError, code, f"LabelFunction.{field}"):
-        labels(bad)
-
-
-@pytest.mark.parametrize(
-    ("bad", "code", "field"),
-    [
-        ((), "missing", "surfaces"),
-        (((1, 1, "gold"), (1, 0.5, "steel")), "duplicate", "surfaces"),
-        (tuple((i, 1, "gold") for i in range(9)), "size", "surfaces"),
-        (((math.nan, 1, "gold"),), "range", "surfaces[0].value"),
-        ((5,), "type", "surfaces[0]"),
-    ],
-)
-def test_bad_surfaces_are_named_in_one_line(bad: tuple, code: str, field: str) -> None:
-    with raises(TransferError, code, f"Isosurfaces.{field}"):
-        surfaces(*bad)
+def test_bad_labels_and_surfaces_are_named_in_one_line(
+    make: Callable[[], object], code: str, field: str
+) -> None:
+    with raises(TransferError, code, field):
+        make()

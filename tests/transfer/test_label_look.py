@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from tests.support.errors import raises
 from tests.volume.test_labels import blocks
 from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
 from volspec.basis import MaterialBasis
-from volspec.errors import SpectrumError, VolumeError
+from volspec.errors import SpectrumError, VolspecError, VolumeError
 from volspec.spectra import DEFAULT_GRID
 from volspec.transfer import LabelFunction
 from volspec.transfer.label_look import (
@@ -33,13 +34,9 @@ def test_a_mix_has_its_display_colour_under_daylight(colour: tuple[float, float,
     assert np.abs(shown - colour).max() < 0.02
 
 
-def test_mixes_of_reflectances_sum_to_at_most_one() -> None:
+def test_a_mix_of_reflectances_is_their_weighted_sum() -> None:
     half = vs.reflectance("white*0.25+copper*0.5").values
     assert np.allclose(half, 0.25 + 0.5 * vs.reflectance("copper").values)
-    with raises(SpectrumError, "range"):
-        vs.reflectance("white*0.75+copper*0.5")
-    with raises(SpectrumError, "unknown"):
-        vs.reflectance("white*0.25+coper*0.5")
 
 
 def test_colours_of_neighbouring_numbers_differ() -> None:
@@ -79,14 +76,31 @@ def test_a_segmentation_opens_with_labels_and_its_scene_keeps_them(tmp_path: Pat
     )
 
 
-def test_labels_can_be_asked_for_if_values_are_whole(tmp_path: Path) -> None:
+def test_labels_can_be_asked_for(tmp_path: Path) -> None:
     np.save(tmp_path / "mask.npy", blocks([1, 1]))
     assert vs.Scene.from_volume(tmp_path / "mask.npy").file.transfer.kind == "points"
     labelled = vs.Scene.from_volume(tmp_path / "mask.npy", preset="labels")
     assert labelled.file.transfer.kind == "labels"
-    np.save(tmp_path / "mask.npy", blocks([1, 1]) * np.float32(0.3))
-    with raises(VolumeError, "conflict"):
-        vs.Scene.from_volume(tmp_path / "mask.npy", preset="labels")
+
+
+def labels_of_fractions(folder: Path) -> vs.Scene:
+    np.save(folder / "mask.npy", blocks([1, 1]) * np.float32(0.3))
+    return vs.Scene.from_volume(folder / "mask.npy", preset="labels")
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "code"),
+    [
+        (labels_of_fractions, VolumeError, "conflict"),
+        (lambda _: vs.reflectance("white*0.75+copper*0.5"), SpectrumError, "range"),
+        (lambda _: vs.reflectance("white*0.25+coper*0.5"), SpectrumError, "unknown"),
+    ],
+)
+def test_mixes_above_one_and_labels_of_fractions_are_refused(
+    tmp_path: Path, make: Callable[[Path], object], error: type[VolspecError], code: str
+) -> None:
+    with raises(error, code):
+        make(tmp_path)
 
 
 def test_hidden_labels_are_transparent_and_keep_their_opacity() -> None:

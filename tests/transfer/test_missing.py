@@ -30,7 +30,12 @@ CURVE = vs.TransferFunction([(0.0, 0.9, NAME), (4.0, 0.9, NAME)], MATERIALS, BAS
 
 
 @pytest.mark.parametrize(
-    "settings", [{}, {"preintegrated": True}, {"mode": "maximum"}, {"mode": "average"}]
+    "settings",
+    [
+        {},
+        {"preintegrated": True},
+        *(pytest.param({"mode": m}, marks=pytest.mark.slow) for m in ("maximum", "average")),
+    ],
 )
 def test_missing_voxels_are_transparent_although_the_curve_shows_every_value(
     settings: dict[str, object],

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tests.support.errors import raises
-from volspec.basis import MaterialBasis, SpectralBasis
-from volspec.errors import RaycastError, TransferError
+from volspec.basis import Basis, MaterialBasis, SpectralBasis
+from volspec.errors import RaycastError, TransferError, VolspecError
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, RaycastSpec
 from volspec.spectra import reflectance
@@ -78,13 +78,18 @@ def test_a_cast_with_a_hidden_material_is_one_of_a_function_without_it(
     np.testing.assert_array_equal(again.coefficients, plain.coefficients)
 
 
-def test_what_cannot_be_scaled_is_named() -> None:
-    table = curve().bake(1.0)
-    with raises(TransferError, "unknown"):
-        scale_opacities(table, BASIS, {"silver": 0.5})
-    basis = SpectralBasis.load("general-7")
-    with raises(TransferError, "conflict"):
-        scale_opacities(curve(basis).bake(1.0), basis, {"gold": 0.5})
-    for scales in ({"gold": -1.0}, {"gold": float("nan")}, {1: 2.0}):
-        with pytest.raises(RaycastError):
-            RaycastSpec(opacities=scales)
+@pytest.mark.parametrize(
+    ("basis", "scales", "error"),
+    [
+        (BASIS, {"silver": 0.5}, TransferError),
+        (SpectralBasis.load("general-7"), {"gold": 0.5}, TransferError),
+        (BASIS, {"gold": -1.0}, RaycastError),
+        (BASIS, {"gold": float("nan")}, RaycastError),
+        (BASIS, {1: 2.0}, RaycastError),
+    ],
+)
+def test_what_cannot_be_scaled_is_named(
+    basis: Basis, scales: dict[Any, float], error: type[VolspecError]
+) -> None:
+    with raises(error):
+        scale_opacities(curve(basis).bake(1.0), basis, RaycastSpec(opacities=scales).opacities)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tests.support.errors import raises
-from volspec.errors import ShapeError, TransferError
+from volspec.errors import ShapeError, TransferError, VolspecError
 from volspec.transfer import TransferTable, integral_rows, segment_means
 
 STEP = 0.5
@@ -126,28 +127,28 @@ def test_at_the_smallest_distance_both_ways_agree() -> None:
     assert np.abs(means[0] - means[1]).max() < 0.02 * gap * slope
 
 
+GRADIENTS = TransferTable((0, 7), np.zeros((3, 8)), np.zeros((3, 8, 2)), 1.0, gradient_top=5.0)
+LABELS = TransferTable((0, 7), np.zeros(8), np.zeros((8, 2)), 1.0, labels=True)
+
+
 @pytest.mark.parametrize(
-    "table",
+    ("make", "error", "expected"),
     [
-        TransferTable((0, 7), np.zeros((3, 8)), np.zeros((3, 8, 2)), 1.0, gradient_top=5.0),
-        TransferTable((0, 7), np.zeros(8), np.zeros((8, 2)), 1.0, labels=True),
+        (lambda: integral_rows(GRADIENTS, STEP), TransferError, "unsupported"),
+        (lambda: integral_rows(LABELS, STEP), TransferError, "unsupported"),
+        (lambda: segment_means(GRADIENTS, STEP, [0], [1]), TransferError, "unsupported"),
+        *(
+            (lambda step=step: integral_rows(curve(), step), TransferError, "range")
+            for step in (0.0, -1.0, math.nan, math.inf)
+        ),
+        *(
+            (lambda ends=ends: segment_means(curve(), STEP, *ends), ShapeError, "shape")
+            for ends in (([0, 1], [0]), (0, 1), ([[0]], [[1]]))
+        ),
     ],
-    ids=["gradients", "labels"],
 )
-def test_only_tables_of_values_can_be_integrated(table: TransferTable) -> None:
-    with raises(TransferError, "unsupported"):
-        integral_rows(table, STEP)
-    with raises(TransferError, "unsupported"):
-        segment_means(table, STEP, [0], [1])
-
-
-@pytest.mark.parametrize("step", [0.0, -1.0, math.nan, math.inf])
-def test_steps_must_be_positive(step: float) -> None:
-    with raises(TransferError, "range", "preintegration.step_mm"):
-        integral_rows(curve(), step)
-
-
-def test_fronts_and_backs_belong_together() -> None:
-    for front, back in (([0, 1], [0]), (0, 1), ([[0]], [[1]])):
-        with raises(ShapeError, "shape"):
-            segment_means(curve(), STEP, front, back)
+def test_what_cannot_be_integrated_is_refused(
+    make: Callable[[], object], error: type[VolspecError], expected: str
+) -> None:
+    with raises(error, expected):
+        make()

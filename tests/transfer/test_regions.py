@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -124,35 +126,38 @@ def test_narrow_regions_get_more_entries_or_a_warning() -> None:
     assert caught[0].filename == __file__
 
 
-@pytest.mark.parametrize(
-    ("change", "code", "field"),
-    [
-        ({"values": (5, 1)}, "range", "values"),
-        ({"values": (5, 5)}, "range", "values"),
-        ({"values": (5, math.inf)}, "range", "values"),
-        ({"values": 5}, "type", "values"),
-        ({"values": (1, "5")}, "type", "values[1]"),
-        ({"gradients": (-1, 5)}, "range", "gradients"),
-        ({"opacity": 2}, "range", "opacity"),
-        ({"softness": -0.1}, "range", "softness"),
-        ({"material": {"gold": 1.5}}, "range", "material"),
-    ],
-)
-def test_bad_regions_are_named_in_one_line(change: dict, code: str, field: str) -> None:
+def of_regions(regions: Any) -> TransferFunction2D:
+    return TransferFunction2D(regions, MATERIALS, BASIS)
+
+
+def region(**change: Any) -> Region:
     good = {"values": (0, 1), "gradients": (0, 1), "opacity": 0.5, "material": "gold"}
-    with raises(TransferError, code, f"Region.{field}"):
-        Region(**{**good, **change})
+    return Region(**{**good, **change})
 
 
 @pytest.mark.parametrize(
-    ("regions", "code", "field"),
+    ("make", "code", "field"),
     [
-        ([], "missing", "regions"),
-        (5, "type", "regions"),
-        ([(0, 0.5, "gold")], "type", "regions[0]"),
-        ([Region((0, 1), (0, 1), 1, "glod")], "unknown", "regions[0].material"),
+        (lambda: region(values=(5, 1)), "range", "Region.values"),
+        (lambda: region(values=(5, 5)), "range", "Region.values"),
+        (lambda: region(values=(5, math.inf)), "range", "Region.values"),
+        (lambda: region(values=5), "type", "Region.values"),
+        (lambda: region(values=(1, "5")), "type", "Region.values[1]"),
+        (lambda: region(gradients=(-1, 5)), "range", "Region.gradients"),
+        (lambda: region(opacity=2), "range", "Region.opacity"),
+        (lambda: region(softness=-0.1), "range", "Region.softness"),
+        (lambda: region(material={"gold": 1.5}), "range", "Region.material"),
+        (lambda: of_regions([]), "missing", "TransferFunction2D.regions"),
+        (lambda: of_regions(5), "type", "TransferFunction2D.regions"),
+        (lambda: of_regions([(0, 0.5, "gold")]), "type", "TransferFunction2D.regions[0]"),
+        (
+            lambda: of_regions([region(material="glod")]),
+            *("unknown", "TransferFunction2D.regions[0].material"),
+        ),
     ],
 )
-def test_bad_functions_are_named_in_one_line(regions: object, code: str, field: str) -> None:
-    with raises(TransferError, code, f"TransferFunction2D.{field}"):
-        TransferFunction2D(regions, MATERIALS, BASIS)
+def test_bad_regions_are_named_in_one_line(
+    make: Callable[[], object], code: str, field: str
+) -> None:
+    with raises(TransferError, code, field):
+        make()

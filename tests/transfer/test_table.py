@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 
-from tests.support.errors import raises
+from tests.support.errors import refuses
 from volspec.errors import TransferError
 from volspec.transfer import SurfaceTable, TransferTable
 
@@ -34,61 +37,58 @@ def test_channels_are_mixed_by_weights() -> None:
     assert table.size == 3 and np.allclose(table.coefficients, [1, 1, 3])
 
 
-@pytest.mark.parametrize(
-    ("change", "code", "field"),
-    [
-        ({"domain": (5.0, 5.0)}, "range", "domain"),
-        ({"domain": (0.0, np.inf)}, "range", "domain"),
-        ({"opacity": np.full(8, 2.0)}, "range", "opacity"),
-        ({"opacity": np.full(8, np.nan)}, "range", "opacity"),
-        ({"opacity": np.zeros(1), "material_weights": np.zeros((1, 2))}, "shape", "opacity"),
-        (
-            {"opacity": np.zeros((3, 8)), "material_weights": np.zeros((3, 8, 2))},
-            "shape",
-            "opacity",
-        ),
-        ({"gradient_top": 5.0}, "shape", "opacity"),
-        ({**GRADIENTS, "gradient_top": 0.0}, "range", "gradient_top"),
-        ({"material_weights": np.zeros((7, 2))}, "shape", "material_weights"),
-        ({"channels": np.zeros((3, 7))}, "shape", "channels"),
-        ({"channels": np.full((2, 7), np.inf)}, "range", "channels"),
-        ({"white": np.ones(3)}, "shape", "white"),
-        ({"reference_step_mm": 0.0}, "range", "reference_step_mm"),
-        ({"filters": np.zeros((8, 3))}, "shape", "filters"),
-        ({"filters": np.full((8, 2), 1.5)}, "range", "filters"),
-        ({**GRADIENTS, "filters": np.zeros((8, 2))}, "shape", "filters"),
-        ({**LABELS, "filters": np.zeros((8, 2))}, "shape", "filters"),
-        ({"labels": True}, "shape", "labels"),
-        ({**GRADIENTS, **LABELS}, "shape", "labels"),
-    ],
-)
-def test_tables_are_valid_at_birth(change: dict, code: str, field: str) -> None:
-    with raises(TransferError, code, f"TransferTable.{field}"):
-        TransferTable(**{**CURVE, "reference_step_mm": 1.0, **change})
-
-
 def test_surface_tables_fill_in_channels_and_white() -> None:
     table = SurfaceTable(**SURFACES)
     assert table.size == 3 and np.array_equal(table.channels, np.eye(3))
     assert np.array_equal(table.white, np.ones(3))
 
 
-@pytest.mark.parametrize(
-    ("change", "code", "field"),
-    [
-        ({"values": [2.0, 1.0]}, "range", "values"),
-        ({"values": [1.0, 1.0]}, "range", "values"),
-        ({"values": 1.0}, "range", "values"),
-        ({"values": []}, "range", "values"),
-        ({"values": list(range(9))}, "range", "values"),
-        ({"values": [1.0, np.nan]}, "range", "values"),
-        ({"opacity": [0.5, 1.5]}, "range", "opacity"),
-        ({"opacity": [0.5]}, "shape", "opacity"),
-        ({"material_weights": np.ones((3, 3))}, "shape", "material_weights"),
-        ({"channels": np.ones((2, 3))}, "shape", "channels"),
-        ({"white": np.ones(2)}, "shape", "white"),
-    ],
-)
-def test_surface_tables_are_valid_at_birth(change: dict, code: str, field: str) -> None:
-    with raises(TransferError, code, f"SurfaceTable.{field}"):
-        SurfaceTable(**{**SURFACES, **change})
+def table(**change: Any) -> TransferTable:
+    return TransferTable(**{**CURVE, "reference_step_mm": 1.0, **change})
+
+
+def gradients(**change: Any) -> TransferTable:
+    return table(**{**GRADIENTS, **change})
+
+
+def surfaces(**change: Any) -> SurfaceTable:
+    return SurfaceTable(**{**SURFACES, **change})
+
+
+ROW = {"opacity": np.zeros(1), "material_weights": np.zeros((1, 2))}
+FILTERS = {"filters": np.zeros((8, 2))}
+REFUSED: list[tuple[Callable[[], object], str]] = [
+    (lambda: table(domain=(5.0, 5.0)), "range TransferTable.domain"),
+    (lambda: table(domain=(0.0, np.inf)), "range TransferTable.domain"),
+    (lambda: table(opacity=np.full(8, 2.0)), "range TransferTable.opacity"),
+    (lambda: table(opacity=np.full(8, np.nan)), "range TransferTable.opacity"),
+    (lambda: table(**ROW), "shape TransferTable.opacity"),
+    (lambda: gradients(gradient_top=None), "shape TransferTable.opacity"),
+    (lambda: table(gradient_top=5.0), "shape TransferTable.opacity"),
+    (lambda: gradients(gradient_top=0.0), "range TransferTable.gradient_top"),
+    (lambda: table(material_weights=np.zeros((7, 2))), "shape TransferTable.material_weights"),
+    (lambda: table(channels=np.zeros((3, 7))), "shape TransferTable.channels"),
+    (lambda: table(channels=np.full((2, 7), np.inf)), "range TransferTable.channels"),
+    (lambda: table(white=np.ones(3)), "shape TransferTable.white"),
+    (lambda: table(reference_step_mm=0.0), "range TransferTable.reference_step_mm"),
+    (lambda: table(filters=np.zeros((8, 3))), "shape TransferTable.filters"),
+    (lambda: table(filters=np.full((8, 2), 1.5)), "range TransferTable.filters"),
+    (lambda: gradients(**FILTERS), "shape TransferTable.filters"),
+    (lambda: table(**LABELS, **FILTERS), "shape TransferTable.filters"),
+    (lambda: table(labels=True), "shape TransferTable.labels"),
+    (lambda: gradients(**LABELS), "shape TransferTable.labels"),
+    *(
+        (lambda values=values: surfaces(values=values), "range SurfaceTable.values")
+        for values in ([2.0, 1.0], [1.0, 1.0], 1.0, [], list(range(9)), [1.0, np.nan])
+    ),
+    (lambda: surfaces(opacity=[0.5, 1.5]), "range SurfaceTable.opacity"),
+    (lambda: surfaces(opacity=[0.5]), "shape SurfaceTable.opacity"),
+    (lambda: surfaces(material_weights=np.ones((3, 3))), "shape SurfaceTable.material_weights"),
+    (lambda: surfaces(channels=np.ones((2, 3))), "shape SurfaceTable.channels"),
+    (lambda: surfaces(white=np.ones(2)), "shape SurfaceTable.white"),
+]
+
+
+@pytest.mark.parametrize(("make", "expected"), REFUSED)
+def test_tables_are_valid_at_birth(make: Callable[[], object], expected: str) -> None:
+    refuses(make, expected, TransferError)

@@ -7,29 +7,30 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.errors import raises
 from volspec._gpu.sources import asset
-from volspec.errors import VolumeError
 from volspec.scene import Scene, write_scene
 from volspec.volume import load_volume
 
 
 @pytest.mark.parametrize(
-    ("name", "shape"),
-    [("engine", (256, 256, 110)), ("head", (256, 256, 109)), ("frog", (500, 470, 136))],
+    ("name", "shape", "limits", "spacing_mm"),
+    [
+        ("engine", (256, 256, 110), (0, 255), (1, 1, 1)),
+        ("head", (256, 256, 109), (0, 255), (1, 1, 1.5)),
+        ("frog", (500, 470, 136), (0, 29), (1, 1, 1.5)),
+    ],
 )
 def test_a_name_is_enough(
-    name: str, shape: tuple[int, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str,
+    shape: tuple[int, ...],
+    limits: tuple[float, float],
+    spacing_mm: tuple[float, ...],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert load_volume(name).shape_xyz == shape
-
-
-def test_a_file_of_that_name_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("engine").write_bytes(b"")
-    with raises(VolumeError, "damaged"):
-        load_volume("engine")
+    volume = load_volume(name)
+    assert (volume.shape_xyz, volume.range, volume.spacing_mm) == (shape, limits, spacing_mm)
 
 
 def test_a_scene_of_a_bundled_volume_is_saved_anywhere(tmp_path: Path) -> None:

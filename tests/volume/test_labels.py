@@ -103,6 +103,9 @@ def test_notes_and_other_volumes_tables_do_not_make_labels(tmp_path: Path) -> No
     assert not load_silently(tmp_path / "v.npy").labels
     (tmp_path / "v.ctbl").write_text(TABLES["v.ctbl"])
     assert not load_silently(tmp_path / "v.npy").labels
+    np.save(tmp_path / "v.npy", blocks([1, 2, 3]))
+    (tmp_path / "v.ctbl").write_text("5000 a 9 9 9 255\n6000 b 9 9 9 255\n")
+    assert load_silently(tmp_path / "v.npy").labels == {1: Label(), 2: Label(), 3: Label()}
 
 
 def test_a_table_that_names_all_values_makes_labels(tmp_path: Path) -> None:
@@ -125,41 +128,27 @@ def test_a_table_that_names_few_labels_is_warned_about(tmp_path: Path, given: st
 
 
 @pytest.mark.parametrize(
-    ("text", "code"), [(None, "not-found"), ("once upon a time", "syntax"), ("{}", "syntax")]
+    ("values", "table", "query", "code", "word"),
+    [
+        (blocks([1, 2]), None, "?labels=t.txt", "not-found", "t.txt"),
+        (blocks([1, 2]), "{}", "?labels=t.txt", "syntax", "t.txt"),
+        # JSON as it is written.
+        (blocks([1, 2]), "once upon a time", "?labels=t.txt", "syntax", ' {"1": "liver"}'),
+        (blocks([1, 2]), "1 a\n2 b\n", "?labels=", "missing", "labels"),
+        (blocks([1, 2]), "0 no\n5000 a\n6000 b\n", "?labels=t.txt", "conflict", "(5000, 6000)"),
+        (blocks([1, 2]) * np.float32(0.3), "1 a\n2 b\n", "?labels=t.txt", "conflict", "labels="),
+    ],
+    ids=["none", "empty", "no table", "no name", "of another volume", "no labels"],
 )
-def test_a_named_table_must_be_one(tmp_path: Path, text: str | None, code: str) -> None:
-    np.save(tmp_path / "v.npy", blocks([1, 2]))
-    if text is not None:
-        (tmp_path / "t.txt").write_text(text)
-    with raises(VolumeError, code):
-        load_volume(f"{tmp_path}/v.npy?labels=t.txt")
-
-
-def test_values_that_are_not_whole_have_no_labels(tmp_path: Path) -> None:
-    np.save(tmp_path / "v.npy", blocks([1, 2]) * np.float32(0.3))
-    (tmp_path / "t.json").write_text(TABLES["numbers.json"])
-    with raises(VolumeError, "conflict"):
-        load_volume(f"{tmp_path}/v.npy?labels=t.json")
-
-
-def test_a_named_table_of_another_volume_is_refused(tmp_path: Path) -> None:
-    """One that lies next to the volume by chance is ignored."""
-    np.save(tmp_path / "v.npy", blocks([1, 2, 3]))
-    (tmp_path / "far.txt").write_text("0 nothing\n5000 a\n6000 b\n")
-    (tmp_path / "v.txt").write_text("5000 a\n6000 b\n")
-    with raises(VolumeError, "conflict") as caught:
-        load_volume(f"{tmp_path}/v.npy?labels=far.txt")
-    assert caught.value.given == "far.txt" and "(5000, 6000)" in str(caught.value)
-    with raises(VolumeError, "missing"):
-        load_volume(f"{tmp_path}/v.npy?labels=")
-    assert load_silently(tmp_path / "v.npy").labels == {1: Label(), 2: Label(), 3: Label()}
-
-
-def test_the_message_about_tables_has_json_as_it_is_written(tmp_path: Path) -> None:
-    (tmp_path / "t.txt").write_text("once upon a time")
-    with raises(VolumeError, "syntax") as caught:
-        read_label_table(tmp_path / "t.txt")
-    assert ' {"1": "liver"}' in str(caught.value)
+def test_tables_that_do_not_fit_are_refused(
+    tmp_path: Path, values: np.ndarray, table: str | None, query: str, code: str, word: str
+) -> None:
+    np.save(tmp_path / "v.npy", values)
+    if table is not None:
+        (tmp_path / "t.txt").write_text(table)
+    with raises(VolumeError, code) as caught:
+        load_volume(f"{tmp_path}/v.npy{query}")
+    assert word in str(caught.value)
 
 
 def test_slicer_s_segments_are_labels(tmp_path: Path) -> None:
