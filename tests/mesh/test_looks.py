@@ -223,6 +223,7 @@ def test_a_texture_is_converted_once_for_a_basis(monkeypatch: pytest.MonkeyPatch
     assert found.alone(ABOVE, SIZE, SUN).alpha.all()
 
 
+@pytest.mark.slow
 def test_a_faint_sheet_in_a_volume_changes_nothing_and_a_dense_one_hides_half() -> None:
     """Spans of rays add up to the whole cast; behind an opaque sheet nothing is seen."""
     volume = vs.phantom.ball(48)

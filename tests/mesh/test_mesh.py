@@ -248,6 +248,7 @@ def test_what_an_edge_covers_in_part_is_a_mixture(mode: str) -> None:
     assert (both[edge] <= (mesh + free)[edge] + 1e-5).all()
 
 
+@pytest.mark.slow
 def test_a_mesh_is_shaded_only_where_the_volume_lets_it_be_seen() -> None:
     """The picture of all of the mesh, but for what the ends of rays leave out."""
     volume, thin = ball()
@@ -262,6 +263,7 @@ def test_a_mesh_is_shaded_only_where_the_volume_lets_it_be_seen() -> None:
         assert (image.alpha[32, 32] < 1.0) == (transfer is thick)
 
 
+@pytest.mark.slow
 def test_depth_is_that_of_a_voxelised_surface() -> None:
     """A sphere in an empty volume against the isosurface of its distance field: half a voxel."""
     n, radius = 64, 20.0
@@ -393,6 +395,7 @@ def exported_again(folder: Path) -> None:
     vs.Scene.load(folder / "alone.toml").export(folder / "out", size=(16, 16))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*outside the view")
 def test_a_mesh_outside_the_view_changes_nothing_of_a_volume() -> None:
     volume, transfer = ball()

@@ -208,6 +208,7 @@ def test_a_lamp_has_the_lumens_asked_for_or_those_of_its_file(tmp_path: Path) ->
         assert lux_from_irradiance(lamp.intensity) * 4 * np.pi == pytest.approx(lumen)
 
 
+@pytest.mark.slow
 def test_a_spot_lights_what_it_aims_at(tmp_path: Path) -> None:
     beam_file(tmp_path, SPOT, "spot.ies")
     spot = 'beam = "spot.ies"\nlumen = 900\n'

@@ -31,7 +31,7 @@ CUBE = box((0, 0, 0), (3, 3, 3), SIDES, inside=True)
 SMOOTH = np.linspace(0.2, 0.95, BANDS)
 
 
-@pytest.mark.parametrize("rho", [0.3, 0.95])
+@pytest.mark.parametrize("rho", [0.95, pytest.param(0.3, marks=pytest.mark.slow)])
 def test_a_white_furnace_is_full_of_light(rho: float) -> None:
     """Closed, uniform emission S, reflectance ρ: B = S / (1 − ρ) everywhere."""
     emission = np.full(BANDS, 2.0)
@@ -69,6 +69,7 @@ def test_energy_is_conserved() -> None:
     assert areas.max() > 3.9 * areas.min()
 
 
+@pytest.mark.slow
 def test_points_of_the_room_receive_what_the_patches_do() -> None:
     room = Room(CUBE, np.tile(SMOOTH, (6, 1)), {"ceiling": np.full(BANDS, 10.0)})
     solved = solve_room(room, 2000, rays=RAYS)

@@ -64,6 +64,7 @@ def test_files_of_lights_are_relative_to_the_current_folder(
     assert again.lights[1].spectrum.values == pytest.approx(scene.lights[1].spectrum.values)
 
 
+@pytest.mark.slow
 def test_a_steep_preset_shows_no_rings(tmp_path: Path) -> None:
     """Errors of a cast against one of fine steps, averaged over rings: a sphere of bone in air."""
     z, y, x = np.ogrid[-24:24, -24:24, -24:24]

@@ -60,9 +60,15 @@ def load(folder: Path, text: str) -> Scene:
     return Scene.load(write_scene_text(folder, BALL + SMALL + text))
 
 
-def test_groups_are_cast_as_their_tables_say(tmp_path: Path) -> None:
+def test_groups_are_what_their_tables_say(tmp_path: Path) -> None:
     scene = load(tmp_path, GROUPS + row("day"))
     assert scene.raycast.groups == LIT
+    assert scene.raycast == RaycastSpec(groups=LIT)
+
+
+@pytest.mark.slow
+def test_groups_are_cast_into_the_picture_of_their_light(tmp_path: Path) -> None:
+    scene = load(tmp_path, GROUPS + row("day"))
     image, volume = scene.render(), scene.volume()
     twin = raycast(volume, scene.transfer, scene.camera(volume), (24, 16), RaycastSpec(groups=LIT))
     assert image.groups == twin.groups == RaycastSpec(groups=LIT).shares()
@@ -83,7 +89,9 @@ def test_rows_of_one_name_are_one_setting(tmp_path: Path) -> None:
         row("evening", "D75", "fill", 'label = "dusk"\nweight = 2'),
         row("evening", "FL2"),
     )
-    scene = load(tmp_path, GROUPS + "".join(lights))
+    # Without shadows: their kernels take seconds to compile.
+    groups = group('{ kind = "headlight" }') + group('{ kind = "ambient" }', "fill")
+    scene = load(tmp_path, groups + "".join(lights))
     evening, noon = scene.lights
     assert (evening.name, evening.label, noon.label) == ("evening", "dusk", "noon")
     assert [spectrum.name for spectrum in evening.rig.lights] == ["A", "D75", "FL2"]

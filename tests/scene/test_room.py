@@ -204,6 +204,7 @@ def test_an_opaque_volume_takes_the_lamp_from_the_floor_below_it(folder: Path) -
     assert again == pytest.approx(shaded[below])
 
 
+@pytest.mark.slow
 def test_furniture_in_front_hides_the_volume(folder: Path) -> None:
     """A screen before the lower half of the block: rays end there."""
     screen = '[[surface]]\nname = "screen"\nreflectance = "grey:0.3"\n[[box]]\nname = "screen"\n'
@@ -225,6 +226,7 @@ def test_furniture_in_front_hides_the_volume(folder: Path) -> None:
     assert middle == pytest.approx(150.0, rel=1e-3)  # 1.5 m to the back, at a scale of 10
 
 
+@pytest.mark.slow
 def test_edges_are_a_mean_of_points_in_their_pixels(folder: Path) -> None:
     """Edges of walls in 16 × 12 pixels: nearer to means of a large picture than its pixels are."""
     scene, _ = opened(folder)

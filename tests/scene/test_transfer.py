@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields, is_dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -103,10 +105,24 @@ def load(folder: Path, transfer: str, filter: str = "", more: str = "") -> Scene
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_scene_casts_into_the_picture_of_its_transfer_function(tmp_path: Path, kind: str) -> None:
+def test_a_scene_s_table_is_that_of_its_transfer_function(tmp_path: Path, kind: str) -> None:
     text, function = KINDS[kind]
     scene = load(tmp_path, text, "gold" if "filter" in kind else "")
     assert type(scene.transfer) is type(function) and scene.basis.name == "general-7"
+    assert same(scene.transfer.bake(1.5), function.bake(1.5))
+
+
+def same(one: Any, other: Any) -> bool:
+    """Return True if two tables have equal arrays."""
+    if is_dataclass(one):
+        names = [field.name for field in fields(one)]
+        return all(same(getattr(one, name), getattr(other, name)) for name in names)
+    return bool(np.array_equal(one, other)) if isinstance(one, np.ndarray) else one == other
+
+
+def test_a_scene_casts_into_the_picture_of_its_transfer_function(tmp_path: Path) -> None:
+    text, function = KINDS["points"]
+    scene = load(tmp_path, text)
     volume = scene.volume()
     image = scene.render(volume)
     twin = raycast(volume, function, scene.camera(volume), (24, 16))

@@ -223,10 +223,10 @@ def write_plain_hdf5(values: np.ndarray, folder: Path) -> str:
 
 
 WRITERS = [
-    *(write_tiff, write_slices, write_hdf5),
+    write_hdf5,
     *(
         pytest.param(write, marks=pytest.mark.slow)
-        for write in (write_plain_tiff, write_png, write_plain_hdf5)
+        for write in (write_tiff, write_plain_tiff, write_slices, write_png, write_plain_hdf5)
     ),
 ]
 
@@ -259,7 +259,7 @@ def test_files_of_other_kinds_are_read_in_parts(
         cast(fresh)
 
 
-@pytest.mark.parametrize("kind", ["zip", "url"])
+@pytest.mark.parametrize("kind", ["url", pytest.param("zip", marks=pytest.mark.slow)])
 def test_a_store_in_a_zip_file_or_on_the_web(
     kind: str, ball: Volume, store: Path, big: Volume, tmp_path: Path
 ) -> None:
@@ -402,7 +402,13 @@ def test_the_cache_drops_what_is_needed_last() -> None:
     assert cache.get(one) is not None and cache.get(two) is None and cache.nbytes == 2
 
 
-@pytest.mark.parametrize("damage", ["missing", "truncated", "corrupt", "other"])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "missing",
+        *(pytest.param(d, marks=pytest.mark.slow) for d in ("truncated", "corrupt", "other")),
+    ],
+)
 def test_a_damaged_chunk_is_named_and_marked(
     damage: str, copy: Path, whole: CoefficientImage
 ) -> None:
@@ -425,7 +431,12 @@ def test_a_damaged_chunk_is_named_and_marked(
 
 
 @pytest.mark.parametrize(
-    ("command", "output"), [("render", "a.png"), ("export", "frames"), ("page", "a.html")]
+    ("command", "output"),
+    [
+        ("render", "a.png"),
+        pytest.param("export", "frames", marks=pytest.mark.slow),
+        pytest.param("page", "a.html", marks=pytest.mark.slow),
+    ],
 )
 def test_commands_say_by_their_exit_status_that_a_picture_has_gaps(
     command: str, output: str, copy: Path
@@ -454,7 +465,13 @@ def test_a_damaged_chunk_of_the_coarse_level_is_a_gap(copy: Path, big: Volume) -
     assert "chunk 0/0/0 of level 1" in cast(damaged, 1).notes[GAPS]
 
 
-@pytest.mark.parametrize("damage", ["truncated", "block", "reversed", "of another program"])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        *("truncated", "reversed", "of another program"),
+        pytest.param("block", marks=pytest.mark.slow),
+    ],
+)
 def test_damaged_ranges_are_ignored(damage: str, copy: Path, big: Volume) -> None:
     def edit(attributes: dict[str, Any], _: object) -> None:
         own = attributes["volspec"]
@@ -530,6 +547,7 @@ def test_a_volume_in_parts_is_framed_and_coloured_as_the_whole(
     assert summarise(volume).shape == (161, 140, 150)
 
 
+@pytest.mark.slow
 def test_a_store_that_is_there_again_is_read_again(copy: Path, big: Volume) -> None:
     volume = opened(copy)
     caster = Raycaster(volume)
@@ -544,6 +562,7 @@ def test_a_store_that_is_there_again_is_read_again(copy: Path, big: Volume) -> N
     assert np.array_equal(again.coefficients, cast(big).coefficients)
 
 
+@pytest.mark.slow
 def test_frames_with_gaps_are_made_again(copy: Path) -> None:
     chunk = copy / "v.zarr/0/c/1/1/1"
     kept = chunk.read_bytes()
@@ -668,7 +687,7 @@ def test_what_cannot_be_read_or_cast_in_parts_is_refused(
 def test_every_flipped_bit_is_found(copy: Path) -> None:
     chunk = copy / "v.zarr/0/c/1/1/1"
     data = chunk.read_bytes()
-    for at in np.linspace(0, len(data) - 1, 25).astype(int):
+    for at in np.linspace(0, len(data) - 1, 12).astype(int):
         flipped = bytearray(data)
         flipped[at] ^= 4
         chunk.write_bytes(flipped)

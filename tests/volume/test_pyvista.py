@@ -172,7 +172,7 @@ def test_a_plotter_not_yet_shown_has_the_view_it_opens_with(plot: Plots) -> None
     assert cameras[0] == cameras[1]
 
 
-@pytest.mark.parametrize("view", [perspective, parallel])
+@pytest.mark.parametrize("view", [perspective, pytest.param(parallel, marks=pytest.mark.slow)])
 def test_silhouettes_cover_vtks(plot: Plots, view: Callable[[pyvista.Plotter], None]) -> None:
     """Turned, moved and stretched by matrix and plotter. You should see one L, not two."""
     plotter = plot(window_size=(240, 180))
@@ -192,7 +192,7 @@ def test_silhouettes_cover_vtks(plot: Plots, view: Callable[[pyvista.Plotter], N
     assert (theirs & ours).sum() / (theirs | ours).sum() > 0.99
 
 
-@pytest.mark.parametrize("stretch", [1.0, 2.0])
+@pytest.mark.parametrize("stretch", [2.0, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_opacities_are_vtks(plot: Plots, stretch: float) -> None:
     """1 − 0.7^(11 / 5), stretched or not: unit distances are the grid's."""
     plotter = plot(window_size=(32, 32))
@@ -440,6 +440,7 @@ def test_a_plane_farther_away_looks_the_same(plot: Plots) -> None:
         assert far == pytest.approx(grows * near, rel=1e-5)  # points are float32
 
 
+@pytest.mark.slow
 def test_the_guides_example_shows_what_it_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

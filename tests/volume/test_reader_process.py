@@ -45,7 +45,8 @@ PERMISSION = "raise PermissionError(13, 'Permission denied', 'b.dcm')"
 @pytest.mark.parametrize(
     ("body", "code", "word"),
     [
-        *((SIGNAL(name), "damaged", name) for name in ("SIGSEGV", "SIGABRT", "SIGFPE")),
+        (SIGNAL("SIGSEGV"), "damaged", "SIGSEGV"),
+        (SIGNAL("SIGABRT"), "damaged", "SIGABRT"),
         (PERMISSION, "invalid", "b.dcm"),
         ("raise KeyError('a\\nb')", "damaged", "v.nrrd"),
         # A small file that declares much gets no more time.
@@ -56,7 +57,7 @@ PERMISSION = "raise PermissionError(13, 'Permission denied', 'b.dcm')"
             marks=pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits memory"),
         ),
     ],
-    ids=["segment", "abort", "division", "permission", "error", "hang", "long hang", "memory"],
+    ids=["segment", "abort", "permission", "error", "hang", "long hang", "memory"],
 )
 def test_a_fault_of_the_reader_is_one_line(
     tmp_path: Path, body: str, code: str, word: str, monkeypatch: pytest.MonkeyPatch

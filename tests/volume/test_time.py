@@ -163,6 +163,7 @@ def test_a_scene_shows_a_step_and_exports_all(beat: Path) -> None:
     assert np.abs(own.coefficients - as_step.coefficients).max() < 1e-5
 
 
+@pytest.mark.slow
 def test_a_scene_made_for_a_series_fits_all_steps(tmp_path: Path) -> None:
     """The first step may be empty; the camera frames what the last one shows."""
     import SimpleITK
