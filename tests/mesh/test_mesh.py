@@ -14,6 +14,7 @@ import pyvista
 
 import volspec as vs
 from tests.support.errors import raises
+from tests.support.marks import slow
 from tests.support.scenes import scene_text
 from volspec._triangles import TriangleRays, is_mesh_file
 from volspec.errors import MeshError, RaycastError, SceneError
@@ -193,7 +194,7 @@ CORNERS = ((-9.0, -7.0, 8.0), (8.0, -6.0, -6.0), (7.0, 8.0, 0.0), (-6.0, 9.0, -8
 
 
 @pytest.mark.parametrize("more", [(), (0.0,), (40.0,)], ids=["alone", "before", "behind"])
-@pytest.mark.parametrize("mode", ["composite", pytest.param("maximum", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("mode", ["composite", *slow("maximum")])
 def test_edges_of_a_mesh_before_and_in_a_volume_are_those_of_a_finer_picture(
     mode: str, more: tuple[float, ...]
 ) -> None:
@@ -223,9 +224,7 @@ def test_edges_of_a_mesh_before_and_in_a_volume_are_those_of_a_finer_picture(
     assert np.isfinite(one.depth_mm[one.alpha > 0]).all()
 
 
-@pytest.mark.parametrize(
-    "mode", ["composite", "maximum", pytest.param("average", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("mode", ["composite", "maximum", *slow("average")])
 def test_what_an_edge_covers_in_part_is_a_mixture(mode: str) -> None:
     """Opacity a … + (1 - a) W, with W of the volume alone; also of tips between the points."""
     volume, transfer = ball()
@@ -281,9 +280,7 @@ def test_depth_is_that_of_a_voxelised_surface() -> None:
     assert rim.sum() < 0.1 * np.sqrt(seen.sum()) * 4  # pixels of the silhouette
 
 
-@pytest.mark.parametrize(
-    "suffix", ["ply", *(pytest.param(s, marks=pytest.mark.slow) for s in ("stl", "obj", "vtp"))]
-)
+@pytest.mark.parametrize("suffix", ["ply", *slow("stl", "obj", "vtp")])
 def test_files_are_read_with_smooth_edges(tmp_path: Path, suffix: str) -> None:
     fine, path = pyvista.Sphere(radius=2.0), tmp_path / f"ball.{suffix}"
     if suffix == "obj":
@@ -428,51 +425,30 @@ def test_hidden_meshes_alone_are_warned_of(folder: Path) -> None:
         vs.Scene.load(folder / "alone.toml").render(size=(8, 8))
 
 
-def rendered(old: str, new: str) -> Callable[[Path], object]:
-    """Return a row's call: render the scene with another text."""
-
-    def call(folder: Path) -> object:
-        assert old in SCENE
-        (folder / "scene.toml").write_text(SCENE.replace(old, new))
-        return vs.Scene.load(folder / "scene.toml").render(size=(8, 8))
-
-    return call
+def rendered(folder: Path, old: str, new: str) -> object:
+    assert old in SCENE
+    (folder / "scene.toml").write_text(SCENE.replace(old, new))
+    return vs.Scene.load(folder / "scene.toml").render(size=(8, 8))
 
 
-def behind(caster: object) -> Callable[[Path], object]:
-    def call(_: Path) -> object:
-        volume, transfer = ball()
-        return vs.raycast(volume, transfer, camera_of(volume), (8, 8), behind=(caster,))
-
-    return call
+def behind(caster: Any) -> object:
+    volume, transfer = ball()
+    return vs.raycast(volume, transfer, camera_of(volume), (8, 8), behind=(caster,))
 
 
-def read(content: str, name: str = "part.obj") -> Callable[[Path], object]:
-    def call(folder: Path) -> object:
-        (folder / name).write_text(content)
-        return vs.Mesh.load(folder / name)
-
-    return call
+def read(folder: Path, content: str | bytes, name: str = "part.obj") -> vs.Mesh:
+    (folder / name).write_bytes(content.encode() if isinstance(content, str) else content)
+    return vs.Mesh.load(folder / name)
 
 
-def part(share: float) -> Callable[[Path], object]:
+def read_part(folder: Path, share: float) -> vs.Mesh:
     """VTK's reader ends the process at some ends of a file."""
-
-    def call(folder: Path) -> object:
-        whole = (folder / "core.ply").read_bytes()
-        (folder / "part.ply").write_bytes(whole[: int(share * len(whole))])
-        return vs.Mesh.load(folder / "part.ply")
-
-    return call
+    whole = (folder / "core.ply").read_bytes()
+    return read(folder, whole[: int(share * len(whole))], "part.ply")
 
 
-def opened(folder: Path) -> object:
-    (folder / "bad.ply").write_text("ply\n")
-    return vs.Scene.from_mesh(folder / "bad.ply")
-
-
-def one(material: Any, **look: Any) -> Callable[[Path], object]:
-    return lambda _: vs.Mesh(TRIANGLE, [[0, 1, 2]], material, **look)
+def mesh(material: Any = "red", corners: Any = (0, 1, 2), **look: Any) -> vs.Mesh:
+    return vs.Mesh(TRIANGLE, [corners], material, **look)
 
 
 NINE = vs.MeshCaster([plane(0.0)], WHITE, vs.SpectralBasis.load("general-9"))
@@ -483,35 +459,37 @@ POINTS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
     ("call", "error", "code"),
     [
         (lambda _: vs.Mesh([*TRIANGLE[:2], [0, np.nan, 0]], [[0, 1, 2]]), MeshError, "range"),
-        (lambda _: vs.Mesh(TRIANGLE, [[0, 1, 3]]), MeshError, "range"),
-        (lambda _: vs.Mesh(TRIANGLE, [[0, 1, 1]]), MeshError, "missing"),
-        (one({"red": [1.0, 2.0]}), MeshError, "shape"),
-        (one({"red": [0.0, 0.0, 0.0]}), MeshError, "range"),
-        (one(3), MeshError, "type"),
-        (one("red", opacity="x"), MeshError, "type"),
-        (one("red", grating={"spacing_um": 1.6}), MeshError, "type"),
-        (lambda _: cast(vs.Mesh(TRIANGLE, [[0, 1, 2]], "rde")), MeshError, "unknown"),
+        (lambda _: mesh(corners=(0, 1, 3)), MeshError, "range"),
+        (lambda _: mesh(corners=(0, 1, 1)), MeshError, "missing"),
+        (lambda _: mesh({"red": [1.0, 2.0]}), MeshError, "shape"),
+        (lambda _: mesh({"red": [0.0, 0.0, 0.0]}), MeshError, "range"),
+        (lambda _: mesh(3), MeshError, "type"),
+        (lambda _: mesh(opacity="x"), MeshError, "type"),
+        (lambda _: mesh(grating={"spacing_um": 1.6}), MeshError, "type"),
+        (lambda _: cast(mesh("rde")), MeshError, "unknown"),
         (lambda _: vs.MeshCaster(sphere(), WHITE, BASIS), MeshError, "type"),
-        (behind(plane(0.0)), RaycastError, "type"),
-        (behind(NINE), RaycastError, "conflict"),  # another basis than the volume's
+        (lambda _: behind(sphere()), RaycastError, "type"),
+        (lambda _: behind(NINE), RaycastError, "conflict"),  # another basis than the volume's
         (lambda folder: vs.Mesh.load(folder / "no.ply"), MeshError, "not-found"),
-        (read("ply\n", "bad.plx"), MeshError, "unsupported"),
-        *((part(share), MeshError, "damaged") for share in (0.01, 0.3, 0.9)),
-        (read(""), MeshError, "damaged"),
-        (read("hello\n"), MeshError, "damaged"),
-        (read(POINTS), MeshError, "damaged"),
+        (lambda folder: read(folder, "ply\n", "bad.plx"), MeshError, "unsupported"),
+        (lambda folder: read(folder, "ply\n", "bad.ply"), MeshError, "damaged"),
+        (lambda folder: read_part(folder, 0.3), MeshError, "damaged"),
+        (lambda folder: read_part(folder, 0.9), MeshError, "damaged"),
+        (lambda folder: read(folder, ""), MeshError, "damaged"),
+        (lambda folder: read(folder, "hello\n"), MeshError, "damaged"),
+        (lambda folder: read(folder, POINTS), MeshError, "damaged"),
         # VTK would read beyond the points, and end the process.
-        (read(f"{POINTS}f 1 2 9\n"), MeshError, "damaged"),
-        (opened, SceneError, "damaged"),
-        (rendered('material = "red"\nmove', 'material = "rde"\nmove'), SceneError, "unknown"),
-        (rendered("core.ply", "cor.ply"), SceneError, "not-found"),
-        (rendered("move_mm", "unit_mm = 0\nmove_mm"), SceneError, "range"),
-        (rendered('"ball.npy"', '"ball.npy"\nbox_mm = [[0, 1]]'), SceneError, "shape"),
+        (lambda folder: read(folder, f"{POINTS}f 1 2 9\n"), MeshError, "damaged"),
+        (lambda folder: vs.Scene.from_mesh(folder / "scene.toml"), SceneError, None),
+        (lambda f: rendered(f, '"red"\nmove', '"rde"\nmove'), SceneError, "unknown"),
+        (lambda folder: rendered(folder, "core.ply", "cor.ply"), SceneError, "not-found"),
+        (lambda folder: rendered(folder, "move_mm", "unit_mm = 0\nmove_mm"), SceneError, "range"),
+        (lambda f: rendered(f, '"ball.npy"', '"ball.npy"\nbox_mm = [[0, 1]]'), SceneError, "shape"),
         (exported_again, vs.InputError, "conflict"),
     ],
 )
 def test_what_cannot_be_a_mesh_is_refused(
-    folder: Path, call: Callable[[Path], object], error: type[vs.VolspecError], code: str
+    folder: Path, call: Callable[[Path], object], error: type[vs.VolspecError], code: str | None
 ) -> None:
     with raises(error, code):
         call(folder)

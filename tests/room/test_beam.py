@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.support.errors import raises
-from volspec.errors import RoomError, SpectrumError, VolspecError
+from volspec.errors import RoomError, SpectrumError
 from volspec.room import PointLamp, Room, box, load_room, lux_from_irradiance, read_beam, solve_room
 from volspec.room.direct import beam_irradiance
 from volspec.room.form_factors import Rays
@@ -221,66 +220,59 @@ def test_a_spot_lights_what_it_aims_at(tmp_path: Path) -> None:
         assert bright > 2 * dim
 
 
-def read(text: str, name: str = "a.ies") -> Callable[[Path], object]:
-    """Return a row's call: read a file of a text."""
-    return lambda folder: read_beam(beam_file(folder, text, name))
-
-
-def lamp(more: str) -> Callable[[Path], object]:
-    """Return a row's call: load a room whose lamp has these settings."""
-
-    def call(folder: Path) -> object:
-        beam_file(folder, SPOT, "spot.ies")
-        beam_file(folder, ldt(1, 90, [[1] * 7], flux=0), "dark.ldt")
-        return load_room(room_file(folder, more))
-
-    return call
-
-
 SKY = '[[light]]\nname = "sky"\nspectrum = "A"\non = "left"\nlux = 9\nbeam = "spot.ies"\n'
-REFUSED: list[tuple[Callable[[Path], object], type[VolspecError], str | None]] = [
-    (read("no lamp"), RoomError, "damaged"),
-    (read(ies({0: [1] * 7}, tilt="INCLUDE")), RoomError, "unsupported"),
-    (read(ies({0: [1] * 7}, photometry=2)), RoomError, "unsupported"),
-    (read(ies({0: [1] * 6})), RoomError, "damaged"),
-    (read(ies({0: [0] * 7})), RoomError, "damaged"),
-    (read(ies({0: [-1] * 7})), RoomError, "range"),
-    (read(ies({0: [1e300] * 7}, scale=1e300)), RoomError, "damaged"),
-    (read(ies({0: ["x"] * 7})), RoomError, "syntax"),
-    (read(ies({0: [1] * 7, 45: [1] * 7})), RoomError, "unsupported"),
-    (read(ies({90: [1] * 7, 270: [1] * 7})), RoomError, "unsupported"),
-    (read(ies({0: [1] * 7}, (0, 30, 20, 90, 120, 150, 180))), RoomError, "damaged"),
-    (read(ies({0: [1] * 2}, (0, 200))), RoomError, "range"),
-    (read(ies({0: [1]}, (0,))), RoomError, "range"),
-    (read(EVEN.replace(" 7 1 1 ", " 7.5 1 1 ")), RoomError, "syntax"),
-    (read(EVEN.replace(" 7 1 1 ", " 999999999999 1 1 ")), RoomError, "damaged"),
-    (read("a\n" * 20, "a.ldt"), RoomError, "damaged"),
-    (read(ldt(5, 90, [[1] * 7]), "a.ldt"), RoomError, "unknown"),
-    (read(ldt(0, 90, [[1] * 7] * 3), "a.ldt"), RoomError, "damaged"),
-    (read(ldt(1, 90, [["x"] * 7]), "a.ldt"), RoomError, "syntax"),
-    (read(ldt(1, 90, [[1] * 7], flux=-1), "a.ldt"), RoomError, "range"),
-    (read(SPOT, "a.csv"), RoomError, "unsupported"),
-    (lambda folder: read_beam(folder / "none.ldt"), SpectrumError, "not-found"),
-    # A beam is no spectrum.
-    (lambda folder: read_spectrum(beam_file(folder, SPOT)), SpectrumError, "unsupported"),
-    (lamp("aim = [0, 0, -1]\nlumen = 9\n"), RoomError, None),
-    (lamp("turn_deg = 9\nlumen = 9\n"), RoomError, None),
-    (lamp('beam = "spot.ies"\naim = [0, 0, 0]\n'), RoomError, "range"),
-    (lamp('beam = "spot.ies"\nlux = 9\n'), RoomError, "conflict"),
-    (lamp('beam = "spot.ies"\nlumen = 9\nwatt = 9\n'), RoomError, "conflict"),
-    (lamp('beam = "spot.csv"\n'), RoomError, "unsupported"),
-    (lamp('beam = "none.ies"\n'), RoomError, "not-found"),
-    (lamp('beam = "dark.ldt"\n'), RoomError, "missing"),
-    (lamp(f'beam = "spot.ies"\n{SKY}'), RoomError, None),
+REFUSED = [
+    ("a.ies", "no lamp", "damaged"),
+    ("a.ies", ies({0: [1] * 7}, tilt="INCLUDE"), "unsupported"),
+    ("a.ies", ies({0: [1] * 7}, photometry=2), "unsupported"),
+    ("a.ies", ies({0: [1] * 6}), "damaged"),
+    ("a.ies", ies({0: [0] * 7}), "damaged"),
+    ("a.ies", ies({0: [-1] * 7}), "range"),
+    ("a.ies", ies({0: [1e300] * 7}, scale=1e300), "damaged"),
+    ("a.ies", ies({0: ["x"] * 7}), "syntax"),
+    ("a.ies", ies({0: [1] * 7, 45: [1] * 7}), "unsupported"),
+    ("a.ies", ies({90: [1] * 7, 270: [1] * 7}), "unsupported"),
+    ("a.ies", ies({0: [1] * 7}, (0, 30, 20, 90, 120, 150, 180)), "damaged"),
+    ("a.ies", ies({0: [1] * 2}, (0, 200)), "range"),
+    ("a.ies", ies({0: [1]}, (0,)), "range"),
+    ("a.ies", EVEN.replace(" 7 1 1 ", " 7.5 1 1 "), "syntax"),
+    ("a.ies", EVEN.replace(" 7 1 1 ", " 999999999999 1 1 "), "damaged"),
+    ("a.ldt", "a\n" * 20, "damaged"),
+    ("a.ldt", ldt(5, 90, [[1] * 7]), "unknown"),
+    ("a.ldt", ldt(0, 90, [[1] * 7] * 3), "damaged"),
+    ("a.ldt", ldt(1, 90, [["x"] * 7]), "syntax"),
+    ("a.ldt", ldt(1, 90, [[1] * 7], flux=-1), "range"),
+    ("a.csv", SPOT, "unsupported"),
+    # Settings of a room's lamp.
+    ("room.toml", "aim = [0, 0, -1]\nlumen = 9\n", None),
+    ("room.toml", "turn_deg = 9\nlumen = 9\n", None),
+    ("room.toml", 'beam = "spot.ies"\naim = [0, 0, 0]\n', "range"),
+    ("room.toml", 'beam = "spot.ies"\nlux = 9\n', "conflict"),
+    ("room.toml", 'beam = "spot.ies"\nlumen = 9\nwatt = 9\n', "conflict"),
+    ("room.toml", 'beam = "spot.csv"\n', "unsupported"),
+    ("room.toml", 'beam = "none.ies"\n', "not-found"),
+    ("room.toml", 'beam = "dark.ldt"\n', "missing"),
+    ("room.toml", f'beam = "spot.ies"\n{SKY}', None),
 ]
 
 
-@pytest.mark.parametrize(("call", "error", "code"), REFUSED)
+@pytest.mark.parametrize(
+    ("name", "text", "code"), REFUSED, ids=[f"{k}-{name}" for k, (name, *_) in enumerate(REFUSED)]
+)
 def test_beams_that_cannot_be_used_are_refused_in_one_line(
-    tmp_path: Path,
-    call: Callable[[Path], object],
-    error: type[VolspecError],
-    code: str | None,
+    tmp_path: Path, name: str, text: str, code: str | None
 ) -> None:
-    with raises(error, code):
-        call(tmp_path)
+    beam_file(tmp_path, SPOT, "spot.ies")
+    beam_file(tmp_path, ldt(1, 90, [[1] * 7], flux=0), "dark.ldt")
+    with raises(RoomError, code):
+        if name == "room.toml":
+            load_room(room_file(tmp_path, text))
+        else:
+            read_beam(beam_file(tmp_path, text, name))
+
+
+def test_a_beam_is_no_spectrum_and_must_be_there(tmp_path: Path) -> None:
+    with raises(SpectrumError, "unsupported"):
+        read_spectrum(beam_file(tmp_path, SPOT))
+    with raises(SpectrumError, "not-found"):
+        read_beam(tmp_path / "none.ldt")

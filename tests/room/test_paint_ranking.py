@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.support.errors import raises
+from tests.support.marks import slow
 from volspec.errors import InputError
 from volspec.room import (
     PointLamp,
@@ -59,23 +60,12 @@ def room(number: int) -> RoomLight:
     return solved(*kinds[number])
 
 
-CANDIDATES = {
-    "library": lambda: paint_set(["training"]),
-    "mixtures": lambda: mix_paints([reflectance(name) for name in MIXED], 1 / 7),
-}
-
-
-@pytest.mark.parametrize(
-    ("number", "candidates"),
-    [
-        (1, "mixtures"),
-        *(pytest.param(n, "library", marks=pytest.mark.slow) for n in (0, 2)),
-    ],
-)
+@pytest.mark.parametrize("number", [1, *slow(0, 2)])
 def test_the_best_are_those_of_a_ranking_that_solves_every_paint(
-    number: int, candidates: str
+    number: int,
 ) -> None:
-    paints = CANDIDATES[candidates]()
+    mixed = [reflectance(name) for name in MIXED]
+    paints = mix_paints(mixed, 1 / 7) if number == 1 else paint_set(["training"])
     assert len(paints) > 100
     surface = ("walls", "floor", "walls")[number]
     names = painted_surfaces(room(number).room, surface)

@@ -80,18 +80,13 @@ def test_mixtures_of_a_black_without_any_reflection_are_finite() -> None:
     assert not found[0].values.any() and 0 < found[1].values[0] < found[2].values[0] < 0.01
 
 
-def read(text: str) -> Callable[[Path], object]:
-    """Return a row's call: read an atlas of a text."""
-
-    def call(folder: Path) -> object:
-        (folder / "atlas.csv").write_text(text)
-        return paint_set(["atlas.csv"], folder=folder)
-
-    return call
+def read(folder: Path, text: str) -> object:
+    (folder / "atlas.csv").write_text(text)
+    return paint_set(["atlas.csv"], folder=folder)
 
 
-def mix(count: int, *given: Any) -> Callable[[Path], object]:
-    return lambda _: mix_paints(paint_set(["ColorChecker"])[:count], *given)
+def mix(*given: Any, count: int = 24) -> object:
+    return mix_paints(paint_set(["ColorChecker"])[:count], *given)
 
 
 @pytest.mark.parametrize(
@@ -99,13 +94,16 @@ def mix(count: int, *given: Any) -> Callable[[Path], object]:
     [
         (lambda _: paint_set(["natral"]), "unknown paint_set"),
         (lambda folder: paint_set(["nothere.csv"], folder=folder), "not-found"),
-        (read(""), "missing"),
-        (read("nm,a,a\n400,0.1,0.2\n700,0.1,0.2\n"), "duplicate"),
-        (read("nm,a\n400,10\n700,20\n"), "range"),
-        (mix(1, 0.5), "missing"),
-        *((mix(24, step), "range step") for step in (0.0, 0.3, 1.0, -0.5, float("nan"))),
-        (mix(24, 0.1), "size step"),
-        (mix(24, 0.5, "oil"), "unknown law"),
+        (lambda folder: read(folder, ""), "missing"),
+        (lambda folder: read(folder, "nm,a,a\n400,0.1,0.2\n700,0.1,0.2\n"), "duplicate"),
+        (lambda folder: read(folder, "nm,a\n400,10\n700,20\n"), "range"),
+        (lambda _: mix(0.5, count=1), "missing"),
+        *(
+            (lambda _, step=step: mix(step), "range step")
+            for step in (0.0, 0.3, 1.0, -0.5, float("nan"))
+        ),
+        (lambda _: mix(0.1), "size step"),
+        (lambda _: mix(0.5, "oil"), "unknown law"),
     ],
 )
 def test_wrong_sets_and_impossible_mixtures_are_refused(

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.marks import slow
 from volspec.pipeline import Relighter
 from volspec.relight import RelightSpec
 from volspec.scene import Scene
@@ -37,10 +38,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 # Each feature is cast by tests of its own, too.
-@pytest.mark.parametrize(
-    "number",
-    [0, *(pytest.param(n, marks=pytest.mark.slow) for n in range(1, len(EXAMPLES)))],
-)
+@pytest.mark.parametrize("number", [0, *slow(*range(1, len(EXAMPLES)))])
 def test_every_example_casts_into_a_picture(folder: Path, number: int) -> None:
     path = folder / "example.toml"
     path.write_text(EXAMPLES[number], encoding="utf-8")
@@ -61,17 +59,11 @@ def test_every_example_is_a_scene_and_each_kind_of_transfer_function_has_one(fol
     assert kinds == own | {FieldFunctions}
 
 
-SCENES = sorted((ROOT / "data" / "scenes").glob("engine*.toml"))
+ENGINE, *SCENES = sorted((ROOT / "data" / "scenes").glob("engine*.toml"), key=lambda p: p.stem)
 
 
 # Not the figure-… scenes, where some lights hide what is there.
-@pytest.mark.parametrize(
-    "path",
-    [
-        pytest.param(p, id=p.stem, marks=[pytest.mark.slow] if p.stem != "engine" else [])
-        for p in SCENES
-    ],
-)
+@pytest.mark.parametrize("path", [ENGINE, *slow(*SCENES)], ids=lambda path: path.stem)
 def test_scenes_that_ship_are_neither_dark_nor_washed_out(path: Path) -> None:
     scene = Scene.load(path)
     image = scene.render(size=(128, 128))

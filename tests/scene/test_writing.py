@@ -87,6 +87,11 @@ def changed(scene: Scene, **update: object) -> SceneFile:
     return replace(scene.file, **update)
 
 
+def written(scene: Scene, **update: object) -> Path:
+    """Write a changed scene to a new file."""
+    return write_scene(changed(scene, **update), scene.folder / "new.toml", scene)
+
+
 def test_saving_where_it_was_read_changes_nothing(scene: Scene) -> None:
     before = scene.path.read_bytes()
     assert scene.save() == scene.path
@@ -95,7 +100,7 @@ def test_saving_where_it_was_read_changes_nothing(scene: Scene) -> None:
 
 def test_one_changed_value_is_one_changed_line(scene: Scene) -> None:
     camera = replace(scene.file.camera, zoom=2.5)
-    path = write_scene(changed(scene, camera=camera), scene.folder / "new.toml", scene)
+    path = written(scene, camera=camera)
     old, new = lines(scene.path), lines(path)
     assert [pair for pair in zip(old, new, strict=True) if pair[0] != pair[1]] == [
         ("zoom=   1.5", "zoom=   2.5")
@@ -112,7 +117,7 @@ def test_a_table_whose_keys_said_their_defaults_stays_where_it_is(scene: Scene) 
 
 def test_defaults_are_left_out_unless_the_file_says_them(scene: Scene) -> None:
     table = CameraSpec(azimuth_deg=30.0, elevation_deg=20.0, zoom=1.0, fov_deg=10.0)
-    path = write_scene(changed(scene, camera=table), scene.folder / "new.toml", scene)
+    path = written(scene, camera=table)
     there = lines(path)
     assert "azimuth_deg = 30  # the default, but said" in there
     assert "zoom=   1" in there and "fov_deg = 10" in there
@@ -121,7 +126,7 @@ def test_defaults_are_left_out_unless_the_file_says_them(scene: Scene) -> None:
 
 def test_keys_that_exclude_each_other_take_turns(scene: Scene) -> None:
     placed = CameraSpec(position_mm=(0, -40, 5))
-    path = write_scene(changed(scene, camera=placed), scene.folder / "new.toml", scene)
+    path = written(scene, camera=placed)
     assert read(path).camera == placed
     based = changed(scene, basis=BasisSpec(name="general-5"))
     there = Scene.load(write_scene(based, path, scene))
@@ -134,8 +139,7 @@ def test_comments_go_with_the_rows_below_them(scene: Scene) -> None:
     """Rows swapped, one renamed, one added: each keeps the comment above it."""
     shell, core = scene.file.material
     hull = MaterialSpec(name="hull", reflectance="white")
-    file = changed(scene, material=[core, hull, shell])
-    text = write_scene(file, scene.folder / "new.toml", scene).read_text()
+    text = written(scene, material=[core, hull, shell]).read_text()
     core_at, hull_at, shell_at = (text.index(f'name = "{n}"') for n in ("core", "hull", "shell"))
     assert text.index("# The inner one.") < core_at < hull_at
     assert hull_at < text.index("# The outer one.") < shell_at < text.index("[transfer]")
@@ -144,15 +148,14 @@ def test_comments_go_with_the_rows_below_them(scene: Scene) -> None:
 
 def test_a_row_that_goes_takes_its_comment_and_no_other(scene: Scene) -> None:
     night = scene.file.light[1]
-    path = write_scene(changed(scene, light=[night]), scene.folder / "new.toml", scene)
+    path = written(scene, light=[night])
     assert comments(path.read_text()) == [c for c in comments(TEXT) if c != "# By day."]
     assert [row.name for row in read(path).light] == ["night"]
 
 
 def test_a_renamed_row_keeps_its_lines(scene: Scene) -> None:
     day = replace(scene.file.light[0], name="noon")
-    file = changed(scene, light=[day, scene.file.light[1]])
-    path = write_scene(file, scene.folder / "new.toml", scene)
+    path = written(scene, light=[day, scene.file.light[1]])
     assert path.read_text() == TEXT.replace('name = "day"', 'name = "noon"')
 
 
@@ -162,7 +165,7 @@ def test_points_are_added_and_taken_away_line_by_line(scene: Scene, count: int) 
     added = PointSpec(value=0.75, opacity=0.45, material="core")
     points = {2: [low, high], 3: [low, added, high], 4: [low, middle, added, high]}[count]
     table = replace(scene.file.transfer, points=points)
-    path = write_scene(changed(scene, transfer=table), scene.folder / "new.toml", scene)
+    path = written(scene, transfer=table)
     assert read(path).transfer == table
     there = lines(path)
     assert '    { value = 0.1, opacity = 0.0, material = "shell" },  # nothing' in there
@@ -174,7 +177,7 @@ def test_new_tables_stand_apart_and_the_last_comment_stays_last(scene: Scene) ->
     eye = scene.file.viewing.viewing
     display = replace(eye.display, white_cd_m2=120.0, L_A=None)
     viewing = replace(scene.file.viewing, viewing=replace(eye, exposure=2.0, display=display))
-    path = write_scene(changed(scene, viewing=viewing), scene.folder / "new.toml", scene)
+    path = written(scene, viewing=viewing)
     end = "\n[viewing]\nexposure = 2\n\n[viewing.display]\nwhite_cd_m2 = 120\n"
     assert path.read_text() == TEXT + end
 

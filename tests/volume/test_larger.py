@@ -22,6 +22,7 @@ import zarr
 from PIL import Image
 
 from tests.support.errors import raises
+from tests.support.marks import slow
 from tests.support.pyramids import stored
 from tests.support.raycasts import oblique_world
 from tests.support.scenes import scene_text
@@ -222,16 +223,10 @@ def write_plain_hdf5(values: np.ndarray, folder: Path) -> str:
     return "v.h5?time=1"
 
 
-WRITERS = [
-    write_hdf5,
-    *(
-        pytest.param(write, marks=pytest.mark.slow)
-        for write in (write_tiff, write_plain_tiff, write_slices, write_png, write_plain_hdf5)
-    ),
-]
+OTHERS = [write_tiff, write_plain_tiff, write_slices, write_png, write_plain_hdf5]
 
 
-@pytest.mark.parametrize("write", WRITERS, ids=lambda write: write.__name__)
+@pytest.mark.parametrize("write", [write_hdf5, *slow(*OTHERS)])
 def test_files_of_other_kinds_are_read_in_parts(
     write: Callable[[np.ndarray, Path], str], ball: Volume, whole: CoefficientImage, tmp_path: Path
 ) -> None:
@@ -259,7 +254,7 @@ def test_files_of_other_kinds_are_read_in_parts(
         cast(fresh)
 
 
-@pytest.mark.parametrize("kind", ["url", pytest.param("zip", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["url", *slow("zip")])
 def test_a_store_in_a_zip_file_or_on_the_web(
     kind: str, ball: Volume, store: Path, big: Volume, tmp_path: Path
 ) -> None:
@@ -402,13 +397,7 @@ def test_the_cache_drops_what_is_needed_last() -> None:
     assert cache.get(one) is not None and cache.get(two) is None and cache.nbytes == 2
 
 
-@pytest.mark.parametrize(
-    "damage",
-    [
-        "missing",
-        *(pytest.param(d, marks=pytest.mark.slow) for d in ("truncated", "corrupt", "other")),
-    ],
-)
+@pytest.mark.parametrize("damage", ["missing", *slow("truncated", "corrupt", "other")])
 def test_a_damaged_chunk_is_named_and_marked(
     damage: str, copy: Path, whole: CoefficientImage
 ) -> None:
@@ -430,17 +419,11 @@ def test_a_damaged_chunk_is_named_and_marked(
     assert 0.01 < apart.mean() < 0.6, "only the gap differs"
 
 
-@pytest.mark.parametrize(
-    ("command", "output"),
-    [
-        ("render", "a.png"),
-        pytest.param("export", "frames", marks=pytest.mark.slow),
-        pytest.param("page", "a.html", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize("command", ["render", *slow("export", "page")])
 def test_commands_say_by_their_exit_status_that_a_picture_has_gaps(
-    command: str, output: str, copy: Path
+    command: str, copy: Path
 ) -> None:
+    output = {"render": "a.png", "export": "frames", "page": "a.html"}[command]
     without_a_chunk(copy)
     (copy / "s.toml").write_text(SCENE)
     with pytest.raises(SystemExit) as stop, pytest.warns(VolspecWarning):
@@ -465,13 +448,7 @@ def test_a_damaged_chunk_of_the_coarse_level_is_a_gap(copy: Path, big: Volume) -
     assert "chunk 0/0/0 of level 1" in cast(damaged, 1).notes[GAPS]
 
 
-@pytest.mark.parametrize(
-    "damage",
-    [
-        *("truncated", "reversed", "of another program"),
-        pytest.param("block", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize("damage", ["truncated", "reversed", "another's", *slow("block")])
 def test_damaged_ranges_are_ignored(damage: str, copy: Path, big: Volume) -> None:
     def edit(attributes: dict[str, Any], _: object) -> None:
         own = attributes["volspec"]
@@ -479,14 +456,14 @@ def test_damaged_ranges_are_ignored(damage: str, copy: Path, big: Volume) -> Non
             own["block"] = 8
         elif damage == "reversed":
             own["ranges"].reverse()
-        elif damage == "of another program":
+        elif damage == "another's":
             attributes["volspec"] = 3
 
     edit_metadata(copy, edit)
     if damage == "truncated":
         files = (copy / "v.zarr/volspec/ranges/0/c").rglob("*")
         next(file for file in files if file.is_file()).write_bytes(b"short")
-    if damage == "of another program":
+    if damage == "another's":
         assert np.array_equal(opened(copy).values, big.values)
         return
     with pytest.warns(VolspecWarning, match="volspec/ranges") as said:

@@ -84,8 +84,6 @@ def write_part(folder: Path, name: str, end: int, of: str = "03.dcm") -> Path:
 
 def test_slices_are_put_where_they_lie_in_the_patient(tmp_path: Path) -> None:
     folder = write_series(tmp_path / "head")
-    (folder / "notes.txt").write_text("by hand")
-    (folder / ".hidden.dcm").write_text("of the system")
     for named in (folder, folder / "03.dcm"):
         volume = load_silently(named)
         assert volume.values.dtype == np.int16 and np.array_equal(volume.values, VALUES)
@@ -162,22 +160,10 @@ def test_of_several_series_one_is_chosen(tmp_path: Path) -> None:
         assert np.array_equal(load_silently(f"{tmp_path}{name}").values, VALUES[:3] + 1)
 
 
-def test_a_folder_without_slices_stands_for_those_below(tmp_path: Path) -> None:
-    write_series(tmp_path / "patient" / "study" / "series")
-    (tmp_path / "viewer.exe").write_bytes(b"as on a CD")
-    assert np.array_equal(load_silently(tmp_path).values, VALUES)
-
-
 def structures() -> bytes:
     """Begin of an RTSTRUCT file without a preamble and without its class, implicit types."""
     tags = ((0x60, b"RTSTRUCT"), (0x70, b"volspec "))
     return b"".join(struct.pack("<2HI", 8, tag, len(text)) + text for tag, text in tags) * 20
-
-
-def test_objects_without_pixels_next_to_a_series_are_left_out(tmp_path: Path) -> None:
-    (write_series(tmp_path) / "rt.dcm").write_bytes(structures())
-    for path in (tmp_path, tmp_path / "03.dcm", f"{tmp_path}?series=3"):
-        assert np.array_equal(load_silently(path).values, VALUES)
 
 
 def with_strangers(folder: Path) -> None:
@@ -202,15 +188,6 @@ def test_files_that_are_no_slices_are_left_out_with_one_warning(
             assert np.array_equal(load_volume(path).values, VALUES)
 
 
-def test_reports_next_to_a_series_are_left_out(tmp_path: Path) -> None:
-    whole = (write_series(tmp_path) / "03.dcm").read_bytes()
-    at = whole.index(bytes.fromhex("02000200") + b"UI")
-    name = b"1.2.840.10008.5.1.4.1.1.88.11\0"
-    report = whole[: at + 6] + len(name).to_bytes(2, "little") + name
-    (tmp_path / "SR1").write_bytes(report)
-    assert np.array_equal(load_silently(tmp_path).values, VALUES)
-
-
 def test_dicom_without_its_header_is_read_whatever_its_name(tmp_path: Path) -> None:
     for file in write_series(tmp_path).iterdir():
         whole = file.read_bytes()
@@ -230,10 +207,50 @@ def write_class(folder: Path, name: str, uid: bytes) -> None:
     (folder / name).write_bytes(head + uid)
 
 
-def test_a_table_of_contents_above_a_series_is_left_out(tmp_path: Path) -> None:
-    write_class(tmp_path, "DICOMDIR", CONTENTS)
-    write_series(tmp_path / "S1")
-    assert np.array_equal(load_silently(tmp_path).values, VALUES)
+def write_report(folder: Path) -> None:
+    """Write a slice's file as one of a class without pictures."""
+    whole = (folder / "03.dcm").read_bytes()
+    at = whole.index(bytes.fromhex("02000200") + b"UI")
+    uid = b"1.2.840.10008.5.1.4.1.1.88.11\0"
+    (folder / "SR1").write_bytes(whole[: at + 6] + len(uid).to_bytes(2, "little") + uid)
+
+
+def write_bare(folder: Path) -> None:
+    """Old programs write structure sets as a bare data set, here of implicit types."""
+    uid = b"1.2.840.10008.5.1.4.1.1.481.3\0"
+    charset = b"\x08\x00\x05\x00\x0a\x00\x00\x00ISO_IR 100"
+    bare = charset + b"\x08\x00\x16\x00" + len(uid).to_bytes(4, "little") + uid
+    (folder / "structures.dcm").write_bytes(bare)
+
+
+def copy_files(folder: Path) -> None:
+    for file in list(folder.iterdir()):
+        (folder / f"copy of {file.name}").write_bytes(file.read_bytes())
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda folder: (folder / "notes.txt").write_text("by hand"),
+        lambda folder: (folder / ".hidden.dcm").write_text("of the system"),
+        lambda folder: (folder.parent / "viewer.exe").write_bytes(b"as on a CD"),
+        lambda folder: write_class(folder.parent, "DICOMDIR", CONTENTS),
+        # Objects without pixels.
+        lambda folder: (folder / "rt.dcm").write_bytes(structures()),
+        write_report,
+        write_bare,
+        copy_files,
+    ],
+    ids=["notes", "hidden", "program", "contents", "structures", "report", "bare", "copies"],
+)
+def test_other_files_next_to_a_series_are_left_out(
+    tmp_path: Path, write: Callable[[Path], object]
+) -> None:
+    """A folder without slices stands for those below."""
+    folder = write_series(tmp_path / "patient" / "series")
+    write(folder)
+    for path in (tmp_path, folder, folder / "03.dcm", f"{folder}?series=3"):
+        assert np.array_equal(load_silently(path).values, VALUES)
 
 
 def localizer(folder: Path) -> None:
@@ -278,12 +295,6 @@ def test_of_several_times_at_every_place_one_is_chosen(tmp_path: Path) -> None:
     assert np.array_equal(load_silently(f"{tmp_path}?time=1").values, VALUES + 1)
     steps = load_series(tmp_path)
     assert [np.array_equal(each.values, VALUES + k) for k, each in enumerate(steps)] == [True] * 2
-
-
-def test_copies_of_a_file_count_once(tmp_path: Path) -> None:
-    for file in list(write_series(tmp_path).iterdir()):
-        (tmp_path / f"copy of {file.name}").write_bytes(file.read_bytes())
-    assert np.array_equal(load_silently(tmp_path).values, VALUES)
 
 
 def with_scouts(folder: Path, count: int = 1) -> None:
@@ -396,16 +407,6 @@ def test_series_of_a_folder_are_listed_by_number_and_description(tmp_path: Path)
     for value in choice.values:
         assert load_volume(f"{tmp_path}?series={value}").shape_xyz
     assert volume_choices(tmp_path / "a") == ()
-
-
-def test_files_without_pictures_and_without_a_preamble_are_left_out(tmp_path: Path) -> None:
-    """Old programs write structure sets as a bare data set, here of implicit types."""
-    write_series(tmp_path)
-    uid = b"1.2.840.10008.5.1.4.1.1.481.3\0"
-    charset = b"\x08\x00\x05\x00\x0a\x00\x00\x00ISO_IR 100"
-    bare = charset + b"\x08\x00\x16\x00" + len(uid).to_bytes(4, "little") + uid
-    (tmp_path / "structures.dcm").write_bytes(bare)
-    assert np.array_equal(load_silently(tmp_path).values, VALUES)
 
 
 def element(group: int, number: int, kind: str, value: bytes | str | int) -> bytes:
