@@ -18,6 +18,7 @@ from tests.support.gltf import write_glb
 from tests.support.marks import slow
 from volspec.errors import InputError, VolspecWarning
 from volspec.mesh import texture
+from volspec.mesh.paint import texel_channels
 from volspec.scene.specs import MeshSpec
 from volspec.spectra import XYZ_from_spectra, white_XYZ
 from volspec.spectra.construct.colours import XYZ_from_sRGB
@@ -157,6 +158,7 @@ def test_a_mesh_alone_is_opened_in_its_own_colours(tmp_path: Path) -> None:
     assert np.array_equal(ours, same)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*basis")
 def test_a_mesh_s_colours_are_in_its_scene_s_basis(tmp_path: Path) -> None:
     """A basis for copper alone would be off by 12 under the scene's own lamps."""
@@ -216,10 +218,15 @@ def test_a_translucent_mesh_just_behind_an_opaque_one_is_hidden() -> None:
 def test_a_texture_is_converted_once_for_a_basis(monkeypatch: pytest.MonkeyPatch) -> None:
     """A viewer paints the meshes for every cast."""
     caster = vs.MeshCaster([plane(vs.Texture(CODES)), plane("red")], MATERIALS, BASIS)
-    monkeypatch.setattr("volspec.mesh.paint.texel_channels", None)
+    bases = []
+    monkeypatch.setattr(
+        "volspec.mesh.paint.texel_channels",
+        lambda texture, *given: bases.append(1) or texel_channels(texture, *given),
+    )
     other = {**MATERIALS, "red": vs.reflectance("ColorChecker/blue")}
-    found = caster.painted(other, BASIS)
-    assert found.alone(ABOVE, SIZE, SUN).alpha.all()
+    assert caster.painted(other, BASIS).alone(ABOVE, SIZE, SUN).alpha.all() and not bases
+    caster.painted(other, vs.SpectralBasis.bands())
+    assert bases == [1]
 
 
 @pytest.mark.slow

@@ -419,6 +419,7 @@ def test_a_gltf_stands_upright_in_metres(folder: Path) -> None:
     assert (row.unit_mm, row.turn_deg) == (1000.0, (90.0, 0.0, 0.0))
 
 
+@pytest.mark.slow
 def test_hidden_meshes_alone_are_warned_of(folder: Path) -> None:
     (folder / "alone.toml").write_text(ALONE.replace("[[light]]", "shown = false\n[[light]]"))
     with pytest.warns(vs.VolspecWarning, match="no mesh is shown"):
@@ -474,9 +475,9 @@ POINTS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
         (lambda folder: read(folder, "ply\n", "bad.plx"), MeshError, "unsupported"),
         (lambda folder: read(folder, "ply\n", "bad.ply"), MeshError, "damaged"),
         (lambda folder: read_part(folder, 0.3), MeshError, "damaged"),
-        (lambda folder: read_part(folder, 0.9), MeshError, "damaged"),
+        pytest.param(lambda f: read_part(f, 0.9), MeshError, "damaged", marks=pytest.mark.slow),
         (lambda folder: read(folder, ""), MeshError, "damaged"),
-        (lambda folder: read(folder, "hello\n"), MeshError, "damaged"),
+        pytest.param(lambda f: read(f, "hello\n"), MeshError, "damaged", marks=pytest.mark.slow),
         (lambda folder: read(folder, POINTS), MeshError, "damaged"),
         # VTK would read beyond the points, and end the process.
         (lambda folder: read(folder, f"{POINTS}f 1 2 9\n"), MeshError, "damaged"),
@@ -485,7 +486,7 @@ POINTS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
         (lambda folder: rendered(folder, "core.ply", "cor.ply"), SceneError, "not-found"),
         (lambda folder: rendered(folder, "move_mm", "unit_mm = 0\nmove_mm"), SceneError, "range"),
         (lambda f: rendered(f, '"ball.npy"', '"ball.npy"\nbox_mm = [[0, 1]]'), SceneError, "shape"),
-        (exported_again, vs.InputError, "conflict"),
+        pytest.param(exported_again, vs.InputError, "conflict", marks=pytest.mark.slow),
     ],
 )
 def test_what_cannot_be_a_mesh_is_refused(

@@ -90,7 +90,7 @@ BRIGHT = with_paint(GREY, [0.5, 1.0, 0.5], [3], THREE)
         (lambda: cube(S=LIT[0]), "shape emission"),
         (lambda: cube(S=LIT - [[0.0, 0.0, 1.5]]), "range emission"),
         (lambda: cube(S=0.0 * LIT), "missing emission"),
-        (lambda: cube_radiosity(GREY, LIT), "shape reflectance"),  # of another grid
+        (lambda: cube_radiosity(GREY, LIT), "shape "),  # of another grid
         *(
             (lambda lux=lux: irradiance_from_lux(light("A"), lux), "range lux")
             for lux in (0.0, -1.0, np.nan, np.inf, "300")

@@ -100,6 +100,7 @@ def test_the_closed_form_is_close_where_light_is_even() -> None:
     assert fast.solved.irradiance == pytest.approx(exact.solved.irradiance, rel=0.02)
 
 
+@pytest.mark.slow
 def test_the_closed_form_is_near_the_solution_elsewhere() -> None:
     """Present paints are exact; others are far nearer than without a change."""
     response = two_lights()

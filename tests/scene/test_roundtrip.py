@@ -167,7 +167,7 @@ def is_written_into(file: SceneFile, shipped: Path, folder: Path) -> None:
     assert lines(path)[:2] == lines(shipped)[:2]
 
 
-@pytest.mark.parametrize("count", [25, *slow(300)])
+@pytest.mark.parametrize("count", [15, *slow(300)])
 def test_any_scene_reads_back_and_is_written_into_any_file(tmp_path: Path, count: int) -> None:
     @settings(max_examples=count, suppress_health_check=[HealthCheck.too_slow])
     @given(scene_files(), st.sampled_from(SHIPPED))

@@ -152,6 +152,8 @@ def test_files_beside_the_scene_win_over_those_where_the_program_runs(
     (elsewhere / "lamp.csv").write_text("nm,value\n390,1\n710,1\n")
     monkeypatch.chdir(elsewhere)
     mixed = GOOD.replace('"D65"', '"lamp.csv*0.5+A*0.5"')
+    with raises(SceneError, "not-found", "light[0]"):
+        load(folder, mixed)
     (folder / "lamp.csv").write_text("nm,value\n390,1\n710,3\n")
     values = load(folder, mixed).lights[0].spectrum.values
     assert values[-1] > 1.5 * values[0]
@@ -191,7 +193,6 @@ CHANGES = {
     "blank name": ('name = "shell"', 'name = " "', "missing material[0].name"),
     "wrong type": ("width = 24", 'width = "wide"', "type output.width"),
     "picture of no pixels": ("width = 24", "width = 0", "range output.width"),
-    "file of the program's folder": ('"D65"', '"lamp.csv*0.5+A*0.5"', "not-found light[0]"),
     "unknown light": ('"D65"', '"D56"', "unknown light[0]"),
     "unknown reflectance": ('"copper"', '"cooper"', "unknown material[1].reflectance"),
     "unknown material": (

@@ -627,8 +627,13 @@ def zipped(folder: Path) -> None:
     load_volume(path)
 
 
+def missing_on_the_web(folder: Path) -> None:
+    with served(folder) as (server, _):
+        load_volume(f"{server}/other.zarr")
+
+
 SMALL = Volume(np.arange(64, dtype=np.uint8).reshape(4, 4, 4))
-REFUSED: list[tuple[Callable[[Path], object], type[VolspecError], str]] = [
+REFUSED: list[tuple[Callable[[Path], object], type[VolspecError], str | None]] = [
     # Levels that are not of one picture.
     (coarser([9.0, 2.0, 2.0]), VolumeError, "conflict"),
     (coarser([3.0, 2.0, 2.0], 90.0, 0.5, 0.5), VolumeError, "conflict"),
@@ -641,6 +646,7 @@ REFUSED: list[tuple[Callable[[Path], object], type[VolspecError], str]] = [
     (lambda f: copied(opened(without_a_chunk(f).parent), f / "copy.zarr"), VolumeError, "damaged"),
     (zipped, VolumeError, "damaged"),
     (lambda folder: load_volume(folder / "other.zarr.zip"), VolumeError, "not-found"),
+    (missing_on_the_web, VolumeError, None),
     (lambda folder: cast(opened(folder), adaptive=0.01), RaycastError, "unsupported"),
     (lambda folder: cast(opened(folder), 7), RaycastError, "range"),
     (lambda folder: opened(folder).downsampled(2), VolumeError, "conflict"),
@@ -654,7 +660,7 @@ REFUSED: list[tuple[Callable[[Path], object], type[VolspecError], str]] = [
 
 @pytest.mark.parametrize(("take", "error", "code"), REFUSED)
 def test_what_cannot_be_read_or_cast_in_parts_is_refused(
-    copy: Path, take: Callable[[Path], object], error: type[VolspecError], code: str
+    copy: Path, take: Callable[[Path], object], error: type[VolspecError], code: str | None
 ) -> None:
     with raises(error, code):
         take(copy)

@@ -83,6 +83,8 @@ def test_files_by_a_pattern_are_steps_in_the_order_of_their_numbers(beat: Path) 
     for volume, values in zip(series, steps(), strict=True):
         assert np.array_equal(volume.values, values) and volume.range == (0.0, 180.0)
     assert series[-1].is_step_of(series[0])
+    with pytest.raises(IndexError):
+        series[4]
 
 
 def test_a_4d_file_is_a_series_and_a_step_of_it_a_volume(tmp_path: Path) -> None:
