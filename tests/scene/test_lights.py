@@ -10,7 +10,7 @@ import pytest
 from tests.support.errors import raises
 from tests.support.scenes import BALL, SMALL, write_scene_text
 from volspec.errors import SceneError
-from volspec.pipeline import raycast, relight
+from volspec.pipeline import raycast
 from volspec.raycast import (
     Ambient,
     Directional,
@@ -19,7 +19,6 @@ from volspec.raycast import (
     Point,
     RaycastSpec,
 )
-from volspec.relight import LightRig
 from volspec.scene import Scene, SceneFile
 from volspec.settings import plain, read_table
 from volspec.spectra import light
@@ -89,9 +88,7 @@ def test_rows_of_one_name_are_one_setting(tmp_path: Path) -> None:
         row("evening", "D75", "fill", 'label = "dusk"\nweight = 2'),
         row("evening", "FL2"),
     )
-    # Without shadows: their kernels take seconds to compile.
-    groups = group('{ kind = "headlight" }') + group('{ kind = "ambient" }', "fill")
-    scene = load(tmp_path, groups + "".join(lights))
+    scene = load(tmp_path, GROUPS + "".join(lights))
     evening, noon = scene.lights
     assert (evening.name, evening.label, noon.label) == ("evening", "dusk", "noon")
     assert [spectrum.name for spectrum in evening.rig.lights] == ["A", "D75", "FL2"]
@@ -99,10 +96,6 @@ def test_rows_of_one_name_are_one_setting(tmp_path: Path) -> None:
     facing = evening.rig.facing(scene.raycast.shares()).mixed(scene.basis.grid)
     assert np.array_equal(evening.spectrum.values, facing.values)
     assert np.array_equal(noon.spectrum.values, light("D65").values)
-    image = scene.render()
-    rig = LightRig((light("A"), light("D75"), light("FL2")), (0.5, 2, 1), None, ("key", "fill", ""))
-    assert np.array_equal(relight(image, evening.rig), relight(image, rig))
-    assert (relight(image, evening.rig) != relight(image, noon.rig)).any()
 
 
 def test_the_lux_of_a_setting_is_that_of_its_rows(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 import volspec as vs
 from tests.support.errors import warns
+from volspec.appearance.spaces import linear_sRGB_from_XYZ
 from volspec.errors import VolspecWarning
 from volspec.transfer import FieldFunctions
 from volspec.transfer.channel_look import channel_limits
@@ -101,10 +102,21 @@ def test_an_address_takes_one_channel_and_the_choice_lists_all(ome_tiff: Path) -
     assert choice.names == ("all", *NAMES)
 
 
-def test_its_scene_shows_each_channel_in_its_colour(ome_tiff: Path) -> None:
+def test_its_scene_has_each_channel_in_its_colour(ome_tiff: Path) -> None:
     scene = vs.Scene.from_volume(ome_tiff, lights=["D65"])
     assert isinstance(scene.transfer, FieldFunctions)
     assert list(scene.transfer.functions) == ["", "Actin", "Actin 2"]
+    for function, colour in zip(
+        scene.transfer.functions.values(), ([0, 0, 1], [0, 1, 0], [1, 1, 1]), strict=True
+    ):
+        table = function.bake(1.0)
+        shown = linear_sRGB_from_XYZ(scene.basis.xyz(table.coefficients[-1], vs.light("D65")))
+        assert shown == pytest.approx(colour, abs=0.01)
+
+
+@pytest.mark.slow
+def test_its_scene_shows_each_channel_in_its_colour(ome_tiff: Path) -> None:
+    scene = vs.Scene.from_volume(ome_tiff, lights=["D65"])
     image = scene.render(size=(64, 48))
     with vs.Relighter(image) as relighter:
         frame = relighter.frame(vs.light("D65")).astype(int)

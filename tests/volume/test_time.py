@@ -24,7 +24,7 @@ transfer.points = [
     {{ value = 20, opacity = 0, material = "a" }}, {{ value = 90, opacity = 0.5, material = "a" }},
 ]
 light = [{{ name = "day", spectrum = "D65" }}, {{ name = "night", spectrum = "A" }}]
-basis.name = "general-5"
+basis.name = "general-7"
 output = {{ width = 24, height = 20 }}
 {more}
 """
