@@ -16,9 +16,11 @@ from volspec.errors import SceneError
 from volspec.pipeline import Raycaster
 from volspec.raycast.behind import OpacityCaster
 from volspec.relight.illumination import Illumination
+from volspec.room import load_room
 from volspec.scene import Scene
 from volspec.scene.backdrop import Placement, ShadowMap
 from volspec.scene.file import scene_data, scene_file
+from volspec.scene.room import _digest
 from volspec.scene.writing import rebased
 
 ROOM = """
@@ -303,3 +305,27 @@ def test_a_wrong_room_is_refused(folder: Path, old: str, new: str, code: str) ->
 def test_walls_may_be_left_out(folder: Path) -> None:
     without = Scene.load(edited(folder, "scale = 10", "scale = 10\nwalls = false"))
     assert without.behind(without.volume()) == ()
+
+
+SPOT = """IESNA:LM-63-2002
+TILT=NONE
+1 -1 1 3 1 1 2 0 0 0
+1 1 20
+0 90 180
+0
+{} 0 0
+"""
+
+
+def test_a_room_is_solved_again_for_another_beam(tmp_path: Path) -> None:
+    digests = set()
+    for file, more in (("a", ""), ("b", ""), ("a", "aim = [-1, 0, 0]\n"), ("a", "turn_deg = 9\n")):
+        (tmp_path / "a.ies").write_text(SPOT.format(100))
+        (tmp_path / "b.ies").write_text(SPOT.format(100).replace("90 180", "80 180"))
+        lamp = '[[light]]\nname = "spot"\nspectrum = "A"\nposition_m = [1, 1, 2]\nlumen = 900\n'
+        text = ROOM.format(walls="grey:0.5", lamp="A") + f'{lamp}beam = "{file}.ies"\n{more}'
+        (tmp_path / "room.toml").write_text(text)
+        rooms = [load_room(tmp_path / "room.toml") for _ in range(2)]
+        assert _digest(rooms[0]) == _digest(rooms[1])
+        digests.add(_digest(rooms[0]))
+    assert len(digests) == 4

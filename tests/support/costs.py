@@ -3,9 +3,10 @@
     python -m pytest -p tests.support.costs --costs costs.csv -n 2
     python -m tests.support.costs before.csv after.csv
 
-The second command prints the dearest tests of two such files as a table. A row a test: its seconds of CPU time (user and system, of this process, of children that ended
-and of those that still run), its seconds of wall time, and its name. What a fixture of a module
-or of the session takes counts for the first test that asks for it.
+The second command prints the dearest tests of two such files as a table. A row a test: its seconds
+of CPU time (user and system, of this process, of children that ended and of those that still run),
+its seconds of wall time, and its name. What a fixture of a module or of the session takes counts
+for the first test that asks for it.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+import pickle
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -68,9 +69,9 @@ def _digest(room: Room) -> bytes:
     for array in (room.mesh.corners_m, room.mesh.surface, room.reflectances, *lights):
         digest.update(np.ascontiguousarray(array).tobytes())
     facts = room.mesh.names, room.grid, list(room.lights), room.open
-    places = [lamp.position_m for lamp in room.lamps]
     beams = [(sun.direction, sorted(sun.through)) for sun in room.suns]
-    digest.update(repr((facts, places, beams)).encode())
+    digest.update(repr((facts, beams)).encode())
+    digest.update(pickle.dumps(room.lamps))
     return digest.digest()
 
 
