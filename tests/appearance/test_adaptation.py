@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.appearance._models import D50, D65, A, colours
+from tests.appearance._models import D50, D65, A, apart, colours
 from volspec.appearance import ViewingConditions
 from volspec.appearance.adaptation import ADAPTATIONS, adapt, adaptation, outside
 from volspec.appearance.constants import D65_CONES_FROM_XYZ
@@ -41,7 +41,7 @@ def random_XYZ(white: tuple[float, ...], count: int = 10_000) -> np.ndarray:
 
 def assert_same(ours: np.ndarray, theirs: np.ndarray, tolerance: float = 1e-9) -> None:
     """Relative to the colour's largest component."""
-    miss = np.abs(ours - theirs).max(axis=-1) / np.maximum(np.abs(theirs).max(axis=-1), 1e-3)
+    miss = apart(ours, theirs)
     worst = int(np.argmax(miss))
     assert miss[worst] < tolerance, (miss[worst], ours[worst], theirs[worst])
 

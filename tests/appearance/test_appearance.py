@@ -1,10 +1,11 @@
 """CIECAM02, viewing conditions and the display's encoding against colour-science and reason."""
 
+import math
+
 import numpy as np
 import pytest
 
 from tests.appearance._models import CONDITIONS, A, colours
-from tests.support.errors import refuses
 from volspec.appearance import Display, Viewing, ViewingConditions, view_transform
 from volspec.appearance.constants import (
     ACHROMATIC,
@@ -16,7 +17,8 @@ from volspec.appearance.constants import (
 )
 from volspec.appearance.models.cam import CamConditions, CamTransform, forward, inverse
 from volspec.appearance.models.cielab import cielab, cielab_derivative
-from volspec.errors import ViewingError
+from volspec.appearance.presets import PRESETS, preset
+from volspec.appearance.spaces import SPACES
 
 SOME = ("room under A", "television", "cinema")
 
@@ -87,41 +89,32 @@ def test_adapting_luminance_follows_from_illuminance_and_background():
     assert pytest.approx(63.66, abs=5e-3) == ViewingConditions.of_lux(A, 1000.0).L_A
 
 
-@pytest.mark.parametrize(
-    "make, message",
-    [
-        (lambda: Viewing(model="ciecam"), "unknown Viewing.model"),
-        (lambda: Viewing(surround="dimm"), "unknown Viewing.surround"),
-        (lambda: Viewing(Y_b=-1.0), "range Viewing.Y_b"),
-        (lambda: Viewing(L_A=float("nan")), "range Viewing.L_A"),
-        (lambda: Viewing(D=1.5), "range Viewing.D"),
-        (lambda: Viewing(surround="bright"), "unknown Viewing.surround"),
-        (lambda: Viewing(Y_b=1e4), "range Viewing.Y_b"),
-        (lambda: Display(Y_b=1e300), "range Display.Y_b"),
-        (lambda: ViewingConditions(A, Y_b=1e4), "range ViewingConditions.Y_b"),
-        (lambda: ViewingConditions((1.0985, 1, 0.3558)), "range ViewingConditions.white_XYZ"),
-        (lambda: ViewingConditions((1e-300,) * 3), "range ViewingConditions.white_XYZ"),
-        (lambda: ViewingConditions((1e300,) * 3), "range ViewingConditions.white_XYZ"),
-        (lambda: ViewingConditions((95, 100, 1e-300)), "range ViewingConditions.white_XYZ"),
-        (lambda: ViewingConditions.of_lux(A, 0.0), "range illuminance_lux"),
-        (lambda: Viewing(illuminance_lux=0.0), "range Viewing.illuminance_lux"),
-        (lambda: Viewing(D=0.5, discount=True), "conflict Viewing.D"),
-        (lambda: ViewingConditions(A, D=1.0, discount=True), "conflict ViewingConditions.D"),
-        (lambda: Viewing(fov_deg=1e-300), "range Viewing.fov_deg"),
-        (lambda: Viewing(fov_deg=179.0), "range Viewing.fov_deg"),
-        (lambda: Viewing(exposure=1e30), "range Viewing.exposure"),
-        (lambda: Viewing(exposure=-1.0), "range Viewing.exposure"),
-        (lambda: Viewing(illuminance_lux=True), "type Viewing.illuminance_lux"),
-        (lambda: Display(L_A=-4.0), "range Display.L_A"),
-        (
-            lambda: CamConditions.of((0.0, 0.0, 0.0), 60.0, 20.0),
-            "range viewing conditions.white_XYZ",
-        ),
-        (
-            lambda: CamConditions.of((10.0, 1.0, 90.0), 60.0, 20.0, D=0.0),
-            "impossible viewing conditions",
-        ),
-    ],
-)
-def test_bad_conditions_are_refused_in_one_line(make, message):
-    refuses(make, message, ViewingError)
+def test_srgb_is_the_default_display():
+    assert preset("sRGB").display() == Display()
+
+
+def test_numbers_are_those_of_the_sources():
+    # SMPTE ST 431-1; Moroney et al. 2002, table 1; ISO 3664 P1, as the errata of Neumann have it.
+    assert preset("cinema").white_luminance == 48.0
+    assert preset("dim room").L_A == 20.0
+    assert pytest.approx(0.2 * preset("projector").white_luminance) == preset("projector").L_A
+    assert preset("light booth").white_luminance == pytest.approx(636.62, abs=5e-3)
+    assert pytest.approx(40.0 / math.pi) == preset("sRGB office").L_A
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_every_preset_says_where_each_number_comes_from_and_can_be_used(name):
+    given = PRESETS[name]
+    assert given.name == name
+    assert all(given.sources)
+    assert hash(given) == hash(PRESETS[name])
+    assert given.space in ("", *SPACES)
+    assert given.white_luminance > given.L_A
+    CamConditions.of_viewing(given.display().conditions)
+    seen = CamConditions.of_viewing(given.conditions((96.42, 100.0, 82.49)))
+    assert seen.L_A == given.L_A
+
+
+def test_surrounds_darken_from_office_to_cinema():
+    c = [preset(name).display().conditions.factors.c for name in ("sRGB", "dim room", "cinema")]
+    assert c == sorted(c, reverse=True)

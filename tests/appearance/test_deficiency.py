@@ -7,15 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.support.errors import raises
 from volspec.appearance import Display, Viewing
 from volspec.appearance.deficiency import DEFICIENCIES, severity_steps, simulation
 from volspec.appearance.gamut_mapping import Screen, screen_for_viewing
 from volspec.appearance.lut3d import LutKey
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.appearance.spaces import SPACES
-from volspec.errors import ViewingError
-from volspec.settings import read_table
 
 sRGB = SPACES["sRGB"]
 KINDS = DEFICIENCIES[1:]
@@ -142,17 +139,3 @@ def test_the_steps_cover_zero_to_one() -> None:
         np.testing.assert_allclose(*between, atol=1e-12)
         np.testing.assert_allclose(steps.at(0.0).above, np.eye(3), atol=1e-15)
         assert np.array_equal(steps.at(1.0).above, steps.above[-1])
-
-
-@pytest.mark.parametrize(
-    ("table", "code", "field"),
-    [
-        ({"deficiency": "green"}, "unknown", "deficiency"),
-        ({"deficiency": "deutan", "severity": 1.5}, "range", "severity"),
-        ({"deficiency": "deutan", "severity": -0.1}, "range", "severity"),
-        ({"severity": "mild"}, "type", "severity"),
-    ],
-)
-def test_what_cannot_be_is_refused_in_one_line(table: dict, code: str, field: str) -> None:
-    with raises(ViewingError, code, field):
-        read_table(Viewing, table, ViewingError)

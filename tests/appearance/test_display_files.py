@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.errors import raises
 from volspec import Display
 from volspec.appearance.presets import PRESETS, preset
 from volspec.appearance.spaces import SPACES
@@ -46,21 +45,6 @@ def test_displays_are_written_by_preset_or_by_numbers(name: str) -> None:
 def test_a_white_without_L_A_lights_the_eye_by_itself() -> None:
     assert pytest.approx(30.0) == read(white_cd_m2=300.0, Y_b=10.0).conditions.L_A
     assert read(white_cd_m2=300.0, L_A=4.0).conditions.L_A == 4.0
-
-
-@pytest.mark.parametrize(
-    ("keys", "expected", "guess"),
-    [
-        ({"space": "Display P4"}, "unknown space", "'Display P3'"),
-        ({"gamut": "reduced"}, "unknown gamut", "'reduce'"),
-        ({"preset": "cinma"}, "unknown preset", "'cinema'"),
-        ({"white_cd_m2": 0.0}, "range white_cd_m2", ""),
-    ],
-)
-def test_what_is_wrong_is_named(keys: dict[str, object], expected: str, guess: str) -> None:
-    with raises(SceneError, *expected.split()) as caught:
-        read(**keys)
-    assert guess in str(caught.value)
 
 
 @pytest.mark.parametrize("name", SPACES)

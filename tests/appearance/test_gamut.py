@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from tests.support.errors import raises
 from volspec.appearance import SURROUNDS
 from volspec.appearance.gamut_mapping import (
     SHADER_STEPS,
@@ -15,7 +14,6 @@ from volspec.appearance.gamut_mapping import (
 from volspec.appearance.models import cam
 from volspec.appearance.models.cam import CamConditions
 from volspec.appearance.spaces import SPACES, ColourSpace, Transfer
-from volspec.errors import ViewingError
 
 ACES = ColourSpace(
     "ACES2065-1",
@@ -156,8 +154,3 @@ def test_black_and_wild_numbers_are_black_or_finite(seen):
     assert np.isfinite(shown).all() and not mapped[0]
     assert np.array_equal(shown[:2], np.zeros((2, 3)))
     assert linear.min() > -1e-6 and linear.max() < 1.0 + 1e-6
-
-
-def test_a_display_without_grey_is_refused():
-    with raises(ViewingError, "impossible", "gamut"):
-        DisplayGamut.of(CamConditions.of((250.0, 100.0, 1.0), 4.0, 20.0, D=1.0), SPACES["sRGB"])

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from tests.support.errors import refuses
 from volspec.appearance.measured import adapting_fields, measured_conditions
 from volspec.appearance.models.cam import CamConditions
 
@@ -119,27 +118,3 @@ def test_a_black_picture_has_conditions_that_models_take():
     seen = measured_conditions(np.full((8, 8), -1e-3), WHITE, 30.0, 100.0)
     assert (seen.Y_b, seen.L_A) == (0.0, 0.0)
     assert CamConditions.of_viewing(seen).white_achromatic > 0.0
-
-
-@pytest.mark.parametrize(
-    ("change", "fault"),
-    [
-        ({"Y": np.ones((4, 4, 3))}, "shape measured.Y"),
-        ({"Y": np.ones((0, 4))}, "shape measured.Y"),
-        ({"Y": np.full((4, 4), np.nan)}, "range measured.Y"),
-        ({"fov_deg": 180.0}, "range measured.fov_deg"),
-        ({"fov_deg": 0.0}, "range measured.fov_deg"),
-        ({"luminance_of_white": 0.0}, "range measured.luminance_of_white"),
-        ({"at": (4.0, 0.0)}, "range measured.at"),
-        ({"at": "m"}, "type measured.at"),
-        ({"at": ("a", "b")}, "type measured.at"),
-        ({"at": (math.nan, 1.0)}, "type measured.at"),
-        ({"outside": -1.0}, "range measured.outside"),
-        ({"white_XYZ": (1.0, 0.0, 1.0)}, "range measured.white_XYZ[1]"),
-        ({"white_XYZ": (1.0, 1.0)}, "shape measured.white_XYZ"),
-        ({"surround": "dimm"}, "unknown ViewingConditions.surround"),
-    ],
-)
-def test_bad_measurements_are_refused(change, fault):
-    given = {"Y": np.ones((4, 4)), "white_XYZ": WHITE, "fov_deg": 30.0, "luminance_of_white": 100.0}
-    refuses(lambda: measured_conditions(**(given | change)), fault)
