@@ -10,75 +10,157 @@ from typing import Any, NoReturn
 import numpy as np
 import pytest
 
+from tests.spectra._files import constant, fails, saved
 from tests.support.errors import raises
-from volspec._exr import read_exr, write_exr
-from volspec.errors import ImageError, SpectrumError
+from volspec.errors import SpectrumError
 from volspec.spectra import (
+    DEFAULT_GRID,
     SpectralGrid,
     SpectralImage,
     Spectrum,
+    XYZ_from_spectra,
+    colour_matching_functions,
     light,
     light_set,
     read_spectrum,
     reflectance,
+    reflectance_set,
+    white_XYZ,
 )
+from volspec.spectra.lamps import (
+    flux_lm,
+    irradiance,
+    lamp,
+    lamp_illuminance_lux,
+    monochromatic_lm,
+)
+from volspec.spectra.observers import cone_fundamentals, standard_eye
 
 FLAT = Spectrum([380, 780], [1, 1])
 IMAGE = SpectralImage(np.ones((2, 3, 3)), [380, 500, 780], "reflective")
+DARK = Spectrum([400, 700], [0, 0], "dark").on(DEFAULT_GRID)
+UNEVEN = Spectrum([400, 410, 430], [1, 1, 1])
+GREY = "".join(f"{w},{{}}\n" for w in range(380, 781, 5)).format
 
 
-def rows(level: object, start: int = 380, stop: int = 780) -> str:
-    return "".join(f"{w},{level}\n" for w in range(start, stop + 1, 20))
+def probe(wavelengths: Any, values: Any, **more: Any) -> Spectrum:
+    return Spectrum(wavelengths, values, "probe", **more)
 
 
-@pytest.fixture
-def lamp(tmp_path: Path) -> Path:
-    path = tmp_path / "lamp.csv"
-    path.write_text(rows(1))
-    return path
+def table(folder: Path, text: str, read: Callable[[str], object] = read_spectrum) -> object:
+    return read(saved(folder, "table.csv", text))
 
 
 @pytest.mark.parametrize(
-    ("call", "code", "field"),
+    ("fault", "call"),
     [
-        (lambda p: light("D65", None), "type", "grid"),
-        (lambda p: light("D65", (400, 700, 10)), "type", "grid"),
-        (lambda p: light_set("smooth", None), "type", "grid"),
-        (lambda p: reflectance("white", None), "type", "grid"),
-        (lambda p: FLAT.on(None), "type", "grid"),
-        (lambda p: IMAGE.on((400, 700, 10)), "type", "grid"),
-        (lambda p: SpectralGrid("a", 700, 10), "type", "grid.start_nm"),
-        (lambda p: SpectralGrid(400, 700, None), "type", "grid.step_nm"),
-        (lambda p: SpectralGrid(1e-300, 1e300, 1e-300), "size", "grid"),
-        (lambda p: read_spectrum(None), "type", None),
-        (lambda p: read_spectrum(b"lamp.csv"), "type", None),
-        (lambda p: read_spectrum("lamp.ies"), "unsupported", None),
-        (lambda p: IMAGE.save("a.tif"), "unsupported", None),
-        (lambda p: read_spectrum(p, kind="foo"), "unknown", None),
-        (lambda p: SpectralImage.load(p, "foo"), "unknown", None),
-        (lambda p: SpectralImage.load(None), "type", None),
-        (lambda p: IMAGE.save(None), "type", None),
-        (lambda p: IMAGE.save("a\0.exr"), "syntax", None),
-        (lambda p: light("lamp.csv", folder=None), "type", None),
+        ("range grid", lambda f: SpectralGrid(400, 700, 0)),
+        ("range grid", lambda f: SpectralGrid(700, 400, 10)),
+        ("range grid", lambda f: SpectralGrid(400, 705, 10)),
+        ("range grid", lambda f: SpectralGrid(400, np.nan, 10)),
+        ("type grid.start_nm", lambda f: SpectralGrid("a", 700, 10)),
+        ("size grid", lambda f: SpectralGrid(1e-300, 1e300, 1e-300)),
+        ("range", lambda f: DEFAULT_GRID.band_means([420, 690], [1, 1])),
+        ("shape", lambda f: probe([400, 500], [1, 2, 3])),
+        ("shape", lambda f: probe([400], [1])),
+        ("range", lambda f: probe([400, 400], [1, 1])),
+        ("range", lambda f: probe([400, 500], [1, np.nan])),
+        ("type", lambda f: probe([400, 500], ["a", "b"])),
+        ("type", lambda f: probe([400, 500], [1, 1], notes=[1])),
+        ("type", lambda f: probe([400, 500], [1, 1], notes={"a": 1})),
+        ("duplicate", lambda f: probe([400, 500], [1, 1], notes={"": "x"})),
+        ("duplicate", lambda f: probe([400, 500], [1, 1], notes={"A": "", "a": ""})),
+        ("conflict", lambda f: UNEVEN.grid),
+        ("conflict", lambda f: FLAT + UNEVEN),
+        ("type grid", lambda f: FLAT.on(None)),
+        ("type grid", lambda f: light("D65", None)),
+        ("type grid", lambda f: reflectance("white", None)),
+        ("unknown", lambda f: light("D66")),
+        ("unknown", lambda f: light("sodiun")),
+        ("unknown", lambda f: light("D65*0.7+Q")),
+        ("unknown", lambda f: light("Q*0+A")),
+        ("unknown", lambda f: light("A*0_1")),
+        ("range", lambda f: light("A*-1")),
+        ("range", lambda f: light("A*nan")),
+        ("range", lambda f: light("A*0+E*0")),
+        ("range", lambda f: light("planck:499")),
+        ("syntax", lambda f: light("planck:warm")),
+        ("syntax", lambda f: light("planck:5_000")),
+        ("range", lambda f: light("daylight:3999")),
+        ("missing", lambda f: light("")),
+        # Nothing of it is on 380 to 780 nm.
+        ("range", lambda f: light("led:365")),
+        ("range", lambda f: light("ISO 7589 Sensitometric Printer")),
+        ("unknown", lambda f: light_set("all")),
+        ("unknown", lambda f: reflectance("golden")),
+        ("unknown", lambda f: reflectance("fluorophore:EFGP")),
+        ("range", lambda f: reflectance("grey:1.5")),
+        ("range", lambda f: reflectance("grey:0.1_8")),
+        *(
+            ("syntax", lambda f, text=text: reflectance(text))
+            for text in ("longpass:blue", "bandpass:525", "longpass:500/20", "bandpass:525/-50")
+        ),
+        ("unknown", lambda f: reflectance_set("all")),
+        ("range", lambda f: colour_matching_functions(SpectralGrid(300, 830, 10))),
+        ("range field_deg", lambda f: cone_fundamentals(standard_eye(), 4)),
+        ("shape", lambda f: XYZ_from_spectra(light("D65"), np.ones(30))),
+        ("conflict", lambda f: white_XYZ(DARK)),
+        ("unknown", lambda f: light("lamp:halogen-3301")),
+        ("unknown", lambda f: light("lamp:candle*0.5+D65")),
+        ("unknown", lambda f: lamp("candel-1900")),
+        ("missing", lambda f: flux_lm("candle-1900", 40.0)),
+        ("range", lambda f: flux_lm("halogen-3000", 0.0)),
+        ("range", lambda f: lamp_illuminance_lux("halogen-3000", 50.0, 0.0)),
+        ("range", lambda f: lamp_illuminance_lux("halogen-3000", 50.0, 1.0, 0.0)),
+        ("range", lambda f: lamp_illuminance_lux("halogen-3000", 50.0, 1.0, 361.0)),
+        ("range", lambda f: monochromatic_lm(1.0, 300.0)),
+        ("range", lambda f: irradiance(light("D65"), 0.0)),
+        ("type", lambda f: read_spectrum(None)),
+        ("unsupported", lambda f: read_spectrum("lamp.ies")),
+        ("syntax", lambda f: read_spectrum("a\0b.exr")),
+        ("syntax", lambda f: light("a\0b.csv*1+A")),
+        ("type", lambda f: light("lamp.csv", folder=None)),
+        ("unknown", lambda f: read_spectrum(saved(f, "a.csv", constant(1)), kind="foo")),
         # Before any warning that the file ends: warnings are errors in this suite.
-        (lambda p: light(str(p), SpectralGrid(300, 900, 10)), "range", None),
-        (lambda p: reflectance("paint.csv", folder=None), "type", None),
-        (lambda p: light("a\0b.csv"), "syntax", None),
-        (lambda p: light("a\0b.csv*1+A"), "syntax", None),
-        (lambda p: read_spectrum("a\0b.exr"), "syntax", None),
-        (lambda p: IMAGE.mean("abc"), "type", None),
-        (lambda p: IMAGE.mean((1, 2)), "type", None),
-        (lambda p: IMAGE.mean(5), "type", None),
-        (lambda p: IMAGE.mean((0.5, 0, 2, 2)), "type", None),
-        (lambda p: Spectrum([400, 500], [1, 1], notes=None), "type", "spectrum: notes"),
-        (lambda p: Spectrum([400, 500], [1, 1], notes=[1]), "type", "spectrum: notes"),
+        ("range", lambda f: light(saved(f, "a.csv", constant(1)), SpectralGrid(300, 900, 10))),
+        # What the eye sees is never filled.
+        ("range", lambda f: table(f, constant(0.5, 450, 650), light)),
+        ("range", lambda f: table(f, constant(0.5, 450, 650), reflectance)),
+        ("conflict", lambda f: table(f, constant(0), light)),
+        ("range", lambda f: table(f, constant(-1), light)),
+        ("range", lambda f: table(f, constant("nan"), light)),
+        ("range", lambda f: table(f, constant(50), reflectance)),
+        ("range", lambda f: table(f, constant(-0.02), reflectance)),
+        # The peak lies far outside of the grid.
+        ("conflict", lambda f: table(f, "300,1e308\n" + constant("1e-312", 320), light)),
+        # Whole numbers in unnamed columns may be decimal commas.
+        ("missing", lambda f: table(f, constant("0,20007"))),
+        ("missing", lambda f: table(f, "nm,power\n" + constant("0,20007"))),
+        ("missing", lambda f: table(f, "nm,warm,cold\n" + constant("0,20007"))),
+        *(
+            (code, lambda f, text=text: table(f, text))
+            for text, code in (
+                ("380,1\n390,0,5\n", "shape"),
+                ("nm,value\n400,1\nx,2\n", "syntax"),
+                ("400,1,7\n500,2\n", "shape"),
+                ("400,1,7\n500,2,7\n", "missing"),
+                ("400\n500\n", "missing"),
+                ("400,2,1\n500,2,7\n600,,7\n", "syntax"),
+                ("nm;value\n400;0,5\n500;0,6\n", "syntax"),
+                ("400,1 W\n500,2\n600,2\n", "syntax"),
+                ("4_00,1\n5_00,1\n", "syntax"),
+                ("400,1\n", "missing"),
+                ("", "missing"),
+                ("500,1\n400,1\n", "range"),
+                ("400,1\n500,nan\n", "range"),
+            )
+        ),
     ],
 )
-def test_what_callers_get_wrong_is_one_clear_line(
-    lamp: Path, call: Callable[[Path], Any], code: str, field: str | None
+def test_what_callers_and_tables_get_wrong_is_one_clear_line(
+    tmp_path: Path, call: Callable[[Path], Any], fault: str
 ) -> None:
-    with raises(SpectrumError, code, field):
-        call(lamp)
+    fails(call, tmp_path, fault)
 
 
 @pytest.mark.parametrize("name", ["lamp.csv", "lamp.spdx", "lamp.exr"])
@@ -96,21 +178,8 @@ def test_a_file_that_may_not_be_read_says_so(
         light(name, folder=tmp_path)
 
 
-@pytest.mark.parametrize("text", [rows("0,20007"), "nm,power\n" + rows("0,20007")])
-def test_whole_numbers_in_unnamed_columns_may_be_decimal_commas(lamp: Path, text: str) -> None:
-    lamp.write_text(text)
-    with raises(SpectrumError, "missing"):
-        light(str(lamp))
-    lamp.write_text("nm,warm,cold\n" + rows("0,20007"))
-    with raises(SpectrumError, "missing"):
-        light(str(lamp))
-    lamp.write_text("380,1\n390,0,5\n")
-    with raises(SpectrumError, "shape"):
-        light(str(lamp))
-
-
 def test_blanks_inside_file_and_column_names_are_kept_apart(tmp_path: Path) -> None:
-    (tmp_path / "my  lamp.csv").write_text("nm,very  warm,cold\n" + rows("1,2"))
+    (tmp_path / "my  lamp.csv").write_text("nm,very  warm,cold\n" + constant("1,2"))
     for read in (light, reflectance):
         for column in ("very  warm", "very warm"):
             found = read(f" my  lamp.csv#{column} ", folder=tmp_path)
@@ -124,18 +193,14 @@ def test_blanks_inside_file_and_column_names_are_kept_apart(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("level", ["1e308", "1.7e308", "1e-310", "5e-324"])
-def test_lights_of_any_magnitude_are_scaled(lamp: Path, level: str) -> None:
-    lamp.write_text(rows(level))
+def test_lights_of_any_magnitude_are_scaled(tmp_path: Path, level: str) -> None:
     # Numpy's warnings of overflow are errors in this suite.
-    assert light(str(lamp)).values == pytest.approx(1.0)
+    assert light(saved(tmp_path, "lamp.csv", constant(level))).values == pytest.approx(1.0)
 
 
-def test_a_light_whose_peak_lies_far_outside_the_grid_is_scaled(lamp: Path) -> None:
-    lamp.write_text("300,1\n" + rows("1e-312", 320))
-    assert light(str(lamp), SpectralGrid(400, 700, 20)).values == pytest.approx(1.0)
-    lamp.write_text("300,1e308\n" + rows("1e-312", 320))
-    with raises(SpectrumError, "conflict"):
-        light(str(lamp))
+def test_a_light_whose_peak_lies_far_outside_the_grid_is_scaled(tmp_path: Path) -> None:
+    path = saved(tmp_path, "lamp.csv", "300,1\n" + constant("1e-312", 320, step=20))
+    assert light(path, SpectralGrid(400, 700, 20)).values == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(
@@ -149,72 +214,15 @@ def test_a_light_whose_peak_lies_far_outside_the_grid_is_scaled(lamp: Path) -> N
     ],
 )
 def test_wavelengths_in_other_units_are_recognised(
-    lamp: Path, wavelengths: tuple[float, ...], unit: str
+    tmp_path: Path, wavelengths: tuple[float, ...], unit: str
 ) -> None:
-    lamp.write_text("250,1\n2500,1\n")
-    assert read_spectrum(lamp).wavelengths_nm.tolist() == [250, 2500]
-    lamp.write_text("".join(f"{w},1\n" for w in wavelengths))
+    read = read_spectrum(saved(tmp_path, "lamp.csv", "250,1\n2500,1\n"))
+    assert read.wavelengths_nm.tolist() == [250, 2500]
     with raises(SpectrumError, "range") as caught:
-        read_spectrum(lamp)
+        table(tmp_path, "".join(f"{w},1\n" for w in wavelengths))
     assert unit in caught.value.remedy
 
 
-def test_underscores_make_no_numbers(lamp: Path) -> None:
-    for text in ("grey:0.1_8", "grey:_1"):
-        with raises(SpectrumError, "range"):
-            reflectance(text)
-    for text, code in (("planck:5_000", "syntax"), ("A*0_1", "unknown")):
-        with raises(SpectrumError, code):
-            light(text)
-    lamp.write_text("4_00,1\n5_00,1\n")
-    with raises(SpectrumError, "syntax"):
-        light(str(lamp))
-    IMAGE.save(lamp.with_suffix(".exr"))
-    with raises(SpectrumError, "syntax"):
-        read_spectrum(f"{lamp.with_suffix('.exr')}#0_0,1")
-
-
-def test_a_part_of_weight_0_is_not_read_but_must_be_a_name(lamp: Path) -> None:
-    lamp.write_text(rows(0))
-    assert np.array_equal(light(f"{lamp}*0+A").values, light("A").values)
-    with raises(SpectrumError, "unknown"):
-        light("Q*0+A")
-
-
-def test_one_exr_channel_in_two_parts_is_refused(tmp_path: Path) -> None:
-    import OpenEXR
-
-    path = tmp_path / "two.exr"
-    parts = [
-        OpenEXR.Part({"name": name}, {"T.500nm": np.ones((2, 3), np.float32)})
-        for name in ("left", "right")
-    ]
-    OpenEXR.File(parts).write(str(path))
-    with raises(SpectrumError, "duplicate"):
-        read_spectrum(path)
-
-
-def test_exr_files_keep_header_and_channels(tmp_path: Path) -> None:
-    path = tmp_path / "a.exr"
-    depth = np.arange(6.0).reshape(2, 3)
-    write_exr(path, {"volspec:format": 1}, {"Z": depth}, ImageError)
-    header, channels = read_exr(path, ImageError)
-    assert header["volspec:format"] == 1
-    assert (list(channels), channels["Z"].dtype) == (["Z"], np.float32)
-    assert np.array_equal(channels["Z"], depth)
-
-
-def test_exr_faults_are_raised_as_the_callers_error_in_its_words(tmp_path: Path) -> None:
-    path = tmp_path / "a.exr"
-    with raises(ImageError, "not-found"):
-        read_exr(path, ImageError, missing="gone")
-    path.write_text("no image")
-    with raises(ImageError, "damaged"):
-        read_exr(path, ImageError, again="render again")
-    with raises(ImageError, "type"):
-        path.unlink()
-        path.mkdir()
-        read_exr(path, ImageError)
-    with raises(ImageError, "unwritable"):
-        write_exr(tmp_path / "b.exr", {}, {"Z": np.ones((2, 3)), "A": np.ones((3, 2))}, ImageError)
-    assert not (tmp_path / "b.exr").exists()
+def test_a_part_of_weight_0_is_not_read(tmp_path: Path) -> None:
+    dark = saved(tmp_path, "lamp.csv", constant(0))
+    assert np.array_equal(light(f"{dark}*0+A").values, light("A").values)

@@ -9,21 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.support.errors import raises
-from volspec.errors import SpectrumError
 from volspec.spectra import DEFAULT_GRID, PAPERS_GRID, SpectralGrid, Spectrum, read_spectrum
 
 
 def test_equal_grids_hash_alike_whatever_the_number_type() -> None:
     assert len({SpectralGrid(400, 700, 10), SpectralGrid(400.0, 700.0, 10.0)}) == 1
-
-
-@pytest.mark.parametrize(
-    "args", [(400, 700, 0), (700, 400, 10), (400, 705, 10), (400, float("nan"), 10)]
-)
-def test_bad_grids_are_refused(args: tuple[float, float, float]) -> None:
-    with raises(SpectrumError, "range", "grid"):
-        SpectralGrid(*args)
 
 
 GRIDS = [SpectralGrid(400, 700, 10), SpectralGrid(360, 830, 5), SpectralGrid(360, 830, 1)]
@@ -81,11 +71,9 @@ def test_a_narrow_line_keeps_its_energy(
     assert means[reach] == pytest.approx(0.0, abs=1e-9 * power)
 
 
-def test_end_bands_may_be_covered_in_part_but_for_their_centre() -> None:
+def test_end_bands_may_be_covered_in_part() -> None:
     means = SpectralGrid(400, 420, 10).band_means([400, 405, 420], [0, 1, 1])
     assert means == pytest.approx([0.5, 1, 1])
-    with raises(SpectrumError, "range"):
-        DEFAULT_GRID.band_means([420, 690], [1, 1])
 
 
 def test_spectrum_is_a_read_only_copy() -> None:
@@ -95,33 +83,10 @@ def test_spectrum_is_a_read_only_copy() -> None:
     assert s.values[0] == 1 and not s.values.flags.writeable
 
 
-@pytest.mark.parametrize(
-    ("w", "v", "code"),
-    [
-        ([400, 500], [1, 2, 3], "shape"),
-        ([400], [1], "shape"),
-        ([400, 400], [1, 1], "range"),
-        ([500, 400], [1, 1], "range"),
-        ([400, 500], [1, float("nan")], "range"),
-        ([400, 500], ["a", "b"], "type"),
-    ],
-)
-def test_bad_spectra_say_what_is_wrong(w: list[float], v: list[float], code: str) -> None:
-    with raises(SpectrumError, code):
-        Spectrum(np.array(w), np.array(v), "probe")
-
-
-def test_grid_of_a_spectrum_is_found_and_irregular_ones_are_refused() -> None:
+def test_spectra_have_a_grid_factors_and_sums() -> None:
     assert Spectrum(np.arange(400.0, 701, 5), np.ones(61)).grid == SpectralGrid(400, 700, 5)
-    with raises(SpectrumError, "conflict"):
-        _ = Spectrum(np.array([400.0, 410, 430]), np.ones(3)).grid
-
-
-def test_sums_need_the_same_wavelengths() -> None:
     a = Spectrum(np.array([400.0, 500]), np.array([1.0, 2.0]), "a")
     assert (2 * a + a).values.tolist() == [3.0, 6.0]
-    with raises(SpectrumError, "conflict"):
-        a + Spectrum(np.array([400.0, 510]), np.ones(2), "b")
 
 
 def test_colour_science_round_trip_keeps_every_sample() -> None:
@@ -147,27 +112,3 @@ def test_csv_tolerates_headers_comments_and_separators(tmp_path: Path, text: str
     path.write_text(text, encoding="utf-8", newline="")
     s = read_spectrum(path)
     assert (s.name, s.values.tolist()) == ("lamp", [1.0, 2.0])
-
-
-@pytest.mark.parametrize(
-    ("text", "code"),
-    [
-        ("nm,value\n400,1\nx,2\n", "syntax"),
-        ("400,1,7\n500,2\n", "shape"),
-        ("400,1,7\n500,2,7\n", "missing"),
-        ("400\n500\n", "missing"),
-        ("400,2,1\n500,2,7\n600,,7\n", "syntax"),
-        ("nm;value\n400;0,5\n500;0,6\n", "syntax"),
-        ("400,1 W\n500,2\n600,2\n", "syntax"),
-        ("0.4,1\n0.7,1\n", "range"),
-        ("400,1\n", "missing"),
-        ("", "missing"),
-        ("500,1\n400,1\n", "range"),
-        ("400,1\n500,nan\n", "range"),
-    ],
-)
-def test_bad_csv_names_file_and_fault(tmp_path: Path, text: str, code: str) -> None:
-    path = tmp_path / "bad.csv"
-    path.write_text(text)
-    with raises(SpectrumError, code):
-        read_spectrum(path)

@@ -1,8 +1,9 @@
-"""Spectral images in OpenEXR: the layout of Fichet, Pacanowski and Wilkie (2021)."""
+"""Spectral images in OpenEXR as Fichet, Pacanowski and Wilkie (2021); pictures relit like casts."""
 
 from __future__ import annotations
 
 import pickle
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,21 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.spectra._files import fails, saved
 from tests.support.errors import raises
-from volspec.errors import SpectrumError, VolspecWarning
-from volspec.spectra import SpectralGrid, SpectralImage, light, read_spectrum, reflectance
+from volspec import _exr as exr
+from volspec.basis import SpectralBasis
+from volspec.errors import ImageError, SpectrumError, VolspecError, VolspecWarning
+from volspec.raycast import CoefficientImage
+from volspec.relight import relight
+from volspec.spectra import (
+    SpectralGrid,
+    SpectralImage,
+    light,
+    read_spectrum,
+    reflectance,
+    reflectance_set,
+)
 
 W = np.array([380.0, 500.0, 780.0])
 
@@ -118,10 +131,6 @@ def test_addresses_choose_the_mean_a_pixel_or_a_box(tmp_path: Path) -> None:
         assert s.values == pytest.approx(expected, rel=1e-6)
         assert s.name == f"chart{selector}"
         assert "reflectance" in s.notes.values()
-    for code, selectors in (("range", ("#3,0", "#-1,0", "#1,1,1,2")), ("syntax", ("#1", "#a,b"))):
-        for selector in selectors:
-            with raises(SpectrumError, code):
-                read_spectrum(f"{path}{selector}")
 
 
 def test_images_stand_for_lights_and_reflectances_by_kind(tmp_path: Path) -> None:
@@ -130,10 +139,6 @@ def test_images_stand_for_lights_and_reflectances_by_kind(tmp_path: Path) -> Non
     assert reflectance("paint.exr#0,0", folder=tmp_path).designed
     mix = light("sky.exr#1,1*0.5+E*0.5", folder=tmp_path)
     assert mix.name == "sky.exr#1,1*0.5+E*0.5"
-    with raises(SpectrumError, "missing"):
-        light("paint.exr", folder=tmp_path)
-    with raises(SpectrumError, "missing"):
-        reflectance("sky.exr", folder=tmp_path)
 
 
 def test_every_pixel_is_resampled_like_a_single_spectrum() -> None:
@@ -143,48 +148,6 @@ def test_every_pixel_is_resampled_like_a_single_spectrum() -> None:
     assert (on.values.shape, on.notes) == ((2, 3, grid.size), image.notes)
     expected = image.mean((2, 1, 3, 2)).on(grid).values
     assert on.values[1, 2] == pytest.approx(expected, rel=1e-6)
-    narrow = SpectralImage(ramp(), np.linspace(450.0, 650.0, len(W)), "reflective")
-    with raises(SpectrumError, "range"):
-        narrow.on(grid)
-
-
-def test_damaged_and_foreign_files_are_one_clear_line(tmp_path: Path) -> None:
-    rgb = write_exr(tmp_path / "rgb.exr", {"R": 1.0, "G": 1.0, "B": 1.0})
-    with raises(SpectrumError, "missing"):
-        SpectralImage.load(rgb)
-    (tmp_path / "text.exr").write_text("no image")
-    with raises(SpectrumError, "damaged"):
-        SpectralImage.load(tmp_path / "text.exr")
-    SpectralImage(np.ones((64, 64, 9)), np.arange(400.0, 409), "reflective").save(
-        tmp_path / "cut.exr"
-    )
-    whole = (tmp_path / "cut.exr").read_bytes()
-    (tmp_path / "cut.exr").write_bytes(whole[: len(whole) // 2])
-    with raises(SpectrumError, "damaged"):
-        SpectralImage.load(tmp_path / "cut.exr")
-    one = write_exr(tmp_path / "one.exr", {"T.550nm": 0.5})
-    with raises(SpectrumError, "shape"):
-        SpectralImage.load(one)
-    twice = write_exr(tmp_path / "twice.exr", {"T.550nm": 0.5, "T.0,55um": 0.5})
-    with raises(SpectrumError, "range"):
-        SpectralImage.load(twice)
-
-
-@pytest.mark.parametrize(
-    ("values", "w", "kind", "code"),
-    [
-        (np.ones((2, 3)), W, "reflective", "shape"),
-        (np.ones((2, 3, 4)), W, "reflective", "shape"),
-        (np.ones((0, 3, 3)), W, "reflective", "shape"),
-        (np.ones((2, 3, 3)), W[::-1], "reflective", "range"),
-        (np.ones((2, 3, 3)), W, "absorbing", "unknown"),
-        (np.where(np.arange(18) == 13, np.nan, 1).reshape(2, 3, 3), W, "emissive", "range"),
-        ([[["x"]]], W, "emissive", "type"),
-    ],
-)
-def test_bad_images_say_what_is_wrong(values: Any, w: Any, kind: Any, code: str) -> None:
-    with raises(SpectrumError, code):
-        SpectralImage(values, w, kind)
 
 
 @pytest.mark.parametrize(
@@ -201,3 +164,177 @@ def test_files_of_colour_science_are_read(name: str, kind: str, count: int) -> N
     if kind == "emissive":
         # Half floats hold three digits.
         assert light(str(path)).values == pytest.approx(light("D65").values, rel=2e-3)
+
+
+def test_exr_files_keep_header_and_channels(tmp_path: Path) -> None:
+    path = tmp_path / "a.exr"
+    depth = np.arange(6.0).reshape(2, 3)
+    exr.write_exr(path, {"volspec:format": 1}, {"Z": depth}, ImageError)
+    header, channels = exr.read_exr(path, ImageError)
+    assert header["volspec:format"] == 1
+    assert (list(channels), channels["Z"].dtype) == (["Z"], np.float32)
+    assert np.array_equal(channels["Z"], depth)
+
+
+IMAGE = SpectralImage(ramp(), W, "reflective")
+NARROW = SpectralImage(ramp(), np.linspace(450.0, 650.0, len(W)), "reflective")
+NO_NUMBER = np.where(np.arange(18) == 13, np.nan, 1).reshape(2, 3, 3)
+
+
+def chart(folder: Path, selector: str) -> Any:
+    IMAGE.save(folder / "chart.exr")
+    return read_spectrum(f"{folder / 'chart.exr'}{selector}")
+
+
+def one_kind(folder: Path, kind: Any, read: Callable[..., Any]) -> Any:
+    SpectralImage(ramp(), W, kind).save(folder / "a.exr")
+    return read("a.exr", folder=folder)
+
+
+def loaded(folder: Path, channels: dict[str, float]) -> SpectralImage:
+    return SpectralImage.load(write_exr(folder / "a.exr", channels))
+
+
+def cut(folder: Path) -> SpectralImage:
+    path = folder / "cut.exr"
+    SpectralImage(np.ones((64, 64, 9)), np.arange(400.0, 409), "reflective").save(path)
+    whole = path.read_bytes()
+    return SpectralImage.load(saved(folder, "cut.exr", whole[: len(whole) // 2]))
+
+
+def in_two_parts(folder: Path) -> Any:
+    import OpenEXR
+
+    image = np.ones((2, 3), np.float32)
+    parts = [OpenEXR.Part({"name": name}, {"T.500nm": image}) for name in ("left", "right")]
+    OpenEXR.File(parts).write(str(folder / "two.exr"))
+    return read_spectrum(folder / "two.exr")
+
+
+@pytest.mark.parametrize(
+    ("fault", "call"),
+    [
+        ("range", lambda f: chart(f, "#3,0")),
+        ("range", lambda f: chart(f, "#-1,0")),
+        ("range", lambda f: chart(f, "#1,1,1,2")),
+        ("syntax", lambda f: chart(f, "#1")),
+        ("syntax", lambda f: chart(f, "#a,b")),
+        ("syntax", lambda f: chart(f, "#0_0,1")),
+        ("missing", lambda f: one_kind(f, "reflective", light)),
+        ("missing", lambda f: one_kind(f, "emissive", reflectance)),
+        ("missing", lambda f: loaded(f, {"R": 1.0, "G": 1.0, "B": 1.0})),
+        ("shape", lambda f: loaded(f, {"T.550nm": 0.5})),
+        ("range", lambda f: loaded(f, {"T.550nm": 0.5, "T.0,55um": 0.5})),
+        ("duplicate", in_two_parts),
+        ("damaged", lambda f: SpectralImage.load(saved(f, "text.exr", "no image"))),
+        ("damaged", cut),
+        ("shape", lambda f: SpectralImage(np.ones((2, 3)), W, "reflective")),
+        ("shape", lambda f: SpectralImage(np.ones((2, 3, 4)), W, "reflective")),
+        ("shape", lambda f: SpectralImage(np.ones((0, 3, 3)), W, "reflective")),
+        ("range", lambda f: SpectralImage(ramp(), W[::-1], "reflective")),
+        ("unknown", lambda f: SpectralImage(ramp(), W, "absorbing")),
+        ("range", lambda f: SpectralImage(NO_NUMBER, W, "emissive")),
+        ("type", lambda f: SpectralImage([[["x"]]], W, "emissive")),
+        ("range", lambda f: NARROW.on(SpectralGrid())),
+        ("type grid", lambda f: IMAGE.on((400, 700, 10))),
+        ("unsupported", lambda f: IMAGE.save("a.tif")),
+        ("type", lambda f: IMAGE.save(None)),
+        ("syntax", lambda f: IMAGE.save("a\0.exr")),
+        ("type", lambda f: SpectralImage.load(None)),
+        ("unknown", lambda f: SpectralImage.load("a.exr", "foo")),
+        ("type", lambda f: IMAGE.mean("abc")),
+        ("type", lambda f: IMAGE.mean((1, 2))),
+        ("type", lambda f: IMAGE.mean(5)),
+        ("type", lambda f: IMAGE.mean((0.5, 0, 2, 2))),
+    ],
+)
+def test_images_that_cannot_be_are_refused(
+    tmp_path: Path, fault: str, call: Callable[[Path], object]
+) -> None:
+    fails(call, tmp_path, fault)
+
+
+UNEQUAL = {"Z": np.ones((2, 3)), "A": np.ones((3, 2))}
+
+
+@pytest.mark.parametrize(
+    ("code", "call"),
+    [
+        ("not-found", lambda f: exr.read_exr(f / "a.exr", ImageError, missing="gone")),
+        ("damaged", lambda f: exr.read_exr(Path(saved(f, "a.exr", "no image")), ImageError)),
+        ("type", lambda f: exr.read_exr(f, ImageError)),
+        ("unwritable", lambda f: exr.write_exr(f / "b.exr", {}, UNEQUAL, ImageError)),
+    ],
+)
+def test_exr_faults_are_raised_as_the_callers_error(
+    tmp_path: Path, code: str, call: Callable[[Path], object]
+) -> None:
+    with raises(ImageError, code):
+        call(tmp_path)
+    assert not (tmp_path / "b.exr").exists()
+
+
+BASIS = SpectralBasis.load("general-7")
+CHART = reflectance_set("test").reshape(7, 12, -1)
+NM = BASIS.grid.wavelengths_nm
+
+
+def test_a_chart_of_reflectances_is_analysed_pixel_by_pixel() -> None:
+    image = CoefficientImage.from_spectral_image(SpectralImage(CHART, NM, "reflective"), BASIS)
+    assert np.allclose(image.coefficients, BASIS.analyse(CHART), atol=1e-6)
+    assert image.alpha.min() == 1
+    assert relight(image, light("A"), backend="numpy").std() > 30
+
+
+def test_radiances_are_divided_by_the_light_they_were_taken_under() -> None:
+    """The scale of radiances is free: the chart comes back up to one factor."""
+    lamp = light("A")
+    radiance = SpectralImage(3.7 * CHART * lamp.values, NM, "emissive")
+    image = CoefficientImage.from_spectral_image(radiance, BASIS, taken_under=lamp)
+    wanted = BASIS.analyse(CHART)
+    factor = image.coefficients.mean() / wanted.mean()
+    assert np.allclose(image.coefficients, factor * wanted, atol=1e-5)
+    assert 1 <= factor < 1.3, "the brightest patch, which reflects 0.9, counts as white"
+
+
+def test_a_hot_pixel_does_not_become_the_white() -> None:
+    """The brightest of a thousand is taken; here every patch covers 20 of 1680 pixels."""
+    lamp = light("A")
+    large = np.tile(CHART, (4, 5, 1)) * lamp.values
+
+    def taken(radiances: np.ndarray) -> np.ndarray:
+        picture = SpectralImage(radiances, NM, "emissive")
+        return CoefficientImage.from_spectral_image(picture, BASIS, lamp).coefficients
+
+    plain, hot = taken(large), large.copy()
+    y, x = np.unravel_index(large.sum(axis=-1).argmax(), large.shape[:2])
+    hot[y, x] *= 5
+    found = taken(hot)
+    assert np.allclose(found[y, x], 5 * plain[y, x], rtol=1e-5)
+    found[y, x] = plain[y, x]
+    assert np.array_equal(found, plain)
+    wanted = BASIS.analyse(np.tile(CHART, (4, 5, 1))) / CHART.mean(axis=-1).max()
+    assert np.allclose(plain, wanted, atol=1e-5), "the brightest patch is the white"
+
+
+REFLECTIVE, RADIANCE = (SpectralImage(CHART, NM, kind) for kind in ("reflective", "emissive"))
+BLUE_ONLY = SpectralImage(CHART[..., :20], NM[:20], "reflective")
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "picture", "lamp"),
+    [
+        (ImageError, "conflict", RADIANCE, None),
+        (ImageError, "conflict", REFLECTIVE, "A"),
+        # It has no blue to divide by.
+        (ImageError, "impossible", RADIANCE, "LPS"),
+        (SpectrumError, "range", BLUE_ONLY, None),
+        (ImageError, "range", SpectralImage(100 * CHART, NM, "reflective"), None),
+        (ImageError, "range", SpectralImage(-CHART, NM, "reflective"), None),
+    ],
+)
+def test_pictures_without_their_light_or_grid_are_refused(
+    error: type[VolspecError], code: str, picture: SpectralImage, lamp: str | None
+) -> None:
+    with raises(error, code):
+        CoefficientImage.from_spectral_image(picture, BASIS, taken_under=lamp and light(lamp))
