@@ -9,16 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.support.errors import raises
-from volspec.basis import MaterialBasis, SpectralBasis, basis_from_dict, load_basis
-from volspec.errors import BasisError, ImageError, TransferError
+from volspec.basis import MaterialBasis, basis_from_dict, load_basis
 from volspec.pipeline import Relighter, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.gpu import Raycaster
 from volspec.spectra import (
-    DEFAULT_GRID,
     SpectralGrid,
-    Spectrum,
     XYZ_from_spectra,
     light,
     reflectance,
@@ -46,18 +42,18 @@ def ball() -> CoefficientImage:
 
 
 def test_a_cast_of_materials_is_the_cast_of_all_bands() -> None:
-    """The same rays with a channel for each of 11 bands, which compile quicker than 31.
+    """The same rays with a channel for each of 4 bands: as many as of three materials and white.
 
     float32 sums of a hundred steps differ by 1e-5 of white's 1.
     """
-    grid = SpectralGrid(400, 700, 30)
+    grid = SpectralGrid(400, 700, 100)
     basis = MaterialBasis(MATERIALS, grid=grid)
     volume = phantom.ball(32)
     caster, given = Raycaster(volume), (Camera.orbit(volume), (48, 40), SPEC)
     table = TransferFunction(POINTS, MATERIALS, basis).bake(1.0)
     spectra = basis.synthesise(table.coefficients)
-    assert spectra.shape[1] == 11
-    in_bands = replace(table, material_weights=spectra, channels=np.eye(11), white=np.ones(11))
+    assert spectra.shape[1] == 4
+    in_bands = replace(table, material_weights=spectra, channels=np.eye(4), white=np.ones(4))
     weights, bands = (caster.cast(each, *given).coefficients for each in (table, in_bands))
     assert np.allclose(basis.synthesise(weights), bands, atol=2e-5)
     for name in ("FL2", "A"):
@@ -93,32 +89,6 @@ def test_an_edited_reflectance_shows_without_a_new_cast(ball: CoefficientImage) 
     assert np.abs(after.astype(int) - before).max() > 10
 
 
-def test_only_a_cast_of_materials_can_be_edited() -> None:
-    grey, opaque = np.full((1, 1, 7), 0.5, np.float32), np.ones((1, 1), np.float32)
-    image = CoefficientImage(grey, opaque, opaque, SpectralBasis.load("general-7"))
-    with Relighter(image, backend="numpy") as relighter, raises(ImageError, "unsupported"):
-        relighter.set_reflectances({"gold": reflectance("gold")})
-
-
-def test_unknown_materials_are_named_with_the_nearest() -> None:
-    with raises(BasisError, "unknown"):
-        BASIS.with_reflectances({"goldd": reflectance("gold")})
-    with raises(BasisError, "unknown"):
-        BASIS.channels_for_materials({"nickel": reflectance("nickel")})
-    with raises(BasisError, "conflict"):
-        BASIS.channels_for_materials({"gold": reflectance("silver")})
-    with raises(BasisError, "missing"):
-        MaterialBasis({})
-    with raises(BasisError, "type", "material 'gold'"):
-        MaterialBasis({"gold": np.ones(DEFAULT_GRID.size)})
-    with raises(BasisError, "range"):
-        MaterialBasis({"dye": Spectrum([380, 450, 720], [-0.5, -0.5, 1])})
-    with raises(BasisError, "range", "material 'dye'"):
-        MaterialBasis({"dye": Spectrum([380, 600], [0.5, 1])})
-    with raises(TransferError, "type", "TransferFunction.basis"):
-        TransferFunction(POINTS, MATERIALS, "general-7")
-
-
 def test_material_bases_and_their_images_survive_their_files(
     ball: CoefficientImage, tmp_path: pytest.TempPathFactory
 ) -> None:
@@ -133,10 +103,6 @@ def test_material_bases_and_their_images_survive_their_files(
     path = f"{tmp_path}/ball.json"
     BASIS.save(path)
     assert load_basis(path).fingerprint == BASIS.fingerprint
-    with raises(BasisError, "unsupported"):
-        basis_from_dict(BASIS.to_dict() | {"version": 99})
-    with raises(BasisError, "missing"):
-        basis_from_dict({k: v for k, v in BASIS.to_dict().items() if k != "materials"})
 
 
 @given(st.lists(st.floats(0, 1), min_size=4, max_size=4), st.sampled_from(["A", "FL11", "HP1"]))
@@ -156,9 +122,3 @@ def test_any_grid_and_observer(grid: SpectralGrid, observer_deg: int) -> None:
     for k, spectrum in enumerate(basis.materials.values()):
         exact = XYZ_from_spectra(lamp, spectrum, observer_deg)
         assert np.allclose(basis.xyz(np.eye(3)[k], lamp), exact)
-
-
-def test_more_materials_than_can_be_cast_are_refused_with_the_curve() -> None:
-    many = {f"m{k}": reflectance("gold") for k in range(32)}
-    with raises(TransferError, "size"):
-        TransferFunction([(0.1, 0.5, "m1")], many, MaterialBasis(many))

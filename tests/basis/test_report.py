@@ -13,7 +13,6 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
-from tests.support.errors import raises
 from volspec._figures import spread_apart
 from volspec.basis import MaterialBasis, SpectralBasis, figure
 from volspec.basis.display import MODES
@@ -34,7 +33,6 @@ from volspec.basis.report_table import (
     terminal_table,
     worst_line,
 )
-from volspec.errors import BasisError
 from volspec.spectra import XYZ_from_spectra, light, reflectance, white_XYZ
 
 LAMPS = {"smooth": [light("D65"), light("A")], "spiky": [light("FL2"), light("HP1")]}
@@ -68,18 +66,12 @@ def test_products_with_white_alone_are_the_single_surfaces(general: SpectralBasi
     for products in errors.products.values():
         assert max(products.fitted.max, products.componentwise.max) < 1e-6
     pairs = basis_report(general, LAMPS["spiky"], [SAMPLES[0], WHITE]).pairs
-    # Rows of products: (red, red), (red, white), (white, white).
     assert product_rows(2, 2).tolist() == [[0, 0], [0, 1], [1, 1]]
-    for way in WAYS_OF_PRODUCTS:
-        assert pairs.products[way][2][:, 1] == pytest.approx(pairs.delta_e[way][:, 0])
-
-
-def test_of_three_surfaces_white_ones_do_not_count(general: SpectralBasis) -> None:
-    pairs = basis_report(general, LAMPS["spiky"], [SAMPLES[0], WHITE]).pairs
     assert product_rows(2, 3).tolist() == [[0, 0, 0], [0, 0, 1], [0, 1, 1], [1, 1, 1]]
     for way in WAYS_OF_PRODUCTS:
         products, single = pairs.products[way], pairs.delta_e[way]
-        # (red, red, white) is (red, red) of two, (red, white, white) is red.
+        # (red, white) is red, (red, red, white) is (red, red), (red, white, white) is red.
+        assert products[2][:, 1] == pytest.approx(single[:, 0])
         assert products[3][:, 1] == pytest.approx(products[2][:, 0])
         assert products[3][:, 2] == pytest.approx(single[:, 0])
         assert np.abs(products[2][:, 0] - single[:, 0]).min() > 0.01, "two reds are not one"
@@ -100,11 +92,6 @@ def test_interreflection_costs_less_than_in_rgb(general: SpectralBasis) -> None:
         for ours in (errors.products[n].fitted, errors.products[n].componentwise):
             # Measured .09 against 2.2 for two surfaces, .12 against 2.3 for three.
             assert ours.mean < 0.1 * theirs.mean and ours.max < theirs.max
-
-
-def test_the_flat_light_is_exact_in_rgb(general: SpectralBasis) -> None:
-    # Light times surface in RGB is wrong only if the light has a colour or lines.
-    assert basis_report(general, [light("E")], SAMPLES).rgb_product.max < 1e-6
 
 
 def test_the_worst_pair_is_the_maximum_of_all_classes(table: ErrorTable) -> None:
@@ -186,11 +173,6 @@ def test_materials_have_no_error_and_no_products(materials: MaterialBasis) -> No
     assert asked.pairs.reflectances == ("iron",) and asked.exact.max < 1e-9
 
 
-def test_materials_refuse_what_they_do_not_hold(materials: MaterialBasis) -> None:
-    with raises(BasisError, "unknown"):
-        basis_report(materials, None, [reflectance("gold")])
-
-
 def test_white_is_shown_as_the_display_s_white_under_any_light() -> None:
     for name in ("D65", "A", "planck:2000", "HP1", "LPS", "FL2"):
         white = white_XYZ(light(name))
@@ -202,11 +184,6 @@ def test_worst_pairs_are_of_different_lights_and_samples(table: ErrorTable) -> N
     assert len(pairs) == 2 and {p.light for p in pairs} == {"FL2", "HP1"}
     assert len({p.reflectance for p in pairs}) == 2
     assert pairs[0].delta_e == table.classes["spiky"].worst.delta_e
-
-
-def test_no_lights_are_refused(general: SpectralBasis) -> None:
-    with raises(BasisError, "missing"):
-        error_table(general, {})
 
 
 def test_numbers_keep_three_figures() -> None:
@@ -246,14 +223,14 @@ def test_the_figure_shows_colours_on_white(
     assert 0.08 < grey < 0.35 and coloured > 0.02
 
 
-@pytest.mark.parametrize("suffix", [".png", ".pdf", ".svg"])
+@pytest.mark.parametrize("suffix", [".pdf", ".svg"])
 def test_figures_are_written_as_their_name_says(
     materials: MaterialBasis, tmp_path: Path, suffix: str
 ) -> None:
     path = tmp_path / f"figure{suffix}"
     save_figure(error_table(materials, LAMPS), path)
     start = path.read_bytes()[:5]
-    assert start.startswith({".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}[suffix])
+    assert start.startswith({".pdf": b"%PDF", ".svg": b"<?xml"}[suffix])
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
@@ -272,14 +249,11 @@ def test_texts_of_the_figure_do_not_overlap(table: ErrorTable, general: Spectral
             assert not box.shrunk(0.95, 0.6).overlaps(second.shrunk(0.95, 0.6)), (one, other)
 
 
-def test_matplotlib_is_imported_late() -> None:
+def test_matplotlib_is_imported_late_and_pyplot_never() -> None:
+    """Figures have a canvas of their own; pyplot has global state and may open windows."""
     modules = "volspec.basis.figure, volspec.relight.error_map"
     code = f"import sys, {modules}; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
-def test_pyplot_is_imported_never() -> None:
-    """Figures have a canvas of their own; pyplot has global state and may open windows."""
     texts = {path: path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py")}
     drawing = {path for path, text in texts.items() if "matplotlib" in text}
     assert len(drawing) >= 4
