@@ -23,7 +23,7 @@ from volspec.palette.state import State
 POSITIVE, FINE, FREE = MODELS
 
 
-def mean_error(model: object, size: int, metric: str = "RGB") -> float:
+def mean_distance(model: object, size: int, metric: str = "RGB") -> float:
     wanted, got = colours(drawn(model, size, size, 0, metric))
     return float(np.linalg.norm(got - wanted, axis=-1).mean())
 
@@ -53,15 +53,15 @@ def test_models_have_the_bands_and_bounds_of_the_paper() -> None:
 
 def test_without_bounds_ten_colours_are_met_and_twelve_are_not() -> None:
     # 30 equations for 31 bands, and 36: the paper's figure 3c.
-    assert mean_error(FREE, 10) < 0.01
-    assert mean_error(FREE, 12) > 1.0
+    assert mean_distance(FREE, 10) < 0.01
+    assert mean_distance(FREE, 12) > 1.0
 
 
 def test_bounds_cost_most_and_more_bands_buy_it_back() -> None:
-    positive = mean_error(POSITIVE, 7)
+    positive = mean_distance(POSITIVE, 7)
     assert 1.0 < positive < 14.4
-    assert mean_error(FINE, 7) < 0.1 * positive
-    assert mean_error(FREE, 7) < 0.01
+    assert mean_distance(FINE, 7) < 0.1 * positive
+    assert mean_distance(FREE, 7) < 0.01
 
 
 def test_distances_are_of_all_pairs_and_kept_without_bounds() -> None:

@@ -1,4 +1,4 @@
-"""The report of a design: its figures are those of the colours, its advice comes true."""
+"""The report and picture of a design: figures are those of the colours, advice comes true."""
 
 from __future__ import annotations
 
@@ -9,18 +9,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 import volspec as vs
-from tests.support.palettes import free_light, lamp, must, surface
+from tests.support.palettes import free_light, given, lamp, must, palette_of, surface
 from volspec.appearance import ViewingConditions
 from volspec.appearance.difference import cam16_ucs, delta_E_CAM16
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.palette import Cell, Criteria, Design, DesignReport, Palette, PaletteSpectrum, design
+from volspec.palette.figure import palette_figure, save_palette_figure
 from volspec.palette.file import palette_file
+from volspec.palette.model import hexadecimal
 from volspec.palette.state import State
 from volspec.spectra import DEFAULT_GRID, PAPERS_GRID, SpectralGrid, Spectrum, XYZ_from_spectra
 
-ROOT = Path(__file__).resolve().parents[2]
 GREY = (0.6, 0.6, 0.6)
 
 
@@ -29,18 +33,14 @@ def advised(made: Design) -> DesignReport:
 
 
 @pytest.fixture(scope="module")
-def sodium() -> DesignReport:
-    palette = vs.load_palette(ROOT / "data/palettes/figure-1.toml")
-    return advised(design(palette))
+def flames(sodium: Design) -> DesignReport:
+    return advised(sodium)
 
 
 def test_a_cell_shows_the_colour_that_its_spectra_make() -> None:
-    palette = Palette(
-        *((PaletteSpectrum("copper", vs.reflectance("copper")), surface("s")), (lamp("A"),)),
-        {("s", "A"): must(*GREY)},
-        vs.Viewing("CAT02"),
-    )
-    report = DesignReport.of(design(palette))
+    rows = (PaletteSpectrum("copper", vs.reflectance("copper")), surface("s"))
+    cells = {("s", "A"): must(*GREY)}
+    report = DesignReport.of(design(Palette(rows, (lamp("A"),), cells, vs.Viewing("CAT02"))))
     copper, grey = report.cells
     seen = XYZ_from_spectra(vs.light("A"), vs.reflectance("copper"))
     assert np.allclose(copper.XYZ, seen)
@@ -61,7 +61,6 @@ def test_colours_outside_the_display_are_marked() -> None:
 
 
 def test_metamers_are_found_through_groups_colours_and_likeness() -> None:
-    rows = tuple(surface(name) for name in "abcd")
     cells = {
         ("a", "D65"): Cell("free", group="g"),
         ("b", "D65"): Cell("free", group="g"),
@@ -70,7 +69,7 @@ def test_metamers_are_found_through_groups_colours_and_likeness() -> None:
         ("d", "A"): Cell(colour=GREY),
         ("d", "D65"): Cell("distinct", other=("a", "D65"), distance=30),
     }
-    report = DesignReport.of(design(Palette(rows, (lamp("D65"), lamp("A")), cells)))
+    report = DesignReport.of(design(palette_of(cells)))
     found = {(pair.light, pair.reflectances) for pair in report.metamers}
     assert found == {
         *(("D65", pair) for pair in (("a", "b"), ("a", "c"), ("b", "c"))),
@@ -82,19 +81,19 @@ def test_metamers_are_found_through_groups_colours_and_likeness() -> None:
     assert apart.delta_E_1976 == pytest.approx(30, abs=1)
 
 
-def test_bounds_that_bind_are_counted_and_the_cost_adds_up(sodium: DesignReport) -> None:
-    flame, _ = sodium.spectra
+def test_bounds_that_bind_are_counted_and_the_cost_adds_up(
+    flames: DesignReport, figure_2: Design
+) -> None:
+    flame, _ = flames.spectra
     assert (flame.kind, flame.name, flame.bands) == ("reflectance", "flame", PAPERS_GRID.size)
     assert flame.at_lower > 10 and flame.largest <= 1.0
-    made = design(vs.load_palette(ROOT / "data/palettes/figure-2.toml"))
     # The design counts the colours straight between two rounds: 1e-6 of them.
-    assert sum(DesignReport.of(made).cost.values()) == pytest.approx(made.cost, abs=1e-5)
+    assert sum(DesignReport.of(figure_2).cost.values()) == pytest.approx(figure_2.cost, abs=1e-5)
 
 
 def test_a_mixture_is_counted_by_its_lamps() -> None:
     mixed = free_light(mixture=(vs.light("LED-B1"), vs.light("FL11")))
-    cells = {("s", "L"): Cell(colour=GREY)}
-    report = DesignReport.of(design(Palette((surface("s"),), (mixed,), cells)))
+    report = DesignReport.of(design(palette_of({("s", "L"): Cell(colour=GREY)}, mixed)))
     assert {(s.kind, s.bands) for s in report.spectra} == {
         ("reflectance", DEFAULT_GRID.size),
         ("light", 2),
@@ -145,32 +144,28 @@ def test_metamers_are_compared_at_1_nm_too() -> None:
     # A light of the library is looked up, as bands of 10 nm hide its lines.
     sodium = State.at_1_nm(state).E[1]
     found = vs.light("HP1", fine).values
-    assert np.allclose(sodium / sodium.sum(), found / found.sum())
+    assert np.allclose(sodium / flames.sum(), found / found.sum())
 
 
-def test_advice_comes_true(sodium: DesignReport) -> None:
-    weights = [each for each in sodium.suggestions if each.startswith("(paint, sodium): weight 4")]
-    assert len(weights) == 1 and "without it" in " ".join(sodium.suggestions)
-    palette = vs.load_palette(ROOT / "data/palettes/figure-1.toml")
-    assert f"brings ΔE {sodium.cell(('paint', 'sodium')).error:.1f} to" in weights[0]
+def test_advice_comes_true(flames: DesignReport, figure_1: Palette) -> None:
+    weights = [each for each in flames.suggestions if each.startswith("(paint, sodium): weight 4")]
+    assert len(weights) == 1 and "without it" in " ".join(flames.suggestions)
+    assert f"brings ΔE {flames.cell(('paint', 'sodium')).error:.1f} to" in weights[0]
     place = ("paint", "sodium")
-    cells = {**palette.cells, place: replace(palette.cells[place], weight=4)}
-    after = DesignReport.of(design(replace(palette, cells=cells)))
+    cells = {**figure_1.cells, place: replace(figure_1.cells[place], weight=4)}
+    after = DesignReport.of(design(replace(figure_1, cells=cells)))
     promised = float(weights[0].partition(" to ")[2].partition(";")[0])
     assert after.cell(place).error == pytest.approx(promised, abs=0.051)
 
 
 def test_advice_begins_at_the_design_that_is_shown() -> None:
     """If more iterations help too, the other sentences still go by the palette's own."""
-    lights = (lamp("D65"), free_light())
-    rows = tuple(surface(name) for name in "ab")
     cells = {
         **{(name, "D65"): Cell(colour=GREY) for name in "ab"},
         ("a", "L"): Cell(colour=(0.9, 0.1, 0.1)),
         ("b", "L"): Cell(colour=(0.1, 0.1, 0.9)),
     }
-    palette = Palette(rows, lights, cells, criteria=Criteria(rounds=1))
-    report = advised(design(palette))
+    report = advised(design(palette_of(cells, free_light(), criteria=Criteria(rounds=1))))
     rounds, *others = report.suggestions
     assert rounds.startswith("rounds 5 instead of 1 bring") and others
     for each in others:
@@ -180,11 +175,9 @@ def test_advice_begins_at_the_design_that_is_shown() -> None:
 
 
 def test_a_light_without_bounds_that_came_out_negative_has_a_report() -> None:
-    lights = (lamp("D65"), free_light(lower=None))
     cells = {("s", "D65"): Cell(colour=GREY), ("t", "D65"): Cell(colour=GREY)}
     cells |= {("s", "L"): Cell(colour=(0.9, 0, 0)), ("t", "L"): Cell(colour=(0, 0, 0.9))}
-    palette = Palette((surface("s"), surface("t")), lights, cells, criteria=Criteria(rounds=1))
-    made = design(palette)
+    made = design(palette_of(cells, free_light(lower=None), criteria=Criteria(rounds=1)))
     assert made.state.E[1].min() < 0
     assert advised(made).max > 1
 
@@ -192,67 +185,117 @@ def test_a_light_without_bounds_that_came_out_negative_has_a_report() -> None:
 def test_a_colour_beyond_every_reflectance_is_reported_with_the_nearest() -> None:
     """Blue under sodium: no reflectance has it."""
     cells = {("s", "HP1"): Cell(colour=(0.1, 0.2, 0.9)), ("s", "D65"): Cell(colour=GREY)}
-    palette = Palette((surface("s"),), (lamp("HP1"), lamp("D65")), cells)
-    found = advised(design(palette)).suggestions
+    found = advised(design(palette_of(cells))).suggestions
     assert any("(s, HP1): #1a33e6 is out of reach" in each for each in found)
 
 
 def test_a_brighter_light_is_advised_where_upper_bounds_bind() -> None:
     cells = {("s", "A"): Cell(colour=(0.9, 0.9, 0.95))}
-    palette = Palette((surface("s"),), (lamp("A"),), cells, criteria=Criteria(rounds=3))
-    found = advised(design(palette)).suggestions
+    found = advised(design(palette_of(cells, criteria=Criteria(rounds=3)))).suggestions
     assert any(each.startswith("exposure 1.5 instead of 1 brings") for each in found)
 
 
-def test_it_reads_as_text_and_as_json(sodium: DesignReport) -> None:
-    text = str(sodium)
+def test_it_reads_as_text_and_as_json(flames: DesignReport) -> None:
+    text = str(flames)
     assert all(text.count(name) > 1 for name in ("sodium", "paint", "flame"))
     assert max(map(len, text.splitlines())) <= 100
-    data = json.loads(json.dumps(sodium.to_dict()))
+    data = json.loads(json.dumps(flames.to_dict()))
     assert len(data["cells"]) == 4 and data["cells"][0].keys() >= {"X", "Y", "Z", "wanted_hex"}
-    assert data["mean"] == pytest.approx(np.mean(sodium.errors))
+    assert data["mean"] == pytest.approx(np.mean(flames.errors))
 
 
 def test_advice_is_a_deprecated_keyword() -> None:
-    made = design(Palette((surface("s"),), (lamp("D65"),), {("s", "D65"): Cell(colour=GREY)}))
+    made = design(palette_of({("s", "D65"): Cell(colour=GREY)}))
     with pytest.warns(DeprecationWarning):
         assert DesignReport.of(made, advice=True) == advised(made)
 
 
-def test_a_report_may_count_differences_in_cam16_ucs(sodium: DesignReport) -> None:
-    palette = vs.load_palette(ROOT / "data/palettes/figure-1.toml")
-    made = design(palette)
-    report = DesignReport.of(made, difference="CAM16-UCS")
-    for cell, usual in zip(report.cells, sodium.cells, strict=True):
+def test_a_report_may_count_differences_in_cam16_ucs(flames: DesignReport, sodium: Design) -> None:
+    report = DesignReport.of(sodium, difference="CAM16-UCS")
+    for cell, usual in zip(report.cells, flames.cells, strict=True):
         assert cell.delta_E_CAM16 == usual.delta_E_CAM16 and cell.delta_E == cell.delta_E_CAM16
         assert usual.delta_E == usual.delta_E_2000 == cell.delta_E_2000
         if cell.error is not None:
             codes = np.array([cell.obtained, cell.wanted])
-            space = palette.viewing.display.colours
+            space = sodium.palette.viewing.display.colours
             XYZ = space.decode(codes) @ space.XYZ_from_RGB.T
             white = tuple(space.white_XYZ.tolist())
             apart = delta_E_CAM16(*cam16_ucs(XYZ, ViewingConditions(white, discount=True)))
             assert cell.error == pytest.approx(float(apart), abs=1e-6)
-    assert report.max > 0 and report.max != sodium.max
-    assert "ΔE′ mean" in str(report) and "ΔE00 mean" in str(sodium)
+    assert report.max > 0 and report.max != flames.max
+    assert "ΔE′ mean" in str(report) and "ΔE00 mean" in str(flames)
     assert report.to_dict()["difference"] == "CAM16-UCS"
 
 
 def test_metamers_are_alike_to_some_observers_and_equal_paints_to_all(
-    sodium: DesignReport,
+    flames: DesignReport, sodium: Design
 ) -> None:
-    (pair,) = sodium.metamers
+    (pair,) = flames.metamers
     seen = pair.observers
     assert seen.count == 1000 and pair.delta_E < 0.2
     assert 0.2 < seen.alike < 0.7 and 0.8 < seen.median < seen.p95 < 6
-    assert f"alike to {100 * seen.alike:.0f} % of 1000 observers" in " ".join(str(sodium).split())
-    assert sodium.to_dict()["metamers"][0]["observers"]["alike"] == seen.alike
-    palette = vs.load_palette(ROOT / "data/palettes/figure-1.toml")
-    assert DesignReport.of(design(palette)).metamers == sodium.metamers, "the same observers"
+    assert f"alike to {100 * seen.alike:.0f} % of 1000 observers" in " ".join(str(flames).split())
+    assert flames.to_dict()["metamers"][0]["observers"]["alike"] == seen.alike
+    assert DesignReport.of(sodium).metamers == flames.metamers, "the same observers"
 
     paint = PaletteSpectrum("paint", vs.reflectance("ColorChecker/red"))
     twin = replace(paint, name="twin")
     same = {("paint", "D65"): Cell(colour=GREY), ("twin", "D65"): Cell(colour=GREY)}
-    palette = Palette((paint, twin), (lamp("D65"), free_light("open")), same)
-    (equal,) = DesignReport.of(design(replace(palette, criteria=Criteria(rounds=1)))).metamers
+    lights, criteria = (lamp("D65"), free_light("open")), Criteria(rounds=1)
+    made = design(Palette((paint, twin), lights, same, criteria=criteria))
+    (equal,) = DesignReport.of(made).metamers
     assert (equal.observers.alike, equal.observers.p95) == (1.0, 0.0)
+
+
+def many(count: int) -> Design:
+    rows = tuple(given(f"reflectance {i}", 0.3) for i in range(count))
+    columns = tuple(given(f"a light called {j}", 1.0) for j in range(count - 1))
+    cells = {("reflectance 0", "open"): Cell(colour=(0.5, 0.4, 0.3))}
+    criteria = Criteria(rounds=1)
+    return design(Palette(rows, (*columns, free_light("open")), cells, criteria=criteria))
+
+
+def colours(figure: Figure) -> list[str]:
+    squares = (patch for axes in figure.axes for patch in axes.patches)
+    return [to_hex(square.get_facecolor()) for square in squares if isinstance(square, Rectangle)]
+
+
+def texts(figure: Figure) -> list[str]:
+    return [t.get_text() for t in [*figure.texts, *(t for a in figure.axes for t in a.texts)]]
+
+
+def test_squares_have_the_colours_of_the_report(sodium: Design) -> None:
+    report = DesignReport.of(sodium)
+    drawn = colours(palette_figure(sodium, report))
+    for cell in report.cells:
+        assert hexadecimal(cell.obtained) in drawn
+        assert cell.wanted is None or hexadecimal(cell.wanted) in drawn
+
+
+def test_it_says_what_is_what(sodium: Design) -> None:
+    figure = palette_figure(sodium, title="Flames")
+    words = texts(figure)
+    assert {"Flames", "flame", "paint", "sodium", "D65"} <= set(words)
+    assert any("dashed" in each and "outside" not in each for each in words)
+    report = DesignReport.of(sodium)
+    assert f"{report.cell(('paint', 'sodium')).error:.1f}" in words
+
+
+@pytest.mark.parametrize("count", [1, 4, pytest.param(12, marks=pytest.mark.slow)])
+def test_names_are_whole_and_inside_whatever_the_size(count: int) -> None:
+    figure = palette_figure(many(count), title="Many")
+    assert {f"reflectance {count - 1}", "open"} <= set(texts(figure))
+    wide, tall = figure.get_size_inches() * figure.dpi
+    for text in [*figure.texts, *(t for axes in figure.axes for t in axes.texts)]:
+        box = text.get_window_extent()
+        assert box.x0 >= 0 and box.y0 >= 0 and box.x1 <= wide and box.y1 <= tall, text.get_text()
+
+
+def test_files_are_what_their_names_say(sodium: Design, tmp_path: Path) -> None:
+    import imageio.v3 as iio
+
+    picture, drawing = tmp_path / "p.png", tmp_path / "p.svg"
+    save_palette_figure(sodium, picture)
+    assert len(np.unique(iio.imread(picture).reshape(-1, 4), axis=0)) > 100
+    save_palette_figure(sodium, drawing)
+    assert "<svg" in drawing.read_text(encoding="utf-8")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from volspec.appearance import Viewing
-from volspec.palette import Cell, Design, PaletteSpectrum
+from volspec.palette import Cell, Design, Palette, PaletteSpectrum
 from volspec.spectra import DEFAULT_GRID, Spectrum, colour_matching_functions, light
 
 Q = colour_matching_functions(DEFAULT_GRID)
@@ -57,3 +57,17 @@ def shown_codes(made: Design) -> np.ndarray:
     """Return (R, L, 3) display codes of a design."""
     models = made.state.colour_models()
     return np.asarray(models[0].space.encode(made.state.RGB(models)))
+
+
+def palette_of(
+    cells: dict[tuple[str, str], Cell], *spectra: PaletteSpectrum, **more: Any
+) -> Palette:
+    """Return the palette of cells; other names are free surfaces, and lamps of the library."""
+    own = {spectrum.name: spectrum for spectrum in spectra}
+    rows, columns = (dict.fromkeys(place[side] for place in cells) for side in (0, 1))
+    return Palette(
+        tuple(own.get(name) or surface(name) for name in rows),
+        tuple(own.get(name) or lamp(name) for name in columns),
+        cells,
+        **more,
+    )
