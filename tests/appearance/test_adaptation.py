@@ -1,5 +1,7 @@
 """Chromatic adaptation against colour-science where that is right, the papers, and the limits."""
 
+from itertools import permutations
+
 import numpy as np
 import pytest
 
@@ -34,7 +36,7 @@ PAIRS = {
 SPACES = ("von Kries", "Bradford", "Sharp", "CAT02", "CAT16")
 
 
-def random_XYZ(white: tuple[float, ...], count: int = 10_000) -> np.ndarray:
+def random_XYZ(white: tuple[float, ...], count: int = 2000) -> np.ndarray:
     """Anywhere between black and twice the white, in XYZ: imaginary colours too."""
     return np.random.default_rng(3).random((count, 3)) * 2.0 * np.asarray(white)
 
@@ -172,14 +174,15 @@ def test_colour_science_s_fairchild_cancels_to_von_kries_and_ours_does_not():
     assert ours[2] < 0.9 * D65[2]
 
 
-def test_undo_and_swapping_source_and_target_come_back(pair, method):
-    XYZ = colours(pair[0].white_XYZ)
-    transform = adaptation(method)(*pair)
-    assert isinstance(transform, ViewTransform)
-    there = transform.apply(XYZ)
-    assert_same(transform.undo(there), XYZ)
-    assert_same(adaptation(method)(*reversed(pair)).apply(there), XYZ)
-    assert_same(adapt(XYZ, pair[0], pair[0], method), XYZ)
+def test_undo_and_swapping_source_and_target_come_back(method):
+    for pair in PAIRS.values():
+        XYZ = colours(pair[0].white_XYZ, 2000)
+        transform = adaptation(method)(*pair)
+        assert isinstance(transform, ViewTransform)
+        there = transform.apply(XYZ)
+        assert_same(transform.undo(there), XYZ)
+        assert_same(adaptation(method)(*reversed(pair)).apply(there), XYZ)
+        assert_same(adapt(XYZ, pair[0], pair[0], method), XYZ)
 
 
 @pytest.mark.parametrize("method", [*SPACES, "Fairchild 1990"])
@@ -216,14 +219,13 @@ LIMITS = {
 }
 
 
-@pytest.mark.parametrize("limit", LIMITS)
-def test_limits_stay_finite_both_ways(method, limit):
+def test_limits_stay_finite_both_ways(method):
     given = np.concatenate(
         [np.zeros((1, 3)), random_XYZ((100.0, 100.0, 100.0), 500), -random_XYZ(A, 100)]
     )
     usual = ViewingConditions(D65)
     with np.errstate(all="raise", under="ignore"):
-        for ends in ((LIMITS[limit], usual), (usual, LIMITS[limit])):
+        for ends in (each for limit in LIMITS.values() for each in permutations((limit, usual))):
             transform = adaptation(method)(*ends)
             assert np.isfinite(transform.apply(given)).all()
             assert np.isfinite(transform.undo(given)).all()

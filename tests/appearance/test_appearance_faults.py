@@ -27,18 +27,13 @@ WHITE_XY = (0.3127, 0.329)
 # The error's field, and a call with the argument.
 CALLS = {
     "ViewingConditions.white_XYZ": ViewingConditions,
-    "ViewingConditions.L_A": lambda x: ViewingConditions(D65, L_A=x),
-    "ViewingConditions.Y_b": lambda x: ViewingConditions(D65, Y_b=x),
     "illuminance_lux": lambda x: ViewingConditions.of_lux(D65, x),
     "Transfer.gamma": Transfer.gamma,
-    "Transfer.power": Transfer,
-    "Transfer.toe": lambda x: Transfer(0.5, toe=x),
     "Transfer.icc.g": Transfer.icc,
     "Transfer.icc.e": lambda x: Transfer.icc(2.2, e=x),
     "Transfer.linear": Transfer.gamma(2.2).encode,
     "Transfer.encoded": Transfer.gamma(2.2).decode,
     "ColourSpace.primaries_xy": lambda x: ColourSpace("mine", x, WHITE_XY, Transfer.gamma(2)),
-    "ColourSpace.transfer": lambda x: ColourSpace("mine", P3, WHITE_XY, x),
     "colour space": colour_space,
     "adaptation.XYZ": lambda x: adapt(x, DAYLIGHT, DAYLIGHT),
     "CAT02.source": lambda x: adapt(D65, x, DAYLIGHT),
@@ -50,12 +45,8 @@ CALLS = {
     "CIELAB.white_XYZ": lambda x: cielab(D65, x),
     "CIELAB.Lab": lambda x: XYZ_from_cielab(x, D65),
     "viewing conditions.white_XYZ": lambda x: CamConditions.of(x, 10.0, 20.0),
-    "HuntSettings.N_b": lambda x: hunt.HuntSettings(N_b=x),
-    "HuntSettings.p": lambda x: hunt.HuntSettings(p=x),
     "HuntSettings.proximal_XYZ": lambda x: hunt.HuntSettings(proximal_XYZ=x),
-    "HuntSettings.helson_judd": lambda x: hunt.HuntSettings(helson_judd=x),
     "Hunt.settings": lambda x: hunt.forward(D65, DAYLIGHT, x),
-    "NayataniSettings.E_or": lambda x: nayatani95.NayataniSettings(E_or=x),
     "Nayatani95.settings": lambda x: nayatani95.forward(D65, DAYLIGHT, x),
 }
 for _name, _model in APPEARANCE_MODELS.items():
@@ -66,13 +57,13 @@ for _name, _model in APPEARANCE_MODELS.items():
     }
 
 
-@pytest.mark.parametrize("bad", ["abc", ("a", "b", "c"), {}, object(), [[1], [2, 3]]], ids=range(5))
 @pytest.mark.parametrize("field", CALLS)
-def test_an_argument_that_is_no_number_is_named(field, bad):
-    with raises(InputError) as caught:
-        CALLS[field](bad)
-    assert caught.value.field.split("[")[0] == field
-    assert caught.value.remedy and len(str(caught.value)) < 260
+def test_an_argument_that_is_no_number_is_named(field):
+    for bad in ("abc", ("a", "b", "c"), {}, object(), [[1], [2, 3]]):
+        with raises(InputError) as caught:
+            CALLS[field](bad)
+        assert caught.value.field.split("[")[0] == field
+        assert caught.value.remedy and len(str(caught.value)) < 260
 
 
 WHITES = (D65, list(D65), np.array(D65), np.float32([95, 100, 108]))

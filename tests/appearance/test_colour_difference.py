@@ -1,13 +1,15 @@
-"""CIEDE2000 and CAM16-UCS against published data and against colour-science."""
+"""Differences of colours, rendition by lights and metamerism against published data."""
 
 from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
 
 import colour
 import numpy as np
 import pytest
 
 from tests.appearance._models import CONDITIONS, D65, colours
-from volspec.appearance import ViewingConditions
 from volspec.appearance.difference import (
     XYZ_from_cam16_ucs,
     cam16_ucs,
@@ -16,6 +18,18 @@ from volspec.appearance.difference import (
     uniform,
 )
 from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.appearance.rendition import (
+    RENDITION_GRID,
+    SIMILARITY_GRID,
+    Rendition,
+    colour_rendition,
+    metamerism,
+    similarity_reference,
+    spectral_similarity,
+)
+from volspec.basis.light_figure import light_figure, save_light_figure
+from volspec.spectra import Spectrum, colour_matching_functions, light, reflectance
+from volspec.spectra.datasets import colour_science
 
 # Sharma, Wu & Dalal (2005), table 1: pairs about the mean hue's turn (1-16), large differences
 # (17-20) and small ones (25, 31, 34).
@@ -82,12 +96,6 @@ def test_cam16_ucs_is_that_of_colour_science(where: str) -> None:
     np.testing.assert_allclose(delta_E_CAM16(ours[1:], ours[:-1]), apart, rtol=1e-12)
 
 
-def test_cam16_ucs_has_colour_science_s_numbers_in_the_room_that_both_assume() -> None:
-    seen = ViewingConditions((95.047, 100.0, 108.883))
-    found = cam16_ucs([20.654008, 12.197225, 5.136952], seen)
-    np.testing.assert_allclose(found, [46.06573617, 31.02084967, 10.95700456], atol=1e-8)
-
-
 def test_differences_by_name() -> None:
     one, other = colours(D65, 50)[:40], colours(D65, 50)[10:50]
     by_name = {
@@ -100,3 +108,133 @@ def test_differences_by_name() -> None:
     # The eye is adapted to the white: black and white are 100 apart, and no grey has a colour.
     black, white = uniform("CAM16-UCS", [[0.0, 0.0, 0.0], D65], D65)
     assert distance("CAM16-UCS", black, white) == pytest.approx(100.0, abs=1e-9)
+
+
+# R_a that CIE 15 gives with FL1 to FL12.
+PUBLISHED_R_A = dict(
+    zip(
+        [f"FL{number}" for number in range(1, 13)],
+        [76, 64, 57, 51, 72, 59, 90, 95, 90, 81, 83, 83],
+        strict=True,
+    )
+)
+LEDS = [f"LED-{kind}" for kind in ("B1", "B2", "B3", "B4", "B5", "BH1", "RGB1", "V1", "V2")]
+
+
+def rendition(name: str) -> Rendition:
+    found = colour_rendition(light(name, RENDITION_GRID))
+    assert found is not None
+    return found
+
+
+def similarity(one: str, other: str) -> float:
+    return spectral_similarity(*(light(name, SIMILARITY_GRID) for name in (one, other)))
+
+
+@pytest.mark.parametrize(("name", "R_a"), PUBLISHED_R_A.items())
+def test_fluorescent_lamps_have_the_published_R_a(name: str, R_a: int) -> None:
+    assert rendition(name).R_a == pytest.approx(R_a, abs=0.55)
+
+
+def test_references_are_rendered_perfectly() -> None:
+    for name in ("planck:2700", "planck:3999", "daylight:5010", "D65", "A"):
+        found = rendition(name)
+        assert (found.R_a, found.R_f, found.R_g) == pytest.approx((100, 100, 100), abs=0.05)
+        assert np.abs(found.chroma_shift).max() < 1e-3
+    # Between 4000 and 5000 K the reference of CIE 224 is a mixture, that of CIE 13.3 is not.
+    assert rendition("planck:4500").R_a == pytest.approx(100, abs=0.05)
+    assert rendition("planck:4500").R_f < 99.5
+
+
+@pytest.mark.filterwarnings("ignore:Aligning")
+def test_figures_are_those_of_colour_science() -> None:
+    """Its R_i interpolate to 1 nm first; samples at a hue bin's border move the bins a little."""
+    colour: Any = colour_science()
+    for name in (*list(PUBLISHED_R_A)[1::3], *LEDS[::2]):
+        own = rendition(name)
+        theirs = colour.SDS_ILLUMINANTS[name].copy().align(colour.SpectralShape(380, 780, 5))
+        cri = colour.colour_rendering_index(theirs, additional_data=True)
+        tm30 = colour.colour_fidelity_index(
+            theirs, additional_data=True, method="ANSI/IES TM-30-18"
+        )
+        R = [cri.Q_as[i].Q_a for i in range(1, 15)]
+        np.testing.assert_allclose(own.R, R, atol=1)
+        assert own.R_a == pytest.approx(cri.Q_a, abs=0.3)
+        assert own.fidelity == pytest.approx(tm30.R_s, abs=0.2)
+        assert own.R_f == pytest.approx(tm30.R_f, abs=0.03)
+        assert own.R_g == pytest.approx(tm30.R_g, abs=0.2)
+        assert 100 * own.chroma_shift == pytest.approx(tm30.R_cs, abs=1.5)
+        assert own.hue_shift == pytest.approx(tm30.R_hs, abs=0.01)
+        assert own.hue_fidelity == pytest.approx(tm30.R_fs, abs=2)
+
+
+def test_fl2_has_tm_30_s_hue_bins() -> None:
+    """Rounded figures that colour-science's tests list."""
+    found = rendition("FL2")
+    assert (round(found.R_f), round(found.R_g)) == (70, 86)
+    cs = [-25, -18, -9, 5, 11, 4, -8, -15, -17, -15, -4, 5, 11, 7, -6, -16]
+    assert 100 * found.chroma_shift == pytest.approx(cs, abs=0.75)
+    fidelity = [60, 61, 53, 68, 80, 88, 77, 73, 76, 62, 70, 77, 81, 71, 64, 65]
+    assert found.hue_fidelity == pytest.approx(fidelity, abs=0.75)
+
+
+def test_saturated_lights_have_no_reference() -> None:
+    assert colour_rendition(light("led:450", RENDITION_GRID)) is None
+    assert rendition("FL1").is_white is False and rendition("FL2").is_white is True
+
+
+def test_similarity_is_that_of_colour_science() -> None:
+    assert round(similarity("C", "D65")) == 94
+    assert similarity("D65", "D65") == pytest.approx(100)
+    colour: Any = colour_science()
+    from colour.quality.tests.test_ssi import DATA_HMI
+
+    lamp = Spectrum(*map(list, zip(*DATA_HMI.items(), strict=True)))
+    daylight = light("D50", SIMILARITY_GRID)
+    assert round(spectral_similarity(lamp, daylight)) == 72  # a metal-halide lamp, another one
+    for name in ("C", "LED-B3", "FL2", "HP1", "A"):
+        theirs = colour.spectral_similarity_index(
+            colour.SDS_ILLUMINANTS[name], colour.SDS_ILLUMINANTS["D65"], round_result=False
+        )
+        # Tables that begin at 380 nm continue here; there they are 0 from 375 to 380 nm.
+        assert similarity(name, "D65") == pytest.approx(float(theirs), abs=0.2)
+    assert similarity_reference(3999.4) == "planck:3999"
+    assert similarity_reference(3999.5) == "daylight:4000"
+    assert similarity_reference(26_000) is None
+
+
+def test_metamerism_grows_with_the_difference_and_is_0_for_the_same_paint() -> None:
+    D65, A = (light(name, RENDITION_GRID) for name in ("D65", "A"))
+    red = reflectance("ColorChecker/red", RENDITION_GRID)
+    same = metamerism(red, red, D65, A)
+    assert (same.delta_E, same.general, same.illuminant) == (0, 0, 0)
+    assert set(same.observers) == {10, "CIE 2015 2", "CIE 2015 10"}
+    # A metameric black in front of a grey: nothing under D65, visible elsewhere.
+    Q = (colour_matching_functions(RENDITION_GRID) * D65.values).T
+    wave = np.cos(RENDITION_GRID.wavelengths_nm / 25.0)
+    black = wave - Q @ np.linalg.lstsq(Q, wave, rcond=None)[0]
+    small, large = (metamerism(_grey(0 * black), _grey(k * black), D65, A) for k in (0.05, 0.2))
+    assert small.delta_E == pytest.approx(0, abs=1e-6) == large.delta_E
+    assert large.general == pytest.approx(4 * small.general) and small.general > 0
+    assert large.illuminant > 2 * small.illuminant > 0.1
+    assert all(large.observers[key] > small.observers[key] > 0.01 for key in small.observers)
+
+
+def test_a_mismatch_under_the_reference_light_is_not_counted_again() -> None:
+    D65, A = (light(name, RENDITION_GRID) for name in ("D65", "A"))
+    found = metamerism(_grey(np.zeros(81)), _grey(np.full(81, 0.1)), D65, A)
+    assert found.delta_E > 4 and found.illuminant == pytest.approx(0, abs=1e-6)
+    assert max(found.observers.values()) == pytest.approx(0, abs=1e-6)
+
+
+def _grey(more: np.ndarray) -> Spectrum:
+    return Spectrum(RENDITION_GRID.wavelengths_nm, 0.5 + more)
+
+
+def test_the_figure_has_the_numbers_in_its_corners(tmp_path: Path) -> None:
+    own, found = light("FL4", RENDITION_GRID), rendition("FL4")
+    figure = light_figure(own, light("A", RENDITION_GRID), found, "SSI 32")
+    texts = {text.get_text() for axes in figure.axes for text in axes.texts}
+    assert {"57", "83", "-0.0008", "2939 K", *map(str, range(1, 17))} <= texts
+    save_light_figure(own, own, found, tmp_path / "f.svg")
+    assert (tmp_path / "f.svg").read_text().startswith("<?xml")
