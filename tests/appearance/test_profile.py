@@ -117,9 +117,7 @@ BAD = {
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(("code", "data"), BAD.values(), ids=BAD)
-def test_what_cannot_be_used_is_refused_by_the_name_of_the_file(
-    code: str, data: bytes | None, tmp_path: Path
-) -> None:
+def test_bad_profiles_are_refused_by_name(code: str, data: bytes | None, tmp_path: Path) -> None:
     path = tmp_path / "bad.icc"
     path.mkdir() if data is None else path.write_bytes(data)
     with raises(ViewingError, code, "Display.space") as caught:

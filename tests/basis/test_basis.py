@@ -44,9 +44,7 @@ def basis(request: pytest.FixtureRequest) -> SpectralBasis:
     return request.getfixturevalue(request.param)
 
 
-def test_a_basis_that_holds_white_shows_its_light_matrix_unstretched(
-    general: SpectralBasis,
-) -> None:
+def test_a_basis_that_holds_white_is_not_stretched(general: SpectralBasis) -> None:
     for lamp in (*LIGHTS, light("LPS")):
         Q = colour_matching_functions(general.grid)
         plain = 100.0 / (Q[1] @ lamp.values) * (Q * lamp.values) @ general.synthesis

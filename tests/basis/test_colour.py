@@ -89,9 +89,7 @@ def test_general_sensors_under_spiky_lights(name: str, mean: float) -> None:
     # METHOD: .49, .20, .07. The componentwise picture is what such channels allow.
     [("exact-5", 0.489, 2.3), ("exact-7", 0.18, 1.1), ("exact-9", 0.0699, 0.45)],
 )
-def test_reduced_rank_holds_any_light_through_its_exact_matrix(
-    name: str, mean: float, componentwise: float
-) -> None:
+def test_reduced_rank_holds_any_light(name: str, mean: float, componentwise: float) -> None:
     report = SpectralBasis.load(f"{name}-10nm").report(light_set("spiky", PAPERS_GRID))
     assert report.exact.mean <= mean
     assert report.componentwise.mean <= componentwise

@@ -337,9 +337,7 @@ def residuals(problem: Problem, x: np.ndarray, like: State) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", ["bands", "hats"])
-def test_normal_equations_are_those_of_a_numerical_jacobian(
-    training: Training, kind: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_normal_equations(training: Training, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     # Large entries of D cost as much as colours here; in fits too little to show.
     monkeypatch.setattr(fitted, "_DISPLAY_WEIGHT", 20.0)
     problem = posed(training, kind)

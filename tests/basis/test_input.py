@@ -245,7 +245,8 @@ def test_what_cannot_be_is_refused_in_one_line(
     code, _, field = fault.partition(" ")
     with raises(error, code or None, field or None) as caught:
         make(tmp_path)
-    assert len(str(caught.value)) < 400
+    # Names of shipped bases take 500; what a hostile file holds is not repeated.
+    assert len(str(caught.value)) < 700
 
 
 def test_reflectances_are_between_black_and_fluorescent() -> None:
@@ -263,9 +264,7 @@ def test_reflectances_are_between_black_and_fluorescent() -> None:
         (LIGHTS[:1], [GOLD], 9),
     ],
 )
-def test_more_sensors_than_the_spectra_determine_are_refused(
-    lights: Any, reflectances: Any, size: int
-) -> None:
+def test_too_many_sensors_are_refused(lights: Any, reflectances: Any, size: int) -> None:
     """The error has the size that works. Every start takes seconds: the first alone will do."""
     with raises(BasisError, "impossible") as caught:
         SpectralBasis.fit(lights, reflectances, size=size, restarts=0)

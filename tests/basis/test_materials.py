@@ -89,7 +89,7 @@ def test_an_edited_reflectance_shows_without_a_new_cast(ball: CoefficientImage) 
     assert np.abs(after.astype(int) - before).max() > 10
 
 
-def test_material_bases_and_their_images_survive_their_files(
+def test_files_keep_bases_and_images(
     ball: CoefficientImage, tmp_path: pytest.TempPathFactory
 ) -> None:
     again = basis_from_dict(BASIS.to_dict())

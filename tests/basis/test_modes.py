@@ -60,9 +60,7 @@ def test_white_is_exact_in_every_mode(basis: SpectralBasis, lamp: Spectrum, mode
 
 
 @given(any_basis, any_light, any_light)
-def test_analysis_and_illumination_are_linear_in_the_light(
-    basis: SpectralBasis, one: Spectrum, other: Spectrum
-) -> None:
+def test_light_is_analysed_linearly(basis: SpectralBasis, one: Spectrum, other: Spectrum) -> None:
     both = Spectrum(DEFAULT_GRID.wavelengths_nm, one.values + other.values, "both")
     for of in (basis.analyse, basis.illumination_matrix):
         total = of(one) + of(other)
@@ -70,9 +68,7 @@ def test_analysis_and_illumination_are_linear_in_the_light(
 
 
 @given(st.sampled_from(["virtual-sensors", "positive", "reduced-rank"]), any_light, any_light)
-def test_light_matrices_add_up_by_the_lights_luminances(
-    method: str, one: Spectrum, other: Spectrum
-) -> None:
+def test_light_matrices_add_up_by_luminance(method: str, one: Spectrum, other: Spectrum) -> None:
     # Not the pca methods: their rows are stretched to each light's white.
     basis = BASES[method]
     both = Spectrum(DEFAULT_GRID.wavelengths_nm, one.values + other.values, "both")
@@ -82,16 +78,14 @@ def test_light_matrices_add_up_by_the_lights_luminances(
 
 
 @given(any_basis, any_light, channels())
-def test_componentwise_is_the_display_matrix_on_the_product(
-    basis: SpectralBasis, lamp: Spectrum, c: np.ndarray
-) -> None:
+def test_componentwise_is_the_product(basis: SpectralBasis, lamp: Spectrum, c: np.ndarray) -> None:
     product = basis.display_matrix(lamp) @ (basis.analyse(lamp) * c)
     shown = basis.colour_matrix(lamp, "componentwise") @ c
     assert shown == pytest.approx(product, rel=1e-9, abs=1e-6)
 
 
 @given(any_basis, any_lamp, channels())
-def test_illumination_matrix_is_the_product_inside_the_subspace(
+def test_illumination_is_a_product_inside(
     basis: SpectralBasis, lamp: Spectrum, s: np.ndarray
 ) -> None:
     # Bergner, Drew and Moeller (2009), eq. 5-6: multiply the synthesised spectra, analyse again.
@@ -102,9 +96,7 @@ def test_illumination_matrix_is_the_product_inside_the_subspace(
 
 
 @given(any_basis, any_lamp, channels())
-def test_colours_are_those_of_the_default_mode(
-    basis: SpectralBasis, lamp: Spectrum, c: np.ndarray
-) -> None:
+def test_colours_have_the_default_mode(basis: SpectralBasis, lamp: Spectrum, c: np.ndarray) -> None:
     shown = basis.colour_matrix(lamp, "fitted") @ c
     assert basis.xyz(c, lamp) == pytest.approx(shown, rel=1e-9, abs=1e-6)
 

@@ -56,9 +56,7 @@ CONES = ("CIE 2015 2", "CIE 2015 10")
 
 
 @pytest.mark.parametrize("observer", CONES)
-def test_observers_of_cone_fundamentals_see_equal_energy_as_white_and_nothing_below_390_nm(
-    observer: str,
-) -> None:
+def test_cone_fundamentals_see_equal_energy_as_white_from_390_nm(observer: str) -> None:
     Q = colour_matching_functions(SpectralGrid(360, 830, 1), observer)
     assert (Q[:, :30] == 0).all() and (Q[:, 30] > 0).all()
     # CIE 170-2:2015 scales x and z so that their sums equal that of y.
@@ -113,9 +111,7 @@ def test_files_without_the_field_are_for_2_degrees() -> None:
 
 
 @pytest.mark.parametrize("lamp", LAMPS, ids=lambda lamp: lamp.name)
-def test_pictures_have_the_white_and_the_backdrop_of_their_observer(
-    paints: MaterialBasis, lamp: Spectrum
-) -> None:
+def test_pictures_have_the_white_of_their_observer(paints: MaterialBasis, lamp: Spectrum) -> None:
     card = reflectance("ColorChecker/green")
     white = XYZ_from_spectra(lamp, np.ones(lamp.values.size), 10)
     # The observers differ by far more than the rounding that is allowed below.

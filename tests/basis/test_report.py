@@ -104,9 +104,7 @@ def test_the_worst_pair_is_the_maximum_of_all_classes(table: ErrorTable) -> None
     assert pytest.approx(pairs.XYZ[j, i]) == table.worst.XYZ
 
 
-def test_the_worst_pair_is_shown_as_full_spectra_and_as_channels_make_it(
-    table: ErrorTable, general: SpectralBasis
-) -> None:
+def test_the_worst_pair_is_shown_both_ways(table: ErrorTable, general: SpectralBasis) -> None:
     worst = table.worst
     lamp, S = light(worst.light), reflectance(worst.reflectance)
     shown = general.xyz(general.analyse(S), lamp)
@@ -118,9 +116,7 @@ def test_the_worst_pair_is_shown_as_full_spectra_and_as_channels_make_it(
 
 
 @pytest.mark.parametrize("way", ["exact", "linear-model"])
-def test_a_pair_may_be_shown_another_way(
-    table: ErrorTable, general: SpectralBasis, way: str
-) -> None:
+def test_a_pair_is_shown_another_way(table: ErrorTable, general: SpectralBasis, way: str) -> None:
     pairs = table.classes["spiky"].pairs
     pair = WorstPair.at(pairs, 1, 2, way)
     assert (pair.light, pair.reflectance) == (pairs.lights[1], pairs.reflectances[2])
@@ -209,9 +205,7 @@ def test_names_are_pushed_apart_and_keep_their_order() -> None:
     assert spread_apart(np.zeros(0), 0.1, 0.0, 1.0).size == 0
 
 
-def test_the_figure_shows_colours_on_white(
-    table: ErrorTable, general: SpectralBasis, tmp_path: Path
-) -> None:
+def test_the_figure_is_on_white(table: ErrorTable, general: SpectralBasis, tmp_path: Path) -> None:
     """You should see seven humps, dots below triangles, and four split squares on grey."""
     save_figure(table, tmp_path / "figure.png")
     pixels = iio.imread(tmp_path / "figure.png")[..., :3]
@@ -224,9 +218,7 @@ def test_the_figure_shows_colours_on_white(
 
 
 @pytest.mark.parametrize("suffix", [".pdf", ".svg"])
-def test_figures_are_written_as_their_name_says(
-    materials: MaterialBasis, tmp_path: Path, suffix: str
-) -> None:
+def test_figures_are_what_they_say(materials: MaterialBasis, tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"figure{suffix}"
     save_figure(error_table(materials, LAMPS), path)
     start = path.read_bytes()[:5]

@@ -114,9 +114,7 @@ def test_every_kind_of_cell_has_a_key(tmp_path: Path) -> None:
     assert palette.viewing.model == "CAT02" and palette.viewing.display.Y_b == 18
 
 
-def test_writing_back_keeps_comments_order_and_what_is_written_loads_designed(
-    tmp_path: Path,
-) -> None:
+def test_writing_back_keeps_comments_and_loads_designed(tmp_path: Path) -> None:
     source, target = written(tmp_path), tmp_path / "out" / "made.toml"
     made = vs.design(vs.load_palette(source))
     vs.save_palette(made, target, source=source)
@@ -219,9 +217,7 @@ def test_a_scene_of_designed_spectra_trains_its_own_basis(tmp_path: Path) -> Non
     assert all(reason.find(f"small#{name}") >= 0 for name in ("split 1", "red"))
 
 
-def test_palettes_that_ship_reach_the_figures_of_the_paper(
-    sodium: vs.Design, figure_2: vs.Design
-) -> None:
+def test_shipped_palettes_reach_the_paper_s_figures(sodium: vs.Design, figure_2: vs.Design) -> None:
     report = vs.DesignReport.of(sodium)
     for each in (report, vs.DesignReport.of(figure_2)):
         assert each.mean < 3 and max(pair.delta_E for pair in each.metamers) < 1
@@ -296,9 +292,7 @@ def test_a_new_palette_file_has_the_same_display(tmp_path: Path, display: str) -
     assert again.gamut == palette.viewing.display.gamut
 
 
-def test_a_profile_is_found_next_to_the_palette_and_from_another_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_profile_is_found_next_to_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mine.icc").write_bytes(icc_profile(SPACES["Display P3"]))
     monkeypatch.chdir("/")
     palette = on_display(tmp_path, 'space = "mine.icc"')

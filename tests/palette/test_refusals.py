@@ -74,9 +74,7 @@ MISTAKES = [
 
 
 @pytest.mark.parametrize(("old", "new", "code", "field"), MISTAKES)
-def test_a_mistake_in_a_file_is_refused(
-    tmp_path: Path, old: str, new: str, code: str, field: str
-) -> None:
+def test_mistakes_are_refused(tmp_path: Path, old: str, new: str, code: str, field: str) -> None:
     path = written(tmp_path, changed(old, new))
     with raises(PaletteError, code) as caught:
         load_palette(path)

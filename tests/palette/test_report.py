@@ -81,7 +81,7 @@ def test_metamers_are_found_through_groups_colours_and_likeness() -> None:
     assert apart.delta_E_1976 == pytest.approx(30, abs=1)
 
 
-def test_bounds_that_bind_are_counted_and_the_cost_adds_up(
+def test_binding_bounds_are_counted_and_costs_add_up(
     flames: DesignReport, figure_2: Design
 ) -> None:
     flame, _ = flames.spectra
@@ -227,9 +227,7 @@ def test_a_report_may_count_differences_in_cam16_ucs(flames: DesignReport, sodiu
     assert report.to_dict()["difference"] == "CAM16-UCS"
 
 
-def test_metamers_are_alike_to_some_observers_and_equal_paints_to_all(
-    flames: DesignReport, sodium: Design
-) -> None:
+def test_metamers_are_alike_to_some_observers(flames: DesignReport, sodium: Design) -> None:
     (pair,) = flames.metamers
     seen = pair.observers
     assert seen.count == 1000 and pair.delta_E < 0.2

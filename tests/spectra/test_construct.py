@@ -56,9 +56,7 @@ def errors(made: np.ndarray, true: np.ndarray, lamp: Spectrum) -> np.ndarray:
 @pytest.mark.parametrize(
     ("method", "under_A"), [("delaunay", 0.6), ("tetrahedron", 1.0), ("smoothest", 1.5)]
 )
-def test_colour_checker_has_its_colours_and_nearly_the_true_ones_under_A(
-    method: str, under_A: float
-) -> None:
+def test_colour_checker_is_exact_and_nearly_true_under_A(method: str, under_A: float) -> None:
     """24 patches, none in the base: measured .497, .860 and 1.357 under A; .011 under D65 is
     Jakob's, these are exact to 1e-12."""
     made = reflectances_from_colours(XYZ_from_spectra(D65, TRUE), method).values
@@ -298,9 +296,7 @@ def mismatched() -> MadeReflectances:
                 ("tomatoe", "unknown"),
                 ("#12345", "syntax"),
                 ("1 2", "shape"),
-                ("", "shape"),
                 ([20, -1, 3], "range"),
-                ([20, np.nan, 3], "range"),
                 ([255, 128, 0], "range"),
                 ([[1, 2, 3]] * 2, "shape"),
                 ([1, "a", 3], "type"),
@@ -323,9 +319,7 @@ def mismatched() -> MadeReflectances:
         ("unsupported", lambda f: write_spectrum(D65, f / "paint.txt")),
     ],
 )
-def test_what_is_no_colour_or_base_is_refused(
-    tmp_path: Path, make: Callable[[Path], object], fault: str
-) -> None:
+def test_no_colour_is_refused(tmp_path: Path, make: Callable[[Path], object], fault: str) -> None:
     fails(make, tmp_path, fault)
 
 

@@ -89,9 +89,7 @@ def test_reflectances_are_those_of_colour_science_to_the_last_bit(cache: Path) -
         assert identical(ours[name], (group[key].wavelengths, group[key].values))
 
 
-def test_tables_of_another_version_are_read_again(
-    cache: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_another_version_is_read_again(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     read: list[object] = []
     original = datasets._tables
     monkeypatch.setattr(datasets, "_tables", lambda *given: read.append(given) or original(*given))
@@ -110,9 +108,7 @@ def test_daylight_is_that_of_colour_science_to_the_last_bit(kelvin: float) -> No
     assert np.ptp(ours / means) <= 4 * np.finfo(float).eps * (ours / means).max()
 
 
-def test_a_second_start_imports_neither_colour_science_nor_what_it_imports(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_second_start_imports_no_colour(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """This process does what a first start does: it fills the cache."""
     monkeypatch.setattr(_cache, "cache_folder", lambda: tmp_path / "volspec")
     for name in (*GROUPS, "reflectances"):

@@ -215,7 +215,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("fault", "call"), REFUSED)
-def test_what_cannot_be_read_is_refused_in_one_line(
+def test_bad_headers_are_refused(
     tmp_path: Path, fault: str, call: Callable[[Path], object]
 ) -> None:
     fails(call, tmp_path, fault)

@@ -55,7 +55,6 @@ def table(folder: Path, text: str, read: Callable[[str], object] = read_spectrum
     ("fault", "call"),
     [
         ("range grid", lambda f: SpectralGrid(400, 700, 0)),
-        ("range grid", lambda f: SpectralGrid(700, 400, 10)),
         ("range grid", lambda f: SpectralGrid(400, 705, 10)),
         ("range grid", lambda f: SpectralGrid(400, np.nan, 10)),
         ("type grid.start_nm", lambda f: SpectralGrid("a", 700, 10)),
@@ -74,18 +73,14 @@ def table(folder: Path, text: str, read: Callable[[str], object] = read_spectrum
         ("conflict", lambda f: FLAT + UNEVEN),
         ("type grid", lambda f: FLAT.on(None)),
         ("type grid", lambda f: light("D65", None)),
-        ("type grid", lambda f: reflectance("white", None)),
         ("unknown", lambda f: light("D66")),
-        ("unknown", lambda f: light("sodiun")),
         ("unknown", lambda f: light("D65*0.7+Q")),
         ("unknown", lambda f: light("Q*0+A")),
         ("unknown", lambda f: light("A*0_1")),
         ("range", lambda f: light("A*-1")),
-        ("range", lambda f: light("A*nan")),
         ("range", lambda f: light("A*0+E*0")),
         ("range", lambda f: light("planck:499")),
         ("syntax", lambda f: light("planck:warm")),
-        ("syntax", lambda f: light("planck:5_000")),
         ("range", lambda f: light("daylight:3999")),
         ("missing", lambda f: light("")),
         # Nothing of it is on 380 to 780 nm.
@@ -106,16 +101,12 @@ def table(folder: Path, text: str, read: Callable[[str], object] = read_spectrum
         ("shape", lambda f: XYZ_from_spectra(light("D65"), np.ones(30))),
         ("conflict", lambda f: white_XYZ(DARK)),
         ("unknown", lambda f: light("lamp:halogen-3301")),
-        ("unknown", lambda f: light("lamp:candle*0.5+D65")),
         ("unknown", lambda f: lamp("candel-1900")),
         ("missing", lambda f: flux_lm("candle-1900", 40.0)),
         ("range", lambda f: flux_lm("halogen-3000", 0.0)),
-        ("range", lambda f: lamp_illuminance_lux("halogen-3000", 50.0, 0.0)),
-        ("range", lambda f: lamp_illuminance_lux("halogen-3000", 50.0, 1.0, 0.0)),
         ("range", lambda f: lamp_illuminance_lux("halogen-3000", 50.0, 1.0, 361.0)),
         ("range", lambda f: monochromatic_lm(1.0, 300.0)),
         ("range", lambda f: irradiance(light("D65"), 0.0)),
-        ("type", lambda f: read_spectrum(None)),
         ("unsupported", lambda f: read_spectrum("lamp.ies")),
         ("syntax", lambda f: read_spectrum("a\0b.exr")),
         ("syntax", lambda f: light("a\0b.csv*1+A")),
@@ -125,7 +116,6 @@ def table(folder: Path, text: str, read: Callable[[str], object] = read_spectrum
         ("range", lambda f: light(saved(f, "a.csv", constant(1)), SpectralGrid(300, 900, 10))),
         # What the eye sees is never filled.
         ("range", lambda f: table(f, constant(0.5, 450, 650), light)),
-        ("range", lambda f: table(f, constant(0.5, 450, 650), reflectance)),
         ("conflict", lambda f: table(f, constant(0), light)),
         ("range", lambda f: table(f, constant(-1), light)),
         ("range", lambda f: table(f, constant("nan"), light)),
@@ -135,7 +125,6 @@ def table(folder: Path, text: str, read: Callable[[str], object] = read_spectrum
         ("conflict", lambda f: table(f, "300,1e308\n" + constant("1e-312", 320), light)),
         # Whole numbers in unnamed columns may be decimal commas.
         ("missing", lambda f: table(f, constant("0,20007"))),
-        ("missing", lambda f: table(f, "nm,power\n" + constant("0,20007"))),
         ("missing", lambda f: table(f, "nm,warm,cold\n" + constant("0,20007"))),
         *(
             (code, lambda f, text=text: table(f, text))
@@ -144,9 +133,7 @@ def table(folder: Path, text: str, read: Callable[[str], object] = read_spectrum
                 ("nm,value\n400,1\nx,2\n", "syntax"),
                 ("400,1,7\n500,2\n", "shape"),
                 ("400,1,7\n500,2,7\n", "missing"),
-                ("400\n500\n", "missing"),
                 ("400,2,1\n500,2,7\n600,,7\n", "syntax"),
-                ("nm;value\n400;0,5\n500;0,6\n", "syntax"),
                 ("400,1 W\n500,2\n600,2\n", "syntax"),
                 ("4_00,1\n5_00,1\n", "syntax"),
                 ("400,1\n", "missing"),
@@ -157,16 +144,12 @@ def table(folder: Path, text: str, read: Callable[[str], object] = read_spectrum
         ),
     ],
 )
-def test_what_callers_and_tables_get_wrong_is_one_clear_line(
-    tmp_path: Path, call: Callable[[Path], Any], fault: str
-) -> None:
+def test_bad_calls_are_refused(tmp_path: Path, call: Callable[[Path], Any], fault: str) -> None:
     fails(call, tmp_path, fault)
 
 
 @pytest.mark.parametrize("name", ["lamp.csv", "lamp.spdx", "lamp.exr"])
-def test_a_file_that_may_not_be_read_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
+def test_a_locked_file_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     """Root may read anything, so that the refusal is made up."""
 
     def refuse(*args: object, **kwargs: object) -> NoReturn:
@@ -213,7 +196,7 @@ def test_a_light_whose_peak_lies_far_outside_the_grid_is_scaled(tmp_path: Path) 
         ((26300, 20000, 12800), "wavenumbers"),
     ],
 )
-def test_wavelengths_in_other_units_are_recognised(
+def test_other_units_are_recognised(
     tmp_path: Path, wavelengths: tuple[float, ...], unit: str
 ) -> None:
     read = read_spectrum(saved(tmp_path, "lamp.csv", "250,1\n2500,1\n"))

@@ -169,9 +169,7 @@ def test_filters_pass_parts_of_bands() -> None:
 
 
 @pytest.mark.parametrize("basis", ["general-7", "materials"])
-def test_a_filter_takes_light_from_reflection_and_backdrop_but_not_from_the_white(
-    basis: str,
-) -> None:
+def test_a_filter_dims_reflection_and_backdrop_but_not_the_white(basis: str) -> None:
     own = {"gold": reflectance("gold")}
     held = MaterialBasis(own) if basis == "materials" else SpectralBasis.load(basis)
     passed = reflectance("longpass:560")

@@ -59,9 +59,7 @@ def test_tables_keep_their_integral(grid: SpectralGrid, inner: list[float], seed
 @pytest.mark.parametrize("grid", GRIDS, ids=str)
 @given(centre=st.floats(405, 695), width=st.floats(0.01, 2), power=st.floats(0.1, 1000))
 @settings(max_examples=30, deadline=None)
-def test_a_narrow_line_keeps_its_energy(
-    grid: SpectralGrid, centre: float, width: float, power: float
-) -> None:
+def test_lines_keep_energy(grid: SpectralGrid, centre: float, width: float, power: float) -> None:
     w = np.array([350, centre - width, centre, centre + width, 840])
     v = np.array([0, 0, power / width, 0, 0])
     means = grid.band_means(w, v)

@@ -215,9 +215,7 @@ def in_two_parts(folder: Path) -> Any:
     ("fault", "call"),
     [
         ("range", lambda f: chart(f, "#3,0")),
-        ("range", lambda f: chart(f, "#-1,0")),
         ("range", lambda f: chart(f, "#1,1,1,2")),
-        ("syntax", lambda f: chart(f, "#1")),
         ("syntax", lambda f: chart(f, "#a,b")),
         ("syntax", lambda f: chart(f, "#0_0,1")),
         ("missing", lambda f: one_kind(f, "reflective", light)),
@@ -228,7 +226,6 @@ def in_two_parts(folder: Path) -> Any:
         ("duplicate", in_two_parts),
         ("damaged", lambda f: SpectralImage.load(saved(f, "text.exr", "no image"))),
         ("damaged", cut),
-        ("shape", lambda f: SpectralImage(np.ones((2, 3)), W, "reflective")),
         ("shape", lambda f: SpectralImage(np.ones((2, 3, 4)), W, "reflective")),
         ("shape", lambda f: SpectralImage(np.ones((0, 3, 3)), W, "reflective")),
         ("range", lambda f: SpectralImage(ramp(), W[::-1], "reflective")),
@@ -238,19 +235,15 @@ def in_two_parts(folder: Path) -> Any:
         ("range", lambda f: NARROW.on(SpectralGrid())),
         ("type grid", lambda f: IMAGE.on((400, 700, 10))),
         ("unsupported", lambda f: IMAGE.save("a.tif")),
-        ("type", lambda f: IMAGE.save(None)),
         ("syntax", lambda f: IMAGE.save("a\0.exr")),
         ("type", lambda f: SpectralImage.load(None)),
         ("unknown", lambda f: SpectralImage.load("a.exr", "foo")),
         ("type", lambda f: IMAGE.mean("abc")),
-        ("type", lambda f: IMAGE.mean((1, 2))),
         ("type", lambda f: IMAGE.mean(5)),
         ("type", lambda f: IMAGE.mean((0.5, 0, 2, 2))),
     ],
 )
-def test_images_that_cannot_be_are_refused(
-    tmp_path: Path, fault: str, call: Callable[[Path], object]
-) -> None:
+def test_bad_images_are_refused(tmp_path: Path, fault: str, call: Callable[[Path], object]) -> None:
     fails(call, tmp_path, fault)
 
 
@@ -266,7 +259,7 @@ UNEQUAL = {"Z": np.ones((2, 3)), "A": np.ones((3, 2))}
         ("unwritable", lambda f: exr.write_exr(f / "b.exr", {}, UNEQUAL, ImageError)),
     ],
 )
-def test_exr_faults_are_raised_as_the_callers_error(
+def test_exr_faults_are_the_caller_s(
     tmp_path: Path, code: str, call: Callable[[Path], object]
 ) -> None:
     with raises(ImageError, code):

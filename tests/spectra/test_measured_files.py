@@ -162,9 +162,7 @@ def test_pairs_of_wavelength_and_percentage_are_read(write: Write) -> None:
     assert s.notes["spectral quantity"] == "reflectance"
 
 
-def test_percentages_are_recognised_by_the_whole_chart_not_by_one_dark_sample(
-    write: Write,
-) -> None:
+def test_percentages_are_recognised_by_the_whole_chart(write: Write) -> None:
     text = CHART.replace("0.05 0.10 0.40", "1.0 1.2 1.5").replace("0.70 0.90 0.92", "70 90 92")
     path = write("chart.txt", text)
     paint = reflectance(f"{path}#dark skin")
@@ -174,9 +172,7 @@ def test_percentages_are_recognised_by_the_whole_chart_not_by_one_dark_sample(
 
 
 @pytest.mark.parametrize(("norm", "whole"), [("", 100.0), ('SPECTRAL_NORM "50.0"', 50.0)])
-def test_argylls_charts_have_exact_wavelengths_and_their_norm(
-    write: Write, norm: str, whole: float
-) -> None:
+def test_argyll_s_charts_have_wavelengths_and_norm(write: Write, norm: str, whole: float) -> None:
     path = write("chart.ti3", TI3.format(norm=norm))
     for k, values in enumerate(([40.0, 20.0, 10.0], [0.5, 0.6, 0.7]), start=1):
         s = read_spectrum(f"{path}#{k}", kind="reflective")
@@ -305,7 +301,7 @@ def absurd(path: Path) -> Spectrum:
         ),
     ],
 )
-def test_files_with_a_fault_are_refused_in_one_line(
+def test_faulty_charts_are_refused(
     tmp_path: Path, fault: str, call: Callable[[Path], object]
 ) -> None:
     fails(call, tmp_path, fault)
