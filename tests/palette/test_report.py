@@ -144,7 +144,7 @@ def test_metamers_are_compared_at_1_nm_too() -> None:
     # A light of the library is looked up, as bands of 10 nm hide its lines.
     sodium = State.at_1_nm(state).E[1]
     found = vs.light("HP1", fine).values
-    assert np.allclose(sodium / flames.sum(), found / found.sum())
+    assert np.allclose(sodium / sodium.sum(), found / found.sum())
 
 
 def test_advice_comes_true(flames: DesignReport, figure_1: Palette) -> None:
