@@ -34,6 +34,7 @@ CALLS = {
     "Transfer.linear": Transfer.gamma(2.2).encode,
     "Transfer.encoded": Transfer.gamma(2.2).decode,
     "ColourSpace.primaries_xy": lambda x: ColourSpace("mine", x, WHITE_XY, Transfer.gamma(2)),
+    "ColourSpace.transfer": lambda x: ColourSpace("mine", P3, WHITE_XY, x),
     "colour space": colour_space,
     "adaptation.XYZ": lambda x: adapt(x, DAYLIGHT, DAYLIGHT),
     "CAT02.source": lambda x: adapt(D65, x, DAYLIGHT),
@@ -46,6 +47,7 @@ CALLS = {
     "CIELAB.Lab": lambda x: XYZ_from_cielab(x, D65),
     "viewing conditions.white_XYZ": lambda x: CamConditions.of(x, 10.0, 20.0),
     "HuntSettings.proximal_XYZ": lambda x: hunt.HuntSettings(proximal_XYZ=x),
+    "HuntSettings.helson_judd": lambda x: hunt.HuntSettings(helson_judd=x),
     "Hunt.settings": lambda x: hunt.forward(D65, DAYLIGHT, x),
     "Nayatani95.settings": lambda x: nayatani95.forward(D65, DAYLIGHT, x),
 }
@@ -97,6 +99,7 @@ REFUSED = [
     ("unknown Viewing.model", lambda: Viewing(model="ciecam")),
     ("unknown Viewing.surround", lambda: Viewing(surround="dimm")),
     ("range Viewing.Y_b", lambda: Viewing(Y_b=-1.0)),
+    ("range Viewing.L_A", lambda: Viewing(L_A=float("nan"))),
     ("range Viewing.fov_deg", lambda: Viewing(fov_deg=179.0)),
     ("conflict Viewing.D", lambda: Viewing(D=0.5, discount=True)),
     ("unknown Viewing.deficiency", lambda: Viewing(deficiency="green")),

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import ImageCms
 
-from tests.support.errors import raises
+from tests.support.errors import raises, refuses
 from volspec import Display
 from volspec.appearance.presets import PRESETS, preset
 from volspec.appearance.profile import read_profile
@@ -158,6 +158,7 @@ def test_a_scene_may_give_a_measured_display_in_numbers(tmp_path: Path) -> None:
     assert measured.relight.viewing.display.colours == ColourSpace(
         "display", SPACES["Display P3"].primaries_xy, (0.3127, 0.329), Transfer.gamma(2.2)
     )
+    refuses(lambda: scene_for(tmp_path, "space = 5"), "type viewing.display.space")
 
 
 def read(**keys: object) -> Display:

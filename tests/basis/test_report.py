@@ -125,6 +125,14 @@ def test_a_pair_is_shown_another_way(table: ErrorTable, general: SpectralBasis, 
     assert pair.delta_e == pairs.delta_e[way][1, 2]
 
 
+def test_a_report_is_a_text_and_a_dict(general: SpectralBasis) -> None:
+    report = general.report(LAMPS["spiky"], SAMPLES)
+    data = report.to_dict()
+    assert report.worst.delta_e == report.fitted.max == data["worst"]["delta_e"]
+    assert data["componentwise"]["mean"] == report.componentwise.mean
+    assert "general-7" in str(report) and report.worst.light in str(report)
+
+
 def test_a_summary_by_hand() -> None:
     # The 95th percentile lies at place .95 x 3 = 2.85 of 0, 0, 0, 10.
     found = ErrorSummary.of([[0, 0], [0, 10]])

@@ -298,6 +298,7 @@ def mismatched() -> MadeReflectances:
                 ("1 2", "shape"),
                 ([20, -1, 3], "range"),
                 ([255, 128, 0], "range"),
+                ([1, 2], "shape"),
                 ([[1, 2, 3]] * 2, "shape"),
                 ([1, "a", 3], "type"),
             )
@@ -307,6 +308,7 @@ def mismatched() -> MadeReflectances:
         # A sodium lamp has no blue, so that Z is too much where Y is not.
         ("range", lambda f: reflectance_from_colour([41, 35, 12], light="LPS")),
         ("range", lambda f: reflectances_from_colours([[1, 2, 3], [1, 2, -3]])),
+        ("shape", lambda f: reflectances_from_colours([1, 2])),
         (
             "conflict",
             lambda f: reflectances_from_colours([1, 2, 3], grid=FINE, base=BASE),

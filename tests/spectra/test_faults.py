@@ -133,6 +133,7 @@ def table(folder: Path, text: str, read: Callable[[str], object] = read_spectrum
                 ("nm,value\n400,1\nx,2\n", "syntax"),
                 ("400,1,7\n500,2\n", "shape"),
                 ("400,1,7\n500,2,7\n", "missing"),
+                ("400\n500\n", "missing"),
                 ("400,2,1\n500,2,7\n600,,7\n", "syntax"),
                 ("400,1 W\n500,2\n600,2\n", "syntax"),
                 ("4_00,1\n5_00,1\n", "syntax"),

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from tests.spectra._files import fails, saved
+from tests.support.errors import raises
+from volspec.errors import RoomError
 from volspec.room.paints import paint_set
 from volspec.spectra import (
     PAPERS_GRID,
@@ -216,6 +218,9 @@ def test_of_an_object_the_spectra_that_fit_the_use_are_offered(write: Write) -> 
 def test_a_measured_chart_is_an_atlas_of_paints(write: Write) -> None:
     path = write("chart.ti3", CHART.replace("400", "380").replace("700", "780"))
     assert [paint.name for paint in paint_set([path])] == ["chart#dark skin", "chart#white"]
+    twice = write("b.ti3", Path(path).read_text("latin-1").replace("white", '"dark skin"'))
+    with raises(RoomError, "duplicate"):
+        paint_set([twice])
 
 
 def test_renderers_tables_are_written_and_read(tmp_path: Path) -> None:
