@@ -279,7 +279,9 @@ def test_it_says_what_is_what(sodium: Design) -> None:
     assert f"{report.cell(('paint', 'sodium')).error:.1f}" in words
 
 
-@pytest.mark.parametrize("count", [1, 4, pytest.param(12, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "count", [4, *(pytest.param(each, marks=pytest.mark.slow) for each in (1, 12))]
+)
 def test_names_are_whole_and_inside_whatever_the_size(count: int) -> None:
     figure = palette_figure(many(count), title="Many")
     assert {f"reflectance {count - 1}", "open"} <= set(texts(figure))
