@@ -13,7 +13,7 @@ import pytest
 import volspec as vs
 from tests.support.errors import raises
 from volspec.appearance.models.cielab import cielab, delta_E_2000
-from volspec.basis import MaterialBasis, SpectralBasis, basis_from_dict
+from volspec.basis import Basis, MaterialBasis, SpectralBasis, basis_from_dict
 from volspec.errors import BasisError, SceneError, SpectrumError, VolspecError, VolspecWarning
 from volspec.export.spectral import SpectralIllumination
 from volspec.raycast import Camera, RaycastSpec, reference
@@ -80,14 +80,14 @@ def test_a_slab_shows_the_sum_over_81_by_81_bands_by_hand_under_five_lights() ->
         np.testing.assert_allclose(XYZ_from_spectra(lamp, dye()), total * 100 / luminous, rtol=1e-9)
 
 
+def opaque(basis: Basis) -> vs.CoefficientImage:
+    """Return a picture of nothing but the first material."""
+    coefficients, alpha = np.full((4, 4, 2), [1, 0], np.float32), np.ones((4, 4), np.float32)
+    return vs.CoefficientImage(coefficients, alpha, alpha, basis)
+
+
 def test_engines_draw_what_is_emitted(backend: str) -> None:
-    basis = MaterialBasis({"dye": reflectance("fluorophore:EGFP")})
-    image = vs.CoefficientImage(
-        np.full((4, 4, 2), [1.0, 0.0], np.float32),
-        np.ones((4, 4), np.float32),
-        np.ones((4, 4), np.float32),
-        basis,
-    )
+    image = opaque(MaterialBasis({"dye": reflectance("fluorophore:EGFP")}))
     spec = RelightSpec(vs.Viewing(D=0.0), backdrop=0.0, filter="longpass:500")
     with Relighter(image, backend) as relighter:
         blue, red = (relighter.frame(light(name), spec)[0, 0] for name in ("led:480", "led:640"))
@@ -250,9 +250,10 @@ def laser_scene(folder: Path, passed: str = "pass.csv") -> Scene:
     return Scene.load(folder / "scene.toml")
 
 
-def test_scenes_swap_lasers_behind_a_filter(tmp_path: Path) -> None:
+@pytest.mark.parametrize("cast", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_scenes_swap_lasers_behind_a_filter(tmp_path: Path, cast: bool) -> None:
     scene = laser_scene(tmp_path)
-    with Relighter(scene.render(size=(16, 16))) as relighter:
+    with Relighter(scene.render(size=(16, 16)) if cast else opaque(scene.basis)) as relighter:
         blue, yellow = (relighter.frame(each.rig, scene.relight) for each in scene.lights)
     assert blue.max() > 100 and yellow.max() < 10
     away = tmp_path / "away"
