@@ -24,6 +24,8 @@ from volspec.spectra import (
     reflectance_set,
 )
 
+# Other sizes than the default of seven.
+SLOW = pytest.mark.slow
 # Paper 001 figure 2, the spectra printed without damage (errata of the papers' list).
 _SPLIT1 = """.6678 1.102 1.107 .6561 .1297 .043 .4404 .8899 .9883 .7145 .273 0 .2365 1.07 1.065
     .7561 .292 .0444 .1839 .858 1.136 .8329 .288 .05081 .2354 .5776 .8495 .959 .8936 .6613 .3666"""
@@ -55,18 +57,18 @@ PALETTE_REFLECTANCES = [
     ("name", "mean", "maximum"),
     # METHOD, mean and max: .13, 1.1; .07, .45; .04, .30; positive .44, 1.9; .32, 1.7; .15, .84.
     [
-        ("smooth-5", 0.056, 0.63),
+        pytest.param("smooth-5", 0.056, 0.63, marks=SLOW),
         ("smooth-7", 0.011, 0.10),
-        ("smooth-9", 0.009, 0.12),
-        ("smooth-5-positive", 0.34, 2.6),
-        ("smooth-7-positive", 0.13, 0.70),
-        ("smooth-9-positive", 0.035, 0.22),
-        ("general-5", 0.095, 0.80),
+        pytest.param("smooth-9", 0.009, 0.12, marks=SLOW),
+        pytest.param("smooth-5-positive", 0.34, 2.6, marks=SLOW),
+        pytest.param("smooth-7-positive", 0.13, 0.70, marks=SLOW),
+        pytest.param("smooth-9-positive", 0.035, 0.22, marks=SLOW),
+        pytest.param("general-5", 0.095, 0.80, marks=SLOW),
         ("general-7", 0.025, 0.20),
-        ("general-9", 0.010, 0.16),
-        ("general-5-positive", 0.39, 3.1),
+        pytest.param("general-9", 0.010, 0.16, marks=SLOW),
+        pytest.param("general-5-positive", 0.39, 3.1, marks=SLOW),
         ("general-7-positive", 0.11, 0.72),
-        ("general-9-positive", 0.062, 0.40),
+        pytest.param("general-9-positive", 0.062, 0.40, marks=SLOW),
     ],
 )
 def test_shipped_sensors_under_smooth_lights(name: str, mean: float, maximum: float) -> None:
@@ -79,7 +81,11 @@ def test_shipped_sensors_under_smooth_lights(name: str, mean: float, maximum: fl
 @pytest.mark.parametrize(
     ("name", "mean"),
     # METHOD: 1.11, .43, .16.
-    [("general-5", 1.05), ("general-7", 0.36), ("general-9", 0.158)],
+    [
+        pytest.param("general-5", 1.05, marks=SLOW),
+        ("general-7", 0.36),
+        pytest.param("general-9", 0.158, marks=SLOW),
+    ],
 )
 def test_general_sensors_under_spiky_lights(name: str, mean: float) -> None:
     report = SpectralBasis.load(f"{name}-10nm").report(light_set("spiky", PAPERS_GRID))
@@ -89,7 +95,11 @@ def test_general_sensors_under_spiky_lights(name: str, mean: float) -> None:
 @pytest.mark.parametrize(
     ("name", "mean", "componentwise"),
     # METHOD: .49, .20, .07. The componentwise picture is what such channels allow.
-    [("exact-5", 0.489, 2.3), ("exact-7", 0.18, 1.1), ("exact-9", 0.0699, 0.45)],
+    [
+        pytest.param("exact-5", 0.489, 2.3, marks=SLOW),
+        ("exact-7", 0.18, 1.1),
+        pytest.param("exact-9", 0.0699, 0.45, marks=SLOW),
+    ],
 )
 def test_reduced_rank_holds_any_light(name: str, mean: float, componentwise: float) -> None:
     report = SpectralBasis.load(f"{name}-10nm").report(light_set("spiky", PAPERS_GRID))
@@ -124,7 +134,8 @@ def test_positive_sensors_are_positive(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["general-7", "exact-5", pytest.param("smooth-5-positive", marks=pytest.mark.slow)]
+    "name",
+    ["general-7", *(pytest.param(n, marks=SLOW) for n in ("exact-5", "smooth-5-positive"))],
 )
 def test_shipped_basis_is_what_the_command_fits(name: str) -> None:
     shipped, again = SpectralBasis.load(name), fit_shipped(name)
@@ -174,8 +185,8 @@ LINES = [Spectrum(W, np.where(nm == W, 1.0, 0.0), f"line {nm}") for nm in (450, 
         # METHOD: .85 in the mean. Nine colours under three lights, and one of several minima.
         (PALETTE_LIGHTS, PALETTE_REFLECTANCES, 5, 0.1),
         # Lights of one line each.
-        (LINES, reflectance_set("test")[:6], 7, 1.0),
-        ([light("A")], [reflectance("PMC/Carrot")], 7, 0.01),
+        pytest.param(LINES, reflectance_set("test")[:6], 7, 1.0, marks=SLOW),
+        pytest.param([light("A")], [reflectance("PMC/Carrot")], 7, 0.01, marks=SLOW),
     ],
 )
 def test_few_spectra_of_a_scene_are_held(

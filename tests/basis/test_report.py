@@ -225,7 +225,7 @@ def test_the_figure_is_on_white(table: ErrorTable, general: SpectralBasis, tmp_p
     assert 0.08 < grey < 0.35 and coloured > 0.02
 
 
-@pytest.mark.parametrize("suffix", [".pdf", ".svg"])
+@pytest.mark.parametrize("suffix", [".svg", pytest.param(".pdf", marks=pytest.mark.slow)])
 def test_figures_are_what_they_say(materials: MaterialBasis, tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"figure{suffix}"
     save_figure(error_table(materials, LAMPS), path)

@@ -100,7 +100,11 @@ def unlike_metamers() -> Palette:
 
 
 @pytest.mark.parametrize(
-    "palette", [replace(between_two_lights(1.0), viewing=Viewing()), unlike_metamers()]
+    "palette",
+    [
+        unlike_metamers(),
+        pytest.param(replace(between_two_lights(1.0), viewing=Viewing()), marks=pytest.mark.slow),
+    ],
 )
 def test_more_iterations_are_never_worse(palette: Palette) -> None:
     designs = (design(replace(palette, criteria=Criteria(rounds=n))) for n in (1, 2, 4, 8))
