@@ -1,12 +1,12 @@
 """Fuzz the readers: ``python -m benchmarks.fuzz [TARGET...] [--inputs N] [--seconds S]``.
 
-    fuzz_targets -> [fuzz] -> fuzz_child, one process a reader -> a table, findings
+    fuzz_targets -> [fuzz] -> fuzz_child, one process a reader -> a table, findings, fuzz_corpus
 
 A finding is an exception that the reader may not raise, more than 10 s, memory beyond twice what
 the input declares and 200 MB, or a process that ended. Findings are shortened and written to
 ``build/fuzz/TARGET/findings``; with ``--keep`` they are added to the corpus that ``make test``
-replays, with inputs that are refused at new places. The exit code is the number of readers with
-findings.
+replays (`fuzz_corpus`), with inputs that are refused at new places. The exit code is the number
+of readers with findings.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from benchmarks.fuzz_child import MOST_BYTES, STATE, kept_inputs, place_of
+from benchmarks.fuzz_child import MOST_BYTES, STATE, place_of
+from benchmarks.fuzz_corpus import CORPUS, add_inputs, kept_inputs
 from benchmarks.fuzz_targets import ROOT, TARGETS
 
-CORPUS = ROOT / "tests/fuzz/corpus"
 LIMIT_S = 10.0
 """An input that takes longer is a finding."""
 _START_S = 300.0  # imports, instrumented
@@ -180,18 +180,17 @@ class Run:
 def keep(run: Run) -> None:
     """Add findings to the corpus, and the shortest input for every new place."""
     name = run.row.name
-    target, folder, kept = TARGETS[name], run.folder / "in", CORPUS / name
+    target, folder, kept = TARGETS[name], run.folder / "in", kept_inputs(name).values()
     target.lay_out(folder)
-    kept.mkdir(parents=True, exist_ok=True)
 
     def place(data: bytes) -> object:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return place_of(target.run(folder, data))
 
-    known = {place(path.read_bytes()) for path in kept_inputs(name)}
-    room = _MOST_KEPT - sum(path.stat().st_size for path in kept_inputs(name))
-    found = [path.read_bytes() for path in run.row.findings]
+    known = {place(data) for data in kept}
+    room = _MOST_KEPT - sum(map(len, kept))
+    found, new = [path.read_bytes() for path in run.row.findings], []
     corpus = sorted((path.read_bytes() for path in (run.folder / "corpus").glob("*")), key=len)
     for data in [*found, *corpus]:
         if data not in found:
@@ -199,7 +198,8 @@ def keep(run: Run) -> None:
                 continue
             known.add(at)
         room -= len(data)
-        (kept / hashlib.sha1(data).hexdigest()[:16]).write_bytes(data)
+        new.append(data)
+    add_inputs(name, new)
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -210,7 +210,7 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--seconds", type=float, default=1200, help="for each; 1200 by default")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--plain", action="store_true", help="without atheris")
-    parser.add_argument("--keep", action="store_true", help="add to tests/fuzz/corpus")
+    parser.add_argument("--keep", action="store_true", help=f"add to {CORPUS.relative_to(ROOT)}")
     parser.add_argument("--folder", type=Path, default=ROOT / "build/fuzz")
     given = parser.parse_args(words)
     if unknown := [name for name in given.target if name not in TARGETS]:

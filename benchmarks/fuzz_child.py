@@ -26,6 +26,8 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
+from benchmarks.fuzz_corpus import kept_inputs
+
 MOST_BYTES = 1 << 16
 """Largest input of any target; the shared page has room for it."""
 SPARE_BYTES = 200 << 20
@@ -276,12 +278,13 @@ def main(words: Sequence[str]) -> None:
             file.write_bytes(shortened(target, file.read_bytes(), inside))
             return
         session = Session(target, folder)
-        seeds = [*target.seeds(), *(path.read_bytes() for path in kept_inputs(name))]
+        own = list(target.seeds())
+        seeds = [*own, *kept_inputs(name).values()]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             for number, data in enumerate(seeds):
                 error = target.run(session.inside, data)
-                if error and number < len(seeds) - len(kept_inputs(name)):
+                if error and number < len(own):
                     print(f"{name}: seed {number} is refused: {error}", file=sys.stderr)
     used = int(Path("/proc/self/statm").read_text().split()[0]) * _PAGE
     resource.setrlimit(resource.RLIMIT_AS, (used + _ADDRESS_SPACE,) * 2)
@@ -303,11 +306,6 @@ def _instrumented(engine: str) -> AbstractContextManager[Any]:
     # Without tomlkit, whose parser takes minutes to instrument.
     names = ["volspec", "tomllib", "csv", "xml", "zipfile"]
     return atheris.instrument_imports(include=names)
-
-
-def kept_inputs(name: str) -> list[Path]:
-    """Return the inputs of the repository's corpus, which tests replay."""
-    return sorted((Path(__file__).parents[1] / "tests/fuzz/corpus" / name).glob("*"))
 
 
 if __name__ == "__main__":

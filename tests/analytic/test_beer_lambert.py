@@ -17,7 +17,14 @@ from volspec.volume import Volume, phantom
 
 SIDE = 14
 LANES = pytest.mark.parametrize("lanes", [1, 8])
-KINDS = pytest.mark.parametrize("kind", ["values", "rows", "labels"])
+# Each is a kernel of its own, which takes seconds to compile.
+KINDS = pytest.mark.parametrize(
+    ("kind", "lanes"),
+    [
+        *(("values", 1), ("values", 8), ("rows", 8), ("labels", 8)),
+        *(pytest.param(kind, 1, marks=pytest.mark.slow) for kind in ("rows", "labels")),
+    ],
+)
 
 
 @pytest.mark.parametrize("step_mm", [0.25, 0.5, 0.7, 1.3])
@@ -136,7 +143,6 @@ def through() -> Camera:
     return Camera((middle, middle, 60.25), (middle, middle, middle), up=(0, 1, 0), height_mm=4)
 
 
-@LANES
 @KINDS
 @pytest.mark.parametrize(
     ("opacity", "reference_step_mm", "step_mm"),
@@ -158,9 +164,7 @@ def test_a_short_chord_takes_what_its_length_takes(
 
 
 @KINDS
-@pytest.mark.parametrize(
-    ("adaptive", "lanes"), [(0.0, 1), (0.0, 8), pytest.param(0.1, 8, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("adaptive", [0.0, pytest.param(0.1, marks=pytest.mark.slow)])
 def test_a_faint_medium_keeps_its_digits(kind: str, adaptive: float, lanes: int) -> None:
     """1 − opacity has none left at 1e-9; chords of clipped, whole and long steps alike.
 
@@ -183,7 +187,6 @@ def test_an_opaque_step_is_opaque_and_a_clear_one_clear_however_short(lanes: int
         assert (alpha == opacity).all()
 
 
-@LANES
 @KINDS
 def test_dense_matter_between_entries_is_as_the_reference_has_it(kind: str, lanes: int) -> None:
     """Values, rows and labels mixed from clear to nearly opaque, seen through short chords."""

@@ -14,7 +14,7 @@ from volspec.raycast import Ambient, Camera, Directional, LightGroup, RaycastSpe
 from volspec.transfer import TransferTable
 from volspec.volume import Volume
 
-SIZE = 24, 24
+SIZE = 16, 16
 KEY = Directional((-0.6, 0.5, 0.7), frame="camera", shadows=True)
 SKY = Ambient(occlusion=True)
 

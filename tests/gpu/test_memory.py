@@ -69,6 +69,7 @@ def test_relighters_that_were_closed_take_no_memory(grey: CoefficientImage, back
     assert blocks_left_by(lambda _: Relighter(grey, backend).close(), 10) < 100
 
 
+@pytest.mark.slow
 def test_transfer_functions_views_and_settings_that_changed_take_no_memory(
     half_engine: Volume,
 ) -> None:

@@ -6,6 +6,7 @@ import gc
 import mmap
 import re
 import weakref
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -17,10 +18,10 @@ import pytest
 
 from tests.support.errors import raises
 from volspec import doctor
-from volspec._gpu import devices, memory, opencl
+from volspec._gpu import devices, memory, opencl, sources
 from volspec._gpu.devices import DeviceInfo, choose_device
 from volspec._gpu.opencl import Compute
-from volspec._gpu.sources import Source, first_error
+from volspec._gpu.sources import Source
 from volspec.errors import OpenCLError, ShapeError
 
 FIRST = "__kernel void f(__global const uchar *x, __global int *y) { y[0] = x[0] + x[%d]; }\n"
@@ -133,13 +134,7 @@ def test_the_kernels_used_last_are_cached(monkeypatch: pytest.MonkeyPatch) -> No
     assert sum_of_ends(compute, compute.upload(np.arange(4, dtype=np.uint8)), 1) == 1
 
 
-@pytest.mark.parametrize("share", [False, True])
-def test_arrays_in_another_order_are_refused(compute: Compute, share: bool) -> None:
-    with raises(ShapeError, "shape"):
-        compute.upload(np.zeros((2, 3), np.float32).T, share=share)
-
-
-def test_what_memory_does_not_suffice_for_is_refused_before_it_is_taken(
+def test_what_memory_does_not_suffice_for_or_no_kernel_reads_is_refused_before_it_is_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     compute = Compute.open()
@@ -152,6 +147,9 @@ def test_what_memory_does_not_suffice_for_is_refused_before_it_is_taken(
     assert re.findall(r"[\d.]+(?= MiB)", str(caught.value)) == ["3.0", "2.0"]
     del buffer
     compute.require(3 << 20, "a picture", "cast a smaller one")
+    for share in (False, True):
+        with raises(ShapeError, "shape"):
+            compute.upload(np.zeros((2, 3), np.float32).T, share=share)
     compute.info = DeviceInfo("cpu", "test", "1", "1", True, 1, 9 << 30, 2 << 30)
     monkeypatch.setattr(opencl, "host_free_bytes", lambda: 1 << 30)
     with raises(OpenCLError, "size"):
@@ -224,17 +222,16 @@ def test_a_kernel_that_does_not_build_quotes_the_line(
 
 
 @pytest.mark.parametrize("form", ["error: {}: {}", "{}: error: {}", "{}: fatal error: {}"])
-def test_errors_are_read_in_the_forms_of_pocl_and_of_clang(form: str) -> None:
+def test_logs_are_read_in_the_forms_of_pocl_and_of_clang(form: str) -> None:
     source = Source(BROKEN % ("1", "foo"), ("<prelude>", "kernels/broken.cl"))
     log = "output of a driver\nkernels/broken.cl:1:1: warning: hm\n" + form.format(
         "kernels/broken.cl:3:12", "no 'foo'"
     )
     expected = "kernels/broken.cl:3:12: error: no 'foo': \"x[0] = foo;\""
-    assert first_error(log, source) == expected
-    # NVIDIA's: no file's name, and lines of the whole text.
-    assert first_error("<kernel>:8:12: error: no 'foo'", source) == expected
-    other = "the linker\n  gave up"
-    assert first_error(other, source).split() == other.split()
+    # NVIDIA's has no file's name, and lines of the whole text.
+    nvidia, other = "<kernel>:8:12: error: no 'foo'", "the linker\n  gave up"
+    texts = [sources.first_error(text, source) for text in (log, nvidia, other)]
+    assert texts == [expected, expected, "the linker gave up"]
 
 
 @pytest.mark.usefixtures("two_devices")
@@ -251,29 +248,32 @@ def test_devices_are_chosen_by_name_platform_number_or_variable(
 
 
 @pytest.mark.usefixtures("two_devices")
-def test_an_unknown_device_lists_those_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    with raises(OpenCLError, "unknown") as caught:
-        choose_device("radeon")
-    for device in devices.devices():
-        assert f"{device.name} ({device.platform})" in str(caught.value)
-    with raises(OpenCLError, "unknown"):
-        choose_device("2")
-    monkeypatch.setenv("VOLSPEC_DEVICE", "nvidia h20x")
-    with raises(OpenCLError, "unknown") as caught:
-        choose_device()
-    assert "(VOLSPEC_DEVICE)" in str(caught.value)
-
-
-def test_a_driver_that_makes_no_context_is_named_in_one_line(
+@pytest.mark.parametrize(
+    ("make", "variable", "code", "parts"),
+    [
+        (lambda: choose_device("radeon"), "", "unknown", ["NVIDIA H200 (NVIDIA CUDA)", "AMD EPYC"]),
+        (lambda: choose_device("2"), "", "unknown", []),
+        (lambda: choose_device(), "nvidia h20x", "unknown", ["(VOLSPEC_DEVICE)"]),
+        (lambda: Compute.open("portable"), "", "unsupported", ["MEMORY", "VOLSPEC_DEVICE"]),
+    ],
+)
+def test_devices_that_are_not_there_or_make_no_context_are_named(
+    make: Callable[[], object],
+    variable: str,
+    code: str,
+    parts: list[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def refuse(devices: object) -> None:
+    def context(devices: object) -> None:
         raise cl.RuntimeError("Context failed:\n OUT_OF_HOST_MEMORY")
 
-    monkeypatch.setattr(cl, "Context", refuse)
-    with raises(OpenCLError, "unsupported") as caught:
-        Compute.open()
-    assert "MEMORY" in caught.value.problem and "DEVICE" in caught.value.remedy
+    found = devices.all_devices() * 2  # one for each of the two names
+    monkeypatch.setattr(opencl, "all_devices", lambda: found)
+    monkeypatch.setattr(cl, "Context", context)
+    monkeypatch.setenv("VOLSPEC_DEVICE", variable)
+    with raises(OpenCLError, code) as caught:
+        make()
+    assert [part for part in parts if part not in str(caught.value)] == []
 
 
 def test_doctor_shows_the_device_of_the_variable(monkeypatch: pytest.MonkeyPatch) -> None:

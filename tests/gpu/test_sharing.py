@@ -39,30 +39,21 @@ def refusal(context: Any) -> str:
     return str(caught.value)
 
 
-def test_a_pyopencl_without_opengl_is_refused_with_the_command_that_builds_one(
-    context: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(cl, "have_gl", lambda: False)
-    assert sharing.BUILD in refusal(context)
-
-
-def test_a_device_without_the_extension_is_refused_before_its_driver_is_asked(
+def test_what_cannot_share_is_refused_before_its_driver_is_asked(
     context: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """PoCL 3.0 makes a shared context, and ends the process at the first buffer."""
-    if sharing.EXTENSION in device().extensions.split():
-        pytest.skip(f"{device().name} shares")
-    monkeypatch.setattr(cl, "have_gl", lambda: True)
-    message = refusal(context)
-    for part in (sharing.EXTENSION, device().name.strip(), sharing.DEVICE_VARIABLE):
-        assert part in message
-
-
-@pytest.mark.parametrize("system", ["darwin", "win32"])
-def test_sharing_is_for_egl_and_glx(system: str, monkeypatch: pytest.MonkeyPatch) -> None:
     chosen = device()  # tried on this system
-    monkeypatch.setattr(sys, "platform", system)
-    assert system in (sharing.refusal(chosen) or "")
+    monkeypatch.setattr(cl, "have_gl", lambda: False)
+    assert sharing.BUILD in refusal(context)
+    monkeypatch.setattr(cl, "have_gl", lambda: True)
+    if sharing.EXTENSION not in chosen.extensions.split():
+        message = refusal(context)
+        for part in (sharing.EXTENSION, chosen.name.strip(), sharing.DEVICE_VARIABLE):
+            assert part in message
+    for system in ("darwin", "win32"):
+        monkeypatch.setattr(sys, "platform", system)
+        assert system in (sharing.refusal(chosen) or "")
 
 
 @dataclass
@@ -183,25 +174,33 @@ def test_the_frame_of_a_shared_picture_is_that_of_the_host_s_bit_by_bit(
                 assert np.array_equal(frame(relighter, truth.groups), frame(host, truth.groups))
 
 
+def fail(finished: float) -> None:
+    raise ZeroDivisionError
+
+
+@pytest.mark.parametrize(
+    ("error", "how", "refuses", "calls"),
+    [
+        (CastCancelled, {"cancel": third}, "", ["release", "clFinish"]),
+        (ZeroDivisionError, {"progress": lambda: fail}, "", ["release", "clFinish"]),
+        (OpenCLError, {}, "buffer", ["glFinish"]),
+    ],
+    ids=["cancelled", "failed", "refused"],
+)
 def test_a_shared_cast_that_ends_early_leaves_the_picture_shown(
-    driver: Driver, context: Any
+    driver: Driver, context: Any, error: Any, how: dict[str, Any], refuses: str, calls: list[str]
 ) -> None:
+    """OpenGL has the buffer back, and nothing of it was shown."""
     with sharing_pair(context) as (caster, relighter):
         before = frame(relighter)
-
-        def fail(finished: float) -> None:
-            raise ZeroDivisionError
-
-        for error, how in (
-            (CastCancelled, {"cancel": third()}),
-            (ZeroDivisionError, {"progress": fail}),
-        ):
-            driver.calls.clear()
-            with pytest.raises(error):
-                cast(60, caster=caster, into=relighter, **how)
-            # OpenGL has the buffer back, and nothing of it was shown.
-            assert driver.calls[-2:] == ["release", "clFinish"] and driver.calls.count("band") >= 2
-            assert np.array_equal(frame(relighter), before)
+        driver.calls.clear()
+        driver.refuses = refuses
+        with pytest.raises(error) as caught:
+            cast(60, caster=caster, into=relighter, **{name: of() for name, of in how.items()})
+        assert [call for call in driver.calls if call != "glGenBuffers"][-len(calls) :] == calls
+        assert refuses == "" or "INVALID_GL_OBJECT" in str(caught.value)
+        assert np.array_equal(frame(relighter), before)
+        driver.refuses = ""
         cast(60, caster=caster, into=relighter)
         assert not np.array_equal(frame(relighter), before)
 
@@ -215,8 +214,8 @@ def test_a_sharing_caster_casts_without_a_relighter_as_any_other(
     assert "acquire" not in driver.calls
 
 
-def test_a_relighter_of_another_context_is_refused_by_both_names(
-    driver: Driver, context: Any
+def test_a_relighter_of_another_context_and_a_driver_that_makes_none_are_refused(
+    driver: Driver, context: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     caster = vs.Raycaster(BALL, context=context)
     for backend, contexts in (("gl", 2), ("numpy", 1)):
@@ -227,22 +226,10 @@ def test_a_relighter_of_another_context_is_refused_by_both_names(
             assert str(caught.value).count("0x") == contexts
             assert np.array_equal(frame(relighter), before)
 
-
-def test_a_driver_that_refuses_is_quoted(
-    driver: Driver, context: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with sharing_pair(context) as (caster, relighter):
-        before = frame(relighter)
-        driver.refuses = "buffer"
-        with raises(OpenCLError, "unsupported") as caught:
-            cast(60, caster=caster, into=relighter)
-        assert "OBJECT" in str(caught.value)
-        assert np.array_equal(frame(relighter), before)
-
-    def refuse(devices: Any, properties: Any) -> None:
+    def make(devices: Any, properties: Any) -> None:
         raise cl.LogicError("Context failed:\n INVALID_GL_SHAREGROUP_REFERENCE_KHR")
 
-    monkeypatch.setattr(cl, "Context", refuse)
+    monkeypatch.setattr(cl, "Context", make)
     assert "SHAREGROUP" in refusal(context)
     monkeypatch.setattr(sharing, "current", lambda: None)
     assert "SHAREGROUP" not in refusal(context)

@@ -3,29 +3,27 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.support.errors import raises
-from tests.support.raycasts import cube
+from tests.support.errors import refuses, warns
+from tests.support.raycasts import METAL_BASIS, METALS, WHOLE, cube, even_gold
 from volspec.basis import MaterialBasis, SpectralBasis
-from volspec.errors import ImageError, ShapeError
 from volspec.mesh import shapes
 from volspec.mesh.caster import MeshCaster
 from volspec.pipeline import raycast
-from volspec.raycast import Camera, ClipPlane, CoefficientImage, RaycastSpec
+from volspec.raycast import Camera, ClipPlane, CoefficientImage
 from volspec.raycast.depth import DepthEffects, axis_cosine, extents, mean_position
 from volspec.raycast.layered import OpacityLayers
 from volspec.spectra import reflectance
-from volspec.transfer import TransferFunction
 
-MATERIALS = {name: reflectance(name) for name in ("copper", "gold")}
-BASIS = MaterialBasis(MATERIALS)
 GROUPS = {"key": 0.75, "fill": 0.25}
 FOV = 30.0
+GOLD = even_gold(0.05)
 
 
 def layered(
@@ -42,7 +40,7 @@ def layered(
         made.channels.reshape(height, width, 6),
         made.alpha,
         np.where(made.alpha > 0, made.depth_mm / np.maximum(made.alpha, 1e-9), np.inf),
-        BASIS,
+        METAL_BASIS,
         groups=GROUPS,
         fov_deg=fov_deg,
         opacity_layers=layers,
@@ -66,11 +64,8 @@ def slab_layers(
 def solid() -> CoefficientImage:
     """A homogeneous cube of gold, cast."""
     volume = cube(21)
-    points = [(0.0, 0.05, "gold"), (2.0, 0.05, "gold")]
-    transfer = TransferFunction(points, MATERIALS, BASIS, reference_step_mm=1.0)
-    spec = RaycastSpec(ambient=1, diffuse=0, layers=8, alpha_stop=1.0)
-    with pytest.warns(match="no opacity of copper"):
-        return raycast(volume, transfer, camera_of(volume), (40, 30), spec)
+    with warns("no opacity of copper"):
+        return raycast(volume, GOLD, camera_of(volume), (40, 30), replace(WHOLE, layers=8))
 
 
 def camera_of(volume: Any) -> Camera:
@@ -127,10 +122,7 @@ def test_a_cut_is_that_of_a_cast_with_a_clip_plane(solid: CoefficientImage) -> N
     forward = camera.frame()[2]
     at = camera.distance_mm - 3
     plane = ClipPlane(tuple(np.add(camera.position_mm, at * forward)), tuple(forward))
-    points = [(0.0, 0.05, "gold"), (2.0, 0.05, "gold")]
-    transfer = TransferFunction(points, MATERIALS, BASIS, reference_step_mm=1.0)
-    spec = RaycastSpec(ambient=1, diffuse=0, alpha_stop=1.0, clip_planes=(plane,))
-    new = raycast(volume, transfer, camera, (40, 30), spec)
+    new = raycast(volume, GOLD, camera, (40, 30), replace(WHOLE, clip_planes=(plane,)))
     cut = solid.recompose({}, DepthEffects(near_mm=at))
     assert np.abs(cut.alpha - new.alpha).max() < 0.04
     assert np.sqrt(np.mean((cut.alpha - new.alpha) ** 2)) < 0.01
@@ -269,13 +261,10 @@ def test_a_mesh_is_put_at_its_depth(solid: CoefficientImage) -> None:
     pytest.importorskip("embreex")
     volume = cube(21)
     mesh = shapes.shape_mesh("sphere", material="copper").placed((14.0, 8.0, 10.0), scale=8.0)
-    spec = RaycastSpec(ambient=1, diffuse=0, alpha_stop=1.0)
-    caster, camera = MeshCaster([mesh], MATERIALS, BASIS), camera_of(volume)
-    alone = caster.alone(camera, (40, 30), spec)
+    caster, camera = MeshCaster([mesh], METALS, METAL_BASIS), camera_of(volume)
+    alone = caster.alone(camera, (40, 30), WHOLE)
     made = solid.recompose({}, surface=alone)
-    points = [(0.0, 0.05, "gold"), (2.0, 0.05, "gold")]
-    transfer = TransferFunction(points, MATERIALS, BASIS, reference_step_mm=1.0)
-    new = raycast(volume, transfer, camera, (40, 30), spec, behind=[caster])
+    new = raycast(volume, GOLD, camera, (40, 30), WHOLE, behind=[caster])
     inside = alone.alpha == 1
     assert inside.sum() > 20
     assert np.abs(made.coefficients - new.coefficients)[inside].max() < 0.002
@@ -289,46 +278,47 @@ def test_distances_along_the_axis_are_those_of_planes() -> None:
     assert (axis_cosine((2, 2), None) == 1).all()
 
 
+SLAB = slab_layers(100, 140, 2.0, size=(2, 2))
+
+
+def other_surface(**change: Any) -> CoefficientImage:
+    return replace(surface_at(120, SLAB), **change)
+
+
 @pytest.mark.parametrize(
-    ("change", "code", "field"),
+    ("make", "fault"),
     [
-        ({"focus_mm": 0.0}, "range", "DepthEffects.focus_mm"),
-        ({"focus_mm": -2.0}, "range", "DepthEffects.focus_mm"),
-        ({"focus_mm": "near"}, "type", "DepthEffects.focus_mm"),
-        ({"fog_mm": float("inf")}, "range", "DepthEffects.fog_mm"),
-        ({"fog_white": 1.5}, "range", "DepthEffects.fog_white"),
-        ({"near_mm": 10.0, "far_mm": 10.0}, "range", "DepthEffects.near_mm"),
+        (lambda: DepthEffects(focus_mm=0.0), "range DepthEffects.focus_mm"),
+        (lambda: DepthEffects(fog_mm=math.inf), "range DepthEffects.fog_mm"),
+        (lambda: DepthEffects(near_mm=10.0, far_mm=10.0), "range DepthEffects.near_mm"),
+        (lambda: SLAB.recompose({}, DepthEffects(focus_mm=100)), "conflict recompose: focus_mm"),
+        (
+            lambda: replace(SLAB, opacity_layers=None).recompose({}, DepthEffects(near_mm=100)),
+            "unsupported ",
+        ),
+        (lambda: SLAB.recompose({}, {"near_mm": 100}), "type recompose: depth"),
+        (lambda: SLAB.recompose({}, surface=3), "type recompose: surface"),
+        *(
+            (lambda wrong=wrong: SLAB.recompose({}, surface=wrong), f"{code} recompose: surface")
+            for code, wrong in (
+                ("shape", surface_at(120, slab_layers(100, 140, 2.0))),
+                ("conflict", other_surface(fov_deg=20.0)),
+                ("conflict", other_surface(groups={"a": 0.5, "b": 0.5})),
+                (
+                    "conflict",
+                    other_surface(
+                        basis=SpectralBasis.load("general-7"),
+                        coefficients=np.zeros((2, 2, 14), np.float32),
+                    ),
+                ),
+            )
+        ),
     ],
 )
-def test_settings_that_cannot_be_are_refused(change: dict[str, Any], code: Any, field: str) -> None:
-    with raises(ImageError, code, field):
-        DepthEffects(**change)
-
-
-def test_pictures_that_have_no_such_effects_are_refused() -> None:
-    image = slab_layers(100, 140, 2.0)
-    with raises(ImageError, "conflict", "recompose: focus_mm"):
-        image.recompose({}, DepthEffects(focus_mm=100))
-    with raises(ImageError, "unsupported"):
-        replace(image, opacity_layers=None).recompose({}, DepthEffects(near_mm=100))
-    with raises(ImageError, "type", "recompose: depth"):
-        image.recompose({}, {"near_mm": 100})
-
-
-def test_surfaces_of_another_picture_are_refused() -> None:
-    image = slab_layers(100, 140, 2.0, size=(2, 2))
-    own = surface_at(120, image)
-    field = "recompose: surface"
-    small = replace(own, **{n: getattr(own, n)[:1] for n in ("coefficients", "alpha", "depth_mm")})
-    with raises(ShapeError, "shape", field):
-        image.recompose({}, surface=small)
-    general = SpectralBasis.load("general-7")
-    other = replace(own, basis=general, coefficients=np.zeros((2, 2, 14), np.float32))
-    for wrong in (other, replace(own, fov_deg=20.0), replace(own, groups={"a": 0.5, "b": 0.5})):
-        with raises(ImageError, "conflict", field):
-            image.recompose({}, surface=wrong)
-    with raises(ImageError, "type", field):
-        image.recompose({}, surface=3)
+def test_effects_and_surfaces_that_cannot_be_are_refused(
+    make: Callable[[], object], fault: str
+) -> None:
+    refuses(make, fault)
 
 
 def test_a_picture_of_nothing_stays_one() -> None:

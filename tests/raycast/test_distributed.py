@@ -7,6 +7,7 @@ import signal
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from volspec.volume import Volume, load_volume
 
 # Rays of a part end by what the part itself hides; with alpha_stop 1 none ends early.
 SPEC = RaycastSpec(step_mm=1.0, alpha_stop=1.0, level=0)
+LIT_SPEC = replace(SPEC, groups=LIT)
 SIZE = 64, 56
 
 
@@ -49,9 +51,7 @@ def workers(caster: Raycaster) -> list[int]:
     return sorted(caster.cluster.client.run(os.getpid).values())
 
 
-@pytest.mark.parametrize(
-    "spec", [SPEC, RaycastSpec(step_mm=1.0, alpha_stop=1.0, groups=LIT, level=0)]
-)
+@pytest.mark.parametrize("spec", [SPEC, pytest.param(LIT_SPEC, marks=pytest.mark.slow)])
 def test_the_picture_is_that_of_one_machine(
     engine: Volume, caster: Raycaster, spec: RaycastSpec
 ) -> None:
@@ -68,21 +68,26 @@ def test_the_picture_is_that_of_one_machine(
     assert told == sorted(told) and told[-1] == 1.0
 
 
-def test_a_killed_worker_changes_nothing(engine: Volume, caster: Raycaster) -> None:
+def test_a_killed_worker_changes_nothing(
+    engine: Volume, caster: Raycaster, monkeypatch: pytest.MonkeyPatch
+) -> None:
     given = caster.volume, curve(40, 150), Camera.orbit(engine), SIZE, SPEC
     calm = raycast(*given, caster=caster)
-    killed: list[int] = []
+    killed = workers(caster)[0]
+    own = distributed.ClusterCaster._wait
 
-    def kill(fraction: float) -> None:
-        if fraction > 0.1 and not killed:
-            killed.append(workers(caster)[0])
-            os.kill(killed[0], signal.SIGKILL)
+    def wait(self: distributed.ClusterCaster, *given: Any) -> None:
+        """All parts are with the workers."""
+        os.kill(killed, signal.SIGKILL)
+        own(self, *given)
 
-    picture = raycast(*given, caster=caster, progress=kill)
-    assert killed, "the cast was over before a worker was killed"
+    monkeypatch.setattr(distributed.ClusterCaster, "_wait", wait)
+    picture = raycast(*given, caster=caster)
+    assert killed not in workers(caster)
     assert np.array_equal(picture.coefficients, calm.coefficients)
 
 
+@pytest.mark.slow
 def test_frames_of_an_export_are_cast_side_by_side(
     caster: Raycaster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -92,11 +97,11 @@ def test_frames_of_an_export_are_cast_side_by_side(
     running = 0
     own = distributed.ClusterCaster._wait
 
-    def wait(self: distributed.ClusterCaster, *given: object) -> None:
+    def wait(self: distributed.ClusterCaster, *given: Any) -> None:
         nonlocal running
         running += 1
         under_way.append(running)
-        own(self, *given)  # type: ignore[arg-type]
+        own(self, *given)
         running -= 1
 
     monkeypatch.setattr(distributed.ClusterCaster, "_wait", wait)
@@ -110,25 +115,29 @@ def test_frames_of_an_export_are_cast_side_by_side(
         assert np.abs(far - whole).max() <= 1
 
 
-def test_workers_of_another_version_are_refused(
+def test_workers_of_another_version_and_addresses_without_a_cluster_are_refused(
     engine: Volume, caster: Raycaster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    import distributed as dask
+
     import volspec
 
+    given = caster.volume, curve(40, 150), Camera.orbit(engine), SIZE, SPEC
+    for address in ("local:0", "local:many"):
+        with raises(DeviceError, "syntax"):
+            raycast(*given, device=address)
+
+    def connect(address: str, **settings: object) -> None:
+        raise OSError(f"Timed out trying to connect to {address}")
+
+    monkeypatch.setattr(dask, "Client", connect)
+    with raises(DeviceError, "unsupported"):
+        raycast(*given, device="tcp://127.0.0.1:9")
+    monkeypatch.undo()
     monkeypatch.setattr(volspec, "__version__", "0.0.0")
-    caster = Raycaster(caster.volume, like=caster)  # as a program of that version makes it
+    other = Raycaster(caster.volume, like=caster)  # as a program of that version makes it
     with raises(RaycastError, "conflict"):
-        raycast(caster.volume, curve(40, 150), Camera.orbit(engine), SIZE, SPEC, caster=caster)
-
-
-@pytest.mark.parametrize("address", ["local:0", "local:many", "tcp://127.0.0.1:9"])
-def test_addresses_without_a_cluster(
-    address: str, caster: Raycaster, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(distributed, "_PATIENCE_S", 0.5)
-    given = caster.volume, curve(40, 150), Camera.orbit(caster.volume), SIZE, SPEC
-    with raises(DeviceError):
-        raycast(*given, device=address)
+        raycast(*given, caster=other)
 
 
 def test_over_is_associative() -> None:

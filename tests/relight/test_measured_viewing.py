@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,8 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from tests.support.errors import raises, refuses
-from tests.support.relighting import COARSE, box_basis
+from tests.support.errors import refuses
+from tests.support.relighting import COARSE, assert_in_range, box_basis
 from tests.support.scenes import BALL, write_scene_text
 from volspec.appearance import Viewing
 from volspec.appearance.adaptation_grid import ViewTransformGrid
@@ -24,7 +25,7 @@ from volspec.appearance.models.hunt import HuntSettings
 from volspec.appearance.models.nayatani95 import NayataniSettings
 from volspec.appearance.models.numeric import nearest_inverse
 from volspec.appearance.spec import MODELS, PER_PIXEL
-from volspec.errors import ImageError, SceneError, ViewingError
+from volspec.errors import ViewingError
 from volspec.raycast.image import CoefficientImage
 from volspec.relight import Illumination, LightRig, Relighter, RelightSpec
 from volspec.relight.measured_viewing import ViewingMeter
@@ -63,6 +64,7 @@ def frame(image: CoefficientImage, viewing: Viewing, **others: Any) -> np.ndarra
 
 
 PICTURE, PIXEL = Viewing(adapting="picture"), Viewing(adapting="pixel")
+DIM = np.full((8, 8), 20.0)
 
 
 @pytest.mark.parametrize("shape", [(64, 96), (1, 1), (3, 200), (510, 333)])
@@ -74,13 +76,10 @@ def test_a_uniform_picture_before_a_backdrop_like_it_has_its_Y(shape, alpha):
     assert found.adapting == "given"
     assert found.Y_b == pytest.approx(30.0, rel=1e-6)
     assert pytest.approx(0.3 * LUX_1000, rel=1e-6) == found.L_A
-    for field, expected in zip(
-        ViewingMeter().maps(image, lit(image, viewing=PIXEL, backdrop=0.3)),
-        (30.0, 0.3 * LUX_1000),
-        strict=True,
-    ):
-        assert field.shape == shape
-        np.testing.assert_allclose(field, expected, rtol=1e-6)
+    Y_b, L_A = ViewingMeter().maps(image, lit(image, viewing=PIXEL, backdrop=0.3))
+    assert Y_b.shape == L_A.shape == shape
+    np.testing.assert_allclose(Y_b, 30.0, rtol=1e-6)
+    np.testing.assert_allclose(L_A, 0.3 * LUX_1000, rtol=1e-6)
 
 
 def test_half_a_picture_of_black_halves_background_and_adapting_field():
@@ -120,24 +119,20 @@ def test_measuring_at_a_stride_is_the_measurement_of_every_pixel():
     assert np.abs(maps[1] - exact[1]).max() < 0.5
 
 
+def measured_ways(model: str) -> tuple[str, ...]:
+    return ("picture", "pixel") if model in PER_PIXEL else ("picture",)
+
+
 @pytest.mark.parametrize("model", MODELS)
-def test_a_uniform_picture_looks_as_with_its_numbers_given(model):
+@pytest.mark.parametrize("L_A", [None, 3.0])
+def test_a_uniform_picture_looks_as_with_its_numbers_given(model, L_A):
+    """An L_A that is given is not measured."""
     image = greys(np.full((24, 36), 35.0), fov_deg=90.0)
-    given = Viewing(model=model, Y_b=35.0)
-    ways = ("picture", "pixel") if model in PER_PIXEL else ("picture",)
-    for adapting in ways:
+    given = Viewing(model=model, Y_b=35.0, L_A=L_A)
+    expected = frame(image, given, backdrop=0.35)
+    for adapting in measured_ways(model):
         measured = dataclasses.replace(given, adapting=adapting, Y_b=20.0)
-        shown = frame(image, measured, backdrop=0.35)
-        np.testing.assert_allclose(shown, frame(image, given, backdrop=0.35), atol=1e-6)
-
-
-@pytest.mark.parametrize("adapting", ["picture", "pixel"])
-def test_an_L_A_that_is_given_is_not_measured(adapting):
-    image = greys(np.full((24, 36), 35.0))
-    viewing = Viewing(adapting=adapting, L_A=3.0)
-    given = Viewing(L_A=3.0, Y_b=35.0)
-    shown = frame(image, viewing, backdrop=0.35)
-    np.testing.assert_allclose(shown, frame(image, given, backdrop=0.35), atol=1e-6)
+        np.testing.assert_allclose(frame(image, measured, backdrop=0.35), expected, atol=1e-6)
 
 
 def test_exposure_and_level_are_the_cameras_and_not_the_eyes():
@@ -162,12 +157,11 @@ def test_the_viewings_field_of_view_comes_before_the_images():
 
 @pytest.mark.parametrize("model", MODELS)
 def test_a_black_picture_has_no_nan(model):
-    ways = ("picture", "pixel") if model in PER_PIXEL else ("picture",)
-    for adapting in ways:
+    for adapting in measured_ways(model):
         viewing = Viewing(model=model, adapting=adapting)
         shown = frame(greys(np.zeros((16, 24))), viewing, backdrop=0.0)
         # Hunt's black is not 0 to an eye in the dark.
-        assert np.isfinite(shown).all() and shown.min() >= 0.0 and shown.max() <= 1.0
+        assert_in_range(shown)
         if model in PER_PIXEL:
             assert not shown.any()
 
@@ -179,40 +173,40 @@ def test_glints_and_nan_among_coefficients_give_no_nan(adapting):
     image.coefficients[5, 5] = np.nan
     image.coefficients[40:60, 40:60] = -1e9
     for D in (None, 0.0):
-        shown = frame(image, Viewing(adapting=adapting, D=D))
-        assert np.isfinite(shown).all() and shown.min() >= 0.0 and shown.max() <= 1.0
+        assert_in_range(frame(image, Viewing(adapting=adapting, D=D)))
     # Ten whites at most.
     assert seen(image, dataclasses.replace(PICTURE, fov_deg=80.0)).Y_b < 1000.0
 
 
-@pytest.mark.parametrize("model", PER_PIXEL)
-@pytest.mark.parametrize("change", [{}, {"D": 0.4}, {"discount": True}, {"surround": 0.07}])
-def test_a_fields_nodes_are_the_models_own_transforms(model, change):
-    viewing = Viewing(model=model, adapting="pixel", **change)
+def assert_nodes_are_transforms(viewing: Viewing, **fields: np.ndarray) -> None:
+    """Compare each node of a grid with the model's own transform in its conditions."""
     white = white_XYZ(light("A"))
-    L_A, Y_b = np.meshgrid([0.0, 1e-7, 0.01, 5.0, 300.0, 1e10], [0.0, 1e-3, 4.0, 20.0, 99.0, 900.0])
-    field = ViewTransformGrid.of(viewing, white, Y_b, L_A)
-    for node in np.ndindex(L_A.shape):
-        own = dataclasses.replace(viewing, adapting="given", L_A=L_A[node], Y_b=Y_b[node])
-        alone = CamTransform.for_viewing(model, own.conditions(white), viewing.display.conditions)
-        numbers = field.numbers[node].reshape(3, 4)
+    grid = ViewTransformGrid.of(viewing, white, *fields.values())
+    for node in np.ndindex(grid.numbers.shape[:2]):
+        conditions = {name: values[node] for name, values in fields.items()}
+        own = dataclasses.replace(viewing, adapting="given", **conditions)
+        alone = CamTransform.for_viewing(
+            viewing.model, own.conditions(white), viewing.display.conditions
+        )
+        numbers = grid.numbers[node].reshape(3, 4)
         np.testing.assert_allclose(numbers[:, :3].T, alone.response_from_XYZ, rtol=1e-10)
         fourth = alone.scene_achromatic, alone.lightness_power, alone.chroma_gain
         np.testing.assert_allclose(numbers[:, 3], fourth, rtol=1e-10)
 
 
-@pytest.mark.parametrize("stored", ["200", '"wide"', "{"])
-def test_a_file_with_another_field_of_view_is_refused(tmp_path: Path, stored: str):
-    image = greys(np.full((4, 4), 20.0))
-    image.save(tmp_path / "image.exr")
-    with OpenEXR.File(str(tmp_path / "image.exr"), separate_channels=True) as file:
-        header = {**file.header(), "volspec:fov_deg": stored}
-        channels = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
-    header.pop("channels")
-    OpenEXR.File(header, channels).write(str(tmp_path / "image.exr"))
-    with raises(ImageError, "damaged") as caught:
-        CoefficientImage.load(tmp_path / "image.exr")
-    assert "image.exr" in str(caught.value)
+@pytest.mark.parametrize("model", PER_PIXEL)
+@pytest.mark.parametrize("change", [{}, {"D": 0.4}, {"discount": True}, {"surround": 0.07}])
+def test_a_fields_nodes_are_the_models_own_transforms(model, change):
+    L_A, Y_b = np.meshgrid([0.0, 1e-7, 0.01, 5.0, 300.0, 1e10], [0.0, 1e-3, 4.0, 20.0, 99.0, 900.0])
+    viewing = Viewing(model=model, adapting="pixel", **change)
+    assert_nodes_are_transforms(viewing, Y_b=Y_b, L_A=L_A)
+
+
+def test_nodes_of_a_measured_surround_are_the_models_own_transforms():
+    S_R = np.array([[0.0, 0.05], [0.13, 0.9]])
+    Y_b, L_A = np.full_like(S_R, 20.0), np.full_like(S_R, 60.0)
+    viewing = Viewing(adapting="pixel", surround="measured")
+    assert_nodes_are_transforms(viewing, Y_b=Y_b, L_A=L_A, surround=S_R)
 
 
 SCENE = f"""{BALL}[basis]
@@ -224,6 +218,7 @@ spectrum = "A"
 fov_deg = 33.3
 [viewing]
 adapting = "picture"
+adopted_white = "scene"
 fov_deg = 25.0
 [output]
 width = 24
@@ -233,13 +228,14 @@ height = 24
 
 def test_a_scene_file_asks_for_it_and_its_pictures_remember(tmp_path: Path):
     scene = Scene.load(write_scene_text(tmp_path, SCENE, 16))
-    assert (scene.relight.viewing.adapting, scene.relight.viewing.fov_deg) == ("picture", 25.0)
+    asked = Viewing(adapting="picture", adopted_white="scene", fov_deg=25.0)
+    assert scene.relight.viewing == asked
     image = scene.render()
     image.save(tmp_path / "image.exr")
     again = CoefficientImage.load(tmp_path / "image.exr")
     # A camera with perspective leaves its field of view, and files keep it.
     assert image.fov_deg == again.fov_deg == 33.3
-    assert stored_relight_spec(again).viewing == scene.relight.viewing
+    assert stored_relight_spec(again).viewing == asked
     assert json.loads(again.notes["viewing"])["fov_deg"] == 25.0
     parallel = SCENE.replace("fov_deg = 33.3", "orthographic = true")
     (tmp_path / "scene.toml").write_text(parallel, encoding="utf-8")
@@ -248,46 +244,48 @@ def test_a_scene_file_asks_for_it_and_its_pictures_remember(tmp_path: Path):
     with OpenEXR.File(str(tmp_path / "flat.exr")) as file:
         assert "volspec:fov_deg" not in file.header()
     assert flat.fov_deg is CoefficientImage.load(tmp_path / "flat.exr").fov_deg is None
-    (tmp_path / "scene.toml").write_text(SCENE.replace('"picture"', '"pixels"'), encoding="utf-8")
-    with raises(SceneError, "unknown", "viewing.adapting"):
-        Scene.load(tmp_path / "scene.toml")
+
+
+def conditions(**settings: Any) -> Callable[[], object]:
+    """Conditions of a white, which a picture is needed for."""
+    return lambda: Viewing(**settings).conditions((95.0, 100.0, 109.0))
+
+
+def violet() -> object:
+    """D = 0 leaves a violet's white as it is, and its achromatic response below 0."""
+    viewing, nodes = Viewing(adapting="pixel", D=0.0, model="CAM16"), np.full((2, 2), 20.0)
+    return ViewTransformGrid.of(viewing, np.array([1.0, 100.0, 1e6]), nodes, nodes)
 
 
 @pytest.mark.parametrize(
-    ("change", "fault"),
+    ("make", "fault"),
     [
-        ({"adapting": "pictures"}, "unknown Viewing.adapting"),
-        ({"adapting": "pixel", "model": "RLAB"}, "conflict Viewing.adapting"),
-        ({"fov_deg": 180.0}, "range Viewing.fov_deg"),
-        ({"fov_deg": "wide"}, "type Viewing.fov_deg"),
-        ({"surround": "measure"}, "unknown Viewing.surround"),
-        ({"adopted_white": "sceen"}, "unknown Viewing.adopted_white"),
-        ({"adopted_white": (0.95, 1.0, 1.09)}, "type Viewing.adopted_white"),
+        (lambda: Viewing(adapting="pictures"), "unknown Viewing.adapting"),
+        (lambda: Viewing(adapting="pixel", model="RLAB"), "conflict Viewing.adapting"),
+        (lambda: Viewing(fov_deg=180.0), "range Viewing.fov_deg"),
+        (lambda: Viewing(surround="measure"), "unknown Viewing.surround"),
+        (lambda: Viewing(adopted_white="sceen"), "unknown Viewing.adopted_white"),
+        (lambda: Viewing(adopted_white=(0.95, 1.0, 1.09)), "type Viewing.adopted_white"),
+        (conditions(adapting="picture"), "conflict Viewing.adapting"),
+        (conditions(surround="measured"), "conflict Viewing.surround"),
+        (conditions(adopted_white="scene"), "conflict Viewing.adopted_white"),
+        (lambda: PICTURE.adapting_luminance, "conflict Viewing.adapting"),
+        (lambda: frame(greys(DIM, fov_deg=None), PICTURE), "missing Viewing.fov_deg"),
+        (lambda: frame(greys(DIM, fov_deg=None), PIXEL), "missing Viewing.fov_deg"),
+        (violet, "impossible viewing conditions"),
     ],
 )
-def test_a_viewing_that_cannot_be_is_refused(change, fault):
-    refuses(lambda: Viewing(**change), fault, ViewingError)
+def test_a_viewing_that_cannot_be_is_refused(make: Callable[[], object], fault: str) -> None:
+    refuses(make, fault, ViewingError)
 
 
-@pytest.mark.parametrize("viewing", [PICTURE, PIXEL])
-def test_without_a_field_of_view_the_remedy_is_named(viewing):
-    image = greys(np.full((8, 8), 20.0), fov_deg=None)
-    with raises(ViewingError, "missing", "Viewing.fov_deg"):
-        frame(image, viewing)
-    assert np.isfinite(frame(image, dataclasses.replace(viewing, fov_deg=30.0))).all()
-
-
-def test_there_are_no_measured_conditions_without_a_picture():
-    with raises(ViewingError, field="Viewing.adapting"):
-        PICTURE.conditions((95.0, 100.0, 109.0))
-    with raises(ViewingError, field="Viewing.adapting"):
-        _ = PICTURE.adapting_luminance
+def test_what_is_given_needs_no_picture():
     assert Viewing(adapting="picture", L_A=7.0).adapting_luminance == 7.0
-    for name, value in (("surround", "measured"), ("adopted_white", "scene")):
-        viewing = Viewing(**{name: value})
-        with raises(ViewingError, "conflict", f"Viewing.{name}"):
-            viewing.conditions((95.0, 100.0, 109.0))
-        assert viewing.unmeasured() == Viewing()
+    for change in ({"surround": "measured"}, {"adopted_white": "scene"}):
+        assert Viewing(**change).unmeasured() == Viewing()
+    for viewing in (PICTURE, PIXEL):
+        shown = frame(greys(DIM, fov_deg=None), dataclasses.replace(viewing, fov_deg=30.0))
+        assert np.isfinite(shown).all()
 
 
 SURROUND = Viewing(surround="measured")
@@ -321,20 +319,6 @@ def test_a_uniform_picture_looks_as_with_its_surround_given(adapting, backend):
             for viewing in (asked, given)
         )
     np.testing.assert_allclose(shown, expected, atol=2e-4 if backend == "gl" else 1e-6)
-
-
-def test_nodes_of_a_measured_surround_are_the_models_own_transforms():
-    viewing, white = Viewing(adapting="pixel", surround="measured"), white_XYZ(light("A"))
-    S_R = np.array([[0.0, 0.05], [0.13, 0.9]])
-    Y_b, L_A = np.full_like(S_R, 20.0), np.full_like(S_R, 60.0)
-    field = ViewTransformGrid.of(viewing, white, Y_b, L_A, S_R)
-    for node in np.ndindex(S_R.shape):
-        own = Viewing(surround=S_R[node], L_A=60.0)
-        alone = CamTransform.for_viewing("CIECAM02", own.conditions(white), own.display.conditions)
-        numbers = field.numbers[node].reshape(3, 4)
-        np.testing.assert_allclose(numbers[:, :3].T, alone.response_from_XYZ, rtol=1e-10)
-        fourth = alone.scene_achromatic, alone.lightness_power, alone.chroma_gain
-        np.testing.assert_allclose(numbers[:, 3], fourth, rtol=1e-10)
 
 
 RIG = LightRig((light("A"), light("D65")), (1.0, 3.0), groups=("key", "fill"))
@@ -399,47 +383,6 @@ def test_a_white_that_is_given_is_adapted_to():
     daylight = Viewing(adopted_white=(95.05, 100.0, 108.88), D=1.0)
     R, _, B = frame(image, daylight)[4, 4]
     assert R > 1.5 * B, "an eye that is adapted to daylight sees tungsten as orange"
-
-
-def test_a_scene_s_light_groups_are_seen_in_its_white(tmp_path: Path):
-    """A ball whose middle faces the tungsten headlight, with daylight from its side."""
-    lights = """
-[[group]]
-name = "front"
-sources = [{ kind = "headlight" }]
-[[group]]
-name = "side"
-sources = [{ kind = "directional", towards = [1, 0, 0], frame = "camera" }]
-[[light]]
-name = "both"
-group = "front"
-spectrum = "A"
-[[light]]
-name = "both"
-group = "side"
-spectrum = "D65"
-"""
-    given = SCENE.replace('adapting = "picture"', 'adopted_white = "scene"\nbackdrop = 0.0')
-    # So wide that the ball's limb is far from the line of sight.
-    given = given.replace("fov_deg = 25.0", "fov_deg = 100.0")
-    text = given.partition("[[light]]")
-    text = text[0] + lights + text[2].partition('spectrum = "A"')[2]
-    scene = Scene.load(write_scene_text(tmp_path, text, 16))
-    assert scene.relight.viewing.adopted_white == "scene"
-    image = scene.render()
-    assert stored_relight_spec(image).viewing == scene.relight.viewing
-    (lamp,) = scene.lights
-    lit = Illumination.of(image.basis, lamp.rig, scene.relight, image.groups)
-    X, _, Z = ViewingMeter().measure_viewing(image, lit)[0].adopted_white
-    assert lit.white_XYZ[0] < X and lit.white_XYZ[2] > Z, "more of tungsten"
-
-
-def test_a_white_without_lightness_at_some_node_is_refused():
-    # D = 0 leaves a violet's white as it is, and its achromatic response below 0.
-    viewing = Viewing(adapting="pixel", D=0.0, model="CAM16")
-    nodes = np.full((2, 2), 20.0)
-    with raises(ViewingError, "impossible", "viewing conditions"):
-        ViewTransformGrid.of(viewing, np.array([1.0, 100.0, 1e6]), nodes, nodes)
 
 
 @pytest.mark.usefixtures("needs_gl")

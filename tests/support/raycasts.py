@@ -3,19 +3,40 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from volspec.raycast import Camera, RaycastSpec
+from volspec.basis import MaterialBasis
+from volspec.raycast import Camera, RaycastSpec, reference
+from volspec.raycast.gpu import Raycaster
+from volspec.raycast.row_batches import Result
 from volspec.raycast.sampling import world_rays
-from volspec.transfer import TransferTable
+from volspec.spectra import reflectance
+from volspec.transfer import TransferFunction, TransferTable
 from volspec.volume import Volume
 
 FLAT = RaycastSpec(ambient=1, diffuse=0)
 """The plain reflectances."""
 WHOLE = replace(FLAT, alpha_stop=1)
 """Rays that never end before the volume does."""
+
+
+METALS = {name: reflectance(name) for name in ("copper", "gold")}
+METAL_BASIS = MaterialBasis(METALS)
+
+
+def metal_function(*points: tuple[float, float, str], **settings: Any) -> TransferFunction:
+    """Opacities of copper and gold per millimetre, by value."""
+    return TransferFunction(points, METALS, METAL_BASIS, **{"reference_step_mm": 1.0, **settings})
+
+
+def even_gold(opacity: float) -> TransferFunction:
+    """One opacity for the values 0 to 2."""
+    return metal_function((0.0, opacity, "gold"), (2.0, opacity, "gold"))
 
 
 def cube(count: int, value: float = 1.0) -> Volume:
@@ -99,3 +120,43 @@ def leaned(camera: Camera, across: float, down: float) -> Camera:
     axes = second @ first @ np.stack([right, -above, ahead])
     position = np.asarray(camera.target_mm) - camera.distance_mm * axes[2]
     return replace(camera, position_mm=tuple(position), up=tuple(-axes[1]))
+
+
+def edit_exr(path: Path, change: Callable[[dict[str, Any], dict[str, Any]], object]) -> None:
+    """Rewrite an OpenEXR file after ``change(header, channels)``."""
+    import OpenEXR
+
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        header = dict(file.header())
+        channels = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
+    header.pop("channels")
+    change(header, channels)
+    OpenEXR.File(header, channels).write(str(path))
+
+
+def assert_matches_reference(
+    volume: Volume,
+    transfer: Any,
+    camera: Camera,
+    size: tuple[int, int],
+    spec: RaycastSpec,
+    lanes: int | None = None,
+    tolerance: float = 2e-4,
+) -> Result:
+    """Compare channels, alpha, expected depth and first hits with the float64 reference's.
+
+    ``tolerance``: float32 against float64, as the issue of fields asks for.
+    """
+    caster = Raycaster(volume, lanes=lanes)
+    table = caster.bake(transfer)
+    found = caster.cast(table, camera, size, spec)
+    colour, alpha, depth, first = reference.cast(volume, table, camera, size, spec)
+    assert alpha.max() > 0.9
+    assert np.abs(found.coefficients - colour).max() < tolerance
+    assert np.abs(found.alpha - alpha).max() < tolerance
+    seen = alpha > 1e-3
+    assert np.abs(found.depth_mm[seen] - depth[seen]).max() < tolerance * 40
+    hit = np.isfinite(found.first_mm) & np.isfinite(first)
+    assert (np.isfinite(found.first_mm) == np.isfinite(first)).mean() > 0.998
+    assert np.median(np.abs(found.first_mm[hit] - first[hit])) < tolerance
+    return found

@@ -74,24 +74,28 @@ def assert_layers_alike(
     assert np.median(np.abs(apart)) < 1e-3
 
 
-@pytest.mark.parametrize("lanes", [1, 4, 8])
+@pytest.mark.parametrize("lanes", [1, pytest.param(4, marks=pytest.mark.slow), 8])
 def test_every_packet_finds_the_stream_s_layers(lanes: int) -> None:
     spec = RaycastSpec(layers=4, step_mm=0.25, specular=0.3, alpha_stop=1.0)
     assert_layers_alike(noise(), blend(0.4), spec, lanes=lanes)
 
 
-@pytest.mark.parametrize("layers", [1, 2, 16])
+# Each number is a kernel of its own.
+@pytest.mark.parametrize(
+    "layers", [4, *(pytest.param(count, marks=pytest.mark.slow) for count in (1, 2, 16))]
+)
 def test_any_number_of_layers_is_that_of_the_stream(layers: int) -> None:
     spec = RaycastSpec(layers=layers, step_mm=0.25, specular=0.3)
     assert_layers_alike(noise(world_from_index=oblique_world()), blend(0.4), spec)
 
 
+@pytest.mark.slow
 def test_shadows_and_two_light_groups_of_four_materials() -> None:
     spec = RaycastSpec(layers=8, step_mm=0.5, groups=TWO, specular=0.2, light_cells=8)
     assert_layers_alike(noise(8), blend(0.3, 4), spec)
 
 
-@pytest.mark.parametrize("lanes", [1, 8])
+@pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
 def test_every_shadow_and_occlusion_in_one_group(lanes: int) -> None:
     near = Point((20.0, 30.0, 25.0), shadows=True, falloff_mm=30.0)
     lights = (*TWO[0].sources, Ambient(occlusion=True, radius_mm=5.0), near, Headlight(0.2))

@@ -101,7 +101,7 @@ def test_engine_matches_reference_at_every_packet_width(
     assert_alike(half_engine, three_channels, lit(SUN, LAMP, BULB, SKY, cells=29), lanes=lanes)
 
 
-@pytest.mark.parametrize("cells", [9, 24, 40])
+@pytest.mark.parametrize("cells", [9, 24, pytest.param(40, marks=pytest.mark.slow)])
 def test_oblique_anisotropic_volume_matches_reference(cells: int) -> None:
     """Few nodes to many voxels, and many to few: then nodes lie between voxels."""
     volume = oblique()
@@ -142,7 +142,10 @@ def test_physical_light_matches_reference(
     assert_alike(oblique(), curve(-40, 150), lit(SUN, BULB, SKY, physical_light=True))
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.int16, np.float32])
+@pytest.mark.parametrize(
+    "dtype",
+    [np.uint16, *(pytest.param(d, marks=pytest.mark.slow) for d in ("uint8", "int16", "float32"))],
+)
 def test_every_voxel_type_matches_reference(dtype: type) -> None:
     volume = Volume((phantom.ball(20).values * 120).astype(dtype))
     assert_alike(volume, curve(0, 120), lit(SUN, SKY))
@@ -245,7 +248,7 @@ __kernel void sample(__global const ushort *layer, __global const floatN *at,
 """
 
 
-@pytest.mark.parametrize("lanes", [1, 4, 8])
+@pytest.mark.parametrize("lanes", [1, pytest.param(4, marks=pytest.mark.slow), 8])
 def test_samples_of_a_layer_match_reference(lanes: int) -> None:
     """Everywhere, on the outermost nodes too, where the last cell ends."""
     rng = np.random.default_rng(4)
@@ -270,7 +273,7 @@ def test_samples_of_a_layer_match_reference(lanes: int) -> None:
     assert np.abs(out - true).max() < 5e-6
 
 
-@pytest.mark.parametrize("materials", [2, 4])
+@pytest.mark.parametrize("materials", [2, pytest.param(4, marks=pytest.mark.slow)])
 def test_materials_alone_match_reference(
     half_engine: Volume, three_channels: TransferTable, materials: int
 ) -> None:

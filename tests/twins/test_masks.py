@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -11,42 +12,33 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 import volspec as vs
-from tests.support.errors import raises
-from volspec.errors import TransferError
+from tests.support.errors import refuses
+from tests.support.raycasts import METALS, assert_matches_reference, metal_function
 from volspec.raycast import (
     Ambient,
     ClipPlane,
     Directional,
     LightGroup,
     RaycastSpec,
-    reference,
 )
-from volspec.raycast.gpu import Raycaster
 from volspec.raycast.masks import MaskLattice
 from volspec.transfer import FieldFunctions, FieldTables, Mask, TransferFunction
 from volspec.transfer.missing import bake_for_volume
 from volspec.volume import Volume
 from volspec.volume.labels import Label
 
-METALS = {name: vs.reflectance(name) for name in ("copper", "gold")}
-BASIS = vs.MaterialBasis(METALS)
 SIZE = 40, 32
-# float32 against float64, as for fields.
-TOLERANCE = 2e-4
 N = 28
 SHADOWS = (LightGroup("g", (Ambient(occlusion=True), Directional((0.3, 0.2, 1), shadows=True))),)
 LIT = RaycastSpec(step_mm=0.5, alpha_stop=1, groups=SHADOWS, light_cells=16)
 FLAT = RaycastSpec(step_mm=0.5, alpha_stop=1, ambient=1.0, diffuse=0.0)
 
 
-def curve(*points: tuple[float, float, str]) -> TransferFunction:
-    return TransferFunction(points, METALS, BASIS, 1.0)
-
-
-BODY = curve((-200, 0.0, "copper"), (100, 0.2, "copper"))
-LIVER = curve((-100, 0.0, "gold"), (150, 0.5, "gold"))
+# Of the same materials as the organs, and opaque at its end as they are: of the same kernels.
+BODY = metal_function((-200, 0.0, "copper"), (100, 0.2, "copper"), (900, 1.0, "gold"))
+LIVER = metal_function((-100, 0.0, "gold"), (150, 0.5, "gold"))
 # On a domain of its own, opaque at its end.
-BONE = curve((150, 0.0, "copper"), (200, 0.9, "gold"), (400, 1.0, "gold"))
+BONE = metal_function((150, 0.0, "copper"), (200, 0.9, "gold"), (400, 1.0, "gold"))
 ORGANS = {"liver": LIVER, 2: BONE, 5: None}
 
 
@@ -94,18 +86,10 @@ def test_masks_match_the_reference(
     if lattice == "same":
         mask = segmentation(ct.values.shape, world_from_index=ct.world_from_index)
     volume, transfer = masked(ct, mask)
-    caster = Raycaster(volume)
-    table = caster.bake(transfer)
-    found = caster.cast(table, view(volume), SIZE, spec)
-    colour, alpha, depth, _ = reference.cast(volume, table, view(volume), SIZE, spec)
-    assert alpha.max() > 0.9
-    assert np.abs(found.coefficients - colour).max() < TOLERANCE
-    assert np.abs(found.alpha - alpha).max() < TOLERANCE
-    seen = alpha > 1e-3
-    assert np.abs(found.depth_mm[seen] - depth[seen]).max() < TOLERANCE * 40
+    assert_matches_reference(volume, transfer, view(volume), SIZE, spec)
 
 
-@pytest.mark.parametrize("lanes", [1, None])
+@pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), None])
 def test_a_cut_mask_on_a_third_lattice_matches_the_reference(
     ct: Volume, turned: Volume, lanes: int | None
 ) -> None:
@@ -117,13 +101,7 @@ def test_a_cut_mask_on_a_third_lattice_matches_the_reference(
     transfer = FieldFunctions({"": LIVER, "CT": BODY}, {"": 0.3, "CT": 0.6}, masks)
     plane = ClipPlane((12.0, 10.0, 9.0), (1.0, 0.5, 0.2), fields=("CT",))
     spec = replace(LIT, crop_voxels=((1, 12), (0.5, 12.5), (1, 11)), clip_planes=(plane,), jitter=1)
-    caster = Raycaster(volume, lanes=lanes)
-    table = caster.bake(transfer)
-    found = caster.cast(table, view(volume), SIZE, spec)
-    colour, alpha, _, _ = reference.cast(volume, table, view(volume), SIZE, spec)
-    assert alpha.max() > 0.9
-    assert np.abs(found.coefficients - colour).max() < TOLERANCE
-    assert np.abs(found.alpha - alpha).max() < TOLERANCE
+    assert_matches_reference(volume, transfer, view(volume), SIZE, spec, lanes)
 
 
 def test_bands_of_another_field_make_a_joint_function(ct: Volume) -> None:
@@ -132,11 +110,7 @@ def test_bands_of_another_field_make_a_joint_function(ct: Volume) -> None:
     bands = {(-900, -300): None, (-300, 50): LIVER, (150, 5000): BONE}
     transfer = FieldFunctions({"": BODY}, masks={"": Mask("high", bands)})
     volume = ct.with_fields([other])
-    caster = Raycaster(volume)
-    table = caster.bake(transfer)
-    found = caster.cast(table, view(volume), SIZE, LIT)
-    colour, _, _, _ = reference.cast(volume, table, view(volume), SIZE, LIT)
-    assert np.abs(found.coefficients - colour).max() < TOLERANCE
+    found = assert_matches_reference(volume, transfer, view(volume), SIZE, LIT)
     numbers = np.digitize(other.values, [-900, -300, 50, 150, 5000]).astype(np.uint8)
     organs = replace(other, values=numbers, name="organs")
     labelled = masked(ct, organs, {1: None, 2: LIVER, 4: BONE})
@@ -212,30 +186,60 @@ def test_ranges_of_bricks_hold_all_rows_of_their_samples(
         assert (least[z, y, x][here] <= row).all() and (row <= most[z, y, x][here]).all()
 
 
-def test_what_cannot_be_a_mask_is_refused(ct: Volume, turned: Volume) -> None:
-    def refused(functions: object, code: str, mask: Volume = turned) -> str:
-        volume, transfer = masked(ct, mask, functions)
-        with raises(TransferError, code) as caught:
-            bake_for_volume(transfer, volume)
-        return str(caught.value)
+Parts = Callable[[Volume, Volume], object]
 
-    assert "'lever'" in (text := refused({"lever": BONE}, "unknown")) and "liver" in text
-    assert "1 is the same" in refused({1: BONE, "liver": None}, "duplicate")
-    assert "'organs'" in refused(ORGANS, "type", replace(ct, name="organs"))
-    with raises(TransferError, "unknown") as caught:
-        bake_for_volume(masked(ct, turned)[1], ct)
-    assert "'organs'" in str(caught.value)
-    refused({(0, 3): BONE, 2: None}, "duplicate")
-    wrong = {(3, 3): "range", -1: "range", 65536: "range", 1.5: "type", True: "type"}
-    for label, code in wrong.items():
-        with raises(TransferError, code):
-            Mask("organs", {label: BONE})
-    with raises(TransferError, "type"):
-        Mask("organs", {1: "gold"})
-    with raises(TransferError, "size"):
-        Mask("organs", {label: replace(BONE) for label in range(256)})
-    with raises(TransferError, "unknown"):
-        FieldFunctions({"": BODY}, masks={"PET": Mask("organs", ORGANS)})
-    other = TransferFunction([(0, 1.0, "gold")], METALS, vs.SpectralBasis.load("general-5"))
-    with raises(TransferError, "conflict"):
-        FieldFunctions({"": BODY}, masks={"": Mask("organs", {1: other})})
+
+def baked(functions: object) -> Parts:
+    return lambda ct, mask: bake_for_volume(*masked(ct, mask, functions)[::-1])
+
+
+def of_label(label: Any) -> Parts:
+    return lambda ct, mask: Mask("organs", {label: BONE})
+
+
+def without_its_field(ct: Volume, mask: Volume) -> object:
+    return bake_for_volume(masked(ct, mask)[1], ct)
+
+
+MANY = {label: replace(BONE) for label in range(256)}
+OTHER = TransferFunction([(0, 1.0, "gold")], METALS, vs.SpectralBasis.load("general-5"))
+
+
+@pytest.mark.parametrize(
+    ("make", "fault"),
+    [
+        (baked({"lever": BONE}), "unknown FieldFunctions.masks[''].functions['lever']"),
+        (baked({1: BONE, "liver": None}), "duplicate FieldFunctions.masks[''].functions['liver']"),
+        (baked({(0, 3): BONE, 2: None}), "duplicate FieldFunctions.masks[''].functions[2]"),
+        (
+            lambda ct, mask: bake_for_volume(*masked(ct, replace(ct, name="organs"))[::-1]),
+            "type FieldFunctions.masks[''].functions['liver']",
+        ),
+        (
+            lambda ct, mask: bake_for_volume(masked(ct, mask)[1], ct),
+            "unknown FieldFunctions.masks[''].field",
+        ),
+        (of_label((3, 3)), "range Mask.functions[(3, 3)]"),
+        (of_label(-1), "range Mask.functions[-1]"),
+        (of_label(65536), "range Mask.functions[65536]"),
+        (of_label(1.5), "type Mask.functions[1.5]"),
+        (of_label(True), "type Mask.functions[True]"),
+        (lambda ct, mask: Mask("organs", {1: "gold"}), "type Mask.functions[1]"),
+        (
+            lambda ct, mask: Mask("organs", {n: replace(BONE) for n in range(256)}),
+            "size Mask.functions",
+        ),
+        (
+            lambda ct, mask: FieldFunctions({"": BODY}, masks={"PET": Mask("organs", ORGANS)}),
+            "unknown FieldFunctions.masks['PET']",
+        ),
+        (
+            lambda ct, mask: FieldFunctions({"": BODY}, masks={"": Mask("organs", {1: OTHER})}),
+            "conflict FieldFunctions.masks[''].functions[1]",
+        ),
+    ],
+)
+def test_what_cannot_be_a_mask_is_refused(
+    ct: Volume, turned: Volume, make: Parts, fault: str
+) -> None:
+    refuses(lambda: make(ct, turned), fault)

@@ -27,7 +27,7 @@ TOLERANCE = 1e-4
     ("dtype", "spec"),
     [
         ("uint8", RaycastSpec(ambient=1.0, diffuse=0.0, adaptive=0.02)),
-        ("int16", RaycastSpec(specular=0.3)),
+        pytest.param("int16", RaycastSpec(specular=0.3), marks=pytest.mark.slow),
     ],
     ids=["adaptive", "shaded"],
 )

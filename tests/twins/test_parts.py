@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -48,6 +49,18 @@ def engine() -> Volume:
     return load_volume("engine").downsampled(2)
 
 
+def compare(volume: Volume, transfer: Any, camera: Camera, spec: RaycastSpec, **how: Any) -> Volume:
+    """Cast a volume whole and part by part; return the one of parts."""
+    big, size = pyramid_of(volume, **how), (60, 48)
+    whole = raycast(volume, transfer, camera, size, spec)
+    parts = raycast(big, transfer, camera, size, replace(spec, level=0))
+    if spec.half:
+        assert np.abs(whole.coefficients.astype(float) - parts.coefficients).max() < 2e-3
+    else:
+        assert_same(whole, parts)
+    return big
+
+
 def assert_same(whole: CoefficientImage, parts: CoefficientImage) -> None:
     """Compare all pixels: channels, alpha, expected depth and first hit."""
     assert whole.alpha.max() > 0.2, "nothing is seen, so nothing is compared"
@@ -59,7 +72,7 @@ def assert_same(whole: CoefficientImage, parts: CoefficientImage) -> None:
     assert np.array_equal(np.isfinite(whole.first_mm), np.isfinite(parts.first_mm))
 
 
-@pytest.mark.parametrize("name", ["engine", "foot"])
+@pytest.mark.parametrize("name", ["engine", pytest.param("foot", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("side", [32, 64, 100])
 def test_parts_of_any_size_make_the_picture_of_the_whole(
     name: str, side: int, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
@@ -68,40 +81,39 @@ def test_parts_of_any_size_make_the_picture_of_the_whole(
     volume = load_volume(name if folder is None else folder / f"{name}.nrrd")
     in_parts_of(monkeypatch, side)
     camera = Camera.orbit(volume, zoom=1.4)
-    spec = RaycastSpec(step_mm=0.7, specular=0.3)
-    transfer = curve(40, 150)
-    whole = raycast(volume, transfer, camera, (72, 64), spec)
-    parts = raycast(pyramid_of(volume, side), transfer, camera, (72, 64), replace(spec, level=0))
-    assert_same(whole, parts)
+    compare(volume, curve(40, 150), camera, RaycastSpec(step_mm=0.7, specular=0.3), chunk=side)
 
 
-@pytest.mark.parametrize("ranges", [True, False])
+STEP = RaycastSpec(step_mm=0.8)
+SETTINGS = {
+    "lit": replace(STEP, groups=LIT),
+    "jitter": replace(STEP, jitter=1.0, seed=3),
+    "half": replace(STEP, half=True),
+    "maximum": replace(STEP, mode="maximum"),
+    "preintegrated": RaycastSpec(step_mm=2.7, preintegrated=True),
+}
+# Further kernels of the same features, and blocks of unknown ranges.
+MORE = {
+    "physical": replace(STEP, groups=LIT, physical_light=True),
+    "flat": replace(STEP, ambient=1.0, diffuse=0.0, alpha_stop=1.0),
+    "average": replace(STEP, mode="average"),
+}
+
+
 @pytest.mark.parametrize(
-    "spec",
+    ("name", "ranges"),
     [
-        RaycastSpec(step_mm=0.8, groups=LIT),
-        RaycastSpec(step_mm=0.8, groups=LIT, physical_light=True),
-        RaycastSpec(step_mm=0.8, jitter=1.0, seed=3),
-        RaycastSpec(step_mm=2.7, preintegrated=True),
-        RaycastSpec(step_mm=0.8, half=True),
-        RaycastSpec(step_mm=0.8, ambient=1.0, diffuse=0.0, alpha_stop=1.0),
-        RaycastSpec(step_mm=0.8, mode="maximum"),
-        RaycastSpec(step_mm=0.8, mode="average"),
+        *((name, True) for name in SETTINGS),
+        ("jitter", False),
+        *(pytest.param(name, True, marks=pytest.mark.slow) for name in MORE),
+        *(pytest.param(n, False, marks=pytest.mark.slow) for n in SETTINGS | MORE if n != "jitter"),
     ],
-    ids=["lit", "physical", "jitter", "preintegrated", "half", "flat", "maximum", "average"],
 )
-def test_settings(
-    engine: Volume, spec: RaycastSpec, ranges: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_settings(engine: Volume, name: str, ranges: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     in_parts_of(monkeypatch, 32, 64, 64)
+    spec = (SETTINGS | MORE)[name]
     camera = Camera.orbit(engine, azimuth_deg=200, elevation_deg=-35)
-    whole = raycast(engine, curve(40, 150), camera, (60, 48), spec)
-    big = pyramid_of(engine, 32, ranges=ranges)
-    parts = raycast(big, curve(40, 150), camera, (60, 48), replace(spec, level=0))
-    if spec.half:
-        assert np.abs(whole.coefficients.astype(float) - parts.coefficients).max() < 2e-3
-    else:
-        assert_same(whole, parts)
+    compare(engine, curve(40, 150), camera, spec, ranges=ranges)
 
 
 @pytest.mark.parametrize("orthographic", [True, False])
@@ -114,20 +126,14 @@ def test_cameras_along_planes_between_parts(
     camera = Camera.orbit(
         engine, azimuth_deg=azimuth, elevation_deg=0, orthographic=orthographic, zoom=1.5
     )
-    spec = RaycastSpec(step_mm=1.0)
-    whole = raycast(engine, curve(40, 150), camera, (65, 65), spec)
-    parts = raycast(pyramid_of(engine), curve(40, 150), camera, (65, 65), replace(spec, level=0))
-    assert_same(whole, parts)
+    compare(engine, curve(40, 150), camera, RaycastSpec(step_mm=1.0))
 
 
 def test_a_camera_within_the_volume(engine: Volume, monkeypatch: pytest.MonkeyPatch) -> None:
     in_parts_of(monkeypatch, 32)
     middle = engine.corners_mm.mean(axis=0)
     camera = Camera(tuple(middle), tuple(middle + [30, 20, 8]), fov_deg=80)
-    spec = RaycastSpec(step_mm=0.9)
-    whole = raycast(engine, curve(40, 150), camera, (60, 60), spec)
-    parts = raycast(pyramid_of(engine), curve(40, 150), camera, (60, 60), replace(spec, level=0))
-    assert_same(whole, parts)
+    compare(engine, curve(40, 150), camera, RaycastSpec(step_mm=0.9))
 
 
 def test_cuts_are_in_voxels_of_the_finest_level(
@@ -138,14 +144,16 @@ def test_cuts_are_in_voxels_of_the_finest_level(
     plane = ClipPlane(tuple(engine.corners_mm.mean(axis=0)), (1.0, 0.3, 0.2))
     crop = ((6, 101), (17.5, 90), (0, 50))
     spec = RaycastSpec(step_mm=0.9, groups=LIT, crop_voxels=crop, clip_planes=(plane,))
-    whole = raycast(engine, curve(40, 150), camera, (60, 60), spec)
-    big = pyramid_of(engine)
-    assert_same(whole, raycast(big, curve(40, 150), camera, (60, 60), replace(spec, level=0)))
+    big = compare(engine, curve(40, 150), camera, spec)
     # The level in memory is cut at about the same place.
-    coarse = raycast(big, curve(40, 150), camera, (60, 60), replace(spec, level=1))
+    whole, coarse = (
+        raycast(each, curve(40, 150), camera, (60, 48), replace(spec, level=level))
+        for each, level in ((engine, None), (big, 1))
+    )
     assert np.abs(whole.alpha - coarse.alpha).mean() < 0.03
 
 
+@pytest.mark.slow
 def test_oblique_floats_with_missing_voxels(monkeypatch: pytest.MonkeyPatch) -> None:
     in_parts_of(monkeypatch, 32)
     z, y, x = np.mgrid[-1:1:70j, -1:1:66j, -1:1:75j]
@@ -155,25 +163,18 @@ def test_oblique_floats_with_missing_voxels(monkeypatch: pytest.MonkeyPatch) -> 
         volume = Volume(values, world_from_index=oblique_world())
     points = [(0.3, 0.0, "skin"), (0.5, 0.1, "skin"), (0.9, 0.4, "bone")]
     transfer = replace(curve(40, 150), points=points)
-    camera = Camera.orbit(volume)
-    spec = RaycastSpec(step_mm=0.6)
-    whole = raycast(volume, transfer, camera, (60, 60), spec)
-    assert_same(
-        whole, raycast(pyramid_of(volume), transfer, camera, (60, 60), replace(spec, level=0))
-    )
+    compare(volume, transfer, Camera.orbit(volume), RaycastSpec(step_mm=0.6))
 
 
-def test_surfaces_labels_and_gradients(engine: Volume, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("kind", ["surfaces", pytest.param("labels", marks=pytest.mark.slow)])
+def test_surfaces_and_labels(engine: Volume, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     in_parts_of(monkeypatch, 32)
-    camera, spec = Camera.orbit(engine), RaycastSpec(step_mm=0.8, groups=LIT)
-    surfaces = Isosurfaces([(70, 0.4, "skin"), (180, 1.0, "bone")], MATERIALS, BASIS)
-    labels = Volume((engine.values // 80).astype(np.uint8), spacing_mm=engine.spacing_mm)
-    by_label = LabelFunction({1: (0.05, "skin"), 2: (0.6, "bone")}, MATERIALS, BASIS)
-    for volume, transfer in ((engine, surfaces), (labels, by_label)):
-        whole = raycast(volume, transfer, camera, (60, 60), spec)
-        big = pyramid_of(volume)
-        parts = raycast(big, transfer, camera, (60, 60), replace(spec, level=0))
-        assert_same(whole, parts)
+    volume: Volume = engine
+    transfer: Any = Isosurfaces([(70, 0.4, "skin"), (180, 1.0, "bone")], MATERIALS, BASIS)
+    if kind == "labels":
+        volume = Volume((engine.values // 80).astype(np.uint8), spacing_mm=engine.spacing_mm)
+        transfer = LabelFunction({1: (0.05, "skin"), 2: (0.6, "bone")}, MATERIALS, BASIS)
+    compare(volume, transfer, Camera.orbit(engine), replace(STEP, groups=LIT))
 
 
 @pytest.mark.parametrize("table", ["shell", "surface"])
@@ -185,10 +186,8 @@ def test_only_blocks_that_samples_read_are_read(
     shell = replace(curve(40, 150), points=points)
     surface = Isosurfaces([(150, 1.0, "skin")], MATERIALS, BASIS)
     transfer = shell if table == "shell" else surface
-    camera, spec = Camera.orbit(engine, elevation_deg=50), RaycastSpec(step_mm=0.8, specular=0.3)
-    whole = raycast(engine, transfer, camera, (60, 60), spec)
-    big = pyramid_of(engine)
-    assert_same(whole, raycast(big, transfer, camera, (60, 60), replace(spec, level=0)))
+    spec = RaycastSpec(step_mm=0.8, specular=0.3)
+    big = compare(engine, transfer, Camera.orbit(engine, elevation_deg=50), spec)
     assert big.pyramid is not None
     read = big.pyramid.counts.voxel_bytes / engine.values.nbytes
     cells = visible_by_table(*brick_ranges(engine.values), Raycaster(engine).bake(transfer))

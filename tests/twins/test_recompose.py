@@ -78,6 +78,10 @@ def rig(image: CoefficientImage) -> LightRig:
     return LightRig(tuple(map(light, lamps[: len(groups)])), groups=groups)
 
 
+def relighter_of(image: CoefficientImage, backend: str) -> Relighter:
+    return gl_or_skip(image) if backend == "gl" else Relighter(image, backend)
+
+
 def both_frames(image: CoefficientImage, scales: dict[str, float]) -> list[NDArray[np.float32]]:
     """Frames of other opacities on the device, and by its twin."""
     frames = []
@@ -162,7 +166,7 @@ def test_surfaces_do_not_fade(shadows: str) -> None:
 
 def test_scales_of_1_draw_the_cast_s_picture_bit_for_bit(backend: str) -> None:
     image = layered(3, 2)
-    with gl_or_skip(image) if backend == "gl" else Relighter(image, backend) as relighter:
+    with relighter_of(image, backend) as relighter:
         before = relighter.frame(rig(image), dtype=np.float32)
         relighter.set_opacities({"gold": 0.2})
         other = relighter.frame(rig(image), dtype=np.float32)
@@ -175,7 +179,7 @@ def test_scales_of_1_draw_the_cast_s_picture_bit_for_bit(backend: str) -> None:
 def test_opacities_outlast_another_cast_of_the_same_size(backend: str) -> None:
     first, second = layered(3, 1), layered(3, 1, seed=1)
     scales = {"gold": 0.3, "copper": 2.0}
-    with gl_or_skip(first) if backend == "gl" else Relighter(first, backend) as relighter:
+    with relighter_of(first, backend) as relighter:
         relighter.set_opacities(scales)
         relighter.update(second)
         kept = relighter.frame(light("A"), dtype=np.float32)
@@ -237,22 +241,20 @@ def test_layers_packed_beforehand_are_taken_and_other_numbers_of_them_too() -> N
         np.testing.assert_allclose(frame, twin.frame(light("A"), dtype=np.float32), atol=2e-4)
 
 
-def test_bad_opacities_are_refused_and_the_picture_stays(backend: str) -> None:
-    image = layered(3, 1)
-    with gl_or_skip(image) if backend == "gl" else Relighter(image, backend) as relighter:
+def test_what_a_device_does_not_take_is_refused_and_the_picture_stays(
+    backend: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    image = layered(4, 1)
+    with relighter_of(image, backend) as relighter:
         relighter.set_opacities({"gold": 0.5})
         before = relighter.frame(light("A"))
         for scales in ({"gold": -1}, {"skin": 1}, {"gold": float("nan")}):
-            with pytest.raises(ImageError):
+            with raises(ImageError):
                 relighter.set_opacities(scales)
         np.testing.assert_array_equal(relighter.frame(light("A")), before)
-
-
-def test_layers_that_a_device_does_not_take_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    image = layered(4, 1)
     describe: Any = recompose.describe
-    monkeypatch.setattr(
-        recompose, "describe", lambda context: describe(context) | {"max_layers": 4}
-    )
-    with gl_or_skip(image) as relighter, raises(OpenGLError, "size"):
-        relighter.set_opacities({"gold": 0})
+    small = {"max_layers": 4}
+    monkeypatch.setattr(recompose, "describe", lambda context: describe(context) | small)
+    if backend == "gl":
+        with relighter_of(image, backend) as relighter, raises(OpenGLError, "size"):
+            relighter.set_opacities({"gold": 0})

@@ -71,7 +71,13 @@ def tables(monkeypatch: pytest.MonkeyPatch) -> list[Lut3D]:
     return made
 
 
-@pytest.mark.parametrize("name", DISPLAYS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("sRGB clip", "Display P3 reduce"),
+        *(pytest.param(n, marks=pytest.mark.slow) for n in ("sRGB reduce", "Rec. 2020 clip")),
+    ],
+)
 @pytest.mark.parametrize(
     "model",
     [pytest.param(m, marks=[pytest.mark.slow] if m == "Hunt" else []) for m in MODELS],

@@ -7,22 +7,18 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tests.support.errors import raises
 from tests.support.relight_reference import relight_reference
 from tests.support.relighting import (
     COARSE,
     assert_drawn_alike_by_webgl_2,
     box_basis,
-    cast,
     ciede2000,
 )
 from volspec.appearance import Display, Viewing, view_transform
 from volspec.appearance.adaptation_grid import ViewTransformGrid
 from volspec.appearance.spec import PER_PIXEL
-from volspec.errors import ViewingError
 from volspec.raycast.image import CoefficientImage
-from volspec.relight import Illumination, Relighter, RelightSpec
-from volspec.relight.gpu import GLEngine
+from volspec.relight import Relighter, RelightSpec
 from volspec.spectra import PAPERS_GRID, light
 from volspec.spectra.photometry import white_XYZ
 
@@ -129,18 +125,6 @@ def test_an_even_field_is_the_transform_of_its_numbers(model: str) -> None:
             assert np.array_equal(*frames)
 
 
-@pytest.mark.parametrize("model", ["CIECAM02", "RLAB", "Hunt", "none"])
-@pytest.mark.parametrize("table", [False, True])
-def test_what_is_measured_once_goes_through_every_model(model: str, table: bool) -> None:
-    image = patches()
-    viewing = Viewing(model=model, adapting="picture")
-    with Relighter(image, "gl", lut3d=table) as relighter:
-        shown = relighter.frame(light("A"), viewing, dtype=np.float32)
-    with Relighter(image, "numpy") as relighter:
-        truth = relighter.frame(light("A"), viewing, dtype=np.float32)
-    assert ciede2000(shown, truth, what=f"{model}, table={table}").mean() <= 0.1
-
-
 def test_a_field_takes_no_table_and_leaves_the_next_frame_alone() -> None:
     image, pixel = patches(), Viewing(adapting="pixel")
     frames = []
@@ -170,12 +154,3 @@ def test_same_source_draws_the_same_field_as_webgl_2(monkeypatch: pytest.MonkeyP
             return relighter.frame(light("A"), Viewing(adapting="pixel"))
 
     assert_drawn_alike_by_webgl_2(draw, monkeypatch)
-
-
-def test_an_engine_alone_has_nothing_to_measure() -> None:
-    image = dataclasses.replace(cast(), fov_deg=30.0)
-    engine = GLEngine(image.coefficients, image.alpha)
-    lit = Illumination.of(image.basis, light("A"), RelightSpec())
-    with raises(ViewingError):
-        engine.render(lit, Viewing(adapting="picture"), np.uint8)
-    engine.close()
