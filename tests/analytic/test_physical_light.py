@@ -26,7 +26,9 @@ def spec_of(source: Ambient | Directional) -> RaycastSpec:
     )
 
 
-@pytest.mark.parametrize("source", [KEY, SKY], ids=["key", "sky"])
+@pytest.mark.parametrize(
+    "source", [pytest.param(KEY, marks=pytest.mark.slow), SKY], ids=["key", "sky"]
+)
 @pytest.mark.parametrize(
     "name",
     ["engine", *(pytest.param(name, marks=pytest.mark.slow) for name in ("mrbrain", "foot"))],
@@ -56,7 +58,7 @@ def test_light_is_that_of_rays_through_the_voxels(name: str, source: Ambient | D
     assert np.sqrt((off**2).mean()) < 0.1
 
 
-@pytest.mark.parametrize("slant", [0.0, 0.3])
+@pytest.mark.parametrize("slant", [pytest.param(0.0, marks=pytest.mark.slow), 0.3])
 def test_no_light_leaks_through_a_wall_of_two_voxels(slant: float) -> None:
     values = np.zeros((48, 48, 48), np.uint8)
     values[40:42] = 200  # a wall under the light, above the matter that is seen

@@ -46,7 +46,8 @@ def test_a_constant_volume_has_no_gradient_in_a_table_of_gradients() -> None:
     assert np.abs(alpha - (1 - 0.9**8)).max() < 1e-5
 
 
-@pytest.mark.parametrize("mode", ["maximum", pytest.param("average", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["maximum", "average"])
 def test_projections_know_no_shadows(mode: str) -> None:
     """Every source counts as faced: the picture is the same with shadows and without."""
     values = np.zeros((17, 17, 17), np.uint8)
@@ -219,6 +220,7 @@ def test_a_homogeneous_body_is_the_same_in_long_steps(preintegrated: bool) -> No
         assert np.abs(whole - long).max() < 6e-6
 
 
+@pytest.mark.slow
 def test_a_caster_of_many_pictures_remembers_none() -> None:
     """Every order of tables, lights and cuts gives the same pictures, equal to the twin's."""
     rng = np.random.default_rng(2)

@@ -140,7 +140,7 @@ def test_preintegrated_opacity_of_a_ramp_is_an_integral_over_values(step_mm: flo
     assert np.abs(coefficients - 0.4 * expected).max() < 1e-5
 
 
-@pytest.mark.parametrize("mode", ["average", "maximum"])
+@pytest.mark.parametrize("mode", ["average", pytest.param("maximum", marks=pytest.mark.slow)])
 def test_projections_of_a_linear_field_are_known(mode: Literal["average", "maximum"]) -> None:
     """The mean is the value in the chord's middle; the greatest, that of the greater end.
 

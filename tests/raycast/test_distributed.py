@@ -68,6 +68,7 @@ def test_the_picture_is_that_of_one_machine(
     assert told == sorted(told) and told[-1] == 1.0
 
 
+@pytest.mark.slow
 def test_a_killed_worker_changes_nothing(
     engine: Volume, caster: Raycaster, monkeypatch: pytest.MonkeyPatch
 ) -> None:

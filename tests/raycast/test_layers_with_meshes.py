@@ -115,7 +115,12 @@ def test_scale_1_is_the_cast_without_layers(
 
 
 @pytest.mark.parametrize(
-    "scales", [(0.0, 1.0), (0.3, 1.0), (1.0, 0.0), (0.0, 0.25), (4.0, 0.5)], ids=str
+    "scales",
+    [
+        *((0.0, 1.0), (4.0, 0.5)),
+        *(pytest.param(own, marks=pytest.mark.slow) for own in ((0.3, 1), (1, 0), (0, 0.25))),
+    ],
+    ids=str,
 )
 def test_meshes_are_seen_as_in_a_new_cast(
     ball: Volume, caster: Raycaster, image: CoefficientImage, groups: Any,
@@ -248,7 +253,7 @@ def test_what_layers_cannot_show_is_refused_and_lighting_meshes_is_cancelled(
     done: list[float] = []
 
     def cast_with(layers: int, opacity: float = 1.0) -> None:
-        spec = RaycastSpec(groups=LIT, layers=layers, light_cells=24)
+        spec = RaycastSpec(step_mm=0.25, groups=LIT, layers=layers, light_cells=24)
         given = ball, function(), Camera.orbit(ball), SIZE, spec
         behind, ends = [balls(opacity=opacity)], {"cancel": lambda: done[-1:] == [1.0]}
         raycast(*given, caster=caster, behind=behind, progress=done.append, **ends)
@@ -261,9 +266,8 @@ def test_what_layers_cannot_show_is_refused_and_lighting_meshes_is_cancelled(
         cast_with(8)
 
 
-@pytest.mark.parametrize(
-    ("lanes", "materials"), [pytest.param(1, 2, marks=pytest.mark.slow), (8, 3)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("lanes", "materials"), [(1, 2), (8, 3)])
 def test_the_kernel_lights_what_meshes_shade_as_its_twin(lanes: int, materials: int) -> None:
     mesh = shapes.shape_mesh("sphere", material="silver").placed((5.0, 9.0, 8.0), scale=4.0)
     clear = MeshCaster([mesh], MATERIALS, BASIS).clear

@@ -74,7 +74,9 @@ def assert_layers_alike(
     assert np.median(np.abs(apart)) < 1e-3
 
 
-@pytest.mark.parametrize("lanes", [1, pytest.param(4, marks=pytest.mark.slow), 8])
+@pytest.mark.parametrize(
+    "lanes", [8, *(pytest.param(lanes, marks=pytest.mark.slow) for lanes in (1, 4))]
+)
 def test_every_packet_finds_the_stream_s_layers(lanes: int) -> None:
     spec = RaycastSpec(layers=4, step_mm=0.25, specular=0.3, alpha_stop=1.0)
     assert_layers_alike(noise(), blend(0.4), spec, lanes=lanes)
@@ -104,11 +106,14 @@ def test_every_shadow_and_occlusion_in_one_group(lanes: int) -> None:
     assert_layers_alike(noise(8), blend(0.4, 2), spec, lanes=lanes)
 
 
-def test_opaque_samples_and_labels() -> None:
-    opaque = replace(blend(1.0), opacity=np.where(np.arange(128) < 90, 0.02, 1.0))
-    assert_layers_alike(noise(), opaque, RaycastSpec(layers=4, step_mm=0.5))
-    values = np.random.default_rng(3).integers(0, 3, (8, 8, 8)).astype(np.uint8)
-    assert_layers_alike(Volume(values), labelled([0.0, 0.1, 0.4]), RaycastSpec(layers=4))
+@pytest.mark.parametrize("kind", ["opaque", pytest.param("labels", marks=pytest.mark.slow)])
+def test_opaque_samples_and_labels(kind: str) -> None:
+    volume, spec = noise(), RaycastSpec(layers=4, step_mm=0.5)
+    table = replace(blend(1.0), opacity=np.where(np.arange(128) < 90, 0.02, 1.0))
+    if kind == "labels":
+        values = np.random.default_rng(3).integers(0, 3, (8, 8, 8)).astype(np.uint8)
+        volume, table = Volume(values), labelled([0.0, 0.1, 0.4])
+    assert_layers_alike(volume, table, spec)
 
 
 def test_the_picture_is_that_without_layers() -> None:

@@ -77,8 +77,16 @@ def view(volume: Volume) -> vs.Camera:
     return vs.Camera.orbit(volume, azimuth_deg=30, elevation_deg=20)
 
 
-@pytest.mark.parametrize("lattice", ["same", "turned"])
-@pytest.mark.parametrize("spec", [FLAT, LIT], ids=["flat", "shadows"])
+@pytest.mark.parametrize(
+    ("spec", "lattice"),
+    [
+        (LIT, "turned"),
+        *(
+            pytest.param(*own, marks=pytest.mark.slow)
+            for own in ((LIT, "same"), (FLAT, "turned"), (FLAT, "same"))
+        ),
+    ],
+)
 def test_masks_match_the_reference(
     ct: Volume, turned: Volume, lattice: str, spec: RaycastSpec
 ) -> None:
@@ -89,7 +97,8 @@ def test_masks_match_the_reference(
     assert_matches_reference(volume, transfer, view(volume), SIZE, spec)
 
 
-@pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), None])
+@pytest.mark.slow
+@pytest.mark.parametrize("lanes", [1, None])
 def test_a_cut_mask_on_a_third_lattice_matches_the_reference(
     ct: Volume, turned: Volume, lanes: int | None
 ) -> None:

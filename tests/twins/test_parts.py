@@ -89,14 +89,14 @@ SETTINGS = {
     "lit": replace(STEP, groups=LIT),
     "jitter": replace(STEP, jitter=1.0, seed=3),
     "half": replace(STEP, half=True),
-    "maximum": replace(STEP, mode="maximum"),
-    "preintegrated": RaycastSpec(step_mm=2.7, preintegrated=True),
 }
 # Further kernels of the same features, and blocks of unknown ranges.
 MORE = {
     "physical": replace(STEP, groups=LIT, physical_light=True),
     "flat": replace(STEP, ambient=1.0, diffuse=0.0, alpha_stop=1.0),
+    "maximum": replace(STEP, mode="maximum"),
     "average": replace(STEP, mode="average"),
+    "preintegrated": RaycastSpec(step_mm=2.7, preintegrated=True),
 }
 
 
@@ -166,7 +166,8 @@ def test_oblique_floats_with_missing_voxels(monkeypatch: pytest.MonkeyPatch) -> 
     compare(volume, transfer, Camera.orbit(volume), RaycastSpec(step_mm=0.6))
 
 
-@pytest.mark.parametrize("kind", ["surfaces", pytest.param("labels", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["surfaces", "labels"])
 def test_surfaces_and_labels(engine: Volume, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     in_parts_of(monkeypatch, 32)
     volume: Volume = engine
@@ -177,7 +178,7 @@ def test_surfaces_and_labels(engine: Volume, kind: str, monkeypatch: pytest.Monk
     compare(volume, transfer, Camera.orbit(engine), replace(STEP, groups=LIT))
 
 
-@pytest.mark.parametrize("table", ["shell", "surface"])
+@pytest.mark.parametrize("table", ["shell", pytest.param("surface", marks=pytest.mark.slow)])
 def test_only_blocks_that_samples_read_are_read(
     engine: Volume, table: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

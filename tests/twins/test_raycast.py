@@ -103,10 +103,10 @@ def test_oblique_anisotropic_volume_matches_reference() -> None:
 @pytest.mark.parametrize(
     ("dtype", "channels"),
     [
-        (np.uint16, 9),
+        (np.uint16, 2),
         *(
             pytest.param(*kind, marks=pytest.mark.slow)
-            for kind in ((np.uint8, 24), (np.int16, 3), (np.float32, 2))
+            for kind in ((np.uint8, 24), (np.int16, 3), (np.float32, 9))
         ),
     ],
 )

@@ -93,7 +93,13 @@ def both_frames(image: CoefficientImage, scales: dict[str, float]) -> list[NDArr
 
 
 @pytest.mark.parametrize(("materials", "groups"), [(1, 1), (3, 1), (4, 1), (3, 2), (2, 5), (4, 8)])
-@pytest.mark.parametrize("scales", [(0.0, 1.0, 4.0, 0.5), (0.7, 1.3, 1.0, 0.9), (3.9, 0, 0, 1)])
+@pytest.mark.parametrize(
+    "scales",
+    [
+        (0.0, 1.0, 4.0, 0.5),
+        *(pytest.param(s, marks=pytest.mark.slow) for s in ((0.7, 1.3, 1.0, 0.9), (3.9, 0, 0, 1))),
+    ],
+)
 def test_frames_of_other_opacities_match(
     materials: int, groups: int, scales: tuple[float, ...]
 ) -> None:
@@ -109,7 +115,10 @@ def test_frames_of_other_opacities_match(
 @pytest.mark.parametrize(
     ("materials", "shadows"), [(3, "s"), (3, "o"), (2, "-b"), (4, "b-s"), (1, "os")]
 )
-@pytest.mark.parametrize("scales", [(0.3, 1.0, 4.0, 0.0), (0.7, 1.3, 1.0, 0.9)])
+@pytest.mark.parametrize(
+    "scales",
+    [(0.3, 1.0, 4.0, 0.0), pytest.param((0.7, 1.3, 1.0, 0.9), marks=pytest.mark.slow)],
+)
 def test_shadows_fade_alike(materials: int, shadows: str, scales: tuple[float, ...]) -> None:
     image = layered(materials, len(shadows), shadows=shadows)
     wanted = dict(zip(NAMES[:materials], scales, strict=False))
@@ -201,7 +210,10 @@ def test_opacities_outlast_another_cast_of_the_same_size(backend: str) -> None:
     ],
     ids=["near", "far", "fog", "all", "focus"],
 )
-@pytest.mark.parametrize(("groups", "solid"), [(1, False), (5, False), (2, True)])
+@pytest.mark.parametrize(
+    ("groups", "solid"),
+    [(2, True), *(pytest.param(n, False, marks=pytest.mark.slow) for n in (1, 5))],
+)
 def test_frames_in_depth_match(depth: DepthEffects, groups: int, solid: bool) -> None:
     """Extents are half floats on the device: half a µm of 1 mm, a hundredth of a thin layer."""
     image = deep(groups, solid)

@@ -37,7 +37,7 @@ MOST = [pytest.param(m, marks=[pytest.mark.slow] if m == "Hunt" else []) for m i
 
 
 @pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("name", LIGHTS)
+@pytest.mark.parametrize("name", ["A", pytest.param("FL2", marks=pytest.mark.slow)])
 def test_the_shader_draws_a_model_as_numpy_does(model: str, name: str) -> None:
     white = white_XYZ(light(name))
     given = *opaque(surfaces(white), white), Viewing(model=model, surround=0.12)

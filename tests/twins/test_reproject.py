@@ -52,19 +52,21 @@ def layered(
 
 PARALLEL = replace(HERE, height_mm=60.0)
 TURNED = replace(HERE, position_mm=(12.0, -97.0, 26.0))
+NEARER = replace(HERE, position_mm=(1.0, -60.0, 10.0))
 
 
 @pytest.mark.parametrize(
     ("source", "target", "size", "groups"),
     [
         (HERE, TURNED, SIZE, 1),
-        (HERE, replace(HERE, position_mm=(1.0, -60.0, 10.0)), (64, 48), 2),  # magnified
         (HERE, replace(TURNED, height_mm=50.0), (20, 16), 1),
         (PARALLEL, replace(TURNED, height_mm=60.0), SIZE, 1),
-        (PARALLEL, TURNED, SIZE, 3),  # rows of two float8
         (HERE, ShiftedCamera(TURNED.position_mm, TURNED.target_mm, shift=0.1), SIZE, 1),
+        # Magnified, and rows of two float8.
+        pytest.param(HERE, NEARER, (64, 48), 2, marks=pytest.mark.slow),
+        pytest.param(PARALLEL, TURNED, SIZE, 3, marks=pytest.mark.slow),
     ],
-    ids=["turned", "nearer", "to parallel", "parallel", "from parallel", "shifted"],
+    ids=["turned", "to parallel", "parallel", "shifted", "nearer", "from parallel"],
 )
 @pytest.mark.parametrize(
     ("scales", "solid"),
@@ -98,7 +100,7 @@ def test_tiles_of_gpus_and_of_cpus_make_the_same_picture(monkeypatch):
     assert np.array_equal(long.alpha, square.alpha)
 
 
-@pytest.mark.parametrize("parts", [1, 3, 16])
+@pytest.mark.parametrize("parts", [3, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 16))])
 def test_the_same_view_is_the_recomposed_picture(parts):
     image = layered(HERE)
     same = Reprojector(image, parts=parts).view(HERE, {"gold": 0.5})
