@@ -10,16 +10,11 @@ import pytest
 from numpy.typing import DTypeLike
 from scipy.ndimage import gaussian_filter
 
+import volspec as vs
 from tests.support.curves import cast_curve
-from volspec.basis import SpectralBasis
-from volspec.pipeline import Raycaster
-from volspec.raycast import Camera, RaycastSpec
-from volspec.spectra import reflectance
-from volspec.transfer import TransferFunction
-from volspec.volume import Volume
 
-MATERIALS = {name: reflectance(name) for name in ("copper", "gold")}
-BASIS = SpectralBasis.load("general-7")
+MATERIALS = {name: vs.reflectance(name) for name in ("copper", "gold")}
+BASIS = vs.SpectralBasis.load("general-7")
 ASKED = 2e-4
 
 
@@ -66,13 +61,13 @@ CASES = {
 }
 
 
-def volume_of(dtype: DTypeLike, span: tuple[float, float]) -> Volume:
+def volume_of(dtype: DTypeLike, span: tuple[float, float]) -> vs.Volume:
     """Return waves of noise that reach across a range."""
     noise = gaussian_filter(np.random.default_rng(7).random((24, 24, 24)), 3)
     share = (noise - noise.min()) / np.ptp(noise)
     low, high = span
     values = low + share * (high - low)
-    return Volume((values if dtype == np.float32 else np.rint(values)).astype(dtype))
+    return vs.Volume((values if dtype == np.float32 else np.rint(values)).astype(dtype))
 
 
 @pytest.mark.parametrize(
@@ -81,10 +76,10 @@ def volume_of(dtype: DTypeLike, span: tuple[float, float]) -> Volume:
 @pytest.mark.parametrize("name", CASES)
 def test_every_pixel_is_that_of_the_curve(name: str, step: float) -> None:
     dtype, span, points = CASES[name]
-    volume, transfer = volume_of(dtype, span), TransferFunction(points, MATERIALS, BASIS)
-    camera = Camera.orbit(volume, azimuth_deg=33, elevation_deg=21)
-    spec = RaycastSpec(ambient=1, diffuse=0, alpha_stop=1, step_mm=step)
-    caster = Raycaster(volume)
+    volume, transfer = volume_of(dtype, span), vs.TransferFunction(points, MATERIALS, BASIS)
+    camera = vs.Camera.orbit(volume, azimuth_deg=33, elevation_deg=21)
+    spec = vs.RaycastSpec(ambient=1, diffuse=0, alpha_stop=1, step_mm=step)
+    caster = vs.Raycaster(volume)
     ours = caster.cast(caster.bake(transfer), camera, (32, 32), spec)
     coefficients, alpha = cast_curve(volume, transfer, camera, (32, 32), step)
     assert alpha.max() > 0.25 * max(opacity for _, opacity, _ in points)

@@ -10,29 +10,20 @@ from typing import Any
 import numpy as np
 import pytest
 
+import volspec as vs
 from tests.support.errors import refuses
 from tests.support.raycasts import WHOLE, along_z, chords_mm, cube, fog, labelled, turned
-from volspec.errors import CameraError, RaycastError, VolspecError
-from volspec.raycast import (
-    Camera,
-    ClipPlane,
-    Directional,
-    LightGroup,
-    Point,
-    RaycastSpec,
-    reference,
-)
-from volspec.raycast.gpu import Raycaster
+from volspec.errors import CameraError, RaycastError
+from volspec.raycast import reference
 from volspec.raycast.lights import Source
 from volspec.raycast.row_batches import Result
 from volspec.transfer import TransferTable
-from volspec.volume import Volume, phantom
 
 Cast = Callable[..., Result | reference.Result]
 
 
-def by_kernel(volume: Volume, *given: Any) -> Result:
-    return Raycaster(volume).cast(*given)
+def by_kernel(volume: vs.Volume, *given: Any) -> Result:
+    return vs.Raycaster(volume).cast(*given)
 
 
 BOTH = pytest.mark.parametrize("cast", [by_kernel, reference.cast])
@@ -42,7 +33,7 @@ def test_a_constant_volume_has_no_gradient_in_a_table_of_gradients() -> None:
     volume = cube(9)
     rows = np.linspace(0.1, 0.9, 9)[:, None] * np.ones(2)
     table = TransferTable((0.0, 2.0), rows, np.ones((9, 2, 1)), 1.0, gradient_top=4.0)
-    alpha = Raycaster(volume).cast(table, along_z(volume), (5, 5), WHOLE).alpha
+    alpha = vs.Raycaster(volume).cast(table, along_z(volume), (5, 5), WHOLE).alpha
     assert np.abs(alpha - (1 - 0.9**8)).max() < 1e-5
 
 
@@ -52,12 +43,14 @@ def test_projections_know_no_shadows(mode: str) -> None:
     """Every source counts as faced: the picture is the same with shadows and without."""
     values = np.zeros((17, 17, 17), np.uint8)
     values[4:13, 4:13, 4:13] = 2
-    volume = Volume(values)
+    volume = vs.Volume(values)
     specs = (
-        RaycastSpec(mode=mode, groups=LightGroup("sun", Directional((0, 0, 1), shadows=shadows)))
+        vs.RaycastSpec(
+            mode=mode, groups=vs.LightGroup("sun", vs.Directional((0, 0, 1), shadows=shadows))
+        )
         for shadows in (False, True)
     )
-    camera, caster = Camera.orbit(volume, elevation_deg=-30), Raycaster(volume)
+    camera, caster = vs.Camera.orbit(volume, elevation_deg=-30), vs.Raycaster(volume)
     one, other = (caster.cast(fog(0.9), camera, (24, 24), spec).coefficients for spec in specs)
     assert np.array_equal(one, other)
 
@@ -66,65 +59,65 @@ def test_projections_know_no_shadows(mode: str) -> None:
 def test_values_beyond_the_table_take_its_end_preintegrated_too(base: float) -> None:
     """A table that ends at opacity 0.1 is even fog to noise beyond it: Beer-Lambert."""
     noise = 0.01 * np.random.default_rng(0).normal(size=(12, 12, 12))
-    volume = Volume((base + noise).astype(np.float32))
+    volume = vs.Volume((base + noise).astype(np.float32))
     table = TransferTable((0.0, 1.0), np.full(1024, 0.1), np.ones((1024, 1)), 1.0)
     spec = replace(WHOLE, preintegrated=True)
-    alpha = Raycaster(volume).cast(table, along_z(volume), (24, 24), spec).alpha
+    alpha = vs.Raycaster(volume).cast(table, along_z(volume), (24, 24), spec).alpha
     assert np.abs(alpha - (1 - 0.9**11)).max() < 1e-4
 
 
 @pytest.mark.parametrize("length", [1e-200, 1e200])
 def test_a_plane_cuts_whatever_the_length_of_its_normal(length: float) -> None:
     volume = cube(9)
-    spec = replace(WHOLE, clip_planes=(ClipPlane((4, 4, 4), (0, 0, length)),))
-    alpha = Raycaster(volume).cast(fog(0.1), along_z(volume), (5, 5), spec).alpha
+    spec = replace(WHOLE, clip_planes=(vs.ClipPlane((4, 4, 4), (0, 0, length)),))
+    alpha = vs.Raycaster(volume).cast(fog(0.1), along_z(volume), (5, 5), spec).alpha
     assert np.abs(alpha - (1 - 0.9**4)).max() < 1e-5
 
 
 def lit_by(source: Source) -> np.ndarray:
     """Coefficients of a ball in fog."""
-    volume, spec = phantom.ball(16), RaycastSpec(groups=LightGroup("lamp", source))
-    return Raycaster(volume).cast(fog(0.1), Camera.orbit(volume), (16, 16), spec).coefficients
+    volume, spec = vs.phantom.ball(16), vs.RaycastSpec(groups=vs.LightGroup("lamp", source))
+    return vs.Raycaster(volume).cast(fog(0.1), vs.Camera.orbit(volume), (16, 16), spec).coefficients
 
 
 @pytest.mark.parametrize("length", [1e-200, 1e200])
 def test_a_light_shines_whatever_the_length_of_its_direction(length: float) -> None:
-    one, other = (lit_by(Directional((scale, -scale, 0))) for scale in (1.0, length))
+    one, other = (lit_by(vs.Directional((scale, -scale, 0))) for scale in (1.0, length))
     assert np.abs(one - other).max() < 1e-6
 
 
 def test_a_lamp_very_far_away_is_a_light_far_away() -> None:
     """At the greatest distance allowed; rays of 1e8 diagonals are parallel to 1e-8."""
-    lamp = Point((0.9e9 * 26, 0, 0), falloff_mm=0.9e9 * 26)
-    assert np.abs(lit_by(Directional((1, 0, 0))) - lit_by(lamp)).max() < 1e-5
+    lamp = vs.Point((0.9e9 * 26, 0, 0), falloff_mm=0.9e9 * 26)
+    assert np.abs(lit_by(vs.Directional((1, 0, 0))) - lit_by(lamp)).max() < 1e-5
 
 
-FAR = Camera.orbit(phantom.ball(16))
+FAR = vs.Camera.orbit(vs.phantom.ball(16))
 
 
 @BOTH
 @pytest.mark.parametrize(
     ("given", "kind", "field"),
     [
-        (Point((1e20, 0, 0)), RaycastError, "its distance"),
-        (Point((0, 1e20, 0), frame="camera"), RaycastError, "its distance"),
-        (Point((9, 0, 0), falloff_mm=1e20), RaycastError, "falloff_mm"),
-        (Point((9, 0, 0), falloff_mm=1e-20), RaycastError, "falloff_mm"),
+        (vs.Point((1e20, 0, 0)), RaycastError, "its distance"),
+        (vs.Point((0, 1e20, 0), frame="camera"), RaycastError, "its distance"),
+        (vs.Point((9, 0, 0), falloff_mm=1e20), RaycastError, "falloff_mm"),
+        (vs.Point((9, 0, 0), falloff_mm=1e-20), RaycastError, "falloff_mm"),
         (replace(FAR, position_mm=(1e20, 0, 0)), CameraError, "position_mm to target_mm"),
-        (Camera((1e20, 9, 0), (1e20, 0, 0)), CameraError, "target_mm to the volume"),
+        (vs.Camera((1e20, 9, 0), (1e20, 0, 0)), CameraError, "target_mm to the volume"),
         (replace(FAR, height_mm=1e20), CameraError, "height_mm"),
     ],
 )
 def test_farther_than_squares_are_numbers_is_refused_by_name(
-    cast: Cast, given: Point | Camera, kind: type[VolspecError], field: str
+    cast: Cast, given: vs.Point | vs.Camera, kind: type[vs.VolspecError], field: str
 ) -> None:
     camera, spec, subject = FAR, WHOLE, "camera"
-    if isinstance(given, Point):
-        spec = RaycastSpec(groups=(LightGroup("lamp", (given,)),))
+    if isinstance(given, vs.Point):
+        spec = vs.RaycastSpec(groups=(vs.LightGroup("lamp", (given,)),))
         subject = "point light of 'lamp'"
     else:
         camera = given
-    call = partial(cast, phantom.ball(16), fog(0.1), camera, (4, 4), spec)
+    call = partial(cast, vs.phantom.ball(16), fog(0.1), camera, (4, 4), spec)
     refuses(call, f"range {subject}: {field}", kind)
 
 
@@ -166,7 +159,7 @@ def test_grey_filters_are_flat_absorption(cast: Cast) -> None:
     at = np.linspace(0, 0.6, 256)
     flat = TransferTable((0.0, 1.0), at, np.full((256, 4), 0.7), 1.0)
     grey = replace(flat, filters=np.zeros((256, 4)))
-    volume = phantom.ball(16)
+    volume = vs.phantom.ball(16)
     one, other = (cast(volume, table, FAR, (12, 12), WHOLE) for table in (flat, grey))
     assert np.abs(one[0] - other[0]).max() < 1e-5
     assert np.abs(one[1] - other[1]).max() < 1e-5
@@ -177,14 +170,14 @@ def test_labels_that_a_table_has_not_are_nothing(cast: Cast) -> None:
     """Below 0 as beyond its last; label 0 itself is seen."""
     table = labelled([0.1] * 3, np.ones((3, 1)))
     for label, opacity in ((-1, 0.0), (-300, 0.0), (3, 0.0), (0, 1 - 0.9**8), (2, 1 - 0.9**8)):
-        volume = Volume(np.full((9, 9, 9), label, np.int16))
+        volume = vs.Volume(np.full((9, 9, 9), label, np.int16))
         alpha = cast(volume, table, along_z(volume), (5, 5), WHOLE)[1]
         assert np.abs(alpha - opacity).max() < 1e-5
 
 
 def test_the_reference_of_opaque_labels_is_a_picture() -> None:
     rng = np.random.default_rng(0)
-    volume = Volume(rng.integers(1, 3, (7, 8, 9)).astype(np.uint8))
+    volume = vs.Volume(rng.integers(1, 3, (7, 8, 9)).astype(np.uint8))
     given = labelled([0, 1, 1]), turned(volume, 33, 21), (24, 24), WHOLE
     coefficients, alpha, *_ = reference.cast(volume, *given)
     assert np.isfinite(alpha).all() and np.isfinite(coefficients).all()
@@ -195,8 +188,8 @@ def test_long_steps_know_that_labels_beyond_the_table_are_nothing() -> None:
     """Plates of label 2 and of 9, which the table has not: the opacity varies in every brick."""
     values = np.full((24, 24, 24), 2, np.uint8)
     values[::3] = 9
-    volume, table = Volume(values), labelled([0, 0, 0.3])
-    camera, caster = Camera.orbit(volume), Raycaster(volume)
+    volume, table = vs.Volume(values), labelled([0, 0, 0.3])
+    camera, caster = vs.Camera.orbit(volume), vs.Raycaster(volume)
     whole, long = (
         caster.cast(table, camera, (24, 24), replace(WHOLE, adaptive=a)).alpha for a in (0, 1e-6)
     )
@@ -210,8 +203,8 @@ def test_a_homogeneous_body_is_the_same_in_long_steps(preintegrated: bool) -> No
     A hundred float32 multiplications bound the difference near 6e-6; measured 7e-7.
     """
     values = np.random.default_rng(0).uniform(0, 2, (20, 21, 22))
-    volume, table = Volume(values.astype(np.float32)), fog(0.07)
-    camera, caster = Camera.orbit(volume), Raycaster(volume)
+    volume, table = vs.Volume(values.astype(np.float32)), fog(0.07)
+    camera, caster = vs.Camera.orbit(volume), vs.Raycaster(volume)
     for jitter in (0, 1):
         spec = replace(WHOLE, preintegrated=preintegrated, jitter=jitter)
         whole, long = (
@@ -224,17 +217,18 @@ def test_a_homogeneous_body_is_the_same_in_long_steps(preintegrated: bool) -> No
 def test_a_caster_of_many_pictures_remembers_none() -> None:
     """Every order of tables, lights and cuts gives the same pictures, equal to the twin's."""
     rng = np.random.default_rng(2)
-    volume = Volume(rng.uniform(0, 2, (12, 13, 14)).astype(np.float32))
-    camera, caster, tables = Camera.orbit(volume), Raycaster(volume), (fog(0.2), fog(0.6))
+    volume = vs.Volume(rng.uniform(0, 2, (12, 13, 14)).astype(np.float32))
+    camera, caster, tables = vs.Camera.orbit(volume), vs.Raycaster(volume), (fog(0.2), fog(0.6))
     groups = [
-        (LightGroup("light", (Directional(way, shadows=True),)),) for way in ((1, 2, 3), (-1, 0, 1))
+        (vs.LightGroup("light", (vs.Directional(way, shadows=True),)),)
+        for way in ((1, 2, 3), (-1, 0, 1))
     ]
     cuts = (None, ((0.0, 9.0), (2.0, 20.0), (0.0, 20.0)))
     first: dict[tuple[int, ...], Result] = {}
     kinds = [(t, g, c) for t in (0, 1) for g in (0, 1) for c in (0, 1)]
     for which in [*kinds, *rng.permutation(kinds).tolist()]:
         t, g, c = which
-        spec = RaycastSpec(groups=groups[g], light_cells=8, crop_voxels=cuts[c])
+        spec = vs.RaycastSpec(groups=groups[g], light_cells=8, crop_voxels=cuts[c])
         picture = caster.cast(tables[t], camera, (9, 9), spec)
         if tuple(which) in first:
             before = first[tuple(which)]

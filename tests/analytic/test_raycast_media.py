@@ -8,21 +8,10 @@ from typing import Literal
 import numpy as np
 import pytest
 
+import volspec as vs
 from tests.support.raycasts import WHOLE, along_z, cube, fog, labelled, turned
-from volspec.raycast import (
-    Ambient,
-    Camera,
-    ClipPlane,
-    Directional,
-    Headlight,
-    LightGroup,
-    Point,
-    RaycastSpec,
-)
-from volspec.raycast.gpu import Raycaster
 from volspec.raycast.sampling import world_rays
 from volspec.transfer import SurfaceTable, TransferTable
-from volspec.volume import Volume
 
 Array = np.ndarray
 
@@ -37,19 +26,19 @@ def lattice() -> Array:
     return world
 
 
-def in_world(volume: Volume) -> Array:
+def in_world(volume: vs.Volume) -> Array:
     """(Z, Y, X, 3) places of the voxels."""
     k, j, i = np.indices(volume.values.shape)
     world = volume.world_from_index
     return np.stack([i, j, k], axis=-1) @ world[:3, :3].T + world[:3, 3]
 
 
-def linear_field(shape: tuple[int, ...], slope: Array) -> tuple[Volume, float]:
+def linear_field(shape: tuple[int, ...], slope: Array) -> tuple[vs.Volume, float]:
     """Values slope · x on an oblique lattice, from 0, and what was taken off."""
-    empty = Volume(np.zeros(shape, np.float32), world_from_index=lattice())
+    empty = vs.Volume(np.zeros(shape, np.float32), world_from_index=lattice())
     field = in_world(empty) @ slope
     low = field.min()
-    return Volume((field - low).astype(np.float32), world_from_index=lattice()), float(low)
+    return vs.Volume((field - low).astype(np.float32), world_from_index=lattice()), float(low)
 
 
 def chord(origin: Array, way: Array, sides: list[tuple[Array, float]]) -> tuple[Array, Array]:
@@ -64,7 +53,7 @@ def chord(origin: Array, way: Array, sides: list[tuple[Array, float]]) -> tuple[
     return near, np.maximum(far, near)
 
 
-def box(volume: Volume, low: Array, high: Array) -> list[tuple[Array, float]]:
+def box(volume: vs.Volume, low: Array, high: Array) -> list[tuple[Array, float]]:
     """The six sides, in the world, of the box low…high in index space."""
     rows = volume.index_from_world
     sides = []
@@ -80,16 +69,16 @@ def test_a_cut_oblique_body_matches_beer_lambert_in_opacity_and_depth() -> None:
     Opacity: as in test_beer_lambert. Depth: a step's weight counts at its middle, its centre of
     mass lies σ Δ² / 12 = 0.0018 mm before.
     """
-    volume = Volume(np.ones((20, 25, 30), np.float32), world_from_index=lattice())
+    volume = vs.Volume(np.ones((20, 25, 30), np.float32), world_from_index=lattice())
     centre = (volume.world_from_index @ [13, 9, 10, 1])[:3]
     planes = (
-        ClipPlane(tuple(centre + [1, 2, 0]), (1, 0.3, -0.4)),
-        ClipPlane(tuple(centre - [0, 0, 4]), (0, -0.2, 1)),
+        vs.ClipPlane(tuple(centre + [1, 2, 0]), (1, 0.3, -0.4)),
+        vs.ClipPlane(tuple(centre - [0, 0, 4]), (0, -0.2, 1)),
     )
     crop = ((3.25, 22.0), (-3.0, 17.5), (2.0, 18.75))
     spec = replace(WHOLE, jitter=1, seed=5, crop_voxels=crop, clip_planes=planes)
     table, camera = fog(0.2, share=0.5, reference_step_mm=1.7), turned(volume, 33, 12)
-    coefficients, alpha, depth, _ = Raycaster(volume).cast(table, camera, (40, 40), spec)
+    coefficients, alpha, depth, _ = vs.Raycaster(volume).cast(table, camera, (40, 40), spec)
 
     origin, way = world_rays(camera, 40, 40)
     sides = box(volume, np.array([3.25, 0, 2]), np.array([22, 17.5, 18.75]))
@@ -113,9 +102,9 @@ def test_the_first_hit_in_fog_is_where_its_opacity_says(threshold: float) -> Non
     Step k holds the place, or its end lies on it: |middle − place| <= Δ / 2 = 0.25, and rounding.
     """
     volume = cube(17)
-    camera = Camera((8, 8, 60.3), (8, 8, 8), up=(0, 1, 0), height_mm=16)
+    camera = vs.Camera((8, 8, 60.3), (8, 8, 8), up=(0, 1, 0), height_mm=16)
     spec = replace(WHOLE, first_opacity=threshold)
-    first = Raycaster(volume).cast(fog(0.1), camera, (9, 9), spec).first_mm
+    first = vs.Raycaster(volume).cast(fog(0.1), camera, (9, 9), spec).first_mm
     place = 60.3 - 16 - np.log(1 - threshold) / -np.log(0.9)
     assert np.abs(first - place).max() < 0.25 + 1e-4
 
@@ -127,13 +116,13 @@ def test_preintegrated_opacity_of_a_ramp_is_an_integral_over_values(step_mm: flo
     τ is linear between 4096 entries of float32: the sum of some 100 roundings, 1e-5.
     """
     values = np.broadcast_to(np.arange(33.0)[:, None, None], (33, 9, 9))
-    volume = Volume(values.astype(np.float32))
+    volume = vs.Volume(values.astype(np.float32))
     at = np.linspace(0, 32, 4097)
     opacity = np.interp(at, [12, 12.25, 12.5, 20, 25, 26], [0, 0.9, 0, 0, 0.2, 0])
     table = TransferTable((0.0, 32.0), opacity, np.full((4097, 1), 0.4), 1.0)
     spec = replace(WHOLE, preintegrated=True, step_mm=step_mm)
     given = table, along_z(volume, height_mm=6), (5, 5), spec
-    coefficients, alpha, *_ = Raycaster(volume).cast(*given)
+    coefficients, alpha, *_ = vs.Raycaster(volume).cast(*given)
     expected = 1 - np.exp(-np.trapezoid(-np.log(1 - opacity), at))
     assert expected > 0.4
     assert np.abs(alpha - expected).max() < 1e-5
@@ -154,7 +143,7 @@ def test_projections_of_a_linear_field_are_known(mode: Literal["average", "maxim
     table = TransferTable((0.0, 1.0), np.ones(256), ramp[:, None], 1.0)
     camera = turned(volume, -25, 40)
     spec = replace(WHOLE, mode=mode)
-    coefficients, alpha, *_ = Raycaster(volume).cast(table, camera, (32, 32), spec)
+    coefficients, alpha, *_ = vs.Raycaster(volume).cast(table, camera, (32, 32), spec)
     origin, way = world_rays(camera, 32, 32)
     near, far = chord(origin, way, box(volume, np.zeros(3), np.array(volume.shape_xyz) - 1.0))
     seen = far - near > 1e-3
@@ -182,7 +171,7 @@ def test_a_table_of_gradients_reads_the_gradient_of_the_world() -> None:
     x, y, z = (float(n) for n in last)
     spec = replace(WHOLE, crop_voxels=((1.0, x), (1.0, y), (1.0, z)))
     camera = turned(volume, 70, -20)
-    alpha = Raycaster(volume).cast(table, camera, (32, 32), spec).alpha
+    alpha = vs.Raycaster(volume).cast(table, camera, (32, 32), spec).alpha
     origin, way = world_rays(camera, 32, 32)
     near, far = chord(origin, way, box(volume, np.ones(3), last))
     expected = 1 - (1 - 0.4 * 3 / 8) ** (far - near)
@@ -191,12 +180,12 @@ def test_a_table_of_gradients_reads_the_gradient_of_the_world() -> None:
     assert np.abs(alpha.ravel() - expected).max() < 2e-5
 
 
-def distances(size: int, world: Array) -> tuple[Volume, Array]:
+def distances(size: int, world: Array) -> tuple[vs.Volume, Array]:
     """Distance from the middle of a lattice, and that place."""
-    empty = Volume(np.zeros((size,) * 3, np.float32), world_from_index=world)
+    empty = vs.Volume(np.zeros((size,) * 3, np.float32), world_from_index=world)
     centre = (world @ [*(3 * [(size - 1) / 2]), 1])[:3]
     away = np.linalg.norm(in_world(empty) - centre, axis=-1)
-    return Volume(away.astype(np.float32), world_from_index=world), centre
+    return vs.Volume(away.astype(np.float32), world_from_index=world), centre
 
 
 def test_nested_shells_cover_each_other_in_the_order_of_the_ray() -> None:
@@ -204,8 +193,8 @@ def test_nested_shells_cover_each_other_in_the_order_of_the_ray() -> None:
     volume, centre = distances(49, lattice())
     a, b = 0.3, 0.6
     table = SurfaceTable(np.array([8.0, 14.0]), np.array([b, a]), np.eye(2))
-    camera = Camera(tuple(centre + [0, -90, 20]), tuple(centre), height_mm=8)
-    coefficients, alpha, *_ = Raycaster(volume).cast(table, camera, (9, 9), WHOLE)
+    camera = vs.Camera(tuple(centre + [0, -90, 20]), tuple(centre), height_mm=8)
+    coefficients, alpha, *_ = vs.Raycaster(volume).cast(table, camera, (9, 9), WHOLE)
     outer = a + (1 - a) * (1 - b) ** 2 * a
     inner = (1 - a) * b + (1 - a) * (1 - b) * b
     assert np.abs(alpha - (1 - ((1 - a) * (1 - b)) ** 2)).max() < 1e-6
@@ -221,17 +210,17 @@ def test_a_ball_is_lit_as_its_normals_say_on_any_lattice() -> None:
     volume, centre = distances(61, lattice())
     radius, lamp, reach = 14.0, centre + [5, -25, 20], 20.0
     groups = (
-        LightGroup("lamp", (Point(tuple(lamp), falloff_mm=reach),)),
-        LightGroup("sun", (Directional((1, -2, 0.5)),)),
-        LightGroup("camera", (Headlight(0.7),)),
-        LightGroup("sky", (Ambient(0.5),)),
+        vs.LightGroup("lamp", (vs.Point(tuple(lamp), falloff_mm=reach),)),
+        vs.LightGroup("sun", (vs.Directional((1, -2, 0.5)),)),
+        vs.LightGroup("camera", (vs.Headlight(0.7),)),
+        vs.LightGroup("sky", (vs.Ambient(0.5),)),
     )
-    spec = RaycastSpec(
+    spec = vs.RaycastSpec(
         ambient=0.2, diffuse=0.6, specular=0.3, shininess=9, flat_gradient=0, groups=groups
     )
     table = SurfaceTable(np.array([radius]), np.ones(1), np.full((1, 1), 0.8))
-    camera = Camera(tuple(centre + [10, -60, 15]), tuple(centre), fov_deg=35)
-    coefficients, _, depth, first = Raycaster(volume).cast(table, camera, (41, 41), spec)
+    camera = vs.Camera(tuple(centre + [10, -60, 15]), tuple(centre), fov_deg=35)
+    coefficients, _, depth, first = vs.Raycaster(volume).cast(table, camera, (41, 41), spec)
 
     origin, way = world_rays(camera, 41, 41)
     b = ((origin - centre) * way).sum(axis=1)
@@ -273,8 +262,8 @@ def test_the_colour_of_labels_changes_half_way_and_is_never_mixed() -> None:
     values = np.full((9, 9, 16), 1, np.uint8)
     values[..., 8:] = 3
     table = labelled([0, 0.2, 1, 0.2], np.eye(4)[:, 1:])
-    camera = Camera((7.5, 4, 40), (7.5, 4, 4), up=(0, 1, 0), height_mm=4)
-    coefficients, alpha, *_ = Raycaster(Volume(values)).cast(table, camera, (12, 12), WHOLE)
+    camera = vs.Camera((7.5, 4, 40), (7.5, 4, 4), up=(0, 1, 0), height_mm=4)
+    coefficients, alpha, *_ = vs.Raycaster(vs.Volume(values)).cast(table, camera, (12, 12), WHOLE)
     # The pixels' middles, at ±1/6, ±1/2 … of the border: none on it.
     expected = 1 - 0.8**8
     assert np.abs(alpha - expected).max() < 1e-5
@@ -286,8 +275,8 @@ def test_the_border_of_a_label_is_as_smooth_as_its_opacity() -> None:
     """Across a cell from nothing to a label opacity is linear: a ray next to it sees it all."""
     values = np.zeros((9, 9, 16), np.uint8)
     values[..., 8:] = 2
-    camera = Camera((7.5, 4, 40), (7.5, 4, 4), up=(0, 1, 0), height_mm=1)
+    camera = vs.Camera((7.5, 4, 40), (7.5, 4, 4), up=(0, 1, 0), height_mm=1)
     given = labelled([0, 0, 0.5]), camera, (10, 10), replace(WHOLE, step_mm=1.0)
-    alpha = Raycaster(Volume(values)).cast(*given).alpha
+    alpha = vs.Raycaster(vs.Volume(values)).cast(*given).alpha
     share = (np.arange(10) + 0.5) / 10
     assert np.abs(alpha - (1 - (1 - 0.5 * share) ** 8)).max() < 1e-5

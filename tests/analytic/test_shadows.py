@@ -8,23 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import volspec as vs
 from tests.twins.test_light_volume import downloaded, lit, opened
-from volspec.raycast import (
-    Ambient,
-    Camera,
-    ClipPlane,
-    Directional,
-    LightGroup,
-    Point,
-    RaycastSpec,
-    reference,
-)
-from volspec.raycast.gpu import Raycaster
+from volspec.raycast import reference
 from volspec.raycast.kernel_arguments import LIGHT_MARGIN
 from volspec.raycast.light_volume import LightGrid, sphere_directions
 from volspec.raycast.lights import Source
 from volspec.transfer import SurfaceTable, TransferTable
-from volspec.volume import Volume, phantom
 
 SIGMA = 0.05  # 1/mm
 # A step of the layers' levels where the transmittance is above 0.1: of its logarithm, 1/6553.
@@ -42,10 +32,10 @@ def solid() -> TransferTable:
 
 
 def layer_of(
-    volume: Volume, table: TransferTable | SurfaceTable, source: Source, cells: int
+    volume: vs.Volume, table: TransferTable | SurfaceTable, source: Source, cells: int
 ) -> np.ndarray:
     """(nz, ny, nx) 0…1, without the nodes around the volume."""
-    camera, inner = Camera.orbit(volume), slice(LIGHT_MARGIN, -LIGHT_MARGIN)
+    camera, inner = vs.Camera.orbit(volume), slice(LIGHT_MARGIN, -LIGHT_MARGIN)
     layer = downloaded(opened(volume), table, lit(source, cells=cells), camera)[0]
     return np.asarray(layer[inner, inner, inner])
 
@@ -56,8 +46,8 @@ def test_straight_light_through_a_slab_matches_beer_lambert() -> None:
     The first cell of the way is left out; beyond the face σ falls to 0 within a cell, which adds
     half of one. Middles are exact where σ is linear within steps. On the face itself T is 1.
     """
-    light = Directional((0, 0, 1), shadows=True)
-    layer = layer_of(phantom.slab(32, 16), fog(), light, 33)
+    light = vs.Directional((0, 0, 1), shadows=True)
+    layer = layer_of(vs.phantom.slab(32, 16), fog(), light, 33)
     depth = np.arange(16, -1, -1)[:, None, None]
     expected = SIGMA * np.maximum(depth - 0.5, 0)
     assert np.abs(-np.log(layer) - expected).max() < LEVEL
@@ -75,7 +65,7 @@ def test_slanting_light_through_a_slab_matches_beer_lambert(
     Beyond a face met at the angle θ there is h / (2 cos θ), at most h here. Where steps straddle
     a kink of σ, once on either side of the face, their middles are wrong by up to h/8.
     """
-    volume = phantom.slab(32, 16)
+    volume = vs.phantom.slab(32, 16)
     way = np.array(towards) / np.linalg.norm(towards)
     grid = LightGrid.of(volume, cells)
     top = np.array(volume.shape_xyz) - 1.0
@@ -84,7 +74,7 @@ def test_slanting_light_through_a_slab_matches_beer_lambert(
     z, y, x = np.meshgrid(*axes[::-1], indexing="ij")
     node = np.stack([x, y, z], axis=-1)
     to_face = (np.where(way > 0, top - node, node) / np.abs(way)).min(axis=-1)
-    layer = layer_of(volume, fog(), Directional(towards, shadows=True), cells)
+    layer = layer_of(volume, fog(), vs.Directional(towards, shadows=True), cells)
     off = -np.log(layer) / SIGMA - to_face
     slack = grid.cell_mm / 4 + LEVEL / SIGMA
     assert off.min() > -grid.cell_mm - slack and off.max() < slack
@@ -93,7 +83,7 @@ def test_slanting_light_through_a_slab_matches_beer_lambert(
 def test_light_from_within_a_slab_matches_beer_lambert() -> None:
     """−log T = σ (d − h): a way that ends at the light is cut exactly."""
     place = np.array((13.3, 17.2, 7.9))
-    layer = layer_of(phantom.slab(32, 16), fog(), Point(tuple(place), shadows=True), 33)
+    layer = layer_of(vs.phantom.slab(32, 16), fog(), vs.Point(tuple(place), shadows=True), 33)
     z, y, x = np.mgrid[0:17, 0:33, 0:33]
     away = np.linalg.norm(np.stack([x, y, z], axis=-1) - place, axis=-1)
     assert np.abs(-np.log(layer) - SIGMA * np.maximum(away - 1, 0)).max() < LEVEL
@@ -101,8 +91,8 @@ def test_light_from_within_a_slab_matches_beer_lambert() -> None:
 
 def test_occlusion_in_even_fog_is_twice_its_transmittance() -> None:
     """open = 2 exp(−σ (r − h/2)) if the whole sphere lies within."""
-    fog_volume = phantom.slab(32, 32)
-    layer = layer_of(fog_volume, fog(0.3), Ambient(occlusion=True, radius_mm=7.25), 33)
+    fog_volume = vs.phantom.slab(32, 32)
+    layer = layer_of(fog_volume, fog(0.3), vs.Ambient(occlusion=True, radius_mm=7.25), 33)
     expected = 2 * math.exp(-0.3 * 6.75)
     assert abs(layer[16, 16, 16] - expected) < 1 / 65535
     assert layer[0, 0, 0] > layer[16, 16, 16]
@@ -111,26 +101,26 @@ def test_occlusion_in_even_fog_is_twice_its_transmittance() -> None:
 @pytest.mark.parametrize(
     "source",
     [
-        Directional((1, 2, 3), shadows=True),
-        Point((5.0, 6.0, 70.0), shadows=True),
-        Ambient(occlusion=True),
+        vs.Directional((1, 2, 3), shadows=True),
+        vs.Point((5.0, 6.0, 70.0), shadows=True),
+        vs.Ambient(occlusion=True),
     ],
 )
 def test_all_light_arrives_in_an_empty_volume(source: Source) -> None:
-    empty = Volume(np.zeros((9, 12, 15), np.uint8))
+    empty = vs.Volume(np.zeros((9, 12, 15), np.uint8))
     assert (layer_of(empty, solid(), source, 20) == 1).all()
 
 
-def plate() -> Volume:
+def plate() -> vs.Volume:
     """A square of 17 × 17 voxels at z = 20 in an empty cube of 33³."""
     values = np.zeros((33, 33, 33), np.uint8)
     values[20, 8:25, 8:25] = 1
-    return Volume(values)
+    return vs.Volume(values)
 
 
 def test_a_plate_casts_its_shadow_exactly_behind_it() -> None:
     """Opacity is held at 1 − 1e-4; within two cells its surface spreads."""
-    layer = layer_of(plate(), solid(), Directional((0, 0, 1), shadows=True), 33)
+    layer = layer_of(plate(), solid(), vs.Directional((0, 0, 1), shadows=True), 33)
     square = np.zeros((33, 33), bool)
     square[8:25, 8:25] = True
     assert np.abs(layer[:17, square] - 1e-4).max() < 1 / 65535
@@ -140,7 +130,7 @@ def test_a_plate_casts_its_shadow_exactly_behind_it() -> None:
 
 def test_a_point_lights_shadow_widens_with_distance() -> None:
     """Similar triangles, to a cell: the plate's edge is a slope of a cell to each side."""
-    layer = layer_of(plate(), solid(), Point((16.0, 16.0, 60.0), shadows=True), 33)
+    layer = layer_of(plate(), solid(), vs.Point((16.0, 16.0, 60.0), shadows=True), 33)
     from_middle = np.abs(np.arange(33) - 16)
     for z in (2, 8, 14):
         half = 8 * (60 - z) / (60 - 20)
@@ -155,9 +145,9 @@ def test_a_point_lights_shadow_widens_with_distance() -> None:
 @pytest.mark.parametrize(
     "source",
     [
-        Directional((0, 0, 1), shadows=True),
-        Directional((4, 0, 1), shadows=True),
-        Ambient(occlusion=True),
+        vs.Directional((0, 0, 1), shadows=True),
+        vs.Directional((4, 0, 1), shadows=True),
+        vs.Ambient(occlusion=True),
     ],
 )
 def test_a_flat_wall_does_not_shadow_itself(cells: int, source: Source) -> None:
@@ -167,30 +157,32 @@ def test_a_flat_wall_does_not_shadow_itself(cells: int, source: Source) -> None:
     Light that slants by 76 degrees stays in the blur longer, and counts a quarter.
     """
     z, _, x = np.mgrid[0:128, 0:128, 0:128].astype(np.float32)
-    volume = Volume(np.clip(70 + 0.1 * x - z, 0, 1) * 200)
+    volume = vs.Volume(np.clip(70 + 0.1 * x - z, 0, 1) * 200)
     table = TransferTable((100.0, 200.0), np.array([0, 1.0]), np.ones((2, 1)), 0.5)
-    view = Camera.orbit(volume, azimuth_deg=20, elevation_deg=60, zoom=5)
-    bare = replace(source, **{"occlusion" if isinstance(source, Ambient) else "shadows": False})
+    view = vs.Camera.orbit(volume, azimuth_deg=20, elevation_deg=60, zoom=5)
+    bare = replace(source, **{"occlusion" if isinstance(source, vs.Ambient) else "shadows": False})
     settings = {"ambient": 1, "diffuse": 1, "light_cells": cells}
-    caster = Raycaster(volume)
+    caster = vs.Raycaster(volume)
     lit, free = (
-        caster.cast(table, view, (48, 48), RaycastSpec(groups=LightGroup("k", s), **settings))[0]
+        caster.cast(
+            table, view, (48, 48), vs.RaycastSpec(groups=vs.LightGroup("k", s), **settings)
+        )[0]
         for s in (source, bare)
     )
-    slanting = isinstance(source, Directional) and source.towards[0] > 0
+    slanting = isinstance(source, vs.Directional) and source.towards[0] > 0
     assert (lit / free).min() > (0.85 if slanting else 0.96)
 
 
 @pytest.mark.parametrize("opaque", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_an_isosurface_does_not_shadow_itself(opaque: bool) -> None:
     """A ball lit from the camera's side is as bright with shadows as without."""
-    volume = phantom.ball(64)
+    volume = vs.phantom.ball(64)
     table = SurfaceTable(np.array([0.5]), np.array([1.0 if opaque else 0.6]), np.ones((1, 1)))
-    camera, caster = Camera.orbit(volume, zoom=3), Raycaster(volume)
+    camera, caster = vs.Camera.orbit(volume, zoom=3), vs.Raycaster(volume)
 
     def middle(shadows: bool) -> np.ndarray:
-        lamp = LightGroup("k", Directional((0, 0, 1), "camera", shadows=shadows))
-        spec = RaycastSpec(ambient=0, diffuse=1, groups=lamp)
+        lamp = vs.LightGroup("k", vs.Directional((0, 0, 1), "camera", shadows=shadows))
+        spec = vs.RaycastSpec(ambient=0, diffuse=1, groups=lamp)
         return caster.cast(table, camera, (48, 48), spec).coefficients[18:30, 18:30]
 
     least = 0.97 if opaque else 0.6  # the far side of a glass ball lies in its shadow
@@ -198,16 +190,16 @@ def test_an_isosurface_does_not_shadow_itself(opaque: bool) -> None:
 
 
 def test_cut_away_voxels_cast_no_shadow() -> None:
-    volume, camera = plate(), Camera.orbit(plate())
+    volume, camera = plate(), vs.Camera.orbit(plate())
     spec = lit(
-        Directional((0, 0, 1), shadows=True), cells=33, crop_voxels=((0, 32), (0, 32), (0, 19))
+        vs.Directional((0, 0, 1), shadows=True), cells=33, crop_voxels=((0, 32), (0, 32), (0, 19))
     )
     assert (downloaded(opened(volume), solid(), spec, camera) == 1).all()
 
 
 def test_a_surface_counts_by_its_area() -> None:
     """∫ σ dV = −log(1 − opacity) · 4πr² of a sphere, whatever its slope to the lattice."""
-    volume = phantom.ball(64, spacing_mm=(1.0, 1.3, 1.6))
+    volume = vs.phantom.ball(64, spacing_mm=(1.0, 1.3, 1.6))
     radius = 0.5 * 31.5
     table = SurfaceTable(np.array([0.5]), np.array([0.6]), np.ones((1, 1)))
     total = reference._surface_extinction(volume, table).sum() * math.prod(volume.spacing_mm)
@@ -216,10 +208,10 @@ def test_a_surface_counts_by_its_area() -> None:
 
 def test_light_of_the_camera_comes_from_behind_it() -> None:
     volume = plate()
-    camera = Camera.orbit(volume, azimuth_deg=40, elevation_deg=30)
+    camera = vs.Camera.orbit(volume, azimuth_deg=40, elevation_deg=30)
     back = tuple(np.subtract(camera.position_mm, camera.target_mm))
-    in_camera = lit(Directional((0, 0, 1), frame="camera", shadows=True))
-    in_world = lit(Directional(back, shadows=True))
+    in_camera = lit(vs.Directional((0, 0, 1), frame="camera", shadows=True))
+    in_world = lit(vs.Directional(back, shadows=True))
     layers = [downloaded(opened(volume), solid(), s, camera) for s in (in_camera, in_world)]
     assert np.abs(layers[0] - layers[1]).max() <= 1 / 65535
 
@@ -234,8 +226,8 @@ def test_directions_of_occlusion_balance() -> None:
 
 CUTS = {
     "the volume's border": (),
-    "a plane": (ClipPlane((0.0, 0.0, 22.0), (0.0, 0.0, -1.0)),),
-    "a slanting plane": (ClipPlane((15.5, 15.5, 20.0), (0.3, 0.2, -1.0)),),
+    "a plane": (vs.ClipPlane((0.0, 0.0, 22.0), (0.0, 0.0, -1.0)),),
+    "a slanting plane": (vs.ClipPlane((15.5, 15.5, 20.0), (0.3, 0.2, -1.0)),),
 }
 
 
@@ -248,14 +240,14 @@ def test_a_cut_through_opaque_matter_is_open_to_the_sky_and_lit(cut: str, cells:
     Rays from within the first step, which is inside, are the rest: a tenth. And it is as by the
     reference.
     """
-    body, table = Volume(np.ones((32, 32, 32), np.uint8)), solid()
-    sky = LightGroup("sky", (Ambient(occlusion=True, radius_mm=10.0),))
-    sun = LightGroup("sun", (Directional((0.0, 0.0, 1.0), shadows=True, frame="world"),))
-    spec = RaycastSpec(
+    body, table = vs.Volume(np.ones((32, 32, 32), np.uint8)), solid()
+    sky = vs.LightGroup("sky", (vs.Ambient(occlusion=True, radius_mm=10.0),))
+    sun = vs.LightGroup("sun", (vs.Directional((0.0, 0.0, 1.0), shadows=True, frame="world"),))
+    spec = vs.RaycastSpec(
         ambient=1, diffuse=1, groups=(sky, sun), light_cells=cells, clip_planes=CUTS[cut]
     )
-    camera = Camera((15.5, 12.0, 100.0), (15.5, 15.5, 15.5), (0, 1, 0), height_mm=10.0)
-    image = Raycaster(body).cast(table, camera, (12, 12), spec)
+    camera = vs.Camera((15.5, 12.0, 100.0), (15.5, 15.5, 15.5), (0, 1, 0), height_mm=10.0)
+    image = vs.Raycaster(body).cast(table, camera, (12, 12), spec)
     assert image.alpha.min() > 0.99
     assert image.coefficients[..., 1::2].min() > 0.9
     true = reference.cast(body, table, camera, (12, 12), spec)

@@ -9,74 +9,67 @@ from typing import Any
 import numpy as np
 import pytest
 
+import volspec as vs
 from tests.support.errors import raises
 from tests.support.raycasts import soft_ball
 from tests.twins.test_layers import assert_layers_alike, blend, noise
-from volspec.basis import MaterialBasis
-from volspec.errors import CastCancelled, RaycastError, VolspecWarning
+from volspec.errors import RaycastError
 from volspec.export.deep import DeepSamples
 from volspec.mesh import shapes
-from volspec.mesh.caster import MeshCaster
-from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import Camera, CoefficientImage, DepthEffects, LightGroup, RaycastSpec
 from volspec.raycast.depth import extents
 from volspec.raycast.layered import OpacityLayers
-from volspec.raycast.lights import Ambient, Directional, Headlight
 from volspec.raycast.reproject import Reprojector
-from volspec.relight import LightRig, error_map
-from volspec.spectra import light, reflectance
-from volspec.transfer import TransferFunction
-from volspec.volume import Volume
+from volspec.relight import error_map
 
 pytest.importorskip("embreex")
 
 # In another order than the function has them.
-MATERIALS = {name: reflectance(name) for name in ("silver", "gold", "copper")}
-BASIS = MaterialBasis(MATERIALS)
+MATERIALS = {name: vs.reflectance(name) for name in ("silver", "gold", "copper")}
+BASIS = vs.MaterialBasis(MATERIALS)
 SIZE = 48, 36
 POINTS = [(0.1, 0.0, "copper"), (0.2, 0.08, "copper"), (0.5, 0.08, "copper")]
 POINTS += [(0.6, 0.15, "gold"), (1.0, 0.15, "gold")]
-PLAIN = (LightGroup("key", (Headlight(), Ambient(0.3))),)
+PLAIN = (vs.LightGroup("key", (vs.Headlight(), vs.Ambient(0.3))),)
 LIT = (
-    LightGroup("key", (Headlight(0.2), Directional((1.0, 0.6, 0.4), shadows=True))),
-    LightGroup("sky", (Ambient(occlusion=True, radius_mm=8.0),)),
+    vs.LightGroup("key", (vs.Headlight(0.2), vs.Directional((1.0, 0.6, 0.4), shadows=True))),
+    vs.LightGroup("sky", (vs.Ambient(occlusion=True, radius_mm=8.0),)),
 )
 
 
-def function(opacities: float = 1.0) -> TransferFunction:
+def function(opacities: float = 1.0) -> vs.TransferFunction:
     points = [(at, opacities * alpha, name) for at, alpha, name in POINTS]
-    return TransferFunction(points, MATERIALS, BASIS, reference_step_mm=1.0)
+    return vs.TransferFunction(points, MATERIALS, BASIS, reference_step_mm=1.0)
 
 
 @pytest.fixture(scope="module")
-def ball() -> Volume:
+def ball() -> vs.Volume:
     return soft_ball(24)
 
 
 @pytest.fixture(scope="module")
-def caster(ball: Volume) -> Raycaster:
-    return Raycaster(ball)
+def caster(ball: vs.Volume) -> vs.Raycaster:
+    return vs.Raycaster(ball)
 
 
-def balls(*, opacity: float = 1.0) -> MeshCaster:
+def balls(*, opacity: float = 1.0) -> vs.MeshCaster:
     """A silver ball in the volume, towards the eye, and a copper one next to it."""
     one = shapes.shape_mesh("sphere", material="silver").placed((11.5, 6.0, 15.0), scale=8.0)
     other = shapes.shape_mesh("sphere", material="copper").placed((20.0, 10.0, 6.0), scale=5.0)
-    return MeshCaster([replace(one, opacity=opacity), other], MATERIALS, BASIS)
+    return vs.MeshCaster([replace(one, opacity=opacity), other], MATERIALS, BASIS)
 
 
 def cast(
-    ball: Volume, caster: Raycaster, groups: Any, layers: int = 8, **opacities: float
-) -> CoefficientImage:
-    spec = RaycastSpec(
+    ball: vs.Volume, caster: vs.Raycaster, groups: Any, layers: int = 8, **opacities: float
+) -> vs.CoefficientImage:
+    spec = vs.RaycastSpec(
         step_mm=0.25, specular=0.2, groups=groups, alpha_stop=1.0, light_cells=24,
         layers=layers, opacities=opacities,
     )  # fmt: skip
-    camera = Camera.orbit(ball, azimuth_deg=30, elevation_deg=20)
-    return raycast(ball, function(), camera, SIZE, spec, caster=caster, behind=[balls()])
+    camera = vs.Camera.orbit(ball, azimuth_deg=30, elevation_deg=20)
+    return vs.raycast(ball, function(), camera, SIZE, spec, caster=caster, behind=[balls()])
 
 
-def whole(image: CoefficientImage) -> Any:
+def whole(image: vs.CoefficientImage) -> Any:
     """Return where meshes cover none or all of a pixel; behind their edges, layers have nothing."""
     layers = image.opacity_layers
     assert layers is not None and layers.solid
@@ -94,13 +87,13 @@ def groups(request: pytest.FixtureRequest) -> Any:
 
 
 @pytest.fixture(scope="module")
-def image(ball: Volume, caster: Raycaster, groups: Any) -> CoefficientImage:
+def image(ball: vs.Volume, caster: vs.Raycaster, groups: Any) -> vs.CoefficientImage:
     """A material of a mesh alone is not missing: nothing is warned of."""
     return cast(ball, caster, groups)
 
 
 def test_scale_1_is_the_cast_without_layers(
-    ball: Volume, caster: Raycaster, image: CoefficientImage, groups: Any
+    ball: vs.Volume, caster: vs.Raycaster, image: vs.CoefficientImage, groups: Any
 ) -> None:
     layers = image.opacity_layers
     assert layers is not None and layers.solid and layers.count == 8
@@ -123,7 +116,7 @@ def test_scale_1_is_the_cast_without_layers(
     ids=str,
 )
 def test_meshes_are_seen_as_in_a_new_cast(
-    ball: Volume, caster: Raycaster, image: CoefficientImage, groups: Any,
+    ball: vs.Volume, caster: vs.Raycaster, image: vs.CoefficientImage, groups: Any,
     scales: tuple[float, float],
 ) -> None:  # fmt: skip
     """Measured: channels are off by 1.4e-4 on average, 0.027 at most, on meshes by 6e-4."""
@@ -140,15 +133,15 @@ def test_meshes_are_seen_as_in_a_new_cast(
 
 
 def test_without_the_volume_meshes_alone_are_left(
-    image: CoefficientImage, groups: Any, ball: Volume
+    image: vs.CoefficientImage, groups: Any, ball: vs.Volume
 ) -> None:
     """Also the shadows of what has faded are gone; those of the other mesh stay."""
     bare = image.recompose({"copper": 0, "gold": 0})
-    with pytest.warns(VolspecWarning, match="'silver' is scaled, which only meshes have"):
+    with pytest.warns(vs.VolspecWarning, match="'silver' is scaled, which only meshes have"):
         alike = image.recompose({"copper": 0, "gold": 0, "silver": 0})
     assert np.array_equal(alike.coefficients, bare.coefficients)
-    spec = RaycastSpec(specular=0.2, groups=groups)
-    alone = balls().alone(Camera.orbit(ball, azimuth_deg=30, elevation_deg=20), SIZE, spec)
+    spec = vs.RaycastSpec(specular=0.2, groups=groups)
+    alone = balls().alone(vs.Camera.orbit(ball, azimuth_deg=30, elevation_deg=20), SIZE, spec)
     np.testing.assert_allclose(bare.alpha, alone.alpha, atol=1e-6)
     np.testing.assert_allclose(bare.coefficients, alone.coefficients, atol=2e-4)
     seen = np.isfinite(alone.depth_mm) & whole(image)
@@ -156,24 +149,27 @@ def test_without_the_volume_meshes_alone_are_left(
     assert np.isfinite(bare.depth_mm[bare.alpha > 0]).all()
 
 
-def test_a_file_holds_them_as_its_third_version(image: CoefficientImage, tmp_path: Path) -> None:
+def test_a_file_holds_them_as_its_third_version(image: vs.CoefficientImage, tmp_path: Path) -> None:
     image.save(tmp_path / "image.exr")
-    again = CoefficientImage.load(tmp_path / "image.exr")
+    again = vs.CoefficientImage.load(tmp_path / "image.exr")
     assert again.opacity_layers is not None and again.opacity_layers.solid
     for scales in ({"copper": 0.0}, {"copper": 0.0, "gold": 0.0}, {"gold": 3.0}):
         one, other = (each.recompose(scales) for each in (again, image))
         assert np.abs(one.coefficients - other.coefficients).max() < 4e-3
 
 
-def test_cuts_fog_views_and_deep_files_have_them(image: CoefficientImage) -> None:
+def test_cuts_fog_views_and_deep_files_have_them(image: vs.CoefficientImage) -> None:
     none = {"copper": 0.0, "gold": 0.0}
     bare, place = image.recompose(none), image.opacity_layers
     assert place is not None
     at = np.unravel_index(bare.alpha.argmax(), bare.alpha.shape)
     ball_mm = float(bare.depth_mm[at])
-    for effects, left in ((DepthEffects(near_mm=ball_mm + 8), 0), (DepthEffects(far_mm=1e4), 1)):
+    for effects, left in (
+        (vs.DepthEffects(near_mm=ball_mm + 8), 0),
+        (vs.DepthEffects(far_mm=1e4), 1),
+    ):
         assert image.recompose(none, effects).alpha[at] == pytest.approx(left, abs=1e-6)
-    fog = image.recompose(none, DepthEffects(fog_mm=ball_mm, fog_white=1.0))
+    fog = image.recompose(none, vs.DepthEffects(fog_mm=ball_mm, fog_white=1.0))
     assert fog.coefficients[at][-1] > bare.coefficients[at][-1]
     samples = DeepSamples.of(image, none)
     assert samples.counts[at] == 1 and samples.alpha.max() == pytest.approx(1, abs=1e-6)
@@ -184,18 +180,18 @@ def test_cuts_fog_views_and_deep_files_have_them(image: CoefficientImage) -> Non
 
 
 @pytest.mark.slow
-def test_an_opaque_body_in_front_uncovers_a_mesh(ball: Volume, caster: Raycaster) -> None:
+def test_an_opaque_body_in_front_uncovers_a_mesh(ball: vs.Volume, caster: vs.Raycaster) -> None:
     """Rays of the picture end in it; what is behind is seen once it is gone."""
     transfer = replace(function(), points=[(0.1, 0.0, "gold"), (0.2, 1.0, "gold")])
-    camera = Camera.orbit(ball, azimuth_deg=30, elevation_deg=20)
-    spec = RaycastSpec(step_mm=0.25, groups=PLAIN, layers=8)
-    image = raycast(ball, transfer, camera, SIZE, spec, caster=caster, behind=[balls()])
+    camera = vs.Camera.orbit(ball, azimuth_deg=30, elevation_deg=20)
+    spec = vs.RaycastSpec(step_mm=0.25, groups=PLAIN, layers=8)
+    image = vs.raycast(ball, transfer, camera, SIZE, spec, caster=caster, behind=[balls()])
     alone = balls().alone(camera, SIZE, replace(spec, layers=0))
     bare = image.recompose({"gold": 0})
     np.testing.assert_allclose(bare.coefficients, alone.coefficients, atol=2e-4)
 
 
-def test_extents_and_deep_samples_of_a_mesh_are_at_its_surface(image: CoefficientImage) -> None:
+def test_extents_and_deep_samples_of_a_mesh_are_at_its_surface(image: vs.CoefficientImage) -> None:
     """Also behind unused layers, and next to a layer of the volume."""
     layers = image.opacity_layers
     assert layers is not None
@@ -216,7 +212,7 @@ def test_extents_and_deep_samples_of_a_mesh_are_at_its_surface(image: Coefficien
     np.testing.assert_array_equal(samples.back_mm[last[opaque]], samples.depth_mm[last[opaque]])
 
 
-def test_an_edge_of_a_mesh_is_behind_the_volume(image: CoefficientImage) -> None:
+def test_an_edge_of_a_mesh_is_behind_the_volume(image: vs.CoefficientImage) -> None:
     camera, layers = image.camera, image.opacity_layers
     assert camera is not None and layers is not None
     used = np.where(np.isfinite(layers.depth_mm), layers.depth_mm, 0)
@@ -226,10 +222,10 @@ def test_an_edge_of_a_mesh_is_behind_the_volume(image: CoefficientImage) -> None
 
 
 @pytest.mark.slow
-def test_light_of_other_lamps_is_not_used_again(ball: Volume, caster: Raycaster) -> None:
+def test_light_of_other_lamps_is_not_used_again(ball: vs.Volume, caster: vs.Raycaster) -> None:
     """More lamps without layers move what the light volume has of those with them."""
     first = cast(ball, caster, LIT)
-    more = (*LIT, LightGroup("rim", (Directional((-1.0, 0.2, 0.1), shadows=True),)))
+    more = (*LIT, vs.LightGroup("rim", (vs.Directional((-1.0, 0.2, 0.1), shadows=True),)))
     cast(ball, caster, more, layers=0)
     again = cast(ball, caster, LIT)
     assert first.opacity_layers is not None and again.opacity_layers is not None
@@ -238,31 +234,31 @@ def test_light_of_other_lamps_is_not_used_again(ball: Volume, caster: Raycaster)
         np.testing.assert_array_equal(one, other)
 
 
-def test_an_error_is_estimated_of_what_fades_alone(image: CoefficientImage) -> None:
+def test_an_error_is_estimated_of_what_fades_alone(image: vs.CoefficientImage) -> None:
     """Nothing is lost where the volume is hidden."""
     groups = tuple(image.groups) if len(image.groups) > 1 else ("",)
-    rig = LightRig((light("D65"),) * len(groups), groups=groups)
+    rig = vs.LightRig((vs.light("D65"),) * len(groups), groups=groups)
     none = error_map(image, rig, against="cast", opacities={"copper": 0.0, "gold": 0.0})
     half = error_map(image, rig, against="cast", opacities={"copper": 0.25})
     assert none.delta_e.max() < 0.04 < half.delta_e.max()
 
 
 def test_what_layers_cannot_show_is_refused_and_lighting_meshes_is_cancelled(
-    ball: Volume, caster: Raycaster
+    ball: vs.Volume, caster: vs.Raycaster
 ) -> None:
     done: list[float] = []
 
     def cast_with(layers: int, opacity: float = 1.0) -> None:
-        spec = RaycastSpec(step_mm=0.25, groups=LIT, layers=layers, light_cells=24)
-        given = ball, function(), Camera.orbit(ball), SIZE, spec
+        spec = vs.RaycastSpec(step_mm=0.25, groups=LIT, layers=layers, light_cells=24)
+        given = ball, function(), vs.Camera.orbit(ball), SIZE, spec
         behind, ends = [balls(opacity=opacity)], {"cancel": lambda: done[-1:] == [1.0]}
-        raycast(*given, caster=caster, behind=behind, progress=done.append, **ends)
+        vs.raycast(*given, caster=caster, behind=behind, progress=done.append, **ends)
 
     for layers, opacity in ((8, 0.5), (1, 1.0)):
         with raises(RaycastError, "conflict", "raycast: layers"):
             cast_with(layers, opacity)
     assert done == []
-    with raises(CastCancelled):
+    with raises(vs.CastCancelled):
         cast_with(8)
 
 
@@ -270,6 +266,6 @@ def test_what_layers_cannot_show_is_refused_and_lighting_meshes_is_cancelled(
 @pytest.mark.parametrize(("lanes", "materials"), [(1, 2), (8, 3)])
 def test_the_kernel_lights_what_meshes_shade_as_its_twin(lanes: int, materials: int) -> None:
     mesh = shapes.shape_mesh("sphere", material="silver").placed((5.0, 9.0, 8.0), scale=4.0)
-    clear = MeshCaster([mesh], MATERIALS, BASIS).clear
-    spec = RaycastSpec(layers=6, step_mm=0.5, groups=LIT, specular=0.2, light_cells=8)
+    clear = vs.MeshCaster([mesh], MATERIALS, BASIS).clear
+    spec = vs.RaycastSpec(layers=6, step_mm=0.5, groups=LIT, specular=0.2, light_cells=8)
     assert_layers_alike(noise(8), blend(0.3, materials), spec, clear=clear, lanes=lanes)

@@ -8,36 +8,28 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+import volspec as vs
 from tests.support.errors import refuses
 from tests.support.relighting import grouped_cast
-from volspec.appearance import Viewing
-from volspec.basis import MODES, Basis, MaterialBasis, SpectralBasis
-from volspec.raycast import CoefficientImage
-from volspec.relight import Illumination, LightRig, RelightSpec, error_map
-from volspec.spectra import (
-    Spectrum,
-    XYZ_from_spectra,
-    colour_matching_functions,
-    light,
-    reflectance,
-    white_XYZ,
-)
+from volspec.basis import MODES, Basis
+from volspec.relight import Illumination, error_map
+from volspec.spectra import XYZ_from_spectra, colour_matching_functions, white_XYZ
 
-A, D65, FL2 = map(light, ("A", "D65", "FL2"))
-GENERAL = SpectralBasis.load("general-7")
-PAINTS = MaterialBasis({name: reflectance(name) for name in ("gold", "copper")})
+A, D65, FL2 = map(vs.light, ("A", "D65", "FL2"))
+GENERAL = vs.SpectralBasis.load("general-7")
+PAINTS = vs.MaterialBasis({name: vs.reflectance(name) for name in ("gold", "copper")})
 SHARES = {"key": 0.7, "fill": 0.2, "rim": 0.1}
 
 
-def cast(basis: Basis = GENERAL, shares: dict[str, float] = SHARES) -> CoefficientImage:
+def cast(basis: Basis = GENERAL, shares: dict[str, float] = SHARES) -> vs.CoefficientImage:
     return grouped_cast(shares, basis)
 
 
-def lit(image: CoefficientImage, rig: Spectrum | LightRig, **how: object) -> Illumination:
-    return Illumination.of(image.basis, rig, RelightSpec(**how), image.groups)
+def lit(image: vs.CoefficientImage, rig: vs.Spectrum | vs.LightRig, **how: object) -> Illumination:
+    return Illumination.of(image.basis, rig, vs.RelightSpec(**how), image.groups)
 
 
-def XYZ(image: CoefficientImage, rig: Spectrum | LightRig, **how: object) -> np.ndarray:
+def XYZ(image: vs.CoefficientImage, rig: vs.Spectrum | vs.LightRig, **how: object) -> np.ndarray:
     return lit(image, rig, **how).scene_XYZ(image.coefficients, image.alpha)
 
 
@@ -47,11 +39,11 @@ def test_groups_are_the_sum_of_pictures_of_one_group_each(basis: Basis, mode: st
     image = cast(basis)
     lights, lux = dict(zip(SHARES, (A, D65, FL2), strict=True)), (300.0, 800.0, 50.0)
     how = {"mode": mode, "level": "absolute", "backdrop": 0.0}
-    together = XYZ(image, LightRig(tuple(lights.values()), (), lux, tuple(lights)), **how)
+    together = XYZ(image, vs.LightRig(tuple(lights.values()), (), lux, tuple(lights)), **how)
     alone = [
         XYZ(
-            CoefficientImage(image.layer(name), image.alpha, image.depth_mm, basis),
-            LightRig((lamp,), illuminance_lux=(v,)),
+            vs.CoefficientImage(image.layer(name), image.alpha, image.depth_mm, basis),
+            vs.LightRig((lamp,), illuminance_lux=(v,)),
             **how,
         )
         for (name, lamp), v in zip(lights.items(), lux, strict=True)
@@ -62,11 +54,11 @@ def test_groups_are_the_sum_of_pictures_of_one_group_each(basis: Basis, mode: st
 @pytest.mark.parametrize("mode", MODES)
 def test_lights_of_several_groups_add_up_with_their_backdrop(mode: str) -> None:
     image = cast()
-    how = {"mode": mode, "level": "absolute", "backdrop": reflectance("ColorChecker/red")}
+    how = {"mode": mode, "level": "absolute", "backdrop": vs.reflectance("ColorChecker/red")}
     lux, groups = (300.0, 800.0, 50.0), ("key", "fill", "rim")
 
     def under(*weights: float) -> np.ndarray:
-        return XYZ(image, LightRig((A, D65, FL2), weights, lux, groups), **how)
+        return XYZ(image, vs.LightRig((A, D65, FL2), weights, lux, groups), **how)
 
     parts = under(1, 0, 0), under(0, 0.5, 0), under(0, 0, 2)
     np.testing.assert_allclose(under(1, 0.5, 2), sum(parts), rtol=1e-12)
@@ -79,7 +71,7 @@ def test_white_that_faces_every_source_is_the_adopted_white(
 ) -> None:
     """Y = 100 whatever is switched off: the first pixel is that diffuser."""
     image = cast()
-    rig = LightRig((A, D65, FL2), weights, groups=("key", "fill", "rim"))
+    rig = vs.LightRig((A, D65, FL2), weights, groups=("key", "fill", "rim"))
     # XYZ of a sum of lights: by the luminous energies in which they reach the surface.
     Y = np.array([colour_matching_functions(GENERAL.grid)[1] @ E.values for E in (A, D65, FL2)])
     part = Y * weights * list(SHARES.values())
@@ -94,40 +86,40 @@ def test_white_that_faces_every_source_is_the_adopted_white(
 def test_exact_mode_is_all_bands_where_each_group_has_its_own_light() -> None:
     shares = {"key": 0.6, "fill": 0.4}
     names = ("ColorChecker/orange", "ColorChecker/blue sky")
-    S = GENERAL.synthesise(GENERAL.analyse([reflectance(name) for name in names]))
+    S = GENERAL.synthesise(GENERAL.analyse([vs.reflectance(name) for name in names]))
     facing = np.array([[0.9, 0.1], [0.2, 1.0]])[:, None] * list(shares.values())
     coefficients = (facing[..., None] * GENERAL.analyse(S)[:, None, None]).reshape(2, 1, -1)
     one = np.ones((2, 1), np.float32)
-    image = CoefficientImage(coefficients.astype("f4"), one, one, GENERAL, groups=shares)
+    image = vs.CoefficientImage(coefficients.astype("f4"), one, one, GENERAL, groups=shares)
     E = np.array([A.values, 2 * FL2.values])
     Q = colour_matching_functions(GENERAL.grid)
     kappa = 100 / (Q[1] @ (np.array(list(shares.values())) @ E))
     truth = kappa * ((facing[:, 0] @ E) * S) @ Q.T
-    rig = LightRig((A, FL2), (1, 2), groups=("key", "fill"))
+    rig = vs.LightRig((A, FL2), (1, 2), groups=("key", "fill"))
     # float32 coefficients, and rows that meet each light's white exactly.
     np.testing.assert_allclose(XYZ(image, rig, mode="exact")[:, 0], truth, rtol=1e-5)
 
 
 def test_a_light_of_no_group_shines_from_all() -> None:
     image = cast()
-    everywhere = LightRig((A, A, A), groups=("key", "fill", "rim"))
-    for rig in (A, LightRig((A,)), LightRig((A,), groups=("",))):
+    everywhere = vs.LightRig((A, A, A), groups=("key", "fill", "rim"))
+    for rig in (A, vs.LightRig((A,)), vs.LightRig((A,), groups=("",))):
         np.testing.assert_allclose(XYZ(image, rig), XYZ(image, everywhere), rtol=1e-12)
-    merged = CoefficientImage(
+    merged = vs.CoefficientImage(
         sum(image.layer(name) for name in SHARES), image.alpha, image.depth_mm, GENERAL
     )
     # Sums of float32 coefficients.
     np.testing.assert_allclose(XYZ(merged, A), XYZ(image, A), rtol=1e-6)
-    both = LightRig((A, FL2), groups=("", "key"))
-    listed = LightRig((A, FL2, A, A), groups=("key", "key", "fill", "rim"))
+    both = vs.LightRig((A, FL2), groups=("", "key"))
+    listed = vs.LightRig((A, FL2, A, A), groups=("key", "key", "fill", "rim"))
     np.testing.assert_allclose(XYZ(image, both), XYZ(image, listed), rtol=1e-12)
 
 
 def test_a_group_without_light_stays_dark() -> None:
     image = cast()
-    matrix = lit(image, LightRig((A, D65), (1, 0), groups=("key", "fill"))).XYZ_from_channels
+    matrix = lit(image, vs.LightRig((A, D65), (1, 0), groups=("key", "fill"))).XYZ_from_channels
     assert matrix[:, :7].any() and not matrix[:, 7:].any()
-    only = lit(image, LightRig((A,), groups=("key",)))
+    only = lit(image, vs.LightRig((A,), groups=("key",)))
     assert np.array_equal(only.XYZ_from_channels, matrix)
 
 
@@ -139,8 +131,8 @@ def test_lux_is_what_a_light_gives_from_all_groups() -> None:
         (("key", "fill"), 0.7 * 1000 + 0.2 * 500),
         (("", "rim"), 1000 + 0.1 * 500),
     ):
-        rig = LightRig((A, D65), illuminance_lux=lux, groups=groups)
-        found = lit(image, rig, level="absolute", viewing=Viewing(illuminance_lux=2000.0))
+        rig = vs.LightRig((A, D65), illuminance_lux=lux, groups=groups)
+        found = lit(image, rig, level="absolute", viewing=vs.Viewing(illuminance_lux=2000.0))
         assert found.illuminance_lux == pytest.approx(expected)
         white = XYZ_from_spectra(rig.facing(SHARES).mixed(GENERAL.grid), np.ones(GENERAL.grid.size))
         backdrop = 0.2 * white * expected / 2000
@@ -149,7 +141,7 @@ def test_lux_is_what_a_light_gives_from_all_groups() -> None:
 
 def test_a_dim_group_alone_looks_dim_at_relative_level() -> None:
     image = cast()
-    rig = LightRig((A, D65), (1, 0), (1000.0, 1000.0), ("fill", "key"))
+    rig = vs.LightRig((A, D65), (1, 0), (1000.0, 1000.0), ("fill", "key"))
     found = lit(image, rig)
     assert found.white_XYZ[1] == pytest.approx(100)
     assert found.viewing.illuminance_lux == pytest.approx(200)
@@ -157,23 +149,23 @@ def test_a_dim_group_alone_looks_dim_at_relative_level() -> None:
 
 def test_the_error_map_of_groups_is_that_of_their_sum_where_one_light_shines() -> None:
     image = cast()
-    merged = CoefficientImage(
+    merged = vs.CoefficientImage(
         sum(image.layer(name) for name in SHARES), image.alpha, image.depth_mm, GENERAL
     )
-    found, truth = error_map(image, light("FL4")), error_map(merged, light("FL4"))
+    found, truth = error_map(image, vs.light("FL4")), error_map(merged, vs.light("FL4"))
     # Sums of float32 coefficients.
     np.testing.assert_allclose(found.delta_e, truth.delta_e, atol=1e-3)
-    rig = LightRig((light("FL4"), A), groups=("key", "rim"))
+    rig = vs.LightRig((vs.light("FL4"), A), groups=("key", "rim"))
     assert error_map(image, rig).max > 0
     assert error_map(image, rig, mode="exact").max == 0
 
 
 UNLIT = {"key": 1.0, "off": 0.0}
-NIGHT = Spectrum([390, 710], [0.0, 0.0], name="night")
+NIGHT = vs.Spectrum([390, 710], [0.0, 0.0], name="night")
 
 
-def of_rig(*lights: Spectrum, **rig: object) -> Callable[[], object]:
-    return lambda: lit(cast(), LightRig(lights, **rig))
+def of_rig(*lights: vs.Spectrum, **rig: object) -> Callable[[], object]:
+    return lambda: lit(cast(), vs.LightRig(lights, **rig))
 
 
 @pytest.mark.parametrize(
@@ -188,13 +180,13 @@ def of_rig(*lights: Spectrum, **rig: object) -> Callable[[], object]:
         (of_rig(A, weights=(0,), groups=("key",)), "impossible LightRig.weights"),
         (of_rig(A, NIGHT), "conflict "),
         (of_rig(A, NIGHT, groups=("key", "fill")), "conflict "),
-        (lambda: lit(cast(shares=UNLIT), LightRig((A,), groups=("off",))), "invalid "),
+        (lambda: lit(cast(shares=UNLIT), vs.LightRig((A,), groups=("off",))), "invalid "),
         (
-            lambda: lit(cast(shares=UNLIT), LightRig((A, A), (), (0.0, 1.0), ("key", "off"))),
+            lambda: lit(cast(shares=UNLIT), vs.LightRig((A, A), (), (0.0, 1.0), ("key", "off"))),
             "impossible LightRig.illuminance_lux",
         ),
         (
-            lambda: lit(cast(), LightRig((A,), groups=("key",)), level="absolute"),
+            lambda: lit(cast(), vs.LightRig((A,), groups=("key",)), level="absolute"),
             "missing LightRig.illuminance_lux",
         ),
     ],

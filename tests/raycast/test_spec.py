@@ -9,34 +9,24 @@ from typing import Any, ClassVar, get_args, get_origin, get_type_hints
 import numpy as np
 import pytest
 
+import volspec as vs
 from tests.support.errors import refuses
-from volspec.raycast import (
-    Ambient,
-    Camera,
-    ClipPlane,
-    Directional,
-    Headlight,
-    LightGroup,
-    Point,
-    RaycastSpec,
-)
 from volspec.raycast.camera import Orbit
 from volspec.raycast.checks import MAX_WEIGHT
 from volspec.raycast.kernel_arguments import MAX_REACH, check_reach
 from volspec.raycast.lights import MAX_GROUPS, MAX_NAME, MAX_SOURCES
 from volspec.raycast.spec import MAX_PLANES, MAX_STEPS
-from volspec.volume import Volume, phantom
 
-PLANE = ClipPlane((0, 0, 0), (1, 0, 0))
-BALL = phantom.ball(16)
-SLAB = Volume(np.zeros((4, 64, 64), np.uint8), spacing_mm=(1, 1, 1e-4), name="slab")
-
-
-def group(name: str = "key", count: int = 1) -> LightGroup:
-    return LightGroup(name, (Headlight(),) * count)
+PLANE = vs.ClipPlane((0, 0, 0), (1, 0, 0))
+BALL = vs.phantom.ball(16)
+SLAB = vs.Volume(np.zeros((4, 64, 64), np.uint8), spacing_mm=(1, 1, 1e-4), name="slab")
 
 
-def many_groups(count: int, sources: int = 1) -> tuple[LightGroup, ...]:
+def group(name: str = "key", count: int = 1) -> vs.LightGroup:
+    return vs.LightGroup(name, (vs.Headlight(),) * count)
+
+
+def many_groups(count: int, sources: int = 1) -> tuple[vs.LightGroup, ...]:
     return tuple(group(f"g{i}", sources) for i in range(count))
 
 
@@ -45,10 +35,10 @@ def cropped(*bounds: tuple[float, float]) -> dict[str, Any]:
 
 
 NEEDED: dict[type, dict[str, Any]] = {
-    **{kind: {} for kind in (RaycastSpec, Orbit, Ambient, Headlight)},
-    Camera: {"position_mm": (0, 0, 0), "target_mm": (0, 9, 0)},
-    Directional: {"towards": (1, 0, 0)},
-    Point: {"position_mm": (1, 2, 3)},
+    **{kind: {} for kind in (vs.RaycastSpec, Orbit, vs.Ambient, vs.Headlight)},
+    vs.Camera: {"position_mm": (0, 0, 0), "target_mm": (0, 9, 0)},
+    vs.Directional: {"towards": (1, 0, 0)},
+    vs.Point: {"position_mm": (1, 2, 3)},
 }
 
 
@@ -69,12 +59,12 @@ def wrong_numbers() -> Iterator[tuple[type, str, Any, str]]:
                         yield kind, name, limit + sign * max(1, abs(limit)), "range"
 
 
-def steps_of(volume: Volume, **settings: Any) -> Callable[[], object]:
-    return lambda: RaycastSpec(**settings).step_of(volume)
+def steps_of(volume: vs.Volume, **settings: Any) -> Callable[[], object]:
+    return lambda: vs.RaycastSpec(**settings).step_of(volume)
 
 
 def crops_of(*bounds: tuple[float, float]) -> Callable[[], object]:
-    return lambda: RaycastSpec(crop_voxels=bounds).kept(BALL)
+    return lambda: vs.RaycastSpec(crop_voxels=bounds).kept(BALL)
 
 
 SETTINGS: list[tuple[dict[str, Any], str, str]] = [
@@ -92,7 +82,7 @@ SETTINGS: list[tuple[dict[str, Any], str, str]] = [
     ({"clip_planes": (PLANE,) * (MAX_PLANES + 1)}, "size", "clip_planes"),
     ({"groups": ()}, "missing", "groups"),
     ({"groups": None}, "type", "groups[0]"),
-    ({"groups": (Headlight(),)}, "type", "groups[0]"),
+    ({"groups": (vs.Headlight(),)}, "type", "groups[0]"),
     ({"groups": (group(), group())}, "duplicate", "groups"),
     ({"groups": many_groups(MAX_GROUPS + 1)}, "size", "groups"),
     ({"groups": (group("a"), group("b", MAX_SOURCES))}, "size", "groups"),
@@ -112,29 +102,29 @@ SETTINGS: list[tuple[dict[str, Any], str, str]] = [
             for kind, name, wrong, code in wrong_numbers()
         ),
         *(
-            (lambda settings=settings: RaycastSpec(**settings), f"{fault} RaycastSpec.{name}")
+            (lambda settings=settings: vs.RaycastSpec(**settings), f"{fault} RaycastSpec.{name}")
             for settings, fault, name in SETTINGS
         ),
-        (lambda: Directional((0, 0, 0)), "range Directional.towards"),
-        (lambda: Directional("much"), "type Directional.towards"),
-        (lambda: Directional((1, 2, np.nan)), "range Directional.towards[2]"),
-        (lambda: Directional((1, 2)), "shape Directional.towards"),
-        (lambda: Directional(("1", "2", "3")), "type Directional.towards[0]"),
-        (lambda: Directional((1, 0, 0), frame="eye"), "unknown Directional.frame"),
-        (lambda: Point((1, 2, np.inf)), "range Point.position_mm[2]"),
-        (lambda: Point("much"), "type Point.position_mm"),
-        (lambda: Point((1, 2, 3), frame=None), "type Point.frame"),
-        (lambda: LightGroup("", (Headlight(),)), "missing LightGroup.name"),
-        (lambda: LightGroup("  ", (Headlight(),)), "missing LightGroup.name"),
-        (lambda: LightGroup(7, (Headlight(),)), "type LightGroup.name"),
+        (lambda: vs.Directional((0, 0, 0)), "range Directional.towards"),
+        (lambda: vs.Directional("much"), "type Directional.towards"),
+        (lambda: vs.Directional((1, 2, np.nan)), "range Directional.towards[2]"),
+        (lambda: vs.Directional((1, 2)), "shape Directional.towards"),
+        (lambda: vs.Directional(("1", "2", "3")), "type Directional.towards[0]"),
+        (lambda: vs.Directional((1, 0, 0), frame="eye"), "unknown Directional.frame"),
+        (lambda: vs.Point((1, 2, np.inf)), "range Point.position_mm[2]"),
+        (lambda: vs.Point("much"), "type Point.position_mm"),
+        (lambda: vs.Point((1, 2, 3), frame=None), "type Point.frame"),
+        (lambda: vs.LightGroup("", (vs.Headlight(),)), "missing LightGroup.name"),
+        (lambda: vs.LightGroup("  ", (vs.Headlight(),)), "missing LightGroup.name"),
+        (lambda: vs.LightGroup(7, (vs.Headlight(),)), "type LightGroup.name"),
         (lambda: group("n" * (MAX_NAME + 1)), "size LightGroup.name"),
-        (lambda: LightGroup("key", ()), "missing LightGroup.sources"),
-        (lambda: LightGroup("key", (1,)), "unknown LightGroup.sources[0]"),
-        (lambda: LightGroup("key", None), "unknown LightGroup.sources[0]"),
-        (lambda: ClipPlane((0, 0, 0), (0, 0, 0)), "range ClipPlane.normal"),
-        (lambda: ClipPlane((0, 0, 0), (0, np.nan, 1)), "range ClipPlane.normal[1]"),
-        (lambda: ClipPlane("much", (0, 0, 1)), "type ClipPlane.point_mm"),
-        (lambda: ClipPlane((0, 0), (0, 0, 1)), "shape ClipPlane.point_mm"),
+        (lambda: vs.LightGroup("key", ()), "missing LightGroup.sources"),
+        (lambda: vs.LightGroup("key", (1,)), "unknown LightGroup.sources[0]"),
+        (lambda: vs.LightGroup("key", None), "unknown LightGroup.sources[0]"),
+        (lambda: vs.ClipPlane((0, 0, 0), (0, 0, 0)), "range ClipPlane.normal"),
+        (lambda: vs.ClipPlane((0, 0, 0), (0, np.nan, 1)), "range ClipPlane.normal[1]"),
+        (lambda: vs.ClipPlane("much", (0, 0, 1)), "type ClipPlane.point_mm"),
+        (lambda: vs.ClipPlane((0, 0), (0, 0, 1)), "shape ClipPlane.point_mm"),
         # Outside of the volume nothing is left.
         (crops_of((0, 9), (15, 20), (0, 9)), "range RaycastSpec.crop_voxels"),
         (crops_of((-9, 0), (0, 9), (0, 9)), "range RaycastSpec.crop_voxels"),
@@ -150,19 +140,19 @@ def test_settings_lights_and_planes_that_make_no_sense_are_named(
 
 
 def test_weights_may_be_as_large_as_their_bound() -> None:
-    assert RaycastSpec(ambient=MAX_WEIGHT).ambient == MAX_WEIGHT
+    assert vs.RaycastSpec(ambient=MAX_WEIGHT).ambient == MAX_WEIGHT
 
 
 def test_as_many_lights_and_planes_as_are_allowed_are_taken() -> None:
     groups = many_groups(MAX_GROUPS, MAX_SOURCES // MAX_GROUPS)
-    spec = RaycastSpec(groups=groups, clip_planes=(PLANE,) * MAX_PLANES)
+    spec = vs.RaycastSpec(groups=groups, clip_planes=(PLANE,) * MAX_PLANES)
     assert spec.groups == groups and len(spec.clip_planes) == MAX_PLANES
 
 
 def test_one_of_a_kind_and_lists_are_taken_as_tuples() -> None:
-    spec = RaycastSpec(groups=group(), clip_planes=[PLANE])
+    spec = vs.RaycastSpec(groups=group(), clip_planes=[PLANE])
     assert spec.groups == (group(),) and spec.clip_planes == (PLANE,)
-    assert LightGroup("key", Headlight()) == group()
+    assert vs.LightGroup("key", vs.Headlight()) == group()
 
 
 def test_a_name_of_64_characters_is_taken() -> None:
@@ -177,37 +167,37 @@ def test_directions_are_unit_vectors_and_stay_what_they_are(length: float) -> No
         x, y, z = (float(v) for v in np.multiply(way, length))
         if not (x or y or z):
             continue
-        light, plane = Directional((x, y, z)), ClipPlane((0, 0, 0), (x, y, z))
+        light, plane = vs.Directional((x, y, z)), vs.ClipPlane((0, 0, 0), (x, y, z))
         assert np.linalg.norm(light.towards) == pytest.approx(1, abs=1e-15)
         assert light.towards == plane.normal
-        assert Directional(light.towards) == light and replace(plane) == plane
+        assert vs.Directional(light.towards) == light and replace(plane) == plane
         if length > 1e-300:
             assert np.allclose(light.towards, np.array(way) / np.linalg.norm(way), atol=1e-15)
 
 
 def test_a_crop_is_cut_to_the_volume() -> None:
-    low, high = RaycastSpec(crop_voxels=((-9, 3), (2.5, 1e300), (0, 15))).kept(BALL)
+    low, high = vs.RaycastSpec(crop_voxels=((-9, 3), (2.5, 1e300), (0, 15))).kept(BALL)
     assert low.tolist() == [0, 2.5, 0] and high.tolist() == [3, 15, 15]
 
 
 def test_the_shortest_steps_are_as_many_as_a_ray_may_take() -> None:
     across = 15 * np.sqrt(3)
-    assert RaycastSpec(step_mm=1.01 * across / MAX_STEPS).step_of(BALL) < 1e-3
+    assert vs.RaycastSpec(step_mm=1.01 * across / MAX_STEPS).step_of(BALL) < 1e-3
     # What the error of the slab's default step advises.
-    assert RaycastSpec(step_mm=0.00068).step_of(SLAB) == 0.00068
+    assert vs.RaycastSpec(step_mm=0.00068).step_of(SLAB) == 0.00068
 
 
 def test_what_is_as_far_as_may_be_is_within_reach() -> None:
     far = 0.99 * MAX_REACH * 15 * np.sqrt(3)
-    lamps = (Point((far, 0, 0), falloff_mm=far), Point((0, far, 0), frame="camera"))
-    camera = Camera((far, 9, 0), (0, 0, 0), height_mm=far)
-    check_reach(BALL, camera, RaycastSpec(groups=LightGroup("lamps", lamps)))
+    lamps = (vs.Point((far, 0, 0), falloff_mm=far), vs.Point((0, far, 0), frame="camera"))
+    camera = vs.Camera((far, 9, 0), (0, 0, 0), height_mm=far)
+    check_reach(BALL, camera, vs.RaycastSpec(groups=vs.LightGroup("lamps", lamps)))
 
 
 def test_strengths_are_what_a_white_gets_and_shares_their_parts() -> None:
-    assert sum(RaycastSpec().strengths().values()) == 1
-    spec = RaycastSpec(
-        ambient=0.5, diffuse=2, groups=(LightGroup("sky", (Ambient(3),)), group("key", 2))
+    assert sum(vs.RaycastSpec().strengths().values()) == 1
+    spec = vs.RaycastSpec(
+        ambient=0.5, diffuse=2, groups=(vs.LightGroup("sky", (vs.Ambient(3),)), group("key", 2))
     )
     assert spec.strengths() == {"sky": 1.5, "key": 4}
     assert spec.shares() == {"sky": 1.5 / 5.5, "key": 4 / 5.5}

@@ -7,19 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+import volspec as vs
 from tests.support.raycasts import labelled, oblique_world, turned
 from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import Source, asset
-from volspec.raycast import (
-    Ambient,
-    Camera,
-    ClipPlane,
-    Directional,
-    LightGroup,
-    Point,
-    RaycastSpec,
-    reference,
-)
+from volspec.raycast import reference
 from volspec.raycast.kernel_arguments import LIGHT_MARGIN
 from volspec.raycast.light_volume import (
     LightGrid,
@@ -30,29 +22,28 @@ from volspec.raycast.light_volume import (
 )
 from volspec.raycast.lights import Source as LightSource
 from volspec.transfer import SurfaceTable, TransferTable
-from volspec.volume import Volume, phantom
 
 # A layer's own rounding is half of 1/65535, and a way of 100 float32 steps adds as much.
 TOLERANCE = 2 / 65535
 
-SUN = Directional((0.3, -1.0, 0.6), shadows=True)
-LAMP = Directional((1.0, 2.0, 1.0), frame="camera", shadows=True)
-BULB = Point((300.0, -80.0, 200.0), shadows=True)
-SKY = Ambient(occlusion=True)
+SUN = vs.Directional((0.3, -1.0, 0.6), shadows=True)
+LAMP = vs.Directional((1.0, 2.0, 1.0), frame="camera", shadows=True)
+BULB = vs.Point((300.0, -80.0, 200.0), shadows=True)
+SKY = vs.Ambient(occlusion=True)
 
 
-def lit(*sources: LightSource, cells: int = 24, **settings: object) -> RaycastSpec:
-    groups = (LightGroup("light", sources),)
-    return RaycastSpec(groups=groups, light_cells=cells, **settings)
+def lit(*sources: LightSource, cells: int = 24, **settings: object) -> vs.RaycastSpec:
+    groups = (vs.LightGroup("light", sources),)
+    return vs.RaycastSpec(groups=groups, light_cells=cells, **settings)
 
 
-def opened(volume: Volume, lanes: int | None = None) -> LightVolume:
+def opened(volume: vs.Volume, lanes: int | None = None) -> LightVolume:
     compute = Compute.open()
     return LightVolume(compute, volume, compute.upload(volume.values), lanes=lanes)
 
 
 def downloaded(
-    ours: LightVolume, table: TransferTable | SurfaceTable, spec: RaycastSpec, camera: Camera
+    ours: LightVolume, table: TransferTable | SurfaceTable, spec: vs.RaycastSpec, camera: vs.Camera
 ) -> np.ndarray:
     """(L, nz, ny, nx) 0…1."""
     buffer, grid, wanted = ours.layers(table, spec, camera)
@@ -62,15 +53,15 @@ def downloaded(
 
 
 def assert_alike(
-    volume: Volume,
+    volume: vs.Volume,
     table: TransferTable | SurfaceTable,
-    spec: RaycastSpec,
-    camera: Camera | None = None,
+    spec: vs.RaycastSpec,
+    camera: vs.Camera | None = None,
     lanes: int | None = None,
     dark: float = 0.9,
 ) -> None:
     """Compare every node; the message shows the worst with both values."""
-    camera = camera or Camera.orbit(volume)
+    camera = camera or vs.Camera.orbit(volume)
     ours = downloaded(opened(volume, lanes), table, spec, camera)
     true = reference.layers(volume, table, spec, camera)
     assert ours.shape == true.shape
@@ -81,12 +72,12 @@ def assert_alike(
     assert off.max() <= TOLERANCE, f"{worst}: kernel {ours[worst]}, reference {true[worst]}"
 
 
-def oblique() -> Volume:
+def oblique() -> vs.Volume:
     """Shear, rotation and unequal spacing."""
     world = oblique_world()
     world[:3, 1] += 0.4 * world[:3, 0]
-    values = phantom.ball(24).values[:, 2:, 5:] * 200
-    return Volume(values.astype(np.int16) - 50, world_from_index=world)
+    values = vs.phantom.ball(24).values[:, 2:, 5:] * 200
+    return vs.Volume(values.astype(np.int16) - 50, world_from_index=world)
 
 
 def curve(low: float, high: float) -> TransferTable:
@@ -96,7 +87,7 @@ def curve(low: float, high: float) -> TransferTable:
 
 @pytest.mark.parametrize("lanes", [1, pytest.param(4, marks=pytest.mark.slow), 8])
 def test_engine_matches_reference_at_every_packet_width(
-    half_engine: Volume, three_channels: TransferTable, lanes: int
+    half_engine: vs.Volume, three_channels: TransferTable, lanes: int
 ) -> None:
     assert_alike(half_engine, three_channels, lit(SUN, LAMP, BULB, SKY, cells=29), lanes=lanes)
 
@@ -105,8 +96,8 @@ def test_engine_matches_reference_at_every_packet_width(
 def test_oblique_anisotropic_volume_matches_reference(cells: int) -> None:
     """Few nodes to many voxels, and many to few: then nodes lie between voxels."""
     volume = oblique()
-    bulb = Point(tuple(volume.corners_mm[3] + 5), shadows=True)
-    sky = Ambient(occlusion=True, radius_mm=28.3)
+    bulb = vs.Point(tuple(volume.corners_mm[3] + 5), shadows=True)
+    sky = vs.Ambient(occlusion=True, radius_mm=28.3)
     assert_alike(volume, curve(-40, 150), lit(SUN, LAMP, bulb, sky, cells=cells))
 
 
@@ -118,27 +109,27 @@ SIDES = (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)
     [(0, 0, -1), (-3, 2, -1), *(pytest.param(n, marks=pytest.mark.slow) for n in SIDES[:5])],
 )
 def test_light_from_every_side_matches_reference(
-    half_engine: Volume, three_channels: TransferTable, towards: tuple[int, int, int]
+    half_engine: vs.Volume, three_channels: TransferTable, towards: tuple[int, int, int]
 ) -> None:
-    assert_alike(half_engine, three_channels, lit(Directional(towards, shadows=True)))
+    assert_alike(half_engine, three_channels, lit(vs.Directional(towards, shadows=True)))
 
 
 def test_point_lights_inside_the_volume_and_of_the_camera_match_reference(
-    half_engine: Volume, three_channels: TransferTable
+    half_engine: vs.Volume, three_channels: TransferTable
 ) -> None:
     """Also on a node, where the way has no length."""
     x, y, z = np.array(half_engine.corners_mm[7]) / 2
     on_a_node = tuple(half_engine.corners_mm[7] * (8 / 23, 12 / 23, 0))
-    inside = Point((x + 3, y - 7, z), shadows=True)
-    torch = Point((40.0, 60.0, -300.0), frame="camera", shadows=True)
+    inside = vs.Point((x + 3, y - 7, z), shadows=True)
+    torch = vs.Point((40.0, 60.0, -300.0), frame="camera", shadows=True)
     camera = turned(half_engine, -70, 35)
     assert_alike(
-        half_engine, three_channels, lit(inside, Point(on_a_node, shadows=True), torch), camera
+        half_engine, three_channels, lit(inside, vs.Point(on_a_node, shadows=True), torch), camera
     )
 
 
 def test_physical_light_matches_reference(
-    half_engine: Volume, three_channels: TransferTable
+    half_engine: vs.Volume, three_channels: TransferTable
 ) -> None:
     """A node per voxel."""
     small = half_engine.downsampled(4)
@@ -156,21 +147,21 @@ def test_physical_light_of_unequal_spacing_matches_reference() -> None:
     [np.uint16, *(pytest.param(d, marks=pytest.mark.slow) for d in ("uint8", "int16", "float32"))],
 )
 def test_every_voxel_type_matches_reference(dtype: type) -> None:
-    volume = Volume((phantom.ball(20).values * 120).astype(dtype))
+    volume = vs.Volume((vs.phantom.ball(20).values * 120).astype(dtype))
     assert_alike(volume, curve(0, 120), lit(SUN, SKY))
 
 
-def test_cuts_match_reference(engine: Volume, three_channels: TransferTable) -> None:
+def test_cuts_match_reference(engine: vs.Volume, three_channels: TransferTable) -> None:
     """The planes pass exactly through voxels, the crop through two faces of them."""
-    planes = (ClipPlane((100.0, 0, 0), (1, 0, 0)), ClipPlane((0, 0, 20.0), (0, 1, 3)))
+    planes = (vs.ClipPlane((100.0, 0, 0), (1, 0, 0)), vs.ClipPlane((0, 0, 20.0), (0, 1, 3)))
     crop = ((20.5, 240.0), (30.0, 200.2), (0.0, 90.0))
     spec = lit(SUN, SKY, crop_voxels=crop, clip_planes=planes)
     assert_alike(engine, three_channels, spec)
     volume = oblique()
-    through = ClipPlane(tuple(volume.corners_mm.mean(axis=0)), (1, 1, 1))
+    through = vs.ClipPlane(tuple(volume.corners_mm.mean(axis=0)), (1, 1, 1))
     assert_alike(volume, curve(-40, 150), lit(SUN, clip_planes=(through,)))
     beyond = ((-5.0, 100.0), (3.0, 12.0), (-1e9, 1e9))
-    assert_alike(phantom.ball(20), curve(0, 1), lit(SUN, crop_voxels=beyond))
+    assert_alike(vs.phantom.ball(20), curve(0, 1), lit(SUN, crop_voxels=beyond))
 
 
 @pytest.mark.parametrize("shape", [(2, 2, 2), (2, 9, 90), (17, 2, 3)])
@@ -180,9 +171,9 @@ def test_thin_and_tiny_volumes_match_reference(
 ) -> None:
     """Whatever the unit, and with lights far outside; thin ones shadow next to nothing."""
     values = np.random.default_rng(6).integers(0, 2, shape).astype(np.uint8)
-    volume = Volume(values, spacing_mm=(spacing_mm,) * 3)
+    volume = vs.Volume(values, spacing_mm=(spacing_mm,) * 3)
     table = TransferTable((0, 1), np.array([0.0, 0.7]), np.eye(2), spacing_mm)
-    far = Point((1e4 * spacing_mm, 3e3 * spacing_mm, 2e4 * spacing_mm), shadows=True)
+    far = vs.Point((1e4 * spacing_mm, 3e3 * spacing_mm, 2e4 * spacing_mm), shadows=True)
     assert_alike(volume, table, lit(SUN, far, cells=8), dark=2)
 
 
@@ -198,7 +189,7 @@ def test_table_over_gradients_matches_reference() -> None:
 def test_labels_match_reference() -> None:
     """Labels 3 and -1 are not in the table and are not seen; label 0 is."""
     values = np.random.default_rng(3).choice(5, size=(12, 14, 16), p=[0.4, 0.1, 0.2, 0.2, 0.1]) - 1
-    volume = Volume(values.astype(np.int16))
+    volume = vs.Volume(values.astype(np.int16))
     assert_alike(volume, labelled([0.1, 0.9, 0.3]), lit(SUN, SKY))
 
 
@@ -209,11 +200,11 @@ def test_surfaces_match_reference(opacity: float) -> None:
 
 
 def test_layers_follow_what_changes_and_only_that(
-    half_engine: Volume, three_channels: TransferTable
+    half_engine: vs.Volume, three_channels: TransferTable
 ) -> None:
     """Cached layers equal new ones, whatever changed between."""
-    ours, camera = opened(half_engine), Camera.orbit(half_engine)
-    turned = Camera.orbit(half_engine, azimuth_deg=120)
+    ours, camera = opened(half_engine), vs.Camera.orbit(half_engine)
+    turned = vs.Camera.orbit(half_engine, azimuth_deg=120)
     other = dataclasses.replace(three_channels, opacity=three_channels.opacity / 2)
     for table, spec, view in (
         (three_channels, lit(SUN, LAMP), camera),
@@ -231,19 +222,22 @@ def test_layers_follow_what_changes_and_only_that(
 
 
 def test_occluders_reach_to_the_end_of_the_grid_and_no_farther() -> None:
-    volume = phantom.ball(16)
-    table, camera = curve(0, 1), Camera.orbit(volume)
+    volume = vs.phantom.ball(16)
+    table, camera = curve(0, 1), vs.Camera.orbit(volume)
     near, far = (
-        reference.layers(volume, table, lit(Ambient(1, True, radius), cells=8), camera)
+        reference.layers(volume, table, lit(vs.Ambient(1, True, radius), cells=8), camera)
         for radius in (100.0, 1e300)
     )
     assert np.array_equal(near, far)
-    assert_alike(volume, table, lit(Ambient(1, True, 1e300), cells=8), dark=0.99)
+    assert_alike(volume, table, lit(vs.Ambient(1, True, 1e300), cells=8), dark=0.99)
 
 
-def test_layers_come_in_order_of_groups_and_sources(engine: Volume) -> None:
-    groups = (LightGroup("a", (Ambient(), SUN)), LightGroup("b", (SKY, Point((0, 0, 0)), BULB)))
-    found = light_layers(RaycastSpec(groups=groups), engine, Camera.orbit(engine))
+def test_layers_come_in_order_of_groups_and_sources(engine: vs.Volume) -> None:
+    groups = (
+        vs.LightGroup("a", (vs.Ambient(), SUN)),
+        vs.LightGroup("b", (SKY, vs.Point((0, 0, 0)), BULB)),
+    )
+    found = light_layers(vs.RaycastSpec(groups=groups), engine, vs.Camera.orbit(engine))
     assert [layer.source for layer in found] == [1, 2, 4]
     assert [layer.kind for layer in found] == ["directional", "occlusion", "point"]
 
@@ -261,7 +255,7 @@ __kernel void sample(__global const ushort *layer, __global const floatN *at,
 def test_samples_of_a_layer_match_reference(lanes: int) -> None:
     """Everywhere, on the outermost nodes too, where the last cell ends."""
     rng = np.random.default_rng(4)
-    volume = Volume(np.zeros((21, 33, 41), np.uint8), spacing_mm=(1, 1, 2))
+    volume = vs.Volume(np.zeros((21, 33, 41), np.uint8), spacing_mm=(1, 1, 2))
     grid = LightGrid.of(volume, 11)
     layer = rng.integers(0, 65536, grid.shape_xyz[::-1]).astype(np.uint16)
     top = np.array(grid.shape_xyz) - 1
@@ -284,13 +278,13 @@ def test_samples_of_a_layer_match_reference(lanes: int) -> None:
 
 @pytest.mark.parametrize("materials", [2, pytest.param(4, marks=pytest.mark.slow)])
 def test_materials_alone_match_reference(
-    half_engine: Volume, three_channels: TransferTable, materials: int
+    half_engine: vs.Volume, three_channels: TransferTable, materials: int
 ) -> None:
     """Without ``split`` as with it; each at half of its depth, and occlusion unclipped."""
     small, spec = half_engine.downsampled(2), lit(SUN, BULB, SKY)
     at = np.linspace(0, materials - 1, len(three_channels.opacity))
     weights = np.maximum(1 - np.abs(at[:, None] - np.arange(materials)), 0)
-    camera = Camera.orbit(small)
+    camera = vs.Camera.orbit(small)
     ours = opened(small)
     whole = dataclasses.replace(
         three_channels, material_weights=weights, channels=np.eye(materials), white=None
@@ -310,13 +304,13 @@ def test_materials_alone_match_reference(
 
 
 def test_the_memory_of_materials_alone_is_asked_for(
-    half_engine: Volume, monkeypatch: pytest.MonkeyPatch
+    half_engine: vs.Volume, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = []
     monkeypatch.setattr(Compute, "require", lambda _, nbytes, field, remedy: asked.append(nbytes))
     table = TransferTable((0.0, 255.0), np.full(8, 0.1), np.full((8, 2), 0.5), 1.0)
     small = half_engine.downsampled(4)
-    _, grid, wanted = opened(small).layers(table, lit(SUN, SKY), Camera.orbit(small), split=True)
+    _, grid, wanted = opened(small).layers(table, lit(SUN, SKY), vs.Camera.orbit(small), split=True)
     assert asked.count(2 * grid.nodes * (len(wanted) + len(wanted) * split_width(table))) == 1
     x, y, z = grid.shape_xyz
     assert sum(nbytes >= 4 * x * y * z for nbytes in asked) == 3 + 1  # extinctions, and the layers

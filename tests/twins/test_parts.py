@@ -9,51 +9,39 @@ from typing import Any
 import numpy as np
 import pytest
 
+import volspec as vs
 from tests.support.pyramids import in_parts_of, pyramid_of
 from tests.support.raycasts import oblique_world
-from volspec.basis import MaterialBasis
-from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import (
-    Ambient,
-    Camera,
-    ClipPlane,
-    CoefficientImage,
-    Directional,
-    Headlight,
-    LightGroup,
-    RaycastSpec,
-)
 from volspec.raycast.bricks import brick_ranges, visible_by_table
-from volspec.spectra import reflectance
-from volspec.transfer import Isosurfaces, LabelFunction, TransferFunction
-from volspec.volume import Volume, load_volume
 
 # Measured 5e-5, where rays end a sample earlier or later; elsewhere 1e-6.
 TOLERANCE = 2e-4
 LIT = (
-    LightGroup("sky", (Ambient(occlusion=True), Headlight())),
-    LightGroup("lamp", (Directional((1, 1, 1), shadows=True),)),
+    vs.LightGroup("sky", (vs.Ambient(occlusion=True), vs.Headlight())),
+    vs.LightGroup("lamp", (vs.Directional((1, 1, 1), shadows=True),)),
 )
-MATERIALS = {"skin": reflectance("PMC/Caucasian"), "bone": reflectance("PMC/White")}
-BASIS = MaterialBasis(MATERIALS)
+MATERIALS = {"skin": vs.reflectance("PMC/Caucasian"), "bone": vs.reflectance("PMC/White")}
+BASIS = vs.MaterialBasis(MATERIALS)
 
 
-def curve(low: float, high: float) -> TransferFunction:
+def curve(low: float, high: float) -> vs.TransferFunction:
     """Return a function that shows a veil from a value on, and something dense above another."""
     points = [(low, 0.0, "skin"), (low + 10, 0.02, "skin"), (high, 0.4, "bone")]
-    return TransferFunction(points=points, materials=MATERIALS, basis=BASIS)
+    return vs.TransferFunction(points=points, materials=MATERIALS, basis=BASIS)
 
 
 @pytest.fixture(scope="module")
-def engine() -> Volume:
-    return load_volume("engine").downsampled(2)
+def engine() -> vs.Volume:
+    return vs.load_volume("engine").downsampled(2)
 
 
-def compare(volume: Volume, transfer: Any, camera: Camera, spec: RaycastSpec, **how: Any) -> Volume:
+def compare(
+    volume: vs.Volume, transfer: Any, camera: vs.Camera, spec: vs.RaycastSpec, **how: Any
+) -> vs.Volume:
     """Cast a volume whole and part by part; return the one of parts."""
     big, size = pyramid_of(volume, **how), (60, 48)
-    whole = raycast(volume, transfer, camera, size, spec)
-    parts = raycast(big, transfer, camera, size, replace(spec, level=0))
+    whole = vs.raycast(volume, transfer, camera, size, spec)
+    parts = vs.raycast(big, transfer, camera, size, replace(spec, level=0))
     if spec.half:
         assert np.abs(whole.coefficients.astype(float) - parts.coefficients).max() < 2e-3
     else:
@@ -61,7 +49,7 @@ def compare(volume: Volume, transfer: Any, camera: Camera, spec: RaycastSpec, **
     return big
 
 
-def assert_same(whole: CoefficientImage, parts: CoefficientImage) -> None:
+def assert_same(whole: vs.CoefficientImage, parts: vs.CoefficientImage) -> None:
     """Compare all pixels: channels, alpha, expected depth and first hit."""
     assert whole.alpha.max() > 0.2, "nothing is seen, so nothing is compared"
     assert np.abs(whole.coefficients - parts.coefficients).max() < TOLERANCE
@@ -78,13 +66,13 @@ def test_parts_of_any_size_make_the_picture_of_the_whole(
     name: str, side: int, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
     folder: Path | None = None if name == "engine" else request.getfixturevalue("volumes")
-    volume = load_volume(name if folder is None else folder / f"{name}.nrrd")
+    volume = vs.load_volume(name if folder is None else folder / f"{name}.nrrd")
     in_parts_of(monkeypatch, side)
-    camera = Camera.orbit(volume, zoom=1.4)
-    compare(volume, curve(40, 150), camera, RaycastSpec(step_mm=0.7, specular=0.3), chunk=side)
+    camera = vs.Camera.orbit(volume, zoom=1.4)
+    compare(volume, curve(40, 150), camera, vs.RaycastSpec(step_mm=0.7, specular=0.3), chunk=side)
 
 
-STEP = RaycastSpec(step_mm=0.8)
+STEP = vs.RaycastSpec(step_mm=0.8)
 SETTINGS = {
     "lit": replace(STEP, groups=LIT),
     "jitter": replace(STEP, jitter=1.0, seed=3),
@@ -96,7 +84,7 @@ MORE = {
     "flat": replace(STEP, ambient=1.0, diffuse=0.0, alpha_stop=1.0),
     "maximum": replace(STEP, mode="maximum"),
     "average": replace(STEP, mode="average"),
-    "preintegrated": RaycastSpec(step_mm=2.7, preintegrated=True),
+    "preintegrated": vs.RaycastSpec(step_mm=2.7, preintegrated=True),
 }
 
 
@@ -109,45 +97,47 @@ MORE = {
         *(pytest.param(n, False, marks=pytest.mark.slow) for n in SETTINGS | MORE if n != "jitter"),
     ],
 )
-def test_settings(engine: Volume, name: str, ranges: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_settings(
+    engine: vs.Volume, name: str, ranges: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     in_parts_of(monkeypatch, 32, 64, 64)
     spec = (SETTINGS | MORE)[name]
-    camera = Camera.orbit(engine, azimuth_deg=200, elevation_deg=-35)
+    camera = vs.Camera.orbit(engine, azimuth_deg=200, elevation_deg=-35)
     compare(engine, curve(40, 150), camera, spec, ranges=ranges)
 
 
 @pytest.mark.parametrize("orthographic", [True, False])
 @pytest.mark.parametrize("azimuth", [0, 90, 225])
 def test_cameras_along_planes_between_parts(
-    engine: Volume, azimuth: float, orthographic: bool, monkeypatch: pytest.MonkeyPatch
+    engine: vs.Volume, azimuth: float, orthographic: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Rays that run in a plane between two parts are in one of them only.
     in_parts_of(monkeypatch, 32)
-    camera = Camera.orbit(
+    camera = vs.Camera.orbit(
         engine, azimuth_deg=azimuth, elevation_deg=0, orthographic=orthographic, zoom=1.5
     )
-    compare(engine, curve(40, 150), camera, RaycastSpec(step_mm=1.0))
+    compare(engine, curve(40, 150), camera, vs.RaycastSpec(step_mm=1.0))
 
 
-def test_a_camera_within_the_volume(engine: Volume, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_camera_within_the_volume(engine: vs.Volume, monkeypatch: pytest.MonkeyPatch) -> None:
     in_parts_of(monkeypatch, 32)
     middle = engine.corners_mm.mean(axis=0)
-    camera = Camera(tuple(middle), tuple(middle + [30, 20, 8]), fov_deg=80)
-    compare(engine, curve(40, 150), camera, RaycastSpec(step_mm=0.9))
+    camera = vs.Camera(tuple(middle), tuple(middle + [30, 20, 8]), fov_deg=80)
+    compare(engine, curve(40, 150), camera, vs.RaycastSpec(step_mm=0.9))
 
 
 def test_cuts_are_in_voxels_of_the_finest_level(
-    engine: Volume, monkeypatch: pytest.MonkeyPatch
+    engine: vs.Volume, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     in_parts_of(monkeypatch, 32, 64, 32)
-    camera = Camera.orbit(engine)
-    plane = ClipPlane(tuple(engine.corners_mm.mean(axis=0)), (1.0, 0.3, 0.2))
+    camera = vs.Camera.orbit(engine)
+    plane = vs.ClipPlane(tuple(engine.corners_mm.mean(axis=0)), (1.0, 0.3, 0.2))
     crop = ((6, 101), (17.5, 90), (0, 50))
-    spec = RaycastSpec(step_mm=0.9, groups=LIT, crop_voxels=crop, clip_planes=(plane,))
+    spec = vs.RaycastSpec(step_mm=0.9, groups=LIT, crop_voxels=crop, clip_planes=(plane,))
     big = compare(engine, curve(40, 150), camera, spec)
     # The level in memory is cut at about the same place.
     whole, coarse = (
-        raycast(each, curve(40, 150), camera, (60, 48), replace(spec, level=level))
+        vs.raycast(each, curve(40, 150), camera, (60, 48), replace(spec, level=level))
         for each, level in ((engine, None), (big, 1))
     )
     assert np.abs(whole.alpha - coarse.alpha).mean() < 0.03
@@ -160,38 +150,38 @@ def test_oblique_floats_with_missing_voxels(monkeypatch: pytest.MonkeyPatch) -> 
     values = np.exp(-3 * (x**2 + y**2 + z**2)).astype(np.float32)
     values[20:40, 30:36, 30:50] = np.nan
     with pytest.warns(match="transparent"):
-        volume = Volume(values, world_from_index=oblique_world())
+        volume = vs.Volume(values, world_from_index=oblique_world())
     points = [(0.3, 0.0, "skin"), (0.5, 0.1, "skin"), (0.9, 0.4, "bone")]
     transfer = replace(curve(40, 150), points=points)
-    compare(volume, transfer, Camera.orbit(volume), RaycastSpec(step_mm=0.6))
+    compare(volume, transfer, vs.Camera.orbit(volume), vs.RaycastSpec(step_mm=0.6))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["surfaces", "labels"])
-def test_surfaces_and_labels(engine: Volume, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_surfaces_and_labels(engine: vs.Volume, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     in_parts_of(monkeypatch, 32)
-    volume: Volume = engine
-    transfer: Any = Isosurfaces([(70, 0.4, "skin"), (180, 1.0, "bone")], MATERIALS, BASIS)
+    volume: vs.Volume = engine
+    transfer: Any = vs.Isosurfaces([(70, 0.4, "skin"), (180, 1.0, "bone")], MATERIALS, BASIS)
     if kind == "labels":
-        volume = Volume((engine.values // 80).astype(np.uint8), spacing_mm=engine.spacing_mm)
-        transfer = LabelFunction({1: (0.05, "skin"), 2: (0.6, "bone")}, MATERIALS, BASIS)
-    compare(volume, transfer, Camera.orbit(engine), replace(STEP, groups=LIT))
+        volume = vs.Volume((engine.values // 80).astype(np.uint8), spacing_mm=engine.spacing_mm)
+        transfer = vs.LabelFunction({1: (0.05, "skin"), 2: (0.6, "bone")}, MATERIALS, BASIS)
+    compare(volume, transfer, vs.Camera.orbit(engine), replace(STEP, groups=LIT))
 
 
 @pytest.mark.parametrize("table", ["shell", pytest.param("surface", marks=pytest.mark.slow)])
 def test_only_blocks_that_samples_read_are_read(
-    engine: Volume, table: str, monkeypatch: pytest.MonkeyPatch
+    engine: vs.Volume, table: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     in_parts_of(monkeypatch, 32, 64, 64)
     points = [(140, 0.0, "skin"), (150, 0.4, "bone"), (160, 0.4, "bone"), (170, 0.0, "skin")]
     shell = replace(curve(40, 150), points=points)
-    surface = Isosurfaces([(150, 1.0, "skin")], MATERIALS, BASIS)
+    surface = vs.Isosurfaces([(150, 1.0, "skin")], MATERIALS, BASIS)
     transfer = shell if table == "shell" else surface
-    spec = RaycastSpec(step_mm=0.8, specular=0.3)
-    big = compare(engine, transfer, Camera.orbit(engine, elevation_deg=50), spec)
+    spec = vs.RaycastSpec(step_mm=0.8, specular=0.3)
+    big = compare(engine, transfer, vs.Camera.orbit(engine, elevation_deg=50), spec)
     assert big.pyramid is not None
     read = big.pyramid.counts.voxel_bytes / engine.values.nbytes
-    cells = visible_by_table(*brick_ranges(engine.values), Raycaster(engine).bake(transfer))
+    cells = visible_by_table(*brick_ranges(engine.values), vs.Raycaster(engine).bake(transfer))
     assert cells.mean() < read < 0.75, "neither all blocks, nor only those that are visible"
 
 
@@ -199,9 +189,9 @@ def test_rays_end_before_what_is_hidden_is_read(monkeypatch: pytest.MonkeyPatch)
     in_parts_of(monkeypatch, 32)
     values = np.full((32, 32, 129), 200, np.uint8)
     values[:, :, 100:] = 60
-    volume = pyramid_of(Volume(values), 32)
-    camera = Camera.orbit(volume, azimuth_deg=90, elevation_deg=0, zoom=9)
-    raycast(volume, curve(40, 150), camera, (16, 16), RaycastSpec(step_mm=1.0, level=0))
+    volume = pyramid_of(vs.Volume(values), 32)
+    camera = vs.Camera.orbit(volume, azimuth_deg=90, elevation_deg=0, zoom=9)
+    vs.raycast(volume, curve(40, 150), camera, (16, 16), vs.RaycastSpec(step_mm=1.0, level=0))
     assert volume.pyramid is not None
     # The far end, behind 70 opaque voxels, is not read.
     assert 0 < volume.pyramid.counts.chunks < volume.pyramid.levels[0].grid[2]
@@ -211,21 +201,21 @@ def test_a_maximum_needs_only_parts_with_greater_values(monkeypatch: pytest.Monk
     in_parts_of(monkeypatch, 32)
     values = np.full((33, 33, 289), 100, np.uint8)
     values[:, :, 140:150] = 220
-    volume = pyramid_of(Volume(values), 32)
-    camera = Camera.orbit(volume, azimuth_deg=90, elevation_deg=0, zoom=9)
-    spec = RaycastSpec(step_mm=1.0, mode="maximum", level=0)
-    image = raycast(volume, curve(40, 150), camera, (16, 16), spec)
+    volume = pyramid_of(vs.Volume(values), 32)
+    camera = vs.Camera.orbit(volume, azimuth_deg=90, elevation_deg=0, zoom=9)
+    spec = vs.RaycastSpec(step_mm=1.0, mode="maximum", level=0)
+    image = vs.raycast(volume, curve(40, 150), camera, (16, 16), spec)
     assert volume.pyramid is not None and np.allclose(image.alpha, image.alpha.max())
     # Of nine parts, one is needed, and the next was read with it.
     assert volume.pyramid.counts.voxel_bytes < 0.6 * values.nbytes
 
 
-def test_a_caster_casts_every_level(engine: Volume) -> None:
+def test_a_caster_casts_every_level(engine: vs.Volume) -> None:
     big = pyramid_of(engine)
-    caster = Raycaster(big)
-    camera = Camera.orbit(big)
+    caster = vs.Raycaster(big)
+    camera = vs.Camera.orbit(big)
     for level in (1, 0, 1):
-        image = raycast(
-            big, curve(40, 150), camera, (40, 40), RaycastSpec(level=level), caster=caster
+        image = vs.raycast(
+            big, curve(40, 150), camera, (40, 40), vs.RaycastSpec(level=level), caster=caster
         )
         assert image.alpha.max() > 0.3

@@ -8,26 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+import volspec as vs
 from tests.support.raycasts import FLAT, fog, ramp, turned
 from tests.twins.test_raycast import assert_alike
-from volspec.raycast import (
-    Ambient,
-    Camera,
-    ClipPlane,
-    Directional,
-    Headlight,
-    LightGroup,
-    Point,
-    RaycastSpec,
-    reference,
-)
-from volspec.raycast.gpu import Raycaster
+from volspec.raycast import reference
 from volspec.transfer import SurfaceTable, TransferTable
-from volspec.volume import Volume, phantom
 
-SKY = LightGroup("sky", (Ambient(),))
-KEY = LightGroup("key", (Directional((1, 2, 1), frame="camera"), Headlight(0.2)))
-LAMP = LightGroup("lamp", (Point((140, 10, 200), falloff_mm=150), Point((-30, 20, 10), "camera")))
+SKY = vs.LightGroup("sky", (vs.Ambient(),))
+KEY = vs.LightGroup("key", (vs.Directional((1, 2, 1), frame="camera"), vs.Headlight(0.2)))
+LAMP = vs.LightGroup(
+    "lamp", (vs.Point((140, 10, 200), falloff_mm=150), vs.Point((-30, 20, 10), "camera"))
+)
 
 
 @pytest.fixture(scope="session")
@@ -42,26 +33,26 @@ def tables(engine_table: TransferTable, three_channels: TransferTable) -> dict[i
     [(8, 0.4), *(pytest.param(*own, marks=pytest.mark.slow) for own in ((1, 0.4), (4, 0.0)))],
 )
 def test_light_groups_match_reference(
-    engine: Volume, tables: dict[int, TransferTable], lanes: int, specular: float
+    engine: vs.Volume, tables: dict[int, TransferTable], lanes: int, specular: float
 ) -> None:
-    spec = RaycastSpec(groups=(SKY, KEY, LAMP), specular=specular)
-    ours = assert_alike(engine, tables[lanes], Camera.orbit(engine), spec, lanes=lanes)
+    spec = vs.RaycastSpec(groups=(SKY, KEY, LAMP), specular=specular)
+    ours = assert_alike(engine, tables[lanes], vs.Camera.orbit(engine), spec, lanes=lanes)
     assert ours.coefficients.shape[2] == 3 * tables[lanes].size
 
 
 @pytest.mark.parametrize("orthographic", [False, True])
 def test_jittered_steps_match_reference(
-    engine: Volume, three_channels: TransferTable, orthographic: bool
+    engine: vs.Volume, three_channels: TransferTable, orthographic: bool
 ) -> None:
-    camera = Camera.orbit(engine, orthographic=orthographic)
+    camera = vs.Camera.orbit(engine, orthographic=orthographic)
     for seed in (0, 4294967295):
-        spec = RaycastSpec(jitter=1, seed=seed, step_mm=1.5)
+        spec = vs.RaycastSpec(jitter=1, seed=seed, step_mm=1.5)
         assert_alike(engine, three_channels, camera, spec)
 
 
-PLANE = ClipPlane((128, 128, 55), (1, 1, 1))
-CROPPED = RaycastSpec(crop_voxels=((40.5, 180), (-5, 120.25), (30, 500)))
-BOTH = RaycastSpec(
+PLANE = vs.ClipPlane((128, 128, 55), (1, 1, 1))
+CROPPED = vs.RaycastSpec(crop_voxels=((40.5, 180), (-5, 120.25), (30, 500)))
+BOTH = vs.RaycastSpec(
     crop_voxels=((10, 240), (10, 240), (5, 100)),
     clip_planes=(replace(PLANE, normal=(1, 0, 0)), replace(PLANE, normal=(0, 1, 0))),
 )
@@ -71,12 +62,12 @@ BOTH = RaycastSpec(
     ("spec", "view"),
     [
         (CROPPED, (30, 20)),
-        (RaycastSpec(clip_planes=(PLANE,)), (30, 20)),
+        (vs.RaycastSpec(clip_planes=(PLANE,)), (30, 20)),
         *((BOTH, view) for view in ((30, 20), (0, 0), (90, 0))),
     ],
 )
 def test_cut_volumes_match_reference(
-    engine: Volume, three_channels: TransferTable, spec: RaycastSpec, view: tuple[int, int]
+    engine: vs.Volume, three_channels: TransferTable, spec: vs.RaycastSpec, view: tuple[int, int]
 ) -> None:
     assert_alike(engine, three_channels, turned(engine, *view), spec)
 
@@ -91,13 +82,13 @@ def steep_table(three_channels: TransferTable) -> TransferTable:
 
 @pytest.mark.parametrize("diffuse", [pytest.param(0.0, marks=pytest.mark.slow), 0.7])
 def test_tables_of_value_and_gradient_match_reference(
-    engine: Volume, three_channels: TransferTable, diffuse: float
+    engine: vs.Volume, three_channels: TransferTable, diffuse: float
 ) -> None:
-    spec = RaycastSpec(diffuse=diffuse)
-    assert_alike(engine, steep_table(three_channels), Camera.orbit(engine), spec)
+    spec = vs.RaycastSpec(diffuse=diffuse)
+    assert_alike(engine, steep_table(three_channels), vs.Camera.orbit(engine), spec)
 
 
-def labelled(dtype: type) -> tuple[Volume, TransferTable]:
+def labelled(dtype: type) -> tuple[vs.Volume, TransferTable]:
     """Two nested balls and a slab of labels 3, 7 and 250; 9 is in the volume, not in the table."""
     z, y, x = np.mgrid[0:40, 0:40, 0:40]
     away = np.sqrt((x - 19.3) ** 2 + (y - 20.1) ** 2 + (z - 18.7) ** 2)
@@ -107,7 +98,7 @@ def labelled(dtype: type) -> tuple[Volume, TransferTable]:
     shares = np.zeros((251, 3))
     shares[[3, 7, 250]] = np.eye(3)
     table = TransferTable((0.0, 250.0), opacity, shares, 1.0, labels=True)
-    return Volume(values.astype(dtype), spacing_mm=(1, 1, 1.4)), table
+    return vs.Volume(values.astype(dtype), spacing_mm=(1, 1, 1.4)), table
 
 
 @pytest.mark.parametrize(
@@ -117,7 +108,9 @@ def labelled(dtype: type) -> tuple[Volume, TransferTable]:
 def test_labels_match_reference(dtype: type) -> None:
     """If two labels cover equally within rounding, either may show: few pixels may differ."""
     volume, table = labelled(dtype)
-    assert_alike(volume, table, Camera.orbit(volume, azimuth_deg=37), RaycastSpec(specular=0.2))
+    assert_alike(
+        volume, table, vs.Camera.orbit(volume, azimuth_deg=37), vs.RaycastSpec(specular=0.2)
+    )
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -129,15 +122,15 @@ def test_gradients_at_the_faces_match_reference(axis: int, dtype: type) -> None:
     shape = [7, 9, 11]
     shape[axis] = 2
     rng = np.random.default_rng(axis)
-    volume = Volume((rng.uniform(0, 200, shape)).astype(dtype))
+    volume = vs.Volume((rng.uniform(0, 200, shape)).astype(dtype))
     table = ramp(0.3, 200.0)
     for view in ((30, 20), (0, 0), (90, 0), (0, 90)):
         camera = turned(volume, *view, zoom=1.5)
-        assert_alike(volume, table, camera, RaycastSpec(specular=0.3), size=(24, 24))
+        assert_alike(volume, table, camera, vs.RaycastSpec(specular=0.3), size=(24, 24))
 
 
 def test_first_hit_is_where_the_opacity_passes_its_threshold() -> None:
-    volume = phantom.slab(24, 24)
+    volume = vs.phantom.slab(24, 24)
     spec = replace(FLAT, first_opacity=0.3)
     ours = assert_alike(volume, fog(0.2), turned(volume, 0, 0), spec)
     hit = np.isfinite(ours.first_mm)
@@ -148,11 +141,11 @@ def test_first_hit_is_where_the_opacity_passes_its_threshold() -> None:
 @pytest.mark.parametrize("mode", ["maximum", pytest.param("average", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
 def test_projections_match_reference(
-    engine: Volume, tables: dict[int, TransferTable], mode: str, lanes: int
+    engine: vs.Volume, tables: dict[int, TransferTable], mode: str, lanes: int
 ) -> None:
     table = replace(tables[lanes], domain=(0.0, 255.0))
-    for spec in (replace(FLAT, mode=mode), RaycastSpec(mode=mode, groups=(SKY, KEY))):
-        assert_alike(engine, table, Camera.orbit(engine), spec, lanes=lanes, plateaus=True)
+    for spec in (replace(FLAT, mode=mode), vs.RaycastSpec(mode=mode, groups=(SKY, KEY))):
+        assert_alike(engine, table, vs.Camera.orbit(engine), spec, lanes=lanes, plateaus=True)
 
 
 SURFACES = SurfaceTable(
@@ -164,10 +157,10 @@ SURFACES = SurfaceTable(
 
 
 @pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
-def test_isosurfaces_match_reference(engine: Volume, lanes: int) -> None:
+def test_isosurfaces_match_reference(engine: vs.Volume, lanes: int) -> None:
     """A ray that grazes a surface may meet it in one precision and not in the other."""
-    spec = RaycastSpec(specular=0.3, groups=(SKY, KEY))
-    assert_alike(engine, SURFACES, Camera.orbit(engine), spec, lanes=lanes, grazing=2)
+    spec = vs.RaycastSpec(specular=0.3, groups=(SKY, KEY))
+    assert_alike(engine, SURFACES, vs.Camera.orbit(engine), spec, lanes=lanes, grazing=2)
 
 
 def steep(three_channels: TransferTable) -> TransferTable:
@@ -179,10 +172,10 @@ def steep(three_channels: TransferTable) -> TransferTable:
 
 @pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
 def test_preintegrated_steps_match_reference(
-    engine: Volume, tables: dict[int, TransferTable], lanes: int
+    engine: vs.Volume, tables: dict[int, TransferTable], lanes: int
 ) -> None:
     """A shell one value thick turns the positions' rounding into some 4e-4 of opacity."""
-    spec, camera = RaycastSpec(preintegrated=True, groups=(SKY, KEY)), Camera.orbit(engine)
+    spec, camera = vs.RaycastSpec(preintegrated=True, groups=(SKY, KEY)), vs.Camera.orbit(engine)
     assert_alike(engine, tables[lanes], camera, spec, lanes=lanes)
     assert_alike(engine, steep(tables[lanes]), camera, spec, lanes=lanes, tolerance=1e-3)
 
@@ -191,22 +184,22 @@ def test_preintegrated_steps_match_reference(
     ("lanes", "specular"), [pytest.param(1, 0.5, marks=pytest.mark.slow), (8, 0.0)]
 )
 def test_spectral_absorption_matches_reference(
-    engine: Volume, tables: dict[int, TransferTable], specular: float, lanes: int
+    engine: vs.Volume, tables: dict[int, TransferTable], specular: float, lanes: int
 ) -> None:
     rng = np.random.default_rng(4)
     knots = rng.uniform(0, 1, (tables[lanes].size, 5))
     filters = np.stack([np.interp(np.linspace(0, 4, 1024), range(5), row) for row in knots], axis=1)
     table = replace(tables[lanes], filters=filters)
-    spec = RaycastSpec(specular=specular, groups=(SKY, KEY))
-    assert_alike(engine, table, Camera.orbit(engine), spec, lanes=lanes)
+    spec = vs.RaycastSpec(specular=specular, groups=(SKY, KEY))
+    assert_alike(engine, table, vs.Camera.orbit(engine), spec, lanes=lanes)
 
 
 @pytest.mark.parametrize("preintegrated", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_adaptive_steps_stay_near_the_whole_truth(
-    engine: Volume, three_channels: TransferTable, preintegrated: bool
+    engine: vs.Volume, three_channels: TransferTable, preintegrated: bool
 ) -> None:
-    caster, camera = Raycaster(engine), Camera.orbit(engine)
-    whole = RaycastSpec(ambient=1, diffuse=0, preintegrated=preintegrated)
+    caster, camera = vs.Raycaster(engine), vs.Camera.orbit(engine)
+    whole = vs.RaycastSpec(ambient=1, diffuse=0, preintegrated=preintegrated)
     true = caster.cast(three_channels, camera, (128, 128), whole)
     ours = caster.cast(three_channels, camera, (128, 128), replace(whole, adaptive=0.02))
     assert not np.array_equal(ours.coefficients, true.coefficients)
@@ -215,16 +208,16 @@ def test_adaptive_steps_stay_near_the_whole_truth(
 
 @pytest.mark.parametrize("physical", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_shadows_and_occlusion_match_reference(
-    half_engine: Volume, three_channels: TransferTable, physical: bool
+    half_engine: vs.Volume, three_channels: TransferTable, physical: bool
 ) -> None:
     sources = (
-        LightGroup("sky", (Ambient(occlusion=True),)),
-        LightGroup("sun", (Directional((1, -1, 2), shadows=True), Headlight(0.1))),
-        LightGroup("lamp", (Point((128, -60, 160), shadows=True),)),
+        vs.LightGroup("sky", (vs.Ambient(occlusion=True),)),
+        vs.LightGroup("sun", (vs.Directional((1, -1, 2), shadows=True), vs.Headlight(0.1))),
+        vs.LightGroup("lamp", (vs.Point((128, -60, 160), shadows=True),)),
     )
-    spec = RaycastSpec(specular=0.3, groups=sources, light_cells=40, physical_light=physical)
+    spec = vs.RaycastSpec(specular=0.3, groups=sources, light_cells=40, physical_light=physical)
     volume = half_engine.downsampled(3) if physical else half_engine
-    assert_alike(volume, three_channels, Camera.orbit(volume), spec)
+    assert_alike(volume, three_channels, vs.Camera.orbit(volume), spec)
 
 
 # Each is a kernel of its own, which takes seconds to compile.
@@ -239,25 +232,25 @@ def test_shadows_and_occlusion_match_reference(
     ],
 )
 def test_rays_are_cast_within_their_spans(
-    engine: Volume, three_channels: TransferTable, mode: Any
+    engine: vs.Volume, three_channels: TransferTable, mode: Any
 ) -> None:
     """A half ends in the middle of the volume, a corner before it; the last rows begin there."""
     table: TransferTable | SurfaceTable = three_channels
-    spec = RaycastSpec(jitter=0.5)
+    spec = vs.RaycastSpec(jitter=0.5)
     if mode == "surfaces":
         weights = np.ones((1, three_channels.size))
         table = SurfaceTable(np.array([150.0]), np.array([0.4]), weights)
     elif mode == "preintegrated":
-        spec = RaycastSpec(preintegrated=True)
+        spec = vs.RaycastSpec(preintegrated=True)
     else:
-        spec = RaycastSpec(jitter=0.5, mode=mode)
-    camera, size = Camera.orbit(engine, azimuth_deg=30), (40, 32)
+        spec = vs.RaycastSpec(jitter=0.5, mode=mode)
+    camera, size = vs.Camera.orbit(engine, azimuth_deg=30), (40, 32)
     span_mm = np.full((*size[::-1], 2), (0.0, np.inf), np.float32)
     span_mm[:, 20:, 1] = camera.distance_mm + np.linspace(-20, 20, 20)
     span_mm[:8, :8, 1] = 1.0
     span_mm[24:, :, 0] = camera.distance_mm - 5.0
-    ours = Raycaster(engine).cast(table, camera, size, spec, span_mm=span_mm)
-    whole = Raycaster(engine).cast(table, camera, size, spec)
+    ours = vs.Raycaster(engine).cast(table, camera, size, spec, span_mm=span_mm)
+    whole = vs.Raycaster(engine).cast(table, camera, size, spec)
     true = reference.cast(engine, table, camera, size, spec, span_mm)
     for a, b in zip(ours[:2], true[:2], strict=True):
         assert a == pytest.approx(b, abs=1e-3)
