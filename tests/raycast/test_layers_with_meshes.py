@@ -13,7 +13,7 @@ import volspec as vs
 from tests.support.errors import raises
 from tests.support.raycasts import soft_ball
 from tests.twins.test_layers import assert_layers_alike, blend, noise
-from volspec.errors import RaycastError
+from volspec.errors import CastCancelled, RaycastError
 from volspec.export.deep import DeepSamples
 from volspec.mesh import shapes
 from volspec.raycast.depth import extents
@@ -42,13 +42,11 @@ def function(opacities: float = 1.0) -> vs.TransferFunction:
 
 
 @pytest.fixture(scope="module")
-def ball() -> vs.Volume:
-    return soft_ball(24)
+def caster() -> vs.Raycaster:
+    return vs.Raycaster(soft_ball(24))
 
 
-@pytest.fixture(scope="module")
-def caster(ball: vs.Volume) -> vs.Raycaster:
-    return vs.Raycaster(ball)
+CAMERA = vs.Camera.orbit(soft_ball(24), azimuth_deg=30, elevation_deg=20)
 
 
 def balls(*, opacity: float = 1.0) -> vs.MeshCaster:
@@ -59,14 +57,14 @@ def balls(*, opacity: float = 1.0) -> vs.MeshCaster:
 
 
 def cast(
-    ball: vs.Volume, caster: vs.Raycaster, groups: Any, layers: int = 8, **opacities: float
+    caster: vs.Raycaster, groups: Any, layers: int = 8, transfer: Any = None, **more: Any
 ) -> vs.CoefficientImage:
-    spec = vs.RaycastSpec(
-        step_mm=0.25, specular=0.2, groups=groups, alpha_stop=1.0, light_cells=24,
-        layers=layers, opacities=opacities,
-    )  # fmt: skip
-    camera = vs.Camera.orbit(ball, azimuth_deg=30, elevation_deg=20)
-    return vs.raycast(ball, function(), camera, SIZE, spec, caster=caster, behind=[balls()])
+    how = {"alpha_stop": 1.0, "specular": 0.2, "light_cells": 24, "step_mm": 0.25}
+    behind, spec = [balls(opacity=more.pop("opacity", 1.0))], more.pop("spec", {})
+    opacities = more.pop("opacities", {})
+    settings = vs.RaycastSpec(groups=groups, layers=layers, opacities=opacities, **(how | spec))
+    given = caster.volume, transfer or function(), CAMERA, SIZE, settings
+    return vs.raycast(*given, caster=caster, behind=behind, **more)
 
 
 def whole(image: vs.CoefficientImage) -> Any:
@@ -87,18 +85,18 @@ def groups(request: pytest.FixtureRequest) -> Any:
 
 
 @pytest.fixture(scope="module")
-def image(ball: vs.Volume, caster: vs.Raycaster, groups: Any) -> vs.CoefficientImage:
+def image(caster: vs.Raycaster, groups: Any) -> vs.CoefficientImage:
     """A material of a mesh alone is not missing: nothing is warned of."""
-    return cast(ball, caster, groups)
+    return cast(caster, groups)
 
 
 def test_scale_1_is_the_cast_without_layers(
-    ball: vs.Volume, caster: vs.Raycaster, image: vs.CoefficientImage, groups: Any
+    caster: vs.Raycaster, image: vs.CoefficientImage, groups: Any
 ) -> None:
     layers = image.opacity_layers
     assert layers is not None and layers.solid and layers.count == 8
     assert layers.fades == [False, True, True]
-    without = cast(ball, caster, groups, layers=0)
+    without = cast(caster, groups, layers=0)
     np.testing.assert_allclose(image.coefficients, without.coefficients, atol=1e-5)
     assert np.array_equal(image.recompose({}).coefficients, image.coefficients)
     own = layers.recompose([1.0, 1.0, 1.0])
@@ -116,13 +114,12 @@ def test_scale_1_is_the_cast_without_layers(
     ids=str,
 )
 def test_meshes_are_seen_as_in_a_new_cast(
-    ball: vs.Volume, caster: vs.Raycaster, image: vs.CoefficientImage, groups: Any,
-    scales: tuple[float, float],
-) -> None:  # fmt: skip
+    caster: vs.Raycaster, image: vs.CoefficientImage, groups: Any, scales: tuple[float, float]
+) -> None:
     """Measured: channels are off by 1.4e-4 on average, 0.027 at most, on meshes by 6e-4."""
     opacities = dict(zip(("copper", "gold"), scales, strict=True))
     shown = image.recompose(opacities)
-    new = cast(ball, caster, groups, layers=0, **opacities)
+    new = cast(caster, groups, layers=0, opacities=opacities)
     assert np.abs(shown.alpha - new.alpha)[whole(image)].max() < 1e-4
     off = np.abs(shown.coefficients - new.coefficients)
     assert off[whole(image)].max() < 0.04 and off[whole(image)].mean() < 2e-4
@@ -132,16 +129,14 @@ def test_meshes_are_seen_as_in_a_new_cast(
     assert off.mean() < 8e-4  # with edges
 
 
-def test_without_the_volume_meshes_alone_are_left(
-    image: vs.CoefficientImage, groups: Any, ball: vs.Volume
-) -> None:
+def test_without_the_volume_meshes_alone_are_left(image: vs.CoefficientImage, groups: Any) -> None:
     """Also the shadows of what has faded are gone; those of the other mesh stay."""
     bare = image.recompose({"copper": 0, "gold": 0})
     with pytest.warns(vs.VolspecWarning, match="'silver' is scaled, which only meshes have"):
         alike = image.recompose({"copper": 0, "gold": 0, "silver": 0})
     assert np.array_equal(alike.coefficients, bare.coefficients)
     spec = vs.RaycastSpec(specular=0.2, groups=groups)
-    alone = balls().alone(vs.Camera.orbit(ball, azimuth_deg=30, elevation_deg=20), SIZE, spec)
+    alone = balls().alone(CAMERA, SIZE, spec)
     np.testing.assert_allclose(bare.alpha, alone.alpha, atol=1e-6)
     np.testing.assert_allclose(bare.coefficients, alone.coefficients, atol=2e-4)
     seen = np.isfinite(alone.depth_mm) & whole(image)
@@ -180,14 +175,11 @@ def test_cuts_fog_views_and_deep_files_have_them(image: vs.CoefficientImage) -> 
 
 
 @pytest.mark.slow
-def test_an_opaque_body_in_front_uncovers_a_mesh(ball: vs.Volume, caster: vs.Raycaster) -> None:
+def test_an_opaque_body_in_front_uncovers_a_mesh(caster: vs.Raycaster) -> None:
     """Rays of the picture end in it; what is behind is seen once it is gone."""
     transfer = replace(function(), points=[(0.1, 0.0, "gold"), (0.2, 1.0, "gold")])
-    camera = vs.Camera.orbit(ball, azimuth_deg=30, elevation_deg=20)
-    spec = vs.RaycastSpec(step_mm=0.25, groups=PLAIN, layers=8)
-    image = vs.raycast(ball, transfer, camera, SIZE, spec, caster=caster, behind=[balls()])
-    alone = balls().alone(camera, SIZE, replace(spec, layers=0))
-    bare = image.recompose({"gold": 0})
+    bare = cast(caster, PLAIN, transfer=transfer, spec={"alpha_stop": 0.99}).recompose({"gold": 0})
+    alone = balls().alone(CAMERA, SIZE, vs.RaycastSpec(specular=0.2, groups=PLAIN))
     np.testing.assert_allclose(bare.coefficients, alone.coefficients, atol=2e-4)
 
 
@@ -222,12 +214,12 @@ def test_an_edge_of_a_mesh_is_behind_the_volume(image: vs.CoefficientImage) -> N
 
 
 @pytest.mark.slow
-def test_light_of_other_lamps_is_not_used_again(ball: vs.Volume, caster: vs.Raycaster) -> None:
+def test_light_of_other_lamps_is_not_used_again(caster: vs.Raycaster) -> None:
     """More lamps without layers move what the light volume has of those with them."""
-    first = cast(ball, caster, LIT)
+    first = cast(caster, LIT)
     more = (*LIT, vs.LightGroup("rim", (vs.Directional((-1.0, 0.2, 0.1), shadows=True),)))
-    cast(ball, caster, more, layers=0)
-    again = cast(ball, caster, LIT)
+    cast(caster, more, layers=0)
+    again = cast(caster, LIT)
     assert first.opacity_layers is not None and again.opacity_layers is not None
     for name in ("tau", "shadow", "occlusion"):
         one, other = (getattr(each.opacity_layers, name) for each in (first, again))
@@ -244,22 +236,16 @@ def test_an_error_is_estimated_of_what_fades_alone(image: vs.CoefficientImage) -
 
 
 def test_what_layers_cannot_show_is_refused_and_lighting_meshes_is_cancelled(
-    ball: vs.Volume, caster: vs.Raycaster
+    caster: vs.Raycaster,
 ) -> None:
     done: list[float] = []
-
-    def cast_with(layers: int, opacity: float = 1.0) -> None:
-        spec = vs.RaycastSpec(step_mm=0.25, groups=LIT, layers=layers, light_cells=24)
-        given = ball, function(), vs.Camera.orbit(ball), SIZE, spec
-        behind, ends = [balls(opacity=opacity)], {"cancel": lambda: done[-1:] == [1.0]}
-        vs.raycast(*given, caster=caster, behind=behind, progress=done.append, **ends)
-
-    for layers, opacity in ((8, 0.5), (1, 1.0)):
+    how = {"progress": done.append, "cancel": lambda: done[-1:] == [1.0]}
+    for given in ({"opacity": 0.5}, {"layers": 1}):
         with raises(RaycastError, "conflict", "raycast: layers"):
-            cast_with(layers, opacity)
+            cast(caster, LIT, **given, **how)
     assert done == []
-    with raises(vs.CastCancelled):
-        cast_with(8)
+    with raises(CastCancelled):
+        cast(caster, LIT, **how)
 
 
 @pytest.mark.slow

@@ -27,7 +27,6 @@ FLAT = RaycastSpec(
 )
 
 
-@pytest.fixture(scope="module")
 def balls() -> Volume:
     """A ball before a larger one, which it hides in part."""
     z, y, x = np.mgrid[-1:1:32j, -1:1:32j, -1:1:32j]
@@ -37,13 +36,20 @@ def balls() -> Volume:
 
 
 @pytest.fixture(scope="module")
-def caster(balls: Volume) -> Raycaster:
-    return Raycaster(balls)
+def caster() -> Raycaster:
+    return Raycaster(balls())
+
+
+def cast(
+    caster: Raycaster, camera: Camera, size: tuple[int, int] = SIZE, layers: int = 0
+) -> CoefficientImage:
+    spec = replace(FLAT, layers=layers)
+    return raycast(caster.volume, function(), camera, size, spec, caster=caster)
 
 
 @pytest.fixture(scope="module")
-def image(balls: Volume, caster: Raycaster) -> CoefficientImage:
-    return raycast(balls, function(), turned(balls, 30, 10), SIZE, FLAT, caster=caster)
+def image(caster: Raycaster) -> CoefficientImage:
+    return cast(caster, turned(caster.volume, 30, 10), layers=8)
 
 
 @pytest.fixture(scope="module")
@@ -55,31 +61,29 @@ def rms(one: CoefficientImage, other: CoefficientImage) -> float:
     return float(np.sqrt(np.mean((one.coefficients - other.coefficients) ** 2)))
 
 
-@pytest.mark.parametrize("camera", ["turned", "nearer", "farther", "parallel", "half the size"])
+VIEWS = {
+    "turned": (turned(balls(), 35, 13), SIZE),
+    "nearer": (turned(balls(), 32, 10, zoom=1.5), SIZE),
+    "farther": (turned(balls(), 32, 10, zoom=0.6), SIZE),
+    "parallel": (turned(balls(), 30, 10, orthographic=True), SIZE),
+    "half the size": (turned(balls(), 35, 13), (48, 36)),
+}
+
+
+@pytest.mark.parametrize("view", VIEWS)
 def test_a_nearby_view_is_that_of_a_cast(
-    balls: Volume,
-    caster: Raycaster,
-    image: CoefficientImage,
-    reprojector: Reprojector,
-    camera: str,
+    caster: Raycaster, image: CoefficientImage, reprojector: Reprojector, view: str
 ) -> None:
     """Measured: an RMS of 0.001 to 0.002 of white; of the picture left as it was 0.004 and more."""
-    other, size = {
-        "turned": (turned(balls, 35, 13), SIZE),
-        "nearer": (turned(balls, 32, 10, zoom=1.5), SIZE),
-        "farther": (turned(balls, 32, 10, zoom=0.6), SIZE),
-        "parallel": (turned(balls, 30, 10, orthographic=True), SIZE),
-        "half the size": (turned(balls, 35, 13), (48, 36)),
-    }[camera]
-    shown = reprojector.view(other, size=size)
-    cast = raycast(balls, function(), other, size, replace(FLAT, layers=0), caster=caster)
-    assert rms(shown, cast) < 0.004
-    seen = cast.alpha > 0.3
-    assert np.abs(shown.alpha - cast.alpha)[seen].mean() < 0.02
-    assert np.abs(shown.depth_mm[seen] - cast.depth_mm[seen]).max() < 3.0
-    assert shown.camera == other and shown.opacity_layers is None and shown.first_mm is None
+    camera, size = VIEWS[view]
+    shown, new = reprojector.view(camera, size=size), cast(caster, camera, size)
+    assert rms(shown, new) < 0.004
+    seen = new.alpha > 0.3
+    assert np.abs(shown.alpha - new.alpha)[seen].mean() < 0.02
+    assert np.abs(shown.depth_mm[seen] - new.depth_mm[seen]).max() < 3.0
+    assert shown.camera == camera and shown.opacity_layers is None and shown.first_mm is None
     if size == SIZE:
-        assert rms(shown, cast) < 0.4 * rms(image, cast)
+        assert rms(shown, new) < 0.4 * rms(image, new)
 
 
 def test_a_slab_keeps_its_opacity_at_any_distance_and_turn() -> None:
@@ -157,18 +161,14 @@ def test_a_file_holds_the_camera(image: CoefficientImage, tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("height_mm", [None, 60.0], ids=["perspective", "parallel"])
 def test_eyes_see_what_casts_of_their_cameras_do(
-    balls: Volume, caster: Raycaster, height_mm: float | None
+    caster: Raycaster, height_mm: float | None
 ) -> None:
-    here = replace(turned(balls, 30, 10), height_mm=height_mm)
-    made = raycast(balls, function(), here, SIZE, FLAT, caster=caster)
+    here = replace(turned(caster.volume, 30, 10), height_mm=height_mm)
+    made = cast(caster, here, layers=8)
     stereo = Stereo(eyes_deg=3.0)
     left, right = stereo.cameras(made)
-    casts = [
-        raycast(balls, function(), eye, SIZE, replace(FLAT, layers=0), caster=caster)
-        for eye in (left, right)
-    ]
-    for view, cast in zip(stereo.views(made), casts, strict=True):
-        assert rms(view, cast) < 0.002
+    for view, eye in zip(stereo.views(made), (left, right), strict=True):
+        assert rms(view, cast(caster, eye)) < 0.002
     assert np.subtract(right.position_mm, left.position_mm) @ here.frame()[0] > 0
     # Zero disparity at the convergence distance.
     at = np.array(here.position_mm) + expected_depth_mm(made) * here.frame()[2]
