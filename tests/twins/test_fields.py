@@ -81,9 +81,7 @@ OPENED = replace(PLANE, fields=("",))
         *("one lattice", "crop", "one, cut", "cut apart, two lattices", "cut apart"),
     ],
 )
-def test_fields_match_the_reference(
-    fields: dict[str, Volume], shown: str, settings: dict[str, object], lanes: int | None
-) -> None:
+def test_fields_match_the_reference(fields, shown, settings, lanes):
     volume = fields["a"].with_fields([fields["b"], fields["c"]])
     transfer = FieldFunctions({name: function(name) for name in shown}, {shown[-1]: 0.7})
     spec = RaycastSpec(step_mm=0.4, alpha_stop=1, **settings)  # type: ignore[arg-type]
@@ -92,7 +90,7 @@ def test_fields_match_the_reference(
     assert_matches_reference(volume, transfer, view(volume), SIZE, spec, lanes)
 
 
-def test_extinctions_of_homogeneous_fields_add_and_materials_mix_by_extinction() -> None:
+def test_extinctions_of_homogeneous_fields_add_and_materials_mix_by_extinction():
     """Beer–Lambert in closed form: two homogeneous blocks in one place, 24 mm across."""
     low = Volume(np.full((25, 25, 25), 10.0, np.float32), name="low")
     high = Volume(np.full((13, 13, 13), 20.0, np.float32), spacing_mm=(2, 2, 2), name="high")
@@ -115,9 +113,7 @@ def test_extinctions_of_homogeneous_fields_add_and_materials_mix_by_extinction()
         assert np.abs(image.coefficients - expected).max() < 2e-5
 
 
-def test_fields_do_not_depend_on_their_order_and_hidden_ones_change_nothing(
-    fields: dict[str, Volume],
-) -> None:
+def test_fields_do_not_depend_on_their_order_and_hidden_ones_change_nothing(fields):
     a, b, c = fields.values()
     spec = RaycastSpec(step_mm=0.5)
 
@@ -134,7 +130,7 @@ def test_fields_do_not_depend_on_their_order_and_hidden_ones_change_nothing(
 
 
 @pytest.mark.slow
-def test_two_lattices_differ_from_one_by_no_more_than_a_halved_step() -> None:
+def test_two_lattices_differ_from_one_by_no_more_than_a_halved_step():
     """A second field on a lattice of its own, and resampled onto the first's."""
     z, y, x = np.mgrid[-1:1:33j, -1:1:33j, -1:1:33j]
     own = Volume((200 * np.exp(-3 * (x**2 + y**2 + z**2))).astype(np.float32), name="own")
@@ -173,7 +169,7 @@ def test_two_lattices_differ_from_one_by_no_more_than_a_halved_step() -> None:
 
 
 @pytest.mark.slow
-def test_a_plane_opens_one_field_and_leaves_the_other_whole(fields: dict[str, Volume]) -> None:
+def test_a_plane_opens_one_field_and_leaves_the_other_whole(fields):
     volume = fields["a"].with_fields([fields["b"]])
     transfer = FieldFunctions({"a": function("a"), "b": function("b")})
     away = ClipPlane((0.0, 0.0, 0.0), (-1.0, 0.0, 0.0), fields=("b",))  # nothing of b stays
@@ -235,7 +231,5 @@ STEEL: Any = vs.Isosurfaces([(80, 1.0, "gold")], METALS, METAL_BASIS)
         (shown(BOTH, far=True), "range "),
     ],
 )
-def test_what_does_not_fit_together_is_refused(
-    fields: dict[str, Volume], make: Parts, fault: str
-) -> None:
+def test_what_does_not_fit_together_is_refused(fields, make, fault):
     refuses(lambda: make(fields["a"], fields["b"]), fault)

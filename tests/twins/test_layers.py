@@ -77,7 +77,7 @@ def assert_layers_alike(
 @pytest.mark.parametrize(
     "lanes", [8, *(pytest.param(lanes, marks=pytest.mark.slow) for lanes in (1, 4))]
 )
-def test_every_packet_finds_the_stream_s_layers(lanes: int) -> None:
+def test_every_packet_finds_the_stream_s_layers(lanes):
     spec = RaycastSpec(layers=4, step_mm=0.25, specular=0.3, alpha_stop=1.0)
     assert_layers_alike(noise(), blend(0.4), spec, lanes=lanes)
 
@@ -86,19 +86,19 @@ def test_every_packet_finds_the_stream_s_layers(lanes: int) -> None:
 @pytest.mark.parametrize(
     "layers", [4, *(pytest.param(count, marks=pytest.mark.slow) for count in (1, 2, 16))]
 )
-def test_any_number_of_layers_is_that_of_the_stream(layers: int) -> None:
+def test_any_number_of_layers_is_that_of_the_stream(layers):
     spec = RaycastSpec(layers=layers, step_mm=0.25, specular=0.3)
     assert_layers_alike(noise(world_from_index=oblique_world()), blend(0.4), spec)
 
 
 @pytest.mark.slow
-def test_shadows_and_two_light_groups_of_four_materials() -> None:
+def test_shadows_and_two_light_groups_of_four_materials():
     spec = RaycastSpec(layers=8, step_mm=0.5, groups=TWO, specular=0.2, light_cells=8)
     assert_layers_alike(noise(8), blend(0.3, 4), spec)
 
 
 @pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
-def test_every_shadow_and_occlusion_in_one_group(lanes: int) -> None:
+def test_every_shadow_and_occlusion_in_one_group(lanes):
     near = Point((20.0, 30.0, 25.0), shadows=True, falloff_mm=30.0)
     lights = (*TWO[0].sources, Ambient(occlusion=True, radius_mm=5.0), near, Headlight(0.2))
     groups = LightGroup("key", lights), LightGroup("sky", (Ambient(occlusion=True),))
@@ -107,7 +107,7 @@ def test_every_shadow_and_occlusion_in_one_group(lanes: int) -> None:
 
 
 @pytest.mark.parametrize("kind", ["opaque", pytest.param("labels", marks=pytest.mark.slow)])
-def test_opaque_samples_and_labels(kind: str) -> None:
+def test_opaque_samples_and_labels(kind):
     volume, spec = noise(), RaycastSpec(layers=4, step_mm=0.5)
     table = replace(blend(1.0), opacity=np.where(np.arange(128) < 90, 0.02, 1.0))
     if kind == "labels":
@@ -116,7 +116,7 @@ def test_opaque_samples_and_labels(kind: str) -> None:
     assert_layers_alike(volume, table, spec)
 
 
-def test_the_picture_is_that_without_layers() -> None:
+def test_the_picture_is_that_without_layers():
     """Its rays end where they would; layers go on."""
     volume, table, spec = noise(), blend(0.9), RaycastSpec(step_mm=0.5, specular=0.3, layers=4)
     camera = Camera.orbit(volume, azimuth_deg=30, elevation_deg=20)

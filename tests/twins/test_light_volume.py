@@ -86,14 +86,12 @@ def curve(low: float, high: float) -> TransferTable:
 
 
 @pytest.mark.parametrize("lanes", [1, pytest.param(4, marks=pytest.mark.slow), 8])
-def test_engine_matches_reference_at_every_packet_width(
-    half_engine: vs.Volume, three_channels: TransferTable, lanes: int
-) -> None:
+def test_engine_matches_reference_at_every_packet_width(half_engine, three_channels, lanes):
     assert_alike(half_engine, three_channels, lit(SUN, LAMP, BULB, SKY, cells=29), lanes=lanes)
 
 
 @pytest.mark.parametrize("cells", [9, 24, pytest.param(40, marks=pytest.mark.slow)])
-def test_oblique_anisotropic_volume_matches_reference(cells: int) -> None:
+def test_oblique_anisotropic_volume_matches_reference(cells):
     """Few nodes to many voxels, and many to few: then nodes lie between voxels."""
     volume = oblique()
     bulb = vs.Point(tuple(volume.corners_mm[3] + 5), shadows=True)
@@ -108,15 +106,13 @@ SIDES = (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)
     "towards",
     [(0, 0, -1), (-3, 2, -1), *(pytest.param(n, marks=pytest.mark.slow) for n in SIDES[:5])],
 )
-def test_light_from_every_side_matches_reference(
-    half_engine: vs.Volume, three_channels: TransferTable, towards: tuple[int, int, int]
-) -> None:
+def test_light_from_every_side_matches_reference(half_engine, three_channels, towards):
     assert_alike(half_engine, three_channels, lit(vs.Directional(towards, shadows=True)))
 
 
 def test_point_lights_inside_the_volume_and_of_the_camera_match_reference(
-    half_engine: vs.Volume, three_channels: TransferTable
-) -> None:
+    half_engine, three_channels
+):
     """Also on a node, where the way has no length."""
     x, y, z = np.array(half_engine.corners_mm[7]) / 2
     on_a_node = tuple(half_engine.corners_mm[7] * (8 / 23, 12 / 23, 0))
@@ -128,16 +124,14 @@ def test_point_lights_inside_the_volume_and_of_the_camera_match_reference(
     )
 
 
-def test_physical_light_matches_reference(
-    half_engine: vs.Volume, three_channels: TransferTable
-) -> None:
+def test_physical_light_matches_reference(half_engine, three_channels):
     """A node per voxel."""
     small = half_engine.downsampled(4)
     assert_alike(small, three_channels, lit(SUN, LAMP, BULB, SKY, physical_light=True))
 
 
 @pytest.mark.slow
-def test_physical_light_of_unequal_spacing_matches_reference() -> None:
+def test_physical_light_of_unequal_spacing_matches_reference():
     """A node per smallest spacing."""
     assert_alike(oblique(), curve(-40, 150), lit(SUN, BULB, SKY, physical_light=True))
 
@@ -146,12 +140,12 @@ def test_physical_light_of_unequal_spacing_matches_reference() -> None:
     "dtype",
     [np.uint16, *(pytest.param(d, marks=pytest.mark.slow) for d in ("uint8", "int16", "float32"))],
 )
-def test_every_voxel_type_matches_reference(dtype: type) -> None:
+def test_every_voxel_type_matches_reference(dtype):
     volume = vs.Volume((vs.phantom.ball(20).values * 120).astype(dtype))
     assert_alike(volume, curve(0, 120), lit(SUN, SKY))
 
 
-def test_cuts_match_reference(engine: vs.Volume, three_channels: TransferTable) -> None:
+def test_cuts_match_reference(engine, three_channels):
     """The planes pass exactly through voxels, the crop through two faces of them."""
     planes = (vs.ClipPlane((100.0, 0, 0), (1, 0, 0)), vs.ClipPlane((0, 0, 20.0), (0, 1, 3)))
     crop = ((20.5, 240.0), (30.0, 200.2), (0.0, 90.0))
@@ -166,9 +160,7 @@ def test_cuts_match_reference(engine: vs.Volume, three_channels: TransferTable) 
 
 @pytest.mark.parametrize("shape", [(2, 2, 2), (2, 9, 90), (17, 2, 3)])
 @pytest.mark.parametrize("spacing_mm", [1e-6, 1.0, 1e6])
-def test_thin_and_tiny_volumes_match_reference(
-    shape: tuple[int, int, int], spacing_mm: float
-) -> None:
+def test_thin_and_tiny_volumes_match_reference(shape, spacing_mm):
     """Whatever the unit, and with lights far outside; thin ones shadow next to nothing."""
     values = np.random.default_rng(6).integers(0, 2, shape).astype(np.uint8)
     volume = vs.Volume(values, spacing_mm=(spacing_mm,) * 3)
@@ -177,7 +169,7 @@ def test_thin_and_tiny_volumes_match_reference(
     assert_alike(volume, table, lit(SUN, far, cells=8), dark=2)
 
 
-def test_table_over_gradients_matches_reference() -> None:
+def test_table_over_gradients_matches_reference():
     """Only the steep shell is opaque: shadows come from where rays see something."""
     volume = oblique()
     at = np.linspace(0, 1, 64)
@@ -186,7 +178,7 @@ def test_table_over_gradients_matches_reference() -> None:
     assert_alike(volume, table, lit(SUN, SKY))
 
 
-def test_labels_match_reference() -> None:
+def test_labels_match_reference():
     """Labels 3 and -1 are not in the table and are not seen; label 0 is."""
     values = np.random.default_rng(3).choice(5, size=(12, 14, 16), p=[0.4, 0.1, 0.2, 0.2, 0.1]) - 1
     volume = vs.Volume(values.astype(np.int16))
@@ -194,14 +186,12 @@ def test_labels_match_reference() -> None:
 
 
 @pytest.mark.parametrize("opacity", [0.7, 1.0])
-def test_surfaces_match_reference(opacity: float) -> None:
+def test_surfaces_match_reference(opacity):
     table = SurfaceTable([0.0, 77.5], [0.4, opacity], np.eye(2))
     assert_alike(oblique(), table, lit(SUN, SKY))
 
 
-def test_layers_follow_what_changes_and_only_that(
-    half_engine: vs.Volume, three_channels: TransferTable
-) -> None:
+def test_layers_follow_what_changes_and_only_that(half_engine, three_channels):
     """Cached layers equal new ones, whatever changed between."""
     ours, camera = opened(half_engine), vs.Camera.orbit(half_engine)
     turned = vs.Camera.orbit(half_engine, azimuth_deg=120)
@@ -221,7 +211,7 @@ def test_layers_follow_what_changes_and_only_that(
         assert np.array_equal(cached, downloaded(opened(half_engine), table, spec, view))
 
 
-def test_occluders_reach_to_the_end_of_the_grid_and_no_farther() -> None:
+def test_occluders_reach_to_the_end_of_the_grid_and_no_farther():
     volume = vs.phantom.ball(16)
     table, camera = curve(0, 1), vs.Camera.orbit(volume)
     near, far = (
@@ -232,7 +222,7 @@ def test_occluders_reach_to_the_end_of_the_grid_and_no_farther() -> None:
     assert_alike(volume, table, lit(vs.Ambient(1, True, 1e300), cells=8), dark=0.99)
 
 
-def test_layers_come_in_order_of_groups_and_sources(engine: vs.Volume) -> None:
+def test_layers_come_in_order_of_groups_and_sources(engine):
     groups = (
         vs.LightGroup("a", (vs.Ambient(), SUN)),
         vs.LightGroup("b", (SKY, vs.Point((0, 0, 0)), BULB)),
@@ -252,7 +242,7 @@ __kernel void sample(__global const ushort *layer, __global const floatN *at,
 
 
 @pytest.mark.parametrize("lanes", [1, pytest.param(4, marks=pytest.mark.slow), 8])
-def test_samples_of_a_layer_match_reference(lanes: int) -> None:
+def test_samples_of_a_layer_match_reference(lanes):
     """Everywhere, on the outermost nodes too, where the last cell ends."""
     rng = np.random.default_rng(4)
     volume = vs.Volume(np.zeros((21, 33, 41), np.uint8), spacing_mm=(1, 1, 2))
@@ -277,9 +267,7 @@ def test_samples_of_a_layer_match_reference(lanes: int) -> None:
 
 
 @pytest.mark.parametrize("materials", [2, pytest.param(4, marks=pytest.mark.slow)])
-def test_materials_alone_match_reference(
-    half_engine: vs.Volume, three_channels: TransferTable, materials: int
-) -> None:
+def test_materials_alone_match_reference(half_engine, three_channels, materials):
     """Without ``split`` as with it; each at half of its depth, and occlusion unclipped."""
     small, spec = half_engine.downsampled(2), lit(SUN, BULB, SKY)
     at = np.linspace(0, materials - 1, len(three_channels.opacity))
@@ -303,9 +291,7 @@ def test_materials_alone_match_reference(
             assert np.abs(split[..., number] - true).max() <= TOLERANCE, number
 
 
-def test_the_memory_of_materials_alone_is_asked_for(
-    half_engine: vs.Volume, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_memory_of_materials_alone_is_asked_for(half_engine, monkeypatch):
     asked = []
     monkeypatch.setattr(Compute, "require", lambda _, nbytes, field, remedy: asked.append(nbytes))
     table = TransferTable((0.0, 255.0), np.full(8, 0.1), np.full((8, 2), 0.5), 1.0)

@@ -87,9 +87,7 @@ def view(volume: Volume) -> vs.Camera:
         ),
     ],
 )
-def test_masks_match_the_reference(
-    ct: Volume, turned: Volume, lattice: str, spec: RaycastSpec
-) -> None:
+def test_masks_match_the_reference(ct, turned, lattice, spec):
     mask = turned
     if lattice == "same":
         mask = segmentation(ct.values.shape, world_from_index=ct.world_from_index)
@@ -99,9 +97,7 @@ def test_masks_match_the_reference(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("lanes", [1, None])
-def test_a_cut_mask_on_a_third_lattice_matches_the_reference(
-    ct: Volume, turned: Volume, lanes: int | None
-) -> None:
+def test_a_cut_mask_on_a_third_lattice_matches_the_reference(ct, turned, lanes):
     """The volume's own field is plain; a further one has a mask, and a plane of its own."""
     own = Volume(ct.values[::2, ::2, ::2].copy(), spacing_mm=(2.0, 2.0, 2.4), name="MR")
     world = np.array([[0.9, -0.3, 0, 3], [0.3, 0.9, 0.1, -2], [0, 0.1, 1.1, 1], [0, 0, 0, 1.0]])
@@ -113,7 +109,7 @@ def test_a_cut_mask_on_a_third_lattice_matches_the_reference(
     assert_matches_reference(volume, transfer, view(volume), SIZE, spec, lanes)
 
 
-def test_bands_of_another_field_make_a_joint_function(ct: Volume) -> None:
+def test_bands_of_another_field_make_a_joint_function(ct):
     """Labels with their numbers where the values are make the same picture."""
     other = replace(ct, values=ct.values[:, ::-1].copy(), name="high")
     bands = {(-900, -300): None, (-300, 50): LIVER, (150, 5000): BONE}
@@ -134,13 +130,13 @@ def picture(volume: Volume, transfer: vs.FieldFunctions | TransferFunction) -> N
     return vs.raycast(volume, transfer, view(volume), SIZE, FLAT).coefficients
 
 
-def test_inside_one_label_the_picture_is_that_of_its_function_alone(ct: Volume) -> None:
+def test_inside_one_label_the_picture_is_that_of_its_function_alone(ct):
     whole = replace(ct, values=np.ones_like(ct.values, np.uint8), name="organs")
     volume, transfer = masked(ct, whole, {1: BONE})
     assert np.abs(picture(volume, transfer) - picture(ct, BONE)).max() < 1e-6
 
 
-def test_equal_functions_of_all_labels_change_nothing(ct: Volume, turned: Volume) -> None:
+def test_equal_functions_of_all_labels_change_nothing(ct, turned):
     alike = {label: replace(BODY) for label in (0, 1, 2, 5, 9)}
     volume, transfer = masked(ct, turned, alike)
     assert np.abs(picture(volume, transfer) - picture(ct, BODY)).max() < 1e-6
@@ -148,7 +144,7 @@ def test_equal_functions_of_all_labels_change_nothing(ct: Volume, turned: Volume
     assert np.abs(picture(volume, transfer) - picture(ct, BODY)).max() < 1e-6
 
 
-def test_a_hidden_label_is_as_transparent_as_voxels_without_matter(ct: Volume) -> None:
+def test_a_hidden_label_is_as_transparent_as_voxels_without_matter(ct):
     """Half of a homogeneous block is hidden: what stays has half of the extinction."""
     block = Volume(np.full((20, 20, 20), 100, np.int16), name="CT")
     halves = np.zeros(block.values.shape, np.uint8)
@@ -165,7 +161,7 @@ def test_a_hidden_label_is_as_transparent_as_voxels_without_matter(ct: Volume) -
     assert np.abs(alpha - alone).max() < 0.03  # half a voxel more or less
 
 
-def test_a_weight_multiplies_every_row_s_extinction(ct: Volume, turned: Volume) -> None:
+def test_a_weight_multiplies_every_row_s_extinction(ct, turned):
     volume, transfer = masked(ct, turned)
     table = bake_for_volume(replace(transfer, weights={"": 0.5}), volume)
     whole = bake_for_volume(transfer, volume)
@@ -175,9 +171,7 @@ def test_a_weight_multiplies_every_row_s_extinction(ct: Volume, turned: Volume) 
 
 
 @pytest.mark.parametrize("lattice", ["same", "turned"])
-def test_ranges_of_bricks_hold_all_rows_of_their_samples(
-    ct: Volume, turned: Volume, lattice: str
-) -> None:
+def test_ranges_of_bricks_hold_all_rows_of_their_samples(ct, turned, lattice):
     mask = turned
     if lattice == "same":
         mask = segmentation(ct.values.shape, world_from_index=ct.world_from_index)
@@ -248,7 +242,5 @@ OTHER = TransferFunction([(0, 1.0, "gold")], METALS, vs.SpectralBasis.load("gene
         ),
     ],
 )
-def test_what_cannot_be_a_mask_is_refused(
-    ct: Volume, turned: Volume, make: Parts, fault: str
-) -> None:
+def test_what_cannot_be_a_mask_is_refused(ct, turned, make, fault):
     refuses(lambda: make(ct, turned), fault)

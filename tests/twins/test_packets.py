@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -14,7 +12,6 @@ from volspec._gpu.opencl import Compute
 from volspec.raycast import Camera, RaycastSpec, packets
 from volspec.raycast.gpu import Raycaster
 from volspec.raycast.packets import SAFE, Packet, choose_packet
-from volspec.transfer import TransferTable
 from volspec.volume import Volume
 
 WIDE, WIDE_SINGLE = Packet(16), Packet(16, single_loads=True)
@@ -31,9 +28,7 @@ TOLERANCE = 1e-4
     ],
     ids=["adaptive", "shaded"],
 )
-def test_pictures_are_alike_in_all_packets(
-    half_engine: Volume, three_channels: TransferTable, dtype: str, spec: RaycastSpec
-) -> None:
+def test_pictures_are_alike_in_all_packets(half_engine, three_channels, dtype, spec):
     volume = Volume(half_engine.values.astype(dtype), spacing_mm=half_engine.spacing_mm)
     camera, known = Camera.orbit(volume), [Packet(1), NARROW_SINGLE]
     if choose_packet(Compute.open().index).lanes == 16:  # others may not compile it
@@ -63,13 +58,7 @@ def device(width: int, is_cpu: bool = True) -> DeviceInfo:
         (8, {SAFE: 20.0, NARROW_SINGLE: 14.0}, NARROW_SINGLE),
     ],
 )
-def test_the_fastest_that_works_is_chosen_once(
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
-    width: int,
-    times: dict[Packet, float],
-    chosen: Packet,
-) -> None:
+def test_the_fastest_that_works_is_chosen_once(monkeypatch, tmp_path, width, times, chosen):
     tries: list[list[Packet]] = []
 
     def measured(index: int, known: list[Packet]) -> dict[Packet, float]:
@@ -85,14 +74,12 @@ def test_the_fastest_that_works_is_chosen_once(
     assert choose_packet(0) == chosen and len(tries) == 2
 
 
-def test_a_gpu_marches_single_rays(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_gpu_marches_single_rays(monkeypatch):
     monkeypatch.setattr(packets, "devices", lambda: [device(1, is_cpu=False)])
     assert choose_packet(0) == Packet(1)
 
 
-def test_a_device_that_cannot_be_tried_gets_what_all_compile(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_device_that_cannot_be_tried_gets_what_all_compile(monkeypatch, tmp_path):
     """The child fails, as its list of devices is shorter."""
     monkeypatch.setattr(_cache, "cache_folder", lambda: tmp_path)
     found = devices.devices()

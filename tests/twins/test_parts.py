@@ -62,9 +62,7 @@ def assert_same(whole: vs.CoefficientImage, parts: vs.CoefficientImage) -> None:
 
 @pytest.mark.parametrize("name", ["engine", pytest.param("foot", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("side", [32, 64, 100])
-def test_parts_of_any_size_make_the_picture_of_the_whole(
-    name: str, side: int, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
-) -> None:
+def test_parts_of_any_size_make_the_picture_of_the_whole(name, side, monkeypatch, request):
     folder: Path | None = None if name == "engine" else request.getfixturevalue("volumes")
     volume = vs.load_volume(name if folder is None else folder / f"{name}.nrrd")
     in_parts_of(monkeypatch, side)
@@ -97,9 +95,7 @@ MORE = {
         *(pytest.param(n, False, marks=pytest.mark.slow) for n in SETTINGS | MORE if n != "jitter"),
     ],
 )
-def test_settings(
-    engine: vs.Volume, name: str, ranges: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_settings(engine, name, ranges, monkeypatch):
     in_parts_of(monkeypatch, 32, 64, 64)
     spec = (SETTINGS | MORE)[name]
     camera = vs.Camera.orbit(engine, azimuth_deg=200, elevation_deg=-35)
@@ -108,9 +104,7 @@ def test_settings(
 
 @pytest.mark.parametrize("orthographic", [True, False])
 @pytest.mark.parametrize("azimuth", [0, 90, 225])
-def test_cameras_along_planes_between_parts(
-    engine: vs.Volume, azimuth: float, orthographic: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_cameras_along_planes_between_parts(engine, azimuth, orthographic, monkeypatch):
     # Rays that run in a plane between two parts are in one of them only.
     in_parts_of(monkeypatch, 32)
     camera = vs.Camera.orbit(
@@ -119,16 +113,14 @@ def test_cameras_along_planes_between_parts(
     compare(engine, curve(40, 150), camera, vs.RaycastSpec(step_mm=1.0))
 
 
-def test_a_camera_within_the_volume(engine: vs.Volume, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_camera_within_the_volume(engine, monkeypatch):
     in_parts_of(monkeypatch, 32)
     middle = engine.corners_mm.mean(axis=0)
     camera = vs.Camera(tuple(middle), tuple(middle + [30, 20, 8]), fov_deg=80)
     compare(engine, curve(40, 150), camera, vs.RaycastSpec(step_mm=0.9))
 
 
-def test_cuts_are_in_voxels_of_the_finest_level(
-    engine: vs.Volume, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_cuts_are_in_voxels_of_the_finest_level(engine, monkeypatch):
     in_parts_of(monkeypatch, 32, 64, 32)
     camera = vs.Camera.orbit(engine)
     plane = vs.ClipPlane(tuple(engine.corners_mm.mean(axis=0)), (1.0, 0.3, 0.2))
@@ -144,7 +136,7 @@ def test_cuts_are_in_voxels_of_the_finest_level(
 
 
 @pytest.mark.slow
-def test_oblique_floats_with_missing_voxels(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_oblique_floats_with_missing_voxels(monkeypatch):
     in_parts_of(monkeypatch, 32)
     z, y, x = np.mgrid[-1:1:70j, -1:1:66j, -1:1:75j]
     values = np.exp(-3 * (x**2 + y**2 + z**2)).astype(np.float32)
@@ -158,7 +150,7 @@ def test_oblique_floats_with_missing_voxels(monkeypatch: pytest.MonkeyPatch) -> 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["surfaces", "labels"])
-def test_surfaces_and_labels(engine: vs.Volume, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_surfaces_and_labels(engine, kind, monkeypatch):
     in_parts_of(monkeypatch, 32)
     volume: vs.Volume = engine
     transfer: Any = vs.Isosurfaces([(70, 0.4, "skin"), (180, 1.0, "bone")], MATERIALS, BASIS)
@@ -169,9 +161,7 @@ def test_surfaces_and_labels(engine: vs.Volume, kind: str, monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize("table", ["shell", pytest.param("surface", marks=pytest.mark.slow)])
-def test_only_blocks_that_samples_read_are_read(
-    engine: vs.Volume, table: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_blocks_that_samples_read_are_read(engine, table, monkeypatch):
     in_parts_of(monkeypatch, 32, 64, 64)
     points = [(140, 0.0, "skin"), (150, 0.4, "bone"), (160, 0.4, "bone"), (170, 0.0, "skin")]
     shell = replace(curve(40, 150), points=points)
@@ -185,7 +175,7 @@ def test_only_blocks_that_samples_read_are_read(
     assert cells.mean() < read < 0.75, "neither all blocks, nor only those that are visible"
 
 
-def test_rays_end_before_what_is_hidden_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rays_end_before_what_is_hidden_is_read(monkeypatch):
     in_parts_of(monkeypatch, 32)
     values = np.full((32, 32, 129), 200, np.uint8)
     values[:, :, 100:] = 60
@@ -197,7 +187,7 @@ def test_rays_end_before_what_is_hidden_is_read(monkeypatch: pytest.MonkeyPatch)
     assert 0 < volume.pyramid.counts.chunks < volume.pyramid.levels[0].grid[2]
 
 
-def test_a_maximum_needs_only_parts_with_greater_values(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_maximum_needs_only_parts_with_greater_values(monkeypatch):
     in_parts_of(monkeypatch, 32)
     values = np.full((33, 33, 289), 100, np.uint8)
     values[:, :, 140:150] = 220
@@ -210,7 +200,7 @@ def test_a_maximum_needs_only_parts_with_greater_values(monkeypatch: pytest.Monk
     assert volume.pyramid.counts.voxel_bytes < 0.6 * values.nbytes
 
 
-def test_a_caster_casts_every_level(engine: vs.Volume) -> None:
+def test_a_caster_casts_every_level(engine):
     big = pyramid_of(engine)
     caster = vs.Raycaster(big)
     camera = vs.Camera.orbit(big)

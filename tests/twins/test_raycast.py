@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -61,8 +59,8 @@ def two_channels(values: list[float], opacity: list[float]) -> TransferTable:
 
 @pytest.mark.parametrize("lanes", [1, pytest.param(4, marks=pytest.mark.slow), 8])
 def test_engine_matches_reference_at_every_packet_width(
-    engine: Volume, engine_table: TransferTable, three_channels: TransferTable, lanes: int
-) -> None:
+    engine, engine_table, three_channels, lanes
+):
     """One ray has its channels in vectors of eight."""
     table, spec = engine_table if lanes == 1 else three_channels, RaycastSpec(specular=0.3)
     assert_alike(engine, table, Camera.orbit(engine), spec, lanes=lanes)
@@ -78,21 +76,17 @@ MORE_VIEWS += [{"azimuth_deg": 200, "elevation_deg": 60}]
 @pytest.mark.parametrize(
     "view", [*VIEWS, *(pytest.param(v, marks=pytest.mark.slow) for v in MORE_VIEWS)], ids=str
 )
-def test_engine_matches_reference_from_every_side(
-    engine: Volume, three_channels: TransferTable, view: dict[str, Any]
-) -> None:
+def test_engine_matches_reference_from_every_side(engine, three_channels, view):
     assert_alike(engine, three_channels, Camera.orbit(engine, **view), RaycastSpec())
 
 
-def test_flat_pictures_and_those_from_inside_the_volume_match_reference(
-    engine: Volume, three_channels: TransferTable
-) -> None:
+def test_flat_pictures_and_those_from_inside_the_volume_match_reference(engine, three_channels):
     assert_alike(engine, three_channels, Camera.orbit(engine), FLAT)
     inside = Camera((130.0, 120.0, 60.0), (200.0, 160.0, 40.0), fov_deg=70)
     assert_alike(engine, three_channels, inside, RaycastSpec())
 
 
-def test_oblique_anisotropic_volume_matches_reference() -> None:
+def test_oblique_anisotropic_volume_matches_reference():
     """Shear, rotation and unequal spacing: gradients must be taken in the world."""
     values = phantom.ball(24).values * 200
     volume = Volume(values.astype(np.int16) - 50, world_from_index=oblique_world())
@@ -110,7 +104,7 @@ def test_oblique_anisotropic_volume_matches_reference() -> None:
         ),
     ],
 )
-def test_every_voxel_type_and_channel_count(dtype: type, channels: int) -> None:
+def test_every_voxel_type_and_channel_count(dtype, channels):
     volume = Volume((phantom.ball(20).values * 120).astype(dtype))
     at = np.linspace(0, 1, 1024)
     table = TransferTable(
@@ -125,7 +119,7 @@ def test_every_voxel_type_and_channel_count(dtype: type, channels: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["mrbrain", "aneurism", "foot"])
-def test_other_real_volumes_match_reference(volumes: Path, name: str) -> None:
+def test_other_real_volumes_match_reference(volumes, name):
     """Dense, nearly empty, and with unequal spacing; skipped where the files are not."""
     volume = load_volume(volumes / f"{name}.nrrd")
     table = two_channels([30, 60, 200], [0, 0.05, 0.4])
@@ -134,14 +128,12 @@ def test_other_real_volumes_match_reference(volumes: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("shape", [(2, 2, 2), (2, 9, 9), (2, 3, 4), (17, 8, 9)])
-def test_thin_tiny_and_constant_volumes_match_reference(shape: tuple[int, int, int]) -> None:
+def test_thin_tiny_and_constant_volumes_match_reference(shape):
     volume, table = Volume(np.full(shape, 1, np.uint8)), fog(0.4, channels=2, share=0.5)
     assert_alike(volume, table, Camera.orbit(volume), RaycastSpec(specular=0.3), size=(24, 24))
 
 
-def test_bands_with_progress_give_the_same_picture(
-    engine: Volume, three_channels: TransferTable
-) -> None:
+def test_bands_with_progress_give_the_same_picture(engine, three_channels):
     caster, camera = Raycaster(engine), Camera.orbit(engine)
     shares: list[float] = []
     whole = caster.cast(three_channels, camera, (100, 260), RaycastSpec())
@@ -152,9 +144,7 @@ def test_bands_with_progress_give_the_same_picture(
     assert shares == sorted(shares) and shares[-1] == 1 and len(shares) > 8
 
 
-def test_light_before_the_cast_equals_light_after_it(
-    engine: Volume, three_channels: TransferTable
-) -> None:
+def test_light_before_the_cast_equals_light_after_it(engine, three_channels):
     """cast(e ∘ s) = e ∘ cast(s) for flat opacity: the promise of post-illumination (METHOD §3).
 
     Both sides sum the same positive terms in the same order and differ by float32 rounding:

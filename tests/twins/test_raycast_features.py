@@ -46,15 +46,13 @@ def matches(engine: vs.Volume, tables: dict[int, TransferTable]) -> Callable[...
     ("lanes", "specular"),
     [(8, 0.4), *(pytest.param(*own, marks=pytest.mark.slow) for own in ((1, 0.4), (4, 0.0)))],
 )
-def test_light_groups_match_reference(matches: Any, lanes: int, specular: float) -> None:
+def test_light_groups_match_reference(matches, lanes, specular):
     ours = matches(vs.RaycastSpec(groups=(SKY, KEY, LAMP), specular=specular), lanes)
     assert ours.coefficients.shape[2] == 3 * (7 if lanes == 1 else 3)
 
 
 @pytest.mark.parametrize("orthographic", [False, True])
-def test_jittered_steps_match_reference(
-    matches: Any, engine: vs.Volume, orthographic: bool
-) -> None:
+def test_jittered_steps_match_reference(matches, engine, orthographic):
     camera = vs.Camera.orbit(engine, orthographic=orthographic)
     for seed in (0, 4294967295):
         matches(vs.RaycastSpec(jitter=1, seed=seed, step_mm=1.5), camera=camera)
@@ -76,9 +74,7 @@ BOTH = vs.RaycastSpec(
         *((BOTH, view) for view in ((30, 20), (0, 0), (90, 0))),
     ],
 )
-def test_cut_volumes_match_reference(
-    matches: Any, engine: vs.Volume, spec: vs.RaycastSpec, view: tuple[int, int]
-) -> None:
+def test_cut_volumes_match_reference(matches, engine, spec, view):
     matches(spec, camera=turned(engine, *view))
 
 
@@ -91,9 +87,7 @@ def steep_table(three_channels: TransferTable) -> TransferTable:
 
 
 @pytest.mark.parametrize("diffuse", [pytest.param(0.0, marks=pytest.mark.slow), 0.7])
-def test_tables_of_value_and_gradient_match_reference(
-    matches: Any, three_channels: TransferTable, diffuse: float
-) -> None:
+def test_tables_of_value_and_gradient_match_reference(matches, three_channels, diffuse):
     matches(vs.RaycastSpec(diffuse=diffuse), table=steep_table(three_channels))
 
 
@@ -114,7 +108,7 @@ def labelled(dtype: type) -> tuple[vs.Volume, TransferTable]:
     "dtype",
     [np.uint8, *(pytest.param(d, marks=pytest.mark.slow) for d in (np.uint16, np.int16))],
 )
-def test_labels_match_reference(dtype: type) -> None:
+def test_labels_match_reference(dtype):
     """If two labels cover equally within rounding, either may show: few pixels may differ."""
     volume, table = labelled(dtype)
     assert_alike(
@@ -126,7 +120,7 @@ def test_labels_match_reference(dtype: type) -> None:
 @pytest.mark.parametrize(
     "dtype", [np.uint8, *(pytest.param(d, marks=pytest.mark.slow) for d in (np.int16, np.float32))]
 )
-def test_gradients_at_the_faces_match_reference(axis: int, dtype: type) -> None:
+def test_gradients_at_the_faces_match_reference(axis, dtype):
     """The voxel beyond a face is the face's own: nothing is read outside the volume."""
     shape = [7, 9, 11]
     shape[axis] = 2
@@ -138,7 +132,7 @@ def test_gradients_at_the_faces_match_reference(axis: int, dtype: type) -> None:
         assert_alike(volume, table, camera, vs.RaycastSpec(specular=0.3), size=(24, 24))
 
 
-def test_first_hit_is_where_the_opacity_passes_its_threshold() -> None:
+def test_first_hit_is_where_the_opacity_passes_its_threshold():
     volume = vs.phantom.slab(24, 24)
     spec = replace(FLAT, first_opacity=0.3)
     ours = assert_alike(volume, fog(0.2), turned(volume, 0, 0), spec)
@@ -149,9 +143,7 @@ def test_first_hit_is_where_the_opacity_passes_its_threshold() -> None:
 
 @pytest.mark.parametrize("mode", ["maximum", pytest.param("average", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
-def test_projections_match_reference(
-    matches: Any, tables: dict[int, TransferTable], mode: str, lanes: int
-) -> None:
+def test_projections_match_reference(matches, tables, mode, lanes):
     table = replace(tables[lanes], domain=(0.0, 255.0))
     for spec in (replace(FLAT, mode=mode), vs.RaycastSpec(mode=mode, groups=(SKY, KEY))):
         matches(spec, lanes, table=table, plateaus=True)
@@ -166,7 +158,7 @@ SURFACES = SurfaceTable(
 
 
 @pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
-def test_isosurfaces_match_reference(matches: Any, lanes: int) -> None:
+def test_isosurfaces_match_reference(matches, lanes):
     """A ray that grazes a surface may meet it in one precision and not in the other."""
     spec = vs.RaycastSpec(specular=0.3, groups=(SKY, KEY))
     matches(spec, lanes, table=SURFACES, grazing=2)
@@ -180,9 +172,7 @@ def steep(three_channels: TransferTable) -> TransferTable:
 
 
 @pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
-def test_preintegrated_steps_match_reference(
-    matches: Any, tables: dict[int, TransferTable], lanes: int
-) -> None:
+def test_preintegrated_steps_match_reference(matches, tables, lanes):
     """A shell one value thick turns the positions' rounding into some 4e-4 of opacity."""
     spec = vs.RaycastSpec(preintegrated=True, groups=(SKY, KEY))
     matches(spec, lanes)
@@ -192,9 +182,7 @@ def test_preintegrated_steps_match_reference(
 @pytest.mark.parametrize(
     ("lanes", "specular"), [pytest.param(1, 0.5, marks=pytest.mark.slow), (8, 0.0)]
 )
-def test_spectral_absorption_matches_reference(
-    matches: Any, tables: dict[int, TransferTable], specular: float, lanes: int
-) -> None:
+def test_spectral_absorption_matches_reference(matches, tables, specular, lanes):
     rng = np.random.default_rng(4)
     knots = rng.uniform(0, 1, (tables[lanes].size, 5))
     filters = np.stack([np.interp(np.linspace(0, 4, 1024), range(5), row) for row in knots], axis=1)
@@ -203,9 +191,7 @@ def test_spectral_absorption_matches_reference(
 
 
 @pytest.mark.parametrize("preintegrated", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_adaptive_steps_stay_near_the_whole_truth(
-    engine: vs.Volume, three_channels: TransferTable, preintegrated: bool
-) -> None:
+def test_adaptive_steps_stay_near_the_whole_truth(engine, three_channels, preintegrated):
     caster, camera = vs.Raycaster(engine), vs.Camera.orbit(engine)
     whole = vs.RaycastSpec(ambient=1, diffuse=0, preintegrated=preintegrated)
     true = caster.cast(three_channels, camera, (128, 128), whole)
@@ -215,9 +201,7 @@ def test_adaptive_steps_stay_near_the_whole_truth(
 
 
 @pytest.mark.parametrize("physical", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_shadows_and_occlusion_match_reference(
-    half_engine: vs.Volume, three_channels: TransferTable, physical: bool
-) -> None:
+def test_shadows_and_occlusion_match_reference(half_engine, three_channels, physical):
     sources = (
         vs.LightGroup("sky", (vs.Ambient(occlusion=True),)),
         vs.LightGroup("sun", (vs.Directional((1, -1, 2), shadows=True), vs.Headlight(0.1))),
@@ -239,9 +223,7 @@ def test_shadows_and_occlusion_match_reference(
         ),
     ],
 )
-def test_rays_are_cast_within_their_spans(
-    engine: vs.Volume, three_channels: TransferTable, mode: Any
-) -> None:
+def test_rays_are_cast_within_their_spans(engine, three_channels, mode):
     """A half ends in the middle of the volume, a corner before it; the last rows begin there."""
     table: TransferTable | SurfaceTable = three_channels
     spec = vs.RaycastSpec(jitter=0.5)

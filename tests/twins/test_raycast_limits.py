@@ -36,9 +36,7 @@ BORDERS = st.sampled_from([0, 1, 7, 8, 9, 15, 16, 17, 23, 24, 31, 32])
     view=st.tuples(st.integers(0, 360), st.integers(-90, 90)),
     orthographic=st.booleans(),
 )
-def test_no_visible_voxel_is_leapt_over(
-    voxels: list[tuple[int, int, int]], view: tuple[int, int], orthographic: bool
-) -> None:
+def test_no_visible_voxel_is_leapt_over(voxels, view, orthographic):
     """The reference takes every step, the kernel leaps; single voxels at brick borders agree.
 
     A leap may drop what lies within float32 rounding of a border, where a lone voxel's opacity
@@ -54,7 +52,7 @@ def test_no_visible_voxel_is_leapt_over(
 
 
 @pytest.mark.parametrize("unit", [1e-12, 1e-3, 1e6, 1e12])
-def test_the_picture_does_not_depend_on_the_unit_of_length(unit: float) -> None:
+def test_the_picture_does_not_depend_on_the_unit_of_length(unit):
     volume, table = phantom.ball(20), ramp(0.3)
     scaled = Volume(volume.values, spacing_mm=(unit,) * 3)
     there = dataclasses.replace(table, reference_step_mm=unit)
@@ -69,7 +67,7 @@ def test_the_picture_does_not_depend_on_the_unit_of_length(unit: float) -> None:
 
 
 @pytest.mark.parametrize("unit", [1e-30, 1e-12, 1e12, 1e30])
-def test_the_picture_does_not_depend_on_the_unit_of_the_values(unit: float) -> None:
+def test_the_picture_does_not_depend_on_the_unit_of_the_values(unit):
     volume, table = phantom.ball(20), ramp(0.3)
     scaled = Volume((volume.values * unit).astype(np.float32))
     there = dataclasses.replace(table, domain=(0.0, unit))
@@ -81,7 +79,7 @@ def test_the_picture_does_not_depend_on_the_unit_of_the_values(unit: float) -> N
 
 @pytest.mark.slow
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_voxels_beyond_2_gi_are_cast(dtype: type) -> None:
+def test_voxels_beyond_2_gi_are_cast(dtype):
     """A ball in the last corner of 1300³ voxels looks as it does alone."""
     size = 1300
     ball = (200 * phantom.ball(40).values).astype(dtype)
@@ -108,7 +106,7 @@ def test_voxels_beyond_2_gi_are_cast(dtype: type) -> None:
 
 @pytest.mark.parametrize("specular", [0.0, 0.3])
 @pytest.mark.parametrize("offset", [1e4, 1e6, -1e6])
-def test_values_far_from_0_keep_their_digits(offset: float, specular: float) -> None:
+def test_values_far_from_0_keep_their_digits(offset, specular):
     """Floats in steps of 1/16 around an offset, of a range of 1, are as the reference has them."""
     values = np.rint(16 * phantom.ball(20).values) / 16
     volume = Volume((values + offset).astype(np.float32))
@@ -120,7 +118,7 @@ def test_values_far_from_0_keep_their_digits(offset: float, specular: float) -> 
         assert np.abs(a - b).max() < TOLERANCE
 
 
-def test_structs_are_as_large_for_the_compiler_as_for_numpy() -> None:
+def test_structs_are_as_large_for_the_compiler_as_for_numpy():
     structs = {struct.name: struct for struct in (CAST, *light_volume.STRUCTS)}
     sizes = "".join(f"x[{n}] = sizeof({name}); " for n, name in enumerate(structs))
     text = "".join(struct.declaration for struct in structs.values())
@@ -132,7 +130,7 @@ def test_structs_are_as_large_for_the_compiler_as_for_numpy() -> None:
     assert found.tolist() == [struct.dtype.itemsize for struct in structs.values()]
 
 
-def test_lanes_are_numbered_row_by_row_in_their_tile() -> None:
+def test_lanes_are_numbered_row_by_row_in_their_tile():
     """`TILES` and LANE_X, LANE_Y of lanes.clh say the same."""
     text = Path(asset("kernels/include/lanes.clh")).read_text(encoding="utf-8")
     for lanes, (width, height) in TILES.items():
@@ -144,14 +142,14 @@ def test_lanes_are_numbered_row_by_row_in_their_tile() -> None:
             assert f"LANE_Y ((float{lanes})({y}))" in text
 
 
-def test_an_empty_program_names_the_cache_it_came_from() -> None:
+def test_an_empty_program_names_the_cache_it_came_from():
     """A compiler that was killed leaves one there, and PoCL uses it."""
     source = Source("__kernel void f(__global int *x) { x[0] = 1; }\n", ("<prelude>", "f.cl"))
     with raises(OpenCLError, "damaged"):
         Compute.open().kernel(source, "raycast")
 
 
-def test_a_cached_program_of_another_cpu_is_built_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cached_program_of_another_cpu_is_built_again(monkeypatch):
     """Intel's runtime calls it an invalid binary, and pyopencl then asks for a variable."""
 
     def build(*args: object, **settings: object) -> None:
@@ -180,9 +178,7 @@ def worst(volume: Volume, spec: RaycastSpec, lanes: int) -> float:
 @pytest.mark.parametrize("dtype", RANGES)
 @pytest.mark.parametrize("flat", [0.0, 1e-4, 0.02])
 @pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
-def test_stripes_of_two_byte_voxels_have_no_gradient_across(
-    dtype: str, flat: float, lanes: int
-) -> None:
+def test_stripes_of_two_byte_voxels_have_no_gradient_across(dtype, flat, lanes):
     """Their gradients are made of whole numbers: rounded weights alone made .3 of what is seen."""
     values = np.full((12, 12, 12), RANGES[dtype][0] // 2, dtype)
     values[:, :, ::2] = RANGES[dtype][1] // 2
@@ -194,7 +190,7 @@ def test_stripes_of_two_byte_voxels_have_no_gradient_across(
 @pytest.mark.parametrize(
     "shininess", [24, 63, *(pytest.param(n, marks=pytest.mark.slow) for n in (64, 1024))]
 )
-def test_noise_of_the_whole_range_is_as_glossy(dtype: str, shininess: int) -> None:
+def test_noise_of_the_whole_range_is_as_glossy(dtype, shininess):
     for seed in range(3):
         low, high = RANGES[dtype]
         values = np.random.default_rng(seed).integers(low, high, (3, 5, 7), dtype, endpoint=True)

@@ -100,9 +100,7 @@ def both_frames(image: CoefficientImage, scales: dict[str, float]) -> list[NDArr
         *(pytest.param(s, marks=pytest.mark.slow) for s in ((0.7, 1.3, 1.0, 0.9), (3.9, 0, 0, 1))),
     ],
 )
-def test_frames_of_other_opacities_match(
-    materials: int, groups: int, scales: tuple[float, ...]
-) -> None:
+def test_frames_of_other_opacities_match(materials, groups, scales):
     image = layered(materials, groups)
     wanted = dict(zip(NAMES[:materials], scales, strict=False))
     frames = both_frames(image, wanted)
@@ -119,7 +117,7 @@ def test_frames_of_other_opacities_match(
     "scales",
     [(0.3, 1.0, 4.0, 0.0), pytest.param((0.7, 1.3, 1.0, 0.9), marks=pytest.mark.slow)],
 )
-def test_shadows_fade_alike(materials: int, shadows: str, scales: tuple[float, ...]) -> None:
+def test_shadows_fade_alike(materials, shadows, scales):
     image = layered(materials, len(shadows), shadows=shadows)
     wanted = dict(zip(NAMES[:materials], scales, strict=False))
     with gl_or_skip(image) as drawn:
@@ -138,7 +136,7 @@ def test_shadows_fade_alike(materials: int, shadows: str, scales: tuple[float, .
 
 
 @pytest.mark.parametrize("solid", [False, True])
-def test_layers_from_the_first_on_match_where_pixels_have_none(solid: bool) -> None:
+def test_layers_from_the_first_on_match_where_pixels_have_none(solid):
     image = layered(3, 2, solid=solid)
     layers = image.opacity_layers
     assert layers is not None
@@ -152,7 +150,7 @@ def test_layers_from_the_first_on_match_where_pixels_have_none(solid: bool) -> N
     np.testing.assert_allclose(*both_frames(image, {"gold": 0.4}), atol=2e-4)
 
 
-def test_a_first_layer_too_faint_for_half_floats_hides_no_others() -> None:
+def test_a_first_layer_too_faint_for_half_floats_hides_no_others():
     image = layered(3, 1)
     layers = image.opacity_layers
     assert layers is not None
@@ -163,7 +161,7 @@ def test_a_first_layer_too_faint_for_half_floats_hides_no_others() -> None:
 
 
 @pytest.mark.parametrize("shadows", ["--", "b-"])
-def test_surfaces_do_not_fade(shadows: str) -> None:
+def test_surfaces_do_not_fade(shadows):
     image = layered(3, 2, shadows=shadows, solid=True)
     none = dict.fromkeys(NAMES[:3], 0.0)
     np.testing.assert_allclose(*both_frames(image, none), atol=3e-4)
@@ -173,7 +171,7 @@ def test_surfaces_do_not_fade(shadows: str) -> None:
     np.testing.assert_allclose(image.recompose(none).alpha, 1 - np.exp(-last), atol=1e-6)
 
 
-def test_scales_of_1_draw_the_cast_s_picture_bit_for_bit(backend: str) -> None:
+def test_scales_of_1_draw_the_cast_s_picture_bit_for_bit(backend):
     image = layered(3, 2)
     with relighter_of(image, backend) as relighter:
         before = relighter.frame(rig(image), dtype=np.float32)
@@ -185,7 +183,7 @@ def test_scales_of_1_draw_the_cast_s_picture_bit_for_bit(backend: str) -> None:
     np.testing.assert_array_equal(after, before)
 
 
-def test_opacities_outlast_another_cast_of_the_same_size(backend: str) -> None:
+def test_opacities_outlast_another_cast_of_the_same_size(backend):
     first, second = layered(3, 1), layered(3, 1, seed=1)
     scales = {"gold": 0.3, "copper": 2.0}
     with relighter_of(first, backend) as relighter:
@@ -214,7 +212,7 @@ def test_opacities_outlast_another_cast_of_the_same_size(backend: str) -> None:
     ("groups", "solid"),
     [(2, True), *(pytest.param(n, False, marks=pytest.mark.slow) for n in (1, 5))],
 )
-def test_frames_in_depth_match(depth: DepthEffects, groups: int, solid: bool) -> None:
+def test_frames_in_depth_match(depth, groups, solid):
     """Extents are half floats on the device: half a µm of 1 mm, a hundredth of a thin layer."""
     image = deep(groups, solid)
     frames = []
@@ -242,7 +240,7 @@ def deep(groups: int, solid: bool) -> CoefficientImage:
     return replace(image, opacity_layers=layers, fov_deg=30.0)
 
 
-def test_layers_packed_beforehand_are_taken_and_other_numbers_of_them_too() -> None:
+def test_layers_packed_beforehand_are_taken_and_other_numbers_of_them_too():
     image, fewer = layered(3, 1), layered(3, 1, count=2)
     with gl_or_skip(image) as relighter:
         assert image.opacity_layers is not None
@@ -253,9 +251,7 @@ def test_layers_packed_beforehand_are_taken_and_other_numbers_of_them_too() -> N
         np.testing.assert_allclose(frame, twin.frame(light("A"), dtype=np.float32), atol=2e-4)
 
 
-def test_what_a_device_does_not_take_is_refused_and_the_picture_stays(
-    backend: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_a_device_does_not_take_is_refused_and_the_picture_stays(backend, monkeypatch):
     image = layered(4, 1)
     with relighter_of(image, backend) as relighter:
         relighter.set_opacities({"gold": 0.5})

@@ -82,9 +82,7 @@ def tables(monkeypatch: pytest.MonkeyPatch) -> list[Lut3D]:
     "model",
     [pytest.param(m, marks=[pytest.mark.slow] if m == "Hunt" else []) for m in MODELS],
 )
-def test_the_shader_shows_a_model_on_every_display_as_numpy_does(
-    model: str, name: str, tables: list[Lut3D]
-) -> None:
+def test_the_shader_shows_a_model_on_every_display_as_numpy_does(model, name, tables):
     white = white_XYZ(light("A"))
     coefficients, alpha, lit = bright_cube(white)
     viewing = Viewing(model=model, display=DISPLAYS[name])
@@ -111,7 +109,7 @@ def test_the_shader_shows_a_model_on_every_display_as_numpy_does(
 
 
 @pytest.mark.parametrize("space", SPACES)
-def test_every_space_is_the_reference_s(space: str) -> None:
+def test_every_space_is_the_reference_s(space):
     white = white_XYZ(light("D50"))
     coefficients, alpha, lit = bright_cube(white)
     viewing = Viewing(display=Display(space=space))
@@ -122,7 +120,7 @@ def test_every_space_is_the_reference_s(space: str) -> None:
 
 @pytest.mark.parametrize("display", DISPLAYS.values(), ids=DISPLAYS)
 @pytest.mark.parametrize("backend", ["gl", "numpy"])
-def test_the_mark_is_on_mapped_pixels_and_on_no_others(backend: str, display: Display) -> None:
+def test_the_mark_is_on_mapped_pixels_and_on_no_others(backend, display):
     white = white_XYZ(light("A"))
     coefficients, alpha, lit = bright_cube(white)
     engine = (GLEngine if backend == "gl" else CpuEngine)(coefficients, alpha)
@@ -148,7 +146,7 @@ def test_the_mark_is_on_mapped_pixels_and_on_no_others(backend: str, display: Di
     np.testing.assert_allclose(hatched[sure], expected[sure], atol=1e-6)
 
 
-def test_white_and_greys_of_a_picture_are_not_marked() -> None:
+def test_white_and_greys_of_a_picture_are_not_marked():
     """Every adaptation that ends at the display's white, in every space with it."""
     white = white_XYZ(light("A"))
     grey = np.linspace(0.0, 1.0, 64)[:, None, None] * np.ones((1, 16, 1)) * white
@@ -164,7 +162,7 @@ def test_white_and_greys_of_a_picture_are_not_marked() -> None:
 
 
 @pytest.mark.parametrize("model", ["CIECAM02", "CAM16"])
-def test_reduced_frames_keep_lightness_and_hue_where_clipped_ones_do_not(model: str) -> None:
+def test_reduced_frames_keep_lightness_and_hue_where_clipped_ones_do_not(model):
     display = Display(gamut="reduce")
     space = display.colours
     conditions = CamConditions.of_viewing(display.conditions, model)
@@ -187,7 +185,7 @@ def test_reduced_frames_keep_lightness_and_hue_where_clipped_ones_do_not(model: 
 
 
 @pytest.mark.parametrize("gamut", ["clip", "reduce"])
-def test_the_screen_is_gamut_s_mapping_but_for_the_shader_s_steps(gamut: str) -> None:
+def test_the_screen_is_gamut_s_mapping_but_for_the_shader_s_steps(gamut):
     display = Display(space="Display P3", gamut=gamut)
     XYZ = bright_cube(SPACES["Rec. 2020"].white_XYZ)[0].astype(np.float64)
     linear, outside = Screen.of(display).linear(XYZ)
@@ -202,7 +200,7 @@ def test_the_screen_is_gamut_s_mapping_but_for_the_shader_s_steps(gamut: str) ->
 
 @pytest.mark.parametrize("model", ["CIECAM02", "CIELAB", "none"])
 @pytest.mark.parametrize("deficiency", DEFICIENCIES[1:])
-def test_the_shader_simulates_a_deficiency_as_numpy_does(model: str, deficiency: str) -> None:
+def test_the_shader_simulates_a_deficiency_as_numpy_does(model, deficiency):
     """All forms of view transforms, clipped and with reduced chroma."""
     coefficients, alpha, lit = bright_cube(white_XYZ(light("A")))
     gl = GLEngine(coefficients, alpha)
@@ -224,7 +222,7 @@ def test_the_shader_simulates_a_deficiency_as_numpy_does(model: str, deficiency:
     gl.close()
 
 
-def test_a_lut_is_looked_up_and_then_simulated() -> None:
+def test_a_lut_is_looked_up_and_then_simulated():
     given = bright_cube(white_XYZ(light("D65")))
     viewing = Viewing(model="CIECAM02", deficiency="deutan", display=Display(mark=True))
     by_lut, closed = (gl_frame(*given, viewing, lut3d=lut) for lut in (True, False))
@@ -232,7 +230,7 @@ def test_a_lut_is_looked_up_and_then_simulated() -> None:
     assert ciede2000(by_lut, closed).mean() < 0.1
 
 
-def test_another_deficiency_or_severity_costs_uniforms_alone() -> None:
+def test_another_deficiency_or_severity_costs_uniforms_alone():
     coefficients, alpha, lit = bright_cube(white_XYZ(light("A")))
     gl = GLEngine(coefficients, alpha)
     gl.render(lit, Viewing(deficiency="protan"), np.uint8)
@@ -244,14 +242,14 @@ def test_another_deficiency_or_severity_costs_uniforms_alone() -> None:
     gl.close()
 
 
-def test_displays_draw_the_same_picture_as_webgl_2(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_displays_draw_the_same_picture_as_webgl_2(monkeypatch):
     display = Display(space="Rec. 2020", gamut="reduce", mark=True)
     viewing = Viewing(display=display, deficiency="tritan", severity=0.8)
     given = *bright_cube(white_XYZ(light("A"))), viewing, np.uint8
     assert_drawn_alike_by_webgl_2(lambda: gl_frame(*given), monkeypatch)
 
 
-def test_one_engine_changes_displays_between_frames() -> None:
+def test_one_engine_changes_displays_between_frames():
     """Programs are cached by what is compiled into them, a space of any name included."""
     coefficients, alpha, lit = bright_cube(white_XYZ(light("D65")))
     own = replace(SPACES["sRGB"], transfer=Transfer.gamma(2.2))
@@ -265,6 +263,6 @@ def test_one_engine_changes_displays_between_frames() -> None:
         assert all(not np.array_equal(frames[i], other) for other in frames[i + 1 : half])
 
 
-def test_forms_of_all_kinds_are_among_the_models() -> None:
+def test_forms_of_all_kinds_are_among_the_models():
     kinds = {type(view_transform(Viewing(model=m), (95.0, 100.0, 108.0))) for m in MODELS}
     assert {LinearTransform, CurveTransform} < kinds

@@ -51,7 +51,7 @@ def both(image: CoefficientImage, name: str, viewing: Viewing) -> tuple[np.ndarr
 
 @pytest.mark.parametrize("model", PER_PIXEL)
 @pytest.mark.parametrize("name", LIGHTS)
-def test_the_shader_draws_a_field_as_numpy_does(model: str, name: str) -> None:
+def test_the_shader_draws_a_field_as_numpy_does(model, name):
     for change in ({}, {"surround": "dim", "D": 0.6}, {"illuminance_lux": 2.0}):
         shown, truth = both(patches(), name, Viewing(model=model, adapting="pixel", **change))
         error = ciede2000(shown, truth, what=f"{model}, {name}, {change}")
@@ -61,14 +61,14 @@ def test_the_shader_draws_a_field_as_numpy_does(model: str, name: str) -> None:
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (300, 2), (31, 33), (129, 65)])
-def test_pictures_of_any_size_have_a_field(size: tuple[int, int]) -> None:
+def test_pictures_of_any_size_have_a_field(size):
     shown, truth = both(patches(*size), "A", Viewing(adapting="pixel"))
     assert np.abs(shown - truth).max() < 2e-4
 
 
 @pytest.mark.parametrize("model", PER_PIXEL)
 @pytest.mark.parametrize("display", [{"gamut": "reduce"}, {"gamut": "reduce", "mark": True}])
-def test_a_field_ends_in_the_displays_own_mapping(model: str, display: dict) -> None:
+def test_a_field_ends_in_the_displays_own_mapping(model, display):
     viewing = Viewing(model=model, adapting="pixel", display=Display(**display))
     shown, truth = both(patches(), "A", viewing)
     plain, _ = both(patches(), "A", dataclasses.replace(viewing, display=Display()))
@@ -81,7 +81,7 @@ def test_a_field_ends_in_the_displays_own_mapping(model: str, display: dict) -> 
 
 
 @pytest.mark.parametrize("name", LIGHTS)
-def test_between_nodes_a_field_is_near_conditions_of_every_pixel(name: str) -> None:
+def test_between_nodes_a_field_is_near_conditions_of_every_pixel(name):
     image, viewing = patches(), Viewing(adapting="pixel")
     with Relighter(image, "numpy") as relighter:
         shown = relighter.frame(light(name), viewing, dtype=np.float32)
@@ -92,7 +92,7 @@ def test_between_nodes_a_field_is_near_conditions_of_every_pixel(name: str) -> N
 
 
 @pytest.mark.parametrize("model", PER_PIXEL)
-def test_a_pixel_on_a_node_has_the_transform_of_its_own_conditions(model: str) -> None:
+def test_a_pixel_on_a_node_has_the_transform_of_its_own_conditions(model):
     viewing, white = Viewing(model=model, adapting="pixel"), white_XYZ(light("A"))
     rng = np.random.default_rng(1)
     Y_b, L_A = rng.uniform(0, 90, (3, 3)), rng.uniform(0, 300, (3, 3))
@@ -110,7 +110,7 @@ def test_a_pixel_on_a_node_has_the_transform_of_its_own_conditions(model: str) -
 
 
 @pytest.mark.parametrize("model", PER_PIXEL)
-def test_an_even_field_is_the_transform_of_its_numbers(model: str) -> None:
+def test_an_even_field_is_the_transform_of_its_numbers(model):
     grey = np.full((40, 60, 5), 0.35, np.float32)
     one = np.ones((40, 60), np.float32)
     image = CoefficientImage(grey, one, one, box_basis(), fov_deg=50.0)
@@ -125,7 +125,7 @@ def test_an_even_field_is_the_transform_of_its_numbers(model: str) -> None:
             assert np.array_equal(*frames)
 
 
-def test_a_field_takes_no_table_and_leaves_the_next_frame_alone() -> None:
+def test_a_field_takes_no_table_and_leaves_the_next_frame_alone():
     image, pixel = patches(), Viewing(adapting="pixel")
     frames = []
     for table in (False, True):
@@ -136,7 +136,7 @@ def test_a_field_takes_no_table_and_leaves_the_next_frame_alone() -> None:
     assert np.array_equal(*frames)
 
 
-def test_another_cast_is_measured_anew() -> None:
+def test_another_cast_is_measured_anew():
     images = patches(fov_deg=70.0), patches(fov_deg=15.0)
     frames = []
     with Relighter(images[0], "gl") as relighter:
@@ -148,7 +148,7 @@ def test_another_cast_is_measured_anew() -> None:
         assert np.array_equal(frames[1], relighter.frame(light("A"), Viewing(adapting="pixel")))
 
 
-def test_same_source_draws_the_same_field_as_webgl_2(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_same_source_draws_the_same_field_as_webgl_2(monkeypatch):
     def draw() -> np.ndarray:
         with Relighter(patches(), "gl") as relighter:
             return relighter.frame(light("A"), Viewing(adapting="pixel"))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -40,9 +39,7 @@ def cast(count: int = 3, basis: Basis | None = None, **more: object) -> Coeffici
 
 @pytest.mark.parametrize("level", ["relative", "absolute"])
 @pytest.mark.parametrize("mode", MODES)
-def test_three_groups_match_the_reference_in_every_mode(
-    backend: str, mode: str, level: str
-) -> None:
+def test_three_groups_match_the_reference_in_every_mode(backend, mode, level):
     image = cast()
     spec = RelightSpec(mode=mode, level=level)
     frame = relight(image, RIG, spec, dtype=np.float32, backend=backend)
@@ -54,16 +51,14 @@ def test_three_groups_match_the_reference_in_every_mode(
 
 
 @pytest.mark.parametrize(("count", "size"), [(8, 16), (8, 31)])
-def test_as_many_groups_as_a_cast_can_have_are_drawn(count: int, size: int) -> None:
+def test_as_many_groups_as_a_cast_can_have_are_drawn(count, size):
     image = cast(count, box_basis(size))
     gl_or_skip(image).close()
     frames = [relight(image, RIG, dtype=np.float32, backend=backend) for backend in ("gl", "numpy")]
     np.testing.assert_allclose(*frames, atol=2e-4)
 
 
-def test_more_channels_than_a_device_or_a_picture_takes_are_refused_by_number(
-    monkeypatch: pytest.MonkeyPatch, context: Any
-) -> None:
+def test_more_channels_than_a_device_or_a_picture_takes_are_refused_by_number(monkeypatch, context):
     with gl_or_skip(cast()) as relighter:
         for other in (cast(7, box_basis(3)), cast(2)):
             with raises(ShapeError):
@@ -76,7 +71,7 @@ def test_more_channels_than_a_device_or_a_picture_takes_are_refused_by_number(
     assert {"21", "19"} <= set(re.findall(r"\b\d+\b", str(caught.value)))
 
 
-def test_half_coefficients_give_the_frame_of_the_same_numbers_in_float32(backend: str) -> None:
+def test_half_coefficients_give_the_frame_of_the_same_numbers_in_float32(backend):
     half = cast(half=True)
     whole = replace(half, coefficients=half.coefficients.astype(np.float32))
     assert half.coefficients.dtype == np.float16
@@ -87,7 +82,7 @@ def test_half_coefficients_give_the_frame_of_the_same_numbers_in_float32(backend
         assert np.array_equal(one, other)
 
 
-def test_a_relighter_follows_the_groups_of_a_new_image(backend: str) -> None:
+def test_a_relighter_follows_the_groups_of_a_new_image(backend):
     first, second = cast(seed=0), cast(seed=1)
     renamed = replace(second, groups=dict(zip("abc", second.groups.values(), strict=True)))
     rig = replace(RIG, groups=("a", "b", "c", ""))
@@ -98,7 +93,7 @@ def test_a_relighter_follows_the_groups_of_a_new_image(backend: str) -> None:
     assert np.array_equal(updated, relight(second, RIG, backend=backend))
 
 
-def test_reflectances_are_edited_in_every_group(backend: str) -> None:
+def test_reflectances_are_edited_in_every_group(backend):
     paints = {name: reflectance(name) for name in ("gold", "copper")}
     image = cast(basis=MaterialBasis(paints))
     changed = image.basis.with_reflectances({"gold": reflectance("iron")})

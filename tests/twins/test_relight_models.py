@@ -38,7 +38,7 @@ MOST = [pytest.param(m, marks=[pytest.mark.slow] if m == "Hunt" else []) for m i
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("name", ["A", pytest.param("FL2", marks=pytest.mark.slow)])
-def test_the_shader_draws_a_model_as_numpy_does(model: str, name: str) -> None:
+def test_the_shader_draws_a_model_as_numpy_does(model, name):
     white = white_XYZ(light(name))
     given = *opaque(surfaces(white), white), Viewing(model=model, surround=0.12)
     error = ciede2000(gl_frame(*given, lut3d=False), cpu_frame(*given), what=f"{model}, {name}")
@@ -51,7 +51,7 @@ def test_the_shader_draws_a_model_as_numpy_does(model: str, name: str) -> None:
 
 @pytest.mark.parametrize("model", ["CIECAM02", "CAM16", "Nayatani", "Guth"])
 @pytest.mark.parametrize("name", [*LIGHTS, "HP1"])
-def test_a_table_is_near_the_closed_form(model: str, name: str) -> None:
+def test_a_table_is_near_the_closed_form(model, name):
     white = white_XYZ(light(name))
     space, transform = colour_space("sRGB"), view_transform(Viewing(model=model), white)
     table = Lut3D.of(transform, LutSpace.between(white, space))
@@ -67,9 +67,7 @@ def test_a_table_is_near_the_closed_form(model: str, name: str) -> None:
 
 @pytest.mark.parametrize("software", [gpu.SOFTWARE, ()], ids=["sampler", "interpolated"])
 @pytest.mark.parametrize("model", ["CIECAM02", "Guth"])
-def test_a_table_filled_on_the_device_is_numpys(
-    model: str, software: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_table_filled_on_the_device_is_numpys(model, software, monkeypatch):
     """On a GPU the shader interpolates, as a sampler's weights have 8 bits there."""
     monkeypatch.setattr(gpu, "SOFTWARE", software)
     white = white_XYZ(light("A"))
@@ -103,9 +101,7 @@ def boxes() -> np.ndarray:
         ("D65", Viewing(Y_b=1.0)),
     ],
 )
-def test_a_table_holds_where_the_model_has_cliffs_and_beyond_white(
-    name: str, viewing: Viewing
-) -> None:
+def test_a_table_holds_where_the_model_has_cliffs_and_beyond_white(name, viewing):
     lamp = light(name, PAPERS_GRID)
     XYZ = XYZ_from_spectra(lamp, boxes())
     transform = view_transform(viewing, white_XYZ(lamp))
@@ -119,14 +115,14 @@ def test_a_table_holds_where_the_model_has_cliffs_and_beyond_white(
     assert error.mean() <= 0.10 and error.max() <= 2.0
 
 
-def test_a_picture_with_colours_that_no_table_holds_is_drawn_by_the_closed_form() -> None:
+def test_a_picture_with_colours_that_no_table_holds_is_drawn_by_the_closed_form():
     lamp = light("D65", PAPERS_GRID)
     given = *opaque(XYZ_from_spectra(lamp, boxes())[:, None], white_XYZ(lamp)), Viewing()
     assert np.array_equal(*(gl_frame(*given, lut3d=table) for table in (False, True)))
 
 
 @pytest.mark.parametrize("model", TABLED)
-def test_what_is_brighter_than_white_is_white(model: str) -> None:
+def test_what_is_brighter_than_white_is_white(model):
     white = white_XYZ(light("A"))
     viewing = Viewing(model=model, D=1.0)
     assert gl_frame(*opaque(3.0 * white[None, None], white), viewing, np.uint8).min() >= 250
@@ -154,7 +150,7 @@ def engines_of(model: str, coefficients: np.ndarray, alpha: np.ndarray) -> list[
 
 
 @pytest.mark.parametrize("model", MOST)
-def test_no_colour_gives_nan(model: str) -> None:
+def test_no_colour_gives_nan(model):
     cubes = [cube(REC_2020), cube(ACES_AP0), np.zeros((17, 1, 3)), np.full((17, 1, 3), -5.0)]
     XYZ = np.concatenate(cubes, axis=1)
     engines = engines_of(model, *opaque(XYZ, np.ones(3))[:2])
@@ -224,7 +220,7 @@ VIEWINGS = (
 
 
 @pytest.mark.parametrize("model", MOST)
-def test_designed_spectra_under_designed_lights_give_no_nan(model: str) -> None:
+def test_designed_spectra_under_designed_lights_give_no_nan(model):
     spectra = designed()
     assert len(spectra) % 3 == 0
     coefficients = BASIS.analyse(spectra).reshape(3, -1, BASIS.size).astype(np.float32)

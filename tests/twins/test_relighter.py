@@ -188,8 +188,8 @@ def test_a_context_is_lent_to_one_relighter_at_a_time():
 
 @pytest.mark.parametrize("adapting", ["given", "picture"])
 def test_a_table_made_beforehand_on_another_thread_is_what_the_frame_is_drawn_with(
-    monkeypatch: pytest.MonkeyPatch, adapting: str
-) -> None:
+    monkeypatch, adapting
+):
     rig = LightRig((light("A"),), illuminance_lux=(500.0,))
     viewing = Viewing(model="Nayatani95", adapting=adapting, fov_deg=20.0)
     how = rig, RelightSpec(viewing, "exact")
@@ -215,7 +215,7 @@ def test_a_table_made_beforehand_on_another_thread_is_what_the_frame_is_drawn_wi
         assert host.missing_lut(*how) is None
 
 
-def test_a_table_that_is_given_up_is_not_kept() -> None:
+def test_a_table_that_is_given_up_is_not_kept():
     tables, asked = LutCache(), []
     key = LutKey(Viewing(model="Nayatani95"), (95.05, 100.0, 108.88))
     with suppress(LutCancelled):
@@ -223,7 +223,7 @@ def test_a_table_that_is_given_up_is_not_kept() -> None:
     assert len(asked) == 3 and key not in tables
 
 
-def test_of_tables_the_latest_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_tables_the_latest_are_kept(monkeypatch):
     made: list[LutKey] = []
     empty = np.zeros((1, 1, 1, 4), np.float32)
     monkeypatch.setattr(lut3d, "_bake_texels", lambda key, _: (made.append(key), empty)[1])

@@ -54,9 +54,7 @@ def assert_same(ours: np.ndarray, twin: np.ndarray) -> None:
     "channels",
     [3, 4, 32, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 2, 5, 7, 9, 14, 31))],
 )
-def test_any_number_of_channels_is_packed_as_the_host_packs_it(
-    compute: Compute, channels: int
-) -> None:
+def test_any_number_of_channels_is_packed_as_the_host_packs_it(compute, channels):
     coefficients, alpha = picture(13, 67, channels)
     ours = packed_on_the_device(compute, coefficients, alpha, 5, half=False)
     assert_same(ours, pack_layers(coefficients, alpha))
@@ -64,15 +62,13 @@ def test_any_number_of_channels_is_packed_as_the_host_packs_it(
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 65), (9, 64), (130, 3)])
 @pytest.mark.parametrize("lines", [1, 4, 1000])
-def test_any_size_and_height_of_bands_is_packed(
-    compute: Compute, size: tuple[int, int], lines: int
-) -> None:
+def test_any_size_and_height_of_bands_is_packed(compute, size, lines):
     coefficients, alpha = picture(*size, 7)
     ours = packed_on_the_device(compute, coefficients, alpha, lines, half=False)
     assert_same(ours, pack_layers(coefficients, alpha))
 
 
-def test_half_pictures_are_rounded_as_they_are_kept(compute: Compute) -> None:
+def test_half_pictures_are_rounded_as_they_are_kept(compute):
     coefficients, alpha = picture(31, 65, 7)
     largest = float(np.finfo(np.float16).max)
     rounded = np.clip(coefficients, -largest, largest).astype(np.float16).astype(np.float32)
