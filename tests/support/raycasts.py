@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from volspec._gpu.opencl import Compute
 from volspec.basis import MaterialBasis
-from volspec.raycast import Camera, RaycastSpec, reference
+from volspec.raycast import Camera, RaycastSpec, packets, reference
 from volspec.raycast.gpu import Raycaster
 from volspec.raycast.row_batches import Result
 from volspec.raycast.sampling import world_rays
@@ -23,6 +24,17 @@ FLAT = RaycastSpec(ambient=1, diffuse=0)
 """The plain reflectances."""
 WHOLE = replace(FLAT, alpha_stop=1)
 """Rays that never end before the volume does."""
+
+
+_TRIAL = packets._try  # of packets, as it is before any test replaces it
+
+
+def carries_16_rays() -> bool:
+    """Return True if the device carries packets of 16 rays; others may not compile them."""
+    compute = Compute.open()
+    if compute.info.vector_width < 16:
+        return False
+    return packets.Packet(16) in _TRIAL(compute.index, [packets.SAFE, packets.Packet(16)])
 
 
 METALS = {name: reflectance(name) for name in ("copper", "gold")}

@@ -13,10 +13,14 @@ from scipy.ndimage import gaussian_filter
 
 import volspec as vs
 from tests.support.errors import refuses
-from tests.support.raycasts import METAL_BASIS, METALS, assert_matches_reference, metal_function
-from volspec._gpu.opencl import Compute
+from tests.support.raycasts import (
+    METAL_BASIS,
+    METALS,
+    assert_matches_reference,
+    carries_16_rays,
+    metal_function,
+)
 from volspec.raycast import Ambient, ClipPlane, Directional, LightGroup, RaycastSpec
-from volspec.raycast.packets import choose_packet
 from volspec.transfer import FieldFunctions, TransferFunction
 from volspec.volume import Volume
 
@@ -85,7 +89,7 @@ def test_fields_match_the_reference(fields, shown, settings, lanes):
     volume = fields["a"].with_fields([fields["b"], fields["c"]])
     transfer = FieldFunctions({name: function(name) for name in shown}, {shown[-1]: 0.7})
     spec = RaycastSpec(step_mm=0.4, alpha_stop=1, **settings)  # type: ignore[arg-type]
-    if lanes == 16 and choose_packet(Compute.open().index).lanes != 16:
+    if lanes == 16 and not carries_16_rays():
         pytest.skip("packets of 16 rays are not this device's, it may not compile them")
     assert_matches_reference(volume, transfer, view(volume), SIZE, spec, lanes)
 

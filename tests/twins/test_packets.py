@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.support.raycasts import carries_16_rays
 from volspec import _cache
 from volspec._gpu import devices
 from volspec._gpu.devices import DeviceInfo
-from volspec._gpu.opencl import Compute
 from volspec.raycast import Camera, RaycastSpec, packets
 from volspec.raycast.gpu import Raycaster
 from volspec.raycast.packets import SAFE, Packet, choose_packet
 from volspec.volume import Volume
 
+TRIAL = packets._try  # as it is before any test replaces it
 WIDE, WIDE_SINGLE = Packet(16), Packet(16, single_loads=True)
 NARROW_SINGLE = Packet(8, single_loads=True)
 # One ray is rounded otherwise than a vector of them; see TOLERANCE in test_raycast.py.
@@ -31,7 +32,7 @@ TOLERANCE = 1e-4
 def test_pictures_are_alike_in_all_packets(half_engine, three_channels, dtype, spec):
     volume = Volume(half_engine.values.astype(dtype), spacing_mm=half_engine.spacing_mm)
     camera, known = Camera.orbit(volume), [Packet(1), NARROW_SINGLE]
-    if choose_packet(Compute.open().index).lanes == 16:  # others may not compile it
+    if carries_16_rays():
         known += [WIDE, WIDE_SINGLE]
     first, *rest = (
         Raycaster(volume, packet=packet).cast(three_channels, camera, (96, 96), spec)
@@ -83,5 +84,6 @@ def test_a_device_that_cannot_be_tried_gets_what_all_compile(monkeypatch, tmp_pa
     """The child fails, as its list of devices is shorter."""
     monkeypatch.setattr(_cache, "cache_folder", lambda: tmp_path)
     found = devices.devices()
+    monkeypatch.setattr(packets, "_try", TRIAL)
     monkeypatch.setattr(packets, "devices", lambda: [*found, device(16)])
     assert choose_packet(len(found)) == SAFE
