@@ -50,7 +50,8 @@ def wrong_numbers() -> Iterator[tuple[type, str, Any, str]]:
             base = get_args(inner[0])[0] if inner else hint
             if base not in (int, float) or get_origin(hint) is ClassVar:
                 continue
-            yield kind, name, 2.5 if base is int else "half", "type"
+            yield from ((kind, name, wrong, "type") for wrong in ("half", True))
+            yield kind, name, *((2.5, "type") if base is int else (np.nan, "range"))
             marks = (mark for each in inner for mark in each.__metadata__)
             for row in (row for mark in marks for row in getattr(mark, "metadata", [])):
                 for bound, sign in (("ge", -1), ("gt", 0), ("le", 1), ("lt", 0)):
