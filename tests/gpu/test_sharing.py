@@ -152,7 +152,9 @@ def sharing_pair(context: Any, **spec: Any) -> Iterator[tuple[vs.Raycaster, vs.R
 
 
 @pytest.mark.parametrize(
-    "spec", [{}, {"groups": GROUPS}, {"half": True}], ids=["float", "groups", "half"]
+    "spec",
+    [{}, {"half": True}, pytest.param({"groups": GROUPS}, marks=pytest.mark.slow)],
+    ids=["float", "half", "groups"],
 )
 def test_the_frame_of_a_shared_picture_is_that_of_the_host_s_bit_by_bit(
     driver: Driver, context: Any, spec: dict[str, Any]
