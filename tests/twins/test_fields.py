@@ -72,7 +72,10 @@ OPENED = replace(PLANE, fields=("",))
         ("abc", LIT, 8),
         *(pytest.param("abc", LIT, lanes, marks=pytest.mark.slow) for lanes in (1, 4, 16)),
         pytest.param("ab", {}, None, marks=pytest.mark.slow),
-        ("abc", {"crop_voxels": ((3, 20), (2, 18), (0, 15)), "jitter": 1.0}, None),
+        pytest.param(
+            *("abc", {"crop_voxels": ((3, 20), (2, 18), (0, 15)), "jitter": 1.0}, None),
+            marks=pytest.mark.slow,
+        ),
         pytest.param("c", {"clip_planes": (PLANE,)}, None, marks=pytest.mark.slow),
         ("abc", {**LIT, "clip_planes": (OPENED, replace(OPENED, fields="c"))}, None),
         pytest.param(
@@ -117,6 +120,7 @@ def test_extinctions_of_homogeneous_fields_add_and_materials_mix_by_extinction()
         assert np.abs(image.coefficients - expected).max() < 2e-5
 
 
+@pytest.mark.slow
 def test_fields_do_not_depend_on_their_order_and_hidden_ones_change_nothing(fields):
     a, b, c = fields.values()
     spec = RaycastSpec(step_mm=0.5)

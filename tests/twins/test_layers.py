@@ -106,7 +106,8 @@ def test_every_shadow_and_occlusion_in_one_group(lanes):
     assert_layers_alike(noise(8), blend(0.4, 2), spec, lanes=lanes)
 
 
-@pytest.mark.parametrize("kind", ["opaque", pytest.param("labels", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["opaque", "labels"])
 def test_opaque_samples_and_labels(kind):
     volume, spec = noise(), RaycastSpec(layers=4, step_mm=0.5)
     table = replace(blend(1.0), opacity=np.where(np.arange(128) < 90, 0.02, 1.0))
@@ -116,6 +117,7 @@ def test_opaque_samples_and_labels(kind):
     assert_layers_alike(volume, table, spec)
 
 
+@pytest.mark.slow
 def test_the_picture_is_that_without_layers():
     """Its rays end where they would; layers go on."""
     volume, table, spec = noise(), blend(0.9), RaycastSpec(step_mm=0.5, specular=0.3, layers=4)

@@ -85,12 +85,12 @@ def curve(low: float, high: float) -> TransferTable:
     return TransferTable((low, high), 0.9 * at**2, np.full((1024, 2), 0.5), 1.0)
 
 
-@pytest.mark.parametrize("lanes", [1, pytest.param(4, marks=pytest.mark.slow), 8])
+@pytest.mark.parametrize("lanes", [8, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 4))])
 def test_engine_matches_reference_at_every_packet_width(half_engine, three_channels, lanes):
     assert_alike(half_engine, three_channels, lit(SUN, LAMP, BULB, SKY, cells=29), lanes=lanes)
 
 
-@pytest.mark.parametrize("cells", [9, 24, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("cells", [9, *(pytest.param(n, marks=pytest.mark.slow) for n in (24, 40))])
 def test_oblique_anisotropic_volume_matches_reference(cells):
     """Few nodes to many voxels, and many to few: then nodes lie between voxels."""
     volume = oblique()
@@ -159,7 +159,9 @@ def test_cuts_match_reference(engine, three_channels):
 
 
 @pytest.mark.parametrize("shape", [(2, 2, 2), (2, 9, 90), (17, 2, 3)])
-@pytest.mark.parametrize("spacing_mm", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize(
+    "spacing_mm", [1e-6, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 1e6))]
+)
 def test_thin_and_tiny_volumes_match_reference(shape, spacing_mm):
     """Whatever the unit, and with lights far outside; thin ones shadow next to nothing."""
     values = np.random.default_rng(6).integers(0, 2, shape).astype(np.uint8)
@@ -185,7 +187,7 @@ def test_labels_match_reference():
     assert_alike(volume, labelled([0.1, 0.9, 0.3]), lit(SUN, SKY))
 
 
-@pytest.mark.parametrize("opacity", [0.7, 1.0])
+@pytest.mark.parametrize("opacity", [0.7, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_surfaces_match_reference(opacity):
     table = SurfaceTable([0.0, 77.5], [0.4, opacity], np.eye(2))
     assert_alike(oblique(), table, lit(SUN, SKY))
@@ -241,7 +243,7 @@ __kernel void sample(__global const ushort *layer, __global const floatN *at,
 """
 
 
-@pytest.mark.parametrize("lanes", [1, pytest.param(4, marks=pytest.mark.slow), 8])
+@pytest.mark.parametrize("lanes", [8, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 4))])
 def test_samples_of_a_layer_match_reference(lanes):
     """Everywhere, on the outermost nodes too, where the last cell ends."""
     rng = np.random.default_rng(4)

@@ -136,6 +136,7 @@ def test_inside_one_label_the_picture_is_that_of_its_function_alone(ct):
     assert np.abs(picture(volume, transfer) - picture(ct, BONE)).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_equal_functions_of_all_labels_change_nothing(ct, turned):
     alike = {label: replace(BODY) for label in (0, 1, 2, 5, 9)}
     volume, transfer = masked(ct, turned, alike)

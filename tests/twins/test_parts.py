@@ -61,7 +61,9 @@ def assert_same(whole: vs.CoefficientImage, parts: vs.CoefficientImage) -> None:
 
 
 @pytest.mark.parametrize("name", ["engine", pytest.param("foot", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("side", [32, 64, 100])
+@pytest.mark.parametrize(
+    "side", [32, *(pytest.param(n, marks=pytest.mark.slow) for n in (64, 100))]
+)
 def test_parts_of_any_size_make_the_picture_of_the_whole(name, side, monkeypatch, request):
     folder: Path | None = None if name == "engine" else request.getfixturevalue("volumes")
     volume = vs.load_volume(name if folder is None else folder / f"{name}.nrrd")
@@ -103,7 +105,9 @@ def test_settings(engine, name, ranges, monkeypatch):
 
 
 @pytest.mark.parametrize("orthographic", [True, False])
-@pytest.mark.parametrize("azimuth", [0, 90, 225])
+@pytest.mark.parametrize(
+    "azimuth", [90, *(pytest.param(n, marks=pytest.mark.slow) for n in (0, 225))]
+)
 def test_cameras_along_planes_between_parts(engine, azimuth, orthographic, monkeypatch):
     # Rays that run in a plane between two parts are in one of them only.
     in_parts_of(monkeypatch, 32)

@@ -57,7 +57,7 @@ def two_channels(values: list[float], opacity: list[float]) -> TransferTable:
     return TransferTable((at[0], at[-1]), np.interp(at, values, opacity), weights, 1.0)
 
 
-@pytest.mark.parametrize("lanes", [1, pytest.param(4, marks=pytest.mark.slow), 8])
+@pytest.mark.parametrize("lanes", [1, *(pytest.param(n, marks=pytest.mark.slow) for n in (4, 8))])
 def test_engine_matches_reference_at_every_packet_width(
     engine, engine_table, three_channels, lanes
 ):
@@ -67,10 +67,9 @@ def test_engine_matches_reference_at_every_packet_width(
 
 
 # Axis views have rays parallel to faces, whose clipping divides 0 by 0.
-VIEWS = [{"azimuth_deg": 90, "elevation_deg": 0}, {"azimuth_deg": 77, "elevation_deg": -35}]
-VIEWS += [{"orthographic": True, "zoom": 1.5}]
+VIEWS = [{"azimuth_deg": 90, "elevation_deg": 0}, {"orthographic": True, "zoom": 1.5}]
 MORE_VIEWS = [{"azimuth_deg": 0, "elevation_deg": e} for e in (0, 90)]
-MORE_VIEWS += [{"azimuth_deg": 200, "elevation_deg": 60}]
+MORE_VIEWS += [{"azimuth_deg": a, "elevation_deg": e} for a, e in ((200, 60), (77, -35))]
 
 
 @pytest.mark.parametrize(
@@ -127,7 +126,7 @@ def test_other_real_volumes_match_reference(volumes, name):
     assert_alike(volume, table, camera, RaycastSpec(), size=(40, 32))
 
 
-@pytest.mark.parametrize("shape", [(2, 2, 2), (2, 9, 9), (2, 3, 4), (17, 8, 9)])
+@pytest.mark.parametrize("shape", [(2, 2, 2), (2, 9, 9), (17, 8, 9)])
 def test_thin_tiny_and_constant_volumes_match_reference(shape):
     volume, table = Volume(np.full(shape, 1, np.uint8)), fog(0.4, channels=2, share=0.5)
     assert_alike(volume, table, Camera.orbit(volume), RaycastSpec(specular=0.3), size=(24, 24))

@@ -51,7 +51,9 @@ def test_no_visible_voxel_is_leapt_over(voxels, view, orthographic):
     assert np.abs(ours[1] - true[1]).max() < 1e-3
 
 
-@pytest.mark.parametrize("unit", [1e-12, 1e-3, 1e6, 1e12])
+@pytest.mark.parametrize(
+    "unit", [1e-12, 1e12, *(pytest.param(n, marks=pytest.mark.slow) for n in (1e-3, 1e6))]
+)
 def test_the_picture_does_not_depend_on_the_unit_of_length(unit):
     volume, table = phantom.ball(20), ramp(0.3)
     scaled = Volume(volume.values, spacing_mm=(unit,) * 3)

@@ -21,6 +21,7 @@ from volspec.spectra import light, reflectance
 
 NAMES = ("copper", "gold", "brass", "silver")
 SIZE = 7, 5
+MORE = (1, 1), (4, 1), (3, 2), (2, 5)
 
 
 def layered(
@@ -92,7 +93,10 @@ def both_frames(image: CoefficientImage, scales: dict[str, float]) -> list[NDArr
     return frames
 
 
-@pytest.mark.parametrize(("materials", "groups"), [(1, 1), (3, 1), (4, 1), (3, 2), (2, 5), (4, 8)])
+@pytest.mark.parametrize(
+    ("materials", "groups"),
+    [(3, 1), (4, 8), *(pytest.param(*n, marks=pytest.mark.slow) for n in MORE)],
+)
 @pytest.mark.parametrize(
     "scales",
     [

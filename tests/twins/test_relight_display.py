@@ -199,7 +199,10 @@ def test_the_screen_is_gamut_s_mapping_but_for_the_shader_s_steps(gamut):
 
 
 @pytest.mark.parametrize("model", ["CIECAM02", "CIELAB", "none"])
-@pytest.mark.parametrize("deficiency", DEFICIENCIES[1:])
+@pytest.mark.parametrize(
+    "deficiency",
+    [d if d == "protan" else pytest.param(d, marks=pytest.mark.slow) for d in DEFICIENCIES[1:]],
+)
 def test_the_shader_simulates_a_deficiency_as_numpy_does(model, deficiency):
     """All forms of view transforms, clipped and with reduced chroma."""
     coefficients, alpha, lit = bright_cube(white_XYZ(light("A")))

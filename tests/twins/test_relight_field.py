@@ -50,7 +50,9 @@ def both(image: CoefficientImage, name: str, viewing: Viewing) -> tuple[np.ndarr
 
 
 @pytest.mark.parametrize("model", PER_PIXEL)
-@pytest.mark.parametrize("name", LIGHTS)
+@pytest.mark.parametrize(
+    "name", ["A", *(pytest.param(n, marks=pytest.mark.slow) for n in LIGHTS[1:])]
+)
 def test_the_shader_draws_a_field_as_numpy_does(model, name):
     for change in ({}, {"surround": "dim", "D": 0.6}, {"illuminance_lux": 2.0}):
         shown, truth = both(patches(), name, Viewing(model=model, adapting="pixel", **change))

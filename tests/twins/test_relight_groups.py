@@ -59,11 +59,11 @@ def test_as_many_groups_as_a_cast_can_have_are_drawn(count, size):
 
 
 def test_more_channels_than_a_device_or_a_picture_takes_are_refused_by_number(monkeypatch, context):
+    most = context.info["GL_MAX_FRAGMENT_UNIFORM_COMPONENTS"]
     with gl_or_skip(cast()) as relighter:
         for other in (cast(7, box_basis(3)), cast(2)):
             with raises(ShapeError):
                 relighter.update(other)
-    most = context.info["GL_MAX_FRAGMENT_UNIFORM_COMPONENTS"]
     # As if a layer needed a fifth of what this device has: 20 channels with alpha, not 22.
     monkeypatch.setattr(gpu_module, "_COMPONENTS_PER_LAYER", (most - 64) // 5)
     with raises(OpenGLError, "size") as caught:
