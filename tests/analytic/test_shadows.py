@@ -146,7 +146,7 @@ def test_a_point_lights_shadow_widens_with_distance() -> None:
     "source",
     [
         vs.Directional((0, 0, 1), shadows=True),
-        vs.Directional((4, 0, 1), shadows=True),
+        pytest.param(vs.Directional((4, 0, 1), shadows=True), marks=pytest.mark.slow),
         vs.Ambient(occlusion=True),
     ],
 )

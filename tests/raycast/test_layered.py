@@ -163,8 +163,8 @@ def lit(caster: Raycaster) -> CoefficientImage:
 @pytest.mark.parametrize(
     ("scales", "least"),
     [
-        *(((0, 1), 20), ((4, 1), 10)),
-        *(pytest.param(*own, marks=pytest.mark.slow) for own in (((0.25, 1), 15), ((1, 0), 15))),
+        pytest.param(*own, marks=pytest.mark.slow)
+        for own in (((0, 1), 20), ((0.25, 1), 15), ((1, 0), 15), ((4, 1), 10))
     ],
 )
 def test_shadows_are_those_of_a_new_cast(

@@ -159,7 +159,11 @@ def test_a_file_holds_the_camera(image: CoefficientImage, tmp_path: Path) -> Non
     assert CoefficientImage.load(tmp_path / "image.exr").camera is None  # an older file
 
 
-@pytest.mark.parametrize("height_mm", [None, 60.0], ids=["perspective", "parallel"])
+@pytest.mark.parametrize(
+    "height_mm",
+    [None, pytest.param(60.0, marks=pytest.mark.slow)],
+    ids=["perspective", "parallel"],
+)
 def test_eyes_see_what_casts_of_their_cameras_do(
     caster: Raycaster, height_mm: float | None
 ) -> None:
@@ -216,7 +220,7 @@ def test_anaglyphs_are_mixed_in_linear_light(image: CoefficientImage) -> None:
     assert Stereo("anaglyph").combine(*frames).shape == (SIZE[1], SIZE[0], 3)
 
 
-@pytest.mark.parametrize("scale", [1.0, 0.3])
+@pytest.mark.parametrize("scale", [0.3, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_cuts_and_fog_of_views_are_those_of_the_picture(
     image: CoefficientImage, scale: float
 ) -> None:
