@@ -97,24 +97,16 @@ def test_a_brick_is_visible_where_any_gradient_s_row_is(
     assert np.allclose(opacity_spread(*ranges, (0, 1), apart), 0.5)
 
 
-def test_labels_between_a_brick_s_least_and_greatest_count() -> None:
-    opacity = np.zeros(30)
-    opacity[7] = 1
-    low = np.array([[[0, 7, 8, 0]]], np.uint8)
-    high = np.array([[[29, 7, 29, 6]]], np.uint8)
-    visible = visible_bricks(low, high, (0, 29), opacity, labels=True)
-    assert visible.tolist() == [[[True, True, False, False]]]
-
-
-def test_labels_beyond_the_table_are_nothing() -> None:
+def test_labels_between_a_brick_s_least_and_greatest_count_and_none_beyond_the_table() -> None:
     """Values would take the table's ends, here both opaque."""
     opacity = np.array([0.5, 0.0, 0.5])
-    low = np.array([[[-3, -3, 3, 2, 2]]], np.int16)
-    high = np.array([[[-1, 0, 9, 2, 9]]], np.int16)
+    low = np.array([[[-3, -3, 3, 2, 2, 1, 0]]], np.int16)
+    high = np.array([[[-1, 0, 9, 2, 9, 1, 2]]], np.int16)
     given = low, high, (0, 2), opacity
-    assert visible_bricks(*given, labels=True).tolist() == [[[False, True, False, True, True]]]
-    assert opacity_spread(*given, labels=True).tolist() == [[[0.0, 0.5, 0.0, 0.0, 0.5]]]
-    assert visible_bricks(*given).all() and not opacity_spread(*given).any()
+    seen = [False, True, False, True, True, False, True]
+    assert visible_bricks(*given, labels=True).tolist() == [[seen]]
+    assert opacity_spread(*given, labels=True).tolist() == [[[0.0, 0.5, 0.0, 0.0, 0.5, 0.0, 0.5]]]
+    assert visible_bricks(*(each[..., :5] for each in given[:2]), *given[2:]).all()
 
 
 @pytest.mark.parametrize("dtype", ["u1", "i2", "f4"])

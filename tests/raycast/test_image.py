@@ -170,37 +170,33 @@ def test_light_groups_are_layers_of_the_file(image: CoefficientImage, tmp_path: 
     assert max(map(len, channels)) < 64
 
 
-def old_file(image: CoefficientImage, path: Path, header: dict, layers: list[str]) -> None:
-    """Write an image as before format 3."""
+def load_old(image: CoefficientImage, path: Path, layers: list[str], **header: object) -> Any:
+    """Write an image as before format 3, and load it."""
     names = [f"{layer}coefficients.{k:02d}" for layer in layers for k in range(7)]
     channels = {name: image.coefficients[..., k] for k, name in enumerate(names)}
     channels |= {"A": image.alpha, "Z": image.depth_mm}
     if image.first_mm is not None:
         channels["ZFirst"] = image.first_mm
-    header = {"volspec:basis": json.dumps(image.basis.to_dict()), **header}
-    write_exr(path, header, channels, ImageError)
+    texts = {"basis": json.dumps(image.basis.to_dict()), **header}
+    write_exr(path, {f"volspec:{n}": text for n, text in texts.items()}, channels, ImageError)
+    return CoefficientImage.load(path)
 
 
-def test_images_of_format_1_have_one_light_group(image: CoefficientImage, tmp_path: Path) -> None:
-    old_file(image, tmp_path / "old.exr", {"volspec:format": 1}, [""])
-    again = CoefficientImage.load(tmp_path / "old.exr")
-    assert again.groups == {"light": 1.0} and again.first_mm is None
-    assert np.array_equal(again.coefficients, image.coefficients)
-    assert np.array_equal(again.layer("light"), image.coefficients)
-
-
-def test_images_of_format_2_load_with_their_groups(image: CoefficientImage, tmp_path: Path) -> None:
-    made = grouped(image)
-    header = {"volspec:format": 2, "volspec:groups": json.dumps(ODD), "volspec:fov_deg": "30.0"}
-    encoded = [quote(name, safe="").replace(".", "%2E").replace("~", "%7E") for name in ODD]
-    old_file(made, tmp_path / "old.exr", header, [f"{layer}." for layer in encoded])
-    again = CoefficientImage.load(tmp_path / "old.exr")
+def test_images_of_formats_1_and_2_load_with_their_groups(
+    image: CoefficientImage, tmp_path: Path
+) -> None:
+    made, path = grouped(image), tmp_path / "old.exr"
+    names = [quote(name, safe="").replace(".", "%2E").replace("~", "%7E") for name in ODD]
+    header = {"format": 2, "groups": json.dumps(ODD), "fov_deg": "30.0"}
+    again = load_old(made, path, [f"{layer}." for layer in names], **header)
     assert list(again.groups.items()) == list(ODD.items()) and again.fov_deg == 30
     assert np.array_equal(again.coefficients, made.coefficients)
     assert np.array_equal(again.first_mm, made.first_mm)
-    one = {"volspec:format": 2, "volspec:groups": '{"key": 1.0}'}
-    old_file(image, tmp_path / "one.exr", one, [""])
-    assert CoefficientImage.load(tmp_path / "one.exr").groups == {"key": 1.0}
+    one = load_old(image, path, [""], format=2, groups='{"key": 1.0}')
+    assert one.groups == {"key": 1.0}
+    first = load_old(image, path, [""], format=1)
+    assert first.groups == {"light": 1.0} and first.first_mm is None
+    assert np.array_equal(first.layer("light"), image.coefficients)
 
 
 def test_a_preview_and_texts_are_saved_for_others(image: CoefficientImage, tmp_path: Path) -> None:
