@@ -12,9 +12,8 @@ from scipy.ndimage import gaussian_filter
 
 import volspec as vs
 from tests.support.curves import cast_curve
+from tests.support.raycasts import METAL_BASIS, METALS
 
-MATERIALS = {name: vs.reflectance(name) for name in ("copper", "gold")}
-BASIS = vs.SpectralBasis.load("general-7")
 ASKED = 2e-4
 
 
@@ -76,7 +75,7 @@ def volume_of(dtype: DTypeLike, span: tuple[float, float]) -> vs.Volume:
 @pytest.mark.parametrize("name", CASES)
 def test_every_pixel_is_that_of_the_curve(name: str, step: float) -> None:
     dtype, span, points = CASES[name]
-    volume, transfer = volume_of(dtype, span), vs.TransferFunction(points, MATERIALS, BASIS)
+    volume, transfer = volume_of(dtype, span), vs.TransferFunction(points, METALS, METAL_BASIS)
     camera = vs.Camera.orbit(volume, azimuth_deg=33, elevation_deg=21)
     spec = vs.RaycastSpec(ambient=1, diffuse=0, alpha_stop=1, step_mm=step)
     caster = vs.Raycaster(volume)

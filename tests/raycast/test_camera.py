@@ -12,8 +12,8 @@ import volspec as vs
 from tests.support.errors import refuses, warns
 from tests.support.raycasts import FLAT, ramp, turned
 
-BASIS = vs.SpectralBasis.load("general-7")
 METAL = {"copper": vs.reflectance("copper")}
+BASIS = vs.MaterialBasis(METAL)
 COPPER = vs.TransferFunction([(0.2, 0.5, "copper")], METAL, BASIS)
 SMALL, BALL = vs.phantom.ball(8), vs.phantom.ball(12)
 SIDE = vs.Camera.orbit(BALL)

@@ -89,8 +89,9 @@ estimate = partial(opacity_error, every=1)
 def test_as_cast_there_is_none_and_more_further_from_it(image: CoefficientImage) -> None:
     for opacities in ({}, {"gold": 1}):
         assert error_map(image, D65, against="cast", opacities=opacities).max == 0
-    near, far = (estimate(image, {"gold": s}, D65) for s in (1.05, 0.1))
-    assert 0 < near < 0.6 * far
+    near, far = (estimate(image, {"gold": s}, D65) for s in (1.05, 4.0))
+    # Every estimate has a least error, 0.03.
+    assert 0.03 < near < 0.75 * far
 
 
 def test_a_part_of_the_pixels_tells_the_mean_and_may_miss_a_material(
