@@ -57,14 +57,13 @@ def balls(*, opacity: float = 1.0) -> vs.MeshCaster:
 
 
 def cast(
-    caster: vs.Raycaster, groups: Any, layers: int = 8, transfer: Any = None, **more: Any
+    caster: vs.Raycaster, groups: Any, *, opacity: float = 1.0, how: Any = None, **settings: Any
 ) -> vs.CoefficientImage:
-    how = {"alpha_stop": 1.0, "specular": 0.2, "light_cells": 24, "step_mm": 0.25}
-    behind, spec = [balls(opacity=more.pop("opacity", 1.0))], more.pop("spec", {})
-    opacities = more.pop("opacities", {})
-    settings = vs.RaycastSpec(groups=groups, layers=layers, opacities=opacities, **(how | spec))
-    given = caster.volume, transfer or function(), CAMERA, SIZE, settings
-    return vs.raycast(*given, caster=caster, behind=behind, **more)
+    """Cast the ball with `balls` of an opacity; ``how`` goes to raycast, the rest to its spec."""
+    usual = {"step_mm": 0.25, "specular": 0.2, "alpha_stop": 1.0, "light_cells": 24, "layers": 8}
+    spec = vs.RaycastSpec(groups=groups, **(usual | settings))
+    given = {"transfer": function(), "behind": [balls(opacity=opacity)], **(how or {})}
+    return vs.raycast(caster.volume, camera=CAMERA, size=SIZE, spec=spec, caster=caster, **given)
 
 
 def whole(image: vs.CoefficientImage) -> Any:
@@ -182,7 +181,8 @@ def test_cuts_fog_views_and_deep_files_have_them(image: vs.CoefficientImage) -> 
 def test_an_opaque_body_in_front_uncovers_a_mesh(caster: vs.Raycaster) -> None:
     """Rays of the picture end in it; what is behind is seen once it is gone."""
     transfer = replace(function(), points=[(0.1, 0.0, "gold"), (0.2, 1.0, "gold")])
-    bare = cast(caster, PLAIN, transfer=transfer, spec={"alpha_stop": 0.99}).recompose({"gold": 0})
+    made = cast(caster, PLAIN, how={"transfer": transfer}, alpha_stop=0.99)
+    bare = made.recompose({"gold": 0})
     alone = balls().alone(CAMERA, SIZE, vs.RaycastSpec(specular=0.2, groups=PLAIN))
     np.testing.assert_allclose(bare.coefficients, alone.coefficients, atol=2e-4)
 
@@ -246,10 +246,10 @@ def test_what_layers_cannot_show_is_refused_and_lighting_meshes_is_cancelled(
     how = {"progress": done.append, "cancel": lambda: done[-1:] == [1.0]}
     for given in ({"opacity": 0.5}, {"layers": 1}):
         with raises(RaycastError, "conflict", "raycast: layers"):
-            cast(caster, LIT, **given, **how)
+            cast(caster, LIT, how=how, **given)
     assert done == []
     with raises(CastCancelled):
-        cast(caster, LIT, **how)
+        cast(caster, LIT, how=how)
 
 
 @pytest.mark.slow
