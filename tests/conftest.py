@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from hypothesis import settings
 from volspec._gpu.opencl import Compute
 from volspec._gpu.opengl import headless_context
 from volspec.errors import DeviceError, OpenGLError
+from volspec.raycast import packets
 from volspec.spectra.datasets import colour_science
 from volspec.transfer import TransferTable
 from volspec.volume import Volume, load_volume
@@ -55,11 +57,26 @@ def devices_line() -> str:
 
 
 @pytest.fixture(autouse=True, scope="session")
-def _empty_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Use an empty cache, so that tests neither rely on the user's nor change it."""
-    folder = tmp_path_factory.mktemp("cache")
+def _own_cache(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[None]:
+    """Use a cache of the run's workers and children, empty at first, instead of the user's.
+
+    Compiled programs stay in the user's. The packet of rays is not chosen by trial, as the trial
+    takes seconds and its outcome depends on what else the machine does.
+    """
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "cache"
+    programs = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("volspec._cache.cache_folder", lambda: folder)
+        for variable, name in (("POCL_CACHE_DIR", "pocl/kcache"), ("MESA_SHADER_CACHE_DIR", "")):
+            patched.setenv(variable, os.environ.get(variable) or str(programs / name))
+        patched.setenv("XDG_CACHE_HOME", str(folder))
+        patched.setattr("volspec._cache.cache_folder", lambda: folder / "volspec")
+        patched.setattr(packets, "_try", lambda index, known: {})
+        if not request.config.option.quick:
+            with suppress(DeviceError):  # children read it from the cache
+                packets.choose_packet(Compute.open().index)
         yield
 
 

@@ -91,7 +91,7 @@ def pytest_runtest_makereport(
     The test, a command that it ran or a child process has told so.
     """
     report = yield
-    if report.failed:
+    if report.failed and not item.config.option.quick:
         text = " ".join([report.longreprtext, *(content for _, content in report.sections)])
         words = " ".join(text.split())
         for error in missing_devices():
