@@ -11,6 +11,7 @@ from dataclasses import asdict, replace
 from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -47,9 +48,16 @@ def test_examples_say_what_they_give(module: ModuleType) -> None:
     assert doctest.testmod(module).failed == 0
 
 
-def test_a_volume_that_is_not_here_says_how_to_name_its_folder() -> None:
-    with pytest.raises(FileNotFoundError, match="VOLSPEC_DATA"):
-        stored("no such volume")()
+@pytest.mark.parametrize(
+    ("make", "kind", "named"),
+    [
+        (stored("no such volume"), FileNotFoundError, "VOLSPEC_DATA"),
+        (lambda: replaced("text", "t", ""), ValueError, "<!-- t -->"),
+    ],
+)
+def test_volumes_and_markers_that_are_missing_are_named(make: Any, kind: Any, named: str) -> None:
+    with pytest.raises(kind, match=named):
+        make()
 
 
 def test_white_is_white_where_layers_are_compared() -> None:
@@ -106,11 +114,6 @@ def test_a_device_and_commit_keep_one_row() -> None:
     other = recorded(once, replace(RECORD, commit="def5678"))
     assert other.count("A GPU") == 2
     assert other.startswith("before") and other.endswith("after")
-
-
-def test_a_page_without_markers_is_refused() -> None:
-    with pytest.raises(ValueError, match="<!-- t -->"):
-        replaced("text", "t", "")
 
 
 @pytest.mark.parametrize("name", ["devices", "convergence", "equal error", "figures"])

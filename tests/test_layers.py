@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from collections import defaultdict
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -100,7 +101,7 @@ def test_modules_import_only_from_their_left() -> None:
 def test_no_package_s_parts_import_each_other_in_a_circle() -> None:
     """Parts are a package's files and folders; imports inside functions do not count."""
     for package in {path.parent for path in MODULES}:
-        parts: dict[str, set[str]] = {}
+        parts: dict[str, set[str]] = defaultdict(set)
         for path in package.rglob("*.py"):
             part = path.relative_to(package).parts[0]
             if part == "__init__.py":
@@ -110,7 +111,7 @@ def test_no_package_s_parts_import_each_other_in_a_circle() -> None:
                 for to, at_top in own_imports(path)
                 if at_top and to.is_relative_to(package)
             )
-            parts.setdefault(part, set()).update(set(inside) - {part, "__init__.py"})
+            parts[part] |= set(inside) - {part, "__init__.py"}
         try:
             TopologicalSorter(parts).prepare()
         except CycleError as error:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.support.commands import call, figures, refusal
+from tests.support.commands import call, figures, write_image
 from volspec.appearance import ViewingConditions
 from volspec.appearance.adaptation import adapt
 from volspec.appearance.models import APPEARANCE_MODELS, model
@@ -21,11 +21,9 @@ from volspec.appearance.models.hunt import HuntSettings
 from volspec.appearance.models.nayatani95 import NayataniSettings
 from volspec.appearance.presets import preset
 from volspec.appearance.spaces import SPACES
-from volspec.basis import SpectralBasis
 from volspec.cli.viewing import ModelOptions
 from volspec.export.png import icc_profile
-from volspec.raycast import CoefficientImage
-from volspec.spectra import light, reflectance_set, white_XYZ
+from volspec.spectra import light, white_XYZ
 
 A = "109.85,100,35.58"
 
@@ -35,15 +33,8 @@ def done(*words: str) -> None:
 
 
 def test_adapt_gives_the_corresponding_colours(capsys: pytest.CaptureFixture[str]) -> None:
-    rows = figures(
-        capsys,
-        "adapt",
-        *["40", "35", "10", "20", "20", "20"],
-        "--from",
-        A,
-        "--to",
-        "95.05,100,108.88",
-    )
+    words = (*(40, 35, 10, 20, 20, 20), "--from", A, "--to", "95.05,100,108.88")
+    rows = figures(capsys, "adapt", *words)
     source = ViewingConditions.of_lux((109.85, 100, 35.58), 1000)
     target = ViewingConditions.of_lux((95.05, 100, 108.88), 1000)
     expected = adapt([[40, 35, 10], [20, 20, 20]], source, target)
@@ -182,11 +173,8 @@ def test_looks_that_nothing_has_are_marked_and_counted(
 def test_models_side_by_side_are_made_for_the_display_asked_for(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    basis = SpectralBasis.load("general-7")
-    chart = (0.8 * basis.analyse(reflectance_set("test")[:12].reshape(3, 4, -1))).astype(np.float32)
-    alpha = np.ones((3, 4), np.float32)
-    CoefficientImage(chart, alpha, alpha, basis).save(tmp_path / "i.exr")
-    words = ("appearance", "--image", str(tmp_path / "i.exr"), "--white", "A", "--model", "CAT02")
+    chart = str(write_image(tmp_path / "i.exr"))
+    words = ("appearance", "--image", chart, "--white", "A", "--model", "CAT02")
     done(*words, "-o", str(tmp_path / "plain.png"))
     room = ("--space", "Display P3", "--gamut", "reduce", "--preset", "cinema", "--lux", "50")
     done(*words, *RLAB, *room, "-o", str(tmp_path / "p3.png"))
@@ -197,7 +185,6 @@ def test_models_side_by_side_are_made_for_the_display_asked_for(
 
 
 RLAB, CIELAB = ("--model", "RLAB"), ("--model", "CIELAB", "--white", "95.05,100,108.88")
-PICTURE = ("appearance", "--image", "x.exr", "-o", "x.png")
 
 
 def test_every_input_of_hunt_s_and_nayatani_s_models_is_an_option(
@@ -232,12 +219,3 @@ def test_every_input_of_hunt_s_and_nayatani_s_models_is_an_option(
     # Options for every field of the settings, and for what `forward` takes besides.
     fields = {field.name for each in (hunt, nayatani) for field in dataclasses.fields(each)}
     assert {field.name for field in dataclasses.fields(ModelOptions)} == {*fields, "S"}
-
-
-def test_inputs_of_a_model_that_is_not_asked_for_are_refused() -> None:
-    assert refusal("appearance", 40, 35, 10, "--hunt-N_b", "25").code == "conflict"
-    assert refusal("appearance", 40, 35, 10, "--nayatani-n", "2").code == "conflict"
-    hunt = ("appearance", 40, 35, 10, "--model", "Hunt")
-    assert refusal(*hunt, "--hunt-p", "2").field == "--hunt-p"
-    assert refusal(*hunt, "--hunt-proximal", "0,-1,0").field == "--hunt-proximal"
-    assert refusal(*hunt, "--hunt-S", "0.1", "--hunt-S", "0.2").code == "shape"

@@ -247,10 +247,10 @@ def test_the_worst_pair_is_of_the_default_mode_with_any_method(
 def test_a_file_that_may_not_be_read_is_named_in_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def refuse(*_: object, **__: object) -> None:
+    def locked(*_: object, **__: object) -> None:
         raise PermissionError(13, "Permission denied", "locked/b.json")
 
-    monkeypatch.setattr("volspec.basis.load_basis", refuse)
+    monkeypatch.setattr("volspec.basis.load_basis", locked)
     assert call("locked/b.json") == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("volspec: locked/b.json: Permission denied; check")

@@ -77,34 +77,6 @@ def test_options_add_reflectances_to_be_told_apart(
     assert data["apart"][0]["deficiencies"] == ["none", "protan", "deutan", "tritan"]
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        ("--apart", "bone", "--apart", "grey matter"),
-        ("--apart", "grey matter"),
-        ("--apart", "*", "--under", "moon"),
-        ("--apart", "*", "--deficiency", "green"),
-        ("--apart", "*", "--distance", "0"),
-        ("--under", "daylight"),
-        ("--distance", "5"),
-        ("--deficiency", "green"),
-    ],
-)
-def test_options_that_cannot_be_are_refused_in_one_line(
-    options: tuple[str, ...], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert call("design", GALLERY / "colour-vision.toml", *options) != 0
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert options[0] in line or options[-2] in line
-
-
-def test_a_deficiency_alone_needs_reflectances_to_be_told_apart(
-    palette: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert call("design", palette, "--deficiency", "deutan") != 0
-    assert "--apart" in capsys.readouterr().err
-
-
 GALLERY = ROOT / "data" / "palettes"
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from volspec.cli import main
+from tests.support.commands import call
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 SHOWN = {
@@ -24,9 +24,7 @@ SHOWN = {
 def test_commands_print_what_the_guide_shows(
     command: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(SystemExit) as caught:
-        main(shlex.split(command))
-    assert caught.value.code == 0
+    assert call(*shlex.split(command)) == 0
     said = capsys.readouterr()
     printed = [line.rstrip() for line in (said.out + said.err).splitlines()]
     assert printed == SHOWN[command]

@@ -14,7 +14,6 @@ from tests.support.commands import (
     CHART,
     GENERAL,
     METALS,
-    refusal,
     write_grouped_image,
     write_image,
     write_spectral_image,
@@ -216,10 +215,3 @@ def test_a_frame_that_shows_nothing_is_warned_of(
         assert call(chart, *words, "--exposure", exposure) == 0
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("volspec: warning: ") and line.endswith("--exposure")
-
-
-def test_a_group_that_gave_no_light_is_refused(tmp_path: Path) -> None:
-    image = CoefficientImage.load(write_grouped_image(tmp_path / "chart.exr"))
-    replace(image, groups={"key": 1.0, "fill": 0.0}).save(tmp_path / "chart.exr")
-    words = (tmp_path / "chart.exr", "--light", "fill=A", "-o", tmp_path / "F.png")
-    assert "'fill=A'" in refusal("relight", *words).problem

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from tests.support.commands import write_files
-from volspec import cli
+from tests.support.commands import figures, write_files
 
 
 def test_a_ranking_prints_figures_and_paints_the_picture(
@@ -23,11 +21,8 @@ def test_a_ranking_prints_figures_and_paints_the_picture(
     wanted = {"blue.png": "blue", "grey.png": "grey:0.6"}
     found = {}
     for name, colour in wanted.items():
-        words = ["room", "room.toml", *paints, *coarse, "--wanted", colour, "--picture", name]
-        with pytest.raises(SystemExit) as stop:
-            cli.main([*words, "--json"])
-        assert not stop.value.code
-        found[name] = json.loads(capsys.readouterr().out)
+        words = ("room.toml", *paints, *coarse, "--wanted", colour, "--picture", name)
+        found[name] = figures(capsys, "room", *words)
     assert found["blue.png"]["candidates"] == 3 and found["blue.png"]["solved"] in (2, 3)
     assert found["blue.png"]["surfaces"] == ["left", "right", "front", "back"]
     best = found["blue.png"]["paints"]

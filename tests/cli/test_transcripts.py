@@ -57,7 +57,7 @@ def test_commands_print_their_transcripts(
         path.write_text(now, encoding="utf-8")
         return
     assert now == before, "other words? read them, then pytest tests/cli --remake"
-    assert sorted(os.listdir()) == there, "a refused command left something behind"
+    assert sorted(os.listdir()) == there, "a command that failed left something behind"
 
 
 def test_every_command_has_a_transcript() -> None:

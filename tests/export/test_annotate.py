@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from tests.export.conftest import Make
-from tests.support.errors import raises
 from volspec.basis import SpectralBasis
-from volspec.errors import SceneError
 from volspec.export import tiles
 from volspec.export.annotate import (
     MarkedPicture,
@@ -118,13 +116,6 @@ def test_strips_of_a_large_picture_have_the_marks_of_the_whole(
         for name in ("whole", "strips", "plain")
     )
     assert np.array_equal(whole, strips) and (whole != bare).any()
-
-
-def test_only_display_codes_are_annotated(scene: Make, tmp_path: Path) -> None:
-    with raises(SceneError, "conflict", "export.annotate"):
-        scene().export(tmp_path / "out", format="exr", annotate=["scale"])
-    with raises(SceneError, "unknown"):
-        scene().export(tmp_path / "out", annotate=["scal"])
 
 
 @pytest.mark.parametrize("size", [(800, 600), (3000, 2000), (120, 90)])

@@ -101,19 +101,6 @@ def test_lux_of_a_mixture_of_groups() -> None:
     np.testing.assert_allclose(alike, alike[0], rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("rig", "display", "field"),
-    [
-        (light("A"), ROOM, "illuminance_lux"),
-        (LIT, Display(gamut="reduce"), "gamut"),
-        (LIT, Display(mark=True), "mark"),
-    ],
-)
-def test_what_hdr_cannot_show_is_refused(rig: Any, display: Display, field: str) -> None:
-    with raises(ViewingError, field=field):
-        hdr_frame(steps(), rig, RelightSpec(Viewing(display=display)), Hdr())
-
-
 @pytest.mark.parametrize(("transfer", "curve"), [("PQ", 16), ("HLG", 18)])
 def test_png_has_code_points_and_the_display_s_peak(
     tmp_path: Path, transfer: Any, curve: int
@@ -173,11 +160,6 @@ def test_write_frame_makes_avif_of_hdr_only(tmp_path: Path) -> None:
     pytest.importorskip("imageio_ffmpeg")
     write_frame(tmp_path / "f.avif", ramp(16, 8), space=Hdr())
     assert (tmp_path / "f.avif").read_bytes()[4:12] == b"ftypavif"
-    with raises(ImageError):
-        write_frame(tmp_path / "g.avif", ramp(16, 8))
-    with raises(ImageError, "shape"):
-        write_frame(tmp_path / "g.avif", ramp(16, 8).astype(np.uint8), space=Hdr())
-    assert not (tmp_path / "g.avif").exists()
 
 
 def with_lights(scene: Any, export: str, lux: str = "illuminance_lux = 400") -> Scene:
@@ -210,29 +192,30 @@ def test_an_export_writes_avif_of_12_bits(scene: Any, tmp_path: Path) -> None:
     assert (again.frames, again.made) == (1, 0)
 
 
+def shown_on(display: Display, rig: Any = LIT) -> object:
+    return hdr_frame(steps(), rig, RelightSpec(Viewing(display=display)), Hdr())
+
+
 @pytest.mark.parametrize(
-    ("table", "field"),
+    ("make", "kind", "field"),
     [
-        ('format = "avif"', "export.hdr"),
-        ('format = "avif"\nhdr = {}\ntransparent = true', "export.transparent"),
-        ('format = "avif"\nhdr = {}\nbits = 16', "export.bits"),
-        ("bits = 12\nhdr = {}", "export.bits"),
-        ('format = "exr"\nhdr = {}', "export.hdr"),
-        ('hdr = {}\nannotate = ["scale"]', "export.hdr"),
-        ("hdr = { peak_cd_m2 = 100 }", "export.hdr.peak_cd_m2"),
-        ('hdr = { transfer = "SDR" }', "export.hdr.transfer"),
+        (lambda *_: shown_on(ROOM, light("A")), ViewingError, "illuminance_lux"),
+        (lambda *_: shown_on(Display(gamut="reduce")), ViewingError, "gamut"),
+        (lambda *_: shown_on(Display(mark=True)), ViewingError, "mark"),
+        (lambda path, _: write_frame(path, ramp(8, 8)), ImageError, None),
+        (lambda path, _: write_frame(path, ramp(8, 8) > 0, space=Hdr()), ImageError, None),
+        # The command's transcripts have the others.
+        (lambda _, scene: with_lights(scene, f"{AVIF}transparent = true"), SceneError, None),
+        (lambda _, scene: with_lights(scene, f"{AVIF}bits = 16"), SceneError, None),
+        (lambda _, scene: with_lights(scene, 'hdr = {}\nannotate = ["scale"]'), SceneError, None),
     ],
 )
-def test_frames_that_do_not_exist_are_refused(scene: Any, table: str, field: str) -> None:
-    with raises(SceneError) as caught:
-        with_lights(scene, table)
-    assert field in str(caught.value)
+def test_what_hdr_cannot_show_is_refused(
+    make: Any, kind: Any, field: str | None, scene: Any, tmp_path: Path
+) -> None:
+    with raises(kind, field=field):
+        make(tmp_path / "g.avif", scene)
+    assert list(tmp_path.iterdir()) == []
 
 
-def test_a_light_without_lux_is_refused_before_the_cast(scene: Any, tmp_path: Path) -> None:
-    with raises(SceneError):
-        with_lights(scene, "hdr = {}", lux="").export(tmp_path / "f")
-    assert not (tmp_path / "f").exists()
-    with raises(Exception) as caught:
-        with_lights(scene, "hdr = {}").export(tmp_path / "f.mp4")
-    assert "f.mp4" in str(caught.value)
+AVIF = 'format = "avif"\nhdr = {}\n'

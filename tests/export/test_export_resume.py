@@ -15,6 +15,7 @@ import pytest
 from tests.export.conftest import Make
 from tests.export.test_files_whole import left_by_a_kill
 from tests.support.errors import raises
+from tests.support.patience import PATIENCE_S
 from volspec._files import exclusive_folder
 from volspec.errors import InputError
 from volspec.scene import Scene
@@ -55,7 +56,7 @@ def test_a_killed_export_goes_on_and_leaves_the_same_bytes(scene: Make, tmp_path
         for name, share in shares.items()
     }
     for name, process in killed.items():
-        assert process.wait(60) == -signal.SIGKILL
+        assert process.wait(PATIENCE_S) == -signal.SIGKILL
         folder = tmp_path / name
         there = contents(folder)
         del there["export.json"]  # it lists sizes when all is done
@@ -94,36 +95,35 @@ def test_a_frame_of_another_size_than_it_had_is_made_anew(scene: Make, tmp_path:
     assert scene().export(tmp_path, lights=["day", "lamp"]).made == 0
 
 
+OWN = '[[light]]\nname = "own"\nspectrum = "lamp.csv"\n'
+
+
 @pytest.mark.parametrize(
-    "more", ["[viewing]\nexposure = 2", "[raycast]\nstep_mm = 0.7", '[viewing]\nmodel = "CAM16"']
+    ("before", "after"),
+    [
+        ("", "[viewing]\nexposure = 2"),
+        ("", "[raycast]\nstep_mm = 0.7"),
+        ("", '[viewing]\nmodel = "CAM16"'),
+        (OWN, f"{OWN}# whose file has changed"),
+    ],
 )
 def test_a_folder_of_another_scene_is_refused_unless_told(
-    scene: Make, tmp_path: Path, more: str
+    ball_folder: Path, scene: Make, tmp_path: Path, before: str, after: str
 ) -> None:
-    scene().export(tmp_path, lights=["day", "tube"])
+    (ball_folder / "lamp.csv").write_text("380,1\n780,1\n")
+    scene(before).export(tmp_path, lights=["day", "tube"])
     (tmp_path / "mine.txt").write_text("stays")
-    before = contents(tmp_path)
-    other = scene(more)
+    there = contents(tmp_path)
+    (ball_folder / "lamp.csv").write_text("380,1\n780,2\n")
+    other = scene(after)
     with raises(InputError, "conflict"):
         other.export(tmp_path, lights=["lamp"])
-    assert contents(tmp_path) == before
+    assert contents(tmp_path) == there
     other.export(tmp_path, lights=["lamp"], overwrite=True)
     assert set(contents(tmp_path)) == {"lamp.png", "sheet.png", "export.json", "mine.txt"}
 
 
-def test_spectra_that_changed_in_their_file_make_another_scene(
-    ball_folder: Path, scene: Make, tmp_path: Path
-) -> None:
-    table = ball_folder / "lamp.csv"
-    more = '[[light]]\nname = "own"\nspectrum = "lamp.csv"\n'
-    table.write_text("380,1\n780,1\n")
-    scene(more).export(tmp_path, lights=["day"])
-    table.write_text("380,1\n780,2\n")
-    with raises(InputError, "conflict"):
-        scene(more).export(tmp_path, lights=["day"])
-
-
-def test_files_that_no_export_made_are_not_overwritten(scene: Make, tmp_path: Path) -> None:
+def test_folders_of_others_are_not_written_into(scene: Make, tmp_path: Path) -> None:
     (tmp_path / "lamp.png").write_bytes(b"mine")
     with raises(InputError, "duplicate"):
         scene().export(tmp_path)
@@ -131,6 +131,8 @@ def test_files_that_no_export_made_are_not_overwritten(scene: Make, tmp_path: Pa
     (tmp_path / "export.json").write_text("{")
     with raises(InputError, "duplicate"):
         scene().export(tmp_path)
+    with exclusive_folder(tmp_path / "busy"), raises(InputError, "state"):
+        scene().export(tmp_path / "busy")
 
 
 def test_a_manifest_that_leads_elsewhere_deletes_nothing_there(scene: Make, tmp_path: Path) -> None:
@@ -193,21 +195,11 @@ def test_a_disk_full_from_the_start_has_no_folder_left_on_it(
 
 def test_a_folder_that_cannot_be_is_refused_before_the_cast(scene: Make, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    for path, code in (
-        ("file", "type"),
-        ("file/below", "unwritable"),
-        ("film.mov", "type"),
-        ("film.mp5", "type"),
-        ("frame.PNG", "type"),
-    ):
+    # Names of other endings are in the command's transcripts.
+    for path, code in (("file", "type"), ("file/below", "unwritable")):
         with raises(InputError, code):
             scene().export(tmp_path / path)
     assert [each.name for each in tmp_path.iterdir()] == ["file"]
-
-
-def test_two_exports_do_not_write_into_one_folder(scene: Make, tmp_path: Path) -> None:
-    with exclusive_folder(tmp_path), raises(InputError, "state"):
-        scene().export(tmp_path)
 
 
 def test_scenes_and_lights_of_any_name_are_exported(ball_folder: Path, tmp_path: Path) -> None:

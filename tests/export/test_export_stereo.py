@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from tests.cli.test_render import read_codes
 from tests.export.conftest import SCENE
 from tests.export.test_export_depth import DEEP, made
 from tests.support.errors import raises
-from volspec.errors import InputError, SceneError
+from volspec.errors import InputError
 from volspec.export.frames import read_frame_text
 from volspec.relight import relight
 from volspec.relight.stereo import Stereo, expected_depth_mm
@@ -81,23 +82,18 @@ def test_a_turntable_converges_where_it_is_told(ball_folder: Path, tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    ("more", "code", "field"),
+    ("more", "size", "code"),
     [
-        ('format = "exr"', "conflict", "export.stereo"),
-        ('format = "coefficients"', "conflict", "export.stereo"),
-        ("transparent = true", "conflict", "export.stereo"),
-        ('hdr = { transfer = "PQ" }', "conflict", "export.stereo"),
+        ('format = "exr"', None, "conflict"),
+        ('format = "coefficients"', None, "conflict"),
+        ("transparent = true", None, "conflict"),
+        ('hdr = { transfer = "PQ" }', None, "conflict"),
+        ("[depth]\nfocus_mm = 30", None, "conflict"),
+        ("", (40000, 30000), "size"),
     ],
 )
-def test_files_without_a_pair_are_refused(
-    ball_folder: Path, more: str, code: str, field: str
+def test_files_and_sizes_without_a_pair_are_refused(
+    ball_folder: Path, tmp_path: Path, more: str, size: Any, code: str
 ) -> None:
-    with raises(SceneError, code, field):
-        made(ball_folder, f"{EYES}{more}\n")
-
-
-def test_a_focus_and_pictures_in_strips_are_refused(ball_folder: Path, tmp_path: Path) -> None:
-    with raises(SceneError, "conflict"):
-        made(ball_folder, f"{EYES}[depth]\nfocus_mm = 30\n").export(tmp_path / "focus")
-    with raises(InputError, "size"):
-        made(ball_folder, EYES, SCENE).export(tmp_path / "large", size=(40000, 30000))
+    with raises(InputError, code):
+        made(ball_folder, f"{EYES}{more}\n").export(tmp_path / "none", size=size)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import resource
-import time
+from itertools import count
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 
 from tests.export._layers import opened
 from tests.support.errors import raises
+from tests.support.patience import PATIENCE_S
 from volspec._exr import write_exr
 from volspec.appearance.spaces import SPACES
 from volspec.errors import ImageError, InputError
@@ -80,11 +82,16 @@ def test_blocks_stand_in_their_order_whichever_is_packed_first(
     pixels = picture((8, 160), 3, noise=False)
     whole, packed = exr_bytes(pixels, header), exr._compressed
 
-    def slow_at_times(plain: bytes) -> bytes:
-        time.sleep(0.002 * (plain[0] % 3))
+    calls, others = count(), Event()
+
+    def first_is_last(plain: bytes) -> bytes:
+        if next(calls) == 0:
+            assert others.wait(PATIENCE_S)
+        else:
+            others.set()
         return packed(plain)
 
-    monkeypatch.setattr(exr, "_compressed", slow_at_times)
+    monkeypatch.setattr(exr, "_compressed", first_is_last)
     with exr_file(tmp_path / "a.exr", header, threads=4) as file:
         file.rows(pixels)
     assert (tmp_path / "a.exr").read_bytes() == whole
@@ -116,8 +123,7 @@ def test_a_disk_that_fills_up_amid_the_rows_leaves_what_was_there(tmp_path: Path
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, before[1]))  # as if it were full there
     try:
-        refused = raises(InputError, "unwritable")
-        with refused, exr_file(path, header) as file:
+        with raises(InputError, "unwritable"), exr_file(path, header) as file:
             file.rows(picture((64, 50), 3, noise=True))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)

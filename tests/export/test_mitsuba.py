@@ -14,7 +14,7 @@ from PIL import Image
 
 import volspec as vs
 from tests.support.errors import raises
-from volspec.errors import MeshError, VolspecWarning
+from volspec.errors import VolspecWarning
 
 MATERIALS = {
     "white": vs.reflectance("grey:1"),
@@ -169,13 +169,20 @@ def test_a_new_scene_replaces_the_last_one_and_its_folder(tmp_path: Path) -> Non
     assert len([*tmp_path.iterdir()]) == 2
 
 
-def test_a_failed_save_leaves_the_last_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "scene.xml"
-    save(path, plane("white"))
-    before = sorted(tmp_path.rglob("*"))
-    with raises(MeshError, "unknown"):
-        save(path, plane("copper"))
-    write = Path.write_bytes
+@pytest.mark.parametrize(
+    ("name", "materials", "code"),
+    [
+        ("scene.xml", ["copper"], "unknown"),
+        ("scene.json", ["white"], "unsupported"),
+        ("scene.xml", [], "missing"),
+        ("scene.xml", ["red"], "unwritable"),
+    ],
+)
+def test_a_failed_save_leaves_the_last_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, materials: list[str], code: str
+) -> None:
+    save(tmp_path / "scene.xml", plane("white"))
+    before, write = sorted(tmp_path.rglob("*")), Path.write_bytes
 
     def full(self: Path, data: bytes) -> int:
         if ".spd" in self.suffix:
@@ -183,16 +190,9 @@ def test_a_failed_save_leaves_the_last_one(tmp_path: Path, monkeypatch: pytest.M
         return write(self, data)
 
     monkeypatch.setattr(Path, "write_bytes", full)
-    with raises(vs.InputError, "unwritable"):
-        save(path, plane("red"))
+    with raises(vs.InputError, code):
+        save(tmp_path / name, *map(plane, materials))
     assert sorted(tmp_path.rglob("*")) == before
-
-
-def test_other_suffixes_and_no_meshes_are_refused(tmp_path: Path) -> None:
-    with raises(MeshError, "unsupported"):
-        save(tmp_path / "scene.json", plane())
-    with raises(MeshError, "missing"):
-        save(tmp_path / "scene.xml")
 
 
 def test_mitsuba_s_picture_is_volspec_s(tmp_path: Path) -> None:

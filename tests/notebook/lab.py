@@ -17,11 +17,10 @@ from typing import Any
 from urllib.request import Request, urlopen
 
 from tests.support.browser import chromium
+from tests.support.patience import PATIENCE_S
 from volspec import _cache
 
 ROOT = Path(__file__).resolve().parents[2]
-# Far more than any step takes: a bound on what hangs.
-PATIENCE_S = 60
 _NOTEBOOK = "cells.ipynb"
 _SESSION = {
     "path": _NOTEBOOK,
@@ -155,14 +154,15 @@ def _environment(folder: Path) -> Mapping[str, str]:
 
 
 def _await(server: subprocess.Popen[bytes], address: str, log: Path) -> None:
-    for _ in range(20 * PATIENCE_S):
+    limit = time.monotonic() + PATIENCE_S
+    while True:
         try:
             _asked(address)
             return
         except OSError:
-            assert server.poll() is None, log.read_text(encoding="utf-8")
+            ended = server.poll() is not None or time.monotonic() > limit
+            assert not ended, log.read_text(encoding="utf-8")
             time.sleep(0.05)
-    raise AssertionError(f"no answer from {address}: {log.read_text(encoding='utf-8')}")
 
 
 def _asked(address: str, token: str = "", body: Mapping[str, Any] | None = None) -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import json
+import time
 from collections.abc import Iterator
+from itertools import count
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -15,6 +17,7 @@ from PIL import Image
 from tests.notebook.lab import Lab, opened
 from tests.support.browser import mean_difference, missing
 from tests.support.images import some_rows
+from tests.support.patience import PATIENCE_S
 from volspec.appearance import Viewing
 from volspec.pipeline import relight
 from volspec.raycast import CoefficientImage
@@ -76,11 +79,11 @@ def clear(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return frame[height // 4 : -height // 4, 7 * width // 16 :]
 
 
-def shows(lab: Lab, wanted: NDArray[np.uint8]) -> bool:
-    """Return True if a picture is visible, once a slow browser has drawn all of it."""
-    size = wanted.shape[1], wanted.shape[0]
-    pictures = (seen(lab, size) for _ in range(20))
-    return any(mean_difference(clear(each), clear(wanted)) <= NEAR for each in pictures)
+def until_shown(lab: Lab, wanted: NDArray[np.uint8]) -> None:
+    """Wait until a picture is visible: a slow browser draws it in parts."""
+    size, limit = (wanted.shape[1], wanted.shape[0]), time.monotonic() + PATIENCE_S
+    while mean_difference(clear(seen(lab, size)), clear(wanted)) > NEAR:
+        assert time.monotonic() < limit, "another picture"
 
 
 @pytest.mark.slow
@@ -90,7 +93,7 @@ def test_one_picture_goes_to_and_fro(
     """One story: each step needs the one before, and a second JupyterLab costs too much."""
     shown = seen(lab, colours.size)
     assert shown.std() > 20, "the picture is empty"
-    assert shows(lab, relight(colours, light("D65")))
+    until_shown(lab, relight(colours, light("D65")))
 
     # A slider is dragged and a pixel is clicked in the page; the next cell reads them.
     track = lab.frame.locator("#light-list li:nth-child(2) input").bounding_box()
@@ -103,7 +106,7 @@ def test_one_picture_goes_to_and_fro(
     card = lab.frame.locator("#probe-rows dd")
     place, XYZ = (card.nth(k).text_content() for k in (0, 2))
     # The page reports up to ten times a second: a cell run at once may be before the click.
-    answers = (json.loads(lab.run(1)) for _ in range(20))
+    answers = (json.loads(lab.run(1)) for _ in count())
     weights, _, probe, probed = next(answer for answer in answers if answer[2])
     assert weights["D65"] == 1.0 and abs(weights["A"] - 0.5) < 0.1 and weights["HP1"] == 0.0
     assert place == ", ".join(map(str, probe))
@@ -114,13 +117,13 @@ def test_one_picture_goes_to_and_fro(
     lab.run(2)
     lab.until("#label-a", "HP1")
     bare = Viewing(model="none")
-    assert shows(lab, relight(colours, light("HP1"), bare))
+    until_shown(lab, relight(colours, light("HP1"), bare))
     lab.run(3)
     lab.until(f"#picture[height='{turned.size[1]}']", "")
     lab.ready()
     lab.until("#label-a", "HP1")
     wanted = relight(turned, light("HP1"), bare)
-    assert shows(lab, wanted)
+    until_shown(lab, wanted)
     with lab.page.expect_download() as download:
         lab.frame.locator("header .download").click()
     saved = np.asarray(Image.open(download.value.path()).convert("RGB"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.support.browser import chromium, missing, saved_picture
+from tests.support.patience import PATIENCE_S
 from volspec._gpu.sources import asset
 from volspec.raycast import CoefficientImage
 from volspec.scene import Scene
@@ -38,33 +40,46 @@ class Opened:
 
     def until(self, expression: str) -> None:
         """Wait until it is true; the page's policy lets no text be run inside of it."""
-        for _ in range(200):
-            if self.page.evaluate(expression):
-                return
+        self.eventually(lambda: self.page.evaluate(expression), expression)
+
+    def eventually(self, holds: Callable[[], Any], what: str) -> None:
+        """Wait until a condition holds; the limit only ends a hang."""
+        limit = time.monotonic() + PATIENCE_S
+        while not holds():
+            assert time.monotonic() < limit, f"never true: {what}"
             self.page.wait_for_timeout(25)
-        raise AssertionError(f"never true: {expression}")
 
     def picture(self) -> NDArray[np.uint8]:
         """Files that the page saves."""
         return saved_picture(self.page)
+
+    def open(self, address: str, ready: str = "ready") -> None:
+        """Open an address, note what it asks for and complains of, and wait for its picture."""
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.on(
+            "console",
+            lambda said: self.complaints.append(said.text) if said.type == "error" else None,
+        )
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.goto(address, timeout=1000 * PATIENCE_S)
+        self.page.wait_for_selector(f"html.{ready}", state="attached", timeout=1000 * PATIENCE_S)
+
+
+def new_page(browser: Any) -> Any:
+    """Return a blank page in a context of its own; the limit of its waits only ends a hang."""
+    page = browser.new_context(viewport={"width": 900, "height": 640}).new_page()
+    page.set_default_timeout(1000 * PATIENCE_S)
+    return page
 
 
 def open_file(
     browser: Any, path: Path, words: str = "", before: str = "", ready: str = "ready"
 ) -> Opened:
     """Open a file, in a context of its own, and wait for its picture."""
-    context = browser.new_context(viewport={"width": 900, "height": 640})
-    made = Opened(context.new_page())
+    made = Opened(new_page(browser))
     if before:
         made.page.add_init_script(before)
-    made.page.on("request", lambda request: made.requests.append(request.url))
-    made.page.on(
-        "console",
-        lambda said: made.complaints.append(said.text) if said.type == "error" else None,
-    )
-    made.page.on("pageerror", lambda error: made.complaints.append(str(error)))
-    made.page.goto(f"{path.as_uri()}{words}")
-    made.page.wait_for_selector(f"html.{ready}", state="attached", timeout=20_000)
+    made.open(f"{path.as_uri()}{words}", ready)
     return made
 
 

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.page.conftest import Opened, open_file
+from tests.page.conftest import Opened, new_page, open_file
 from tests.page.test_access import breaches
 from tests.support.browser import mean_difference
+from tests.support.commands import call
 from tests.support.errors import raises, warns
 from tests.twins.test_recompose import layered, rig
 from volspec._gpu.sources import asset
-from volspec.cli import main
 from volspec.errors import ImageError
 from volspec.export.page import PageView, build, page_html, scene_views, write_page
 from volspec.export.page.packing import pack_layers
@@ -315,7 +315,7 @@ def test_axe_finds_nothing_wrong_with_sliders_of_opacity(
 
 def test_a_notebook_sets_and_hears_opacities(browser: Any, file: Path, tmp_path: Path) -> None:
     """The page in a frame, as host.js makes it, and a port in the place of the kernel."""
-    outer = browser.new_page()
+    outer = new_page(browser)
     outer.goto("about:blank")
     outer.evaluate(
         """(page) => new Promise((done) => {
@@ -340,15 +340,12 @@ def test_a_notebook_sets_and_hears_opacities(browser: Any, file: Path, tmp_path:
     first.wait_for()
     assert float(first.get_attribute("data-scale")) == 0.5
     inner.locator("#opacity-list li:nth-child(2) input").press("Home")
-    for _ in range(100):
-        if "opacities" in outer.evaluate("window.heard"):
-            break
-        outer.wait_for_timeout(25)
+    Opened(outer).until("'opacities' in window.heard")
     heard = outer.evaluate("window.heard")
     assert heard["opacities"] == {"block": 0.5, "inserts": 0}
     # Only fields of Viewing, for the kernel.
     assert {"model", "lux"} <= {*heard["viewing"]} and not {"near", "focus"} & {*heard["viewing"]}
-    outer.close()
+    outer.context.close()
 
 
 def test_what_layers_lack_is_added_as_on_the_desktop(browser: Any, web: Path) -> None:
@@ -389,46 +386,29 @@ def test_several_views_are_written_without_layers_and_say_what_they_would_take(
     assert 'id="layers"' not in text and '"opacity":null' in text
 
 
-def test_layers_too_large_for_browsers_are_refused(
-    scene: Scene, image: CoefficientImage, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(build, "_MOST_LAYER_BYTES", 4 * 24 * SIZE[0] * SIZE[1] - 1)
-    with raises(ImageError, "size", "page.layers"):
-        page_html([PageView(image)], scene.lights)
-
-
-def test_a_page_too_large_for_browsers_is_refused(
-    scene: Scene, image: CoefficientImage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(build, "_MOST_PAGE_BYTES", 1000)
-    with raises(ImageError, "size", "page"):
+@pytest.mark.parametrize(
+    ("limit", "least", "field"),
+    [
+        ("_MOST_LAYER_BYTES", 4 * 24 * SIZE[0] * SIZE[1] - 1, "page.layers"),
+        ("_MOST_PAGE_BYTES", 1000, "page"),
+    ],
+)
+def test_pages_too_large_for_browsers_are_refused(
+    scene: Scene, image: CoefficientImage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    limit: str, least: int, field: str,
+) -> None:  # fmt: skip
+    monkeypatch.setattr(build, limit, least)
+    with raises(ImageError, "size", field):
         write_page(tmp_path / "large.html", [PageView(image)], scene.lights)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_the_command_s_layers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "page.html"
-    words = [
-        "page",
-        str(asset("data/scenes/engine-layers.toml")),
-        "-o",
-        str(out),
-        "--size",
-        "32x24",
-    ]
-
-    def run(*more: str) -> int:
-        with pytest.raises(SystemExit) as ended:
-            main([*words, *more])
-        return int(ended.value.code or 0)
-
-    assert run("--layers", "4") == 0
+    out, engine = tmp_path / "page.html", asset("data/scenes/engine-layers.toml")
+    assert call("page", engine, "-o", out, "--size", "32x24", "--layers", "4") == 0
     assert "4 layers of opacity" in capsys.readouterr().out
     numbers = out.read_text(encoding="utf-8").partition('id="numbers">')[2].partition("</")[0]
     assert json.loads(numbers)["opacity"]["count"] == 4
-    assert run("--layers", "17") != 0 and "--layers is 17" in capsys.readouterr().err
-    assert run("--layers", "4", "--views", "3") != 0
-    assert "--layers 4: a page of 3 pictures would have some" in capsys.readouterr().err
 
 
 def test_a_scene_s_opacities_are_the_sliders_of_the_page_that_is_opened(

@@ -90,28 +90,34 @@ def test_twelve_bits_give_the_desktops_frames_under_five_lights(
     assert page.complaints == []
 
 
+def on_screen(page: Any, size: tuple[int, int]) -> NDArray[np.uint8]:
+    """Return a screenshot's colours in the middle of each pixel of the picture."""
+    box = page.locator("#frame").bounding_box()
+    x, y = (
+        (box[start] + (np.arange(count) + 0.5) * box[side] / count).astype(int)
+        for start, side, count in (("x", "width", size[0]), ("y", "height", size[1]))
+    )
+    return np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))[np.ix_(y, x)]
+
+
 def test_the_screen_shows_the_desktops_frames_under_three_lights(
     engine_page: Opened, engine_scene: Scene, engine_image: CoefficientImage
 ) -> None:
-    """Screenshots, chosen by clicks: each pixel of the picture is read in its middle."""
-    page, (width, height) = engine_page.page, engine_image.size
+    """A browser that is slow shows every second row and column first."""
+    page, height = engine_page.page, engine_image.size[1]
+    # Above and below are captions and buttons.
+    rows = slice(height // 5, -height // 5)
     engine_page.show()
     for i in (1, 3, 0):
         page.click(f"#light-list li:nth-child({i + 1}) .light-name")
         page.mouse.move(0, 0)
-        engine_page.settle()
-        box = page.locator("#frame").bounding_box()
-        x, y = (
-            (box[start] + (np.arange(count) + 0.5) * box[side] / count).astype(int)
-            for start, side, count in (("x", "width", width), ("y", "height", height))
-        )
-        # Above and below are captions and buttons.
-        rows = slice(height // 5, -height // 5)
-        wanted = frame(engine_image, engine_scene.lights[i], engine_scene.relight)
-        # A browser that is slow shows every second row and column first.
-        shots = (Image.open(io.BytesIO(page.screenshot())).convert("RGB") for _ in range(20))
-        seen = (np.asarray(shot)[np.ix_(y, x)] for shot in shots)
-        assert any(mean_difference(each[rows], wanted[rows]) <= EIGHT for each in seen), i
+        wanted = frame(engine_image, engine_scene.lights[i], engine_scene.relight)[rows]
+
+        def is_shown(wanted: NDArray[np.uint8] = wanted) -> bool:
+            seen = on_screen(page, engine_image.size)[rows]
+            return mean_difference(seen, wanted) <= EIGHT
+
+        engine_page.eventually(is_shown, f"the frame of light {i}")
 
 
 @pytest.mark.parametrize("model", [*CLOSED, *ADAPTATIONS])
@@ -207,8 +213,9 @@ def test_other_views_are_turned_to(
     page.page.keyboard.press("PageDown")
     page.until("document.getElementById('view-read').textContent === '180\u00b0'")
     # It is drawn once it is unpacked, which nothing on the page shows.
-    pictures = (page.picture() for _ in range(20))
-    assert any(mean_difference(picture, wanted[:, ::-1]) <= EIGHT for picture in pictures)
+    page.eventually(
+        lambda: mean_difference(page.picture(), wanted[:, ::-1]) <= EIGHT, "the other side"
+    )
 
 
 def test_time_steps_are_shown_and_played(opened: Callable[..., Opened], files: Path) -> None:

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.page.conftest import Opened
+from tests.page.conftest import Opened, new_page
 from tests.page.test_access import PHONE, WIDE, breaches
 from tests.serve.conftest import serving
 from tests.support.browser import mean_difference
+from tests.support.patience import PATIENCE_S
 from volspec.export.page import PageSpec
 from volspec.export.serve.views import SceneViews, ViewRequest
 from volspec.pipeline import raycast, relight
@@ -43,12 +44,10 @@ class Served(Opened):
 
     def rest(self, count: int) -> None:
         """Wait for a whole picture, after more requests than a count."""
-        for _ in range(200):
-            if len(self.asked) > count and not self.asked[-1].coarse:
-                break
-            self.page.wait_for_timeout(25)
+        self.eventually(
+            lambda: len(self.asked) > count and not self.asked[-1].coarse, "a whole is asked for"
+        )
         self.until(f"{STATUS}.startsWith('The whole')")
-        assert len(self.asked) > count and not self.asked[-1].coarse
 
     def drag(self, across: int, down: int) -> None:
         """Drag over the middle of the picture by some pixels."""
@@ -79,30 +78,22 @@ def served(browser: Any, scene: Scene, monkeypatch: pytest.MonkeyPatch) -> Itera
     """The page after its first whole picture; coarse ones have a quarter of the sides."""
     monkeypatch.setattr(Pace, "after", lambda pace, *made: pace)
     with serving(scene, spec=PageSpec("Engine"), size=SIZE) as server:
-        context = browser.new_context(viewport={"width": 900, "height": 640})
-        made = Served(context.new_page(), server=server)
+        made = Served(new_page(browser), server=server)
         cast = server._queue._message
 
         def message(request: ViewRequest, cancel: Callable[[], bool]) -> bytes:
             made.asked.append(request)
-            assert request.coarse or made.whole.wait(20)
+            assert request.coarse or made.whole.wait(PATIENCE_S)
             return cast(request, cancel)
 
         server._queue._message = message
-        made.page.on("request", lambda request: made.requests.append(request.url))
-        made.page.on(
-            "console",
-            lambda said: made.complaints.append(said.text) if said.type == "error" else None,
-        )
-        made.page.on("pageerror", lambda error: made.complaints.append(str(error)))
-        made.page.goto(server.address)
-        made.page.wait_for_selector("html.ready", state="attached", timeout=20_000)
+        made.open(server.address)
         assert "coarse" in made.page.inner_text("#label-a"), "it opens before the whole is cast"
         made.whole.set()
         made.rest(0)
         yield made
         made.whole.set()
-        context.close()
+        made.page.context.close()
 
 
 def test_a_drag_brings_coarse_pictures_and_then_the_whole(served: Served, scene: Scene) -> None:

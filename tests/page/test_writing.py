@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.support.commands import call
 from tests.support.errors import raises, warns
 from tests.support.images import some_rows
 from volspec.appearance import Viewing
-from volspec.cli import main
 from volspec.errors import ImageError, ShapeError, ViewingError
 from volspec.export.page import PageSpec, PageView, page_html, write_page
 from volspec.export.page.packing import median_prediction, residual_bytes
@@ -44,10 +44,8 @@ def test_a_page_is_one_file_of_the_size_asked_for(
 ) -> None:
     scene = Path(__file__).resolve().parents[2] / "data" / "scenes" / "engine.toml"
     out = tmp_path / "engine.html"
-    words = ["page", str(scene), "-o", str(out), "--views", "3", "--size", "48x32"]
-    with pytest.raises(SystemExit) as ended:
-        main([*words, "--light", "planck:2000", "--title", "Around"])
-    assert ended.value.code == 0
+    words = ("page", scene, "-o", out, "--views", "3", "--size", "48x32")
+    assert call(*words, "--light", "planck:2000", "--title", "Around") == 0
     assert "3 views" in capsys.readouterr().out
     text = out.read_text(encoding="utf-8")
     assert text.count('type="text/plain" id="view-') == 3

@@ -16,6 +16,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
+from tests.support.patience import PATIENCE_S
 from volspec.export.serve import scene_server
 from volspec.scene import Scene
 from volspec.volume import phantom
@@ -86,7 +87,7 @@ class Client:
         given = {name.replace("_", "-"): value for name, value in headers.items()}
         if self.cookie:
             given.setdefault("Cookie", self.cookie)
-        connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=20)
+        connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=PATIENCE_S)
         try:
             connection.putrequest(method, path, skip_host="Host" in given)
             for name, value in given.items():
@@ -128,7 +129,7 @@ def serving(scene: Scene, host: str = "127.0.0.1", **how: Any) -> Iterator[Any]:
         yield server
     finally:
         server.stop()
-        thread.join(20)
+        thread.join(PATIENCE_S)
         assert not thread.is_alive()
 
 

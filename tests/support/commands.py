@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -147,6 +148,8 @@ def write_files(folder: Path) -> None:
     write_image(folder / "i.exr")
     write_image(folder / "metals.exr", METALS)
     write_grouped_image(folder / "groups.exr")
+    whole = CoefficientImage.load(folder / "groups.exr")
+    replace(whole, groups={"key": 1.0, "fill": 0.0}).save(folder / "dark-fill.exr")
     write_lit_image(folder / "lit.exr")
     write_spectral_image(folder / "reflective.exr", "reflective", CHART[:1, :1])
     write_spectral_image(folder / "emissive.exr", "emissive", CHART[:1, :1])
