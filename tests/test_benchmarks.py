@@ -21,6 +21,7 @@ from benchmarks.gpu import Record, recorded
 from benchmarks.measure import PAGE, Comparison, Figure, between, in_turn, replaced, report, save
 from benchmarks.picture import psnr
 from benchmarks.scenes import NAMES, RECIPES, bench_scene, stored
+from tests.support.fixtures import Patch
 from volspec.basis import MaterialBasis
 from volspec.spectra import reflectance_names
 
@@ -96,9 +97,7 @@ def test_the_report_tells_misses_and_reasons() -> None:
     assert text.splitlines()[2].endswith("skipped: no file")
 
 
-def test_rows_are_saved_in_their_documented_form(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_rows_are_saved_in_their_documented_form(tmp_path: Path, monkeypatch: Patch) -> None:
     monkeypatch.chdir(tmp_path)
     row = Comparison("cast/engine/flat", "vtk-fixed-point", 1.0, 3.0, 3.0, "CPU", "abc")
     save([Figure("a", 3.0, row=row), Figure("memory", 1.0)])

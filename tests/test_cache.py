@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.export.test_files_whole import left_by_a_kill
+from tests.support.fixtures import Patch
 from volspec import _cache
 
 ARRAYS = {
@@ -22,7 +22,7 @@ Make = Callable[[], dict[str, np.ndarray]]
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path: Path, monkeypatch: Patch) -> Path:
     monkeypatch.setattr(_cache, "cache_folder", lambda: tmp_path / "cache")
     return tmp_path / "cache"
 
@@ -84,7 +84,7 @@ def test_a_folder_that_cannot_be_made_costs_only_time(folder: Path) -> None:
     ],
 )
 def test_a_folder_that_cannot_be_written_costs_only_time(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, function: str, error: OSError
+    folder: Path, monkeypatch: Patch, function: str, error: OSError
 ) -> None:
     def fails(*_: object, **__: object) -> None:
         raise error
@@ -104,26 +104,13 @@ def test_a_failed_computation_is_not_cached(folder: Path) -> None:
     assert not folder.exists()
 
 
-def test_a_folder_keeps_its_newest_files(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_keeps_its_newest_files(folder: Path, monkeypatch: Patch) -> None:
     monkeypatch.setattr(_cache, "_MOST_FILES", 3)
     for number in range(5):
         _cache.cached_arrays(f"group/{number}", "maker", lambda: ARRAYS)
         os.utime(folder / "group" / f"{number}.npz", (number, number))
     _cache.cached_arrays("group/5", "maker", lambda: ARRAYS)
     assert sorted(path.stem for path in (folder / "group").iterdir()) == ["3", "4", "5"]
-
-
-def test_a_file_just_written_stays_though_all_others_come_from_the_future(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(_cache, "_MOST_FILES", 3)
-    for number in range(3):
-        _cache.cached_arrays(f"group/{number}", "maker", lambda: ARRAYS)
-        later = time.time() + 1e8 + number
-        os.utime(folder / "group" / f"{number}.npz", (later, later))
-    for number in (3, 4):
-        _cache.cached_arrays(f"group/{number}", "maker", lambda: ARRAYS)
-    assert sorted(path.stem for path in (folder / "group").iterdir()) == ["2", "3", "4"]
 
 
 def test_leftovers_of_a_killed_run_are_cleared_by_one_that_only_reads(folder: Path) -> None:

@@ -14,6 +14,7 @@ from benchmarks.claims import CLAIMS, PRINTED, Claim, Printed, catalogue, holds,
 from benchmarks.claims.spectra import general
 from benchmarks.measure import between
 from tests.support.commands import call
+from tests.support.fixtures import Capture, Patch
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = ["README.md", *sorted(path.name for path in (ROOT / "docs").glob("*.md"))]
@@ -121,12 +122,7 @@ SHOWN = [
 
 @pytest.mark.parametrize(("page", "command", "shown"), SHOWN)
 def test_commands_print_what_the_page_shows(
-    page: str,
-    command: str,
-    shown: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    page: str, command: str, shown: str, tmp_path: Path, capsys: Capture, monkeypatch: Patch
 ) -> None:
     (tmp_path / "data").symlink_to(ROOT / "data")
     monkeypatch.chdir(tmp_path)

@@ -10,12 +10,14 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
+from tests.support.fixtures import Capture, Patch
+
 ROOT = Path(__file__).resolve().parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path: Path, monkeypatch: Patch) -> Path:
     (tmp_path / "data").symlink_to(ROOT / "data")
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -64,9 +66,7 @@ def test_materials_and_light_groups(folder: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:HP1. componentwise colours are off by")  # with 3 channels
-def test_more_channels_come_nearer_to_the_exact_picture(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_more_channels_come_nearer_to_the_exact_picture(folder: Path, capsys: Capture) -> None:
     run(4)
     printed = capsys.readouterr().out
     means = [float(number) for number in re.findall(r"mean ΔE ([\d.]+)", printed)]
@@ -75,7 +75,7 @@ def test_more_channels_come_nearer_to_the_exact_picture(
     assert len(means) == 6 and max(means[3:]) < 0.1
 
 
-def test_reflectances_and_palettes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_reflectances_and_palettes(folder: Path, capsys: Capture) -> None:
     run(6)
     words = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert all(colour == daylight != sodium for colour, daylight, *_, sodium in words)
@@ -84,9 +84,7 @@ def test_reflectances_and_palettes(folder: Path, capsys: pytest.CaptureFixture[s
     assert {path.name for path in folder.glob("*.png")} == {"06-swatches.png", "07-palette.png"}
 
 
-def test_an_export_is_complete_and_is_not_made_twice(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_export_is_complete_and_is_not_made_twice(folder: Path, capsys: Capture) -> None:
     run(8)
     assert len(list((folder / "08-frames").rglob("0*.png"))) == 20
     assert "made=0" in capsys.readouterr().out.splitlines()[-1]

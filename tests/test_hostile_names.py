@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from rich.table import Table
 
+from tests.support.fixtures import Patch
 from tests.support.viewer import opened
 from volspec._figures import write
 from volspec._toml import key_text, toml_text
@@ -127,9 +128,7 @@ def test_blender_s_script_holds_its_path_as_text() -> None:
         assert ast.literal_eval(given) == f"/{name.replace('/', '|')}"
 
 
-def test_blender_s_script_ends_at_a_header_that_does(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_blender_s_script_ends_at_a_header_that_does(tmp_path: Path, monkeypatch: Patch) -> None:
     (tmp_path / "i.exr").write_bytes(b"\x76\x2f\x31\x01\x02\0\0\0volspec")
     monkeypatch.setitem(sys.modules, "bpy", SimpleNamespace())
     monkeypatch.setattr(sys, "argv", ["blender"])

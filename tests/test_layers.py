@@ -18,23 +18,8 @@ ROOT = Path(__file__).resolve().parent.parent / "volspec"
 
 # A module imports only from its left (docs/decisions/0002 puts the pipeline before the scene).
 LAYERS = (
-    *(
-        "_deprecated",
-        "errors",
-        "_files",
-        "_cache",
-        "_child",
-        "_parse",
-        "_toml",
-        "settings",
-        "_exr",
-        "_gpu",
-        "_triangles",
-        "spectra",
-        "appearance",
-        "_figures",
-    ),
-    *("basis", "palette", "room"),
+    *("_deprecated", "errors", "_files", "_cache", "_child", "_parse", "_toml", "settings", "_exr"),
+    *("_gpu", "_triangles", "spectra", "appearance", "_figures", "basis", "palette", "room"),
     *("volume", "transfer", "raycast", "mesh", "relight", "pipeline", "scene", "wizard", "export"),
     *("doctor", "viewer", "cli"),
 )
@@ -147,15 +132,9 @@ def test_the_viewer_s_floors_import_only_from_below() -> None:
         (
             "pyvista",
             (
-                "volume/vtk_interop.py",
-                "volume/model.py",
-                "volume/files/vtk.py",
-                "raycast/vtk_interop.py",
-                "relight/vtk_interop.py",
-                "_triangles.py",
-                "mesh/model.py",
-                "mesh/shapes.py",
-                "mesh/texture.py",
+                *("volume/vtk_interop.py", "volume/model.py", "volume/files/vtk.py"),
+                *("raycast/vtk_interop.py", "relight/vtk_interop.py", "_triangles.py"),
+                *("mesh/model.py", "mesh/shapes.py", "mesh/texture.py"),
             ),
         ),
         ("SimpleITK", ("volume/files/",)),
@@ -169,12 +148,8 @@ def test_the_viewer_s_floors_import_only_from_below() -> None:
         (
             "matplotlib",
             (
-                "_figures.py",
-                "basis/figure.py",
-                "basis/light_figure.py",
-                "basis/reflectance_figure.py",
-                "palette/figure.py",
-                "relight/error_map.py",
+                *("_figures.py", "basis/figure.py", "basis/light_figure.py"),
+                *("basis/reflectance_figure.py", "palette/figure.py", "relight/error_map.py"),
             ),
         ),
     ],

@@ -14,6 +14,7 @@ import pytest
 from PIL import Image
 
 from tests.support.commands import call, figures, write_image
+from tests.support.fixtures import Capture, Patch
 from volspec.appearance import ViewingConditions
 from volspec.appearance.adaptation import adapt
 from volspec.appearance.models import APPEARANCE_MODELS, model
@@ -32,7 +33,7 @@ def done(*words: str) -> None:
     assert call(*words) == 0
 
 
-def test_adapt_gives_the_corresponding_colours(capsys: pytest.CaptureFixture[str]) -> None:
+def test_adapt_gives_the_corresponding_colours(capsys: Capture) -> None:
     words = (*(40, 35, 10, 20, 20, 20), "--from", A, "--to", "95.05,100,108.88")
     rows = figures(capsys, "adapt", *words)
     source = ViewingConditions.of_lux((109.85, 100, 35.58), 1000)
@@ -42,7 +43,7 @@ def test_adapt_gives_the_corresponding_colours(capsys: pytest.CaptureFixture[str
     assert rows[0]["X_from"] == 40 and rows[0]["defined"] is True
 
 
-def test_appearance_and_its_inverse(capsys: pytest.CaptureFixture[str]) -> None:
+def test_appearance_and_its_inverse(capsys: Capture) -> None:
     (row,) = figures(capsys, "appearance", "40", "35", "10", "--white", A, "--Y_b", "18")
     assert {"J", "C", "h", "H", "Q", "M", "s", "L_A", "Y_b", "composition"} <= set(row)
     words = [str(row[name]) for name in "JCh"]
@@ -50,38 +51,34 @@ def test_appearance_and_its_inverse(capsys: pytest.CaptureFixture[str]) -> None:
     assert [back[name] for name in "XYZ"] == pytest.approx([40, 35, 10], rel=1e-9)
 
 
-def test_all_models_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_models_at_once(capsys: Capture) -> None:
     rows = figures(capsys, "appearance", "40", "35", "10", "--white", A, "--model", "all")
     assert [row["model"] for row in rows] == list(APPEARANCE_MODELS)
     done("appearance", "40", "35", "10", "--white", A, "--model", "CIELAB")
     assert "CIELAB" in capsys.readouterr().out
 
 
-def test_a_look_s_title_is_one_line_above_its_table(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_look_s_title_is_one_line_above_its_table(capsys: Capture) -> None:
     done("appearance", "--inverse", "60", "40", "90", "--white", "A")
     title, head, figures = capsys.readouterr().out.splitlines()
     assert title.startswith("under A, 1000 lx") and title.endswith("h 90.0")
     assert head.split() == list("XYZ") and len(figures.split()) == 3
 
 
-def test_what_has_no_chroma_has_no_hue_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_has_no_chroma_has_no_hue_in_words(capsys: Capture) -> None:
     colours = (0, 0, 0, 95.05, 100, 108.88, 40, 35, 10)
     rows = figures(capsys, "appearance", *map(str, colours), *CIELAB)
     assert [row["composition"] != "" for row in rows] == [False, False, True]
 
 
-def test_looks_that_no_colour_has_are_marked_by_every_model(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_looks_that_no_colour_has_are_marked_by_every_model(capsys: Capture) -> None:
     words = ("appearance", "--inverse", "25", "163", "125", "--white", "A", "--model")
     for name in ("CIELAB", "RLAB"):
         (row,) = figures(capsys, *words, name, noted=True)
         assert row["defined"] is False and row["Z"] is None
 
 
-def test_tables_are_read_by_their_columns(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_tables_are_read_by_their_columns(tmp_path: Path, capsys: Capture) -> None:
     table = tmp_path / "patches.csv"
     table.write_text("name,Z,X,Y\nred,10,40,35\n\nblue,80,20,15\n")
     rows = figures(capsys, "adapt", "--table", str(table), "--from", "A")
@@ -91,7 +88,7 @@ def test_tables_are_read_by_their_columns(
 
 
 def test_digits_are_never_cut_and_standard_input_is_read(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    capsys: Capture, monkeypatch: Patch
 ) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("40,35,10\n50,50,40\n"))
     done("appearance", "--white", "A", "--table", "-")
@@ -99,9 +96,7 @@ def test_digits_are_never_cut_and_standard_input_is_read(
     assert "\N{HORIZONTAL ELLIPSIS}" not in out and "40.00" in out and "162.96" in out
 
 
-def test_a_preset_is_the_room_of_numbers_and_options_win(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_preset_is_the_room_of_numbers_and_options_win(capsys: Capture) -> None:
     words = ("appearance", "40", "35", "10", "--white", A, "--preset", "cinema")
     white = (109.85, 100.0, 35.58)
     cinema = preset("cinema").conditions(white)
@@ -118,7 +113,7 @@ def test_a_preset_is_the_room_of_numbers_and_options_win(
         assert (row["L_A"], row["Y_b"]) == (seen.L_A, seen.Y_b)
 
 
-def test_a_preset_is_both_rooms_of_an_adaptation(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_preset_is_both_rooms_of_an_adaptation(capsys: Capture) -> None:
     words = ("adapt", "40", "35", "10", "--from", A, "--to", "95.05,100,108.88", "--method", "Guth")
     (row,) = figures(capsys, *words, "--preset", "light booth")
     booth = preset("light booth").conditions
@@ -126,9 +121,7 @@ def test_a_preset_is_both_rooms_of_an_adaptation(capsys: pytest.CaptureFixture[s
     assert [row[name] for name in "XYZ"] == pytest.approx(expected)
 
 
-def test_colours_outside_of_a_method_are_marked_and_counted(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_colours_outside_of_a_method_are_marked_and_counted(capsys: Capture) -> None:
     words = ("90", "5", "0", "20", "20", "20", "40", "35", "10")
     done("adapt", *words, "--from", "A", "--method", "Nayatani", "--json")
     said = capsys.readouterr()
@@ -139,9 +132,7 @@ def test_colours_outside_of_a_method_are_marked_and_counted(
     assert capsys.readouterr().err == ""
 
 
-def test_colours_outside_of_models_are_counted_by_model_in_one_line(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_colours_outside_of_models_are_counted_by_model_in_one_line(capsys: Capture) -> None:
     words = ("90", "5", "0", "20", "20", "20", "0", "0", "50", "--white", A)
     done("appearance", *words, "--model", "Hunt", "--model", "Nayatani95", "--json")
     said = capsys.readouterr()
@@ -155,23 +146,8 @@ def test_colours_outside_of_models_are_counted_by_model_in_one_line(
     assert table.count("false") == 2 and table.count("true") == 1
 
 
-def test_looks_that_nothing_has_are_marked_and_counted(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def inverse(J: object, *_: object) -> np.ndarray:
-        return np.array([[1.0, 2.0, 3.0], [np.nan] * 3])
-
-    monkeypatch.setattr("volspec.appearance.models.rlab.inverse", inverse)
-    done("appearance", "--inverse", "60", "40", "90", "60", "400", "90", *RLAB, "--json")
-    said = capsys.readouterr()
-    here, nowhere = json.loads(said.out)
-    assert here["defined"] is True and (here["X"], here["Z"]) == (1.0, 3.0)
-    assert nowhere["defined"] is False and nowhere["Y"] is None
-    assert re.findall(r"\d+|RLAB", said.err) == ["1", "2", "RLAB"]
-
-
 def test_models_side_by_side_are_made_for_the_display_asked_for(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Capture
 ) -> None:
     chart = str(write_image(tmp_path / "i.exr"))
     words = ("appearance", "--image", chart, "--white", "A", "--model", "CAT02")
@@ -187,9 +163,7 @@ def test_models_side_by_side_are_made_for_the_display_asked_for(
 RLAB, CIELAB = ("--model", "RLAB"), ("--model", "CIELAB", "--white", "95.05,100,108.88")
 
 
-def test_every_input_of_hunt_s_and_nayatani_s_models_is_an_option(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_every_input_of_hunt_s_and_nayatani_s_models_is_an_option(capsys: Capture) -> None:
     hunt = HuntSettings(
         N_c=0.7,
         N_b=25.0,

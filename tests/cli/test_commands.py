@@ -13,6 +13,7 @@ import warnings
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
+import imageio.v3 as iio
 import numpy as np
 import pytest
 
@@ -20,22 +21,16 @@ from tests import conftest
 from tests.cli.test_render import interrupted
 from tests.support.commands import call, figures, refusal
 from tests.support.errors import raises
+from tests.support.fixtures import Capture, Patch
 from tests.support.scenes import BALL, DAY, write_scene_text
 from volspec import doctor
 from volspec._gpu import devices
 from volspec._gpu.sources import asset
-from volspec.basis import SpectralBasis
 from volspec.cli import main
 from volspec.errors import DeviceError, InputError, OpenGLError
 from volspec.export import demo as export_demo
-from volspec.export import read_frame_text
-from volspec.pipeline import raycast
-from volspec.raycast import Camera
 from volspec.relight import gpu as gl_engine
 from volspec.scene import Scene
-from volspec.spectra import light, reflectance
-from volspec.transfer import TransferFunction
-from volspec.volume import phantom
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -81,8 +76,6 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_demo_writes_everything_it_promises(demo: Path) -> None:
-    import imageio.v3 as iio
-
     frames = {path.name: iio.imread(path) for path in (demo / "frames").iterdir()}
     assert set(frames) == {"D65.png", "A.png", "FL2.png", "HP1.png", "D65+A.png"}
     for name, frame in frames.items():
@@ -98,9 +91,7 @@ def test_demo_writes_everything_it_promises(demo: Path) -> None:
     ]
 
 
-def test_a_demo_that_fails_leaves_no_empty_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_demo_that_fails_leaves_no_empty_folder(tmp_path: Path, monkeypatch: Patch) -> None:
     def full(_: object, out: Path, *__: object, **___: object) -> None:
         out.mkdir()
         raise InputError("no space left; free some", code="unwritable")
@@ -128,24 +119,7 @@ def test_the_demo_names_commands_that_parse() -> None:
         app.parse_args(words.format(out="volspec-demo"), exit_on_error=False, print_error=False)
 
 
-def test_daylight_hides_the_inserts_and_tungsten_shows_them(demo: Path) -> None:
-    """You should see grey rings under D65 and pink ones under A."""
-    import imageio.v3 as iio
-
-    def redness(name: str) -> float:
-        frame = iio.imread(demo / "frames" / name).astype(float)
-        return float(np.percentile(frame[..., 0] - frame[..., 1], 99))
-
-    assert redness("D65.png") < 8 and redness("A.png") > 30
-
-
-def test_frames_say_which_light_made_them(demo: Path) -> None:
-    assert "A" in read_frame_text(demo / "frames" / "A.png")["light"]
-
-
 def test_relight_of_a_stored_image_gives_the_demo_s_frame(demo: Path, tmp_path: Path) -> None:
-    import imageio.v3 as iio
-
     """The scene's viewing and backdrop travel in the file."""
     words = ("relight", str(demo / "engine.exr"), "--light", "A")
     assert call(*words, "-o", str(tmp_path / "a.png")) == 0
@@ -153,63 +127,25 @@ def test_relight_of_a_stored_image_gives_the_demo_s_frame(demo: Path, tmp_path: 
     assert np.abs(stored.astype(int) - fresh).max() <= 1
 
 
-def test_several_lights_give_several_files(demo: Path, tmp_path: Path) -> None:
-    words = ["relight", str(demo / "engine.exr"), "-o", str(tmp_path / "e.png")]
-    assert call(*words, "--light", "FL2", "--light", "D65*0.7+A*0.3") == 0
-    assert {p.name for p in tmp_path.iterdir()} == {"e-FL2.png", "e-D65-0.7+A-0.3.png"}
-
-
-def test_a_light_the_basis_does_not_know_is_warned_about(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Trained on daylight alone, the picture under sodium light is wrong and says so."""
-    spectra = ROOT / "data" / "spectra"
-    materials = {name: reflectance(f"{spectra}/engine-{name}.csv") for name in ("block", "inserts")}
-    basis = SpectralBasis.fit([light("D65"), light("A")], list(materials.values()), size=5)
-    transfer = TransferFunction([(0.1, 0.1, "block"), (0.7, 0.9, "inserts")], materials, basis)
-    ball = phantom.ball(16)
-    raycast(ball, transfer, Camera.orbit(ball), (32, 32)).save(tmp_path / "b.exr")
-    words = ["relight", str(tmp_path / "b.exr"), "--light", "HP2", "-o", str(tmp_path / "b.png")]
-    with warnings.catch_warnings():
-        warnings.simplefilter("default")
-        assert call(*words, "--mode", "componentwise") == 0
-        assert capsys.readouterr().err.count("use the mode") == 1
-        for mode in ("fitted", "exact"):
-            assert call(*words, "--mode", mode) == 0
-            assert capsys.readouterr().err == "", mode
-
-
 def test_an_interrupted_demo_says_so_and_leaves_nothing(tmp_path: Path) -> None:
     assert interrupted(tmp_path, "demo", "--out", "out")[0] == 130
     assert not (tmp_path / "out" / "sheet.png").exists()
 
 
-def test_render_writes_an_image_that_relight_reads(tmp_path: Path) -> None:
-    scene = ROOT / "data" / "scenes" / "engine.toml"
-    small = scene.read_text().replace("width = 512", "width = 64").replace('"../', f'"{ROOT}/data/')
-    (tmp_path / "small.toml").write_text(small)
-    assert call("render", str(tmp_path / "small.toml"), "-o", str(tmp_path / "s.exr")) == 0
-    out = tmp_path / "s.png"
-    assert call("relight", str(tmp_path / "s.exr"), "--light", "planck:3200", "-o", str(out)) == 0
-    assert out.exists()
-
-
-def test_info_prints_figures_for_people_and_machines(capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_prints_figures_for_people_and_machines(capsys: Capture) -> None:
     engine = ROOT / "data" / "engine.nrrd"
     assert call("info", engine) == 0
     assert "256 × 256 × 110" in capsys.readouterr().out
     assert figures(capsys, "info", engine)["shape"] == [256, 256, 110]
 
 
-def test_doctor_lists_devices(capsys: pytest.CaptureFixture[str]) -> None:
+def test_doctor_lists_devices(capsys: Capture) -> None:
     report = figures(capsys, "doctor")
     assert report["healthy"] and report["opencl"][0]["name"]
     assert call("doctor") == 0
 
 
-def test_doctor_names_what_brings_films_and_notebooks(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_doctor_names_what_brings_films_and_notebooks(monkeypatch: Patch, capsys: Capture) -> None:
     def missing(name: str) -> str:
         raise PackageNotFoundError(name)
 
@@ -239,7 +175,7 @@ def test_doctor_names_what_brings_films_and_notebooks(
     ],
 )
 def test_what_an_encoding_lacks_is_a_question_mark(
-    words: tuple[str, ...], exotic: str, encoding: str, monkeypatch: pytest.MonkeyPatch
+    words: tuple[str, ...], exotic: str, encoding: str, monkeypatch: Patch
 ) -> None:
     printed = io.BytesIO()
     with io.TextIOWrapper(printed, encoding, "strict") as stdout:
@@ -265,7 +201,7 @@ def test_bad_input_shows_a_traceback_if_asked() -> None:
 
 
 def test_without_opencl_the_remedy_is_named(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    monkeypatch: Patch, capsys: Capture, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(devices, "all_devices", list)
     error = refusal("demo", "--out", tmp_path / "out")
@@ -276,9 +212,7 @@ def test_without_opencl_the_remedy_is_named(
     assert "volspec[intel]" in capsys.readouterr().out
 
 
-def test_the_suite_s_last_lines_name_the_devices_or_say_none(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_suite_s_last_lines_name_the_devices_or_say_none(monkeypatch: Patch) -> None:
     def lacking() -> None:
         raise OpenGLError("OpenGL: no headless context (test)")
 
@@ -292,10 +226,8 @@ def test_the_suite_s_last_lines_name_the_devices_or_say_none(
 
 
 def test_without_gl_the_demo_works_with_one_warning(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], demo: Path, tmp_path: Path
+    monkeypatch: Patch, capsys: Capture, demo: Path, tmp_path: Path
 ) -> None:
-    import imageio.v3 as iio
-
     def lacking() -> None:
         raise OpenGLError("OpenGL: no headless context (test)")
 
@@ -309,9 +241,7 @@ def test_without_gl_the_demo_works_with_one_warning(
     assert np.abs(here.astype(int) - there).max() <= 1
 
 
-def test_a_kernel_that_does_not_build_names_device_options_and_line(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_kernel_that_does_not_build_names_device_options_and_line(monkeypatch: Patch) -> None:
     from volspec._gpu.opencl import Compute
     from volspec._gpu.sources import Source
     from volspec.errors import OpenCLError
@@ -344,7 +274,7 @@ def test_the_exit_code_stays_with_a_thread_in_an_extension() -> None:
 
 @pytest.mark.parametrize("words", ["light --list", "light --help", "light D65", "light D65 --json"])
 def test_a_pipe_that_nobody_reads_ends_the_command_quietly(
-    words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    words: str, monkeypatch: Patch, capsys: Capture
 ) -> None:
     ours, theirs = os.pipe()
     os.close(ours)
@@ -368,7 +298,7 @@ def test_a_pipe_that_nobody_reads_ends_the_command_quietly(
     ids=lambda words: words[0][:12],
 )
 def test_a_value_of_any_length_is_refused_in_one_short_line(
-    words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+    words: tuple[str, ...], capsys: Capture
 ) -> None:
     with pytest.raises(SystemExit) as ended:
         main(list(words))

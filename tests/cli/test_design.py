@@ -10,6 +10,7 @@ import pytest
 
 import volspec as vs
 from tests.support.commands import PALETTE, call, figures
+from tests.support.fixtures import Capture
 from volspec.palette import Apart
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -23,7 +24,7 @@ def palette(tmp_path: Path) -> Path:
 
 
 def test_it_writes_what_addresses_find_and_draws(
-    palette: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    palette: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     out, picture = tmp_path / "out.toml", tmp_path / "picture.svg"
     assert call("design", palette, "-o", out, "--figure", picture) == 0
@@ -35,16 +36,14 @@ def test_it_writes_what_addresses_find_and_draws(
     assert "<svg" in picture.read_text(encoding="utf-8")
 
 
-def test_json_holds_every_cell(palette: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_holds_every_cell(palette: Path, capsys: Capture) -> None:
     data = figures(capsys, "design", palette)
     assert [c["reflectance"] for c in data["cells"]] == ["a", "b"]
     assert data["cells"][0]["hex"] == "#4682b4" and data["max"] < 0.1
     assert data["metamers"][0]["reflectances"] == ["a", "b"]
 
 
-def test_a_designed_palette_can_be_designed_again(
-    palette: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_designed_palette_can_be_designed_again(palette: Path, capsys: Capture) -> None:
     assert call("design", palette, "-o", palette) == 0 == call("design", palette, "-o", palette)
     assert palette.read_text(encoding="utf-8").count("values = [") == 2
     assert "--again" in capsys.readouterr().err
@@ -61,9 +60,7 @@ def test_a_designed_palette_can_be_designed_again(
     assert palette.read_text(encoding="utf-8") != other, "a cell is not met"
 
 
-def test_options_add_reflectances_to_be_told_apart(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_options_add_reflectances_to_be_told_apart(tmp_path: Path, capsys: Capture) -> None:
     own, out = GALLERY / "colour-vision.toml", tmp_path / "out.toml"
     options = "--apart", "*", "--under", "for all", "--deficiency", "tritan", "--distance", "25"
     data = figures(capsys, "design", own, *options, "-o", out)
@@ -91,7 +88,7 @@ def test_the_command_of_a_gallery_s_palette_keeps_its_colours(name: str, tmp_pat
 
 @pytest.mark.parametrize("name", ["figure-1", "figure-2"])
 def test_a_gallery_s_palette_comes_out_in_the_colours_on_its_page(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: str, tmp_path: Path, capsys: Capture
 ) -> None:
     page = (ROOT / "docs/gallery/palette.md").read_text(encoding="utf-8")
     report = page.partition(f"volspec design data/palettes/{name}.toml")[2].partition("\n## ")[0]

@@ -9,11 +9,12 @@ from pathlib import Path
 import pytest
 
 from tests.support.commands import call
+from tests.support.fixtures import Capture
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 SHOWN = {
     command: printed.splitlines()
-    for page in ("appearance.md", "viewing.md")
+    for page in ("appearance.md", "viewing.md", "reflectance.md")
     for command, printed in re.findall(
         r"```\n\$ volspec (.*?)\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), re.DOTALL
     )
@@ -21,9 +22,7 @@ SHOWN = {
 
 
 @pytest.mark.parametrize("command", SHOWN)
-def test_commands_print_what_the_guide_shows(
-    command: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_commands_print_what_the_guide_shows(command: str, capsys: Capture) -> None:
     assert call(*shlex.split(command)) == 0
     said = capsys.readouterr()
     printed = [line.rstrip() for line in (said.out + said.err).splitlines()]
@@ -31,4 +30,4 @@ def test_commands_print_what_the_guide_shows(
 
 
 def test_each_page_shows_one() -> None:
-    assert {command.split()[0] for command in SHOWN} == {"appearance", "light"}
+    assert {command.split()[0] for command in SHOWN} == {"appearance", "light", "reflectance"}

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.support.commands import call
+from tests.support.fixtures import Capture, Patch
 from volspec.cli.inputs import open_scene
 from volspec.raycast import CoefficientImage
 from volspec.scene import Scene
@@ -19,7 +20,7 @@ SIZE = "--size", "24x16"
 
 
 @pytest.fixture
-def scans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def scans(tmp_path: Path, monkeypatch: Patch) -> Path:
     monkeypatch.chdir(tmp_path)
     folder = Path("scans")
     folder.mkdir()
@@ -40,7 +41,7 @@ def test_a_volume_is_rendered_as_its_new_scene_is(scans: Path) -> None:
     assert scene.file.camera.azimuth_deg == -90 and [each.name for each in scene.lights] == ["A"]
 
 
-def test_everyday_names_of_lights_are_told(scans: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_everyday_names_of_lights_are_told(scans: Path, capsys: Capture) -> None:
     """Lights of a volume's new scene, and those added to a page."""
     lights = "-l", "LED", "-l", "a"
     assert call("scene", "new", scans / "a.npy", "-o", "a.toml", *lights) == 0
@@ -76,7 +77,7 @@ def test_a_scene_takes_a_camera_too(scans: Path) -> None:
     "inputs", [["scans"], ["scans/*.npy"], ["scans/a.npy", "scans/b.npy"]], ids=repr
 )
 def test_a_batch_has_an_output_for_each_input(
-    scans: Path, inputs: list[str], capsys: pytest.CaptureFixture[str]
+    scans: Path, inputs: list[str], capsys: Capture
 ) -> None:
     assert call("render", *inputs, "-o", "out", *SIZE) == 0
     assert sorted(path.name for path in Path("out").iterdir()) == ["a.exr", "b.exr"]
@@ -89,9 +90,7 @@ def test_a_pattern_names_the_outputs_of_a_batch(scans: Path) -> None:
     assert (Path("films/a-A/A.png")).is_file() and (Path("pages/b.html")).is_file()
 
 
-def test_a_batch_goes_on_after_an_input_that_cannot_be_read(
-    scans: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_batch_goes_on_after_an_input_that_cannot_be_read(scans: Path, capsys: Capture) -> None:
     (scans / "aa.nrrd").write_text("not a volume")
     assert call("export", "scans", "-o", "out", "--light", "A", "--json", *SIZE) == 1
     printed = capsys.readouterr()

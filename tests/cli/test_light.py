@@ -9,12 +9,13 @@ import pytest
 
 from tests.support.commands import call
 from tests.support.commands import figures as command_figures
+from tests.support.fixtures import Capture
 from volspec.spectra.photometry import correlated_temperature
 
 LAMP = "lamp:tungsten-2850"
 
 
-def figures(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, float | None]:
+def figures(capsys: Capture, *words: str) -> dict[str, float | None]:
     return dict(command_figures(capsys, "light", *words))
 
 
@@ -28,7 +29,7 @@ def figures(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, float 
     ],
 )
 def test_illuminants_have_their_colour_and_temperature(
-    name: str, x: float, y: float, kelvin: float, Duv: float, capsys: pytest.CaptureFixture[str]
+    name: str, x: float, y: float, kelvin: float, Duv: float, capsys: Capture
 ) -> None:
     found = figures(capsys, name)
     # CIE 15 sums the spiky FL2 at 5 nm.
@@ -38,7 +39,7 @@ def test_illuminants_have_their_colour_and_temperature(
     assert found["Y"] == pytest.approx(100) and found["lamp_lm_per_W"] is None
 
 
-def test_a_lamp_is_counted_from_its_watts(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_lamp_is_counted_from_its_watts(capsys: Capture) -> None:
     words = ("--power-W", "100", "--distance-m", "1")
     found = figures(capsys, LAMP, *words)
     assert found["lamp_lm_per_W"] == 15 and found["flux_lm"] == 1500
@@ -49,7 +50,7 @@ def test_a_lamp_is_counted_from_its_watts(capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_black_bodies_lie_on_their_locus_and_saturated_lights_have_no_temperature(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Capture
 ) -> None:
     for kelvin in (1200, 5000, 7500, 20_000):
         found = figures(capsys, f"planck:{kelvin}")
@@ -71,7 +72,7 @@ def test_black_bodies_lie_on_their_locus_and_saturated_lights_have_no_temperatur
     ],
 )
 def test_names_are_listed_for_people_and_programs(
-    command: str, search: str, known: str, capsys: pytest.CaptureFixture[str]
+    command: str, search: str, known: str, capsys: Capture
 ) -> None:
     def listed(*words: str) -> str:
         assert call(command, "--list", *words) == 0
@@ -84,9 +85,7 @@ def test_names_are_listed_for_people_and_programs(
     assert len(found) < len(listed().splitlines())
 
 
-def test_rendition_and_metamerism_are_figures_for_programs(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_rendition_and_metamerism_are_figures_for_programs(tmp_path: Path, capsys: Capture) -> None:
     picture = tmp_path / "f.png"
     call("light", "FL2", "--figure", str(picture), "--json")
     found = json.loads(capsys.readouterr().out)
@@ -104,9 +103,7 @@ def test_rendition_and_metamerism_are_figures_for_programs(
     assert pair["delta_E"] > 0 and 0 < pair["general"] < 1
 
 
-def test_the_efficacy_counts_380_to_780_nm_exactly(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_efficacy_counts_380_to_780_nm_exactly(tmp_path: Path, capsys: Capture) -> None:
     """Power just within the range counts, and power just beyond does not."""
     found = {}
     for line in ("778,0\n779,2\n780,0", "780,0\n781,2\n782,0"):

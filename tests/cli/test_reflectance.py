@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import warnings
 from pathlib import Path
 
@@ -13,6 +12,7 @@ import pytest
 from PIL import Image
 
 from tests.support.commands import call as command
+from tests.support.fixtures import Capture
 from volspec.spectra import SpectralImage, XYZ_from_spectra, light, reflectance, white_XYZ
 from volspec.spectra.construct.colours import XYZ_from_sRGB
 
@@ -21,18 +21,7 @@ def call(*words: str) -> int:
     return command("reflectance", *words)
 
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
-
-
-def test_the_guide_shows_what_the_command_prints(capsys: pytest.CaptureFixture[str]) -> None:
-    guide = (DOCS / "reflectance.md").read_text(encoding="utf-8")
-    shown = re.search(r"```\n\$ volspec reflectance \"(.*?)\"\n(.*?)```", guide, re.DOTALL)
-    assert shown is not None and call(shown[1]) == 0
-    printed = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
-    assert printed == shown[2].splitlines()
-
-
-def test_json_holds_the_mix_the_lights_and_the_spectrum(capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_holds_the_mix_the_lights_and_the_spectrum(capsys: Capture) -> None:
     assert call("30", "27", "9", "--light", "A", "--under", "FL11", "--json") == 0
     said = json.loads(capsys.readouterr().out)
     assert [said[key] for key in "XYZ"] == [30, 27, 9]
@@ -44,9 +33,7 @@ def test_json_holds_the_mix_the_lights_and_the_spectrum(capsys: pytest.CaptureFi
     )
 
 
-def test_a_colour_outside_is_extended_and_one_beyond_is_warned_of(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_colour_outside_is_extended_and_one_beyond_is_warned_of(capsys: Capture) -> None:
     assert call("red", "--json") == 0
     assert json.loads(capsys.readouterr().out)["constructed"] == "extended"
     with warnings.catch_warnings():
@@ -67,9 +54,7 @@ def test_the_spectrum_file_is_what_scenes_read(tmp_path: Path) -> None:
     assert (width, height) == (1024, 544)
 
 
-def test_a_photograph_becomes_a_spectral_picture(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_photograph_becomes_a_spectral_picture(tmp_path: Path, capsys: Capture) -> None:
     photo, picture = tmp_path / "photo.png", tmp_path / "photo.exr"
     codes = np.random.default_rng(3).integers(0, 256, (8, 12, 3), dtype=np.uint8)
     codes[:4] = codes[0, 0]
@@ -85,7 +70,7 @@ def test_a_photograph_becomes_a_spectral_picture(
 
 
 def test_transparency_and_profiles_are_left_out_with_a_word(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Capture
 ) -> None:
     photo = tmp_path / "photo.png"
     Image.new("RGBA", (2, 2), (90, 80, 70, 9)).save(photo, icc_profile=b"of a wide display")

@@ -19,6 +19,7 @@ from tests.support.commands import (
     write_spectral_image,
 )
 from tests.support.commands import call as command
+from tests.support.fixtures import Capture, Patch
 from volspec.appearance import Viewing
 from volspec.basis import SpectralBasis
 from volspec.export import read_frame_text
@@ -34,7 +35,7 @@ def call(*words: object) -> int:
 
 
 def test_errors_writes_a_map_beside_each_frame_and_says_its_figures(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: Capture
 ) -> None:
     chart = write_image(tmp_path / "chart.exr")
     words = (chart, "--light", "FL4", "--light", "A", "-o", tmp_path / "F.png", "--backdrop", "0.5")
@@ -49,12 +50,6 @@ def test_errors_writes_a_map_beside_each_frame_and_says_its_figures(
         assert np.array_equal(iio.imread(drawn), found.image())
         assert read_frame_text(drawn)["light"] == name
         assert "".join(f"{drawn}: {found}".split()) in printed
-
-
-def test_without_the_option_no_map_is_written(tmp_path: Path) -> None:
-    chart = write_image(tmp_path / "chart.exr")
-    assert call(chart, "--light", "FL4", "-o", tmp_path / "F.png") == 0
-    assert {p.name for p in tmp_path.iterdir()} == {"chart.exr", "F.png"}
 
 
 def test_a_material_is_shown_with_another_reflectance(tmp_path: Path) -> None:
@@ -142,9 +137,7 @@ def test_a_setting_is_one_light_among_several(tmp_path: Path) -> None:
     assert names == {"chart.exr", "F-key-A--fill-D65.png", "F-D65.png"}
 
 
-def test_a_light_stays_one_whatever_its_file_is_called(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_light_stays_one_whatever_its_file_is_called(tmp_path: Path, monkeypatch: Patch) -> None:
     """A group's name before the first =, and a ; in the file's name."""
     monkeypatch.chdir(tmp_path)
     chart = write_grouped_image(tmp_path / "chart.exr")
@@ -166,7 +159,7 @@ def test_a_light_stays_one_whatever_its_file_is_called(
     ],
 )
 def test_a_warning_tells_of_a_light_that_the_mode_does_not_hold(
-    mode: str, lamp: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    mode: str, lamp: str, said: str, tmp_path: Path, capsys: Capture
 ) -> None:
     chart = write_image(tmp_path / "chart.exr")
     with warnings.catch_warnings():
@@ -181,7 +174,7 @@ def test_a_warning_tells_of_a_light_that_the_mode_does_not_hold(
 
 @pytest.mark.parametrize("level", ["relative", "absolute"])
 def test_lux_of_the_scene_s_lights_are_told_and_can_be_given(
-    level: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    level: str, tmp_path: Path, capsys: Capture
 ) -> None:
     """Options suggested by the note give the picture of an export."""
     image = CoefficientImage.load(write_image(tmp_path / "chart.exr"))
@@ -206,7 +199,7 @@ def test_lux_of_the_scene_s_lights_are_told_and_can_be_given(
 
 @pytest.mark.parametrize("exposure", ["1e-6", "1e6"])
 def test_a_frame_that_shows_nothing_is_warned_of(
-    exposure: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    exposure: str, tmp_path: Path, capsys: Capture
 ) -> None:
     chart = write_image(tmp_path / "chart.exr")
     with warnings.catch_warnings():

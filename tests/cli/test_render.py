@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.support.commands import call, figures
+from tests.support.fixtures import Capture, Patch
 from tests.support.patience import PATIENCE_S
 from tests.support.scenes import BALL, DAY, SMALL, write_scene_text
 from volspec.errors import OpenCLError
@@ -32,7 +33,7 @@ def scene(tmp_path: Path) -> Path:
     return write_scene_text(tmp_path, BALL + GROUPS + DAY + SMALL, 16)
 
 
-def test_render_says_what_it_wrote(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_render_says_what_it_wrote(scene: Path, capsys: Capture) -> None:
     out = scene.with_name("i.exr")
     assert call("render", scene, "-o", out) == 0
     printed = capsys.readouterr()
@@ -61,7 +62,7 @@ def test_size_and_half_are_taken_in_place_of_the_scene_s(scene: Path) -> None:
 
 
 def test_a_device_that_fails_is_told_in_one_line(
-    scene: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    scene: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     def fail(*_: object, **__: object) -> None:
         raise OpenCLError("pocl: out of\nmemory; cast it smaller")
@@ -102,9 +103,7 @@ def test_an_interrupted_cast_leaves_the_image_that_was_there(scene: Path) -> Non
     assert out.read_bytes() == b"mine" and sorted(scene.parent.iterdir()) == before
 
 
-def test_info_lists_labels_with_their_names(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_info_lists_labels_with_their_names(tmp_path: Path, capsys: Capture) -> None:
     np.save(tmp_path / "v.npy", np.kron([[[0, 0], [1, 2]]] * 2, np.ones((4, 4, 4), np.uint8)))
     assert figures(capsys, "info", tmp_path / "v.npy")["labels"] == {"1": "", "2": ""}
     (tmp_path / "v.txt").write_text("1 liver\n2 spleen\n")
@@ -118,9 +117,7 @@ def test_info_lists_labels_with_their_names(
 MATERIAL_BASIS = '[basis]\nmethod = "materials"\n'
 
 
-def test_layers_are_cast_and_fade_when_relit(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_layers_are_cast_and_fade_when_relit(tmp_path: Path, capsys: Capture) -> None:
     """You should see the ball, then a thinner one, then nothing of it."""
     scene = write_scene_text(tmp_path, BALL + MATERIAL_BASIS + GROUPS + DAY + SMALL, 16)
     out = tmp_path / "i.exr"

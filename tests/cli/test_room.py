@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 from PIL import Image
 
 from tests.support.commands import figures, write_files
+from tests.support.fixtures import Capture, Patch
 
 
 def test_a_ranking_prints_figures_and_paints_the_picture(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: Patch, capsys: Capture
 ) -> None:
     write_files(tmp_path)
     monkeypatch.chdir(tmp_path)

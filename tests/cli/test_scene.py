@@ -11,6 +11,7 @@ import pytest
 
 from tests.support.commands import SCENE
 from tests.support.commands import call as command
+from tests.support.fixtures import Capture
 from volspec.volume import phantom
 
 
@@ -29,13 +30,13 @@ def written(path: Path, text: str) -> Path:
     return path
 
 
-def test_a_scene_that_is_well_is_one_line(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_scene_that_is_well_is_one_line(good: Path, capsys: Capture) -> None:
     assert call("check", good) == 0
     (line,) = capsys.readouterr().out.splitlines()
     assert line.startswith(f"{good}: ok: ") and "10 × 11 × 12" in line and "general-7" in line
 
 
-def test_names_are_shown_and_never_obeyed(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_names_are_shown_and_never_obeyed(good: Path, capsys: Capture) -> None:
     name = "a\x1b[31m\u202e\nb größer 骨"
     group = f'[[group]]\nname = {json.dumps(name)}\nsources = [{{ kind = "headlight" }}]\n'
     wrong = written(good.with_name("wrong\x1b[1m.toml"), SCENE + group)
@@ -45,7 +46,7 @@ def test_names_are_shown_and_never_obeyed(good: Path, capsys: pytest.CaptureFixt
     assert "good\\u202e.toml: ok: " in second
 
 
-def test_figures_are_json(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_figures_are_json(good: Path, capsys: Capture) -> None:
     bad = written(good.with_name("bad.toml"), "volume = 3\n")
     assert call("check", "--json", good, bad) == 1
     first, second = json.loads(capsys.readouterr().out)
@@ -63,7 +64,7 @@ def test_figures_are_json(good: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert not second["ok"] and len(second["errors"]) == 4
 
 
-def test_surfaces_are_written_for_mitsuba(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_surfaces_are_written_for_mitsuba(good: Path, capsys: Capture) -> None:
     mesh = '[[mesh]]\nshape = "plane"\nsize_mm = 9.0\nmaterial = "core"\n'
     sun = '[[group]]\nname = "sun"\nsources = [{ kind = "directional", towards = [0, 0, 1], '
     scene = written(good.with_name("mesh.toml"), f"{SCENE}{sun}shadows = true }}]\n{mesh}")
@@ -76,7 +77,7 @@ def test_surfaces_are_written_for_mitsuba(good: Path, capsys: pytest.CaptureFixt
     assert call("mitsuba", scene, "-o", target, "--light", "moon") == 1
 
 
-def test_the_schema_is_the_one_that_ships(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_schema_is_the_one_that_ships(capsys: Capture) -> None:
     assert call("schema") == 0
     shipped = Path(__file__).resolve().parents[2] / "data" / "scenes" / "scene.schema.json"
     assert capsys.readouterr().out == shipped.read_text(encoding="utf-8")

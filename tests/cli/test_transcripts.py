@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.commands import write_files
+from tests.support.fixtures import Patch
 from volspec import cli
 
 FOLDER = Path(__file__).parent / "transcripts"
@@ -43,10 +44,7 @@ def transcript(text: str) -> str:
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in FOLDER.glob("*.txt")))
 def test_commands_print_their_transcripts(
-    name: str,
-    files: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    request: pytest.FixtureRequest,
+    name: str, files: Path, monkeypatch: Patch, request: pytest.FixtureRequest
 ) -> None:
     monkeypatch.chdir(files)
     monkeypatch.setenv("COLUMNS", "100")

@@ -57,10 +57,6 @@ def test_what_is_left_out_is_as_in_the_scene() -> None:
     assert onto(surround=0.1, Y_b=20.0, L_A=9.0) == replace(own, surround=0.1, Y_b=20.0, L_A=9.0)
     shown = replace(own.display, space="sRGB", gamut="reduce", mark=False)
     assert onto(space="sRGB", gamut="reduce", mark=False) == replace(own, display=shown)
-
-
-def test_colour_vision_is_simulated_as_asked() -> None:
-    own = OWN.viewing
     assert onto(deficiency="deutan") == replace(own, deficiency="deutan")
     mild = replace(own, deficiency="tritan", severity=0.25)
     assert onto(deficiency="tritan", severity=0.25) == mild

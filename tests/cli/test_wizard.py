@@ -12,6 +12,7 @@ import pytest
 import volspec as vs
 from tests.support.commands import call as command
 from tests.support.commands import refusal, write_wizard_scene
+from tests.support.fixtures import Capture
 from volspec.appearance.models.cielab import delta_E_2000
 from volspec.palette import load_palette
 from volspec.wizard.result import displayed_Lab
@@ -35,7 +36,7 @@ def refused(*words: object) -> str:
 
 
 def test_hide_writes_a_scene_that_renders_and_keeps_its_comments(
-    ball: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ball: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     new = tmp_path / "elsewhere" / "new.toml"
     assert call("hide", ball, "core", "--under", "lamp", "--in", "shell", "-o", new) == 0
@@ -59,9 +60,7 @@ def test_hide_writes_a_scene_that_renders_and_keeps_its_comments(
     assert palette.cells["core", "lamp"].other == ("shell", "lamp")
 
 
-def test_a_new_light_is_a_row_of_the_new_scene(
-    ball: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_new_light_is_a_row_of_the_new_scene(ball: Path, capsys: Capture) -> None:
     new = ball.with_name("dark.toml")
     words = ("--under", "dark", "--black", "--like", "day", "--json", "-o", new)
     assert call("hide", ball, "core", *words) == 0
@@ -75,21 +74,15 @@ def test_a_new_light_is_a_row_of_the_new_scene(
     assert [light.name for light in vs.Scene.load(new).lights] == ["day", "lamp", "tube", "dark"]
 
 
-def test_reveal_merge_and_keep_write_theirs(ball: Path) -> None:
-    out = ball.with_name("out.toml")
-    assert call("reveal", ball, "core", "--under", "day", "--distance", "25", "-o", out) == 0
-    assert call("merge", ball, "core", "stone", "--under", "day", "--average", "-o", out) == 0
+def test_reveal_and_merge_write_theirs(ball: Path) -> None:
+    under = ("--under", "day", "-o", ball.with_name("out.toml"))
     colours = ("--colour", "firebrick", "--colour", "#4080c0")
-    assert (
-        call("merge", ball, "core", "stone", "--under", "day", "--split", "x", *colours, "-o", out)
-        == 0
-    )
-    assert call("keep", ball, "stone", "-o", out) == 0
+    assert call("reveal", ball, "core", "--distance", "25", *under) == 0
+    assert call("merge", ball, "core", "stone", "--average", *under) == 0
+    assert call("merge", ball, "core", "stone", "--split", "x", *colours, *under) == 0
 
 
-def test_keep_prints_how_constant_the_colour_is(
-    ball: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_keep_prints_how_constant_the_colour_is(ball: Path, capsys: Capture) -> None:
     out = ball.with_name("out.toml")
     assert call("keep", ball, "stone", "-o", out) == 0
     table = capsys.readouterr().out
@@ -104,9 +97,7 @@ def test_keep_prints_how_constant_the_colour_is(
     assert "stone from day" in table and f"{rows[1]['constancy']['stone']:.2f}" in table
 
 
-def test_a_new_light_of_lamps_comes_with_their_shares(
-    ball: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_new_light_of_lamps_comes_with_their_shares(ball: Path, capsys: Capture) -> None:
     lamps = [word for name in ("LED-B1", "LED-RGB1", "HP1") for word in ("--lamp", name)]
     words = ("merge", ball, "shell", "core", "--under", "day", "--split", "apart", *lamps)
     out = ball.with_name("out.toml")
@@ -123,19 +114,13 @@ def test_a_new_light_of_lamps_comes_with_their_shares(
     assert f"{best}*{round(shares[best], 4):g}" in text
 
 
-def test_colours_that_are_apart_already_are_told(
-    ball: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("words", [("reveal", "--distance", "1"), ("hide", "--black")])
+def test_what_needs_no_new_light_is_told(
+    ball: Path, capsys: Capture, words: tuple[str, ...]
 ) -> None:
-    words = ("core", "--under", "day", "--distance", "1", "-o", ball.with_name("apart.toml"))
-    assert call("reveal", ball, *words) == 0
-    assert "'day'" in capsys.readouterr().err
-
-
-def test_a_black_under_an_even_light_is_told_to_be_black_everywhere(
-    ball: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    new = ball.with_name("black.toml")
-    assert call("hide", ball, "core", "--under", "day", "--black", "-o", new) == 0
+    """Colours that are apart already; a black under an even light, which is black everywhere."""
+    kind, *more = words
+    assert call(kind, ball, "core", "--under", "day", *more, "-o", ball.with_name("new.toml")) == 0
     assert "'day'" in capsys.readouterr().err
 
 

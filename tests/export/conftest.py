@@ -13,40 +13,27 @@ from volspec.volume import phantom
 
 SCENE = """
 title = "Ball"
-
 version = 2
-[volume]
-file = "ball.npy"
-
-[[material]]
-name = "gold"
-reflectance = "gold"
-
-[[material]]
-name = "grey"
-reflectance = "grey:0.5"
-
+volume = { file = "ball.npy" }
+basis = { name = "general-7" }
+material = [
+    { name = "gold", reflectance = "gold" },
+    { name = "grey", reflectance = "grey:0.5" },
+]
 [transfer]
 points = [
     { value = 0.2, opacity = 0.0, material = "grey" },
     { value = 0.6, opacity = 0.5, material = { gold = 0.8, grey = 0.2 } },
 ]
-
-[basis]
-name = "general-7"
-
 [[light]]
 name = "day"
 spectrum = "D65"
-
 [[light]]
 name = "lamp"
 spectrum = "A"
-
 [[light]]
 name = "tube"
 spectrum = "FL2"
-
 [output]
 width = 32
 height = 24

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from tests.export.conftest import Make
+from tests.support.fixtures import Patch
 from volspec.basis import SpectralBasis
 from volspec.export import tiles
 from volspec.export.annotate import (
@@ -104,7 +105,7 @@ def test_transparent_pictures_get_opaque_marks() -> None:
 
 
 def test_strips_of_a_large_picture_have_the_marks_of_the_whole(
-    scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    scene: Make, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     settings: dict[str, Any] = {"lights": ["day"], "size": (200, 256), "annotate": MARKS}
     scene().export(tmp_path / "whole", **settings)

@@ -31,7 +31,7 @@ from tests.export._layers import (
 )
 from tests.support.commands import GENERAL, METALS, call
 from tests.support.errors import raises
-from volspec._gpu.sources import asset
+from tests.support.fixtures import Patch
 from volspec.appearance import Viewing
 from volspec.appearance.spaces import SPACES
 from volspec.basis import Basis
@@ -239,7 +239,7 @@ def test_nuke_s_group_has_a_knob_for_each_opacity(
         assert np.abs(found[..., 3] - picture.alpha).max() < OPACITIES[shadows]
 
 
-def test_blender_s_nodes_are_the_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_blender_s_nodes_are_the_frame(tmp_path: Path, monkeypatch: Patch) -> None:
     """Seen in Blender 3.4 and 5.0 on the engine: CIEDE2000 below 1e-4 from volspec's own frames."""
     image = made()
     stored(tmp_path / "i.exr", image)
@@ -268,11 +268,7 @@ def test_blender_s_nodes_are_the_frame(tmp_path: Path, monkeypatch: pytest.Monke
 @KINDS
 @pytest.mark.parametrize("opacities", STATES, ids=str)
 def test_blender_s_nodes_have_the_opacities(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    opacities: dict[str, float],
-    shadows: bool,
-    solid: bool,
+    tmp_path: Path, monkeypatch: Patch, opacities: dict[str, float], shadows: bool, solid: bool
 ) -> None:
     """Rendered in Blender 4.5 and 5.0 on the engine: at most 3e-7 from these pictures.
 
@@ -349,14 +345,7 @@ def test_a_recipe_that_does_not_fit_its_channels_is_refused(make: Any, code: str
         make()
 
 
-def test_blender_s_script_says_where_its_image_is_once() -> None:
-    text = asset("data/compositing/blender.py").read_text(encoding="utf-8")
-    assert text.count('IMAGE = "IMAGE.exr"') == 1
-
-
-def test_the_guide_s_python_reads_both_kinds_of_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_guide_s_python_reads_both_kinds_of_file(tmp_path: Path, monkeypatch: Patch) -> None:
     monkeypatch.chdir(tmp_path)
     guide = Path(__file__).resolve().parents[2] / "docs" / "compositing.md"
     relit, seen = re.findall(r"```python\n(.*?)```", guide.read_text(encoding="utf-8"), re.DOTALL)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,9 @@ import OpenEXR
 import pytest
 from numpy.typing import NDArray
 
+from tests.export._layers import opened
 from tests.raycast.test_layered import SIZE, SPEC, function
-from tests.support.commands import call, refusal
+from tests.support.commands import call
 from tests.support.errors import raises
 from tests.support.raycasts import soft_ball
 from volspec.errors import ImageError
@@ -46,11 +48,6 @@ def recipe(image: CoefficientImage) -> Recipe:
     return Recipe.of(image.basis, image.groups, {"day": light("D65"), "lamp": light("A")})
 
 
-def opened(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    with OpenEXR.File(str(path), separate_channels=True) as file:
-        return dict(file.header()), {k: c.pixels for k, c in file.channels().items()}
-
-
 def over(channels: dict[str, NDArray[Any]], nearer_than: float = np.inf) -> dict[str, Any]:
     """Flatten what is nearer than a distance by over, in order of Z; samples are slabs."""
     flat = {name: np.zeros(channels["A"].shape) for name in channels if name[0] != "Z"}
@@ -73,34 +70,25 @@ def over(channels: dict[str, NDArray[Any]], nearer_than: float = np.inf) -> dict
 def test_flattened_samples_are_the_recomposed_picture(
     image: CoefficientImage, recipe: Recipe, tmp_path: Path, opacities: dict[str, float]
 ) -> None:
+    """Flattened here, and by OpenImageIO if it is installed."""
     save_deep(image, tmp_path / "deep.exr", recipe, opacities)
     header, channels = opened(tmp_path / "deep.exr")
     assert header["type"] == OpenEXR.deepscanline
-    flat, picture = over(channels), image.recompose(opacities)
-    assert np.abs(flat["A"] - picture.alpha).max() < ROUNDED
-    names = [f"{group}.c{k:02d}.V" for group in ("key", "sky_2") for k in range(3)]
-    found = np.dstack([flat[name] for name in names])
-    assert np.abs(found - picture.coefficients).max() < ROUNDED
-    RGB = np.dstack([flat[colour] for colour in "RGB"])
-    assert np.abs(RGB - recipe.picture(picture, "day")).max() < ROUNDED
     assert list(json.loads(header["volspec:compositing"])["lights"]) == ["day", "lamp"]
+    ways, picture = [over(channels)], image.recompose(opacities)
+    if find_spec("OpenImageIO"):
+        import OpenImageIO as oiio
 
-
-@pytest.mark.parametrize("opacities", STATES, ids=str)
-def test_another_library_flattens_them_alike(
-    image: CoefficientImage, recipe: Recipe, tmp_path: Path, opacities: dict[str, float]
-) -> None:
-    oiio = pytest.importorskip("OpenImageIO")
-    save_deep(image, tmp_path / "deep.exr", recipe, opacities)
-    source = oiio.ImageBuf(str(tmp_path / "deep.exr"))
-    assert source.deep
-    flat = oiio.ImageBufAlgo.flatten(source)
-    pixels = dict(zip(flat.spec().channelnames, np.moveaxis(flat.get_pixels(), -1, 0), strict=True))
-    picture = image.recompose(opacities)
-    assert np.abs(pixels["A"] - picture.alpha).max() < ROUNDED
-    assert np.abs(pixels["key.c01.V"] - picture.coefficients[..., 1]).max() < ROUNDED
-    RGB = np.dstack([pixels[colour] for colour in "RGB"])
-    assert np.abs(RGB - recipe.picture(picture, "day")).max() < ROUNDED
+        flat = oiio.ImageBufAlgo.flatten(oiio.ImageBuf(str(tmp_path / "deep.exr")))
+        bands = np.moveaxis(flat.get_pixels(), -1, 0)
+        ways.append(dict(zip(flat.spec().channelnames, bands, strict=True)))
+    names = [f"{group}.c{k:02d}.V" for group in ("key", "sky_2") for k in range(3)]
+    for pixels in ways:
+        assert np.abs(pixels["A"] - picture.alpha).max() < ROUNDED
+        found = np.dstack([pixels[name] for name in names])
+        assert np.abs(found - picture.coefficients).max() < ROUNDED
+        RGB = np.dstack([pixels[colour] for colour in "RGB"])
+        assert np.abs(RGB - recipe.picture(picture, "day")).max() < ROUNDED
 
 
 def test_a_card_in_the_middle_holds_out_what_is_behind_it(
@@ -163,19 +151,26 @@ def test_the_command_writes_deep_and_faded_images(
     assert np.abs(np.dstack([flat[colour] for colour in "RGB"]) - lit).max() < 2e-3
 
 
+@pytest.mark.parametrize(
+    ("name", "changes", "opacities", "code"),
+    [
+        ("d.exr", {"opacity_layers": None}, {}, "unsupported"),
+        ("d.exr", {}, {"silver": 1}, "unknown"),
+        ("d.png", {}, {}, None),
+    ],
+)
 def test_what_has_no_deep_samples_is_refused(
-    image: CoefficientImage, recipe: Recipe, tmp_path: Path
+    image: CoefficientImage,
+    recipe: Recipe,
+    tmp_path: Path,
+    name: str,
+    changes: Any,
+    opacities: Any,
+    code: str | None,
 ) -> None:
-    bare = replace(image, opacity_layers=None)
-    with raises(ImageError, "unsupported"):
-        save_deep(bare, tmp_path / "d.exr", recipe)
-    with raises(ImageError, "unknown"):
-        save_deep(image, tmp_path / "d.exr", recipe, {"silver": 1})
-    with raises(ImageError):
-        save_deep(image, tmp_path / "d.png", recipe)
-    image.save(tmp_path / "i.exr")
-    assert refusal("compositing", tmp_path / "i.exr", "--deep", "-o", tmp_path / "d.exr")
-    assert not (tmp_path / "d.exr").exists()
+    with raises(ImageError, code):
+        save_deep(replace(image, **changes), tmp_path / name, recipe, opacities)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_an_empty_picture_has_no_samples(

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.export.conftest import Make
+from tests.support.fixtures import Patch
 from volspec.errors import VolspecWarning
 from volspec.export import tiles
 from volspec.export.frames import BlankFrames
@@ -42,7 +43,7 @@ def test_a_bright_picture_is_not_told(scene: Make, tmp_path: Path) -> None:
 
 
 def test_many_frames_and_their_strips_are_one_warning(
-    scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    scene: Make, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     monkeypatch.setattr(tiles, "STRIP_SIDE", 64)
     made = scene(LUX.format(1e-9))

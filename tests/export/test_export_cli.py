@@ -5,14 +5,13 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import pytest
-
 from tests.export.conftest import Make
 from tests.support.commands import call, figures
+from tests.support.fixtures import Capture
 
 
 def test_the_command_makes_frames_and_tells_of_them(
-    scene: Make, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    scene: Make, tmp_path: Path, capsys: Capture
 ) -> None:
     out = tmp_path / "out"
     words = ("export", scene().path, "-o", out, "--size", "16x12", "--turntable", 2, "-l", "day")
@@ -25,7 +24,7 @@ def test_the_command_makes_frames_and_tells_of_them(
 
 
 def test_a_turntable_is_one_turn_unless_more_lights_are_asked_for(
-    scene: Make, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    scene: Make, tmp_path: Path, capsys: Capture
 ) -> None:
     def files(name: str, *more: object, scene_text: str = "") -> list[str]:
         path = scene(scene_text).path

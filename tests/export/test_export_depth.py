@@ -12,6 +12,7 @@ from tests.cli.test_render import read_codes
 from tests.export.conftest import SCENE
 from tests.support.commands import call
 from tests.support.errors import raises
+from tests.support.fixtures import Capture
 from volspec.errors import SceneError, VolspecWarning
 from volspec.export.plan import check_scene
 from volspec.raycast import CoefficientImage, DepthEffects
@@ -23,15 +24,12 @@ DEEP = SCENE.replace('name = "general-7"', 'method = "materials"') + "[raycast]\
 PULL = """
 [depth]
 aperture_mm = 12
-
 [[keyframe]]
 time_s = 0
 depth = { focus_mm = 30 }
-
 [[keyframe]]
 time_s = 1
 depth = { focus_mm = 120, near_mm = 1 }
-
 [export]
 fps = 2
 lights = ["day"]
@@ -98,7 +96,7 @@ def test_coefficient_images_without_it_are_those_of_render(
 
 
 def test_an_image_is_relit_with_the_depth_of_its_scene(
-    ball_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ball_folder: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     scene = made(ball_folder, "[depth]\nnear_mm = 50\n")
     image, frame = tmp_path / "ball.exr", tmp_path / "ball.png"

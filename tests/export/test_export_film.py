@@ -14,6 +14,7 @@ from PIL import Image
 from tests.export.conftest import Make
 from tests.export.test_files_whole import left_by_a_kill
 from tests.support.errors import raises
+from tests.support.fixtures import Patch
 from volspec.appearance.spaces import SPACES
 from volspec.errors import DeviceError, InputError, VolspecWarning
 from volspec.export import film
@@ -90,7 +91,7 @@ def test_wide_primaries_are_told(scene: Make, tmp_path: Path) -> None:
 
 
 def test_a_film_that_fails_is_not_there_and_what_was_stays(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: Patch
 ) -> None:
     pytest.importorskip("imageio_ffmpeg")
     Image.new("RGB", (8, 8)).save(tmp_path / "f.png")
@@ -124,7 +125,7 @@ def test_what_no_film_can_hold_is_refused_first(
 
 @pytest.mark.parametrize("program", ["", "/no/such/program", sys.executable])
 def test_an_ffmpeg_that_there_is_not_is_told_before_the_frames_are_made(
-    program: str, scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    program: str, scene: Make, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     """The extra is not installed, or a variable names no ffmpeg."""
     if program:

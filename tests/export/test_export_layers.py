@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from tests.export._layers import HALF, opened
 from tests.export.conftest import Make
 from tests.support.commands import call
+from tests.support.fixtures import Patch
 from volspec.export import tiles
 from volspec.export.compositing import Recipe
 from volspec.export.spectral import write_spectral_frame
@@ -37,7 +37,7 @@ def test_spectral_frames_are_those_that_relight_writes(scene: Make, tmp_path: Pa
 
 
 def test_spectral_frames_grow_strip_by_strip_and_need_no_eye(
-    scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    scene: Make, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     made = scene('[viewing]\nadapting = "pixel"\n')
     settings = {**SPECTRAL, "lights": ["day", "lamp"], "size": (8, 160), "sheet": False}
@@ -86,7 +86,7 @@ def test_coefficients_of_keyframes_keep_the_numbers_of_its_frames(
 
 
 def test_large_coefficients_are_put_together_of_windows_with_their_depth(
-    scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    scene: Make, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     made = scene()
     own = made.render(size=(200, 150))

@@ -66,23 +66,14 @@ def test_angles_go_the_short_way_round() -> None:
     assert np.abs(np.diff(interpolate_angles(times, angles, times))).max() <= 180
 
 
-CAMERAS = """
-[[keyframe]]
-time_s = 0
-camera = { azimuth_deg = 300, elevation_deg = 40, zoom = 1 }
-
-[[keyframe]]
-time_s = 1
-camera = { azimuth_deg = 30, elevation_deg = 40, zoom = 4 }
-
-[[keyframe]]
-time_s = 2
-camera = { azimuth_deg = 80, elevation_deg = 40 }
-
-[export]
-fps = 10
-lights = ["day"]
-"""
+K = "[[keyframe]]\ntime_s = {}\n{}\n".format
+OF_DAY = '[export]\nfps = 10\nlights = ["day"]\n'
+CAMERAS = (
+    K(0, "camera = { azimuth_deg = 300, elevation_deg = 40, zoom = 1 }")
+    + K(1, "camera = { azimuth_deg = 30, elevation_deg = 40, zoom = 4 }")
+    + K(2, "camera = { azimuth_deg = 80, elevation_deg = 40 }")
+    + OF_DAY
+)
 
 
 def test_the_look_keeps_its_height_and_never_turns_back(scene: Make) -> None:
@@ -103,45 +94,32 @@ def test_a_key_that_says_no_zoom_leaves_the_one_before(scene: Make) -> None:
     assert distances[10:] == pytest.approx([distances[10]] * 11)
 
 
-PLACES = """
-[[keyframe]]
-time_s = 0
-camera = {{ position_mm = {} }}
-
-[[keyframe]]
-time_s = 1
-camera = {{ position_mm = {} }}
-
-[[keyframe]]
-time_s = 2
-camera = {{ position_mm = {} }}
-
-[export]
-fps = 10
-lights = ["day"]
-"""
+def places(*each: object) -> str:
+    """Keyframes of a camera at places, a second apart."""
+    keys = (K(i, f"camera = {{ position_mm = {place} }}") for i, place in enumerate(each))
+    return "".join(keys) + OF_DAY
 
 
 def test_places_move_as_the_orbit_that_they_lie_on(scene: Make) -> None:
     """Around the target at their distance; numbers of their own would lead through the ball."""
     turned = CAMERAS.replace("azimuth_deg = 80,", "azimuth_deg = 80, zoom = 4,")
     met = plan(scene(turned)).shots
-    places = [list(met[i].camera.position_mm) for i in (0, 10, 20)]
-    shots = plan(scene(PLACES.format(*places), "places.toml")).shots
+    through = (list(met[i].camera.position_mm) for i in (0, 10, 20))
+    shots = plan(scene(places(*through), "places.toml")).shots
     for placed, orbiting in zip(shots, met, strict=True):
         assert placed.camera.position_mm == pytest.approx(orbiting.camera.position_mm, abs=1e-9)
         assert placed.camera.frame()[1] == pytest.approx(orbiting.camera.frame()[1], abs=1e-9)
 
 
 def test_a_camera_that_keeps_its_place_is_cast_once(scene: Make) -> None:
-    made = scene(PLACES.format([0, -99, 50], [70, 0, 60], [70, 0, 60]))
+    made = scene(places([0, -99, 50], [70, 0, 60], [70, 0, 60]))
     cameras = [shot.camera for shot in plan(made).shots]
     assert cameras[10].position_mm == pytest.approx((70, 0, 60), abs=1e-12)
     assert len(set(cameras[10:])) == 1 and len(set(cameras)) == 11
 
 
 def test_a_camera_beside_its_target_flies_straight(scene: Make) -> None:
-    text = PLACES.format(
+    text = places(
         "[0, -90, 8], target_mm = [0, 8, 8]",
         "[50, -90, 8], target_mm = [50, 8, 8]",
         "[90, -90, 8], target_mm = [90, 8, 8]",
@@ -154,7 +132,7 @@ def test_a_camera_beside_its_target_flies_straight(scene: Make) -> None:
 
 def test_a_place_above_its_target_takes_its_azimuth_from_the_others(scene: Make) -> None:
     key = "{}, target_mm = [8, 8, 8], up = [0, {}, {}]".format
-    text = PLACES.format(key([8, -92, 8], 0, 1), key([8, 8, 108], 1, 0), key([8, 8, 108], 1, 0))
+    text = places(key([8, -92, 8], 0, 1), key([8, 8, 108], 1, 0), key([8, 8, 108], 1, 0))
     cameras = [shot.camera for shot in plan(scene(text)).shots]
     away = np.array([np.subtract(c.position_mm, c.target_mm) for c in cameras])
     assert np.linalg.norm(away, axis=1) == pytest.approx(100)
@@ -164,14 +142,14 @@ def test_a_place_above_its_target_takes_its_azimuth_from_the_others(scene: Make)
 
 def test_a_scene_with_a_place_is_moved_by_places_targets_and_angles(scene: Make) -> None:
     camera = "[camera]\nposition_mm = [8, -92, 8]\ntarget_mm = [8, 8, 8]\n"
-    look = "[[keyframe]]\ntime_s = {}\ncamera = {{ target_mm = [8, 8, {}], fov_deg = {} }}\n"
-    text = camera + look.format(0, 8, 30) + look.format(2, 20, 50)
+    look = "camera = {{ target_mm = [8, 8, {}], fov_deg = {} }}".format
+    text = camera + K(0, look(8, 30)) + K(2, look(20, 50))
     middle = plan(scene(text), fps=1, lights=["day"]).shots[1].camera
     assert middle == Camera((8, -92, 8), (8, 8, 14), fov_deg=40)
 
 
 def test_an_orbit_that_no_keyframe_uses_may_look_along_its_axis(scene: Make) -> None:
-    made = scene(PLACES.format(*[[0, -99, 50], [70, 0, 60], [70, 0, 60]]))
+    made = scene(places([0, -99, 50], [70, 0, 60], [70, 0, 60]))
     above = scene("[camera]\nelevation_deg = 90\n" + made.path.read_text().split("height = 24")[1])
     assert [s.camera for s in plan(above).shots] == [s.camera for s in plan(made).shots]
 
@@ -202,26 +180,12 @@ def test_a_cast_is_shared_by_all_lights_and_by_moments_that_are_alike(scene: Mak
     assert len(plan(scene(), sweep={"frames": 9}).casts()) == 1
 
 
-KEYS = """
-[[keyframe]]
-time_s = 1
-transfer = { shift = 0 }
-lights = { day = 1 }
-viewing = { exposure = 0.25, L_A = 10, D = 0 }
-
-[[keyframe]]
-time_s = 2
-lights = { lamp = 1 }
-
-[[keyframe]]
-time_s = 3
-transfer = { shift = 0.2 }
-lights = { lamp = 1 }
-viewing = { exposure = 4, L_A = 1000, D = 1 }
-
-[export]
-fps = 2
-"""
+KEYS = (
+    K(1, "transfer.shift = 0\nlights.day = 1\nviewing = { exposure = 0.25, L_A = 10, D = 0 }")
+    + K(2, "lights.lamp = 1")
+    + K(3, "transfer.shift = 0.2\nlights.lamp = 1\nviewing = { exposure = 4, L_A = 1000, D = 1 }")
+    + "[export]\nfps = 2\n"
+)
 
 
 def test_keyframes_move_light_look_and_transfer_function(scene: Make) -> None:
@@ -252,30 +216,26 @@ def test_keyframes_move_light_look_and_transfer_function(scene: Make) -> None:
 def test_the_last_frame_is_the_last_keyframe_s(
     scene: Make, last_s: float, fps: float, times: list[float]
 ) -> None:
-    key = "[[keyframe]]\ntime_s = {}\ncamera = {{ azimuth_deg = {} }}\n".format
-    made = scene(key(0, 10) + key(last_s, 50))
+    made = scene(K(0, "camera.azimuth_deg = 10") + K(last_s, "camera.azimuth_deg = 50"))
     assert frame_times_s(made.file.keyframe, fps).tolist() == pytest.approx(times)
     orbit = Camera.orbit(made.volume(), azimuth_deg=50, elevation_deg=20)
     assert plan(made, fps=fps, lights=["day"]).shots[-1].camera == orbit
-    assert len(frame_times_s(scene(key(0, 0) + key(2, 1)).file.keyframe, 24)) == 49
+    assert len(frame_times_s(scene(K(0, "") + K(2, "")).file.keyframe, 24)) == 49
 
 
 def test_a_film_of_one_keyframe_is_one_frame(scene: Make) -> None:
-    made = scene("[[keyframe]]\ntime_s = 3\nviewing = { exposure = 2 }\n")
+    made = scene(K(3, "viewing.exposure = 2"))
     (shot,) = plan(made, lights=["day"]).shots
     assert shot.spec.viewing.exposure == 2
 
 
 def test_points_move_with_opacity_and_material(scene: Make) -> None:
-    key = """
-[[keyframe]]
-time_s = {}
-transfer = {{ points = [
-    {{ value = {}, opacity = 0.0, material = "grey" }},
-    {{ value = {}, opacity = {}, material = "{}" }},
-] }}
-"""
-    text = key.format(0, 0.2, 0.6, 0.2, "grey") + key.format(1, 0.4, 0.7, 0.6, "gold")
+    point = '{{ value = {}, opacity = {}, material = "{}" }}'.format
+    first = point(0.2, 0.0, "grey"), point(0.6, 0.2, "grey")
+    second = point(0.4, 0.0, "grey"), point(0.7, 0.6, "gold")
+    text = "".join(
+        K(i, f"transfer.points = [{', '.join(each)}]") for i, each in enumerate((first, second))
+    )
     middle = plan(scene(text), fps=2, lights=["day"]).shots[1].transfer
     assert isinstance(middle, TransferFunction)
     (low, _, _), (high, opacity, mix) = middle.points
@@ -313,7 +273,6 @@ def test_lux_count_where_all_that_shine_carry_them() -> None:
     assert mixed_rig([day, bare], [0.5, 1.0]).illuminance_lux is None
 
 
-K = "[[keyframe]]\ntime_s = {}\n{}\n".format
 PLACE, UP = "camera = { position_mm = [0, 0, 9] }", "camera = { up = [0, 0, 0] }"
 SPECTRAL, COEFFICIENTS = 'format = "exr"\nspectral = true\n', 'format = "coefficients"\n'
 
@@ -364,7 +323,6 @@ def test_a_table_that_cannot_be_is_refused_by_name(scene: Make, more: str, said:
 KEY = "[[keyframe]]\ntime_s = {}\ncamera = {{ {} = {}, target_mm = [8, 8, 8] }}\n".format
 POINT = '{ value = 1, opacity = 0.1, material = "grey" },'
 POINTS = "[[keyframe]]\ntime_s = 0\ntransfer = {{ points = [{}] }}".format
-LIT_KEY = "[[keyframe]]\ntime_s = {}\nlights = {{ lit = 1, day = {} }}\n".format
 LUX = (
     '[viewing]\nlevel = "absolute"\n[[light]]\nname = "lit"\nspectrum = "E"\nilluminance_lux = 9\n'
 )
@@ -372,8 +330,7 @@ LUX = (
 
 def exposed(at_s: int) -> str:
     """Keyframes of which one is too bright: frames on the way are, too, but nobody wrote those."""
-    key = "[[keyframe]]\ntime_s = {}\nviewing = {{ exposure = {:g} }}\n".format
-    return "".join(key(time_s, 1e9 if time_s == at_s else 1) for time_s in (0, 2, 4))
+    return "".join(K(t, f"viewing.exposure = {1e9 if t == at_s else 1:g}") for t in (0, 2, 4))
 
 
 @pytest.mark.parametrize(
@@ -400,13 +357,17 @@ def exposed(at_s: int) -> str:
             "[[keyframe]] camera: up at 2 s",
         ),
         (
-            "[viewing]\ndiscount = true\n[[keyframe]]\ntime_s = 0\nviewing = { D = 0.5 }",
+            "[viewing]\ndiscount = true\n" + K(0, "viewing.D = 0.5"),
             None,
             "[[keyframe]] viewing: at 0 s: D",
         ),
         *((exposed(at_s), "range", f"[[keyframe]] viewing: at {at_s} s") for at_s in (0, 2, 4)),
         (LUX, "missing", ""),
-        (LUX + LIT_KEY(0, 0) + LIT_KEY(1, 0.5), None, ""),
+        (
+            LUX + K(0, "lights = { lit = 1, day = 0 }") + K(1, "lights = { lit = 1, day = 0.5 }"),
+            None,
+            "",
+        ),
         ("[raycast]\nopacities = { gold = 0.5 }\n", "conflict", ""),
     ],
 )
@@ -424,7 +385,9 @@ def test_at_absolute_level_lights_have_lux_or_are_relit_later(scene: Make) -> No
     made = scene(LUX)
     assert plan(made, lights=["lit"]).lights[0].name == "lit"
     assert plan(made, format="coefficients").shots, "they are relit at a level of their own"
-    assert plan(scene(LUX + LIT_KEY(0, 0) + LIT_KEY(1, 0))).shots
+    assert plan(
+        scene(LUX + K(0, "lights = { lit = 1, day = 0 }") + K(1, "lights = { lit = 1, day = 0 }"))
+    ).shots
 
 
 def test_a_scene_with_an_export_is_written_back_as_it_was(scene: Make) -> None:
@@ -444,19 +407,11 @@ def test_a_scene_with_an_export_is_written_back_as_it_was(scene: Make) -> None:
     assert Scene.load(made.path.with_name("again.toml")).file == file
 
 
-FADES = """
-[raycast]
-layers = {layers}
-opacities = {{ gold = 1.5 }}
-
-[[keyframe]]
-time_s = 0
-opacities = {{ gold = 1.0 }}
-
-[[keyframe]]
-time_s = 1
-opacities = {{ gold = 0.0{more} }}
-"""
+FADES = (
+    "[raycast]\nlayers = {layers}\nopacities = {{ gold = 1.5 }}\n"
+    + K(0, "opacities = {{ gold = 1.0 }}")
+    + K(1, "opacities = {{ gold = 0.0{more} }}")
+)
 
 
 def fading(scene: Make, layers: int, more: str = "") -> Scene:

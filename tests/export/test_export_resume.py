@@ -15,6 +15,7 @@ import pytest
 from tests.export.conftest import Make
 from tests.export.test_files_whole import left_by_a_kill
 from tests.support.errors import raises
+from tests.support.fixtures import Patch
 from tests.support.patience import PATIENCE_S
 from volspec._files import exclusive_folder
 from volspec.errors import InputError
@@ -146,7 +147,7 @@ def test_a_manifest_that_leads_elsewhere_deletes_nothing_there(scene: Make, tmp_
 
 
 def test_a_full_disk_leaves_what_is_done_and_says_so_in_a_line(
-    scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    scene: Make, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     made, write, count = scene(), Path.write_bytes, 0
 
@@ -171,7 +172,7 @@ def test_a_full_disk_leaves_what_is_done_and_says_so_in_a_line(
 
 @pytest.mark.parametrize("name", ["out", "film.gif"])
 def test_a_disk_full_from_the_start_has_no_folder_left_on_it(
-    scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+    scene: Make, tmp_path: Path, monkeypatch: Patch, name: str
 ) -> None:
     def full(path: Path, data: bytes | str, **_: object) -> int:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

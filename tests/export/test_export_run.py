@@ -11,6 +11,7 @@ from PIL import Image
 
 from tests.export.conftest import Make
 from tests.support.errors import raises
+from tests.support.fixtures import Patch
 from volspec._exr import read_exr
 from volspec.appearance.spaces import SPACES
 from volspec.errors import ImageError, InputError, VolspecWarning
@@ -55,7 +56,7 @@ def test_a_turntable_has_a_folder_for_each_light(scene: Make, tmp_path: Path) ->
 
 
 def test_windows_and_strips_make_the_picture_of_one_cast(
-    scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    scene: Make, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     made = scene()
     made.export(tmp_path / "whole", size=(200, 150), bits=16, lights=["lamp"])
@@ -75,7 +76,7 @@ def test_windows_and_strips_make_the_picture_of_one_cast(
 
 @pytest.mark.parametrize("smaller", [{"CAST_BYTES": 4 * 7 * 64 * 100}, {"STRIP_SIDE": 128}])
 def test_an_empty_picture_is_told_however_it_is_cut(
-    smaller: dict[str, int], scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    smaller: dict[str, int], scene: Make, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     made = scene("[camera]\ntarget_mm = [900, 0, 0]\n")
     for name, value in smaller.items():
@@ -178,7 +179,7 @@ def test_rec_709_to_aces_is_the_published_matrix() -> None:
     ("measured", "backdrop"), [('adapting = "picture"', 0.9), ('surround = "measured"', 0.0)]
 )
 def test_an_eye_adapts_to_the_whole_picture_in_parts_and_without_backdrop(
-    scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, measured: str, backdrop: float
+    scene: Make, tmp_path: Path, monkeypatch: Patch, measured: str, backdrop: float
 ) -> None:
     made = scene(f"[viewing]\n{measured}\nbackdrop = {backdrop}\n")
     settings = {"lights": ["lamp"], "size": (200, 150)}
@@ -198,12 +199,6 @@ def test_an_eye_adapts_to_the_whole_picture_in_parts_and_without_backdrop(
     assert np.abs(relit(other, 1, size=(200, 150)).astype(int) - whole).max() > 5, "it matters"
 
 
-def test_an_eye_that_adapts_to_pixels_needs_the_picture_whole(scene: Make, tmp_path: Path) -> None:
-    made = scene('[viewing]\nadapting = "pixel"\n')
-    made.export(tmp_path / "whole", lights=["day"])
-    assert np.array_equal(codes(tmp_path / "whole" / "day.png"), relit(made, 0))
-
-
 @pytest.mark.parametrize("lights", [3, 12])  # columns of their own, and rows after each other
 @pytest.mark.parametrize("size", [(1, 700), (1701, 1)])
 def test_sheets_of_very_tall_and_very_wide_frames_stay_small(
@@ -217,7 +212,7 @@ def test_sheets_of_very_tall_and_very_wide_frames_stay_small(
 
 
 def test_many_frames_of_many_strips_are_made_in_batches(
-    scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    scene: Make, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     made, settings = scene(), {"size": (8, 160), "sheet": False}
     made.export(tmp_path / "whole", **settings)

@@ -14,6 +14,7 @@ import pytest
 
 from tests.export._layers import opened
 from tests.support.errors import raises
+from tests.support.fixtures import Patch
 from tests.support.patience import PATIENCE_S
 from volspec._exr import write_exr
 from volspec.appearance.spaces import SPACES
@@ -76,7 +77,7 @@ def test_rows_may_come_in_any_pieces(tmp_path: Path) -> None:
 
 
 def test_blocks_stand_in_their_order_whichever_is_packed_first(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: Patch
 ) -> None:
     header = ExrHeader((8, 160), SPACES["sRGB"])
     pixels = picture((8, 160), 3, noise=False)
@@ -105,7 +106,7 @@ def test_what_no_half_can_hold_is_the_largest_and_nan_is_black(tmp_path: Path) -
 
 
 def test_a_disk_without_room_for_an_image_is_named_as_by_other_writers(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: Patch
 ) -> None:
     def full(file: object, path: str) -> None:
         raise RuntimeError(f'Failed to write "{path}". No space left on device.')

@@ -17,6 +17,7 @@ from types import SimpleNamespace
 import pytest
 
 from tests.support.errors import raises
+from tests.support.fixtures import Patch
 from volspec import _files
 from volspec._files import captured_output, clear_unfinished, keep_newest, write_whole
 from volspec.errors import InputError
@@ -87,9 +88,7 @@ def test_a_full_disk_names_the_file_and_what_the_body_reads_does_not(tmp_path: P
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_file_is_on_the_disk_before_it_has_its_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypatch: Patch) -> None:
     """Else a power cut may leave the name of a file whose end was never written.
 
     No umask is set for it: files of other threads would have another's permissions.
@@ -157,7 +156,7 @@ def test_a_kill_at_any_step_leaves_what_the_next_run_clears(tmp_path: Path, left
 
 @pytest.mark.parametrize("where", ["another machine", "no locks"])
 def test_where_no_lock_can_tell_only_a_day_without_change_does(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
+    tmp_path: Path, monkeypatch: Patch, where: str
 ) -> None:
     left = left_by_a_kill(tmp_path / "a.txt")
     if where == "no locks":
@@ -173,7 +172,7 @@ def test_where_no_lock_can_tell_only_a_day_without_change_does(
 
 @pytest.mark.parametrize("same", [0, 1], ids=["name", "boot"])
 def test_a_lock_tells_in_another_container_and_after_a_restart(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, same: int
+    tmp_path: Path, monkeypatch: Patch, same: int
 ) -> None:
     left_by_a_kill(tmp_path / "a.txt")
     ours = list(_files._machine())
@@ -183,9 +182,7 @@ def test_a_lock_tells_in_another_container_and_after_a_restart(
     assert names(tmp_path) == []
 
 
-def test_files_are_whole_where_no_lock_can_be_had(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_files_are_whole_where_no_lock_can_be_had(tmp_path: Path, monkeypatch: Patch) -> None:
     monkeypatch.setattr(_files, "lock_file_handle", lambda handle: None)
     with write_whole(tmp_path / "a.txt") as temporary:
         clear_unfinished(tmp_path)
@@ -193,7 +190,7 @@ def test_files_are_whole_where_no_lock_can_be_had(
     assert names(tmp_path) == ["a.txt"]
 
 
-def test_windows_locks_do_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_windows_locks_do_the_same(tmp_path: Path, monkeypatch: Patch) -> None:
     """Check the calls and their order, with Unix's locks in place of Windows'."""
 
     def locking(handle: int, mode: int, count: int) -> None:
@@ -229,7 +226,7 @@ def test_writers_and_those_who_clear_do_not_meet(tmp_path: Path) -> None:
 
 
 def test_a_lock_whose_file_another_has_made_again_is_given_up(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: Patch
 ) -> None:
     """Two who clear: one deletes the file that is not locked yet, the other makes it again."""
     locked = _files.lock_file_handle

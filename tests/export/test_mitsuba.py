@@ -14,6 +14,7 @@ from PIL import Image
 
 import volspec as vs
 from tests.support.errors import raises
+from tests.support.fixtures import Patch
 from volspec.errors import VolspecWarning
 
 MATERIALS = {
@@ -179,7 +180,7 @@ def test_a_new_scene_replaces_the_last_one_and_its_folder(tmp_path: Path) -> Non
     ],
 )
 def test_a_failed_save_leaves_the_last_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, materials: list[str], code: str
+    tmp_path: Path, monkeypatch: Patch, name: str, materials: list[str], code: str
 ) -> None:
     save(tmp_path / "scene.xml", plane("white"))
     before, write = sorted(tmp_path.rglob("*")), Path.write_bytes

@@ -19,6 +19,7 @@ import pytest
 
 from tests.export.conftest import Make
 from tests.support.errors import raises
+from tests.support.fixtures import Patch
 from tests.support.images import image
 from volspec.basis import MaterialBasis
 from volspec.errors import ImageError, InputError, SceneError
@@ -58,7 +59,7 @@ class Slider:
 
 
 @pytest.fixture
-def layers(monkeypatch: pytest.MonkeyPatch) -> Any:
+def layers(monkeypatch: Patch) -> Any:
     """The layers of a viewer; ``emit`` reports what is put into ``selection.active``."""
     selection = SimpleNamespace(active=None, events=SimpleNamespace(active=Signal()))
     viewer = SimpleNamespace(layers=SimpleNamespace(selection=selection))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from tests.export._layers import EVENING, HALF, LIGHTS, SHARES, SPEC, made, opened
 from tests.support.commands import GENERAL, METALS, call
+from tests.support.fixtures import Patch
 from tests.support.images import image
 from volspec.appearance import Viewing
 from volspec.appearance.spaces import SPACES
@@ -88,9 +89,7 @@ def test_a_spectral_frame_is_the_product_of_its_mode(mode: str) -> None:
     assert off < 1e-12 if mode in ("exact", "fitted") else off > 0.3
 
 
-def test_large_frames_are_written_in_strips(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_large_frames_are_written_in_strips(tmp_path: Path, monkeypatch: Patch) -> None:
     image = made(kind=np.float16)
     write_spectral_frame(tmp_path / "whole.exr", image, EVENING, SPEC, {})
     monkeypatch.setattr(tiles, "STRIP_NUMBERS", 2 * (GENERAL.grid.size + 3) * 12)

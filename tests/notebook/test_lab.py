@@ -40,9 +40,7 @@ CELLS = (
 
 @pytest.fixture(scope="module")
 def lab(
-    tmp_path_factory: pytest.TempPathFactory,
-    colours: CoefficientImage,
-    turned: CoefficientImage,
+    tmp_path_factory: pytest.TempPathFactory, colours: CoefficientImage, turned: CoefficientImage
 ) -> Iterator[Lab]:
     pytest.importorskip("jupyterlab")
     if why := missing():

@@ -15,6 +15,7 @@ from PIL import Image
 
 import volspec as vs
 from tests.support.errors import raises
+from tests.support.fixtures import Patch
 from tests.support.images import named_lights, some_rows
 from tests.twins.test_recompose import layered
 from volspec.appearance import Display, Viewing
@@ -76,7 +77,7 @@ def test_a_frame_follows_every_setting(widget: Any, colours: CoefficientImage) -
 
 
 def test_what_the_page_tells_becomes_traits_and_is_not_sent_back(
-    widget: Any, monkeypatch: pytest.MonkeyPatch
+    widget: Any, monkeypatch: Patch
 ) -> None:
     sent: list[dict[str, Any]] = []
     monkeypatch.setattr(widget, "_send", lambda message, buffers=None: sent.append(message))
@@ -255,9 +256,7 @@ def test_an_image_in_a_cell_shows_the_widget(
 
 
 def test_without_the_extra_an_image_shows_its_text(
-    colours: CoefficientImage,
-    bundles: Callable[[object], list[dict[str, Any]]],
-    monkeypatch: pytest.MonkeyPatch,
+    colours: CoefficientImage, bundles: Callable[[object], list[dict[str, Any]]], monkeypatch: Patch
 ) -> None:
     monkeypatch.setitem(sys.modules, "anywidget", None)
     monkeypatch.delitem(sys.modules, "volspec.export.notebook.widget", raising=False)

@@ -49,6 +49,24 @@ class Opened:
             assert time.monotonic() < limit, f"never true: {what}"
             self.page.wait_for_timeout(25)
 
+    def click(self, selector: str) -> None:
+        """Click on an element, and wait until that is drawn."""
+        self.page.click(selector)
+        self.settle()
+
+    def press(self, selector: str, key: str) -> None:
+        """Press a key on an element, and wait until that is drawn."""
+        self.page.press(selector, key)
+        self.settle()
+
+    def value(self, name: str) -> float:
+        """Return a slider's value."""
+        return float(self.page.input_value(f"#{name}"))
+
+    def output(self, name: str) -> str:
+        """Return the text beside a slider."""
+        return str(self.page.text_content(f".row:has(#{name}) output"))
+
     def picture(self) -> NDArray[np.uint8]:
         """Files that the page saves."""
         return saved_picture(self.page)
@@ -83,6 +101,9 @@ def open_file(
     return made
 
 
+Open = Callable[..., Opened]
+
+
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
     """Chromium under Playwright, with a user-data folder of its own."""
@@ -93,7 +114,7 @@ def browser() -> Iterator[Any]:
 
 
 @pytest.fixture
-def opened(browser: Any) -> Iterator[Callable[..., Opened]]:
+def opened(browser: Any) -> Iterator[Open]:
     """`open_file`; what it opened is closed after the test."""
     made: list[Opened] = []
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import pairwise
@@ -15,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from tests.page.conftest import Opened, open_file
+from tests.page.conftest import Open, Opened, open_file
 from tests.support.images import image, named_lights
 from volspec.appearance.spaces import SPACES
 from volspec.basis import SpectralBasis
@@ -60,7 +60,7 @@ def one_page(browser: Any, balls: Path) -> Iterator[Opened]:
 
 
 @pytest.fixture
-def ball(one_page: Opened) -> Iterator[Callable[..., Opened]]:
+def ball(one_page: Opened) -> Iterator[Open]:
     """The page in a state, at a size, under a browser's preferences."""
 
     def put(size: tuple[int, int] = WIDE, media: str = "", **words: object) -> Opened:
@@ -109,15 +109,13 @@ def breaches(page: Any) -> list[str]:
     ],
 )
 def test_axe_finds_nothing_wrong(
-    ball: Callable[..., Opened], size: tuple[int, int], media: str, words: dict[str, object]
+    ball: Open, size: tuple[int, int], media: str, words: dict[str, object]
 ) -> None:
     assert breaches(ball(size, media, **words).page) == []
 
 
 @pytest.mark.parametrize("size", [pytest.param(WIDE, marks=SLOW), PHONE])
-def test_axe_finds_nothing_wrong_with_sharing(
-    ball: Callable[..., Opened], size: tuple[int, int]
-) -> None:
+def test_axe_finds_nothing_wrong_with_sharing(ball: Open, size: tuple[int, int]) -> None:
     page = ball(size).page
     page.click("#share")
     assert breaches(page) == []
@@ -125,9 +123,7 @@ def test_axe_finds_nothing_wrong_with_sharing(
     assert page.evaluate("document.activeElement.id") == "share", "focus comes back"
 
 
-def test_axe_finds_nothing_wrong_with_the_still_picture(
-    opened: Callable[..., Opened], balls: Path
-) -> None:
+def test_axe_finds_nothing_wrong_with_the_still_picture(opened: Open, balls: Path) -> None:
     page = opened(balls, before="delete window.DecompressionStream;", ready="still").page
     assert breaches(page) == []
     controls = [pair for pair in exposed(page) if pair[0] in _ROLES]
@@ -135,9 +131,7 @@ def test_axe_finds_nothing_wrong_with_the_still_picture(
 
 
 @MEDIA
-def test_words_on_the_picture_can_be_read_on_any_picture(
-    ball: Callable[..., Opened], media: str
-) -> None:
+def test_words_on_the_picture_can_be_read_on_any_picture(ball: Open, media: str) -> None:
     """Contrast that axe leaves undecided: 4.5 : 1 over black and over white."""
     ratios = ball(WIDE, media, **ALL_ON).page.evaluate(_CONTRASTS, ON_PICTURE)
     assert len(ratios) > 10
@@ -168,7 +162,7 @@ _CONTRASTS = """(words) => {
 }"""
 
 
-def test_every_control_has_a_name_of_its_own(ball: Callable[..., Opened]) -> None:
+def test_every_control_has_a_name_of_its_own(ball: Open) -> None:
     page = ball(WIDE, **ALL_ON).page
     names = [name for role, name in exposed(page) if role in _ROLES]
     assert len(names) > 30 and all(names)
@@ -192,7 +186,7 @@ def exposed(page: Any) -> list[tuple[str, str]]:
     return [(node["role"]["value"], node.get("name", {}).get("value", "")) for node in nodes]
 
 
-def test_tab_reaches_every_control_in_reading_order_and_ends(ball: Callable[..., Opened]) -> None:
+def test_tab_reaches_every_control_in_reading_order_and_ends(ball: Open) -> None:
     page = ball(WIDE, **ALL_ON).page
     wanted = page.evaluate(_TABBABLE, CONTROLS)
     page.click("h1")
@@ -223,7 +217,7 @@ _STOP = f"""() => {{
 
 
 @MEDIA
-def test_every_control_shows_that_it_has_the_focus(ball: Callable[..., Opened], media: str) -> None:
+def test_every_control_shows_that_it_has_the_focus(ball: Open, media: str) -> None:
     """Focus by WCAG 2.2, 2.4.13: as many pixels as an outline of two change by 3 : 1 or more."""
     page = ball(WIDE, media, **ALL_ON).page
     boxes = page.evaluate(_BOXES, CONTROLS)
@@ -272,7 +266,7 @@ def luminance(png: bytes) -> NDArray[np.float64]:
     return SPACES["sRGB"].decode(codes) @ SPACES["sRGB"].XYZ_from_RGB[1]
 
 
-def test_what_is_tabbed_to_is_not_behind_the_picture(ball: Callable[..., Opened]) -> None:
+def test_what_is_tabbed_to_is_not_behind_the_picture(ball: Open) -> None:
     page = ball(PHONE, **ALL_ON).page
     for key in ("Tab", "Shift+Tab"):
         stops = []
@@ -283,7 +277,7 @@ def test_what_is_tabbed_to_is_not_behind_the_picture(ball: Callable[..., Opened]
         assert sum(stop is not None for stop in stops) > 30
 
 
-def test_targets_are_as_large_as_a_finger_asks(ball: Callable[..., Opened]) -> None:
+def test_targets_are_as_large_as_a_finger_asks(ball: Open) -> None:
     for size in (WIDE, PHONE):
         page = ball(size, **ALL_ON).page
         assert page.evaluate(_SMALL, CONTROLS) == []
@@ -299,7 +293,7 @@ _SMALL = f"""(controls) => [...document.querySelectorAll(controls)]
 
 
 @pytest.mark.parametrize("size", [(640, 400), (360, 740), (320, 256)])
-def test_nothing_is_beside_the_window(ball: Callable[..., Opened], size: tuple[int, int]) -> None:
+def test_nothing_is_beside_the_window(ball: Open, size: tuple[int, int]) -> None:
     """1280 pixels at 200 %, a phone, and 1280 at 400 %."""
     page = ball(size, **ALL_ON).page
     wide = """() => [...document.querySelectorAll('body *')]
@@ -314,7 +308,7 @@ def test_nothing_is_beside_the_window(ball: Callable[..., Opened], size: tuple[i
     assert page.evaluate(least) >= 60
 
 
-def test_nothing_moves_for_who_asks_for_stillness(ball: Callable[..., Opened]) -> None:
+def test_nothing_moves_for_who_asks_for_stillness(ball: Open) -> None:
     page = ball(WIDE).page
     moving = """() => [...document.querySelectorAll('*')].filter((e) => {
         const { transitionDuration, animationName } = getComputedStyle(e);
@@ -326,7 +320,7 @@ def test_nothing_moves_for_who_asks_for_stillness(ball: Callable[..., Opened]) -
     assert page.evaluate(moving) == 0
 
 
-def test_the_keyboard_zooms_at_the_probe_and_pans_after_it(ball: Callable[..., Opened]) -> None:
+def test_the_keyboard_zooms_at_the_probe_and_pans_after_it(ball: Open) -> None:
     opened = ball(WIDE, probe="2,2")
     page = opened.page
     page.focus("#port")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.page.conftest import Opened
+from tests.page.conftest import Open, Opened
 from tests.page.test_access import breaches
 from tests.page.test_opacity import NEAR, file, page, scene, shared, unpacked
 from tests.support.browser import mean_difference
@@ -57,9 +56,13 @@ def frame(image: CoefficientImage, scene: Scene) -> NDArray[np.uint8]:
     ids=["near", "far", "all"],
 )
 def test_cuts_and_fog_are_the_desktop_s(
-    page: Opened, scene: Scene, image: CoefficientImage, words: dict[str, str],
-    scales: dict[str, float], effects: DepthEffects,
-) -> None:  # fmt: skip
+    page: Opened,
+    scene: Scene,
+    image: CoefficientImage,
+    words: dict[str, str],
+    scales: dict[str, float],
+    effects: DepthEffects,
+) -> None:
     assert image.opacity_layers is not None
     begins = replace(effects, fog_from_mm=image.opacity_layers.range_mm[0])
     page.show(**words)
@@ -92,7 +95,7 @@ def test_a_small_turn_is_near_a_cast(
 
 
 def test_meshes_stay_and_are_cut_and_turned_where_they_are(
-    scene: Scene, opened: Callable[..., Opened], tmp_path: Path
+    scene: Scene, opened: Open, tmp_path: Path
 ) -> None:
     """A ball of two materials among the inserts, on a floor that reaches far."""
     pytest.importorskip("embreex")
@@ -168,7 +171,7 @@ def test_a_lens_is_refined_to_the_desktop_s(
     got = page.picture()
     assert mean_difference(got, wanted) <= LENS
     assert mean_difference(frame(image, scene), wanted) > 1.5 * mean_difference(got, wanted)
-    assert page.page.locator(".row:has(#focus) output").text_content() == f"{focus} mm"
+    assert page.output("focus") == f"{focus} mm"
     # Lights change what is there; a lens that is taken off leaves no trace.
     page.show(**words, **{"a.weights": "0,1,0,0,0"})
     other = relight(image.recompose({}, effects), scene.lights[1].rig, scene.relight)
@@ -185,14 +188,12 @@ def test_a_lens_is_switched_on_in_the_middle(page: Opened, image: CoefficientIma
     page.page.locator("#lens").check()
     page.settle()
     middle = sum(image.opacity_layers.range_mm) / 2
-    assert float(page.page.input_value("#focus")) == pytest.approx(middle, rel=0.01)
-    assert page.page.locator(".row:has(#aperture) output").text_content() == "f/20"
-    page.page.locator("#aperture").press("End")
-    page.settle()
-    assert page.page.locator(".row:has(#aperture) output").text_content() == "f/4.0"
+    assert page.value("focus") == pytest.approx(middle, rel=0.01)
+    assert page.output("aperture") == "f/20"
+    page.press("#aperture", "End")
+    assert page.output("aperture") == "f/4.0"
     page.until("location.hash.includes('a.aperture=')")
-    page.page.click("#depth-reset")
-    page.settle()
+    page.click("#depth-reset")
     assert not page.page.locator("#lens").is_checked()
 
 
@@ -208,9 +209,8 @@ def test_a_lens_that_is_taken_off_half_way_is_waited_for_no_more(page: Opened) -
     assert page.page.locator("#focus").is_disabled() and page.page.locator("#lens").is_disabled()
     # The cuts do not cross.
     page.show(**{"a.far": "500"})
-    page.page.locator("#near").press("End")
-    page.settle()
-    assert 480 < float(page.page.input_value("#near")) < 500
+    page.press("#near", "End")
+    assert 480 < page.value("near") < 500
 
 
 def test_a_drag_and_keys_turn_and_reset_turns_back(page: Opened, image: CoefficientImage) -> None:
@@ -222,17 +222,14 @@ def test_a_drag_and_keys_turn_and_reset_turns_back(page: Opened, image: Coeffici
     mouse.move(x + 0.1 * box["width"], y, steps=3)
     mouse.up()
     page.settle()
-    assert float(page.page.input_value("#turn-across")) == pytest.approx(3, abs=0.1)
+    assert page.value("turn-across") == pytest.approx(3, abs=0.1)
     assert mean_difference(page.picture(), before) > 0.5
-    page.page.focus("#port")
-    page.page.keyboard.press("Shift+PageDown")
-    page.settle()
-    assert float(page.page.input_value("#turn-down")) == -1
+    page.press("#port", "Shift+PageDown")
+    assert page.value("turn-down") == -1
     page.page.locator("#turn-across").dblclick()
     page.settle()
-    assert float(page.page.input_value("#turn-across")) == 0
-    page.page.click("#depth-reset")
-    page.settle()
+    assert page.value("turn-across") == 0
+    page.click("#depth-reset")
     np.testing.assert_array_equal(page.picture(), before)
 
 
@@ -240,23 +237,21 @@ def test_sliders_of_cuts_and_fog_say_what_they_cut(page: Opened, image: Coeffici
     assert image.opacity_layers is not None
     least, most = image.opacity_layers.range_mm
     for name, key, text in (("near", "End", f"{most:.0f} mm"), ("far", "Home", f"{least:.0f} mm")):
-        page.page.locator(f"#{name}").press(key)
-        page.settle()
+        page.press(f"#{name}", key)
         row = page.page.locator(f".row:has(#{name}) output")
         assert row.text_content() == text
-        page.page.locator(f"#{name}").press("Delete")
-        page.settle()
+        page.press(f"#{name}", "Delete")
         assert row.text_content() == "off"
     page.page.locator("#fog").press("ArrowRight")
     page.until("location.hash.includes('a.fog=')")
     for rubbish in ("-5", "x", "0"):
         page.show(**{"a.fog": rubbish, "a.far": rubbish, "turn": f"{rubbish},99"})
-        assert page.page.locator(".row:has(#fog) output").text_content() == "off"
-        assert float(page.page.input_value("#turn-across")) == 0
+        assert page.output("fog") == "off"
+        assert page.value("turn-across") == 0
 
 
 def test_a_scene_s_depth_opens_the_page(
-    opened: Callable[..., Opened], tmp_path: Path, scene: Scene, image: CoefficientImage
+    opened: Open, tmp_path: Path, scene: Scene, image: CoefficientImage
 ) -> None:
     effects = DepthEffects(near_mm=500, fog_mm=2000, fog_white=0.3, focus_mm=520)
     path = tmp_path / "cut.html"
@@ -270,7 +265,7 @@ def test_a_scene_s_depth_opens_the_page(
 
 
 def test_a_picture_that_does_not_know_its_camera_is_not_turned(
-    opened: Callable[..., Opened], tmp_path: Path, scene: Scene, image: CoefficientImage
+    opened: Open, tmp_path: Path, scene: Scene, image: CoefficientImage
 ) -> None:
     path = tmp_path / "older.html"
     write_page(path, [PageView(replace(image, camera=None))], scene.lights, scene.relight)

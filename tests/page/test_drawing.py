@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from tests.page.conftest import Opened
+from tests.page.conftest import Open
 from volspec.export.page import PageView, write_page
 from volspec.raycast import CoefficientImage
 from volspec.scene import Scene
@@ -54,7 +53,7 @@ def file(
 
 @pytest.mark.parametrize("milliseconds", [60, pytest.param(400, marks=pytest.mark.slow)])
 def test_a_slow_browser_draws_half_of_rows_and_columns_until_the_light_rests(
-    opened: Callable[..., Opened], file: Path, milliseconds: int
+    opened: Open, file: Path, milliseconds: int
 ) -> None:
     page = opened(file, before=SLOW.replace("MS", str(milliseconds)))
     widths = page.page.evaluate(DRAG)
@@ -68,7 +67,7 @@ def test_a_slow_browser_draws_half_of_rows_and_columns_until_the_light_rests(
     assert page.complaints == []
 
 
-def test_a_mouse_over_the_picture_draws_nothing(opened: Callable[..., Opened], file: Path) -> None:
+def test_a_mouse_over_the_picture_draws_nothing(opened: Open, file: Path) -> None:
     page = opened(file, before=SLOW.replace("MS", "0"))
     before = page.page.evaluate("window.draws")
     box = page.page.locator("#picture").bounding_box()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.page.conftest import Opened, new_page, open_file
+from tests.page.conftest import Open, Opened, new_page, open_file
 from tests.page.test_access import breaches
 from tests.support.browser import mean_difference
 from tests.support.commands import call
 from tests.support.errors import raises, warns
+from tests.support.fixtures import Capture, Patch
 from tests.twins.test_recompose import layered, rig
 from volspec._gpu.sources import asset
 from volspec.errors import ImageError
@@ -70,20 +71,20 @@ def unpacked(page: Opened) -> Opened:
     return page
 
 
-def slider(page: Opened, number: int) -> Any:
-    return page.page.locator(f"#opacity-list li:nth-child({number + 1}) input")
+def slider(number: int) -> str:
+    return f"#opacity-list li:nth-child({number + 1}) input"
 
 
 def shown_scale(page: Opened, number: int) -> float:
-    return float(slider(page, number).get_attribute("data-scale"))
+    return float(page.page.get_attribute(slider(number), "data-scale"))
 
 
 def drag(page: Opened, number: int, to: float) -> float:
     """Drag a slider to a fraction of its length with the mouse; return its scale."""
-    slider(page, number).scroll_into_view_if_needed()
-    box = slider(page, number).bounding_box()
+    track = page.page.locator(slider(number))
+    track.scroll_into_view_if_needed()
+    box, octave = track.bounding_box(), float(track.input_value())
     mouse, y = page.page.mouse, box["y"] + box["height"] / 2
-    octave = float(slider(page, number).input_value())
     mouse.move(box["x"] + 8 + (box["width"] - 16) * (octave + 3.05) / 5.05, y)
     mouse.down()
     mouse.move(box["x"] + 8 + (box["width"] - 16) * to, y, steps=4)
@@ -100,9 +101,8 @@ def frame(
 
 
 def test_scales_of_1_draw_the_page_of_today(
-    opened: Callable[..., Opened], page: Opened, tmp_path: Path, scene: Scene,
-    image: CoefficientImage,
-) -> None:  # fmt: skip
+    opened: Open, page: Opened, tmp_path: Path, scene: Scene, image: CoefficientImage
+) -> None:
     path = tmp_path / "plain.html"
     plain = replace(image, opacity_layers=None)
     write_page(path, [PageView(plain)], scene.lights, scene.relight)
@@ -127,8 +127,7 @@ def test_a_slider_that_is_dragged_fades_as_a_new_frame_of_the_desktop(
     scales = {name: drag(page, i, to[i]) for i, name in enumerate(("block", "inserts"))}
     assert len(set(scales.values())) == 2
     for lamp in (0, 3):
-        page.page.click(f"#light-list li:nth-child({lamp + 1}) .light-name")
-        page.settle()
+        page.click(f"#light-list li:nth-child({lamp + 1}) .light-name")
         wanted = frame(image, scene, scales, lamp)
         assert mean_difference(page.picture(), wanted) <= NEAR, (scales, lamp)
     assert page.complaints == []
@@ -138,7 +137,7 @@ def test_a_slider_that_is_dragged_fades_as_a_new_frame_of_the_desktop(
     ("materials", "groups"), [(1, 1), (4, 1), pytest.param(3, 2, marks=pytest.mark.slow), (4, 8)]
 )
 def test_any_number_of_materials_and_groups_is_drawn(
-    opened: Callable[..., Opened], tmp_path: Path, materials: int, groups: int
+    opened: Open, tmp_path: Path, materials: int, groups: int
 ) -> None:
     """One texel a layer to eleven, and one pass of a slice to three of four."""
     image = layered(materials, groups)
@@ -152,7 +151,7 @@ def test_any_number_of_materials_and_groups_is_drawn(
     assert page.complaints == []
 
 
-def test_a_light_that_changes_recomposes_nothing(opened: Callable[..., Opened], file: Path) -> None:
+def test_a_light_that_changes_recomposes_nothing(opened: Open, file: Path) -> None:
     count = """
         window.passes = 0;
         const attach = WebGL2RenderingContext.prototype.drawBuffers;
@@ -161,16 +160,14 @@ def test_a_light_that_changes_recomposes_nothing(opened: Callable[..., Opened], 
             attach.apply(this, what);
         };"""
     page = unpacked(opened(file, before=count))
-    slider(page, 0).press("ArrowLeft")
-    page.settle()
+    page.press(slider(0), "ArrowLeft")
     # The difference at scale 1, once; then the slider's.
     assert page.page.evaluate("window.passes") == 2
     page.page.fill("#light-list li:nth-child(2) input", "0.5")
     page.page.fill("#exposure", "1")
     page.settle()
     assert page.page.evaluate("window.passes") == 2
-    slider(page, 0).press("ArrowLeft")
-    page.settle()
+    page.press(slider(0), "ArrowLeft")
     assert page.page.evaluate("window.passes") == 3
 
 
@@ -182,22 +179,19 @@ def test_keys_names_and_double_clicks_set_opacities(page: Opened) -> None:
     name.click()
     page.settle()
     assert shown_scale(page, 0) == 0 and name.get_attribute("aria-pressed") == "false"
-    assert slider(page, 0).get_attribute("aria-valuetext") == "hidden"
+    assert page.page.get_attribute(slider(0), "aria-valuetext") == "hidden"
     name.click()
     page.settle()
     assert shown_scale(page, 0) == scale
-    slider(page, 0).dblclick()
+    page.page.dblclick(slider(0))
     page.settle()
     assert shown_scale(page, 0) == 1
-    slider(page, 1).press("End")
-    page.settle()
+    page.press(slider(1), "End")
     assert shown_scale(page, 1) == 4
-    slider(page, 1).press("Home")
-    page.settle()
+    page.press(slider(1), "Home")
     assert shown_scale(page, 1) == 0
     assert "inserts\u2069 hidden" in page.page.text_content("#label-a")
-    page.page.click("#opacity-reset")
-    page.settle()
+    page.click("#opacity-reset")
     assert [shown_scale(page, i) for i in (0, 1)] == [1, 1]
 
 
@@ -236,7 +230,7 @@ def test_sides_have_opacities_of_their_own_and_the_probe_reads_them(
 
 
 def test_an_address_brings_opacities_back_and_rubbish_none(
-    opened: Callable[..., Opened], file: Path, page: Opened
+    opened: Open, file: Path, page: Opened
 ) -> None:
     scale = drag(page, 0, 0.25)
     page.until("location.hash.includes('a.opacity=')")
@@ -263,12 +257,12 @@ def test_an_address_brings_opacities_back_and_rubbish_none(
     ],
 )
 def test_a_browser_that_cannot_recompose_keeps_the_lights(
-    opened: Callable[..., Opened], file: Path, before: str, reason: str
+    opened: Open, file: Path, before: str, reason: str
 ) -> None:
     page = opened(file, "#a.opacity=0,1", before=before)
     page.until("document.getElementById('opacity-status').textContent.includes('cannot be')")
     assert reason in page.page.text_content("#opacity-status")
-    assert slider(page, 0).is_disabled()
+    assert page.page.is_disabled(slider(0))
     before_light = page.picture()
     page.page.click("#light-list li:nth-child(2) .light-name")
     assert mean_difference(page.picture(), before_light) > 1
@@ -276,14 +270,14 @@ def test_a_browser_that_cannot_recompose_keeps_the_lights(
 
 
 def test_layers_that_are_cut_off_leave_the_picture(
-    opened: Callable[..., Opened], file: Path, tmp_path: Path
+    opened: Open, file: Path, tmp_path: Path
 ) -> None:
     head, _, rest = file.read_text(encoding="utf-8").partition('id="layers">')
     path = tmp_path / "cut.html"
     path.write_text(f'{head}id="layers">{rest[:1000]}{rest[rest.index("</") :]}', encoding="utf-8")
     page = opened(path)
     page.until("document.getElementById('opacity-status').textContent.includes('unpacked')")
-    assert slider(page, 0).is_disabled() and page.picture().std() > 10
+    assert page.page.is_disabled(slider(0)) and page.picture().std() > 10
 
 
 def test_a_lost_device_is_filled_again(page: Opened) -> None:
@@ -304,7 +298,7 @@ def test_a_lost_device_is_filled_again(page: Opened) -> None:
     "size", [pytest.param((1280, 1000), marks=pytest.mark.slow), (360, 740)], ids=str
 )
 def test_axe_finds_nothing_wrong_with_sliders_of_opacity(
-    opened: Callable[..., Opened], file: Path, size: tuple[int, int]
+    opened: Open, file: Path, size: tuple[int, int]
 ) -> None:
     page = unpacked(opened(file, "#a.opacity=0,2"))
     page.page.set_viewport_size({"width": size[0], "height": size[1]})
@@ -394,16 +388,21 @@ def test_several_views_are_written_without_layers_and_say_what_they_would_take(
     ],
 )
 def test_pages_too_large_for_browsers_are_refused(
-    scene: Scene, image: CoefficientImage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    limit: str, least: int, field: str,
-) -> None:  # fmt: skip
+    scene: Scene,
+    image: CoefficientImage,
+    tmp_path: Path,
+    monkeypatch: Patch,
+    limit: str,
+    least: int,
+    field: str,
+) -> None:
     monkeypatch.setattr(build, limit, least)
     with raises(ImageError, "size", field):
         write_page(tmp_path / "large.html", [PageView(image)], scene.lights)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_command_s_layers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_s_layers(tmp_path: Path, capsys: Capture) -> None:
     out, engine = tmp_path / "page.html", asset("data/scenes/engine-layers.toml")
     assert call("page", engine, "-o", out, "--size", "32x24", "--layers", "4") == 0
     assert "4 layers of opacity" in capsys.readouterr().out
@@ -412,7 +411,7 @@ def test_the_command_s_layers(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 
 def test_a_scene_s_opacities_are_the_sliders_of_the_page_that_is_opened(
-    opened: Callable[..., Opened], tmp_path: Path, scene: Scene, image: CoefficientImage
+    opened: Open, tmp_path: Path, scene: Scene, image: CoefficientImage
 ) -> None:
     """A material that the scene hides can be shown."""
     hidden = scene.casting(opacities={"block": 0.0})
@@ -422,6 +421,5 @@ def test_a_scene_s_opacities_are_the_sliders_of_the_page_that_is_opened(
     page = opened(path)
     assert [shown_scale(page, i) for i in (0, 1)] == [0, 1]
     assert mean_difference(page.picture(), frame(image, scene, {"block": 0})) <= NEAR
-    slider(page, 0).press("Delete")
-    page.settle()
+    page.press(slider(0), "Delete")
     assert mean_difference(page.picture(), frame(image, scene, {})) <= NEAR

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from tests.page.conftest import Opened, open_file
+from tests.page.conftest import Open, Opened, open_file
 from tests.support.browser import mean_difference
 from tests.support.images import image, named_lights
 from volspec.appearance.adaptation import ADAPTATIONS
@@ -80,7 +80,7 @@ EIGHT, TWELVE = 0.4, 0.05
 
 
 def test_twelve_bits_give_the_desktops_frames_under_five_lights(
-    opened: Callable[..., Opened], files: Path, engine_scene: Scene, engine_image: CoefficientImage
+    opened: Open, files: Path, engine_scene: Scene, engine_image: CoefficientImage
 ) -> None:
     page = opened(files / "12.html")
     for i, lamp in enumerate(engine_scene.lights):
@@ -165,9 +165,7 @@ def test_two_settings_stand_on_the_sides_of_the_divide(
     assert mean_difference(got[:, quarter:], right[:, quarter:]) <= EIGHT
 
 
-def test_the_error_map_has_the_desktops_figures(
-    opened: Callable[..., Opened], tmp_path: Path
-) -> None:
+def test_the_error_map_has_the_desktops_figures(opened: Open, tmp_path: Path) -> None:
     basis, lamp = SpectralBasis.load("general-5"), light("FL2")
     names = [f"CES/{number}" for number in range(1, 82)]
     samples = basis.analyse([reflectance(name) for name in names])
@@ -185,7 +183,7 @@ def test_the_error_map_has_the_desktops_figures(
 
 
 def test_the_picture_fills_a_phone_held_sideways_and_its_backdrop_goes_on_around_it(
-    opened: Callable[..., Opened], files: Path
+    opened: Open, files: Path
 ) -> None:
     page = opened(files / "8.html")
     page.page.set_viewport_size({"width": 844, "height": 390})
@@ -204,13 +202,12 @@ def test_the_picture_fills_a_phone_held_sideways_and_its_backdrop_goes_on_around
 
 
 def test_other_views_are_turned_to(
-    opened: Callable[..., Opened], files: Path, engine_scene: Scene, engine_image: CoefficientImage
+    opened: Open, files: Path, engine_scene: Scene, engine_image: CoefficientImage
 ) -> None:
     page = opened(files / "turn.html")
     wanted = frame(engine_image, engine_scene.lights[0], engine_scene.relight)
     assert mean_difference(page.picture(), wanted) <= EIGHT
-    page.page.focus("#port")
-    page.page.keyboard.press("PageDown")
+    page.press("#port", "PageDown")
     page.until("document.getElementById('view-read').textContent === '180\u00b0'")
     # It is drawn once it is unpacked, which nothing on the page shows.
     page.eventually(
@@ -218,12 +215,11 @@ def test_other_views_are_turned_to(
     )
 
 
-def test_time_steps_are_shown_and_played(opened: Callable[..., Opened], files: Path) -> None:
+def test_time_steps_are_shown_and_played(opened: Open, files: Path) -> None:
     page = opened(files / "beat.html")
     shown = "document.getElementById('step-read').textContent"
     turned = "document.getElementById('view-read').textContent"
-    page.page.focus("#port")
-    page.page.keyboard.press("PageDown")
+    page.press("#port", "PageDown")
     page.until(f"{turned} === '180°' && {shown} === '1 / 2'")
     page.page.keyboard.press(".")
     page.until(f"{turned} === '270°' && {shown} === '2 / 2'")
@@ -240,7 +236,7 @@ def test_time_steps_are_shown_and_played(opened: Callable[..., Opened], files: P
 
 
 def test_a_view_that_cannot_be_unpacked_leaves_the_one_before(
-    opened: Callable[..., Opened], files: Path, tmp_path: Path
+    opened: Open, files: Path, tmp_path: Path
 ) -> None:
     text = (files / "turn.html").read_text(encoding="utf-8")
     cut, count = re.subn(r'(id="view-1"[^>]*>[^<]{1000})[^<]*', r"\1", text)
@@ -248,8 +244,7 @@ def test_a_view_that_cannot_be_unpacked_leaves_the_one_before(
     (tmp_path / "cut.html").write_text(cut, encoding="utf-8")
     page = opened(tmp_path / "cut.html")
     before = page.picture()
-    page.page.focus("#port")
-    page.page.keyboard.press("PageDown")
+    page.press("#port", "PageDown")
     page.until("!document.getElementById('notice').hidden")
     assert page.page.text_content("#notice").startswith("This view cannot be unpacked: ")
     page.until("document.getElementById('view-read').textContent === '0\u00b0'")
@@ -258,8 +253,7 @@ def test_a_view_that_cannot_be_unpacked_leaves_the_one_before(
     page.page.click("#light-list li:nth-child(2) .light-name")
     assert mean_difference(page.picture(), before) > 1
     # Another that can be unpacked is turned to, and what was said is gone.
-    page.page.focus("#port")
-    page.page.keyboard.press("PageUp")
+    page.press("#port", "PageUp")
     page.until("document.getElementById('view-read').textContent === '270\u00b0'")
     page.until("document.getElementById('notice').hidden")
 
@@ -277,7 +271,7 @@ def test_a_page_asks_the_network_for_nothing(engine_page: Opened) -> None:
     assert engine_page.page.evaluate(blocked) == "blocked"
 
 
-def test_words_of_users_stay_words(opened: Callable[..., Opened], files: Path) -> None:
+def test_words_of_users_stay_words(opened: Open, files: Path) -> None:
     page = opened(files / "8.html").page
     assert page.title() == BAD_TITLE
     assert page.text_content("h1") == BAD_TITLE
@@ -293,9 +287,7 @@ def test_words_of_users_stay_words(opened: Callable[..., Opened], files: Path) -
     assert b"\xe2\x80\xae" not in (files / "8.html").read_bytes()
 
 
-def test_an_address_brings_a_picture_back(
-    opened: Callable[..., Opened], files: Path, engine_page: Opened
-) -> None:
+def test_an_address_brings_a_picture_back(opened: Open, files: Path, engine_page: Opened) -> None:
     engine_page.show(**{"a.weights": "0.5,1,0,0,0.25", "a.model": "CAM16", "a.exposure": 0.7})
     engine_page.page.fill("#light-list li:nth-child(1) input", "0.8")
     engine_page.until("location.hash.includes('0.8,1,0,0,0.25')")
@@ -306,7 +298,7 @@ def test_an_address_brings_a_picture_back(
 
 
 def test_rubbish_in_an_address_is_left_aside(
-    opened: Callable[..., Opened], files: Path, engine_scene: Scene, engine_image: CoefficientImage
+    opened: Open, files: Path, engine_scene: Scene, engine_image: CoefficientImage
 ) -> None:
     words = "#a.weights=1,NaN&a.model=constructor&a.exposure=1e99&view=7&probe=-1,x&a.solo=1e3&%%%"
     page = opened(files / "8.html", words)
@@ -354,7 +346,7 @@ def test_the_keyboard_reads_pixels_aloud(
     ],
 )
 def test_a_browser_that_cannot_shows_the_still_picture(
-    opened: Callable[..., Opened], files: Path, before: str, reason: str
+    opened: Open, files: Path, before: str, reason: str
 ) -> None:
     page = opened(files / "8.html", before=before, ready="still").page
     assert reason in page.text_content("#notice")

@@ -14,6 +14,7 @@ from tests.page.conftest import Opened, new_page
 from tests.page.test_access import PHONE, WIDE, breaches
 from tests.serve.conftest import serving
 from tests.support.browser import mean_difference
+from tests.support.fixtures import Patch
 from tests.support.patience import PATIENCE_S
 from volspec.export.page import PageSpec
 from volspec.export.serve.views import SceneViews, ViewRequest
@@ -74,7 +75,7 @@ def scene(engine_scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Scen
 
 
 @pytest.fixture
-def served(browser: Any, scene: Scene, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
+def served(browser: Any, scene: Scene, monkeypatch: Patch) -> Iterator[Served]:
     """The page after its first whole picture; coarse ones have a quarter of the sides."""
     monkeypatch.setattr(Pace, "after", lambda pace, *made: pace)
     with serving(scene, spec=PageSpec("Engine"), size=SIZE) as server:
@@ -146,17 +147,13 @@ def test_the_camera_moves_by_keyboard(served: Served) -> None:
     assert served.asked[-1].distance == pytest.approx(2**0.05, abs=1e-4)
     for keys, name, by in (("Shift+PageUp", "elevation", 10), ("PageDown", "azimuth", 10)):
         before = served.number(name)
-        served.page.locator("#port").press(keys)
-        served.settle()
+        served.press("#port", keys)
         assert served.number(name) == before + by
-    served.page.click("#reset")
-    served.settle()
+    served.click("#reset")
     assert (served.number("azimuth"), served.number("elevation")) == (148, 32)
 
 
-def test_the_wheel_zooms_into_the_picture_and_with_control_moves_the_camera(
-    served: Served,
-) -> None:
+def test_the_wheel_zooms_into_the_picture_and_with_control_moves_the_camera(served: Served) -> None:
     served.page.locator("#port").hover()
     count = len(served.asked)
     served.page.mouse.wheel(0, -200)
@@ -184,8 +181,7 @@ def test_a_lost_server_leaves_a_picture_that_can_be_relit(served: Served) -> Non
     served.drag(60, 0)
     served.until(f"!{NOTICE}.hidden && {NOTICE}.textContent.startsWith('No picture')")
     before = served.picture()
-    served.page.click("#light-list li:nth-child(2) .light-name")
-    served.settle()
+    served.click("#light-list li:nth-child(2) .light-name")
     assert not np.array_equal(served.picture(), before)
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.page.conftest import Opened
+from tests.page.conftest import Open, Opened
 from tests.support.images import image, named_lights
 from volspec.basis import SpectralBasis
 from volspec.export.page import PageSpec, PageView, write_page
@@ -20,11 +20,9 @@ FIVE = (
 TWELVE = (*FIVE, "LED-B3", "planck:3200", "A", "Xenon\nheadlight", "FL11", "W" * 300, "lamp:candle")
 DESKTOP, PHONE = (1280, 900), (320, 640)
 
-Page = Callable[..., Opened]
-
 
 @pytest.fixture
-def page_of(opened: Page, tmp_path: Path) -> Page:
+def page_of(opened: Open, tmp_path: Path) -> Open:
     """A grey picture under lights of given names, at a window's size."""
 
     def made(
@@ -63,7 +61,7 @@ _NAMES = """() => {
     ("window", "names"), [(DESKTOP, TWELVE), (PHONE, FIVE), (PHONE, TWELVE)], ids=str
 )
 def test_names_around_the_dial_are_whole_and_apart(
-    page_of: Page, names: Sequence[str], window: tuple[int, int]
+    page_of: Open, names: Sequence[str], window: tuple[int, int]
 ) -> None:
     seen = page_of(names, window).page.evaluate(_NAMES)
     assert len(seen) == len(names)
@@ -75,7 +73,7 @@ def test_names_around_the_dial_are_whole_and_apart(
             assert right <= x0 or x1 <= left or bottom <= y0 or y1 <= top, (one, other)
 
 
-def test_five_ordinary_names_are_written_out(page_of: Page) -> None:
+def test_five_ordinary_names_are_written_out(page_of: Open) -> None:
     page = page_of(FIVE, caption="A few words").page
     assert not page.locator("#more").is_visible(), "all of the caption is shown"
     seen = page.evaluate(_NAMES)
@@ -84,7 +82,7 @@ def test_five_ordinary_names_are_written_out(page_of: Page) -> None:
 
 
 def test_of_forty_lights_the_dial_names_the_strongest_or_the_one_under_the_mouse(
-    page_of: Page,
+    page_of: Open,
 ) -> None:
     shown = page_of([f"lamp {i}" for i in range(40)])
     names = [one["words"] for one in shown.page.evaluate(_NAMES)]
@@ -95,7 +93,7 @@ def test_of_forty_lights_the_dial_names_the_strongest_or_the_one_under_the_mouse
     assert names == [["\u2068lamp 10\u2069"]]
 
 
-def test_a_name_that_turns_the_direction_turns_no_word_of_the_page(page_of: Page) -> None:
+def test_a_name_that_turns_the_direction_turns_no_word_of_the_page(page_of: Open) -> None:
     """Letters after it are in order: each right of the previous one."""
     lefts = page_of(["A\u2069\u202eB"]).page.evaluate("""() => {
         const node = document.getElementById('label-a').firstChild;
@@ -110,7 +108,7 @@ def test_a_name_that_turns_the_direction_turns_no_word_of_the_page(page_of: Page
     assert lefts == sorted(lefts)
 
 
-def test_a_long_title_takes_two_lines_and_is_told_whole(page_of: Page) -> None:
+def test_a_long_title_takes_two_lines_and_is_told_whole(page_of: Open) -> None:
     title = "Engine " * 700
     page = page_of(["D65"], PHONE, title=title).page
     tall = page.evaluate("document.querySelector('h1').clientHeight")
@@ -122,7 +120,7 @@ def test_a_long_title_takes_two_lines_and_is_told_whole(page_of: Page) -> None:
     ("window", "caption"), [(DESKTOP, "Cast once. " * 450), (PHONE, "W" * 300)]
 )
 def test_a_long_caption_is_three_lines_until_the_rest_is_asked_for(
-    page_of: Page, window: tuple[int, int], caption: str
+    page_of: Open, window: tuple[int, int], caption: str
 ) -> None:
     shown = page_of(["D65"], window, caption=caption)
     tall = "document.getElementById('caption').clientHeight"
@@ -139,14 +137,14 @@ def test_a_long_caption_is_three_lines_until_the_rest_is_asked_for(
     assert shown.page.evaluate("document.documentElement.scrollWidth") <= window[0]
 
 
-def test_a_long_name_leaves_the_picture_free(page_of: Page) -> None:
+def test_a_long_name_leaves_the_picture_free(page_of: Open) -> None:
     label = page_of(["W" * 300], PHONE).page.locator("#label-a").bounding_box()
     assert label["height"] <= 3 * 1.4 * 12 + 7, "three lines of 12 pixels, and room around them"
 
 
 @pytest.mark.parametrize("picture", [(1, 2000), (2000, 1)])
 def test_a_thin_picture_is_seen_and_its_pixels_are_found(
-    page_of: Page, picture: tuple[int, int]
+    page_of: Open, picture: tuple[int, int]
 ) -> None:
     shown = page_of(["D65"], picture=picture)
     page = shown.page

@@ -10,6 +10,7 @@ import pytest
 
 from tests.support.commands import call
 from tests.support.errors import raises, warns
+from tests.support.fixtures import Capture
 from tests.support.images import some_rows
 from volspec.appearance import Viewing
 from volspec.errors import ImageError, ShapeError, ViewingError
@@ -39,9 +40,7 @@ def test_twelve_bits_are_written_high_bytes_first() -> None:
     assert residual_bytes(codes, 12) == bytes([0x03, 0x00, 0xA5, 0x00])
 
 
-def test_a_page_is_one_file_of_the_size_asked_for(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_page_is_one_file_of_the_size_asked_for(tmp_path: Path, capsys: Capture) -> None:
     scene = Path(__file__).resolve().parents[2] / "data" / "scenes" / "engine.toml"
     out = tmp_path / "engine.html"
     words = ("page", scene, "-o", out, "--views", "3", "--size", "48x32")

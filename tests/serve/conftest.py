@@ -5,7 +5,7 @@ from __future__ import annotations
 import http.client
 import json
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,33 +24,18 @@ from volspec.volume import phantom
 SCENE = """
 title = "Ball"
 version = 2
-[volume]
-file = "ball.npy"
-[[material]]
-name = "gold"
-reflectance = "gold"
+volume = { file = "ball.npy" }
+basis = { name = "general-5" }
+material = [{ name = "gold", reflectance = "gold" }]
+light = [{ name = "day", spectrum = "D65" }, { name = "lamp", spectrum = "A" }]
+camera = { azimuth_deg = 20, elevation_deg = 10 }
+annotation = [{ text = "here & there", points_mm = [[8, 8, 8]] }]
+output = { width = 42, height = 30 }
 [transfer]
 points = [
     { value = 0.2, opacity = 0.0, material = "gold" },
     { value = 0.6, opacity = 0.5, material = "gold" },
 ]
-[basis]
-name = "general-5"
-[camera]
-azimuth_deg = 20
-elevation_deg = 10
-[[annotation]]
-text = "here & there"
-points_mm = [[8, 8, 8]]
-[[light]]
-name = "day"
-spectrum = "D65"
-[[light]]
-name = "lamp"
-spectrum = "A"
-[output]
-width = 42
-height = 30
 """
 
 
@@ -131,6 +116,19 @@ def serving(scene: Scene, host: str = "127.0.0.1", **how: Any) -> Iterator[Any]:
         server.stop()
         thread.join(PATIENCE_S)
         assert not thread.is_alive()
+
+
+@contextmanager
+def entered(
+    scene: Scene, message: Callable[..., bytes] | None = None, **how: Any
+) -> Iterator[Client]:
+    """Serve a scene, its casts perhaps replaced, to a client with the cookie."""
+    with serving(scene, **how) as server:
+        if message is not None:
+            server._queue._message = message
+        client = Client(server)
+        client.enter()
+        yield client
 
 
 @pytest.fixture(scope="session")

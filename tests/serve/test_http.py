@@ -14,6 +14,7 @@ import pytest
 from tests.serve.conftest import Client, serving
 from tests.support.commands import call
 from tests.support.errors import raises
+from tests.support.fixtures import Capture, Patch
 from tests.support.patience import PATIENCE_S
 from volspec.errors import DeviceError
 from volspec.export.page import page_policy
@@ -180,7 +181,7 @@ def test_wrong_parameters_are_named_with_their_range(
     assert len(answer.body) < 300
 
 
-def test_the_extra_is_named_if_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_extra_is_named_if_it_is_missing(monkeypatch: Patch) -> None:
     monkeypatch.delitem(sys.modules, "volspec.export.serve.http")
     monkeypatch.setitem(sys.modules, "tornado.httpserver", None)
     with raises(DeviceError, "unsupported") as refused:
@@ -189,7 +190,7 @@ def test_the_extra_is_named_if_it_is_missing(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_the_command_prints_its_address_and_ends_by_an_interrupt(
-    ball_scene: Scene, server: Any, capsys: pytest.CaptureFixture[str]
+    ball_scene: Scene, server: Any, capsys: Capture
 ) -> None:
     words = ["serve", str(ball_scene.path), "--size", "40x30"]
     assert call(*words, "--port", server.port) == 1

@@ -15,7 +15,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.serve.conftest import Client, serving
+from tests.serve.conftest import Client, entered
+from tests.support.fixtures import Patch
 from tests.support.patience import PATIENCE_S
 from tests.support.pyramids import stored
 from volspec.errors import CastCancelled, OpenCLError, RaycastError
@@ -111,10 +112,7 @@ def test_of_a_clients_requests_the_newest_counts() -> None:
 
 def test_a_replaced_request_is_answered_as_such_and_others_go_on(ball_scene: Scene) -> None:
     started = Event()
-    with serving(ball_scene) as server, ThreadPoolExecutor(1) as pool:
-        server._queue._message = waiting(started)
-        client = Client(server)
-        client.enter()
+    with entered(ball_scene, waiting(started)) as client, ThreadPoolExecutor(1) as pool:
         earlier = pool.submit(client.view, coarse=1, client=7)
         assert started.wait(PATIENCE_S)
         assert client.get("/").status == 200, "the page does not wait for a cast"
@@ -132,13 +130,10 @@ def test_a_browser_that_leaves_ends_its_cast(ball_scene: Scene) -> None:
         finally:
             ended.set()
 
-    with serving(ball_scene) as server:
-        server._queue._message = message
-        client = Client(server)
-        client.enter()
+    with entered(ball_scene, message) as client:
         words = "azimuth=0&elevation=0&distance=1&coarse=1&transfer=0&client=1"
         head = f"GET /view?{words} HTTP/1.1\r\nHost: localhost\r\nCookie: {client.cookie}\r\n\r\n"
-        with socket.create_connection(("127.0.0.1", server.port), PATIENCE_S) as browser:
+        with socket.create_connection(("127.0.0.1", client.server.port), PATIENCE_S) as browser:
             browser.sendall(head.encode())
             assert started.wait(PATIENCE_S)
         assert ended.wait(PATIENCE_S)
@@ -146,13 +141,10 @@ def test_a_browser_that_leaves_ends_its_cast(ball_scene: Scene) -> None:
 
 def test_stopping_ends_a_cast_in_progress(ball_scene: Scene) -> None:
     started = Event()
-    with serving(ball_scene) as server, ThreadPoolExecutor(1) as pool:
-        server._queue._message = waiting(started)
-        client = Client(server)
-        client.enter()
+    with entered(ball_scene, waiting(started)) as client, ThreadPoolExecutor(1) as pool:
         unanswered = pool.submit(client.view, coarse=1)
         assert started.wait(PATIENCE_S)
-        server.stop()
+        client.server.stop()
         assert unanswered.exception(PATIENCE_S) is not None or unanswered.result().status == 409
 
 
@@ -174,10 +166,7 @@ def test_a_failed_cast_is_one_line_and_the_next_succeeds(
             raise error
         return b"whole"
 
-    with serving(ball_scene) as server:
-        server._queue._message = message
-        client = Client(server)
-        client.enter()
+    with entered(ball_scene, message) as client:
         answer = client.view(coarse=1)
         assert answer.status == status and answer.line
         assert client.view().body == b"whole"
@@ -192,7 +181,7 @@ def test_the_scenes_camera_bounds_what_can_be_asked(ball_scene: Scene) -> None:
 
 
 def test_on_a_slow_network_coarse_pictures_become_coarser(
-    ball_scene: Scene, monkeypatch: pytest.MonkeyPatch
+    ball_scene: Scene, monkeypatch: Patch
 ) -> None:
     """Casts take no time here: their clock stands still."""
     monkeypatch.setattr(served_views, "time", SimpleNamespace(perf_counter=lambda: 0.0))
@@ -217,9 +206,7 @@ def test_missing_parts_of_a_store_are_told_to_the_page(tmp_path: Path) -> None:
         chunk.unlink()
     scene = Scene.from_volume(str(tmp_path / "v.zarr?memory=8MB"), volume=volume, lights=["D65"])
     scene = scene.casting(level=0, step_mm=None)
-    with serving(scene, volume=volume, size=(24, 24)) as server:
-        client = Client(server)
-        client.enter()
+    with entered(scene, volume=volume, size=(24, 24)) as client:
         coarse, _ = client.view(coarse=1).view()
         assert coarse["notice"] == "" and coarse["coarse"]
         whole, _ = client.view().view()
