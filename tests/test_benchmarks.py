@@ -5,8 +5,7 @@ from __future__ import annotations
 import doctest
 import json
 import math
-import subprocess
-import sys
+from contextlib import suppress
 from dataclasses import asdict, replace
 from itertools import pairwise
 from pathlib import Path
@@ -16,12 +15,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks import layers, measure, picture
+from benchmarks import kills, layers, measure, picture
 from benchmarks.gpu import Record, recorded
 from benchmarks.measure import PAGE, Comparison, Figure, between, in_turn, replaced, report, save
 from benchmarks.picture import psnr
 from benchmarks.scenes import NAMES, RECIPES, bench_scene, stored
 from tests.support.fixtures import Patch
+from volspec._files import write_whole
 from volspec.basis import MaterialBasis
 from volspec.spectra import reflectance_names
 
@@ -120,47 +120,41 @@ def test_the_page_has_room_for_what_scripts_write(name: str) -> None:
     assert between(PAGE.read_text(encoding="utf-8"), name).startswith("\n")
 
 
-# In a process of its own, which may fork: one file is written well, one torn, one never cleared.
-KILLS = """
-import sys, time
-from pathlib import Path
-from benchmarks.kills import Job, count_damage
-from volspec._files import write_whole
-
-def slowly(path):
-    with path.open("wb") as file:
-        for _ in range(30):
-            file.write(b"0123456789")
-            file.flush()
-            time.sleep(0.01)
-
-def well(folder):
-    with write_whole(folder / "a.bin") as temporary:
-        slowly(temporary)
-
-def torn(folder):
-    with write_whole(folder / "a.bin") as temporary:
-        temporary.touch()
-        slowly(folder / "b.bin")
-
-def left(folder):
-    (folder / ".volspec-of-nobody.part").touch()
-    well(folder)
-
-for job in (well, torn, left):
-    root = Path(sys.argv[1], job.__name__)
-    root.mkdir()
-    count = count_damage(Job(job.__name__, job), 4, root)
-    print(job.__name__, count.kills, count.torn > 0, count.left > 0, count.other > 0)
-"""
+class Killed(BaseException):
+    """A kill amid a write."""
 
 
-@pytest.mark.slow
-def test_kills_find_what_is_torn_and_what_is_left(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", KILLS, str(tmp_path)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.stdout.splitlines() == [
-        "well 4 False False False",
-        "torn 4 True False False",
-        "left 4 False True False",
-    ], done.stderr
+@pytest.mark.parametrize("name", ["well", "torn", "left"])
+def test_kills_find_what_is_torn_and_what_is_left(
+    name: str, tmp_path: Path, monkeypatch: Patch
+) -> None:
+    """No process dies here: what is killed ends with half of a file."""
+    amid = False
+
+    def run(folder: Path) -> None:
+        folder.mkdir(exist_ok=True)
+        if name == "left":
+            (folder / ".volspec-of-nobody.part").touch()
+        with write_whole(folder / "a.bin") as temporary:
+            temporary.touch()
+            path = folder / "b.bin" if name == "torn" else temporary
+            path.write_bytes(b"half")
+            if amid:
+                raise Killed
+            path.write_bytes(b"whole")
+
+    def kill(job: kills.Job, folder: Path, *_: object) -> bool:
+        nonlocal amid
+        amid = True
+        with suppress(Killed):
+            job.run(folder)
+        amid = False
+        return True
+
+    monkeypatch.setattr(kills, "run_to_end", lambda job, folder: job.run(folder))
+    monkeypatch.setattr(kills, "measure", lambda job, folder: (job.run(folder), [1.0]))
+    monkeypatch.setattr(kills, "kill", kill)
+    count = kills.count_damage(kills.Job(name, run), 4, tmp_path)
+    found = {"torn": count.torn > 0, "left": count.left > 0}
+    assert count.kills == 4 and count.other == 0
+    assert found == {each: each == name for each in ("torn", "left")}

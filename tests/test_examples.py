@@ -65,6 +65,7 @@ def test_materials_and_light_groups(folder: Path) -> None:
     assert mean_colour(folder / "03-sky.png").sum() > mean_colour(folder / "03-key.png").sum()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:HP1. componentwise colours are off by")  # with 3 channels
 def test_more_channels_come_nearer_to_the_exact_picture(folder: Path, capsys: Capture) -> None:
     run(4)

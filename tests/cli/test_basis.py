@@ -9,17 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.support.commands import METALS_SCENE, figures
+from tests.support.commands import GENERAL, METALS, METALS_SCENE, figures, write_image
 from tests.support.commands import call as command
 from tests.support.fixtures import Capture, Patch
-from volspec.basis import MaterialBasis, SpectralBasis, load_basis
+from volspec.basis import Basis, SpectralBasis, load_basis
 from volspec.basis import report_table as table
 from volspec.basis.make import SPIKY_SHARE
-from volspec.pipeline import raycast
-from volspec.raycast import Camera
-from volspec.spectra import light_set, reflectance
-from volspec.transfer import TransferFunction
-from volspec.volume import phantom
+from volspec.spectra import light_set
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -71,6 +67,7 @@ def test_without_a_subject_the_general_basis_is_measured(capsys: Capture) -> Non
     assert np.abs(np.subtract(worst["XYZ"], worst["XYZ_shown"])).max() > 0.8
 
 
+@pytest.mark.usefixtures("few_lights")
 def test_people_get_a_table_of_80_columns(capsys: Capture, monkeypatch: Patch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     assert call("general-7") == 0
@@ -80,7 +77,7 @@ def test_people_get_a_table_of_80_columns(capsys: Capture, monkeypatch: Patch) -
 
 
 def test_a_scene_is_measured_on_its_materials_under_its_lights_and_the_library_s(
-    scene: str, capsys: Capture
+    scene: str, capsys: Capture, request: pytest.FixtureRequest
 ) -> None:
     data = report(capsys, scene)
     assert data["name"] == "general-7" and " 2 " in data["measured_on"]
@@ -88,6 +85,7 @@ def test_a_scene_is_measured_on_its_materials_under_its_lights_and_the_library_s
     assert lights == {"scene": 2, "smooth": 26, "spiky": 89}
     assert data["worst"]["reflectance"] in {"rotor", "case"}
     assert data["classes"]["scene"]["worst"]["light"] in {"lamp", "sun"}
+    request.getfixturevalue("few_lights")
     other = report(capsys, scene, "--reflectances", "training")
     assert other["classes"]["scene"]["reflectances"] == 128
 
@@ -114,12 +112,10 @@ def test_a_basis_is_fitted_to_the_training_set_and_written(tmp_path: Path, capsy
     assert smooth["componentwise"]["mean"] == pytest.approx(2.07, abs=0.1)
     assert smooth["mean"] == pytest.approx(1.52, abs=0.1)
     assert "spiky" not in data["trained_on"] and "smooth" in data["trained_on"]
-    assert load_basis(out).size == 5
+    basis = load_basis(out)
+    assert (basis.size, basis.fingerprint) == (5, data["fingerprint"])
     assert figure.read_bytes().startswith(b"\x89PNG")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["own.json", "own.png"]
-    again = report(capsys, str(out))
-    assert again["fingerprint"] == data["fingerprint"]
-    assert again["worst"]["delta_e"] == pytest.approx(data["worst"]["delta_e"])
 
 
 @pytest.mark.usefixtures("few_lights")
@@ -180,18 +176,13 @@ def test_a_basis_is_fitted_under_the_lights_that_are_asked_for(
 
 
 @pytest.mark.usefixtures("few_lights")
-@pytest.mark.parametrize("kind", ["general", "materials"])
+@pytest.mark.parametrize(("basis", "count"), [(GENERAL, 84), (METALS, 2)])
 def test_a_coefficient_image_is_measured_by_its_basis(
-    kind: str, tmp_path: Path, capsys: Capture
+    basis: Basis, count: int, tmp_path: Path, capsys: Capture
 ) -> None:
-    paint = {"rotor": reflectance("copper"), "case": reflectance("iron")}
-    basis = MaterialBasis(paint) if kind == "materials" else SpectralBasis.load("general-7")
-    transfer = TransferFunction([(0.1, 0.1, "rotor"), (0.7, 0.9, "case")], paint, basis)
-    ball = phantom.ball(12)
-    raycast(ball, transfer, Camera.orbit(ball), (16, 16)).save(tmp_path / "ball.exr")
-    data = report(capsys, str(tmp_path / "ball.exr"))
+    data = report(capsys, str(write_image(tmp_path / "i.exr", basis)))
     assert data["fingerprint"] == basis.fingerprint
-    assert data["classes"]["smooth"]["reflectances"] == (2 if kind == "materials" else 84)
+    assert data["classes"]["smooth"]["reflectances"] == count
 
 
 ODD = "[/b] $x_$ \N{CJK UNIFIED IDEOGRAPH-5149} $6^"

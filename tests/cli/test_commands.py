@@ -46,6 +46,7 @@ def run(*words: str, **settings: object) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 def test_without_a_writable_home_commands_work_with_one_warning(tmp_path: Path) -> None:
     """Neither PoCL's, pyopencl's and Matplotlib's caches nor our own stop a cast."""
     own = ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME", "POCL_CACHE_DIR", "MPLCONFIGDIR")
@@ -127,22 +128,15 @@ def test_relight_of_a_stored_image_gives_the_demo_s_frame(demo: Path, tmp_path: 
     assert np.abs(stored.astype(int) - fresh).max() <= 1
 
 
+@pytest.mark.slow
 def test_an_interrupted_demo_says_so_and_leaves_nothing(tmp_path: Path) -> None:
     assert interrupted(tmp_path, "demo", "--out", "out")[0] == 130
     assert not (tmp_path / "out" / "sheet.png").exists()
 
 
-def test_info_prints_figures_for_people_and_machines(capsys: Capture) -> None:
-    engine = ROOT / "data" / "engine.nrrd"
-    assert call("info", engine) == 0
-    assert "256 × 256 × 110" in capsys.readouterr().out
-    assert figures(capsys, "info", engine)["shape"] == [256, 256, 110]
-
-
 def test_doctor_lists_devices(capsys: Capture) -> None:
     report = figures(capsys, "doctor")
     assert report["healthy"] and report["opencl"][0]["name"]
-    assert call("doctor") == 0
 
 
 def test_doctor_names_what_brings_films_and_notebooks(monkeypatch: Patch, capsys: Capture) -> None:

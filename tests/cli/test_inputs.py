@@ -112,7 +112,8 @@ def test_a_folder_of_slices_is_one_volume(scans: Path) -> None:
     folder.mkdir()
     for i, layer in enumerate((255 * phantom.ball(8).values).astype(np.uint8)):
         imwrite(folder / f"{i}.png", layer)
-    assert call("render", f"{folder}?spacing=1,1,1", "-o", "slices.exr", *SIZE) == 0
+    assert call("scene", "new", f"{folder}?spacing=1,1,1", "-o", "slices.toml") == 0
+    assert Scene.load("slices.toml").volume().values.shape == (8, 8, 8)
 
 
 def test_nothing_that_is_there_is_replaced_by_a_new_scene(scans: Path) -> None:

@@ -10,15 +10,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.export.test_export_depth import DEEP
 from tests.support.commands import call, figures
 from tests.support.fixtures import Capture, Patch
+from tests.support.images import read_codes
 from tests.support.patience import PATIENCE_S
 from tests.support.scenes import BALL, DAY, SMALL, write_scene_text
 from volspec.errors import OpenCLError
-from volspec.export.frames import read_frame, read_frame_text
+from volspec.export.frames import read_frame_text
 from volspec.raycast import CoefficientImage
 from volspec.raycast.gpu import Raycaster
 
+MATERIAL_BASIS = '[basis]\nmethod = "materials"\n'
 GROUPS = """[[group]]
 name = "key"
 sources = [{ kind = "directional", towards = [0, -1, 1], shadows = true }]
@@ -30,7 +33,8 @@ sources = [{ kind = "ambient" }]
 
 @pytest.fixture
 def scene(tmp_path: Path) -> Path:
-    return write_scene_text(tmp_path, BALL + GROUPS + DAY + SMALL, 16)
+    """A ball in one channel: a kernel of few is soon built."""
+    return write_scene_text(tmp_path, BALL + MATERIAL_BASIS + GROUPS + DAY + SMALL, 16)
 
 
 def test_render_says_what_it_wrote(scene: Path, capsys: Capture) -> None:
@@ -47,11 +51,6 @@ def test_a_picture_is_the_first_frame_of_an_export(scene: Path) -> None:
     assert call("export", scene, "-o", scene.with_name("frames"), "--light", "day") == 0
     frame = scene.with_name("frames") / "day.png"
     assert (read_codes(scene.with_name("p.png")) == read_codes(frame)).all()
-
-
-def read_codes(path: Path) -> np.ndarray:
-    """Return a picture's codes."""
-    return np.asarray(read_frame(path).convert("RGB"))
 
 
 def test_size_and_half_are_taken_in_place_of_the_scene_s(scene: Path) -> None:
@@ -114,28 +113,29 @@ def test_info_lists_labels_with_their_names(tmp_path: Path, capsys: Capture) -> 
     assert figures(capsys, "info", tmp_path / "v.npy")["labels"] == {}
 
 
-MATERIAL_BASIS = '[basis]\nmethod = "materials"\n'
+def faded(scale: float) -> tuple[str, ...]:
+    """Options by which both materials fade."""
+    return "--opacity", f"gold={scale}", "--opacity", f"grey={scale}"
 
 
 def test_layers_are_cast_and_fade_when_relit(tmp_path: Path, capsys: Capture) -> None:
     """You should see the ball, then a thinner one, then nothing of it."""
-    scene = write_scene_text(tmp_path, BALL + MATERIAL_BASIS + GROUPS + DAY + SMALL, 16)
-    out = tmp_path / "i.exr"
+    scene, out = write_scene_text(tmp_path, DEEP, 16), tmp_path / "i.exr"
     assert call("render", scene, "-o", out, "--layers", "4") == 0
     assert "4 layers of opacity" in capsys.readouterr().out
     image = CoefficientImage.load(out)
     assert image.opacity_layers is not None and image.opacity_layers.count == 4
     words = ("relight", out, "--light", "D65", "-o")
-    assert call(*words, tmp_path / "1.png", "--opacity", "ball=1") == 0
+    assert call(*words, tmp_path / "1.png", "--opacity", "gold=1") == 0
     assert call(*words, tmp_path / "plain.png") == 0
-    assert call(*words, tmp_path / "thin.png", "--opacity", "ball=0.3") == 0
-    assert call(*words, tmp_path / "none.png", "--opacity", "ball=0") == 0
+    assert call(*words, tmp_path / "thin.png", *faded(0.3)) == 0
+    assert call(*words, tmp_path / "none.png", *faded(0)) == 0
     same, plain, thin, none = (
         read_codes(tmp_path / f"{name}.png").astype(int) for name in ("1", "plain", "thin", "none")
     )
     assert (same == plain).all() and np.ptp(none, axis=(0, 1)).max() == 0
     options = ("--focus", 40, "--aperture", 8, "--fog", 90, "--near", 1, "--far", 90)
-    assert call(*words, tmp_path / "deep.png", *map(str, options), "--opacity", "ball=0.9") == 0
+    assert call(*words, tmp_path / "deep.png", *map(str, options), "--opacity", "gold=0.9") == 0
     assert (read_codes(tmp_path / "deep.png") != plain).any()
     layers = image.opacity_layers
     capsys.readouterr()
@@ -150,7 +150,7 @@ def test_layers_are_cast_and_fade_when_relit(tmp_path: Path, capsys: Capture) ->
     assert left.shape == plain.shape and 0 < np.abs(left - right).mean() < 20
     anaglyph = read_codes(tmp_path / "anaglyph.png")
     assert anaglyph.shape == plain.shape
-    assert call(*words, tmp_path / "gone.png", "--opacity", "ball=0", *stereo) == 0
+    assert call(*words, tmp_path / "gone.png", *faded(0), *stereo) == 0
     assert np.ptp(read_codes(tmp_path / "gone.png"), axis=(0, 1)).max() == 0
     backdrop = none[0, 0]
     assert 2 < np.abs(thin - backdrop).sum() < np.abs(plain - backdrop).sum()

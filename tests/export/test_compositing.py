@@ -8,6 +8,7 @@ import json
 import re
 import sys
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -187,9 +188,12 @@ OPACITIES = {False: 1e-5, True: 2e-4}
 """Rounding of float32, in the recipes and in `CoefficientImage.recompose`. With shadows
 exp(b E) - 1 is off by 6e-8, and is divided by b, 0.001 at least."""
 KINDS = pytest.mark.parametrize(
-    ("shadows", "solid"),
-    [(False, False), (True, False), (False, True), (True, True)],
-    ids=["", "shadows", "solid", "solid and shadows"],
+    ("shadows", "solid", "opacities"),
+    [
+        pytest.param(*kind, opacities, marks=[pytest.mark.slow] if (n + m) % 4 else [])
+        for n, kind in enumerate(product((False, True), repeat=2))
+        for m, opacities in enumerate(STATES)
+    ],
 )
 
 
@@ -210,7 +214,6 @@ def chained(text: str, names: dict[str, Any]) -> NDArray[Any]:
 
 
 @KINDS
-@pytest.mark.parametrize("opacities", STATES, ids=str)
 def test_nuke_s_group_has_a_knob_for_each_opacity(
     tmp_path: Path, opacities: dict[str, float], shadows: bool, solid: bool
 ) -> None:
@@ -266,7 +269,6 @@ def test_blender_s_nodes_are_the_frame(tmp_path: Path, monkeypatch: Patch) -> No
 
 
 @KINDS
-@pytest.mark.parametrize("opacities", STATES, ids=str)
 def test_blender_s_nodes_have_the_opacities(
     tmp_path: Path, monkeypatch: Patch, opacities: dict[str, float], shadows: bool, solid: bool
 ) -> None:

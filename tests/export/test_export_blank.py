@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.export.conftest import Make
-from tests.support.fixtures import Patch
+from tests.support.fixtures import Patch, slow
 from volspec.errors import VolspecWarning
 from volspec.export import tiles
 from volspec.export.frames import BlankFrames
@@ -25,7 +25,9 @@ illuminance_lux = {}
 """
 
 
-@pytest.mark.parametrize("settings", [{}, {"bits": 16}, {"transparent": True}, {"format": "exr"}])
+@pytest.mark.parametrize(
+    "settings", [{}, slow({"bits": 16}), slow({"transparent": True}), {"format": "exr"}]
+)
 def test_absurd_lux_are_told_whatever_the_file(
     settings: dict[str, Any], scene: Make, tmp_path: Path
 ) -> None:

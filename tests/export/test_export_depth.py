@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli.test_render import read_codes
 from tests.export.conftest import SCENE
 from tests.support.commands import call
 from tests.support.errors import raises
 from tests.support.fixtures import Capture
+from tests.support.images import read_codes
 from volspec.errors import SceneError, VolspecWarning
 from volspec.export.plan import check_scene
 from volspec.raycast import CoefficientImage, DepthEffects

@@ -14,7 +14,7 @@ from PIL import Image
 from tests.export.conftest import Make
 from tests.export.test_files_whole import left_by_a_kill
 from tests.support.errors import raises
-from tests.support.fixtures import Patch
+from tests.support.fixtures import Patch, slow
 from volspec.appearance.spaces import SPACES
 from volspec.errors import DeviceError, InputError, VolspecWarning
 from volspec.export import film
@@ -41,7 +41,7 @@ def first_frame(path: Path, size: tuple[int, int]) -> np.ndarray:
     return np.frombuffer(done.stdout, np.uint8).reshape(size[1], size[0], 3)
 
 
-@pytest.mark.parametrize("suffix", [".mp4", ".webm", ".gif"])
+@pytest.mark.parametrize("suffix", [".mp4", slow(".webm"), ".gif"])
 def test_a_film_has_the_frames_colours_and_says_what_they_are(
     scene: Make, tmp_path: Path, suffix: str
 ) -> None:

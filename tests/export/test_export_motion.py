@@ -11,6 +11,7 @@ from PIL import Image
 
 from tests.export.conftest import Make
 from tests.support.errors import raises
+from tests.support.fixtures import slow
 from volspec.errors import SceneError, ViewingError
 from volspec.export.animation import (
     frame_times_s,
@@ -422,7 +423,7 @@ def fading(scene: Make, layers: int, more: str = "") -> Scene:
     return Scene.load(path)
 
 
-@pytest.mark.parametrize(("layers", "casts"), [(8, 1), (0, 3)])
+@pytest.mark.parametrize(("layers", "casts"), [(8, 1), slow(0, 3)])
 def test_a_material_fades_with_layers_from_one_cast(
     scene: Make, tmp_path: Path, layers: int, casts: int
 ) -> None:

@@ -11,7 +11,7 @@ from PIL import Image
 
 from tests.export.conftest import Make
 from tests.support.errors import raises
-from tests.support.fixtures import Patch
+from tests.support.fixtures import Patch, slow
 from volspec._exr import read_exr
 from volspec.appearance.spaces import SPACES
 from volspec.errors import ImageError, InputError, VolspecWarning
@@ -176,7 +176,7 @@ def test_rec_709_to_aces_is_the_published_matrix() -> None:
 
 
 @pytest.mark.parametrize(
-    ("measured", "backdrop"), [('adapting = "picture"', 0.9), ('surround = "measured"', 0.0)]
+    ("measured", "backdrop"), [slow('adapting = "picture"', 0.9), ('surround = "measured"', 0.0)]
 )
 def test_an_eye_adapts_to_the_whole_picture_in_parts_and_without_backdrop(
     scene: Make, tmp_path: Path, monkeypatch: Patch, measured: str, backdrop: float
@@ -199,7 +199,7 @@ def test_an_eye_adapts_to_the_whole_picture_in_parts_and_without_backdrop(
     assert np.abs(relit(other, 1, size=(200, 150)).astype(int) - whole).max() > 5, "it matters"
 
 
-@pytest.mark.parametrize("lights", [3, 12])  # columns of their own, and rows after each other
+@pytest.mark.parametrize("lights", [3, slow(12)])  # columns of their own, and rows after each other
 @pytest.mark.parametrize("size", [(1, 700), (1701, 1)])
 def test_sheets_of_very_tall_and_very_wide_frames_stay_small(
     size: tuple[int, int], lights: int, scene: Make, tmp_path: Path

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.cli.test_render import read_codes
 from tests.export.conftest import SCENE
 from tests.export.test_export_depth import DEEP, made
 from tests.support.errors import raises
+from tests.support.images import read_codes
 from volspec.errors import InputError
 from volspec.export.frames import read_frame_text
 from volspec.relight import relight

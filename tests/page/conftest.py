@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -18,6 +19,8 @@ from tests.support.patience import PATIENCE_S
 from volspec._gpu.sources import asset
 from volspec.raycast import CoefficientImage
 from volspec.scene import Scene
+
+VIEWPORT = {"width": 900, "height": 640}
 
 
 @dataclass
@@ -73,30 +76,43 @@ class Opened:
 
     def open(self, address: str, ready: str = "ready") -> None:
         """Open an address, note what it asks for and complains of, and wait for its picture."""
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.on(
-            "console",
-            lambda said: self.complaints.append(said.text) if said.type == "error" else None,
-        )
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        self.page.goto(address, timeout=1000 * PATIENCE_S)
-        self.page.wait_for_selector(f"html.{ready}", state="attached", timeout=1000 * PATIENCE_S)
+        for event, noted in self._noted.items():
+            self.page.on(event, noted)
+        self.page.goto(address)
+        self.page.wait_for_selector(f"html.{ready}", state="attached")
+
+    def close(self) -> None:
+        """Leave the page as a new one is."""
+        for event, noted in self._noted.items():
+            self.page.remove_listener(event, noted)
+        self.page.goto("about:blank")
+        self.page.set_viewport_size(VIEWPORT)
+
+    @cached_property
+    def _noted(self) -> dict[str, Callable[[Any], None]]:
+        """What is noted of the page's events."""
+        errors = self.complaints
+        return {
+            "request": lambda request: self.requests.append(request.url),
+            "console": lambda said: errors.append(said.text) if said.type == "error" else None,
+            "pageerror": lambda error: errors.append(str(error)),
+        }
 
 
 def new_page(browser: Any) -> Any:
     """Return a blank page in a context of its own; the limit of its waits only ends a hang."""
-    page = browser.new_context(viewport={"width": 900, "height": 640}).new_page()
+    page = browser.new_context(viewport=VIEWPORT).new_page()
     page.set_default_timeout(1000 * PATIENCE_S)
     return page
 
 
 def open_file(
-    browser: Any, path: Path, words: str = "", before: str = "", ready: str = "ready"
+    page: Any, path: Path, words: str = "", before: str = "", ready: str = "ready"
 ) -> Opened:
-    """Open a file, in a context of its own, and wait for its picture."""
-    made = Opened(new_page(browser))
+    """Open a file in a page, and wait for its picture."""
+    made = Opened(page)
     if before:
-        made.page.add_init_script(before)
+        page.add_init_script(before)
     made.open(f"{path.as_uri()}{words}", ready)
     return made
 
@@ -113,18 +129,27 @@ def browser() -> Iterator[Any]:
         yield made
 
 
+@pytest.fixture(scope="session")
+def blank(browser: Any) -> Any:
+    """A page that files are opened in, one after the other."""
+    return new_page(browser)
+
+
 @pytest.fixture
-def opened(browser: Any) -> Iterator[Open]:
-    """`open_file`; what it opened is closed after the test."""
+def opened(browser: Any, blank: Any) -> Iterator[Open]:
+    """`open_file`, in a page of its own if a script runs before it or another file is open."""
     made: list[Opened] = []
 
-    def open_one(*where: Any, **how: Any) -> Opened:
-        made.append(open_file(browser, *where, **how))
+    def open_one(path: Path, words: str = "", before: str = "", ready: str = "ready") -> Opened:
+        page = new_page(browser) if before or made else blank
+        made.append(open_file(page, path, words, before, ready))
         return made[-1]
 
     yield open_one
     for each in made:
-        each.page.context.close()
+        each.close()
+        if each.page is not blank:
+            each.page.context.close()
 
 
 @pytest.fixture(scope="session")

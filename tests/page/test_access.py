@@ -15,7 +15,8 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from tests.page.conftest import Open, Opened, open_file
+from tests.page.conftest import Open, Opened, new_page, open_file
+from tests.support.fixtures import slow
 from tests.support.images import image, named_lights
 from volspec.appearance.spaces import SPACES
 from volspec.basis import SpectralBasis
@@ -26,10 +27,9 @@ RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22a", "wcag22aa", "bes
 # Every control shown and able: two sides, a pixel, own values, errors.
 ALL_ON = {"compare": 1, "probe": "9,9", "errors": 1, "a.L_A": 20, "a.D": 0.4}
 WIDE, PHONE = (1280, 1440), (360, 740)
-SLOW = pytest.mark.slow
 MEDIA = pytest.mark.parametrize(
     "media",
-    ["light", "dark forced", *(pytest.param(m, marks=SLOW) for m in ("dark", "light forced"))],
+    ["light", *(slow(media) for media in ("dark", "light forced", "dark forced"))],
 )
 # Words whose ground is the picture, or a drawing: `_CONTRASTS` reads them.
 ON_PICTURE = ".label, #probe dt, #probe dd, #dial text"
@@ -54,7 +54,7 @@ def balls(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def one_page(browser: Any, balls: Path) -> Iterator[Opened]:
-    made = open_file(browser, balls)
+    made = open_file(new_page(browser), balls)
     yield made
     made.page.context.close()
 
@@ -100,12 +100,12 @@ def breaches(page: Any) -> list[str]:
 @pytest.mark.parametrize(
     ("size", "media", "words"),
     [
-        pytest.param(WIDE, "light", {"a.weights": "0,0,0"}, marks=SLOW),
+        slow(WIDE, "light", {"a.weights": "0,0,0"}),
         (WIDE, "dark", ALL_ON),
         (PHONE, "light", ALL_ON),
-        pytest.param(PHONE, "dark", {"view": 7}, marks=SLOW),
-        pytest.param(WIDE, "dark forced", ALL_ON, marks=SLOW),
-        pytest.param(WIDE, "light forced", {"a.weights": "0,0,0", "a.discount": 1}, marks=SLOW),
+        slow(PHONE, "dark", {"view": 7}),
+        slow(WIDE, "dark forced", ALL_ON),
+        slow(WIDE, "light forced", {"a.weights": "0,0,0", "a.discount": 1}),
     ],
 )
 def test_axe_finds_nothing_wrong(
@@ -114,7 +114,7 @@ def test_axe_finds_nothing_wrong(
     assert breaches(ball(size, media, **words).page) == []
 
 
-@pytest.mark.parametrize("size", [pytest.param(WIDE, marks=SLOW), PHONE])
+@pytest.mark.parametrize("size", [slow(WIDE), PHONE])
 def test_axe_finds_nothing_wrong_with_sharing(ball: Open, size: tuple[int, int]) -> None:
     page = ball(size).page
     page.click("#share")
@@ -123,6 +123,7 @@ def test_axe_finds_nothing_wrong_with_sharing(ball: Open, size: tuple[int, int])
     assert page.evaluate("document.activeElement.id") == "share", "focus comes back"
 
 
+@pytest.mark.slow
 def test_axe_finds_nothing_wrong_with_the_still_picture(opened: Open, balls: Path) -> None:
     page = opened(balls, before="delete window.DecompressionStream;", ready="still").page
     assert breaches(page) == []
@@ -266,6 +267,7 @@ def luminance(png: bytes) -> NDArray[np.float64]:
     return SPACES["sRGB"].decode(codes) @ SPACES["sRGB"].XYZ_from_RGB[1]
 
 
+@pytest.mark.slow
 def test_what_is_tabbed_to_is_not_behind_the_picture(ball: Open) -> None:
     page = ball(PHONE, **ALL_ON).page
     for key in ("Tab", "Shift+Tab"):

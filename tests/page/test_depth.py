@@ -14,6 +14,7 @@ from tests.page.conftest import Open, Opened
 from tests.page.test_access import breaches
 from tests.page.test_opacity import NEAR, file, page, scene, shared, unpacked
 from tests.support.browser import mean_difference
+from tests.support.fixtures import slow
 from tests.support.raycasts import leaned
 from volspec._gpu.sources import asset
 from volspec.export.page import PageView, scene_views, write_page
@@ -45,8 +46,8 @@ def frame(image: CoefficientImage, scene: Scene) -> NDArray[np.uint8]:
 @pytest.mark.parametrize(
     ("words", "scales", "effects"),
     [
-        ({"a.near": "520"}, {}, DepthEffects(near_mm=520)),
-        ({"a.far": "520"}, {}, DepthEffects(far_mm=520)),
+        slow({"a.near": "520"}, {}, DepthEffects(near_mm=520)),
+        slow({"a.far": "520"}, {}, DepthEffects(far_mm=520)),
         (
             {"a.near": "480", "a.far": "600", "a.fog": "900", "a.opacity": "0.3,2"},
             {"block": 0.3, "inserts": 2.0},
@@ -73,7 +74,7 @@ def test_cuts_and_fog_are_the_desktop_s(
     assert page.complaints == []
 
 
-@pytest.mark.parametrize(("across", "down"), [(4.0, 0.0), (-3.0, 2.5)])
+@pytest.mark.parametrize(("across", "down"), [slow(4.0, 0.0), (-3.0, 2.5)])
 def test_a_small_turn_is_near_a_cast(
     page: Opened, scene: Scene, image: CoefficientImage, across: float, down: float
 ) -> None:
@@ -94,6 +95,7 @@ def test_a_small_turn_is_near_a_cast(
     assert mean_difference(page.picture(), frame(image, scene)) <= NEAR
 
 
+@pytest.mark.slow
 def test_meshes_stay_and_are_cut_and_turned_where_they_are(
     scene: Scene, opened: Open, tmp_path: Path
 ) -> None:
@@ -159,7 +161,7 @@ def test_an_anaglyph_and_a_pair_are_of_the_desktop_s_eyes(
 RESTS = "document.getElementById('picture').getAttribute('aria-busy') === 'false'"
 
 
-@pytest.mark.parametrize(("focus", "aperture"), [(470, None), (620, 60)])
+@pytest.mark.parametrize(("focus", "aperture"), [(470, None), slow(620, 60)])
 def test_a_lens_is_refined_to_the_desktop_s(
     page: Opened, scene: Scene, image: CoefficientImage, focus: float, aperture: float | None
 ) -> None:
@@ -182,6 +184,7 @@ def test_a_lens_is_refined_to_the_desktop_s(
     assert page.complaints == []
 
 
+@pytest.mark.slow
 def test_a_lens_is_switched_on_in_the_middle(page: Opened, image: CoefficientImage) -> None:
     assert image.opacity_layers is not None
     assert page.page.locator("#focus").is_disabled()
@@ -197,6 +200,7 @@ def test_a_lens_is_switched_on_in_the_middle(page: Opened, image: CoefficientIma
     assert not page.page.locator("#lens").is_checked()
 
 
+@pytest.mark.slow
 def test_a_lens_that_is_taken_off_half_way_is_waited_for_no_more(page: Opened) -> None:
     """Also that of a side that is no longer shown, which saving a picture would wait for."""
     page.page.evaluate("location.hash = 'compare=1&b.focus=600'")
@@ -250,6 +254,7 @@ def test_sliders_of_cuts_and_fog_say_what_they_cut(page: Opened, image: Coeffici
         assert page.value("turn-across") == 0
 
 
+@pytest.mark.slow
 def test_a_scene_s_depth_opens_the_page(
     opened: Open, tmp_path: Path, scene: Scene, image: CoefficientImage
 ) -> None:
@@ -264,6 +269,7 @@ def test_a_scene_s_depth_opens_the_page(
     assert [view.depth for view in scene_views(own, size=(32, 24))] == [effects]
 
 
+@pytest.mark.slow
 def test_a_picture_that_does_not_know_its_camera_is_not_turned(
     opened: Open, tmp_path: Path, scene: Scene, image: CoefficientImage
 ) -> None:
@@ -276,6 +282,7 @@ def test_a_picture_that_does_not_know_its_camera_is_not_turned(
     assert mean_difference(page.picture(), wanted) <= 2 * NEAR
 
 
+@pytest.mark.slow
 def test_axe_finds_nothing_wrong_with_depth(page: Opened) -> None:
     page.show(stereo="pair", **{"a.fog": "300"})
     # What is scrolled has colours that axe does not find.

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.page.conftest import Open, Opened, new_page, open_file
+from tests.page.conftest import VIEWPORT, Open, Opened, new_page, open_file
 from tests.page.test_access import breaches
 from tests.support.browser import mean_difference
 from tests.support.commands import call
 from tests.support.errors import raises, warns
-from tests.support.fixtures import Capture, Patch
+from tests.support.fixtures import Capture, Patch, slow
 from tests.twins.test_recompose import layered, rig
 from volspec._gpu.sources import asset
 from volspec.errors import ImageError
@@ -54,7 +54,7 @@ def file(tmp_path_factory: pytest.TempPathFactory, scene: Scene, image: Coeffici
 
 @pytest.fixture(scope="module")
 def shared(browser: Any, file: Path) -> Iterator[Opened]:
-    made = unpacked(open_file(browser, file))
+    made = unpacked(open_file(new_page(browser), file))
     yield made
     made.page.context.close()
 
@@ -62,6 +62,7 @@ def shared(browser: Any, file: Path) -> Iterator[Opened]:
 @pytest.fixture
 def page(shared: Opened) -> Opened:
     """The page as it is opened, its layers unpacked."""
+    shared.page.set_viewport_size(VIEWPORT)
     shared.show()
     return shared
 
@@ -120,7 +121,7 @@ def test_scales_of_1_draw_the_page_of_today(
     np.testing.assert_array_equal(page.picture(), today.picture())
 
 
-@pytest.mark.parametrize("to", [(0.0, 0.6), (0.35, 1.0), (0.7, 0.0)])
+@pytest.mark.parametrize("to", [slow((0.0, 0.6)), (0.35, 1.0), slow((0.7, 0.0))])
 def test_a_slider_that_is_dragged_fades_as_a_new_frame_of_the_desktop(
     page: Opened, scene: Scene, image: CoefficientImage, to: tuple[float, float]
 ) -> None:
@@ -133,9 +134,7 @@ def test_a_slider_that_is_dragged_fades_as_a_new_frame_of_the_desktop(
     assert page.complaints == []
 
 
-@pytest.mark.parametrize(
-    ("materials", "groups"), [(1, 1), (4, 1), pytest.param(3, 2, marks=pytest.mark.slow), (4, 8)]
-)
+@pytest.mark.parametrize(("materials", "groups"), [slow(1, 1), slow(4, 1), slow(3, 2), (4, 8)])
 def test_any_number_of_materials_and_groups_is_drawn(
     opened: Open, tmp_path: Path, materials: int, groups: int
 ) -> None:
@@ -151,6 +150,7 @@ def test_any_number_of_materials_and_groups_is_drawn(
     assert page.complaints == []
 
 
+@pytest.mark.slow
 def test_a_light_that_changes_recomposes_nothing(opened: Open, file: Path) -> None:
     count = """
         window.passes = 0;
@@ -229,6 +229,7 @@ def test_sides_have_opacities_of_their_own_and_the_probe_reads_them(
     assert float(page.page.locator("#probe-rows dd").nth(1).text_content()) == 0
 
 
+@pytest.mark.slow
 def test_an_address_brings_opacities_back_and_rubbish_none(
     opened: Open, file: Path, page: Opened
 ) -> None:
@@ -243,16 +244,16 @@ def test_an_address_brings_opacities_back_and_rubbish_none(
         assert [shown_scale(again, i) for i in (0, 1)] == [1, 1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("before", "reason"),
     [
         ("WebGL2RenderingContext.prototype.getExtension = () => null;", "cannot draw to half"),
-        pytest.param(
+        slow(
             "const had = WebGL2RenderingContext.prototype.getParameter;"
             "WebGL2RenderingContext.prototype.getParameter = function (what) {"
             "  return what === this.MAX_ARRAY_TEXTURE_LAYERS ? 4 : had.call(this, what); };",
             "no textures of 24 slices",
-            marks=pytest.mark.slow,
         ),
     ],
 )
@@ -269,6 +270,7 @@ def test_a_browser_that_cannot_recompose_keeps_the_lights(
     assert page.complaints == []
 
 
+@pytest.mark.slow
 def test_layers_that_are_cut_off_leave_the_picture(
     opened: Open, file: Path, tmp_path: Path
 ) -> None:
@@ -286,17 +288,14 @@ def test_a_lost_device_is_filled_again(page: Opened) -> None:
     page.page.evaluate("""() => new Promise((done) => {
         const canvas = document.getElementById('picture');
         const lose = canvas.getContext('webgl2').getExtension('WEBGL_lose_context');
-        canvas.addEventListener('webglcontextrestored', () => setTimeout(done, 100));
+        canvas.addEventListener('webglcontextrestored', done);
         canvas.addEventListener('webglcontextlost', () => setTimeout(() => lose.restoreContext()));
         lose.loseContext();
     })""")
-    page.settle()
-    np.testing.assert_array_equal(page.picture(), before)
+    page.eventually(lambda: np.array_equal(page.picture(), before), "the picture is back")
 
 
-@pytest.mark.parametrize(
-    "size", [pytest.param((1280, 1000), marks=pytest.mark.slow), (360, 740)], ids=str
-)
+@pytest.mark.parametrize("size", [slow((1280, 1000)), slow((360, 740))], ids=str)
 def test_axe_finds_nothing_wrong_with_sliders_of_opacity(
     opened: Open, file: Path, size: tuple[int, int]
 ) -> None:
@@ -402,6 +401,7 @@ def test_pages_too_large_for_browsers_are_refused(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_the_command_s_layers(tmp_path: Path, capsys: Capture) -> None:
     out, engine = tmp_path / "page.html", asset("data/scenes/engine-layers.toml")
     assert call("page", engine, "-o", out, "--size", "32x24", "--layers", "4") == 0
@@ -410,6 +410,7 @@ def test_the_command_s_layers(tmp_path: Path, capsys: Capture) -> None:
     assert json.loads(numbers)["opacity"]["count"] == 4
 
 
+@pytest.mark.slow
 def test_a_scene_s_opacities_are_the_sliders_of_the_page_that_is_opened(
     opened: Open, tmp_path: Path, scene: Scene, image: CoefficientImage
 ) -> None:

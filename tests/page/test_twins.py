@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.support.fixtures import slow
 from volspec.appearance import Viewing
 from volspec.appearance.adaptation import ADAPTATIONS
 from volspec.appearance.models import APPEARANCE_MODELS
@@ -82,17 +84,22 @@ def settings(basis: Basis, with_lux: bool) -> list[NamedLight]:
     return [NamedLight(f"L{i}", "", rig.lights[0], rig) for i, rig in enumerate(rigs)]
 
 
-def bases() -> list[Basis]:
+def basis_of(kind: str) -> Basis:
     materials = {name: reflectance(name) for name in ("copper", "iron", "gold")}
-    lights = [light(name) for name in NAMES]
-    fitted = SpectralBasis.fit(lights, list(materials.values()), 3, "pca")
+    if kind == "general-7":
+        return SpectralBasis.load(kind)
+    if kind == "fitted":
+        return SpectralBasis.fit([*map(light, NAMES)], list(materials.values()), 3, "pca")
     dyes = {"dye": reflectance("fluorophore:EGFP*0.5+grey:0.4*0.5"), "iron": materials["iron"]}
-    return [
-        SpectralBasis.load("general-7"),
-        MaterialBasis(materials),
-        fitted,
-        MaterialBasis(dyes, "fluorescent"),
-    ]
+    return MaterialBasis(materials) if kind == "materials" else MaterialBasis(dyes, kind)
+
+
+KINDS = ("general-7", "materials", "fitted", "fluorescent")
+FIRST = {
+    ("general-7", False, None),
+    ("materials", True, None),
+    ("fluorescent", True, "longpass:510"),
+}
 
 
 def close(ours: Any, theirs: NDArray[Any], what: str) -> None:
@@ -103,12 +110,17 @@ def close(ours: Any, theirs: NDArray[Any], what: str) -> None:
     assert worst <= TOLERANCE, f"{what}: {worst:.2e}\n{got}\n{wanted}"
 
 
-@pytest.mark.parametrize("basis", bases(), ids=lambda basis: str(basis.name))
-@pytest.mark.parametrize("with_lux", [False, True])
-@pytest.mark.parametrize("through", [None, "longpass:510"])
+@pytest.mark.parametrize(
+    ("kind", "with_lux", "through"),
+    [
+        row if row in FIRST else slow(*row)
+        for row in product(KINDS, (False, True), (None, "longpass:510"))
+    ],
+)
 def test_lights_become_the_desktops_matrices(
-    compute: Any, basis: Basis, with_lux: bool, through: str | None
+    compute: Any, kind: str, with_lux: bool, through: str | None
 ) -> None:
+    basis = basis_of(kind)
     shares = {"key": 0.75, "sky": 0.25}
     lights = settings(basis, with_lux)
     rng = np.random.default_rng(3)

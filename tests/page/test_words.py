@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.page.conftest import Open, Opened
+from tests.support.fixtures import slow
 from tests.support.images import image, named_lights
 from volspec.basis import SpectralBasis
 from volspec.export.page import PageSpec, PageView, write_page
@@ -58,12 +59,20 @@ _NAMES = """() => {
 
 
 @pytest.mark.parametrize(
-    ("window", "names"), [(DESKTOP, TWELVE), (PHONE, FIVE), (PHONE, TWELVE)], ids=str
+    ("window", "names", "caption"),
+    [
+        slow(DESKTOP, TWELVE, "Cast once. " * 450),
+        slow(PHONE, FIVE, "Cast once. " * 450),
+        (PHONE, TWELVE, "W" * 300),
+    ],
 )
-def test_names_around_the_dial_are_whole_and_apart(
-    page_of: Open, names: Sequence[str], window: tuple[int, int]
+def test_long_words_leave_room_and_can_be_read(
+    page_of: Open, names: Sequence[str], window: tuple[int, int], caption: str
 ) -> None:
-    seen = page_of(names, window).page.evaluate(_NAMES)
+    """Names around the dial, whole and apart; two lines of a title, and three of a caption."""
+    title = "Engine " * 700
+    shown = page_of(names, window, title=title, caption=caption)
+    seen, page = shown.page.evaluate(_NAMES), shown.page
     assert len(seen) == len(names)
     for i, one in enumerate(seen):
         assert one["inside"], one["words"]
@@ -71,6 +80,19 @@ def test_names_around_the_dial_are_whole_and_apart(
         for other in seen[i + 1 :]:
             x0, y0, x1, y1 = other["box"]
             assert right <= x0 or x1 <= left or bottom <= y0 or y1 <= top, (one, other)
+    tall = page.evaluate("document.querySelector('h1').clientHeight")
+    assert 16 < tall <= 2 * 1.4 * 16 + 1, "two lines of 16 pixels, each 1.4 high"
+    assert page.get_attribute("h1", "title") == title
+    tall = "document.getElementById('caption').clientHeight"
+    assert page.evaluate(tall) <= 3 * 1.4 * 13 + 1, "lines of 13 pixels, each 1.4 high"
+    more = page.locator("#more")
+    shown.click("#more")
+    assert (more.inner_text(), more.get_attribute("aria-expanded")) == ("Less", "true")
+    cut = "document.getElementById('caption').scrollHeight > 60"
+    assert page.evaluate(cut) and page.locator("#port").bounding_box()["height"] > 200
+    shown.click("#more")
+    assert more.is_visible() and page.evaluate(tall) <= 56
+    assert page.evaluate("document.documentElement.scrollWidth") <= window[0]
 
 
 def test_five_ordinary_names_are_written_out(page_of: Open) -> None:
@@ -81,6 +103,7 @@ def test_five_ordinary_names_are_written_out(page_of: Open) -> None:
     assert words == list(FIVE)
 
 
+@pytest.mark.slow
 def test_of_forty_lights_the_dial_names_the_strongest_or_the_one_under_the_mouse(
     page_of: Open,
 ) -> None:
@@ -108,41 +131,13 @@ def test_a_name_that_turns_the_direction_turns_no_word_of_the_page(page_of: Open
     assert lefts == sorted(lefts)
 
 
-def test_a_long_title_takes_two_lines_and_is_told_whole(page_of: Open) -> None:
-    title = "Engine " * 700
-    page = page_of(["D65"], PHONE, title=title).page
-    tall = page.evaluate("document.querySelector('h1').clientHeight")
-    assert 16 < tall <= 2 * 1.4 * 16 + 1, "two lines of 16 pixels, each 1.4 high"
-    assert page.get_attribute("h1", "title") == title
-
-
-@pytest.mark.parametrize(
-    ("window", "caption"), [(DESKTOP, "Cast once. " * 450), (PHONE, "W" * 300)]
-)
-def test_a_long_caption_is_three_lines_until_the_rest_is_asked_for(
-    page_of: Open, window: tuple[int, int], caption: str
-) -> None:
-    shown = page_of(["D65"], window, caption=caption)
-    tall = "document.getElementById('caption').clientHeight"
-    assert shown.page.evaluate(tall) <= 3 * 1.4 * 13 + 1, "lines of 13 pixels, each 1.4 high"
-    more = shown.page.locator("#more")
-    more.click()
-    shown.settle()
-    assert (more.inner_text(), more.get_attribute("aria-expanded")) == ("Less", "true")
-    cut = "document.getElementById('caption').scrollHeight > 60"
-    assert shown.page.evaluate(cut) and shown.page.locator("#port").bounding_box()["height"] > 200
-    more.click()
-    shown.settle()
-    assert more.is_visible() and shown.page.evaluate(tall) <= 56
-    assert shown.page.evaluate("document.documentElement.scrollWidth") <= window[0]
-
-
+@pytest.mark.slow
 def test_a_long_name_leaves_the_picture_free(page_of: Open) -> None:
     label = page_of(["W" * 300], PHONE).page.locator("#label-a").bounding_box()
     assert label["height"] <= 3 * 1.4 * 12 + 7, "three lines of 12 pixels, and room around them"
 
 
-@pytest.mark.parametrize("picture", [(1, 2000), (2000, 1)])
+@pytest.mark.parametrize("picture", [slow((1, 2000)), slow((2000, 1))])
 def test_a_thin_picture_is_seen_and_its_pixels_are_found(
     page_of: Open, picture: tuple[int, int]
 ) -> None:

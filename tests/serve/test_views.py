@@ -20,11 +20,10 @@ from tests.support.fixtures import Patch
 from tests.support.patience import PATIENCE_S
 from tests.support.pyramids import stored
 from volspec.errors import CastCancelled, OpenCLError, RaycastError
-from volspec.export.page import PageView, pack_view, page_html
+from volspec.export.page import pack_view
 from volspec.export.serve import views as served_views
 from volspec.export.serve.views import CastQueue, SceneViews, ViewRequest, scene_orbit
 from volspec.pipeline import raycast
-from volspec.raycast import Camera
 from volspec.raycast.camera import Orbit
 from volspec.scene import Scene
 from volspec.scene.specs import CameraSpec
@@ -172,14 +171,6 @@ def test_a_failed_cast_is_one_line_and_the_next_succeeds(
         assert client.view().body == b"whole"
 
 
-def test_the_scenes_camera_bounds_what_can_be_asked(ball_scene: Scene) -> None:
-    views = SceneViews(ball_scene, size=(24, 16))
-    near = views.camera(ViewRequest(20.0, 10.0, 0.5))
-    own = views.camera(ViewRequest(20.0, 10.0))
-    assert isinstance(own, Camera) and own == ball_scene.camera(views.volume)
-    assert near.distance_mm == pytest.approx(own.distance_mm / 2)
-
-
 def test_on_a_slow_network_coarse_pictures_become_coarser(
     ball_scene: Scene, monkeypatch: Patch
 ) -> None:
@@ -198,6 +189,7 @@ def divisor_of(views: SceneViews, transfer_ms: int = 0) -> int:
     return -(-64 // json.loads(message[4 : 4 + length])["width"])
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::volspec.errors.VolspecWarning")
 def test_missing_parts_of_a_store_are_told_to_the_page(tmp_path: Path) -> None:
     pytest.importorskip("zarr")
@@ -211,9 +203,3 @@ def test_missing_parts_of_a_store_are_told_to_the_page(tmp_path: Path) -> None:
         assert coarse["notice"] == "" and coarse["coarse"]
         whole, _ = client.view().view()
         assert "cannot be read" in whole["notice"]
-
-
-def test_a_page_for_a_file_asks_no_network(ball_scene: Scene) -> None:
-    image = ball_scene.render(size=(8, 6))
-    text = page_html([PageView(image)], ball_scene.lights)
-    assert '"served":null' in text and "connect-src" not in text.split("<style>")[0]

@@ -1,8 +1,15 @@
-"""Short names of the types of pytest's fixtures."""
+"""Short names of what pytest's fixtures and marks are."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import pytest
 
 Capture = pytest.CaptureFixture[str]
 Patch = pytest.MonkeyPatch
+
+
+def slow(*values: object) -> Any:
+    """Return a row of parameters for a further case, which `make test` leaves out."""
+    return pytest.param(*values, marks=pytest.mark.slow)

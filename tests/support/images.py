@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from volspec.basis import Basis
+from volspec.export.frames import read_frame
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig
 from volspec.scene.lights import NamedLight
@@ -22,6 +24,11 @@ def image(coefficients: ArrayLike, basis: Basis, alpha: Any = None, **more: Any)
     alpha = np.ones(coefficients.shape[:2]) if alpha is None else alpha
     alpha = np.asarray(alpha, np.float32)
     return CoefficientImage(coefficients, alpha, alpha, basis, **more)
+
+
+def read_codes(path: Path) -> NDArray[Any]:
+    """Return a picture's codes."""
+    return np.asarray(read_frame(path).convert("RGB"))
 
 
 def some_rows(whole: CoefficientImage, rows: slice) -> CoefficientImage:
