@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -146,9 +145,8 @@ def test_the_observer_alone_fits_a_scene_s_basis_anew(
 ) -> None:
     """The scene names general-7, which is for 2 degrees."""
     asked = noted_fits(monkeypatch)
-    assert call(scene, "--observer", "10", "--json") == 0
+    assert report(capsys, scene, "--observer", "10")["name"] != "general-7"
     assert [fit["observer_deg"] for fit in asked] == [10]
-    assert json.loads(capsys.readouterr().out)["name"] != "general-7"
 
 
 @pytest.mark.usefixtures("few_lights")

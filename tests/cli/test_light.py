@@ -87,16 +87,15 @@ def test_names_are_listed_for_people_and_programs(
 
 def test_rendition_and_metamerism_are_figures_for_programs(tmp_path: Path, capsys: Capture) -> None:
     picture = tmp_path / "f.png"
-    call("light", "FL2", "--figure", str(picture), "--json")
-    found = json.loads(capsys.readouterr().out)
+    found = command_figures(capsys, "light", "FL2", "--figure", picture)
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert (round(found["R_a"]), round(found["R_9"])) == (64, -84)
     assert (round(found["R_f"]), round(found["R_g"]), found["near_white"]) == (70, 86, True)
     lengths = [len(found[key]) for key in ("R", "R_f_samples", "R_f_hue", "R_cs_hue", "R_hs_hue")]
     assert lengths == [14, 99, 16, 16, 16]
     assert found["SSI_reference"] == "daylight:4225" and 50 < found["SSI"] < 70
-    call("light", "A", "--pair", "ColorChecker/red", "TCS/9", "--against", "D50", "--json")
-    pair = json.loads(capsys.readouterr().out)["metamerism"]
+    words = ("light", "A", "--pair", "ColorChecker/red", "TCS/9", "--against", "D50")
+    pair = command_figures(capsys, *words)["metamerism"]
     assert pair["reference"] == "D50" and list(pair["change_in_observer"]) == [
         *("10", "CIE 2015 2", "CIE 2015 10")
     ]

@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from tests.support.commands import call as command
+from tests.support.commands import figures
 from tests.support.fixtures import Capture
 from volspec.spectra import SpectralImage, XYZ_from_spectra, light, reflectance, white_XYZ
 from volspec.spectra.construct.colours import XYZ_from_sRGB
@@ -22,8 +23,7 @@ def call(*words: str) -> int:
 
 
 def test_json_holds_the_mix_the_lights_and_the_spectrum(capsys: Capture) -> None:
-    assert call("30", "27", "9", "--light", "A", "--under", "FL11", "--json") == 0
-    said = json.loads(capsys.readouterr().out)
+    said = figures(capsys, "reflectance", 30, 27, 9, "--light", "A", "--under", "FL11")
     assert [said[key] for key in "XYZ"] == [30, 27, 9]
     assert [row["light"] for row in said["lights"]] == ["A", "FL11"]
     assert said["lights"][0]["delta_e"] < 1e-6
@@ -34,8 +34,7 @@ def test_json_holds_the_mix_the_lights_and_the_spectrum(capsys: Capture) -> None
 
 
 def test_a_colour_outside_is_extended_and_one_beyond_is_warned_of(capsys: Capture) -> None:
-    assert call("red", "--json") == 0
-    assert json.loads(capsys.readouterr().out)["constructed"] == "extended"
+    assert figures(capsys, "reflectance", "red")["constructed"] == "extended"
     with warnings.catch_warnings():
         warnings.simplefilter("default")
         assert call("95", "100", "20", "--json") == 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tomllib
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import pytest
 
 import volspec as vs
 from tests.support.commands import call as command
-from tests.support.commands import refusal, write_wizard_scene
+from tests.support.commands import figures, refusal, write_wizard_scene
 from tests.support.fixtures import Capture
 from volspec.appearance.models.cielab import delta_E_2000
 from volspec.palette import load_palette
@@ -62,9 +61,8 @@ def test_hide_writes_a_scene_that_renders_and_keeps_its_comments(
 
 def test_a_new_light_is_a_row_of_the_new_scene(ball: Path, capsys: Capture) -> None:
     new = ball.with_name("dark.toml")
-    words = ("--under", "dark", "--black", "--like", "day", "--json", "-o", new)
-    assert call("hide", ball, "core", *words) == 0
-    said = json.loads(capsys.readouterr().out)
+    words = ("--under", "dark", "--black", "--like", "day", "-o", new)
+    said = figures(capsys, "wizard", "hide", ball, "core", *words)
     assert said["scene"] == str(new)
     assert said["lights"][-1]["light"] == "dark" and said["lights"][-1]["like"] == "day"
     assert tomllib.loads(new.read_text())["light"][-1] == {
@@ -94,8 +92,7 @@ def test_keep_prints_how_constant_the_colour_is(ball: Path, capsys: Capture) -> 
     out = ball.with_name("out.toml")
     assert call("keep", ball, "stone", "-o", out) == 0
     table = capsys.readouterr().out
-    assert call("keep", ball, "stone", "--json", "-o", out) == 0
-    rows = json.loads(capsys.readouterr().out)["lights"]
+    rows = figures(capsys, "wizard", "keep", ball, "stone", "-o", out)["lights"]
     scene = vs.Scene.load(out)
     number = list(scene.materials).index("stone")
     Lab = [displayed_Lab(scene, light)[number] for light in scene.lights]
@@ -111,8 +108,7 @@ def test_a_new_light_of_lamps_comes_with_their_shares(ball: Path, capsys: Captur
     out = ball.with_name("out.toml")
     assert call(*words, "-o", out) == 0
     text = capsys.readouterr().out.replace("\n", " ")
-    assert call(*words, "--json", "-o", out) == 0
-    shares = json.loads(capsys.readouterr().out)["lamps"]
+    shares = figures(capsys, "wizard", *words, "-o", out)["lamps"]
     assert (
         list(shares) == ["LED-B1", "LED-RGB1", "HP1"] and pytest.approx(sum(shares.values())) == 1.0
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from threading import Event
 from typing import Any
 
@@ -27,7 +27,6 @@ SIZE = 128, 96
 # As in test_page.py: the error of eight bits.
 EIGHT = 0.4
 STATUS = "document.getElementById('camera-status').textContent"
-CAMERA = "azimuth", "elevation", "distance"
 NOTICE = "document.getElementById('notice')"
 MORE = """
 [[annotation]]
@@ -111,11 +110,11 @@ def shared(browser: Any, scene: Scene) -> Iterator[Served]:
 @pytest.fixture
 def served(shared: Served) -> Served:
     """The page as it is opened: the scene's camera and light, nothing zoomed."""
+    shared.whole.set()
     shared.page.set_viewport_size(VIEWPORT)
-    count, camera = len(shared.asked), [shared.number(name) for name in CAMERA]
     shared.show()
-    if [shared.number(name) for name in CAMERA] != camera:
-        shared.rest(count)
+    home = replace(shared.asked[0], transfer_ms=0)
+    shared.eventually(lambda: replace(shared.asked[-1], transfer_ms=0) == home, "its camera")
     if not shared.page.is_disabled("#zoom-fit"):
         shared.page.focus("#zoom-fit")
         shared.page.keyboard.press("Enter")
@@ -170,8 +169,10 @@ def test_the_camera_moves_by_keyboard(served: Served) -> None:
         ("ArrowRight", "distance", 0.04),
     ):
         before, count = served.number(name), len(served.asked)
+        served.whole.clear()
         served.page.locator(f"#{name}").press(keys)
         served.until(f"{STATUS}.startsWith('A coarse')")
+        served.whole.set()
         served.rest(count)
         assert served.number(name) == pytest.approx(before + by, abs=0.01)
     assert served.asked[-1].distance == pytest.approx(2**0.05, abs=1e-4)
@@ -189,10 +190,12 @@ def test_the_wheel_zooms_into_the_picture_and_with_control_moves_the_camera(serv
     served.page.mouse.wheel(0, -200)
     served.settle()
     assert not served.page.is_disabled("#zoom-fit") and len(served.asked) == count
+    served.whole.clear()
     served.page.keyboard.down("Control")
     served.page.mouse.wheel(0, -200)
     served.page.keyboard.up("Control")
     served.until(f"{STATUS}.startsWith('A coarse')")
+    served.whole.set()
     assert served.number("distance") < 0.8
 
 
