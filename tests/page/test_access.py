@@ -322,6 +322,7 @@ def test_nothing_moves_for_who_asks_for_stillness(ball: Open) -> None:
     assert page.evaluate(moving) == 0
 
 
+@pytest.mark.slow
 def test_the_keyboard_zooms_at_the_probe_and_pans_after_it(ball: Open) -> None:
     opened = ball(WIDE, probe="2,2")
     page = opened.page
