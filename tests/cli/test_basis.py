@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +36,7 @@ def noted_fits(monkeypatch: Patch) -> list[dict[str, Any]]:
     return asked
 
 
-def call(*words: str) -> int:
-    return command("basis", *words)
+call = partial(command, "basis")
 
 
 def report(capsys: Capture, *words: str) -> dict:

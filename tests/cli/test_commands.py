@@ -19,7 +19,6 @@ import pytest
 from PIL import Image
 
 from tests import conftest
-from tests.cli.test_render import interrupted
 from tests.support.commands import call, figures, refusal, write_files
 from tests.support.errors import raises
 from tests.support.fixtures import Capture, Patch
@@ -127,12 +126,6 @@ def test_relight_of_a_stored_image_gives_the_demo_s_frame(demo: Path, tmp_path: 
     assert call(*words, "-o", str(tmp_path / "a.png")) == 0
     stored, fresh = iio.imread(tmp_path / "a.png"), iio.imread(demo / "frames" / "A.png")
     assert np.abs(stored.astype(int) - fresh).max() <= 1
-
-
-@pytest.mark.slow
-def test_an_interrupted_demo_says_so_and_leaves_nothing(tmp_path: Path) -> None:
-    assert interrupted(tmp_path, "demo", "--out", "out")[0] == 130
-    assert not (tmp_path / "out" / "sheet.png").exists()
 
 
 def test_doctor_lists_devices(capsys: Capture) -> None:

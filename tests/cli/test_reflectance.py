@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
+from functools import partial
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -17,9 +18,7 @@ from tests.support.fixtures import Capture
 from volspec.spectra import SpectralImage, XYZ_from_spectra, light, reflectance, white_XYZ
 from volspec.spectra.construct.colours import XYZ_from_sRGB
 
-
-def call(*words: str) -> int:
-    return command("reflectance", *words)
+call = partial(command, "reflectance")
 
 
 def test_json_holds_the_mix_the_lights_and_the_spectrum(capsys: Capture) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import warnings
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -37,9 +38,7 @@ from volspec.relight import LightRig, RelightSpec, error_map, relight
 from volspec.settings import read_table
 from volspec.spectra import SpectralImage, light, reflectance
 
-
-def call(*words: object) -> int:
-    return command("relight", *words)
+call = partial(command, "relight")
 
 
 def test_errors_writes_a_map_beside_each_frame_and_says_its_figures(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -14,9 +15,7 @@ from tests.support.commands import call as command
 from tests.support.fixtures import Capture
 from volspec.volume import phantom
 
-
-def call(*words: object) -> int:
-    return command("scene", *words)
+call = partial(command, "scene")
 
 
 @pytest.fixture

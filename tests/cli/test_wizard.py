@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +26,7 @@ def ball(tmp_path: Path) -> Path:
     return write_wizard_scene(folder)
 
 
-def call(*words: object) -> int:
-    return command("wizard", *words)
+call = partial(command, "wizard")
 
 
 def refused(*words: object) -> str:

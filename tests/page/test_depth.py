@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.page.conftest import Open, Opened
-from tests.page.test_access import breaches
+from tests.page.test_access import PHONE, breaches
 from tests.page.test_opacity import NEAR, file, page, scene, shared, unpacked
 from tests.support.browser import mean_difference
 from tests.support.fixtures import slow
@@ -283,10 +283,12 @@ def test_a_picture_that_does_not_know_its_camera_is_not_turned(
 
 
 @pytest.mark.slow
-def test_axe_finds_nothing_wrong_with_depth(page: Opened) -> None:
-    page.show(stereo="pair", **{"a.fog": "300"})
+def test_axe_finds_nothing_wrong_with_depth_and_opacity(page: Opened) -> None:
+    page.show(stereo="pair", **{"a.fog": "300", "a.opacity": "0,2"})
     # What is scrolled has colours that axe does not find.
     page.page.evaluate("document.querySelector('.panel').scrollTo(0, 0)")
-    page.page.set_viewport_size({"width": 1280, "height": 1500})
-    page.settle()
+    for width, height in (PHONE, (1280, 1500)):
+        page.page.set_viewport_size({"width": width, "height": height})
+        page.settle()
+        assert page.page.evaluate("document.documentElement.scrollWidth") <= width
     assert breaches(page.page) == []

@@ -13,7 +13,6 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.page.conftest import VIEWPORT, Open, Opened, new_page, open_file
-from tests.page.test_access import breaches
 from tests.support.browser import mean_difference
 from tests.support.commands import call
 from tests.support.errors import raises, warns
@@ -293,17 +292,6 @@ def test_a_lost_device_is_filled_again(page: Opened) -> None:
         lose.loseContext();
     })""")
     page.eventually(lambda: np.array_equal(page.picture(), before), "the picture is back")
-
-
-@pytest.mark.parametrize("size", [slow((1280, 1000)), slow((360, 740))], ids=str)
-def test_axe_finds_nothing_wrong_with_sliders_of_opacity(
-    opened: Open, file: Path, size: tuple[int, int]
-) -> None:
-    page = unpacked(opened(file, "#a.opacity=0,2"))
-    page.page.set_viewport_size({"width": size[0], "height": size[1]})
-    page.settle()
-    assert breaches(page.page) == []
-    assert page.page.evaluate("document.documentElement.scrollWidth") <= size[0]
 
 
 def test_a_notebook_sets_and_hears_opacities(browser: Any, file: Path, tmp_path: Path) -> None:
