@@ -1,4 +1,4 @@
-"""Exported frames: pixels of relighting one cast, in any file and size; blank ones are told."""
+"""Exported frames: pixels of relighting one cast, in any file and size; blank ones are reported."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ class Opened:
         return float(self.page.input_value(f"#{name}"))
 
     def output(self, name: str) -> str:
-        """Return the text beside a slider."""
+        """Return the text next to a slider."""
         return str(self.page.text_content(f".row:has(#{name}) output"))
 
     def picture(self) -> NDArray[np.uint8]:
@@ -90,7 +90,7 @@ class Opened:
 
     @cached_property
     def _noted(self) -> dict[str, Callable[[Any], None]]:
-        """What is noted of the page's events."""
+        """Listeners of the page's events."""
         errors = self.complaints
         return {
             "request": lambda request: self.requests.append(request.url),

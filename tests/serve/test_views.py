@@ -174,7 +174,7 @@ def test_a_failed_cast_is_one_line_and_the_next_succeeds(
 def test_on_a_slow_network_coarse_pictures_become_coarser(
     ball_scene: Scene, monkeypatch: Patch
 ) -> None:
-    """Casts take no time here: their clock stands still."""
+    """Casts take no time here: their clock does not move."""
     monkeypatch.setattr(served_views, "time", SimpleNamespace(perf_counter=lambda: 0.0))
     views = SceneViews(ball_scene, size=(64, 48))
     sides = [divisor_of(views, transfer_ms=2000) for _ in range(4)]
