@@ -75,6 +75,7 @@ def test_people_get_a_table_of_80_columns(capsys: Capture, monkeypatch: Patch) -
     assert "".join(lines).count("#") == 2, "the worst pair's two colours"
 
 
+@pytest.mark.slow
 def test_a_scene_is_measured_on_its_materials_under_its_lights_and_the_library_s(
     scene: str, capsys: Capture, request: pytest.FixtureRequest
 ) -> None:

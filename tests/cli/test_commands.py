@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 import warnings
+from contextlib import redirect_stdout
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
@@ -70,9 +71,9 @@ def test_without_a_writable_home_commands_work_with_one_warning(tmp_path: Path) 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("demo") / "out"
-    done = run("demo", "--out", str(folder), "--json")
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["channels"] == 7
+    with redirect_stdout(io.StringIO()) as printed:
+        assert call("demo", "--out", folder, "--json") == 0
+    assert json.loads(printed.getvalue())["channels"] == 7
     return folder
 
 
@@ -133,6 +134,7 @@ def test_doctor_lists_devices(capsys: Capture) -> None:
     assert report["healthy"] and report["opencl"][0]["name"]
 
 
+@pytest.mark.slow
 def test_doctor_names_what_brings_films_and_notebooks(monkeypatch: Patch, capsys: Capture) -> None:
     def missing(name: str) -> str:
         raise PackageNotFoundError(name)
@@ -175,6 +177,7 @@ def test_what_an_encoding_lacks_is_a_question_mark(
     assert (exotic in said) == (encoding == "utf-8")
 
 
+@pytest.mark.slow
 def test_a_process_prints_what_its_terminal_s_encoding_has() -> None:
     engine = str(ROOT / "data" / "engine.nrrd")
     done = run("info", engine, env=os.environ | {"PYTHONIOENCODING": "ascii"})

@@ -41,6 +41,7 @@ def test_a_volume_is_rendered_as_its_new_scene_is(scans: Path) -> None:
     assert scene.file.camera.azimuth_deg == -90 and [each.name for each in scene.lights] == ["A"]
 
 
+@pytest.mark.slow
 def test_everyday_names_of_lights_are_told(scans: Path, capsys: Capture) -> None:
     """Lights of a volume's new scene, and those added to a page."""
     lights = "-l", "LED", "-l", "a"

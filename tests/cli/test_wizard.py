@@ -102,6 +102,7 @@ def test_keep_prints_how_constant_the_colour_is(ball: Path, capsys: Capture) -> 
     assert "stone from day" in table and f"{rows[1]['constancy']['stone']:.2f}" in table
 
 
+@pytest.mark.slow
 def test_a_new_light_of_lamps_comes_with_their_shares(ball: Path, capsys: Capture) -> None:
     lamps = [word for name in ("LED-B1", "LED-RGB1", "HP1") for word in ("--lamp", name)]
     words = ("merge", ball, "shell", "core", "--under", "day", "--split", "apart", *lamps)
@@ -147,6 +148,7 @@ def test_what_is_not_a_wizards_is_not_written_over(ball: Path) -> None:
     assert refused("keep", other, "core", "-o", out) == "conflict"
 
 
+@pytest.mark.slow
 def test_names_like_mixes_and_mixes_of_files_load_again(ball: Path, tmp_path: Path) -> None:
     (ball.parent / "mine.csv").write_text((ball.parent / "stone.csv").read_text())
     text = ball.read_text().replace('"FL11"', '"D65*0.5+mine.csv*0.5"')
