@@ -30,10 +30,13 @@ class Opened:
     page: Any
     requests: list[str] = field(default_factory=list)
     complaints: list[str] = field(default_factory=list)
+    states: int = 0
 
     def show(self, **words: object) -> None:
-        """Go to a state by the address."""
-        self.page.evaluate("(words) => { location.hash = words; }", urlencode(words, safe=","))
+        """Go to a state by the address, even if it has this address and is to have another."""
+        self.states += 1
+        text = urlencode({**words, "number": self.states}, safe=",")
+        self.page.evaluate("(words) => { location.hash = words; }", text)
         self.settle()
 
     def settle(self) -> None:
