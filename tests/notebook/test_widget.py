@@ -174,7 +174,6 @@ def test_an_image_without_layers_has_no_opacities(widget: Any) -> None:
         ("probe", (64, 0), "range", "notebook.probe"),
         ("probe", 7, "range", "notebook.probe"),
         ("image", "engine.exr", "type", "notebook.image"),
-        ("image", layered(1, 2), "unknown", None),
         ("opacities", {"skin": 0.5}, "unsupported", None),
         ("layered opacities", {"skin": 1}, "unknown", None),
         ("layered opacities", {"gold": -1}, "range", None),
@@ -211,6 +210,12 @@ def test_lights_with_lux_add_up(colours: CoefficientImage) -> None:
     assert widget.rig.total_lux == 950 and widget.frame().mean() > 2 * dim
 
 
+def of_groups(image: CoefficientImage) -> Any:
+    """Return a widget whose light is of a group that the image itself has not."""
+    rig = LightRig((vs.light("A"),), groups=("key",))
+    return vs.notebook(replace(image, groups={"key": 1.0}), {"lamp": rig})
+
+
 @pytest.mark.parametrize(
     ("make", "code"),
     [
@@ -223,6 +228,7 @@ def test_lights_with_lux_add_up(colours: CoefficientImage) -> None:
         (lambda image: vs.notebook(image, {"red": vs.Spectrum([600, 700], [1, 1])}), None),
         (lambda image: vs.notebook(image, LIGHTS, Viewing(model="Hunt")), "unsupported"),
         (lambda image: vs.notebook(image, LIGHTS).frame(int), None),
+        (lambda image: setattr(of_groups(image), "image", image), "unknown"),
     ],
 )
 def test_lights_and_frames_that_are_none_are_refused(
