@@ -24,7 +24,7 @@ CLOCKS = {
 }
 
 
-def test_functions() -> Iterator[tuple[str, str]]:
+def functions() -> Iterator[tuple[str, str]]:
     """Yield the name and source of each test function."""
     for path in FILES:
         source = path.read_text(encoding="utf-8")
@@ -38,7 +38,7 @@ def test_the_suite_is_no_larger_than_its_budget() -> None:
 
 
 def test_few_functions_test_refusals() -> None:
-    sources = [source for _, source in test_functions()]
+    sources = [source for _, source in functions()]
     assert sum(bool(REFUSAL.search(source)) for source in sources) <= MAX_REFUSALS * len(sources)
 
 
