@@ -117,7 +117,7 @@ def test_memory_beyond_what_a_file_declares_is_a_finding(tmp_path: Path) -> None
 def test_a_process_that_hangs_or_dies_leaves_its_input(
     code: str, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The clock stands while a process starts, and where it is to end by itself."""
+    """The clock does not go on while a process starts, and where it is to end by itself."""
     run = Run("csv", tmp_path / "csv", "plain")
     state, ready, head = run.folder / "state", run.folder / "ready", STATE.pack(7, 0, 0, 3)
     clock_s = [0.0]

@@ -8,7 +8,6 @@ import secrets
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -17,7 +16,7 @@ from typing import Any
 from urllib.request import Request, urlopen
 
 from tests.support.browser import chromium
-from tests.support.patience import PATIENCE_S
+from tests.support.patience import PATIENCE_S, wait_until
 from volspec import _cache
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -154,15 +153,15 @@ def _environment(folder: Path) -> Mapping[str, str]:
 
 
 def _await(server: subprocess.Popen[bytes], address: str, log: Path) -> None:
-    limit = time.monotonic() + PATIENCE_S
-    while True:
+    def answers() -> bool:
         try:
             _asked(address)
-            return
         except OSError:
-            ended = server.poll() is not None or time.monotonic() > limit
-            assert not ended, log.read_text(encoding="utf-8")
-            time.sleep(0.05)
+            assert server.poll() is None, log.read_text(encoding="utf-8")
+            return False
+        return True
+
+    wait_until(answers, "no answer")
 
 
 def _asked(address: str, token: str = "", body: Mapping[str, Any] | None = None) -> None:

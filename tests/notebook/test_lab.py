@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import time
 from collections.abc import Iterator
 from itertools import count
 from urllib.parse import urlsplit
@@ -17,7 +16,7 @@ from PIL import Image
 from tests.notebook.lab import Lab, opened
 from tests.support.browser import mean_difference, missing
 from tests.support.images import some_rows
-from tests.support.patience import PATIENCE_S
+from tests.support.patience import wait_until
 from volspec.appearance import Viewing
 from volspec.pipeline import relight
 from volspec.raycast import CoefficientImage
@@ -79,9 +78,10 @@ def clear(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 def until_shown(lab: Lab, wanted: NDArray[np.uint8]) -> None:
     """Wait until a picture is visible: a slow browser draws it in parts."""
-    size, limit = (wanted.shape[1], wanted.shape[0]), time.monotonic() + PATIENCE_S
-    while mean_difference(clear(seen(lab, size)), clear(wanted)) > NEAR:
-        assert time.monotonic() < limit, "another picture"
+    size = wanted.shape[1], wanted.shape[0]
+    wait_until(
+        lambda: mean_difference(clear(seen(lab, size)), clear(wanted)) <= NEAR, "another picture"
+    )
 
 
 @pytest.mark.slow

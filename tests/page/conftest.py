@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.support.browser import chromium, missing, saved_picture
-from tests.support.patience import PATIENCE_S
+from tests.support.patience import PATIENCE_S, wait_until
 from volspec._gpu.sources import asset
 from volspec.raycast import CoefficientImage
 from volspec.scene import Scene
@@ -50,10 +49,7 @@ class Opened:
 
     def eventually(self, holds: Callable[[], Any], what: str) -> None:
         """Wait until a condition holds; the limit only ends a hang."""
-        limit = time.monotonic() + PATIENCE_S
-        while not holds():
-            assert time.monotonic() < limit, f"never true: {what}"
-            self.page.wait_for_timeout(25)
+        wait_until(holds, f"never true: {what}", lambda: self.page.wait_for_timeout(25))
 
     def click(self, selector: str) -> None:
         """Click on an element, and wait until that is drawn."""

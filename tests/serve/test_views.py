@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import socket
 import struct
-import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -17,7 +16,7 @@ import pytest
 
 from tests.serve.conftest import Client, entered
 from tests.support.fixtures import Patch
-from tests.support.patience import PATIENCE_S
+from tests.support.patience import PATIENCE_S, wait_until
 from tests.support.pyramids import stored
 from volspec.errors import CastCancelled, OpenCLError, RaycastError
 from volspec.export.page import pack_view
@@ -85,8 +84,7 @@ def waiting(started: Event) -> Callable[..., bytes]:
         if not request.coarse:
             return b"whole"
         started.set()
-        while not cancel():
-            time.sleep(0.001)
+        wait_until(cancel)
         raise CastCancelled("raycast: cancelled", code="state")
 
     return message

@@ -1,5 +1,19 @@
-"""The limit of a wait that only ends a hang: no machine, however busy, needs so long."""
+"""Wait for a condition; the limit only ends a hang."""
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
+
+# No machine, however busy, needs so long.
 PATIENCE_S = 300.0
+
+
+def wait_until(
+    holds: Callable[[], object], what: object = "", pause: Callable[[], object] | None = None
+) -> None:
+    """Wait for a condition, and assert it; ``pause`` comes between two looks."""
+    end = time.monotonic() + PATIENCE_S
+    while not (done := holds()) and time.monotonic() < end:
+        time.sleep(0.002) if pause is None else pause()
+    assert done, what

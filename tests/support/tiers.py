@@ -88,7 +88,7 @@ def pytest_runtest_makereport(
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """Turn a failure for want of a device into a skip that has the remedy.
 
-    The test, a command that it ran or a child process has told so.
+    The test, a command that it ran or a child process has said so.
     """
     report = yield
     if report.failed and not item.config.option.quick:

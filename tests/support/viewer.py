@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.support.patience import PATIENCE_S
+from tests.support.patience import wait_until
 from volspec.basis import SpectralBasis
 from volspec.basis.display import DEFAULT_MODE, Mode
 from volspec.palette import Cell, CellReport, design
@@ -50,14 +49,6 @@ def run_command(state: ViewState, command: str) -> Edited:
     change = (BY_NAME.get(command) or BY_KEY[command]).change
     assert change is not None
     return after(change, state)
-
-
-def wait_until(ended: Callable[[], object]) -> None:
-    """Wait for a condition, and assert it."""
-    end = time.monotonic() + PATIENCE_S
-    while not (done := ended()) and time.monotonic() < end:
-        time.sleep(0.002)
-    assert done
 
 
 def take_until(take: Callable[[], list[T]], ended: Callable[[list[T]], object]) -> list[T]:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from PIL import Image, ImageGrab
 
-from tests.support.patience import PATIENCE_S
+from tests.support.patience import PATIENCE_S, wait_until
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -160,16 +160,16 @@ class Robot:
 
     def until(self, holds: Callable[[], object]) -> None:
         """Wait for a condition; TimeoutError, with the last rows, if the viewer ends before."""
-        end = time.monotonic() + PATIENCE_S
-        while not holds():
+
+        def done() -> bool:
             ended = self.viewer.poll() is not None
-            if ended and holds():
-                return
-            if ended or time.monotonic() > end:
+            if not (held := holds()) and ended:
                 tail = [row for row in self.rows() if row["event"] not in ("frame", "layout")][-8:]
-                said = self.viewer.stderr.read() if ended and self.viewer.stderr else ""
+                said = self.viewer.stderr.read() if self.viewer.stderr else ""
                 raise TimeoutError(f"the viewer did not; last: {tail}; {said}")
-            time.sleep(0.02)
+            return bool(held)
+
+        wait_until(done, "the viewer did not")
 
     def ends(self) -> int:
         """Wait until the viewer has ended; return its exit code."""

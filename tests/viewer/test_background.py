@@ -15,8 +15,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from tests.support.patience import PATIENCE_S
-from tests.support.viewer import opened, take_until, wait_until
+from tests.support.patience import PATIENCE_S, wait_until
+from tests.support.viewer import opened, take_until
 from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import Source
 from volspec.appearance import Viewing
@@ -45,6 +45,7 @@ from volspec.viewer.work.session import SUFFIX, save_session
 from volspec.viewer.work.session_store import STATE_VARIABLE
 from volspec.viewer.work.steps import Steps
 from volspec.volume import Volume
+from volspec.volume.labels import Label
 
 
 class Slow(LatestWorker[str, str]):
@@ -435,7 +436,9 @@ def test_programs_are_built_by_a_child_that_ends_with_the_viewer(
         pytest.skip("the device in use is none of PoCL, whose cache is looked into")
     monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(ahead, "_REST_S", 0.0)
-    document = replace(state.document, caster=Raycaster(state.document.volume))
+    volume = state.document.volume
+    volume = replace(volume, labels={1: Label("bone")}, fields=(replace(volume, name="PET"),))
+    document = replace(state.document, volume=volume, caster=Raycaster(volume))
     builder = ProgramBuilder(lambda: None)
     builder.request((job(replace(state, document=document), 1), Viewing()))
     # PoCL renames folders meanwhile, which `walk` forgives.

@@ -408,16 +408,16 @@ case "$*" in
 esac
 """
 _ASK = """
-import time
+from tests.support.patience import wait_until
 from volspec.viewer.model.paths import PathRequest
 from volspec.viewer.ui.dialogs import NativeDialog, has_native_dialogs
 assert has_native_dialogs()
 read = PathRequest("o", "Open", suffixes=(".nrrd",))
 for request in (read, PathRequest("s", "Save", True, (".toml",), "x.toml")):
     dialog = NativeDialog(request)
-    while (path := dialog.answer()) is None:
-        time.sleep(0.01)
-    print(path)
+    paths = []
+    wait_until(lambda: paths.append(dialog.answer()) or paths[-1] is not None)
+    print(paths[-1])
 left_open = NativeDialog(PathRequest("w", "Wait"))
 assert left_open.answer() is None
 left_open.close()  # or the program would end with it

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.support.viewer import wait_until
+from tests.support.patience import wait_until
 from volspec.appearance.rendition import light_figures
 from volspec.relight import LightRig
 from volspec.spectra import DEFAULT_GRID, PAPERS_GRID, light, reflectance

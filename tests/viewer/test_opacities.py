@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.support.viewer import opened, take_until, wait_until
+from tests.support.patience import wait_until
+from tests.support.viewer import opened, take_until
 from tests.support.window import Robot, small_engine
 from volspec.basis import MaterialBasis
 from volspec.pipeline import Raycaster, relight

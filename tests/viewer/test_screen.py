@@ -14,8 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.support.errors import refuses
-from tests.support.patience import PATIENCE_S
-from tests.support.viewer import wait_until
+from tests.support.patience import PATIENCE_S, wait_until
 from volspec.appearance import lut3d
 from volspec.errors import RelightError, ViewingError
 from volspec.pipeline import raycast

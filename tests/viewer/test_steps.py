@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.viewer import opened, wait_until
+from tests.support.patience import wait_until
+from tests.support.viewer import opened
 from volspec.errors import VolumeError
 from volspec.pipeline import Raycaster
 from volspec.viewer.model.document import Document

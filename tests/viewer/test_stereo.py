@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.support.viewer import wait_until
+from tests.support.patience import wait_until
 from tests.viewer.test_opacities import SIZE, ball, drawn, layered, screen
 from volspec.pipeline import relight
 from volspec.raycast import CoefficientImage

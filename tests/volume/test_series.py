@@ -246,7 +246,7 @@ def copy_files(folder: Path) -> None:
 def test_other_files_next_to_a_series_are_left_out(
     tmp_path: Path, write: Callable[[Path], object]
 ) -> None:
-    """A folder without slices stands for those below."""
+    """A folder without slices is those below it."""
     folder = write_series(tmp_path / "patient" / "series")
     write(folder)
     for path in (tmp_path, folder, folder / "03.dcm", f"{folder}?series=3"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import warnings
 from collections.abc import Callable
 from typing import Any
@@ -13,6 +14,18 @@ import pyvista
 from tests.support.errors import raises, warns
 from volspec.errors import VolspecWarning, VolumeError
 from volspec.volume import Volume
+from volspec.volume.labels import Label
+
+
+def test_a_pickled_volume_is_the_same() -> None:
+    values = np.arange(24, dtype=np.uint8).reshape(2, 3, 4)
+    pet = Volume(values, spacing_mm=(2, 2, 2), name="PET", missing=3)
+    volume = Volume(values, labels={1: Label("bone")}, fields=(pet,))
+    again = pickle.loads(pickle.dumps(volume))
+    for one, other in ((volume, again), (pet, again.fields[0])):
+        assert (one.name, one.missing, one.labels) == (other.name, other.missing, other.labels)
+        assert np.array_equal(one.values, other.values)
+        assert np.array_equal(one.world_from_index, other.world_from_index)
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ at ``world_from_index @ (i, j, k, 1)`` millimetres.
 
 from __future__ import annotations
 
+import dataclasses
 import operator
 from collections.abc import Callable, Iterable
 from copy import copy
@@ -117,6 +118,10 @@ class Volume:
         object.__setattr__(self, "world_from_index", world)
         object.__setattr__(self, "range", span)
         object.__setattr__(self, "fields", checked_fields(self))
+
+    def __reduce__(self) -> tuple[type[Volume], tuple[Any, ...]]:
+        given = [getattr(self, each.name) for each in dataclasses.fields(self) if each.init]
+        return Volume, tuple(dict(v) if isinstance(v, MappingProxyType) else v for v in given)
 
     def __repr__(self) -> str:
         x, y, z = self.shape_xyz
