@@ -144,6 +144,7 @@ def through() -> Camera:
     return Camera((middle, middle, 60.25), (middle, middle, middle), up=(0, 1, 0), height_mm=4)
 
 
+@pytest.mark.slow
 @KINDS
 @pytest.mark.parametrize(
     ("opacity", "reference_step_mm", "step_mm"),

@@ -26,6 +26,7 @@ def spec_of(source: Ambient | Directional) -> RaycastSpec:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "source", [pytest.param(KEY, marks=pytest.mark.slow), SKY], ids=["key", "sky"]
 )

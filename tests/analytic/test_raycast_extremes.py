@@ -29,6 +29,7 @@ def by_kernel(volume: vs.Volume, *given: Any) -> Result:
 BOTH = pytest.mark.parametrize("cast", [by_kernel, reference.cast])
 
 
+@pytest.mark.slow
 def test_a_constant_volume_has_no_gradient_in_a_table_of_gradients() -> None:
     volume = cube(9)
     rows = np.linspace(0.1, 0.9, 9)[:, None] * np.ones(2)
@@ -80,6 +81,7 @@ def lit_by(source: Source) -> np.ndarray:
     return vs.Raycaster(volume).cast(fog(0.1), vs.Camera.orbit(volume), (16, 16), spec).coefficients
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [1e-200, 1e200])
 def test_a_light_shines_whatever_the_length_of_its_direction(length: float) -> None:
     one, other = (lit_by(vs.Directional((scale, -scale, 0))) for scale in (1.0, length))
@@ -121,6 +123,7 @@ def test_farther_than_squares_are_numbers_is_refused_by_name(
     refuses(call, f"range {subject}: {field}", kind)
 
 
+@pytest.mark.slow
 @BOTH
 @pytest.mark.parametrize(
     ("opacity", "filtered"), [(0.5, 0.5), (1.0, 0.5), (0.5, 1.0), (0.9, 0.5), (1.0, 0.0)]
@@ -165,6 +168,7 @@ def test_grey_filters_are_flat_absorption(cast: Cast) -> None:
     assert np.abs(one[1] - other[1]).max() < 1e-5
 
 
+@pytest.mark.slow
 @BOTH
 def test_labels_that_a_table_has_not_are_nothing(cast: Cast) -> None:
     """Below 0 as beyond its last; label 0 itself is seen."""
@@ -196,6 +200,7 @@ def test_long_steps_know_that_labels_beyond_the_table_are_nothing() -> None:
     assert np.array_equal(whole, long)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("preintegrated", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_homogeneous_body_is_the_same_in_long_steps(preintegrated: bool) -> None:
     """Steps of four are four steps, and end with the brick and the chord.

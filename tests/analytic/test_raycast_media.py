@@ -254,6 +254,7 @@ def test_a_ball_is_lit_as_its_normals_say_on_any_lattice() -> None:
     assert np.array_equal(depth.ravel()[hit], first.ravel()[hit])
 
 
+@pytest.mark.slow
 def test_the_colour_of_labels_changes_half_way_and_is_never_mixed() -> None:
     """Along the border of labels 1 and 3, of one opacity; 2 lies between them and is opaque.
 

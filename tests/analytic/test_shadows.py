@@ -173,6 +173,7 @@ def test_a_flat_wall_does_not_shadow_itself(cells: int, source: Source) -> None:
     assert (lit / free).min() > (0.85 if slanting else 0.96)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("opaque", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_an_isosurface_does_not_shadow_itself(opaque: bool) -> None:
     """A ball lit from the camera's side is as bright with shadows as without."""
@@ -231,6 +232,7 @@ CUTS = {
 }
 
 
+@pytest.mark.slow
 # The reference takes a minute for 96 cells.
 @pytest.mark.parametrize("cells", [24, pytest.param(96, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("cut", CUTS)

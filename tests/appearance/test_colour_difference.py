@@ -231,6 +231,7 @@ def _grey(more: np.ndarray) -> Spectrum:
     return Spectrum(RENDITION_GRID.wavelengths_nm, 0.5 + more)
 
 
+@pytest.mark.not_quick
 def test_the_figure_has_the_numbers_in_its_corners(tmp_path: Path) -> None:
     own, found = light("FL4", RENDITION_GRID), rendition("FL4")
     figure = light_figure(own, light("A", RENDITION_GRID), found, "SSI 32")

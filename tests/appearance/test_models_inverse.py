@@ -26,6 +26,7 @@ def test_continued_undoes_forward_up_to_the_spectral_locus(name):
         assert error[i] <= 1e-9, (name, where, XYZ[i], error[i])
 
 
+@pytest.mark.not_quick
 @pytest.mark.parametrize("name", APPEARANCE_MODELS)
 @pytest.mark.parametrize("where", ["television", "light box, white around"])
 def test_numerical_inverse_undoes_forward(name, where):
@@ -111,6 +112,7 @@ SCENE = ViewingConditions(D65, 63.66)
 DIM = ViewingConditions(D65, 0.1)
 
 
+@pytest.mark.not_quick
 @pytest.mark.parametrize("each", [hunt, nayatani95])
 @pytest.mark.parametrize(
     "where",

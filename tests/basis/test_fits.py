@@ -238,6 +238,7 @@ def few_products(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pairs, "_MOST_PRODUCTS", 10)
 
 
+@pytest.mark.not_quick
 @pytest.mark.usefixtures("few_products")
 @pytest.mark.parametrize("grid", GRIDS, ids=str)
 @pytest.mark.parametrize(
@@ -259,6 +260,7 @@ def test_componentwise_errors_are_alike_on_every_grid(
     assert found.max <= maximum
 
 
+@pytest.mark.not_quick
 @pytest.mark.usefixtures("few_products")
 @pytest.mark.parametrize("grid", GRIDS, ids=str)
 @pytest.mark.parametrize(

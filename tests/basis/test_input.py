@@ -257,6 +257,8 @@ def test_reflectances_are_between_black_and_fluorescent() -> None:
         reflectance_values([COPPER, GOLD * 1.2], DEFAULT_GRID, "paints")
 
 
+@pytest.mark.not_quick
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("lights", "reflectances", "size"),
     [
@@ -296,6 +298,7 @@ def test_white_stays_exact_and_continuous_where_its_prediction_crosses_zero() ->
     assert shown[0] == pytest.approx(shown[1], abs=1e-6)
 
 
+@pytest.mark.not_quick
 def test_a_stored_basis_loads_no_fitter() -> None:
     code = "import sys, volspec.basis as b; b.load_basis('general-7'); print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

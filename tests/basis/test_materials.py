@@ -41,6 +41,7 @@ def ball() -> CoefficientImage:
     )
 
 
+@pytest.mark.not_quick
 def test_a_cast_of_materials_is_the_cast_of_all_bands() -> None:
     """The same rays with a channel for each of 4 bands: as many as of three materials and white.
 
@@ -62,12 +63,14 @@ def test_a_cast_of_materials_is_the_cast_of_all_bands() -> None:
         assert np.allclose(shown / 100, XYZ_from_spectra(lamp, bands) / 100, atol=2e-5), name
 
 
+@pytest.mark.not_quick
 def test_highlights_are_white_and_not_a_material_s(ball: CoefficientImage) -> None:
     assert ball.coefficients[..., -1].max() > 0.01
     lamp = light("A")
     assert np.allclose(BASIS.xyz(BASIS.white, lamp), white_XYZ(lamp))
 
 
+@pytest.mark.not_quick
 def test_an_edited_reflectance_shows_without_a_new_cast(ball: CoefficientImage) -> None:
     """Equal to a cast with that reflectance; it outlives `update`, as after a camera move."""
     volume = phantom.ball(32)
@@ -89,6 +92,7 @@ def test_an_edited_reflectance_shows_without_a_new_cast(ball: CoefficientImage) 
     assert np.abs(after.astype(int) - before).max() > 10
 
 
+@pytest.mark.not_quick
 def test_files_keep_bases_and_images(
     ball: CoefficientImage, tmp_path: pytest.TempPathFactory
 ) -> None:

@@ -249,6 +249,7 @@ def test_texts_of_the_figure_do_not_overlap(table: ErrorTable, general: Spectral
             assert not box.shrunk(0.95, 0.6).overlaps(second.shrunk(0.95, 0.6)), (one, other)
 
 
+@pytest.mark.not_quick
 def test_matplotlib_is_imported_late_and_pyplot_never() -> None:
     """Figures have a canvas of their own; pyplot has global state and may open windows."""
     modules = "volspec.basis.figure, volspec.relight.error_map"

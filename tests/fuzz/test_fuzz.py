@@ -90,6 +90,7 @@ def session(folder: Path, target: Target = DIGITS) -> Session:
     return Session(target, folder)
 
 
+@pytest.mark.slow
 def test_plain_mutations_find_a_fault_and_shorten_it(tmp_path: Path) -> None:
     made = session(tmp_path)
     # As long as it takes on a busy machine: inputs are counted, not seconds.

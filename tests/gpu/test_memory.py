@@ -48,6 +48,7 @@ def blocks_left_by(call: Callable[[int], object], calls: int) -> float:
     return min(later - before for before, later in pairwise(blocks[1:])) / calls
 
 
+@pytest.mark.slow
 def test_lights_and_viewings_that_changed_take_no_memory(
     grey: CoefficientImage, backend: str
 ) -> None:
@@ -64,6 +65,7 @@ def test_lights_and_viewings_that_changed_take_no_memory(
         assert blocks_left_by(change, 20) < 2
 
 
+@pytest.mark.slow
 def test_relighters_that_were_closed_take_no_memory(grey: CoefficientImage, backend: str) -> None:
     # A context that is made for each leaves 900 blocks in moderngl 5.13.
     assert blocks_left_by(lambda _: Relighter(grey, backend).close(), 4) < 100
@@ -92,6 +94,7 @@ def test_transfer_functions_views_and_settings_that_changed_take_no_memory(
     assert len(caster._compute._allocated) == (2 if caster._compute.info.is_cpu else 3)
 
 
+@pytest.mark.slow
 def test_scenes_that_were_loaded_cast_and_relit_take_no_memory() -> None:
     def load(number: int) -> None:
         scene = Scene.load(asset("data/scenes/engine.toml"))

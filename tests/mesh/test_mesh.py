@@ -156,6 +156,7 @@ def test_a_mesh_ends_rays_at_its_depth_and_shades_the_volume_as_the_reference() 
     assert np.abs(true[0] - reference.cast(*given, span_mm)[0]).max() > 0.05  # its shadow
 
 
+@pytest.mark.slow
 def test_the_volume_s_light_at_points_is_that_of_its_nodes() -> None:
     """Light that arrives at a mesh: in the volume, behind it, and where it passes by."""
     volume, transfer = ball()
@@ -193,6 +194,7 @@ def test_a_mesh_in_a_volume_is_behind_what_is_before_it() -> None:
 CORNERS = ((-9.0, -7.0, 8.0), (8.0, -6.0, -6.0), (7.0, 8.0, 0.0), (-6.0, 9.0, -8.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("more", [(), (0.0,), (40.0,)], ids=["alone", "before", "behind"])
 @pytest.mark.parametrize("mode", ["composite", *slow("maximum")])
 def test_edges_of_a_mesh_before_and_in_a_volume_are_those_of_a_finer_picture(
@@ -224,6 +226,7 @@ def test_edges_of_a_mesh_before_and_in_a_volume_are_those_of_a_finer_picture(
     assert np.isfinite(one.depth_mm[one.alpha > 0]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["composite", "maximum", *slow("average")])
 def test_what_an_edge_covers_in_part_is_a_mixture(mode: str) -> None:
     """Opacity a … + (1 - a) W, with W of the volume alone; also of tips between the points."""

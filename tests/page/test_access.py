@@ -217,6 +217,7 @@ _STOP = f"""() => {{
 }}"""
 
 
+@pytest.mark.slow
 @MEDIA
 def test_every_control_shows_that_it_has_the_focus(ball: Open, media: str) -> None:
     """Focus by WCAG 2.2, 2.4.13: as many pixels as an outline of two change by 3 : 1 or more."""

@@ -138,6 +138,7 @@ def test_meshes_stay_and_are_cut_and_turned_where_they_are(
     assert page.complaints == []
 
 
+@pytest.mark.slow
 def test_an_anaglyph_and_a_pair_are_of_the_desktop_s_eyes(
     page: Opened, scene: Scene, image: CoefficientImage
 ) -> None:

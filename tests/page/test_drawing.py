@@ -54,6 +54,7 @@ def file(
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("milliseconds", [60, slow(400)])
 def test_a_slow_browser_draws_coarsely_while_the_light_moves_and_nothing_under_the_mouse(
     opened: Open, file: Path, milliseconds: int

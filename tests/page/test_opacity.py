@@ -133,6 +133,7 @@ def test_a_slider_that_is_dragged_fades_as_a_new_frame_of_the_desktop(
     assert page.complaints == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("materials", "groups"), [slow(1, 1), slow(4, 1), slow(3, 2), (4, 8)])
 def test_any_number_of_materials_and_groups_is_drawn(
     opened: Open, tmp_path: Path, materials: int, groups: int
@@ -170,6 +171,7 @@ def test_a_light_that_changes_recomposes_nothing(opened: Open, file: Path) -> No
     assert page.page.evaluate("window.passes") == 3
 
 
+@pytest.mark.slow
 def test_keys_names_and_double_clicks_set_opacities(page: Opened) -> None:
     name = page.page.locator("#opacity-list li:nth-child(1) .material")
     drag(page, 0, 0.3)

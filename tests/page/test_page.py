@@ -80,6 +80,7 @@ def only(scene: Scene, i: int) -> str:
 EIGHT, TWELVE = 0.4, 0.05
 
 
+@pytest.mark.slow
 def test_twelve_bits_give_the_desktops_frames_under_five_lights(
     opened: Open, files: Path, engine_scene: Scene, engine_image: CoefficientImage
 ) -> None:

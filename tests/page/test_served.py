@@ -162,6 +162,7 @@ def test_lights_change_without_a_request(served: Served) -> None:
     assert own and all(azimuth in url for url in own) and served.complaints == []
 
 
+@pytest.mark.slow
 def test_the_camera_moves_by_keyboard(served: Served) -> None:
     for keys, name, by in (
         ("ArrowUp", "elevation", 1),
@@ -230,6 +231,7 @@ def test_an_address_holds_the_camera(served: Served) -> None:
     assert (served.number("azimuth"), served.number("elevation")) == (148, 32)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [slow(WIDE), PHONE])
 def test_axe_finds_nothing_wrong(served: Served, size: tuple[int, int]) -> None:
     served.page.set_viewport_size({"width": size[0], "height": size[1]})

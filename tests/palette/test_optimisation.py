@@ -27,6 +27,7 @@ from volspec.palette.state import State
 from volspec.spectra import PAPERS_GRID, Spectrum, light
 
 
+@pytest.mark.not_quick
 def test_distinct_cells_part_as_far_as_the_display_shows_and_must_is_exact() -> None:
     cells = {
         ("a", "D65"): must(*GREY),

@@ -198,6 +198,7 @@ def test_an_address_is_a_light_and_a_reflectance_wherever_files_are(tmp_path: Pa
     assert read_spectrum(f"{target}#blue").values.size == DEFAULT_GRID.size
 
 
+@pytest.mark.not_quick
 def test_a_scene_of_designed_spectra_trains_its_own_basis(tmp_path: Path) -> None:
     source = written(tmp_path)
     vs.save_palette(vs.design(vs.load_palette(source)), source, source=source)

@@ -291,6 +291,7 @@ def test_names_are_whole_and_inside_whatever_the_size(count: int) -> None:
         assert box.x0 >= 0 and box.y0 >= 0 and box.x1 <= wide and box.y1 <= tall, text.get_text()
 
 
+@pytest.mark.not_quick
 def test_files_are_what_their_names_say(sodium: Design, tmp_path: Path) -> None:
     import imageio.v3 as iio
 

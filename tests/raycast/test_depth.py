@@ -72,6 +72,7 @@ def camera_of(volume: Any) -> Camera:
     return Camera.orbit(volume, azimuth_deg=30, elevation_deg=20)
 
 
+@pytest.mark.slow
 def test_without_effects_the_picture_is_the_same_bit_for_bit(solid: CoefficientImage) -> None:
     for scales in ({}, {"gold": 0.5}):
         plain, same = solid.recompose(scales), solid.recompose(scales, DepthEffects())

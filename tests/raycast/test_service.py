@@ -45,6 +45,7 @@ def test_a_cancelled_or_nested_cast_ends_soon_and_leaves_the_caster_well(
     assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
 
 
+@pytest.mark.slow
 def test_casters_like_each_other_share_programs_and_cast_in_turn(
     engine: Volume, three_channels: TransferTable
 ) -> None:
@@ -146,6 +147,7 @@ def test_groups_come_with_their_shares(engine: Volume) -> None:
     assert mixed.shape == (48, 48, 3) and not np.array_equal(mixed, plain)
 
 
+@pytest.mark.slow
 def test_the_error_of_spectral_absorption_is_measured(engine: Volume) -> None:
     """On a grid of 6 bands, whose kernel compiles quicker than that of 31."""
     amber = vs.reflectance("Vrhel/41 marigold orange")

@@ -54,6 +54,7 @@ def test_a_title_with_control_characters_names_a_basis(tmp_path: Path) -> None:
     assert made.basis.name == r"a\x07b\u202e" and made.file.title == "a\x07b\u202e"
 
 
+@pytest.mark.not_quick
 def test_spectra_that_the_general_basis_does_not_hold_are_trained_for(tmp_path: Path) -> None:
     """A reflectance that oscillates, of which no note says that it is designed."""
     nm = np.arange(380, 781, 5)
@@ -171,6 +172,7 @@ def test_a_light_that_is_almost_off_still_counts_a_tenth(fits: list[dict[str, An
     assert fits[0]["reflectance_weights"] == [0.3, 1.0], "in the materials' order"
 
 
+@pytest.mark.not_quick
 def test_a_scene_may_name_ask_or_make_its_materials_the_channels(tmp_path: Path) -> None:
     assert scene(tmp_path, '[basis]\nname = "general-5"').basis.name == "general-5"
     own = scene(tmp_path, '[basis]\ntrain = "scene"\nsize = 5')
@@ -184,6 +186,7 @@ def test_a_scene_may_name_ask_or_make_its_materials_the_channels(tmp_path: Path)
     assert isinstance(materials, MaterialBasis) and list(materials.materials) == ["block", "part"]
 
 
+@pytest.mark.not_quick
 def test_other_settings_are_tried_without_writing_them(tmp_path: Path) -> None:
     path = scene(tmp_path, "[basis]\nsize = 5").path
     assert isinstance(Scene.load(path, {"method": "materials"}).basis, MaterialBasis)

@@ -37,6 +37,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.not_quick
 # Each feature is cast by tests of its own, too.
 @pytest.mark.parametrize("number", [0, *slow(*range(1, len(EXAMPLES)))])
 def test_every_example_casts_into_a_picture(folder: Path, number: int) -> None:
@@ -50,6 +51,7 @@ def test_every_example_casts_into_a_picture(folder: Path, number: int) -> None:
     assert frame.std() > 5
 
 
+@pytest.mark.not_quick
 def test_every_example_is_a_scene_and_each_kind_of_transfer_function_has_one(folder: Path) -> None:
     kinds = set()
     for text in EXAMPLES:
@@ -62,6 +64,7 @@ def test_every_example_is_a_scene_and_each_kind_of_transfer_function_has_one(fol
 ENGINE, *SCENES = sorted((ROOT / "data" / "scenes").glob("engine*.toml"), key=lambda p: p.stem)
 
 
+@pytest.mark.not_quick
 # Not the figure-… scenes, where some lights hide what is there.
 @pytest.mark.parametrize("path", [ENGINE, *slow(*SCENES)], ids=lambda path: path.stem)
 def test_scenes_that_ship_are_neither_dark_nor_washed_out(path: Path) -> None:

@@ -86,6 +86,7 @@ def cast(scene: vs.Scene) -> vs.CoefficientImage:
     return scene.render(size=(40, 32))
 
 
+@pytest.mark.not_quick
 def test_a_scene_s_fields_are_cast_as_in_python(folder: Path) -> None:
     made = scene(folder, "matrix = [[2, 0, 0, 1], [0, 2, 0, 2], [0, 0, 2, 3], [0, 0, 0, 1]]")
     ct, pet = (np.load(folder / name) for name in ("ct.npy", "pet.npy"))
@@ -102,6 +103,7 @@ def test_a_scene_s_fields_are_cast_as_in_python(folder: Path) -> None:
     assert np.abs(found.coefficients - alone.coefficients).max() > 0.05
 
 
+@pytest.mark.not_quick
 def test_weights_and_shown_are_of_each_field(folder: Path) -> None:
     whole = cast(scene(folder))
     none = cast(scene(folder, own="weight = 0.0"))
@@ -113,6 +115,7 @@ def test_weights_and_shown_are_of_each_field(folder: Path) -> None:
     assert 0 < other.alpha.max() < whole.alpha.max() + 1e-6
 
 
+@pytest.mark.not_quick
 def test_a_hidden_field_is_cast_as_fast_and_alike_as_a_volume_alone(folder: Path) -> None:
     hidden = cast(scene(folder, own="shown = false", keys="spacing_mm = [2, 2, 2]"))
     (folder / "alone.toml").write_text(HEAD)
@@ -165,6 +168,7 @@ def test_a_field_that_is_missing_is_named(folder: Path) -> None:
     assert "PET" in str(caught.value)
 
 
+@pytest.mark.not_quick
 def test_a_scene_s_mask_is_cast_as_in_python(masked: Path) -> None:
     made = vs.Scene.load(masked)
     assert not check_scene(masked).errors

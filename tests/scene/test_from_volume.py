@@ -32,6 +32,7 @@ def ball(tmp_path: Path) -> Path:
     return folder / "ball.npy"
 
 
+@pytest.mark.not_quick
 def test_a_volume_s_scene_frames_what_it_shows(ball: Path) -> None:
     scene = Scene.from_volume(f"{ball.with_suffix('.raw')}{LAYOUT}")
     volume = scene.volume()
@@ -87,6 +88,7 @@ def test_a_steep_preset_shows_no_rings(tmp_path: Path) -> None:
     assert rings(cast()) < 0.5 * rings(cast(jitter=0.0))
 
 
+@pytest.mark.not_quick
 def test_a_saved_scene_moves_with_its_volume(ball: Path, tmp_path: Path) -> None:
     scene = Scene.from_volume(ball)
     expected = scene.render(size=(32, 32))

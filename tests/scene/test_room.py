@@ -93,6 +93,7 @@ def frame(scene: Scene, image: vs.CoefficientImage, light: int = 0) -> np.ndarra
     return vs.relight(image, scene.lights[light].rig, scene.relight)
 
 
+@pytest.mark.not_quick
 def test_the_groups_of_the_cast_are_the_room_s_light(folder: Path) -> None:
     scene, image = opened(folder)
     assert scene.room is not None
@@ -102,6 +103,7 @@ def test_the_groups_of_the_cast_are_the_room_s_light(folder: Path) -> None:
     assert image.groups["walls: lamp"] == 0.0 and image.alpha.min() == 1.0
 
 
+@pytest.mark.not_quick
 def test_a_white_that_gets_most_light_has_a_luminance_factor_of_100(folder: Path) -> None:
     """The top of the block faces the lamp; its sides get less."""
     scene, _ = opened(folder)
@@ -114,6 +116,7 @@ def test_a_white_that_gets_most_light_has_a_luminance_factor_of_100(folder: Path
     assert pytest.approx(100.0, rel=0.1) == Y
 
 
+@pytest.mark.not_quick
 def test_its_lamps_change_without_a_cast(folder: Path) -> None:
     """A sodium spectrum for the lamp: as in a room whose file has that lamp, within 2 codes."""
     scene, image = opened(folder)
@@ -125,6 +128,7 @@ def test_its_lamps_change_without_a_cast(folder: Path) -> None:
     assert np.abs(swapped.astype(int) - frame(scene, image)).max() > 4
 
 
+@pytest.mark.not_quick
 def test_any_light_relights_the_picture_alone(folder: Path) -> None:
     """Without the room, every group has the light's spectrum: as bright, less coloured."""
     scene, image = opened(folder)
@@ -144,6 +148,7 @@ def test_a_light_that_does_not_reach_the_volume_is_refused(folder: Path) -> None
         Scene.load(folder / "dark.toml")
 
 
+@pytest.mark.not_quick
 def test_paint_of_the_scene_replaces_that_of_the_room(folder: Path) -> None:
     path = edited(folder, "patches = 300", 'patches = 300\npaint = { walls = "#4060c0" }')
     blue, (beige, _) = Scene.load(path), opened(folder)
@@ -157,6 +162,7 @@ def test_paint_of_the_scene_replaces_that_of_the_room(folder: Path) -> None:
     assert blue.raycast == beige.raycast
 
 
+@pytest.mark.not_quick
 def test_viewing_conditions_are_those_of_an_eye_in_the_room(folder: Path) -> None:
     scene, _ = opened(folder)
     seen = scene.relight.viewing
@@ -182,6 +188,7 @@ def test_turning_the_volume_turns_its_light() -> None:
     assert lying.axes @ (0.0, 1.0, 0.0) == pytest.approx((0.0, 0.0, 1.0))
 
 
+@pytest.mark.not_quick
 def test_an_opaque_volume_takes_the_lamp_from_the_floor_below_it(folder: Path) -> None:
     """Below the middle only light from walls is left; far from it, the floor is as bright."""
     scene, _ = opened(folder)
@@ -242,6 +249,7 @@ def test_edges_are_a_mean_of_points_in_their_pixels(folder: Path) -> None:
     assert mean < 0.6 * middle
 
 
+@pytest.mark.not_quick
 def test_what_is_between_the_lamp_and_the_volume_is_lit(folder: Path) -> None:
     """A shadow map at points on the way to the light, and behind the volume."""
     scene, _ = opened(folder)
@@ -254,6 +262,7 @@ def test_what_is_between_the_lamp_and_the_volume_is_lit(folder: Path) -> None:
     assert found == pytest.approx([0.0, 1.0], abs=1e-3)
 
 
+@pytest.mark.not_quick
 def test_shadows_change_with_what_is_opaque(folder: Path) -> None:
     caster = Raycaster(opened(folder)[0].volume())
     keys = set()

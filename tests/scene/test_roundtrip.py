@@ -167,6 +167,7 @@ def is_written_into(file: SceneFile, shipped: Path, folder: Path) -> None:
     assert lines(path)[:2] == lines(shipped)[:2]
 
 
+@pytest.mark.not_quick
 @pytest.mark.parametrize("count", [15, *slow(300)])
 def test_any_scene_reads_back_and_is_written_into_any_file(tmp_path: Path, count: int) -> None:
     @settings(max_examples=count, suppress_health_check=[HealthCheck.too_slow])
@@ -191,6 +192,7 @@ class Unresolved(Scene):
         self.file, self.path, self.folder, self._known = file, path, path.parent, {}
 
 
+@pytest.mark.not_quick
 @pytest.mark.parametrize("shipped", SHIPPED, ids=lambda path: path.stem)
 def test_a_scene_that_ships_is_written_as_it_stands(tmp_path: Path, shipped: Path) -> None:
     """Next to it letter by letter; elsewhere its paths lead back, its comments stay."""

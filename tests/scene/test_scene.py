@@ -36,6 +36,7 @@ def load(folder: Path, text: str) -> Scene:
     return Scene.load(path)
 
 
+@pytest.mark.not_quick
 def test_a_scene_casts_into_its_picture(folder: Path) -> None:
     image = load(folder, GOOD).render()
     assert isinstance(image, CoefficientImage) and image.size == (24, 16)
@@ -49,6 +50,7 @@ def test_paths_are_relative_to_the_file(folder: Path, monkeypatch: pytest.Monkey
     assert scene.materials["shell"].values[0] < 0.3
 
 
+@pytest.mark.not_quick
 def test_a_scene_always_loads_into_the_same_picture(folder: Path) -> None:
     train = GOOD + '[basis]\ntrain = "scene"\nsize = 7\n'
     first, second = (load(folder, train).render() for _ in range(2))
@@ -120,6 +122,7 @@ def _toml(value: object) -> str:
     return json.dumps(value)
 
 
+@pytest.mark.not_quick
 def test_settings_reach_the_picture(folder: Path) -> None:
     cut = "[raycast]\ncrop_voxels = [[0, 11], [0, 11], [0, 5]]\nhalf = true\n"
     whole, half = load(folder, GOOD).render(), load(folder, GOOD + cut).render()
@@ -127,12 +130,14 @@ def test_settings_reach_the_picture(folder: Path) -> None:
     assert 0.2 < (half.alpha > 0.1).sum() / (whole.alpha > 0.1).sum() < 0.9
 
 
+@pytest.mark.not_quick
 def test_a_cast_can_have_another_size_and_settings(folder: Path) -> None:
     scene = load(folder, GOOD)
     image = scene.render(size=(10, 8), spec=replace(scene.raycast, half=True))
     assert image.size == (10, 8) and image.coefficients.dtype == np.float16
 
 
+@pytest.mark.not_quick
 def test_a_cast_can_be_cancelled(folder: Path) -> None:
     with pytest.raises(CastCancelled):
         load(folder, GOOD).render(cancel=lambda: True)
@@ -166,6 +171,7 @@ def test_a_trained_basis_holds_under_lights_the_scene_does_not_have(folder: Path
     assert max(table.fitted.max, table.componentwise.max) < 0.5
 
 
+@pytest.mark.not_quick
 def test_viewing_and_lux_reach_the_picture(folder: Path) -> None:
     text = GOOD.replace('spectrum = "D65"', 'spectrum = "D65"\nilluminance_lux = 50\nweight = 0.5')
     scene = load(folder, text + '[viewing]\nlevel = "absolute"\nilluminance_lux = 100\nY_b = 30\n')
@@ -262,6 +268,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.not_quick
 @pytest.mark.parametrize("change", CHANGES)
 def test_mistakes_are_named_in_one_line(folder: Path, change: str) -> None:
     old, new, message = CHANGES[change]

@@ -24,6 +24,7 @@ def load(folder: Path, spectrum: str = '"D65"', paint: str = '"copper"', more: s
     return Scene.load(write_scene_text(folder, text))
 
 
+@pytest.mark.not_quick
 def test_numbers_are_what_a_file_of_them_is(tmp_path: Path) -> None:
     (tmp_path / "ramp.csv").write_text("nm,value\n390,0.2\n710,0.8\n")
     named, numbers = load(tmp_path, '"ramp.csv"', '"ramp.csv"'), load(tmp_path, RAMP, RAMP)

@@ -120,6 +120,7 @@ def same(one: Any, other: Any) -> bool:
     return bool(np.array_equal(one, other)) if isinstance(one, np.ndarray) else one == other
 
 
+@pytest.mark.not_quick
 def test_a_scene_casts_into_the_picture_of_its_transfer_function(tmp_path: Path) -> None:
     text, function = KINDS["points"]
     scene = load(tmp_path, text)
@@ -237,6 +238,7 @@ WRONG: dict[str, tuple[str, ...]] = {
 }
 
 
+@pytest.mark.not_quick
 @pytest.mark.parametrize("case", WRONG)
 def test_mistakes_are_named_in_one_line(tmp_path: Path, case: str) -> None:
     text, message, *more = WRONG[case]

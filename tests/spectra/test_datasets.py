@@ -108,6 +108,7 @@ def test_daylight_is_that_of_colour_science_to_the_last_bit(kelvin: float) -> No
     assert np.ptp(ours / means) <= 4 * np.finfo(float).eps * (ours / means).max()
 
 
+@pytest.mark.not_quick
 def test_a_second_start_imports_no_colour(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """This process does what a first start does: it fills the cache."""
     monkeypatch.setattr(_cache, "cache_folder", lambda: tmp_path / "volspec")

@@ -250,6 +250,7 @@ def laser_scene(folder: Path, passed: str = "pass.csv") -> Scene:
     return Scene.load(folder / "scene.toml")
 
 
+@pytest.mark.not_quick
 @pytest.mark.parametrize("cast", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_scenes_swap_lasers_behind_a_filter(tmp_path: Path, cast: bool) -> None:
     scene = laser_scene(tmp_path)

@@ -1,6 +1,6 @@
 """Pytest plug-in: CPU seconds of each test, children included, in a CSV file.
 
-    python -m pytest -p tests.support.costs --costs costs.csv -n 2
+    python -m pytest -p tests.support.costs --costs=costs.csv -n 2
     python -m tests.support.costs before.csv after.csv
 
 The second command prints the dearest tests of two such files as a table. A row a test: its seconds

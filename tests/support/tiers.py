@@ -4,8 +4,8 @@
     make test       -m "not slow" all that the README promises, on every stage
     make test-more  -m slow       further cases of the same
 
-A test of the folders of `QUICK` that needs more than values is marked `machine`. With ``--quick``
-whatever opens a device, a child process or a window fails, so that none is forgotten.
+A test of the folders of `QUICK` that needs more than values, or a second, is marked `not_quick`.
+With ``--quick`` whatever opens a device, a child process or a window fails, so that none is missed.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ TESTS = Path(__file__).resolve().parents[1]
 QUICK = ("appearance", "basis", "palette", "scene", "spectra", "transfer", "viewer")
 # Fixtures of a device, a browser or a window.
 MACHINE_FIXTURES = frozenset({"backend", "browser", "context", "needs_gl", "screen"})
-_FORBIDDEN = "`make quick` opens no device, child process or window; mark the test `machine`"
+_FORBIDDEN = "`make quick` opens no device, child process or window; mark the test `not_quick`"
 DESELECTED = pytest.StashKey[int]()
 
 
@@ -38,10 +38,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def _is_quick(item: pytest.Item) -> bool:
-    """Return True if a test is of values only."""
+    """Return True if a test is of values only, and takes less than a second."""
     folder = item.path.relative_to(TESTS).parts[0] if item.path.is_relative_to(TESTS) else ""
-    machine = item.get_closest_marker("machine") or MACHINE_FIXTURES & {*item.fixturenames}
-    return folder in QUICK and not machine
+    more = item.get_closest_marker("not_quick") or MACHINE_FIXTURES & {*item.fixturenames}
+    return folder in QUICK and not more
 
 
 @pytest.hookimpl(trylast=True)

@@ -61,6 +61,7 @@ def test_few_labels_have_a_material_each_and_many_share_eight() -> None:
     assert function.basis.size <= 9
 
 
+@pytest.mark.not_quick
 def test_a_segmentation_opens_with_labels_and_its_scene_keeps_them(tmp_path: Path) -> None:
     np.save(tmp_path / "v.npy", blocks([1, 2, 5]))
     (tmp_path / "v.txt").write_text("1 liver\n2 spleen\n5 aorta\n")

@@ -30,6 +30,7 @@ def half_missing() -> vs.Volume:
 CURVE = vs.TransferFunction([(0.0, 0.9, NAME), (4.0, 0.9, NAME)], MATERIALS, BASIS)
 
 
+@pytest.mark.not_quick
 @pytest.mark.parametrize(
     "settings",
     [{}, {"preintegrated": True}, *slow({"mode": "maximum"}, {"mode": "average"})],

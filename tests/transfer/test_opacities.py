@@ -63,6 +63,7 @@ def test_functions_that_step_are_scaled_on_both_sides() -> None:
     np.testing.assert_allclose(found.opacity[step], 0.6)
 
 
+@pytest.mark.not_quick
 @pytest.mark.parametrize("transfer", [curve(), SURFACES])
 def test_a_cast_with_a_hidden_material_is_one_of_a_function_without_it(
     transfer: Transfers,

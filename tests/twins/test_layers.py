@@ -74,6 +74,7 @@ def assert_layers_alike(
     assert np.median(np.abs(apart)) < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "lanes", [8, *(pytest.param(lanes, marks=pytest.mark.slow) for lanes in (1, 4))]
 )
@@ -97,6 +98,7 @@ def test_shadows_and_two_light_groups_of_four_materials():
     assert_layers_alike(noise(8), blend(0.3, 4), spec)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
 def test_every_shadow_and_occlusion_in_one_group(lanes):
     near = Point((20.0, 30.0, 25.0), shadows=True, falloff_mm=30.0)

@@ -145,6 +145,7 @@ def test_every_voxel_type_matches_reference(dtype):
     assert_alike(volume, curve(0, 120), lit(SUN, SKY))
 
 
+@pytest.mark.slow
 def test_cuts_match_reference(engine, three_channels):
     """The planes pass exactly through voxels, the crop through two faces of them."""
     planes = (vs.ClipPlane((100.0, 0, 0), (1, 0, 0)), vs.ClipPlane((0, 0, 20.0), (0, 1, 3)))

@@ -130,6 +130,7 @@ def picture(volume: Volume, transfer: vs.FieldFunctions | TransferFunction) -> N
     return vs.raycast(volume, transfer, view(volume), SIZE, FLAT).coefficients
 
 
+@pytest.mark.slow
 def test_inside_one_label_the_picture_is_that_of_its_function_alone(ct):
     whole = replace(ct, values=np.ones_like(ct.values, np.uint8), name="organs")
     volume, transfer = masked(ct, whole, {1: BONE})

@@ -21,6 +21,7 @@ NARROW_SINGLE = Packet(8, single_loads=True)
 TOLERANCE = 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("dtype", "spec"),
     [

@@ -88,6 +88,7 @@ MORE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "ranges"),
     [

@@ -212,6 +212,7 @@ def test_shadows_and_occlusion_match_reference(half_engine, three_channels, phys
     assert_alike(volume, three_channels, vs.Camera.orbit(volume), spec)
 
 
+@pytest.mark.slow
 # Each is a kernel of its own, which takes seconds to compile.
 @pytest.mark.parametrize(
     "mode",

@@ -47,6 +47,8 @@ from volspec.viewer.work.steps import Steps
 from volspec.volume import Volume
 from volspec.volume.labels import Label
 
+pytestmark = pytest.mark.not_quick
+
 
 class Slow(LatestWorker[str, str]):
     """Gives each letter of a word, the first as soon as it may."""
@@ -429,6 +431,7 @@ def test_edits_of_lights_need_no_program_that_was_not_built_ahead(
     caster.close()
 
 
+@pytest.mark.slow
 def test_programs_are_built_by_a_child_that_ends_with_the_viewer(
     state: ViewState, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -22,6 +22,8 @@ from volspec.viewer.work.outputs import Progress
 from volspec.viewer.work.screenshot import render_frame
 from volspec.viewer.work.session import read_session, restore_state, save_session
 
+pytestmark = pytest.mark.not_quick
+
 SIZE = (48, 32)
 
 

@@ -61,6 +61,7 @@ def test_a_layout_is_compared_with_the_size_of_its_file() -> None:
     )
 
 
+@pytest.mark.not_quick
 def test_what_is_ambiguous_is_asked(tmp_path: Path) -> None:
     tifffile = pytest.importorskip("tifffile", reason="tifffile is not installed")
     ball = (phantom.ball(12).values * 1000).astype(np.uint16)

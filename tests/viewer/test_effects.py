@@ -33,6 +33,7 @@ def engine() -> ViewState:
     return ViewState.first(Document.of(scene, volume, None), (160, 120))
 
 
+@pytest.mark.not_quick
 def test_daylight_is_added_where_it_is_missing(engine: ViewState) -> None:
     dark = lights.remove(engine, 0)
     assert effects.daylight_row(dark.lights) is None
@@ -44,6 +45,7 @@ def test_daylight_is_added_where_it_is_missing(engine: ViewState) -> None:
     assert effects.prepare(engine, ("piston",)) is engine
 
 
+@pytest.mark.not_quick
 def test_a_difference_is_found_without_a_new_material(engine: ViewState) -> None:
     ready = effects.prepare(engine, ("inserts", "block"))
     found = effects.find_difference(ready)
@@ -58,6 +60,7 @@ def test_a_difference_is_found_without_a_new_material(engine: ViewState) -> None
     assert effective_weights(compared.lights)[-1] == 1.0 == effective_weights(compared.other)[0]
 
 
+@pytest.mark.not_quick
 def test_what_is_hidden_in_daylight_is_told_in_words(engine: ViewState) -> None:
     ready = effects.prepare(engine, ("inserts",))
     made = palette_results.run_wizard(ready, "hide")
@@ -69,6 +72,7 @@ def test_what_is_hidden_in_daylight_is_told_in_words(engine: ViewState) -> None:
     )
 
 
+@pytest.mark.not_quick
 def test_a_service_ends_an_effect_in_a_comparison(engine: ViewState) -> None:
     service = DesignService(lambda: None, Notice(Trace(None)))
     ready = effects.prepare(engine, ("inserts", "block"))
@@ -88,6 +92,7 @@ def test_a_service_ends_an_effect_in_a_comparison(engine: ViewState) -> None:
     service.close()
 
 
+@pytest.mark.not_quick
 def test_a_pixel_s_material_is_found_whatever_the_basis(engine: ViewState) -> None:
     volume = load_volume("engine").downsampled(2)
     scene = Scene.load(asset("data/scenes/engine.toml"))

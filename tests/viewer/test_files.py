@@ -88,6 +88,7 @@ def edited(state: ViewState) -> ViewState:
     return replace(state, lights=rows, shading=shading, relight=seen, size=(48, 36))
 
 
+@pytest.mark.not_quick
 @pytest.mark.parametrize(
     "basis",
     [
@@ -208,6 +209,7 @@ def test_a_dialog_offers_each_folder_once(tmp_path: Path, monkeypatch: pytest.Mo
     ]
 
 
+@pytest.mark.not_quick
 def test_nothing_is_saved_next_to_a_bundled_scene(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -220,6 +222,7 @@ def test_nothing_is_saved_next_to_a_bundled_scene(
     assert initial_path(save, document) == f"{tmp_path}/engine-cut-view.toml"
 
 
+@pytest.mark.not_quick
 def test_a_volume_opens_in_the_view_that_commands_give_it(tmp_path: Path) -> None:
     path = tmp_path / "ball.npy"
     np.save(path, phantom.ball(12).values)
@@ -228,6 +231,7 @@ def test_a_volume_opens_in_the_view_that_commands_give_it(tmp_path: Path) -> Non
     assert document.view.camera(document.volume) == scene.camera(scene.volume())
 
 
+@pytest.mark.not_quick
 def test_a_dialog_starts_where_the_last_file_was_else_at_home(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -319,6 +323,7 @@ def test_files_go_to_the_pictures_if_nothing_can_be_written_next_to_what_was_ope
     assert pictures_folder() == tmp_path / "Bilder"
 
 
+@pytest.mark.not_quick
 def test_a_picture_holds_both_sides_of_the_divide_and_says_what_made_it(tmp_path: Path) -> None:
     from volspec.export.frames import read_frame_text
 
@@ -338,6 +343,7 @@ def test_a_picture_holds_both_sides_of_the_divide_and_says_what_made_it(tmp_path
     assert read_frame_text(path)["scene"] == "ball"
 
 
+@pytest.mark.not_quick
 def test_a_folder_that_is_missing_is_made(tmp_path: Path) -> None:
     state = replace(opened(tmp_path), size=(40, 30))
     folder = tmp_path / "new" / "deeper"
@@ -424,6 +430,7 @@ left_open.close()  # or the program would end with it
 """
 
 
+@pytest.mark.not_quick
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the system's dialog would open")
 def test_the_system_s_dialog_is_asked_without_waiting(tmp_path: Path) -> None:
     program = tmp_path / "zenity"

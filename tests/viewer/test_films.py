@@ -40,6 +40,8 @@ from volspec.viewer.work.films import (
 from volspec.viewer.work.outputs import CUSTOM, Destination, PictureSize, Progress
 from volspec.viewer.work.screenshot import Shot, render_frame, save_picture
 
+pytestmark = pytest.mark.not_quick
+
 SMALL = PictureSize(CUSTOM, (40, 30))
 
 

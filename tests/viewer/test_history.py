@@ -138,6 +138,7 @@ def cut(state: ViewState) -> ViewState:
     return replace(state, shading=shading, saved_lights=kept, transfer=transfer, meshes=rows)
 
 
+@pytest.mark.not_quick
 @pytest.mark.parametrize("name", edits_of(*MODULES))
 def test_every_edit_does_something_and_those_of_lights_never_cast(
     cut: ViewState, name: str
@@ -422,6 +423,7 @@ _WORDS_DRAWN = ("", "no such", "gold", "A", "#804020", "CAM16", "dim", "free", "
 _CHANGES = st.sampled_from([each.change for each in COMMANDS if each.change is not None])
 
 
+@pytest.mark.not_quick
 # Points drawn at random may be too close for a table, which a warning says.
 @pytest.mark.filterwarnings("ignore:.*too close for the span")
 @settings(max_examples=60, suppress_health_check=list(HealthCheck))

@@ -23,6 +23,8 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.documents import open_path
 from volspec.viewer.work.probe import read
 
+pytestmark = pytest.mark.not_quick
+
 NAMES = "1 liver\n2 left kidney\n3 right kidney\n"
 
 

@@ -168,6 +168,8 @@ def test_every_name_of_the_list_is_a_reflectance_or_a_colour() -> None:
     assert found["banana"][0] == BANANA and "steelblue" in found["blue css"]
 
 
+@pytest.mark.not_quick
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "basis", [pytest.param('name = "general-5"', marks=pytest.mark.slow), 'method = "materials"']
 )

@@ -30,6 +30,8 @@ from volspec.viewer.work.screenshot import render_frame
 from volspec.viewer.work.session import read_session, restore_state, save_session
 from volspec.volume import phantom
 
+pytestmark = pytest.mark.not_quick
+
 SIZE = 48, 36
 SCENE = """
 version = 2
@@ -96,6 +98,7 @@ def test_edits_change_the_picture_and_are_undone(opened: ViewState) -> None:
     np.testing.assert_array_equal(frame(history.undo().present), first)
 
 
+@pytest.mark.slow
 def test_the_file_is_read_once(opened: ViewState, tmp_path: Path) -> None:
     (tmp_path / "parts" / "pin.stl").unlink()
     hidden = meshes.set_shown(opened, 0, False)
@@ -120,6 +123,7 @@ def test_other_looks_use_what_is_known_of_a_surface(opened: ViewState) -> None:
         np.testing.assert_array_equal(frame(change), frame(fresh))
 
 
+@pytest.mark.slow
 def test_a_saved_scene_and_a_session_keep_the_list(opened: ViewState, tmp_path: Path) -> None:
     new = meshes.set_shown(meshes.set_opacity(opened, 0, np.float32(0.3).item()), 1, False)
     path = export_scene(new, tmp_path / "sub.toml")
@@ -150,6 +154,7 @@ def test_a_material_replaces_a_texture(opened: ViewState) -> None:
     assert meshes.set_material(state, 0, "no such") is state
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_meshes_are_added_from_files(opened: ViewState, tmp_path: Path) -> None:
     write_glb(tmp_path / "tile.glb", 8.0)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from tests.support.errors import raises
 from tests.support.viewer import (
@@ -59,6 +60,8 @@ from volspec.viewer.ui.palette_panel import summary
 from volspec.viewer.work.outputs import Progress
 from volspec.viewer.work.screenshot import copy_values, render_frame
 from volspec.viewer.work.script import script_from_state
+
+pytestmark = pytest.mark.not_quick
 
 GOLDEN = Path(__file__).with_name("messages.txt")
 RED = Cell(colour=(1, 0, 0))

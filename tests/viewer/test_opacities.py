@@ -33,6 +33,8 @@ from volspec.viewer.work.outputs import Progress
 from volspec.viewer.work.screen import Meter, Screen
 from volspec.viewer.work.screenshot import render_frame
 
+pytestmark = pytest.mark.not_quick
+
 SIZE = 48, 36
 LAYERED = Pass(1, layers=8)
 

@@ -85,6 +85,7 @@ def assert_pixel_is_cell(shown: ViewState, rig: LightRig, column: str) -> None:
     np.testing.assert_allclose(code / 255.0, np.clip(cell.obtained, 0, 1), atol=1.01 / 255.0)
 
 
+@pytest.mark.not_quick
 def test_the_table_shows_what_the_picture_shows(state: ViewState) -> None:
     shown = undressed(state)
     flat = replace(shown.shading, ambient=1.0, diffuse=0.0, specular=0.0)
@@ -123,6 +124,7 @@ def test_other_spectra_relight_and_everything_else_of_a_transfer_casts(state: Vi
     assert Difference.between(state, replace(state, transfer=fitted)).stage == "cast"
 
 
+@pytest.mark.not_quick
 def test_repainted_coefficients_are_those_of_a_new_cast(
     state: ViewState, document: Document
 ) -> None:
@@ -301,6 +303,7 @@ def crowded() -> Palette:
     return replace(palette, lights=(*palette.lights, *many))
 
 
+@pytest.mark.not_quick
 @pytest.mark.parametrize(
     ("code", "call"),
     [

@@ -29,6 +29,8 @@ from volspec.viewer.work.screenshot import render_frame
 from volspec.viewer.work.session import read_session, restore_state, save_session
 from volspec.volume import phantom
 
+pytestmark = pytest.mark.not_quick
+
 SIZE = 48, 36
 ROOM = """
 size_m = [3.0, 3.0, 2.5]
@@ -245,6 +247,7 @@ def test_a_session_keeps_paints(opened: ViewState, folder: Path) -> None:
     assert again.lights[0].texts == (ROOM_LIGHT, ROOM_LIGHT)
 
 
+@pytest.mark.slow
 def test_what_a_room_cannot_do(opened: ViewState, state: ViewState) -> None:
     assert not edits.has_walls(state)
     # Light sources are the room's.

@@ -43,6 +43,7 @@ def test_every_kind_of_transfer_function_comes_back(tmp_path: Path, kind: str) -
     assert_same_tables(read_scene(export_scene(other, tmp_path / "again.toml")), other)
 
 
+@pytest.mark.not_quick
 def test_what_mouse_and_sliders_change_comes_back(tmp_path: Path) -> None:
     state = opened(tmp_path)
     state = camera.orbit(state, 0.2, 0.1)
@@ -58,6 +59,7 @@ def test_what_mouse_and_sliders_change_comes_back(tmp_path: Path) -> None:
         assert one == pytest.approx(other, rel=1e-6)
 
 
+@pytest.mark.not_quick
 def test_cuts_groups_and_their_lights_come_back(tmp_path: Path) -> None:
     state = opened(tmp_path)
     groups = (
@@ -83,6 +85,7 @@ def test_cuts_groups_and_their_lights_come_back(tmp_path: Path) -> None:
     assert again.lights[0].rig.groups == ("key", "fill", "")
 
 
+@pytest.mark.not_quick
 def test_edited_spectra_come_back_as_numbers(tmp_path: Path) -> None:
     state = opened(tmp_path)
     nm = state.document.grid.wavelengths_nm
@@ -105,6 +108,7 @@ def test_edited_spectra_come_back_as_numbers(tmp_path: Path) -> None:
     assert 'reflectance = "grey:0.5"' in text and "# A remark" in text
 
 
+@pytest.mark.not_quick
 def test_lux_stay_with_their_lights(tmp_path: Path) -> None:
     state = opened(tmp_path)
     rows = tuple(
@@ -117,6 +121,8 @@ def test_lux_stay_with_their_lights(tmp_path: Path) -> None:
     assert rig.total_lux == pytest.approx(0.7 * 340.0)
 
 
+@pytest.mark.not_quick
+@pytest.mark.slow
 def test_a_basis_that_a_scene_trains_is_kept_if_lights_would_change_it(tmp_path: Path) -> None:
     state = opened(tmp_path, basis='train = "scene"\nsize = 4')
     assert_same_picture(state, tmp_path)
@@ -125,6 +131,7 @@ def test_a_basis_that_a_scene_trains_is_kept_if_lights_would_change_it(tmp_path:
     assert (tmp_path / "again.basis.json").exists()
 
 
+@pytest.mark.not_quick
 def test_materials_as_channels_and_another_folder(tmp_path: Path) -> None:
     state = opened(tmp_path, basis='method = "materials"')
     (tmp_path / "there").mkdir()
@@ -181,6 +188,7 @@ def test_what_no_file_can_say_is_refused(
     refuses(lambda: write(state), expected, kind)
 
 
+@pytest.mark.not_quick
 def test_a_basis_of_another_scene_is_shown_by_its_name(tmp_path: Path) -> None:
     state = opened(tmp_path)
     other = replace(state.transfer, basis=SpectralBasis.load("general-7"))
@@ -212,6 +220,8 @@ def shown_mask(state: ViewState) -> Any:
     return shown.masks[""]
 
 
+@pytest.mark.not_quick
+@pytest.mark.slow
 def test_masks_stay_through_edits_of_other_things(tmp_path: Path) -> None:
     path = opened(tmp_path).document.path
     halves = np.zeros((12, 12, 12), np.uint8)

@@ -34,6 +34,8 @@ from volspec.viewer.work.probe import place_mm, read, spectra, value_at
 from volspec.viewer.work.screen import SLOW_MS, ErrorMapTexture, Meter, Screen, TableWorker
 from volspec.volume import Volume
 
+pytestmark = pytest.mark.not_quick
+
 BANDS = 3
 AREA = (0, 0, 200, 100)
 

@@ -372,6 +372,7 @@ store.save(orbit(state, 0.2, 0.0))
 """
 
 
+@pytest.mark.not_quick
 def test_a_session_whose_save_is_killed_is_the_one_before(tmp_path: Path) -> None:
     state, store = begun(tmp_path)
     saved = store.save(camera.orbit(state, 0.1, 0.0))

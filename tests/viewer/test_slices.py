@@ -115,6 +115,7 @@ def test_an_axial_slice_lies_the_same_way_however_voxels_are_stored() -> None:
             assert edge_letters(volume, layout, True) == ("R", "L", "A", "P")
 
 
+@pytest.mark.not_quick
 def test_letters_of_a_nifti_file_are_the_patients(tmp_path: Path) -> None:
     """A file whose voxels run to the right, the front and the top (RAS+), as NIfTI has them."""
     import SimpleITK as sitk

@@ -19,6 +19,8 @@ from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.steps import Steps
 from volspec.volume import Series, Volume, phantom
 
+pytestmark = pytest.mark.not_quick
+
 
 def of_series(tmp_path: Path, series: Series) -> ViewState:
     """Return the state of a document at the first step."""

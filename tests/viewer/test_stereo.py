@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from tests.support.patience import wait_until
@@ -20,6 +21,8 @@ from volspec.viewer.model.quality import opacity_scales
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.casts import CastDone
 from volspec.viewer.work.screen import Screen
+
+pytestmark = pytest.mark.not_quick
 
 __all__ = ["ball", "layered", "screen"]
 

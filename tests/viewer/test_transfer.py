@@ -40,6 +40,7 @@ _EDITS = drawn(("copper", "gold", "soft", "no such"), transfer_edits, materials)
 _COMMANDS = st.sampled_from([each.change for each in COMMANDS if each.menu == "Transfer"])
 
 
+@pytest.mark.not_quick
 @pytest.mark.parametrize("kind", KINDS)
 @settings(max_examples=20, suppress_health_check=list(HealthCheck))
 @given(edits=st.lists(_EDITS | _EDITS | _EDITS | _COMMANDS, min_size=25, max_size=40))
@@ -373,6 +374,7 @@ def test_factors_are_added_where_there_is_room_and_two_stay(state: ViewState) ->
     assert two is on
 
 
+@pytest.mark.not_quick
 def test_a_preset_shows_the_ball_and_replaces_materials_and_basis(document: Document) -> None:
     state = ViewState.first(document, (32, 32))
     shifted = transfer_edits.shift(state, 0.2)

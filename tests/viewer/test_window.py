@@ -17,7 +17,7 @@ from volspec._gpu.devices import POCL, devices
 from volspec.scene import Scene
 from volspec.volume import phantom
 
-pytestmark = pytest.mark.usefixtures("screen")
+pytestmark = [pytest.mark.usefixtures("screen"), pytest.mark.not_quick]
 
 
 def test_a_session_casts_for_views_only_and_refines_when_it_rests(
@@ -137,6 +137,7 @@ def complaint(robot: Robot, *uris: str) -> str:
     return str(row["message"])
 
 
+@pytest.mark.slow
 def test_what_is_dropped_is_opened_or_not_and_what_was_open_stays(tmp_path: Path) -> None:
     plain, odd = tmp_path / "plain.npy", tmp_path / "Kugel é 骨 100%.npy"
     for path in (plain, odd):

@@ -15,7 +15,7 @@ from tests.support.window import Robot
 from volspec.pipeline import raycast
 from volspec.volume import phantom
 
-pytestmark = pytest.mark.usefixtures("screen")
+pytestmark = [pytest.mark.usefixtures("screen"), pytest.mark.not_quick]
 
 
 def red(picture: NDArray[np.int16]) -> int:

@@ -11,6 +11,8 @@ from tests.support.pyramids import stored
 from tests.support.window import Robot, Row
 from volspec.volume import Volume
 
+pytestmark = pytest.mark.not_quick
+
 
 def is_fine(row: Row) -> bool:
     """Return True for a cast of the level asked for, False for one of the level in memory."""

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from tests.support.window import Robot, small_engine
 
+pytestmark = pytest.mark.not_quick
+
 
 @pytest.fixture
 def engine(window: Robot, tmp_path: Path) -> Robot:
@@ -24,6 +26,7 @@ def engine(window: Robot, tmp_path: Path) -> Robot:
     return window
 
 
+@pytest.mark.slow
 def test_lights_are_drawn_given_lux_saved_and_faded_without_a_cast(engine: Robot) -> None:
     # The first state, as the scene has it.
     engine.click("tab States", "save state")

@@ -254,6 +254,7 @@ def test_files_of_other_kinds_are_read_in_parts(
         cast(fresh)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["url", *slow("zip")])
 def test_a_store_in_a_zip_file_or_on_the_web(
     kind: str, ball: Volume, store: Path, big: Volume, tmp_path: Path
@@ -476,6 +477,7 @@ def test_damaged_ranges_are_ignored(damage: str, copy: Path, big: Volume) -> Non
         assert np.abs(image.coefficients - cast(big).coefficients).max() < 2e-4
 
 
+@pytest.mark.slow
 def test_a_server_is_asked_for_whole_chunks(store: Path) -> None:
     with served(store) as (server, asked):
         far = load_volume(f"{server}/v.zarr?memory=2MB")
