@@ -88,6 +88,7 @@ def test_a_light_shines_whatever_the_length_of_its_direction(length: float) -> N
     assert np.abs(one - other).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_a_lamp_very_far_away_is_a_light_far_away() -> None:
     """At the greatest distance allowed; rays of 1e8 diagonals are parallel to 1e-8."""
     lamp = vs.Point((0.9e9 * 26, 0, 0), falloff_mm=0.9e9 * 26)
@@ -142,6 +143,7 @@ def test_filtered_fog_reflects_the_same_at_any_step(
         assert np.abs(coefficients - 0.8 * taken).max() < 1e-5
 
 
+@pytest.mark.slow
 @BOTH
 @pytest.mark.parametrize("step_mm", [0.25, 0.6, 2.0])
 def test_every_channel_of_a_filtered_body_takes_what_beer_lambert_says(
@@ -157,6 +159,7 @@ def test_every_channel_of_a_filtered_body_takes_what_beer_lambert_says(
     assert np.abs(alpha - lost.mean(axis=-1)).max() < 1e-5
 
 
+@pytest.mark.slow
 @BOTH
 def test_grey_filters_are_flat_absorption(cast: Cast) -> None:
     at = np.linspace(0, 0.6, 256)

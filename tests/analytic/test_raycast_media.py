@@ -159,6 +159,7 @@ def test_projections_of_a_linear_field_are_known(mode: Literal["average", "maxim
         assert under.max() < np.linalg.norm(slope) * step / 2 + 1e-5
 
 
+@pytest.mark.slow
 def test_a_table_of_gradients_reads_the_gradient_of_the_world() -> None:
     """A linear field has one gradient, on any lattice: a body of one opacity.
 
@@ -272,6 +273,7 @@ def test_the_colour_of_labels_changes_half_way_and_is_never_mixed() -> None:
     assert np.abs(coefficients[:, 6:] - expected * np.eye(3)[2]).max() < 1e-5
 
 
+@pytest.mark.slow
 def test_the_border_of_a_label_is_as_smooth_as_its_opacity() -> None:
     """Across a cell from nothing to a label opacity is linear: a ray next to it sees it all."""
     values = np.zeros((9, 9, 16), np.uint8)

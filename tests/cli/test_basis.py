@@ -49,6 +49,7 @@ def scene(tmp_path: Path) -> str:
     return str(tmp_path / "metals.toml")
 
 
+@pytest.mark.slow
 def test_without_a_subject_the_general_basis_is_measured(capsys: Capture) -> None:
     data = report(capsys)
     assert (data["name"], data["method"], data["size"]) == ("general-7", "virtual-sensors", 7)
@@ -150,6 +151,7 @@ def test_the_observer_alone_fits_a_scene_s_basis_anew(
     assert [fit["observer_deg"] for fit in asked] == [10]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_lights")
 @pytest.mark.parametrize("lights", [None, "smooth", "all"])
 @pytest.mark.parametrize("method", ["virtual-sensors", "reduced-rank", "pca", "pca-sharpened"])

@@ -155,6 +155,7 @@ def test_doctor_names_what_brings_films_and_notebooks(monkeypatch: Patch, capsys
     assert re.search(r"films +│ ffmpeg \S*\d", capsys.readouterr().out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252", "latin-1", "utf-8"])
 @pytest.mark.parametrize(
     ("words", "exotic"),

@@ -162,6 +162,7 @@ def test_two_drivers_of_one_name_are_distinguished(
     assert choose_device() == 1
 
 
+@pytest.mark.slow
 def test_a_failing_compile_repeats_the_trial(monkeypatch: pytest.MonkeyPatch) -> None:
     """The cache says that the device works, which is no longer so."""
     compute = Compute.open()
@@ -185,6 +186,7 @@ def test_a_real_trial_compiles_runs_and_is_not_repeated(
         monkeypatch.setattr(devices, "_try", None)
 
 
+@pytest.mark.slow
 def test_a_driver_that_cannot_compile_is_named_by_the_doctor(tmp_path: Path) -> None:
     """PoCL fails on this flag as on a CPU that it does not know: when it builds."""
     if not all(device.platform == POCL for device in devices.devices()):

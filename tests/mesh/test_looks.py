@@ -140,6 +140,7 @@ def test_colours_in_gltf_are_linear_light(tmp_path: Path) -> None:
     assert codes / 65535.0 == pytest.approx(np.array([[1.0, 0.5, 0.0]] * 4), abs=1e-3)
 
 
+@pytest.mark.slow
 def test_meshes_without_colours_keep_their_material(tmp_path: Path) -> None:
     pyvista.Cone().save(tmp_path / "cone.ply")
     assert vs.Mesh.load(tmp_path / "cone.ply", "red", own_colours=True).material == "red"

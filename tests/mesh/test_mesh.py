@@ -176,6 +176,7 @@ def test_the_volume_s_light_at_points_is_that_of_its_nodes() -> None:
     assert arrives[1](points)[2] == 1.0
 
 
+@pytest.mark.slow
 def test_a_mesh_in_a_volume_is_behind_what_is_before_it() -> None:
     """A red sphere under a thin shell, through which it is seen, at its own depth."""
     volume, transfer = ball()

@@ -218,6 +218,7 @@ def test_a_lens_that_is_taken_off_half_way_is_waited_for_no_more(page: Opened) -
     assert 480 < page.value("near") < 500
 
 
+@pytest.mark.slow
 def test_a_drag_and_keys_turn_and_reset_turns_back(page: Opened, image: CoefficientImage) -> None:
     before = page.picture()
     box = page.page.locator("#port").bounding_box()

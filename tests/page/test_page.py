@@ -187,6 +187,7 @@ def test_the_error_map_has_the_desktops_figures(opened: Open, tmp_path: Path) ->
     assert abs(mean - wanted.mean) < 0.02 and abs(most - wanted.max) < 0.05
 
 
+@pytest.mark.slow
 def test_the_picture_fills_a_phone_held_sideways_and_its_backdrop_goes_on_around_it(
     opened: Open, files: Path
 ) -> None:
@@ -341,6 +342,7 @@ def test_the_keyboard_reads_pixels_aloud(
     assert abs(float(J) - float(look.J)) < 0.5 and abs(float(C) - float(look.C)) < 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("before", "reason"),
     [

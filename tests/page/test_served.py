@@ -200,6 +200,7 @@ def test_the_wheel_zooms_into_the_picture_and_with_control_moves_the_camera(serv
     assert served.number("distance") < 0.8
 
 
+@pytest.mark.slow
 def test_marks_follow_the_camera_and_are_read_out(served: Served) -> None:
     place = "document.querySelector('#marks text').getAttribute('x')"
     before, count = served.page.evaluate(place), len(served.asked)

@@ -58,6 +58,7 @@ _NAMES = """() => {
 }"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("window", "names", "caption"),
     [

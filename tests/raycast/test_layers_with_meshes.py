@@ -239,6 +239,7 @@ def test_an_error_is_estimated_of_what_fades_alone(image: vs.CoefficientImage) -
     assert none.delta_e.max() < 0.04 < half.delta_e.max()
 
 
+@pytest.mark.slow
 def test_what_layers_cannot_show_is_refused_and_lighting_meshes_is_cancelled(
     caster: vs.Raycaster,
 ) -> None:

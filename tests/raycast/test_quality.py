@@ -56,6 +56,7 @@ def test_a_step_that_is_given_is_used() -> None:
     assert caster.with_step(caster.bake(transfer()), spec) == spec
 
 
+@pytest.mark.slow
 def test_the_step_is_the_same_from_every_side_and_under_other_lights() -> None:
     ball = vs.phantom.ball(32)
     caster = vs.Raycaster(ball)

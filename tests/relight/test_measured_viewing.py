@@ -385,6 +385,7 @@ def test_a_white_that_is_given_is_adapted_to():
     assert R > 1.5 * B, "an eye that is adapted to daylight sees tungsten as orange"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("needs_gl")
 @pytest.mark.parametrize("backend", ["numpy", "gl"])
 def test_inputs_of_hunt_s_and_nayatani_s_models_reach_the_frames(backend):

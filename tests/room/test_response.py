@@ -71,6 +71,7 @@ def test_another_spectrum_is_as_bright() -> None:
     assert not own[1].any()
 
 
+@pytest.mark.slow
 def test_new_spectra_need_no_new_solution() -> None:
     """A product equals a solution of the room with these lights, to rounding."""
     response = two_lights()
@@ -90,6 +91,7 @@ def test_painted_is_the_solution_with_that_paint() -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_closed_form_is_close_where_light_is_even() -> None:
     """Each wall's own light is uneven; all together are even."""
     emission = irradiance_from_lux(light("D65"), 100.0)

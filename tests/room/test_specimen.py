@@ -22,6 +22,7 @@ def solved(room: Room) -> RoomResponse:
     return RoomResponse.of(solve_room(room, 150, rays=1 << 18))
 
 
+@pytest.mark.slow
 def test_even_light_is_ambient() -> None:
     """White furnace: one group, with all of S / (1 − ρ)."""
     emission = np.ones(DEFAULT_GRID.size)

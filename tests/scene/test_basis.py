@@ -54,6 +54,7 @@ def test_a_title_with_control_characters_names_a_basis(tmp_path: Path) -> None:
     assert made.basis.name == r"a\x07b\u202e" and made.file.title == "a\x07b\u202e"
 
 
+@pytest.mark.slow
 @pytest.mark.not_quick
 def test_spectra_that_the_general_basis_does_not_hold_are_trained_for(tmp_path: Path) -> None:
     """A reflectance that oscillates, of which no note says that it is designed."""

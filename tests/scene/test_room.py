@@ -148,6 +148,7 @@ def test_a_light_that_does_not_reach_the_volume_is_refused(folder: Path) -> None
         Scene.load(folder / "dark.toml")
 
 
+@pytest.mark.slow
 @pytest.mark.not_quick
 def test_paint_of_the_scene_replaces_that_of_the_room(folder: Path) -> None:
     path = edited(folder, "patches = 300", 'patches = 300\npaint = { walls = "#4060c0" }')

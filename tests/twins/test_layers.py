@@ -83,6 +83,7 @@ def test_every_packet_finds_the_stream_s_layers(lanes):
     assert_layers_alike(noise(), blend(0.4), spec, lanes=lanes)
 
 
+@pytest.mark.slow
 # Each number is a kernel of its own.
 @pytest.mark.parametrize(
     "layers", [4, *(pytest.param(count, marks=pytest.mark.slow) for count in (1, 2, 16))]

@@ -146,6 +146,7 @@ def test_equal_functions_of_all_labels_change_nothing(ct, turned):
     assert np.abs(picture(volume, transfer) - picture(ct, BODY)).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_a_hidden_label_is_as_transparent_as_voxels_without_matter(ct):
     """Half of a homogeneous block is hidden: what stays has half of the extinction."""
     block = Volume(np.full((20, 20, 20), 100, np.int16), name="CT")

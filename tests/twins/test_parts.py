@@ -125,6 +125,7 @@ def test_a_camera_within_the_volume(engine, monkeypatch):
     compare(engine, curve(40, 150), camera, vs.RaycastSpec(step_mm=0.9))
 
 
+@pytest.mark.slow
 def test_cuts_are_in_voxels_of_the_finest_level(engine, monkeypatch):
     in_parts_of(monkeypatch, 32, 64, 32)
     camera = vs.Camera.orbit(engine)

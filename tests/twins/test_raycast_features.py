@@ -190,6 +190,7 @@ def test_spectral_absorption_matches_reference(matches, tables, specular, lanes)
     matches(spec, lanes, table=replace(tables[lanes], filters=filters))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("preintegrated", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_adaptive_steps_stay_near_the_whole_truth(engine, three_channels, preintegrated):
     caster, camera = vs.Raycaster(engine), vs.Camera.orbit(engine)

@@ -51,6 +51,7 @@ def test_no_visible_voxel_is_leapt_over(voxels, view, orthographic):
     assert np.abs(ours[1] - true[1]).max() < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "unit", [1e-12, 1e12, *(pytest.param(n, marks=pytest.mark.slow) for n in (1e-3, 1e6))]
 )
@@ -188,6 +189,7 @@ def test_stripes_of_two_byte_voxels_have_no_gradient_across(dtype, flat, lanes):
     assert worst(Volume(values), spec, lanes) < 5e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dtype", RANGES)
 @pytest.mark.parametrize(
     "shininess", [24, 63, *(pytest.param(n, marks=pytest.mark.slow) for n in (64, 1024))]

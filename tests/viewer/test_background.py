@@ -346,6 +346,7 @@ print(taken() - before)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="the C library is not glibc")
 def test_a_picture_s_memory_is_given_back_and_opengl_is_not_asked_after_every_call() -> None:
     """PyOpenGL asks how a call went unless that is switched off before its first import."""

@@ -79,6 +79,7 @@ def test_a_wish_that_cannot_be_met_is_missed(state: ViewState) -> None:
     assert len(errors) == 2 and max(errors) > 5
 
 
+@pytest.mark.slow
 @pytest.mark.not_quick
 def test_five_colours_that_merge_to_three_and_one_are_designed(state: ViewState) -> None:
     """Figure 2's targets, of a scene with as many materials and no such lights."""

@@ -192,6 +192,7 @@ def test_meshes_are_added_in_their_own_colours(opened: ViewState, tmp_path: Path
     assert np.array_equal(frame(meshes.remove(waxen, 2)), frame(opened))
 
 
+@pytest.mark.slow
 def test_other_transfer_functions_keep_the_meshes_materials(opened: ViewState) -> None:
     assert materials.remove_material(opened, "wax") is opened
     bare = materials.without_material(opened.transfer, "wax")

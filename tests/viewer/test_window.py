@@ -300,6 +300,7 @@ def test_a_volume_s_saved_scene_exports_the_picture_on_the_screen(
     assert seen.std() > 5 and np.abs(frame - seen).max() <= 1
 
 
+@pytest.mark.slow
 def test_a_first_start_offers_demonstrations_and_a_crash_is_told_of(tmp_path: Path) -> None:
     own = tmp_path / "own.npy"
     np.save(own, phantom.ball(16).values)

@@ -65,6 +65,7 @@ def test_lights_are_drawn_given_lux_saved_and_faded_without_a_cast(engine: Robot
     assert engine.since(-1.0, "cast") == []
 
 
+@pytest.mark.slow
 def test_a_colour_is_dragged_and_a_material_hidden_with_one_cast(engine: Robot) -> None:
     engine.front("palette")
     engine.click("cell 6")  # the inserts under A

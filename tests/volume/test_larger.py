@@ -307,6 +307,7 @@ def test_a_cut_off_conversion_goes_on(
     assert [each.name for each in tmp_path.iterdir()] == ["v.zarr"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("killed", ["before the swap", "in the swap", "after the swap"])
 def test_a_conversion_that_is_killed_at_its_end_goes_on(
     killed: str, ball: Volume, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -420,6 +421,7 @@ def test_a_damaged_chunk_is_named_and_marked(
     assert 0.01 < apart.mean() < 0.6, "only the gap differs"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["render", *slow("export", "page")])
 def test_commands_say_by_their_exit_status_that_a_picture_has_gaps(
     command: str, copy: Path
@@ -498,6 +500,7 @@ def test_a_server_is_asked_for_whole_chunks(store: Path) -> None:
     assert re.search(r"HTTP ranges.*use a server that answers them", said)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["store", "resumed", "raw", "float"])
 def test_a_volume_in_parts_is_framed_and_coloured_as_the_whole(
     kind: str, ball: Volume, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -558,6 +561,7 @@ def test_frames_with_gaps_are_made_again(copy: Path) -> None:
         assert not found.gaps and found.made == made
 
 
+@pytest.mark.slow
 def test_a_budget_below_a_part_is_refused_with_one_that_is_enough(store: Path) -> None:
     with raises(VolumeError, "size") as error:
         cast(opened(store, "600kB"))

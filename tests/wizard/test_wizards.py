@@ -58,6 +58,7 @@ def test_the_host_is_the_neighbour_that_is_most_seen(scene: vs.Scene) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_a_metameric_black_keeps_its_colours_where_a_light_is_made_for_it(scene: vs.Scene) -> None:
     made = vs.hide(scene, "core", under="dark", black=True, like="day")
     assert max(row.changed["core"] for row in made.evaluations if not row.like) < 1.5
