@@ -88,6 +88,9 @@ def test_voxels_beyond_2_gi_are_cast(dtype):
     ball = (200 * phantom.ball(40).values).astype(dtype)
     corner = size - len(ball)
     values = np.zeros((size,) * 3, dtype)  # pages that are not written take no memory
+    largest = Compute.open().info.max_allocation_bytes
+    if values.nbytes > largest:
+        pytest.skip(f"the device's largest buffer has {largest} bytes of {values.nbytes}")
     values[corner:, corner:, corner:] = ball
     whole, alone = Volume(values), Volume(ball)
     moved = whole.world_from_index @ (corner, corner, corner, 1) - alone.world_from_index[:, 3]
