@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 
 import volspec as vs
 from tests.support.curves import cast_curve
-from tests.support.marks import slow
+from tests.support.fixtures import slow_each
 from tests.support.raycasts import METAL_BASIS, METALS
 
 ASKED = 2e-4
@@ -74,7 +74,9 @@ def volume_of(dtype: DTypeLike, span: tuple[float, float]) -> vs.Volume:
 @pytest.mark.parametrize(
     "step", [0.37, *(pytest.param(step, marks=pytest.mark.slow) for step in (0.5, 1.0))]
 )
-@pytest.mark.parametrize("name", [*USUAL, *slow(*(name for name in CASES if name not in USUAL))])
+@pytest.mark.parametrize(
+    "name", [*USUAL, *slow_each(*(name for name in CASES if name not in USUAL))]
+)
 def test_every_pixel_is_that_of_the_curve(name: str, step: float) -> None:
     dtype, span, points = CASES[name]
     volume, transfer = volume_of(dtype, span), vs.TransferFunction(points, METALS, METAL_BASIS)

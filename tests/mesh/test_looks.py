@@ -14,8 +14,8 @@ from PIL import Image
 
 import volspec as vs
 from tests.support.errors import raises
+from tests.support.fixtures import slow_each
 from tests.support.gltf import write_glb
-from tests.support.marks import slow
 from volspec.errors import InputError, VolspecWarning
 from volspec.mesh import texture
 from volspec.mesh.paint import texel_channels
@@ -105,7 +105,7 @@ def colour_quad(suffix: str, folder: Path) -> tuple[Path, np.ndarray]:
     return path, codes
 
 
-@pytest.mark.parametrize("suffix", [".ply", *slow(".vtp", ".vtk")])
+@pytest.mark.parametrize("suffix", [".ply", *slow_each(".vtp", ".vtk")])
 def test_colours_at_points_are_those_of_a_texture(tmp_path: Path, suffix: str) -> None:
     path, codes = colour_quad(suffix, tmp_path)
     mesh = vs.Mesh.load(path, own_colours=True)

@@ -14,7 +14,7 @@ import pyvista
 
 import volspec as vs
 from tests.support.errors import raises
-from tests.support.marks import slow
+from tests.support.fixtures import slow_each
 from tests.support.scenes import scene_text
 from volspec._triangles import TriangleRays, is_mesh_file
 from volspec.errors import MeshError, RaycastError, SceneError
@@ -197,7 +197,7 @@ CORNERS = ((-9.0, -7.0, 8.0), (8.0, -6.0, -6.0), (7.0, 8.0, 0.0), (-6.0, 9.0, -8
 
 @pytest.mark.slow
 @pytest.mark.parametrize("more", [(), (0.0,), (40.0,)], ids=["alone", "before", "behind"])
-@pytest.mark.parametrize("mode", ["composite", *slow("maximum")])
+@pytest.mark.parametrize("mode", ["composite", *slow_each("maximum")])
 def test_edges_of_a_mesh_before_and_in_a_volume_are_those_of_a_finer_picture(
     mode: str, more: tuple[float, ...]
 ) -> None:
@@ -228,7 +228,7 @@ def test_edges_of_a_mesh_before_and_in_a_volume_are_those_of_a_finer_picture(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mode", ["composite", "maximum", *slow("average")])
+@pytest.mark.parametrize("mode", ["composite", "maximum", *slow_each("average")])
 def test_what_an_edge_covers_in_part_is_a_mixture(mode: str) -> None:
     """Opacity a … + (1 - a) W, with W of the volume alone; also of tips between the points."""
     volume, transfer = ball()
@@ -284,7 +284,7 @@ def test_depth_is_that_of_a_voxelised_surface() -> None:
     assert rim.sum() < 0.1 * np.sqrt(seen.sum()) * 4  # pixels of the silhouette
 
 
-@pytest.mark.parametrize("suffix", ["ply", *slow("stl", "obj", "vtp")])
+@pytest.mark.parametrize("suffix", ["ply", *slow_each("stl", "obj", "vtp")])
 def test_files_are_read_with_smooth_edges(tmp_path: Path, suffix: str) -> None:
     fine, path = pyvista.Sphere(radius=2.0), tmp_path / f"ball.{suffix}"
     if suffix == "obj":

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.support.errors import raises
-from tests.support.marks import slow
+from tests.support.fixtures import slow_each
 from volspec.errors import InputError
 from volspec.room import (
     PointLamp,
@@ -60,7 +60,7 @@ def room(number: int) -> RoomLight:
     return solved(*kinds[number])
 
 
-@pytest.mark.parametrize("number", [1, *slow(0, 2)])
+@pytest.mark.parametrize("number", [1, *slow_each(0, 2)])
 def test_the_best_are_those_of_a_ranking_that_solves_every_paint(
     number: int,
 ) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.support.errors import raises
-from tests.support.marks import slow
+from tests.support.fixtures import slow_each
 from volspec.errors import RoomError
 from volspec.room import (
     PointLamp,
@@ -32,7 +32,7 @@ CUBE = box((0, 0, 0), (3, 3, 3), SIDES, inside=True)
 SMOOTH = np.linspace(0.2, 0.95, BANDS)
 
 
-@pytest.mark.parametrize("rho", [0.95, *slow(0.3)])
+@pytest.mark.parametrize("rho", [0.95, *slow_each(0.3)])
 def test_a_white_furnace_is_full_of_light(rho: float) -> None:
     """Closed, uniform emission S, reflectance ρ: B = S / (1 − ρ) everywhere."""
     emission = np.full(BANDS, 2.0)

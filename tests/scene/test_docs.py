@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.marks import slow
+from tests.support.fixtures import slow_each
 from volspec.pipeline import Relighter
 from volspec.relight import RelightSpec
 from volspec.scene import Scene
@@ -39,7 +39,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.not_quick
 # Each feature is cast by tests of its own, too.
-@pytest.mark.parametrize("number", [0, *slow(*range(1, len(EXAMPLES)))])
+@pytest.mark.parametrize("number", [0, *slow_each(*range(1, len(EXAMPLES)))])
 def test_every_example_casts_into_a_picture(folder: Path, number: int) -> None:
     path = folder / "example.toml"
     path.write_text(EXAMPLES[number], encoding="utf-8")
@@ -66,7 +66,7 @@ ENGINE, *SCENES = sorted((ROOT / "data" / "scenes").glob("engine*.toml"), key=la
 
 @pytest.mark.not_quick
 # Not the figure-… scenes, where some lights hide what is there.
-@pytest.mark.parametrize("path", [ENGINE, *slow(*SCENES)], ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [ENGINE, *slow_each(*SCENES)], ids=lambda path: path.stem)
 def test_scenes_that_ship_are_neither_dark_nor_washed_out(path: Path) -> None:
     scene = Scene.load(path)
     image = scene.render(size=(128, 128))

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.support.marks import slow
+from tests.support.fixtures import slow_each
 from tests.support.scenes import comments, lines, read
 from volspec.appearance.presets import PRESETS
 from volspec.appearance.spaces import SPACES as COLOUR_SPACES
@@ -168,7 +168,7 @@ def is_written_into(file: SceneFile, shipped: Path, folder: Path) -> None:
 
 
 @pytest.mark.not_quick
-@pytest.mark.parametrize("count", [15, *slow(300)])
+@pytest.mark.parametrize("count", [15, *slow_each(300)])
 def test_any_scene_reads_back_and_is_written_into_any_file(tmp_path: Path, count: int) -> None:
     @settings(max_examples=count, suppress_health_check=[HealthCheck.too_slow])
     @given(scene_files(), st.sampled_from(SHIPPED))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import volspec as vs
-from tests.support.marks import slow
+from tests.support.fixtures import slow_each
 from tests.support.transfers import BASIS, MATERIALS
 from volspec.transfer.missing import bake_for_volume, transparent_below
 from volspec.transfer.table import TransferTable
@@ -33,7 +33,7 @@ CURVE = vs.TransferFunction([(0.0, 0.9, NAME), (4.0, 0.9, NAME)], MATERIALS, BAS
 @pytest.mark.not_quick
 @pytest.mark.parametrize(
     "settings",
-    [{}, {"preintegrated": True}, *slow({"mode": "maximum"}, {"mode": "average"})],
+    [{}, {"preintegrated": True}, *slow_each({"mode": "maximum"}, {"mode": "average"})],
 )
 def test_missing_voxels_are_transparent_although_the_curve_shows_every_value(
     settings: dict[str, object],

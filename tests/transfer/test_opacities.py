@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.support.errors import raises
-from tests.support.marks import slow
+from tests.support.fixtures import slow_each
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.errors import RaycastError, TransferError, VolspecError
 from volspec.pipeline import Raycaster, raycast
@@ -65,7 +65,7 @@ def test_functions_that_step_are_scaled_on_both_sides() -> None:
 
 
 @pytest.mark.not_quick
-@pytest.mark.parametrize("transfer", [curve(), *slow(SURFACES)])
+@pytest.mark.parametrize("transfer", [curve(), *slow_each(SURFACES)])
 def test_a_cast_with_a_hidden_material_is_one_of_a_function_without_it(
     transfer: Transfers,
 ) -> None:

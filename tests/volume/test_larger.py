@@ -22,7 +22,7 @@ import zarr
 from PIL import Image
 
 from tests.support.errors import raises
-from tests.support.marks import slow
+from tests.support.fixtures import slow_each
 from tests.support.pyramids import stored
 from tests.support.raycasts import oblique_world
 from tests.support.scenes import scene_text
@@ -226,7 +226,7 @@ def write_plain_hdf5(values: np.ndarray, folder: Path) -> str:
 OTHERS = [write_tiff, write_plain_tiff, write_slices, write_png, write_plain_hdf5]
 
 
-@pytest.mark.parametrize("write", [write_hdf5, *slow(*OTHERS)])
+@pytest.mark.parametrize("write", [write_hdf5, *slow_each(*OTHERS)])
 def test_files_of_other_kinds_are_read_in_parts(
     write: Callable[[np.ndarray, Path], str], ball: Volume, whole: CoefficientImage, tmp_path: Path
 ) -> None:
@@ -255,7 +255,7 @@ def test_files_of_other_kinds_are_read_in_parts(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["url", *slow("zip")])
+@pytest.mark.parametrize("kind", ["url", *slow_each("zip")])
 def test_a_store_in_a_zip_file_or_on_the_web(
     kind: str, ball: Volume, store: Path, big: Volume, tmp_path: Path
 ) -> None:
@@ -399,7 +399,7 @@ def test_the_cache_drops_what_is_needed_last() -> None:
     assert cache.get(one) is not None and cache.get(two) is None and cache.nbytes == 2
 
 
-@pytest.mark.parametrize("damage", ["missing", *slow("truncated", "corrupt", "other")])
+@pytest.mark.parametrize("damage", ["missing", *slow_each("truncated", "corrupt", "other")])
 def test_a_damaged_chunk_is_named_and_marked(
     damage: str, copy: Path, whole: CoefficientImage
 ) -> None:
@@ -422,7 +422,7 @@ def test_a_damaged_chunk_is_named_and_marked(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", ["render", *slow("export", "page")])
+@pytest.mark.parametrize("command", ["render", *slow_each("export", "page")])
 def test_commands_say_by_their_exit_status_that_a_picture_has_gaps(
     command: str, copy: Path
 ) -> None:
@@ -451,7 +451,7 @@ def test_a_damaged_chunk_of_the_coarse_level_is_a_gap(copy: Path, big: Volume) -
     assert "chunk 0/0/0 of level 1" in cast(damaged, 1).notes[GAPS]
 
 
-@pytest.mark.parametrize("damage", ["truncated", "reversed", "another's", *slow("block")])
+@pytest.mark.parametrize("damage", ["truncated", "reversed", "another's", *slow_each("block")])
 def test_damaged_ranges_are_ignored(damage: str, copy: Path, big: Volume) -> None:
     def edit(attributes: dict[str, Any], _: object) -> None:
         own = attributes["volspec"]

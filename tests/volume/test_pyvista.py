@@ -16,7 +16,7 @@ from vtkmodules.vtkRenderingCore import vtkColorTransferFunction, vtkVolumePrope
 
 import volspec as vs
 from tests.support.errors import raises, warns
-from tests.support.marks import slow
+from tests.support.fixtures import slow_each
 from volspec.appearance import spaces
 from volspec.appearance.spaces import sRGB_CURVE
 from volspec.basis import SpectralBasis
@@ -173,7 +173,7 @@ def test_a_plotter_not_yet_shown_has_the_view_it_opens_with(plot: Plots) -> None
     assert cameras[0] == cameras[1]
 
 
-@pytest.mark.parametrize("view", [perspective, *slow(parallel)])
+@pytest.mark.parametrize("view", [perspective, *slow_each(parallel)])
 def test_silhouettes_cover_vtks(plot: Plots, view: Callable[[pyvista.Plotter], None]) -> None:
     """Turned, moved and stretched by matrix and plotter. You should see one L, not two."""
     plotter = plot(window_size=(240, 180))
@@ -193,7 +193,7 @@ def test_silhouettes_cover_vtks(plot: Plots, view: Callable[[pyvista.Plotter], N
     assert (theirs & ours).sum() / (theirs | ours).sum() > 0.99
 
 
-@pytest.mark.parametrize("stretch", [2.0, *slow(1.0)])
+@pytest.mark.parametrize("stretch", [2.0, *slow_each(1.0)])
 def test_opacities_are_vtks(plot: Plots, stretch: float) -> None:
     """1 − 0.7^(11 / 5), stretched or not: unit distances are the grid's."""
     plotter = plot(window_size=(32, 32))
