@@ -83,6 +83,7 @@ def test_the_device_interpolates_colours_as_numpy() -> None:
     assert ours == pytest.approx(texture.interpolate(lattice, codes), abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("codes", [CODES, CODES.astype(np.uint16) * 257, CODES / 255.0])
 def test_colours_made_spectral_are_themselves_under_d65(codes: np.ndarray) -> None:
     image = cast(plane(vs.Texture(codes)))
@@ -105,6 +106,7 @@ def colour_quad(suffix: str, folder: Path) -> tuple[Path, np.ndarray]:
     return path, codes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".ply", *slow_each(".vtp", ".vtk")])
 def test_colours_at_points_are_those_of_a_texture(tmp_path: Path, suffix: str) -> None:
     path, codes = colour_quad(suffix, tmp_path)
@@ -123,6 +125,7 @@ def test_colours_at_points_are_those_of_a_texture(tmp_path: Path, suffix: str) -
     assert vs.Mesh.load(path).material == "white"
 
 
+@pytest.mark.slow
 def test_colours_of_triangles_are_sharp_and_follow_those_without_an_area() -> None:
     points, codes = plane().points_mm, np.array([[255, 0, 0], [9, 9, 9], [0, 0, 255]], np.uint8)
     with pytest.warns(vs.VolspecWarning, match="no area"):
@@ -148,6 +151,7 @@ def test_meshes_without_colours_keep_their_material(tmp_path: Path) -> None:
     assert not scene.file.mesh[0].own_colours and scene.file.mesh[0].material == "copper"
 
 
+@pytest.mark.slow
 def test_a_mesh_alone_is_opened_in_its_own_colours(tmp_path: Path) -> None:
     path, codes = colour_quad(".ply", tmp_path)
     scene = vs.Scene.from_mesh(path, lights=["D65"])
@@ -216,6 +220,7 @@ def test_a_translucent_mesh_just_behind_an_opaque_one_is_hidden() -> None:
     assert np.array_equal(behind.coefficients, front.coefficients)
 
 
+@pytest.mark.slow
 def test_a_texture_is_converted_once_for_a_basis(monkeypatch: pytest.MonkeyPatch) -> None:
     """A viewer paints the meshes for every cast."""
     caster = vs.MeshCaster([plane(vs.Texture(CODES)), plane("red")], MATERIALS, BASIS)
@@ -351,6 +356,7 @@ def test_a_new_light_recolours_stripes_without_a_cast() -> None:
     assert np.abs(np.int64(day) - np.int64(night)).max() > 40
 
 
+@pytest.mark.slow
 def test_a_triad_has_an_axis_of_each_colour() -> None:
     camera = vs.Camera((120.0, 120.0, 120.0), (0.0, 0.0, 0.0), height_mm=64.0)
     head = replace(SUN, groups=(vs.LightGroup("head", (vs.Headlight(),)),))

@@ -122,6 +122,7 @@ def test_a_saved_scene_keeps_names_opacities_and_hidden_labels(
 
 @pytest.mark.slow
 def test_eyes_search_and_solo_in_the_window(window: Robot, tmp_path: Path) -> None:
+    window.resize((1000, 800))  # or the labels in question are outside of the picture
     window.open(segmentation(tmp_path, 20))
     window.front("transfer")
     whole = window.picture()

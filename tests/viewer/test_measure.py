@@ -62,7 +62,7 @@ def test_points_of_the_picture_are_points_of_the_volume(window: Robot, tmp_path:
     window.command("preset surface")
     window.command("measure a distance")
     x, y, width, height = window.area("picture")
-    places = [window.at("picture", 0.4, 0.45), window.at("picture", 0.6, 0.5)]
+    places = [window.at("picture", 0.35, 0.45), window.at("picture", 0.65, 0.5)]
     window.click(*places)
     # A new label is typed at once; its letters are no commands.
     window.command("add a label")
