@@ -74,6 +74,7 @@ def test_cuts_and_fog_are_the_desktop_s(
     assert page.complaints == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("across", "down"), [slow(4.0, 0.0), (-3.0, 2.5)])
 def test_a_small_turn_is_near_a_cast(
     page: Opened, scene: Scene, image: CoefficientImage, across: float, down: float
@@ -162,6 +163,7 @@ def test_an_anaglyph_and_a_pair_are_of_the_desktop_s_eyes(
 RESTS = "document.getElementById('picture').getAttribute('aria-busy') === 'false'"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("focus", "aperture"), [(470, None), slow(620, 60)])
 def test_a_lens_is_refined_to_the_desktop_s(
     page: Opened, scene: Scene, image: CoefficientImage, focus: float, aperture: float | None

@@ -45,6 +45,7 @@ def two_lights() -> RoomResponse:
     return RoomResponse.of(solve_room(room, 500, rays=1 << 19))
 
 
+@pytest.mark.slow
 def test_the_lights_of_a_room_have_names() -> None:
     assert two_lights().names == ("lamp", "bulb")
     emission = irradiance_from_lux(light("A"), 1.0)

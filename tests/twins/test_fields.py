@@ -97,6 +97,7 @@ def test_fields_match_the_reference(fields, shown, settings, lanes):
     assert_matches_reference(volume, transfer, view(volume), SIZE, spec, lanes)
 
 
+@pytest.mark.slow
 def test_extinctions_of_homogeneous_fields_add_and_materials_mix_by_extinction():
     """Beer–Lambert in closed form: two homogeneous blocks in one place, 24 mm across."""
     low = Volume(np.full((25, 25, 25), 10.0, np.float32), name="low")

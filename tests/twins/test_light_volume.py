@@ -269,6 +269,7 @@ def test_samples_of_a_layer_match_reference(lanes):
     assert np.abs(out - true).max() < 5e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("materials", [2, pytest.param(4, marks=pytest.mark.slow)])
 def test_materials_alone_match_reference(half_engine, three_channels, materials):
     """Without ``split`` as with it; each at half of its depth, and occlusion unclipped."""
