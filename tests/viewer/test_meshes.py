@@ -79,6 +79,7 @@ def frame(state: ViewState) -> NDArray[Any]:
     return render_frame(state, SIZE, Progress("picture")).astype(int)
 
 
+@pytest.mark.slow
 def test_edits_change_the_picture_and_are_undone(opened: ViewState) -> None:
     first = frame(opened)
     edits = (
@@ -142,6 +143,7 @@ def test_a_saved_scene_and_a_session_keep_the_list(opened: ViewState, tmp_path: 
     assert "move_mm = [5.5, 0, 5.5]" in whole
 
 
+@pytest.mark.slow
 def test_a_material_replaces_a_texture(opened: ViewState) -> None:
     textured = MeshSpec(shape="disc", texture="maps/wood.png", materials=("bone", "wax"))
     state = replace(opened, meshes=(textured, MeshSpec(shape="triad")))
