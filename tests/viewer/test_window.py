@@ -329,7 +329,7 @@ def test_a_first_start_offers_demonstrations_and_a_crash_is_told_of(tmp_path: Pa
         robot.keys("ctrl+a")
         robot.enter(str(own))
         robot.event("open", before)
-        # What is kept by itself, which a crash leaves.
+        # The session that is saved by itself, which a crash leaves.
         robot.keys("space")
         kept = tmp_path / "state" / "sessions"
         robot.until(lambda: any(kept.glob("[!.]*.json")))
