@@ -146,6 +146,7 @@ def test_references_are_rendered_perfectly() -> None:
     assert rendition("planck:4500").R_f < 99.5
 
 
+@pytest.mark.not_quick
 @pytest.mark.filterwarnings("ignore:Aligning")
 def test_figures_are_those_of_colour_science() -> None:
     """Its R_i interpolate to 1 nm first; samples at a hue bin's border move the bins a little."""

@@ -146,6 +146,7 @@ def largest_step(shown):
     return np.linalg.norm(np.diff(Lab, axis=1), axis=-1).max(axis=1)
 
 
+@pytest.mark.not_quick
 def test_hunt_on_a_dim_display_has_no_jump_where_its_inverse_ends():
     """Paths from grey to blues and to black: finer steps are smaller ones, as for no jump."""
     ends = np.array([[20.0, -2.0, 110.0], [15.0, 1.0, 90.0], [10.1, 2.2, 50.0], [0.0, 0.0, 0.0]])

@@ -133,6 +133,7 @@ def test_positive_sensors_are_positive(name: str) -> None:
     assert SpectralBasis.load(name).analysis.min() >= 0
 
 
+@pytest.mark.not_quick
 @pytest.mark.parametrize(
     "name",
     ["general-7", *(pytest.param(n, marks=SLOW) for n in ("exact-5", "smooth-5-positive"))],
@@ -179,6 +180,7 @@ W = DEFAULT_GRID.wavelengths_nm
 LINES = [Spectrum(W, np.where(nm == W, 1.0, 0.0), f"line {nm}") for nm in (450, 550, 680)]
 
 
+@pytest.mark.not_quick
 @pytest.mark.parametrize(
     ("lights", "reflectances", "size", "maximum"),
     [

@@ -79,6 +79,7 @@ def quick(fits: list[int], monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return fits
 
 
+@pytest.mark.not_quick
 def test_a_basis_read_is_the_basis_fitted_to_the_last_bit(fits: list[int]) -> None:
     plain = SpectralBasis.fit(LIGHTS, PAINTS, **OPTIONS)
     first, second = (fit_cache.fit_cached(LIGHTS, PAINTS, **OPTIONS) for _ in range(2))
@@ -214,6 +215,7 @@ def test_a_light_used_more_bends_the_components_towards_its_signals() -> None:
     assert lost[1] < 0.5 * lost[0]
 
 
+@pytest.mark.not_quick
 def test_all_lights_of_the_library_may_weigh_little() -> None:
     # As scenes are trained: their own lights at ten times the weight of the library's together.
     library = light_set("spiky")[::4]
@@ -279,6 +281,7 @@ def test_exact_errors_are_alike_on_every_grid(grid: SpectralGrid, method: str, m
     assert found.mean <= mean
 
 
+@pytest.mark.not_quick
 @pytest.mark.usefixtures("few_products")
 @pytest.mark.parametrize("step", [5, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_scene_may_bring_a_fine_grid(step: int) -> None:

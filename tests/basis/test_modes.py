@@ -226,6 +226,7 @@ def white_Y(lamp: Spectrum) -> float:
     return float(colour_matching_functions(lamp.grid)[1] @ lamp.values)
 
 
+@pytest.mark.not_quick
 def test_the_fit_is_better_than_other_modes_in_every_class() -> None:
     for basis in (GENERAL, PAPERS):
         for kind in ("smooth", "spiky"):

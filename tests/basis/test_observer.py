@@ -77,6 +77,7 @@ def test_lux_stay_with_the_2_degree_observer() -> None:
     assert colour_matching_functions(lamp.grid, 10)[1] @ lamp.values > 1.05 * V @ lamp.values
 
 
+@pytest.mark.not_quick
 @pytest.mark.parametrize(
     ("method", "mean"),
     # Measured .006, .09 and .008 XYZ of white's 100 under D65; the observers differ by .7.

@@ -85,6 +85,7 @@ def test_products_are_all_of_them_or_the_same_sample() -> None:
     assert (np.diff(drawn, axis=1) >= 0).all() and drawn.max() == 83
 
 
+@pytest.mark.not_quick
 def test_interreflection_costs_less_than_in_rgb(general: SpectralBasis) -> None:
     errors = general.report()
     for n in (2, 3):
@@ -213,6 +214,7 @@ def test_names_are_pushed_apart_and_keep_their_order() -> None:
     assert spread_apart(np.zeros(0), 0.1, 0.0, 1.0).size == 0
 
 
+@pytest.mark.not_quick
 def test_the_figure_is_on_white(table: ErrorTable, general: SpectralBasis, tmp_path: Path) -> None:
     """You should see seven humps, dots below triangles, and four split squares on grey."""
     save_figure(table, tmp_path / "figure.png")

@@ -89,6 +89,7 @@ def test_without_lightness_only_hue_and_chroma_count() -> None:
         assert np.linalg.norm((one - other)[1:]) >= 34.0
 
 
+@pytest.mark.not_quick
 def test_what_is_apart_already_costs_nothing() -> None:
     """Rows are one-sided: they never pull colours together."""
     free = design(palette(Apart(light="L", deficiency="tritan", distance=5.0)))
@@ -152,6 +153,7 @@ def test_pairs_are_of_every_reflectance_and_light_named() -> None:
     assert Apart(reflectance=("a", "b")).renamed({"a": "x"}, {"A": "A"}) is None
 
 
+@pytest.mark.not_quick
 def test_figures_are_of_the_picture_s_colours() -> None:
     made = design(palette(Apart(light="L", deficiency="deutan")))
     (pair,) = DesignReport.of(made).apart

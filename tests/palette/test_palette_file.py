@@ -314,6 +314,7 @@ def test_the_example_of_the_docs_is_a_palette_that_is_met(tmp_path: Path) -> Non
     assert vs.DesignReport.of(made).mean < 1
 
 
+@pytest.mark.not_quick
 def test_the_code_of_the_docs_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     (tmp_path / "data").symlink_to(ROOT / "data")

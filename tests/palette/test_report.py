@@ -60,6 +60,7 @@ def test_colours_outside_the_display_are_marked() -> None:
     assert not orange.in_gamut and min(orange.obtained) < 0
 
 
+@pytest.mark.not_quick
 def test_metamers_are_found_through_groups_colours_and_likeness() -> None:
     cells = {
         ("a", "D65"): Cell("free", group="g"),
@@ -81,6 +82,7 @@ def test_metamers_are_found_through_groups_colours_and_likeness() -> None:
     assert apart.delta_E_1976 == pytest.approx(30, abs=1)
 
 
+@pytest.mark.not_quick
 def test_binding_bounds_are_counted_and_costs_add_up(
     flames: DesignReport, figure_2: Design
 ) -> None:

@@ -86,6 +86,7 @@ def scene_errors(made: Scene) -> BasisReport:
     return made.basis.report([row.spectrum for row in made.lights], list(made.materials.values()))
 
 
+@pytest.mark.not_quick
 def test_a_designed_spectrum_is_trained_for(tmp_path: Path) -> None:
     (tmp_path / "made.csv").write_text("# designed: yes\n380,0.2\n500,0.4\n780,0.3\n")
     found = scene(tmp_path, COMPONENTWISE, block="made.csv")

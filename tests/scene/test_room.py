@@ -136,6 +136,7 @@ def test_any_light_relights_the_picture_alone(folder: Path) -> None:
     assert alone.mean() == pytest.approx(frame(scene, image).mean(), rel=0.1)
 
 
+@pytest.mark.not_quick
 def test_a_light_that_does_not_reach_the_volume_is_refused(folder: Path) -> None:
     """A sun below the floor: the walls' layer alone would have light."""
     sun = (

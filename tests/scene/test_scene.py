@@ -164,6 +164,7 @@ def test_files_beside_the_scene_win_over_those_where_the_program_runs(
     assert values[-1] > 1.5 * values[0]
 
 
+@pytest.mark.not_quick
 def test_a_trained_basis_holds_under_lights_the_scene_does_not_have(folder: Path) -> None:
     scene = load(folder, GOOD + '[basis]\ntrain = "scene"\n')
     lights = [light(name) for name in ("HP2", "LED-B1", "planck:2000", "FL11")]

@@ -39,6 +39,7 @@ def tables(schema: Any, path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
 TABLES = dict(tables(SCHEMA))
 
 
+@pytest.mark.not_quick
 def test_it_is_up_to_date() -> None:
     assert SHIPPED.read_text(encoding="utf-8") == scene_schema_text(), reference.__doc__
 

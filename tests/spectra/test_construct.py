@@ -263,6 +263,7 @@ def test_other_methods_go_by_name(method: str) -> None:
     assert errors(made.values, TRUE[[1, 21]], D65).max() < 3
 
 
+@pytest.mark.not_quick
 def test_meng_is_exact_on_our_grid() -> None:
     XYZ = XYZ_from_spectra(D65, TRUE[1])
     paint = reflectance_from_colour(XYZ, "meng-2015")

@@ -106,6 +106,7 @@ def test_sources_move_between_groups(state: ViewState) -> None:
     assert lighting.move_source(joined, 5, 0).state is joined
 
 
+@pytest.mark.not_quick
 @settings(
     deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )

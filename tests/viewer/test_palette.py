@@ -236,6 +236,7 @@ _EDITED = [module for module in MODULES if module is not camera]
 _COMMANDS = ("palette-light", "palette-restart", "palette-forget", "palette-own")
 
 
+@pytest.mark.not_quick
 @settings(max_examples=12, suppress_health_check=list(HealthCheck))
 @given(edits=st.lists(drawn(_KEYS, *_EDITED), min_size=60, max_size=60), every=st.integers(0, 3))
 def test_any_edits_make_a_palette_or_fail(
@@ -271,6 +272,7 @@ def test_a_wizard_hides_a_material_and_leaves_its_wishes_in_the_table(hidden: Vi
     assert again.palette.is_pending and palette_from_state(again).cells["gold", "A"].kind == "same"
 
 
+@pytest.mark.not_quick
 def test_a_wizard_s_light_is_a_row_that_shines(state: ViewState) -> None:
     asked = with_pick(state, like="D65")
     made = palette_results.with_wizard_result(asked, palette_results.run_wizard(asked, "hide"))
