@@ -305,6 +305,14 @@ def test_an_address_brings_a_picture_back(opened: Open, files: Path, engine_page
     assert mean_difference(again.picture(), engine_page.picture()) == 0.0
 
 
+def test_an_address_holds_although_an_edit_before_writes_over_it(engine_page: Opened) -> None:
+    words = "location.hash = 'a.exposure=0.5'; history.replaceState(null, '', '#a.exposure=0.25')"
+    engine_page.page.evaluate(f"() => {{ {words}; }}")
+    engine_page.settle()
+    assert engine_page.output("exposure") == "−1.00 EV"
+    engine_page.until("location.hash === '#a.exposure=0.5'")
+
+
 def test_rubbish_in_an_address_is_left_aside(
     opened: Open, files: Path, engine_scene: Scene, engine_image: CoefficientImage
 ) -> None:

@@ -323,10 +323,12 @@ class App {
       this.forget();
       this.refresh();
     });
-    window.addEventListener('hashchange', () => {
-      this.state = readFrom(location.hash.slice(1), this.page);
+    window.addEventListener('hashchange', ({ newURL }) => {
+      // An edit just before may have written its state over the address by now.
+      this.state = readFrom(new URL(newURL).hash.slice(1), this.page);
       this.turnTo(this.state.view);
       this.refresh();
+      this.rememberLater();
     });
     byId('reset').addEventListener('click', () => {
       this.stage.fit();
