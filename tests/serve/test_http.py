@@ -197,9 +197,10 @@ def test_the_command_prints_its_address_and_ends_by_an_interrupt(
     assert f"--port is {server.port}" in capsys.readouterr().err
     command = [sys.executable, "-m", "volspec", *words, "--port", "0"]
     root = Path(__file__).resolve().parents[2]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, cwd=root, text=True) as process:
-        assert process.stdout is not None
+    with subprocess.Popen(command, stdout=-1, stderr=-1, cwd=root, text=True) as process:
+        assert process.stdout is not None and process.stderr is not None
         line = process.stdout.readline()
         assert re.match(r"http://127\.0\.0\.1:\d+/\?token=[\w-]{32} ", line)
         process.send_signal(2)
         assert process.wait(PATIENCE_S) == 0
+        assert "Traceback" not in process.stderr.read()

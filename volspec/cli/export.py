@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -483,9 +482,7 @@ def serve(
                 progress=lambda share: tell("cast", share),
             )
         with suppress(KeyboardInterrupt):
-            say(f"{server.address}  (Ctrl-C ends it)")
-            sys.stdout.flush()
-            server.run()
+            server.run(lambda: print(f"{server.address}  (Ctrl-C ends it)", flush=True))
     finally:
         server.close()
 

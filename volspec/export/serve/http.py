@@ -12,8 +12,9 @@ import asyncio
 import errno
 import ipaddress
 import secrets
+import signal
 import socket
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from hmac import compare_digest
@@ -120,10 +121,16 @@ class SceneServer:
         cookie = f"volspec-{self._port}", secrets.token_urlsafe(24)
         self._site = _Site(html, self._queue, self._token, cookie, names)
 
-    def run(self) -> None:
-        """Answer requests until `stop` is called or the process is interrupted, then close."""
+    def run(self, ready: Callable[[], object] = lambda: None) -> None:
+        """Answer requests until `stop` is called or the process is interrupted, then close.
+
+        Parameters
+        ----------
+        ready : function, optional
+            Called as soon as requests are answered and an interrupt ends it.
+        """
         try:
-            asyncio.run(self._answer())
+            asyncio.run(self._answer(ready))
         finally:
             self.close()
 
@@ -139,7 +146,7 @@ class SceneServer:
         if self._queue is not None:
             self._queue.close()
 
-    async def _answer(self) -> None:
+    async def _answer(self, ready: Callable[[], object]) -> None:
         if self._site is None:
             raise InputError("serve: no scene is open", "call open first", code="state")
         self._loop = asyncio.get_running_loop()
@@ -157,7 +164,12 @@ class SceneServer:
             idle_connection_timeout=_IDLE_S,
         )
         server.add_socket(self._socket)
+        # asyncio's own handler may miss an interrupt that comes just before the loop waits.
+        # Windows has no other, and other threads get no signals.
+        with suppress(NotImplementedError, RuntimeError, ValueError):
+            self._loop.add_signal_handler(signal.SIGINT, self._stopped.set)
         try:
+            ready()
             await self._stopped.wait()
         finally:
             server.stop()
