@@ -85,7 +85,8 @@ def interrupted(folder: Path, *words: str) -> tuple[int, str]:
     """Interrupt a command amid its cast; return its exit code and what it said on stderr."""
     command, pipe = [sys.executable, "-c", INTERRUPTED, *words], subprocess.PIPE
     with subprocess.Popen(command, cwd=folder, text=True, stdout=pipe, stderr=pipe) as process:
-        assert process.stdout is not None and process.stdout.readline() == "band\n"
+        assert process.stdout is not None and process.stderr is not None
+        assert process.stdout.readline() == "band\n", process.stderr.read()
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=PATIENCE_S)
     return process.returncode, err
