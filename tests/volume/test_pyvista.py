@@ -20,14 +20,7 @@ from tests.support.fixtures import slow_each
 from volspec.appearance import spaces
 from volspec.appearance.spaces import sRGB_CURVE
 from volspec.basis import SpectralBasis
-from volspec.errors import (
-    CameraError,
-    RaycastError,
-    RelightError,
-    TransferError,
-    VolspecError,
-    VolumeError,
-)
+from volspec.errors import CameraError, RaycastError, RelightError, TransferError, VolumeError
 from volspec.raycast import Camera
 from volspec.transfer.vtk_interop import transfer_from_vtk
 
@@ -54,8 +47,7 @@ def test_advice_on_a_mesh_makes_a_volume(tmp_path: Path) -> None:
     """The Python in the message is run, word for word."""
     ball = pyvista.Sphere(radius=10, theta_resolution=12, phi_resolution=12)
     ball.save(tmp_path / "it's.stl")
-    cells = block().cast_to_unstructured_grid()
-    cells.save(tmp_path / "cells.vtu")
+    block().cast_to_unstructured_grid().save(tmp_path / "cells.vtu")
     for file, made in (("it's.stl", "it's.vti"), ("cells.vtu", "cells.vti")):
         with raises(VolumeError, "unsupported") as caught:
             vs.load_volume(tmp_path / file)
@@ -99,10 +91,9 @@ def even(value: float = 0.5, count: int = 12) -> pyvista.ImageData:
 def projected(camera: Camera, size: tuple[int, int], points: np.ndarray) -> np.ndarray:
     """Pixels (x, y) of world points, row 0 on top; from what the camera says of its rays."""
     rays = camera.ray_field(*size)
-    away = (points - camera.position_mm) @ rays.forward
     at = points - camera.position_mm
     if rays.perspective:
-        at = at * (rays.distance / away)[:, None]
+        at = at * (rays.distance / (at @ rays.forward))[:, None]
     at = at + np.asarray(camera.position_mm) - rays.target
     x, y = (at @ axis / (axis @ axis) for axis in (rays.across, rays.down))
     return np.stack([x + rays.middle[0], y + rays.middle[1]], axis=1)
@@ -157,10 +148,11 @@ def test_world_points_fall_on_the_same_pixels(
     view(plotter)
     taken = vs.from_plotter(plotter)
     assert taken.size == (48, 72)
+    assert taken.volume.name == "ImageData"  # and no address in memory, which notes would have
     points = np.random.default_rng(3).uniform((0, 0, 0), (23, 25, 15), (40, 3))
-    ours = projected(taken.camera, taken.size, points)
+    theirs = displayed(plotter.renderer, taken.size, points)
     # Both in float64; VTK rounds where it multiplies its two matrices.
-    assert np.abs(ours - displayed(plotter.renderer, taken.size, points)).max() < 1e-6
+    assert np.abs(projected(taken.camera, taken.size, points) - theirs).max() < 1e-6
 
 
 def test_a_plotter_not_yet_shown_has_the_view_it_opens_with(plot: Plots) -> None:
@@ -169,8 +161,7 @@ def test_a_plotter_not_yet_shown_has_the_view_it_opens_with(plot: Plots) -> None
         plotter.add_volume(block(), reset_camera=False, show_scalar_bar=False)
     assert not first.renderer.camera.is_set
     second.screenshot()
-    cameras = [vs.from_plotter(plotter).camera for plotter in (first, second)]
-    assert cameras[0] == cameras[1]
+    assert vs.from_plotter(first).camera == vs.from_plotter(second).camera
 
 
 @pytest.mark.parametrize("view", [perspective, *slow_each(parallel)])
@@ -215,9 +206,8 @@ def test_opaque_colours_are_vtks_under_daylight(plot: Plots) -> None:
     plotter.add_volume(even(0.7), cmap="viridis", opacity=[1.0, 1.0], show_scalar_bar=False)
     plotter.view_xy()
     image = vs.raycast(*vs.from_plotter(plotter))
-    frame = vs.relight(
-        image, vs.light("D65"), vs.RelightSpec(vs.Viewing(model="none"), backdrop=0.0)
-    )
+    plain = vs.RelightSpec(vs.Viewing(model="none"), backdrop=0.0)
+    frame = vs.relight(image, vs.light("D65"), plain)
     theirs = plotter.screenshot(return_img=True)[16, 16, :3].astype(int)
     # Two codes between materials, one from the basis, one of the rest of opacity, 0.998.
     assert np.abs(frame[16, 16] - theirs).max() <= 4
@@ -231,12 +221,17 @@ def colour_of(mix: dict[str, float], materials: dict[str, vs.Spectrum]) -> np.nd
     return np.asarray(255 * sRGB_CURVE.encode(spaces.sRGB_FROM_XYZ @ XYZ))
 
 
+def piecewise(*points: tuple[float, ...]) -> vtkPiecewiseFunction:
+    function = vtkPiecewiseFunction()
+    for point in points:
+        function.AddPoint(*point)
+    return function
+
+
 def test_curves_that_bend_between_vtks_points_are_followed() -> None:
     """Sharp and soft opacity, hues around the circle."""
-    opacity, colours = vtkPiecewiseFunction(), vtkColorTransferFunction()
-    opacity.AddPoint(-10, 0.0, 0.3, 0.6)
-    opacity.AddPoint(30, 0.9, 0.5, 1.0)
-    opacity.AddPoint(80, 0.2)
+    opacity = piecewise((-10, 0.0, 0.3, 0.6), (30, 0.9, 0.5, 1.0), (80, 0.2))
+    colours = vtkColorTransferFunction()
     colours.SetColorSpaceToHSV()
     colours.AddRGBPoint(-10, 0.7, 0.2, 0.2)
     colours.AddRGBPoint(80, 0.2, 0.2, 0.7)
@@ -258,14 +253,8 @@ def test_curves_that_bend_between_vtks_points_are_followed() -> None:
 
 def test_grey_curves_become_greys() -> None:
     settings = vtkVolumeProperty()
-    for curve, set_curve in (
-        ((0.0, 1.0), settings.SetScalarOpacity),
-        ((0.2, 0.8), settings.SetColor),
-    ):
-        function = vtkPiecewiseFunction()
-        for value, height in zip((0, 100), curve, strict=True):
-            function.AddPoint(value, height)
-        set_curve(function)
+    settings.SetScalarOpacity(piecewise((0, 0.0), (100, 1.0)))
+    settings.SetColor(piecewise((0, 0.2), (100, 0.8)))
     materials = transfer_from_vtk(settings).materials
     assert {"#333333", "#cccccc"} <= set(materials)
     assert all(re.fullmatch(r"#(..)\1\1", name) for name in materials)
@@ -303,12 +292,6 @@ def test_one_of_several_volumes_is_taken_by_its_name(plot: Plots) -> None:
     assert vs.from_plotter(plotter, "ct-1").volume.shape_xyz == (12, 12, 12)
     plotter.actors["ct-1"].SetVisibility(False)
     assert vs.from_plotter(plotter).volume.name == "ct-0"
-
-
-def test_no_address_of_memory_comes_into_an_images_notes(plot: Plots) -> None:
-    plotter = plot()
-    plotter.add_volume(block())
-    assert vs.from_plotter(plotter).volume.name == "ImageData"
 
 
 def coloured() -> pyvista.ImageData:
@@ -351,29 +334,19 @@ NO_FRAMES = [
     *(np.zeros((4, 4)), np.zeros((4, 4, 3)), np.zeros((4, 4, 4), "u1")),
     *(np.zeros((0, 4, 3), "u1"), np.full((4, 4, 3), np.nan, "f4")),
 ]
-REFUSED: list[tuple[Callable[[pyvista.Plotter, Path], object], type[VolspecError], str | None]] = [
+REFUSED: list[
+    tuple[Callable[[pyvista.Plotter, Path], object], type[vs.VolspecError], str | None]
+] = [
     # What has no counterpart here.
     (take(block(), blending="additive"), RaycastError, "unsupported"),
     (take(coloured()), VolumeError, "shape"),
     (take(uneven()), VolumeError, "unsupported"),
-    (
-        take(block(), lambda _, ct: ct.prop.SetTransferFunctionModeTo2D()),
-        TransferError,
-        "unsupported",
-    ),
+    (take(block(), curve_in_2d), TransferError, "unsupported"),
     (take(block(), opacity_unit_distance=0), TransferError, "range"),
     (take(block(), flatten), VolumeError, "range"),
     (take(block(), lambda p, _: p.camera.SetWindowCenter(0.2, 0)), CameraError, "unsupported"),
-    (
-        lambda _, to: vs.load_volume(saved(uneven(), to, "v.vtr")),
-        VolumeError,
-        "unsupported",
-    ),
-    (
-        lambda _, to: vs.load_volume(saved(uneven(), to, "v.vtk")),
-        VolumeError,
-        "unsupported",
-    ),
+    (lambda _, to: vs.load_volume(saved(uneven(), to, "v.vtr")), VolumeError, "unsupported"),
+    (lambda _, to: vs.load_volume(saved(uneven(), to, "v.vtk")), VolumeError, "unsupported"),
     # No volume, several, another name, a plotter that is closed or none.
     (lambda p, _: vs.from_plotter(p), RaycastError, "missing"),
     (lambda p, _: vs.from_plotter(two_volumes(p)), RaycastError, "missing"),
@@ -393,7 +366,7 @@ def test_what_has_no_counterpart_is_refused(
     plot: Plots,
     tmp_path: Path,
     call: Callable[[pyvista.Plotter, Path], object],
-    error: type[VolspecError],
+    error: type[vs.VolspecError],
     code: str | None,
 ) -> None:
     with raises(error, code):
@@ -403,10 +376,7 @@ def test_what_has_no_counterpart_is_refused(
 def test_unsupported_settings_cause_a_warning(plot: Plots) -> None:
     plotter = plot()
     actor = plotter.add_volume(block(), name="ct")
-    slope = vtkPiecewiseFunction()
-    slope.AddPoint(0, 0.0)
-    slope.AddPoint(1, 1.0)
-    actor.prop.SetGradientOpacity(slope)
+    actor.prop.SetGradientOpacity(piecewise((0, 0.0), (1, 1.0)))
     actor.mapper.SetCropping(True)
     plotter.set_scale(zscale=3)
     with warns("ct", "gradient", "cropping", " 3 ", file=__file__):
@@ -455,8 +425,8 @@ def test_the_guides_example_shows_what_it_says(
     found: dict[str, Any] = {}
     exec(quick, found)
     found["plotter"].close()
-    names = ("vtk", "D65", "HP1")
-    vtk, day, lamp = (iio.imread(f"{name}.png")[..., :3].astype(int) for name in names)
+    pictures = (iio.imread(f"{name}.png") for name in ("vtk", "D65", "HP1"))
+    vtk, day, lamp = (picture[..., :3].astype(int) for picture in pictures)
     theirs, ours = (vtk < 200).any(axis=-1), found["image"].alpha > 0.5
     # VTK's edges, found by colour on white, are a pixel wider.
     assert (theirs & ours).sum() / (theirs | ours).sum() > 0.95
