@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista
+import SimpleITK as sitk
 
 from tests.support.errors import raises, warns
 from tests.support.volumes import (
@@ -24,9 +25,11 @@ from tests.support.volumes import (
     write_nrrd,
     write_vti,
 )
+from volspec._files import captured_output
 from volspec.errors import VolspecWarning, VolumeError
 from volspec.volume import load_volume
 
+LOCAL = f"{META}ElementDataFile = LOCAL\n"
 BIG = VALUES.astype(">i2").tobytes()
 WORDS = b" ".join(b"%d" % value for value in VALUES.ravel()) + b"\n"
 META_VARIANTS = [
@@ -79,10 +82,6 @@ NIFTI_VARIANTS = [
 
 def loaded_as_itk_does(path: Path) -> None:
     """Voxels that are read as a file's bytes, and not by ITK, are those that ITK would give."""
-    import SimpleITK as sitk
-
-    from volspec._files import captured_output
-
     with captured_output([]):
         expected = sitk.GetArrayFromImage(sitk.ReadImage(str(path)))
     assert expected.shape == VALUES.shape
@@ -116,6 +115,11 @@ COUNTS = ["0", "-1", "4290967296", "1e99", "nan"]
 SIZES = {"0 3 2": "range", "-4 3 2": "range", "4 3": "damaged"}
 
 
+def of_place(field: str) -> str:
+    """The code for voxels elsewhere."""
+    return "syntax" if "%" in field else "unsupported"
+
+
 def with_field(field: str) -> str:
     return NRRD.replace("encoding: raw", f"encoding: raw\n{field}")
 
@@ -135,18 +139,12 @@ REFUSED: list[tuple[str, str | bytes, str]] = [
     # MetaIO takes the next line, here the voxels' place, for its value.
     ("v.mha", f"{META}hello\nElementDataFile = ../voxels.raw\n", "syntax"),
     # Voxels lie in the header's folder.
-    *(
-        ("v.mha", f"{META}{field}\n", "syntax" if "%" in field else "unsupported")
-        for field in META_PLACES
-    ),
-    *(
-        ("v.nhdr", with_field(field), "syntax" if "%" in field else "unsupported")
-        for field in NRRD_PLACES
-    ),
+    *(("v.mha", f"{META}{field}\n", of_place(field)) for field in META_PLACES),
+    *(("v.nhdr", with_field(field), of_place(field)) for field in NRRD_PLACES),
     # Before ITK counts them.
     *(("v.mha", META.replace("NDims = 3", f"NDims = {count}"), "shape") for count in COUNTS),
     *(("v.nrrd", NRRD.replace("dimension: 3", f"dimension: {count}"), "shape") for count in COUNTS),
-    *(("v.mha", sized(META + "ElementDataFile = LOCAL\n", n), SIZES[n]) for n in SIZES),
+    *(("v.mha", sized(LOCAL, n), SIZES[n]) for n in SIZES),
     *(("v.nrrd", sized(NRRD, n), SIZES[n]) for n in SIZES),
     # ITK takes it for Analyze, and makes voxels up.
     ("v.nii", nifti_with(344, "<i", 0), "damaged"),
@@ -204,8 +202,6 @@ def grid(**arrays: np.ndarray) -> pyvista.ImageData:
 
 
 RAMP = (np.arange(1200) * 10 + 7).astype(np.int16)
-
-
 WHOLE, LONGER = b"0 5 0 4 0 39", b"0 5 0 4 0 99"
 Cuts = tuple[bytes, list[bytes], np.ndarray]
 
@@ -288,26 +284,15 @@ def detached(path: Path, head: str, data: bytes) -> None:
 
 
 DETACHED = NRRD.replace("encoding: raw", "encoding: raw\ndata file: voxels.raw")
+AWAY = "ElementDataFile = voxels.raw\n"
+OFFSET = f"{META}HeaderSize = 5\n{AWAY}"
 LONG_FILES: dict[str, tuple[str, Callable[[Path, bytes], object]]] = {
     "nrrd": ("v.nrrd", lambda path, more: write_nrrd(path, surplus=more)),
     "gzip": ("v.nrrd", lambda path, more: write_nrrd(path, packed=True, surplus=more)),
     "nhdr": ("v.nhdr", lambda path, more: detached(path, DETACHED, RAW + more)),
-    "mhd": (
-        "v.mhd",
-        lambda path, more: detached(path, f"{META}ElementDataFile = voxels.raw\n", RAW + more),
-    ),
-    "offset": (
-        "v.mhd",
-        lambda path, more: detached(
-            path, f"{META}HeaderSize = 5\nElementDataFile = voxels.raw\n", b"12345" + RAW + more
-        ),
-    ),
-    "mha": (
-        "v.mha",
-        lambda path, more: path.write_bytes(
-            f"{META}ElementDataFile = LOCAL\n".encode() + RAW + more
-        ),
-    ),
+    "mhd": ("v.mhd", lambda path, more: detached(path, META + AWAY, RAW + more)),
+    "offset": ("v.mhd", lambda path, more: detached(path, OFFSET, b"12345" + RAW + more)),
+    "mha": ("v.mha", lambda path, more: path.write_bytes(LOCAL.encode() + RAW + more)),
 }
 
 
