@@ -11,26 +11,19 @@ from volspec._gpu.sources import asset
 from volspec.scene import Scene, write_scene
 from volspec.volume import load_volume
 
+# Shape, range and spacing.
+BUNDLED = {
+    "engine": ((256, 256, 110), (0, 255), (1, 1, 1)),
+    "head": ((256, 256, 109), (0, 255), (1, 1, 1.5)),
+    "frog": ((500, 470, 136), (0, 29), (1, 1, 1.5)),
+}
 
-@pytest.mark.parametrize(
-    ("name", "shape", "limits", "spacing_mm"),
-    [
-        ("engine", (256, 256, 110), (0, 255), (1, 1, 1)),
-        ("head", (256, 256, 109), (0, 255), (1, 1, 1.5)),
-        ("frog", (500, 470, 136), (0, 29), (1, 1, 1.5)),
-    ],
-)
-def test_a_name_is_enough(
-    name: str,
-    shape: tuple[int, ...],
-    limits: tuple[float, float],
-    spacing_mm: tuple[float, ...],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+
+@pytest.mark.parametrize("name", BUNDLED)
+def test_a_name_is_enough(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     volume = load_volume(name)
-    assert (volume.shape_xyz, volume.range, volume.spacing_mm) == (shape, limits, spacing_mm)
+    assert (volume.shape_xyz, volume.range, volume.spacing_mm) == BUNDLED[name]
 
 
 def test_a_scene_of_a_bundled_volume_is_saved_anywhere(tmp_path: Path) -> None:

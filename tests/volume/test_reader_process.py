@@ -7,13 +7,16 @@ import os
 import struct
 import subprocess
 import sys
-import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import psutil
 import pytest
+import pyvista
 import SimpleITK
 
 from tests.support.errors import raises, warns
@@ -71,29 +74,25 @@ def test_a_fault_of_the_reader_is_one_line(
 
 def test_many_threads_read_at_once_and_leave_the_output_alone(tmp_path: Path) -> None:
     """Libraries' messages are caught in the child: this process's output is never redirected."""
+    head = NRRD.replace("raw", "gzip").encode()
     for k in range(4):
-        path = tmp_path / f"{k}.nrrd"
-        packed = gzip.compress((VALUES + k).tobytes())
-        path.write_bytes(NRRD.replace("raw", "gzip").encode() + packed)
-    (tmp_path / "bad.nrrd").write_bytes(NRRD.replace("raw", "gzip").encode() + b"damaged" * 20)
-    out, err = os.fstat(1), os.fstat(2)
-    failures: list[object] = []
+        (tmp_path / f"{k}.nrrd").write_bytes(head + gzip.compress((VALUES + k).tobytes()))
+    (tmp_path / "bad.nrrd").write_bytes(head + b"damaged" * 20)
+    output = os.fstat(1), os.fstat(2)
 
     def read(k: int) -> None:
         for _ in range(4):
-            if not np.array_equal(load_volume(tmp_path / f"{k}.nrrd").values, VALUES + k):
-                failures.append(k)
+            assert np.array_equal(load_volume(tmp_path / f"{k}.nrrd").values, VALUES + k)
             with raises(VolumeError, "damaged"):
                 load_volume(tmp_path / "bad.nrrd")
-            if (os.fstat(1), os.fstat(2)) != (out, err):
-                failures.append("redirected")
+            assert (os.fstat(1), os.fstat(2)) == output, "redirected"
 
-    threads = [threading.Thread(target=read, args=(k,)) for k in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert failures == []
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(read, range(4)))
+
+
+def python(*words: Any, **how: Any) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, *words], capture_output=True, text=True, **how)
 
 
 def test_a_script_without_a_main_guard_reads_volumes_and_leaves_no_process(tmp_path: Path) -> None:
@@ -107,8 +106,7 @@ def test_a_script_without_a_main_guard_reads_volumes_and_leaves_no_process(tmp_p
     )
     # A file of the folder is not imported in place of a library.
     (tmp_path / "SimpleITK.py").write_text("raise RuntimeError('hijacked')\n")
-    command = [sys.executable, "-P", "-W", "error", "script.py"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = python("-P", "-W", "error", "script.py", cwd=tmp_path)
     shape, pid = done.stdout.split("\n")[:2]
     assert (shape, done.stderr) == ("(4, 3, 2)", "")
     assert not psutil.pid_exists(int(pid))
@@ -127,9 +125,7 @@ def test_a_fork_has_a_reader_of_its_own(tmp_path: Path) -> None:
         "assert os.waitpid(child, 0)[1] == 0\n"
         "vs.load_volume(sys.argv[1]); print('ok')\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code, path], capture_output=True, text=True, check=False
-    )
+    done = python("-c", code, path)
     assert done.stdout == "ok\n", done.stderr
 
 
@@ -164,8 +160,6 @@ def test_nan_is_replaced_alike_in_every_format(tmp_path: Path, name: str) -> Non
     if name == "v.npy":
         np.save(path, values)
     elif name == "v.vti":
-        import pyvista
-
         grid = pyvista.ImageData(dimensions=(4, 3, 2))
         grid.point_data["values"] = values.ravel()
         grid.save(path)
@@ -173,12 +167,9 @@ def test_nan_is_replaced_alike_in_every_format(tmp_path: Path, name: str) -> Non
         SimpleITK.WriteImage(SimpleITK.GetImageFromArray(values), str(path))
     with warns("3", "24"):
         volume = load_volume(path)
-    assert volume.range == (6, 27) and volume.missing is not None and volume.missing < -1000
-    assert np.argwhere(volume.values == volume.missing).tolist() == [
-        [0, 0, 0],
-        [0, 1, 1],
-        [1, 2, 3],
-    ]
+    assert volume.range == (6, 27) and volume.missing < -1000
+    missing = np.argwhere(volume.values == volume.missing).tolist()
+    assert missing == [[0, 0, 0], [0, 1, 1], [1, 2, 3]]
 
 
 def test_metaimage_s_slices_by_a_pattern_are_read(tmp_path: Path) -> None:
@@ -208,25 +199,18 @@ def test_a_child_starts_whatever_the_parent_s_surroundings(tmp_path: Path) -> No
     (tmp_path / "site/sitecustomize.py").write_text("print('welcome', flush=True)\n")
     code = (
         "import sys, pathlib, volspec as vs\n"
+        "from volspec.errors import DeviceError\n"
         "sys.path.insert(0, pathlib.Path('/tmp'))\n"
         "print(vs.load_volume('v.nrrd').shape_xyz)\n"
         "from volspec.volume import reader_process\n"
         "reader_process._idle_processes(__import__('os').getpid()).clear()\n"
         "sys.executable = ''\n"
         "try: vs.load_volume('v.nrrd')\n"
-        "except vs.errors.DeviceError as error: print(error.code)\n"
-    ).replace("vs.errors", "__import__('volspec.errors').errors")
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": str(tmp_path / "site")},
-        capture_output=True,
-        text=True,
-        check=False,
+        "except DeviceError as error: print(error.code)\n"
     )
-    lines = done.stdout.splitlines()
-    assert lines[:2] == ["welcome", "(4, 3, 2)"], done.stderr
-    assert lines[2:] == ["size"]
+    path = os.environ | {"PYTHONPATH": str(tmp_path / "site")}
+    done = python("-c", code, cwd=tmp_path, env=path)
+    assert done.stdout.splitlines() == ["welcome", "(4, 3, 2)", "size"], done.stderr
 
 
 def test_voxels_that_cannot_be_mapped_leave_no_child(
@@ -236,10 +220,7 @@ def test_voxels_that_cannot_be_mapped_leave_no_child(
     load_volume(path)
     idle = reader_process._idle_processes(os.getpid())
     child = idle[-1]._process
-
-    def refuse(*given: object) -> None:
-        raise OSError(12, "Cannot allocate memory")
-
+    refuse = Mock(side_effect=OSError(12, "Cannot allocate memory"))
     monkeypatch.setattr(reader_process._ReaderProcess, "take", refuse)
     with raises(DeviceError, "size"):
         load_volume(path)
@@ -273,17 +254,13 @@ def pipe(folder: Path) -> Path:
     return folder / "pipe.nrrd"
 
 
-def undecodable_name(folder: Path) -> Path:
-    return write_nrrd(folder / os.fsdecode(b"bad\xff.nrrd"))
-
-
 @pytest.mark.parametrize(
     ("make", "code"),
     [
         (half_of_a_metaimage, "damaged"),
         (sizes_beyond_memory, "size"),
         (pipe, "type"),
-        (undecodable_name, "unsupported"),
+        (lambda folder: write_nrrd(folder / os.fsdecode(b"bad\xff.nrrd")), "unsupported"),
     ],
 )
 def test_what_readers_would_make_up_or_hang_on_is_refused(
