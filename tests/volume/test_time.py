@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+import SimpleITK
 import tifffile
 
 import volspec as vs
@@ -35,6 +37,7 @@ name = "late"
 file = "{file}"
 transfer.points = [{{ value = 20, opacity = 0.2, material = "a" }}]
 """
+SIZES = {f"PhysicalSize{axis}": 1.0 for axis in "XYZ"}
 UNEVEN = LATE.format(file="beat[89]*.nrrd")
 
 
@@ -53,8 +56,6 @@ def steps(count: int = 4) -> list[np.ndarray]:
 @pytest.fixture
 def beat(tmp_path: Path) -> Path:
     """Four files of one step each."""
-    import SimpleITK
-
     for number, values in enumerate(steps()):
         image = SimpleITK.GetImageFromArray(values)
         SimpleITK.WriteImage(image, tmp_path / f"beat{number + 8}.nrrd")
@@ -71,31 +72,27 @@ def test_a_sequence_of_slicers_is_a_series(tmp_path: Path) -> None:
     )
     path = tmp_path / "beat.seq.nrrd"
     path.write_bytes(head.encode() + stack.tobytes())
-    series = vs.load_series(path)
-    assert len(series) == 4 and all(
-        np.array_equal(each.values, values) for each, values in zip(series, steps(), strict=True)
-    )
+    assert np.array_equal([each.values for each in vs.load_series(path)], steps())
 
 
 def test_files_by_a_pattern_are_steps_in_the_order_of_their_numbers(beat: Path) -> None:
     series = vs.load_series(beat / "beat*.nrrd")
     assert len(series) == 4 and series.names[-1].endswith("beat11.nrrd")
-    for volume, values in zip(series, steps(), strict=True):
-        assert np.array_equal(volume.values, values) and volume.range == (0.0, 180.0)
+    assert np.array_equal([each.values for each in series], steps())
+    assert {each.range for each in series} == {(0.0, 180.0)}
     assert series[-1].is_step_of(series[0])
     with pytest.raises(IndexError):
         series[4]
 
 
 def test_a_4d_file_is_a_series_and_a_step_of_it_a_volume(tmp_path: Path) -> None:
-    stack = np.stack([np.stack([each, each // 2]) for each in steps()])
+    stack = [[each, each // 2] for each in steps()]
     path = tmp_path / "heart.ome.tif"
-    notes = {"axes": "TCZYX", "Channel": {"Name": ["a", "b"]}}
-    notes |= {f"PhysicalSize{axis}": 1.0 for axis in "XYZ"}
-    tifffile.imwrite(path, stack, metadata=notes)
+    notes = {"axes": "TCZYX", "Channel": {"Name": ["a", "b"]}, **SIZES}
+    tifffile.imwrite(path, np.array(stack), metadata=notes)
     assert step_addresses(str(path)) == tuple(f"{path}?time={k}" for k in range(4))
     volume, series = open_volume(str(path))
-    assert series is not None and volume.by_name.keys() == {str(path), "b"}
+    assert volume.by_name.keys() == {str(path), "b"}
     assert series[3].fields[0].range == (0.0, 90.0)
     assert open_volume(f"{path}?time=2")[1] is None
     assert np.array_equal(load_at(str(path), 2, 4, {}).values, steps()[2])
@@ -124,8 +121,7 @@ def test_types_and_missing_voxels_are_alike_in_all_steps() -> None:
         last = vs.Volume(holey)
     series = Series([first, last])
     assert series[0].values.dtype == np.float32 and series[0].range == series[1].range
-    missing = series[1].missing
-    assert missing is not None and missing < -1000 and series[1].values[0, 0, 0] == missing
+    assert series[1].missing < -1000 and series[1].values[0, 0, 0] == series[1].missing
     assert series[0].is_step_of(series[1])
     labelled = [vs.Volume(steps()[0], labels={k: Label("liver")}) for k in (1, 2)]
     assert not labelled[0].is_step_of(labelled[1])
@@ -139,8 +135,7 @@ def test_steps_beyond_the_room_are_read_again() -> None:
         read.append(number)
         return vs.Volume(steps()[number])
 
-    loads = [lambda number=number: load(number) for number in range(4)]
-    series = Series(loads, kept_bytes=2 * 12**3)
+    series = Series([partial(load, number) for number in range(4)], kept_bytes=2 * 12**3)
     assert read == [0, 1, 2, 3]
     assert series[3].values.max() == 180 and read == [0, 1, 2, 3]
     assert series[0].values.max() == 60 and read == [0, 1, 2, 3, 0]
@@ -157,10 +152,9 @@ def test_a_scene_shows_a_step_and_exports_all(beat: Path) -> None:
     for count in (6, 0):
         turned = made_of.export(beat / "turn", turntable={"frames": 6}, play={}, **lights)
         assert (turned.frames, turned.casts, turned.made) == (6, 6 * bool(count), count)
-    still, step = made_of.volume(), made_of.series()[2]
     own, as_step = (
         vs.raycast(volume, made_of.transfer, made_of.camera(volume), (24, 20), made_of.raycast)
-        for volume in (still, step)
+        for volume in (made_of.volume(), made_of.series()[2])
     )
     assert np.abs(own.coefficients - as_step.coefficients).max() < 1e-5
 
@@ -168,15 +162,13 @@ def test_a_scene_shows_a_step_and_exports_all(beat: Path) -> None:
 @pytest.mark.slow
 def test_a_scene_made_for_a_series_fits_all_steps(tmp_path: Path) -> None:
     """The first step may be empty; the camera frames what the last one shows."""
-    import SimpleITK
-
     steps_of = [np.zeros((12, 12, 12), np.uint8), *steps(3)]
     path = tmp_path / "growing.nrrd"
     series = SimpleITK.JoinSeries([SimpleITK.GetImageFromArray(each) for each in steps_of])
     SimpleITK.WriteImage(series, path)
     scene = vs.Scene.from_volume(path, lights=["D65"])
     made = scene.series()
-    assert made is not None and made[0].values.max() == 0 and made[0].range == (0.0, 140.0)
+    assert made[0].values.max() == 0 and made[0].range == (0.0, 140.0)
     last = scene.render(made[3], size=(64, 64))
     edges = [last.alpha[0], last.alpha[-1], last.alpha[:, 0], last.alpha[:, -1]]
     assert last.alpha.max() > 0.5 and max(edge.max() for edge in edges) < 0.01
@@ -208,14 +200,12 @@ def test_a_fields_step_that_cannot_be_read_is_left_out(beat: Path) -> None:
     (beat / "late10.nrrd").write_bytes((beat / "beat10.nrrd").read_bytes()[:-60])
     with warns("beat10.nrrd is left out", "late10.nrrd"):
         series = scene(beat, LATE.format(file="late*.nrrd")).series()
-    assert series is not None and [each.values.max() for each in series] == [60, 100, 180]
+    assert [each.values.max() for each in series] == [60, 100, 180]
 
 
 def test_a_field_that_is_no_series_is_read_once(beat: Path) -> None:
     series = scene(beat, '[[field]]\nname = "still"\nfile = "beat8.nrrd"\n').series()
-    assert series is not None
-    first, last = series[0].fields[0].values, series[3].fields[0].values
-    assert np.shares_memory(first, last)
+    assert np.shares_memory(series[0].fields[0].values, series[3].fields[0].values)
 
 
 def volume() -> vs.Volume:
@@ -229,8 +219,7 @@ def with_field() -> vs.Volume:
 def four_steps(folder: Path) -> str:
     """Write all steps to one file; return its address."""
     path = folder / "heart.ome.tif"
-    notes = {"axes": "TZYX"} | {f"PhysicalSize{axis}": 1.0 for axis in "XYZ"}
-    tifffile.imwrite(path, np.stack(steps()), metadata=notes)
+    tifffile.imwrite(path, np.stack(steps()), metadata={"axes": "TZYX", **SIZES})
     return str(path)
 
 
@@ -238,11 +227,7 @@ def four_steps(folder: Path) -> str:
     ("take", "error", "code"),
     [
         (lambda _: Series([volume(), vs.Volume(steps()[1][:, :, 1:])]), VolumeError, "shape"),
-        (
-            lambda _: Series([volume(), with_field()]),
-            VolumeError,
-            "conflict",
-        ),
+        (lambda _: Series([volume(), with_field()]), VolumeError, "conflict"),
         (lambda _: Series([]), VolumeError, "missing"),
         (lambda beat: load_at(four_steps(beat), 2, 3, {}), VolumeError, "shape"),
         (lambda beat: vs.load_series(f"{four_steps(beat)}?time=2"), VolumeError, "missing"),
@@ -250,11 +235,7 @@ def four_steps(folder: Path) -> str:
         (lambda beat: scene(beat, file="beat8.nrrd").export(beat, play={}), SceneError, "conflict"),
         (lambda beat: scene(beat, "volume.step = 4").volume(), SceneError, "range"),
         (lambda beat: scene(beat, TWO_COUNTS), SceneError, "conflict"),
-        (
-            lambda beat: scene(beat, LATE.format(file="beat[89]*.nrrd")).series(),
-            SceneError,
-            "shape",
-        ),
+        (lambda beat: scene(beat, UNEVEN).series(), SceneError, "shape"),
     ],
 )
 def test_what_is_no_series_and_cannot_play_is_refused(
