@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import io
-import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import pyvista
 import SimpleITK as sitk
 
 from tests.support.errors import raises, warns
@@ -61,8 +61,6 @@ def test_npy_is_read(tmp_path: Path) -> None:
 
 
 def test_pyvista_round_trip_keeps_cells_and_points() -> None:
-    import pyvista
-
     volume = Volume(VALUES, world_from_index=WORLD)
     again = Volume.from_pyvista(volume.to_pyvista())
     assert np.allclose(again.world_from_index, WORLD) and np.array_equal(again.values, VALUES)
@@ -176,12 +174,10 @@ def test_what_cannot_be_read_is_refused_in_one_line(
 
 
 def test_summary_counts_every_voxel() -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        summary = summarise(Volume(VALUES, world_from_index=WORLD))
+    summary = summarise(Volume(VALUES, world_from_index=WORLD))
     assert sum(count for _, _, count in summary.histogram) == 24
     assert summary.extent_mm == (6, 2, 3) and summary.range == (-700, 1600)
-    assert summary.table().row_count > 8
+    assert summary.directions == "PRS" and summary.table().row_count > 8
 
 
 def test_a_question_mark_may_be_a_part_of_the_name(tmp_path: Path) -> None:
@@ -206,7 +202,6 @@ def test_paths_that_are_none_and_files_that_may_not_be_read_are_refused(
 
 
 def test_a_summary_has_directions_as_letters_and_short_lengths_in_micrometres() -> None:
-    assert summarise(Volume(VALUES, world_from_index=WORLD)).directions == "PRS"
     assert summarise(Volume(VALUES)).directions == ""
     fine = summarise(Volume(VALUES, spacing_mm=(0.0002, 0.0002, 0.001)))
     cells = [list(column.cells) for column in fine.table().columns]
