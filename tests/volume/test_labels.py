@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import SimpleITK as sitk
-import zarr
 
 from tests.support.errors import raises, warns
 from tests.support.volumes import load_silently, nifti
-from tests.volume.test_zarr import SPACE, write
+from tests.volume.test_zarr import edit_ome, write
 from volspec.errors import VolumeError
 from volspec.volume import Volume, load_volume
 from volspec.volume.files.label_tables import read_label_table
@@ -153,20 +152,13 @@ def test_tables_that_do_not_fit_are_refused(
 
 def test_slicer_s_segments_are_labels(tmp_path: Path) -> None:
     image = sitk.GetImageFromArray(blocks([1, 2]))
-    for key, value in {
-        "Segment0_LabelValue": "1",
-        "Segment0_Name": "right lung",
-        "Segment0_Color": "1 0 0",
-        "Segment0_Layer": "0",
-        "Segment1_LabelValue": "2",
-        "Segment1_Name": "tumour",
-    }.items():
-        image.SetMetaData(key, value)
+    lung = {"LabelValue": "1", "Name": "right lung", "Color": "1 0 0", "Layer": "0"}
+    for number, segment in enumerate((lung, {"LabelValue": "2", "Name": "tumour"})):
+        for key, value in segment.items():
+            image.SetMetaData(f"Segment{number}_{key}", value)
     sitk.WriteImage(image, str(tmp_path / "v.seg.nrrd"))
-    assert load_silently(tmp_path / "v.seg.nrrd").labels == {
-        1: Label("right lung", RED),
-        2: Label("tumour"),
-    }
+    labels = load_silently(tmp_path / "v.seg.nrrd").labels
+    assert labels == {1: Label("right lung", RED), 2: Label("tumour")}
 
 
 def test_a_nifti_intent_makes_a_mask_a_label(tmp_path: Path) -> None:
@@ -199,16 +191,11 @@ def test_names_in_a_nifti_extension_are_read(tmp_path: Path, packed: bool) -> No
 
 
 def test_an_image_label_of_ome_zarr_has_names_and_colours(tmp_path: Path) -> None:
-    path = write(tmp_path / "v.zarr", blocks([1, 2], 3).astype(np.uint16), SPACE)
-    group = zarr.open_group(str(path))
-    ome = dict(group.attrs["ome"])  # type: ignore[arg-type]  # zarr: any JSON
-    ome["image-label"] = {
-        "colors": [{"label-value": 1, "rgba": [255, 0, 0, 255]}],
-        "properties": [{"label-value": 1, "class": "nucleus"}, {"label-value": 2, "area": 7}],
-    }
-    group.attrs["ome"] = ome
-    labels = load_silently(path).labels
-    assert labels == {1: Label("nucleus", RED), 2: Label("")}
+    path = write(tmp_path / "v.zarr", blocks([1, 2], 3).astype(np.uint16))
+    properties = [{"label-value": 1, "class": "nucleus"}, {"label-value": 2, "area": 7}]
+    colours = [{"label-value": 1, "rgba": [255, 0, 0, 255]}]
+    edit_ome(path, **{"image-label": {"colors": colours, "properties": properties}})
+    assert load_silently(path).labels == {1: Label("nucleus", RED), 2: Label("")}
 
 
 def test_labels_stay_through_spacing_and_downsampling() -> None:

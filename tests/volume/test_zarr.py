@@ -20,6 +20,7 @@ from volspec.volume.files.query import Query
 from volspec.volume.load import read_here
 
 VALUES = np.arange(4 * 6 * 8, dtype=np.uint16).reshape(4, 6, 8)
+TWO = np.stack([VALUES, VALUES + 1])
 SPACE = [{"name": name, "type": "space", "unit": "micrometer"} for name in "zyx"]
 CHANNEL = {"name": "c", "type": "channel"}
 TIME = {"name": "t", "type": "time", "unit": "second"}
@@ -79,8 +80,7 @@ def test_a_level_is_chosen(tmp_path: Path) -> None:
 
 
 def test_a_channel_and_a_time_are_chosen_and_single_ones_dropped(tmp_path: Path) -> None:
-    both = np.stack([VALUES, VALUES + 1])[None]
-    path = write(tmp_path / "v.zarr", both, [TIME, CHANNEL, *SPACE])
+    path = write(tmp_path / "v.zarr", TWO[None], [TIME, CHANNEL, *SPACE])
     (other,) = load_silently(str(path)).fields
     assert np.array_equal(other.values, VALUES + 1)
     assert np.array_equal(load_silently(f"{path}?channel=1").values, VALUES + 1)
@@ -109,21 +109,9 @@ def test_a_scale_without_a_unit_is_warned_about(tmp_path: Path) -> None:
     assert load_silently(f"{path}?spacing=1,1,4").spacing_mm == (1, 1, 4)
 
 
-def no_pictures(path: Path) -> None:
-    zarr.open_group(str(path), mode="w")
-
-
 def plate(path: Path) -> None:
-    no_pictures(path)
+    zarr.open_group(str(path), mode="w")
     write(path / "0")
-
-
-def flat(path: Path) -> None:
-    write(path, VALUES[0], SPACE[1:])
-
-
-def of_angles(path: Path) -> None:
-    write(path, np.stack([VALUES] * 2), [{"name": "angle"}, *SPACE])
 
 
 def cut_chunk(path: Path) -> None:
@@ -131,31 +119,29 @@ def cut_chunk(path: Path) -> None:
     chunk.write_bytes(chunk.read_bytes()[:-20])
 
 
-def cut_metadata(path: Path) -> None:
-    (write(path) / "zarr.json").write_text("{")
+def edit_ome(path: Path, **change: Any) -> None:
+    """Change a store's metadata and those of its picture."""
+    group = zarr.open_group(str(path))
+    ome: Any = dict(group.attrs["ome"])  # type: ignore[arg-type]  # zarr: any JSON
+    picture = ome["multiscales"][0] | change.pop("picture", {})
+    group.attrs["ome"] = ome | {"multiscales": [picture]} | change
 
 
-def stated(**change: Any) -> Callable[[Path], None]:
+def stated(**picture: Any) -> Callable[[Path], None]:
     """A writer of a store with other metadata."""
-
-    def make(path: Path) -> None:
-        group = zarr.open_group(str(write(path)))
-        ome: Any = dict(group.attrs["ome"])  # type: ignore[arg-type]  # zarr: any JSON
-        group.attrs["ome"] = ome | {"multiscales": [ome["multiscales"][0] | change]}
-
-    return make
+    return lambda path: edit_ome(write(path), picture=picture)
 
 
 @pytest.mark.parametrize(
     ("make", "query", "code"),
     [
         (write, "?level=2", "range"),
-        (no_pictures, "", "unsupported"),
+        (lambda path: zarr.open_group(str(path), mode="w"), "", "unsupported"),
         (plate, "", "unsupported"),
-        (flat, "", "shape"),
-        (of_angles, "", "shape"),
+        (lambda path: write(path, VALUES[0], SPACE[1:]), "", "shape"),
+        (lambda path: write(path, TWO, [{"name": "angle"}, *SPACE]), "", "shape"),
         (cut_chunk, "", "damaged"),
-        (cut_metadata, "", "damaged"),
+        (lambda path: (write(path) / "zarr.json").write_text("{"), "", "damaged"),
         (stated(axes=[{"type": "space"}, *SPACE[1:]]), "", "damaged"),
         (stated(axes=[{"name": "t"}, *SPACE]), "", "damaged"),
         (stated(coordinateTransformations=[{"type": "scale", "scale": [2.0]}]), "", "damaged"),
