@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import pyvista
 import tifffile
 from numpy.typing import NDArray
 
@@ -19,6 +20,7 @@ from volspec.volume import load_volume, volume_choices
 from volspec.volume.channels import Channel
 from volspec.volume.summary import summarise
 
+SIZES = {"PhysicalSizeX": 0.2, "PhysicalSizeY": 0.2, "PhysicalSizeZ": 0.5}
 NAMES = ["DAPI", "Actin", "Actin"]
 
 
@@ -34,25 +36,18 @@ def values() -> NDArray[np.uint16]:
 @pytest.fixture(scope="module")
 def ome_tiff(values: NDArray[np.uint16], tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("ome") / "cells.ome.tif"
-    metadata = {
-        "axes": "ZCYX",
-        "PhysicalSizeX": 0.2,
-        "PhysicalSizeY": 0.2,
-        "PhysicalSizeZ": 0.5,
-        "Channel": {
-            "Name": NAMES,
-            "Color": [0x0000FFFF, 0x00FF00FF, -1],
-            "EmissionWavelength": [461, 520, 600],
-            "ExcitationWavelength": [358, 490, 4],
-        },
+    channels = {
+        "Name": NAMES,
+        "Color": [0x0000FFFF, 0x00FF00FF, -1],
+        "EmissionWavelength": [461, 520, 600],
+        "ExcitationWavelength": [358, 490, 4],
     }
+    metadata = {"axes": "ZCYX", **SIZES, "Channel": channels}
     tifffile.imwrite(path, values.transpose(1, 0, 2, 3), metadata=metadata)
     return path
 
 
 def test_a_vti_of_several_arrays_opens_with_all(tmp_path: Path) -> None:
-    import pyvista
-
     ramp = np.arange(60, dtype=np.float32)
     for place in ("point_data", "cell_data"):
         grid = pyvista.ImageData(dimensions=(5, 4, 3) if place == "point_data" else (6, 5, 4))
@@ -106,28 +101,15 @@ def test_its_scene_has_each_channel_in_its_colour(ome_tiff: Path) -> None:
     scene = vs.Scene.from_volume(ome_tiff, lights=["D65"])
     assert isinstance(scene.transfer, FieldFunctions)
     assert list(scene.transfer.functions) == ["", "Actin", "Actin 2"]
-    for function, colour in zip(
-        scene.transfer.functions.values(), ([0, 0, 1], [0, 1, 0], [1, 1, 1]), strict=True
-    ):
-        table = function.bake(1.0)
-        shown = linear_sRGB_from_XYZ(scene.basis.xyz(table.coefficients[-1], vs.light("D65")))
-        assert shown == pytest.approx(colour, abs=0.01)
-
-
-@pytest.mark.slow
-def test_its_scene_shows_each_channel_in_its_colour(ome_tiff: Path) -> None:
-    scene = vs.Scene.from_volume(ome_tiff, lights=["D65"])
-    image = scene.render(size=(64, 48))
-    with vs.Relighter(image) as relighter:
-        frame = relighter.frame(vs.light("D65")).astype(int)
-    assert (frame[..., 2] - frame[..., 1]).max() > 40
-    assert (frame[..., 1] - frame[..., 2]).max() > 40
+    tables = [function.bake(1.0) for function in scene.transfer.functions.values()]
+    XYZ = scene.basis.xyz(np.array([each.coefficients[-1] for each in tables]), vs.light("D65"))
+    colours = np.array([[0, 0, 1], [0, 1, 0], [1, 1, 1]])
+    assert linear_sRGB_from_XYZ(XYZ) == pytest.approx(colours, abs=0.01)
 
 
 def test_a_scene_is_saved_and_read_with_its_channels(ome_tiff: Path, tmp_path: Path) -> None:
     scene = vs.Scene.from_volume(ome_tiff, lights=["D65"])
-    path = scene.save(tmp_path / "cells.toml")
-    again = vs.Scene.load(path)
+    again = vs.Scene.load(scene.save(tmp_path / "cells.toml"))
     assert [row.name for row in again.file.field] == ["Actin", "Actin 2"]
     assert len(again.volume().fields) == 2
 
@@ -144,19 +126,10 @@ def test_imagej_s_colours_and_limits_are_read(values: NDArray[np.uint16], tmp_pa
     ramp = np.arange(256, dtype=np.uint8)
     colours = (1, 0, 0), (0, 1, 0), (1, 1, 0)
     luts = [np.stack([ramp * code for code in colour]) for colour in colours]
-    tifffile.imwrite(
-        path,
-        values.transpose(1, 0, 2, 3),
-        imagej=True,
-        resolution=(5.0, 5.0),
-        metadata={
-            "axes": "ZCYX",
-            "unit": "um",
-            "spacing": 0.5,
-            "LUTs": luts,
-            "Ranges": (100.0, 2000.0, 0.0, 900.0, 5.0, 5.0),
-        },
-    )
+    metadata = {"axes": "ZCYX", "unit": "um", "spacing": 0.5, "LUTs": luts}
+    metadata["Ranges"] = (100.0, 2000.0, 0.0, 900.0, 5.0, 5.0)
+    stack = values.transpose(1, 0, 2, 3)
+    tifffile.imwrite(path, stack, imagej=True, resolution=(5.0, 5.0), metadata=metadata)
     channels = [each.channel for each in load_volume(path).by_name.values()]
     assert [c.colour for c in channels] == list(colours)
     assert [c.limits for c in channels] == [(100.0, 2000.0), (0.0, 900.0), None]
@@ -167,7 +140,7 @@ def test_a_dark_channel_is_left_out_with_a_warning(
 ) -> None:
     path, dark = tmp_path / "dark.ome.tif", values.copy()
     dark[0] = 7
-    metadata = {"axes": "ZCYX", "PhysicalSizeX": 1, "PhysicalSizeY": 1, "PhysicalSizeZ": 1}
+    metadata = {"axes": "ZCYX", **SIZES}
     tifffile.imwrite(path, dark.transpose(1, 0, 2, 3), metadata=metadata)
     with warns("left out"):
         volume = load_volume(path)
