@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import colour
 import numpy as np
@@ -13,6 +14,7 @@ import pyvista
 from PIL import Image
 
 import volspec as vs
+from tests.mesh.test_mesh import ABOVE, BASIS, SIZE
 from tests.support.errors import raises
 from tests.support.fixtures import slow_each
 from tests.support.gltf import write_glb
@@ -23,7 +25,6 @@ from volspec.scene.specs import MeshSpec
 from volspec.spectra import XYZ_from_spectra, white_XYZ
 from volspec.spectra.construct.colours import XYZ_from_sRGB
 
-BASIS = vs.SpectralBasis.load("general-7")
 MATERIALS = {
     "white": vs.reflectance("grey:1"),
     "black": vs.reflectance("grey:0"),
@@ -35,13 +36,11 @@ SUN = vs.RaycastSpec(
     diffuse=1.0,
     specular=0.0,
 )
-ABOVE = vs.Camera((0.0, 0.0, 200.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), height_mm=64.0)
-SIZE = (64, 64)
 CODES = np.random.default_rng(5).integers(0, 256, (64, 64, 3), np.uint8)
 
 
-def cast(*meshes: vs.Mesh, camera: vs.Camera = ABOVE) -> vs.CoefficientImage:
-    return vs.cast_meshes(meshes, MATERIALS, BASIS, camera, SIZE, SUN)
+def cast(*meshes: vs.Mesh, camera: vs.Camera = ABOVE, spec: Any = SUN) -> vs.CoefficientImage:
+    return vs.cast_meshes(meshes, MATERIALS, BASIS, camera, SIZE, spec)
 
 
 def channels(name: str) -> np.ndarray:
@@ -86,11 +85,10 @@ def test_the_device_interpolates_colours_as_numpy() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("codes", [CODES, CODES.astype(np.uint16) * 257, CODES / 255.0])
 def test_colours_made_spectral_are_themselves_under_d65(codes: np.ndarray) -> None:
-    image = cast(plane(vs.Texture(codes)))
     day = vs.light("D65")
     white = white_XYZ(day)
     wanted = XYZ_from_sRGB(CODES / 255.0, white)
-    seen = BASIS.xyz(image.coefficients.astype(np.float64), day)
+    seen = BASIS.xyz(cast(plane(vs.Texture(codes))).coefficients.astype(np.float64), day)
     x, y = white[:2] / white.sum()
     lab = [colour.XYZ_to_Lab(each / 100.0, (x, y)) for each in (wanted, seen)]
     assert colour.delta_E(*lab, method="CIE 2000").mean() <= 0.3
@@ -112,15 +110,14 @@ def test_colours_at_points_are_those_of_a_texture(tmp_path: Path, suffix: str) -
     path, codes = colour_quad(suffix, tmp_path)
     mesh = vs.Mesh.load(path, own_colours=True)
     assert (mesh.material[:, :3] // 257 == codes).all()
-    image = cast(mesh)
-    for corner, code in zip(((-1, 0), (-1, -1), (0, -1), (0, 0)), codes, strict=True):
+    coefficients = cast(mesh).coefficients
+    corners = coefficients[[-1, -1, 0, 0], [0, -1, -1, 0]]
+    for corner, code in zip(corners, codes, strict=True):
         flat = cast(plane(vs.Texture(np.tile(code, (1, 1, 1)))))
-        assert image.coefficients[corner] == pytest.approx(flat.coefficients[9, 9], abs=0.02)
-    middle = np.mean([image.coefficients[y, x] for y in (31, 32) for x in (31, 32)], axis=0)
-    ends = [image.coefficients[-1, 0], image.coefficients[0, -1]]
+        assert corner == pytest.approx(flat.coefficients[9, 9], abs=0.02)
+    middle = coefficients[31:33, 31:33].mean(axis=(0, 1))
     # On the diagonal along which the square is divided.
-    others = [image.coefficients[0, 0], image.coefficients[-1, -1]]
-    means = [np.mean(pair, axis=0) for pair in (ends, others)]
+    means = corners[::2].mean(axis=0), corners[1::2].mean(axis=0)
     assert min(np.abs(middle - mean).max() for mean in means) < 0.02
     assert vs.Mesh.load(path).material == "white"
 
@@ -269,7 +266,7 @@ def test_a_mirror_shows_translucent_meshes_before_opaque_ones() -> None:
     spec = vs.RaycastSpec(groups=(vs.LightGroup("all", (vs.Ambient(),)),))
 
     def middle(*meshes: vs.Mesh) -> np.ndarray:
-        image = vs.cast_meshes([mirror, *meshes], MATERIALS, BASIS, camera, SIZE, spec)
+        image = cast(mirror, *meshes, camera=camera, spec=spec)
         return image.coefficients[32, 32].astype(np.float64)
 
     red, white = middle(sheet), middle(wall)
@@ -279,16 +276,12 @@ def test_a_mirror_shows_translucent_meshes_before_opaque_ones() -> None:
 
 
 def test_a_mirror_shows_the_mesh_above_it_upside_down() -> None:
-    camera = vs.Camera((0.0, -200.0, 0.0), (0.0, 0.0, 0.0), height_mm=64.0)
     red = vs.shape_mesh("sphere", 20.0, "red").placed((0.0, 0.0, 16.0))
     floor = replace(plane("black", 200.0), mirror=0.5)
     tilted = vs.Camera((0.0, -200.0, 60.0), (0.0, 0.0, 8.0), height_mm=64.0)
-    image = vs.cast_meshes([red, floor], MATERIALS, BASIS, tilted, SIZE, SUN)
-    y = image.coefficients[..., -1]
-    alone = cast(red, camera=camera).coefficients[..., -1]
-    assert alone.any()
+    image = cast(red, floor, camera=tilted)
     # Below the ball's own picture, half as bright at most.
-    column = y[:, 32]
+    column = image.coefficients[:, 32, -1]
     lower = column[column.argmax() + 20 :]
     assert 0.05 * column.max() < lower.max() <= 0.51 * column.max()
 
@@ -348,9 +341,8 @@ def test_a_grating_sends_on_no_more_light_than_arrives() -> None:
 def test_a_new_light_recolours_stripes_without_a_cast() -> None:
     lines = vs.Grating(spacing_um=1.6, spread_deg=2.0)
     disc = replace(vs.shape_mesh("disc", 60.0, "white"), grating=lines)
-    sun = vs.Directional((0.5, 0.2, 0.84))
-    spec = replace(SUN, groups=(vs.LightGroup("sun", (sun,)),))
-    image = vs.cast_meshes([disc], MATERIALS, BASIS, ABOVE, SIZE, spec)
+    sun = vs.LightGroup("sun", (vs.Directional((0.5, 0.2, 0.84)),))
+    image = cast(disc, spec=replace(SUN, groups=(sun,)))
     day, night = (vs.relight(image, vs.light(name)) for name in ("D65", "HP1"))
     assert image.coefficients.max() > 1.5 * channels("white").max()
     assert np.abs(np.int64(day) - np.int64(night)).max() > 40
@@ -362,8 +354,7 @@ def test_a_triad_has_an_axis_of_each_colour() -> None:
     head = replace(SUN, groups=(vs.LightGroup("head", (vs.Headlight(),)),))
     image = vs.cast_meshes([vs.shape_mesh("triad", 30.0)], {}, BASIS, camera, SIZE, head)
     seen = np.float64(vs.relight(image, vs.light("D65")))
-    for channel, place in enumerate([(40, 18), (40, 45), (14, 32)]):
-        y, x = place
+    for channel, (y, x) in enumerate([(40, 18), (40, 45), (14, 32)]):
         patch = seen[y - 4 : y + 5, x - 4 : x + 5].reshape(-1, 3)
         others = np.delete(patch, channel, axis=1).max(axis=1)
         assert (patch[:, channel] > 1.3 * others + 20.0).any()
@@ -372,10 +363,8 @@ def test_a_triad_has_an_axis_of_each_colour() -> None:
 def test_a_mesh_out_of_view_is_warned_of_and_one_need_not_be_a_manifold() -> None:
     with pytest.warns(VolspecWarning, match="outside the view"):
         cast(plane(), plane(z=0.0).placed((900.0, 0.0, 0.0)))
-    fans = vs.Mesh(
-        [[0, 0, 0], [0, 0, 9], [9, 0, 0], [0, 9, 0], [-9, 0, 0]],
-        [[0, 1, 2], [0, 1, 3], [0, 1, 4]],
-    )
+    points = [[0, 0, 0], [0, 0, 9], [9, 0, 0], [0, 9, 0], [-9, 0, 0]]
+    fans = vs.Mesh(points, [[0, 1, 2], [0, 1, 3], [0, 1, 4]])
     assert cast(fans, camera=vs.Camera((50, 60, 50), (0, 0, 0))).alpha.any()
 
 
