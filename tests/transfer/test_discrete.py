@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.support.errors import raises
+from tests.support.errors import refuses
 from tests.support.transfers import BASIS, COPPER, GOLD, MATERIALS, STEEL, labels, surfaces
 from volspec.basis import MaterialBasis
 from volspec.errors import TransferError
@@ -66,36 +66,23 @@ def test_surfaces_are_sorted_by_value() -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "code", "field"),
+    ("make", "expected"),
     [
-        *(
-            (lambda bad=bad: labels(bad), code, f"LabelFunction.{field}")
-            for bad, code, field in (
-                ({}, "type", "labels"),
-                ([(1, "gold")], "type", "labels"),
-                ({70000: (1, "gold")}, "range", "labels"),
-                ({-1: (1, "gold")}, "range", "labels"),
-                ({1.5: (1, "gold")}, "type", "labels"),
-                ({True: (1, "gold")}, "type", "labels"),
-                ({1: (2, "gold")}, "range", "labels[1].opacity"),
-                ({1: (1, "glod")}, "unknown", "labels[1].material"),
-                ({1: "gold"}, "type", "labels[1]"),
-            )
-        ),
-        *(
-            (lambda bad=bad: surfaces(*bad), code, f"Isosurfaces.{field}")
-            for bad, code, field in (
-                ((), "missing", "surfaces"),
-                (((1, 1, "gold"), (1, 0.5, "steel")), "duplicate", "surfaces"),
-                (tuple((i, 1, "gold") for i in range(9)), "size", "surfaces"),
-                (((math.nan, 1, "gold"),), "range", "surfaces[0].value"),
-                ((5,), "type", "surfaces[0]"),
-            )
-        ),
+        (lambda: labels({}), "type LabelFunction.labels"),
+        (lambda: labels([(1, "gold")]), "type LabelFunction.labels"),
+        (lambda: labels({70000: (1, "gold")}), "range LabelFunction.labels"),
+        (lambda: labels({-1: (1, "gold")}), "range LabelFunction.labels"),
+        (lambda: labels({1.5: (1, "gold")}), "type LabelFunction.labels"),
+        (lambda: labels({True: (1, "gold")}), "type LabelFunction.labels"),
+        (lambda: labels({1: (2, "gold")}), "range LabelFunction.labels[1].opacity"),
+        (lambda: labels({1: (1, "glod")}), "unknown LabelFunction.labels[1].material"),
+        (lambda: labels({1: "gold"}), "type LabelFunction.labels[1]"),
+        (lambda: surfaces(), "missing Isosurfaces.surfaces"),
+        (lambda: surfaces((1, 1, "gold"), (1, 0.5, "steel")), "duplicate Isosurfaces.surfaces"),
+        (lambda: surfaces(*((i, 1, "gold") for i in range(9))), "size Isosurfaces.surfaces"),
+        (lambda: surfaces((math.nan, 1, "gold")), "range Isosurfaces.surfaces[0].value"),
+        (lambda: surfaces(5), "type Isosurfaces.surfaces[0]"),
     ],
 )
-def test_bad_labels_and_surfaces_are_named_in_one_line(
-    make: Callable[[], object], code: str, field: str
-) -> None:
-    with raises(TransferError, code, field):
-        make()
+def test_bad_labels_and_surfaces_are_named(make: Callable[[], object], expected: str) -> None:
+    refuses(make, expected, TransferError)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,20 +16,13 @@ from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
 from volspec.basis import MaterialBasis
 from volspec.errors import SpectrumError, VolspecError, VolumeError
 from volspec.spectra import DEFAULT_GRID
-from volspec.transfer import LabelFunction
-from volspec.transfer.label_look import (
-    distinct_colours,
-    label_colours,
-    label_function,
-    mix_text,
-    smits_weights,
-)
+from volspec.transfer import LabelFunction, label_look
 from volspec.volume.labels import Label
 
 
 @pytest.mark.parametrize("colour", [(1, 0, 0), (0.2, 0.7, 0.4), (0.9, 0.8, 0.95), (0.0, 0.0, 0.0)])
 def test_a_mix_has_its_display_colour_under_daylight(colour: tuple[float, float, float]) -> None:
-    spectrum = vs.reflectance(mix_text(smits_weights(colour)))
+    spectrum = vs.reflectance(label_look.mix_text(label_look.smits_weights(colour)))
     XYZ = MaterialBasis({"m": spectrum}).xyz([1, 0], vs.light("D65"))
     shown = encode_sRGB(linear_sRGB_from_XYZ(XYZ))
     assert np.abs(shown - colour).max() < 0.02
@@ -40,23 +34,25 @@ def test_a_mix_of_reflectances_is_their_weighted_sum() -> None:
 
 
 def test_colours_of_neighbouring_numbers_differ() -> None:
-    codes = np.array(distinct_colours(255))
+    codes = np.array(label_look.distinct_colours(255))
     assert np.linalg.norm(np.diff(codes[:24], axis=0), axis=1).min() > 0.2
     assert len({tuple(row) for row in codes.tolist()}) == 255
 
 
 def test_black_in_a_table_is_no_colour() -> None:
-    colours = label_colours({1: Label("a", (0, 0, 0)), 2: Label("b", (1, 0, 0)), 3: Label("c")})
+    colours = label_look.label_colours(
+        {1: Label("a", (0, 0, 0)), 2: Label("b", (1, 0, 0)), 3: Label("c")}
+    )
     assert max(colours[1]) > 0.2 and colours[2] == (1, 0, 0) and colours[3] != colours[1]
 
 
 def test_few_labels_have_a_material_each_and_many_share_eight() -> None:
     few = vs.Volume(blocks([1, 2]), labels={1: Label("liver"), 2: Label()})
-    function, texts = label_function(few, DEFAULT_GRID)
+    function, texts = label_look.label_function(few, DEFAULT_GRID)
     assert list(function.materials) == list(texts) == ["liver", "label 2"]
     assert function.names == {1: "liver"}
     many = vs.Volume(blocks(list(range(1, 118)), 3), labels={n: Label() for n in range(1, 118)})
-    function, texts = label_function(many, DEFAULT_GRID)
+    function, texts = label_look.label_function(many, DEFAULT_GRID)
     assert len(function.labels) == 117 and len(function.materials) <= 8
     assert function.basis.size <= 9
 
@@ -72,9 +68,8 @@ def test_a_segmentation_opens_with_labels_and_its_scene_keeps_them(tmp_path: Pat
     assert again.transfer.names == {1: "liver", 2: "spleen", 5: "aorta"}
     image = again.render(size=(48, 32))
     assert image.alpha.max() > 0.9
-    assert (
-        vs.Scene.from_volume(tmp_path / "v.npy", preset="soft-hard").file.transfer.kind == "points"
-    )
+    soft = vs.Scene.from_volume(tmp_path / "v.npy", preset="soft-hard")
+    assert soft.file.transfer.kind == "points"
 
 
 def test_labels_can_be_asked_for(tmp_path: Path) -> None:
@@ -106,14 +101,12 @@ def test_mixes_above_one_and_labels_of_fractions_are_refused(
 
 def test_hidden_labels_are_transparent_and_keep_their_opacity() -> None:
     volume = vs.Volume(blocks([1, 2]), labels={1: Label("liver"), 2: Label("spleen")})
-    function, _ = label_function(volume, DEFAULT_GRID)
-    hidden = LabelFunction(
-        function.labels, function.materials, function.basis, 1.0, function.names, frozenset({2})
-    )
+    function, _ = label_look.label_function(volume, DEFAULT_GRID)
+    hidden = replace(function, reference_step_mm=1.0, hidden=frozenset({2}))
     assert hidden.bake(1.0).opacity.tolist() == [0, 0.9, 0] and hidden.labels[2][0] == 0.9
 
 
 def test_the_weights_of_any_colour_are_a_mix() -> None:
     codes = np.random.default_rng(0).integers(0, 256, (4000, 3)) / 255
-    sums = [sum(smits_weights(each).values()) for each in codes]
+    sums = [sum(label_look.smits_weights(each).values()) for each in codes]
     assert min(sums) > 0 and max(sums) <= 1

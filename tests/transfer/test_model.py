@@ -38,11 +38,6 @@ def test_table_runs_linearly_between_points_and_stays_beyond() -> None:
     assert np.allclose(table.coefficients[[0, 10, 20]], [COPPER, (COPPER + STEEL) / 2, STEEL])
 
 
-def test_mixes_are_weighted_sums_of_materials() -> None:
-    table = function((0, 1.0, {"copper": 0.3, "steel": 0.5})).bake(1.0)
-    assert np.allclose(table.coefficients, 0.3 * COPPER + 0.5 * STEEL)
-
-
 def test_two_points_of_one_value_make_a_step() -> None:
     points = [(0, 0.0, "steel"), (5, 0.0, "steel"), (5, 1.0, "copper"), (10, 1.0, "copper")]
     table = function(*points).bake(1.0, size=1001)
@@ -64,10 +59,9 @@ def test_narrow_peaks_are_not_missed() -> None:
     peak = [(0, 0, "steel"), (1000, 0, "steel"), (1010, 1, "steel"), (1020, 0, "steel")]
     table = function(*peak, (65535, 0, "steel")).bake(1.0)
     assert table.opacity.max() > 0.8 and len(table.opacity) <= 65536
+    needle = [(0, 0, "steel"), (1010, 0, "steel"), (1010.01, 1, "steel"), (1e6, 0, "steel")]
     with pytest.warns(VolspecWarning):
-        function(
-            (0, 0, "steel"), (1010, 0, "steel"), (1010.01, 1, "steel"), (1e6, 0, "steel")
-        ).bake(1)
+        function(*needle).bake(1)
 
 
 def test_only_materials_in_use_are_rows() -> None:
@@ -79,8 +73,7 @@ def test_only_materials_in_use_are_rows() -> None:
 @settings(derandomize=True, deadline=None, max_examples=20)
 @given(st.lists(st.lists(st.floats(0, 0.1), min_size=10, max_size=10), min_size=2, max_size=4))
 def test_rows_are_never_more_than_channels_and_colours_are_the_mixes(shares: list) -> None:
-    mixes = [dict(zip(MANY, row, strict=True)) for row in shares]
-    mixes = [mix if any(mix.values()) else {"CES/1": 0.1} for mix in mixes]
+    mixes = [dict(zip(MANY, row, strict=True)) if any(row) else {"CES/1": 0.1} for row in shares]
     points = [(value, 0.5, mix) for value, mix in enumerate(mixes)]
     table = TransferFunction(points, MANY, BASIS).bake(1.0, size=3 * (len(mixes) - 1) + 1)
     assert len(table.channels) <= 7 == table.size
@@ -97,9 +90,7 @@ def test_gradients_multiply_the_opacity() -> None:
     assert table.gradient_top == 40 and table.opacity.shape == (9, 5)
     factors = np.array([0, 0, 0, 0.5, 1, 0.875, 0.75, 0.625, 0.5])  # at 0, 5, … 40
     assert np.allclose(table.opacity, factors[:, None] * plain.opacity)
-    assert np.array_equal(
-        table.material_weights, np.broadcast_to(plain.material_weights, (9, 5, 2))
-    )
+    assert (table.material_weights == plain.material_weights).all()
     assert table.material_weights.flags.c_contiguous
     # The factor is of a reference step: half a step lets the root through.
     assert np.isclose(table.step_opacity(0.5)[3, 0], 1 - 0.9**0.5)
@@ -116,13 +107,11 @@ def test_tables_of_gradients_are_64_rows_or_more_for_close_points() -> None:
 
 
 def test_filters_are_mixed_by_weights_and_free_of_opacity() -> None:
-    table = function(
-        (0, 0.1, "steel"), (1, 0.9, {"copper": 0.25, "steel": 0.25}), filters={"copper": AMBER}
-    ).bake(1.0, size=3)
+    points = (0, 0.1, "steel"), (1, 0.9, {"copper": 0.25, "steel": 0.25})
+    table = function(*points, filters={"copper": AMBER}).bake(1.0, size=3)
     amber = BASIS.analyse(AMBER)
     assert amber.min() > 0 and amber.max() < 1
     # In the middle 0.125 of copper and 0.625 of steel: a sixth.
-    assert table.filters is not None
     assert np.allclose(table.filters, np.outer([0, 1 / 6, 1 / 2], amber))
 
 
@@ -137,7 +126,7 @@ def test_filters_beyond_the_basis_are_clipped_with_a_warning() -> None:
     assert BASIS.analyse(narrow).min() < -0.02
     with pytest.warns(VolspecWarning) as caught:
         filters = signed.bake(1.0).filters
-    assert filters is not None and filters.min() == 0 and filters.max() <= 1
+    assert filters.min() == 0 and filters.max() <= 1
     assert caught[0].filename == __file__
 
 
@@ -229,10 +218,7 @@ REFUSED: list[tuple[Callable[[], object], str, str]] = [
 
 
 @pytest.mark.parametrize(("make", "code", "field"), REFUSED)
-def test_bad_functions_are_named_in_one_line(
-    make: Callable[[], object], code: str, field: str
-) -> None:
+def test_bad_functions_are_named(make: Callable[[], object], code: str, field: str) -> None:
     with raises(TransferError, code) as caught:
         make()
-    _, _, place = (caught.value.field or "").partition(".")
-    assert place == field
+    assert (caught.value.field or "").partition(".")[2] == field

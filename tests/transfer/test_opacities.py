@@ -22,7 +22,6 @@ from volspec.volume import Volume, phantom
 MATERIALS = {name: reflectance(name) for name in ("copper", "gold")}
 BASIS = MaterialBasis(MATERIALS)
 POINTS = [(0.0, 0.2, "copper"), (0.5, 0.5, {"copper": 0.5, "gold": 0.5}), (1.0, 1.0, "gold")]
-
 SURFACES = Isosurfaces([(0.3, 0.8, "copper"), (0.5, 0.8, "gold")], MATERIALS, BASIS)
 
 
@@ -46,9 +45,8 @@ def test_scales_of_1_leave_a_table_as_it_is_and_0_hides() -> None:
     assert scale_opacities(table, BASIS, {"copper": 1.0}) is table
     hidden = scale_opacities(table, BASIS, {"gold": 0.0})
     assert hidden.opacity[-1] == 0 and hidden.opacity[0] == pytest.approx(0.2)
-    surfaces = SurfaceTable(
-        [0.2, 0.8], [0.5, 1.0], np.eye(2), BASIS.channels_for_materials(MATERIALS)
-    )
+    channels = BASIS.channels_for_materials(MATERIALS)
+    surfaces = SurfaceTable([0.2, 0.8], [0.5, 1.0], np.eye(2), channels)
     found = scale_opacities(surfaces, BASIS, {"copper": 2.0, "gold": 0.0})
     np.testing.assert_allclose(found.opacity, [0.75, 0.0])
 
@@ -56,9 +54,7 @@ def test_scales_of_1_leave_a_table_as_it_is_and_0_hides() -> None:
 def test_functions_that_step_are_scaled_on_both_sides() -> None:
     points = [(0.0, 0.2, "copper"), (0.5, 0.2, "copper"), (0.5, 0.6, "gold"), (1.0, 0.6, "gold")]
     table = TransferFunction(points, MATERIALS, BASIS, reference_step_mm=1.0).bake(1.0)
-    assert table.left is not None
     found = scale_opacities(table, BASIS, {"copper": 2.0})
-    assert found.left is not None
     step = np.flatnonzero(table.left.opacity != table.opacity)
     np.testing.assert_allclose(found.left.opacity[step], 1 - 0.8**2)
     np.testing.assert_allclose(found.opacity[step], 0.6)
@@ -66,9 +62,7 @@ def test_functions_that_step_are_scaled_on_both_sides() -> None:
 
 @pytest.mark.not_quick
 @pytest.mark.parametrize("transfer", [curve(), *slow_each(SURFACES)])
-def test_a_cast_with_a_hidden_material_is_one_of_a_function_without_it(
-    transfer: Transfers,
-) -> None:
+def test_a_cast_with_a_hidden_material_is_one_of_a_function_without_it(transfer: Transfers) -> None:
     volume = Volume(phantom.ball(16).values)
     caster, camera = Raycaster(volume), Camera.orbit(volume)
     spec = RaycastSpec(step_mm=0.5, opacities={"gold": 0.0})
