@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import volspec as vs
+from tests.support.images import image
 from volspec._gpu.opencl import MOST_KERNELS
 from volspec._gpu.sources import asset
 from volspec.pipeline import Raycaster, raycast
@@ -27,9 +28,7 @@ from volspec.volume import Volume
 
 @pytest.fixture(scope="module")
 def grey() -> CoefficientImage:
-    opaque = np.ones((6, 5), np.float32)
-    basis = vs.SpectralBasis.load("general-7")
-    return CoefficientImage(np.full((6, 5, 7), 0.5, np.float32), opaque, opaque, basis)
+    return image(np.full((6, 5, 7), 0.5), vs.SpectralBasis.load("general-7"))
 
 
 def blocks_left_by(call: Callable[[int], object], calls: int) -> float:
@@ -49,9 +48,7 @@ def blocks_left_by(call: Callable[[int], object], calls: int) -> float:
 
 
 @pytest.mark.slow
-def test_lights_and_viewings_that_changed_take_no_memory(
-    grey: CoefficientImage, backend: str
-) -> None:
+def test_other_lights_and_viewings_take_no_memory(grey: CoefficientImage, backend: str) -> None:
     first = {"gl": 2000, "numpy": 2005}[backend]
 
     def change(number: int) -> None:
@@ -72,9 +69,7 @@ def test_relighters_that_were_closed_take_no_memory(grey: CoefficientImage, back
 
 
 @pytest.mark.slow
-def test_transfer_functions_views_and_settings_that_changed_take_no_memory(
-    half_engine: Volume,
-) -> None:
+def test_casts_with_other_functions_and_views_take_no_memory(half_engine: Volume) -> None:
     caster = Raycaster(half_engine)
     copper = {"copper": vs.reflectance("copper")}
     transfer = vs.TransferFunction(
@@ -99,8 +94,8 @@ def test_scenes_that_were_loaded_cast_and_relit_take_no_memory() -> None:
     def load(number: int) -> None:
         scene = Scene.load(asset("data/scenes/engine.toml"))
         volume = scene.volume()
-        image = scene.render(volume, size=(16, 16), caster=Raycaster(volume))
-        with Relighter(image) as relighter:
+        small = scene.render(volume, size=(16, 16), caster=Raycaster(volume))
+        with Relighter(small) as relighter:
             relighter.frame(vs.light(f"planck:{3000 + number}"))
 
     # Of PoCL's build log and pyopencl's about 40.

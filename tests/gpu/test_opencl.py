@@ -17,6 +17,7 @@ import pyopencl as cl
 import pytest
 
 from tests.support.errors import raises
+from tests.support.fixtures import Patch
 from volspec import doctor
 from volspec._gpu import devices, memory, opencl, sources
 from volspec._gpu.devices import DeviceInfo, choose_device
@@ -33,7 +34,7 @@ def compute() -> Compute:
 
 
 @pytest.fixture
-def two_devices(monkeypatch: pytest.MonkeyPatch) -> None:
+def two_devices(monkeypatch: Patch) -> None:
     """A GPU and a CPU, as far as names go."""
     known = [
         DeviceInfo(name, platform, "OpenCL 3.0", driver, is_cpu, 8, 2**34, 2**32)
@@ -93,7 +94,7 @@ def test_a_shared_array_lives_as_long_as_its_buffer(compute: Compute) -> None:
     assert alive() is None
 
 
-def test_kernels_of_one_source_are_built_together(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kernels_of_one_source_are_built_together(monkeypatch: Patch) -> None:
     """Also by a program out of pyopencl's cache, which Intel's runtime had ended."""
     built = []
     build = Compute._build
@@ -103,22 +104,22 @@ def test_kernels_of_one_source_are_built_together(monkeypatch: pytest.MonkeyPatc
         return build(compute, source, options)
 
     monkeypatch.setattr(Compute, "_build", counted)
-    text = "".join(
-        f"__kernel void {name}(__global int *out) {{ *out = {value}; }}\n"
-        for name, value in (("one", 1), ("two", 2))
+    values = {"one": 1, "two": 2}
+    kernels = (
+        f"__kernel void {n}(__global int *out) {{ *out = {k}; }}\n" for n, k in values.items()
     )
-    source, found = Source(text, ("<prelude>", "both.cl")), np.empty(1, np.int32)
+    source, found = Source("".join(kernels), ("<prelude>", "both.cl")), np.empty(1, np.int32)
     for _ in range(2):  # the second context finds the program in the cache
         compute = Compute.open()
-        for name, value in (("one", 1), ("two", 2), ("one", 1)):
+        for name in ("one", "two", "one"):
             out = compute.output(4)
             compute.kernel(source, name)(compute.queue, (1,), None, out)
             compute.download(out, found)
-            assert found[0] == value
+            assert found[0] == values[name]
     assert built == [source, source]
 
 
-def test_the_kernels_used_last_are_cached(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_kernels_used_last_are_cached(monkeypatch: Patch) -> None:
     monkeypatch.setattr(opencl, "MOST_KERNELS", 3)
     compute = Compute.open()
 
@@ -134,33 +135,29 @@ def test_the_kernels_used_last_are_cached(monkeypatch: pytest.MonkeyPatch) -> No
     assert sum_of_ends(compute, compute.upload(np.arange(4, dtype=np.uint8)), 1) == 1
 
 
-def test_what_memory_does_not_suffice_for_or_no_kernel_reads_is_refused_before_it_is_taken(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_memory_does_not_suffice_for_or_no_kernel_reads_is_refused(monkeypatch: Patch) -> None:
+    picture = "a picture", "cast a smaller one"
     compute = Compute.open()
     compute.info = DeviceInfo("tiny", "test", "1", "1", False, 1, 3 << 20, 2 << 20)
-    compute.require(3 << 20, "a picture", "cast a smaller one")
+    compute.require(3 << 20, *picture)
     buffer = compute.output(1 << 20)
-    compute.require(2 << 20, "a picture", "cast a smaller one")
+    compute.require(2 << 20, *picture)
     with raises(OpenCLError, "size") as caught:
-        compute.require(3 << 20, "a picture", "cast a smaller one")
+        compute.require(3 << 20, *picture)
     assert re.findall(r"[\d.]+(?= MiB)", str(caught.value)) == ["3.0", "2.0"]
     del buffer
-    compute.require(3 << 20, "a picture", "cast a smaller one")
+    compute.require(3 << 20, *picture)
     for share in (False, True):
         with raises(ShapeError, "shape"):
             compute.upload(np.zeros((2, 3), np.float32).T, share=share)
     compute.info = DeviceInfo("cpu", "test", "1", "1", True, 1, 9 << 30, 2 << 30)
     monkeypatch.setattr(opencl, "host_free_bytes", lambda: 1 << 30)
     with raises(OpenCLError, "size"):
-        compute.require(int(3.2 * 2**30), "a picture", "cast a smaller one")
+        compute.require(int(3.2 * 2**30), *picture)
 
 
-def test_a_container_s_limit_counts_as_the_host_s_memory(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    whole = SimpleNamespace(available=4096 * 1024)
-    monkeypatch.setattr(psutil, "virtual_memory", lambda: whole)
+def test_a_container_s_limit_is_the_host_s_memory(monkeypatch: Patch, tmp_path: Path) -> None:
+    monkeypatch.setattr(psutil, "virtual_memory", lambda: SimpleNamespace(available=4096 * 1024))
     files = {
         "sys/fs/cgroup/memory.max": "max\n",
         "sys/fs/cgroup/memory.current": "3000000\n",
@@ -206,7 +203,7 @@ BROKEN = (
     ],
 )
 def test_a_kernel_that_does_not_build_quotes_the_line(
-    compute: Compute, text: str, message: str, monkeypatch: pytest.MonkeyPatch
+    compute: Compute, text: str, message: str, monkeypatch: Patch
 ) -> None:
     monkeypatch.setattr(devices, "_try", lambda index, info: "")
     source = Source(text, ("<prelude>", "kernels/broken.cl", "kernels/include/part.clh"))
@@ -235,9 +232,7 @@ def test_logs_are_read_in_the_forms_of_pocl_and_of_clang(form: str) -> None:
 
 
 @pytest.mark.usefixtures("two_devices")
-def test_devices_are_chosen_by_name_platform_number_or_variable(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_devices_are_chosen_by_name_platform_number_or_variable(monkeypatch: Patch) -> None:
     monkeypatch.delenv("VOLSPEC_DEVICE", raising=False)
     names = (None, "h200", "epyc", "cuda", "portable", "1", "3.1+deb")
     assert [choose_device(name) for name in names] == [0, 0, 1, 0, 1, 1, 1]
@@ -262,7 +257,7 @@ def test_devices_that_are_not_there_or_make_no_context_are_named(
     variable: str,
     code: str,
     parts: list[str],
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: Patch,
 ) -> None:
     def context(devices: object) -> None:
         raise cl.RuntimeError("Context failed:\n OUT_OF_HOST_MEMORY")
@@ -276,7 +271,7 @@ def test_devices_that_are_not_there_or_make_no_context_are_named(
     assert [part for part in parts if part not in str(caught.value)] == []
 
 
-def test_doctor_shows_the_device_of_the_variable(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_shows_the_device_of_the_variable(monkeypatch: Patch) -> None:
     monkeypatch.setattr(devices, "_try", lambda index, info: "")
     monkeypatch.setenv("VOLSPEC_DEVICE", "0")
     found = doctor.examine()

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
+import moderngl
 import numpy as np
 import pyopencl as cl
 import pytest
@@ -21,6 +22,7 @@ import pytest
 import volspec as vs
 from tests.raycast.test_into import BALL, GROUPS, cast, frame, third
 from tests.support.errors import raises
+from tests.support.fixtures import Patch, slow
 from volspec import doctor
 from volspec._gpu import devices, sharing
 from volspec._gpu.devices import all_devices, choose_device
@@ -39,9 +41,7 @@ def refusal(context: Any) -> str:
     return str(caught.value)
 
 
-def test_what_cannot_share_is_refused_before_its_driver_is_asked(
-    context: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_share_is_refused_without_its_driver(context: Any, monkeypatch: Patch) -> None:
     """PoCL 3.0 makes a shared context, and ends the process at the first buffer."""
     chosen = device()  # tried on this system
     monkeypatch.setattr(cl, "have_gl", lambda: False)
@@ -105,9 +105,7 @@ class Copy(cl.Buffer):
 
 
 @pytest.fixture
-def driver(context: Any, monkeypatch: pytest.MonkeyPatch) -> Driver:
-    import moderngl
-
+def driver(context: Any, monkeypatch: Patch) -> Driver:
     made = Driver()
     if not (device().type & cl.device_type.CPU):
         pytest.skip("PoCL plays the driver here")
@@ -146,15 +144,12 @@ def driver(context: Any, monkeypatch: pytest.MonkeyPatch) -> Driver:
 def sharing_pair(context: Any, **spec: Any) -> Iterator[tuple[vs.Raycaster, vs.Relighter]]:
     """A caster and a relighter of one context, which shows a first picture."""
     caster = vs.Raycaster(BALL, context=context)
-    first = cast(0, spec=spec)
-    with vs.Relighter(first, "gl", context=context) as relighter:
+    with vs.Relighter(cast(0, spec=spec), "gl", context=context) as relighter:
         yield caster, relighter
 
 
 @pytest.mark.parametrize(
-    "spec",
-    [{}, {"half": True}, pytest.param({"groups": GROUPS}, marks=pytest.mark.slow)],
-    ids=["float", "half", "groups"],
+    "spec", [{}, {"half": True}, slow({"groups": GROUPS})], ids=["float", "half", "groups"]
 )
 def test_the_frame_of_a_shared_picture_is_that_of_the_host_s_bit_by_bit(
     driver: Driver, context: Any, spec: dict[str, Any]
@@ -166,10 +161,8 @@ def test_the_frame_of_a_shared_picture_is_that_of_the_host_s_bit_by_bit(
             calls = [call for call in driver.calls if call != "glGenBuffers"]
             bands = calls.count("band")
             assert bands > 3
-            assert calls == [
-                *("glFinish", "acquire", *["band"] * bands, "release", "clFinish"),
-                "glTexSubImage3D",
-            ]
+            taken = ["glFinish", "acquire", *["band"] * bands, "release"]
+            assert calls == [*taken, "clFinish", "glTexSubImage3D"]
             truth = cast(azimuth, spec=spec)
             assert np.array_equal(image.coefficients, truth.coefficients)
             with vs.Relighter(truth, "gl") as host:
@@ -207,9 +200,7 @@ def test_a_shared_cast_that_ends_early_leaves_the_picture_shown(
         assert not np.array_equal(frame(relighter), before)
 
 
-def test_a_sharing_caster_casts_without_a_relighter_as_any_other(
-    driver: Driver, context: Any
-) -> None:
+def test_a_sharing_caster_casts_as_any_other_to_the_host(driver: Driver, context: Any) -> None:
     caster = vs.Raycaster(BALL, context=context)
     image = cast(60, caster=caster)
     assert np.array_equal(image.coefficients, cast(60).coefficients)
@@ -217,7 +208,7 @@ def test_a_sharing_caster_casts_without_a_relighter_as_any_other(
 
 
 def test_a_relighter_of_another_context_and_a_driver_that_makes_none_are_refused(
-    driver: Driver, context: Any, monkeypatch: pytest.MonkeyPatch
+    driver: Driver, context: Any, monkeypatch: Patch
 ) -> None:
     caster = vs.Raycaster(BALL, context=context)
     for backend, contexts in (("gl", 2), ("numpy", 1)):
@@ -243,9 +234,7 @@ def test_the_current_context_is_known_by_its_handle(context: Any) -> None:
     assert f"{here.handle:#x}" in sharing.context_name(context, here)
 
 
-def test_doctor_reports_whether_memory_is_shared_and_why_not(
-    context: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_doctor_reports_why_memory_is_not_shared(context: Any, monkeypatch: Patch) -> None:
     monkeypatch.setattr(devices, "_try", lambda index, info: "")
     for message in ("moon", None):
         monkeypatch.setattr(sharing, "sharing_fault", lambda device, gl, message=message: message)

@@ -18,6 +18,8 @@ import pytest
 from packaging.requirements import Requirement
 
 from tests.support.errors import raises, refuses, warns
+from tests.support.fixtures import Patch
+from tests.support.images import image
 from volspec._files import exclusive_folder, write_whole
 from volspec._gpu import opengl
 from volspec.basis import SpectralBasis
@@ -40,7 +42,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
     ],
 )
 def test_each_system_s_own_ways_to_a_headless_context_are_tried_before_its_remedy_is_named(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: Patch,
     system: str,
     display: str | None,
     ways: list[str | None],
@@ -77,16 +79,14 @@ print(opengl.egl_handle(), frame[4, 4].tolist())
 
 def grey_image() -> CoefficientImage:
     """8 x 8 opaque pixels of one reflectance."""
-    basis = SpectralBasis.load("general-7")
-    opaque, flat = np.ones((8, 8), np.float32), np.full((8, 8, basis.size), 0.25, np.float32)
-    return CoefficientImage(flat, opaque, 100 * opaque, basis)
+    return image(np.full((8, 8, 7), 0.25), SpectralBasis.load("general-7"))
 
 
 def test_a_display_draws_for_linux_without_egl(tmp_path: Path) -> None:
     if shutil.which("Xvfb") is None:
         pytest.skip("no display can be made: apt-get install xvfb")
-    image = grey_image()
-    image.save(tmp_path / "grey.exr")
+    grey = grey_image()
+    grey.save(tmp_path / "grey.exr")
     words = ("Xvfb", "-displayfd", "1", "-screen", "0", "64x64x24", "-nolisten", "tcp")
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
     with subprocess.Popen(words, **pipes) as server:
@@ -100,14 +100,12 @@ def test_a_display_draws_for_linux_without_egl(tmp_path: Path) -> None:
         finally:
             server.terminate()
     assert drawn.returncode == 0, drawn.stderr
-    with Relighter(image, "numpy") as relighter:
+    with Relighter(grey, "numpy") as relighter:
         expected = relighter.frame(light("A"))[4, 4].tolist()
     assert drawn.stdout.strip() == f"0 {expected}"
 
 
-def test_without_moderngl_relighting_uses_numpy_and_says_how_to_get_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_without_moderngl_relighting_uses_numpy_and_says_how_to_get_it(monkeypatch: Patch) -> None:
     monkeypatch.setitem(sys.modules, "moderngl", None)
     monkeypatch.setattr(opengl, "_idle_contexts", list)  # none left by another test
     with warns("moderngl", "pip"):
@@ -115,9 +113,7 @@ def test_without_moderngl_relighting_uses_numpy_and_says_how_to_get_it(
     refuses(opengl.window_context, "missing ", OpenGLError)
 
 
-def test_on_windows_too_one_export_keeps_another_out_of_its_folder(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_on_windows_too_one_export_keeps_others_out(monkeypatch: Patch, tmp_path: Path) -> None:
     def locking(handle: int, mode: int, size: int) -> None:
         assert not Path(f"/proc/self/fd/{handle}").readlink().is_dir(), "Windows opens no folders"
         try:
@@ -138,9 +134,7 @@ def test_on_windows_too_one_export_keeps_another_out_of_its_folder(
         assert list(tmp_path.iterdir()) == []
 
 
-def test_a_file_that_is_flushed_to_the_disk_is_open_for_writing(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_file_flushed_to_the_disk_is_open_for_writing(monkeypatch: Patch, tmp_path: Path) -> None:
     """Windows flushes no other."""
     modes = []
     monkeypatch.setattr(
@@ -167,10 +161,6 @@ def test_what_has_no_wheel_on_a_machine_is_not_asked_for_there(
     """`make trust` asks the package index (tools/installs.py)."""
     here = {"sys_platform": system, "platform_machine": machine}
     listed = [*PROJECT["dependencies"], *PROJECT["optional-dependencies"]["intel"]]
-    asked = {
-        requirement.name
-        for requirement in map(Requirement, listed)
-        if requirement.marker and requirement.marker.evaluate(here)
-    }
-    asked.discard("intel-cmplr-lib-rt")
-    assert asked == expected
+    conditional = [each for each in map(Requirement, listed) if each.marker]
+    asked = {each.name for each in conditional if each.marker.evaluate(here)}
+    assert asked - {"intel-cmplr-lib-rt"} == expected
