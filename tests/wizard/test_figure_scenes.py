@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,6 @@ import pytest
 
 import volspec as vs
 from tests.support.errors import raises
-from tests.support.wizards import frame_Lab, painted
 from volspec.appearance.models.cielab import delta_E_2000
 from volspec.errors import SceneError
 from volspec.palette import load_palette
@@ -17,11 +17,7 @@ from volspec.scene.file import scene_data, scene_file
 from volspec.wizard.result import displayed_Lab
 
 DATA = Path(__file__).resolve().parents[2] / "data"
-
-
-@pytest.fixture(scope="module")
-def engine_scene() -> vs.Scene:
-    return vs.Scene.load(DATA / "scenes" / "figure-6.toml")
+SCENES = DATA / "scenes"
 
 
 def shown(scene: vs.Scene) -> dict[tuple[str, str], np.ndarray]:
@@ -37,10 +33,8 @@ def apart(one: np.ndarray, other: np.ndarray) -> float:
     return float(delta_E_2000(one, other))
 
 
-def test_figure_6_hides_the_inserts_and_the_smoke_and_keeps_the_block(
-    engine_scene: vs.Scene,
-) -> None:
-    seen = shown(engine_scene)
+def test_figure_6_hides_the_inserts_and_the_smoke_and_keeps_the_block() -> None:
+    seen = shown(vs.Scene.load(SCENES / "figure-6.toml"))
     assert apart(seen["inserts", "a"], seen["block", "a"]) < 1.0
     assert seen["smoke", "a"][0] < 1.0  # L*
     for light in ("b", "c"):
@@ -52,22 +46,14 @@ def test_figure_6_hides_the_inserts_and_the_smoke_and_keeps_the_block(
     assert red[1] > 50.0 and red[2] > 30.0
 
 
-@pytest.mark.slow  # frames are compared in test_wizards, too
-def test_figure_6_is_so_in_its_frames(engine_scene: vs.Scene) -> None:
-    alike = painted(engine_scene, "inserts", "block")
-    for light, least, most in (("a", 0.0, 1.0), ("b", 20.0, 100.0)):
-        frames = [frame_Lab(scene, light, (64, 64)) for scene in (engine_scene, alike)]
-        assert least <= delta_E_2000(*frames).max() < most
-
-
 def test_figure_7_is_of_one_colour_and_then_without_a_body() -> None:
-    scene = vs.Scene.load(DATA / "scenes" / "figure-7.toml")
+    scene = vs.Scene.load(SCENES / "figure-7.toml")
     seen = shown(scene)
     first = [seen[name, "1:0"] for name in scene.materials]
     assert max(apart(first[0], other) for other in first[1:]) < 1.0
     assert seen["body", "0:1"][0] < 1.0
     inside = [seen[name, "0:1"] for name in ("skin", "organs", "eyes")]
-    assert min(apart(inside[i], inside[j]) for i, j in ((0, 1), (0, 2), (1, 2))) > 25.0
+    assert min(apart(*pair) for pair in combinations(inside, 2)) > 25.0
     lightness = [seen["body", light.name][0] for light in scene.lights]
     assert lightness == sorted(lightness, reverse=True)
     assert len(scene.lights) == 5
@@ -77,7 +63,7 @@ def test_figure_7_is_of_one_colour_and_then_without_a_body() -> None:
 def test_figure_7_casts_the_frog(volumes: Path) -> None:
     if not (volumes / "frog.nrrd").exists():
         pytest.skip("frog.nrrd is not in the folder of the larger volumes")
-    scene = vs.Scene.load(DATA / "scenes" / "figure-7.toml")
+    scene = vs.Scene.load(SCENES / "figure-7.toml")
     image = scene.render(vs.load_volume(volumes / "frog.nrrd"), size=(64, 64))
     whole, inside = (
         vs.relight(image, light.rig, vs.RelightSpec(scene.relight.viewing, backdrop=0.0)).mean()
@@ -87,22 +73,19 @@ def test_figure_7_casts_the_frog(volumes: Path) -> None:
 
 
 def test_figure_2_parts_one_colour_into_three_and_five() -> None:
-    scene = vs.Scene.load(DATA / "scenes" / "figure-2.toml")
+    scene = vs.Scene.load(SCENES / "figure-2.toml")
     seen = shown(scene)
-    names = list(scene.materials)
     for light, groups in (("D65", 1), ("split 1", 3), ("split 2", 5)):
         kinds: list[np.ndarray] = []
-        for name in names:
+        for name in scene.materials:
             if all(apart(seen[name, light], kind) > 1.0 for kind in kinds):
                 kinds.append(seen[name, light])
         assert len(kinds) == groups, light
-        pairs = [(a, b) for i, a in enumerate(kinds) for b in kinds[:i]]
-        assert all(apart(a, b) > 10.0 for a, b in pairs)
+        assert all(apart(*pair) > 10.0 for pair in combinations(kinds, 2))
 
 
 def test_a_volume_that_does_not_ship_is_missed_in_one_line() -> None:
-    path = DATA / "scenes" / "figure-7.toml"
-    scene = vs.Scene.load(path, {"method": "materials"})
+    scene = vs.Scene.load(SCENES / "figure-7.toml", {"method": "materials"})
     if (scene.folder / scene.file.volume.file).exists():
         pytest.skip("the volume has been put there")
     with raises(SceneError, "not-found", "volume"):
@@ -112,5 +95,5 @@ def test_a_volume_that_does_not_ship_is_missed_in_one_line() -> None:
 @pytest.mark.parametrize("name", ["figure-2-volume", "figure-6", "figure-7", "colour-vision"])
 def test_a_scene_is_exposed_as_its_palette(name: str) -> None:
     palette = load_palette(DATA / "palettes" / f"{name}.toml")
-    path = DATA / "scenes" / f"{name.removesuffix('-volume')}.toml"
+    path = SCENES / f"{name.removesuffix('-volume')}.toml"
     assert palette.viewing == scene_file(scene_data(path), path).viewing.viewing
