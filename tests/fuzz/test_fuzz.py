@@ -6,7 +6,6 @@ import math
 import random
 import subprocess
 import sys
-import warnings
 from pathlib import Path
 from threading import Event
 from types import SimpleNamespace
@@ -29,12 +28,10 @@ def corpus() -> dict[str, dict[str, bytes]]:
     return read_corpus()
 
 
+@pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", TARGETS)
 def test_kept_inputs_end_without_a_finding(
-    name: str,
-    corpus: dict[str, dict[str, bytes]],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    name: str, corpus: dict[str, dict[str, bytes]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One that is never read to its end is given up sooner here."""
     monkeypatch.setattr(reader_process, "_TIMEOUT_S", 1.0)
@@ -42,9 +39,7 @@ def test_kept_inputs_end_without_a_finding(
     target.lay_out(tmp_path)
     assert corpus[name], f"none of {name}; run python -m benchmarks.fuzz {name} --keep"
     for which, data in corpus[name].items():
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            error = target.run(tmp_path, data)
+        error = target.run(tmp_path, data)
         assert not target.is_finding(error), f"{CORPUS.name}: {name}/{which}: {error!r}"
 
 
@@ -60,15 +55,14 @@ def test_the_corpus_is_small_and_the_same_file_in_any_order(tmp_path: Path) -> N
     assert sorted(read_corpus(one)["ies"].values()) == [b"a", b"b"]
 
 
+@pytest.mark.filterwarnings("ignore")
 def test_every_seed_is_read(tmp_path: Path) -> None:
     names = "csv", "triples", "icc", "basis", "tm27", "cgats", "cxf", "envi", "spectral-exr"
     for name in (*names, "ies", "ldt", "image-exr", "cache"):
         target = TARGETS[name]
         target.lay_out(tmp_path)
         for data in target.seeds():
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                assert target.run(tmp_path, data) is None, name
+            assert target.run(tmp_path, data) is None, name
 
 
 def reads_digits(path: Path) -> None:
@@ -148,20 +142,13 @@ def test_a_process_that_hangs_or_dies_leaves_its_input(
 def test_mutations_are_the_same_for_one_seed_and_differ_from_their_source() -> None:
     made = [
         [mutated(SEEDS[0], SEEDS, (b"token",), rng) for _ in range(200)]
-        for rng in (random.Random(3), random.Random(3), random.Random(4))
+        for rng in map(random.Random, (3, 3, 4))
     ]
     assert made[0] == made[1] != made[2]
     assert len(set(made[0])) > 150
 
 
 def test_a_place_is_where_an_error_came_from() -> None:
-    def raised(data: bytes) -> object:
-        try:
-            reads_digits_of(data)
-        except InputError as error:
-            return place_of(error)
-        return None
-
     def reads_digits_of(data: bytes) -> None:
         try:
             int(data)
@@ -169,4 +156,9 @@ def test_a_place_is_where_an_error_came_from() -> None:
             raise InputError("no number") from None
         raise InputError("too many")
 
-    assert raised(b"x") == raised(b"y") != raised(b"1")
+    places = []
+    for data in (b"x", b"y", b"1"):
+        with pytest.raises(InputError) as caught:
+            reads_digits_of(data)
+        places.append(place_of(caught.value))
+    assert places[0] == places[1] != places[2]
