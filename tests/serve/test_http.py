@@ -37,17 +37,12 @@ def test_the_token_buys_a_cookie_for_the_clean_address(server: Any) -> None:
 @pytest.mark.parametrize(
     ("path", "cookie"),
     [
-        ("/", ""),
-        ("/view?azimuth=1", ""),
-        ("/nothing", ""),
-        ("/", "volspec-{port}=wrong"),
-        ("/", "volspec-{port}="),
-        ("/", 'volspec-{port}="\\377ü'),
-        ("/?token=", ""),
-        ("/?token=wrong", ""),
-        ("/?token=%ff%fe", ""),
-        ("/?{token}&token=wrong", ""),
-        ("/view?{token}", ""),
+        *((path, "") for path in ("/", "/view?azimuth=1", "/nothing", "/view?{token}")),
+        *(
+            (f"/?{query}", "")
+            for query in ("token=", "token=wrong", "token=%ff%fe", "{token}&token=wrong")
+        ),
+        *(("/", f"volspec-{{port}}={value}") for value in ("wrong", "", '"\\377ü')),
     ],
 )
 def test_nothing_is_answered_without_the_secret(server: Any, path: str, cookie: str) -> None:
@@ -63,8 +58,7 @@ def test_nothing_is_answered_without_the_secret(server: Any, path: str, cookie: 
 def test_other_names_are_refused_even_with_the_secret(client: Client, host: str) -> None:
     host = host.format(port=client.server.port)
     for path in ("/", f"/?{client.token}", "/view"):
-        answer = client.get(path, Host=host)
-        assert answer.status in (400, 403)
+        assert client.get(path, Host=host).status in (400, 403)
 
 
 @pytest.mark.parametrize(
@@ -86,11 +80,8 @@ def test_all_addresses_take_any_name_but_still_the_token(ball_scene: Scene) -> N
 @pytest.mark.parametrize(
     "headers",
     [
-        {"Origin": "http://evil.example"},
-        {"Origin": "null"},
-        {"Origin": "http://127.0.0.1:1"},
-        {"Sec_Fetch_Site": "cross-site"},
-        {"Sec_Fetch_Site": "same-site"},
+        *({"Origin": origin} for origin in ("http://evil.example", "null", "http://127.0.0.1:1")),
+        *({"Sec_Fetch_Site": site} for site in ("cross-site", "same-site")),
     ],
 )
 def test_other_sites_get_no_views(client: Client, headers: dict[str, str]) -> None:
@@ -103,20 +94,9 @@ def test_other_sites_get_no_views(client: Client, headers: dict[str, str]) -> No
 @pytest.mark.parametrize(
     "path",
     [
-        "/../etc/passwd",
-        "/%2e%2e/%2e%2e/etc/passwd",
-        "/view/../../etc/passwd",
-        "/view/",
-        "//evil.example/",
-        "//evil.example/?{token}",
-        "http://evil.example/",
-        "/etc/passwd",
-        "/favicon.ico",
-        "/index.html",
-        "/\\..\\windows",
-        "/page.html?azimuth=1",
-        "/view%00",
-        "*",
+        *("/../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd", "/view/../../etc/passwd", "/etc/passwd"),
+        *("//evil.example/", "//evil.example/?{token}", "http://evil.example/", "/\\..\\windows"),
+        *("/view/", "/view%00", "/favicon.ico", "/index.html", "/page.html?azimuth=1", "*"),
     ],
 )
 def test_there_are_no_other_paths(client: Client, path: str) -> None:
@@ -145,15 +125,15 @@ def test_every_answer_forbids_what_it_does_not_need(client: Client) -> None:
     )
     assert "connect-src 'self'" in page_policy(served=True)
     assert "connect-src" not in page_policy()
+    given = {
+        "X-Content-Type-Options": "nosniff",
+        "Referrer-Policy": "no-referrer",
+        "Cross-Origin-Opener-Policy": "same-origin",
+        "Cross-Origin-Resource-Policy": "same-origin",
+        "Cache-Control": "no-store",
+    }
     for answer in (page, client.view(), client.get("/x"), client.get("/", "PUT")):
-        for name, value in {
-            "X-Content-Type-Options": "nosniff",
-            "Referrer-Policy": "no-referrer",
-            "Cross-Origin-Opener-Policy": "same-origin",
-            "Cross-Origin-Resource-Policy": "same-origin",
-            "Cache-Control": "no-store",
-        }.items():
-            assert answer.headers[name] == value
+        assert given.items() <= dict(answer.headers).items()
         assert "Server" not in answer.headers and "ETag" not in answer.headers
 
 
@@ -198,7 +178,6 @@ def test_the_command_prints_its_address_and_ends_by_an_interrupt(
     command = [sys.executable, "-m", "volspec", *words, "--port", "0"]
     root = Path(__file__).resolve().parents[2]
     with subprocess.Popen(command, stdout=-1, stderr=-1, cwd=root, text=True) as process:
-        assert process.stdout is not None and process.stderr is not None
         line = process.stdout.readline()
         assert re.match(r"http://127\.0\.0\.1:\d+/\?token=[\w-]{32} ", line)
         process.send_signal(2)

@@ -32,10 +32,8 @@ from volspec.volume import phantom
 def test_a_view_is_what_the_pipeline_casts(client: Client, ball_scene: Scene) -> None:
     camera = Orbit(75.0, -30.0, ball_scene.file.camera.zoom / 0.5)
     volume = ball_scene.volume()
-    image = raycast(
-        volume, ball_scene.transfer, camera.camera(volume), (42, 30), ball_scene.raycast
-    )
-    packed = pack_view(image, 8)
+    given = ball_scene.transfer, camera.camera(volume), (42, 30), ball_scene.raycast
+    packed = pack_view(raycast(volume, *given), 8)
     numbers, data = client.view(azimuth=75, elevation=-30, distance=0.5).view()
     assert data == packed.data
     assert (numbers["width"], numbers["height"], numbers["coarse"]) == (42, 30, False)
@@ -73,7 +71,7 @@ def test_the_orbit_of_a_scene_is_its_camera(ball_scene: Scene, table: CameraSpec
     assert abs(orbit.elevation_deg) <= 90 and abs(orbit.azimuth_deg) <= 180
     own, made = scene.camera(volume), orbit.camera(volume)
     assert np.allclose(own.position_mm, made.position_mm, atol=1e-9)
-    assert np.allclose(np.array(own.frame()), np.array(made.frame()), atol=1e-9)
+    assert np.allclose(own.frame(), made.frame(), atol=1e-9)
     assert (own.fov_deg, own.height_mm) == (made.fov_deg, made.height_mm)
 
 
@@ -119,11 +117,10 @@ def test_a_replaced_request_is_answered_as_such_and_others_go_on(ball_scene: Sce
 
 def test_a_browser_that_leaves_ends_its_cast(ball_scene: Scene) -> None:
     started, ended = Event(), Event()
-    cast = waiting(started)
 
     def message(request: ViewRequest, cancel: Callable[[], bool]) -> bytes:
         try:
-            return cast(request, cancel)
+            return waiting(started)(request, cancel)
         finally:
             ended.set()
 
