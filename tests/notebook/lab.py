@@ -21,12 +21,7 @@ from volspec import _cache
 
 ROOT = Path(__file__).resolve().parents[2]
 _NOTEBOOK = "cells.ipynb"
-_SESSION = {
-    "path": _NOTEBOOK,
-    "name": _NOTEBOOK,
-    "type": "notebook",
-    "kernel": {"name": "python3"},
-}
+_SESSION = {"path": _NOTEBOOK, "name": _NOTEBOOK, "type": "notebook", "kernel": {"name": "python3"}}
 _KERNEL = {"name": "python3", "display_name": "Python 3", "language": "python"}
 _OPTIONS = (
     *("--no-browser", "--allow-root", "--ServerApp.ip=127.0.0.1", "--ServerApp.port_retries=0"),

@@ -19,11 +19,7 @@ from tests.support.fixtures import Patch
 from tests.support.images import named_lights, some_rows
 from tests.twins.test_recompose import layered
 from volspec.appearance import Display, Viewing
-from volspec.errors import (
-    DeviceError,
-    InputError,
-    VolspecWarning,
-)
+from volspec.errors import DeviceError, InputError, VolspecWarning
 from volspec.pipeline import relight
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
@@ -60,6 +56,8 @@ def noted(image: CoefficientImage, viewing: str) -> CoefficientImage:
 
 def test_the_first_light_shines(widget: Any, colours: CoefficientImage) -> None:
     assert dict(widget.weights) == {"D65": 1.0, "A": 0.0, "FL2": 0.0}
+    assert dict(widget.opacities) == {}
+    widget.opacities = {}  # of no layers
     np.testing.assert_array_equal(widget.frame(), relight(colours, vs.light("D65")))
     assert repr(widget) == "RelightWidget(64x64, D65, A, FL2)"
 
@@ -69,9 +67,8 @@ def test_a_frame_follows_every_setting(widget: Any, colours: CoefficientImage) -
     widget.weights = {"A": 0.5, "FL2": 0.25}
     widget.viewing, widget.mode, widget.backdrop = viewing, "exact", 0.4
     rig = LightRig((vs.light("A"), vs.light("FL2")), (0.5, 0.25))
-    np.testing.assert_array_equal(
-        widget.frame(), relight(colours, rig, RelightSpec(viewing, "exact", 0.4))
-    )
+    wanted = relight(colours, rig, RelightSpec(viewing, "exact", 0.4))
+    np.testing.assert_array_equal(widget.frame(), wanted)
     widget.weights = {}
     assert widget.rig is None and not widget.frame().any()
 
@@ -114,8 +111,7 @@ def test_a_pixel_is_read_again_at_every_change(widget: Any, colours: Coefficient
     widget.observe(lambda change: probed.append(change["new"]), "probed")
     widget.probe = (40, 3)
     assert widget.probed.opacity == 1.0
-    coefficients = colours.coefficients[3, 40]
-    wanted = colours.basis.xyz(coefficients, vs.light("D65"))
+    wanted = colours.basis.xyz(colours.coefficients[3, 40], vs.light("D65"))
     # Both are the matrix fitted to the light: rounding of sums alone.
     np.testing.assert_allclose(widget.probed.XYZ, wanted, rtol=1e-9)
     widget.weights = {"A": 1.0}
@@ -149,11 +145,6 @@ def test_opacities_are_the_picture_s_the_probe_s_and_the_page_s() -> None:
     # Another image keeps what fits it.
     widget.image = layered(2, 1, seed=1)
     assert dict(widget.opacities) == {"copper": 0, "gold": 1}
-
-
-def test_an_image_without_layers_has_no_opacities(widget: Any) -> None:
-    assert dict(widget.opacities) == {}
-    widget.opacities = {}
 
 
 @pytest.mark.parametrize(
@@ -192,16 +183,15 @@ def test_what_cannot_be_is_refused_and_leaves_the_widget_as_it_was(
 
 
 def test_an_absolute_scene_is_relative_under_lights_without_lux(colours: CoefficientImage) -> None:
-    noted = replace(colours, notes={"viewing": '{"level": "absolute", "illuminance_lux": 500}'})
-    assert vs.notebook(noted).level == "relative"
+    image = noted(colours, '{"level": "absolute", "illuminance_lux": 500}')
+    assert vs.notebook(image).level == "relative"
     lit = {"lamp": LightRig((vs.light("A"),), (), (50,))}
-    assert vs.notebook(noted, lit).level == "absolute"
+    assert vs.notebook(image, lit).level == "absolute"
 
 
 def test_lights_with_lux_add_up(colours: CoefficientImage) -> None:
-    lamps = {
-        name: LightRig((vs.light(name),), (), (lux,)) for name, lux in (("A", 50), ("D65", 900))
-    }
+    lux = {"A": 50, "D65": 900}
+    lamps = {name: LightRig((vs.light(name),), (), (lux[name],)) for name in lux}
     widget = vs.notebook(colours, lamps, Viewing(illuminance_lux=900))
     widget.level = "absolute"
     assert widget.rig.total_lux == 50
