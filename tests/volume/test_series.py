@@ -69,15 +69,13 @@ def write_series(folder: Path, values: np.ndarray = VALUES, **more: Any) -> Path
     return folder
 
 
-def write_places(folder: Path, *places: float, values: np.ndarray = VALUES) -> Path:
-    """Write a slice at each place."""
+def write_places(folder: Path, *places: float, values: np.ndarray = VALUES, **tags: str) -> Path:
     for k, (z, each) in enumerate(zip(places, values, strict=False)):
-        write_slice(folder / f"{k}.dcm", each, **plane(z, k))
+        write_slice(folder / f"{k}.dcm", each, **plane(z, k), **tags)
     return folder
 
 
 def write_part(folder: Path, name: str, end: int, of: str = "03.dcm") -> Path:
-    """Write the begin of a slice's file."""
     (folder / name).write_bytes((folder / of).read_bytes()[:end])
     return folder
 
@@ -116,8 +114,7 @@ def test_an_oblique_series_keeps_its_directions(tmp_path: Path) -> None:
         write_slice(tmp_path / f"{k}.dcm", values, **{**plane(0, k), **place})
     volume = load_silently(tmp_path)
     expected = [[0, 0, -STEP, 0], [SPACING[0], 0, 0, 1], [0, -SPACING[1], 0, 2], [0, 0, 0, 1]]
-    assert np.allclose(volume.world_from_index, expected)
-    assert np.array_equal(volume.values, VALUES)
+    assert np.allclose(volume.world_from_index, expected) and np.array_equal(volume.values, VALUES)
 
 
 def test_a_tilted_gantry_s_slices_stay_where_they_were_taken(tmp_path: Path) -> None:
@@ -139,18 +136,16 @@ def test_rescale_slope_and_intercept_are_applied_slice_by_slice(tmp_path: Path) 
             data = path.read_bytes().replace(intercept + b"0 ", intercept + b"-7")
             path.write_bytes(data.replace(slope + b"1 ", slope + (b".5" if k > 1 else b"2 ")))
     values = load_silently(tmp_path).values
-    assert values.dtype == np.float32
-    assert np.array_equal(values[0], VALUES[0])
+    assert values.dtype == np.float32 and np.array_equal(values[0], VALUES[0])
     assert np.array_equal(values[1], VALUES[1] * 2 - 7)
     assert np.array_equal(values[2:], VALUES[2:] * 0.5 - 7)
 
 
 def test_compressed_slices_are_read(tmp_path: Path) -> None:
-    values = np.tile(np.arange(64, dtype=np.int16), (3, 32, 1))
-    for k, slice_ in enumerate(values):
-        write_slice(tmp_path / f"{k}.dcm", slice_ + k, compressed="", **plane(k, k))
+    values = np.indices((3, 32, 64), np.int16)[::2].sum(axis=0, dtype=np.int16)
+    write_places(tmp_path, 0, 1, 2, values=values, compressed="")
     assert (tmp_path / "0.dcm").stat().st_size < values[0].nbytes
-    assert np.array_equal(load_silently(tmp_path).values, values + np.arange(3)[:, None, None])
+    assert np.array_equal(load_silently(tmp_path).values, values)
 
 
 def two_series(folder: Path) -> None:
@@ -176,10 +171,19 @@ def with_strangers(folder: Path) -> None:
         (folder / name).write_bytes(b"hello" * 99)
 
 
+def with_scouts(folder: Path, count: int = 1) -> None:
+    """Write a series and sagittal slices."""
+    write_series(folder)
+    for k in range(count):
+        tags = plane(k, 9) | {"x0020_0037": "0\\1\\0\\0\\0\\-1"}
+        write_slice(folder / f"scout{k}.dcm", VALUES[0], **tags)
+
+
 @pytest.mark.parametrize(
     ("make", "count", "name"),
     [
         (with_strangers, "2 of 6", "a.dcm"),
+        (with_scouts, "1 of 5", "scout0.dcm"),
         (lambda folder: write_part(write_series(folder), "part.dcm", 200), "1 of 5", "part.dcm"),
     ],
 )
@@ -237,9 +241,7 @@ def copy_files(folder: Path) -> None:
     ],
     ids=["notes", "hidden", "program", "contents", "structures", "report", "bare", "copies"],
 )
-def test_other_files_next_to_a_series_are_left_out(
-    tmp_path: Path, write: Callable[[Path], object]
-) -> None:
+def test_files_of_other_kinds_are_left_out(tmp_path: Path, write: Callable[[Path], object]) -> None:
     """A folder without slices is those below it."""
     folder = write_series(tmp_path / "patient" / "series")
     write(folder)
@@ -287,22 +289,7 @@ def of_two_times(folder: Path) -> Path:
 def test_of_several_times_at_every_place_one_is_chosen(tmp_path: Path) -> None:
     of_two_times(tmp_path)
     assert np.array_equal(load_silently(f"{tmp_path}?time=1").values, VALUES + 1)
-    steps = [step.values for step in load_series(tmp_path)]
-    assert np.array_equal(steps, [VALUES, VALUES + 1])
-
-
-def with_scouts(folder: Path, count: int = 1) -> None:
-    """Write a series and sagittal slices."""
-    write_series(folder)
-    for k in range(count):
-        tags = plane(k, 9) | {"x0020_0037": "0\\1\\0\\0\\0\\-1"}
-        write_slice(folder / f"scout{k}.dcm", VALUES[0], **tags)
-
-
-def test_a_scout_is_left_out(tmp_path: Path) -> None:
-    with_scouts(tmp_path)
-    with warns("1", "5", "scout0.dcm"):
-        assert load_volume(tmp_path).shape_xyz == (5, 3, 4)
+    assert np.array_equal([step.values for step in load_series(tmp_path)], [VALUES, VALUES + 1])
 
 
 def test_slices_without_places_follow_their_numbers(tmp_path: Path) -> None:
@@ -429,5 +416,4 @@ def test_a_dose_is_in_grays_and_its_frames_lie_at_their_offsets(tmp_path: Path) 
     (tmp_path / "dose.dcm").write_bytes(b"\0" * 128 + b"DICM" + b"".join(elements))
     with pytest.warns(VolspecWarning):
         volume = load_volume(tmp_path / "dose.dcm")
-    assert volume.values == pytest.approx(VALUES * 0.001)
-    assert volume.spacing_mm == (2, 2, 4)
+    assert volume.values == pytest.approx(VALUES * 0.001) and volume.spacing_mm == (2, 2, 4)
