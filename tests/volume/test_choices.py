@@ -107,8 +107,7 @@ def test_scaled_steps_of_nifti_have_names_in_seconds(tmp_path: Path) -> None:
     path.write_bytes(data)
     assert volume_choices(path)[0].names == ("0 s", "2.5 s", "5 s")
     volume = load_silently(f"{path}?time=1")
-    assert np.array_equal(volume.values, STEPS[1] * 0.5 - 3)
-    assert volume.values.dtype == np.float32
+    assert np.array_equal(volume.values, STEPS[1] * 0.5 - 3) and volume.values.dtype == np.float32
 
 
 def test_volumes_of_one_value_leave_no_choice(tmp_path: Path) -> None:

@@ -30,8 +30,7 @@ def file(tmp_path: Path) -> Path:
 
 def test_a_dataset_its_spacing_and_a_time_step(file: Path) -> None:
     volume = load_volume(f"{file}?dataset=t0/cells")
-    assert np.array_equal(volume.values, VALUES)
-    assert volume.spacing_mm == (0.25, 0.5, 2.0)
+    assert np.array_equal(volume.values, VALUES) and volume.spacing_mm == (0.25, 0.5, 2.0)
     assert load_volume(f"{file}?dataset=/t0/cells&spacing=1,2,3").spacing_mm == (1.0, 2.0, 3.0)
     assert np.array_equal(load_volume(f"{file}?dataset=series&time=1").values, VALUES + 1)
 

@@ -80,14 +80,12 @@ def test_tables_of_other_programs_are_read(tmp_path: Path, name: str) -> None:
     if "255" in TABLES[name] or "#ff" in TABLES[name]:
         assert table[1].colour == RED and table[2].colour == (0, 128 / 255, 1)
     np.save(tmp_path / "seg.npy", blocks([1, 2]))
-    labels = load_silently(f"{tmp_path}/seg.npy?labels={name}").labels
-    assert labels == {1: table[1], 2: table[2]}
+    assert load_silently(f"{tmp_path}/seg.npy?labels={name}").labels == {1: table[1], 2: table[2]}
 
 
 def test_names_and_colours_of_two_tables_next_to_a_volume_are_joined(tmp_path: Path) -> None:
     """MRIcron has names in a text, and 256 colours in planes of red, green and blue."""
-    values = blocks([1, 2])
-    (tmp_path / "v.nii.gz").write_bytes(gzip.compress(nifti(values, np.eye(4), code=2)))
+    (tmp_path / "v.nii.gz").write_bytes(gzip.compress(nifti(blocks([1, 2]), np.eye(4), code=2)))
     (tmp_path / "v.nii.txt").write_text("1 liver 7\n2 kidney 9\n")
     lut = np.zeros((3, 256), np.uint8)
     lut[:, 1], lut[:, 2] = (255, 0, 0), (0, 255, 0)
