@@ -31,5 +31,4 @@ def test_a_scene_of_a_bundled_volume_is_saved_anywhere(tmp_path: Path) -> None:
     volume = replace(scene.file.volume, file="engine")
     saved = write_scene(replace(scene.file, volume=volume), tmp_path / "mine.toml", scene)
     loaded = Scene.load(saved)
-    assert loaded.file.volume.file == "engine"
-    assert loaded.volume().shape_xyz == (256, 256, 110)
+    assert loaded.file.volume.file == "engine" and loaded.volume().shape_xyz == (256, 256, 110)

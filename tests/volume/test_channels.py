@@ -64,9 +64,7 @@ def test_a_vti_of_several_arrays_opens_with_all(tmp_path: Path) -> None:
     assert choice.names == ("all", "pressure", "label")
 
 
-def test_an_ome_tiff_opens_with_all_its_channels(
-    ome_tiff: Path, values: NDArray[np.uint16]
-) -> None:
+def test_an_ome_tiff_opens_with_all_channels(ome_tiff: Path, values: NDArray[np.uint16]) -> None:
     volume = load_volume(ome_tiff)
     fields = [volume, *volume.fields]
     assert all(np.array_equal(f.values, v) for f, v in zip(fields, values, strict=True))
@@ -135,9 +133,7 @@ def test_imagej_s_colours_and_limits_are_read(values: NDArray[np.uint16], tmp_pa
     assert [c.limits for c in channels] == [(100.0, 2000.0), (0.0, 900.0), None]
 
 
-def test_a_dark_channel_is_left_out_with_a_warning(
-    values: NDArray[np.uint16], tmp_path: Path
-) -> None:
+def test_a_dark_channel_is_left_out(values: NDArray[np.uint16], tmp_path: Path) -> None:
     path, dark = tmp_path / "dark.ome.tif", values.copy()
     dark[0] = 7
     metadata = {"axes": "ZCYX", **SIZES}

@@ -50,9 +50,7 @@ def test_types_that_kernels_read_stay_and_others_are_widened(given: str, native:
         if low >= 0 or "i" in given
     ],
 )
-def test_wide_integers_become_the_smallest_that_holds_them(
-    given: str, low: int, high: int, native: str
-) -> None:
+def test_wide_integers_take_the_least_type(given: str, low: int, high: int, native: str) -> None:
     values = np.full((2, 2, 2), high, given)
     values[0, 0, 0] = low
     volume = Volume(values)
@@ -174,8 +172,7 @@ VALUES = np.arange(24, dtype=np.float32).reshape(2, 3, 4)
 )
 def test_axes_called_x_y_z_may_come_in_any_order(take: Any, dims: str, order: Any) -> None:
     volume = take(DataArray(VALUES, dims))
-    assert np.array_equal(volume.values, VALUES.transpose(order))
-    assert volume.spacing_mm == (1, 1, 1)
+    assert np.array_equal(volume.values, VALUES.transpose(order)) and volume.spacing_mm == (1, 1, 1)
 
 
 def test_axes_of_other_names_stay_in_their_order() -> None:
