@@ -16,7 +16,7 @@ from vtkmodules.vtkRenderingCore import vtkColorTransferFunction, vtkVolumePrope
 
 import volspec as vs
 from tests.support.errors import raises, warns
-from tests.support.fixtures import slow_each
+from tests.support.fixtures import Patch, slow_each
 from volspec.appearance import spaces
 from volspec.appearance.spaces import sRGB_CURVE
 from volspec.basis import SpectralBasis
@@ -24,8 +24,6 @@ from volspec.errors import CameraError, RaycastError, RelightError, TransferErro
 from volspec.raycast import Camera
 from volspec.transfer.vtk_interop import transfer_from_vtk
 
-ROOT = Path(__file__).resolve().parents[2]
-SIZE = (96, 72)
 Plots = Callable[..., pyvista.Plotter]
 
 
@@ -35,7 +33,7 @@ def plot() -> Iterator[Plots]:
     made = []
 
     def new(**settings: Any) -> pyvista.Plotter:
-        made.append(pyvista.Plotter(off_screen=True, **{"window_size": SIZE, **settings}))
+        made.append(pyvista.Plotter(off_screen=True, **{"window_size": (96, 72), **settings}))
         return made[-1]
 
     yield new
@@ -139,7 +137,7 @@ def untouched(_: pyvista.Plotter) -> None:
 
 
 @pytest.mark.parametrize("view", [untouched, perspective, parallel, horizontal, rolled])
-def test_world_points_fall_on_the_same_pixels(
+def test_points_fall_on_the_same_pixels(
     plot: Plots, view: Callable[[pyvista.Plotter], None]
 ) -> None:
     plotter = plot(shape=(1, 2))
@@ -305,9 +303,7 @@ def closed(plotter: pyvista.Plotter) -> pyvista.Plotter:
     return plotter
 
 
-def take(
-    grid: Any, change: Callable[[Any, Any], object] = lambda p, actor: None, **how: Any
-) -> Any:
+def take(grid: Any, change: Callable[[Any, Any], object] = lambda _, __: None, **how: Any) -> Any:
     """A row's call: take a grid over from a plotter, changed with its actor."""
 
     def call(plotter: pyvista.Plotter, _: Path) -> None:
@@ -412,11 +408,9 @@ def test_a_plane_farther_away_looks_the_same(plot: Plots) -> None:
 
 
 @pytest.mark.slow
-def test_the_guides_example_shows_what_it_says(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_guides_example_shows_what_it_says(tmp_path: Path, monkeypatch: Patch) -> None:
     """You should see one engine three times at the same pixels, green by day, blue by HP1."""
-    text = (ROOT / "docs" / "pyvista.md").read_text(encoding="utf-8")
+    text = (Path(__file__).resolve().parents[2] / "docs/pyvista.md").read_text(encoding="utf-8")
     # In the page's order; fewer voxels and pixels: VTK takes seconds over all of them on a CPU.
     code = "\n".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL)[:2])
     quick = code.replace('("engine")', '("engine").downsampled(2)').replace("400", "200")

@@ -20,6 +20,7 @@ import pyvista
 import SimpleITK
 
 from tests.support.errors import raises, warns
+from tests.support.fixtures import Patch
 from tests.support.patience import PATIENCE_S
 from tests.support.volumes import META, NRRD, VALUES, nifti, write_nrrd
 from volspec.errors import DeviceError, VolumeError
@@ -28,7 +29,7 @@ from volspec.volume.files.query import Query, Reading, Stored
 from volspec.volume.load import read_here
 
 
-def child_with(tmp_path: Path, body: str, monkeypatch: pytest.MonkeyPatch) -> Path:
+def child_with(tmp_path: Path, body: str, monkeypatch: Patch) -> Path:
     """A file whose reader, in the child, runs a piece of code."""
     start = (
         "import os, sys, time; sys.path[:] = __import__('json').loads(sys.argv[1]); "
@@ -63,7 +64,7 @@ PERMISSION = "raise PermissionError(13, 'Permission denied', 'b.dcm')"
     ids=["segment", "abort", "permission", "error", "hang", "long hang", "memory"],
 )
 def test_a_fault_of_the_reader_is_one_line(
-    tmp_path: Path, body: str, code: str, word: str, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, body: str, code: str, word: str, monkeypatch: Patch
 ) -> None:
     monkeypatch.setattr(reader_process, "_TIMEOUT_S", 0.5 if "sleep" in body else PATIENCE_S)
     path = child_with(tmp_path, body, monkeypatch)
@@ -108,8 +109,7 @@ def test_a_script_without_a_main_guard_reads_volumes_and_leaves_no_process(tmp_p
     (tmp_path / "SimpleITK.py").write_text("raise RuntimeError('hijacked')\n")
     done = python("-P", "-W", "error", "script.py", cwd=tmp_path)
     shape, pid = done.stdout.split("\n")[:2]
-    assert (shape, done.stderr) == ("(4, 3, 2)", "")
-    assert not psutil.pid_exists(int(pid))
+    assert (shape, done.stderr) == ("(4, 3, 2)", "") and not psutil.pid_exists(int(pid))
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
@@ -132,9 +132,7 @@ def test_a_fork_has_a_reader_of_its_own(tmp_path: Path) -> None:
 @pytest.mark.parametrize("order", ["little", "big"])
 @pytest.mark.parametrize("kind", ["uint8", "int8", "uint16", "int32", "float32", "float64"])
 @pytest.mark.parametrize("suffix", [".nrrd", ".mha", ".nii"])
-def test_bytes_read_directly_are_those_that_itk_gives(
-    tmp_path: Path, suffix: str, kind: str, order: str
-) -> None:
+def test_bytes_read_directly_are_itk_s(tmp_path: Path, suffix: str, kind: str, order: str) -> None:
     values = (VALUES // 7).astype(kind)
     path = tmp_path / f"v{suffix}"
     SimpleITK.WriteImage(SimpleITK.GetImageFromArray(values), str(path))
@@ -213,9 +211,7 @@ def test_a_child_starts_whatever_the_parent_s_surroundings(tmp_path: Path) -> No
     assert done.stdout.splitlines() == ["welcome", "(4, 3, 2)", "size"], done.stderr
 
 
-def test_voxels_that_cannot_be_mapped_leave_no_child(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_voxels_that_cannot_be_mapped_leave_no_child(tmp_path: Path, monkeypatch: Patch) -> None:
     path = write_nrrd(tmp_path / "v.nrrd", packed=True)
     load_volume(path)
     idle = reader_process._idle_processes(os.getpid())
