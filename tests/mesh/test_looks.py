@@ -14,7 +14,7 @@ import pyvista
 from PIL import Image
 
 import volspec as vs
-from tests.mesh.test_mesh import ABOVE, BASIS, SIZE
+from tests.mesh.test_mesh import ABOVE, BASIS, LIT, SIZE, WHITE
 from tests.support.errors import raises
 from tests.support.fixtures import slow_each
 from tests.support.gltf import write_glb
@@ -25,17 +25,8 @@ from volspec.scene.specs import MeshSpec
 from volspec.spectra import XYZ_from_spectra, white_XYZ
 from volspec.spectra.construct.colours import XYZ_from_sRGB
 
-MATERIALS = {
-    "white": vs.reflectance("grey:1"),
-    "black": vs.reflectance("grey:0"),
-    "red": vs.reflectance("ColorChecker/red"),
-}
-SUN = vs.RaycastSpec(
-    groups=(vs.LightGroup("sun", (vs.Directional((0.0, 0.0, 1.0), shadows=True),)),),
-    ambient=0.0,
-    diffuse=1.0,
-    specular=0.0,
-)
+MATERIALS = {**WHITE, "black": vs.reflectance("grey:0")}
+SUN = replace(LIT, groups=LIT.groups[:1], ambient=0.0)
 CODES = np.random.default_rng(5).integers(0, 256, (64, 64, 3), np.uint8)
 
 
@@ -152,8 +143,7 @@ def test_meshes_without_colours_keep_their_material(tmp_path: Path) -> None:
 def test_a_mesh_alone_is_opened_in_its_own_colours(tmp_path: Path) -> None:
     path, codes = colour_quad(".ply", tmp_path)
     scene = vs.Scene.from_mesh(path, lights=["D65"])
-    scene.save(tmp_path / "square.toml")
-    again = vs.Scene.load(tmp_path / "square.toml")
+    again = vs.Scene.load(scene.save(tmp_path / "square.toml"))
     assert again.file.mesh[0].own_colours
     assert again.surfaces()[0].material.shape == (len(codes), 3)
     ours, same = (each.render(size=(32, 32)).coefficients for each in (scene, again))
@@ -207,8 +197,7 @@ def test_translucent_meshes_are_composited_and_let_part_of_the_light_pass() -> N
     image = cast(sheet, plane("white"))
     wanted = 0.4 * channels("red") + 0.6 * 0.6 * channels("white")
     assert image.coefficients[32, 32] == pytest.approx(wanted, abs=2e-3)
-    assert image.alpha == pytest.approx(1.0)
-    assert cast(sheet).alpha == pytest.approx(0.4)
+    assert image.alpha == pytest.approx(1.0) and cast(sheet).alpha == pytest.approx(0.4)
 
 
 def test_a_translucent_mesh_just_behind_an_opaque_one_is_hidden() -> None:
@@ -278,8 +267,7 @@ def test_a_mirror_shows_translucent_meshes_before_opaque_ones() -> None:
 def test_a_mirror_shows_the_mesh_above_it_upside_down() -> None:
     red = vs.shape_mesh("sphere", 20.0, "red").placed((0.0, 0.0, 16.0))
     floor = replace(plane("black", 200.0), mirror=0.5)
-    tilted = vs.Camera((0.0, -200.0, 60.0), (0.0, 0.0, 8.0), height_mm=64.0)
-    image = cast(red, floor, camera=tilted)
+    image = cast(red, floor, camera=vs.Camera((0.0, -200.0, 60.0), (0.0, 0.0, 8.0), height_mm=64.0))
     # Below the ball's own picture, half as bright at most.
     column = image.coefficients[:, 32, -1]
     lower = column[column.argmax() + 20 :]

@@ -14,7 +14,7 @@ import pyvista
 
 import volspec as vs
 from tests.support.errors import raises
-from tests.support.fixtures import slow_each
+from tests.support.fixtures import slow, slow_each
 from tests.support.scenes import scene_text
 from volspec._triangles import TriangleRays, is_mesh_file
 from volspec.errors import MeshError, RaycastError, SceneError
@@ -54,14 +54,11 @@ def cast(*meshes: vs.Mesh, camera: vs.Camera = ABOVE, spec: Any = LIT) -> vs.Coe
 
 
 def test_rays_find_triangle_distance_and_shares() -> None:
-    corners = np.array(
-        [[[0, 0, 1], [3, 0, 1], [0, 3, 1]], [[0, 0, 2], [9, 0, 2], [0, 9, 2]]], float
-    )
-    rays = TriangleRays(corners, "tests", "none")
+    corners = [[[0, 0, 1], [3, 0, 1], [0, 3, 1]], [[0, 0, 2], [9, 0, 2], [0, 9, 2]]]
+    rays = TriangleRays(np.array(corners, float), "tests", "none")
     origins = np.array([[0.3, 0.6, -1.0], [4.0, 4.0, 0.0], [9.0, 9.0, 0.0]])
     hits = rays.hits(origins, np.tile([0.0, 0.0, 1.0], (3, 1)))
-    assert hits.triangle.tolist() == [0, 1, -1]
-    assert hits.along == pytest.approx([2.0, 2.0, np.inf])
+    assert hits.triangle.tolist() == [0, 1, -1] and hits.along == pytest.approx([2.0, 2.0, np.inf])
     assert hits.shares[0] == pytest.approx([0.7, 0.1, 0.2])
     assert rays.clear(origins[:1], np.array([[0.3, 0.6, 0.9]])).all()
     assert not rays.clear(origins[:1], np.array([[0.3, 0.6, 1.1]])).any()
@@ -165,8 +162,7 @@ def test_the_volume_s_light_at_points_is_that_of_its_nodes() -> None:
     index = points[:1] @ volume.index_from_world[:3, :3].T + volume.index_from_world[:3, 3]
     sun = arrives[0](points)
     assert sun[0] == pytest.approx(float(true[0](index)[0]), abs=2e-3)
-    assert sun[1] < sun[0] and sun[2] == 1.0
-    assert arrives[1](points)[2] == 1.0
+    assert sun[1] < sun[0] and sun[2] == 1.0 and arrives[1](points)[2] == 1.0
 
 
 @pytest.mark.slow
@@ -193,10 +189,7 @@ CORNERS = ((-9.0, -7.0, 8.0), (8.0, -6.0, -6.0), (7.0, 8.0, 0.0), (-6.0, 9.0, -8
 def test_edges_of_a_mesh_before_and_in_a_volume_are_those_of_a_finer_picture(
     mode: str, more: tuple[float, ...]
 ) -> None:
-    """Mean of 4 x 4 pixels: behind what an edge covers in part, the volume goes on.
-
-    So it does with a small translucent sheet elsewhere.
-    """
+    """Mean of 4 x 4 pixels: the volume goes on behind edges, and with a faint sheet elsewhere."""
     volume, thin = ball()
     transfer = replace(thin, points=((0.3, 0.0, "white"), (0.5, 0.9, "white")))
     camera, spec = vs.Camera.orbit(volume, azimuth_deg=30, zoom=2), vs.RaycastSpec(mode=mode)
@@ -229,9 +222,8 @@ def test_what_an_edge_covers_in_part_is_a_mixture(mode: str) -> None:
     right, down, _ = camera.frame()
     tips = [middle + x * right + y * down for x, y in ((-9, -9), (-9, -8.9), (9, 7.0))]
     wide = [middle + x * right + y * down for x, y in ((-6, -9), (9, -8), (9, 4))]
-    meshes = vs.MeshCaster(
-        [vs.Mesh(each, [[0, 1, 2]], "red") for each in (tips, wide)], WHITE, BASIS
-    )
+    parts = [vs.Mesh(each, [[0, 1, 2]], "red") for each in (tips, wide)]
+    meshes = vs.MeshCaster(parts, WHITE, BASIS)
     both = vs.raycast(volume, transfer, camera, SIZE, spec, behind=(meshes,)).alpha
     alone = vs.raycast(volume, transfer, camera, SIZE, spec).alpha
     mesh = meshes.alone(camera, SIZE, spec).alpha
@@ -267,13 +259,11 @@ def test_depth_is_that_of_a_voxelised_surface() -> None:
     surface = vs.Isosurfaces(((0.0, 1.0, "white"),), WHITE, BASIS)
     camera, size = camera_of(field), (128, 128)
     voxels = vs.raycast(field, surface, camera, size, vs.RaycastSpec(step_mm=0.25))
-    meshes = inside(field, radius)
-    depth = meshes.depths_mm(camera, size)[0]
+    depth = inside(field, radius).depths_mm(camera, size)[0]
     seen, true = np.isfinite(depth), voxels.alpha > 0.5
     both = seen & true
     assert np.abs(depth[both] - voxels.first_mm[both]).max() < 0.5
-    rim = seen ^ true
-    assert rim.sum() < 0.1 * np.sqrt(seen.sum()) * 4  # pixels of the silhouette
+    assert (seen ^ true).sum() < 0.1 * np.sqrt(seen.sum()) * 4  # pixels of the silhouette
 
 
 @pytest.mark.parametrize("suffix", ["ply", *slow_each("stl", "obj", "vtp")])
@@ -288,8 +278,7 @@ def test_files_are_read_with_smooth_edges(tmp_path: Path, suffix: str) -> None:
     mesh = vs.Mesh.load(path, "red", unit_mm=10.0)
     assert len(mesh.triangles) == fine.n_cells and mesh.normals is not None
     assert np.abs(mesh.points_mm).max() == pytest.approx(20.0, rel=1e-3)
-    flat = vs.Mesh.load(path, smooth_deg=0.0)
-    assert len(flat.points_mm) > len(mesh.points_mm)
+    assert len(vs.Mesh.load(path, smooth_deg=0.0).points_mm) > len(mesh.points_mm)
 
 
 def test_triangles_without_an_area_are_left_out_with_a_warning() -> None:
@@ -328,11 +317,6 @@ def test_a_scene_shows_its_meshes(folder: Path) -> None:
     red, green, _ = (frame - bare)[32, 32]
     assert red - green > 30
     assert shown.alpha[32, 32] == pytest.approx(1.0)
-
-
-def test_a_wrong_unit_is_warned_of(folder: Path) -> None:
-    with pytest.warns(vs.VolspecWarning, match="is unit_mm right"):
-        rendered(folder, "move_mm", "unit_mm = 1000\nmove_mm")
 
 
 def test_other_paint_keeps_what_the_volume_s_light_was_found_for() -> None:
@@ -378,7 +362,6 @@ def test_a_mesh_s_file_becomes_a_scene(folder: Path) -> None:
 
 
 def exported_again(folder: Path) -> None:
-    """Export a scene of a mesh, and of another in its place."""
     loaded(folder, ALONE).export(folder / "out", size=(16, 16))
     pyvista.Cube().save(folder / "core.ply")
     loaded(folder, ALONE).export(folder / "out", size=(16, 16))
@@ -410,11 +393,16 @@ def test_a_gltf_stands_upright_in_metres(folder: Path) -> None:
     assert (row.unit_mm, row.turn_deg) == (1000.0, (90.0, 0.0, 0.0))
 
 
-@pytest.mark.slow
-def test_hidden_meshes_alone_are_warned_of(folder: Path) -> None:
-    scene = loaded(folder, ALONE.replace("[[light]]", "shown = false\n[[light]]"))
-    with pytest.warns(vs.VolspecWarning, match="no mesh is shown"):
-        scene.render(size=(8, 8))
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        (SCENE.replace("move_mm", "unit_mm = 1000\nmove_mm"), "is unit_mm right"),
+        slow(ALONE.replace("[[light]]", "shown = false\n[[light]]"), "no mesh is shown"),
+    ],
+)
+def test_wrong_units_and_hidden_meshes_are_warned_of(folder: Path, text: str, match: str) -> None:
+    with pytest.warns(vs.VolspecWarning, match=match):
+        loaded(folder, text).render(size=(8, 8))
 
 
 def rendered(folder: Path, old: str, new: str) -> object:
@@ -465,9 +453,9 @@ POINTS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
         (lambda folder: read(folder, "ply\n", "bad.plx"), MeshError, "unsupported"),
         (lambda folder: read(folder, "ply\n", "bad.ply"), MeshError, "damaged"),
         (lambda folder: read_part(folder, 0.3), MeshError, "damaged"),
-        pytest.param(lambda f: read_part(f, 0.9), MeshError, "damaged", marks=pytest.mark.slow),
+        slow(lambda folder: read_part(folder, 0.9), MeshError, "damaged"),
         (lambda folder: read(folder, ""), MeshError, "damaged"),
-        pytest.param(lambda f: read(f, "hello\n"), MeshError, "damaged", marks=pytest.mark.slow),
+        slow(lambda folder: read(folder, "hello\n"), MeshError, "damaged"),
         (lambda folder: read(folder, POINTS), MeshError, "damaged"),
         # VTK would read beyond the points, and end the process.
         (lambda folder: read(folder, f"{POINTS}f 1 2 9\n"), MeshError, "damaged"),
@@ -476,7 +464,7 @@ POINTS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
         (lambda folder: rendered(folder, "core.ply", "cor.ply"), SceneError, "not-found"),
         (lambda folder: rendered(folder, "move_mm", "unit_mm = 0\nmove_mm"), SceneError, "range"),
         (lambda f: rendered(f, '"ball.npy"', '"ball.npy"\nbox_mm = [[0, 1]]'), SceneError, "shape"),
-        pytest.param(exported_again, vs.InputError, "conflict", marks=pytest.mark.slow),
+        slow(exported_again, vs.InputError, "conflict"),
     ],
 )
 def test_what_cannot_be_a_mesh_is_refused(
