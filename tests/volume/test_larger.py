@@ -22,7 +22,7 @@ import tifffile
 import zarr
 
 from tests.support.errors import raises
-from tests.support.fixtures import slow_each
+from tests.support.fixtures import Patch, slow_each
 from tests.support.pyramids import stored
 from tests.support.raycasts import oblique_world
 from tests.support.scenes import scene_text
@@ -83,7 +83,6 @@ def big(store: Path) -> Volume:
 
 @pytest.fixture(scope="module")
 def whole(ball: Volume) -> CoefficientImage:
-    """Return the small picture of the ball in memory."""
     return cast(ball, None)
 
 
@@ -266,9 +265,7 @@ def interrupted(level: Level, path: Path) -> None:
         convert.convert(level, path)
 
 
-def test_a_cut_off_conversion_goes_on(
-    ball: Volume, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cut_off_conversion_goes_on(ball: Volume, tmp_path: Path, monkeypatch: Patch) -> None:
     path, level = tmp_path / "v.zarr", level_of(ball)
     written: list[convert.Block] = []
     own, most = convert._write, 2
@@ -292,7 +289,7 @@ def test_a_cut_off_conversion_goes_on(
 @pytest.mark.slow
 @pytest.mark.parametrize("killed", ["before the swap", "in the swap", "after the swap"])
 def test_a_conversion_that_is_killed_at_its_end_goes_on(
-    killed: str, ball: Volume, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    killed: str, ball: Volume, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     path, level = tmp_path / "v.zarr", level_of(ball)
     convert.convert(level_of(ball.downsampled(2)), path)
@@ -324,8 +321,6 @@ def _interrupt(*_: object) -> Any:
 
 
 class Unreadable:
-    """An array that cannot be read."""
-
     def __init__(self, level: Level) -> None:
         self.shape, self.dtype = level.shape, level.dtype
 
@@ -400,9 +395,7 @@ def test_a_damaged_chunk_is_named_and_marked(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["render", *slow_each("export", "page")])
-def test_commands_say_by_their_exit_status_that_a_picture_has_gaps(
-    command: str, copy: Path
-) -> None:
+def test_commands_say_by_their_exit_status_that_there_are_gaps(command: str, copy: Path) -> None:
     output = {"render": "a.png", "export": "frames", "page": "a.html"}[command]
     (copy / CHUNK).unlink()
     (copy / "s.toml").write_text(SCENE)
@@ -411,12 +404,9 @@ def test_commands_say_by_their_exit_status_that_a_picture_has_gaps(
     assert stop.value.code == 3 and (copy / output).exists()
 
 
-SCENE = scene_text(
-    {"a": "copper"},
-    [(0.5, 0.0, "a"), (160, 0.5, "a")],
-    file="v.zarr?memory=2MB",
-    more="[raycast]\nlevel = 0\n",
-)
+POINTS = [(0.5, 0.0, "a"), (160, 0.5, "a")]
+LEVEL = "[raycast]\nlevel = 0\n"
+SCENE = scene_text({"a": "copper"}, POINTS, file="v.zarr?memory=2MB", more=LEVEL)
 
 
 def test_a_damaged_chunk_of_the_coarse_level_is_a_gap(copy: Path, big: Volume) -> None:
@@ -473,7 +463,7 @@ def test_a_server_is_asked_for_whole_chunks(store: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["store", "resumed", "raw", "float"])
 def test_a_volume_in_parts_is_framed_and_coloured_as_the_whole(
-    kind: str, ball: Volume, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    kind: str, ball: Volume, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     values = ball.values * np.float32(0.1) + 1000 if kind == "float" else ball.values
     values.tofile(tmp_path / "v.raw")
@@ -545,8 +535,6 @@ def edit_metadata(folder: Path, edit: Callable[[Attributes, Attributes], object]
 
 
 def opened_with(edit: Callable[[Attributes], object]) -> Callable[[Path], object]:
-    """Open a store of other metadata."""
-
     def make(folder: Path) -> object:
         edit_metadata(folder, lambda _, picture: edit(picture))
         return opened(folder)
@@ -556,10 +544,8 @@ def opened_with(edit: Callable[[Attributes], object]) -> Callable[[Path], object
 
 def coarser(scale: list[float], *shift: float) -> Callable[[Path], object]:
     """Open a store whose second level lies elsewhere."""
-    steps = [
-        {"type": "scale", "scale": scale},
-        {"type": "translation", "translation": shift or (0.5,) * 3},
-    ]
+    moved = {"type": "translation", "translation": shift or (0.5,) * 3}
+    steps = [{"type": "scale", "scale": scale}, moved]
     return opened_with(lambda p: p["datasets"][1].update(coordinateTransformations=steps))
 
 
