@@ -149,103 +149,87 @@ def test_a_folder_of_pictures_is_read_in_order_of_its_numbers(tmp_path: Path, su
         load_volume(tmp_path)
 
 
-def pages(folder: Path, *values: np.ndarray) -> Path:
-    for k, page in enumerate(values):
-        imwrite(folder / f"{k}.tif", page, photometric="minisblack")
-    return folder
+def pages(*values: np.ndarray) -> Callable[[Path], None]:
+    """A writer of files of one page."""
+
+    def write(folder: Path) -> None:
+        for k, page in enumerate(values):
+            imwrite(folder / f"{k}.tif", page, photometric="minisblack")
+
+    return write
 
 
-def pages_of_two_sizes(folder: Path) -> Path:
+def pages_of_two_sizes(folder: Path) -> None:
     with TiffWriter(folder / "v.tif") as file:
         file.write(VALUES[0])
         file.write(VALUES[0, :3])
-    return folder / "v.tif"
 
 
-def cut(folder: Path, packed: str | None = None) -> Path:
+def cut(folder: Path, packed: str | None = None) -> None:
     path = folder / "v.tif"
     imwrite(path, VALUES, photometric="minisblack", compression=packed)
     path.write_bytes(path.read_bytes()[:-300])
-    return path
 
 
-def damaged_lzw(folder: Path) -> Path:
+def damaged_lzw(folder: Path) -> None:
     write_lzw(folder / "v.tif", VALUES)
     data = bytearray((folder / "v.tif").read_bytes())
     data[8:40] = bytes(32)  # of the first page's pixels
     (folder / "v.tif").write_bytes(data)
-    return folder / "v.tif"
 
 
-def cut_png(folder: Path) -> Path:
+def cut_png(folder: Path) -> None:
     for k in range(2):
         iio.imwrite(folder / f"{k}.png", VALUES[k])
     (folder / "1.png").write_bytes((folder / "1.png").read_bytes()[:-40])
-    return folder
 
 
-def png_of_wide_colours(folder: Path) -> Path:
+def png_of_wide_colours(folder: Path) -> None:
     for k in range(2):
         iio.imwrite(folder / f"{k}.png", np.zeros((6, 7, 3), np.uint8))
         data = bytearray((folder / f"{k}.png").read_bytes())
         header = bytes([*data[12:24], 16, *data[25:29]])
         data[12:33] = header + zlib.crc32(header).to_bytes(4)
         (folder / f"{k}.png").write_bytes(data)
-    return folder
 
 
-def many_slices_in_a_page(folder: Path) -> Path:
+def many_slices_in_a_page(folder: Path) -> None:
     for k in range(2):
         block = np.zeros((16, 16, 16), np.uint8)
         imwrite(folder / f"{k}.tif", block, volumetric=True, tile=(16, 16, 16))
-    return folder
 
 
-def junk(folder: Path) -> Path:
-    (folder / "v.tif").write_bytes(b"hello" * 99)
-    return folder / "v.tif"
-
-
-def any_lzw(values: np.ndarray, **how: Any) -> Callable[[Path], str]:
+def any_lzw(values: np.ndarray, **how: Any) -> Callable[[Path], None]:
     """Pillow reads them silently: bytes swapped, signs lost, 16-bit colours cut to 8."""
-
-    def make(folder: Path) -> str:
-        write_any_lzw(folder / "v.tif", values, **how)
-        return f"{folder}/v.tif?spacing=1,1,1&channel=0"
-
-    return make
+    return lambda folder: write_any_lzw(folder / "v.tif", values, **how)
 
 
-def two_channels(folder: Path, query: str) -> str:
-    imwrite(folder / "v.ome.tif", STACKS, metadata={"axes": "TZCYX", **SIZES})
-    return f"{folder}/v.ome.tif{query}"
+def stacks(values: np.ndarray, axes: str) -> Callable[[Path], None]:
+    return lambda folder: imwrite(folder / "v.ome.tif", values, metadata={"axes": axes, **SIZES})
 
 
-def dark_channels(folder: Path) -> Path:
-    imwrite(folder / "dark.ome.tif", np.full_like(TWO, 7), metadata={"axes": "CZYX", **SIZES})
-    return folder / "dark.ome.tif"
-
-
-REFUSED: dict[str, tuple[Callable[[Path], Path | str], str]] = {
-    "big-endian LZW": (any_lzw((VALUES - 100).astype(">i2"), byteorder=">"), "unsupported"),
-    "LZW of floats": (any_lzw(VALUES.astype(">f4"), byteorder=">"), "unsupported"),
-    "LZW of signs": (any_lzw((VALUES // 300).astype(np.int8)), "unsupported"),
-    "LZW of colours": (any_lzw(np.stack([VALUES] * 3, axis=-1), photometric="rgb"), "unsupported"),
-    "no time": (lambda folder: two_channels(folder, ""), "missing"),
-    "no channel": (lambda folder: two_channels(folder, "?time=1&channel=2"), "range"),
-    "dark channels": (dark_channels, "range"),
-    "one page": (lambda folder: pages(folder, VALUES[0]) / "0.tif", "shape"),
-    "one picture": (lambda folder: pages(folder, VALUES[0]), "shape"),
-    "two sizes": (lambda folder: pages(folder, VALUES[0], VALUES[0, :3]), "shape"),
-    "a stack among pages": (lambda folder: pages(folder, VALUES[0], VALUES), "conflict"),
-    "pages of two sizes": (pages_of_two_sizes, "conflict"),
-    "wide colours": (png_of_wide_colours, "unsupported"),
-    "slices in a page": (many_slices_in_a_page, "conflict"),
-    "cut": (cut, "damaged"),
-    "cut and packed": (lambda folder: cut(folder, "zlib"), "damaged"),
-    "damaged LZW": (damaged_lzw, "damaged"),
-    "cut PNG": (cut_png, "damaged"),
-    "junk": (junk, "damaged"),
+SIGNS, COLOURS = (VALUES // 300).astype(np.int8), np.stack([VALUES] * 3, axis=-1)
+LZW = "/v.tif?spacing=1,1,1&channel=0"
+REFUSED: dict[str, tuple[Callable[[Path], object], str, str]] = {
+    "big-endian LZW": (any_lzw((VALUES - 100).astype(">i2"), byteorder=">"), LZW, "unsupported"),
+    "LZW of floats": (any_lzw(VALUES.astype(">f4"), byteorder=">"), LZW, "unsupported"),
+    "LZW of signs": (any_lzw(SIGNS), LZW, "unsupported"),
+    "LZW of colours": (any_lzw(COLOURS, photometric="rgb"), LZW, "unsupported"),
+    "no time": (stacks(STACKS, "TZCYX"), "/v.ome.tif", "missing"),
+    "no channel": (stacks(STACKS, "TZCYX"), "/v.ome.tif?time=1&channel=2", "range"),
+    "dark channels": (stacks(np.full_like(TWO, 7), "CZYX"), "/v.ome.tif", "range"),
+    "one page": (pages(VALUES[0]), "/0.tif", "shape"),
+    "one picture": (pages(VALUES[0]), "", "shape"),
+    "two sizes": (pages(VALUES[0], VALUES[0, :3]), "", "shape"),
+    "a stack among pages": (pages(VALUES[0], VALUES), "", "conflict"),
+    "pages of two sizes": (pages_of_two_sizes, "/v.tif", "conflict"),
+    "wide colours": (png_of_wide_colours, "", "unsupported"),
+    "slices in a page": (many_slices_in_a_page, "", "conflict"),
+    "cut": (cut, "/v.tif", "damaged"),
+    "cut and packed": (lambda folder: cut(folder, "zlib"), "/v.tif", "damaged"),
+    "damaged LZW": (damaged_lzw, "/v.tif", "damaged"),
+    "cut PNG": (cut_png, "", "damaged"),
+    "junk": (lambda folder: (folder / "v.tif").write_bytes(b"hello" * 99), "/v.tif", "damaged"),
 }
 
 
@@ -254,8 +238,8 @@ REFUSED: dict[str, tuple[Callable[[Path], Path | str], str]] = {
 def test_pictures_that_are_no_volume_are_refused_in_one_line(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture, kind: str
 ) -> None:
-    make, code = REFUSED[kind]
-    path = make(tmp_path)
+    write, name, code = REFUSED[kind]
+    write(tmp_path)
     with raises(VolumeError, code):
-        load_volume(path)
+        load_volume(f"{tmp_path}{name}")
     assert capfd.readouterr().err == "" and not caplog.records, "a reader complained by itself"
