@@ -52,8 +52,7 @@ def test_materials_of_transparent_labels_are_no_rows() -> None:
 def test_materials_as_channels_serve_labels_and_surfaces() -> None:
     basis = MaterialBasis(MATERIALS)
     table = LabelFunction({1: (1, "gold")}, MATERIALS, basis).bake(1.0)
-    assert table.coefficients[1].tolist() == [0, 0, 1, 0]
-    assert table.white.tolist() == [0, 0, 0, 1]
+    assert table.coefficients[1].tolist() == [0, 0, 1, 0] and table.white.tolist() == [0, 0, 0, 1]
     walls = Isosurfaces([(1, 1, "gold")], MATERIALS, basis).bake(1.0)
     assert (walls.material_weights @ walls.channels).tolist() == [[0, 0, 1, 0]]
 

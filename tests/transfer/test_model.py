@@ -33,8 +33,7 @@ AMBER = Spectrum([390, 500, 600, 710], [0.1, 0.2, 0.9, 0.9])
 
 def test_table_runs_linearly_between_points_and_stays_beyond() -> None:
     table = function((10, 0.0, "copper"), (30, 0.8, "steel")).bake(1.0, size=21)
-    assert table.domain == (10, 30)
-    assert np.allclose(table.opacity, np.linspace(0, 0.8, 21))
+    assert table.domain == (10, 30) and np.allclose(table.opacity, np.linspace(0, 0.8, 21))
     assert np.allclose(table.coefficients[[0, 10, 20]], [COPPER, (COPPER + STEEL) / 2, STEEL])
 
 
@@ -126,8 +125,7 @@ def test_filters_beyond_the_basis_are_clipped_with_a_warning() -> None:
     assert BASIS.analyse(narrow).min() < -0.02
     with pytest.warns(VolspecWarning) as caught:
         filters = signed.bake(1.0).filters
-    assert filters.min() == 0 and filters.max() <= 1
-    assert caught[0].filename == __file__
+    assert filters.min() == 0 and filters.max() <= 1 and caught[0].filename == __file__
 
 
 def of_one_material(material: Any) -> TransferFunction:

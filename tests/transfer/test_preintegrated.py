@@ -105,8 +105,7 @@ def test_means_lie_between_extremes_and_have_no_direction(
 @given(st.floats(-60, 140), st.floats(-60, 140), st.floats(-60, 140))
 def test_parts_of_a_segment_add_up(a: float, b: float, c: float) -> None:
     """Ends nearer than 1/64 entry take their middle: at a kink of 28, 28 / 64² / 8 entries off."""
-    table = curve()
-    ab, bc, ac = segment_means(table, STEP, [a, b, a], [b, c, c])
+    ab, bc, ac = segment_means(curve(), STEP, [a, b, a], [b, c, c])
     assert np.allclose(ab * (b - a) + bc * (c - b), ac * (c - a), atol=3e-3)
 
 

@@ -31,11 +31,6 @@ def test_a_region_is_full_inside_and_falls_smoothly_to_its_rim() -> None:
     assert np.isclose(table.opacity[12, 5], 0.8 * 0.352 * 0.5)
 
 
-def test_a_side_at_gradient_0_does_not_fall() -> None:
-    table = function(Region((0, 10), (0, 20), 0.5, "copper")).bake(1.0, size=(11, 21))
-    assert table.opacity[0, 5] == 0.5 and table.opacity[20, 5] == 0
-
-
 def test_a_region_to_infinity_stays_open_upwards() -> None:
     open_up = Region((0, 10), (20, math.inf), 0.5, "copper", softness=1)
     table = function(open_up).bake(1.0, size=(11, 41))

@@ -24,23 +24,21 @@ SURFACES = {"values": [1.0, 2.0], "opacity": [0.5, 1.0], "material_weights": np.
 
 @pytest.mark.parametrize("kind", [{}, GRADIENTS, LABELS, {"filters": np.zeros((8, 2))}])
 def test_every_kind_of_table_can_be_made(kind: dict) -> None:
-    table = TransferTable(**{**CURVE, "reference_step_mm": 1.0, **kind})
-    assert table.size == 2 and table.coefficients.shape == table.material_weights.shape
-    assert np.array_equal(table.channels, np.eye(2)) and np.array_equal(table.white, [1, 1])
+    made = table(**kind)
+    assert made.size == 2 and made.coefficients.shape == made.material_weights.shape
+    assert np.array_equal(made.channels, np.eye(2)) and np.array_equal(made.white, [1, 1])
 
 
 def test_channels_are_mixed_by_weights() -> None:
-    weights, channels = np.full((8, 2), [0.25, 0.5]), [[4.0, 0, 8], [0, 2, 2]]
-    table = TransferTable(
-        (0, 1), np.zeros(8), weights, 1.0, channels=np.array(channels), white=np.ones(3)
-    )
-    assert table.size == 3 and np.allclose(table.coefficients, [1, 1, 3])
+    weights, channels = np.full((8, 2), [0.25, 0.5]), np.array([[4.0, 0, 8], [0, 2, 2]])
+    made = table(material_weights=weights, channels=channels, white=np.ones(3))
+    assert made.size == 3 and np.allclose(made.coefficients, [1, 1, 3])
 
 
 def test_surface_tables_fill_in_channels_and_white() -> None:
-    table = SurfaceTable(**SURFACES)
-    assert table.size == 3 and np.array_equal(table.channels, np.eye(3))
-    assert np.array_equal(table.white, np.ones(3))
+    made = SurfaceTable(**SURFACES)
+    assert made.size == 3 and np.array_equal(made.channels, np.eye(3))
+    assert np.array_equal(made.white, np.ones(3))
 
 
 def table(**change: Any) -> TransferTable:
@@ -55,14 +53,13 @@ def surfaces(**change: Any) -> SurfaceTable:
     return SurfaceTable(**{**SURFACES, **change})
 
 
-ROW = {"opacity": np.zeros(1), "material_weights": np.zeros((1, 2))}
 FILTERS = {"filters": np.zeros((8, 2))}
 REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: table(domain=(5.0, 5.0)), "range TransferTable.domain"),
     (lambda: table(domain=(0.0, np.inf)), "range TransferTable.domain"),
     (lambda: table(opacity=np.full(8, 2.0)), "range TransferTable.opacity"),
     (lambda: table(opacity=np.full(8, np.nan)), "range TransferTable.opacity"),
-    (lambda: table(**ROW), "shape TransferTable.opacity"),
+    (lambda: table(opacity=[0.0], material_weights=[[0.0, 0.0]]), "shape TransferTable.opacity"),
     (lambda: gradients(gradient_top=None), "shape TransferTable.opacity"),
     (lambda: table(gradient_top=5.0), "shape TransferTable.opacity"),
     (lambda: gradients(gradient_top=0.0), "range TransferTable.gradient_top"),
