@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rich.console import Console
@@ -77,30 +78,24 @@ def test_a_device_is_the_same_with_other_memory() -> None:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the remedies are Linux's")
 @pytest.mark.parametrize(
-    ("known", "name", "linker", "flags", "remedy"),
+    ("known", "how", "remedy"),
     [
-        ((NEW, OLD), "1", True, "", "VOLSPEC_DEVICE"),
-        ((OLD,), None, True, "", "pocl-opencl-icd.*conda-forge.*volspec.intel"),
-        ((OLD,), None, False, "", "libc6-dev"),
-        ((OLD,), None, True, "-Dfloat=half", f"^unset {devices.BUILD_VARIABLE}$"),
+        ((NEW, OLD), {"name": "1"}, "VOLSPEC_DEVICE"),
+        ((OLD,), {}, "pocl-opencl-icd.*conda-forge.*volspec.intel"),
+        ((OLD,), {"no_linker": True}, "libc6-dev"),
+        ((OLD,), {"flags": "-Dfloat=half"}, f"^unset {devices.BUILD_VARIABLE}$"),
     ],
     ids=["by name", "none works", "no linker", "flags"],
 )
 def test_if_none_that_is_meant_works_the_error_has_each_fault_and_the_remedy(
-    put_devices: Callable,
-    monkeypatch: Patch,
-    known: tuple[DeviceInfo, ...],
-    name: str | None,
-    linker: bool,
-    flags: str,
-    remedy: str,
+    put_devices: Callable, monkeypatch: Patch, known: Any, how: dict[str, Any], remedy: str
 ) -> None:
-    monkeypatch.setattr(devices, "_missing_linker", lambda: not linker)
-    monkeypatch.setenv(devices.BUILD_VARIABLE, flags)
+    monkeypatch.setattr(devices, "_missing_linker", lambda: how.get("no_linker", False))
+    monkeypatch.setenv(devices.BUILD_VARIABLE, how.get("flags", ""))
     tries = put_devices(*known, faults={OLD.driver: NO_TARGET})
     for _ in range(2):
         with raises(OpenCLError, "unsupported") as caught:
-            choose_device(name)
+            choose_device(how.get("name"))
     for part in (OLD.name, OLD.platform, OLD.driver, NO_TARGET):
         assert part in caught.value.problem
     assert re.search(remedy, caught.value.remedy)

@@ -71,10 +71,8 @@ def test_relighters_that_were_closed_take_no_memory(grey: CoefficientImage, back
 @pytest.mark.slow
 def test_casts_with_other_functions_and_views_take_no_memory(half_engine: Volume) -> None:
     caster = Raycaster(half_engine)
-    copper = {"copper": vs.reflectance("copper")}
-    transfer = vs.TransferFunction(
-        [(60, 0.0, "copper"), (200, 0.3, "copper")], copper, vs.SpectralBasis.load("general-7")
-    )
+    basis, copper = vs.SpectralBasis.load("general-7"), {"copper": vs.reflectance("copper")}
+    transfer = vs.TransferFunction([(60, 0.0, "copper"), (200, 0.3, "copper")], copper, basis)
 
     def cast(number: int) -> None:
         paler = replace(transfer, points=[(60, 0.0, "copper"), (200 - number / 3, 0.2, "copper")])

@@ -36,12 +36,10 @@ def compute() -> Compute:
 @pytest.fixture
 def two_devices(monkeypatch: Patch) -> None:
     """A GPU and a CPU, as far as names go."""
+    size = 8, 2**34, 2**32
     known = [
-        DeviceInfo(name, platform, "OpenCL 3.0", driver, is_cpu, 8, 2**34, 2**32)
-        for name, platform, driver, is_cpu in [
-            ("NVIDIA H200", "NVIDIA CUDA", "590.1", False),
-            ("pthread-AMD EPYC", devices.POCL, "3.1+debian", True),
-        ]
+        DeviceInfo("NVIDIA H200", "NVIDIA CUDA", "OpenCL 3.0", "590.1", False, *size),
+        DeviceInfo("pthread-AMD EPYC", devices.POCL, "OpenCL 3.0", "3.1+debian", True, *size),
     ]
     monkeypatch.setattr(devices, "devices", lambda: known)
     monkeypatch.setattr(devices, "_try", lambda index, info: "")
@@ -69,8 +67,7 @@ def test_a_shared_array_is_not_copied_on_a_cpu(compute: Compute) -> None:
     values.flags.writeable = False
     sum_of_ends(compute, compute.upload(values[:8]), 7)  # the compiler takes memory once
     before = resident_bytes()
-    buffer = compute.upload(values, share=True)
-    assert sum_of_ends(compute, buffer, values.size - 1) == 6
+    assert sum_of_ends(compute, compute.upload(values, share=True), values.size - 1) == 6
     assert resident_bytes() - before < 20 << 20
     copy = compute.upload(values)
     assert resident_bytes() - before > 80 << 20 and copy.size == values.size
@@ -105,10 +102,9 @@ def test_kernels_of_one_source_are_built_together(monkeypatch: Patch) -> None:
 
     monkeypatch.setattr(Compute, "_build", counted)
     values = {"one": 1, "two": 2}
-    kernels = (
-        f"__kernel void {n}(__global int *out) {{ *out = {k}; }}\n" for n, k in values.items()
-    )
-    source, found = Source("".join(kernels), ("<prelude>", "both.cl")), np.empty(1, np.int32)
+    kernel = "__kernel void {}(__global int *out) {{ *out = {}; }}\n".format
+    text = "".join(kernel(*pair) for pair in values.items())
+    source, found = Source(text, ("<prelude>", "both.cl")), np.empty(1, np.int32)
     for _ in range(2):  # the second context finds the program in the cache
         compute = Compute.open()
         for name in ("one", "two", "one"):
@@ -172,6 +168,7 @@ def test_a_container_s_limit_is_the_host_s_memory(monkeypatch: Patch, tmp_path: 
     assert memory.host_free_bytes(tmp_path / "nowhere") == 4096 * 1024
 
 
+UNDECLARED = "error: use of undeclared identifier 'zzzz'"
 BROKEN = (
     "#define A 1\n"
     '#line 1 "kernels/broken.cl"\n'
@@ -188,16 +185,8 @@ BROKEN = (
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (
-            BROKEN % ("unheard_of", "y"),
-            "kernels/include/part.clh:2:13: error: use of undeclared identifier 'unheard_of': "
-            '"int z = unheard_of;"',
-        ),
-        (
-            BROKEN % ("1", "unheard_of"),
-            "kernels/broken.cl:3:12: error: use of undeclared identifier 'unheard_of': "
-            '"x[0] = unheard_of;"',
-        ),
+        (BROKEN % ("zzzz", "y"), f'kernels/include/part.clh:2:13: {UNDECLARED}: "int z = zzzz;"'),
+        (BROKEN % ("1", "zzzz"), f'kernels/broken.cl:3:12: {UNDECLARED}: "x[0] = zzzz;"'),
         ("int = 1;\n" + BROKEN % (1, 1), "<prelude>:1:5: error: expected identifier or '(': \"int"),
         ("#error no such lanes\n", '<prelude>:1:2: error: no such lanes: "#error no such lanes"'),
     ],
@@ -221,9 +210,8 @@ def test_a_kernel_that_does_not_build_quotes_the_line(
 @pytest.mark.parametrize("form", ["error: {}: {}", "{}: error: {}", "{}: fatal error: {}"])
 def test_logs_are_read_in_the_forms_of_pocl_and_of_clang(form: str) -> None:
     source = Source(BROKEN % ("1", "foo"), ("<prelude>", "kernels/broken.cl"))
-    log = "output of a driver\nkernels/broken.cl:1:1: warning: hm\n" + form.format(
-        "kernels/broken.cl:3:12", "no 'foo'"
-    )
+    error = form.format("kernels/broken.cl:3:12", "no 'foo'")
+    log = f"output of a driver\nkernels/broken.cl:1:1: warning: hm\n{error}"
     expected = "kernels/broken.cl:3:12: error: no 'foo': \"x[0] = foo;\""
     # NVIDIA's has no file's name, and lines of the whole text.
     nvidia, other = "<kernel>:8:12: error: no 'foo'", "the linker\n  gave up"
