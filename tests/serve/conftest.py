@@ -6,7 +6,7 @@ import http.client
 import json
 import struct
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Thread
@@ -17,32 +17,23 @@ import numpy as np
 import pytest
 
 from tests.support.patience import PATIENCE_S
+from tests.support.scenes import scene_text
 from volspec.export.serve import scene_server
 from volspec.scene import Scene
 from volspec.volume import phantom
 
-SCENE = """
-title = "Ball"
-version = 2
-volume = { file = "ball.npy" }
+MORE = """
 basis = { name = "general-5" }
-material = [{ name = "gold", reflectance = "gold" }]
-light = [{ name = "day", spectrum = "D65" }, { name = "lamp", spectrum = "A" }]
 camera = { azimuth_deg = 20, elevation_deg = 10 }
 annotation = [{ text = "here & there", points_mm = [[8, 8, 8]] }]
 output = { width = 42, height = 30 }
-[transfer]
-points = [
-    { value = 0.2, opacity = 0.0, material = "gold" },
-    { value = 0.6, opacity = 0.5, material = "gold" },
-]
 """
+POINTS = [(0.2, 0.0, "gold"), (0.6, 0.5, "gold")]
+SCENE = MORE + scene_text({"gold": "gold"}, POINTS, lights={"day": "D65", "lamp": "A"})
 
 
 @dataclass
 class Answer:
-    """An answer of the server."""
-
     status: int
     headers: http.client.HTTPMessage
     body: bytes
@@ -73,15 +64,13 @@ class Client:
         if self.cookie:
             given.setdefault("Cookie", self.cookie)
         connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=PATIENCE_S)
-        try:
+        with closing(connection):
             connection.putrequest(method, path, skip_host="Host" in given)
             for name, value in given.items():
                 connection.putheader(name, value)
             connection.endheaders()
             answer = connection.getresponse()
             return Answer(answer.status, answer.headers, answer.read())
-        finally:
-            connection.close()
 
     @property
     def token(self) -> str:
@@ -101,7 +90,6 @@ class Client:
 
 @contextmanager
 def serving(scene: Scene, host: str = "127.0.0.1", **how: Any) -> Iterator[Any]:
-    """Serve a scene until the end of the block."""
     server = scene_server(host, 0)
     try:
         server.open(scene, **how)
@@ -147,7 +135,6 @@ def server(ball_scene: Scene) -> Iterator[Any]:
 
 @pytest.fixture
 def client(server: Any) -> Client:
-    """A client with the cookie."""
     made = Client(server)
     made.enter()
     return made

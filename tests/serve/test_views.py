@@ -45,8 +45,7 @@ def test_a_coarse_view_is_smaller_and_has_the_marks_of_the_whole(client: Client)
     whole, _ = client.view().view()
     coarse, _ = client.view(coarse=1).view()
     assert coarse["width"] <= whole["width"] and coarse["marks"] == whole["marks"]
-    words = [inside for name, _, inside in whole["marks"] if name == "text"]
-    assert words == ["here & there"]
+    assert [inside for name, _, inside in whole["marks"] if name == "text"] == ["here & there"]
 
 
 def test_the_page_opens_with_the_scenes_own_camera(client: Client) -> None:
@@ -166,14 +165,11 @@ def test_a_failed_cast_is_one_line_and_the_next_succeeds(
         assert client.view().body == b"whole"
 
 
-def test_on_a_slow_network_coarse_pictures_become_coarser(
-    ball_scene: Scene, monkeypatch: Patch
-) -> None:
+def test_coarse_views_are_coarser_on_a_slow_network(ball_scene: Scene, monkeypatch: Patch) -> None:
     """Casts take no time here: their clock does not move."""
     monkeypatch.setattr(served_views, "time", SimpleNamespace(perf_counter=lambda: 0.0))
     views = SceneViews(ball_scene, size=(64, 48))
-    sides = [divisor_of(views, transfer_ms=2000) for _ in range(4)]
-    assert sides[-1] == 8, "the coarsest"
+    assert [divisor_of(views, transfer_ms=2000) for _ in range(4)][-1] == 8, "the coarsest"
     assert divisor_of(views) == 8 and divisor_of(views) < 8, "the next is as the last was"
 
 
