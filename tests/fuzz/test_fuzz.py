@@ -59,10 +59,9 @@ def test_the_corpus_is_small_and_the_same_file_in_any_order(tmp_path: Path) -> N
 def test_every_seed_is_read(tmp_path: Path) -> None:
     names = "csv", "triples", "icc", "basis", "tm27", "cgats", "cxf", "envi", "spectral-exr"
     for name in (*names, "ies", "ldt", "image-exr", "cache"):
-        target = TARGETS[name]
-        target.lay_out(tmp_path)
-        for data in target.seeds():
-            assert target.run(tmp_path, data) is None, name
+        TARGETS[name].lay_out(tmp_path)
+        for data in TARGETS[name].seeds():
+            assert TARGETS[name].run(tmp_path, data) is None, name
 
 
 def reads_digits(path: Path) -> None:
@@ -79,9 +78,9 @@ def reads_digits(path: Path) -> None:
 DIGITS = Target(reads_digits, lambda: (b"12",))
 
 
-def session(folder: Path, target: Target = DIGITS) -> Session:
+def session(folder: Path) -> Session:
     (folder / "state").write_bytes(bytes(STATE.size + fuzz_child.MOST_BYTES))
-    return Session(target, folder)
+    return Session(DIGITS, folder)
 
 
 @pytest.mark.slow
@@ -131,8 +130,7 @@ def test_a_process_that_hangs_or_dies_leaves_its_input(
             clock_s[0] += fuzz.LIMIT_S
 
     monkeypatch.setattr(run, "_child", child)
-    clock = SimpleNamespace(monotonic=lambda: clock_s[0], sleep=sleep)
-    monkeypatch.setattr(fuzz, "time", clock)
+    monkeypatch.setattr(fuzz, "time", SimpleNamespace(monotonic=lambda: clock_s[0], sleep=sleep))
     monkeypatch.setattr(fuzz, "_MOST_RESTARTS", 1)
     row = run.fuzz(100, 1e6, 0)
     assert [path.name.split("-")[0] for path in row.findings] == [kind]

@@ -76,9 +76,7 @@ class Lab:
         self.frame.locator("html").evaluate(frames)
 
     def ready(self) -> None:
-        """Wait until the widget's page has its picture."""
-        html = self.frame.locator("html.ready")
-        html.wait_for(state="attached", timeout=1000 * PATIENCE_S)
+        self.frame.locator("html.ready").wait_for(state="attached", timeout=1000 * PATIENCE_S)
 
 
 @contextmanager
@@ -119,9 +117,8 @@ def _server(folder: Path) -> Iterator[tuple[str, str]]:
         f"--ServerApp.jpserver_extensions={_SERVER_EXTENSIONS}",
     ]
     with log.open("wb") as said:
-        server = subprocess.Popen(
-            words, cwd=folder, env=_environment(folder), stdout=said, stderr=said
-        )
+        environment = _environment(folder)
+        server = subprocess.Popen(words, cwd=folder, env=environment, stdout=said, stderr=said)
         try:
             _await(server, f"{address}/api", log)
             yield address, token

@@ -89,8 +89,7 @@ def test_one_picture_goes_to_and_fro(
     lab: Lab, colours: CoefficientImage, turned: CoefficientImage
 ) -> None:
     """One story: each step needs the one before, and a second JupyterLab costs too much."""
-    shown = seen(lab, colours.size)
-    assert shown.std() > 20, "the picture is empty"
+    assert seen(lab, colours.size).std() > 20, "the picture is empty"
     until_shown(lab, relight(colours, light("D65")))
 
     # A slider is dragged and a pixel is clicked in the page; the next cell reads them.

@@ -73,9 +73,7 @@ def test_a_frame_follows_every_setting(widget: Any, colours: CoefficientImage) -
     assert widget.rig is None and not widget.frame().any()
 
 
-def test_what_the_page_tells_becomes_traits_and_is_not_sent_back(
-    widget: Any, monkeypatch: Patch
-) -> None:
+def test_what_the_page_tells_becomes_traits_unanswered(widget: Any, monkeypatch: Patch) -> None:
     sent: list[dict[str, Any]] = []
     monkeypatch.setattr(widget, "_send", lambda message, buffers=None: sent.append(message))
     state = {"weights": [0, 0.5, 1], "viewing": LOOK, "mode": "exact", "backdrop": 0.5}
@@ -90,9 +88,7 @@ def test_what_the_page_tells_becomes_traits_and_is_not_sent_back(
 
 
 @pytest.mark.parametrize(("ratio", "surround"), [(0.0, "dark"), (0.2, "average"), (0.15, 0.15)])
-def test_a_surround_has_its_name_where_it_has_one(
-    widget: Any, ratio: float, surround: str | float
-) -> None:
+def test_a_surround_with_a_name_has_it(widget: Any, ratio: float, surround: str | float) -> None:
     widget.set_state({"viewing": {**LOOK, "surround": ratio}})
     assert widget.viewing.surround == surround
     assert widget.get_state("viewing")["viewing"]["surround"] == ratio
@@ -185,8 +181,7 @@ def test_what_cannot_be_is_refused_and_leaves_the_widget_as_it_was(
 def test_an_absolute_scene_is_relative_under_lights_without_lux(colours: CoefficientImage) -> None:
     image = noted(colours, '{"level": "absolute", "illuminance_lux": 500}')
     assert vs.notebook(image).level == "relative"
-    lit = {"lamp": LightRig((vs.light("A"),), (), (50,))}
-    assert vs.notebook(image, lit).level == "absolute"
+    assert vs.notebook(image, {"lamp": LightRig((vs.light("A"),), (), (50,))}).level == "absolute"
 
 
 def test_lights_with_lux_add_up(colours: CoefficientImage) -> None:
@@ -247,8 +242,7 @@ def test_an_image_in_a_cell_shows_the_widget(
     assert "application/vnd.jupyter.widget-view+json" in bundle
     # Readers that run no widgets get a still picture, as a saved notebook's.
     still = Image.open(io.BytesIO(base64.b64decode(bundle["image/jpeg"])))
-    shown = np.asarray(still).astype(float)
-    assert np.abs(shown - relight(colours, vs.light("D65"))).mean() < 6
+    assert np.abs(np.asarray(still).astype(float) - relight(colours, vs.light("D65"))).mean() < 6
 
 
 def test_without_the_extra_an_image_shows_its_text(

@@ -42,8 +42,7 @@ def test_figure_6_hides_the_inserts_and_the_smoke_and_keeps_the_block() -> None:
         assert apart(seen["inserts", light], seen["block", light]) > 30.0
     assert apart(seen["inserts", "b"], seen["inserts", "c"]) < 1.0
     white, red = seen["smoke", "b"], seen["smoke", "c"]
-    assert white[0] > 90.0 and np.hypot(*white[1:]) < 3.0
-    assert red[1] > 50.0 and red[2] > 30.0
+    assert white[0] > 90.0 and np.hypot(*white[1:]) < 3.0 and red[1] > 50.0 and red[2] > 30.0
 
 
 def test_figure_7_is_of_one_colour_and_then_without_a_body() -> None:
@@ -55,8 +54,7 @@ def test_figure_7_is_of_one_colour_and_then_without_a_body() -> None:
     inside = [seen[name, "0:1"] for name in ("skin", "organs", "eyes")]
     assert min(apart(*pair) for pair in combinations(inside, 2)) > 25.0
     lightness = [seen["body", light.name][0] for light in scene.lights]
-    assert lightness == sorted(lightness, reverse=True)
-    assert len(scene.lights) == 5
+    assert lightness == sorted(lightness, reverse=True) and len(scene.lights) == 5
 
 
 @pytest.mark.slow

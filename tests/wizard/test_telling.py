@@ -46,5 +46,4 @@ def test_the_difference_of_metamers_is_found() -> None:
     scene = Scene.load(asset("data/scenes/engine.toml"))
     found = show_difference(scene, "block", "inserts", under="D65")
     assert found.before < 1 and found.delta_e > 20
-    own = light(found.text, scene.basis.grid)
-    assert own.values.min() >= 0
+    assert light(found.text, scene.basis.grid).values.min() >= 0

@@ -15,7 +15,7 @@ from tests.support.wizards import SCENE, frame_Lab, painted
 from volspec.appearance.models.cielab import delta_E_2000
 from volspec.basis import MaterialBasis
 from volspec.errors import PaletteError
-from volspec.wizard import Redesigned, show_difference
+from volspec.wizard import show_difference
 from volspec.wizard.scene_palette import ScenePalette
 
 
@@ -32,10 +32,6 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> vs.Scene:
 def scene(trained: vs.Scene) -> vs.Scene:
     """The same with its materials as channels, which takes no time to make."""
     return vs.Scene.load(trained.path, {"method": "materials"})
-
-
-def figures(made: Redesigned, light: str) -> dict[str, float]:
-    return next(row.changed for row in made.evaluations if row.light == light)
 
 
 def test_a_hidden_material_cannot_be_told_from_its_host_in_the_frames(trained: vs.Scene) -> None:
@@ -74,9 +70,8 @@ def test_a_revealed_material_is_as_far_from_all_others_as_asked(scene: vs.Scene)
 
 def test_a_material_is_revealed_to_deuteranopes_as_well(scene: vs.Scene) -> None:
     made = vs.reveal(scene, "core", under="day", distance=12, deficiency=["deutan"])
-    assert {frozenset(pair.reflectances) for pair in made.apart} == {
-        frozenset(("core", other)) for other in ("shell", "stone")
-    }
+    pairs = {frozenset(pair.reflectances) for pair in made.apart}
+    assert pairs == {frozenset(("core", "shell")), frozenset(("core", "stone"))}
     assert all(min(p.smallest["none"], p.smallest["deutan"]) >= 12 for p in made.apart)
     plain = vs.reveal(scene, "core", under="day", distance=12)
     assert all(p.deficiencies == ("none",) for p in plain.apart)
@@ -87,10 +82,9 @@ def test_merged_materials_part_under_a_light_of_real_lamps(scene: vs.Scene) -> N
     made = vs.merge(scene, ["shell", "core"], under="day", split="apart", lamps=lamps)
     assert made.delta_e("day", "shell", "core") < 1.0
     assert made.delta_e("apart", "shell", "core") > 20.0
-    member = made.design.palette.member("light", "apart")
-    shares = np.linalg.lstsq(
-        member.synthesis(made.design.palette.grid), made.design.state.E[-1], rcond=None
-    )
+    palette = made.design.palette
+    mixed = palette.member("light", "apart").synthesis(palette.grid)
+    shares = np.linalg.lstsq(mixed, made.design.state.E[-1], rcond=None)
     assert shares[0].min() > -1e-9
 
 
@@ -112,7 +106,8 @@ def test_a_kept_material_has_one_colour_under_all_lights(scene: vs.Scene) -> Non
     i = made.design.palette.index(("shell", "day"))[0]
     Lab = [model.Lab_from_RGB(state.RGB(models)[i, j]) for j, model in enumerate(models)]
     assert max(delta_E_2000(Lab[0], other) for other in Lab[1:]) < 1.0
-    assert figures(made, "day")["shell"] < 5.0
+    day = next(row for row in made.evaluations if row.light == "day")
+    assert day.changed["shell"] < 5.0
 
 
 def test_under_two_groups_of_lights_it_is_hidden_from_each() -> None:
@@ -128,8 +123,7 @@ def test_under_two_groups_of_lights_it_is_hidden_from_each() -> None:
 
 
 def test_a_basis_too_coarse_for_the_design_gives_way_to_the_materials(trained: vs.Scene) -> None:
-    coarse = vs.Scene.load(trained.path, {"size": 3})
-    made = vs.hide(coarse, "core", under="lamp", within="shell")
+    made = vs.hide(vs.Scene.load(trained.path, {"size": 3}), "core", under="lamp", within="shell")
     assert made.changes.exact and made.scene.file.basis.method == "materials"
     assert made.delta_e("lamp", "core", "shell") < 1.0
 
@@ -176,8 +170,7 @@ def coloured(scene: vs.Scene) -> vs.Scene:
     """The scene under coloured lights, to which no eye adapts: no colour can be constant."""
     lamps = zip(scene.file.light, ("D65", "LED-B1", "HP1"), strict=True)
     rows = [replace(row, spectrum=text) for row, text in lamps]
-    eye = replace(scene.file.viewing.viewing, model="none")
-    viewing = replace(scene.file.viewing, viewing=eye)
+    viewing = replace(scene.file.viewing, viewing=replace(scene.file.viewing.viewing, model="none"))
     return vs.Scene(replace(scene.file, light=rows, viewing=viewing), scene.path)
 
 
