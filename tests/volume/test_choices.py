@@ -21,10 +21,8 @@ STEPS = np.stack([VALUES, VALUES + 1, VALUES * 2])
 
 def itk_file(path: Path, key: str) -> Path:
     """Write three time steps, or three components per voxel."""
-    if key == "time":
-        image = sitk.GetImageFromArray(STEPS, isVector=False)
-    else:
-        image = sitk.GetImageFromArray(np.moveaxis(STEPS, 0, -1), isVector=True)
+    values = STEPS if key == "time" else np.moveaxis(STEPS, 0, -1)
+    image = sitk.GetImageFromArray(values, isVector=key == "channel")
     sitk.WriteImage(image, str(path), useCompression=path.suffix == ".mha")
     return path
 

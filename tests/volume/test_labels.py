@@ -161,11 +161,10 @@ def test_slicer_s_segments_are_labels(tmp_path: Path) -> None:
 
 def test_a_nifti_intent_makes_a_mask_a_label(tmp_path: Path) -> None:
     data = bytearray(nifti(blocks([1, 1]), np.eye(4), code=2))
-    (tmp_path / "mask.nii").write_bytes(data)
-    assert not load_silently(tmp_path / "mask.nii").labels
-    struct.pack_into("<h", data, 68, 1002)
-    (tmp_path / "mask.nii").write_bytes(data)
-    assert load_silently(tmp_path / "mask.nii").labels == {1: Label()}
+    for intent, labels in ((0, {}), (1002, {1: Label()})):
+        struct.pack_into("<h", data, 68, intent)
+        (tmp_path / "mask.nii").write_bytes(data)
+        assert load_silently(tmp_path / "mask.nii").labels == labels
 
 
 @pytest.mark.parametrize("packed", [False, True])
@@ -184,8 +183,8 @@ def test_names_in_a_nifti_extension_are_read(tmp_path: Path, packed: bool) -> No
     data[352:352] = struct.pack("<2i", size, 30) + xml.ljust(size - 8, b"\0")
     path = tmp_path / ("v.nii.gz" if packed else "v.nii")
     path.write_bytes(gzip.compress(data) if packed else data)
-    labels = load_silently(path).labels
-    assert labels == {1: Label("spleen", RED), 2: Label("kidney_right", (0, 0.5, 1))}
+    labels = {1: Label("spleen", RED), 2: Label("kidney_right", (0, 0.5, 1))}
+    assert load_silently(path).labels == labels
 
 
 def test_an_image_label_of_ome_zarr_has_names_and_colours(tmp_path: Path) -> None:

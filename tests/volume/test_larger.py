@@ -293,18 +293,16 @@ def test_a_conversion_that_is_killed_at_its_end_goes_on(
 ) -> None:
     path, level = tmp_path / "v.zarr", level_of(ball)
     convert.convert(level_of(ball.downsampled(2)), path)
+    own = Path.replace
+
+    def swap(self: Path, target: Path) -> Path:
+        return _interrupt() if self.suffix == ".unfinished" else own(self, target)
+
     with monkeypatch.context() as patch:
-        if killed == "before the swap":
-            patch.setattr(convert, "_attributes", _interrupt)
-        elif killed == "in the swap":
-            own = Path.replace
-
-            def swap(self: Path, target: Path) -> Path:
-                return _interrupt() if self.suffix == ".unfinished" else own(self, target)
-
+        if killed == "in the swap":
             patch.setattr(Path, "replace", swap)
         else:
-            patch.setattr(convert, "_clean", _interrupt)
+            patch.setattr(convert, "_attributes" if "before" in killed else "_clean", _interrupt)
         interrupted(level, path)
     if killed == "in the swap":  # of another source: what was there comes back first
         with suppress(VolumeError):
