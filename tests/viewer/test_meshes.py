@@ -5,34 +5,26 @@ from __future__ import annotations
 import tomllib
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import pyvista
-from numpy.typing import NDArray
 
 from tests.support.gltf import write_glb
+from tests.support.viewer import read_scene
 from tests.support.window import Robot
+from tests.viewer._states import frame_of, restored, save_ball
 from volspec.errors import VolspecWarning
-from volspec.scene import Scene
 from volspec.scene.meshes import MeshCache
 from volspec.scene.specs import MeshSpec
 from volspec.viewer.model import materials, meshes
-from volspec.viewer.model.document import Document
 from volspec.viewer.model.history import History
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.casts import make_caster
 from volspec.viewer.work.documents import read_meshes
-from volspec.viewer.work.outputs import Progress
-from volspec.viewer.work.screenshot import render_frame
-from volspec.viewer.work.session import read_session, restore_state, save_session
-from volspec.volume import phantom
 
 pytestmark = pytest.mark.not_quick
 
-SIZE = 48, 36
 SCENE = """
 version = 2
 volume.file = "ball.npy"
@@ -57,31 +49,24 @@ shape = "triad"
 
 @pytest.fixture
 def opened(tmp_path: Path) -> ViewState:
-    write_scene(tmp_path)
-    return read(tmp_path / "scene.toml")
+    return read(write_scene(tmp_path))
 
 
-def write_scene(folder: Path) -> None:
-    np.save(folder / "ball.npy", phantom.ball(12).values)
+def write_scene(folder: Path) -> Path:
+    save_ball(folder, 12)
     (folder / "parts").mkdir()
     pyvista.Cube(x_length=6, y_length=2, z_length=9).save(folder / "parts" / "pin.stl")
     (folder / "scene.toml").write_text(SCENE, encoding="utf-8")
+    return folder / "scene.toml"
 
 
 def read(path: Path) -> ViewState:
-    scene = Scene.load(path)
-    volume = scene.volume()
-    document = Document.of(scene, volume, *make_caster(volume, None))
-    return replace(ViewState.first(document, SIZE), size=SIZE)
-
-
-def frame(state: ViewState) -> NDArray[Any]:
-    return render_frame(state, SIZE, Progress("picture")).astype(int)
+    return replace(read_scene(path), size=(48, 36))
 
 
 @pytest.mark.slow
 def test_edits_change_the_picture_and_are_undone(opened: ViewState) -> None:
-    first = frame(opened)
+    first = frame_of(opened)
     edits = (
         meshes.set_shown(opened, 0, False),
         meshes.set_material(opened, 0, "bone"),
@@ -91,21 +76,21 @@ def test_edits_change_the_picture_and_are_undone(opened: ViewState) -> None:
         meshes.turn(opened, 0, 1, 90.0),
         meshes.scale(opened, 0, 1.5),
     )
-    pictures = [frame(state) for state in edits]
+    pictures = [*map(frame_of, edits)]
     assert all(np.abs(picture - first).max() > 20 for picture in pictures)
     np.testing.assert_array_equal(pictures[0], pictures[3])  # a hidden mesh casts no shadow
     history = History(opened).then(edits[2], 1)
     assert (history.difference.stage, history.difference.name) == ("cast", "meshes")
-    np.testing.assert_array_equal(frame(history.undo().present), first)
+    np.testing.assert_array_equal(frame_of(history.undo().present), first)
 
 
 @pytest.mark.slow
 def test_the_file_is_read_once(opened: ViewState, tmp_path: Path) -> None:
     (tmp_path / "parts" / "pin.stl").unlink()
     hidden = meshes.set_shown(opened, 0, False)
-    frame(hidden)
-    assert np.abs(frame(meshes.set_shown(hidden, 0, True)) - frame(opened)).max() == 0
-    assert np.abs(frame(meshes.set_material(opened, 0, "bone")) - frame(opened)).max() > 20
+    frame_of(hidden)
+    np.testing.assert_array_equal(frame_of(meshes.set_shown(hidden, 0, True)), frame_of(opened))
+    assert np.abs(frame_of(meshes.set_material(opened, 0, "bone")) - frame_of(opened)).max() > 20
 
 
 @pytest.mark.slow
@@ -121,7 +106,7 @@ def test_other_looks_use_what_is_known_of_a_surface(opened: ViewState) -> None:
     ):
         cache = MeshCache(Path(opened.document.folder))
         fresh = replace(change, document=replace(opened.document, meshes=cache))
-        np.testing.assert_array_equal(frame(change), frame(fresh))
+        np.testing.assert_array_equal(frame_of(change), frame_of(fresh))
 
 
 @pytest.mark.slow
@@ -134,10 +119,10 @@ def test_a_saved_scene_and_a_session_keep_the_list(opened: ViewState, tmp_path: 
     (tmp_path / "other").mkdir()
     again = read(export_scene(new, tmp_path / "other" / "it.toml"))
     assert again.meshes[0].file == "../parts/pin.stl"
-    session = restore_state(read_session(save_session(new, tmp_path / "it.volspec.json")))
+    session = restored(new, tmp_path)
     assert session.meshes == new.meshes
     for state in (read(path), again, session):
-        assert np.abs(frame(state) - frame(new)).max() <= 1
+        assert np.abs(frame_of(state) - frame_of(new)).max() <= 1
     # Without an edit, the file's own words stay.
     whole = export_scene(opened, tmp_path / "same.toml").read_text(encoding="utf-8")
     assert "move_mm = [5.5, 0, 5.5]" in whole
@@ -149,10 +134,8 @@ def test_a_material_replaces_a_texture(opened: ViewState) -> None:
     state = replace(opened, meshes=(textured, MeshSpec(shape="triad")))
     assert [meshes.look_text(row) for row in state.meshes] == ["wood.png", "axes"]
     new = meshes.set_material(meshes.set_material(state, 0, "wax"), 1, "bone")
-    assert new.meshes == tuple(
-        MeshSpec(shape=row.shape, material=name)
-        for row, name in zip(state.meshes, ("wax", "bone"), strict=True)
-    )
+    waxen, bony = MeshSpec(shape="disc", material="wax"), MeshSpec(shape="triad", material="bone")
+    assert new.meshes == (waxen, bony)
     assert meshes.set_material(state, 0, "no such") is state
 
 
@@ -166,12 +149,11 @@ def test_meshes_are_added_from_files(opened: ViewState, tmp_path: Path) -> None:
     read = read_meshes(opened, tuple(str(tmp_path / name) for name in names))
     assert read.rows == (MeshSpec(file="tile.glb", material="wax"),)
     for name, error in zip(names[1:], read.errors, strict=True):
-        assert error.startswith(str(tmp_path / name))
-        assert "\n" not in error
+        assert error.startswith(str(tmp_path / name)) and "\n" not in error
     new = meshes.add(opened, read.rows)
     corners = new.document.meshes.mesh(new.meshes[2]).points_mm
     assert corners.min(axis=0) == pytest.approx([1.5, 1.5, 12.0])
-    assert np.abs(frame(new) - frame(opened)).max() > 20
+    assert np.abs(frame_of(new) - frame_of(opened)).max() > 20
     write_glb(tmp_path / "metres.glb", 8000.0)
     with pytest.warns(VolspecWarning, match="unit_mm"):
         assert read_meshes(opened, (str(tmp_path / "metres.glb"),)).rows
@@ -179,9 +161,7 @@ def test_meshes_are_added_from_files(opened: ViewState, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_meshes_are_added_in_their_own_colours(opened: ViewState, tmp_path: Path) -> None:
-    tile = pyvista.Plane(
-        center=(4.0, 4.0, 12.0), i_size=5.0, j_size=5.0, i_resolution=1, j_resolution=1
-    )
+    tile = pyvista.Plane(center=(4, 4, 12), i_size=5, j_size=5, i_resolution=1, j_resolution=1)
     tile.point_data["RGB"] = np.array([[250, 20, 20]] * 4, np.uint8)
     tile.save(tmp_path / "tile.ply", texture="RGB")
     read = read_meshes(opened, (str(tmp_path / "tile.ply"),))
@@ -190,8 +170,8 @@ def test_meshes_are_added_in_their_own_colours(opened: ViewState, tmp_path: Path
     assert meshes.look_text(new.meshes[2]) == "own colours"
     waxen = meshes.set_material(new, 2, "wax")
     assert waxen.meshes[2] == MeshSpec(file="tile.ply", material="wax")
-    assert np.abs(frame(new) - frame(waxen)).max() > 20
-    assert np.array_equal(frame(meshes.remove(waxen, 2)), frame(opened))
+    assert np.abs(frame_of(new) - frame_of(waxen)).max() > 20
+    assert np.array_equal(frame_of(meshes.remove(waxen, 2)), frame_of(opened))
 
 
 @pytest.mark.slow
@@ -200,19 +180,19 @@ def test_other_transfer_functions_keep_the_meshes_materials(opened: ViewState) -
     bare = materials.without_material(opened.transfer, "wax")
     new = meshes.with_own_materials(opened, replace(opened, transfer=bare))
     assert list(new.transfer.materials) == ["bone", "wax"]
-    np.testing.assert_array_equal(frame(new), frame(opened))
+    np.testing.assert_array_equal(frame_of(new), frame_of(opened))
     free = meshes.remove(opened, 0)
     assert list(materials.remove_material(free, "wax").transfer.materials) == ["bone"]
 
 
 @pytest.mark.slow
 def test_the_list_in_the_window(window: Robot, tmp_path: Path) -> None:
-    write_scene(tmp_path)
+    scene = write_scene(tmp_path)
     write_glb(tmp_path / "tile.glb", 8.0)
     write_glb(tmp_path / "metres.glb", 8000.0)
     (tmp_path / "broken.stl").write_bytes(b"solid")
     window.resize((1000, 700))
-    before = window.open(tmp_path / "scene.toml")
+    before = window.open(scene)
     window.drop(*((tmp_path / name).as_uri() for name in ("broken.stl", "metres.glb")))
     window.rest()
     told = [row["message"] for row in window.since(before, "error", "warning")]

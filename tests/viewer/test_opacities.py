@@ -1,4 +1,4 @@
-"""Opacities of materials: edits, their cost, pictures without a cast, the panel in the window."""
+"""What the layers of a cast show without another: opacities, cuts, fog, a focus, both eyes."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from numpy.typing import NDArray
 from tests.support.patience import wait_until
 from tests.support.viewer import opened, take_until
 from tests.support.window import Robot, small_engine
+from tests.viewer._states import casts_of, frame_of, job_of, relit, seen
 from volspec.basis import MaterialBasis
-from volspec.pipeline import Raycaster, relight
+from volspec.pipeline import Raycaster
 from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.raycast.pace import WHOLE, Pass
+from volspec.relight.stereo import Stereo, StereoViews
 from volspec.scene.specs import MeshSpec
 from volspec.viewer.model import camera, depth, opacities
+from volspec.viewer.model.edit import after, with_interface
 from volspec.viewer.model.history import Difference, History, without_cast
-from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.quality import cast_spec, opacity_scales
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work import screen as work_screen
-from volspec.viewer.work.casts import CastDone, CastJob, CastScheduler, CastWorker
+from volspec.viewer.work.casts import CastDone, CastScheduler
 from volspec.viewer.work.documents import open_document
 from volspec.viewer.work.notify import Notice, Trace
-from volspec.viewer.work.outputs import Progress
 from volspec.viewer.work.screen import Meter, Screen
-from volspec.viewer.work.screenshot import render_frame
 
 pytestmark = pytest.mark.not_quick
 
@@ -48,13 +48,8 @@ def ball(tmp_path_factory: pytest.TempPathFactory) -> ViewState:
     return opacities.set_opacity(opacities.set_opacity(first, "copper", 0.5), "copper", 1.0)
 
 
-def job(state: ViewState, *passes: Pass) -> CastJob:
-    view = state.view.camera(state.document.volume)
-    return CastJob(state.document, state.transfer, view, cast_spec(state), SIZE, passes)
-
-
-def casts(state: ViewState, *passes: Pass) -> list[CastDone]:
-    return list(CastWorker(lambda: None)._results(job(state, *passes)))
+def casts(state: ViewState, *passes: Pass, **more: Any) -> list[CastDone]:
+    return casts_of(job_of(state, SIZE, *passes, **more))
 
 
 @pytest.fixture(scope="module")
@@ -66,17 +61,15 @@ def test_scales_are_clamped_kept_by_name_and_reset(ball: ViewState) -> None:
     assert opacity_scales(ball) == {}
     faded = opacities.set_opacity(ball, "copper", 0.25)
     assert opacity_scales(faded) == {"copper": 0.25}
-    assert opacity_scales(opacities.set_opacity(faded, "copper", 99.0)) == {
-        "copper": opacities.MOST
-    }
+    thick = opacities.set_opacity(faded, "copper", 99.0)
+    assert opacity_scales(thick) == {"copper": opacities.MOST}
     assert opacities.set_opacity(faded, "silk", 0.5) is faded
     assert opacities.set_opacity(faded, "copper", 0.25) is faded
     hidden = opacities.toggle(faded, "copper")
     assert opacity_scales(hidden) == {"copper": 0.0}
     assert opacity_scales(opacities.toggle(hidden, "copper")) == {}
-    others = {name: 0.0 for name in opacities.names(ball) if name != "grey"}
     alone = opacities.show_only(faded, "grey")
-    assert opacity_scales(alone) == others
+    assert opacity_scales(alone) == dict.fromkeys({*opacities.names(ball)} - {"grey"}, 0.0)
     assert opacity_scales(opacities.show_only(alone, "grey")) == {}
     assert opacities.reset(hidden).shading == ball.shading
 
@@ -101,25 +94,16 @@ def test_meshes_are_the_last_layer_and_do_not_fade(ball: ViewState) -> None:
     assert opacities.can_layer(replace(state, meshes=(replace(mesh, opacity=0.5, shown=False),)))
     only = replace(mesh, material="silk")
     assert not opacities.is_in_volume(replace(ball, meshes=(only,)), "silk")
-    view = state.view.camera(state.document.volume)
-    own = CastJob(
-        *(state.document, state.transfer, view, cast_spec(state), SIZE, (LAYERED,)),
-        meshes=state.meshes,
-    )
-    (done,) = CastWorker(lambda: None)._results(own)
+    (done,) = casts(state, LAYERED, meshes=state.meshes)
     assert done.opacity is not None, done.error
-    layers = done.image.opacity_layers
-    assert layers.solid and done.opacity.solid
+    assert done.image.opacity_layers.solid and done.opacity.solid
 
 
 def test_a_scale_costs_no_cast_and_has_a_step_of_undo(ball: ViewState) -> None:
     faded = opacities.set_opacity(ball, "grey", 0.5)
-    change = Difference.between(ball, faded)
-    assert (change.stage, change.name, change.undoable) == ("recompose", "opacity", True)
-    turned = camera.orbit(faded, 0.1, 0.0)
-    assert Difference.between(ball, turned).stage == "cast"
-    history = History(ball).then(faded, 1)
-    assert history.undo().present.shading == ball.shading
+    assert_recomposes(ball, faded, "opacity")
+    assert Difference.between(ball, camera.orbit(faded, 0.1, 0.0)).stage == "cast"
+    assert History(ball).then(faded, 1).undo().present.shading == ball.shading
 
 
 def test_a_saved_scene_has_them(ball: ViewState, tmp_path: Path) -> None:
@@ -129,9 +113,8 @@ def test_a_saved_scene_has_them(ball: ViewState, tmp_path: Path) -> None:
 
 
 def test_other_materials_do_not_leave_scales_behind(ball: ViewState) -> None:
-    faded = opacities.set_opacity(ball, "grey", 0.5)
-    given = replace(faded.shading, opacities={"grey": 0.5, "gone": 0.1})
-    assert cast_spec(replace(faded, shading=given)).opacities == {"grey": 0.5}
+    given = replace(ball.shading, opacities={"grey": 0.5, "gone": 0.1})
+    assert cast_spec(replace(ball, shading=given)).opacities == {"grey": 0.5}
 
 
 def test_layers_are_cast_of_the_curve_s_own_opacities(ball: ViewState) -> None:
@@ -142,80 +125,68 @@ def test_layers_are_cast_of_the_curve_s_own_opacities(ball: ViewState) -> None:
     np.testing.assert_allclose(layered.image.coefficients, own.coefficients, atol=1e-6)
 
 
+def rest(scheduler: CastScheduler) -> list[CastDone]:
+    """Return what is cast until no thread is at work."""
+    taken = take_until(scheduler.take, lambda _: not scheduler.working)
+    assert all(done.error == "" for done in taken)
+    return [done for done in taken if done.image is not None]
+
+
 def test_layers_follow_when_nothing_moves_and_once(ball: ViewState) -> None:
     scheduler = CastScheduler(lambda: None)
-    taken: list[CastDone] = []
 
-    def rest() -> list[CastDone]:
-        taken.clear()
-        wait_until(lambda: taken.extend(scheduler.take()) or not scheduler.busy)
-        return [done for done in taken if done.image is not None and done.made.layers]
+    def layers_after(now: float, held: bool = False) -> list[CastDone]:
+        rest(scheduler)
+        scheduler.tick(now, held)
+        return [done for done in rest(scheduler) if done.made.layers]
 
     scheduler.change(ball, 0.0, held=False)
-    assert rest() == []
-    scheduler.tick(9.0, held=False)
-    assert rest() == []  # nobody wants them
+    assert layers_after(9.0) == []  # nobody wants them
     scheduler.layers_wanted = True
-    scheduler.tick(9.0, held=True)
-    assert rest() == []
-    scheduler.tick(9.0, held=False)
-    (done,) = rest()
+    assert layers_after(9.0, held=True) == []
+    (done,) = layers_after(9.0)
     assert scheduler.is_newest(done)
     scheduler.follow(opacities.set_opacity(ball, "grey", 0.5))
-    scheduler.tick(9.0, held=False)
-    assert rest() == []
+    assert layers_after(9.0) == []
     scheduler.change(camera.orbit(ball, 0.1, 0.0), 9.0, held=False)
-    rest()
+    rest(scheduler)
     assert not scheduler.is_newest(done)
-    scheduler.tick(19.0, held=False)
-    assert len(rest()) == 1
+    assert len(layers_after(19.0)) == 1
     scheduler.close()
 
 
 def test_a_turned_view_is_first_shown_by_the_layers(ball: ViewState) -> None:
     faded = opacities.set_opacity(ball, "grey", 0.4)
     scheduler = CastScheduler(lambda: None)
-    taken: list[CastDone] = []
-
-    def rest() -> list[Pass]:
-        taken.clear()
-        wait_until(lambda: taken.extend(scheduler.take()) or not scheduler.working)
-        assert all(done.error == "" for done in taken)
-        return [done.made for done in taken if done.image is not None]
-
     scheduler.change(faded, 0.0, held=False)
     scheduler.layers_wanted = True
-    rest()
+    rest(scheduler)
     scheduler.tick(9.0, held=False)
-    assert [made.layers for made in rest()] == [8]
+    assert [done.made.layers for done in rest(scheduler)] == [8]
     near = camera.orbit(faded, 0.02, 0.0)
     scheduler.change(near, 10.0, held=True, turned=True)
-    assert rest() == [Pass(1, "none")]
-    (shown,) = taken
-    assert shown.image.camera == shown.job.camera
+    (shown,) = rest(scheduler)
+    assert shown.made == Pass(1, "none") and shown.image.camera == shown.job.camera
     (exact,) = casts(near, WHOLE)
-    off = np.abs(shown.image.coefficients - exact.image.coefficients)
-    assert off.mean() < 0.01
+    assert np.abs(shown.image.coefficients - exact.image.coefficients).mean() < 0.01
     scheduler.tick(11.0, held=True)  # it rests
-    assert WHOLE in rest()
-    far = camera.orbit(faded, 0.5, 0.0)
-    scheduler.change(far, 12.0, held=True, turned=True)
-    assert "none" not in [made.steps for made in rest()]
+    assert WHOLE in [done.made for done in rest(scheduler)]
+    scheduler.change(camera.orbit(faded, 0.5, 0.0), 12.0, held=True, turned=True)
+    assert "none" not in [done.made.steps for done in rest(scheduler)]
     # Anything else but the view ends it.
     scheduler.change(opacities.reset(near), 13.0, held=False)
     scheduler.change(near, 14.0, held=False, turned=True)
-    assert "none" not in [made.steps for made in rest()]
+    assert "none" not in [done.made.steps for done in rest(scheduler)]
     scheduler.close()
 
 
 def test_near_is_an_angle_and_a_distance(ball: ViewState, layered: CastDone) -> None:
-    nearby = layered.nearby
-    own = layered.job.camera
+    nearby, own = layered.nearby, layered.job.camera
     assert nearby.shows(own)
     towards = np.subtract(own.position_mm, own.target_mm)
     for ratio, near in ((1.2, True), (1.5, False), (0.6, False)):
-        x, y, z = (np.asarray(own.target_mm) + ratio * towards).tolist()
-        assert nearby.shows(replace(own, position_mm=(x, y, z))) == near
+        place = tuple((np.asarray(own.target_mm) + ratio * towards).tolist())
+        assert nearby.shows(replace(own, position_mm=place)) == near
     assert not nearby.shows(replace(own, fov_deg=own.fov_deg + 1))
 
 
@@ -226,23 +197,35 @@ def screen(context: Any) -> Iterator[Screen]:
     shown.close()
 
 
-def drawn(screen: Screen, state: ViewState, held: bool = False) -> NDArray[np.uint8]:
+def drawn(screen: Screen, state: ViewState, held: bool = False) -> NDArray[np.int_]:
     screen.mark_stale()
     while screen.relight(state, held):
         pass
     with screen.pictures._context:
-        return screen.pictures.pixels().copy()
+        return screen.pictures.pixels().astype(int)
 
 
-def wanted(image: CoefficientImage, state: ViewState) -> NDArray[Any]:
-    rig = light_rig(state.lights)
-    shown = image.recompose(opacity_scales(state))
-    return relight(shown, rig, state.relight, backend="numpy").astype(int)
+def rested(screen: Screen, state: ViewState) -> NDArray[np.int_]:
+    """Return the picture once what takes longer than a frame has been made."""
+    drawn(screen, state)
+    screen.tick(state, 0.0, held=False)
+    wait_until(screen.take_rest)
+    return drawn(screen, state)
 
 
-def assert_shown(screen: Screen, state: ViewState, image: CoefficientImage) -> None:
-    """The screen's picture is that of an image with the state's opacities, to a code."""
-    assert np.abs(drawn(screen, state).astype(int) - wanted(image, state)).max() <= 1
+def assert_codes(one: NDArray[np.int_], other: NDArray[np.int_], most: int = 1) -> None:
+    assert np.abs(one - other).max() <= most
+
+
+def recomposed(image: CoefficientImage, state: ViewState) -> NDArray[np.int_]:
+    """Return the picture of an image's layers with a state's opacities, cuts, fog and focus."""
+    return relit(image.recompose(opacity_scales(state), state.depth), state)
+
+
+def assert_recomposes(before: ViewState, new: ViewState, name: str) -> None:
+    """A change costs no cast, and is a step of undo."""
+    change = Difference.between(before, new)
+    assert (change.stage, change.name, change.undoable) == ("recompose", name, True)
 
 
 def test_a_picture_with_layers_shows_opacities_at_once(screen: Screen, ball: ViewState) -> None:
@@ -255,13 +238,13 @@ def test_a_picture_with_layers_shows_opacities_at_once(screen: Screen, ball: Vie
     np.testing.assert_array_equal(drawn(screen, ball), before)
     for scale in (0.2, 2.0, 0.0, 1.0):
         faded = opacities.set_opacity(ball, "grey", scale)
-        assert_shown(screen, faded, layered.image)
+        assert_codes(drawn(screen, faded), recomposed(layered.image, faded))
         assert np.array_equal(drawn(screen, faded), before) == (scale == 1)
     # Fewer pixels while a slow picture is dragged, then all of them.
     faded = opacities.set_opacity(ball, "grey", 0.4)
     screen._meter.bands = 2
     assert drawn(screen, faded, held=True).shape == (SIZE[1] // 2, SIZE[0] // 2, 3)
-    assert_shown(screen, faded, layered.image)
+    assert_codes(drawn(screen, faded), recomposed(layered.image, faded))
     screen.forget_layers()
     assert not screen.recomposes()
 
@@ -283,7 +266,7 @@ def test_a_cast_with_the_same_opacities_stays_until_they_change(
     assert steps > 3 and screen.recomposes()
     np.testing.assert_array_equal(drawn(screen, faded), exact)
     more = opacities.set_opacity(ball, "grey", 0.2)
-    assert_shown(screen, more, layered.image)
+    assert_codes(drawn(screen, more), recomposed(layered.image, more))
     # A late cast of another view has no say.
     late = CastDone(layered.job, LAYERED, 0.0, layered.image, opacity=layered.opacity)
     screen.forget_layers()
@@ -307,9 +290,8 @@ def test_values_under_the_mouse_are_those_of_the_recomposed_picture(
     drawn(screen, faded)
     with screen.pictures._context:  # a window's stays current
         screen.probe(faded, (0.5, 0.5), held=False)
-    reading = screen.under_mouse
-    shown = np.array(dict(reading.rows)["RGB"].split(), int)
-    assert np.abs(shown - wanted(layered.image, faded)[SIZE[1] // 2, SIZE[0] // 2]).max() <= 1
+    shown = np.array(dict(screen.under_mouse.rows)["RGB"].split(), int)
+    assert_codes(shown, recomposed(layered.image, faded)[SIZE[1] // 2, SIZE[0] // 2])
     assert screen.image.opacity_layers is None
 
 
@@ -334,11 +316,10 @@ def test_opacities_that_layers_show_wrongly_are_cast(
     assert done.job.shading.opacities == opacity_scales(faded)
     screen.take(done, faded, scheduler.is_newest(done))
     assert done.image.opacity_layers is None and screen.recomposes()
-    rig = light_rig(faded.lights)
-    shown = relight(done.image, rig, faded.relight, backend="numpy")
-    assert np.abs(drawn(screen, faded).astype(int) - shown.astype(int)).max() <= 1
+    assert_codes(drawn(screen, faded), relit(done.image, faded))
     # The next change is recomposed again.
-    assert_shown(screen, opacities.set_opacity(faded, "copper", 0.4), layered.image)
+    more = opacities.set_opacity(faded, "copper", 0.4)
+    assert_codes(drawn(screen, more), recomposed(layered.image, more))
 
 
 def test_cuts_and_fog_are_recomposed_and_saved(
@@ -351,19 +332,15 @@ def test_cuts_and_fog_are_recomposed_and_saved(
     foggy = depth.set_fog(depth.set_cut(ball, middle, most), 2.0)
     fog_mm = (most - least) / 2
     assert foggy.depth == DepthEffects(near_mm=middle, fog_mm=fog_mm, fog_from_mm=least)
-    change = Difference.between(ball, foggy)
-    assert (change.stage, change.name, change.undoable) == ("recompose", "depth", True)
+    assert_recomposes(ball, foggy, "depth")
     for state in (foggy, depth.set_cut(foggy, least, middle), depth.reset(foggy)):
-        rig, image = light_rig(state.lights), layered.image
-        shown = image.recompose({}, depth.shown_depth(state))
-        codes = relight(shown, rig, state.relight, backend="numpy").astype(int)
-        assert np.abs(drawn(screen, state).astype(int) - codes).max() <= 2
+        assert state.depth == depth.shown_depth(state)
+        assert_codes(drawn(screen, state), recomposed(layered.image, state), most=2)
     export_scene(foggy, tmp_path / "foggy.toml")
     again = open_document(str(tmp_path / "foggy.toml"))
     assert again.shading.layers == 8
     assert again.file.depth.near_mm == pytest.approx(middle)
-    frame = render_frame(foggy, SIZE, Progress("picture"))
-    assert np.abs(frame.astype(int) - drawn(screen, foggy).astype(int)).mean() < 2
+    assert np.abs(frame_of(foggy) - drawn(screen, foggy)).mean() < 2
 
 
 def test_a_focus_is_shown_once_nothing_moves(
@@ -377,32 +354,21 @@ def test_a_focus_is_shown_once_nothing_moves(
     assert depth.aperture_mm(focused) == least / 20
     focused = depth.set_aperture(focused, least)
     assert focused.depth == DepthEffects(focus_mm=least, aperture_mm=least / 4)
-    change = Difference.between(ball, focused)
-    assert (change.stage, change.name, change.undoable) == ("recompose", "depth", True)
+    assert_recomposes(ball, focused, "depth")
     plain = drawn(screen, ball)
     assert np.array_equal(drawn(screen, focused), plain)
     screen.tick(focused, 0.0, held=True)
     assert not screen._resting.busy
-
-    def rested(state: ViewState) -> NDArray[np.int_]:
-        drawn(screen, state)
-        screen.tick(state, 0.0, held=False)
-        wait_until(screen.take_rest)
-        return drawn(screen, state).astype(int)
-
-    def expected(state: ViewState) -> NDArray[np.int_]:
-        shown, rig = image.recompose(opacity_scales(state), state.depth), light_rig(state.lights)
-        return relight(shown, rig, state.relight, backend="numpy").astype(int)
-
-    shown = rested(focused)
-    assert np.abs(shown - expected(focused)).max() <= 2 and np.abs(shown - plain).max() > 5
+    shown = rested(screen, focused)
+    assert_codes(shown, recomposed(image, focused), most=2)
+    assert np.abs(shown - plain).max() > 5
     # Lights change at once, and what is read is what is shown.
     other = replace(focused, lights=focused.lights[::-1])
-    assert np.abs(drawn(screen, other) - expected(other)).max() <= 2
+    assert_codes(drawn(screen, other), recomposed(image, other), most=2)
     screen.probe(other, (0.5, 0.5), held=False)
     assert screen.under_mouse is not None
     faded = depth.set_cut(opacities.set_opacity(focused, "grey", 0.3), least, (least + most) / 2)
-    assert np.abs(rested(faded) - expected(faded)).max() <= 2
+    assert_codes(rested(screen, faded), recomposed(image, faded), most=2)
     assert np.array_equal(drawn(screen, ball), plain)
     assert depth.set_focus(focused, None).depth == DepthEffects()
     export_scene(focused, tmp_path / "focused.toml")
@@ -439,8 +405,83 @@ def test_a_cast_image_with_layers_is_faded_and_saved(
     assert without_cast(state, faded) is faded
     turned = without_cast(state, camera.orbit(faded, 0.2, 0.0))
     assert turned.shading.opacities == {"grey": 0.1} and turned.view == state.view
-    frame = render_frame(faded, SIZE, Progress(""))
-    assert np.abs(frame.astype(int) - wanted(state.document.image, faded)).max() <= 1
+    assert_codes(frame_of(faded), recomposed(state.document.image, faded))
+
+
+def in_stereo(state: ViewState, layout: str) -> ViewState:
+    return after(lambda given: depth.set_stereo(given, layout), state).state
+
+
+def both_eyes(
+    image: CoefficientImage, state: ViewState, size: tuple[int, int] = SIZE
+) -> NDArray[np.int_]:
+    stereo = Stereo(state.interface.stereo)
+    found = stereo.views(image, opacity_scales(state), depth.shown_depth(state))
+    assert found[0].size == SIZE
+    if size != SIZE:
+        found = StereoViews(image).views(stereo, opacity_scales(state), None, size)
+    eyes = (relit(eye, state).astype(np.uint8) for eye in found)
+    return stereo.combine(*eyes, state.relight.viewing.display.colours).astype(int)
+
+
+def test_the_window_shows_both_eyes_with_lights_opacities_and_fog(
+    screen: Screen, ball: ViewState, layered: CastDone
+) -> None:
+    image = layered.image
+    screen.take(layered, ball)
+    plain = drawn(screen, ball)
+    state = in_stereo(ball, "anaglyph")
+    assert np.array_equal(drawn(screen, state), plain)  # until they are there
+    both = rested(screen, state)
+    assert_codes(both, both_eyes(image, state), most=2)
+    assert np.abs(both - plain).max() > 5
+    other = replace(state, lights=state.lights[::-1])
+    assert_codes(drawn(screen, other), both_eyes(image, other), most=2)
+    faded = depth.set_fog(opacities.set_opacity(state, "grey", 0.3), 1.0)
+    assert_codes(rested(screen, faded), both_eyes(image, faded), most=2)
+    assert not screen.side_by_side
+    # Other opacities are shown at once, in one picture until the mouse is released.
+    more = opacities.set_opacity(ball, "grey", 0.2)
+    assert np.array_equal(drawn(screen, in_stereo(more, "anaglyph"), True), drawn(screen, more))
+    screen.tick(in_stereo(more, "anaglyph"), 0.0, held=True)
+    assert not screen._resting.busy
+    rested(screen, state)
+    screen.probe(state, (0.5, 0.5), held=False)
+    assert screen.under_mouse is None
+    assert np.array_equal(drawn(screen, ball), plain)
+
+
+def test_pictures_next_to_each_other_fit_the_window(
+    screen: Screen, ball: ViewState, layered: CastDone
+) -> None:
+    screen.take(layered, ball)
+    state = in_stereo(ball, "side-by-side")
+    both = rested(screen, state)
+    assert both.shape == (SIZE[1] // 2, SIZE[0], 3) and screen.side_by_side
+    assert_codes(both, both_eyes(layered.image, state, (SIZE[0] // 2, SIZE[1] // 2)))
+    painted = screen.painted_picture((10, 20, 4 * SIZE[0], 4 * SIZE[1]), state)
+    assert painted.to == (10, 20 + SIZE[1], 10 + 4 * SIZE[0], 20 + 3 * SIZE[1])
+    assert screen.point_mm((0.5, 0.5)) is None
+    # A new cast shows its own picture first.
+    screen.forget_layers()
+    assert drawn(screen, state).shape[:2] == SIZE[::-1] and not screen.side_by_side
+
+
+def test_stereo_is_switched(state: ViewState) -> None:
+    on = in_stereo(state, "anaglyph")
+    assert opacities.can_layer(on) and depth.shown_stereo(on) == "anaglyph"
+    assert in_stereo(on, "side-by-side").interface.stereo == "side-by-side"
+    assert in_stereo(on, "anaglyph").interface.stereo == ""
+    assert depth.shown_stereo(with_interface(on, error_map=True)) == ""
+
+
+def test_images_of_other_spaces_are_mixed_as_by_the_library(
+    screen: Screen, ball: ViewState, layered: CastDone
+) -> None:
+    screen.take(layered, ball)
+    display = replace(ball.relight.viewing.display, space="Display P3")
+    state = in_stereo(seen(ball, display=display), "half-colour")
+    assert_codes(rested(screen, state), both_eyes(layered.image, state), most=2)
 
 
 @pytest.mark.slow

@@ -4,30 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.support.viewer import run_command, take_until
+from tests.support.viewer import read_scene, run_command, take_until
 from tests.support.window import Robot
+from tests.viewer._states import casts_of, frame_of, job_of, restored, save_ball
+from volspec.raycast.pace import WHOLE
+from volspec.relight import LightRig
 from volspec.scene import Scene
 from volspec.scene.specs import ROOM_LIGHT
 from volspec.viewer.model import light_parts, lighting, lights, quality, viewing
 from volspec.viewer.model import room as edits
-from volspec.viewer.model.document import Document
 from volspec.viewer.model.history import History
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.materials import with_material_basis
 from volspec.viewer.model.scene_file import export_scene, scene_from_state
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.casts import WHOLE, CastJob, CastWorker, make_caster
-from volspec.viewer.work.outputs import Progress
 from volspec.viewer.work.room import RoomJob, RoomWorker
-from volspec.viewer.work.screenshot import render_frame
-from volspec.viewer.work.session import read_session, restore_state, save_session
-from volspec.volume import phantom
 
 pytestmark = pytest.mark.not_quick
 
@@ -39,17 +35,10 @@ surface = [
     { name = "floor", reflectance = "#a08060" },
     { name = "ceiling", reflectance = "grey:0.8" },
 ]
-[[light]]
-name = "panel"
-spectrum = "A"
-on = "ceiling"
-place_m = [1.0, 1.0, 0.6, 0.6]
-lumen = 1500
-[[light]]
-name = "bulb"
-spectrum = "D65"
-position_m = [0.4, 0.5, 2.0]
-lumen = 200
+light = [
+    { name = "panel", spectrum = "A", on = "ceiling", place_m = [1, 1, 0.6, 0.6], lumen = 1500 },
+    { name = "bulb", spectrum = "D65", position_m = [0.4, 0.5, 2.0], lumen = 200 },
+]
 """
 SCENE = """
 version = 2
@@ -75,31 +64,23 @@ shadows = false
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = tmp_path_factory.mktemp("room")
-    write_scene(made)
-    return made
+    return write_scene(tmp_path_factory.mktemp("room"))
 
 
-def write_scene(folder: Path) -> None:
-    np.save(folder / "ball.npy", phantom.ball(12).values)
+def write_scene(folder: Path) -> Path:
+    save_ball(folder, 12)
     (folder / "room.toml").write_text(ROOM, encoding="utf-8")
     (folder / "scene.toml").write_text(SCENE, encoding="utf-8")
+    return folder
 
 
 @pytest.fixture(scope="module")
 def opened(folder: Path) -> ViewState:
-    return read(folder / "scene.toml")
+    return replace(read_scene(folder / "scene.toml"), size=SIZE)
 
 
-def read(path: Path) -> ViewState:
-    scene = Scene.load(path)
-    volume = scene.volume()
-    document = Document.of(scene, volume, *make_caster(volume, None))
-    return ViewState.first(document, SIZE)
-
-
-def frame(state: ViewState) -> NDArray[Any]:
-    return render_frame(edits.solved(state), SIZE, Progress("picture")).astype(int)
+def frame(state: ViewState) -> NDArray[np.int_]:
+    return frame_of(edits.solved(state))
 
 
 def painted(state: ViewState, surface: str, text: str) -> ViewState:
@@ -109,14 +90,13 @@ def painted(state: ViewState, surface: str, text: str) -> ViewState:
 
 
 def test_its_lights_are_the_lamps(opened: ViewState) -> None:
-    room = opened.room
     evening, day = opened.lights
     assert (evening.texts, evening.rig.groups) == ((ROOM_LIGHT, ROOM_LIGHT), ("panel", "bulb"))
     assert (day.texts, day.rig.groups, day.label) == (("D65",), ("",), "daylight")
     assert edits.light_names(opened) == ("panel", "bulb")
-    scene = Scene.load(opened.document.saved()[1])
+    scene = Scene.load(opened.document.path)
     for row, light in zip(opened.lights, scene.lights, strict=True):
-        rig = light_rig((replace(row, weight=1.0),), room)
+        rig = light_rig((replace(row, weight=1.0),), opened.room)
         assert rig.groups == light.rig.groups
         assert rig.illuminance_lux == pytest.approx(light.rig.illuminance_lux)
 
@@ -124,12 +104,9 @@ def test_its_lights_are_the_lamps(opened: ViewState) -> None:
 def test_every_way_to_change_a_light_goes_through_the_room(opened: ViewState) -> None:
     day = lights.only(opened, 1)
     own = lights.add(opened, ROOM_LIGHT).state
-    assert _lux(own) == pytest.approx(_lux(opened))
-    spelt = light_parts.respell(lights.only(opened, 1), 1, 0, ROOM_LIGHT).state
-    assert (spelt.lights[1].texts, spelt.lights[1].rig.groups) == (
-        (ROOM_LIGHT,) * 2,
-        ("panel", "bulb"),
-    )
+    assert _rig(own).illuminance_lux == pytest.approx(_rig(opened).illuminance_lux)
+    spelt = light_parts.respell(day, 1, 0, ROOM_LIGHT).state.lights[1]
+    assert (spelt.texts, spelt.rig.groups) == ((ROOM_LIGHT,) * 2, ("panel", "bulb"))
     planck = light_parts.respell(day, 1, 0, "planck:3000").state
     warmer = lights.set_kelvin(planck, 1, 2000.0)
     drawn = light_parts.draw(day, 1, 0, (0.8, 3.0), (1.0, 3.0))
@@ -137,52 +114,39 @@ def test_every_way_to_change_a_light_goes_through_the_room(opened: ViewState) ->
     assert _red(day) < _red(drawn)
     assert light_parts.set_lux(day, 1, 100.0) is day  # the room's file has it
     alone = light_parts.regroup(day, 1, 0, "bulb")
-    assert sum(_lux(alone)) < sum(_lux(day))
+    assert sum(_rig(alone).illuminance_lux) < sum(_rig(day).illuminance_lux)
 
 
-def _lux(state: ViewState) -> tuple[float, ...]:
-    rig = light_rig(state.lights, state.room)
-    return rig.illuminance_lux
+def _rig(state: ViewState) -> LightRig:
+    return light_rig(state.lights, state.room)
 
 
 def _red(state: ViewState) -> float:
-    rig = light_rig(state.lights, state.room)
-    values = rig.mixed(state.document.grid).values
+    values = _rig(state).mixed(state.document.grid).values
     return float(values[-8:].sum() / values.sum())
 
 
 def test_conditions_follow_the_view_unless_they_are_given(opened: ViewState) -> None:
-    here = edits.shown_spec(opened).viewing
-    assert here == Scene.load(opened.document.saved()[1]).relight.viewing
-    assert edits.shown_spec(opened) is edits.shown_spec(replace(opened, size=(9, 9)))
+    here = edits.shown_spec(opened)
+    assert here.viewing == Scene.load(opened.document.path).relight.viewing
+    assert here is edits.shown_spec(replace(opened, size=(9, 9)))
     turned = replace(opened, view=replace(opened.view, azimuth_deg=-150))
-    assert edits.shown_spec(turned).viewing.Y_b != here.Y_b
-    given = viewing.set_background(turned, 55.0)
-    assert edits.shown_spec(given).viewing.Y_b == 55.0
+    assert edits.shown_spec(turned).viewing.Y_b != here.viewing.Y_b
+    assert edits.shown_spec(viewing.set_background(turned, 55.0)).viewing.Y_b == 55.0
 
 
 def test_paint_needs_no_cast(opened: ViewState) -> None:
-    new = painted(painted(opened, "walls", "#c04030"), "floor", "grey:0.2")
-    room = new.room
+    room = painted(painted(opened, "walls", "#c04030"), "floor", "grey:0.2").room
     assert not room.is_solved
     assert room.estimated_from is opened.room
-    worker = CastWorker(lambda: None)
-    camera = opened.view.camera(opened.document.volume)
-    what = opened.document, opened.transfer, camera, opened.shading, SIZE, (WHOLE,)
-    worker.request(CastJob(*what, opened.room))
-    (cast,) = take_until(worker.take, len)
-    worker.close()
+    (cast,) = casts_of(job_of(opened, SIZE, WHOLE, room=opened.room))
     assert cast.image.alpha.min() == 1.0
     painter = RoomWorker(lambda: None)
     painter.request(RoomJob(room, cast.image, cast.walls))
     (done,) = take_until(painter.take, len)
     painter.close()
     assert done.room.is_solved
-    solved = replace(new, room=done.room)
-    worker = CastWorker(lambda: None)
-    worker.request(CastJob(*what, solved.room))
-    (again,) = take_until(worker.take, len)
-    worker.close()
+    (again,) = casts_of(job_of(opened, SIZE, WHOLE, room=done.room))
     np.testing.assert_allclose(done.image.coefficients, again.image.coefficients, atol=1e-6)
     # An estimate is near: by how much, tests of the room say.
     estimate = cast.walls.behind(cast.image, room)
@@ -206,9 +170,8 @@ def test_the_four_walls_are_one_until_their_paints_differ(opened: ViewState) -> 
 
 def test_the_panel_shows_paints_as_the_picture_does(opened: ViewState) -> None:
     white = painted(opened, "walls", "grey:0.9").room
-    XYZ = edits.seen_XYZ(opened.room, opened.lights)
-    brighter = edits.seen_XYZ(white, opened.lights)
-    assert (brighter[:, 1] > XYZ[:, 1]).all()
+    before, after = (edits.seen_XYZ(room, opened.lights) for room in (opened.room, white))
+    assert (after[:, 1] > before[:, 1]).all()
     assert edits.seen_XYZ(opened.room, (replace(opened.lights[0], muted=True),)) is None
 
 
@@ -225,22 +188,21 @@ def test_a_saved_scene_opens_to_the_same_picture(opened: ViewState, folder: Path
     new = painted(painted(opened, "walls", "#c04030"), "floor", "grey:0.2")
     new = light_parts.draw(new, 1, 0, (0.2, 2.0), (0.4, 0.0))
     new = lights.set_weight(new, 1, 0.4)  # a mix of both
-    new = replace(new, view=replace(new.view, azimuth_deg=-40.0), size=SIZE)
+    new = replace(new, view=replace(new.view, azimuth_deg=-40.0))
     path = export_scene(new, folder / "saved.toml")
     file = scene_from_state(new)
     assert file.room.paint == {"walls": "#c04030", "floor": "grey:0.2"}
     assert not file.group
     assert file.viewing == new.document.saved()[0].viewing
     assert [light.illuminance_lux for light in file.light] == [None] * len(file.light)
-    again = read(path)
+    again = replace(read_scene(path), size=SIZE)
     assert np.abs(frame(again) - frame(new)).max() <= 1
     assert again.lights[1].texts == new.lights[0].texts
 
 
 def test_a_session_keeps_paints(opened: ViewState, folder: Path) -> None:
     new = edits.solved(painted(opened, "ceiling", "ColorChecker/blue"))
-    path = save_session(new, folder / "it.volspec.json")
-    again = restore_state(read_session(path))
+    again = restored(new, folder)
     assert again.room.spec.paint == {"ceiling": "ColorChecker/blue"}
     assert again.document.room.spec.paint == {}
     assert np.abs(frame(again) - frame(new)).max() <= 1
@@ -261,15 +223,13 @@ def test_what_a_room_cannot_do(opened: ViewState, state: ViewState) -> None:
     # A basis of materials has no channels for walls: the volume is shown in the room's light.
     exact = replace(opened, transfer=with_material_basis(opened.transfer))
     assert not edits.has_walls(exact)
-    saved = scene_from_state(exact).room
-    assert not saved.walls
+    assert not scene_from_state(exact).room.walls
     assert frame(exact).std() > 1
 
 
 @pytest.mark.slow
 def test_walls_are_painted_in_the_window_without_a_cast(window: Robot, tmp_path: Path) -> None:
-    write_scene(tmp_path)
-    window.open(tmp_path / "scene.toml")
+    window.open(write_scene(tmp_path) / "scene.toml")
     window.click("paint walls")
     before = window.rest()
     places = [window.at("paint picker", *place) for place in ((0.1, 0.1), (0.4, 0.3), (0.7, 0.4))]
@@ -284,5 +244,4 @@ def test_walls_are_painted_in_the_window_without_a_cast(window: Robot, tmp_path:
     saved = Path(window.event("export-scene", before)["path"])
     text = saved.read_text(encoding="utf-8")
     assert saved.parent == tmp_path
-    assert 'walls = "grey:0.5"' in text
-    assert "Y_b" not in text
+    assert 'walls = "grey:0.5"' in text and "Y_b" not in text
