@@ -17,6 +17,7 @@ import pytest
 
 from tests.support.patience import PATIENCE_S, wait_until
 from tests.support.viewer import opened, take_until
+from tests.viewer._states import casts_of, job_of
 from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import Source
 from volspec.appearance import Viewing
@@ -158,14 +159,13 @@ def test_only_the_opening_s_message_ends_with_it(
     state, notice = opened(tmp_path), Notice()
     monkeypatch.setattr(documents, "open_document", lambda *_: state.document)
     each = DocumentService(Tasks(lambda: None), notice, None)
-    each.open("a.toml")
-    assert "a.toml" in notice.text
-    each.begin(Opened(state), state)
-    assert notice.text == ""
-    each.open("a.toml")
-    notice.show("later")
-    each.begin(Opened(state), state)
-    assert notice.text == "later"
+    for later in ("", "later"):
+        each.open("a.toml")
+        assert "a.toml" in notice.text
+        if later:
+            notice.show(later)
+        each.begin(Opened(state), state)
+        assert notice.text == later
 
 
 @pytest.mark.parametrize("written", [True, False])
@@ -181,8 +181,14 @@ def test_a_late_picture_is_saved(
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
     monkeypatch.setattr(file_commands, "save_picture", taken)
     notice, came = Notice(), threading.Event()
-    steps = Steps(came.set, notice)
-    rest: tuple[Any, ...] = (UiContext(), notice, None, None, lambda *_: None, steps)
+    rest: tuple[Any, ...] = (
+        UiContext(),
+        notice,
+        None,
+        None,
+        lambda *_: None,
+        Steps(came.set, notice),
+    )
     each = file_commands.FileCommands(Tasks(came.set), cast(Any, None), *rest)
     each.run(Request("screenshot"), opened(tmp_path))
     assert came.wait(PATIENCE_S) and each.take(first=False)[0]
@@ -192,8 +198,8 @@ def test_a_late_picture_is_saved(
 def test_the_window_casts_while_a_picture_is_cast_for_a_file(tmp_path: Path) -> None:
     """A picture held the document's caster for its whole cast."""
     state = opened(tmp_path)
-    document, caster = state.document, Raycaster(state.document.volume)
-    state = replace(state, document=replace(document, caster=caster))
+    caster = Raycaster(state.document.volume)
+    state = replace(state, document=replace(state.document, caster=caster))
     under_way, may_end = threading.Event(), threading.Event()
 
     class Held(Progress):
@@ -201,21 +207,18 @@ def test_the_window_casts_while_a_picture_is_cast_for_a_file(tmp_path: Path) -> 
             under_way.set()
             assert may_end.wait(PATIENCE_S)
 
-    def picture() -> None:
-        frames.append(render_frame(state, (64, 48), Held("")))
-
     frames: list[Any] = []
-    saving = threading.Thread(target=picture)
+    casts: list[Any] = []
+    camera, table = state.view.camera(state.document.volume), caster.bake(state.transfer)
+    saving, window = (
+        threading.Thread(target=target, daemon=True)
+        for target in (
+            lambda: frames.append(render_frame(state, (64, 48), Held(""))),
+            lambda: casts.append(caster.cast(table, camera, (32, 24), state.shading)),
+        )
+    )
     saving.start()
     assert under_way.wait(PATIENCE_S)
-    camera = state.view.camera(document.volume)
-    casts = []
-    window = threading.Thread(
-        target=lambda: casts.append(
-            caster.cast(caster.bake(state.transfer), camera, (32, 24), state.shading)
-        ),
-        daemon=True,
-    )
     window.start()
     window.join(PATIENCE_S)
     assert casts and not frames
@@ -224,12 +227,8 @@ def test_the_window_casts_while_a_picture_is_cast_for_a_file(tmp_path: Path) -> 
     assert frames[0].shape == (48, 64, 3)
 
 
-def job(state: ViewState, *divisors: int, zoom: float = 1.0) -> CastJob:
-    view = replace(state.view, zoom=zoom)
-    camera = view.camera(state.document.volume)
-    document, transfer, shading = state.document, state.transfer, state.shading
-    passes = tuple(Pass(divisor) for divisor in divisors)
-    return CastJob(document, transfer, camera, shading, (80, 60), passes)
+def job(state: ViewState, *divisors: int) -> CastJob:
+    return job_of(state, (80, 60), *map(Pass, divisors))
 
 
 class SlowCasts:
@@ -239,8 +238,7 @@ class SlowCasts:
         self.begun: list[tuple[int, int]] = []
         self.polls = 0
         self.go_on = threading.Event()
-        flat = np.ones((2, 3), np.float32)
-        basis = SpectralBasis.load("general-7")
+        flat, basis = np.ones((2, 3), np.float32), SpectralBasis.load("general-7")
         self.image = CoefficientImage(np.ones((2, 3, 7), np.float32), flat, flat, basis)
 
     def __call__(self, *what: Any, cancel: Any, caster: Any, behind: Any) -> CoefficientImage:
@@ -250,9 +248,6 @@ class SlowCasts:
             if cancel():
                 raise CastCancelled("ended")
         return self.image
-
-    def wait(self, count: int) -> None:
-        wait_until(lambda: len(self.begun) == count)
 
 
 @pytest.fixture
@@ -271,9 +266,9 @@ def test_a_newer_request_ends_a_cast_and_replaces_what_waits(
 ) -> None:
     scheduler = CastWorker(lambda: None)
     scheduler.request(job(state, 1))
-    casts.wait(1)
+    wait_until(lambda: casts.begun)
     scheduler.request(job(state, 4))
-    casts.wait(2)  # coarse, and let through: the next ones wait
+    wait_until(lambda: len(casts.begun) == 2)  # coarse, and let through: the next ones wait
     scheduler.request(job(state, 2))
     scheduler.request(last := job(state, 8))
     polls = casts.polls
@@ -291,7 +286,7 @@ def test_a_newer_request_ends_a_cast_and_replaces_what_waits(
 def test_closing_ends_even_a_coarse_cast(state: ViewState, casts: SlowCasts) -> None:
     scheduler = CastWorker(lambda: None)
     scheduler.request(job(state, 8, 1))
-    casts.wait(1)
+    wait_until(lambda: casts.begun)
     scheduler.close()
     assert not casts.go_on.is_set() and len(casts.begun) == 1
 
@@ -380,11 +375,12 @@ def test_a_slow_picture_is_seen_at_full_size_with_long_steps_first() -> None:
 def test_passes_lengthen_steps_and_nothing_else() -> None:
     volume = Volume(np.zeros((4, 4, 4), np.uint8), spacing_mm=(3.0, 2.0, 4.0))
     own = RaycastSpec(quality="exact", specular=0.1)
+    long = replace(own, step_mm=5.0)
     moving = Pass(4, "voxel").spec(own, volume)
     assert moving.step_mm == 2.0 and moving.specular == 0.1
     assert moving.least_transmittance > own.least_transmittance
-    assert Pass(4, "voxel").spec(replace(own, step_mm=5.0), volume).step_mm == 5.0
-    assert Pass(1, "fast").spec(replace(own, step_mm=5.0), volume).step_mm is None
+    assert Pass(4, "voxel").spec(long, volume).step_mm == 5.0
+    assert Pass(1, "fast").spec(long, volume).step_mm is None
     assert WHOLE.spec(own, volume) is own
     assert WHOLE.spec(replace(own, layers=8), volume) == own, "a turned picture has no layers"
 
@@ -394,42 +390,36 @@ def test_edits_of_lights_need_no_program_that_was_not_built_ahead(
     state: ViewState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     built: set[str] = set()
-    build = Compute._build
+    build, compiled = Compute._build, programs_of_gl.compile_program
 
     def recorded(compute: Compute, source: Source, *given: Any) -> Any:
         built.add(source.text)
         return build(compute, source, *given)
 
-    monkeypatch.setattr(Compute, "_build", recorded)
-    compiled = programs_of_gl.compile_program
-
     def noted(context: Any, vertex: Source, fragment: Source) -> Any:
         built.add(fragment.text)
         return compiled(context, vertex, fragment)
 
+    monkeypatch.setattr(Compute, "_build", recorded)
     monkeypatch.setattr(programs_of_gl, "compile_program", noted)
     document = replace(state.document, caster=Raycaster(state.document.volume))
     state = replace(state, document=document, transfer=with_material_basis(state.transfer))
-    caster = CastWorker(lambda: None)
-    caster.request(job(state, 1))
-    drained(caster, 1)
-    corner = few_voxels(document.volume)
+    casts_of(job(state, 1))
     table, packet = document.caster.bake(state.transfer), document.caster.packet
-    device = document.caster.device_index
+    corner, device = few_voxels(document.volume), document.caster.device_index
     programs = Programs(corner, device, packet, table, state.shading, False, Viewing())
     assert sum(1 for _ in programs.build()) > 4
     before = set(built)
-    many = lighting.add_source(state, "directional").state
+    many, point, sky = (
+        lighting.add_source(state, kind).state for kind in ("directional", "point", "ambient")
+    )
     shadowless = lighting.toggle_blocking(many, len(list_sources(many.shading)) - 1)
-    point = lighting.add_source(state, "point").state
-    for edited in (many, shadowless, lighting.add_source(state, "ambient").state, point, state):
-        caster.request(job(edited, 1))
-        image = drained(caster, 1)[0].image
+    for edited in (many, shadowless, sky, point, state):
+        (done,) = casts_of(job(edited, 1))
         for by_table in (False, True):
-            with Relighter(image, "gl", lut3d=by_table) as relighter:
+            with Relighter(done.image, "gl", lut3d=by_table) as relighter:
                 relighter.frame(light("D65"))
     assert built == before
-    caster.close()
 
 
 @pytest.mark.slow

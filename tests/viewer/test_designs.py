@@ -20,6 +20,7 @@ from tests.support.viewer import (
     with_designed,
     with_target,
 )
+from tests.viewer._states import seen
 from volspec.appearance import Display
 from volspec.appearance.spaces import SPACES
 from volspec.basis import MaterialBasis
@@ -29,6 +30,7 @@ from volspec.relight import LightRig
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import palette_edits, palette_results
+from volspec.viewer.model.edit import with_interface
 from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.materials import with_reflectances
 from volspec.viewer.model.palette_table import (
@@ -49,14 +51,18 @@ from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.session_store import STATE_VARIABLE
 from volspec.viewer.work.steps import Steps
 
-PALETTES = Path(__file__).resolve().parents[2] / "data" / "palettes"
+FIGURE_2 = Path(__file__).resolve().parents[2] / "data" / "palettes" / "figure-2.toml"
+
+
+def job_of(asked: ViewState) -> designs.DesignJob:
+    return designs.DesignJob(palette_from_state(asked), asked.palette.targets)
 
 
 def answers(*asked: ViewState) -> list[designs.DesignDone]:
     """Return the designs of targets requested at once, up to the last one's."""
     worker = designs.DesignWorker(lambda: None)
     for each in asked:
-        worker.request(designs.DesignJob(palette_from_state(each), each.palette.targets))
+        worker.request(job_of(each))
     last = asked[-1].palette.targets
     done = take_until(worker.take, lambda d: any(x.whole and x.job.targets is last for x in d))
     worker.close()
@@ -83,16 +89,13 @@ def test_a_wish_that_cannot_be_met_is_missed(state: ViewState) -> None:
 @pytest.mark.not_quick
 def test_five_colours_that_merge_to_three_and_one_are_designed(state: ViewState) -> None:
     """Figure 2's targets, of a scene with as many materials and no such lights."""
-    names = ("a", "b", "c", "d", "e")
-    grey = {name: reflectance("ColorChecker/neutral 5 (.70 D)") for name in names}
+    grey = dict.fromkeys("abcde", reflectance("ColorChecker/neutral 5 (.70 D)"))
     transfer = TransferFunction([(0.2, 0.0, "a"), (0.5, 0.2, "b")], grey, MaterialBasis(grey))
     empty = replace(state, transfer=transfer, lights=state.lights[:1])
-    palette = load_palette(PALETTES / "figure-2.toml")
-    begun = palette_results.with_palette(empty, palette)
+    begun = palette_results.with_palette(empty, load_palette(FIGURE_2))
     assert column_names(begun.lights) == ("D65", "split 1", "split 2")
     assert begun.palette.is_pending and begun.palette.from_scratch
-    found = answers(begun)[-1].made
-    made = with_design(begun, found, begun.palette.targets)
+    made = with_design(begun, answers(begun)[-1].made, begun.palette.targets)
     table = colour_table(made)
     assert not made.palette.is_pending
     assert len(table.errors) == 15 and max(table.errors) < VISIBLE
@@ -116,21 +119,19 @@ def test_a_light_of_real_lamps_is_a_sum_of_them(state: ViewState) -> None:
 def test_the_latest_wish_wins_and_is_answered_quickly_then_well(state: ViewState) -> None:
     first, last = with_target(state, 5), with_target(state, 5, "#906050")
     done = answers(first, last)
-    assert [each.whole for each in done if each.job.targets is last.palette.targets] == [
-        False,
-        True,
-    ]
-    assert not any(each.whole for each in done if each.job.targets is first.palette.targets)
-    made = done[-1].made
-    assert max(colour_table(with_design(last, made, last.palette.targets)).errors) < VISIBLE
+    of_first, of_last = (
+        [each.whole for each in done if each.job.targets is asked.palette.targets]
+        for asked in (first, last)
+    )
+    assert not any(of_first) and of_last == [False, True]
+    made = with_design(last, done[-1].made, last.palette.targets)
+    assert max(colour_table(made).errors) < VISIBLE
 
 
 def test_what_contradicts_itself_is_named(state: ViewState) -> None:
-    asked = state
     for index, colour in ((4, "#ff0000"), (5, "#0000ff")):
-        asked = with_target(asked, index, colour)
-        asked = palette_edits.set_target_weight(asked, index, None)
-    done = answers(asked)
+        state = palette_edits.set_target_weight(with_target(state, index, colour), index, None)
+    done = answers(state)
     assert done[0].made is None and done[0].whole and "gold" in done[0].error
 
 
@@ -138,6 +139,10 @@ def test_advice_is_about_wishes_alone() -> None:
     targets = DesignTargets({("a", "D65"): Cell(colour=(0, 0, 0), weight=STAY)})
     advice = ("(a, D65): weight 1 …", "(a, A): weight 4 …", "rounds 12 …")
     assert designs.relevant_advice(advice, targets) == advice[1:]
+
+
+# A state, an event that lets its wizard end, and the states that the wizard began with.
+Hiding = tuple[ViewState, threading.Event, list[ViewState]]
 
 
 class Bench:
@@ -169,8 +174,7 @@ def test_designs_outlive_a_failed_solver(state: ViewState, monkeypatch: pytest.M
     told = threading.Semaphore(0)
     worker = designs.DesignWorker(told.release)
     for colour in ("#8c5a3c", "#906050"):
-        asked = with_target(state, 5, colour)
-        worker.request(designs.DesignJob(palette_from_state(asked), asked.palette.targets))
+        worker.request(job_of(with_target(state, 5, colour)))
         assert told.acquire(timeout=PATIENCE_S)
     done = worker.take()
     worker.close()
@@ -188,8 +192,8 @@ def test_closing_waits_for_no_design(state: ViewState, monkeypatch: pytest.Monke
         raise PaletteError("ended")
 
     monkeypatch.setattr(designs, "design", long)
-    worker, asked = designs.DesignWorker(lambda: None), with_target(state, 5)
-    worker.request(designs.DesignJob(palette_from_state(asked), asked.palette.targets))
+    worker = designs.DesignWorker(lambda: None)
+    worker.request(job_of(with_target(state, 5)))
     assert begun.wait(PATIENCE_S)
     worker.close(0.0)
     assert not ended.is_set()
@@ -208,16 +212,27 @@ def test_wishes_that_were_answered_are_designed_again_from_scratch(state: ViewSt
     bench.designs.close()
 
 
+@pytest.fixture
+def hiding(state: ViewState, monkeypatch: pytest.MonkeyPatch) -> Hiding:
+    """A state in which gold is to be hidden, whose wizard ends when it may."""
+    begun = with_interface(state, pick=Pick(place=("gold", "A")))
+    result, may_end = palette_results.run_wizard(begun, "hide"), threading.Event()
+    began_with: list[ViewState] = []
+
+    def run(state: ViewState, _: str) -> object:
+        began_with.append(state)
+        assert may_end.wait(PATIENCE_S)
+        return result
+
+    monkeypatch.setattr(palette_results, "run_wizard", run)
+    return begun, may_end, began_with
+
+
 @pytest.mark.parametrize("other", [True, False])
 def test_a_wizard_s_result_needs_its_materials(
-    state: ViewState, monkeypatch: pytest.MonkeyPatch, other: bool
+    state: ViewState, hiding: Hiding, other: bool
 ) -> None:
-    pick = Pick(place=("gold", "A"))
-    begun = replace(state, interface=replace(state.interface, pick=pick))
-    result, may_end = palette_results.run_wizard(begun, "hide"), threading.Event()
-    monkeypatch.setattr(
-        palette_results, "run_wizard", lambda *_: (may_end.wait(PATIENCE_S), result)[1]
-    )
+    begun, may_end, _ = hiding
     bench = Bench()
     bench.designs.follow(begun)
     bench.designs.run("hide", begun)
@@ -233,29 +248,22 @@ def test_a_wizard_s_result_needs_its_materials(
 
 
 def test_a_wizard_waits_for_the_running_design(
-    state: ViewState, monkeypatch: pytest.MonkeyPatch
+    hiding: Hiding, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The design began at once, and was dropped when the last pass changed the materials."""
-    pick = Pick(place=("gold", "A"))
-    begun = with_target(replace(state, interface=replace(state.interface, pick=pick)), 5)
-    result, may_end = palette_results.run_wizard(begun, "hide"), threading.Event()
+    picked, may_end, began_with = hiding
     monkeypatch.setattr(
         designs,
         "design",
         lambda palette, again: (may_end.wait(PATIENCE_S), design(palette, again=again))[1],
     )
-    began_with: list[ViewState] = []
-    monkeypatch.setattr(
-        palette_results, "run_wizard", lambda state, _: (began_with.append(state), result)[1]
-    )
-    bench = Bench()
+    bench, begun = Bench(), with_target(picked, 5)
     bench.designs.follow(begun)
     bench.designs.run("hide", begun)
     history = bench.designs.take(History(begun))
     assert not began_with and bench.designs.status.busy.startswith("Hiding gold")
     # DesignTargets that come later are designed after it.
-    later = with_target(history.present, 5, "#906050")
-    bench.designs.follow(later)
+    bench.designs.follow(with_target(history.present, 5, "#906050"))
     may_end.set()
     history = bench.until(history, lambda h: not bench.designs.status.busy)
     assert began_with[0].transfer is not begun.transfer
@@ -270,9 +278,8 @@ def test_the_scene_s_own_spectra_are_its_lights_too(state: ViewState) -> None:
     own = run_command(changed, "palette-own").state
     assert own.lights is state.document.lights and own.transfer is state.transfer
     # Which light shines is no spectrum.
-    rows = tuple(replace(row, weight=1.0) for row in state.lights)
-    again = run_command(replace(state, lights=rows), "palette-own").state
-    assert again.lights is rows
+    lit = replace(state, lights=tuple(replace(row, weight=1.0) for row in state.lights))
+    assert run_command(lit, "palette-own").state.lights is lit.lights
 
 
 @pytest.fixture
@@ -281,9 +288,9 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Bench, FileC
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "kept"))
     monkeypatch.setattr(dialogs, "has_native_dialogs", lambda: False)
     bench = Bench()
-    rest = (UiContext(), bench.notice, None, None, bench.designs.file)
     steps = Steps(lambda: None, bench.notice)
-    return bench, FileCommands(Tasks(lambda: None), cast(Any, None), *rest, steps)
+    rest = (UiContext(), bench.notice, None, None, bench.designs.file, steps)
+    return bench, FileCommands(Tasks(lambda: None), cast(Any, None), *rest)
 
 
 def answer(
@@ -333,19 +340,13 @@ def test_requested_files_are_there_when_the_window_has_closed(
 
 def test_a_display_s_own_space_is_known_to_wizards(state: ViewState) -> None:
     wall = replace(SPACES["Display P3"], name="the wall", white_xy=(0.32, 0.34))
-    viewing = replace(state.relight.viewing, display=Display(space=wall))
-    scene = palette_results.wizard_scene(
-        replace(state, relight=replace(state.relight, viewing=viewing))
-    )
+    scene = palette_results.wizard_scene(seen(state, display=Display(space=wall)))
     assert scene.relight.viewing.display.colours == wall
 
 
 def test_a_palette_s_model_without_pixels_measures_the_picture(state: ViewState) -> None:
-    palette = load_palette(PALETTES / "figure-2.toml")
+    palette = load_palette(FIGURE_2)
     palette = replace(palette, viewing=replace(palette.viewing, model="CAT02"))
-    eye = replace(state.relight.viewing, model="CAM16", adapting="pixel")
-    loaded = palette_results.with_palette(
-        replace(state, relight=replace(state.relight, viewing=eye)), palette
-    )
-    found = loaded.relight.viewing
+    by_pixel = seen(state, model="CAM16", adapting="pixel")
+    found = palette_results.with_palette(by_pixel, palette).relight.viewing
     assert (found.model, found.adapting) == ("CAT02", "picture")

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import threading
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -15,11 +16,12 @@ from numpy.typing import NDArray
 
 from tests.support.errors import refuses
 from tests.support.patience import PATIENCE_S, wait_until
+from tests.viewer._states import job_of, of_volume, seen, under
 from volspec.appearance import lut3d
 from volspec.errors import RelightError, ViewingError
 from volspec.pipeline import raycast
 from volspec.raycast import Camera, CoefficientImage, Headlight, LightGroup
-from volspec.relight import Illumination, LightRig
+from volspec.relight import Illumination
 from volspec.relight.error_map import error_map
 from volspec.spectra import colour_matching_functions
 from volspec.viewer.model import light_rows
@@ -27,35 +29,39 @@ from volspec.viewer.model.document import Document
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.window import Window
-from volspec.viewer.work.casts import WHOLE, CastDone, CastJob, Pass
+from volspec.viewer.work import probe
+from volspec.viewer.work.background import Tasks
+from volspec.viewer.work.casts import WHOLE, CastDone, Pass
 from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.pictures import Relit
-from volspec.viewer.work.probe import place_mm, read, spectra, value_at
 from volspec.viewer.work.screen import SLOW_MS, ErrorMapTexture, Meter, Screen, TableWorker
 from volspec.volume import Volume
 
 pytestmark = pytest.mark.not_quick
 
+SIZE = (8, 6)
 BANDS = 3
 AREA = (0, 0, 200, 100)
 
 
 @pytest.fixture
-def slow(context: Any, state: ViewState) -> Iterator[Screen]:
-    """A screen that shows a picture; the next one is to be relit in bands."""
-    meter = Meter(Trace())
-    screen = Screen(context, lambda: None, meter, Notice())
-    screen.take(done(state, 0), state)
-    screen.relight(under(state, 0), held=False)
-    screen.relight(under(state, 0), held=False)
-    meter.bands = BANDS
+def screen(context: Any, state: ViewState, monkeypatch: pytest.MonkeyPatch) -> Iterator[Screen]:
+    """Without a window, with a picture of all colours in it."""
+    monkeypatch.setattr(Window, "wake", lambda: None)
+    shown = Screen(context, lambda: None, Meter(Trace()), Notice())
+    shown.take(done(state, 0), state)
     with context:
-        yield screen
-    screen.close()
+        yield shown
+    shown.close()
 
 
-def under(state: ViewState, light: int) -> ViewState:
-    return replace(state, lights=light_rows.only_row(state.lights, light))
+@pytest.fixture
+def slow(screen: Screen, state: ViewState) -> Screen:
+    """A screen that shows a picture; the next one is to be relit in bands."""
+    for _ in range(2):
+        screen.relight(under(state, 0), held=False)
+    screen._meter.bands = BANDS
+    return screen
 
 
 def lit(screen: Screen, state: ViewState) -> NDArray[np.uint8]:
@@ -94,21 +100,19 @@ def test_each_second_of_changing_lights_is_drawn_whole(slow: Screen, state: View
 
 def test_values_under_the_mouse_stay_while_bands_are_drawn(slow: Screen, state: ViewState) -> None:
     slow.probe(under(state, 0), (0.5, 0.5), held=False)
-    before = slow.under_mouse
+    before, lamp = slow.under_mouse, under(state, 1)
     slow.mark_stale()
     for _ in range(BANDS):
-        slow.relight(under(state, 1), held=False)
-        slow.probe(under(state, 1), (0.5, 0.5), held=False)
+        slow.relight(lamp, held=False)
+        slow.probe(lamp, (0.5, 0.5), held=False)
         assert slow.under_mouse is before
-    slow.relight(under(state, 1), held=False)
-    slow.probe(under(state, 1), (0.5, 0.5), held=False)
-    after = slow.under_mouse
-    assert str(after) != str(before)
+    slow.relight(lamp, held=False)
+    slow.probe(lamp, (0.5, 0.5), held=False)
+    assert str(slow.under_mouse) != str(before)
 
 
 def test_the_last_frame_shows_the_values_of_its_picture(slow: Screen, state: ViewState) -> None:
     """A coarse picture rests under the mouse, the whole one comes in bands, then nothing more."""
-    middle = 0.5, 0.5
     bright = done(state, 1)
     coarse = replace(bright.image, coefficients=0.5 * bright.image.coefficients)
     for ended in (replace(bright, image=coarse, made=Pass(2)), bright):
@@ -117,7 +121,7 @@ def test_the_last_frame_shows_the_values_of_its_picture(slow: Screen, state: Vie
         while news:  # as the window's loop: a frame, after which the next picture is drawn
             frames.append(slow.under_mouse)
             drawn = slow.relight(under(state, 0), held=False)
-            news = slow.probe(under(state, 0), middle, held=False) or drawn
+            news = slow.probe(under(state, 0), (0.5, 0.5), held=False) or drawn
         assert frames[-1] is slow.under_mouse is not None
         code = slow.pictures.code(SIZE[0] // 2, SIZE[1] // 2)
         assert dict(frames[-1].rows)["RGB"] == "  ".join(map(str, code))
@@ -143,30 +147,14 @@ def test_an_empty_picture_says_so_and_a_fault_takes_its_place(
 def test_a_picture_keeps_its_shape_until_another_is_drawn(slow: Screen, state: ViewState) -> None:
     cast = done(state, 1)
     wide = replace(state, size=AREA[2:])
-    taken = replace(cast, job=replace(cast.job, size=wide.size))
     before = slow.painted_picture(AREA, wide)
-    slow.take(taken, wide)
+    slow.take(replace(cast, job=replace(cast.job, size=wide.size)), wide)
     for _ in range(BANDS):
         assert slow.painted_picture(AREA, wide) == before
         slow.relight(under(wide, 0), held=False)
-    now = slow.painted_picture(AREA, wide)
     width = AREA[3] * SIZE[0] / SIZE[1]
     assert before.to == pytest.approx(((AREA[2] - width) / 2, 0, (AREA[2] + width) / 2, AREA[3]))
-    assert now.to == AREA
-
-
-SIZE = (8, 6)
-
-
-@pytest.fixture
-def screen(context: Any, state: ViewState, monkeypatch: pytest.MonkeyPatch) -> Iterator[Screen]:
-    """Without a window, with a picture of all colours in it."""
-    monkeypatch.setattr(Window, "wake", lambda: None)
-    shown = Screen(context, lambda: None, Meter(Trace()), Notice())
-    shown.take(done(state, 0), state)
-    with context:
-        yield shown
-    shown.close()
+    assert slow.painted_picture(AREA, wide).to == AREA
 
 
 def done(state: ViewState, seed: int) -> CastDone:
@@ -175,15 +163,11 @@ def done(state: ViewState, seed: int) -> CastDone:
     rng = np.random.default_rng(seed)
     coefficients = rng.random((height, width, state.transfer.basis.size)).astype(np.float32)
     image = CoefficientImage(coefficients, ones, ones, state.transfer.basis)
-    document, camera = state.document, state.view.camera(state.document.volume)
-    job = CastJob(document, state.transfer, camera, state.shading, SIZE, (WHOLE,))
-    return CastDone(job, WHOLE, 1.0, image)
+    return CastDone(job_of(state, SIZE, WHOLE), WHOLE, 1.0, image)
 
 
 def seen_by(state: ViewState, model: str, light: int) -> ViewState:
-    viewing = replace(state.relight.viewing, model=model)
-    rows = light_rows.only_row(state.lights, light)
-    return replace(state, relight=replace(state.relight, viewing=viewing), lights=rows)
+    return seen(under(state, light), model=model)
 
 
 def pixels(screen: Screen) -> NDArray[np.uint8]:
@@ -230,28 +214,27 @@ def test_the_picture_waits_for_the_newest_table(
         return not worker._is_superseded()
 
     monkeypatch.setattr(TableWorker, "_wait_idle", wait_idle)
+    by_light = [seen_by(state, "Nayatani95", light) for light in range(3)]
     for light in (0, 1, 2, 1):
         screen.mark_stale()
-        screen.relight(seen_by(state, "Nayatani95", light), held=True)
+        screen.relight(by_light[light], held=True)
         assert np.array_equal(pixels(screen), before)
         assert "Nayatani95" in screen._notice.text
         # Values under the mouse would be of another light than its pixel.
-        screen.probe(seen_by(state, "Nayatani95", light), (0.5, 0.5), held=False)
+        screen.probe(by_light[light], (0.5, 0.5), held=False)
         assert screen.under_mouse is None
     # A cast that comes meanwhile waits for the light, too.
     screen.take(done(state, 1), state)
-    screen.relight(seen_by(state, "Nayatani95", 1), held=False)
+    screen.relight(by_light[1], held=False)
     assert np.array_equal(pixels(screen), before) and not screen.pictures.current
     rests.set()
     wait_until(screen.take_tables)
-    screen.relight(seen_by(state, "Nayatani95", 1), held=False)
+    screen.relight(by_light[1], held=False)
     after = pixels(screen)
     assert not np.array_equal(after, before) and screen.pictures.current
     # Of lights that went by none was worked out, and the notice has gone.
     assert len(made) == 1 and screen._notice.text == ""
-    screen.mark_stale()
-    screen.relight(seen_by(state, "Nayatani95", 1), held=False)
-    assert len(made) == 1 and np.array_equal(pixels(screen), after)
+    assert np.array_equal(lit(screen, by_light[1]), after) and len(made) == 1
 
 
 def test_the_next_light_cancels_a_table(
@@ -276,70 +259,58 @@ def test_the_next_light_cancels_a_table(
 
 
 def test_both_sides_of_the_divide_have_own_tables(screen: Screen, state: ViewState) -> None:
-    both = replace(
-        seen_by(state, "Nayatani95", 0), other=light_rows.only_row(state.lights, 1), divide=0.5
-    )
+    sides = [seen_by(state, "Nayatani95", light) for light in (0, 1)]
+    both = replace(sides[0], other=sides[1].lights, divide=0.5)
     screen.relight(both, held=False)
     wait_until(screen.take_tables)
     screen.relight(both, held=False)
     assert screen.pictures.current
     split = pixels(screen)
-    for light, columns in ((0, slice(0, 4)), (1, slice(4, 8))):
-        screen.mark_stale()
-        screen.relight(seen_by(state, "Nayatani95", light), held=False)
-        np.testing.assert_array_equal(pixels(screen)[:, columns], split[:, columns])
+    for side, columns in zip(sides, (slice(0, 4), slice(4, 8)), strict=True):
+        np.testing.assert_array_equal(lit(screen, side)[:, columns], split[:, columns])
 
 
 def test_a_failed_table_is_requested_once(
     screen: Screen, state: ViewState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    reason = "no colour at\nsome node"
-
     def fails(key: lut3d.LutKey, cancel: object) -> None:
-        raise ViewingError(reason)
+        raise ViewingError("no colour at\nsome node")
 
     monkeypatch.setattr(lut3d, "_bake_texels", fails)
     hunt = seen_by(state, "Hunt", 0)
-    screen.relight(hunt, held=False)
-    wait_until(screen.take_tables)
-    assert screen._notice.text.split() == reason.split()
-    screen.relight(hunt, held=False)
-    assert screen._notice.text.split() == reason.split()
+    for step in (lambda: wait_until(screen.take_tables), lambda: None):
+        screen.relight(hunt, held=False)
+        step()
+        assert screen._notice.text.split() == ["no", "colour", "at", "some", "node"]
     # Another model is drawn at once.
     screen.mark_stale()
     screen.relight(seen_by(state, "CAM16", 0), held=False)
     assert screen.pictures.current
 
 
-@dataclass
-class Query:
-    """A GPU's time for a band."""
-
-    elapsed: float
-
-
-def relit(ms: float) -> Relit:
-    return Relit(cast(Any, Query(1e6 * ms)), 0.0)
-
-
 def test_a_picture_relit_in_bands_is_one_relight_of_all_their_time(tmp_path: Path) -> None:
     file = tmp_path / "trace.jsonl"
     with Trace(file) as trace:
         meter = Meter(trace)
+
+        def frame(
+            ms: float | None, first: bool = True, ends: bool = True, whole: bool = True
+        ) -> None:
+            query = cast(Any, SimpleNamespace(elapsed=1e6 * (ms or 0.0)))
+            relit = None if ms is None else Relit(query, 0.0)
+            meter.note_relight(relit, first=first, ends=ends, whole=whole)
+            meter.note_frame(0.0, {})
+
         assert meter.bands == 1
-        meter.note_relight(relit(2.5 * SLOW_MS), first=True, ends=True, whole=True)
-        meter.note_frame(0.0, {})
+        frame(2.5 * SLOW_MS)
         # Each of three bands takes less than what is slow.
         assert meter.bands == 3
         for i in range(3):
-            meter.note_relight(relit(5.0), first=i == 0, ends=i == 2, whole=True)
-            meter.note_frame(0.0, {})
+            frame(5.0, first=i == 0, ends=i == 2)
         assert meter.bands == 1
         # Fewer pixels teach nothing of the whole; no light is nothing.
-        meter.note_relight(relit(9 * SLOW_MS), first=True, ends=True, whole=False)
-        meter.note_frame(0.0, {})
-        meter.note_relight(None, first=True, ends=True, whole=True)
-        meter.note_frame(0.0, {})
+        frame(9 * SLOW_MS, whole=False)
+        frame(None)
         assert meter.bands == 1
     rows = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
     said = [(row["ms"], row["whole"]) for row in rows if row["event"] == "relight"]
@@ -349,88 +320,81 @@ def test_a_picture_relit_in_bands_is_one_relight_of_all_their_time(tmp_path: Pat
 MIDDLE = (16, 16)
 
 
-def shot(state: ViewState) -> tuple[Camera, CoefficientImage, LightRig]:
+def shot(state: ViewState) -> tuple[Camera, CoefficientImage]:
     document = state.document
     camera = state.view.camera(document.volume)
+    return camera, raycast(document.volume, document.transfer, camera, (33, 33))
+
+
+def read_middle(state: ViewState, patient: bool = False) -> dict[str, str]:
+    """Return what the probe says of the middle of the picture."""
+    camera, image = shot(state)
     rig = light_rig(state.lights)
-    return camera, raycast(document.volume, document.transfer, camera, (33, 33)), rig
+    read = probe.read(
+        image, camera, state.document.volume, rig, state.relight, MIDDLE, (1, 2, 3), patient
+    )
+    return dict(read.rows)
 
 
 @pytest.mark.parametrize("orthographic", [False, True])
-def test_the_probe_finds_the_hit_of_a_ball(
-    state: ViewState, document: Document, orthographic: bool
-) -> None:
+def test_the_probe_finds_the_hit_of_a_ball(state: ViewState, orthographic: bool) -> None:
     """The middle of the picture is hit on the near side, on the camera's axis."""
     state = replace(state, view=replace(state.view, orthographic=orthographic))
-    camera, image, rig = shot(state)
-    volume = document.volume
-    rows = dict(read(image, camera, volume, rig, state.relight, MIDDLE, (1, 2, 3)).rows)
+    rows = read_middle(state)
     assert {"Value", "mm", "RGB", "XYZ", "J  C  h", "Q  M  s", "H", "Colour error"} == set(rows)
     assert rows["RGB"] == "1  2  3"
-    head = read(image, camera, volume, rig, state.relight, MIDDLE, (1, 2, 3), patient=True)
-    assert dict(head.rows)["mm LPS"] == rows["mm"]
-    place = place_mm(image, camera, MIDDLE)
-    centre = volume.corners_mm.mean(axis=0)
+    assert read_middle(state, patient=True)["mm LPS"] == rows["mm"]
+    camera, image = shot(state)
+    centre = state.document.volume.corners_mm.mean(axis=0)
     away = np.subtract(camera.position_mm, centre)
-    nearer = place - centre
+    nearer = probe.place_mm(image, camera, MIDDLE) - centre
     assert 0 < nearer @ away / np.linalg.norm(away) < 4.0
     # 8-voxel ball: within a tenth of a voxel of the axis.
     off = nearer - (nearer @ away) / (away @ away) * away
     assert np.linalg.norm(off) < 0.1
-    assert place_mm(image, camera, (0, 0)) is None
+    assert probe.place_mm(image, camera, (0, 0)) is None
 
 
 def test_a_value_is_that_of_the_nearest_voxel(document: Document) -> None:
     volume = document.volume
     at = (volume.world_from_index @ [3.3, 4.4, 2.1, 1.0])[:3]
-    assert value_at(volume, at) == volume.values[2, 4, 3]
-    assert value_at(volume, at + 100.0) is None
+    assert probe.value_at(volume, at) == volume.values[2, 4, 3]
+    assert probe.value_at(volume, at + 100.0) is None
 
 
 def test_values_are_those_of_all_fields_in_digits_by_which_voxels_differ(state: ViewState) -> None:
-    ball = state.document.volume
-    fine = (0.00025,) * 3
-    second = Volume(2 * ball.values, spacing_mm=fine, name="GFP")
-    volume = Volume(ball.values, spacing_mm=fine, name="DAPI").with_fields([second])
-    camera, image, rig = shot(state)
-    small = replace(
-        camera,
-        position_mm=tuple(0.00025 * np.array(camera.position_mm)),
-        target_mm=tuple(0.00025 * np.array(camera.target_mm)),
-        height_mm=camera.height_mm and 0.00025 * camera.height_mm,
-    )
-    near = replace(image, depth_mm=0.00025 * image.depth_mm, first_mm=None)
-    rows = dict(read(near, small, volume, rig, state.relight, MIDDLE, (1, 2, 3)).rows)
+    values, fine = state.document.volume.values, {"spacing_mm": (0.00025,) * 3}
+    second = Volume(2 * values, **fine, name="GFP")
+    rows = read_middle(of_volume(state, Volume(values, **fine, name="DAPI").with_fields([second])))
     assert float(rows["GFP"]) == pytest.approx(2 * float(rows["DAPI"]), rel=1e-4) != 0
     assert len(rows["mm"].split()[0].partition(".")[2]) == 4
 
 
 def test_the_reflected_spectrum_has_the_colour_that_is_told(state: ViewState) -> None:
     """Q times the spectrum is the exact picture's XYZ, as both synthesise the same channels."""
-    _, image, rig = shot(state)
-    seen = replace(state.relight, mode="exact")
-    light, reflected = spectra(image, rig, seen, MIDDLE)
+    _, image = shot(state)
+    rig, exact = light_rig(state.lights), replace(state.relight, mode="exact")
+    light, reflected = probe.spectra(image, rig, exact, MIDDLE)
     Q = colour_matching_functions(image.basis.grid)
     XYZ = 100.0 * (Q @ reflected) / (Q[1] @ light)
-    lit = Illumination.of(image.basis, rig, seen, image.groups)
+    lit = Illumination.of(image.basis, rig, exact, image.groups)
     x, y = MIDDLE
     wanted = lit.scene_XYZ(image.coefficients[y, x], image.alpha[y, x])
     # Negative powers of the synthesis are not drawn: a few thousandths of the white.
     np.testing.assert_allclose(XYZ, wanted, atol=0.3)
     assert light.max() == pytest.approx(1.0)
     # Next to the ball only the backdrop reflects.
-    light, reflected = spectra(image, rig, seen, (0, 0))
+    light, reflected = probe.spectra(image, rig, exact, (0, 0))
     np.testing.assert_allclose(reflected, 0.2 * light)
 
 
 def test_the_probe_has_the_error_maps_figure(state: ViewState) -> None:
-    camera, image, rig = shot(state)
-    reading = read(image, camera, state.document.volume, rig, state.relight, MIDDLE, (0, 0, 0))
-    whole = error_map(image, rig, state.relight.mode, state.relight.backdrop)
-    assert f"{whole.delta_e[16, 16]:.2f}" in dict(reading.rows)["Colour error"]
-    exact = replace(state.relight, mode="exact")
-    rows = read(image, camera, state.document.volume, rig, exact, MIDDLE, (0, 0, 0)).rows
-    assert "0.00" in dict(rows)["Colour error"]
+    _, image = shot(state)
+    rig, seen = light_rig(state.lights), state.relight
+    whole = error_map(image, rig, seen.mode, seen.backdrop)
+    assert f"{whole.delta_e[16, 16]:.2f}" in read_middle(state)["Colour error"]
+    exact = replace(state, relight=replace(seen, mode="exact"))
+    assert "0.00" in read_middle(exact)["Colour error"]
 
 
 def test_an_error_map_is_shown_on_its_own_picture_and_light_only(
@@ -438,7 +402,7 @@ def test_an_error_map_is_shown_on_its_own_picture_and_light_only(
 ) -> None:
     came = threading.Event()
     overlay = ErrorMapTexture(context, came.set)
-    _, image, _ = shot(state)
+    _, image = shot(state)
     overlay.want(image, state)
     assert not overlay.shows(image, state)
     assert came.wait(PATIENCE_S)
@@ -449,12 +413,10 @@ def test_an_error_map_is_shown_on_its_own_picture_and_light_only(
 
 
 def test_the_error_map_is_made_once(state: ViewState, monkeypatch: pytest.MonkeyPatch) -> None:
-    from volspec.viewer.work import screen as heat
-
-    _, image, _ = shot(state)
+    _, image = shot(state)
     begun = []
-    monkeypatch.setattr(heat.Tasks, "start", lambda self, kind, task: begun.append(task))
-    overlay: Any = heat.ErrorMapTexture(None, lambda: None)
+    monkeypatch.setattr(Tasks, "start", lambda self, kind, task: begun.append(task))
+    overlay: Any = ErrorMapTexture(None, lambda: None)
     for lights in (state.lights, state.lights, state.lights[1:], state.lights[1:]):
         overlay.want(image, replace(state, lights=lights))
     shining, dark = begun
