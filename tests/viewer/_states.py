@@ -9,12 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec.palette import Apart
 from volspec.pipeline import relight
-from volspec.raycast import CoefficientImage
+from volspec.raycast import ClipPlane, CoefficientImage, Directional, LightGroup
 from volspec.raycast.pace import Pass
-from volspec.viewer.model.light_rows import light_rig, only_row
+from volspec.relight import LightRig
+from volspec.spectra import Spectrum, light
+from volspec.viewer.model import camera, transfer_edits
+from volspec.viewer.model.light_rows import LightRow, light_rig, only_row
+from volspec.viewer.model.palette_targets import DesignTargets, PaletteState
 from volspec.viewer.model.quality import cast_spec
-from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.state import Interface, ViewState
 from volspec.viewer.work.casts import CastDone, CastJob, CastWorker
 from volspec.viewer.work.outputs import Progress
 from volspec.viewer.work.screenshot import render_frame
@@ -36,6 +41,38 @@ def seen(state: ViewState, **viewing: Any) -> ViewState:
 def of_volume(state: ViewState, volume: Volume) -> ViewState:
     """Return the state of another volume."""
     return replace(state, document=replace(state.document, volume=volume))
+
+
+def worked_on(state: ViewState) -> ViewState:
+    """Return a state with something of every kind changed."""
+    state = transfer_edits.move_point(camera.orbit(state, 0.2, 0.1), 1, 0.8, 0.7)
+    state = transfer_edits.shift(state, 0.05)
+    nm = state.document.grid.wavelengths_nm
+    drawn = Spectrum(nm, np.linspace(0.3, 1.7, nm.size), "drawn", {"designed": "yes"})
+    rig = LightRig((drawn, light("A")), (0.5, 1.0), groups=("key", ""))
+    rows = (
+        *(replace(row, solo=index == 1, weight=0.25) for index, row in enumerate(state.lights)),
+        LightRow("mine", "drawn by hand", rig, 0.75, muted=True),
+        LightRow("3000 K", "", LightRig((light("planck:3000"),)), 0.0, kelvin=3000.0),
+    )
+    shading = replace(
+        state.shading,
+        groups=(LightGroup("key", (Directional((1, 0, 1), shadows=True),)),),
+        clip_planes=(ClipPlane((6, 6, 6), (0, 1, 0)),),
+        crop_voxels=((0, 9), (0, 11), (0, 11)),
+    )
+    display = replace(state.relight.viewing.display, gamut="reduce", mark=True)
+    state = seen(state, model="CAM16", deficiency="protan", severity=0.7, display=display)
+    apart = Apart(light=("day",), deficiency=("none", "deutan"), severity=0.5)
+    return replace(
+        state,
+        lights=rows,
+        shading=shading,
+        other=state.lights,
+        divide=0.3,
+        palette=PaletteState(DesignTargets(apart=(apart,))),
+        interface=Interface(dark=False, light=2, panels=frozenset({"Lights"})),
+    )
 
 
 def save_ball(folder: Path, size: int = 16, name: str = "ball.npy") -> Path:

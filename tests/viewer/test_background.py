@@ -15,6 +15,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from tests.support.fixtures import Patch
 from tests.support.patience import PATIENCE_S, wait_until
 from tests.support.viewer import opened, take_until
 from tests.viewer._states import casts_of, job_of
@@ -35,10 +36,8 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import file_commands
 from volspec.viewer.ui.context import Request, UiContext
 from volspec.viewer.work import ahead, documents
-from volspec.viewer.work.ahead import ProgramBuilder, Programs, few_voxels
 from volspec.viewer.work.background import LatestWorker, Tasks
 from volspec.viewer.work.casts import CastDone, CastJob, CastWorker
-from volspec.viewer.work.documents import DocumentService, Opened
 from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.outputs import Progress
 from volspec.viewer.work.screenshot import render_frame
@@ -103,7 +102,7 @@ def test_a_closed_worker_begins_nothing_more() -> None:
     assert worker.begun == ["ab"] and not worker.busy
 
 
-def test_a_fault_ends_the_thread_and_not_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_ends_the_thread_and_not_the_work(monkeypatch: Patch) -> None:
     faults: list[object] = []
     monkeypatch.setattr(threading, "excepthook", faults.append)
     worker = Slow()
@@ -122,10 +121,8 @@ def test_a_fault_ends_the_thread_and_not_the_work(monkeypatch: pytest.MonkeyPatc
     wait_until(lambda: len(faults) == 2)
 
 
-@pytest.mark.parametrize("first_ends_first", [True, False])
-def test_the_last_of_two_files_is_opened(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, first_ends_first: bool
-) -> None:
+@pytest.mark.parametrize("in_order", [True, False])
+def test_the_last_of_two_is_opened(tmp_path: Path, monkeypatch: Patch, in_order: bool) -> None:
     """A scene and a session: they were two kinds of task, of which each brought its own."""
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
     state = opened(tmp_path)
@@ -140,38 +137,34 @@ def test_the_last_of_two_files_is_opened(
     monkeypatch.setattr(documents, "restore_state", slow("session", resumed))
     ended = threading.Semaphore(0)
     tasks = Tasks(ended.release)
-    each = DocumentService(tasks, Notice(), None)
+    each = documents.DocumentService(tasks, Notice(), None)
     titles: list[str] = []
     each.open(str(session))
     each.open("a.toml")
-    for name in ("session", "scene") if first_ends_first else ("scene", "session"):
+    for name in ("session", "scene") if in_order else ("scene", "session"):
         may_end[name].set()
         assert ended.acquire(timeout=PATIENCE_S)
         came = [each.finish_open(outcome, first=False) for outcome in tasks.take()]
         titles += [opened.state.document.title for opened in came if opened]
-        assert titles == ["ball"] * (name == "scene" or not first_ends_first)
+        assert titles == ["ball"] * (name == "scene" or not in_order)
 
 
-def test_only_the_opening_s_message_ends_with_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_the_opening_s_message_ends_with_it(tmp_path: Path, monkeypatch: Patch) -> None:
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
     state, notice = opened(tmp_path), Notice()
     monkeypatch.setattr(documents, "open_document", lambda *_: state.document)
-    each = DocumentService(Tasks(lambda: None), notice, None)
+    each = documents.DocumentService(Tasks(lambda: None), notice, None)
     for later in ("", "later"):
         each.open("a.toml")
         assert "a.toml" in notice.text
         if later:
             notice.show(later)
-        each.begin(Opened(state), state)
+        each.begin(documents.Opened(state), state)
         assert notice.text == later
 
 
 @pytest.mark.parametrize("written", [True, False])
-def test_a_late_picture_is_saved(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, written: bool
-) -> None:
+def test_a_late_picture_is_saved(tmp_path: Path, monkeypatch: Patch, written: bool) -> None:
     def taken(_: ViewState, __: object, progress: Progress) -> Path:
         progress.ended = True
         if not written:
@@ -251,7 +244,7 @@ class SlowCasts:
 
 
 @pytest.fixture
-def casts(monkeypatch: pytest.MonkeyPatch) -> SlowCasts:
+def casts(monkeypatch: Patch) -> SlowCasts:
     slow = SlowCasts()
     monkeypatch.setattr("volspec.viewer.work.casts.raycast", slow)
     return slow
@@ -261,9 +254,7 @@ def drained(scheduler: CastWorker, count: int) -> list[CastDone]:
     return take_until(scheduler.take, lambda done: len(done) == count)
 
 
-def test_a_newer_request_ends_a_cast_and_replaces_what_waits(
-    state: ViewState, casts: SlowCasts
-) -> None:
+def test_a_newer_request_ends_a_cast_and_what_waits(state: ViewState, casts: SlowCasts) -> None:
     scheduler = CastWorker(lambda: None)
     scheduler.request(job(state, 1))
     wait_until(lambda: casts.begun)
@@ -301,7 +292,7 @@ def test_closing_ends_even_a_coarse_cast(state: ViewState, casts: SlowCasts) -> 
     ],
 )
 def test_the_thread_outlives_errors(
-    state: ViewState, monkeypatch: pytest.MonkeyPatch, error: Exception, message: str
+    state: ViewState, monkeypatch: Patch, error: Exception, message: str
 ) -> None:
     def fails(*what: Any, **more: Any) -> None:
         raise error
@@ -386,9 +377,7 @@ def test_passes_lengthen_steps_and_nothing_else() -> None:
 
 
 @pytest.mark.slow
-def test_edits_of_lights_need_no_program_that_was_not_built_ahead(
-    state: ViewState, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_edits_of_lights_need_no_further_program(state: ViewState, monkeypatch: Patch) -> None:
     built: set[str] = set()
     build, compiled = Compute._build, programs_of_gl.compile_program
 
@@ -406,8 +395,8 @@ def test_edits_of_lights_need_no_program_that_was_not_built_ahead(
     state = replace(state, document=document, transfer=with_material_basis(state.transfer))
     casts_of(job(state, 1))
     table, packet = document.caster.bake(state.transfer), document.caster.packet
-    corner, device = few_voxels(document.volume), document.caster.device_index
-    programs = Programs(corner, device, packet, table, state.shading, False, Viewing())
+    corner, device = ahead.few_voxels(document.volume), document.caster.device_index
+    programs = ahead.Programs(corner, device, packet, table, state.shading, False, Viewing())
     assert sum(1 for _ in programs.build()) > 4
     before = set(built)
     many, point, sky = (
@@ -424,7 +413,7 @@ def test_edits_of_lights_need_no_program_that_was_not_built_ahead(
 
 @pytest.mark.slow
 def test_programs_are_built_by_a_child_that_ends_with_the_viewer(
-    state: ViewState, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    state: ViewState, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     if "Portable" not in Compute.open().info.platform:
         pytest.skip("the device in use is none of PoCL, whose cache is looked into")
@@ -433,7 +422,7 @@ def test_programs_are_built_by_a_child_that_ends_with_the_viewer(
     volume = state.document.volume
     volume = replace(volume, labels={1: Label("bone")}, fields=(replace(volume, name="PET"),))
     document = replace(state.document, volume=volume, caster=Raycaster(volume))
-    builder = ProgramBuilder(lambda: None)
+    builder = ahead.ProgramBuilder(lambda: None)
     builder.request((job(replace(state, document=document), 1), Viewing()))
     # PoCL renames folders meanwhile, which `walk` forgives.
     wait_until(lambda: any("raycast.so" in files for _, _, files in os.walk(tmp_path)))

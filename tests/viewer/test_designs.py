@@ -11,6 +11,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from tests.support.fixtures import Patch
 from tests.support.patience import PATIENCE_S
 from tests.support.viewer import (
     VISIBLE,
@@ -29,21 +30,14 @@ from volspec.palette import Cell, Design, Palette, design, load_palette
 from volspec.relight import LightRig
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
-from volspec.viewer.model import palette_edits, palette_results
+from volspec.viewer.model import palette_edits, palette_results, palette_table
 from volspec.viewer.model.edit import with_interface
 from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.materials import with_reflectances
-from volspec.viewer.model.palette_table import (
-    colour_table,
-    column_names,
-    palette_from_state,
-    with_design,
-)
 from volspec.viewer.model.palette_targets import STAY, DesignTargets, Pick
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import dialogs
 from volspec.viewer.ui.context import Request, UiContext
-from volspec.viewer.ui.dialogs import REQUESTS, FileDialogs
 from volspec.viewer.ui.file_commands import FileCommands
 from volspec.viewer.work import designs
 from volspec.viewer.work.background import Tasks
@@ -55,7 +49,7 @@ FIGURE_2 = Path(__file__).resolve().parents[2] / "data" / "palettes" / "figure-2
 
 
 def job_of(asked: ViewState) -> designs.DesignJob:
-    return designs.DesignJob(palette_from_state(asked), asked.palette.targets)
+    return designs.DesignJob(palette_table.palette_from_state(asked), asked.palette.targets)
 
 
 def answers(*asked: ViewState) -> list[designs.DesignDone]:
@@ -71,7 +65,7 @@ def answers(*asked: ViewState) -> list[designs.DesignDone]:
 
 def test_a_wish_that_can_be_met_is_met(state: ViewState) -> None:
     made = with_designed(with_target(state, 5))
-    table = colour_table(made)
+    table = palette_table.colour_table(made)
     assert max(table.errors) < VISIBLE
     values = made.transfer.materials["gold"].values
     assert values.min() >= 0.0 and values.max() <= 1.0
@@ -81,7 +75,7 @@ def test_a_wish_that_can_be_met_is_met(state: ViewState) -> None:
 def test_a_wish_that_cannot_be_met_is_missed(state: ViewState) -> None:
     """No reflectance is saturated blue under tungsten light and saturated red under daylight."""
     asked = with_target(with_target(state, 5, "#0000ff"), 4, "#ff0000")
-    errors = colour_table(with_designed(asked)).errors
+    errors = palette_table.colour_table(with_designed(asked)).errors
     assert len(errors) == 2 and max(errors) > 5
 
 
@@ -93,10 +87,10 @@ def test_five_colours_that_merge_to_three_and_one_are_designed(state: ViewState)
     transfer = TransferFunction([(0.2, 0.0, "a"), (0.5, 0.2, "b")], grey, MaterialBasis(grey))
     empty = replace(state, transfer=transfer, lights=state.lights[:1])
     begun = palette_results.with_palette(empty, load_palette(FIGURE_2))
-    assert column_names(begun.lights) == ("D65", "split 1", "split 2")
+    assert palette_table.column_names(begun.lights) == ("D65", "split 1", "split 2")
     assert begun.palette.is_pending and begun.palette.from_scratch
-    made = with_design(begun, answers(begun)[-1].made, begun.palette.targets)
-    table = colour_table(made)
+    made = palette_table.with_design(begun, answers(begun)[-1].made, begun.palette.targets)
+    table = palette_table.colour_table(made)
     assert not made.palette.is_pending
     assert len(table.errors) == 15 and max(table.errors) < VISIBLE
     assert all(row.rig.lights[0].values.min() >= 0 for row in made.lights)
@@ -124,8 +118,8 @@ def test_the_latest_wish_wins_and_is_answered_quickly_then_well(state: ViewState
         for asked in (first, last)
     )
     assert not any(of_first) and of_last == [False, True]
-    made = with_design(last, done[-1].made, last.palette.targets)
-    assert max(colour_table(made).errors) < VISIBLE
+    made = palette_table.with_design(last, done[-1].made, last.palette.targets)
+    assert max(palette_table.colour_table(made).errors) < VISIBLE
 
 
 def test_what_contradicts_itself_is_named(state: ViewState) -> None:
@@ -162,7 +156,7 @@ class Bench:
         return history
 
 
-def test_designs_outlive_a_failed_solver(state: ViewState, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_designs_outlive_a_failed_solver(state: ViewState, monkeypatch: Patch) -> None:
     fails = iter((True,))
 
     def once(palette: Palette, *, again: bool) -> Design:
@@ -182,7 +176,7 @@ def test_designs_outlive_a_failed_solver(state: ViewState, monkeypatch: pytest.M
     assert done[1].made is not None
 
 
-def test_closing_waits_for_no_design(state: ViewState, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_closing_waits_for_no_design(state: ViewState, monkeypatch: Patch) -> None:
     begun, may_end, ended = (threading.Event() for _ in range(3))
 
     def long(_: Palette, *, again: bool) -> Design:
@@ -213,7 +207,7 @@ def test_wishes_that_were_answered_are_designed_again_from_scratch(state: ViewSt
 
 
 @pytest.fixture
-def hiding(state: ViewState, monkeypatch: pytest.MonkeyPatch) -> Hiding:
+def hiding(state: ViewState, monkeypatch: Patch) -> Hiding:
     """A state in which gold is to be hidden, whose wizard ends when it may."""
     begun = with_interface(state, pick=Pick(place=("gold", "A")))
     result, may_end = palette_results.run_wizard(begun, "hide"), threading.Event()
@@ -229,9 +223,7 @@ def hiding(state: ViewState, monkeypatch: pytest.MonkeyPatch) -> Hiding:
 
 
 @pytest.mark.parametrize("other", [True, False])
-def test_a_wizard_s_result_needs_its_materials(
-    state: ViewState, hiding: Hiding, other: bool
-) -> None:
+def test_a_wizard_result_needs_its_materials(state: ViewState, hiding: Hiding, other: bool) -> None:
     begun, may_end, _ = hiding
     bench = Bench()
     bench.designs.follow(begun)
@@ -247,9 +239,7 @@ def test_a_wizard_s_result_needs_its_materials(
     assert bool(bench.designs.status.complaint) == bool(bench.notice.text) == other
 
 
-def test_a_wizard_waits_for_the_running_design(
-    hiding: Hiding, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_wizard_waits_for_the_running_design(hiding: Hiding, monkeypatch: Patch) -> None:
     """The design began at once, and was dropped when the last pass changed the materials."""
     picked, may_end, began_with = hiding
     monkeypatch.setattr(
@@ -283,7 +273,7 @@ def test_the_scene_s_own_spectra_are_its_lights_too(state: ViewState) -> None:
 
 
 @pytest.fixture
-def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Bench, FileCommands]:
+def files(tmp_path: Path, monkeypatch: Patch) -> tuple[Bench, FileCommands]:
     """Commands on files, with our own dialogs, whose palettes a bench designs."""
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "kept"))
     monkeypatch.setattr(dialogs, "has_native_dialogs", lambda: False)
@@ -293,20 +283,15 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Bench, FileC
     return bench, FileCommands(Tasks(lambda: None), cast(Any, None), *rest)
 
 
-def answer(
-    files: FileCommands, patched: pytest.MonkeyPatch, name: str, path: str, state: ViewState
-) -> None:
+def answer(files: FileCommands, patched: Patch, name: str, path: str, state: ViewState) -> None:
     """Run a command whose dialog is answered with a path."""
     files.run(Request(name), state)
-    patched.setattr(FileDialogs, "take", lambda _: (REQUESTS[name], path))
+    patched.setattr(dialogs.FileDialogs, "take", lambda _: (dialogs.REQUESTS[name], path))
     files.take(first=False)
 
 
 def test_the_dialog_s_path_goes_to_the_design(
-    state: ViewState,
-    files: tuple[Bench, FileCommands],
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
+    state: ViewState, files: tuple[Bench, FileCommands], monkeypatch: Patch, tmp_path: Path
 ) -> None:
     (bench, commands), path = files, str(tmp_path / "mine.toml")
     asked = with_target(state, 5)
@@ -321,7 +306,7 @@ def test_requested_files_are_there_when_the_window_has_closed(
     state: ViewState,
     files: tuple[Bench, FileCommands],
     closing: threading.Event,
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: Patch,
     tmp_path: Path,
 ) -> None:
     def late(_: object, path: str) -> None:

@@ -16,18 +16,17 @@ import numpy as np
 import pytest
 
 from tests.support.errors import refuses
+from tests.support.fixtures import Capture, Patch, slow
+from tests.support.images import read_codes
 from tests.support.patience import PATIENCE_S
 from tests.support.viewer import SCENES, assert_same_tables, opened, run_command
+from tests.viewer._states import frame_of, save_ball, seen, under, worked_on
 from volspec.errors import InputError, OpenGLError, VolspecError, VolspecWarning
-from volspec.raycast import Ambient, Directional, LightGroup
+from volspec.export.frames import read_frame_text
 from volspec.raycast.checks import MAX_SIDE
-from volspec.relight import LightRig
 from volspec.scene import Scene
-from volspec.spectra import Spectrum, light
 from volspec.viewer.app import Options, view
-from volspec.viewer.model import camera, light_rows, transfer_edits
-from volspec.viewer.model.document import demo
-from volspec.viewer.model.light_rows import LightRow
+from volspec.viewer.model.document import Document, demo
 from volspec.viewer.model.paths import (
     Listing,
     PathRequest,
@@ -35,11 +34,9 @@ from volspec.viewer.model.paths import (
     folder_places,
     list_paths,
 )
-from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.dialogs import initial_path
 from volspec.viewer.ui.widgets import find_cjk_font
 from volspec.viewer.work import background
-from volspec.viewer.work.background import Outcome, Tasks
 from volspec.viewer.work.documents import open_document
 from volspec.viewer.work.outputs import (
     CUSTOM,
@@ -57,64 +54,38 @@ from volspec.viewer.work.screenshot import (
     ClipboardError,
     Shot,
     copy_values,
-    render_frame,
     save_picture,
 )
 from volspec.viewer.work.script import export_python, script_from_state
 from volspec.viewer.work.session import SUFFIX
 from volspec.viewer.work.session_store import MOST_FILES, STATE_VARIABLE, RecentFiles, state_folder
-from volspec.volume import phantom
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def edited(state: ViewState) -> ViewState:
-    """State with the longest script: groups, a drawn light, a mix, another view."""
-    state = camera.orbit(state, 0.2, 0.1)
-    state = transfer_edits.move_point(state, 1, 0.8, 0.7)
-    nm = state.document.grid.wavelengths_nm
-    drawn = Spectrum(nm, np.linspace(0.3, 1.7, nm.size), "drawn")
-    rows = (
-        LightRow("two", "", LightRig((drawn, light("A")), groups=("key", "sky")), 1.0),
-        LightRow("FL2", "", LightRig((light("FL2"),)), 0.5),
-    )
-    groups = (
-        LightGroup("key", (Directional((1, 0, 1), shadows=True),)),
-        LightGroup("sky", (Ambient(occlusion=True),)),
-    )
-    viewing = replace(state.relight.viewing, model="CAM16", surround="dim", exposure=1.25)
-    shading = replace(state.shading, groups=groups, preintegrated=True)
-    seen = replace(state.relight, viewing=viewing, mode="exact")
-    return replace(state, lights=rows, shading=shading, relight=seen, size=(48, 36))
+def run_python(
+    *arguments: str, path: str = os.environ["PATH"], **more: Any
+) -> subprocess.CompletedProcess[str]:
+    """Run Python with this package, outside of its folder."""
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "PATH": path}
+    command = [sys.executable, *arguments]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, **more)
 
 
 @pytest.mark.not_quick
-@pytest.mark.parametrize(
-    "basis",
-    [
-        'method = "materials"',
-        pytest.param('train = "scene"\nsize = 4', marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize("basis", ['method = "materials"', slow('train = "scene"\nsize = 4')])
 def test_a_script_makes_the_frame_that_the_viewer_shows(tmp_path: Path, basis: str) -> None:
     """Equal to the byte: the same numbers go the same way, on the same device."""
-    state = edited(opened(tmp_path, basis=basis))
+    state = worked_on(opened(tmp_path, basis=basis))
+    shading = replace(state.shading, preintegrated=True)
+    seen = replace(state.relight, mode="exact")
+    state = replace(state, shading=shading, relight=seen, other=None, size=(48, 36))
     script = export_python(state, tmp_path / "ball.py")
     (tmp_path / "elsewhere").mkdir()
-    done = subprocess.run(
-        [sys.executable, str(script)],
-        cwd=tmp_path / "elsewhere",
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = run_python(str(script), cwd=tmp_path / "elsewhere")
     assert done.returncode == 0, done.stderr
-    from PIL import Image
-
-    with Image.open(tmp_path / "elsewhere" / "ball.png") as image:
-        made = np.asarray(image)
-    shown = render_frame(state, state.size, Progress(""))
+    made = read_codes(tmp_path / "elsewhere" / "ball.png")
+    shown = frame_of(state)
     assert shown.std() > 5
     np.testing.assert_array_equal(made, shown)
 
@@ -157,8 +128,7 @@ def test_dropped_files_mean_one_scene_or_one_volume() -> None:
 
 
 def test_a_path_is_completed_as_far_as_its_neighbours_agree(tmp_path: Path) -> None:
-    hidden = ".hidden.toml"
-    for name in ("Engine-a.toml", "engine-b.toml", "engine.nrrd", "notes.txt", hidden):
+    for name in ("Engine-a.toml", "engine-b.toml", "engine.nrrd", "notes.txt", ".hidden.toml"):
         (tmp_path / name).touch()
     (tmp_path / "folder").mkdir()
     start = f"{tmp_path}/"
@@ -168,12 +138,12 @@ def test_a_path_is_completed_as_far_as_its_neighbours_agree(tmp_path: Path) -> N
     some = list_paths(start + "en", (".toml",))
     assert some.common.casefold() == start.casefold() + "engine-"
     assert list_paths(start + "f").common == start + "folder/"
-    assert names(list_paths(start + ".h", (".toml",))) == [hidden]
+    assert names(list_paths(start + ".h", (".toml",))) == [".hidden.toml"]
     nothing = list_paths(missing := f"{tmp_path}/nosuch/a")
     assert nothing.rows == () and nothing.common == missing
     # A dialog shows a folder; what is typed starts from there.
     inside = list_paths("en", (".toml",), base=str(tmp_path))
-    assert names(inside) == ["Engine-a.toml", "engine-b.toml"]
+    assert names(inside) == names(some)
     assert (inside.folder, inside.common.casefold()) == ("", "engine-")
     assert names(list_paths(start, base="/nosuch")) == names(list_paths(start))
 
@@ -194,7 +164,7 @@ def names(listing: Listing) -> list[str]:
     return [row.name for row in listing.rows]
 
 
-def test_a_dialog_offers_each_folder_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_dialog_offers_each_folder_once(tmp_path: Path, monkeypatch: Patch) -> None:
     folders = [tmp_path / name for name in ("home", "open", "examples", "a", "b")]
     for folder in folders:
         folder.mkdir()
@@ -202,39 +172,39 @@ def test_a_dialog_offers_each_folder_once(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setenv("HOME", home)
     monkeypatch.chdir(home)
     recent = [f"{a}/1.nrrd", f"{opened}/2.nrrd", f"{a}/3.nrrd", "/nowhere/4.nrrd", f"{b}/5.nrrd"]
-    places = folder_places(opened, recent, examples)
-    assert [place.folder for place in places if place.folder != "/"] == [
-        *(home, opened, examples),
-        *(a, b),
-    ]
+    offered = [place.folder for place in folder_places(opened, recent, examples)]
+    assert [folder for folder in offered if folder != "/"] == [home, opened, examples, a, b]
+
+
+@pytest.fixture
+def pictures(tmp_path: Path, monkeypatch: Patch) -> Path:
+    """The user's folder of pictures."""
+    monkeypatch.setenv("XDG_PICTURES_DIR", str(tmp_path / "pictures"))
+    (tmp_path / "pictures").mkdir()
+    return tmp_path / "pictures"
 
 
 @pytest.mark.not_quick
 def test_nothing_is_saved_next_to_a_bundled_scene(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, pictures: Path, monkeypatch: Patch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "pictures").mkdir()
-    monkeypatch.setenv("XDG_PICTURES_DIR", str(tmp_path / "pictures"))
     document = open_document(str(demo().with_name("engine-cut.toml")))
-    assert output_folder(document) == tmp_path / "pictures"
+    assert output_folder(document) == pictures
     save = PathRequest("x", "Save", True, (".toml",))
     assert initial_path(save, document) == f"{tmp_path}/engine-cut-view.toml"
 
 
 @pytest.mark.not_quick
 def test_a_volume_opens_in_the_view_that_commands_give_it(tmp_path: Path) -> None:
-    path = tmp_path / "ball.npy"
-    np.save(path, phantom.ball(12).values)
+    path = save_ball(tmp_path)
     document, scene = open_document(str(path)), Scene.from_volume(path)
     assert document.file == scene.file
     assert document.view.camera(document.volume) == scene.camera(scene.volume())
 
 
 @pytest.mark.not_quick
-def test_a_dialog_starts_where_the_last_file_was_else_at_home(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_dialog_starts_at_the_last_file_or_at_home(tmp_path: Path, monkeypatch: Patch) -> None:
     for name in ("home", "work"):
         (tmp_path / name).mkdir()
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
@@ -279,7 +249,7 @@ def test_recent_files_are_ten_newest_first_and_missing_ones_are_known(tmp_path: 
     assert nowhere.rows() == ()
 
 
-def test_where_things_are_remembered_can_be_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_things_are_remembered_can_be_said(monkeypatch: Patch) -> None:
     monkeypatch.setenv(STATE_VARIABLE, "/somewhere")
     assert state_folder() == Path("/somewhere")
     monkeypatch.delenv(STATE_VARIABLE)
@@ -294,29 +264,23 @@ def test_pictures_have_even_sides_or_the_size_that_was_asked_for() -> None:
     assert PictureSize(CUSTOM, (-5, 10**9)).pixels(shown) == (1, MAX_SIDE)
 
 
-@pytest.mark.parametrize(
-    ("name", "stems"), [("", ("ball", "ball-1")), ("a b.png", ("a-b", "a-b-1"))]
-)
-def test_files_get_free_names_next_to_what_was_opened(
-    tmp_path: Path, name: str, stems: tuple[str, ...]
-) -> None:
+def test_files_get_free_names_next_to_what_was_opened(tmp_path: Path) -> None:
     document = opened(tmp_path).document
-    for stem in stems:
-        path = Destination(name=name).new_path(document, ".png")
-        assert path == tmp_path / f"{stem}.png"
-        path.touch()
+    for name, stems in (("", ("ball", "ball-1")), ("a b.png", ("a-b", "a-b-1"))):
+        for stem in stems:
+            path = Destination(name=name).new_path(document, ".png")
+            assert path == tmp_path / f"{stem}.png"
+            path.touch()
 
 
-def test_files_go_to_the_pictures_if_nothing_can_be_written_next_to_what_was_opened(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_files_go_to_the_pictures_from_a_folder_that_cannot_be_written_to(
+    tmp_path: Path, pictures: Path, monkeypatch: Patch
 ) -> None:
-    (tmp_path / "pictures").mkdir()
-    monkeypatch.setenv("XDG_PICTURES_DIR", str(tmp_path / "pictures"))
     document = opened(tmp_path).document
-    monkeypatch.setattr(os, "access", lambda *_: False)
-    assert output_folder(document) == tmp_path / "pictures"
-    monkeypatch.undo()
-    monkeypatch.delenv("XDG_PICTURES_DIR", raising=False)
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "access", lambda *_: False)
+        assert output_folder(document) == pictures
+    monkeypatch.delenv("XDG_PICTURES_DIR")
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
     (tmp_path / "Bilder").mkdir()
     (tmp_path / "user-dirs.dirs").write_text(f'XDG_PICTURES_DIR="{tmp_path}/Bilder"\n')
@@ -325,29 +289,17 @@ def test_files_go_to_the_pictures_if_nothing_can_be_written_next_to_what_was_ope
 
 @pytest.mark.not_quick
 def test_a_picture_holds_both_sides_of_the_divide_and_says_what_made_it(tmp_path: Path) -> None:
-    from volspec.export.frames import read_frame_text
-
-    state = replace(opened(tmp_path), size=(40, 30))
-    compared = replace(state, other=light_rows.only_row(state.lights, 1), divide=0.5)
-    tungsten = replace(state, lights=light_rows.only_row(state.lights, 1))
     # What the light does is plain where no eye adapts to it.
-    plain = replace(state.relight, viewing=replace(state.relight.viewing, model="none"))
-    left, both, right = (
-        render_frame(replace(each, relight=plain), (40, 30), Progress(""))
-        for each in (state, compared, tungsten)
-    )
+    day = replace(seen(opened(tmp_path), model="none"), size=(40, 30))
+    lamp = under(day, 1)
+    left, both, right = map(frame_of, (day, replace(day, other=lamp.lights, divide=0.5), lamp))
     np.testing.assert_array_equal(both[:, :20], left[:, :20])
     np.testing.assert_array_equal(both[:, 20:], right[:, 20:])
     assert (left != right).any()
-    path = save_picture(state, Shot(to=Destination(str(tmp_path))), Progress(""))
-    assert read_frame_text(path)["scene"] == "ball"
-
-
-@pytest.mark.not_quick
-def test_a_folder_that_is_missing_is_made(tmp_path: Path) -> None:
-    state = replace(opened(tmp_path), size=(40, 30))
+    # A folder that is missing is made.
     folder = tmp_path / "new" / "deeper"
-    assert save_picture(state, Shot(to=Destination(str(folder))), Progress("")).parent == folder
+    path = save_picture(day, Shot(to=Destination(str(folder))), Progress(""))
+    assert path.parent == folder and read_frame_text(path)["scene"] == "ball"
 
 
 def test_files_are_named_after_the_volume_without_its_endings(tmp_path: Path) -> None:
@@ -361,14 +313,8 @@ def test_files_are_named_after_the_volume_without_its_endings(tmp_path: Path) ->
 def test_a_picture_has_the_scale_bar_of_the_screen(tmp_path: Path) -> None:
     state = opened(tmp_path)
     assert Shot().marks_for(state) == ("scale",)
-    hidden = run_command(state, "scale")
-    assert Shot().marks_for(hidden.state) == () == Shot(marks=()).marks_for(state)
-
-
-@pytest.fixture
-def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
+    hidden = run_command(state, "scale").state
+    assert Shot().marks_for(hidden) == () == Shot(marks=()).marks_for(state)
 
 
 _READING = Reading((("XYZ", "1 2 3"),), *[cast(Any, None)] * 3)
@@ -380,8 +326,8 @@ _READING = Reading((("XYZ", "1 2 3"),), *[cast(Any, None)] * 3)
         (InputError, "conflict", lambda _: dropped_path(["/a/x.nrrd", "/a/y.nrrd"])),
         (InputError, "conflict", lambda _: dropped_path(["/a/1.tif", "/b/2.tif"])),
         (InputError, "conflict", lambda _: dropped_path(["/a/1.tif", "/a/x.png"])),
-        (InputError, "unwritable", lambda s: new_path(str(s.document.path), s)),
-        (InputError, "unwritable", lambda s: new_path("/proc/new", s)),
+        (InputError, "unwritable", lambda d: Destination(str(d.path)).new_path(d, ".png")),
+        (InputError, "unwritable", lambda d: Destination("/proc/new").new_path(d, ".png")),
         (OpenGLError, "unsupported", lambda _: view(Options())),
         (ClipboardError, "missing", lambda _: copy_values(None)),
         (ClipboardError, "unsupported", lambda _: copy_values(_READING)),
@@ -389,21 +335,17 @@ _READING = Reading((("XYZ", "1 2 3"),), *[cast(Any, None)] * 3)
 )
 def test_what_cannot_be_is_refused_without_a_display(
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: Patch,
     kind: type[VolspecError],
     expected: str,
-    call: Callable[[ViewState], object],
+    call: Callable[[Document], object],
 ) -> None:
     if expected == "unsupported" and sys.platform != "linux":
         pytest.skip("elsewhere the system needs no display")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    state = opened(tmp_path)
-    refuses(lambda: call(state), expected, kind)
-
-
-def new_path(folder: str, state: ViewState) -> Path:
-    return Destination(folder).new_path(state.document, ".png")
+    document = opened(tmp_path).document
+    refuses(lambda: call(document), expected, kind)
 
 
 _ZENITY = """#!/bin/sh
@@ -436,21 +378,15 @@ def test_the_system_s_dialog_is_asked_without_waiting(tmp_path: Path) -> None:
     program = tmp_path / "zenity"
     program.write_text(_ZENITY, encoding="utf-8")
     program.chmod(0o755)
-    done = subprocess.run(
-        [sys.executable, "-c", _ASK],
-        env=os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=PATIENCE_S,
-    )
+    path = f"{tmp_path}:{os.environ['PATH']}"
+    done = run_python("-c", _ASK, path=path, timeout=PATIENCE_S)
     assert [Path(line).stem for line in done.stdout.split()] == ["chosen", "saved"], done.stderr
 
 
-def test_a_fault_in_a_task_is_told_and_not_waited_for(capsys: pytest.CaptureFixture[str]) -> None:
-    def ends(task: Callable[[], object]) -> Outcome:
+def test_a_fault_in_a_task_is_told_and_not_waited_for(capsys: Capture) -> None:
+    def ends(task: Callable[[], object]) -> background.Outcome:
         woken = threading.Event()
-        tasks = Tasks(woken.set)
+        tasks = background.Tasks(woken.set)
         tasks.start("picture", task)
         assert woken.wait(PATIENCE_S)
         return tasks.take()[0]
@@ -465,7 +401,7 @@ def test_a_fault_in_a_task_is_told_and_not_waited_for(capsys: pytest.CaptureFixt
 
 
 def test_closing_waits_for_files(
-    tmp_path: Path, closing: threading.Event, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, closing: threading.Event, monkeypatch: Patch
 ) -> None:
     def late(name: str) -> None:
         assert closing.wait(PATIENCE_S)
@@ -474,7 +410,7 @@ def test_closing_waits_for_files(
     def full() -> None:
         raise InputError("b.toml: the disk is full")
 
-    tasks, may_end = Tasks(lambda: None), threading.Event()
+    tasks, may_end = background.Tasks(lambda: None), threading.Event()
     tasks.start("map", may_end.wait)  # nobody waits for it
     for name in ("a.toml", "b.toml"):  # the last of a kind and the one before
         tasks.start("export-scene", lambda name=name: late(name), writes=True)

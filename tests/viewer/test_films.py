@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from tests.support.errors import raises
+from tests.support.fixtures import Patch
 from tests.support.viewer import opened
 from tests.support.window import Robot
 from volspec.errors import CastCancelled, ViewingError
@@ -111,9 +112,7 @@ def test_the_frames_of_a_film_are_the_pictures_of_its_preview(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("kind", [".gif", FRAMES])
-def test_without_ffmpeg_there_are_gifs_and_folders(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
-) -> None:
+def test_gifs_and_folders_need_no_ffmpeg(tmp_path: Path, monkeypatch: Patch, kind: str) -> None:
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     assert possible_kinds() == (".gif", FRAMES)
     film = Film(seconds=0.5, fps=10.0)
@@ -157,9 +156,7 @@ def test_a_page_has_the_views_and_the_lights_of_the_window(tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-def test_from_a_volume_to_a_film_and_a_page_by_mouse_in_few_actions(
-    window: Robot, tmp_path: Path
-) -> None:
+def test_a_film_and_a_page_are_made_by_mouse_in_few_actions(window: Robot, tmp_path: Path) -> None:
     imageio = pytest.importorskip("imageio_ffmpeg")
     np.save(tmp_path / "ball.npy", np.random.default_rng(1).random((12, 12, 12), np.float32))
     window.open(tmp_path / "ball.npy")

@@ -16,7 +16,6 @@ from volspec.scene import Scene
 from volspec.transfer import LabelFunction, TransferFunction
 from volspec.viewer.model import labels, transfer_edits
 from volspec.viewer.model.history import Difference, History
-from volspec.viewer.model.labels import matching_labels
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
@@ -87,10 +86,10 @@ def test_labels_are_hidden_and_shown_and_keep_their_opacity(state: ViewState) ->
 
 def test_labels_are_found_by_words_of_their_names_or_numbers(state: ViewState) -> None:
     function = function_of(state)
-    assert matching_labels(function, "") == (0, 1, 2)
-    assert matching_labels(function, "KID left") == (1,)
-    assert matching_labels(function, "3") == (2,)
-    assert matching_labels(function, "spleen") == ()
+    assert labels.matching_labels(function, "") == (0, 1, 2)
+    assert labels.matching_labels(function, "KID left") == (1,)
+    assert labels.matching_labels(function, "3") == (2,)
+    assert labels.matching_labels(function, "spleen") == ()
 
 
 def test_grey_values_and_labels_are_two_views_of_one_volume(state: ViewState) -> None:
@@ -109,9 +108,7 @@ def test_a_volume_of_whole_numbers_can_be_shown_as_labels(tmp_path: Path) -> Non
     assert list(function_of(run_command(state, "transfer-labels").state).labels) == [1]
 
 
-def test_a_saved_scene_keeps_names_opacities_and_hidden_labels(
-    state: ViewState, tmp_path: Path
-) -> None:
+def test_a_scene_keeps_names_opacities_and_hidden_labels(state: ViewState, tmp_path: Path) -> None:
     new = labels.toggle_label(transfer_edits.set_opacity(state, 0, 0.25), 3)
     again = function_of(read_scene(export_scene(new, tmp_path / "organs.toml")))
     assert again.names == function_of(new).names and again.hidden == {3}

@@ -139,9 +139,7 @@ ANGLES = [(0, 0), (30, 40), (-120, -70), (180, 10), (90, 90)]
 
 @pytest.mark.parametrize("kind", ["directional light", "point light"])
 @pytest.mark.parametrize("camera", [False, True])
-def test_lamps_are_aimed_by_azimuth_and_elevation(
-    state: ViewState, kind: str, camera: bool
-) -> None:
+def test_lamps_are_aimed_by_two_angles(state: ViewState, kind: str, camera: bool) -> None:
     state = added(state, kind)
     if camera:
         state = lighting.toggle_frame(state, 2)
@@ -166,9 +164,7 @@ def test_a_lamp_at_the_cameras_angles_shines_like_a_headlight(state: ViewState) 
 
 
 @pytest.mark.parametrize("kind", ["directional light", "point light"])
-def test_a_change_of_frame_moves_nothing_until_the_camera_moves(
-    state: ViewState, kind: str
-) -> None:
+def test_another_frame_moves_nothing_until_the_camera_moves(state: ViewState, kind: str) -> None:
     state = added(state, kind)
     with_camera = lighting.toggle_frame(state, 2)
     places = [
@@ -254,9 +250,7 @@ def test_projections_leave_out_what_they_cannot(state: ViewState) -> None:
 
 
 @pytest.mark.parametrize("kind", ["points", "gradients", "regions", "labels", "surfaces"])
-def test_settings_that_a_transfer_function_forbids_wait_for_another(
-    tmp_path: Path, kind: str
-) -> None:
+def test_settings_that_a_transfer_function_forbids_wait(tmp_path: Path, kind: str) -> None:
     state = opened(tmp_path, kind)
     wanted = replace(state.shading, preintegrated=True, adaptive=0.02)
     state = replace(state, shading=wanted)

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.support.errors import refuses
+from tests.support.fixtures import Patch
 from tests.support.viewer import run_command
 from volspec.appearance import Viewing
 from volspec.errors import ViewingError
@@ -31,8 +32,6 @@ from volspec.viewer.model.light_rows import (
     light_rig,
     with_changes,
 )
-from volspec.viewer.model.light_states import interpolate_lights, recalled_rows
-from volspec.viewer.model.lights import mix_row
 from volspec.viewer.model.state import ViewState
 
 _SCENES = Path(__file__).resolve().parents[2] / "data" / "scenes"
@@ -190,9 +189,7 @@ def test_a_row_has_one_text_for_each_spectrum() -> None:
     assert LightRow("x", "", ROWS[3].rig).texts == (None, None)
 
 
-def test_a_file_is_found_in_the_scene_s_folder_first(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_is_found_in_the_scene_s_folder_first(tmp_path: Path, monkeypatch: Patch) -> None:
     scene, here = tmp_path / "scene", tmp_path / "here"
     for folder in (scene, here):
         folder.mkdir()
@@ -207,7 +204,7 @@ def test_a_file_is_found_in_the_scene_s_folder_first(
 
 
 def mixed(rows: Rows) -> LightRow:
-    kept = mix_row(rows, DEFAULT_GRID)
+    kept = lights.mix_row(rows, DEFAULT_GRID)
     return kept
 
 
@@ -235,7 +232,7 @@ def test_a_kept_mix_keeps_its_groups_apart_and_drawn_spectra_as_they_are(lit: Vi
     kept = mixed(edited.lights)
     assert kept.rig.groups == ("", "lamp", "sky") and kept.texts == (None, "A", "D65*0.5")
     dark = lights.toggle_mute(lights.set_weight(edited, 0, 0.0), 3)
-    assert mix_row(dark.lights, DEFAULT_GRID) is None
+    assert lights.mix_row(dark.lights, DEFAULT_GRID) is None
 
 
 # Edits
@@ -263,13 +260,13 @@ END = changed(START)
 def test_a_fade_begins_and_ends_exactly_at_its_ends() -> None:
     start, end = (START, DIM), (END, BRIGHT)
     for share, there in ((-1.0, start), (0.0, start), (1.0, end), (2.0, end)):
-        assert interpolate_lights(start, end, share) is there
+        assert light_states.interpolate_lights(start, end, share) is there
 
 
 @given(share=_SHARE)
 def test_weights_spectra_and_temperatures_lie_between(share: float) -> None:
     brighter = (replace(END[0], rig=replace(END[0].rig, illuminance_lux=(500.0,))), *END[1:])
-    rows, seen = interpolate_lights((START, DIM), (brighter, BRIGHT), share)
+    rows, seen = light_states.interpolate_lights((START, DIM), (brighter, BRIGHT), share)
     lux = rows[0].rig.illuminance_lux
     assert lux[0] == pytest.approx(100 + 400 * share)
     assert len(rows) == 4 and not any(each.solo or each.muted for each in rows)
@@ -292,15 +289,15 @@ def test_a_fade_of_words_that_do_not_go_together_takes_those_of_its_end() -> Non
     pixel = RelightSpec(Viewing(adapting="pixel"))
     hunt = RelightSpec(Viewing(model="Hunt", illuminance_lux=20.0))
     for start, end in ((pixel, hunt), (hunt, pixel)):
-        _, seen = interpolate_lights((START, start), (START, end), 0.5)
+        _, seen = light_states.interpolate_lights((START, start), (START, end), 0.5)
         assert seen.viewing.model == end.viewing.model
 
 
 def test_recalling_keeps_lights_that_the_state_does_not_know() -> None:
     now = changed(START)
-    back = recalled_rows(now, START)
+    back = light_states.recalled_rows(now, START)
     assert back[:3] == START and back[3].name == "FL2" and back[3].weight == 0.0
-    assert recalled_rows(back, START) == back
+    assert light_states.recalled_rows(back, START) == back
 
 
 def test_states_are_saved_recalled_renamed_and_deleted(state: ViewState) -> None:
@@ -388,9 +385,7 @@ def test_a_state_recalled_on_the_way_starts_from_there(state: ViewState) -> None
     x=st.floats(-2, 2, allow_subnormal=False),
     y=st.floats(-2, 2, allow_subnormal=False),
 )
-def test_dial_weights_sum_to_one_and_come_back_to_their_place(
-    count: int, x: float, y: float
-) -> None:
+def test_dial_weights_sum_to_one_and_return_to_their_place(count: int, x: float, y: float) -> None:
     weights = lights.dial_weights(count, x, y)
     assert min(weights) >= 0 and sum(weights) == pytest.approx(1.0)
     # Weights on the dial are those of its place, which is where they are drawn.

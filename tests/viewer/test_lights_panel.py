@@ -15,7 +15,6 @@ from volspec.relight import LightRig
 from volspec.spectra import DEFAULT_GRID, PAPERS_GRID, light, reflectance
 from volspec.spectra.library import library_names
 from volspec.viewer.model import light_parts, lights
-from volspec.viewer.model.lights import rim_places
 from volspec.viewer.model.rendition import Measured, chosen_lights, measure
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import lights_dial
@@ -91,9 +90,7 @@ def wide(text: str) -> float:
         max_size=40,
     )
 )
-def test_names_at_the_dial_never_overlap(
-    boxes: list[tuple[float, float, float, float]],
-) -> None:
+def test_names_at_the_dial_never_overlap(boxes: list[tuple[float, float, float, float]]) -> None:
     labels = [lights_dial.Label(i, box, float(i)) for i, box in enumerate(boxes)]
     kept = lights_dial.non_overlapping(labels, (0.0, 0.0, 100.0, 100.0))
     for i, one in enumerate(kept):
@@ -121,7 +118,7 @@ def test_names_at_the_left_end_at_the_dial_and_those_at_the_right_begin_there() 
     ring = lights_dial.ring_for(LONG, (0.0, 0.0, 320.0, 200.0), (24.0, 60.0), 10.0, 15.0, wide)
     reach = ring.reach
     for label in lights_dial.place_labels(LONG, range(6), ring):
-        place = rim_places(6)[label.index]
+        place = lights.rim_places(6)[label.index]
         at = ring.middle[0] + place[0] * reach
         for start, text in zip(
             lights_dial.line_starts(label, place[0], wide), label.lines, strict=True
@@ -160,9 +157,7 @@ def test_a_light_is_found_at_the_rim_and_by_its_name() -> None:
         assert lights_dial.light_at(4, x, y, 0.1) == found
 
 
-def test_rendition_is_that_of_the_light_s_notation_over_the_whole_visible(
-    state: ViewState,
-) -> None:
+def test_rendition_is_that_of_the_light_s_notation_over_the_whole_visible(state: ViewState) -> None:
     """The figures of a light by its name do not depend on the document's bands."""
     state = lights.add(state, text="FL2").state
     at = len(state.lights) - 1

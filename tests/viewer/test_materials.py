@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.support.errors import refuses
+from tests.support.fixtures import Patch
 from tests.support.viewer import (
     KINDS,
     assert_same_picture,
@@ -26,12 +27,6 @@ from volspec.spectra.construct.colours import sRGB_from_word
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import materials, transfer_edits
 from volspec.viewer.model.history import History
-from volspec.viewer.model.materials import (
-    MOST_MATERIALS,
-    colour_names,
-    material_message,
-    without_material,
-)
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import list_parts
 from volspec.viewer.work.css_colours import Colours
@@ -63,7 +58,7 @@ def test_what_is_there_is_given_and_another_of_its_name_is_numbered(state: ViewS
     gold = given(state, "gold")
     assert list_parts(gold.transfer)[0].mix == {"gold": 1.0}
     assert gold.transfer.basis.fingerprint == state.transfer.basis.fingerprint
-    assert material_message(state.transfer, gold.transfer) == ""
+    assert materials.material_message(state.transfer, gold.transfer) == ""
     paint = {**state.transfer.materials, "gold": reflectance(BANANA)}
     painted = replace(state, transfer=replace(curve_of(state), materials=paint))
     new = given(given(painted, "gold"), "gold", 1)
@@ -80,22 +75,22 @@ def test_a_basis_that_filters_need_stays_and_that_is_told(state: ViewState) -> N
 
 
 def test_materials_that_nothing_is_made_of_make_room_for_more(state: ViewState) -> None:
-    for i in range(MOST_MATERIALS - 2):
+    for i in range(materials.MOST_MATERIALS - 2):
         state = given(state, f"CES/{i + 1}")
-    assert len(state.transfer.materials) == MOST_MATERIALS
+    assert len(state.transfer.materials) == materials.MOST_MATERIALS
     new = given(state, "silver")
     # Points 2 and 3 are of copper and gold, the first was of the last that was tried.
-    last = f"CES/{MOST_MATERIALS - 2}"
+    last = f"CES/{materials.MOST_MATERIALS - 2}"
     assert set(new.transfer.materials) == {"copper", "gold", last, "silver"}
-    message = material_message(state.transfer, new.transfer)
+    message = materials.material_message(state.transfer, new.transfer)
     assert all(
         name in message for name in set(state.transfer.materials) - {*new.transfer.materials}
     )
-    points = [(float(i), 0.1, f"CES/{i + 1}") for i in range(MOST_MATERIALS - 2)]
+    points = [(float(i), 0.1, f"CES/{i + 1}") for i in range(materials.MOST_MATERIALS - 2)]
     curve = replace(curve_of(state), points=[*points, (98, 0.1, "gold"), (99, 0.1, "copper")])
     full = replace(state, transfer=curve)
     assert given(full, "silver") is full
-    assert str(MOST_MATERIALS) in materials.add_material(full, 0, "silver").message
+    assert str(materials.MOST_MATERIALS) in materials.add_material(full, 0, "silver").message
 
 
 def taken_out(state: ViewState, name: str) -> ViewState:
@@ -113,7 +108,9 @@ def test_a_material_without_a_part_is_taken_out_in_one_step_of_undo(state: ViewS
     assert history.undo().present.transfer is tried.transfer
     # A fitted basis is no list of materials: it stays.
     fitted = replace(curve_of(state), materials=tried.transfer.materials)
-    assert without_material(fitted, "silver").basis.fingerprint == fitted.basis.fingerprint
+    assert (
+        materials.without_material(fitted, "silver").basis.fingerprint == fitted.basis.fingerprint
+    )
     assert taken_out(state, "nosuch") is state
 
 
@@ -121,7 +118,7 @@ def test_a_material_without_a_part_is_taken_out_in_one_step_of_undo(state: ViewS
 def test_a_material_that_parts_are_made_of_stays(state: ViewState, kind: str) -> None:
     state = of_kind(state, kind)
     assert taken_out(state, "gold") is state
-    refuses(lambda: without_material(state.transfer, "gold"), "conflict", TransferError)
+    refuses(lambda: materials.without_material(state.transfer, "gold"), "conflict", TransferError)
     free = transfer_edits.set_material(state, len(list_parts(state.transfer)) - 1, "copper")
     assert list(taken_out(free, "gold").transfer.materials) == ["copper"]
 
@@ -129,7 +126,7 @@ def test_a_material_that_parts_are_made_of_stays(state: ViewState, kind: str) ->
 def test_shares_of_nothing_and_a_filter_go_with_their_material(state: ViewState) -> None:
     mixed = [(0.0, 0.1, {"copper": 1.0, "gold": 0.0}), (1.0, 0.2, "copper")]
     glass = {name: Spectrum([390, 710], [0.2, 0.9]) for name in ("copper", "gold")}
-    new = without_material(replace(curve_of(state), points=mixed, filters=glass), "gold")
+    new = materials.without_material(replace(curve_of(state), points=mixed, filters=glass), "gold")
     assert isinstance(new, TransferFunction) and new.filters is not None
     assert [dict(part.mix) for part in list_parts(new)] == [{"copper": 1.0}] * 2
     assert list(new.filters) == list(new.materials) == ["copper"]
@@ -148,7 +145,7 @@ def test_a_colour_is_a_material_and_a_metal_comes_before_it(state: ViewState) ->
 def test_colours_of_the_web_are_made_in_the_background(state: ViewState) -> None:
     made = Colours(state.transfer.basis.grid, 2)
     wait_until(lambda: made.spectra is not None)
-    assert set(made.spectra) == set(colour_names())
+    assert set(made.spectra) == set(materials.colour_names())
     tomato = reflectance_from_colour("tomato")
     np.testing.assert_allclose(made.spectra["tomato"].values, tomato.values, atol=1e-12)
 
@@ -173,9 +170,7 @@ def test_every_name_of_the_list_is_a_reflectance_or_a_colour() -> None:
 @pytest.mark.parametrize(
     "basis", [pytest.param('name = "general-5"', marks=pytest.mark.slow), 'method = "materials"']
 )
-def test_all_files_keep_such_a_material(
-    tmp_path: Path, basis: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_all_files_keep_such_a_material(tmp_path: Path, basis: str, monkeypatch: Patch) -> None:
     state = replace(given(opened(tmp_path, basis=basis), BANANA, 1), size=(24, 18))
     again = assert_same_picture(state, tmp_path)
     assert list(again.transfer.materials) == ["copper", "grey", BANANA]

@@ -28,9 +28,7 @@ def picked(state: ViewState, tool: str) -> ViewState:
 @pytest.mark.parametrize(
     ("tool", "caption"), [("distance", "5 mm"), ("angle", "143.1°"), ("label", "label")]
 )
-def test_a_tool_adds_its_annotation_and_stays_in_use(
-    state: ViewState, tool: str, caption: str
-) -> None:
+def test_a_tool_annotates_and_stays_in_use(state: ViewState, tool: str, caption: str) -> None:
     new = picked(state, tool)
     assert [each.caption for each in new.annotations] == [caption]
     assert new.interface.tool == tool and new.interface.tool_points == ()

@@ -6,8 +6,7 @@ import math
 import threading
 import warnings
 
-import pytest
-
+from tests.support.fixtures import Patch
 from volspec.errors import VolspecWarning
 from volspec.viewer.work.notify import MOST_MESSAGES, Notice, collect_warnings
 
@@ -40,9 +39,7 @@ def test_messages_are_listed_once_in_a_row_and_not_without_limit() -> None:
     assert notice.messages == () and not notice.text
 
 
-def test_a_warning_comes_once_for_each_file_that_is_opened(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_warning_comes_once_for_each_file_that_is_opened(monkeypatch: Patch) -> None:
     """Python shows a warning once in a process; an orbit would repeat that of an empty picture."""
 
     printed: list[str] = []

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.support.fixtures import Patch
 from tests.support.patience import wait_until
 from tests.support.viewer import opened, take_until
 from tests.support.window import Robot, small_engine
@@ -249,9 +250,7 @@ def test_a_picture_with_layers_shows_opacities_at_once(screen: Screen, ball: Vie
     assert not screen.recomposes()
 
 
-def test_a_cast_with_the_same_opacities_stays_until_they_change(
-    screen: Screen, ball: ViewState
-) -> None:
+def test_a_cast_stays_until_its_opacities_change(screen: Screen, ball: ViewState) -> None:
     faded = opacities.set_opacity(ball, "grey", 0.3)
     plain, layered = casts(faded, WHOLE, LAYERED)
     screen.take(plain, faded)
@@ -296,7 +295,7 @@ def test_values_under_the_mouse_are_those_of_the_recomposed_picture(
 
 
 def test_opacities_that_layers_show_wrongly_are_cast(
-    screen: Screen, ball: ViewState, monkeypatch: pytest.MonkeyPatch, layered: CastDone
+    screen: Screen, ball: ViewState, monkeypatch: Patch, layered: CastDone
 ) -> None:
     scheduler = CastScheduler(lambda: None)
     scheduler.change(ball, 0.0, held=False)

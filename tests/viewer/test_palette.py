@@ -41,7 +41,6 @@ from volspec.relight import LightRig, relight
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import camera, palette_edits, palette_results
-from volspec.viewer.model.document import Document
 from volspec.viewer.model.edit import Change, after
 from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.light_rows import MOST_ROWS, LightRow
@@ -125,14 +124,13 @@ def test_other_spectra_relight_and_everything_else_of_a_transfer_casts(state: Vi
 
 
 @pytest.mark.not_quick
-def test_repainted_coefficients_are_those_of_a_new_cast(
-    state: ViewState, document: Document
-) -> None:
+def test_repainted_coefficients_are_those_of_a_new_cast(state: ViewState) -> None:
     shown = undressed(state)
     other = with_reflectances(shown.transfer, {"gold": reflectance("silver")})
-    camera = shown.view.camera(document.volume)
-    before = raycast(document.volume, shown.transfer, camera, (24, 18))
-    after = raycast(document.volume, other, camera, (24, 18))
+    volume = state.document.volume
+    camera = shown.view.camera(volume)
+    before = raycast(volume, shown.transfer, camera, (24, 18))
+    after = raycast(volume, other, camera, (24, 18))
     kept = replace(before, basis=other.basis)
     rig = LightRig((light("A"),))
     old, new = (relight(image, rig, backend="numpy") for image in (kept, after))
@@ -239,9 +237,7 @@ _COMMANDS = ("palette-light", "palette-restart", "palette-forget", "palette-own"
 @pytest.mark.not_quick
 @settings(max_examples=12, suppress_health_check=list(HealthCheck))
 @given(edits=st.lists(drawn(_KEYS, *_EDITED), min_size=60, max_size=60), every=st.integers(0, 3))
-def test_any_edits_make_a_palette_or_fail(
-    state: ViewState, edits: list[Change], every: int
-) -> None:
+def test_edits_make_a_palette_or_fail(state: ViewState, edits: list[Change], every: int) -> None:
     for number, edit in enumerate(edits):
         state = after(edit, state).state
         if number % 20 == every:
@@ -346,7 +342,7 @@ def test_any_kind_of_transfer_function_is_a_scene_to_wizards(state: ViewState, k
     assert scene.relight.viewing == state.relight.viewing
 
 
-def test_materials_to_be_told_apart_come_with_a_palette_and_go_into_its_file(
+def test_materials_to_be_told_apart_are_kept_in_palette_files(
     state: ViewState, tmp_path: Path
 ) -> None:
     row = Apart(light=("D65", "A"), deficiency=("none", "deutan"), distance=30.0)

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.support.fixtures import Patch
 from volspec.appearance.presets import PRESETS
 from volspec.appearance.spec import MODELS
 from volspec.relight import RelightSpec
@@ -17,11 +18,9 @@ from volspec.viewer.model.edit import after
 from volspec.viewer.model.light_rows import MOST_ROWS, effective_weights
 from volspec.viewer.model.materials import material_message
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.viewing import with_viewing
 from volspec.viewer.ui import commands, menus, transfer_detail
 from volspec.viewer.ui.context import Request, UiContext
 from volspec.viewer.ui.lights_panel import row_tip
-from volspec.viewer.ui.transfer_detail import add_picked_material
 from volspec.viewer.ui.viewing import matching_preset, white_text
 from volspec.viewer.ui.widgets import pack_colour
 from volspec.viewer.work.session_store import RecentFile
@@ -47,10 +46,10 @@ def test_a_colour_is_packed_with_its_own_opacity_and_one_more() -> None:
 def test_settings_as_they_are_unknown_or_in_conflict_change_nothing(state: ViewState) -> None:
     from volspec.viewer.model.viewing import with_model
 
-    seen = with_viewing(RelightSpec(), adapting="pixel")
+    seen = viewing.with_viewing(RelightSpec(), adapting="pixel")
     assert with_model(seen, "Hunt").viewing.adapting == "picture"
-    assert with_viewing(seen, model="Hunt") is seen
-    assert with_viewing(seen, discount=True).viewing.discount
+    assert viewing.with_viewing(seen, model="Hunt") is seen
+    assert viewing.with_viewing(seen, discount=True).viewing.discount
     assert viewing.set_white(state, -1.0) is state
     now = state.relight.viewing
     assert viewing.set_model(state, now.model) is state
@@ -145,23 +144,21 @@ def test_the_command_palette_says_why_a_light_is_not_added(state: ViewState) -> 
 def test_the_library_says_what_adding_a_material_did_or_why_it_did_not(state: ViewState) -> None:
     here = UiContext()
     here.library.search = "silver"
-    new = add_picked_material(state, here, 0, "silver")
+    new = transfer_detail.add_picked_material(state, here, 0, "silver")
     assert "silver" in new.transfer.materials and here.library.search == ""
     assert here.requests[0].argument == material_message(state.transfer, new.transfer)
     here.library.search = "gould"
-    assert add_picked_material(state, here, 0, "gould") is state
+    assert transfer_detail.add_picked_material(state, here, 0, "gould") is state
     # What was typed stays, to be mended.
     assert "gold" in here.library.complaint and here.library.search == "gould"
     assert len(here.requests) == 1
 
 
-def test_a_colour_in_progress_is_waited_for(
-    state: ViewState, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_colour_in_progress_is_waited_for(state: ViewState, monkeypatch: Patch) -> None:
     unmade = SimpleNamespace(spectra=None)
     monkeypatch.setattr(transfer_detail.css_colours, "colours", lambda *_: unmade)
     here = UiContext()
-    assert add_picked_material(state, here, 0, "tomato") is state
+    assert transfer_detail.add_picked_material(state, here, 0, "tomato") is state
     assert here.library.search == "tomato"
     assert here.requests == [Request("message", here.library.complaint)]
 

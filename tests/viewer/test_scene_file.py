@@ -26,8 +26,6 @@ from volspec.scene.specs import MeshSpec
 from volspec.spectra import Spectrum, light
 from volspec.transfer import FieldFunctions
 from volspec.viewer.model import camera, fields, light_rows, lights, transfer_edits
-from volspec.viewer.model.fields import shown_transfer
-from volspec.viewer.model.light_rows import LightRow, light_rig
 from volspec.viewer.model.scene_file import export_scene, scene_from_state
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.script import export_python, script_from_state
@@ -75,8 +73,8 @@ def test_cuts_groups_and_their_lights_come_back(tmp_path: Path) -> None:
     )
     rig = LightRig((light("A"), light("D65")), (0.5, 1.0), groups=("key", "fill"))
     rows = (
-        LightRow("two", "warm key", rig, 1.0),
-        LightRow("D50", "D50", LightRig((light("D50"),)), 0.5),
+        light_rows.LightRow("two", "warm key", rig, 1.0),
+        light_rows.LightRow("D50", "D50", LightRig((light("D50"),)), 0.5),
     )
     state = replace(state, shading=shading, lights=rows)
     again = assert_same_picture(state, tmp_path)
@@ -99,7 +97,7 @@ def test_edited_spectra_come_back_as_numbers(tmp_path: Path) -> None:
             materials=materials,
             basis=state.transfer.basis.with_samples(materials.values()),
         ),
-        lights=(*state.lights, LightRow("edited", "mine", LightRig((ramp,)), 0.0)),
+        lights=(*state.lights, light_rows.LightRow("edited", "mine", LightRig((ramp,)), 0.0)),
     )
     state = replace(state, lights=light_rows.only_row(state.lights, 2))
     again = assert_same_picture(state, tmp_path)
@@ -112,12 +110,12 @@ def test_edited_spectra_come_back_as_numbers(tmp_path: Path) -> None:
 def test_lux_stay_with_their_lights(tmp_path: Path) -> None:
     state = opened(tmp_path)
     rows = tuple(
-        LightRow(name, name, LightRig((light(name),), illuminance_lux=(lux,)), 0.7)
+        light_rows.LightRow(name, name, LightRig((light(name),), illuminance_lux=(lux,)), 0.7)
         for name, lux in (("D65", 300.0), ("A", 40.0))
     )
     seen = replace(state.relight, level="absolute")
     again = assert_same_picture(replace(state, lights=rows, relight=seen), tmp_path)
-    rig = light_rig(again.lights)
+    rig = light_rows.light_rig(again.lights)
     assert rig.total_lux == pytest.approx(0.7 * 340.0)
 
 
@@ -179,10 +177,7 @@ def nameless(state: ViewState) -> ViewState:
     ],
 )
 def test_what_no_file_can_say_is_refused(
-    tmp_path: Path,
-    kind: type[VolspecError],
-    expected: str,
-    write: Callable[[ViewState], object],
+    tmp_path: Path, kind: type[VolspecError], expected: str, write: Callable[[ViewState], object]
 ) -> None:
     state = opened(tmp_path)
     refuses(lambda: write(state), expected, kind)
@@ -215,7 +210,7 @@ file = "halves.npy"
 
 def shown_mask(state: ViewState) -> Any:
     """Return the mask of the first field as it is cast."""
-    shown = shown_transfer(state)
+    shown = fields.shown_transfer(state)
     assert isinstance(shown, FieldFunctions)
     return shown.masks[""]
 

@@ -15,6 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.support.errors import refuses
+from tests.support.fixtures import Patch
 from tests.support.patience import PATIENCE_S, wait_until
 from tests.viewer._states import job_of, of_volume, seen, under
 from volspec.appearance import lut3d
@@ -26,7 +27,6 @@ from volspec.relight.error_map import error_map
 from volspec.spectra import colour_matching_functions
 from volspec.viewer.model import light_rows
 from volspec.viewer.model.document import Document
-from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.window import Window
 from volspec.viewer.work import probe
@@ -45,7 +45,7 @@ AREA = (0, 0, 200, 100)
 
 
 @pytest.fixture
-def screen(context: Any, state: ViewState, monkeypatch: pytest.MonkeyPatch) -> Iterator[Screen]:
+def screen(context: Any, state: ViewState, monkeypatch: Patch) -> Iterator[Screen]:
     """Without a window, with a picture of all colours in it."""
     monkeypatch.setattr(Window, "wake", lambda: None)
     shown = Screen(context, lambda: None, Meter(Trace()), Notice())
@@ -127,9 +127,7 @@ def test_the_last_frame_shows_the_values_of_its_picture(slow: Screen, state: Vie
         assert dict(frames[-1].rows)["RGB"] == "  ".join(map(str, code))
 
 
-def test_an_empty_picture_says_so_and_a_fault_takes_its_place(
-    slow: Screen, state: ViewState
-) -> None:
+def test_an_empty_picture_says_so_and_a_fault_its_reason(slow: Screen, state: ViewState) -> None:
     lit(slow, state)
     cast, painted = done(state, 0), slow.painted_picture(AREA, state)
     assert slow.missing_message(state, painted) == ""
@@ -174,9 +172,7 @@ def pixels(screen: Screen) -> NDArray[np.uint8]:
     return screen.pictures.pixels().copy()
 
 
-def test_lights_from_groups_that_are_being_cast_wait_for_them(
-    screen: Screen, state: ViewState
-) -> None:
+def test_lights_from_groups_being_cast_wait_for_them(screen: Screen, state: ViewState) -> None:
     screen.relight(state, held=False)
     before = pixels(screen)
     rig = replace(state.lights[1].rig, groups=("lamp",))
@@ -196,7 +192,7 @@ def test_lights_from_groups_that_are_being_cast_wait_for_them(
 
 
 def test_the_picture_waits_for_the_newest_table(
-    screen: Screen, state: ViewState, monkeypatch: pytest.MonkeyPatch
+    screen: Screen, state: ViewState, monkeypatch: Patch
 ) -> None:
     screen.relight(seen_by(state, "CIECAM02", 0), held=False)
     before = pixels(screen)
@@ -237,9 +233,7 @@ def test_the_picture_waits_for_the_newest_table(
     assert np.array_equal(lit(screen, by_light[1]), after) and len(made) == 1
 
 
-def test_the_next_light_cancels_a_table(
-    screen: Screen, state: ViewState, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_another_light_ends_a_table(screen: Screen, state: ViewState, monkeypatch: Patch) -> None:
     begun: list[lut3d.LutKey] = []
     work_out = lut3d._bake_texels
 
@@ -270,9 +264,7 @@ def test_both_sides_of_the_divide_have_own_tables(screen: Screen, state: ViewSta
         np.testing.assert_array_equal(lit(screen, side)[:, columns], split[:, columns])
 
 
-def test_a_failed_table_is_requested_once(
-    screen: Screen, state: ViewState, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failed_table_is_made_once(screen: Screen, state: ViewState, monkeypatch: Patch) -> None:
     def fails(key: lut3d.LutKey, cancel: object) -> None:
         raise ViewingError("no colour at\nsome node")
 
@@ -329,7 +321,7 @@ def shot(state: ViewState) -> tuple[Camera, CoefficientImage]:
 def read_middle(state: ViewState, patient: bool = False) -> dict[str, str]:
     """Return what the probe says of the middle of the picture."""
     camera, image = shot(state)
-    rig = light_rig(state.lights)
+    rig = light_rows.light_rig(state.lights)
     read = probe.read(
         image, camera, state.document.volume, rig, state.relight, MIDDLE, (1, 2, 3), patient
     )
@@ -373,7 +365,7 @@ def test_values_are_those_of_all_fields_in_digits_by_which_voxels_differ(state: 
 def test_the_reflected_spectrum_has_the_colour_that_is_told(state: ViewState) -> None:
     """Q times the spectrum is the exact picture's XYZ, as both synthesise the same channels."""
     _, image = shot(state)
-    rig, exact = light_rig(state.lights), replace(state.relight, mode="exact")
+    rig, exact = light_rows.light_rig(state.lights), replace(state.relight, mode="exact")
     light, reflected = probe.spectra(image, rig, exact, MIDDLE)
     Q = colour_matching_functions(image.basis.grid)
     XYZ = 100.0 * (Q @ reflected) / (Q[1] @ light)
@@ -390,16 +382,14 @@ def test_the_reflected_spectrum_has_the_colour_that_is_told(state: ViewState) ->
 
 def test_the_probe_has_the_error_maps_figure(state: ViewState) -> None:
     _, image = shot(state)
-    rig, seen = light_rig(state.lights), state.relight
+    rig, seen = light_rows.light_rig(state.lights), state.relight
     whole = error_map(image, rig, seen.mode, seen.backdrop)
     assert f"{whole.delta_e[16, 16]:.2f}" in read_middle(state)["Colour error"]
     exact = replace(state, relight=replace(seen, mode="exact"))
     assert "0.00" in read_middle(exact)["Colour error"]
 
 
-def test_an_error_map_is_shown_on_its_own_picture_and_light_only(
-    context: Any, state: ViewState
-) -> None:
+def test_an_error_map_is_of_its_own_picture_and_light(context: Any, state: ViewState) -> None:
     came = threading.Event()
     overlay = ErrorMapTexture(context, came.set)
     _, image = shot(state)
@@ -412,7 +402,7 @@ def test_an_error_map_is_shown_on_its_own_picture_and_light_only(
     overlay.close()
 
 
-def test_the_error_map_is_made_once(state: ViewState, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_error_map_is_made_once(state: ViewState, monkeypatch: Patch) -> None:
     _, image = shot(state)
     begun = []
     monkeypatch.setattr(Tasks, "start", lambda self, kind, task: begun.append(task))

@@ -18,18 +18,16 @@ import numpy as np
 import pytest
 
 from tests.support.errors import raises
+from tests.support.fixtures import Patch
 from tests.support.viewer import assert_same_tables, opened
+from tests.viewer._states import restored, save_ball, worked_on
 from volspec.errors import Code
-from volspec.palette import Apart
-from volspec.raycast import ClipPlane, Directional, LightGroup
-from volspec.relight import LightRig
 from volspec.scene import Scene
-from volspec.spectra import PAPERS_GRID, Spectrum, light
+from volspec.spectra import PAPERS_GRID
 from volspec.viewer.model import camera, lights, transfer_edits
 from volspec.viewer.model.document import Document
-from volspec.viewer.model.light_rows import Fade, LightRow
-from volspec.viewer.model.palette_targets import DesignTargets, PaletteState
-from volspec.viewer.model.state import Interface, ViewState
+from volspec.viewer.model.light_rows import Fade
+from volspec.viewer.model.state import ViewState
 from volspec.viewer.work import session_store
 from volspec.viewer.work.session import (
     SUFFIX,
@@ -44,41 +42,9 @@ from volspec.viewer.work.session import (
 from volspec.viewer.work.session_store import EVERY_S, MOST_SESSIONS, REST_S, SessionStore
 from volspec.volume import phantom
 
-FIXTURES = Path(__file__).with_name("sessions")
-
-
-def worked_on(state: ViewState) -> ViewState:
-    """A state with something of every kind changed."""
-    state = camera.orbit(state, 0.2, 0.1)
-    state = transfer_edits.move_point(state, 1, 0.8, 0.7)
-    state = transfer_edits.shift(state, 0.05)
-    nm = state.document.grid.wavelengths_nm
-    drawn = Spectrum(nm, np.linspace(0.3, 1.7, nm.size), "drawn", {"designed": "yes"})
-    rig = LightRig((drawn, light("A")), (0.5, 1.0), groups=("key", ""))
-    rows = (
-        *(replace(row, solo=index == 1, weight=0.25) for index, row in enumerate(state.lights)),
-        LightRow("mine", "drawn by hand", rig, 0.75, muted=True),
-        LightRow("3000 K", "", LightRig((light("planck:3000"),)), 0.0, kelvin=3000.0),
-    )
-    shading = replace(
-        state.shading,
-        groups=(LightGroup("key", (Directional((1, 0, 1), shadows=True),)),),
-        clip_planes=(ClipPlane((6, 6, 6), (0, 1, 0)),),
-        crop_voxels=((0, 9), (0, 11), (0, 11)),
-    )
-    display = replace(state.relight.viewing.display, gamut="reduce", mark=True)
-    eye = {"model": "CAM16", "deficiency": "protan", "severity": 0.7}
-    seen = replace(state.relight, viewing=replace(state.relight.viewing, **eye, display=display))
-    window = Interface(dark=False, light=2, panels=frozenset({"Lights"}))
-    apart = Apart(light=("day",), deficiency=("none", "deutan"), severity=0.5)
-    palette = PaletteState(DesignTargets(apart=(apart,)))
-    changes: dict[str, Any] = {"lights": rows, "other": state.lights, "divide": 0.3}
-    changes["palette"] = palette
-    return replace(state, shading=shading, relight=seen, interface=window, **changes)
-
 
 def again(state: ViewState, folder: Path) -> ViewState:
-    return restore_state(read_session(save_session(state, folder / f"one{SUFFIX}")), cast=False)
+    return restored(state, folder, cast=False)
 
 
 def test_all_that_was_made_comes_back_to_the_last_bit(tmp_path: Path) -> None:
@@ -89,12 +55,7 @@ def test_all_that_was_made_comes_back_to_the_last_bit(tmp_path: Path) -> None:
     for name in ("view", "shift", "size", "divide", "interface", "shading"):
         assert getattr(back, name) == getattr(state, name), name
     assert_same_tables(back, state)
-
-
-def test_the_scene_s_own_is_still_what_the_file_had(tmp_path: Path) -> None:
-    """Undo of everything, by the actions that go back to the scene's own."""
-    state = worked_on(opened(tmp_path))
-    back = again(state, tmp_path)
+    # The scene's own is still what the file had: undo of everything goes back to it.
     assert back.document.view == state.document.view != back.view
     assert back.document.transfer.points == state.document.transfer.points
     assert back.document.title == "ball" and back.document.file == state.document.file
@@ -124,24 +85,20 @@ def test_a_fade_that_is_over_is_not_seen_again(tmp_path: Path) -> None:
 def test_a_bare_volume_that_is_moved_with_its_session_is_found(tmp_path: Path) -> None:
     here, there = tmp_path / "here", tmp_path / "there"
     here.mkdir()
-    np.save(here / "ball.npy", phantom.ball(12).values)
-    path = str(here / "ball.npy")
-    scene = Scene.from_volume(path)
+    scene = Scene.from_volume(str(save_ball(here, 12)))
     state = ViewState.first(Document.of(scene, scene.volume(), None), (40, 30))
     save_session(state, here / f"one{SUFFIX}")
     here.rename(there)
-    moved = there / "ball.npy"
     back = restore_state(read_session(there / f"one{SUFFIX}"), cast=False)
-    assert back.document.path == moved
     # Saved again, it is found again.
-    assert restore_state(session_from_state(back), cast=False).document.path == moved
+    for found in (back, restore_state(session_from_state(back), cast=False)):
+        assert found.document.path == there / "ball.npy"
 
 
 def test_masks_and_the_time_step_come_back(tmp_path: Path) -> None:
-    ball, ramp = phantom.ball(10).values, np.mgrid[:10, :10, :10][2].astype(np.uint8)
     for step in range(3):
-        np.save(tmp_path / f"beat{step}.npy", ball * (step + 1))
-    np.save(tmp_path / "organs.npy", (ramp > 4).astype(np.uint8))
+        np.save(tmp_path / f"beat{step}.npy", phantom.ball(10).values * (step + 1))
+    np.save(tmp_path / "organs.npy", (np.mgrid[:10, :10, :10][2] > 4).astype(np.uint8))
     points = '[{ value = 0.1, opacity = 0.3, material = "a" }]'
     path = tmp_path / "beat.toml"
     path.write_text(
@@ -161,14 +118,14 @@ def test_masks_and_the_time_step_come_back(tmp_path: Path) -> None:
     scene = Scene.load(path)
     volume, series = scene.opened()
     state = ViewState.first(Document.of(scene, volume, None, series=series), (40, 30))
-    assert state.document.step == 2 and series is not None
-    moved = state.document.at_step(1, series[1], None)
-    back = restore_state(session_from_state(replace(state, document=moved)), cast=False)
-    assert back.document.step == 1 and back.document.series is not None
+    assert state.document.step == 2
+    moved = replace(state, document=state.document.at_step(1, series[1], None))
+    back = again(moved, tmp_path)
+    assert back.document.step == 1
     assert np.array_equal(back.document.volume.values, series[1].values)
-    mask = back.fields[0].mask
-    assert mask.functions.keys() == {0, (1.0, 4.0)}
-    assert mask.functions[0] is None and mask.functions[1.0, 4.0] is not None
+    functions = back.fields[0].mask.functions
+    assert functions.keys() == {0, (1.0, 4.0)}
+    assert functions[0] is None and functions[1.0, 4.0] is not None
 
 
 @pytest.mark.parametrize("kind", ["gradients", "regions", "labels", "surfaces"])
@@ -207,11 +164,10 @@ def test_sessions_of_earlier_versions_load(tmp_path: Path, name: str) -> None:
 
 def fixture(name: str, folder: Path) -> Path:
     """Return a saved session with its scene and volume in a folder."""
-    np.save(folder / "ball.npy", phantom.ball(12).values)
+    save_ball(folder, 12)
     (folder / "ball.toml").touch()
-    target = folder / f"one{SUFFIX}"
-    target.write_bytes((FIXTURES / f"{name}{SUFFIX}").read_bytes())
-    return target
+    session = Path(__file__).with_name("sessions") / f"{name}{SUFFIX}"
+    return Path(shutil.copy(session, folder / f"one{SUFFIX}"))
 
 
 def _spectrum(data: dict[str, Any]) -> dict[str, Any]:
@@ -265,6 +221,10 @@ def begun(folder: Path) -> tuple[ViewState, SessionStore]:
     return state, store
 
 
+def turned(state: ViewState, share: float = 0.1) -> ViewState:
+    return camera.orbit(state, share, 0.0)
+
+
 def test_nothing_is_kept_where_nothing_was_changed(tmp_path: Path) -> None:
     state, store = begun(tmp_path)
     # A window of another size is no work of the user's.
@@ -274,7 +234,7 @@ def test_nothing_is_kept_where_nothing_was_changed(tmp_path: Path) -> None:
 
 def test_a_session_is_kept_when_what_changed_rests_or_every_thirty_seconds(tmp_path: Path) -> None:
     state, store = begun(tmp_path)
-    changed = camera.orbit(state, 0.1, 0.0)
+    changed = turned(state)
     assert not store.due(state, 100.0) and not store.due(state, 200.0)
     assert not store.due(changed, 300.0) and not store.due(changed, 300.0 + 0.9 * REST_S)
     assert store.due(changed, 300.0 + REST_S)
@@ -283,29 +243,26 @@ def test_a_session_is_kept_when_what_changed_rests_or_every_thirty_seconds(tmp_p
     assert not store.due(changed, 305.0) and store.due(changed, 304.0 + EVERY_S)
     assert store.save(changed) is not None and store.save(changed) is None
     assert not store.due(changed, 1000.0)
-    due = []
-    for second in range(int(EVERY_S) + 1):
-        changed = camera.orbit(changed, 0.1, 0.0)
-        due.append(store.due(changed, 2000.0 + second))
+    seconds = range(int(EVERY_S) + 1)
+    due = [store.due(turned(state, 0.01 * second), 2000.0 + second) for second in seconds]
     assert due == [False] * int(EVERY_S) + [True]
 
 
 def test_a_state_that_is_late_to_be_written_does_not_overwrite_a_newer_one(tmp_path: Path) -> None:
     """Simulate the end while a thread has not saved yet."""
     state, store = begun(tmp_path)
-    older, newer = (camera.orbit(state, x, 0.0) for x in (0.1, 0.2))
+    older, newer = (turned(state, x) for x in (0.1, 0.2))
     late = store.saving(older, 1.0)
     own = store.save(newer)
     assert late() is None
     assert restore_state(read_session(own), cast=False).view == newer.view
     # What was written in its order is.
-    again = store.saving(camera.orbit(newer, 0.1, 0.0), 2.0)
-    assert again() == own
+    assert store.saving(turned(newer), 2.0)() == own
 
 
 def test_a_session_whose_program_died_is_told_of_once(tmp_path: Path) -> None:
     state, store = begun(tmp_path)
-    store.save(camera.orbit(state, 0.1, 0.0))
+    store.save(turned(state))
     # Another window, while the first is open, gets no message.
     assert not SessionStore(tmp_path / "state").ended_early()
     # What a dead program leaves is the same files, and no lock.
@@ -318,32 +275,30 @@ def test_a_session_whose_program_died_is_told_of_once(tmp_path: Path) -> None:
 
 def test_another_file_does_not_overwrite_what_was_made_before(tmp_path: Path) -> None:
     state, store = begun(tmp_path)
-    first = store.save(camera.orbit(state, 0.1, 0.0))
+    first = store.save(turned(state))
     other = replace(state, document=replace(state.document, title="another"))
     store.begin(other)
     assert list((tmp_path / "state" / "running").iterdir()) == []  # ended as it should
     assert store.last() == first
     os.utime(first, (0, 0))  # files are sorted by when they were written
-    second = store.save(camera.orbit(other, 0.3, 0.0))
+    second = store.save(turned(other, 0.3))
     assert second != first and store.last() == first
     # Restored, it goes on in its own file.
     back = restore_state(store.read(first), cast=False)
     store.begin(back, first)
-    assert store.save(camera.orbit(back, 0.5, 0.0)) == first
+    assert store.save(turned(back, 0.5)) == first
     assert store.last() == second
 
 
 @pytest.mark.parametrize("ahead_s", [-1e9, 0.0, 1e8], ids=["past", "now", "future"])
-def test_the_last_saved_session_is_the_last(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ahead_s: float
-) -> None:
+def test_the_last_saved_session_is_last(tmp_path: Path, monkeypatch: Patch, ahead_s: float) -> None:
     state = opened(tmp_path)
     names = iter(range(100, 0, -1))
     monkeypatch.setattr(session_store.time, "strftime", lambda _: f"{next(names):03}")
     for number in range(MOST_SESSIONS + 3):
         store = SessionStore(tmp_path / "state")
         store.begin(state)
-        saved = store.save(camera.orbit(state, 0.1, 0.0))
+        saved = store.save(turned(state))
         assert SessionStore(tmp_path / "state").last() == saved
         later = time.time() + ahead_s + number
         os.utime(saved, (later, later))
@@ -375,7 +330,7 @@ store.save(orbit(state, 0.2, 0.0))
 @pytest.mark.not_quick
 def test_a_session_whose_save_is_killed_is_the_one_before(tmp_path: Path) -> None:
     state, store = begun(tmp_path)
-    saved = store.save(camera.orbit(state, 0.1, 0.0))
+    saved = store.save(turned(state))
     store.end()
     before = saved.read_bytes()
     done = subprocess.run([sys.executable, "-c", KILLED_SAVE, str(tmp_path)], check=False)
@@ -383,7 +338,7 @@ def test_a_session_whose_save_is_killed_is_the_one_before(tmp_path: Path) -> Non
     after = SessionStore(tmp_path / "state")
     assert after.ended_early() and after.last() == saved
     after.begin(state)
-    assert restore_state(after.read(saved), cast=False).view == camera.orbit(state, 0.1, 0.0).view
+    assert restore_state(after.read(saved), cast=False).view == turned(state).view
     assert list((tmp_path / "state" / "sessions").iterdir()) == [saved]
 
 
@@ -400,10 +355,8 @@ def test_a_session_that_cannot_be_read_is_kept_and_put_aside_if_it_is_broken(
 ) -> None:
     folder = tmp_path / "state" / "sessions"
     folder.mkdir(parents=True)
-    path = folder / f"x{SUFFIX}"
-    path.write_text(text, encoding="utf-8")
-    store = SessionStore(tmp_path / "state")
+    (folder / "x.json").write_text(text, encoding="utf-8")
     with raises(kind):
-        store.read(path)
-    assert path.with_name(path.name + ending).read_text(encoding="utf-8") == text
-    assert list(folder.iterdir()) == [path.with_name(path.name + ending)]
+        SessionStore(tmp_path / "state").read(folder / "x.json")
+    kept = folder / f"x.json{ending}"
+    assert list(folder.iterdir()) == [kept] and kept.read_text(encoding="utf-8") == text

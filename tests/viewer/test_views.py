@@ -16,7 +16,6 @@ from volspec.raycast.framing import fit_view, shown_mm
 from volspec.raycast.projection import Projection, cube_faces, cube_label, length_mm
 from volspec.viewer.model import camera, cuts, slices, transfer_edits
 from volspec.viewer.model.commands import BY_KEY
-from volspec.viewer.model.cuts import drag_handle, list_handles, nearest_handle
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import HALF, View, cube_middle, face_at
@@ -75,13 +74,11 @@ def test_points_are_placed_where_the_raycaster_sees_them(state: ViewState, view:
 
 @pytest.mark.parametrize("view", VIEWS)
 @pytest.mark.parametrize("face", range(6))
-def test_a_face_dragged_over_ten_voxels_moves_by_ten(
-    tilted: ViewState, view: View, face: int
-) -> None:
+def test_a_face_dragged_over_ten_voxels_moves_ten(tilted: ViewState, view: View, face: int) -> None:
     """Also in perspective, where pixels are not alike along the way."""
     state = cuts.with_overlays(replace(tilted, view=view), crop=True)
     seen, volume = seen_of(state), state.document.volume
-    found = list_handles(state, seen, 1.0)
+    found = cuts.list_handles(state, seen, 1.0)
     handle = next(each for each in found if each.index == face)
     axis, far = divmod(face, 2)
     middle = (np.array(volume.shape_xyz) - 1) / 2
@@ -90,7 +87,7 @@ def test_a_face_dragged_over_ten_voxels_moves_by_ten(
 
     wanted = middle[axis] + (-10 if far else 10)
     middle[axis] = wanted
-    x, _ = drag_handle(
+    x, _ = cuts.drag_handle(
         state.shading, volume, handle, place(seen, cuts.world_mm(volume, middle)), seen
     )
     moved = cuts.move_crop(state, face, x)
@@ -103,23 +100,23 @@ def test_a_plane_follows_its_handles(tilted: ViewState, view: View) -> None:
     state = run_command(replace(tilted, view=view), "plane-x").state
     seen, volume = seen_of(state), state.document.volume
     tilt_handle = None
-    for handle in list_handles(state, seen, 1.0):
+    for handle in cuts.list_handles(state, seen, 1.0):
         plane = state.shading.clip_planes[0]
         if handle.name == "plane-shift":
             there = np.asarray(plane.point_mm) + 5.0 * np.asarray(plane.normal)
-            x, y = drag_handle(state.shading, volume, handle, place(seen, there), seen)
+            x, y = cuts.drag_handle(state.shading, volume, handle, place(seen, there), seen)
             assert x == pytest.approx(5.0, abs=1e-6)
         else:
             tilt_handle = handle
     # Where it is: nothing changes. Elsewhere: the axis is where the mouse is.
     plane = state.shading.clip_planes[0]
-    x, y = drag_handle(state.shading, volume, tilt_handle, tilt_handle.held, seen)
+    x, y = cuts.drag_handle(state.shading, volume, tilt_handle, tilt_handle.held, seen)
     same = cuts.tilt_plane(state, 0, x, y).shading.clip_planes[0]
     np.testing.assert_allclose(same.normal, plane.normal, atol=1e-6)
     right, up, forward = seen.camera.frame()
     middle = place(seen, np.asarray(plane.point_mm))
     to = middle[0] + 0.6 * tilt_handle.arm, middle[1] - 0.5 * tilt_handle.arm
-    x, y = drag_handle(state.shading, volume, tilt_handle, to, seen)
+    x, y = cuts.drag_handle(state.shading, volume, tilt_handle, to, seen)
     normal = np.asarray(cuts.tilt_plane(state, 0, x, y).shading.clip_planes[0].normal)
     normal *= -math.copysign(1.0, float(normal @ forward))
     np.testing.assert_allclose([normal @ right, normal @ up], [0.6, 0.5], atol=1e-6)
@@ -129,11 +126,11 @@ def test_a_plane_that_faces_the_eye_goes_away_as_the_mouse_goes_up(state: ViewSt
     for view in VIEWS:
         facing = run_command(replace(state, view=view), "p").state
         seen, volume = seen_of(facing), state.document.volume
-        shift, tilt = list_handles(facing, seen, 1.0)
+        shift, tilt = cuts.list_handles(facing, seen, 1.0)
         assert math.dist(shift.place, tilt.place) > 20
-        assert nearest_handle((shift, tilt), tilt.place, 1.0) is tilt
+        assert cuts.nearest_handle((shift, tilt), tilt.place, 1.0) is tilt
         to = shift.place[0], shift.place[1] - 30
-        x, _ = drag_handle(facing.shading, volume, shift, to, seen)
+        x, _ = cuts.drag_handle(facing.shading, volume, shift, to, seen)
         assert x == pytest.approx(30 * seen.mm_per_px, rel=1e-6)
 
 
@@ -276,7 +273,7 @@ def test_odd_volumes_have_handles_outlines_and_crops(state: ViewState, name: str
             odd = edit(run_command(odd, "p").state, *given)
         odd.shading.kept(volume)
         seen = seen_of(odd)
-        found = list_handles(cuts.with_overlays(odd, crop=True), seen, 1.0)
+        found = cuts.list_handles(cuts.with_overlays(odd, crop=True), seen, 1.0)
         assert np.isfinite([each.place for each in found]).all()
         assert len(cuts.box_edges(cuts.crop_bounds(odd.shading, volume), volume, seen)) == 12
 

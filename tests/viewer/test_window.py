@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests.support.fixtures import Patch
 from tests.support.window import Robot, small_engine
 from volspec._gpu.devices import POCL, devices
 from volspec.scene import Scene
@@ -20,9 +21,7 @@ from volspec.volume import phantom
 pytestmark = [pytest.mark.usefixtures("screen"), pytest.mark.not_quick]
 
 
-def test_a_session_casts_for_views_only_and_refines_when_it_rests(
-    window: Robot, tmp_path: Path
-) -> None:
+def test_a_session_casts_for_views_only_and_refines_at_rest(window: Robot, tmp_path: Path) -> None:
     first = window.open(small_engine(tmp_path))
 
     # A light, and the dial: relit at every step, nothing is cast.
@@ -75,9 +74,7 @@ def test_the_least_volume_on_a_dense_screen_in_a_window_of_next_to_nothing(tmp_p
 
 
 @pytest.mark.slow
-def test_without_a_device_the_remedy_is_shown(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_device_the_remedy_is_shown(tmp_path: Path, monkeypatch: Patch) -> None:
     if not all(device.platform == POCL for device in devices()):
         pytest.skip("a device here is none of PoCL, and would work")
     # PoCL rejects this flag as it does a CPU that it does not know: when it builds.
@@ -268,9 +265,7 @@ def test_work_is_exported_found_by_name_kept_and_restored(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_a_volume_s_saved_scene_exports_the_picture_on_the_screen(
-    window: Robot, tmp_path: Path
-) -> None:
+def test_a_volume_s_saved_scene_exports_the_picture_shown(window: Robot, tmp_path: Path) -> None:
     import SimpleITK as sitk
 
     values = (200 * phantom.ball(32).values).astype(np.uint8)
