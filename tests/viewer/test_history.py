@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from tests.support.fixtures import Capture, Patch
 from tests.support.viewer import run_command
 from tests.viewer._edits import MODULES, drawn, edits_of, with_arguments
+from tests.viewer._states import under
 from volspec.palette import Cell
 from volspec.raycast import Ambient, ClipPlane, Headlight, LightGroup, Point
 from volspec.relight import LightRig
@@ -27,6 +28,7 @@ from volspec.viewer.model import (
     light_rows,
     light_states,
     lights,
+    palette_edits,
     room,
     slices,
     transfer_edits,
@@ -34,9 +36,11 @@ from volspec.viewer.model import (
 from volspec.viewer.model.commands import COMMANDS
 from volspec.viewer.model.edit import Change, after
 from volspec.viewer.model.history import MOST_STEPS, STAGES, Difference, History
-from volspec.viewer.model.light_rows import LightRow, LightState, effective_weights, light_rig
+from volspec.viewer.model.light_rows import LightRow, LightState, light_rig
 from volspec.viewer.model.palette_targets import LIGHT, DesignTargets, PaletteState
 from volspec.viewer.model.state import Interface, ViewState
+from volspec.viewer.ui import inputs
+from volspec.viewer.ui.context import LightsPanelState
 from volspec.viewer.ui.inputs import Input
 from volspec.viewer.ui.mouse import RUN_S, Gestures
 from volspec.viewer.work.background import Outcome, Tasks
@@ -55,11 +59,15 @@ def test_nothing_to_do_where_nothing_changed_and_everything_at_first(state: View
     assert Difference.between(state, turned).turns
     assert not Difference.between(state, replace(turned, size=(8, 8))).turns
     both = replace(state, lights=state.lights[:-1], interface=Interface(keys=True))
-    assert Difference.between(state, both).stage == "relight"
+    lit = Difference.between(state, both)
+    assert (lit.stage, lit.relights) == ("relight", True)
     assert Difference.between(state, replace(both, size=(8, 8))).stage == "cast"
     other = replace(state.transfer, basis=replace(state.transfer.basis))
     for before in (None, state):
         assert Difference.between(before, replace(state, transfer=other)).relights
+    # The picture that is shown until a cast is there need not be drawn again.
+    wide = Difference.between(state, replace(state, size=(80, 60)))
+    assert (wide.stage, wide.relights) == ("cast", False)
 
 
 class Read(ViewState):
@@ -90,14 +98,6 @@ def test_a_change_costs_the_stage_that_reads_it(state: ViewState, monkeypatch: P
     assert {STAGES[name] for name in seen["cast"] - {"room", "chosen_field"}} == {"cast"}
     assert {"view", "transfer", "shading", "size", "meshes"} <= seen["cast"]
     assert {STAGES[name] for name in seen["relight"]} <= {"cast", "relight"}
-
-
-def test_a_change_of_light_relights_the_picture_that_is_shown(state: ViewState) -> None:
-    lit = Difference.between(state, replace(state, lights=state.lights[:-1]))
-    assert (lit.stage, lit.relights) == ("relight", True)
-    # The picture that is shown until a cast is there need not be drawn again.
-    wide = Difference.between(state, replace(state, size=(80, 60)))
-    assert (wide.stage, wide.relights) == ("cast", False)
 
 
 # What edits say with one of these texts; others are names of materials.
@@ -196,7 +196,7 @@ def test_history_is_bounded_and_steps_forget_the_future(state: ViewState) -> Non
 def test_a_state_always_has_a_chosen_light(state: ViewState) -> None:
     for wrong, right in ((7, 3), (-2, 0)):
         assert replace(state, interface=Interface(light=wrong)).interface.light == right
-    last = replace(state, interface=Interface(light=3))
+    last = lights.choose(state, 3)
     assert replace(last, lights=state.lights[:2]).interface.light == 1
     assert lights.remove(last, 3).interface.light == 2
 
@@ -214,29 +214,17 @@ def test_undo_of_a_kept_mix_chooses_the_light_that_was_chosen(state: ViewState) 
     assert looked.undo().present.interface.light == 3
 
 
-def test_a_light_shown_alone_is_chosen(state: ViewState) -> None:
-    from volspec.viewer.ui import commands
-
-    for search, chosen in (("light FL2 alone", 2), ("next light alone", 1), ("add light HP1", 4)):
-        row = commands.list_entries(state, (), search)[0]
-        new = after(row.change, state).state
-        assert new.interface.light == chosen
-        assert [i for i, weight in enumerate(effective_weights(new.lights)) if weight] == [chosen]
-
-
 def test_another_file_chooses_its_shining_light_and_keeps_the_window(state: ViewState) -> None:
     before = replace(state, size=(40, 30), interface=Interface(dark=False, light=3))
-    lit = replace(state, lights=light_rows.only_row(state.lights, 2))
-    new = Opened(lit).after(before).state
+    new = Opened(under(state, 2)).after(before).state
     assert new.interface.light == 2 and not new.interface.dark and new.size == (40, 30)
-    session = Opened(lights.choose(state, 1), session=Path("x")).after(before)
-    assert session.state.interface.light == 1 and session.state.interface.dark
+    session = Opened(lights.choose(state, 1), session=Path("x")).after(before).state
+    assert session.interface.light == 1 and session.interface.dark
 
 
 def steps(given: Sequence[tuple[float, Input]]) -> int:
     """Count the steps of undo that timed inputs make."""
-    gestures = Gestures()
-    numbers = set()
+    gestures, numbers = Gestures(), set()
     for now, each in given:
         gestures.take(each, now)
         numbers.add(gestures.number)
@@ -254,30 +242,28 @@ def test_a_run_of_notches_or_steps_is_one_gesture() -> None:
     # Each press of a key that makes no steps is one, however quick; held down it comes once.
     assert run(Input("key", key="b"), 0.1) == 6
     assert run(replace(left, repeated=True), 2 * RUN_S) == 1
-    assert steps([(0.0, wheel), (0.1, roll), (0.2, wheel)]) == 3
-    assert steps([(0.0, wheel), (0.1, Input("move")), (0.2, wheel)]) == 1
-    assert steps([(0.0, wheel), (0.1, Input("press", button="left")), (0.2, wheel)]) == 3
+    press = Input("press", button="left")
+    for between, count in ((roll, 3), (Input("move"), 1), (press, 3)):
+        assert steps([(0.0, wheel), (0.1, between), (0.2, wheel)]) == count
 
 
 @pytest.mark.parametrize(
     ("what", "change"),
     [
-        ("view", lambda s: run_command(s, "view-right").state),
-        ("lights", lambda s: run_command(s, "next-light").state),
-        ("lights", lambda s: run_command(s, "compare").state),
-        ("light states", lambda s: light_states.save(s).state),
+        ("view", "view-right"),
+        ("lights", "next-light"),
+        ("lights", "compare"),
+        ("viewing", "mark"),
+        ("light states", light_states.save),
         ("transfer function", lambda s: transfer_edits.shift(s, 0.1)),
-        ("viewing", lambda s: run_command(s, "mark").state),
         ("cuts", lambda s: cuts.move_crop(s, 0, 0.3)),
         ("shading", lambda s: replace(s, shading=replace(s.shading, ambient=0.7))),
-        (
-            "palette",
-            lambda s: replace(s, palette=PaletteState(DesignTargets(constant=frozenset(["gold"])))),
-        ),
+        ("palette", lambda s: palette_edits.toggle_constant(s, 1)),
     ],
 )
 def test_what_is_undone_has_a_name(state: ViewState, what: str, change: Any) -> None:
-    assert Difference.between(state, change(state)).name == what
+    new = run_command(state, change) if isinstance(change, str) else after(change, state)
+    assert Difference.between(state, new.state).name == what
 
 
 def test_lights_have_names_of_their_own_by_hand(state: ViewState) -> None:
@@ -291,14 +277,16 @@ def test_lights_have_names_of_their_own_by_hand(state: ViewState) -> None:
 
 def test_a_name_given_by_hand_stays_whatever_the_light_becomes(state: ViewState) -> None:
     new = lights.choose(lights.rename(state, 3, "lamp"), 3)
-    assert lights.set_kelvin(new, 3, 5000.0).lights[3].name == "lamp"
-    assert light_parts.respell(new, 3, 0, "D50").state.lights[3].name == "lamp"
     pen = light_parts.draw(new, 3, 0, (0.1, 2.0), (0.5, 2.0))
-    reset = run_command(pen, "reset-spectrum").state
-    assert pen.lights[3].name == "lamp" == reset.lights[3].name
     # Also where it was given after the drawing.
-    later = lights.rename(light_parts.draw(state, 1, 0, (0.1, 2.0), (0.5, 2.0)), 1, "mine")
-    assert light_parts.draw(later, 1, 0, (0.6, 2.0), (0.9, 2.0)).lights[1].name == "mine"
+    later = lights.rename(light_parts.draw(state, 3, 0, (0.1, 2.0), (0.5, 2.0)), 3, "lamp")
+    for other in (
+        lights.set_kelvin(new, 3, 5000.0),
+        light_parts.respell(new, 3, 0, "D50").state,
+        *(pen, run_command(pen, "reset-spectrum").state),
+        light_parts.draw(later, 3, 0, (0.6, 2.0), (0.9, 2.0)),
+    ):
+        assert other.lights[3].name == "lamp"
 
 
 def test_a_renamed_light_is_the_one_of_the_saved_state(state: ViewState) -> None:
@@ -311,25 +299,20 @@ def test_the_palette_follows_a_light_to_its_new_name(state: ViewState) -> None:
     cell = Cell("same", other=("gold", "A"))
     targets = DesignTargets({("gold", "A"): cell}, frozenset({(LIGHT, "A")}), lamps={"A": ("FL2",)})
     board = lights.rename(replace(state, palette=PaletteState(targets, targets)), 1, "lamp").palette
-    assert list(board.targets.cells) == [("gold", "lamp")]
-    assert board.targets.cells["gold", "lamp"].other == ("gold", "lamp")
-    assert board.targets.free == {(LIGHT, "lamp")} and dict(board.targets.lamps) == {
-        "lamp": ("FL2",)
-    }
+    assert board.targets.cells == {("gold", "lamp"): replace(cell, other=("gold", "lamp"))}
+    assert board.targets.free == {(LIGHT, "lamp")}
+    assert dict(board.targets.lamps) == {"lamp": ("FL2",)}
     assert not board.is_pending
     other = replace(state, palette=PaletteState(targets))
     assert lights.rename(other, 2, "lamp").palette == other.palette
 
 
 def test_a_complaint_goes_when_the_lights_are_edited(state: ViewState) -> None:
-    from volspec.viewer.ui.context import LightsPanelState
-
     panel = LightsPanelState()
     panel.complain("unknown", (1, 0), state.lights)
     assert panel.complaint_at((1, 0), state.lights) == "unknown"
     assert panel.complaint_at((0, 0), state.lights) == ""
-    edited = lights.set_weight(state, 2, 0.4).lights
-    assert panel.complaint_at((1, 0), edited) == ""
+    assert panel.complaint_at((1, 0), lights.set_weight(state, 2, 0.4).lights) == ""
 
 
 def test_without_a_session_a_file_is_opened(
@@ -359,7 +342,7 @@ def test_without_a_session_a_file_is_opened(
     assert made.finish_open(broken, first=True) is None and begun == [str(scene), None]
     # Nothing is left to open: the window says why.
     assert made.problem == "" and made.finish_open(broken, first=True) is None
-    assert made.problem == "broken" and notice.shown is not None and notice.shown.kind == "error"
+    assert made.problem == "broken" and notice.shown.kind == "error"
     assert capsys.readouterr().err == "volspec: broken\n" * 2
     # What was named comes before what was opened last; what is gone is no file.
     resumed("named")
@@ -371,39 +354,38 @@ def test_without_a_session_a_file_is_opened(
 
 def test_a_frame_takes_one_gesture(monkeypatch: Patch) -> None:
     """A press is where the mouse was then, and a key after a drag is no part of it."""
-    from volspec.viewer.ui import inputs as module
-
+    glfw, imgui = inputs.glfw, inputs.imgui
     heard: dict[str, Any] = {}
-    for name in [name for name in dir(module.glfw) if name.endswith("_callback")]:
+    for name in [name for name in dir(glfw) if name.endswith("_callback")]:
         monkeypatch.setattr(
-            module.glfw, name, lambda _, listener, name=name: heard.update({name: listener})
+            glfw, name, lambda _, listener, name=name: heard.update({name: listener})
         )
-    monkeypatch.setattr(module.glfw._glfw, "glfwSetDropCallback", lambda *_: None)
-    monkeypatch.setattr(module.glfw, "get_cursor_pos", lambda _: (90.0, 90.0))
-    monkeypatch.setattr(module.glfw, "get_key", lambda *_: module.glfw.RELEASE)
-    context = module.imgui.create_context()
+    monkeypatch.setattr(glfw._glfw, "glfwSetDropCallback", lambda *_: None)
+    monkeypatch.setattr(glfw, "get_cursor_pos", lambda _: (90.0, 90.0))
+    monkeypatch.setattr(glfw, "get_key", lambda *_: glfw.RELEASE)
+    context = imgui.create_context()
     try:
         keys: list[int] = []
-        inputs = module.Inputs(None, lambda _, key, *__: keys.append(key))
-        heard["set_mouse_button_callback"](None, 0, module.glfw.PRESS, 0)
+        taken = inputs.Inputs(None, lambda _, key, *__: keys.append(key))
+        heard["set_mouse_button_callback"](None, 0, glfw.PRESS, 0)
         heard["set_cursor_pos_callback"](None, 3.0, 4.0)
-        heard["set_mouse_button_callback"](None, 0, module.glfw.RELEASE, 0)
+        heard["set_mouse_button_callback"](None, 0, glfw.RELEASE, 0)
         for x in (5.0, 6.0):  # the hand that turns it moves the mouse, too
             heard["set_scroll_callback"](None, 0.0, 1.0)
             heard["set_cursor_pos_callback"](None, x, 4.0)
-        for key in (module.glfw.KEY_UP, module.glfw.KEY_ENTER):
-            heard["set_key_callback"](None, key, 0, module.glfw.PRESS, 0)
-        drag = [(given.name, given.x, given.y) for given in inputs.take()]
+        for key in (glfw.KEY_UP, glfw.KEY_ENTER):
+            heard["set_key_callback"](None, key, 0, glfw.PRESS, 0)
+        drag = [(given.name, given.x, given.y) for given in taken.take()]
         assert drag == [("press", 90.0, 90.0), ("move", 3.0, 4.0), ("release", 3.0, 4.0)]
-        assert [given.name for given in inputs.take()] == ["wheel", "move"] * 2
-        assert [given.key for given in inputs.take()] == ["up"] and inputs.waiting
+        assert [given.name for given in taken.take()] == ["wheel", "move"] * 2
+        assert [given.key for given in taken.take()] == ["up"] and taken.waiting
         # imgui hears of a key with it, not before.
-        assert keys == [module.glfw.KEY_UP]
-        assert [given.key for given in inputs.take()] == ["enter"] and not inputs.waiting
-        assert keys == [module.glfw.KEY_UP, module.glfw.KEY_ENTER]
-        assert inputs.take() == []
+        assert keys == [glfw.KEY_UP]
+        assert [given.key for given in taken.take()] == ["enter"] and not taken.waiting
+        assert keys == [glfw.KEY_UP, glfw.KEY_ENTER]
+        assert taken.take() == []
     finally:
-        module.imgui.destroy_context(context)
+        imgui.destroy_context(context)
 
 
 _WORDS_DRAWN = ("", "no such", "gold", "A", "#804020", "CAM16", "dim", "free", "light")

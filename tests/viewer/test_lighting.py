@@ -24,12 +24,15 @@ from volspec.raycast import Ambient, Directional, LightGroup, Point, RaycastSpec
 from volspec.raycast.projection import Projection
 from volspec.spectra import light
 from volspec.viewer.model import lighting, lighting_aim, lights, quality
+from volspec.viewer.model.cuts import Handle
 from volspec.viewer.model.edit import Change
 from volspec.viewer.model.light_rows import Rows, light_rig
 from volspec.viewer.model.lighting_aim import list_sources
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
 
+KINDS = pytest.mark.parametrize("kind", ["directional light", "point light"])
+WITH_CAMERA = pytest.mark.parametrize("camera", [False, True])
 AREA = (10, 20, 400, 300)
 
 
@@ -39,24 +42,39 @@ def added(state: ViewState, *kinds: str) -> ViewState:
     return state
 
 
-def exposure(state: ViewState) -> float:
-    return sum(state.shading.strengths().values())
-
-
 def groups_of(rows: Rows) -> list[tuple[str, ...]]:
     return [row.rig.groups for row in rows]
 
 
+def with_lamp(state: ViewState, kind: str, camera: bool = False) -> ViewState:
+    """Return the state with a lamp, perhaps one that moves with the camera, as source 2."""
+    state = added(state, kind)
+    return lighting.toggle_frame(state, 2) if camera else state
+
+
+def projection(state: ViewState) -> Projection:
+    return Projection(state.view.camera(state.document.volume), AREA)
+
+
+def handle_of(state: ViewState) -> Handle:
+    """Return the handle of the only lamp."""
+    (handle,) = lighting_aim.list_handles(state, projection(state))
+    return handle
+
+
 def test_a_source_that_is_added_or_removed_leaves_the_exposure(state: ViewState) -> None:
-    before = exposure(state)
+    def exposure() -> float:
+        return sum(state.shading.strengths().values())
+
+    before = exposure()
     for kind in lighting.KINDS:
         state = added(state, kind)
         assert state.shading.groups[-1].name == kind
         assert lighting.chosen_source(state) == len(list_sources(state.shading)) - 1
-        assert exposure(state) == pytest.approx(before, rel=5e-3)  # intensities have 3 digits
+        assert exposure() == pytest.approx(before, rel=5e-3)  # intensities have 3 digits
     while len(list_sources(state.shading)) > 1:
         state = lighting.remove_source(state, 0).state
-        assert exposure(state) == pytest.approx(before, rel=2e-2)
+        assert exposure() == pytest.approx(before, rel=2e-2)
 
 
 def test_lights_follow_the_groups(tmp_path: Path) -> None:
@@ -73,8 +91,7 @@ def test_lights_follow_the_groups(tmp_path: Path) -> None:
         plain = lighting.set_spectrum(plain, 1, name).state
         assert plain.lights[-1].name == title
     assert [lighting.group_text(own, g) for g in range(3)] == ["D65", "A", "D65"]
-    spectrum = lighting.group_spectrum(own, 1)
-    assert np.array_equal(spectrum.values, light("A").values)
+    assert np.array_equal(lighting.group_spectrum(own, 1).values, light("A").values)
     compared = run_command(own, "compare").state
     for changed, names in (
         (lighting.rename_group(compared, 1, "lamp").state, ("light", "lamp", "sky")),
@@ -107,9 +124,7 @@ def test_sources_move_between_groups(state: ViewState) -> None:
 
 
 @pytest.mark.not_quick
-@settings(
-    deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(drawn(("sky", "point light", "FL2", "a name", "draft"), lighting), max_size=8))
 def test_lights_fit_the_groups_whatever_is_edited(state: ViewState, edits: list[Change]) -> None:
     state = added(state, "directional light", "point light")
@@ -122,29 +137,21 @@ def test_lights_fit_the_groups_whatever_is_edited(state: ViewState, edits: list[
 
 
 def test_shadows_and_occlusion_are_one_command_each(state: ViewState) -> None:
+    def blocked(state: ViewState) -> list[bool]:
+        return [lighting.is_blocked(each.source) for each in list_sources(state.shading)]
+
     lit = run_command(state, "shadows").state
     assert isinstance(list_sources(lit.shading)[-1].source, Directional)
     off = run_command(lit, "shadows").state
-    assert not any(lighting.is_blocked(each.source) for each in list_sources(off.shading))
-    dark = run_command(off, "occlusion").state
-    assert [lighting.is_blocked(each.source) for each in list_sources(dark.shading)] == [
-        True,
-        False,
-        False,
-    ]
+    assert not any(blocked(off))
+    assert blocked(run_command(off, "occlusion").state) == [True, False, False]
 
 
-ANGLES = [(0, 0), (30, 40), (-120, -70), (180, 10), (90, 90)]
-
-
-@pytest.mark.parametrize("kind", ["directional light", "point light"])
-@pytest.mark.parametrize("camera", [False, True])
+@KINDS
+@WITH_CAMERA
 def test_lamps_are_aimed_by_two_angles(state: ViewState, kind: str, camera: bool) -> None:
-    state = added(state, kind)
-    if camera:
-        state = lighting.toggle_frame(state, 2)
-    far = lighting.set_distance(state, 2, 20.0)
-    for azimuth, elevation in ANGLES:
+    far = lighting.set_distance(with_lamp(state, kind, camera), 2, 20.0)
+    for azimuth, elevation in [(0, 0), (30, 40), (-120, -70), (180, 10), (90, 90)]:
         new = lighting.aim(far, 2, azimuth, elevation)
         source = list_sources(new.shading)[2].source
         angles = lighting_aim.angles_deg(new, source)
@@ -163,38 +170,26 @@ def test_a_lamp_at_the_cameras_angles_shines_like_a_headlight(state: ViewState) 
     assert lighting_aim.camera_axes(new)[2] == pytest.approx(source.towards, abs=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["directional light", "point light"])
+@KINDS
 def test_another_frame_moves_nothing_until_the_camera_moves(state: ViewState, kind: str) -> None:
-    state = added(state, kind)
+    state = with_lamp(state, kind)
     with_camera = lighting.toggle_frame(state, 2)
-    places = [
-        lighting_aim.list_handles(each, projection(each))[0].place
-        for each in (state, with_camera, lighting.toggle_frame(with_camera, 2))
-    ]
-    assert places[1] == pytest.approx(places[0]) and places[2] == pytest.approx(places[0])
+    place = pytest.approx(handle_of(state).place, abs=1e-6)
     turned = replace(with_camera, view=replace(with_camera.view, azimuth_deg=77))
-    place = lighting_aim.list_handles(turned, projection(turned))[0].place
-    assert place == pytest.approx(places[0], abs=1e-6)
+    for each in (with_camera, lighting.toggle_frame(with_camera, 2), turned):
+        assert handle_of(each).place == place
 
 
-def projection(state: ViewState) -> Projection:
-    return Projection(state.view.camera(state.document.volume), AREA)
-
-
-@pytest.mark.parametrize("kind", ["directional light", "point light"])
-@pytest.mark.parametrize("camera", [False, True])
+@KINDS
+@WITH_CAMERA
 @pytest.mark.parametrize("place", [(210.0, 170.0), (230.0, 140.0), (120.0, 200.0), (200.0, 290.0)])
 def test_a_handle_follows_the_mouse(
     state: ViewState, kind: str, camera: bool, place: tuple[float, float]
 ) -> None:
-    state = added(state, kind)
-    if camera:
-        state = lighting.toggle_frame(state, 2)
+    state = with_lamp(state, kind, camera)
     shown = projection(state)
-    (handle,) = lighting_aim.list_handles(state, shown)
-    new = lighting.drag_handle(state, state, handle, place, shown)
-    (moved,) = lighting_aim.list_handles(new, shown)
-    assert moved.place == pytest.approx(place, abs=1e-6)
+    new = lighting.drag_handle(state, state, handle_of(state), place, shown)
+    assert handle_of(new).place == pytest.approx(place, abs=1e-6)
     # Beyond the ring a directional light shines from behind.
     centre, radius = lighting_aim.ring(shown)
     if kind == "directional light":
@@ -209,17 +204,15 @@ def test_handles_stay_in_the_picture(state: ViewState, zoom: float, orthographic
     state = added(replace(state, view=view), "point light")
     aside = lighting.aim(state, 2, view.azimuth_deg + 90, 0)
     for each in (state, lighting.set_distance(aside, 2, 60.0)):
-        (handle,) = lighting_aim.list_handles(each, projection(each))
-        x, y, width, height = AREA
-        assert x < handle.place[0] < x + width and y < handle.place[1] < y + height
+        left, top = np.subtract(handle_of(each).place, AREA[:2])
+        assert 0 < left < AREA[2] and 0 < top < AREA[3]
     # A new one is seen where it is.
-    (handle,) = lighting_aim.list_handles(state, projection(state))
-    assert handle.place == handle.held
+    assert handle_of(state).place == handle_of(state).held
 
 
 def test_handles_are_hidden_and_shown(state: ViewState) -> None:
     state = added(state, "directional light")
-    assert lighting_aim.list_handles(state, projection(state))
+    assert handle_of(state)
     hidden = run_command(state, "lights").state
     assert not lighting_aim.list_handles(hidden, projection(hidden))
 
@@ -232,9 +225,9 @@ def test_sources_and_quality_are_saved_in_scenes(tmp_path: Path) -> None:
     state = lighting.set_occlusion_radius(lighting.toggle_frame(state, 2), 4, 5.0)
     state = quality.set_shininess(quality.set_specular(state, 0.5), 60)
     state = quality.set_jitter(quality.set_step(state, 0.3), 0.4)
-    again = assert_same_picture(state, tmp_path)
-    assert [group.name for group in again.shading.groups] == [g.name for g in state.shading.groups]
-    assert again.shading.jitter == 0.4 and again.shading.shininess == 60
+    again = assert_same_picture(state, tmp_path).shading
+    assert [group.name for group in again.groups] == [g.name for g in state.shading.groups]
+    assert again.jitter == 0.4 and again.shininess == 60
 
 
 def test_projections_leave_out_what_they_cannot(state: ViewState) -> None:
@@ -252,12 +245,10 @@ def test_projections_leave_out_what_they_cannot(state: ViewState) -> None:
 @pytest.mark.parametrize("kind", ["points", "gradients", "regions", "labels", "surfaces"])
 def test_settings_that_a_transfer_function_forbids_wait(tmp_path: Path, kind: str) -> None:
     state = opened(tmp_path, kind)
-    wanted = replace(state.shading, preintegrated=True, adaptive=0.02)
-    state = replace(state, shading=wanted)
+    state = replace(state, shading=replace(state.shading, preintegrated=True, adaptive=0.02))
     assert_same_tables(read_scene(export_scene(state, tmp_path / "again.toml")), state)
-    assert quality.cast_spec(state).preintegrated == (kind == "points")
-    assert (quality.cast_spec(state).adaptive > 0) == (kind != "surfaces")
-    assert state.shading == wanted
+    shown = quality.cast_spec(state)
+    assert (shown.preintegrated, shown.adaptive > 0) == (kind == "points", kind != "surfaces")
 
 
 def test_steps_are_counted_in_voxels(state: ViewState) -> None:

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from tests.support.errors import refuses
 from tests.support.fixtures import Patch
 from tests.support.viewer import run_command
+from tests.viewer._states import under
 from volspec.appearance import Viewing
 from volspec.errors import ViewingError
 from volspec.raycast import Ambient, Headlight, LightGroup
@@ -47,12 +48,9 @@ def row(text: str, weight: float = 0.0, lux: float | None = None) -> LightRow:
     )
 
 
-def grouped() -> LightRow:
-    rig = LightRig((light("A"), light("D65")), (1.0, 0.5), None, ("lamp", "sky"))
-    return LightRow("evening", "", rig, texts=("A", "D65"))
-
-
-ROWS: Rows = (row("D65", 1.0), row("A"), row("planck:3000"), grouped())
+_PAIR = LightRig((light("A"), light("D65")), (1.0, 0.5), None, ("lamp", "sky"))
+EVENING = LightRow("evening", "", _PAIR, texts=("A", "D65"))
+ROWS: Rows = (row("D65", 1.0), row("A"), row("planck:3000"), EVENING)
 
 
 @pytest.fixture(scope="session")
@@ -65,9 +63,6 @@ def lit(state: ViewState) -> ViewState:
 def reset(state: ViewState, index: int) -> ViewState:
     """Undo the drawing of a light."""
     return run_command(lights.choose(state, index), "reset-spectrum").state
-
-
-# Drawing
 
 
 @given(start=_PLACE, end=_PLACE, values=st.lists(st.floats(0, 10), min_size=31, max_size=31))
@@ -90,12 +85,12 @@ def test_a_stroke_touches_only_bands_under_the_pen_and_leaves_none_below_zero(
 def test_a_drawn_light_is_one_of_its_own_until_it_is_reset(lit: ViewState) -> None:
     dimmed = lights.set_weight(lit, 2, 0.4)
     edited = light_parts.draw(dimmed, 2, 0, (0.2, 1.0), (0.4, 2.0))
-    again = light_parts.draw(edited, 2, 0, (0.6, 1.0), (0.7, 2.0))
-    rows = again.lights
-    assert rows[2].name == "planck:3000 edited" and rows[2].texts == (None,)
-    assert rows[2].kelvin is None and rows[2].weight == 0.4
-    assert rows[:2] == dimmed.lights[:2] and rows[3] == dimmed.lights[3]
-    back = reset(again, 2)
+    edited = light_parts.draw(edited, 2, 0, (0.6, 1.0), (0.7, 2.0))
+    drawn = edited.lights[2]
+    assert (drawn.name, drawn.texts) == ("planck:3000 edited", (None,))
+    assert (drawn.kelvin, drawn.weight) == (None, 0.4)
+    assert edited.lights[:2] == dimmed.lights[:2] and edited.lights[3] == dimmed.lights[3]
+    back = reset(edited, 2)
     assert back.lights[2] == dimmed.lights[2]
     assert reset(back, 2).lights is back.lights
 
@@ -108,21 +103,14 @@ def test_a_pen_cannot_put_a_light_out(lit: ViewState) -> None:
 
 def test_a_light_of_two_groups_is_drawn_one_spectrum_at_a_time(lit: ViewState) -> None:
     edited = light_parts.draw(lit, 3, 1, (0.0, 0.0), (0.3, 0.0)).lights[3]
-    assert edited.rig.lights[0] is ROWS[3].rig.lights[0]
+    assert edited.rig.lights[0] is EVENING.rig.lights[0]
     assert edited.texts == ("A", None) and edited.rig.groups == ("lamp", "sky")
-
-
-# Lux
 
 
 def test_lux_count_where_all_that_shines_has_them(lit: ViewState) -> None:
     bright = light_parts.set_lux(lit, 0, 500.0)
-    rows = bright.lights
-    rig = light_rig(rows)
-    assert rig.total_lux == 500.0
-    both = lights.set_weight(bright, 1, 1.0).lights
-    rig = light_rig(both)
-    assert rig.total_lux is None
+    assert light_rig(bright.lights).total_lux == 500.0
+    assert light_rig(lights.set_weight(bright, 1, 1.0).lights).total_lux is None
     assert light_parts.set_lux(bright, 0, 0.0).lights[0].rig.illuminance_lux is None
 
 
@@ -138,9 +126,6 @@ def test_a_light_added_among_lights_with_lux_has_as_many(lit: ViewState) -> None
     bright = replace(lit, lights=(row("D65", 0.5, 400.0), row("A", 0.0, 50.0)))
     assert lights.add(bright, "FL2").state.lights[-1].rig.illuminance_lux == (200.0,)
     assert lights.add(lit, "FL2").state.lights[-1].rig.illuminance_lux is None
-
-
-# Groups
 
 
 def test_a_spectrum_for_all_groups_is_parted_and_joined_again(lit: ViewState) -> None:
@@ -173,9 +158,6 @@ def test_a_spectrum_is_respelled(lit: ViewState) -> None:
     assert light_parts.respell(lit, 0, 0, " D65 ").state is lit
 
 
-# Notation
-
-
 def test_scenes_keep_the_notation_of_their_lights() -> None:
     for name in ("engine.toml", "engine-groups.toml"):
         scene = Scene.load(_SCENES / name)
@@ -200,19 +182,11 @@ def test_a_file_is_found_in_the_scene_s_folder_first(tmp_path: Path, monkeypatch
         assert light_rows.light_from_text(file, DEFAULT_GRID, str(scene))[1] == named
 
 
-# Mixes
-
-
-def mixed(rows: Rows) -> LightRow:
-    kept = lights.mix_row(rows, DEFAULT_GRID)
-    return kept
-
-
 def test_a_kept_mix_is_the_light_that_shines_and_says_how_it_was_mixed(lit: ViewState) -> None:
     state = lights.set_weight(lights.set_weight(replace(lit, lights=ROWS[:3]), 0, 0.7), 1, 0.3)
     before, kept = light_rig(state.lights), lights.keep_mix(state).state.lights
     assert kept[-1].texts == ("D65*0.7+A*0.3",)
-    assert light_rows.effective_weights(kept) == (0, 0, 0, 1)
+    assert effective_weights(kept) == (0, 0, 0, 1)
     # The text has four digits.
     expected = before.mixed(DEFAULT_GRID).values
     np.testing.assert_allclose(kept[-1].rig.lights[0].values, expected, rtol=1e-3)
@@ -221,21 +195,19 @@ def test_a_kept_mix_is_the_light_that_shines_and_says_how_it_was_mixed(lit: View
 
 def test_a_kept_mix_of_mixes_names_each_lamp_once() -> None:
     rows = (row("D65*0.5+A*0.5", 0.5), row("A", 0.25))
-    assert mixed(rows).texts == ("D65*0.25+A*0.5",)
+    assert lights.mix_row(rows, DEFAULT_GRID).texts == ("D65*0.25+A*0.5",)
     # With lux it has their sum, and shares of it.
-    bright = mixed((row("D65", 0.5, 400.0), row("A*2", 1.0, 600.0)))
+    rows = (row("D65", 0.5, 400.0), row("A*2", 1.0, 600.0))
+    bright = lights.mix_row(rows, DEFAULT_GRID)
     assert bright.rig.illuminance_lux == (800.0,) and bright.texts == ("D65*0.25+A*0.75",)
 
 
 def test_a_kept_mix_keeps_its_groups_apart_and_drawn_spectra_as_they_are(lit: ViewState) -> None:
     edited = lights.set_weight(light_parts.draw(lit, 0, 0, (0.1, 0.0), (0.3, 0.0)), 3, 1.0)
-    kept = mixed(edited.lights)
+    kept = lights.mix_row(edited.lights, DEFAULT_GRID)
     assert kept.rig.groups == ("", "lamp", "sky") and kept.texts == (None, "A", "D65*0.5")
     dark = lights.toggle_mute(lights.set_weight(edited, 0, 0.0), 3)
     assert lights.mix_row(dark.lights, DEFAULT_GRID) is None
-
-
-# Edits
 
 
 _SHARE = st.floats(0.001, 0.999)
@@ -305,30 +277,25 @@ def test_states_are_saved_recalled_renamed_and_deleted(state: ViewState) -> None
     two = light_states.save(lights.set_weight(one, 2, 0.3)).state
     assert [saved.name for saved in two.saved_lights] == ["State 1", "State 2"]
     assert light_states.rename(two, 0, "\n Day ").saved_lights[0].name == "Day"
-    assert light_states.rename(two, 0, "State 2") is two
-    assert light_states.rename(two, 0, " ") is two
     over = light_states.save_over(two, 0)
     assert over.saved_lights[0].lights is two.lights and over.saved_lights[0].name == "State 1"
     back = light_states.recall(two, 0)
     assert back.lights == state.lights and back.relight == state.relight and back.fade is not None
-    gone = light_states.delete(two, 0)
-    again = light_states.save(gone).state
+    again = light_states.save(light_states.delete(two, 0)).state
     assert [saved.name for saved in again.saved_lights] == ["State 2", "State 1"]
-    for index in (-1, 2, 99):
-        assert light_states.recall(two, index) is two
-        assert light_states.delete(two, index) is two
-        assert light_states.save_over(two, index) is two
+    for edit in (light_states.recall, light_states.delete, light_states.save_over):
+        assert all(edit(two, index) is two for index in (-1, 2, 99))
+    for name in ("State 2", " "):
+        assert light_states.rename(two, 0, name) is two
     # Both can be undone.
-    history = History(state).then(light_states.save(state).state, 1)
-    history = history.then(light_states.delete(history.present, 0), 2)
+    history = History(state).then(one, 1).then(light_states.delete(one, 0), 2)
     assert history.present.saved_lights == () and len(history.undo().present.saved_lights) == 1
 
 
 def recalling(state: ViewState, seconds: float) -> ViewState:
     """A state on its way from A alone to D65 alone."""
     kept = light_states.save(light_states.set_fade(state, seconds)).state
-    other = replace(kept, lights=light_rows.only_row(kept.lights, 1))
-    return light_states.recall(other, 0)
+    return light_states.recall(under(kept, 1), 0)
 
 
 def test_a_fade_shows_the_way_and_ends_at_the_state_itself(state: ViewState) -> None:
@@ -345,15 +312,14 @@ def test_a_fade_shows_the_way_and_ends_at_the_state_itself(state: ViewState) -> 
 
 
 def test_a_fade_is_one_step_of_undo_whatever_the_view_does_meanwhile(state: ViewState) -> None:
-    before = replace(state, lights=light_rows.only_row(state.lights, 1))
-    before = replace(before, saved_lights=light_states.save(state).state.saved_lights)
+    before = under(light_states.save(state).state, 1)
     history = History(before).then(light_states.recall(before, 0), 1)
-    for i in range(1, 4):
+    for i in range(3):
         present = history.present
-        shown = light_states.during_fade(present, (i - 1) / 10)
+        shown = light_states.during_fade(present, i / 10)
         assert shown is not present
         turned = camera.orbit(shown, 0.1, 0.0)
-        history = history.then(light_states.after_fade(present, shown, turned), 1 + i)
+        history = history.then(light_states.after_fade(present, shown, turned), 2 + i)
     assert history.present.lights == state.lights
     for _ in range(4):
         history = history.undo()
@@ -364,20 +330,15 @@ def test_a_fade_is_one_step_of_undo_whatever_the_view_does_meanwhile(state: View
     assert again.lights == state.lights and again.fade is None
 
 
-def test_a_hand_on_a_light_stops_the_fade_where_it_is(state: ViewState) -> None:
+def test_a_fade_stops_or_starts_again_where_it_is(state: ViewState) -> None:
     new = recalling(state, 1.0)
     shown = light_states.during_fade(new, 0.5)
+    # A hand on a light stops it, another recall starts from there.
     stopped = light_states.after_fade(new, shown, lights.set_weight(shown, 2, 0.9))
     assert stopped.fade is None and effective_weights(stopped.lights)[:3] == (0.5, 0.5, 0.9)
-
-
-def test_a_state_recalled_on_the_way_starts_from_there(state: ViewState) -> None:
-    new = recalling(state, 1.0)
-    shown = light_states.during_fade(new, 0.5)
     again = light_states.after_fade(new, shown, light_states.recall(shown, 0))
-    assert effective_weights(again.fade.lights)[:2] == (0.5, 0.5)
-    at_first = light_states.during_fade(again, 0.0)
-    assert effective_weights(at_first.lights)[:2] == (0.5, 0.5)
+    for rows in (again.fade.lights, light_states.during_fade(again, 0.0).lights):
+        assert effective_weights(rows)[:2] == (0.5, 0.5)
 
 
 @given(
@@ -397,16 +358,16 @@ def test_solo_and_mute_decide_who_shines(state: ViewState) -> None:
     lit = state
     for i in range(3):
         lit = lights.set_weight(lit, i, 0.5)
-    assert light_rows.effective_weights(lit.lights) == (0.5, 0.5, 0.5, 0.0)
     solo = lights.toggle_solo(lit, 1)
-    assert light_rows.effective_weights(solo.lights) == (0.0, 0.5, 0.0, 0.0)
-    assert light_rows.effective_weights(lights.toggle_mute(solo, 1).lights) == (0.0,) * 4
-    assert light_rows.light_rig(lights.toggle_mute(solo, 1).lights) is None
+    dark = lights.toggle_mute(solo, 1)
+    assert effective_weights(lit.lights) == (0.5, 0.5, 0.5, 0.0)
+    assert effective_weights(solo.lights) == (0.0, 0.5, 0.0, 0.0)
+    assert effective_weights(dark.lights) == (0.0,) * 4 and light_rig(dark.lights) is None
 
 
 def test_a_light_is_added_alone_and_heated(state: ViewState) -> None:
     added = lights.add(state, "planck:2700").state
-    assert light_rows.effective_weights(added.lights) == (0.0, 0.0, 0.0, 0.0, 1.0)
+    assert effective_weights(added.lights) == (0.0, 0.0, 0.0, 0.0, 1.0)
     assert added.lights[-1].kelvin == 2700
     hotter = lights.set_kelvin(added, 4, 5000.4).lights
     assert hotter[4].name == "5000 K" and hotter[4].rig is not added.lights[4].rig
@@ -421,8 +382,6 @@ def test_lights_kept_beside_stay_while_others_change(state: ViewState) -> None:
 
 
 def test_space_goes_round_all_lights(state: ViewState) -> None:
-    seen = []
-    for _ in state.lights:
-        seen.append(light_rows.brightest_row(state.lights))
+    for index in (0, 1, 2, 3, 0):
+        assert light_rows.brightest_row(state.lights) == index
         state = run_command(state, "space").state
-    assert seen == [0, 1, 2, 3] and light_rows.brightest_row(state.lights) == 0

@@ -24,6 +24,7 @@ from tests.support.viewer import (
     with_target,
 )
 from tests.viewer._edits import MODULES, drawn
+from tests.viewer._states import relit, seen, under
 from volspec.basis import MaterialBasis
 from volspec.errors import Code, PaletteError
 from volspec.palette import (
@@ -41,7 +42,7 @@ from volspec.relight import LightRig, relight
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import camera, palette_edits, palette_results
-from volspec.viewer.model.edit import Change, after
+from volspec.viewer.model.edit import Change, after, with_interface
 from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.light_rows import MOST_ROWS, LightRow
 from volspec.viewer.model.materials import with_reflectances
@@ -56,13 +57,10 @@ from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, STAY, Palet
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.palette_cells import contrast, importance, levels
 
-PALETTES = Path(__file__).resolve().parents[2] / "data" / "palettes"
-
 
 def undressed(state: ViewState) -> ViewState:
     """The state with its materials as channels, and no targets."""
-    exact = with_target(state, 0)
-    return replace(exact, palette=PaletteState())
+    return replace(with_target(state, 0), palette=PaletteState())
 
 
 def test_cells_stand_row_by_row_and_are_found_again(state: ViewState) -> None:
@@ -95,13 +93,12 @@ def test_the_table_shows_what_the_picture_shows(state: ViewState) -> None:
 def test_a_column_of_two_groups_shows_what_is_out_of_every_shadow(state: ViewState) -> None:
     """Pixel lit by sky and room with 0.3 and 0.7."""
     groups = (LightGroup("sky", Ambient(0.3)), LightGroup("room", Ambient(0.7)))
-    shown = undressed(state)
     rig = LightRig((light("A"), light("daylight:7500")), groups=("room", "sky"))
     row = LightRow("evening", "", rig, texts=("A", None))
+    shown = undressed(state)
     shading = replace(shown.shading, groups=groups, ambient=1.0)
-    assert_pixel_is_cell(
-        replace(shown, lights=(*shown.lights, row), shading=shading), rig, "evening"
-    )
+    shown = replace(shown, lights=(*shown.lights, row), shading=shading)
+    assert_pixel_is_cell(shown, rig, "evening")
 
 
 def test_other_spectra_relight_and_everything_else_of_a_transfer_casts(state: ViewState) -> None:
@@ -125,17 +122,16 @@ def test_other_spectra_relight_and_everything_else_of_a_transfer_casts(state: Vi
 
 @pytest.mark.not_quick
 def test_repainted_coefficients_are_those_of_a_new_cast(state: ViewState) -> None:
-    shown = undressed(state)
+    shown, volume = undressed(state), state.document.volume
     other = with_reflectances(shown.transfer, {"gold": reflectance("silver")})
-    volume = state.document.volume
-    camera = shown.view.camera(volume)
-    before = raycast(volume, shown.transfer, camera, (24, 18))
-    after = raycast(volume, other, camera, (24, 18))
-    kept = replace(before, basis=other.basis)
-    rig = LightRig((light("A"),))
-    old, new = (relight(image, rig, backend="numpy") for image in (kept, after))
-    np.testing.assert_array_equal(old, new)
-    assert np.abs(new.astype(int) - relight(before, rig, backend="numpy")).max() > 5
+    before, after = (
+        raycast(volume, transfer, shown.view.camera(volume), (24, 18))
+        for transfer in (shown.transfer, other)
+    )
+    lit = under(state, 1)
+    new = relit(after, lit)
+    np.testing.assert_array_equal(relit(replace(before, basis=other.basis), lit), new)
+    assert np.abs(new - relit(before, lit)).max() > 5
 
 
 def test_a_wish_opens_its_material_and_asks_the_other_colours_to_stay(state: ViewState) -> None:
@@ -182,24 +178,20 @@ def test_undo_takes_a_wish_and_its_spectra_back_together(state: ViewState) -> No
     history = History(state).then(with_target(state, 5), 1)
     history = history.then(with_target(history.present, 5, "#123456"), 1)
     history = history.amend(with_designed(history.present))
-    assert len(history.past) == 1
-    back = history.undo().present
-    assert back.transfer is state.transfer and back.palette == state.palette
-    assert history.undo().redo().present.transfer is history.present.transfer
-    assert len(history.step(state).past) == 2
+    assert len(history.past) == 1 and len(history.step(state).past) == 2
+    back = history.undo()
+    assert back.present.transfer is state.transfer and back.present.palette == state.palette
+    assert back.redo().present.transfer is history.present.transfer
 
 
 def test_materials_of_values_are_cut_out_of_the_curve(state: ViewState) -> None:
     curve = state.transfer
-    assert [(r.low, r.high, r.material) for r in material_ranges(curve)] == [
-        (0.2, 0.5, "copper"),
-        (0.9, 0.9, "gold"),
-    ]
     made = with_material_range(curve, 0.3, 0.4, "gold")
-    found = [(r.low, r.high, r.material) for r in material_ranges(made)]
-    assert found == [
-        *((0.2, 0.3, "copper"), (0.3, 0.4, "gold"), (0.4, 0.5, "copper"), (0.9, 0.9, "gold"))
-    ]
+    before, after = (
+        [(r.low, r.high, r.material) for r in material_ranges(each)] for each in (curve, made)
+    )
+    assert before == [(0.2, 0.5, "copper"), (last := (0.9, 0.9, "gold"))]
+    assert after == [(0.2, 0.3, "copper"), (0.3, 0.4, "gold"), (0.4, 0.5, "copper"), last]
     at = np.linspace(0.2, 0.9, 71)
     old, new = (
         np.interp(at, [p[0] for p in each.points], [p[1] for p in each.points])
@@ -213,8 +205,7 @@ def test_materials_of_values_are_cut_out_of_the_curve(state: ViewState) -> None:
 
 def test_a_hunt_s_eye_is_no_end_of_the_table(state: ViewState) -> None:
     """Models without an inverse in closed form cannot be designed with."""
-    viewing = replace(state.relight.viewing, model="Hunt", adapting="given")
-    table = colour_table(replace(state, relight=replace(state.relight, viewing=viewing)))
+    table = colour_table(seen(state, model="Hunt", adapting="given"))
     assert "Hunt" in table.complaint and not table.cells
 
 
@@ -286,31 +277,30 @@ def test_filters_keep_their_basis(state: ViewState) -> None:
 
 
 def with_pick(state: ViewState, **fields: Any) -> ViewState:
-    pick = Pick(place=("gold", "A"), **fields)
-    return replace(state, interface=replace(state.interface, pick=pick))
+    return with_interface(state, pick=Pick(place=("gold", "A"), **fields))
 
 
 def with_filter(state: ViewState) -> ViewState:
     return replace(state, transfer=replace(curve_of(state), filters={"gold": reflectance("gold")}))
 
 
-def crowded() -> Palette:
-    """A palette with more lights than there is room for."""
-    palette = load_palette(PALETTES / "figure-2.toml")
+def palette_of_many_lights() -> Palette:
+    """Return a palette with more lights than there is room for."""
+    path = Path(__file__).resolve().parents[2] / "data" / "palettes" / "figure-2.toml"
     many = (PaletteSpectrum(f"lamp {n}", light("A")) for n in range(MOST_ROWS))
-    return replace(palette, lights=(*palette.lights, *many))
+    return replace(palette := load_palette(path), lights=(*palette.lights, *many))
+
+
+_RUN = palette_results.run_wizard
 
 
 @pytest.mark.not_quick
 @pytest.mark.parametrize(
     ("code", "call"),
     [
-        ("unsupported", lambda s: palette_results.run_wizard(with_filter(with_pick(s)), "hide")),
-        (
-            "impossible",
-            lambda s: palette_results.run_wizard(with_pick(s, distance=99.0), "reveal"),
-        ),
-        ("size", lambda s: palette_results.with_palette(s, crowded())),
+        ("unsupported", lambda s: _RUN(with_filter(with_pick(s)), "hide")),
+        ("impossible", lambda s: _RUN(with_pick(s, distance=99.0), "reveal")),
+        ("size", lambda s: palette_results.with_palette(s, palette_of_many_lights())),
     ],
 )
 def test_what_a_palette_cannot_is_refused(
@@ -346,12 +336,9 @@ def test_materials_to_be_told_apart_are_kept_in_palette_files(
     state: ViewState, tmp_path: Path
 ) -> None:
     row = Apart(light=("D65", "A"), deficiency=("none", "deutan"), distance=30.0)
-    targets = replace(with_target(state, 0).palette.targets, apart=(row,))
-    begun = with_target(state, 0)
-    seen = replace(begun.relight.viewing, deficiency="deutan", severity=0.5)
-    begun = replace(
-        begun, palette=PaletteState(targets), relight=replace(begun.relight, viewing=seen)
-    )
+    begun = with_target(seen(state, deficiency="deutan", severity=0.5), 0)
+    targets = replace(begun.palette.targets, apart=(row,))
+    begun = replace(begun, palette=PaletteState(targets))
     save_palette(palette_from_state(begun), tmp_path / "palette.toml")
     palette = load_palette(tmp_path / "palette.toml")
     own = replace(row, reflectance=("copper", "gold"))

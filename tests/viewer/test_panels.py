@@ -9,26 +9,29 @@ import numpy as np
 import pytest
 
 from tests.support.fixtures import Patch
+from tests.viewer._states import seen
 from volspec.appearance.presets import PRESETS
 from volspec.appearance.spec import MODELS
 from volspec.relight import RelightSpec
+from volspec.transfer.presets import histogram
 from volspec.viewer.model import light_parts, lights, viewing
 from volspec.viewer.model.commands import BY_KEY, BY_NAME, COMMANDS, MENUS, format_key
-from volspec.viewer.model.edit import after
+from volspec.viewer.model.edit import after, with_interface
 from volspec.viewer.model.light_rows import MOST_ROWS, effective_weights
 from volspec.viewer.model.materials import material_message
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import commands, menus, transfer_detail
 from volspec.viewer.ui.context import Request, UiContext
+from volspec.viewer.ui.light_look import adapted_colour, raw_colour
 from volspec.viewer.ui.lights_panel import row_tip
+from volspec.viewer.ui.transfer_plot import bars
 from volspec.viewer.ui.viewing import matching_preset, white_text
 from volspec.viewer.ui.widgets import pack_colour
 from volspec.viewer.work.session_store import RecentFile
+from volspec.volume import Volume
 
 
 def test_swatches_show_tungsten_orange_and_what_adapts_to_it_nearly_white(state: ViewState) -> None:
-    from volspec.viewer.ui.light_look import adapted_colour, raw_colour
-
     tungsten = state.lights[1].rig
     raw, adapted = raw_colour(tungsten), adapted_colour(tungsten, state.relight)
     assert raw[0] == pytest.approx(1.0) and raw[2] < 0.5
@@ -38,18 +41,15 @@ def test_swatches_show_tungsten_orange_and_what_adapts_to_it_nearly_white(state:
 
 def test_a_colour_is_packed_with_its_own_opacity_and_one_more() -> None:
     """imgui packs alpha, blue, green, red, the highest byte first."""
-
     assert pack_colour((1.0, 0.0, 0.2)) == 0xFF3300FF
     assert pack_colour((1.0, 0.0, 0.2, 0.4), 0.5) == 0x333300FF
 
 
 def test_settings_as_they_are_unknown_or_in_conflict_change_nothing(state: ViewState) -> None:
-    from volspec.viewer.model.viewing import with_model
-
-    seen = viewing.with_viewing(RelightSpec(), adapting="pixel")
-    assert with_model(seen, "Hunt").viewing.adapting == "picture"
-    assert viewing.with_viewing(seen, model="Hunt") is seen
-    assert viewing.with_viewing(seen, discount=True).viewing.discount
+    by_pixel = viewing.with_viewing(RelightSpec(), adapting="pixel")
+    assert viewing.with_model(by_pixel, "Hunt").viewing.adapting == "picture"
+    assert viewing.with_viewing(by_pixel, model="Hunt") is by_pixel
+    assert viewing.with_viewing(by_pixel, discount=True).viewing.discount
     assert viewing.set_white(state, -1.0) is state
     now = state.relight.viewing
     assert viewing.set_model(state, now.model) is state
@@ -62,11 +62,9 @@ def test_settings_as_they_are_unknown_or_in_conflict_change_nothing(state: ViewS
 def test_luminance_follows_the_light_until_it_is_given(state: ViewState) -> None:
     """L_A is E_v/π · Y_b/100, of the light's own lux or the viewing's."""
     assert viewing.set_luminance(state, 5.0) is state
-    lit = light_parts.set_lux(state, 0, 50.0)
-    for given, lux in ((state, 1000), (lit, 50)):
+    for given, lux in ((light_parts.set_lux(state, 0, 50.0), 50), (state, 1000)):
         own = viewing.toggle_own_luminance(given)
         np.testing.assert_allclose(own.relight.viewing.L_A, lux / np.pi * 0.2)
-    own = viewing.toggle_own_luminance(state)
     assert viewing.set_luminance(own, 5.0).relight.viewing.L_A == 5.0
     assert viewing.toggle_own_luminance(own).relight.viewing == state.relight.viewing
     # A brighter display is adapted to.
@@ -93,9 +91,6 @@ def test_the_adopted_white_is_of_what_shines_alone(state: ViewState) -> None:
 
 def test_values_far_from_zero_are_counted_as_those_near_it() -> None:
     """Steps of 1/64 are exact in float32 up to 2^18."""
-    from volspec.transfer.presets import histogram
-    from volspec.volume import Volume
-
     near = np.arange(64, dtype=np.float32).reshape(4, 4, 4) / 64
     counts = histogram(Volume(near))
     assert counts.sum() == 64
@@ -105,8 +100,6 @@ def test_values_far_from_zero_are_counted_as_those_near_it() -> None:
 
 @pytest.mark.parametrize("logarithmic", [False, True])
 def test_histogram_bars_stay_within_the_plot(logarithmic: bool) -> None:
-    from volspec.viewer.ui.transfer_plot import bars
-
     for counts in (np.zeros(256), np.r_[1e9, np.ones(255)]):
         heights = bars(counts, logarithmic)
         assert np.isfinite(heights).all() and heights.min() >= 0 and heights.max() <= 1
@@ -115,10 +108,8 @@ def test_histogram_bars_stay_within_the_plot(logarithmic: bool) -> None:
 def test_names_and_titles_are_in_one_line(state: ViewState) -> None:
     name = "north\nwindow\t\x07\u202e"
     row = replace(state.lights[0], name=name, label="of\r\nglass")
-    assert [line.split(" ") for line in row_tip(row).split("\n")] == [
-        ["north", "window"],
-        ["of", "glass"],
-    ]
+    words = [line.split(" ") for line in row_tip(row).split("\n")]
+    assert words == [["north", "window"], ["of", "glass"]]
     lights = replace(state, lights=(row, *state.lights[1:]))
     (title,) = (row.title for row in commands.list_entries(lights, (), "north alone"))
     assert title.isprintable() and lights.lights[0].name == name
@@ -206,8 +197,8 @@ def test_the_palette_lists_every_action_light_model_display_and_file(state: View
 def test_a_search_finds_words_before_letters(state: ViewState, search: str, first: str) -> None:
     labelled = replace(state.lights[1], label="tungsten lamp")
     rows = (state.lights[0], labelled, *state.lights[2:])
-    found = next(iter(titles(replace(state, lights=rows), search)), "")
-    assert found.startswith(first) and bool(found) == bool(first)
+    title = next(iter(titles(replace(state, lights=rows), search)), "")
+    assert title.startswith(first) and bool(title) == bool(first)
 
 
 # Commands, and the usual names that find them among the first rows.
@@ -256,48 +247,44 @@ _FIRST = ("shadow", "MIP", "jitter", "exposure", "film")  # titles before other 
 @pytest.mark.parametrize("title", _USUAL)
 def test_usual_names_find_their_command(state: ViewState, title: str) -> None:
     for search in _USUAL[title].split(", "):
-        found = [row.text for row in commands.list_entries(state, (), search)]
-        assert any(text.startswith(title) for text in found[: 1 if search in _FIRST else 8]), found
+        texts = [row.text for row in commands.list_entries(state, (), search)]
+        assert any(text.startswith(title) for text in texts[: 1 if search in _FIRST else 8]), texts
+
+
+def found(state: ViewState, search: str) -> ViewState:
+    """Return the state after the first entry that a search finds."""
+    return after(commands.list_entries(state, (), search)[0].change, state).state
 
 
 def test_rows_do_what_they_say(state: ViewState) -> None:
-    def done(search: str) -> ViewState:
-        row = commands.list_entries(state, (), search)[0]
-        return after(row.change, state).state
-
-    alone, model, added, dark = map(
-        done, ("light FL2 alone", "model CAM16", "add light HP1", "window dark")
-    )
-    assert effective_weights(alone.lights) == (0.0, 0.0, 1.0, 0.0)
-    assert model.relight.viewing.model == "CAM16" and added.lights[-1].name == "HP1"
-    assert dark.interface.dark != state.interface.dark
+    # A light that is shown alone is chosen.
+    for search, chosen in (("light FL2 alone", 2), ("next light alone", 1), ("add light HP1", 4)):
+        new = found(state, search)
+        assert new.interface.light == chosen
+        assert [i for i, weight in enumerate(effective_weights(new.lights)) if weight] == [chosen]
+    assert new.lights[-1].name == "HP1"
+    assert found(state, "model CAM16").relight.viewing.model == "CAM16"
+    assert found(state, "window dark").interface.dark != state.interface.dark
+    assert found(state, "deuteranopia deutan").relight.viewing.deficiency == "deutan"
+    assert found(state, "surround dim").relight.viewing.surround == "dim"
+    assert found(state, "gamut reduce").relight.viewing.display.gamut == "reduce"
     room = next(name for name, preset in PRESETS.items() if preset.surround == "dark")
-    marked = replace(state.relight.viewing.display, mark=True)
-    seen = replace(state.relight, viewing=replace(state.relight.viewing, display=marked))
-    row = commands.list_entries(state, (), f"display {room}")[0]
-    display = after(row.change, replace(state, relight=seen)).state.relight.viewing.display
+    marked = seen(state, display=replace(state.relight.viewing.display, mark=True))
+    display = found(marked, f"display {room}").relight.viewing.display
     assert display.surround == "dark" and display.mark
 
 
 def test_settings_are_reached_by_name(state: ViewState) -> None:
-    def row(text: str) -> commands.Entry:
-        return commands.list_entries(state, (), text)[0]
-
-    closed = replace(state, interface=replace(state.interface, panels=frozenset()))
+    closed = with_interface(state, panels=frozenset())
     for panel, names in {
         "Viewing": ("Illuminance", "Exposure", "Background", "Room", "Adaptation"),
         "Lighting": ("Shininess", "Specular"),
         "Quality": ("Jitter", "Light cells"),
     }.items():
         for name in names:
-            setting = row(f"setting {name}")
-            assert (setting.panel, setting.item) == (panel, name) and setting.change is not None
+            setting = commands.list_entries(state, (), f"setting {name}")[0]
+            assert (setting.panel, setting.item) == (panel, name)
             assert panel in after(setting.change, closed).state.interface.panels
-    deutan = row("deuteranopia deutan").change
-    assert after(deutan, state).state.relight.viewing.deficiency == "deutan"
-    dim, reduce = row("surround dim").change, row("gamut reduce").change
-    assert after(dim, state).state.relight.viewing.surround == "dim"
-    assert after(reduce, state).state.relight.viewing.display.gamut == "reduce"
 
 
 def test_keys_are_used_once_and_all_menus_are_known() -> None:
