@@ -68,8 +68,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[], R
                 # So far away that a cast takes no time.
                 path.write_text(path.read_text(encoding="utf-8") + "[camera]\nzoom = 0.1\n")
                 save_session(read_scene(path), folder / f"it{SUFFIX}")
-                options = path.name, "--screenshot", "160x120"
-                robot = Robot(folder, options, SIZE, ahead=False)
+                robot = Robot(folder, (path.name, "--screenshot", "160x120"), SIZE, ahead=False)
                 robots.append(stack.enter_context(robot))
                 robot.whole()
             return robots[-1]

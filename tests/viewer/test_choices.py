@@ -81,8 +81,7 @@ def test_what_is_ambiguous_is_asked(tmp_path: Path) -> None:
     assert document.series is None
     raw = tmp_path / "scan.raw"
     raw.write_bytes(bytes(64))
-    layout = open_path(str(raw), None)
-    assert layout == Undecided(str(raw), (Choice("shape", (), ()),))
+    assert open_path(str(raw), None) == Undecided(str(raw), (Choice("shape", (), ()),))
 
 
 @pytest.mark.parametrize(

@@ -65,8 +65,7 @@ def answers(*asked: ViewState) -> list[designs.DesignDone]:
 
 def test_a_wish_that_can_be_met_is_met(state: ViewState) -> None:
     made = with_designed(with_target(state, 5))
-    table = palette_table.colour_table(made)
-    assert max(table.errors) < VISIBLE
+    assert max(palette_table.colour_table(made).errors) < VISIBLE
     values = made.transfer.materials["gold"].values
     assert values.min() >= 0.0 and values.max() <= 1.0
     assert made.transfer.materials["copper"] is state.transfer.materials["copper"]
@@ -101,8 +100,7 @@ def test_a_light_of_real_lamps_is_a_sum_of_them(state: ViewState) -> None:
     asked = palette_edits.toggle_lamp(with_target(state, 6), 2, "A")
     asked = palette_edits.toggle_lamp(asked, 2, "D65")
     assert asked.palette.targets.lamps == {"FL2": ("A", "D65")}
-    made = with_designed(asked)
-    values = made.lights[2].rig.lights[0].values
+    values = with_designed(asked).lights[2].rig.lights[0].values
     lamps = np.stack([light(name).values for name in ("A", "D65")], axis=1)
     shares, *_ = np.linalg.lstsq(lamps, values, rcond=None)
     # Everything besides the two lamps is rounding.

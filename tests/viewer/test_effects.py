@@ -38,8 +38,7 @@ def test_daylight_is_added_where_it_is_missing(engine: ViewState) -> None:
     dark = lights.remove(engine, 0)
     assert effects.daylight_row(dark.lights) is None
     ready = effects.prepare(dark, ("inserts", "block"))
-    index = effects.daylight_row(ready.lights)
-    assert ready.lights[index].name == "D65"
+    assert ready.lights[effects.daylight_row(ready.lights)].name == "D65"
     assert ready.interface.pick.place == ("inserts", "D65")
     assert effects.prepare(engine, ("inserts",)).lights is engine.lights
     assert effects.prepare(engine, ("piston",)) is engine
@@ -85,8 +84,7 @@ def test_a_service_ends_an_effect_in_a_comparison(engine: ViewState) -> None:
         return [histories[-1]]
 
     take_until(take, lambda _: not service.busy)
-    done = histories[-1].present
-    assert len(done.lights) == len(engine.lights) + 1
+    assert len(histories[-1].present.lights) == len(engine.lights) + 1
     assert len(service.status.reached) == 2
     assert histories[-1].undo().present.lights is ready.lights
     service.close()

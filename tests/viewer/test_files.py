@@ -378,8 +378,7 @@ def test_the_system_s_dialog_is_asked_without_waiting(tmp_path: Path) -> None:
     program = tmp_path / "zenity"
     program.write_text(_ZENITY, encoding="utf-8")
     program.chmod(0o755)
-    path = f"{tmp_path}:{os.environ['PATH']}"
-    done = run_python("-c", _ASK, path=path, timeout=PATIENCE_S)
+    done = run_python("-c", _ASK, path=f"{tmp_path}:{os.environ['PATH']}", timeout=PATIENCE_S)
     assert [Path(line).stem for line in done.stdout.split()] == ["chosen", "saved"], done.stderr
 
 

@@ -73,8 +73,7 @@ def test_lights_fade_into_each_other_and_back(state: ViewState) -> None:
 def test_a_film_fades_through_saved_states_and_between_sides(state: ViewState) -> None:
     assert light_changes(state)[1:] == (LIGHTS,)
     other = replace(state, lights=light_rows.only_row(state.lights, 1))
-    both = light_states.save(light_states.save(state).state)
-    saved = both.state.saved_lights
+    saved = light_states.save(light_states.save(state).state).state.saved_lights
     dim = replace(saved[1], relight=replace(state.relight, backdrop=0.5))
     seen = replace(state, other=other.lights, saved_lights=(saved[0], dim))
     assert light_changes(seen)[1:] == (LIGHTS, STATES, SIDES)
@@ -148,8 +147,7 @@ def test_a_film_that_is_cancelled_leaves_nothing(tmp_path: Path) -> None:
 
 
 def test_a_page_has_the_views_and_the_lights_of_the_window(tmp_path: Path) -> None:
-    state = opened(tmp_path)
-    path = save_page(state, PageFile(2, "A ball", SMALL), Progress("", "page"))
+    path = save_page(opened(tmp_path), PageFile(2, "A ball", SMALL), Progress("", "page"))
     text = path.read_text(encoding="utf-8")
     assert "<title>A ball" in text and text.count('"azimuth_deg":') == 2
     assert '"daylight"' in text and '"tungsten"' in text

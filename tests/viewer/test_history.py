@@ -189,8 +189,7 @@ def test_history_is_bounded_and_steps_forget_the_future(state: ViewState) -> Non
     for gesture in range(MOST_STEPS + 20):
         history = history.then(camera.orbit(history.present, 0.01, 0.0), gesture)
     assert len(history.past) == MOST_STEPS
-    other = history.undo().then(replace(state, document=replace(state.document)), 10**6)
-    assert other.future == ()
+    assert history.undo().then(replace(state, document=replace(state.document)), 10**6).future == ()
 
 
 def test_a_state_always_has_a_chosen_light(state: ViewState) -> None:
@@ -242,8 +241,7 @@ def test_a_run_of_notches_or_steps_is_one_gesture() -> None:
     # Each press of a key that makes no steps is one, however quick; held down it comes once.
     assert run(Input("key", key="b"), 0.1) == 6
     assert run(replace(left, repeated=True), 2 * RUN_S) == 1
-    press = Input("press", button="left")
-    for between, count in ((roll, 3), (Input("move"), 1), (press, 3)):
+    for between, count in ((roll, 3), (Input("move"), 1), (Input("press", button="left"), 3)):
         assert steps([(0.0, wheel), (0.1, between), (0.2, wheel)]) == count
 
 
@@ -290,8 +288,7 @@ def test_a_name_given_by_hand_stays_whatever_the_light_becomes(state: ViewState)
 
 
 def test_a_renamed_light_is_the_one_of_the_saved_state(state: ViewState) -> None:
-    kept = light_states.save(state).state
-    back = light_states.recall(lights.rename(kept, 0, "x"), 0)
+    back = light_states.recall(lights.rename(light_states.save(state).state, 0, "x"), 0)
     assert back.lights == state.lights
 
 

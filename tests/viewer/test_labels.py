@@ -59,10 +59,9 @@ def test_the_probe_names_the_label_behind_its_boundary(state: ViewState) -> None
     rig = light_rig(state.lights)
     y, x = np.nonzero(image.alpha > 0.5)
     middle = len(x) // 2
-    rows = dict(
+    assert dict(
         read(image, camera, volume, rig, state.relight, (x[middle], y[middle]), (0, 0, 0)).rows
-    )
-    assert rows["Label"] in ("1  liver", "2  left kidney", "3  right kidney")
+    )["Label"] in ("1  liver", "2  left kidney", "3  right kidney")
 
 
 def test_labels_are_hidden_and_shown_and_keep_their_opacity(state: ViewState) -> None:
@@ -80,8 +79,7 @@ def test_labels_are_hidden_and_shown_and_keep_their_opacity(state: ViewState) ->
     assert function_of(none).hidden == {1, 2, 3}
     assert function_of(run_command(none, "labels-show").state).hidden == frozenset()
 
-    history = History(state).then(only, 1)
-    assert function_of(history.undo().present).hidden == frozenset()
+    assert function_of(History(state).then(only, 1).undo().present).hidden == frozenset()
 
 
 def test_labels_are_found_by_words_of_their_names_or_numbers(state: ViewState) -> None:
@@ -93,10 +91,8 @@ def test_labels_are_found_by_words_of_their_names_or_numbers(state: ViewState) -
 
 
 def test_grey_values_and_labels_are_two_views_of_one_volume(state: ViewState) -> None:
-    grey = run_command(state, "transfer-points").state
-    assert isinstance(grey.transfer, TransferFunction)
-    hidden = labels.toggle_label(state, 1)
-    surfaces = run_command(hidden, "transfer-surfaces").state
+    assert isinstance(run_command(state, "transfer-points").state.transfer, TransferFunction)
+    surfaces = run_command(labels.toggle_label(state, 1), "transfer-surfaces").state
     assert run_command(surfaces, "transfer-labels").state.transfer is state.document.transfer
     assert isinstance(run_command(state, "preset-bone").state.transfer, TransferFunction)
 

@@ -239,8 +239,7 @@ def test_a_fade_begins_and_ends_exactly_at_its_ends() -> None:
 def test_weights_spectra_and_temperatures_lie_between(share: float) -> None:
     brighter = (replace(END[0], rig=replace(END[0].rig, illuminance_lux=(500.0,))), *END[1:])
     rows, seen = light_states.interpolate_lights((START, DIM), (brighter, BRIGHT), share)
-    lux = rows[0].rig.illuminance_lux
-    assert lux[0] == pytest.approx(100 + 400 * share)
+    assert rows[0].rig.illuminance_lux[0] == pytest.approx(100 + 400 * share)
     assert len(rows) == 4 and not any(each.solo or each.muted for each in rows)
     a, b = effective_weights((*START, replace(END[3], weight=0.0))), effective_weights(END)
     expected = [(1 - share) * p + share * q for p, q in zip(a, b, strict=True)]
@@ -266,8 +265,7 @@ def test_a_fade_of_words_that_do_not_go_together_takes_those_of_its_end() -> Non
 
 
 def test_recalling_keeps_lights_that_the_state_does_not_know() -> None:
-    now = changed(START)
-    back = light_states.recalled_rows(now, START)
+    back = light_states.recalled_rows(changed(START), START)
     assert back[:3] == START and back[3].name == "FL2" and back[3].weight == 0.0
     assert light_states.recalled_rows(back, START) == back
 
@@ -374,8 +372,7 @@ def test_a_light_is_added_alone_and_heated(state: ViewState) -> None:
 
 
 def test_lights_kept_beside_stay_while_others_change(state: ViewState) -> None:
-    kept = run_command(state, "b").state
-    changed = run_command(kept, "space").state
+    changed = run_command(run_command(state, "b").state, "space").state
     assert changed.other == state.lights != changed.lights
     assert lights.set_divide(changed, 7.0).divide == 0.98
     assert run_command(changed, "b").state.other is None

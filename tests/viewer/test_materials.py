@@ -134,8 +134,7 @@ def test_shares_of_nothing_and_a_filter_go_with_their_material(state: ViewState)
 
 def test_a_colour_is_a_material_and_a_metal_comes_before_it(state: ViewState) -> None:
     new = given(state, " #c08040 ", 2)
-    spectrum = new.transfer.materials["#c08040"]
-    assert spectrum.notes["constructed"] == "delaunay"
+    assert new.transfer.materials["#c08040"].notes["constructed"] == "delaunay"
     assert list_parts(new.transfer)[2].mix == {"#c08040": 1.0}
     assert given(state, "silver", 9) is state
     metal = given(new, "silver").transfer.materials["silver"]

@@ -86,6 +86,5 @@ def test_points_of_the_picture_are_points_of_the_volume(window: Robot, tmp_path:
     for point in found.points_mm:
         assert np.abs(np.abs(np.subtract(point, 19.5)).max() - 12.0) < 0.8
     projection = Projection(scene.camera(scene.volume()), (x, y, width, height))
-    drawn = projection.to_window(np.array(found.points_mm))[:, :2]
-    assert np.abs(drawn - places).max() < 2.0
+    assert np.abs(projection.to_window(np.array(found.points_mm))[:, :2] - places).max() < 2.0
     assert read_scene(Path(saved["path"])).annotations == (found, label)

@@ -95,14 +95,13 @@ def _refusals(state: ViewState) -> Iterator[str]:
     cut = run_command(state, "p").state
     surfaces = of_kind(state, "surfaces")
     exact = opacities.set_opacity(state, "gold", 0.5)
-    projected = replace(exact, shading=replace(exact.shading, mode="maximum"))
     for given, name in (
         *((full, "keep-mix"), (full, "palette-light"), (dark, "keep-mix"), (dark, "remove-light")),
         *((replace(state, saved_lights=saved), "save-state"), (state, "palette-restart")),
         *((state, "transfer-labels"), (cut, "plane-facing")),
         *((state, "panel-room"), (state, "reset-paints")),
         *((surfaces, "projection-average"), (surfaces, "preintegration")),
-        (projected, "stereo-anaglyph"),
+        (replace(exact, shading=replace(exact.shading, mode="maximum")), "stereo-anaglyph"),
     ):
         new, message, _ = run_command(given, name)
         assert new is given
@@ -136,8 +135,7 @@ def _lights(state: ViewState) -> Iterator[str]:
     for rows, level in ((bright, "relative"), (both, "relative"), (state, "relative")):
         yield lux_note(rows.lights, shares, RelightSpec(level=level))
     yield lux_note(both.lights, shares, RelightSpec(level="absolute"))
-    pen = light_parts.draw(state, 0, 0, (0.1, 2.0), (0.5, 2.0))
-    yield row_tip(pen.lights[0])
+    yield row_tip(light_parts.draw(state, 0, 0, (0.1, 2.0), (0.5, 2.0)).lights[0])
     pair, groups = (light("A"), light("D65")), ("room", "sky")
     yield column_note(LightRow("x", "", LightRig(pair, groups=groups), texts=("A", None)))
     yield column_note(LightRow("x", "", LightRig(pair, (1.0, 0.0)), texts=("A", "D65")))
@@ -155,8 +153,7 @@ def _transfer(state: ViewState) -> Iterator[str]:
 
 
 def _materials(state: ViewState) -> Iterator[str]:
-    filtered = replace(state, transfer=replace(curve_of(state), filters=GLASS))
-    for before in (state, filtered):
+    for before in (state, replace(state, transfer=replace(curve_of(state), filters=GLASS))):
         new = materials.add_material(before, 0, "silver").state
         yield materials.material_message(before.transfer, new.transfer)
     for kind in ("points", "regions", "surfaces", "labels"):

@@ -80,8 +80,7 @@ def test_the_first_scale_makes_materials_the_channels(state: ViewState) -> None:
     faded = opacities.set_opacity(state, "copper", 0.5)
     assert isinstance(faded.transfer.basis, MaterialBasis) and not opacities.can_layer(state)
     assert opacities.can_layer(faded)
-    projected = replace(faded, shading=replace(faded.shading, mode="maximum"))
-    assert not opacities.can_layer(projected)
+    assert not opacities.can_layer(replace(faded, shading=replace(faded.shading, mode="maximum")))
 
 
 @pytest.mark.slow  # tests of meshes cast their layers, too
@@ -109,8 +108,7 @@ def test_a_scale_costs_no_cast_and_has_a_step_of_undo(ball: ViewState) -> None:
 
 def test_a_saved_scene_has_them(ball: ViewState, tmp_path: Path) -> None:
     export_scene(opacities.set_opacity(ball, "grey", 0.3), tmp_path / "faded.toml")
-    again = open_document(str(tmp_path / "faded.toml"))
-    assert again.shading.opacities == {"grey": 0.3}
+    assert open_document(str(tmp_path / "faded.toml")).shading.opacities == {"grey": 0.3}
 
 
 def test_other_materials_do_not_leave_scales_behind(ball: ViewState) -> None:
@@ -119,8 +117,7 @@ def test_other_materials_do_not_leave_scales_behind(ball: ViewState) -> None:
 
 
 def test_layers_are_cast_of_the_curve_s_own_opacities(ball: ViewState) -> None:
-    faded = opacities.set_opacity(ball, "grey", 0.0)
-    plain, layered = casts(faded, WHOLE, LAYERED)
+    plain, layered = casts(opacities.set_opacity(ball, "grey", 0.0), WHOLE, LAYERED)
     assert plain.image.opacity_layers is None and plain.opacity is None
     own = casts(ball, WHOLE)[0].image
     np.testing.assert_allclose(layered.image.coefficients, own.coefficients, atol=1e-6)
@@ -371,8 +368,7 @@ def test_a_focus_is_shown_once_nothing_moves(
     assert np.array_equal(drawn(screen, ball), plain)
     assert depth.set_focus(focused, None).depth == DepthEffects()
     export_scene(focused, tmp_path / "focused.toml")
-    again = open_document(str(tmp_path / "focused.toml"))
-    assert again.file.depth.focus_mm == pytest.approx(least)
+    assert open_document(str(tmp_path / "focused.toml")).file.depth.focus_mm == pytest.approx(least)
     parallel = replace(ball, view=replace(ball.view, orthographic=True))
     assert depth.can_focus(ball) and not depth.can_focus(parallel)
 

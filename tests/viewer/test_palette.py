@@ -250,8 +250,7 @@ def hidden(state: ViewState) -> ViewState:
 
 
 def test_a_wizard_hides_a_material_and_leaves_its_wishes_in_the_table(hidden: ViewState) -> None:
-    table = colour_table(hidden)
-    cell = table.cells["gold", "A"]
+    cell = colour_table(hidden).cells["gold", "A"]
     assert cell.kind == "same" and cell.error is not None and cell.error < VISIBLE
     assert hidden.palette.targets.free == {(REFLECTANCE, "gold")} and not hidden.palette.is_pending
     # What else was asked for can be asked for again, from here.
@@ -337,8 +336,7 @@ def test_materials_to_be_told_apart_are_kept_in_palette_files(
 ) -> None:
     row = Apart(light=("D65", "A"), deficiency=("none", "deutan"), distance=30.0)
     begun = with_target(seen(state, deficiency="deutan", severity=0.5), 0)
-    targets = replace(begun.palette.targets, apart=(row,))
-    begun = replace(begun, palette=PaletteState(targets))
+    begun = replace(begun, palette=PaletteState(replace(begun.palette.targets, apart=(row,))))
     save_palette(palette_from_state(begun), tmp_path / "palette.toml")
     palette = load_palette(tmp_path / "palette.toml")
     own = replace(row, reflectance=("copper", "gold"))
@@ -353,6 +351,5 @@ def test_materials_to_be_told_apart_are_kept_in_palette_files(
     renamed = loaded.palette.targets.with_light_renamed("A", "lamp")
     assert renamed.apart == (replace(own, light=("D65", "lamp")),)
     # Lights that have been removed are left out, and a row without any.
-    less = replace(loaded, lights=loaded.lights[:1])
-    assert colour_table(less).apart[0].lights == ("D65",)
+    assert colour_table(replace(loaded, lights=loaded.lights[:1])).apart[0].lights == ("D65",)
     assert colour_table(replace(loaded, lights=loaded.lights[2:])).apart == ()

@@ -83,10 +83,8 @@ def test_a_room_is_named_until_its_numbers_change() -> None:
 def test_the_adopted_white_is_of_what_shines_alone(state: ViewState) -> None:
     # D65 of CIE 15:2004; bands of 10 nm lose the fourth digit.
     assert " 0.312" in white_text(state.lights)
-    muted = lights.toggle_mute(state, 0)
-    assert white_text(muted.lights) == white_text(())
-    both = lights.set_weight(state, 1, 1.0)
-    assert white_text(both.lights) != white_text(state.lights)
+    assert white_text(lights.toggle_mute(state, 0).lights) == white_text(())
+    assert white_text(lights.set_weight(state, 1, 1.0).lights) != white_text(state.lights)
 
 
 def test_values_far_from_zero_are_counted_as_those_near_it() -> None:
@@ -119,8 +117,7 @@ def test_actions_that_do_something_or_have_nothing_to_do_say_nothing(state: View
     here = UiContext()
     for name in ("keep-mix", "save-state", "palette-light", "remove-light", "preset-bone"):
         assert here.run(state, BY_NAME[name]) is not state, name
-    curve = BY_NAME["transfer-points"]
-    assert here.run(state, curve) is state and here.requests == []
+    assert here.run(state, BY_NAME["transfer-points"]) is state and here.requests == []
 
 
 def test_the_command_palette_says_why_a_light_is_not_added(state: ViewState) -> None:
@@ -195,8 +192,7 @@ def test_the_palette_lists_every_action_light_model_display_and_file(state: View
     ],
 )
 def test_a_search_finds_words_before_letters(state: ViewState, search: str, first: str) -> None:
-    labelled = replace(state.lights[1], label="tungsten lamp")
-    rows = (state.lights[0], labelled, *state.lights[2:])
+    rows = (state.lights[0], replace(state.lights[1], label="tungsten lamp"), *state.lights[2:])
     title = next(iter(titles(replace(state, lights=rows), search)), "")
     assert title.startswith(first) and bool(title) == bool(first)
 

@@ -94,8 +94,7 @@ def test_its_lights_are_the_lamps(opened: ViewState) -> None:
     assert (evening.texts, evening.rig.groups) == ((ROOM_LIGHT, ROOM_LIGHT), ("panel", "bulb"))
     assert (day.texts, day.rig.groups, day.label) == (("D65",), ("",), "daylight")
     assert edits.light_names(opened) == ("panel", "bulb")
-    scene = Scene.load(opened.document.path)
-    for row, light in zip(opened.lights, scene.lights, strict=True):
+    for row, light in zip(opened.lights, Scene.load(opened.document.path).lights, strict=True):
         rig = light_rig((replace(row, weight=1.0),), opened.room)
         assert rig.groups == light.rig.groups
         assert rig.illuminance_lux == pytest.approx(light.rig.illuminance_lux)
@@ -160,8 +159,7 @@ def test_the_four_walls_are_one_until_their_paints_differ(opened: ViewState) -> 
     assert edits.paint_codes(opened.room, "walls") == pytest.approx((0.797,) * 3, abs=2e-3)
     left = painted(opened, "left", "grey:0.1")
     assert edits.paintable(left.room)[:4] == ("left", "right", "front", "back")
-    again = painted(left, "walls", "grey:0.3").room
-    assert again.spec.paint == {"walls": "grey:0.3"}
+    assert painted(left, "walls", "grey:0.3").room.spec.paint == {"walls": "grey:0.3"}
     assert edits.paint(opened, "walls", "no such paint").message
     assert edits.paint(opened, "panel", "grey:0.1").message
     white = edits.pick(opened, "walls", (1.0, 1.0, 1.0)).room  # no paint reflects everything

@@ -60,13 +60,12 @@ def test_what_mouse_and_sliders_change_comes_back(tmp_path: Path) -> None:
 @pytest.mark.not_quick
 def test_cuts_groups_and_their_lights_come_back(tmp_path: Path) -> None:
     state = opened(tmp_path)
-    groups = (
-        LightGroup("key", (Directional((1, 1, 1), frame="camera", shadows=True),)),
-        LightGroup("fill", (Point((0, 0, 30), falloff_mm=20.0),)),
-    )
     shading = replace(
         state.shading,
-        groups=groups,
+        groups=(
+            LightGroup("key", (Directional((1, 1, 1), frame="camera", shadows=True),)),
+            LightGroup("fill", (Point((0, 0, 30), falloff_mm=20.0),)),
+        ),
         crop_voxels=((1, 11), (0, 11), (2, 11)),
         clip_planes=(ClipPlane((6, 6, 6), (0, 1, 0)),),
         preintegrated=True,
@@ -115,8 +114,7 @@ def test_lux_stay_with_their_lights(tmp_path: Path) -> None:
     )
     seen = replace(state.relight, level="absolute")
     again = assert_same_picture(replace(state, lights=rows, relight=seen), tmp_path)
-    rig = light_rows.light_rig(again.lights)
-    assert rig.total_lux == pytest.approx(0.7 * 340.0)
+    assert light_rows.light_rig(again.lights).total_lux == pytest.approx(0.7 * 340.0)
 
 
 @pytest.mark.not_quick

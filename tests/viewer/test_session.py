@@ -119,8 +119,7 @@ def test_masks_and_the_time_step_come_back(tmp_path: Path) -> None:
     volume, series = scene.opened()
     state = ViewState.first(Document.of(scene, volume, None, series=series), (40, 30))
     assert state.document.step == 2
-    moved = replace(state, document=state.document.at_step(1, series[1], None))
-    back = again(moved, tmp_path)
+    back = again(replace(state, document=state.document.at_step(1, series[1], None)), tmp_path)
     assert back.document.step == 1
     assert np.array_equal(back.document.volume.values, series[1].values)
     functions = back.fields[0].mask.functions
@@ -148,8 +147,7 @@ def test_sessions_of_earlier_versions_load(tmp_path: Path, name: str) -> None:
     assert len(state.shading.clip_planes) == 1 and state.shading.groups[0].name == "key"
     assert state.view.azimuth_deg == pytest.approx(-6.0)
     # Colours stay as they were, and reset does not change them either.
-    file = state.document.file
-    assert file.viewing.mode == state.relight.mode == "componentwise"
+    assert state.document.file.viewing.mode == state.relight.mode == "componentwise"
     assert state.transfer.basis.grid == PAPERS_GRID
     if name == "v1-ball":  # the others have a palette, saved lights, thicker opacities
         return

@@ -75,9 +75,8 @@ def test_slices_of_several_fields_show_all_with_their_masks() -> None:
     other = Volume((ramp[::2, ::2, ::2].T > 0) * np.uint8(60), world_from_index=place, name="pet")
     labels = Volume((np.arange(8)[None, :, None] > 5) * np.ones((8, 8, 8), np.uint8), name="cut")
     volume = Volume(ramp, name="ct").with_fields([other, labels])
-    functions = {"": copper, "pet": gold}
     made = slice_table.FieldSlices.of(
-        volume, FieldFunctions(functions, masks={"": Mask("cut", {1: None})})
+        volume, FieldFunctions({"": copper, "pet": gold}, masks={"": Mask("cut", {1: None})})
     )
     index = slices.slice_index(volume, slice_layout(volume, PLANES[0]), 7)
     shown = made.image(index, (0.0, 1.0), RaycastSpec()).coefficients
@@ -155,8 +154,7 @@ def test_a_click_in_a_slice_moves_the_other_two(state: ViewState) -> None:
     )
     assert slices.point_at(moved, 0, 0.25, 0.9).interface.slices.at == pytest.approx(at)
     assert crossing_text(moved) == "244  at  -4.0  4.0  4.0 mm LPS"
-    world = with_overlays(moved, patient=False)
-    assert crossing_text(world) == "244  at  -4.0  4.0  4.0 mm"
+    assert crossing_text(with_overlays(moved, patient=False)) == "244  at  -4.0  4.0  4.0 mm"
 
 
 def test_what_a_crop_leaves_is_seen_in_the_slices() -> None:
@@ -281,8 +279,7 @@ def test_every_kind_of_transfer_function_has_a_table(state: ViewState, kind: str
 
 @pytest.mark.filterwarnings("ignore:.*finite")
 def test_odd_volumes_have_slices(state: ViewState) -> None:
-    rng = np.random.default_rng(1)
-    holes = rng.random((4, 5, 6), dtype=np.float32)
+    holes = np.random.default_rng(1).random((4, 5, 6), dtype=np.float32)
     holes[1:3, 2, 2] = np.nan
     for volume in (
         Volume(np.arange(8, dtype=np.uint8).reshape(2, 2, 2)),
@@ -296,8 +293,7 @@ def test_odd_volumes_have_slices(state: ViewState) -> None:
             pictures.texture(odd, plane.name, slice_layout(volume, plane), 5.0)
         assert len(context.textures) == 3
         # The slices cross at a missing voxel.
-        value = float(crossing_text(odd).split()[0])
-        assert np.isnan(value) == (volume.missing is not None)
+        assert np.isnan(float(crossing_text(odd).split()[0])) == (volume.missing is not None)
 
 
 def test_slices_one_above_the_other_keep_one_scale_and_stay_within_the_room() -> None:

@@ -25,8 +25,7 @@ pytestmark = pytest.mark.not_quick
 def of_series(tmp_path: Path, series: Series) -> ViewState:
     """Return the state of a document at the first step."""
     state = opened(tmp_path)
-    caster = Raycaster(series[0])
-    document = replace(state.document, volume=series[0], series=series, caster=caster)
+    document = replace(state.document, volume=series[0], series=series, caster=Raycaster(series[0]))
     return replace(state, document=document)
 
 
@@ -127,8 +126,7 @@ def test_another_document_is_shown_at_its_own_step_and_does_not_play(tmp_path: P
     steps.go(state, 2)
     assert steps.wanted(state.document) == 2
     steps.toggle(state)
-    other = replace(state.document, opening=object(), step=1)
-    assert steps.wanted(other) == 1
+    assert steps.wanted(replace(state.document, opening=object(), step=1)) == 1
     steps.forget()
     assert not steps.playing and steps.wanted(state.document) == 0
     steps.close()
@@ -146,8 +144,7 @@ def test_without_steps_there_is_a_message(tmp_path: Path) -> None:
 def test_undo_leaves_the_step_as_it_is(tmp_path: Path) -> None:
     state = of_series(tmp_path, balls(2))
     history = History(state).step(replace(state, thickness=2.0))
-    series = state.document.series
-    later = state.document.at_step(1, series[1], None)
+    later = state.document.at_step(1, state.document.series[1], None)
     history = history.amend(replace(history.present, document=later))
     assert history.difference.stage == "cast"
     assert {id(each.document) for each in history.past} == {id(later)}

@@ -138,8 +138,7 @@ def test_menus_tick_the_preset_in_use_until_it_is_changed(state: ViewState) -> N
 def test_parts_left_alone_at_fifty_fold_thickness_come_back(state: ViewState, kind: str) -> None:
     """Opacities that fifty-fold thickness rounds to 1 were all .129 after any edit there."""
     state = of_kind(state, kind)
-    thick = transfer_edits.thicken(state, 50.0)
-    edited = transfer_edits.set_opacity(thick, 0, 0.3)
+    edited = transfer_edits.set_opacity(transfer_edits.thicken(state, 50.0), 0, 0.3)
     edited = transfer_edits.set_material(edited, 1, "gold")
     edited = transfer_edits.set_opacity(edited, 0, 0.4)
     back = opacities_of(transfer_edits.thicken(edited, 1.0))
@@ -224,8 +223,7 @@ def test_a_point_without_room_takes_only_an_opacity(state: ViewState, kind: str)
         assert values_of(moved) == [0.0, 0.5, 0.5005, 0.501]
         assert opacities_of(moved) == [0.1, 0.1, 0.7, 0.3]
     # Nearer than a gap to one neighbour only: it stays where just its opacity is dragged.
-    lifted = transfer_edits.move_point(close, 3, 0.501, 0.7)
-    assert values_of(lifted) == values_of(close)
+    assert values_of(transfer_edits.move_point(close, 3, 0.501, 0.7)) == values_of(close)
 
 
 def opacities_at(transfer: Transfer, values: np.ndarray) -> np.ndarray:
@@ -250,8 +248,7 @@ def test_a_curve_becomes_regions_that_look_alike(state: ViewState) -> None:
     assert np.abs(there - here).mean() < 0.1
     # Beyond its last point a curve goes on: the greatest value is no soft side.
     assert there[-1] == pytest.approx(0.8, abs=0.02)
-    back = opacities_at(convert(regions, "points", _SPAN), at)
-    assert np.abs(back - here).mean() < 0.1
+    assert np.abs(opacities_at(convert(regions, "points", _SPAN), at) - here).mean() < 0.1
 
 
 def test_a_hard_region_becomes_a_curve_with_steep_sides(state: ViewState) -> None:
@@ -367,8 +364,7 @@ def test_factors_are_added_where_there_is_room_and_two_stay(on: ViewState, top: 
 
 @pytest.mark.not_quick
 def test_a_preset_shows_the_ball_and_replaces_materials_and_basis(document: Document) -> None:
-    state = ViewState.first(document, (32, 32))
-    shifted = transfer_edits.shift(state, 0.2)
+    shifted = transfer_edits.shift(ViewState.first(document, (32, 32)), 0.2)
     new = run_command(shifted, "preset-skin").state
     assert list(new.transfer.materials) == ["skin"] and new.shift == 0
     assert new.transfer.basis.method == "materials"

@@ -38,8 +38,7 @@ def oblique(shape: tuple[int, int, int] = (30, 40, 50)) -> Volume:
     world = np.eye(4)
     world[:3, :3] = turn @ np.diag([0.7, 1.2, 2.5])
     world[:3, 3] = 12.0, -40.0, 900.0
-    values = np.random.default_rng(4).random(shape, dtype=np.float32)
-    return Volume(values, world_from_index=world)
+    return Volume(np.random.default_rng(4).random(shape, dtype=np.float32), world_from_index=world)
 
 
 @pytest.fixture
@@ -78,8 +77,7 @@ def test_a_face_dragged_over_ten_voxels_moves_ten(tilted: ViewState, view: View,
     """Also in perspective, where pixels are not alike along the way."""
     state = cuts.with_overlays(replace(tilted, view=view), crop=True)
     seen, volume = seen_of(state), state.document.volume
-    found = cuts.list_handles(state, seen, 1.0)
-    handle = next(each for each in found if each.index == face)
+    handle = next(each for each in cuts.list_handles(state, seen, 1.0) if each.index == face)
     axis, far = divmod(face, 2)
     middle = (np.array(volume.shape_xyz) - 1) / 2
     middle[axis] = (volume.shape_xyz[axis] - 1) * far
@@ -153,8 +151,7 @@ def test_six_planes_are_the_most_none_twice_and_flipping_twice_is_nothing(state:
         state, message, _ = run_command(state, "p")
         assert bool(message) == (azimuth > 5)
     assert len(state.shading.clip_planes) == 6 and state.interface.overlays.plane == 5
-    flipped = cuts.flip_plane(cuts.flip_plane(state, 2), 2)
-    assert flipped.shading == state.shading
+    assert cuts.flip_plane(cuts.flip_plane(state, 2), 2).shading == state.shading
     assert len(cuts.remove_plane(state, 5).shading.clip_planes) == 5
 
 
@@ -279,8 +276,7 @@ def test_odd_volumes_have_handles_outlines_and_crops(state: ViewState, name: str
 
 
 def test_a_scenes_plane_far_off_is_held_near_the_volume(document: Document) -> None:
-    far = ClipPlane((1e5, 3.0, 3.0), (0.0, 0.0, 1.0))
-    at = cuts.anchor_mm(far, document.volume)
+    at = cuts.anchor_mm(ClipPlane((1e5, 3.0, 3.0), (0.0, 0.0, 1.0)), document.volume)
     assert at[2] == pytest.approx(3.0)
     assert np.linalg.norm(at - document.volume.corners_mm.mean(axis=0)) < 10
 
@@ -292,8 +288,7 @@ def test_what_is_shown_is_fitted(tilted: ViewState, view: View, aspect: float) -
     values = np.zeros((30, 40, 50), np.float32)
     values[3:9, 20:31, 30:42] = 1.0
     volume = replace(tilted.document.volume, values=values)
-    rolled = replace(view, roll_deg=0.0)
-    found = fit_view(rolled, volume, tilted.transfer, tilted.shading, aspect)
+    found = fit_view(replace(view, roll_deg=0.0), volume, tilted.transfer, tilted.shading, aspect)
     assert (found.azimuth_deg, found.elevation_deg) == (view.azimuth_deg, view.elevation_deg)
     area = 0, 0, 1000 * aspect, 1000
     box = cuts.box_corners_mm(((29.5, 41.5), (19.5, 30.5), (2.5, 8.5)), volume).reshape(-1, 3)

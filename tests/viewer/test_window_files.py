@@ -117,8 +117,7 @@ def test_files_are_found_by_mouse_arrows_and_tab(ball: Robot, tmp_path: Path) ->
     before = ball.keys("ctrl+s")
     ball.enter("mo", "Tab")
     ball.enter("mine")
-    saved = ball.event("export-scene", before)["path"]
-    assert Path(saved) == data / "inner" / "more" / "mine.toml"
+    assert Path(ball.event("export-scene", before)["path"]) == data / "inner" / "more" / "mine.toml"
     # All files; the place of the open file, and Escape.
     with dialog():
         ball.click("place Home", "place Folder of the open file", "path filter")
@@ -206,8 +205,7 @@ def test_a_picture_dialog_stays_until_its_folder_can_be_made(ball: Robot, tmp_pa
     save_to("/proc/none")
     assert "file problem" in ball.areas()
     save_to(f"{tmp_path}/new/deeper")
-    saved = ball.event("screenshot", before)
-    assert saved["path"] == str(tmp_path / "new" / "deeper" / "ball.png")
+    assert ball.event("screenshot", before)["path"] == str(tmp_path / "new" / "deeper" / "ball.png")
 
 
 @pytest.mark.slow

@@ -170,8 +170,7 @@ def test_handles_cube_and_slices_take_the_mouse(engine: Robot) -> None:
     before = engine.keys("o")
     first = slices(engine)
     engine.click(engine.at("slice Axial", 0.4, 0.62))
-    pairs = zip(first, slices(engine), strict=True)
-    assert min(np.abs(a - b).mean() for a, b in pairs) > 2
+    assert min(np.abs(a - b).mean() for a, b in zip(first, slices(engine), strict=True)) > 2
     engine.keys("space")
     assert engine.since(before, "relight") and not engine.since(before, "cast")
 
