@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from tests.support.viewer import KINDS, of_kind
+from tests.viewer._states import of_volume, relit
 from volspec.basis import MaterialBasis
-from volspec.pipeline import Relighter
 from volspec.raycast import CoefficientImage, RaycastSpec
 from volspec.raycast.projection import is_patient
 from volspec.relight import LightRig
@@ -21,6 +21,7 @@ from volspec.viewer.model import camera, lights, slice_table, slices
 from volspec.viewer.model.cuts import with_overlays
 from volspec.viewer.model.slices import (
     PLANES,
+    Plane,
     direction_letters,
     edge_letters,
     slice_layout,
@@ -75,22 +76,26 @@ def test_slices_of_several_fields_show_all_with_their_masks() -> None:
     other = Volume((ramp[::2, ::2, ::2].T > 0) * np.uint8(60), world_from_index=place, name="pet")
     labels = Volume((np.arange(8)[None, :, None] > 5) * np.ones((8, 8, 8), np.uint8), name="cut")
     volume = Volume(ramp, name="ct").with_fields([other, labels])
-    made = slice_table.FieldSlices.of(
-        volume, FieldFunctions({"": copper, "pet": gold}, masks={"": Mask("cut", {1: None})})
-    )
-    index = slices.slice_index(volume, slice_layout(volume, PLANES[0]), 7)
-    shown = made.image(index, (0.0, 1.0), RaycastSpec()).coefficients
+    functions = FieldFunctions({"": copper, "pet": gold}, masks={"": Mask("cut", {1: None})})
+    made = slice_table.FieldSlices.of(volume, functions)
+
+    def shown(number: int) -> np.ndarray:
+        index = slices.slice_index(volume, slice_layout(volume, PLANES[0]), number)
+        return made.image(index, (0.0, 1.0), RaycastSpec()).coefficients
+
     # Rows are y, columns x; pet is everywhere in this slice above z = 7.
-    assert shown.shape == (8, 8, 3)
-    np.testing.assert_allclose(shown[3, 1], (0, 1, 0), atol=1e-6)  # pet alone
-    mixed = shown[3, 6]
+    above, below = shown(7), shown(1)
+    assert above.shape == (8, 8, 3)
+    mixed = above[3, 6]
     assert 0.3 < mixed[0] < 0.7 and mixed.sum() == pytest.approx(1.0, abs=1e-6)
-    np.testing.assert_allclose(shown[7, 6], (0, 1, 0), atol=1e-6)  # the mask hides the CT
-    index = slices.slice_index(volume, slice_layout(volume, PLANES[0]), 1)
-    below = made.image(index, (0.0, 1.0), RaycastSpec()).coefficients
-    np.testing.assert_allclose(below[3, 1], (0, 0, 0), atol=1e-6)  # neither, black
-    np.testing.assert_allclose(below[3, 6], (1, 0, 0), atol=1e-6)
-    np.testing.assert_allclose(below[7, 6], (0, 0, 1), atol=1e-6)  # hidden: the grey of its value
+    for pixel, channels in (
+        (above[3, 1], (0, 1, 0)),  # pet alone
+        (above[7, 6], (0, 1, 0)),  # the mask hides the CT
+        (below[3, 1], (0, 0, 0)),  # neither, black
+        (below[3, 6], (1, 0, 0)),
+        (below[7, 6], (0, 0, 1)),  # hidden: the grey of its value
+    ):
+        np.testing.assert_allclose(pixel, channels, atol=1e-6)
 
 
 def test_an_axial_slice_lies_the_same_way_however_voxels_are_stored() -> None:
@@ -142,7 +147,7 @@ def test_a_volume_without_orientation_has_axes_for_letters() -> None:
 
 def test_a_click_in_a_slice_moves_the_other_two(state: ViewState) -> None:
     volume = numbered(np.diag([-1.0, 1.0, 2.0, 1.0]))
-    state = replace(state, document=replace(state.document, volume=volume))
+    state = of_volume(state, volume)
     layout = slice_layout(volume, PLANES[0])
     # The middle of the second column and the last row; x runs against the picture.
     moved = slices.point_at(state, 0, 1.5 / 6, 4.6 / 5)
@@ -167,15 +172,15 @@ def test_what_a_crop_leaves_is_seen_in_the_slices() -> None:
     assert (left, top, right, bottom) == pytest.approx((0.5, 0.2, 1.0, 1.0))
 
 
-def test_steps_go_up_whichever_way_the_voxels_run(state: ViewState) -> None:
-    for sign in (1.0, -1.0):
-        volume = numbered(np.diag([1.0, 1.0, sign, 1.0]))
-        given = replace(state, document=replace(state.document, volume=volume))
-        before, after = (
-            sign * slices.voxel_number(volume, 2, each.interface.slices.at[2])
-            for each in (given, slices.step_slice(given, 0, 1.0))
-        )
-        assert after == before + 1
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_steps_go_up_whichever_way_the_voxels_run(state: ViewState, sign: float) -> None:
+    volume = numbered(np.diag([1.0, 1.0, sign, 1.0]))
+    given = of_volume(state, volume)
+    before, after = (
+        sign * slices.voxel_number(volume, 2, each.interface.slices.at[2])
+        for each in (given, slices.step_slice(given, 0, 1.0))
+    )
+    assert after == before + 1
 
 
 class _Texture:
@@ -201,19 +206,27 @@ def test_a_slice_is_written_again_only_where_it_changes(state: ViewState) -> Non
     context = _Context()
     pictures = SlicePictures(context)
     layouts = [slice_layout(state.document.volume, plane) for plane in PLANES]
-
-    def written(shown: ViewState) -> list[int]:
+    moved = slices.move_slice(state, 0, 0.9)
+    lit = lights.set_weight(moved, 1, 1.0)
+    for shown, counts in (
+        (state, [1, 1, 1]),
+        (replace(state, view=replace(state.view, zoom=2.0)), [1, 1, 1]),
+        (moved, [2, 1, 1]),
+        (slices.move_slice(state, 0, 0.9), [2, 1, 1]),
+        (lit, [3, 2, 2]),
+        (camera.orbit(lit, 0.1, 0.0), [3, 2, 2]),
+    ):
         for plane, layout in zip(PLANES, layouts, strict=True):
             assert pictures.texture(shown, plane.name, layout, 200.0) == 7
-        return [len(texture.written) for texture in context.textures]
+        assert [len(texture.written) for texture in context.textures] == counts
 
-    assert written(state) == [1, 1, 1]
-    assert written(replace(state, view=replace(state.view, zoom=2.0))) == [1, 1, 1]
-    assert written(slices.move_slice(state, 0, 0.9)) == [2, 1, 1]
-    assert written(slices.move_slice(state, 0, 0.9)) == [2, 1, 1]
-    lit = lights.set_weight(slices.move_slice(state, 0, 0.9), 1, 1.0)
-    assert written(lit) == [3, 2, 2]
-    assert written(camera.orbit(lit, 0.1, 0.0)) == [3, 2, 2]
+
+def slice_codes(state: ViewState, plane: Plane) -> np.ndarray:
+    """Return the codes (H, W, 4) of a state's slice."""
+    context = _Context()
+    layout = slice_layout(state.document.volume, plane)
+    SlicePictures(context).texture(state, plane.name, layout, 200.0)
+    return context.textures[0].written[0].view(np.uint8).reshape(8, 8, 4)
 
 
 def test_slices_are_relit_as_pixels_of_a_picture_are(state: ViewState) -> None:
@@ -221,34 +234,25 @@ def test_slices_are_relit_as_pixels_of_a_picture_are(state: ViewState) -> None:
 
     The material comes to 1 - (1 - opacity)^16 of a voxel, which is all of gold's at 0.6.
     """
+    transfer = replace(state.transfer, points=[(0.0, 0.0, "gold"), (0.01, 0.6, "gold")])
+    gold = transfer.basis.analyse(transfer.materials["gold"].values)
+    one = np.ones((1, 1), np.float32)
+    image = CoefficientImage(gold[None, None].astype(np.float32), one, one, transfer.basis)
     for name in ("D65", "HP1"):
         rows = (replace(state.lights[0], rig=LightRig((light(name),))),)
-        lit = replace(state, lights=rows, transfer=_gold(state, 0.6))
-        context = _Context()
-        layout = slice_layout(state.document.volume, PLANES[0])
-        SlicePictures(context).texture(lit, "Axial", layout, 200.0)
-        pixels = context.textures[0].written[0].view(np.uint8).reshape(8, 8, 4)
-        gold = state.transfer.basis.analyse(state.transfer.materials["gold"].values)
-        one = np.ones((1, 1), np.float32)
-        image = CoefficientImage(gold[None, None].astype(np.float32), one, one, lit.transfer.basis)
-        with Relighter(image, backend="numpy") as relighter:
-            expected = relighter.frame(rows[0].rig, lit.relight.viewing)[0, 0]
-        assert np.abs(pixels[4, 4, :3].astype(int) - expected).max() <= 1
+        lit = replace(state, lights=rows, transfer=transfer)
+        pixels = slice_codes(lit, PLANES[0])
+        assert np.abs(pixels[4, 4, :3].astype(int) - relit(image, lit)[0, 0]).max() <= 1
         assert (pixels[..., 3] == 255).all()
-
-
-def _gold(state: ViewState, opacity: float) -> TransferFunction:
-    return replace(state.transfer, points=[(0.0, 0.0, "gold"), (0.01, opacity, "gold")])
 
 
 def test_greys_are_the_values_between_black_and_white(state: ViewState) -> None:
     plain = with_slices(state, lit=False, greys=(0.0, 1.0))
-    context, volume = _Context(), state.document.volume
-    layout = slice_layout(volume, PLANES[2])
-    SlicePictures(context).texture(plain, "Sagittal", layout, 200.0)
+    volume = state.document.volume
     low, high = volume.range
-    shown = slice_values(volume, layout, slices.voxel_number(volume, 0, 0.5))
-    grey = context.textures[0].written[0].view(np.uint8).reshape(8, 8, 4)[..., 1]
+    number = slices.voxel_number(volume, 0, 0.5)
+    shown = slice_values(volume, slice_layout(volume, PLANES[2]), number)
+    grey = slice_codes(plain, PLANES[2])[..., 1]
     # 4096 entries and rounding to codes: half a code.
     assert np.abs(grey - 255 * (shown - low) / (high - low)).max() <= 0.6
     narrow = slices.set_greys(plain, 0.7, 0.2).interface.slices.greys
@@ -281,14 +285,10 @@ def test_every_kind_of_transfer_function_has_a_table(state: ViewState, kind: str
 def test_odd_volumes_have_slices(state: ViewState) -> None:
     holes = np.random.default_rng(1).random((4, 5, 6), dtype=np.float32)
     holes[1:3, 2, 2] = np.nan
-    for volume in (
-        Volume(np.arange(8, dtype=np.uint8).reshape(2, 2, 2)),
-        Volume(np.full((2, 3, 4), 5, np.int16)),
-        Volume(holes),
-    ):
-        odd = replace(state, document=replace(state.document, volume=volume))
-        context = _Context()
-        pictures = SlicePictures(context)
+    least = np.arange(8, dtype=np.uint8).reshape(2, 2, 2)
+    for values in (least, np.full((2, 3, 4), 5, np.int16), holes):
+        volume, context = Volume(values), _Context()
+        odd, pictures = of_volume(state, volume), SlicePictures(context)
         for plane in PLANES:
             pictures.texture(odd, plane.name, slice_layout(volume, plane), 5.0)
         assert len(context.textures) == 3

@@ -11,7 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.support.viewer import run_command
-from volspec.raycast import Camera, ClipPlane
+from tests.viewer._states import of_volume
+from volspec.raycast import ClipPlane
 from volspec.raycast.framing import fit_view, shown_mm
 from volspec.raycast.projection import Projection, cube_faces, cube_label, length_mm
 from volspec.viewer.model import camera, cuts, slices, transfer_edits
@@ -19,7 +20,6 @@ from volspec.viewer.model.commands import BY_KEY
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import HALF, View, cube_middle, face_at
-from volspec.viewer.ui import overlays
 from volspec.viewer.ui.mouse import DRAGS, WHEELS
 from volspec.volume import Volume
 
@@ -44,7 +44,7 @@ def oblique(shape: tuple[int, int, int] = (30, 40, 50)) -> Volume:
 @pytest.fixture
 def tilted(state: ViewState) -> ViewState:
     """A state of an oblique volume."""
-    return replace(state, document=replace(state.document, volume=oblique()))
+    return of_volume(state, oblique())
 
 
 def seen_of(state: ViewState) -> Projection:
@@ -63,11 +63,8 @@ def test_points_are_placed_where_the_raycaster_sees_them(state: ViewState, view:
     seen, rays = Projection(camera, AREA), camera.ray_field(800, 600)
     for x, y, depth in ((0, 0, 0.7), (399, 299, 1.3), (731, 120, 1.0)):
         offset = (x - rays.middle[0]) * rays.across + (y - rays.middle[1]) * rays.down
-        start = np.asarray(camera.position_mm)
-        if rays.perspective:
-            point = start + depth * (rays.forward * rays.distance + offset)
-        else:
-            point = start + offset + depth * rays.forward * rays.distance
+        spread = depth if rays.perspective else 1.0
+        point = camera.position_mm + spread * offset + depth * rays.forward * rays.distance
         np.testing.assert_allclose(place(seen, point), (x + 40.5, y + 20.5), atol=1e-6)
 
 
@@ -96,26 +93,23 @@ def test_a_face_dragged_over_ten_voxels_moves_ten(tilted: ViewState, view: View,
 @pytest.mark.parametrize("view", VIEWS)
 def test_a_plane_follows_its_handles(tilted: ViewState, view: View) -> None:
     state = run_command(replace(tilted, view=view), "plane-x").state
-    seen, volume = seen_of(state), state.document.volume
-    tilt_handle = None
-    for handle in cuts.list_handles(state, seen, 1.0):
-        plane = state.shading.clip_planes[0]
-        if handle.name == "plane-shift":
-            there = np.asarray(plane.point_mm) + 5.0 * np.asarray(plane.normal)
-            x, y = cuts.drag_handle(state.shading, volume, handle, place(seen, there), seen)
-            assert x == pytest.approx(5.0, abs=1e-6)
-        else:
-            tilt_handle = handle
+    seen, volume, plane = seen_of(state), state.document.volume, state.shading.clip_planes[0]
+    handles = {handle.name: handle for handle in cuts.list_handles(state, seen, 1.0)}
+    shift = handles.pop("plane-shift")
+    (tilt,) = handles.values()
+    there = np.asarray(plane.point_mm) + 5.0 * np.asarray(plane.normal)
+    x, y = cuts.drag_handle(state.shading, volume, shift, place(seen, there), seen)
+    assert x == pytest.approx(5.0, abs=1e-6)
+
+    def normal_after(to: tuple[float, float]) -> NDArray[np.float64]:
+        x, y = cuts.drag_handle(state.shading, volume, tilt, to, seen)
+        return np.asarray(cuts.tilt_plane(state, 0, x, y).shading.clip_planes[0].normal)
+
     # Where it is: nothing changes. Elsewhere: the axis is where the mouse is.
-    plane = state.shading.clip_planes[0]
-    x, y = cuts.drag_handle(state.shading, volume, tilt_handle, tilt_handle.held, seen)
-    same = cuts.tilt_plane(state, 0, x, y).shading.clip_planes[0]
-    np.testing.assert_allclose(same.normal, plane.normal, atol=1e-6)
+    np.testing.assert_allclose(normal_after(tilt.held), plane.normal, atol=1e-6)
     right, up, forward = seen.camera.frame()
     middle = place(seen, np.asarray(plane.point_mm))
-    to = middle[0] + 0.6 * tilt_handle.arm, middle[1] - 0.5 * tilt_handle.arm
-    x, y = cuts.drag_handle(state.shading, volume, tilt_handle, to, seen)
-    normal = np.asarray(cuts.tilt_plane(state, 0, x, y).shading.clip_planes[0].normal)
+    normal = normal_after((middle[0] + 0.6 * tilt.arm, middle[1] - 0.5 * tilt.arm))
     normal *= -math.copysign(1.0, float(normal @ forward))
     np.testing.assert_allclose([normal @ right, normal @ up], [0.6, 0.5], atol=1e-6)
 
@@ -203,43 +197,40 @@ def test_a_click_on_a_face_of_the_cube_looks_at_it(state: ViewState) -> None:
 
 
 def test_a_face_is_named_by_where_it_looks() -> None:
-    assert [overlays.cube_label(face, True) for face in range(6)] == ["R", "L", "A", "P", "I", "S"]
-    assert [overlays.cube_label(face, False) for face in (0, 1, 5)] == ["-x", "+x", "+z"]
+    assert [cube_label(face, True) for face in range(6)] == ["R", "L", "A", "P", "I", "S"]
+    assert [cube_label(face, False) for face in (0, 1, 5)] == ["-x", "+x", "+z"]
 
 
 def test_a_rolled_picture_turns_clockwise_and_follows_the_mouse(state: ViewState) -> None:
-    volume, upright = state.document.volume, replace(state, view=View(20.0, 10.0))
+    upright = replace(state, view=View(20.0, 10.0))
     rolled = camera.roll(upright, 90.0)
-    right, up, forward = upright.view.camera(volume).frame()
-    turned = rolled.view.camera(volume).frame()
+    (right, up, forward), turned = (seen_of(each).camera.frame() for each in (upright, rolled))
     # What was on top is at the right now.
     np.testing.assert_allclose(turned, [up, -right, forward], atol=1e-12)
     down, across = camera.orbit(rolled, 0.0, 0.1).view, camera.orbit(upright, 0.1, 0.0).view
-    assert (down.azimuth_deg, down.elevation_deg) == pytest.approx(
-        (across.azimuth_deg, across.elevation_deg)
-    )
+    assert down.azimuth_deg == pytest.approx(across.azimuth_deg)
+    assert down.elevation_deg == pytest.approx(across.elevation_deg)
     assert camera.roll(upright, 270.0).view.roll_deg == -90.0
 
 
 def test_the_field_of_view_changes_and_the_volume_keeps_its_size(state: ViewState) -> None:
     wide = camera.widen_notches(state, -5.0)
     assert wide.view.fov_deg > state.view.fov_deg
-    radius = [
-        view.camera(state.document.volume).distance_mm * math.sin(math.radians(view.fov_deg) / 2)
-        for view in (state.view, wide.view)
-    ]
-    assert radius[0] == pytest.approx(radius[1])
+    one, other = (
+        seen_of(each).camera.distance_mm * math.sin(math.radians(each.view.fov_deg) / 2)
+        for each in (state, wide)
+    )
+    assert one == pytest.approx(other)
     assert camera.widen_notches(state, 1e6).view.fov_deg == 5.0
 
 
 def test_everything_the_mouse_does_to_the_view_has_a_key(state: ViewState) -> None:
+    first = seen_of(state).camera.position_mm
     for pair in (("left", "right"), ("up", "down"), ("shift+left", "shift+right"), ("=", "-")):
         there, back = (BY_KEY[key].change for key in pair)
         assert there(state).view != state.view
-        again, first = back(there(state)).view.camera(state.document.volume), state.view
-        np.testing.assert_allclose(
-            again.position_mm, first.camera(state.document.volume).position_mm, atol=1e-6
-        )
+        again = seen_of(back(there(state))).camera.position_mm
+        np.testing.assert_allclose(again, first, atol=1e-6)
 
 
 def test_drags_go_by_button_and_keys_held() -> None:
@@ -259,7 +250,7 @@ BAD: dict[str, Callable[[], Volume]] = {
 @pytest.mark.parametrize("name", BAD)
 def test_odd_volumes_have_handles_outlines_and_crops(state: ViewState, name: str) -> None:
     volume = BAD[name]()
-    state = replace(state, document=replace(state.document, volume=volume))
+    state = of_volume(state, volume)
     for view in VIEWS:
         odd = replace(state, view=view)
         for edit, *given in (
@@ -300,13 +291,12 @@ def test_what_is_shown_is_fitted(tilted: ViewState, view: View, aspect: float) -
 
 
 def test_where_nothing_is_shown_the_volume_is_fitted(state: ViewState) -> None:
-    volume = state.document.volume
-    curve = state.transfer
+    volume, curve = state.document.volume, state.transfer
     clear = replace(curve, points=[(value, 0.0, mix) for value, _, mix in curve.points])
     np.testing.assert_array_equal(shown_mm([volume], clear, state.shading), volume.corners_mm)
     # What is cut away is not shown.
     cut = replace(state.shading, crop_voxels=((0.0, 3.0), (0.0, 7.0), (0.0, 7.0)))
-    assert shown_mm([volume], state.transfer, cut)[:, 0].max() <= 3.0
+    assert shown_mm([volume], curve, cut)[:, 0].max() <= 3.0
 
 
 @pytest.mark.parametrize("orthographic", [False, True])
@@ -318,39 +308,33 @@ def test_a_camera_becomes_the_orbit_there(document: Document, orthographic: bool
         again = View.of(given, volume).camera(volume)
         np.testing.assert_allclose(again.position_mm, given.position_mm, atol=1e-9)
         np.testing.assert_allclose(again.frame()[1], given.frame()[1], atol=1e-9)
-        if orthographic:
-            assert again.height_mm == pytest.approx(given.height_mm)
+        assert not orthographic or again.height_mm == pytest.approx(given.height_mm)
 
 
 def test_a_point_follows_the_mouse_when_it_is_panned(state: ViewState) -> None:
     """The target moves by as much of the picture's height as the mouse, the other way."""
     start = replace(state, view=View(zoom=1.3))
-
-    def height_of(camera: Camera) -> float:
-        return 2 * camera.distance_mm * math.tan(math.radians(camera.fov_deg) / 2)
-
-    before, panned = (
-        each.view.camera(state.document.volume) for each in (start, camera.pan(start, 0.1, 0.2))
-    )
+    before, panned = (seen_of(each).camera for each in (start, camera.pan(start, 0.1, 0.2)))
     right, up, _ = before.frame()
-    step = np.subtract(panned.target_mm, before.target_mm) / height_of(before)
+    height = 2 * before.distance_mm * math.tan(math.radians(before.fov_deg) / 2)
+    step = np.subtract(panned.target_mm, before.target_mm) / height
     np.testing.assert_allclose([step @ right, step @ up], [-0.1, 0.2], atol=1e-9)
 
 
 def test_front_right_and_top_look_along_the_axes(state: ViewState) -> None:
     for side, towards in (("front", (0, 1, 0)), ("right", (-1, 0, 0)), ("top", (0, 0, -1))):
-        view = run_command(state, f"view-{side}").state.view
-        forward = view.camera(state.document.volume).frame()[2]
-        np.testing.assert_allclose(forward, towards, atol=1e-9)
+        there = seen_of(run_command(state, f"view-{side}").state).camera
+        np.testing.assert_allclose(there.frame()[2], towards, atol=1e-9)
 
 
 def test_sides_of_a_patient_are_named_as_on_the_cube(state: ViewState) -> None:
-    letters = {"left": "L", "right": "R", "front": "A", "back": "P", "top": "S", "bottom": "I"}
     patient = cuts.with_overlays(state, patient=True)
-    for side, letter in letters.items():
-        there = run_command(patient, f"view-{side}").state.view.camera(state.document.volume)
-        nearest, _, _ = max(cube_faces(there), key=lambda face: face[2])
-        assert cube_label(nearest, True) == letter, side
+    letters = {"left": "L", "right": "R", "front": "A", "back": "P", "top": "S", "bottom": "I"}
     # Without a patient, right is at +x.
-    plain = run_command(state, "view-right").state.view.camera(state.document.volume)
-    assert cube_label(max(cube_faces(plain), key=lambda face: face[2])[0], False) == "+x"
+    for given, side, name in (
+        *((patient, *row) for row in letters.items()),
+        (state, "right", "+x"),
+    ):
+        there = seen_of(run_command(given, f"view-{side}").state).camera
+        nearest, _, _ = max(cube_faces(there), key=lambda face: face[2])
+        assert cube_label(nearest, given is patient) == name, side
