@@ -10,10 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from tests.support.fixtures import Patch
+from tests.support.images import read_codes
 from tests.support.window import Robot, small_engine
+from tests.viewer._states import save_ball
 from volspec._gpu.devices import POCL, devices
 from volspec.scene import Scene
 from volspec.volume import phantom
@@ -63,14 +64,12 @@ def test_the_least_volume_on_a_dense_screen_in_a_window_of_next_to_nothing(tmp_p
         robot.whole()
         # 21 at 96 dpi: type of 15 and its padding.
         assert robot.area("weight 1")[3] == pytest.approx(42, abs=3)
-        number = robot.find()
         for size in ((1, 1), (40, 30), (1100, 700)):
             before = robot.now()
-            robot.do("windowsize", "--sync", number, *size)
+            robot.resize(size)
             robot.drop(least.as_uri())  # answered, so that the window has seen its size
         robot.whole(before)
-        assert robot.since(-1.0, "gl-error") == []
-        assert robot.viewer.poll() is None
+        assert robot.since(-1.0, "gl-error") == [] and robot.viewer.poll() is None
 
 
 @pytest.mark.slow
@@ -82,7 +81,7 @@ def test_without_a_device_the_remedy_is_shown(tmp_path: Path, monkeypatch: Patch
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setenv("OCL_ICD_VENDORS", str(tmp_path))
     monkeypatch.delenv("VOLSPEC_DEVICE", raising=False)
-    np.save(tmp_path / "ball.npy", phantom.ball(16).values)
+    save_ball(tmp_path)
     with Robot(tmp_path, ["ball.npy"], (900, 600)) as robot:
         robot.wait_for(lambda row: row["event"] == "error" and row.get("stage") == "cast")
         whole = robot.pixels()
@@ -97,7 +96,7 @@ def test_without_a_device_the_remedy_is_shown(tmp_path: Path, monkeypatch: Patch
 SCENE = """
 title = "%s"
 version = 2
-volume.file = "plain.npy"
+volume.file = "ball.npy"
 basis.method = "materials"
 material = [{ name = "grey", reflectance = "grey:0.5" }]
 light = [{ name = "day", spectrum = "D65" }, { name = "sodium", spectrum = "HP1" }]
@@ -120,8 +119,7 @@ def fed(pipe: Path, text: str) -> bool:
     except OSError:
         return False
     with open(end, "w", encoding="utf-8") as file:
-        file.write(text)
-    return True
+        return bool(file.write(text))
 
 
 def complaint(robot: Robot, *uris: str) -> str:
@@ -136,16 +134,16 @@ def complaint(robot: Robot, *uris: str) -> str:
 
 @pytest.mark.slow
 def test_what_is_dropped_is_opened_or_not_and_what_was_open_stays(tmp_path: Path) -> None:
-    plain, odd = tmp_path / "plain.npy", tmp_path / "Kugel é 骨 100%.npy"
-    for path in (plain, odd):
-        np.save(path, phantom.ball(16).values)
+    # On Linux a name may be bytes that are no text.
+    plain, odd, _ = (
+        save_ball(tmp_path, name=name)
+        for name in ("ball.npy", "Kugel é 骨 100%.npy", os.fsdecode(b"caf\xe9.npy"))
+    )
     notes, scene, first = (tmp_path / name for name in ("notes.txt", "scene.toml", "first.toml"))
     notes.write_text("no volume", encoding="utf-8")
     scene.write_text(SCENE % "Dropped", encoding="utf-8")
     # Reading it takes until it is fed below.
     os.mkfifo(first)
-    # On Linux a name may be bytes that are no text.
-    np.save(tmp_path / os.fsdecode(b"caf\xe9.npy"), phantom.ball(16).values)
     holed = np.random.default_rng(1).random((24, 24, 24), np.float32)
     holed[3, 4, 5] = np.nan
     np.save(tmp_path / "holed.npy", holed)
@@ -161,15 +159,12 @@ def test_what_is_dropped_is_opened_or_not_and_what_was_open_stays(tmp_path: Path
         assert titles(robot) == ["First", plain.name]
 
         # Of two drops in a row the last is open in the end; percent-encoded names are read.
-        before = robot.now()
-        robot.drop(f"file://localhost{scene}")
-        robot.drop(odd.as_uri())
-        robot.rest()
-        assert titles(robot, before)[-1] == odd.name
-        before = robot.now()
-        robot.drop(f"file://localhost{scene}")
-        robot.rest()
-        assert titles(robot, before) == ["Dropped"]
+        for uris, title in (([odd.as_uri()], odd.name), ([], "Dropped")):
+            before = robot.now()
+            for uri in (f"file://localhost{scene}", *uris):
+                robot.drop(uri)
+            robot.rest()
+            assert titles(robot, before)[-1] == title
 
         assert complaint(robot, plain.as_uri(), odd.as_uri())
         assert str(notes) in complaint(robot, notes.as_uri())
@@ -186,7 +181,7 @@ def test_what_is_dropped_is_opened_or_not_and_what_was_open_stays(tmp_path: Path
 
         # A picture that is being saved is given up when the window closes: with an interpreter
         # gone, its thread, which is in native code, ended the process by SIGABRT.
-        before = robot.open(tmp_path / "holed.npy")
+        robot.open(tmp_path / "holed.npy")
         robot.keys()
         robot.key("s")
         robot.key("ctrl+q")
@@ -203,10 +198,13 @@ sys.stdout.write(f"{width} {height} {min(data[3::4])} {max(data[0::4])}")
 
 
 def test_work_is_exported_found_by_name_kept_and_restored(tmp_path: Path) -> None:
-    options = "--screenshot", "160x120"
-    np.save(tmp_path / "plain.npy", phantom.ball(16).values)
+    save_ball(tmp_path)
     (tmp_path / "scene.toml").write_text(SCENE % "Work", encoding="utf-8")
-    with Robot(tmp_path, ["scene.toml", *options], (640, 480), ahead=False) as robot:
+
+    def started(what: str) -> Robot:
+        return Robot(tmp_path, [what, "--screenshot", "160x120"], (640, 480), ahead=False)
+
+    with started("scene.toml") as robot:
         robot.whole()
         # A command by a few letters, and a light in the list by name.
         for words in ("sod alo", "view right"):
@@ -226,14 +224,10 @@ def test_work_is_exported_found_by_name_kept_and_restored(tmp_path: Path) -> Non
         first = robot.saved("screenshot", -1.0)
         robot.key("ctrl+c")
         robot.event("copied")
-        pasted = subprocess.run(
-            [sys.executable, "-c", _PASTE],
-            env=robot.environment,
-            capture_output=True,
-            text=True,
-            check=True,
+        pasted = subprocess.check_output(
+            [sys.executable, "-c", _PASTE], env=robot.environment, text=True
         )
-        width, height, opaque, brightest = map(int, pasted.stdout.split())
+        width, height, opaque, brightest = map(int, pasted.split())
         assert (width, height) == robot.area("picture")[2:]
         assert opaque == 255 and brightest > 50
 
@@ -249,7 +243,7 @@ def test_work_is_exported_found_by_name_kept_and_restored(tmp_path: Path) -> Non
         robot.key("ctrl+q")
         assert robot.ends() == 0
 
-    with Robot(tmp_path, ["--restore", *options], (640, 480), ahead=False) as robot:
+    with started("--restore") as robot:
         robot.whole()
         robot.rest()
         robot.key("s")
@@ -282,23 +276,21 @@ def test_a_volume_s_saved_scene_exports_the_picture_shown(window: Robot, tmp_pat
     seen = window.saved("screenshot", before)
     text = saved.read_text(encoding="utf-8")
     assert 'file = "ball.nii.gz"' in text and 'reflectance = "Vrhel/' in text
-    assert max(len(number) for number in re.findall(r"[\d.]+", text)) <= 9
+    assert max(map(len, re.findall(r"[\d.]+", text))) <= 9
     scene = Scene.load(saved)
     # Films want sides of even numbers.
     sides = tuple(side // 2 * 2 for side in window.area("picture")[2:])
     assert (scene.file.output.width, scene.file.output.height) == sides
-    scene = scene.exporting(annotate=["scale"])  # as a picture has what the screen shows
-    lights = [scene.lights[0].name]
-    made = scene.export(tmp_path / "frames", lights=lights, sheet=False, size=(160, 120))
-    with Image.open(made.output / made.files[0]) as image:
-        frame = np.asarray(image.convert("RGB"), np.int16)
+    made = scene.exporting(annotate=["scale"]).export(  # as a picture has what the screen shows
+        tmp_path / "frames", lights=[scene.lights[0].name], sheet=False, size=(160, 120)
+    )
+    frame = read_codes(made.output / made.files[0]).astype(int)
     assert seen.std() > 5 and np.abs(frame - seen).max() <= 1
 
 
 @pytest.mark.slow
 def test_a_first_start_offers_demonstrations_and_a_crash_is_told_of(tmp_path: Path) -> None:
-    own = tmp_path / "own.npy"
-    np.save(own, phantom.ball(16).values)
+    own = save_ball(tmp_path)
     with Robot(tmp_path, [], (720, 520), ahead=False) as robot:
         robot.whole()
         # At once, before the scene behind it is read.
