@@ -47,7 +47,6 @@ from volspec.viewer.ui.context import Request, UiContext
 from volspec.viewer.ui.file_commands import FileCommands
 from volspec.viewer.work import designs
 from volspec.viewer.work.background import Tasks
-from volspec.viewer.work.designs import DesignService
 from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.probe import material_at
 from volspec.viewer.work.session_store import STATE_VARIABLE
@@ -393,7 +392,7 @@ def test_what_is_hidden_in_daylight_is_told_in_words(engine: ViewState) -> None:
 
 @pytest.mark.not_quick
 def test_a_service_ends_an_effect_in_a_comparison(engine: ViewState) -> None:
-    service = DesignService(lambda: None, Notice(Trace(None)))
+    service = designs.DesignService(lambda: None, Notice(Trace(None)))
     ready = effects.prepare(engine, ("inserts", "block"))
     service.follow(ready)
     service.run(effects.DIFFERENCE, ready, effect=True)

@@ -44,26 +44,9 @@ from volspec.viewer.model.paths import (
 )
 from volspec.viewer.ui.dialogs import initial_path
 from volspec.viewer.ui.widgets import find_cjk_font
-from volspec.viewer.work import background
+from volspec.viewer.work import background, outputs, screenshot
 from volspec.viewer.work.documents import open_document, open_path
-from volspec.viewer.work.outputs import (
-    CUSTOM,
-    PRESETS,
-    SHOWN,
-    TWICE,
-    Destination,
-    PictureSize,
-    Progress,
-    output_folder,
-    pictures_folder,
-)
 from volspec.viewer.work.probe import Reading
-from volspec.viewer.work.screenshot import (
-    ClipboardError,
-    Shot,
-    copy_values,
-    save_picture,
-)
 from volspec.viewer.work.script import export_python, script_from_state
 from volspec.viewer.work.session import SUFFIX
 from volspec.viewer.work.session_store import MOST_FILES, STATE_VARIABLE, RecentFiles, state_folder
@@ -199,7 +182,7 @@ def test_nothing_is_saved_next_to_a_bundled_scene(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     document = open_document(str(demo().with_name("engine-cut.toml")))
-    assert output_folder(document) == pictures
+    assert outputs.output_folder(document) == pictures
     save = PathRequest("x", "Save", True, (".toml",))
     assert initial_path(save, document) == f"{tmp_path}/engine-cut-view.toml"
 
@@ -267,17 +250,23 @@ def test_where_things_are_remembered_can_be_said(monkeypatch: Patch) -> None:
 
 def test_pictures_have_even_sides_or_the_size_that_was_asked_for() -> None:
     shown = (301, 200)
-    sizes = {preset: PictureSize(preset, (99, 77)).pixels(shown) for preset in PRESETS}
-    assert sizes[SHOWN] == (300, 200) and sizes[TWICE] == (602, 400) and sizes[CUSTOM] == (99, 77)
+    sizes = {
+        preset: outputs.PictureSize(preset, (99, 77)).pixels(shown) for preset in outputs.PRESETS
+    }
+    assert (
+        sizes[outputs.SHOWN] == (300, 200)
+        and sizes[outputs.TWICE] == (602, 400)
+        and sizes[outputs.CUSTOM] == (99, 77)
+    )
     assert (3840, 2160) in sizes.values()
-    assert PictureSize(CUSTOM, (-5, 10**9)).pixels(shown) == (1, MAX_SIDE)
+    assert outputs.PictureSize(outputs.CUSTOM, (-5, 10**9)).pixels(shown) == (1, MAX_SIDE)
 
 
 def test_files_get_free_names_next_to_what_was_opened(tmp_path: Path) -> None:
     document = opened(tmp_path).document
     for name, stems in (("", ("ball", "ball-1")), ("a b.png", ("a-b", "a-b-1"))):
         for stem in stems:
-            path = Destination(name=name).new_path(document, ".png")
+            path = outputs.Destination(name=name).new_path(document, ".png")
             assert path == tmp_path / f"{stem}.png"
             path.touch()
 
@@ -288,12 +277,12 @@ def test_files_go_to_the_pictures_from_a_folder_that_cannot_be_written_to(
     document = opened(tmp_path).document
     with monkeypatch.context() as patched:
         patched.setattr(os, "access", lambda *_: False)
-        assert output_folder(document) == pictures
+        assert outputs.output_folder(document) == pictures
     monkeypatch.delenv("XDG_PICTURES_DIR")
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
     (tmp_path / "Bilder").mkdir()
     (tmp_path / "user-dirs.dirs").write_text(f'XDG_PICTURES_DIR="{tmp_path}/Bilder"\n')
-    assert pictures_folder() == tmp_path / "Bilder"
+    assert outputs.pictures_folder() == tmp_path / "Bilder"
 
 
 @pytest.mark.not_quick
@@ -307,7 +296,9 @@ def test_a_picture_holds_both_sides_of_the_divide_and_says_what_made_it(tmp_path
     assert (left != right).any()
     # A folder that is missing is made.
     folder = tmp_path / "new" / "deeper"
-    path = save_picture(day, Shot(to=Destination(str(folder))), Progress(""))
+    path = screenshot.save_picture(
+        day, screenshot.Shot(to=outputs.Destination(str(folder))), outputs.Progress("")
+    )
     assert path.parent == folder and read_frame_text(path)["scene"] == "ball"
 
 
@@ -316,14 +307,14 @@ def test_files_are_named_after_the_volume_without_its_endings(tmp_path: Path) ->
     document = opened(tmp_path).document
     volume = replace(document.file.volume, file="head.nii.gz?time=2")
     scene = replace(document, title="head.nii.gz", file=replace(document.file, volume=volume))
-    assert Destination().new_path(scene, ".gif").name == "head.gif"
+    assert outputs.Destination().new_path(scene, ".gif").name == "head.gif"
 
 
 def test_a_picture_has_the_scale_bar_of_the_screen(tmp_path: Path) -> None:
     state = opened(tmp_path)
-    assert Shot().marks_for(state) == ("scale",)
+    assert screenshot.Shot().marks_for(state) == ("scale",)
     hidden = run_command(state, "scale").state
-    assert Shot().marks_for(hidden) == () == Shot(marks=()).marks_for(state)
+    assert screenshot.Shot().marks_for(hidden) == () == screenshot.Shot(marks=()).marks_for(state)
 
 
 _READING = Reading((("XYZ", "1 2 3"),), *[cast(Any, None)] * 3)
@@ -335,11 +326,11 @@ _READING = Reading((("XYZ", "1 2 3"),), *[cast(Any, None)] * 3)
         (InputError, "conflict", lambda _: dropped_path(["/a/x.nrrd", "/a/y.nrrd"])),
         (InputError, "conflict", lambda _: dropped_path(["/a/1.tif", "/b/2.tif"])),
         (InputError, "conflict", lambda _: dropped_path(["/a/1.tif", "/a/x.png"])),
-        (InputError, "unwritable", lambda d: Destination(str(d.path)).new_path(d, ".png")),
-        (InputError, "unwritable", lambda d: Destination("/proc/new").new_path(d, ".png")),
+        (InputError, "unwritable", lambda d: outputs.Destination(str(d.path)).new_path(d, ".png")),
+        (InputError, "unwritable", lambda d: outputs.Destination("/proc/new").new_path(d, ".png")),
         (OpenGLError, "unsupported", lambda _: view(Options())),
-        (ClipboardError, "missing", lambda _: copy_values(None)),
-        (ClipboardError, "unsupported", lambda _: copy_values(_READING)),
+        (screenshot.ClipboardError, "missing", lambda _: screenshot.copy_values(None)),
+        (screenshot.ClipboardError, "unsupported", lambda _: screenshot.copy_values(_READING)),
     ],
 )
 def test_what_cannot_be_is_refused_without_a_display(

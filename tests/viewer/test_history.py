@@ -36,7 +36,6 @@ from volspec.viewer.model import (
 from volspec.viewer.model.commands import COMMANDS
 from volspec.viewer.model.edit import Change, after
 from volspec.viewer.model.history import MOST_STEPS, STAGES, Difference, History
-from volspec.viewer.model.light_rows import LightRow, LightState, light_rig
 from volspec.viewer.model.palette_targets import LIGHT, DesignTargets, PaletteState
 from volspec.viewer.model.state import Interface, ViewState
 from volspec.viewer.ui import inputs
@@ -89,7 +88,7 @@ def test_a_change_costs_the_stage_that_reads_it(state: ViewState, monkeypatch: P
     seen: dict[str, set[str]] = {}
     for stage, step in (
         ("cast", lambda: scheduler.change(read, 0.0, held=False)),
-        ("relight", lambda: (room.shown_spec(read), light_rig(read.lights), read.other)),
+        ("relight", lambda: (room.shown_spec(read), light_rows.light_rig(read.lights), read.other)),
     ):
         Read.names.clear()
         step()
@@ -129,7 +128,7 @@ def cut(state: ViewState) -> ViewState:
     shading = replace(state.shading, crop_voxels=((1, 6), (0, 7), (0, 7)), clip_planes=planes)
     groups = LightGroup("sky", (Ambient(),)), LightGroup("lamp", (Point((9.0, 0.0, 0.0)),))
     shading = replace(shading, ambient=0.5, groups=groups)
-    kept = tuple(LightState(name, state.lights[1:], state.relight) for name in "ab")
+    kept = tuple(light_rows.LightState(name, state.lights[1:], state.relight) for name in "ab")
     metals = {**state.transfer.materials, "silver": reflectance("silver")}
     transfer = replace(state.transfer, materials=metals)
     rows = (MeshSpec(shape="triad"), MeshSpec(shape="disc", material="copper", shown=False))
@@ -157,7 +156,7 @@ _DONE = (
 def test_every_action_does_something_and_none_of_lights_or_window_casts(cut: ViewState) -> None:
     state = slices.set_greys(slices.move_slice(cut, 1, 0.3), 0.2, 0.4)
     old = transfer_edits.shift(replace(state, view=replace(state.view, zoom=3.0)), 0.1)
-    states = [LightState(str(i), state.lights[1:], state.relight) for i in range(9)]
+    states = [light_rows.LightState(str(i), state.lights[1:], state.relight) for i in range(9)]
     drawn = light_parts.draw(old, 2, 0, (0.5, 2.0), (0.5, 2.0))
     old = replace(drawn, other=state.lights, saved_lights=tuple(states))
     old = replace(old, interface=replace(old.interface, light=2))
@@ -401,7 +400,7 @@ def test_random_edits_never_raise(state: ViewState, edits: list[Change], grouped
     if grouped:  # a light of two groups, over a cast with both
         groups = LightGroup("gold", (Headlight(),)), LightGroup("A", (Ambient(),))
         rig = LightRig((light("A"), light("D65")), (1.0, 0.5), None, ("gold", "A"))
-        rows = (*state.lights, LightRow("evening", "", rig, texts=("A", "D65")))
+        rows = (*state.lights, light_rows.LightRow("evening", "", rig, texts=("A", "D65")))
         state = replace(state, lights=rows, shading=replace(state.shading, groups=groups))
     for edit in edits:
         state = after(edit, state).state

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +9,9 @@ import pytest
 
 from tests.support.viewer import read_scene, run_command
 from tests.support.window import Robot
+from tests.viewer._states import casts_of, job_of
 from tests.volume.test_labels import blocks
-from volspec.pipeline import raycast
+from volspec.raycast.pace import WHOLE
 from volspec.scene import Scene
 from volspec.transfer import LabelFunction, TransferFunction
 from volspec.viewer.model import labels, transfer_edits
@@ -24,14 +24,13 @@ from volspec.viewer.work.probe import read
 
 pytestmark = pytest.mark.not_quick
 
-NAMES = "1 liver\n2 left kidney\n3 right kidney\n"
+NAMES = "1\tliver\n2\tleft kidney\n3\tright kidney\n"
 
 
 def segmentation(folder: Path, count: int = 3) -> Path:
     """Write labels 1 to ``count`` in a row, and names for three of them."""
     np.save(folder / "organs.npy", blocks(list(range(1, count + 1))))
-    rows = "\n".join("\t".join(row.split(" ", 1)) for row in NAMES.splitlines())
-    (folder / "organs.tsv").write_text(f"index\tname\n{rows}\n")
+    (folder / "organs.tsv").write_text(f"index\tname\n{NAMES}")
     return folder / "organs.npy"
 
 
@@ -52,42 +51,36 @@ def test_a_segmentation_opens_with_its_labels(state: ViewState) -> None:
 
 
 def test_the_probe_names_the_label_behind_its_boundary(state: ViewState) -> None:
-    volume = state.document.volume
-    state = replace(state, size=(60, 60))
-    camera = state.view.camera(volume)
-    image = raycast(volume, state.transfer, camera, state.size, state.shading)
-    rig = light_rig(state.lights)
-    y, x = np.nonzero(image.alpha > 0.5)
-    middle = len(x) // 2
-    assert dict(
-        read(image, camera, volume, rig, state.relight, (x[middle], y[middle]), (0, 0, 0)).rows
-    )["Label"] in ("1  liver", "2  left kidney", "3  right kidney")
+    (done,) = casts_of(job_of(state, (60, 60), WHOLE))
+    y, x = np.nonzero(done.image.alpha > 0.5)
+    pixel = x[len(x) // 2], y[len(x) // 2]
+    rig, camera = light_rig(state.lights), done.job.camera
+    found = read(done.image, camera, state.document.volume, rig, state.relight, pixel, (0, 0, 0))
+    assert dict(found.rows)["Label"] in ("1  liver", "2  left kidney", "3  right kidney")
 
 
 def test_labels_are_hidden_and_shown_and_keep_their_opacity(state: ViewState) -> None:
+    def hidden(state: ViewState) -> set[int]:
+        return set(function_of(state).hidden)
+
     new = labels.toggle_label(state, 2)
-    assert function_of(new).hidden == {2} and function_of(new).labels[2][0] == 0.9
+    assert hidden(new) == {2} and function_of(new).labels[2][0] == 0.9
     assert Difference.between(state, new).stage == "cast"
-    assert function_of(labels.toggle_label(new, 2)).hidden == frozenset()
+    assert hidden(labels.toggle_label(new, 2)) == set()
     assert labels.toggle_label(state, 9) is state
-
     only = labels.show_only(state, 3)
-    assert function_of(only).hidden == {1, 2}
-    assert function_of(labels.show_only(only, 3)).hidden == frozenset()
-    assert function_of(run_command(only, "labels-invert").state).hidden == {3}
+    assert hidden(only) == {1, 2}
+    assert hidden(labels.show_only(only, 3)) == set()
+    assert hidden(run_command(only, "labels-invert").state) == {3}
     none = run_command(state, "labels-hide").state
-    assert function_of(none).hidden == {1, 2, 3}
-    assert function_of(run_command(none, "labels-show").state).hidden == frozenset()
-
-    assert function_of(History(state).then(only, 1).undo().present).hidden == frozenset()
+    assert hidden(none) == {1, 2, 3}
+    assert hidden(run_command(none, "labels-show").state) == set()
+    assert hidden(History(state).then(only, 1).undo().present) == set()
 
 
 def test_labels_are_found_by_words_of_their_names_or_numbers(state: ViewState) -> None:
-    function = function_of(state)
-    assert labels.matching_labels(function, "") == (0, 1, 2)
-    assert labels.matching_labels(function, "KID left") == (1,)
-    assert labels.matching_labels(function, "3") == (2,)
-    assert labels.matching_labels(function, "spleen") == ()
+    for words, found in (("", (0, 1, 2)), ("KID left", (1,)), ("3", (2,)), ("spleen", ())):
+        assert labels.matching_labels(function_of(state), words) == found
 
 
 def test_grey_values_and_labels_are_two_views_of_one_volume(state: ViewState) -> None:

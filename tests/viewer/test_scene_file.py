@@ -18,18 +18,24 @@ from tests.support.viewer import (
     opened,
     read_scene,
 )
+from tests.viewer._states import under
 from volspec.basis import SpectralBasis
 from volspec.errors import InputError, SceneError, ViewingError, VolspecError
 from volspec.raycast import ClipPlane, Directional, LightGroup, Point
 from volspec.relight import LightRig, RelightSpec
 from volspec.scene.specs import MeshSpec
 from volspec.spectra import Spectrum, light
-from volspec.transfer import FieldFunctions
 from volspec.viewer.model import camera, fields, light_rows, lights, transfer_edits
 from volspec.viewer.model.scene_file import export_scene, scene_from_state
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.script import export_python, script_from_state
 from volspec.viewer.work.session import SUFFIX, SessionError, save_session
+
+
+@pytest.fixture
+def state(tmp_path: Path) -> ViewState:
+    """A small scene on disk."""
+    return opened(tmp_path)
 
 
 @pytest.mark.parametrize("kind", SCENES)
@@ -42,15 +48,10 @@ def test_every_kind_of_transfer_function_comes_back(tmp_path: Path, kind: str) -
 
 
 @pytest.mark.not_quick
-def test_what_mouse_and_sliders_change_comes_back(tmp_path: Path) -> None:
-    state = opened(tmp_path)
-    state = camera.orbit(state, 0.2, 0.1)
-    state = camera.pan(state, 0.05, 0.02)
-    state = camera.zoom(state, 0.0, -0.1)
-    state = transfer_edits.shift(state, 0.05)
-    state = transfer_edits.move_point(state, 1, 0.8, 0.7)
-    state = lights.set_weight(state, 0, 0.6)
-    state = lights.set_weight(state, 1, 0.9)
+def test_what_mouse_and_sliders_change_comes_back(state: ViewState, tmp_path: Path) -> None:
+    state = camera.zoom(camera.pan(camera.orbit(state, 0.2, 0.1), 0.05, 0.02), 0.0, -0.1)
+    state = transfer_edits.move_point(transfer_edits.shift(state, 0.05), 1, 0.8, 0.7)
+    state = lights.set_weight(lights.set_weight(state, 0, 0.6), 1, 0.9)
     again = assert_same_picture(state, tmp_path)
     assert [row.name for row in again.lights] == ["mix", "day", "tungsten"]
     for one, other in zip(astuple(again.view), astuple(state.view), strict=True):
@@ -58,14 +59,12 @@ def test_what_mouse_and_sliders_change_comes_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.not_quick
-def test_cuts_groups_and_their_lights_come_back(tmp_path: Path) -> None:
-    state = opened(tmp_path)
+def test_cuts_groups_and_their_lights_come_back(state: ViewState, tmp_path: Path) -> None:
+    key = LightGroup("key", (Directional((1, 1, 1), frame="camera", shadows=True),))
+    fill = LightGroup("fill", (Point((0, 0, 30), falloff_mm=20.0),))
     shading = replace(
         state.shading,
-        groups=(
-            LightGroup("key", (Directional((1, 1, 1), frame="camera", shadows=True),)),
-            LightGroup("fill", (Point((0, 0, 30), falloff_mm=20.0),)),
-        ),
+        groups=(key, fill),
         crop_voxels=((1, 11), (0, 11), (2, 11)),
         clip_planes=(ClipPlane((6, 6, 6), (0, 1, 0)),),
         preintegrated=True,
@@ -75,39 +74,30 @@ def test_cuts_groups_and_their_lights_come_back(tmp_path: Path) -> None:
         light_rows.LightRow("two", "warm key", rig, 1.0),
         light_rows.LightRow("D50", "D50", LightRig((light("D50"),)), 0.5),
     )
-    state = replace(state, shading=shading, lights=rows)
-    again = assert_same_picture(state, tmp_path)
+    again = assert_same_picture(replace(state, shading=shading, lights=rows), tmp_path)
     assert again.shading == replace(shading, tile_ms=again.shading.tile_ms)
     # Both rows shine from the same groups: they are one light from each group in the file.
     assert again.lights[0].rig.groups == ("key", "fill", "")
 
 
 @pytest.mark.not_quick
-def test_edited_spectra_come_back_as_numbers(tmp_path: Path) -> None:
-    state = opened(tmp_path)
+def test_edited_spectra_come_back_as_numbers(state: ViewState, tmp_path: Path) -> None:
     nm = state.document.grid.wavelengths_nm
     ramp = Spectrum(nm, np.linspace(0.0, 5.0, nm.size), "edited", {"designed": "yes"})
     blue = Spectrum(nm, np.linspace(0.9, 0.1, nm.size), "blue")
     materials = {**state.transfer.materials, "copper": blue}
-    state = replace(
-        state,
-        transfer=replace(
-            state.transfer,
-            materials=materials,
-            basis=state.transfer.basis.with_samples(materials.values()),
-        ),
-        lights=(*state.lights, light_rows.LightRow("edited", "mine", LightRig((ramp,)), 0.0)),
-    )
-    state = replace(state, lights=light_rows.only_row(state.lights, 2))
-    again = assert_same_picture(state, tmp_path)
+    basis = state.transfer.basis.with_samples(materials.values())
+    transfer = replace(state.transfer, materials=materials, basis=basis)
+    drawn = light_rows.LightRow("edited", "mine", LightRig((ramp,)), 0.0)
+    state = replace(state, transfer=transfer, lights=(*state.lights, drawn))
+    again = assert_same_picture(under(state, 2), tmp_path)
     assert again.lights[0].name == "edited" and again.lights[0].label == "mine"
     text = (tmp_path / "again.toml").read_text(encoding="utf-8")
     assert 'reflectance = "grey:0.5"' in text and "# A remark" in text
 
 
 @pytest.mark.not_quick
-def test_lux_stay_with_their_lights(tmp_path: Path) -> None:
-    state = opened(tmp_path)
+def test_lux_stay_with_their_lights(state: ViewState, tmp_path: Path) -> None:
     rows = tuple(
         light_rows.LightRow(name, name, LightRig((light(name),), illuminance_lux=(lux,)), 0.7)
         for name, lux in (("D65", 300.0), ("A", 40.0))
@@ -151,6 +141,9 @@ def nameless(state: ViewState) -> ViewState:
     return replace(state, document=replace(state.document, path=None, file=None))
 
 
+_MESHES = (MeshSpec(shape="triad"),)
+
+
 @pytest.mark.parametrize(
     ("kind", "expected", "write"),
     [
@@ -163,11 +156,7 @@ def nameless(state: ViewState) -> ViewState:
         (SceneError, "missing", lambda s: script_from_state(nameless(s))),
         (SceneError, "unsupported", lambda s: script_from_state(of_image(s))),
         (SceneError, "unsupported", lambda s: script_from_state(replace(s, room=object()))),
-        (
-            SceneError,
-            "unsupported",
-            lambda s: script_from_state(replace(s, meshes=(MeshSpec(shape="triad"),))),
-        ),
+        (SceneError, "unsupported", lambda s: script_from_state(replace(s, meshes=_MESHES))),
         (ViewingError, "missing", lambda s: script_from_state(dark(s))),
         (InputError, "unsupported", lambda s: export_python(s, "x.txt")),
         (SceneError, "missing", lambda s: save_session(nameless(s), f"x{SUFFIX}")),
@@ -175,15 +164,13 @@ def nameless(state: ViewState) -> ViewState:
     ],
 )
 def test_what_no_file_can_say_is_refused(
-    tmp_path: Path, kind: type[VolspecError], expected: str, write: Callable[[ViewState], object]
+    state: ViewState, kind: type[VolspecError], expected: str, write: Callable[[ViewState], object]
 ) -> None:
-    state = opened(tmp_path)
     refuses(lambda: write(state), expected, kind)
 
 
 @pytest.mark.not_quick
-def test_a_basis_of_another_scene_is_shown_by_its_name(tmp_path: Path) -> None:
-    state = opened(tmp_path)
+def test_a_basis_of_another_scene_is_shown_by_its_name(state: ViewState, tmp_path: Path) -> None:
     other = replace(state.transfer, basis=SpectralBasis.load("general-7"))
     again = assert_same_picture(replace(state, transfer=other), tmp_path)
     assert again.document.file.basis.name == "general-7"
@@ -206,13 +193,6 @@ file = "halves.npy"
 """
 
 
-def shown_mask(state: ViewState) -> Any:
-    """Return the mask of the first field as it is cast."""
-    shown = fields.shown_transfer(state)
-    assert isinstance(shown, FieldFunctions)
-    return shown.masks[""]
-
-
 @pytest.mark.not_quick
 @pytest.mark.slow
 def test_masks_stay_through_edits_of_other_things(tmp_path: Path) -> None:
@@ -222,11 +202,11 @@ def test_masks_stay_through_edits_of_other_things(tmp_path: Path) -> None:
     np.save(tmp_path / "halves.npy", halves)
     path.write_text(path.read_text().replace("[basis]", MASK + "[basis]", 1))
     state = read_scene(path)
-    before = shown_mask(state)
+    before = fields.shown_transfer(state).masks[""]
     edited = transfer_edits.move_point(state, 1, 0.8, 0.7)
     edited = camera.orbit(fields.set_weight(edited, 0, 0.5), 0.2, 0.1)
     again = assert_same_picture(edited, tmp_path)
-    after = shown_mask(again)
+    after = fields.shown_transfer(again).masks[""]
     assert again.fields[0].weight == 0.5
     assert after.field == before.field == "halves" and list(after.functions) == [1, 2]
     assert after.functions[1].points == before.functions[1].points

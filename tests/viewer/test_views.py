@@ -232,8 +232,7 @@ def test_everything_the_mouse_does_to_the_view_has_a_key(state: ViewState) -> No
     for pair in (("left", "right"), ("up", "down"), ("shift+left", "shift+right"), ("=", "-")):
         there, back = (BY_KEY[key].change for key in pair)
         assert there(state).view != state.view
-        again = seen_of(back(there(state))).camera.position_mm
-        np.testing.assert_allclose(again, first, atol=1e-6)
+        np.testing.assert_allclose(seen_of(back(there(state))).camera.position_mm, first, atol=1e-6)
 
 
 def test_drags_go_by_button_and_keys_held() -> None:
