@@ -55,8 +55,8 @@ class Slow(LatestWorker[str, str]):
 
     _name = "slow"
 
-    def __init__(self, wake: Callable[[], object] = lambda: None) -> None:
-        super().__init__(wake)
+    def __init__(self) -> None:
+        super().__init__(lambda: None)
         self.go_on = threading.Event()
         self.begun: list[str] = []
 

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image
 
 from tests.support.errors import raises
 from tests.support.fixtures import Patch
+from tests.support.images import read_codes
 from tests.support.patience import wait_until
-from tests.support.viewer import opened
+from tests.support.viewer import opened, take_until
 from tests.support.window import Robot
+from tests.viewer._states import frame_of
 from volspec.errors import CastCancelled, ViewingError, VolumeError
 from volspec.pipeline import Raycaster
 from volspec.scene import Scene
@@ -45,7 +50,7 @@ from volspec.viewer.work.films import (
 )
 from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.outputs import CUSTOM, Destination, PictureSize, Progress
-from volspec.viewer.work.screenshot import Shot, render_frame, save_picture
+from volspec.viewer.work.screenshot import Shot, save_picture
 from volspec.viewer.work.steps import Steps
 from volspec.volume import Series, Volume, phantom
 
@@ -54,9 +59,12 @@ pytestmark = pytest.mark.not_quick
 SMALL = PictureSize(CUSTOM, (40, 30))
 
 
+def frames_of(state: ViewState, film: Film) -> list[ViewState]:
+    return [frame_state(state, film, i) for i in range(film.frames)]
+
+
 def azimuths(state: ViewState, film: Film) -> list[float]:
-    frames = (frame_state(state, film, i) for i in range(film.frames))
-    return [frame.view.azimuth_deg - state.view.azimuth_deg for frame in frames]
+    return [frame.view.azimuth_deg - state.view.azimuth_deg for frame in frames_of(state, film)]
 
 
 def test_a_whole_turn_ends_before_its_start_and_a_part_at_its_angle(state: ViewState) -> None:
@@ -66,16 +74,15 @@ def test_a_whole_turn_ends_before_its_start_and_a_part_at_its_angle(state: ViewS
 
 
 def weights(state: ViewState, film: Film) -> list[list[float]]:
-    frames = (frame_state(state, film, i) for i in range(film.frames))
-    return [[round(row.weight, 6) for row in frame.lights] for frame in frames]
+    return [[round(row.weight, 6) for row in frame.lights] for frame in frames_of(state, film)]
 
 
 def test_lights_fade_into_each_other_and_back(state: ViewState) -> None:
     state = replace(state, lights=state.lights[:2])
     fade = Film(0.0, LIGHTS, seconds=1.0, fps=4.0)
     assert weights(state, fade) == [[1.0, 0.0], [0.5, 0.5], [0.0, 1.0], [0.5, 0.5]]
-    once = weights(state, replace(fade, loops=False, fps=3.0))
-    assert once == [[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]]
+    once = replace(fade, loops=False, fps=3.0)
+    assert weights(state, once) == [[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]]
 
 
 def test_a_film_fades_through_saved_states_and_between_sides(state: ViewState) -> None:
@@ -86,49 +93,49 @@ def test_a_film_fades_through_saved_states_and_between_sides(state: ViewState) -
     seen = replace(state, other=other.lights, saved_lights=(saved[0], dim))
     assert light_changes(seen)[1:] == (LIGHTS, STATES, SIDES)
     states = Film(0.0, STATES, False, seconds=1.0, fps=3.0)
-    backdrops = [frame_state(seen, states, i).relight.backdrop for i in range(3)]
+    backdrops = [frame.relight.backdrop for frame in frames_of(seen, states)]
     start = state.relight.backdrop
     assert backdrops == pytest.approx([start, (start + 0.5) / 2, 0.5])
     sides = weights(seen, replace(states, lights=SIDES))
     assert [row[:2] for row in sides] == [[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]]
 
 
+def codes_of(path: Path) -> NDArray[np.int_]:
+    return read_codes(path).astype(int)
+
+
+def filmed(state: ViewState, *given: Any, **more: Any) -> Path:
+    return save_film(state, FilmFile(*given, **more), Progress("", "film"))
+
+
 def test_the_frames_of_a_film_are_the_pictures_of_its_preview(tmp_path: Path) -> None:
     state = replace(opened(tmp_path), size=(40, 30))
     film = Film(120.0, LIGHTS, seconds=1.0, fps=3.0)
-    to = Destination(str(tmp_path), "turn")
-    file = FilmFile(film, FRAMES, SMALL, to)
-    folder = save_film(state, file, Progress("", "film"))
+    folder = filmed(state, film, FRAMES, SMALL, Destination(str(tmp_path), "turn"))
     assert folder == tmp_path / "turn"
     assert sorted(path.name for path in folder.glob("*.png")) == [f"000{i}.png" for i in range(3)]
     for i in range(3):
-        shown = render_frame(frame_state(state, film, i), (40, 30), Progress("")).astype(int)
-        frame = np.asarray(Image.open(folder / f"000{i}.png")).astype(int)
+        shown = frame_of(frame_state(state, film, i))
         # The window's relighter may use a LUT, the exporter's does not.
-        assert np.abs(shown - frame).max() <= 2
+        assert np.abs(shown - codes_of(folder / f"000{i}.png")).max() <= 2
     # A turn is what the command line makes of the saved scene.
-    whole = replace(file, film=Film(seconds=0.5, fps=8.0), to=replace(to, name="whole"))
-    frames = save_film(state, whole, Progress("", "film"))
+    whole = Destination(str(tmp_path), "whole")
+    frames = filmed(state, Film(seconds=0.5, fps=8.0), FRAMES, SMALL, whole)
     scene = Scene.load(export_scene(state, tmp_path / "again.toml"))
     first = scene.lights[0].name
     made = scene.export(tmp_path / "cli", turntable={"frames": 4}, lights=[first], size=(40, 30))
     for i, name in enumerate(made.files[:4]):
-        ours = np.asarray(Image.open(frames / f"000{i}.png")).astype(int)
-        theirs = np.asarray(Image.open(made.output / name)).astype(int)
+        ours, theirs = map(codes_of, (frames / f"000{i}.png", made.output / name))
         assert np.abs(ours - theirs).max() <= 1
 
 
-@pytest.mark.parametrize("kind", [".gif", FRAMES])
-def test_gifs_and_folders_need_no_ffmpeg(tmp_path: Path, monkeypatch: Patch, kind: str) -> None:
+def test_gifs_and_folders_need_no_ffmpeg(tmp_path: Path, monkeypatch: Patch) -> None:
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     assert possible_kinds() == (".gif", FRAMES)
-    film = Film(seconds=0.5, fps=10.0)
-    path = save_film(opened(tmp_path), FilmFile(film, kind, SMALL), Progress("", "film"))
-    if kind == ".gif":
-        with Image.open(path) as gif:
-            assert (gif.size, gif.n_frames, gif.info["duration"]) == ((40, 30), 5, 100)
-    else:
-        assert len(list(path.glob("*.png"))) == 5
+    state, film = opened(tmp_path), Film(seconds=0.5, fps=10.0)
+    with Image.open(filmed(state, film, ".gif", SMALL)) as gif:
+        assert (gif.size, gif.n_frames, gif.info["duration"]) == ((40, 30), 5, 100)
+    assert len(list(filmed(state, film, FRAMES, SMALL).glob("*.png"))) == 5
 
 
 def test_a_film_that_is_cancelled_leaves_nothing(tmp_path: Path) -> None:
@@ -139,19 +146,19 @@ def test_a_film_that_is_cancelled_leaves_nothing(tmp_path: Path) -> None:
         def report(self, share: float) -> None:
             self.ended = share > 0.5
 
-    for kind in (FRAMES, ".gif"):
-        with pytest.raises(CastCancelled):
-            save_film(state, FilmFile(kind=kind, size=SMALL), Cancelled("", "film"))
-    with pytest.raises(CastCancelled):
-        save_page(state, PageFile(size=SMALL), Cancelled("", "page"))
     ended = Progress("")
     ended.ended = True
-    with pytest.raises(CastCancelled):
-        save_picture(state, Shot(to=Destination(str(tmp_path))), ended)
+    for save, file, progress in (
+        (save_film, FilmFile(kind=FRAMES, size=SMALL), Cancelled("", "film")),
+        (save_film, FilmFile(kind=".gif", size=SMALL), Cancelled("", "film")),
+        (save_page, PageFile(size=SMALL), Cancelled("", "page")),
+        (save_picture, Shot(to=Destination(str(tmp_path))), ended),
+    ):
+        with pytest.raises(CastCancelled):
+            save(state, file, progress)
     assert set(tmp_path.iterdir()) == before
     with raises(ViewingError, "missing"):
-        dark = replace(state, lights=state.lights[1:])
-        save_film(dark, FilmFile(kind=FRAMES, size=SMALL), Progress("", "film"))
+        filmed(replace(state, lights=state.lights[1:]), kind=FRAMES, size=SMALL)
 
 
 def test_a_page_has_the_views_and_the_lights_of_the_window(tmp_path: Path) -> None:
@@ -162,44 +169,36 @@ def test_a_page_has_the_views_and_the_lights_of_the_window(tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-def test_a_film_and_a_page_are_made_by_mouse_in_few_actions(window: Robot, tmp_path: Path) -> None:
+def test_a_film_and_a_page_are_made_by_mouse(window: Robot, tmp_path: Path) -> None:
     imageio = pytest.importorskip("imageio_ffmpeg")
     np.save(tmp_path / "ball.npy", np.random.default_rng(1).random((12, 12, 12), np.float32))
     window.open(tmp_path / "ball.npy")
-    actions = 0
 
-    def click(name: str, at: float = 0.5) -> float:
-        nonlocal actions
-        before = window.rest()
-        window.click(window.at(name, at))
-        window.rest()
-        actions += 1
+    def click(*places: tuple[str, float]) -> float:
+        for name, at in places:
+            before = window.rest()
+            window.click(window.at(name, at))
+            window.rest()
         return before
 
-    click("menu File")
-    click("action film")
-    click("film length", 0.01)
-    click("film rate", 0.01)
-    click("mark scale", 0.2)
+    def saved(event: str, after: float) -> Path:
+        return Path(window.wait_for(lambda row: row["event"] in (event, "error"), after)["path"])
+
     # The preview turns the picture, and the picture is as it was after it.
-    before = click("film preview", 0.5)
-    assert window.since(before, "cast")
-    before = click("film ok")
-    film = window.wait_for(lambda row: row["event"] in ("film", "error"), before)
-    assert actions <= 12
-    command = [imageio.get_ffmpeg_exe(), "-loglevel", "error", "-i", film["path"]]
-    raw = subprocess.run(
-        [*command, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], capture_output=True, check=True
+    before = click(
+        *(("menu File", 0.5), ("action film", 0.5), ("film length", 0.01), ("film rate", 0.01)),
+        *(("mark scale", 0.2), ("film preview", 0.5)),
     )
-    frames = np.frombuffer(raw.stdout, np.uint8).reshape(-1, 120, 160, 3)
+    assert window.since(before, "cast")
+    film = saved("film", click(("film ok", 0.5)))
+    command = [imageio.get_ffmpeg_exe(), "-loglevel", "error", "-i", str(film)]
+    raw = subprocess.check_output([*command, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"])
+    frames = np.frombuffer(raw, np.uint8).reshape(-1, 120, 160, 3)
     assert len(frames) == 4
     assert np.abs(np.subtract(frames[0], frames[2], dtype=int)).mean() > 1
-    click("menu File")
-    click("action page")
-    before = click("page ok")
-    page = window.wait_for(lambda row: row["event"] in ("page", "error"), before)
-    assert Path(page["path"]).parent == tmp_path
-    assert '<script type="text/plain" id="view-0">' in Path(page["path"]).read_text("utf-8")
+    page = saved("page", click(("menu File", 0.5), ("action page", 0.5), ("page ok", 0.5)))
+    assert page.parent == tmp_path
+    assert '<script type="text/plain" id="view-0">' in page.read_text("utf-8")
 
 
 def test_a_turntable_of_36_frames_is_typed() -> None:
@@ -209,15 +208,12 @@ def test_a_turntable_of_36_frames_is_typed() -> None:
 
 
 def test_pictures_and_films_have_the_same_marks(tmp_path: Path) -> None:
-    state = replace(opened(tmp_path), size=(120, 90))
-    size, marks = PictureSize(CUSTOM, (120, 90)), MARKS
-    film = Film(0.0, seconds=0.5, fps=2.0)
-    folder = save_film(state, FilmFile(film, FRAMES, size, marks=marks), Progress("", "film"))
-    picture = save_picture(state, Shot(size, marks=marks), Progress(""))
-    plain = save_picture(state, Shot(size), Progress(""))
-    frame, shown, bare = (
-        np.asarray(Image.open(path)).astype(int) for path in (folder / "0000.png", picture, plain)
+    state, size = replace(opened(tmp_path), size=(120, 90)), PictureSize(CUSTOM, (120, 90))
+    folder = filmed(state, Film(0.0, seconds=0.5, fps=2.0), FRAMES, size, marks=MARKS)
+    shots = (
+        save_picture(state, shot, Progress("")) for shot in (Shot(size, marks=MARKS), Shot(size))
     )
+    frame, shown, bare = map(codes_of, (folder / "0000.png", *shots))
     assert np.abs(frame - shown).max() <= 2
     assert (np.abs(shown - bare).max(axis=-1) > 20).mean() > 0.02
 
@@ -233,21 +229,25 @@ def balls(count: int) -> Series:
     return Series([Volume(phantom.ball(8).values * k) for k in range(1, count + 1)])
 
 
+@pytest.fixture
+def notice() -> Notice:
+    return Notice()
+
+
+@pytest.fixture
+def steps(notice: Notice) -> Iterator[Steps]:
+    steps = Steps(lambda: None, notice)
+    yield steps
+    steps.close()
+
+
 def ready(steps: Steps, document: Document) -> Document:
     """Wait for a step."""
-    found: list[Document] = []
-
-    def taken() -> bool:
-        if (each := steps.take(document)) is not None:
-            found.append(each)
-        return bool(found)
-
-    wait_until(taken)
-    return found[0]
+    return take_until(lambda: [each for each in [steps.take(document)] if each], len)[0]
 
 
-def test_steps_pressed_while_one_is_read_are_counted(tmp_path: Path) -> None:
-    series, steps = balls(7), Steps(lambda: None, Notice())
+def test_steps_pressed_while_one_is_read_are_counted(tmp_path: Path, steps: Steps) -> None:
+    series = balls(7)
     state = of_series(tmp_path, series)
     document = state.document
     for _ in range(3):
@@ -264,11 +264,9 @@ def test_steps_pressed_while_one_is_read_are_counted(tmp_path: Path) -> None:
     assert shown.volume.range == series[0].range
     assert shown.data[""].volume is shown.volume and shown.saved()[0].volume.step == 6
     assert document.saved()[0].volume.step == 0
-    steps.close()
 
 
-def test_steps_play_in_a_loop_or_once(tmp_path: Path) -> None:
-    steps = Steps(lambda: None, Notice())
+def test_steps_play_in_a_loop_or_once(tmp_path: Path, steps: Steps) -> None:
     state = of_series(tmp_path, balls(3))
     shown = [state.document]
     steps.toggle(state)
@@ -296,10 +294,9 @@ def test_steps_play_in_a_loop_or_once(tmp_path: Path) -> None:
     wait_until(lambda: not steps._worker.busy)
     steps.tick(of_last, last, 3.0)
     assert not steps.playing
-    steps.close()
 
 
-def test_a_step_that_is_gone_is_reported(tmp_path: Path) -> None:
+def test_a_step_that_is_gone_is_reported(tmp_path: Path, steps: Steps, notice: Notice) -> None:
     read: list[int] = []
 
     def load() -> Volume:
@@ -310,31 +307,27 @@ def test_a_step_that_is_gone_is_reported(tmp_path: Path) -> None:
 
     series = Series([lambda: Volume(phantom.ball(8).values), load], kept_bytes=1)
     assert series[0].values.max()  # takes the room of the other
-    notice = Notice()
-    state, steps = of_series(tmp_path, balls(2)), Steps(lambda: None, notice)
+    state = of_series(tmp_path, balls(2))
     document = state.document
     object.__setattr__(document, "series", series)
     steps.toggle(state)
     steps.show(state, 1)
     wait_until(lambda: steps.take(document) is None and not steps.playing)
     assert "b.nrrd" in notice.text
-    steps.close()
 
 
-def test_another_document_is_shown_at_its_own_step_and_does_not_play(tmp_path: Path) -> None:
-    state, steps = of_series(tmp_path, balls(3)), Steps(lambda: None, Notice())
+def test_another_document_has_its_own_step_and_does_not_play(tmp_path: Path, steps: Steps) -> None:
+    state = of_series(tmp_path, balls(3))
     steps.go(state, 2)
     assert steps.wanted(state.document) == 2
     steps.toggle(state)
     assert steps.wanted(replace(state.document, opening=object(), step=1)) == 1
     steps.forget()
     assert not steps.playing and steps.wanted(state.document) == 0
-    steps.close()
 
 
-def test_without_steps_there_is_a_message(tmp_path: Path) -> None:
-    state, notice = opened(tmp_path), Notice()
-    steps = Steps(lambda: None, notice)
+def test_without_steps_there_is_a_message(tmp_path: Path, steps: Steps, notice: Notice) -> None:
+    state = opened(tmp_path)
     steps.go(state, 1)
     assert "no time steps" in notice.text
     steps.toggle(state)
