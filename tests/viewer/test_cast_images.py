@@ -61,9 +61,8 @@ def test_what_would_need_a_cast_is_undone_and_lights_are_not(path: Path) -> None
     state = state_of(path)
     lit = under(state, 2)
     turned = camera.orbit(lit, 0.2, 0.1)
-    changed = transfer_edits.thicken_by(turned, 0.0, 0.3)
     assert turned.view != state.view
-    assert without_cast(state, changed) == lit
+    assert without_cast(state, transfer_edits.thicken_by(turned, 0.0, 0.3)) == lit
     assert without_cast(state, lit) is lit
     other = ViewState.first(open_document(str(path)), state.size)
     assert without_cast(state, other) is other  # another document

@@ -72,14 +72,12 @@ def test_a_script_makes_the_frame_that_the_viewer_shows(tmp_path: Path, basis: s
     shading = replace(state.shading, preintegrated=True)
     seen = replace(state.relight, mode="exact")
     state = replace(state, shading=shading, relight=seen, other=None, size=(48, 36))
-    script = export_python(state, tmp_path / "ball.py")
     (tmp_path / "elsewhere").mkdir()
-    done = run_python(str(script), cwd=tmp_path / "elsewhere")
+    done = run_python(str(export_python(state, tmp_path / "ball.py")), cwd=tmp_path / "elsewhere")
     assert done.returncode == 0, done.stderr
-    made = read_codes(tmp_path / "elsewhere" / "ball.png")
     shown = frame_of(state)
     assert shown.std() > 5
-    np.testing.assert_array_equal(made, shown)
+    np.testing.assert_array_equal(read_codes(tmp_path / "elsewhere" / "ball.png"), shown)
 
 
 @pytest.mark.parametrize("kind", SCENES)
@@ -495,11 +493,10 @@ def test_what_is_ambiguous_is_asked(tmp_path: Path) -> None:
     tifffile = pytest.importorskip("tifffile", reason="tifffile is not installed")
     ball = (phantom.ball(12).values * 1000).astype(np.uint16)
     several = tmp_path / "cells.ome.tif"
-    stack = np.stack([np.stack([ball, 2 * ball])] * 3)
     notes = {"axes": "TCZYX", "Channel": {"Name": ["DAPI", "GFP"]}}
     notes |= {f"PhysicalSize{axis}": 1.0 for axis in "XYZ"}
     notes |= {f"PhysicalSize{axis}Unit": "mm" for axis in "XYZ"}
-    tifffile.imwrite(several, stack, metadata=notes)
+    tifffile.imwrite(several, np.stack([np.stack([ball, 2 * ball])] * 3), metadata=notes)
     found = open_path(str(several), None)
     document = found.state.document
     assert len(document.series) == 3 and document.choices == ()

@@ -92,13 +92,12 @@ def _refusals(state: ViewState) -> Iterator[str]:
     full = replace(state, lights=state.lights[:1] * MOST_ROWS)
     dark = replace(state, lights=(replace(state.lights[0], weight=0.0),))
     saved = tuple(LightState(str(i), state.lights, state.relight) for i in range(MOST_STATES))
-    cut = run_command(state, "p").state
     surfaces = of_kind(state, "surfaces")
     exact = opacities.set_opacity(state, "gold", 0.5)
     for given, name in (
         *((full, "keep-mix"), (full, "palette-light"), (dark, "keep-mix"), (dark, "remove-light")),
         *((replace(state, saved_lights=saved), "save-state"), (state, "palette-restart")),
-        *((state, "transfer-labels"), (cut, "plane-facing")),
+        *((state, "transfer-labels"), (run_command(state, "p").state, "plane-facing")),
         *((state, "panel-room"), (state, "reset-paints")),
         *((surfaces, "projection-average"), (surfaces, "preintegration")),
         (replace(exact, shading=replace(exact.shading, mode="maximum")), "stereo-anaglyph"),
@@ -111,12 +110,11 @@ def _refusals(state: ViewState) -> Iterator[str]:
     while len(groups.shading.groups) < MAX_GROUPS:
         groups = lighting.add_source(groups, "headlight").state
     shading = replace(state.shading, groups=(LightGroup("light", (Ambient(),)),))
-    one = replace(state, shading=shading)
     measured = replace(measure.start(state, "label"), annotations=(LABEL,) * measure.MOST)
     rows: list[tuple[ViewState, Callable[..., Edited], tuple[Any, ...]]] = [
         (groups, lighting.add_source, ("sky",)),
         (sky, lighting.rename_group, (1, "a=b")),
-        (one, lighting.remove_source, (0,)),
+        (replace(state, shading=shading), lighting.remove_source, (0,)),
         (measured, measure.pick, ((0.0, 0.0, 0.0),)),
         *((state, materials.add_material, (0, name)) for name in ("gould", "no.csv", "grey:7")),
         *((state, lights.add, (name,)) for name in ("D65*0.7+Q*0.3", "no.csv")),
