@@ -330,13 +330,11 @@ def test_requested_files_are_there_when_the_window_has_closed(
     assert (tmp_path / "export-scene").exists() and (tmp_path / "palette-save").exists()
 
 
-def test_a_display_s_own_space_is_known_to_wizards(state: ViewState) -> None:
+def test_wizards_and_palettes_know_the_display_and_the_model(state: ViewState) -> None:
     wall = replace(SPACES["Display P3"], name="the wall", white_xy=(0.32, 0.34))
     scene = palette_results.wizard_scene(seen(state, display=Display(space=wall)))
     assert scene.relight.viewing.display.colours == wall
-
-
-def test_a_palette_s_model_without_pixels_measures_the_picture(state: ViewState) -> None:
+    # A model without pixels measures the picture.
     palette = load_palette(FIGURE_2)
     palette = replace(palette, viewing=replace(palette.viewing, model="CAT02"))
     by_pixel = seen(state, model="CAM16", adapting="pixel")

@@ -260,13 +260,17 @@ def test_pictures_have_even_sides_or_the_size_that_was_asked_for() -> None:
     assert outputs.PictureSize(outputs.CUSTOM, (-5, 10**9)).pixels(shown) == (1, MAX_SIDE)
 
 
-def test_files_get_free_names_next_to_what_was_opened(tmp_path: Path) -> None:
+def test_files_get_free_names_after_and_next_to_what_was_opened(tmp_path: Path) -> None:
     document = opened(tmp_path).document
     for name, stems in (("", ("ball", "ball-1")), ("a b.png", ("a-b", "a-b-1"))):
         for stem in stems:
             path = outputs.Destination(name=name).new_path(document, ".png")
             assert path == tmp_path / f"{stem}.png"
             path.touch()
+    # A volume, and a scene that was saved of it, whose title is the file name.
+    volume = replace(document.file.volume, file="head.nii.gz?time=2")
+    scene = replace(document, title="head.nii.gz", file=replace(document.file, volume=volume))
+    assert outputs.Destination().new_path(scene, ".gif").name == "head.gif"
 
 
 def test_files_go_to_the_pictures_from_a_folder_that_cannot_be_written_to(
@@ -298,14 +302,6 @@ def test_a_picture_holds_both_sides_of_the_divide_and_says_what_made_it(tmp_path
         day, screenshot.Shot(to=outputs.Destination(str(folder))), outputs.Progress("")
     )
     assert path.parent == folder and read_frame_text(path)["scene"] == "ball"
-
-
-def test_files_are_named_after_the_volume_without_its_endings(tmp_path: Path) -> None:
-    """A volume, and a scene that was saved of it, whose title is the file name."""
-    document = opened(tmp_path).document
-    volume = replace(document.file.volume, file="head.nii.gz?time=2")
-    scene = replace(document, title="head.nii.gz", file=replace(document.file, volume=volume))
-    assert outputs.Destination().new_path(scene, ".gif").name == "head.gif"
 
 
 def test_a_picture_has_the_scale_bar_of_the_screen(tmp_path: Path) -> None:

@@ -71,6 +71,10 @@ def test_a_whole_turn_ends_before_its_start_and_a_part_at_its_angle(state: ViewS
     assert azimuths(state, Film(360.0, seconds=1.0, fps=4.0)) == [0.0, 90.0, -180.0, -90.0]
     assert azimuths(state, Film(-90.0, seconds=1.0, fps=4.0)) == [0.0, -30.0, -60.0, -90.0]
     assert azimuths(state, Film(0.0, seconds=0.5, fps=4.0)) == [0.0, 0.0]
+    # A turntable of 36 frames is typed.
+    for fps in (25.0, 24.0, 30.0, 7.0):
+        assert with_frames(Film(fps=fps), 36).frames == 36
+    assert with_frames(Film(), 0).frames == 1
 
 
 def weights(state: ViewState, film: Film) -> list[list[float]]:
@@ -199,12 +203,6 @@ def test_a_film_and_a_page_are_made_by_mouse(window: Robot, tmp_path: Path) -> N
     page = saved("page", click(("menu File", 0.5), ("action page", 0.5), ("page ok", 0.5)))
     assert page.parent == tmp_path
     assert '<script type="text/plain" id="view-0">' in page.read_text("utf-8")
-
-
-def test_a_turntable_of_36_frames_is_typed() -> None:
-    for fps in (25.0, 24.0, 30.0, 7.0):
-        assert with_frames(Film(fps=fps), 36).frames == 36
-    assert with_frames(Film(), 0).frames == 1
 
 
 def test_pictures_and_films_have_the_same_marks(tmp_path: Path) -> None:

@@ -270,6 +270,9 @@ def test_lights_have_names_of_their_own_by_hand(state: ViewState) -> None:
     assert lights.rename(new, 2, own).lights[2].name == f"{own} (2)"
     for index, name in ((1, own), (1, " "), (9, "x"), (-1, "x")):
         assert lights.rename(new, index, name) is new
+    # Renamed, it is the light of the saved state.
+    back = light_states.recall(lights.rename(light_states.save(state).state, 0, "x"), 0)
+    assert back.lights == state.lights
 
 
 def test_a_name_given_by_hand_stays_whatever_the_light_becomes(state: ViewState) -> None:
@@ -284,11 +287,6 @@ def test_a_name_given_by_hand_stays_whatever_the_light_becomes(state: ViewState)
         light_parts.draw(later, 3, 0, (0.6, 2.0), (0.9, 2.0)),
     ):
         assert other.lights[3].name == "lamp"
-
-
-def test_a_renamed_light_is_the_one_of_the_saved_state(state: ViewState) -> None:
-    back = light_states.recall(lights.rename(light_states.save(state).state, 0, "x"), 0)
-    assert back.lights == state.lights
 
 
 def test_the_palette_follows_a_light_to_its_new_name(state: ViewState) -> None:

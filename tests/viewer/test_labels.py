@@ -13,7 +13,7 @@ from tests.viewer._states import casts_of, job_of
 from tests.volume.test_labels import blocks
 from volspec.raycast.pace import WHOLE
 from volspec.scene import Scene
-from volspec.transfer import LabelFunction, TransferFunction
+from volspec.transfer import TransferFunction
 from volspec.viewer.model import labels, transfer_edits
 from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.light_rows import light_rig
@@ -39,13 +39,8 @@ def state(tmp_path: Path) -> ViewState:
     return open_path(str(segmentation(tmp_path)), None).state
 
 
-def function_of(state: ViewState) -> LabelFunction:
-    assert isinstance(state.transfer, LabelFunction)
-    return state.transfer
-
-
 def test_a_segmentation_opens_with_its_labels(state: ViewState) -> None:
-    function = function_of(state)
+    function = state.transfer
     assert function.names == {1: "liver", 2: "left kidney", 3: "right kidney"}
     assert not function.hidden and {opacity for opacity, _ in function.labels.values()} == {0.9}
 
@@ -61,10 +56,10 @@ def test_the_probe_names_the_label_behind_its_boundary(state: ViewState) -> None
 
 def test_labels_are_hidden_and_shown_and_keep_their_opacity(state: ViewState) -> None:
     def hidden(state: ViewState) -> set[int]:
-        return set(function_of(state).hidden)
+        return set(state.transfer.hidden)
 
     new = labels.toggle_label(state, 2)
-    assert hidden(new) == {2} and function_of(new).labels[2][0] == 0.9
+    assert hidden(new) == {2} and new.transfer.labels[2][0] == 0.9
     assert Difference.between(state, new).stage == "cast"
     assert hidden(labels.toggle_label(new, 2)) == set()
     assert labels.toggle_label(state, 9) is state
@@ -80,7 +75,7 @@ def test_labels_are_hidden_and_shown_and_keep_their_opacity(state: ViewState) ->
 
 def test_labels_are_found_by_words_of_their_names_or_numbers(state: ViewState) -> None:
     for words, found in (("", (0, 1, 2)), ("KID left", (1,)), ("3", (2,)), ("spleen", ())):
-        assert labels.matching_labels(function_of(state), words) == found
+        assert labels.matching_labels(state.transfer, words) == found
 
 
 def test_grey_values_and_labels_are_two_views_of_one_volume(state: ViewState) -> None:
@@ -94,13 +89,13 @@ def test_a_volume_of_whole_numbers_can_be_shown_as_labels(tmp_path: Path) -> Non
     np.save(tmp_path / "mask.npy", blocks([1, 1]))
     state = open_path(str(tmp_path / "mask.npy"), None).state
     assert isinstance(state.transfer, TransferFunction)
-    assert list(function_of(run_command(state, "transfer-labels").state).labels) == [1]
+    assert list(run_command(state, "transfer-labels").state.transfer.labels) == [1]
 
 
 def test_a_scene_keeps_names_opacities_and_hidden_labels(state: ViewState, tmp_path: Path) -> None:
     new = labels.toggle_label(transfer_edits.set_opacity(state, 0, 0.25), 3)
-    again = function_of(read_scene(export_scene(new, tmp_path / "organs.toml")))
-    assert again.names == function_of(new).names and again.hidden == {3}
+    again = read_scene(export_scene(new, tmp_path / "organs.toml")).transfer
+    assert again.names == new.transfer.names and again.hidden == {3}
     assert [look[0] for look in again.labels.values()] == [0.25, 0.9, 0.9]
     rows = Scene.load(tmp_path / "organs.toml").file.material
     assert all(isinstance(row.reflectance, str) for row in rows)

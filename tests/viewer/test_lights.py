@@ -112,6 +112,10 @@ def test_lux_count_where_all_that_shines_has_them(lit: ViewState) -> None:
     assert light_rig(bright.lights).total_lux == 500.0
     assert light_rig(lights.set_weight(bright, 1, 1.0).lights).total_lux is None
     assert light_parts.set_lux(bright, 0, 0.0).lights[0].rig.illuminance_lux is None
+    # A light added among lights with lux has as many.
+    both = replace(lit, lights=(row("D65", 0.5, 400.0), row("A", 0.0, 50.0)))
+    assert lights.add(both, "FL2").state.lights[-1].rig.illuminance_lux == (200.0,)
+    assert lights.add(lit, "FL2").state.lights[-1].rig.illuminance_lux is None
 
 
 def test_lux_of_groups_are_told_for_what_faces_them_all(lit: ViewState) -> None:
@@ -120,12 +124,6 @@ def test_lux_of_groups_are_told_for_what_faces_them_all(lit: ViewState) -> None:
     assert rig.illuminance_lux == (500.0, 100.0)
     assert light_rows.facing_lux(rig, _SHARES) == pytest.approx(0.75 * 500 + 0.25 * 0.5 * 100)
     assert light_rows.facing_lux(rig, {"other": 1.0}) is None
-
-
-def test_a_light_added_among_lights_with_lux_has_as_many(lit: ViewState) -> None:
-    bright = replace(lit, lights=(row("D65", 0.5, 400.0), row("A", 0.0, 50.0)))
-    assert lights.add(bright, "FL2").state.lights[-1].rig.illuminance_lux == (200.0,)
-    assert lights.add(lit, "FL2").state.lights[-1].rig.illuminance_lux is None
 
 
 def test_a_spectrum_for_all_groups_is_parted_and_joined_again(lit: ViewState) -> None:
@@ -193,16 +191,14 @@ def test_a_kept_mix_is_the_light_that_shines_and_says_how_it_was_mixed(lit: View
     np.testing.assert_allclose(light("D65*0.7+A*0.3").values, expected, rtol=1e-3)
 
 
-def test_a_kept_mix_of_mixes_names_each_lamp_once() -> None:
+def test_a_kept_mix_names_each_lamp_once_in_each_group(lit: ViewState) -> None:
     rows = (row("D65*0.5+A*0.5", 0.5), row("A", 0.25))
     assert lights.mix_row(rows, DEFAULT_GRID).texts == ("D65*0.25+A*0.5",)
     # With lux it has their sum, and shares of it.
     rows = (row("D65", 0.5, 400.0), row("A*2", 1.0, 600.0))
     bright = lights.mix_row(rows, DEFAULT_GRID)
     assert bright.rig.illuminance_lux == (800.0,) and bright.texts == ("D65*0.25+A*0.75",)
-
-
-def test_a_kept_mix_keeps_its_groups_apart_and_drawn_spectra_as_they_are(lit: ViewState) -> None:
+    # Drawn spectra stay as they are.
     edited = lights.set_weight(light_parts.draw(lit, 0, 0, (0.1, 0.0), (0.3, 0.0)), 3, 1.0)
     kept = lights.mix_row(edited.lights, DEFAULT_GRID)
     assert kept.rig.groups == ("", "lamp", "sky") and kept.texts == (None, "A", "D65*0.5")
@@ -233,6 +229,12 @@ def test_a_fade_begins_and_ends_exactly_at_its_ends() -> None:
     start, end = (START, DIM), (END, BRIGHT)
     for share, there in ((-1.0, start), (0.0, start), (1.0, end), (2.0, end)):
         assert light_states.interpolate_lights(start, end, share) is there
+    # Words that do not go together are those of its end.
+    pixel = RelightSpec(Viewing(adapting="pixel"))
+    hunt = RelightSpec(Viewing(model="Hunt", illuminance_lux=20.0))
+    for start, end in ((pixel, hunt), (hunt, pixel)):
+        _, seen = light_states.interpolate_lights((START, start), (START, end), 0.5)
+        assert seen.viewing.model == end.viewing.model
 
 
 @given(share=_SHARE)
@@ -254,14 +256,6 @@ def test_weights_spectra_and_temperatures_lie_between(share: float) -> None:
     assert viewing.illuminance_lux == pytest.approx(1000 ** (1 - share) * 10**share)
     assert viewing.Y_b == pytest.approx(20 + 20 * share)
     assert seen.backdrop == pytest.approx(0.2 + 0.4 * share)
-
-
-def test_a_fade_of_words_that_do_not_go_together_takes_those_of_its_end() -> None:
-    pixel = RelightSpec(Viewing(adapting="pixel"))
-    hunt = RelightSpec(Viewing(model="Hunt", illuminance_lux=20.0))
-    for start, end in ((pixel, hunt), (hunt, pixel)):
-        _, seen = light_states.interpolate_lights((START, start), (START, end), 0.5)
-        assert seen.viewing.model == end.viewing.model
 
 
 def test_recalling_keeps_lights_that_the_state_does_not_know() -> None:

@@ -25,7 +25,6 @@ from volspec.basis import MaterialBasis
 from volspec.errors import TransferError
 from volspec.spectra import Spectrum, light, reflectance, reflectance_from_colour, reflectance_names
 from volspec.spectra.construct.colours import sRGB_from_word
-from volspec.transfer import TransferFunction
 from volspec.viewer.model import materials, transfer_edits
 from volspec.viewer.model.history import History
 from volspec.viewer.model.state import ViewState
@@ -47,7 +46,6 @@ def test_a_material_of_the_library_is_exact_under_any_light(state: ViewState) ->
     assert list_parts(new.transfer)[1].mix == {BANANA: 1.0}
     assert list(new.transfer.materials) == ["copper", "gold", BANANA]
     basis = new.transfer.basis
-    assert isinstance(basis, MaterialBasis)
     lamp, banana = light("HP1"), reflectance(BANANA)
     channels = basis.channels_for_materials({BANANA: banana})[0]
     wanted = MaterialBasis({"one": banana}, grid=basis.grid).xyz([1.0, 0.0], lamp)
@@ -97,15 +95,13 @@ def test_a_material_without_a_part_is_taken_out_in_one_step_of_undo(state: ViewS
     history = History(tried).then(materials.remove_material(tried, "silver"), 1)
     new = history.present
     assert list(new.transfer.materials) == ["copper", "gold"]
-    assert isinstance(new.transfer.basis, MaterialBasis)
     assert list(new.transfer.basis.materials) == ["copper", "gold"]
     assert list_parts(new.transfer) == list_parts(tried.transfer)
     assert history.undo().present.transfer is tried.transfer
     # A fitted basis is no list of materials: it stays.
     fitted = replace(curve_of(state), materials=tried.transfer.materials)
-    assert (
-        materials.without_material(fitted, "silver").basis.fingerprint == fitted.basis.fingerprint
-    )
+    without = materials.without_material(fitted, "silver")
+    assert without.basis.fingerprint == fitted.basis.fingerprint
     assert materials.remove_material(state, "nosuch") is state
 
 
@@ -122,7 +118,6 @@ def test_shares_of_nothing_and_a_filter_go_with_their_material(state: ViewState)
     mixed = [(0.0, 0.1, {"copper": 1.0, "gold": 0.0}), (1.0, 0.2, "copper")]
     glass = {name: Spectrum([390, 710], [0.2, 0.9]) for name in ("copper", "gold")}
     new = materials.without_material(replace(curve_of(state), points=mixed, filters=glass), "gold")
-    assert isinstance(new, TransferFunction) and new.filters is not None
     assert [dict(part.mix) for part in list_parts(new)] == [{"copper": 1.0}] * 2
     assert list(new.filters) == list(new.materials) == ["copper"]
 

@@ -95,8 +95,7 @@ def test_meshes_are_the_last_layer_and_do_not_fade(ball: ViewState) -> None:
     only = replace(mesh, material="silk")
     assert not opacities.is_in_volume(replace(ball, meshes=(only,)), "silk")
     (done,) = casts(state, LAYERED, meshes=state.meshes)
-    assert done.opacity is not None, done.error
-    assert done.image.opacity_layers.solid and done.opacity.solid
+    assert done.image.opacity_layers.solid and done.opacity.solid, done.error
 
 
 def test_a_scale_costs_no_cast_and_has_a_step_of_undo(ball: ViewState) -> None:

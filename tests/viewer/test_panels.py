@@ -301,15 +301,12 @@ def test_settings_are_reached_by_name(state: ViewState) -> None:
             assert panel in after(setting.change, closed).state.interface.panels
 
 
-def test_keys_are_used_once_and_all_menus_are_known() -> None:
+def test_keys_are_used_once_and_shown_in_columns_of_even_height() -> None:
     used = [key for action in COMMANDS for key in action.keys if key]
     assert len(used) == len(set(used)) == len(BY_KEY)
     # Those of no menu are steps, which only keys make.
     assert {action.menu for action in COMMANDS} <= {*MENUS, ""}
     assert format_key("f1") == "F1" and format_key("ctrl+p") == "Ctrl+P"
-
-
-def test_the_sheet_shows_every_key_in_columns_of_even_height() -> None:
     listed = {what for _, rows in menus.SHEET for _, what in rows}
     for action in COMMANDS:
         # Steps by arrows and the recall of states have a line each there.

@@ -251,16 +251,14 @@ def test_a_curve_becomes_regions_that_look_alike(state: ViewState) -> None:
     assert np.abs(opacities_at(convert(regions, "points", _SPAN), at) - here).mean() < 0.1
 
 
-def test_a_hard_region_becomes_a_curve_with_steep_sides(state: ViewState) -> None:
+def test_hard_sides_and_boundaries_stay_in_another_kind(state: ViewState) -> None:
     regions = of_kind(state, "regions").transfer
     hard = replace(regions, regions=[replace(regions.regions[0], softness=0.0)])
     curve = replace(state, transfer=convert(hard, "points", _SPAN))
     # From 0.2 to 0.5; sides as steep as points can be distinguished on the screen.
     np.testing.assert_allclose(values_of(curve), [0.2, 0.2, 0.5, 0.5], atol=1e-3 + 1e-9)
     np.testing.assert_allclose(opacities_of(curve), [0, 0.1, 0.1, 0], atol=1e-12)
-
-
-def test_boundaries_of_a_curve_stay_boundaries_as_regions(state: ViewState) -> None:
+    # Boundaries of a curve stay boundaries as regions.
     function = replace(state.transfer, gradient_opacity=((0.0, 0.0), (0.4, 1.0)))
     regions = convert(function, "regions", _SPAN)
     assert {region.gradients for region in regions.regions} == {(0.2, math.inf)}

@@ -199,11 +199,6 @@ def test_a_click_on_a_face_of_the_cube_looks_at_it(state: ViewState) -> None:
     assert face_at(seen, (400.0, 300.0), 1.0) is None
 
 
-def test_a_face_is_named_by_where_it_looks() -> None:
-    assert [cube_label(face, True) for face in range(6)] == ["R", "L", "A", "P", "I", "S"]
-    assert [cube_label(face, False) for face in (0, 1, 5)] == ["-x", "+x", "+z"]
-
-
 def test_a_rolled_picture_turns_clockwise_and_follows_the_mouse(state: ViewState) -> None:
     upright = replace(state, view=View(20.0, 10.0))
     rolled = camera.roll(upright, 90.0)
@@ -340,6 +335,8 @@ def test_sides_of_a_patient_are_named_as_on_the_cube(state: ViewState) -> None:
         there = seen_of(run_command(given, f"view-{side}").state).camera
         nearest, _, _ = max(cube_faces(there), key=lambda face: face[2])
         assert cube_label(nearest, given is patient) == name, side
+    assert [cube_label(face, True) for face in range(6)] == ["R", "L", "A", "P", "I", "S"]
+    assert [cube_label(face, False) for face in (0, 1, 5)] == ["-x", "+x", "+z"]
 
 
 POINTS = ((0.0, 0.0, 0.0), (3.0, 4.0, 0.0), (3.0, 8.0, 0.0))
@@ -364,11 +361,6 @@ def test_a_tool_annotates_and_stays_in_use(state: ViewState, tool: str, caption:
     assert len(picked(new, tool).annotations) == 2
 
 
-def test_points_without_a_tool_are_ignored(state: ViewState) -> None:
-    assert measure.pick(state, POINTS[0]).state is state
-    assert measure.pick(measure.start(state, "ruler"), POINTS[0]).state.annotations == ()
-
-
 def test_texts_and_rows_are_edited(state: ViewState) -> None:
     new = picked(picked(state, "label"), "distance")
     new = measure.rename(measure.rename(new, 0, "  aortic\nvalve "), 1, "width")
@@ -377,6 +369,9 @@ def test_texts_and_rows_are_edited(state: ViewState) -> None:
     assert measure.remove(new, 0).annotations == new.annotations[1:]
     assert measure.remove(new, 5) is new
     assert measure.remove_all(new).annotations == ()
+    # Points without a tool are ignored.
+    assert measure.pick(state, POINTS[0]).state is state
+    assert measure.pick(measure.start(state, "ruler"), POINTS[0]).state.annotations == ()
 
 
 @pytest.mark.slow
