@@ -55,22 +55,20 @@ GENERAL = SpectralBasis.load("general-7")
 GOLD, COPPER = reflectance("gold"), reflectance("copper")
 PAINTS = {"shell": GOLD, "core": COPPER}
 CURVE = [(0.1, 0.0, "shell"), (0.6, 0.4, {"shell": 0.5, "core": 0.5})]
+STEP = "reference_step_mm = 2"
 KINDS: dict[str, tuple[str, Transfer]] = {
     "points": (POINTS, TransferFunction(CURVE, PAINTS, GENERAL)),
-    "points of a step": (
-        POINTS + "reference_step_mm = 2",
-        TransferFunction(CURVE, PAINTS, GENERAL, 2.0),
-    ),
+    "points of a step": (POINTS + STEP, TransferFunction(CURVE, PAINTS, GENERAL, 2.0)),
     "points by gradient": (
         POINTS + "gradient_opacity = [[0, 0.1], [0.2, 1]]",
         TransferFunction(CURVE, PAINTS, GENERAL, None, [(0, 0.1), (0.2, 1)]),
     ),
     "points with a filter": (
         POINTS,
-        TransferFunction(CURVE, PAINTS, GENERAL, filters={"core": reflectance("gold")}),
+        TransferFunction(CURVE, PAINTS, GENERAL, filters={"core": GOLD}),
     ),
     "regions": (
-        REGIONS + "reference_step_mm = 2",
+        REGIONS + STEP,
         TransferFunction2D(
             [
                 Region((0.1, 0.6), (0.02, math.inf), 0.3, "shell"),
@@ -80,7 +78,7 @@ KINDS: dict[str, tuple[str, Transfer]] = {
         ),
     ),
     "labels": (
-        LABELS + "reference_step_mm = 2",
+        LABELS + STEP,
         LabelFunction({1: (0.3, "shell"), 2: (0.8, {"core": 0.9})}, PAINTS, GENERAL, 2.0),
     ),
     "surfaces": (
@@ -174,74 +172,51 @@ def test_labels_are_down_sampled_by_their_most_frequent(tmp_path: Path) -> None:
 
 
 LOOK = 'opacity = 1, material = "core"'
-WRONG: dict[str, tuple[str, ...]] = {
-    "none": ("reference_step_mm = 1", "missing transfer"),
-    "two": (POINTS + LABELS, "conflict transfer"),
-    "no rows": ("labels = []", "missing transfer.labels"),
-    "gradients of regions": (
-        REGIONS + "gradient_opacity = [[0, 0], [1, 1]]",
-        "conflict transfer.gradient_opacity",
-    ),
-    "falling gradients": (
-        POINTS + "gradient_opacity = [[3, 0], [1, 1]]",
-        "range transfer.gradient_opacity[1].gradient",
-    ),
-    "a step of surfaces": (
-        SURFACES + "reference_step_mm = 1",
-        "conflict transfer.reference_step_mm",
-    ),
-    "a label twice": (
-        LABELS.replace("label = 2", "label = 1"),
-        "duplicate transfer.labels[1].label",
-    ),
-    "a label below 0": (f"labels = [{{ label = -1, {LOOK} }}]", "range transfer.labels"),
-    "values that fall": (
-        f"regions = [{{ values = [9, 1], gradients = [0, 1], {LOOK} }}]",
-        "range transfer.values",
-    ),
-    "one value": (
+NINE = ", ".join(f"{{ value = {v}, {LOOK} }}" for v in range(9))
+# The table, the message, the second material's filter, and further tables.
+WRONG: list[tuple[str, ...]] = [
+    ("reference_step_mm = 1", "missing transfer"),
+    (POINTS + LABELS, "conflict transfer"),
+    ("labels = []", "missing transfer.labels"),
+    (f"{REGIONS}gradient_opacity = [[0, 0], [1, 1]]", "conflict transfer.gradient_opacity"),
+    (f"{POINTS}gradient_opacity = [[3, 0], [1, 1]]", "range transfer.gradient_opacity[1].gradient"),
+    (f"{SURFACES}reference_step_mm = 1", "conflict transfer.reference_step_mm"),
+    (LABELS.replace("label = 2", "label = 1"), "duplicate transfer.labels[1].label"),
+    (f"labels = [{{ label = -1, {LOOK} }}]", "range transfer.labels"),
+    (f"regions = [{{ values = [9, 1], gradients = [0, 1], {LOOK} }}]", "range transfer.values"),
+    (
         f"regions = [{{ values = [9], gradients = [0, 1], {LOOK} }}]",
         "shape transfer.regions[0].values",
     ),
-    "nine surfaces": (
-        f"surfaces = [{', '.join(f'{{ value = {v}, {LOOK} }}' for v in range(9))}]",
-        "size transfer.surfaces",
-    ),
-    "a misspelt key": (
+    (f"surfaces = [{NINE}]", "size transfer.surfaces"),
+    (
         'surfaces = [{ value = 1, opacty = 1, material = "core" }]',
         "unknown transfer.surfaces[0].opacty",
     ),
-    "a key of another kind": (
+    (
         f"surfaces = [{{ value = 1, softness = 1, {LOOK} }}]",
         "unknown transfer.surfaces[0].softness",
     ),
-    "an unknown material": (
-        'labels = [{ label = 1, opacity = 1, material = "cor" }]',
-        "unknown transfer.labels[1].material",
+    *(
+        (f"labels = [{{ label = 1, opacity = 1, material = {material} }}]", message)
+        for material, message in (
+            ('"cor"', "unknown transfer.labels[1].material"),
+            ("5", "type transfer.labels[0].material"),
+            ('{ core = "x" }', "type transfer.labels[0].material.core"),
+        )
     ),
-    "no material": (
-        "labels = [{ label = 1, opacity = 1, material = 5 }]",
-        "type transfer.labels[0].material",
-    ),
-    "a share in words": (
-        'labels = [{ label = 1, opacity = 1, material = { core = "x" } }]',
-        "type transfer.labels[0].material.core",
-    ),
-    "an unknown filter": (POINTS, "unknown material[1].filter", "glod"),
-    "a filter of surfaces": (SURFACES, "conflict material[1].filter", "gold"),
-    "a filter of channels": (
-        *(POINTS, "conflict transfer.filters", "gold"),
-        '[basis]\nmethod = "materials"',
-    ),
-    "integrated labels": (LABELS, "conflict raycast", "", "[raycast]\npreintegrated = true"),
-    "a maximum of surfaces": (SURFACES, "conflict raycast", "", '[raycast]\nmode = "maximum"'),
-}
+    (POINTS, "unknown material[1].filter", "glod"),
+    (SURFACES, "conflict material[1].filter", "gold"),
+    (POINTS, "conflict transfer.filters", "gold", '[basis]\nmethod = "materials"'),
+    (LABELS, "conflict raycast", "", "[raycast]\npreintegrated = true"),
+    (SURFACES, "conflict raycast", "", '[raycast]\nmode = "maximum"'),
+]
 
 
 @pytest.mark.not_quick
-@pytest.mark.parametrize("case", WRONG)
-def test_mistakes_are_named_in_one_line(tmp_path: Path, case: str) -> None:
-    text, message, *more = WRONG[case]
+@pytest.mark.parametrize("wrong", WRONG, ids=lambda wrong: wrong[1])
+def test_mistakes_are_named_in_one_line(tmp_path: Path, wrong: tuple[str, ...]) -> None:
+    text, message, *more = wrong
     with raises(SceneError, *message.split(" ")) as caught:
         load(tmp_path, text, *more).render()
     assert "scene.toml: " in str(caught.value)
