@@ -107,8 +107,7 @@ def test_every_preset_says_where_each_number_comes_from_and_can_be_used(name):
     assert given.space in ("", *SPACES)
     assert given.white_luminance > given.L_A
     CamConditions.of_viewing(given.display().conditions)
-    seen = CamConditions.of_viewing(given.conditions((96.42, 100.0, 82.49)))
-    assert seen.L_A == given.L_A
+    assert CamConditions.of_viewing(given.conditions((96.42, 100.0, 82.49))).L_A == given.L_A
 
 
 def test_surrounds_darken_from_office_to_cinema():
@@ -151,9 +150,8 @@ def test_a_uniform_picture_of_any_shape_gives_its_own_Y(fov_deg, shape):
 def test_a_disc_counts_by_its_solid_angle(radius_deg):
     Y = np.where(angles_deg((512, 512), 40.0) < radius_deg, 100.0, 0.0)
     share = (cap(radius_deg) - cap(1.0)) / (cap(11.0) - cap(1.0))
-    seen = measured_conditions(Y, WHITE, 40.0, 100.0)
     # A rim of pixels of 0.08°: measured 0.02.
-    assert seen.Y_b == pytest.approx(100.0 * share, abs=0.1)
+    assert measured_conditions(Y, WHITE, 40.0, 100.0).Y_b == pytest.approx(100.0 * share, abs=0.1)
     Y_b, _ = adapting_fields(Y, 40.0)
     # Cells of 0.8°; measured 0.06.
     assert Y_b[256, 256] == pytest.approx(100.0 * share, abs=0.3)
@@ -202,8 +200,7 @@ def test_a_small_picture_is_mostly_what_is_outside():
 
 
 def test_maps_are_the_one_place_measurement_everywhere():
-    rng = np.random.default_rng(3)
-    coarse = rng.random((8, 12)) * 100.0
+    coarse = np.random.default_rng(3).random((8, 12)) * 100.0
     Y = np.kron(coarse, np.ones((25, 25)))
     Y_b, L_A = adapting_fields(Y, 50.0, 300.0, outside=20.0)
     for x, y in ((0, 0), (299, 199), (150, 100), (13, 180), (299, 0), (77, 31)):

@@ -158,8 +158,7 @@ def test_figures_are_those_of_colour_science() -> None:
         tm30 = colour.colour_fidelity_index(
             theirs, additional_data=True, method="ANSI/IES TM-30-18"
         )
-        R = [cri.Q_as[i].Q_a for i in range(1, 15)]
-        np.testing.assert_allclose(own.R, R, atol=1)
+        np.testing.assert_allclose(own.R, [cri.Q_as[i].Q_a for i in range(1, 15)], atol=1)
         assert own.R_a == pytest.approx(cri.Q_a, abs=0.3)
         assert own.fidelity == pytest.approx(tm30.R_s, abs=0.2)
         assert own.R_f == pytest.approx(tm30.R_f, abs=0.03)

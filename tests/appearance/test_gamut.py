@@ -60,8 +60,7 @@ def test_colours_inside_are_not_touched(seen):
 @pytest.mark.parametrize("exposure", [0.3, 1.0, 4.0])
 def test_wide_cubes_end_inside_without_NaN(seen, wide, exposure):
     space, conditions = seen
-    XYZ = exposure * cube() @ wide.XYZ_from_RGB.T
-    shown, mapped = reduce_chroma(XYZ, conditions, space)
+    shown, mapped = reduce_chroma(exposure * cube() @ wide.XYZ_from_RGB.T, conditions, space)
     linear = shown @ space.RGB_from_XYZ.T
     assert np.isfinite(shown).all() and mapped.any()
     assert linear.min() > -1e-6 and linear.max() < 1.0 + 1e-6
@@ -135,8 +134,7 @@ def test_ramps_out_of_the_gamut_are_continuous(seen):
 def test_the_shaders_twelve_halvings_are_within_one_code(seen):
     space, conditions = seen
     gamut = DisplayGamut.of(conditions, space)
-    XYZ = cube() @ SPACES["Rec. 2020"].XYZ_from_RGB.T
-    signals = opponent_signals(XYZ, conditions).T
+    signals = opponent_signals(cube() @ SPACES["Rec. 2020"].XYZ_from_RGB.T, conditions).T
     exact, mapped = reduce_chroma_opponent(*signals, gamut, steps=45)
     cheap, again = reduce_chroma_opponent(*signals, gamut, steps=SHADER_STEPS)
     assert np.array_equal(mapped, again)

@@ -59,8 +59,7 @@ def test_luminances_undo_codes(hdr: Hdr) -> None:
         RGB *= 0.5
     codes = hdr.codes(RGB @ SPACE.XYZ_from_RGB.T)
     assert codes.min() >= 0.0 and codes.max() <= 1.0
-    found = hdr.luminances(codes)
-    np.testing.assert_allclose(found, RGB * hdr.white_cd_m2, rtol=1e-6, atol=1e-4)
+    np.testing.assert_allclose(hdr.luminances(codes), RGB * hdr.white_cd_m2, rtol=1e-6, atol=1e-4)
     codes = np.linspace(0.0, 1.0, 300)
     np.testing.assert_allclose(pq_encode(pq_decode(codes)), codes, atol=1e-12)
     np.testing.assert_allclose(hlg_encode(hlg_decode(codes)), codes, atol=1e-12)
@@ -81,7 +80,6 @@ def test_highlights_survive_up_to_the_peak_and_keep_their_colour() -> None:
 
 
 def test_a_display_keeps_its_room() -> None:
-    room = Display(L_A=None, Y_b=10.0, surround="dim")
-    seen = Hdr(white_cd_m2=300.0).display(room)
+    seen = Hdr(white_cd_m2=300.0).display(Display(L_A=None, Y_b=10.0, surround="dim"))
     assert (seen.space, seen.white_cd_m2, seen.surround) == ("Rec. 2020", 300.0, "dim")
     assert seen.adapting_luminance == pytest.approx(30.0)

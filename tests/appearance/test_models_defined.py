@@ -63,8 +63,7 @@ def test_surfaces_black_and_rec_2020_lie_within(name):
 
 def published_sums(XYZ, conditions, name):
     """A / N_bb (eq. 35) and the sum under t (eq. 34) as printed, with the 0.1 of eq. 28."""
-    scalars = CamConditions.of_viewing(conditions, name)
-    a = compress(XYZ @ scalars.response_from_XYZ().T) + 0.1
+    a = compress(XYZ @ CamConditions.of_viewing(conditions, name).response_from_XYZ().T) + 0.1
     return a @ [2.0, 1.0, 0.05] - 0.305, a @ [1.0, 1.0, 1.05]
 
 

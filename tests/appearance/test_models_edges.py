@@ -140,8 +140,7 @@ def test_hunts_whiteness_blackness_is_0_on_the_background_and_rises_with_brightn
     greys = np.asarray(conditions.white_XYZ) * np.array([[0.0], [eye.n], [0.7], [1.0]])
     seen = hunt.forward(greys, conditions)
     assert float(seen.Q_WB[1]) == pytest.approx(0.0, abs=1e-9)
-    order = np.argsort(seen.Q)
-    assert np.all(np.diff(seen.Q_WB[order]) >= 0.0)
+    assert np.all(np.diff(seen.Q_WB[np.argsort(seen.Q)]) >= 0.0)
     # Eq. 55 by hand.
     Q, Q_b = float(seen.Q[3]), float(seen.Q[1])
     assert float(seen.Q_WB[3]) == pytest.approx(20.0 * (Q**0.7 - Q_b**0.7))

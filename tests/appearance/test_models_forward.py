@@ -141,8 +141,7 @@ def test_hellwig_agrees_with_colour_science(seen):
 def test_zcam_agrees_with_colour_science(seen):
     # In cd/m², with the luminance of the background for Y_b.
     conditions, white, XYZ = seen
-    luminance = conditions.white_luminance
-    scale = luminance / white[1]
+    scale = conditions.white_luminance / white[1]
     _, c, N_c = conditions.factors
     factors = InductionFactors_ZCAM(c, degree_as_F(conditions), c, N_c)
     own = scale * white, conditions.L_A, scale * conditions.Y_b, factors, conditions.discount
@@ -217,8 +216,7 @@ def test_hunt_agrees_with_colour_science(name):
     C = colour_hunt.chroma_correlate(theirs.s, eye.n, 1.0, theirs.Q, Q_w)
     worst(ours.J, J, XYZ, LIMIT, "J")
     worst(ours.C, np.abs(C), XYZ, LIMIT, "C")
-    M = colour_hunt.colourfulness_correlate(eye.F_L, np.abs(C))
-    worst(ours.M, M, XYZ, LIMIT, "M")
+    worst(ours.M, colour_hunt.colourfulness_correlate(eye.F_L, np.abs(C)), XYZ, LIMIT, "M")
 
 
 def test_hunt_with_helson_judd_agrees_with_colour_science():

@@ -153,8 +153,7 @@ def test_hunt_on_a_dim_display_has_no_jump_where_its_inverse_ends():
     start = 0.2 * np.asarray(D65)
 
     def ramps(count):
-        t = np.linspace(0.0, 1.0, count)[:, None]
-        return start + t * (ends[:, None, :] - start)
+        return start + np.linspace(0.0, 1.0, count)[:, None] * (ends[:, None, :] - start)
 
     transform = ModelTransform(hunt, hunt.forward, SCENE, DIM)
     seen = hunt.forward(ramps(2001), SCENE)

@@ -211,12 +211,10 @@ def test_fault_colour_science_hunt_s_proximal_field_lacks_the_background_s_z():
 @pytest.mark.parametrize("L_AS, limit, least", [(1.0, 1e-9, 0.0), (1e-5, 1.0, 1e-3)])
 def test_rod_adaptation_has_the_survey_s_power_of_4_which_only_the_dark_shows(L_AS, limit, least):
     """Survey 002, eq. 48: (1 - j²)^4; colour-science has 0.4. Which one is Hunt's is open."""
-    conditions = ViewingConditions(D65, 1.0, 20.0)
-    eye = HuntConditions.of(conditions, hunt.HuntSettings(L_AS=L_AS))
+    eye = HuntConditions.of(ViewingConditions(D65, 1.0, 20.0), hunt.HuntSettings(L_AS=L_AS))
     # Eq. 51: this A_a leaves the rods alone.
     theirs = colour_hunt.achromatic_signal(L_AS, 20.0, 100.0, 1.0, 1.0 - np.hypot(1.0, 0.3))
-    difference = abs(float(eye.rods(np.array(0.2))) - float(theirs))
-    assert least <= difference <= limit
+    assert least <= abs(float(eye.rods(np.array(0.2))) - float(theirs)) <= limit
 
 
 def test_fault_colour_science_hunt_cannot_take_scotopic_responses():

@@ -180,8 +180,7 @@ def test_displays_are_written_by_preset_or_by_numbers(name: str) -> None:
     assert plain(display).get("preset", "sRGB") == name
     assert read(**plain(display)) == display
     odd = replace(display, L_A=None, white_cd_m2=123.0, Y_b=17.0)
-    own = replace(odd, space=replace(SPACES["Display P3"], name="mine"))
-    for each in (odd, own):
+    for each in (odd, replace(odd, space=replace(SPACES["Display P3"], name="mine"))):
         assert read(**plain(each)) == each
 
 
@@ -197,8 +196,7 @@ def test_a_png_says_whose_codes_it_holds(name: str, tmp_path: Path) -> None:
     path = tmp_path / "frame.png"
     frame = np.arange(48, dtype=np.uint8).reshape(4, 4, 3)
     write_frame(path, frame, {"light": "A"}, name)
-    written = path.read_bytes()
-    assert (b"sRGB" in written) == (name == "sRGB")
+    assert (b"sRGB" in path.read_bytes()) == (name == "sRGB")
     with Image.open(path) as image:
         profile = image.info.get("icc_profile")
         assert np.array_equal(np.asarray(image), frame)

@@ -69,8 +69,7 @@ def test_pictures_under_two_lights_add_up(
     # Named lights have equal luminous energy, so the mean picture is that of the mixed light.
     one, other = map(light, names)
     both = light(f"{names[0]}*0.5+{names[1]}*0.5")
-    S = reflectance_set("test")
-    c = general.analyse(S)
+    c = general.analyse(reflectance_set("test"))
     summed = [(general.light_matrix(one) + general.light_matrix(other)) / 2.0]
     assert summed[0] == pytest.approx(general.light_matrix(both), abs=1e-9)
     for mode, most in (("componentwise", componentwise), ("fitted", fitted)):
@@ -86,8 +85,7 @@ def test_pictures_under_two_lights_add_up(
 @pytest.mark.parametrize("basis", ["general", "scene"], indirect=True)
 def test_spectra_in_the_span_have_the_exact_colour(basis: SpectralBasis) -> None:
     # Not sharpened: where white lies outside the span, its exactness costs the others'.
-    c = np.random.default_rng(4).random(basis.size)
-    S = basis.synthesise(c)
+    S = basis.synthesise(np.random.default_rng(4).random(basis.size))
     for lamp in LIGHTS:
         assert basis.light_matrix(lamp) @ basis.analyse(S) == pytest.approx(
             XYZ_from_spectra(lamp, S), abs=1e-5

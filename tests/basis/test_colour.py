@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.support.fixtures import slow, slow_each
 from volspec.basis import SpectralBasis
 from volspec.basis.make import NAMES, fit_shipped
 from volspec.spectra import (
@@ -24,8 +25,6 @@ from volspec.spectra import (
     reflectance_set,
 )
 
-# Other sizes than the default of seven.
-SLOW = pytest.mark.slow
 # Paper 001 figure 2, the spectra printed without damage (errata of the papers' list).
 _SPLIT1 = """.6678 1.102 1.107 .6561 .1297 .043 .4404 .8899 .9883 .7145 .273 0 .2365 1.07 1.065
     .7561 .292 .0444 .1839 .858 1.136 .8329 .288 .05081 .2354 .5776 .8495 .959 .8936 .6613 .3666"""
@@ -43,8 +42,7 @@ _REFL4 = """.158 .2753 .3143 .2531 .1204 .01347 .01666 .09516 .1335 .08491 .0299
 
 
 def _spectrum(numbers: str, name: str) -> Spectrum:
-    values = np.array([float(x) for x in numbers.split()])
-    return Spectrum(PAPERS_GRID.wavelengths_nm, values, name)
+    return Spectrum(PAPERS_GRID.wavelengths_nm, np.array([float(x) for x in numbers.split()]), name)
 
 
 PALETTE_LIGHTS = [_spectrum(_SPLIT1, "split1"), _spectrum(_SPLIT2, "split2"), light("D65")]
@@ -57,54 +55,43 @@ PALETTE_REFLECTANCES = [
     ("name", "mean", "maximum"),
     # METHOD, mean and max: .13, 1.1; .07, .45; .04, .30; positive .44, 1.9; .32, 1.7; .15, .84.
     [
-        pytest.param("smooth-5", 0.056, 0.63, marks=SLOW),
+        slow("smooth-5", 0.056, 0.63),
         ("smooth-7", 0.011, 0.10),
-        pytest.param("smooth-9", 0.009, 0.12, marks=SLOW),
-        pytest.param("smooth-5-positive", 0.34, 2.6, marks=SLOW),
-        pytest.param("smooth-7-positive", 0.13, 0.70, marks=SLOW),
-        pytest.param("smooth-9-positive", 0.035, 0.22, marks=SLOW),
-        pytest.param("general-5", 0.095, 0.80, marks=SLOW),
+        slow("smooth-9", 0.009, 0.12),
+        slow("smooth-5-positive", 0.34, 2.6),
+        slow("smooth-7-positive", 0.13, 0.70),
+        slow("smooth-9-positive", 0.035, 0.22),
+        slow("general-5", 0.095, 0.80),
         ("general-7", 0.025, 0.20),
-        pytest.param("general-9", 0.010, 0.16, marks=SLOW),
-        pytest.param("general-5-positive", 0.39, 3.1, marks=SLOW),
+        slow("general-9", 0.010, 0.16),
+        slow("general-5-positive", 0.39, 3.1),
         ("general-7-positive", 0.11, 0.72),
-        pytest.param("general-9-positive", 0.062, 0.40, marks=SLOW),
+        slow("general-9-positive", 0.062, 0.40),
     ],
 )
 def test_shipped_sensors_under_smooth_lights(name: str, mean: float, maximum: float) -> None:
     report = SpectralBasis.load(f"{name}-10nm").report()
     print(name, report.componentwise)
-    assert report.componentwise.mean <= mean
-    assert report.componentwise.max <= maximum
+    assert report.componentwise.mean <= mean and report.componentwise.max <= maximum
 
 
 @pytest.mark.parametrize(
-    ("name", "mean"),
-    # METHOD: 1.11, .43, .16.
+    ("name", "means"),
     [
-        pytest.param("general-5", 1.05, marks=SLOW),
-        ("general-7", 0.36),
-        pytest.param("general-9", 0.158, marks=SLOW),
+        # METHOD: 1.11, .43, .16.
+        slow("general-5", {"componentwise": 1.05}),
+        ("general-7", {"componentwise": 0.36}),
+        slow("general-9", {"componentwise": 0.158}),
+        # METHOD: .49, .20, .07. The componentwise picture is what such channels allow.
+        slow("exact-5", {"exact": 0.489, "componentwise": 2.3}),
+        ("exact-7", {"exact": 0.18, "componentwise": 1.1}),
+        slow("exact-9", {"exact": 0.0699, "componentwise": 0.45}),
     ],
 )
-def test_general_sensors_under_spiky_lights(name: str, mean: float) -> None:
+def test_shipped_bases_under_spiky_lights(name: str, means: dict[str, float]) -> None:
     report = SpectralBasis.load(f"{name}-10nm").report(light_set("spiky", PAPERS_GRID))
-    assert report.componentwise.mean <= mean
-
-
-@pytest.mark.parametrize(
-    ("name", "mean", "componentwise"),
-    # METHOD: .49, .20, .07. The componentwise picture is what such channels allow.
-    [
-        pytest.param("exact-5", 0.489, 2.3, marks=SLOW),
-        ("exact-7", 0.18, 1.1),
-        pytest.param("exact-9", 0.0699, 0.45, marks=SLOW),
-    ],
-)
-def test_reduced_rank_holds_any_light(name: str, mean: float, componentwise: float) -> None:
-    report = SpectralBasis.load(f"{name}-10nm").report(light_set("spiky", PAPERS_GRID))
-    assert report.exact.mean <= mean
-    assert report.componentwise.mean <= componentwise
+    for way, mean in means.items():
+        assert getattr(report, way).mean <= mean, way
 
 
 def test_rgb_product_is_as_far_off_as_in_the_method() -> None:
@@ -124,8 +111,7 @@ def test_measured_reflectances_have_coefficients_in_0_to_1(name: str) -> None:
     # 8-bit textures need this; the signed sensors of general-7 happen to give it too.
     basis = SpectralBasis.load(name)
     c = basis.analyse(np.concatenate([reflectance_set("training"), reflectance_set("test")]))
-    assert c.min() >= 0
-    assert c.max() <= 1
+    assert c.min() >= 0 and c.max() <= 1
 
 
 @pytest.mark.parametrize("name", [n for n in NAMES if n.endswith("-positive")])
@@ -134,10 +120,7 @@ def test_positive_sensors_are_positive(name: str) -> None:
 
 
 @pytest.mark.not_quick
-@pytest.mark.parametrize(
-    "name",
-    ["general-7", *(pytest.param(n, marks=SLOW) for n in ("exact-5", "smooth-5-positive"))],
-)
+@pytest.mark.parametrize("name", ["general-7", *slow_each("exact-5", "smooth-5-positive")])
 def test_shipped_basis_is_what_the_command_fits(name: str) -> None:
     shipped, again = SpectralBasis.load(name), fit_shipped(name)
     # Another BLAS rounds differently and the descent stops elsewhere in a flat valley; what
@@ -155,25 +138,17 @@ def test_all_that_the_command_makes_ships() -> None:
 )
 def test_sharpened_pca_reaches_the_papers_model(size: int, mean: float, maximum: float) -> None:
     # Measured 2.19 (max 35.8), .253 and .093; METHOD: 2.2 (33), .27 (4.8) and .07.
-    basis = SpectralBasis.fit(
-        light_set("smooth", PAPERS_GRID),
-        reflectance_set("training", PAPERS_GRID),
-        size=size,
-        method="pca-sharpened",
-        grid=PAPERS_GRID,
-    )
-    report = basis.report()
-    assert report.componentwise.mean <= mean
-    assert report.componentwise.max <= maximum
+    lights, samples = light_set("smooth", PAPERS_GRID), reflectance_set("training", PAPERS_GRID)
+    options = {"method": "pca-sharpened", "grid": PAPERS_GRID}
+    report = SpectralBasis.fit(lights, samples, size=size, **options).report()
+    assert report.componentwise.mean <= mean and report.componentwise.max <= maximum
 
 
 def test_designed_palette_trains_for_itself(general: SpectralBasis) -> None:
     basis = SpectralBasis.fit(PALETTE_LIGHTS, PALETTE_REFLECTANCES, size=7, grid=PAPERS_GRID)
-    report = basis.report(PALETTE_LIGHTS, PALETTE_REFLECTANCES)
     # Measured .000 in .3 s; METHOD has .014 in 3 s. The general basis is far off here.
-    assert report.componentwise.mean <= 0.002
-    outside = general.report(PALETTE_LIGHTS, PALETTE_REFLECTANCES)
-    assert outside.componentwise.mean > 5
+    assert basis.report(PALETTE_LIGHTS, PALETTE_REFLECTANCES).componentwise.mean <= 0.002
+    assert general.report(PALETTE_LIGHTS, PALETTE_REFLECTANCES).componentwise.mean > 5
 
 
 W = DEFAULT_GRID.wavelengths_nm
@@ -187,8 +162,8 @@ LINES = [Spectrum(W, np.where(nm == W, 1.0, 0.0), f"line {nm}") for nm in (450, 
         # METHOD: .85 in the mean. Nine colours under three lights, and one of several minima.
         (PALETTE_LIGHTS, PALETTE_REFLECTANCES, 5, 0.1),
         # Lights of one line each.
-        pytest.param(LINES, reflectance_set("test")[:6], 7, 1.0, marks=SLOW),
-        pytest.param([light("A")], [reflectance("PMC/Carrot")], 7, 0.01, marks=SLOW),
+        slow(LINES, reflectance_set("test")[:6], 7, 1.0),
+        slow([light("A")], [reflectance("PMC/Carrot")], 7, 0.01),
     ],
 )
 def test_few_spectra_of_a_scene_are_held(

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from volspec.basis import MaterialBasis, basis_from_dict, load_basis
+from volspec.basis import MaterialBasis, load_basis
 from volspec.pipeline import Relighter, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.gpu import Raycaster
-from volspec.spectra import (
-    SpectralGrid,
-    XYZ_from_spectra,
-    light,
-    reflectance,
-    white_XYZ,
-)
+from volspec.spectra import SpectralGrid, Spectrum, XYZ_from_spectra, light, reflectance, white_XYZ
 from volspec.transfer import TransferFunction
 from volspec.volume import phantom
 
@@ -33,12 +28,14 @@ POINTS = [
 SPEC = RaycastSpec(specular=0.4)
 
 
+def cast(materials: dict[str, Spectrum], basis: MaterialBasis) -> CoefficientImage:
+    volume, transfer = phantom.ball(32), TransferFunction(POINTS, materials, basis)
+    return raycast(volume, transfer, Camera.orbit(volume), (48, 40), SPEC)
+
+
 @pytest.fixture(scope="module")
 def ball() -> CoefficientImage:
-    volume = phantom.ball(32)
-    return raycast(
-        volume, TransferFunction(POINTS, MATERIALS, BASIS), Camera.orbit(volume), (48, 40), SPEC
-    )
+    return cast(MATERIALS, BASIS)
 
 
 @pytest.mark.not_quick
@@ -73,40 +70,25 @@ def test_highlights_are_white_and_not_a_material_s(ball: CoefficientImage) -> No
 @pytest.mark.not_quick
 def test_an_edited_reflectance_shows_without_a_new_cast(ball: CoefficientImage) -> None:
     """Equal to a cast with that reflectance; it outlives `update`, as after a camera move."""
-    volume = phantom.ball(32)
-    changed = {**MATERIALS, "gold": reflectance("ColorChecker/blue")}
-    again = raycast(
-        volume,
-        TransferFunction(POINTS, changed, MaterialBasis(changed)),
-        Camera.orbit(volume),
-        (48, 40),
-        SPEC,
-    )
-    with Relighter(ball) as edited, Relighter(again) as cast:
+    blue = {"gold": reflectance("ColorChecker/blue")}
+    changed = MATERIALS | blue
+    with Relighter(ball) as edited, Relighter(cast(changed, MaterialBasis(changed))) as again:
         before = edited.frame(light("D65"))
-        edited.set_reflectances({"gold": reflectance("ColorChecker/blue")})
+        edited.set_reflectances(blue)
         after = edited.frame(light("D65"))
-        assert np.array_equal(after, cast.frame(light("D65")))
+        assert np.array_equal(after, again.frame(light("D65")))
         edited.update(ball)
         assert np.array_equal(after, edited.frame(light("D65")))
     assert np.abs(after.astype(int) - before).max() > 10
 
 
 @pytest.mark.not_quick
-def test_files_keep_bases_and_images(
-    ball: CoefficientImage, tmp_path: pytest.TempPathFactory
-) -> None:
-    again = basis_from_dict(BASIS.to_dict())
-    assert isinstance(again, MaterialBasis)
-    assert again.fingerprint == BASIS.fingerprint
-    path = f"{tmp_path}/ball.exr"
-    ball.save(path)
-    loaded = CoefficientImage.load(path)
-    assert isinstance(loaded.basis, MaterialBasis)
-    assert list(loaded.basis.materials) == list(MATERIALS)
-    path = f"{tmp_path}/ball.json"
-    BASIS.save(path)
-    assert load_basis(path).fingerprint == BASIS.fingerprint
+def test_files_keep_bases_and_images(ball: CoefficientImage, tmp_path: Path) -> None:
+    ball.save(tmp_path / "ball.exr")
+    loaded = CoefficientImage.load(tmp_path / "ball.exr").basis
+    assert isinstance(loaded, MaterialBasis) and list(loaded.materials) == list(MATERIALS)
+    BASIS.save(tmp_path / "ball.json")
+    assert load_basis(tmp_path / "ball.json").fingerprint == BASIS.fingerprint
 
 
 @given(st.lists(st.floats(0, 1), min_size=4, max_size=4), st.sampled_from(["A", "FL11", "HP1"]))

@@ -37,6 +37,7 @@ BASES = {
     "pca": SpectralBasis.fit(light_set("smooth"), _TRAINING, method="pca"),
     "pca-sharpened": SpectralBasis.fit(light_set("smooth"), _TRAINING, method="pca-sharpened"),
 }
+WAYS = ("componentwise", "linear-model", "exact")
 METHODS_OF_PCA = ("pca", "pca-sharpened")
 LAMPS = ("D65", "A", "planck:2000", "FL2", "HP1", "LED-RGB1", "LPS")
 
@@ -89,8 +90,7 @@ def test_illumination_is_a_product_inside(
     basis: SpectralBasis, lamp: Spectrum, s: np.ndarray
 ) -> None:
     # Bergner, Drew and Moeller (2009), eq. 5-6: multiply the synthesised spectra, analyse again.
-    e = basis.analyse(lamp)
-    product = basis.analyse(basis.synthesise(e) * basis.synthesise(s))
+    product = basis.analyse(basis.synthesise(basis.analyse(lamp)) * basis.synthesise(s))
     found = basis.illumination_matrix(lamp) @ s
     assert found == pytest.approx(product, abs=1e-9 * np.abs(basis.synthesis).max() ** 2)
 
@@ -115,12 +115,14 @@ def test_illumination_matrix_is_equation_7() -> None:
     assert basis.illumination_matrix(lamp) == pytest.approx(np.array(R))
 
 
+def shown(method: str, lamp: Spectrum, mode: str) -> np.ndarray:
+    """Return the XYZ of the training reflectances."""
+    return BASES[method].analyse(_TRAINING) @ BASES[method].colour_matrix(lamp, mode).T
+
+
 def test_linear_model_does_not_depend_on_which_vectors_span_the_subspace() -> None:
-    for name in LAMPS:
-        plain, sharp = (
-            BASES[m].analyse(_TRAINING) @ BASES[m].colour_matrix(light(name), "linear-model").T
-            for m in METHODS_OF_PCA
-        )
+    for lamp in map(light, LAMPS):
+        plain, sharp = (shown(method, lamp, "linear-model") for method in METHODS_OF_PCA)
         assert plain == pytest.approx(sharp, abs=1e-6)
 
 
@@ -128,14 +130,9 @@ def test_modes_are_ever_closer_to_the_full_spectra() -> None:
     # Mean difference of XYZ, in per cent of white: plain components do not multiply by
     # themselves; sharpened, they nearly do what the whole product does.
     lamp = light("planck:3000")
+    true = XYZ_from_spectra(lamp, _TRAINING)
     plain, sharp = (
-        [
-            np.abs(
-                BASES[method].analyse(_TRAINING) @ BASES[method].colour_matrix(lamp, mode).T
-                - XYZ_from_spectra(lamp, _TRAINING)
-            ).mean()
-            for mode in ("componentwise", "linear-model", "exact")
-        ]
+        [np.abs(shown(method, lamp, mode) - true).mean() for mode in WAYS]
         for method in METHODS_OF_PCA
     )
     assert plain[0] > 5 and sharp[0] < 0.2
@@ -171,8 +168,7 @@ def test_the_matrix_is_the_constrained_least_squares() -> None:
     def cost(x: np.ndarray) -> float:
         M = matrix(x)
         off = np.einsum("kij,kj->ki", G, c @ M.T - XYZ / white)
-        far = M - prior / white[:, None]
-        return float(weights @ (off**2).sum(1) + 1e-5 * (far**2).sum())
+        return float(weights @ (off**2).sum(1) + 1e-5 * ((M - prior / white[:, None]) ** 2).sum())
 
     ours = found / white[:, None]
     assert ours.sum(1) == pytest.approx(np.ones(3), abs=1e-9)
@@ -189,8 +185,7 @@ def test_fewer_samples_than_channels_and_their_mixtures_are_exact(lamp: str) -> 
     shown = basis.xyz(basis.analyse(mixtures), lit)
     Lab = (cielab(XYZ, np.maximum(white, 0.1)) for XYZ in (shown, XYZ_from_spectra(lit, mixtures)))
     assert delta_E_2000(*Lab).max() < 0.02
-    without = GENERAL.xyz(GENERAL.analyse(mixtures), lit)
-    assert np.abs(shown - without).max() > 1e-3
+    assert np.abs(shown - GENERAL.xyz(GENERAL.analyse(mixtures), lit)).max() > 1e-3
 
 
 def test_a_file_of_the_first_version_is_componentwise() -> None:
@@ -199,22 +194,18 @@ def test_a_file_of_the_first_version_is_componentwise() -> None:
     again = SpectralBasis.from_dict(old.to_dict())
     for name in ("D65", "FL4"):
         lamp = light(name)
-        wanted = GENERAL.colour_matrix(lamp, "componentwise")
-        assert (again.colour_matrix(lamp) == wanted).all()
+        assert (again.colour_matrix(lamp) == GENERAL.colour_matrix(lamp, "componentwise")).all()
 
 
 def test_samples_are_kept_by_files() -> None:
-    basis = replace(GENERAL, samples=PAINTS)
-    again = SpectralBasis.from_dict(basis.to_dict())
-    assert again.samples is not None
-    assert (again.samples == PAINTS).all()
+    again = SpectralBasis.from_dict(replace(GENERAL, samples=PAINTS).to_dict())
+    assert np.array_equal(again.samples, PAINTS)
     assert again.fingerprint == GENERAL.fingerprint
 
 
 def test_matrices_of_lights_add_up() -> None:
     lamps = light("D65"), light("led:470")
-    rig = LightRig(lamps, (0.7, 0.2))
-    found = Illumination.of(GENERAL, rig, RelightSpec())
+    found = Illumination.of(GENERAL, LightRig(lamps, (0.7, 0.2)), RelightSpec())
     Y = [0.7 * white_Y(lamps[0]), 0.2 * white_Y(lamps[1])]
     parts = [y * GENERAL.fitted_matrix(each) for y, each in zip(Y, lamps, strict=True)]
     assert found.XYZ_from_channels == pytest.approx(sum(parts) / sum(Y), rel=1e-9)
@@ -229,7 +220,7 @@ def white_Y(lamp: Spectrum) -> float:
 @pytest.mark.not_quick
 def test_the_fit_is_better_than_other_modes_in_every_class() -> None:
     for basis in (GENERAL, PAPERS):
-        for kind in ("smooth", "spiky"):
+        for kind in KINDS:
             report = basis.report(light_set(kind, basis.grid)[::3])
             for other in (report.componentwise, report.exact):
                 assert report.fitted.mean < other.mean
@@ -248,8 +239,7 @@ def test_through_samples_is_exact_for_them() -> None:
     assert full.synthesise(GENERAL.analyse(PAINTS)) == pytest.approx(PAINTS, abs=1e-9)
     assert full.synthesise(np.ones(7)) == pytest.approx(np.ones(81))
     assert through_samples(GENERAL) is None  # no samples
-    many = reflectance_set("training")[:9]
-    assert through_samples(replace(GENERAL, samples=many)) is None
+    assert through_samples(replace(GENERAL, samples=reflectance_set("training")[:9])) is None
     # Grey is a mixture of white and black; a metamer of gold in these channels is none.
     grey = np.vstack([PAINTS, np.full(81, 0.4)])
     assert through_samples(replace(GENERAL, samples=grey)) is not None

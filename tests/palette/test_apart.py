@@ -64,8 +64,7 @@ EVERY = pytest.mark.parametrize(
 
 @EVERY
 def test_a_row_parts_what_a_viewer_sees(deficiency: str) -> None:
-    row = Apart(light="L", deficiency=deficiency, distance=30.0)
-    made = design(palette(row))
+    made = design(palette(Apart(light="L", deficiency=deficiency, distance=30.0)))
     one, other = simulated(made.state, deficiency, 1)
     assert np.linalg.norm(one - other) >= 29.5
     by_day = np.abs(shown_codes(made)[:, 0] - [RED, GREEN]).max()
@@ -118,14 +117,11 @@ def test_the_cost_is_the_shortfall() -> None:
 @EVERY
 def test_equations_are_the_tangent_of_what_is_seen(deficiency: str) -> None:
     """A small step of the light's spectrum changes the distance as the row says."""
-    asked = palette(Apart(light="L", deficiency=deficiency, distance=30.0))
-    state = design(asked).state
-    phase = Phase(state, lights=True, first=False)
-    blocks, terms = phase.problem()
+    state = design(palette(Apart(light="L", deficiency=deficiency, distance=30.0))).state
+    blocks, terms = Phase(state, lights=True, first=False).problem()
     row = next(term for term in terms if "excess" in term.label)
     model = state.colour_models()[1]
-    rng = np.random.default_rng(1)
-    E = state.E[1] * (1.0 + 1e-4 * rng.standard_normal(state.E[1].shape))
+    E = state.E[1] * (1.0 + 1e-4 * np.random.default_rng(1).standard_normal(state.E[1].shape))
     # Adaptation changes with the light, but not within a phase.
     XYZ = [state.Q @ (spectrum * state.S.T[:, i]) for i in (0, 1) for spectrum in (state.E[1], E)]
     RGB = model.RGB_from_XYZ(np.stack(XYZ)).reshape(2, 2, 3)

@@ -52,8 +52,7 @@ def one_cell(**more: Any) -> Palette:
 
 
 def test_a_colour_is_eq_16_over_root_three() -> None:
-    palette = one_cell(criteria=RGB)
-    term = only_term(phase_terms(palette), "cell")
+    term = only_term(phase_terms(one_cell(criteria=RGB)), "cell")
     expected = RGB_FROM_XYZ @ (Q * power("A")) / math.sqrt(3.0)
     assert np.abs(term.parts["reflectance 's'"] - expected).max() < 1e-12
     assert term.target == pytest.approx(linear(COLOUR) / math.sqrt(3.0))
@@ -74,8 +73,7 @@ def test_light_and_reflectance_are_interchangeable() -> None:
 
 @pytest.mark.parametrize("bands", [31, 100])
 def test_smoothness_is_the_normed_second_difference_of_eq_21(bands: int) -> None:
-    grid = SpectralGrid(400, 700, 300 / (bands - 1))
-    palette = one_cell(grid=grid, criteria=RGB)
+    palette = one_cell(grid=SpectralGrid(400, 700, 300 / (bands - 1)), criteria=RGB)
     term = only_term(phase_terms(palette), "reflectance")
     assert term.weight == RGB.smoothness
     rows = term.parts["reflectance 's'"]
@@ -112,8 +110,7 @@ def test_free_metamers_solve_eq_24() -> None:
     colours = {"i": (0.55, 0.25, 0.15), "j": (0.5, 0.5, 0.5)}
     cells = {(name, "D65"): free for name in colours}
     cells |= {(name, "HP1"): Cell(colour=c, weight=wb) for name, c in colours.items()}
-    criteria = Criteria(smoothness=0.1, metric="RGB", rounds=1)
-    made = design(palette_of(cells, criteria=criteria))
+    made = design(palette_of(cells, criteria=Criteria(smoothness=0.1, metric="RGB", rounds=1)))
     # The paper's matrix: the colour first, then both reflectances.
     a, b = (RGB_FROM_XYZ @ (Q * power(name)) / math.sqrt(3.0) for name in ("D65", "HP1"))
     bend = 0.1 * np.diff(np.eye(NM.size), 2, axis=0) / math.sqrt(6.0 * NM.size)
@@ -136,8 +133,7 @@ def test_cells_of_one_free_colour_share_their_bounds() -> None:
         ("a", "D65"): Cell("free", group="m", low=(0.5, 0.5, 0.5)),
         ("b", "D65"): Cell("free", group="m", high=(0.6, 0.6, 0.6)),
     }
-    made = design(palette_of(cells))
-    codes = Viewing("none").display.colours.encode(made.state.RGB())
+    codes = Viewing("none").display.colours.encode(design(palette_of(cells)).state.RGB())
     assert codes.min() > 0.499 and codes.max() < 0.601
 
 
@@ -195,8 +191,7 @@ def test_the_subspace_error_of_a_light_is_eq_20_and_its_tangent(scale: float) ->
 
 
 def test_flat_white_has_no_subspace_error_under_any_light() -> None:
-    palette = subspace_palette("absolute")
-    state = State.start(palette).with_spectra(False, {0: np.ones(NM.size)})
+    state = State.start(subspace_palette("absolute")).with_spectra(False, {0: np.ones(NM.size)})
     part = only_term(Phase(state, True).problem()[1], "the subspace error").parts["light 'l'"]
     assert np.abs(part @ np.random.default_rng(3).random(NM.size)).max() < 1e-6
 
@@ -209,8 +204,7 @@ def test_the_cost_of_a_colour_in_Lab_is_its_delta_E_squared_and_falls() -> None:
     }
     costs = []
     for iterations in (1, 2, 4, 8, 12):
-        criteria = Criteria(smoothness=0.0, rounds=iterations)
-        made = design(palette_of(cells, criteria=criteria))
+        made = design(palette_of(cells, criteria=Criteria(smoothness=0.0, rounds=iterations)))
         models = made.state.colour_models()
         wanted = [models[0].space.decode(cell.colour) for cell in cells.values() if cell.colour]
         got = made.state.RGB(models)[0]

@@ -49,8 +49,7 @@ def test_distinct_cells_part_as_far_as_the_display_shows_and_must_is_exact() -> 
 def test_bounds_hold_and_a_relative_light_has_its_luminance() -> None:
     cells = {("a", "L"): Cell(colour=(0.9, 0.2, 0.2)), ("b", "L"): Cell(colour=(0.2, 0.2, 0.9))}
     light = free_light(band_nm=(450, 650))
-    criteria = Criteria(smoothness=0.1, rounds=3)
-    state = design(palette_of(cells, light, criteria=criteria)).state
+    state = design(palette_of(cells, light, criteria=Criteria(smoothness=0.1, rounds=3))).state
     assert state.E.min() >= 0.0
     assert state.E[0, [0, -1]].tolist() == [0.0, 0.0]
     assert (state.Q @ state.E[0])[1] == pytest.approx(100)
@@ -70,8 +69,7 @@ def between_two_lights(weight: float) -> Palette:
 
 @pytest.mark.parametrize("weight", [1.0, 10.0, math.inf])
 def test_a_cell_of_more_weight_does_not_fix_its_light_at_the_start(weight: float) -> None:
-    made = design(replace(between_two_lights(weight), grid=PAPERS_GRID))
-    assert largest_miss(made) < 4 / 255
+    assert largest_miss(design(replace(between_two_lights(weight), grid=PAPERS_GRID))) < 4 / 255
 
 
 def test_on_a_wider_range_of_wavelengths_a_light_and_its_surfaces_take_more_rounds() -> None:
@@ -184,8 +182,7 @@ def test_a_phase_matches_a_bounded_least_squares_solver(
 
 
 def test_a_light_of_given_luminance_matches_sequential_quadratic_programming() -> None:
-    criteria = Criteria(1.0, metric="RGB", rounds=1)
-    palette = random_palette(3, 1, criteria=criteria)
+    palette = random_palette(3, 1, criteria=Criteria(1.0, metric="RGB", rounds=1))
     blocks, terms = Phase(State.start(palette), True).problem()
     found = solve(blocks, terms)
     M, y = stacked(blocks, terms)
@@ -228,8 +225,7 @@ def test_an_analytic_optimum_at_a_bound() -> None:
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 def test_the_optimum_does_not_depend_on_the_weights_scale(size: float) -> None:
     M = np.random.default_rng(1).random((5, 4))
-    terms = [Term({"b": M}, np.full(5, 0.3), size, "t")]
-    found = solve({"b": box(4)}, terms)
+    found = solve({"b": box(4)}, [Term({"b": M}, np.full(5, 0.3), size, "t")])
     theirs = lsq_linear(M, np.full(5, 0.3), (0.0, 1.0), tol=1e-14)
     assert found.values["b"] == pytest.approx(theirs.x, abs=1e-5)
     assert found.residual < 1e-6

@@ -84,9 +84,7 @@ def test_both_sides_of_the_timing_solve_the_same() -> None:
     palette = drawn(POSITIVE, 3, 3, 0)
     theirs = by_scipy(palette)()
     assert isinstance(theirs, list) and len(theirs) == 6
-    state = State.start(palette)
-    first = Phase(state, False)
-    ours = solve(*first.problem()).cost
+    ours = solve(*Phase(State.start(palette), False).problem()).cost
     assert ours == pytest.approx(2.0 * sum(each.cost for each in theirs[:3]), rel=1e-4, abs=1e-9)
 
 

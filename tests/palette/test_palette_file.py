@@ -74,9 +74,8 @@ def test_a_file_becomes_the_palette_it_says(tmp_path: Path) -> None:
     day, split = palette.lights
     assert not day.free and split.free and split.band_nm == (420, 680) and split.upper == 4
     free = Cell("free", group="m", high=(0.5, 0.5, 0.9), weight=4)
-    red_code = Cell(colour=(202 / 255, 0.0, 32 / 255))
     assert dict(palette.cells) == {
-        ("red", "day"): red_code,
+        ("red", "day"): Cell(colour=(202 / 255, 0.0, 32 / 255)),
         ("red", "split 1"): free,
         ("blue", "split 1"): free,
     }
@@ -175,8 +174,7 @@ def test_an_exposure_is_fitted_so_that_reflectances_stay_below_one(tmp_path: Pat
     assert exposure > 1.2, "a full red under D65 needs more than all its light"
     made = vs.design(vs.load_palette(source))
     assert made.state.S[0].max() <= 1.0
-    red = made.state.RGB()[0, 0]
-    assert red == pytest.approx([1, 0, 0], abs=0.02)
+    assert made.state.RGB()[0, 0] == pytest.approx([1, 0, 0], abs=0.02)
     vs.save_palette(made, source, source=source)
     assert vs.load_palette(source).viewing.exposure == pytest.approx(exposure, rel=1e-5)
 
@@ -229,8 +227,7 @@ def test_shipped_palettes_reach_the_paper_s_figures(sodium: vs.Design, figure_2:
 
 def test_a_light_whose_name_looks_like_a_mix_is_found(tmp_path: Path) -> None:
     path = written(tmp_path, SMALL.replace('"split 1"', '"x*2 + y"'))
-    made = tmp_path / "made.toml"
-    vs.save_palette(vs.design(vs.load_palette(path)), made, source=path)
+    vs.save_palette(vs.design(vs.load_palette(path)), tmp_path / "made.toml", source=path)
     own = vs.light("made.toml#x*2 + y", folder=tmp_path)
     assert own.designed
     mixed = vs.light("made.toml#x*2 + y*0.5+made.toml#day*0.5", folder=tmp_path)
@@ -238,8 +235,7 @@ def test_a_light_whose_name_looks_like_a_mix_is_found(tmp_path: Path) -> None:
 
 
 def test_a_mix_of_files_is_found_from_the_new_place(tmp_path: Path) -> None:
-    rows = "\n".join(f"{nm},{nm / 700}" for nm in range(380, 731, 10))
-    (tmp_path / "mine.csv").write_text(rows)
+    (tmp_path / "mine.csv").write_text("\n".join(f"{nm},{nm / 700}" for nm in range(380, 731, 10)))
     text = SMALL.replace('spectrum = "D65"', 'spectrum = "D65*0.25+mine.csv*0.5"')
     text = text.replace("upper = 4", 'mixture = ["D65", "mine.csv*2+A"]').replace("band_nm", "#")
     path = written(tmp_path, text)
@@ -301,8 +297,7 @@ def test_a_profile_is_found_next_to_it(tmp_path: Path, monkeypatch: pytest.Monke
     assert x == pytest.approx(0.68, abs=1e-3)  # ICC's numbers have 16 bits
     target = tmp_path / "sub" / "made.toml"
     vs.save_palette(vs.design(palette), target, source=tmp_path / "small.toml")
-    again = vs.load_palette(target).viewing.display.colours
-    assert again == palette.viewing.display.colours
+    assert vs.load_palette(target).viewing.display.colours == palette.viewing.display.colours
 
 
 PAGE = (ROOT / "docs/palettes.md").read_text(encoding="utf-8")
@@ -310,8 +305,7 @@ PAGE = (ROOT / "docs/palettes.md").read_text(encoding="utf-8")
 
 def test_the_example_of_the_docs_is_a_palette_that_is_met(tmp_path: Path) -> None:
     (example,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
-    made = vs.design(vs.load_palette(written(tmp_path, example)))
-    assert vs.DesignReport.of(made).mean < 1
+    assert vs.DesignReport.of(vs.design(vs.load_palette(written(tmp_path, example)))).mean < 1
 
 
 @pytest.mark.not_quick

@@ -42,8 +42,7 @@ def test_a_cell_shows_the_colour_that_its_spectra_make() -> None:
     cells = {("s", "A"): must(*GREY)}
     report = DesignReport.of(design(Palette(rows, (lamp("A"),), cells, vs.Viewing("CAT02"))))
     copper, grey = report.cells
-    seen = XYZ_from_spectra(vs.light("A"), vs.reflectance("copper"))
-    assert np.allclose(copper.XYZ, seen)
+    assert np.allclose(copper.XYZ, XYZ_from_spectra(vs.light("A"), vs.reflectance("copper")))
     assert (copper.kind, copper.wanted, copper.delta_E_2000) == ("", None, None)
     assert grey.wanted == pytest.approx(GREY) and grey.delta_E_2000 == pytest.approx(0, abs=1e-3)
     assert report.mean == grey.error, "of what is wanted only"
@@ -114,12 +113,10 @@ def test_a_mixture_s_shares_are_those_of_the_illuminance(tmp_path: Path) -> None
     made = design(Palette((given,), (free,), cells))
     (light,) = DesignReport.of(made).spectra
     assert sum(light.lamps.values()) == pytest.approx(1.0) and tuple(light.lamps) == lamps
-    text = str(DesignReport.of(made))
-    mix = re.search(r"L = (\S+),", text)
+    mix = re.search(r"L = (\S+),", str(DesignReport.of(made)))
     assert mix
-    again = vs.light(mix[1]).values
     own = made.light("L").on(DEFAULT_GRID).values
-    assert np.allclose(again, own, atol=2e-4 * own.max())
+    assert np.allclose(vs.light(mix[1]).values, own, atol=2e-4 * own.max())
     vs.save_palette(made, tmp_path / "made.toml")
     (row,) = palette_file(tmp_path / "made.toml").light
     assert row.shares == pytest.approx(list(light.lamps.values()), abs=6e-5)
@@ -218,9 +215,8 @@ def test_a_report_may_count_differences_in_cam16_ucs(flames: DesignReport, sodiu
         assert cell.delta_E_CAM16 == usual.delta_E_CAM16 and cell.delta_E == cell.delta_E_CAM16
         assert usual.delta_E == usual.delta_E_2000 == cell.delta_E_2000
         if cell.error is not None:
-            codes = np.array([cell.obtained, cell.wanted])
             space = sodium.palette.viewing.display.colours
-            XYZ = space.decode(codes) @ space.XYZ_from_RGB.T
+            XYZ = space.decode(np.array([cell.obtained, cell.wanted])) @ space.XYZ_from_RGB.T
             white = tuple(space.white_XYZ.tolist())
             apart = delta_E_CAM16(*cam16_ucs(XYZ, ViewingConditions(white, discount=True)))
             assert cell.error == pytest.approx(float(apart), abs=1e-6)
@@ -251,8 +247,7 @@ def many(count: int) -> Design:
     rows = tuple(given(f"reflectance {i}", 0.3) for i in range(count))
     columns = tuple(given(f"a light called {j}", 1.0) for j in range(count - 1))
     cells = {("reflectance 0", "open"): Cell(colour=(0.5, 0.4, 0.3))}
-    criteria = Criteria(rounds=1)
-    return design(Palette(rows, (*columns, free_light("open")), cells, criteria=criteria))
+    return design(Palette(rows, (*columns, free_light("open")), cells, criteria=Criteria(rounds=1)))
 
 
 def colours(figure: Figure) -> list[str]:
@@ -273,8 +268,7 @@ def test_squares_have_the_colours_of_the_report(sodium: Design) -> None:
 
 
 def test_it_says_what_is_what(sodium: Design) -> None:
-    figure = palette_figure(sodium, title="Flames")
-    words = texts(figure)
+    words = texts(palette_figure(sodium, title="Flames"))
     assert {"Flames", "flame", "paint", "sodium", "D65"} <= set(words)
     assert any("dashed" in each and "outside" not in each for each in words)
     report = DesignReport.of(sodium)

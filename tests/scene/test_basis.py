@@ -22,23 +22,17 @@ from volspec.scene.transfer import PointSpec, TransferSpec
 from volspec.spectra import SpectralGrid, light, light_set, reflectance
 
 ROOT = Path(__file__).resolve().parents[2]
-
-
 POINTS = [(0, 0, "block"), (9, 1, "part")]
+MATERIALS = '[basis]\nmethod = "materials"'
 COMPONENTWISE = '[viewing]\nmode = "componentwise"'
 
 
 def scene(
-    tmp_path: Path,
-    basis: str = "",
-    block: str = "ColorChecker/cyan",
-    lamp: str = "A",
-    title: str = "",
+    folder: Path, basis: str = "", block: str = "ColorChecker/cyan", lamp: str = "A"
 ) -> Scene:
-    path = tmp_path / "scene.toml"
+    path = folder / "scene.toml"
     paints, lights = {"block": block, "part": "copper"}, {"day": "D65", "lamp": lamp}
-    text = scene_text(paints, POINTS, file="none.nrrd", lights=lights)
-    path.write_text(f"{title}{text}{basis}\n")
+    path.write_text(f"{scene_text(paints, POINTS, lights=lights)}{basis}\n")
     return Scene.load(path)
 
 
@@ -49,8 +43,9 @@ def test_plain_spectra_take_the_general_basis_of_a_size(tmp_path: Path, size: in
 
 
 def test_a_title_with_control_characters_names_a_basis(tmp_path: Path) -> None:
-    title = 'title = "a\\u0007b\\u202e"\n'
-    made = scene(tmp_path, '[basis]\nmethod = "materials"', "white", title=title)
+    path = scene(tmp_path, MATERIALS, "white").path
+    path.write_text('title = "a\\u0007b\\u202e"\n' + path.read_text())
+    made = Scene.load(path)
     assert made.basis.name == r"a\x07b\u202e" and made.file.title == "a\x07b\u202e"
 
 
@@ -97,23 +92,19 @@ def test_a_designed_spectrum_is_trained_for(tmp_path: Path) -> None:
 
 def test_a_designed_light_is_trained_for(tmp_path: Path, fits: list[dict[str, Any]]) -> None:
     (tmp_path / "led.csv").write_text("# designed: yes\n380,1\n500,2\n780,1\n")
-    found = scene(tmp_path, COMPONENTWISE, lamp="led.csv")
-    assert found.basis_reason.startswith("led ")
+    assert scene(tmp_path, COMPONENTWISE, lamp="led.csv").basis_reason.startswith("led ")
     assert len(fits) == 1 and fits[0]["lights"][1].name == "led"
     # The same light without the note is one of many that the general basis holds.
     (tmp_path / "led.csv").write_text("380,1\n500,2\n780,1\n")
     assert scene(tmp_path, lamp="led.csv").basis.name == "general-7" and len(fits) == 1
 
 
-def comb_palette(folder: Path, step_nm: float) -> None:
-    """Write a palette whose light and reflectances alternate from band to band."""
-    bands = int(300 / step_nm) + 1
-    comb = np.arange(bands) % 2
-    rows = {"light": {"comb": 2 * comb}, "reflectance": {"odd": comb, "even": 1 - comb}}
-    text = f"[criteria]\ngrid_nm = [400, 700, {step_nm:g}]\n"
-    for kind, spectra in rows.items():
-        for name, values in spectra.items():
-            text += f'[[{kind}]]\nname = "{name}"\ndesign = true\nvalues = {values.tolist()}\n'
+def comb_palette(folder: Path) -> None:
+    """Write a palette whose light and reflectance alternate from band to band."""
+    comb = np.arange(61) % 2
+    text = "[criteria]\ngrid_nm = [400, 700, 5]\n"
+    for kind, name, values in (("light", "comb", 2 * comb), ("reflectance", "odd", comb)):
+        text += f'[[{kind}]]\nname = "{name}"\ndesign = true\nvalues = {values.tolist()}\n'
     (folder / "comb.toml").write_text(text)
 
 
@@ -121,10 +112,9 @@ def test_a_scene_takes_the_bands_of_its_palette(
     tmp_path: Path, recwarn: pytest.WarningsRecorder
 ) -> None:
     """On bands of 10 nm each reflectance of the comb would be a grey of one half."""
-    comb_palette(tmp_path, 5)
+    comb_palette(tmp_path)
     for light_name in ("A", "comb.toml#comb", "comb.toml#comb*0.5+A*0.5"):
-        exact = '[basis]\nmethod = "materials"'
-        found = scene(tmp_path, exact, block="comb.toml#odd", lamp=light_name)
+        found = scene(tmp_path, MATERIALS, block="comb.toml#odd", lamp=light_name)
         bands = SpectralGrid(400, 700, 5)
         assert {row.spectrum.grid for row in found.lights} == {bands}
         assert found.materials["block"].values.tolist() == [0, 1] * 30 + [0]
@@ -135,7 +125,7 @@ def test_a_scene_takes_the_bands_of_its_palette(
 def test_a_scene_of_other_bands_than_its_palette_s_warns_with_the_difference(
     tmp_path: Path,
 ) -> None:
-    comb_palette(tmp_path, 5)
+    comb_palette(tmp_path)
     bands = "[basis]\ngrid_nm = [400, 700, 10]"
     with pytest.warns(VolspecWarning, match=r"61 bands.*scene has 31.*ΔE00 (\d+\.\d)") as warned:
         scene(tmp_path, bands, block="comb.toml#odd", lamp="comb.toml#comb")
@@ -182,9 +172,9 @@ def test_a_scene_may_name_ask_or_make_its_materials_the_channels(tmp_path: Path)
     fine = scene(tmp_path, "[basis]\ngrid_nm = [380, 730, 5]\nobserver_deg = 10\nsize = 5")
     assert isinstance(fine.basis, SpectralBasis)
     assert fine.basis.grid.size == 71 and fine.basis.observer_deg == 10
-    cones = scene(tmp_path, '[basis]\nmethod = "materials"\nobserver_deg = "CIE 2015 10"').basis
+    cones = scene(tmp_path, f'{MATERIALS}\nobserver_deg = "CIE 2015 10"').basis
     assert cones.observer_deg == "CIE 2015 10"
-    materials = scene(tmp_path, '[basis]\nmethod = "materials"').basis
+    materials = scene(tmp_path, MATERIALS).basis
     assert isinstance(materials, MaterialBasis) and list(materials.materials) == ["block", "part"]
 
 

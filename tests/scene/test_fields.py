@@ -112,8 +112,7 @@ def test_weights_and_shown_are_of_each_field(folder: Path) -> None:
     hidden = cast(scene(folder, own="shown = false"))
     assert np.array_equal(none.coefficients, hidden.coefficients)
     assert not np.array_equal(whole.coefficients, hidden.coefficients)
-    head = HEAD.replace("[transfer]", "[transfer]\nshown = false")
-    other = cast(scene(folder, head=head))
+    other = cast(scene(folder, head=HEAD.replace("[transfer]", "[transfer]\nshown = false")))
     assert 0 < other.alpha.max() < whole.alpha.max() + 1e-6
 
 
@@ -138,7 +137,7 @@ def test_a_hidden_field_is_cast_as_fast_and_alike_as_a_volume_alone(folder: Path
 def test_what_cannot_be_is_refused_in_one_line(
     folder: Path, keys: str, own: str, code: str | None
 ) -> None:
-    with raises(SceneError, *(() if code is None else (code,))) as caught:
+    with raises(SceneError, code) as caught:
         cast(scene(folder, keys, own))
     assert "[[field]] PET" in str(caught.value) and "\n" not in str(caught.value).strip()
 
@@ -172,8 +171,7 @@ def test_a_field_that_is_missing_is_named(folder: Path) -> None:
 def test_a_scene_s_mask_is_cast_as_in_python(masked: Path) -> None:
     made = vs.Scene.load(masked)
     assert not check_scene(masked).errors
-    points = [(60, 0.0, "hot"), (150, 0.6, "hot")]
-    liver = vs.TransferFunction(points, made.materials, made.basis)
+    liver = vs.TransferFunction([(60, 0.0, "hot"), (150, 0.6, "hot")], made.materials, made.basis)
     mask = vs.Mask("organs", {1: liver, 7: liver, 2: None})
     own = {"": made.transfer.functions[""]}
     is_cast_as(made, made.volume(), vs.FieldFunctions(own, masks={"": mask}))

@@ -35,8 +35,7 @@ def ball(tmp_path: Path) -> Path:
 @pytest.mark.not_quick
 def test_a_volume_s_scene_frames_what_it_shows(ball: Path) -> None:
     scene = Scene.from_volume(f"{ball.with_suffix('.raw')}{LAYOUT}")
-    volume = scene.volume()
-    assert volume.spacing_mm == (1, 1, 4)
+    assert scene.volume().spacing_mm == (1, 1, 4)
     alpha = scene.render(size=(64, 64)).alpha > 0.05
     rows, columns = np.nonzero(alpha.any(axis=1))[0], np.nonzero(alpha.any(axis=0))[0]
     # 85 % of the longer side, centred.
@@ -76,8 +75,7 @@ def test_a_steep_preset_shows_no_rings(tmp_path: Path) -> None:
     camera = replace(scene.file.camera, zoom=3 * scene.file.camera.zoom).camera(volume)
 
     def cast(**changes: Any) -> NDArray[np.float64]:
-        spec = replace(scene.raycast, **changes)
-        image = raycast(volume, scene.transfer, camera, size, spec)
+        image = raycast(volume, scene.transfer, camera, size, replace(scene.raycast, **changes))
         return relight(image, light("D65"), dtype=np.float32, backend="numpy").astype(np.float64)
 
     truth = cast(step_mm=1 / 32, jitter=0.0)

@@ -121,8 +121,7 @@ def test_the_groups_of_the_cast_are_the_room_s_light(
 @pytest.mark.not_quick
 def test_a_white_that_gets_most_light_has_a_luminance_factor_of_100(scene: Scene) -> None:
     """The top of the block faces the lamp; its sides get less."""
-    above = replace(scene.file.camera, elevation_deg=90.0, zoom=1.0)
-    image = scene.with_camera(above).render()
+    image = scene.with_camera(replace(scene.file.camera, elevation_deg=90.0, zoom=1.0)).render()
     lit = Illumination.of(image.basis, scene.lights[0].rig, scene.relight, image.groups)
     seen = lit.scene_XYZ(image.coefficients[32, 48], np.float32(1.0))
     assert seen[1] == pytest.approx(100.0, rel=0.1)
@@ -224,8 +223,7 @@ def test_an_opaque_volume_takes_the_lamp_from_the_floor_below_it(
 def test_furniture_in_front_hides_the_volume(folder: Path) -> None:
     """A screen before the lower half of the block: rays end there."""
     screen = '[[surface]]\nname = "screen"\nreflectance = "grey:0.3"\n[[box]]\nname = "screen"\n'
-    place = "low_m = [0.5, 0.5, 0.01]\nhigh_m = [2.5, 0.6, 0.55]\n"
-    scene = in_room(folder, screen + place)
+    scene = in_room(folder, screen + "low_m = [0.5, 0.5, 0.01]\nhigh_m = [2.5, 0.6, 0.55]\n")
     scene = scene.with_camera(replace(scene.file.camera, elevation_deg=0.0))
     first = scene.render().first_mm
     assert first is not None

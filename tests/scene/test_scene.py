@@ -59,8 +59,7 @@ def test_a_spacing_against_the_file_s_own_is_warned_about(
     """Up to 1e-4 is what headers round away; a file without spacing has none to differ from."""
     raw = "ball.raw?shape=12x12x12&dtype=float32&spacing=1,1,2.5"
     phantom.ball(12).values.astype("<f4").tofile(folder / "ball.raw")
-    text = GOOD.replace('"ball.npy"', f'"{raw}"\nspacing_mm = [1, 1, {given}]')
-    scene = load(folder, text)
+    scene = load(folder, GOOD.replace('"ball.npy"', f'"{raw}"\nspacing_mm = [1, 1, {given}]'))
     warnings.simplefilter("always")
     assert scene.volume().spacing_mm == pytest.approx((1, 1, given), rel=1e-12)
     said = [str(warning.message) for warning in recwarn]
@@ -78,9 +77,8 @@ def test_a_volume_is_down_sampled(folder: Path) -> None:
 
 def test_every_setting_of_a_cast_can_be_given(folder: Path) -> None:
     """And has RaycastSpec's default; groups have tables of their own, tile_ms is the machine's."""
-    elsewhere = {"groups", "tile_ms"}
     table = set(file_keys(RaycastSpec))
-    assert table == {field.name for field in fields(RaycastSpec)} - elsewhere
+    assert table == {field.name for field in fields(RaycastSpec)} - {"groups", "tile_ms"}
     asked = {
         "step_mm": 0.7, "ambient": 0.2, "diffuse": 0.6, "specular": 0.1, "shininess": 9,
         "alpha_stop": 0.9, "flat_gradient": 0.1, "mode": "average", "jitter": 0.5, "seed": 4,

@@ -16,6 +16,7 @@ from volspec.scene.specs import SpectrumNumbers
 from volspec.spectra import DEFAULT_GRID, Spectrum, light, reflectance
 from volspec.transfer import TransferFunction
 
+LAMP = "power_W = 100\ndistance_m = 1\n"
 RAMP = "{ wavelengths_nm = [390, 710], values = [0.2, 0.8] }"
 
 
@@ -58,22 +59,19 @@ def test_a_spectrum_on_the_scene_s_bands_comes_back_to_the_last_bit(tmp_path: Pa
         light=[replace(scene.file.light[0], spectrum=SpectrumNumbers.of(lamp))],
         material=[replace(scene.file.material[0], reflectance=SpectrumNumbers.of(paint))],
     )
-    path = write_scene(file, tmp_path / "numbers.toml", scene)
-    again = Scene.load(path)
+    again = Scene.load(write_scene(file, tmp_path / "numbers.toml", scene))
     # A light is scaled to its luminous energy again: one rounding.
     np.testing.assert_allclose(again.lights[0].spectrum.values, lamp.values, rtol=1e-15)
     back = again.materials["ball"]
     assert np.array_equal(back.values, paint.values)
     assert back.name == "orange" and back.notes == paint.notes
-    assert again.materials["ball"].designed
-    assert again.file == file
+    assert back.designed and again.file == file
 
 
 def test_numbers_have_a_header_of_their_own_and_eight_to_a_line(tmp_path: Path) -> None:
     scene = load(tmp_path)
     table = SpectrumNumbers(wavelengths_nm=tuple(range(400, 410)), values=(0.5,) * 10)
-    row = replace(scene.file.light[0], spectrum=table)
-    file = replace(scene.file, light=[row])
+    file = replace(scene.file, light=[replace(scene.file.light[0], spectrum=table)])
     text = write_scene(file, tmp_path / "new.toml", scene).read_text()
     assert text.endswith(
         """[[light]]
@@ -120,11 +118,7 @@ WRONG = [
     ({"spectrum": ramp("0.2", "-0.5")}, "range", "light[0]"),
     ({"spectrum": ramp("710", "500")}, "range", "light[0]"),
     ({"paint": ramp("0.8", "80")}, "range", "material[0].reflectance"),
-    (
-        {"spectrum": RAMP, "more": "power_W = 100\ndistance_m = 1\n"},
-        "conflict",
-        "light[0].power_W",
-    ),
+    ({"spectrum": RAMP, "more": LAMP}, "conflict", "light[0].power_W"),
 ]
 
 

@@ -255,8 +255,7 @@ def test_what_is_no_file_yet_is_written_as_numbers(scene: Scene) -> None:
     paint = Spectrum(grid.wavelengths_nm, np.linspace(0.1, 0.7, grid.size), "paint")
     shell, core = scene.file.material
     shell = replace(shell, reflectance="new.toml#paint")
-    file = replace(scene.file, material=[shell, core])
-    made = Scene(file, scene.path, {"new.toml#paint": paint})
+    made = Scene(replace(scene.file, material=[shell, core]), scene.path, {"new.toml#paint": paint})
     again = Scene.load(made.save(scene.folder / "made.toml"))
     assert np.array_equal(again.materials["shell"].values, paint.values)
 

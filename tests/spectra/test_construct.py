@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import volspec as vs
 from tests.spectra._files import fails
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.errors import VolspecWarning
@@ -38,7 +37,7 @@ from volspec.spectra.construct.search import (
     smoothest_reflectances,
 )
 
-BANDS = DEFAULT_GRID.size
+BANDS, FINE = DEFAULT_GRID.size, SpectralGrid(400, 700, 5)
 D65, A = light("D65"), light("A")
 WHITE = white_XYZ(D65)
 Q = XYZ_from_spectra(D65, np.eye(BANDS)).T
@@ -89,9 +88,8 @@ def test_the_colour_checker_is_in_no_base() -> None:
 def test_a_ramp_of_grey_has_no_contours_under_another_light() -> None:
     encoded = np.arange(256) / 255.0
     linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-    ramp = reflectances_from_colours(linear[:, None] * white_XYZ(light("D65"))).values
-    lamp = light("A")
-    Lab = cielab(XYZ_from_spectra(lamp, ramp), white_XYZ(lamp))
+    ramp = reflectances_from_colours(linear[:, None] * WHITE).values
+    Lab = cielab(XYZ_from_spectra(A, ramp), white_XYZ(A))
     steps = delta_E_2000(Lab[1:], Lab[:-1])
     # sRGB's own steps are .35; next to black base colours are merged, and a cast stays.
     assert np.median(steps) < 0.35 and steps.max() < 1.3
@@ -109,8 +107,7 @@ def test_a_mixture_is_its_base_spectra_by_their_shares() -> None:
 
 
 def test_the_five_tetrahedra_of_the_paper_fill_a_cube() -> None:
-    rng = np.random.default_rng(0)
-    inside = rng.uniform(-1, 1, (500, 3))
+    inside = np.random.default_rng(0).uniform(-1, 1, (500, 3))
     vertices, shares = search_octants(CUBE, inside)
     assert (vertices >= 0).all()
     mixed = np.einsum("nk,nki->ni", shares, CUBE[vertices])
@@ -121,16 +118,14 @@ def test_the_five_tetrahedra_of_the_paper_fill_a_cube() -> None:
 
 def test_an_empty_octant_leaves_the_search_open_and_delaunay_finds() -> None:
     without_B = np.delete(CUBE, 1, axis=0)  # the tetrahedron ABCF lacks a corner
-    near_B = np.array([[0.5, -0.5, -0.4]])
+    near_B, near_D = np.array([[0.5, -0.5, -0.4]]), np.array([[-0.5, 0.5, -0.4]])
     assert (search_octants(without_B, near_B)[0] == -1).all()
-    near_D = np.array([[-0.5, 0.5, -0.4]])
     assert (search_octants(without_B, near_D)[0] >= 0).all()
     assert (locate_tetrahedra(Mesh.of(CUBE), near_B)[0] >= 0).all()
 
 
 def test_what_the_search_misses_goes_to_delaunay_and_is_counted() -> None:
-    rng = np.random.default_rng(2)
-    XYZ = XYZ_from_sRGB(rng.uniform(0.1, 0.9, (200, 3)), WHITE)
+    XYZ = XYZ_from_sRGB(np.random.default_rng(2).uniform(0.1, 0.9, (200, 3)), WHITE)
     paper, delaunay = reflectances_from_colours(XYZ, "tetrahedron"), reflectances_from_colours(XYZ)
     assert set(paper.counts()) == {"tetrahedron", "delaunay", "extended"}
     # Every colour in the hull is found by the one or the other.
@@ -142,12 +137,10 @@ def test_what_the_search_misses_goes_to_delaunay_and_is_counted() -> None:
 
 def test_colours_across_the_edge_of_the_base_have_neighbouring_spectra() -> None:
     """Plainly smoothest ones would be 1.5 apart under A, measured; these by the step's size."""
-    rng = np.random.default_rng(5)
-    colours = XYZ_from_sRGB(rng.uniform(0, 1, (60, 3)), WHITE)
+    colours = XYZ_from_sRGB(np.random.default_rng(5).uniform(0, 1, (60, 3)), WHITE)
     beyond = colours[reflectances_from_colours(colours).route == ROUTES.index("extended")]
     base = XYZ_from_spectra(D65, base_spectra().values) / WHITE
-    mesh = Mesh.of(base[select_distinct(base)])
-    on_edge = clip_to_hull(mesh, beyond / WHITE) * WHITE
+    on_edge = clip_to_hull(Mesh.of(base[select_distinct(base)]), beyond / WHITE) * WHITE
     inner = reflectances_from_colours(on_edge)
     outer = reflectances_from_colours(on_edge + 1e-3 * (beyond - on_edge))
     assert np.median(inner.route) == ROUTES.index("delaunay")
@@ -168,7 +161,7 @@ def test_smoothest_of_a_grey_is_flat() -> None:
 
 def test_beyond_white_the_nearest_is_white() -> None:
     with pytest.warns(VolspecWarning):
-        made = vs.reflectance_from_colour(1.3 * WHITE)
+        made = reflectance_from_colour(1.3 * WHITE)
     np.testing.assert_allclose(made.values, 1, atol=1e-6)
     assert made.notes["constructed"] == "nearest"
 
@@ -180,14 +173,11 @@ def test_a_yellow_too_bright_gets_the_nearest_colour_there_is() -> None:
     values = made.values
     assert values.min() >= 0 and values.max() <= 1
 
-    def off(x):
-        return (((Q @ x - wanted) / WHITE) ** 2).sum()
-
     # No step towards any other reflectance comes nearer: the first-order condition.
     slope = 2 * ((Q @ values - wanted) / WHITE**2) @ Q
     best_step = np.where(slope > 0, -values, 1 - values)
     assert slope @ best_step > -1e-5
-    assert off(values) > 1e-3
+    assert (((Q @ values - wanted) / WHITE) ** 2).sum() > 1e-3
 
 
 def test_a_colour_is_meant_under_its_light_and_observer() -> None:
@@ -207,11 +197,10 @@ def test_light_of_one_wavelength_still_has_reflectances() -> None:
 
 
 def test_another_grid_holds_its_own_reflectances() -> None:
-    grid = SpectralGrid(400, 700, 5)
-    made = vs.reflectance_from_colour("teal", grid=grid)
-    assert made.grid == grid
-    wanted = colour_XYZ("teal", white_XYZ(light("D65", grid)))
-    np.testing.assert_allclose(XYZ_from_spectra(light("D65", grid), made), wanted, atol=1e-6)
+    made, lamp = reflectance_from_colour("teal", grid=FINE), light("D65", FINE)
+    assert made.grid == FINE
+    wanted = colour_XYZ("teal", white_XYZ(lamp))
+    np.testing.assert_allclose(XYZ_from_spectra(lamp, made), wanted, atol=1e-6)
 
 
 def test_one_by_one_is_all_at_once_and_twice_the_same() -> None:
@@ -245,19 +234,16 @@ def test_bouguer_keeps_the_hue_and_eq_6_as_printed_has_the_complementary() -> No
 def test_a_base_may_be_ones_own() -> None:
     base = base_spectra(powers=(2,), complementary=(1,))
     assert len(base) == 2 + 3 * 533 + 120 and base.names[-121].startswith("10^(-1 Vrhel/")
-    paints = BaseSpectra(
-        ("black", "white", "red", "blue"), [[0] * BANDS, [1] * BANDS, TRUE[14], TRUE[12]]
-    )
-    XYZ = XYZ_from_spectra(D65, paints.values).mean(0)
-    made = reflectances_from_colours(XYZ, base=paints)
-    assert made.mix() == pytest.approx({"black": 0.25, "white": 0.25, "red": 0.25, "blue": 0.25})
-    assert pickle.loads(pickle.dumps(paints)).names == paints.names
+    names = ("black", "white", "red", "blue")
+    paints = BaseSpectra(names, [[0] * BANDS, [1] * BANDS, TRUE[14], TRUE[12]])
+    mix = reflectances_from_colours(XYZ_from_spectra(D65, paints.values).mean(0), base=paints).mix()
+    assert mix == pytest.approx(dict.fromkeys(names, 0.25))
+    assert pickle.loads(pickle.dumps(paints)).names == names
 
 
 @pytest.mark.parametrize("method", ["otsu-2018", "Mallett 2019", "smits-1999", "Jakob 2019"])
 def test_other_methods_go_by_name(method: str) -> None:
-    XYZ = XYZ_from_spectra(D65, TRUE[[1, 21]])
-    made = reflectances_from_colours(XYZ, method)
+    made = reflectances_from_colours(XYZ_from_spectra(D65, TRUE[[1, 21]]), method)
     assert made.counts() == {"recovered": 2}
     assert made.values.min() >= 0 and made.values.max() <= 1
     assert errors(made.values, TRUE[[1, 21]], D65).max() < 3
@@ -279,7 +265,7 @@ def test_white_is_white_under_every_light() -> None:
     np.testing.assert_allclose(colour_XYZ("20, 21, 22", WHITE), [20, 21, 22])
 
 
-BASE, FINE = base_spectra(), SpectralGrid(400, 700, 5)
+BASE = base_spectra()
 HARDLY_ABOVE_1 = np.full((4, BANDS), 1) + np.array([[0, 0, 0, 5e-7]]).T
 
 
@@ -310,10 +296,7 @@ def mismatched() -> MadeReflectances:
         ("range", lambda f: reflectance_from_colour([41, 35, 12], light="LPS")),
         ("range", lambda f: reflectances_from_colours([[1, 2, 3], [1, 2, -3]])),
         ("shape", lambda f: reflectances_from_colours([1, 2])),
-        (
-            "conflict",
-            lambda f: reflectances_from_colours([1, 2, 3], grid=FINE, base=BASE),
-        ),
+        ("conflict", lambda f: reflectances_from_colours([1, 2, 3], grid=FINE, base=BASE)),
         ("range length", lambda f: base_spectra(powers=(0,))),
         ("range", lambda f: bouguer([1.5], 2)),
         ("shape", lambda f: BaseSpectra(("a", "b"), np.zeros((3, BANDS)))),

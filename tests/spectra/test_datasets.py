@@ -143,8 +143,7 @@ def test_populations_are_always_the_same_and_vary_as_published() -> None:
 
 
 def test_all_observers_see_equal_energy_as_white() -> None:
-    Q = population(SpectralGrid(390, 780, 5))
-    whites = Q.sum(axis=2)
+    whites = population(SpectralGrid(390, 780, 5)).sum(axis=2)
     assert whites == pytest.approx(np.broadcast_to(whites[0], whites.shape))
     assert whites[0] / whites[0, 1] == pytest.approx([1, 1, 1], abs=2e-3)
 

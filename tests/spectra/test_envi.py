@@ -50,8 +50,7 @@ def write(
 ) -> Path:
     path = folder / "scan.hdr"
     path.write_text(header.format(more=more), encoding="latin-1")
-    stored = cube.transpose(ORDERS[interleave]).astype(dtype)
-    (folder / data).write_bytes(head + stored.tobytes())
+    (folder / data).write_bytes(head + cube.transpose(ORDERS[interleave]).astype(dtype).tobytes())
     return path
 
 

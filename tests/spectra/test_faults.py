@@ -172,8 +172,7 @@ def test_blanks_inside_file_and_column_names_are_kept_apart(tmp_path: Path) -> N
     assert mix.values.sum() == pytest.approx(
         0.5 * (light("my  lamp.csv#1", folder=tmp_path) + light("60 A/W (Soft White)")).values.sum()
     )
-    dark = reflectance("ColorChecker/dark skin")
-    assert reflectance("ColorChecker/dark  skin").name == dark.name
+    assert reflectance("ColorChecker/dark  skin").name == reflectance("ColorChecker/dark skin").name
 
 
 @pytest.mark.parametrize("level", ["1e308", "1.7e308", "1e-310", "5e-324"])

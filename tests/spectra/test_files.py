@@ -102,8 +102,7 @@ def test_tm27_header_fields_become_notes_and_the_description_the_name(tmp_path: 
     s = read_spectrum(path)
     assert s.name == s.notes["description"] == "Streetlamp"
     assert s.wavelengths_nm[[0, -1]].tolist() == [380, 780]
-    notes = {key.replace(" ", "_"): value for key, value in s.notes.items()}
-    assert notes == {
+    assert {key.replace(" ", "_"): value for key, value in s.notes.items()} == {
         "manufacturer": "Lamps&Sons",
         "description": "Streetlamp",
         "measurement_equipment": "SR-1",
@@ -136,8 +135,7 @@ def test_designed_spectra_say_so_after_lookup_and_mixing(table: Path) -> None:
     assert light(f"{table}#cold").notes.get("designed") == "yes"
     assert light(f"{table}#cold*0.5+A*0.5").designed
     assert not light(f"{table}#cold*0+A").designed
-    painted = table.with_name("paint.csv")
-    painted.write_text("# designed: yes\n" + constant(0.5))
+    table.with_name("paint.csv").write_text("# designed: yes\n" + constant(0.5))
     assert reflectance("paint.csv", folder=table.parent).notes.get("designed") == "yes"
 
 

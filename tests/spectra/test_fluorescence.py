@@ -12,6 +12,8 @@ import pytest
 
 import volspec as vs
 from tests.support.errors import raises
+from tests.support.fixtures import slow
+from tests.support.scenes import scene_text, write_scene_text
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis import Basis, MaterialBasis, SpectralBasis, basis_from_dict
 from volspec.errors import BasisError, SceneError, SpectrumError, VolspecError, VolspecWarning
@@ -57,9 +59,8 @@ def test_a_slab_shows_the_sum_over_81_by_81_bands_by_hand_under_five_lights() ->
     Q = colour_matching_functions(DEFAULT_GRID)
     volume = Volume(np.full((9, 9, 9), 0.5, np.float32))
     basis = MaterialBasis({"dye": dye()})
-    transfer = TransferFunction(
-        [(0, 0.1, "dye"), (1, 0.1, "dye")], {"dye": dye()}, basis, reference_step_mm=1.0
-    )
+    points = [(0, 0.1, "dye"), (1, 0.1, "dye")]
+    transfer = TransferFunction(points, {"dye": dye()}, basis, reference_step_mm=1.0)
     camera = Camera((4, 4, 100), (4, 4, 4), (0, 1, 0), height_mm=2.0)
     spec = RaycastSpec(step_mm=0.5, ambient=1.0, diffuse=0.0, alpha_stop=1)
     coefficients, alpha, *_ = reference.cast(volume, transfer.bake(1.0), camera, (4, 4), spec)
@@ -178,8 +179,7 @@ def test_a_filter_dims_reflection_and_backdrop_but_not_the_white(basis: str) -> 
         seen = Illumination.of(held, lamp, RelightSpec(filter="longpass:560", backdrop=0.5))
         bare = Illumination.of(held, lamp, RelightSpec(backdrop=0.5))
         np.testing.assert_array_equal(seen.white_XYZ, bare.white_XYZ)
-        filtered = passed.values * own["gold"].values
-        true = XYZ_from_spectra(lamp, filtered)
+        true = XYZ_from_spectra(lamp, passed.values * own["gold"].values)
         gold = held.channels_for_materials(own)[0]
         if basis == "materials":
             np.testing.assert_allclose(seen.XYZ_from_channels @ gold, true, atol=1e-9)
@@ -210,63 +210,37 @@ def test_ultraviolet_lamps_are_set_by_power_and_light_what_they_excite() -> None
     lamp, day = light("led:365", grid), light("E", grid)
     assert lamp.values.mean() == pytest.approx(day.values.mean())
     basis = MaterialBasis({"quinine": reflectance("fluorophore:quinine sulfate", grid)}, grid=grid)
-    lit = Illumination.of(basis, lamp, RelightSpec())
-    emitted, white = lit.XYZ_from_channels[1]
+    emitted, white = Illumination.of(basis, lamp, RelightSpec()).XYZ_from_channels[1]
     assert 1 < emitted < 100 and white < 0.01
     assert Illumination.of(basis, day, RelightSpec()).gain == 1.0
 
 
-LASERS = """
-version = 2
-[volume]
-file = "ball.npy"
-[transfer]
-points = [
-    {{ value = 0.1, opacity = 0.0, material = "green" }},
-    {{ value = 0.9, opacity = 0.5, material = "green" }},
-]
-[[material]]
-name = "green"
-reflectance = "fluorophore:EGFP"
-[basis]
-method = "materials"
-[[light]]
-name = "blue"
-spectrum = "laser:488"
-[[light]]
-name = "yellow"
-spectrum = "laser:594"
-[viewing]
-D = 0.0
-backdrop = 0.0
-filter = "{}"
-"""
+LASERS = scene_text(
+    {"green": "fluorophore:EGFP"},
+    [(0.1, 0.0, "green"), (0.9, 0.5, "green")],
+    lights={"blue": "laser:488", "yellow": "laser:594"},
+    more='[basis]\nmethod = "materials"\n[viewing]\nD = 0.0\nbackdrop = 0.0\nfilter = "pass.csv"\n',
+)
 
 
 def laser_scene(folder: Path, passed: str = "pass.csv") -> Scene:
-    np.save(folder / "ball.npy", vs.phantom.ball(16).values)
     (folder / "pass.csv").write_text("nm,t\n380,0\n500,0\n510,1\n780,1\n")
-    (folder / "scene.toml").write_text(LASERS.format(passed))
-    return Scene.load(folder / "scene.toml")
+    return Scene.load(write_scene_text(folder, LASERS.replace("pass.csv", passed), 16))
 
 
 @pytest.mark.not_quick
-@pytest.mark.parametrize("cast", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("cast", [False, slow(True)])
 def test_scenes_swap_lasers_behind_a_filter(tmp_path: Path, cast: bool) -> None:
     scene = laser_scene(tmp_path)
     with Relighter(scene.render(size=(16, 16)) if cast else opaque(scene.basis)) as relighter:
         blue, yellow = (relighter.frame(each.rig, scene.relight) for each in scene.lights)
     assert blue.max() > 100 and yellow.max() < 10
-    away = tmp_path / "away"
-    away.mkdir()
-    scene.save(away / "scene.toml")
-    assert 'filter = "../pass.csv"' in (away / "scene.toml").read_text()
+    assert 'filter = "../pass.csv"' in scene.save(tmp_path / "away" / "scene.toml").read_text()
 
 
 def test_reports_compare_what_is_emitted_with_full_spectra() -> None:
     dyes = {name: reflectance(f"fluorophore:{name}") for name in ("EGFP", "mCherry")}
-    report = MaterialBasis(dyes).report([light("D65"), light("led:480")])
-    assert report.worst.delta_e < 1e-6
+    assert MaterialBasis(dyes).report([light("D65"), light("led:480")]).worst.delta_e < 1e-6
 
 
 def test_lasers_keep_their_wavelength_on_any_grid() -> None:

@@ -114,8 +114,7 @@ def test_names_with_operators_work_alone_and_in_mixes() -> None:
     assert light(odd.lower()).name == odd
     assert light("4-LED-1 (461/526/576/624)").name == "4-LED-1 (461/526/576/624)"
     mix = light(f"{odd}*0.25 + D65*0.75")
-    expected = 0.25 * light(odd).values + 0.75 * light("d65").values
-    assert mix.values == pytest.approx(expected)
+    assert mix.values == pytest.approx(0.25 * light(odd).values + 0.75 * light("d65").values)
 
 
 def test_weights_are_shares_of_illuminance() -> None:
