@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from volspec.appearance import ViewingConditions
-from volspec.appearance.spaces import XYZ_FROM_sRGB, sRGB_WHITE_XYZ
+from volspec.appearance.spaces import ColourSpace, Transfer, XYZ_FROM_sRGB, sRGB_WHITE_XYZ
 
 A, D50, D65, PLANCK_7500 = (
     (109.85, 100.0, 35.58),
@@ -26,11 +26,23 @@ CONDITIONS = {
 }
 
 
+ACES = ColourSpace(
+    "ACES2065-1",
+    ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077)),
+    (0.32168, 0.33767),
+    Transfer.gamma(1.0),
+)
+
+
+def cube(steps: int = 17) -> np.ndarray:
+    """(steps³, 3) linear RGB."""
+    return np.indices((steps,) * 3).reshape(3, -1).T / (steps - 1.0)
+
+
 def colours(white: tuple[float, float, float], count: int = 10_000) -> np.ndarray:
     """(N, 3) XYZ over the sRGB gamut, moved to a white; the gamut's corners first, black last."""
     rng = np.random.default_rng(11)
-    corners = np.indices((2, 2, 2)).reshape(3, -1).T[1:]
-    linear = np.concatenate([corners, rng.random((count, 3)) ** 2.2, np.zeros((1, 3))])
+    linear = np.concatenate([cube(2)[1:], rng.random((count, 3)) ** 2.2, np.zeros((1, 3))])
     return linear @ XYZ_FROM_sRGB.T * (np.asarray(white) / sRGB_WHITE_XYZ)
 
 

@@ -20,10 +20,7 @@ PAIRS = {
     "dim FL11": (ViewingConditions(FL11, 5.0, 30.0, "dim"), ViewingConditions(D50, 100.0, 30.0)),
     "dark blue": (ViewingConditions(BLUE, 1.0, 18.0, "dark"), ViewingConditions(D65, 9.0, 18.0)),
     "green": (ViewingConditions(GREEN, 318.31, 50.0), ViewingConditions(D50, 636.62, 50.0, "dim")),
-    "half D": (
-        ViewingConditions(A, 20.0, 100.0, D=0.5),
-        ViewingConditions(D65, 20.0, 100.0, D=0.25),
-    ),
+    "half D": tuple(ViewingConditions(w, 20.0, 100.0, D=D) for w, D in ((A, 0.5), (D65, 0.25))),
     "discounted": (
         ViewingConditions(A, 1000.0, 20.0, discount=True),
         ViewingConditions(D50, 50.0, 20.0, discount=True),
@@ -132,9 +129,8 @@ def test_guth_keeps_the_adapted_responses_of_the_paper():
     source, target = ViewingConditions(A, 60.0, 20.0), ViewingConditions(D65, 5.0, 25.0)
     XYZ = np.array([40.0, 35.0, 20.0])
     seen = adapt(XYZ, source, target, "Guth")
-    np.testing.assert_allclose(
-        guth_responses(seen, D65, 20.0), guth_responses(XYZ, A, 300.0), rtol=1e-12
-    )
+    there, here = guth_responses(seen, D65, 20.0), guth_responses(XYZ, A, 300.0)
+    np.testing.assert_allclose(there, here, rtol=1e-12)
 
 
 def fairchild_by_hand(white, Y_n):
@@ -220,9 +216,8 @@ LIMITS = {
 
 
 def test_limits_stay_finite_both_ways(method):
-    given = np.concatenate(
-        [np.zeros((1, 3)), random_XYZ((100.0, 100.0, 100.0), 500), -random_XYZ(A, 100)]
-    )
+    wide = random_XYZ((100.0, 100.0, 100.0), 500), -random_XYZ(A, 100)
+    given = np.concatenate([np.zeros((1, 3)), *wide])
     usual = ViewingConditions(D65)
     with np.errstate(all="raise", under="ignore"):
         for ends in (each for limit in LIMITS.values() for each in permutations((limit, usual))):

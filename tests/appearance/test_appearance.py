@@ -101,18 +101,10 @@ def test_numbers_are_those_of_the_sources():
 @pytest.mark.parametrize("name", PRESETS)
 def test_every_preset_says_where_each_number_comes_from_and_can_be_used(name):
     given = PRESETS[name]
-    assert given.name == name
-    assert all(given.sources)
-    assert hash(given) == hash(PRESETS[name])
-    assert given.space in ("", *SPACES)
+    assert given.name == name and all(given.sources) and given.space in ("", *SPACES)
     assert given.white_luminance > given.L_A
     CamConditions.of_viewing(given.display().conditions)
     assert CamConditions.of_viewing(given.conditions((96.42, 100.0, 82.49))).L_A == given.L_A
-
-
-def test_surrounds_darken_from_office_to_cinema():
-    c = [preset(name).display().conditions.factors.c for name in ("sRGB", "dim room", "cinema")]
-    assert c == sorted(c, reverse=True)
 
 
 WHITE = (95.05, 100.0, 108.88)
@@ -137,13 +129,11 @@ def test_a_uniform_picture_of_any_shape_gives_its_own_Y(fov_deg, shape):
     picture = np.full(shape, 18.0)
     for at in (None, (0, 0)):
         seen = measured_conditions(picture, WHITE, fov_deg, 200.0, at)
-        assert seen.Y_b == pytest.approx(18.0, rel=1e-12)
-        assert pytest.approx(36.0, rel=1e-12) == seen.L_A
+        assert (seen.Y_b, seen.L_A) == pytest.approx((18.0, 36.0), rel=1e-12)
         assert seen.white_XYZ == WHITE
     Y_b, L_A = adapting_fields(picture, fov_deg, 200.0)
-    assert Y_b.shape == L_A.shape == shape
-    np.testing.assert_allclose(Y_b, 18.0, rtol=1e-12)
-    np.testing.assert_allclose(L_A, 36.0, rtol=1e-12)
+    np.testing.assert_allclose(Y_b, np.full(shape, 18.0), rtol=1e-12, strict=True)
+    np.testing.assert_allclose(L_A, np.full(shape, 36.0), rtol=1e-12, strict=True)
 
 
 @pytest.mark.parametrize("radius_deg", [3.0, 5.0, 9.0])
@@ -195,8 +185,7 @@ def test_at_edges_the_rest_is_what_is_outside(at, share):
 
 def test_a_small_picture_is_mostly_what_is_outside():
     seen = measured_conditions(np.full((32, 32), 100.0), WHITE, 1.0, 100.0, outside=10.0)
-    assert seen.Y_b == pytest.approx(10.0, abs=1e-6)
-    assert pytest.approx(10.0, abs=1e-6) == seen.L_A
+    assert (seen.Y_b, seen.L_A) == pytest.approx((10.0, 10.0), abs=1e-6)
 
 
 def test_maps_are_the_one_place_measurement_everywhere():

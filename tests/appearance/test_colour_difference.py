@@ -56,8 +56,8 @@ PUBLISHED = [
 def test_published_pairs_differ_as_published(
     one: tuple[float, ...], other: tuple[float, ...], difference: float
 ) -> None:
-    assert delta_E_2000(one, other) == pytest.approx(difference, abs=5e-5), "four decimals"
-    assert delta_E_2000(other, one) == pytest.approx(difference, abs=5e-5), "symmetric"
+    both = delta_E_2000([one, other], [other, one])
+    assert both == pytest.approx([difference] * 2, abs=5e-5), "four decimals"
 
 
 def test_differences_are_those_of_colour_science() -> None:
@@ -68,13 +68,6 @@ def test_differences_are_those_of_colour_science() -> None:
         theirs = colour.delta_E(one, other, method="CIE 2000")
         # Sums in another order; measured 2e-13.
         np.testing.assert_allclose(delta_E_2000(one, other), theirs, rtol=1e-12, atol=1e-12)
-
-
-def test_equal_colours_do_not_differ_and_shapes_broadcast() -> None:
-    one = np.array([[0.0, 0.0, 0.0], [50.0, 20.0, -30.0], [100.0, 0.0, 0.0]])
-    assert (delta_E_2000(one, one) == 0).all()
-    assert delta_E_2000(one[:, None], one).shape == (3, 3)
-    assert delta_E_2000(one[0], one[1]).shape == ()
 
 
 @pytest.mark.parametrize("where", ["office under D65", "room under A", "television", "cinema"])
@@ -111,13 +104,10 @@ def test_differences_by_name() -> None:
 
 
 # R_a that CIE 15 gives with FL1 to FL12.
-PUBLISHED_R_A = dict(
-    zip(
-        [f"FL{number}" for number in range(1, 13)],
-        [76, 64, 57, 51, 72, 59, 90, 95, 90, 81, 83, 83],
-        strict=True,
-    )
-)
+PUBLISHED_R_A = {
+    f"FL{number}": R_a
+    for number, R_a in enumerate([76, 64, 57, 51, 72, 59, 90, 95, 90, 81, 83, 83], start=1)
+}
 LEDS = [f"LED-{kind}" for kind in ("B1", "B2", "B3", "B4", "B5", "BH1", "RGB1", "V1", "V2")]
 
 
@@ -155,9 +145,8 @@ def test_figures_are_those_of_colour_science() -> None:
         own = rendition(name)
         theirs = colour.SDS_ILLUMINANTS[name].copy().align(colour.SpectralShape(380, 780, 5))
         cri = colour.colour_rendering_index(theirs, additional_data=True)
-        tm30 = colour.colour_fidelity_index(
-            theirs, additional_data=True, method="ANSI/IES TM-30-18"
-        )
+        method = {"additional_data": True, "method": "ANSI/IES TM-30-18"}
+        tm30 = colour.colour_fidelity_index(theirs, **method)
         np.testing.assert_allclose(own.R, [cri.Q_as[i].Q_a for i in range(1, 15)], atol=1)
         assert own.R_a == pytest.approx(cri.Q_a, abs=0.3)
         assert own.fidelity == pytest.approx(tm30.R_s, abs=0.2)

@@ -19,14 +19,8 @@ KINDS = DEFICIENCIES[1:]
 # Brettel's half-planes in linear sRGB as libDaltonLens publishes them: with Smith & Pokorny's cones
 # and Judd & Vos's observer, where ours is the CIE 1931 one: 0.0104 apart.
 BRETTEL_TRITAN = {
-    "above": (
-        *(1.01277, 0.13548, -0.14826, -0.01243, 0.86812, 0.14431),
-        *(0.07589, 0.80500, 0.11911),
-    ),
-    "below": (
-        *(0.93678, 0.18979, -0.12657, 0.06154, 0.81526, 0.12320),
-        *(-0.37562, 1.12767, 0.24796),
-    ),
+    "above": (1.01277, 0.13548, -0.14826, -0.01243, 0.86812, 0.14431, 0.07589, 0.80500, 0.11911),
+    "below": (0.93678, 0.18979, -0.12657, 0.06154, 0.81526, 0.1232, -0.37562, 1.12767, 0.24796),
 }
 BRETTEL = {  # the half-plane of 575 nm
     "protan": (0.1457, 1.16172, -0.30742, 0.10816, 0.85291, 0.03892, 0.00386, -0.00524, 1.00139),

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.appearance._models import ACES, cube
 from volspec.appearance import SURROUNDS
 from volspec.appearance.gamut_mapping import (
     SHADER_STEPS,
@@ -13,14 +14,7 @@ from volspec.appearance.gamut_mapping import (
 )
 from volspec.appearance.models import cam
 from volspec.appearance.models.cam import CamConditions
-from volspec.appearance.spaces import SPACES, ColourSpace, Transfer
-
-ACES = ColourSpace(
-    "ACES2065-1",
-    ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077)),
-    (0.32168, 0.33767),
-    Transfer.gamma(1.0),
-)
+from volspec.appearance.spaces import SPACES
 
 
 def knee_J(gamut: DisplayGamut) -> float:
@@ -42,10 +36,6 @@ def seen(request):
     name, L_A, surround, D, model = SCENES[request.param]
     space = SPACES[name]
     return space, CamConditions.of(space.white_XYZ, L_A, 20.0, SURROUNDS[surround], D, model)
-
-
-def cube(steps: int = 17) -> np.ndarray:
-    return np.stack(np.meshgrid(*[np.linspace(0.0, 1.0, steps)] * 3), axis=-1).reshape(-1, 3)
 
 
 def test_colours_inside_are_not_touched(seen):
@@ -144,10 +134,8 @@ def test_the_shaders_twelve_halvings_are_within_one_code(seen):
 
 def test_black_and_wild_numbers_are_black_or_finite(seen):
     space, conditions = seen
-    wild = np.array(
-        [[0, 0, 0], [-5, -9, -3], [1e6, 1e6, 1e6], [1e12, 0, 0], [0, 0, 1e9], [-1, 0, 4]]
-    )
-    shown, mapped = reduce_chroma(wild, conditions, space)
+    wild = [[0, 0, 0], [-5, -9, -3], [1e6, 1e6, 1e6], [1e12, 0, 0], [0, 0, 1e9], [-1, 0, 4]]
+    shown, mapped = reduce_chroma(np.array(wild), conditions, space)
     linear = shown @ space.RGB_from_XYZ.T
     assert np.isfinite(shown).all() and not mapped[0]
     assert np.array_equal(shown[:2], np.zeros((2, 3)))

@@ -3,26 +3,17 @@
 import numpy as np
 import pytest
 
-from tests.appearance._models import CONDITIONS, apart, colours, spectral_mixtures
+from tests.appearance._models import ACES, CONDITIONS, apart, colours, cube, spectral_mixtures
 from tests.appearance.test_models_edges import ENDS
 from volspec.appearance.models import APPEARANCE_MODELS, cam16, ciecam02
 from volspec.appearance.models.base import opponents
 from volspec.appearance.models.cam import CamConditions, compress
+from volspec.appearance.spaces import SPACES
 
 # Models whose formulas take powers of what may turn negative.
 CAMS = ("CIECAM02", "CAM16")
-# Columns are the primaries, Y = 100 for white: Rec. 2020, and ACES AP0 with its imaginary blue.
-REC_2020 = 100 * np.array(
-    [[0.636958, 0.144617, 0.168881], [0.2627, 0.677998, 0.059302], [0.0, 0.028073, 1.060985]]
-)
-ACES_AP0 = 100 * np.array(
-    [[0.9525524, 0.0, 0.0000937], [0.3439664, 0.7281661, -0.0721325], [0.0, 0.0, 1.0088252]]
-)
-
-
-def cube(XYZ_from_RGB, steps=17):
-    """(steps³, 3) XYZ of a cube of RGB."""
-    return np.indices((steps,) * 3).reshape(3, -1).T / (steps - 1.0) @ XYZ_from_RGB.T
+# Y = 100 for white: Rec. 2020, and ACES AP0 with its imaginary blue.
+REC_2020, ACES_AP0 = (space.XYZ_from_RGB.T for space in (SPACES["Rec. 2020"], ACES))
 
 
 def everything(conditions):
@@ -30,8 +21,8 @@ def everything(conditions):
     rng = np.random.default_rng(6)
     return np.concatenate(
         [
-            cube(REC_2020, 9),
-            cube(ACES_AP0, 9),
+            cube(9) @ REC_2020,
+            cube(9) @ ACES_AP0,
             colours(conditions.white_XYZ, 1000),
             spectral_mixtures(1500),
             rng.uniform(-50.0, 150.0, (1500, 3)),
@@ -57,7 +48,7 @@ def test_what_is_defined_comes_back(name):
 @pytest.mark.parametrize("name", CAMS)
 def test_surfaces_black_and_rec_2020_lie_within(name):
     for conditions in CONDITIONS.values():
-        for XYZ in (colours(conditions.white_XYZ), cube(REC_2020), np.zeros(3)):
+        for XYZ in (colours(conditions.white_XYZ), cube() @ REC_2020, np.zeros(3)):
             assert np.all(APPEARANCE_MODELS[name].forward(XYZ, conditions).defined)
 
 
@@ -72,7 +63,9 @@ def test_what_is_not_defined_is_nan_as_published(name):
     """Powers of negative numbers, all but 1 in 500 of the widest colours: ours has two floors."""
     for conditions in CONDITIONS.values():
         rng = np.random.default_rng(8)
-        XYZ = np.concatenate([cube(REC_2020), cube(ACES_AP0), rng.uniform(-50, 150, (5000, 3))])
+        XYZ = np.concatenate(
+            [cube() @ REC_2020, cube() @ ACES_AP0, rng.uniform(-50, 150, (5000, 3))]
+        )
         defined = APPEARANCE_MODELS[name].forward(XYZ, conditions).defined
         A, total = published_sums(XYZ, conditions, name)
         with np.errstate(invalid="ignore"):

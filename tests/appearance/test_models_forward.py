@@ -6,12 +6,7 @@ from dataclasses import replace
 import colour
 import numpy as np
 import pytest
-from colour.appearance import (
-    InductionFactors_CAM16,
-    InductionFactors_CIECAM02,
-    InductionFactors_Hellwig2022,
-    InductionFactors_ZCAM,
-)
+from colour.appearance import InductionFactors_Hellwig2022, InductionFactors_ZCAM
 from colour.appearance import hunt as colour_hunt
 
 from tests.appearance._models import CONDITIONS, D65, A, apart, colours, worst, worst_hue
@@ -54,13 +49,11 @@ def degree_as_F(conditions: ViewingConditions) -> float:
 @pytest.mark.parametrize("name", ["CIECAM02", "CAM16"])
 def test_ciecam02_and_cam16_agree_with_colour_science(seen, name):
     conditions, white, XYZ = seen
-    factors = {"CIECAM02": InductionFactors_CIECAM02, "CAM16": InductionFactors_CAM16}[name]
     _, c, N_c = conditions.factors
-    F = degree_as_F(
-        replace(conditions, D=1.0, discount=False) if conditions.discount else conditions
-    )
+    known = replace(conditions, D=1.0, discount=False) if conditions.discount else conditions
+    factors = getattr(colour.appearance, f"InductionFactors_{name}")(degree_as_F(known), c, N_c)
     theirs = getattr(colour, f"XYZ_to_{name}")(
-        XYZ[:-1], white, conditions.L_A, conditions.Y_b, factors(F, c, N_c)
+        XYZ[:-1], white, conditions.L_A, conditions.Y_b, factors
     )
     ours = APPEARANCE_MODELS[name].forward(XYZ[:-1], conditions)
     worst_hue(ours, theirs, XYZ, LIMIT)
@@ -91,13 +84,8 @@ def scaled(conditions: ViewingConditions) -> ViewingConditions:
 
 def test_rlab_agrees_with_colour_science(seen):
     conditions, white, XYZ = seen
-    theirs = colour.XYZ_to_RLAB(
-        XYZ[:-1],
-        white,
-        conditions.L_A,
-        rlab.exponent(conditions.surround),
-        degree_of_discounting(conditions),
-    )
+    exponent, D = rlab.exponent(conditions.surround), degree_of_discounting(conditions)
+    theirs = colour.XYZ_to_RLAB(XYZ[:-1], white, conditions.L_A, exponent, D)
     ours = rlab.forward(XYZ[:-1], conditions)
     worst_hue(ours, theirs, XYZ, LIMIT)
     worst_correlates("JCs", ours, theirs, XYZ)
@@ -181,13 +169,9 @@ def hunt_white_brightness(conditions, own_hue):
     """Q_w from colour-science's parts, with e_s at the white's own hue (eq. 40-54)."""
     eye = HuntConditions.of(conditions, hunt.NORMAL)
     white = np.asarray(conditions.white_XYZ)
+    light = np.asarray(conditions.L_A), np.asarray(eye.F_L)
     rgb = colour_hunt.chromatic_adaptation(
-        white,
-        white,
-        white * eye.n,
-        np.asarray(conditions.L_A),
-        np.asarray(eye.F_L),
-        discount_illuminant=conditions.discount,
+        white, white, white * eye.n, *light, discount_illuminant=conditions.discount
     )
     differences = colour_hunt.colour_difference_signals(rgb)
     e_s = colour_hunt.eccentricity_factor(colour_hunt.hue_angle(differences) + own_hue)

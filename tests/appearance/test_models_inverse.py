@@ -1,10 +1,13 @@
 """Appearance models backwards: formulas, one unknown for Hunt, and the numerical inverse."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.appearance._models import CONDITIONS, D65, apart, colours, spectral_mixtures
 from tests.appearance.test_models_edges import ENDS
+from tests.support.fixtures import slow_each
 from volspec.appearance import ViewingConditions
 from volspec.appearance.models import APPEARANCE_MODELS, hunt, nayatani95, rlab
 from volspec.appearance.models.cielab import cielab
@@ -61,16 +64,17 @@ def test_rlab_s_view_transform_is_inverse_after_forward(source, target):
     np.testing.assert_allclose(transform.undo(two_steps), XYZ, rtol=1e-10, atol=1e-10)
 
 
-def hunt_settings(p, helson_judd):
-    return hunt.HuntSettings(
-        N_b=25.0, L_AS=30.0, p=p, proximal_XYZ=(30.0, 25.0, 20.0), helson_judd=helson_judd
-    )
+HUNT = hunt.HuntSettings(N_b=25.0, L_AS=30.0, proximal_XYZ=(30.0, 25.0, 20.0))
 
 
 @pytest.mark.parametrize(
     ("each", "settings"),
     [
-        *((hunt, hunt_settings(p, effect)) for p in (-1.0, 0.0, 0.6) for effect in (False, True)),
+        *(
+            (hunt, replace(HUNT, p=p, helson_judd=effect))
+            for p in (-1.0, 0.0, 0.6)
+            for effect in (False, True)
+        ),
         (nayatani95, nayatani95.NayataniSettings(E_or=3000.0, n=3.0)),
     ],
 )
@@ -89,9 +93,8 @@ def test_nayatani_strength_of_chroma_is_above_0_at_every_hue():
 
 def test_root_finds_every_crossing_to_the_last_digits():
     levels = np.linspace(-7.9, 60.0, 1001)
-    found = find_root(
-        lambda x: x**3 - levels, np.full_like(levels, -2.0), np.full_like(levels, 4.0)
-    )
+    ends = np.full_like(levels, -2.0), np.full_like(levels, 4.0)
+    found = find_root(lambda x: x**3 - levels, *ends)
     np.testing.assert_allclose(found, np.cbrt(levels), rtol=1e-14, atol=1e-15)
     assert np.isnan(find_root(lambda x: x**2 + 1.0, np.array([-1.0]), np.array([1.0]))).all()
 
@@ -108,19 +111,14 @@ def test_shapes_are_kept(name):
     assert model.inverse(50.0, np.zeros((2, 3)), 40.0, conditions).shape == (2, 3, 3)
 
 
+OFFICE, *OTHERS = CONDITIONS
 SCENE = ViewingConditions(D65, 63.66)
 DIM = ViewingConditions(D65, 0.1)
 
 
 @pytest.mark.not_quick
 @pytest.mark.parametrize("each", [hunt, nayatani95])
-@pytest.mark.parametrize(
-    "where",
-    [
-        pytest.param(name, marks=[pytest.mark.slow] if name in list(CONDITIONS)[1:] else [])
-        for name in ENDS
-    ],
-)
+@pytest.mark.parametrize("where", [OFFICE, *slow_each(*OTHERS), *sorted(ENDS.keys() - CONDITIONS)])
 def test_every_finite_colour_has_a_finite_one_on_every_display(each, where):
     rng = np.random.default_rng(1)
     XYZ = np.concatenate([rng.uniform(-size, size, (10, 3)) for size in (1e5, 100.0, 1e-6, 0.0)])

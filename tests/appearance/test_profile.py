@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import ImageCms
+from PIL import Image, ImageCms
 
 from tests.support.errors import raises, refuses
 from volspec import Display
@@ -92,10 +92,7 @@ BAD = {
     "folder": ("not-found", None),
     "no profile": ("damaged", b"no profile"),
     "cut": ("damaged", SRGB[:300]),
-    "S curve": (
-        "unsupported",
-        with_curves(table((1 - np.cos(np.pi * np.linspace(0, 1, 256))) / 2)),
-    ),
+    "S curve": ("unsupported", with_curves(table((1 - np.cos(np.linspace(0, np.pi, 256))) / 2))),
     "lifted": ("unsupported", with_curves(b"para" + struct.pack(">IHH", 0, 1, 0) + bytes(12))),
     "no rXYZ": ("damaged", SRGB.replace(b"rXYZ", b"xXYZ")),
     "zeros": ("unsupported", with_curves(table(ZEROS))),
@@ -108,10 +105,7 @@ BAD = {
     "printer": ("unsupported", of_class(SRGB, 12, b"prtr")),
     "grey": ("unsupported", of_class(SRGB, 16, b"GRAY")),
     "LUT": ("unsupported", of_class(SRGB, 20, b"Lab ")),
-    "no light": (
-        "range",
-        re.sub(rb"XYZ \0{4}.{12}", b"XYZ " + bytes(16), SRGB, flags=re.DOTALL),
-    ),
+    "no light": ("range", re.sub(rb"(?s)XYZ \0{4}.{12}", b"XYZ " + bytes(16), SRGB)),
 }
 
 
@@ -165,11 +159,8 @@ def read(**keys: object) -> Display:
     return read_table(Display, keys, SceneError)
 
 
-def test_an_empty_table_is_the_default_display() -> None:
-    assert read() == Display() == preset("sRGB").display()
-
-
 def test_a_table_changes_what_it_names_of_its_preset() -> None:
+    assert read() == Display() == preset("sRGB").display()
     display = read(preset="cinema", space="DCI-P3", gamut="reduce", Y_b=10.0)
     assert display == Display(0.2 * 48.0, 10.0, "dark", "DCI-P3", "reduce", False, 48.0)
 
@@ -191,8 +182,6 @@ def test_a_white_without_L_A_lights_the_eye_by_itself() -> None:
 
 @pytest.mark.parametrize("name", SPACES)
 def test_a_png_says_whose_codes_it_holds(name: str, tmp_path: Path) -> None:
-    from PIL import Image
-
     path = tmp_path / "frame.png"
     frame = np.arange(48, dtype=np.uint8).reshape(4, 4, 3)
     write_frame(path, frame, {"light": "A"}, name)
@@ -207,17 +196,14 @@ def test_a_png_says_whose_codes_it_holds(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", SPACES)
 def test_colour_management_reads_the_profile_as_the_space(name: str) -> None:
     """Little CMS from one profile to another against our matrices and curves."""
-    from PIL import Image, ImageCms
-
     space = SPACES[name]
     codes = np.random.default_rng(3).integers(0, 256, (16, 16, 3), dtype=np.uint8)
     source = ImageCms.ImageCmsProfile(io.BytesIO(icc_profile(space)))
     assert ImageCms.getProfileDescription(source).strip() == name
     target = SPACES["Rec. 2020"] if name != "Rec. 2020" else SPACES["Display P3"]
     other = ImageCms.ImageCmsProfile(io.BytesIO(icc_profile(target)))
-    move = ImageCms.buildTransform(
-        source, other, "RGB", "RGB", ImageCms.Intent.RELATIVE_COLORIMETRIC
-    )
+    relative = ImageCms.Intent.RELATIVE_COLORIMETRIC
+    move = ImageCms.buildTransform(source, other, "RGB", "RGB", relative)
     shown = np.asarray(ImageCms.applyTransform(Image.fromarray(codes), move)).astype(float)
     linear = space.decode(codes / 255.0)
     if space.white_xy == target.white_xy:

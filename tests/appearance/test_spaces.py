@@ -4,6 +4,7 @@ import colour
 import numpy as np
 import pytest
 
+from tests.appearance._models import ACES
 from volspec.appearance.display import colour_space
 from volspec.appearance.spaces import (
     BT_1886,
@@ -71,9 +72,8 @@ def test_icc_parametric_curves_of_type_0_and_3():
     V = np.linspace(0.0, 1.0, 257)
     np.testing.assert_allclose(Transfer.icc(2.2).decode(V), V**2.2, rtol=1e-14)
     # sRGB as profiles hold it, in s15Fixed16 numbers.
-    g, a, b, c, d = (
-        round(v * 65536) / 65536 for v in (2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045)
-    )
+    numbers = 2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045
+    g, a, b, c, d = (round(v * 65536) / 65536 for v in numbers)
     curve = Transfer.icc(g, a, b, c, d)
     written = np.where(d <= V, (a * V + b) ** g, c * V)
     np.testing.assert_allclose(curve.decode(V), written, atol=5e-5)
@@ -82,12 +82,8 @@ def test_icc_parametric_curves_of_type_0_and_3():
 
 def test_a_matrix_and_curve_by_hand_makes_a_space():
     # A panel measured with a photometer.
-    panel = ColourSpace(
-        "my panel",
-        np.array([[0.65, 0.33], [0.31, 0.61], [0.15, 0.05]]),
-        np.array([0.31, 0.33]),
-        Transfer.icc(2.35),
-    )
+    primaries = np.array([[0.65, 0.33], [0.31, 0.61], [0.15, 0.05]])
+    panel = ColourSpace("my panel", primaries, np.array([0.31, 0.33]), Transfer.icc(2.35))
     XYZ = np.array([0.2, 0.5, 0.7]) @ panel.XYZ_from_RGB.T
     np.testing.assert_allclose(panel.RGB_from_XYZ @ XYZ, [0.2, 0.5, 0.7], rtol=1e-13)
     assert colour_space(panel) is panel and colour_space("sRGB") is SPACES["sRGB"]
@@ -95,8 +91,5 @@ def test_a_matrix_and_curve_by_hand_makes_a_space():
 
 
 def test_imaginary_primaries_are_a_space_too():
-    # ACES AP0 (SMPTE ST 2065-1), whose blue has y < 0.
-    AP0 = ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077))
-    aces = ColourSpace("ACES2065-1", AP0, (0.32168, 0.33767), Transfer.gamma(1.0))
-    # The matrix of the standard, four printed digits.
-    np.testing.assert_allclose(aces.XYZ_from_RGB[1] / 100, [0.3440, 0.7282, -0.0721], atol=5e-5)
+    # The matrix of the standard for ACES AP0, whose blue has y < 0; four printed digits.
+    np.testing.assert_allclose(ACES.XYZ_from_RGB[1] / 100, [0.3440, 0.7282, -0.0721], atol=5e-5)
