@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from tests.support.errors import raises
-from volspec.errors import SpectrumError
+from volspec.errors import SpectrumError, VolspecError
 
 
 def saved(folder: Path, name: str, text: str | bytes) -> str:
@@ -22,8 +22,8 @@ def constant(level: object, start: int = 380, stop: int = 780, step: int = 10) -
     return "".join(f"{w},{level}\n" for w in range(start, stop + 1, step))
 
 
-def fails(make, folder: Path, fault: str) -> None:
-    """Assert that a call with a folder raises a `SpectrumError` of "code", or of "code field"."""
+def fails(make, folder: Path, fault: str, error: type[VolspecError] = SpectrumError) -> None:
+    """Assert that a call with a folder raises an error of "code", or of "code field"."""
     code, _, field = fault.partition(" ")
-    with raises(SpectrumError, code, field or None):
+    with raises(error, code, field or None):
         make(folder)

@@ -70,12 +70,8 @@ def test_every_interleave_and_type_gives_the_same_pixels(
     header = changed("interleave = bsq", f"interleave = {interleave.upper()}")
     header = header.replace("data type = 4", f"data type = {code}")
     header = header.replace("byte order = 0", f"byte order = {order}")
-    path = write(
-        *(tmp_path, header, "reflectance scale factor = 24"),
-        dtype=dtype,
-        interleave=interleave,
-        cube=CUBE * 24.0,
-    )
+    scale = "reflectance scale factor = 24"
+    path = write(tmp_path, header, scale, dtype, interleave, CUBE * 24.0)
     image = SpectralImage.load(path)
     assert image.values == pytest.approx(CUBE, abs=1e-6)
     assert (image.wavelengths_nm.tolist(), image.kind, image.size) == (NM, "reflective", (4, 2))
@@ -88,9 +84,8 @@ def test_a_pixel_a_box_and_the_mean_are_addressed_as_in_spectral_exr(scan: Path)
     assert read_spectrum(scan).values == pytest.approx(CUBE.mean(axis=(0, 1)))
     assert read_spectrum(f"{scan}#3,1").name == "scan#3,1"
     assert SpectralImage.load(scan, box=(1, 0, 3, 2)).size == (2, 2)
-    assert reflectance(f"{scan}#3,1", PAPERS_GRID).values[15] == pytest.approx(
-        CUBE[1, 3, 1], abs=0.01
-    )
+    paint = reflectance(f"{scan}#3,1", PAPERS_GRID)
+    assert paint.values[15] == pytest.approx(CUBE[1, 3, 1], abs=0.01)
     assert light(f"{scan}#3,1").values.min() > 0
     SpectralImage.load(scan).save(scan.with_suffix(".exr"))
     assert read_spectrum(f"{scan.with_suffix('.exr')}#3,1").values == pytest.approx(CUBE[1, 3])
@@ -131,10 +126,8 @@ def test_bad_bands_are_left_out_and_overlapping_detectors_sorted(tmp_path: Path)
     header = changed("390.0,\n 550.0, 710.0", "710, 390, 550")
     assert read_spectrum(write(tmp_path, header)).wavelengths_nm.tolist() == NM
     s = read_spectrum(f"{write(tmp_path, header, 'bbl = {1, 0, 1}')}#2,0")
-    assert (s.wavelengths_nm.tolist(), s.values.tolist()) == (
-        [550, 710],
-        pytest.approx(CUBE[0, 2, [2, 0]]),
-    )
+    assert s.wavelengths_nm.tolist() == [550, 710]
+    assert s.values == pytest.approx(CUBE[0, 2, [2, 0]])
 
 
 def test_pixels_without_numbers_and_beyond_memory_do_not_hinder_others(tmp_path: Path) -> None:

@@ -25,16 +25,13 @@ nm,Warm-white,cold
 500,1,3
 780,1,3
 """
-
-
+SAMPLE = '<SpectralData wavelength="{}">{}</SpectralData>'
 SPECTRAL_FLUX = "# spectral quantity: Spectral flux\n" + constant(0.5)
 
 
 def spdx(quantity: str = "relative", samples: str | None = None, count: int = 1) -> str:
     if samples is None:
-        samples = "".join(
-            f'<SpectralData wavelength="{w}">0.5</SpectralData>' for w in range(380, 781, 20)
-        )
+        samples = "".join(SAMPLE.format(w, 0.5) for w in range(380, 781, 20))
     block = (
         f"<SpectralDistribution><SpectralQuantity>{quantity}</SpectralQuantity>"
         "<BandwidthFWHM>1.0</BandwidthFWHM><BandwidthCorrected>true</BandwidthCorrected>"
@@ -178,7 +175,6 @@ def directory(path: Path) -> Path:
     return path
 
 
-SAMPLE = '<SpectralData wavelength="{}">{}</SpectralData>'
 REFUSED = [
     ("missing", lambda f: lamps(f, "")),
     ("unknown", lambda f: lamps(f, "#cool")),
@@ -212,15 +208,11 @@ REFUSED = [
     ),
     ("type", lambda f: reflectance(saved(f, "lamp.csv", SPECTRAL_FLUX))),
 ]
-for _name in ("absent.spdx", "absent.txt", "absent.exr"):
+for _name, _fault in (("a.spdx", "damaged"), ("a.txt", "damaged"), ("a.exr", "type")):
     REFUSED += [
         ("not-found", lambda f, name=_name: read_spectrum(f / name)),
         ("damaged", lambda f, name=_name: read_spectrum(saved(f, name, bytes(range(128, 256))))),
-        # A folder.
-        (
-            "type" if _name.endswith("exr") else "damaged",
-            lambda f, name=_name: read_spectrum(directory(f / name)),
-        ),
+        (_fault, lambda f, name=_name: read_spectrum(directory(f / name))),
     ]
 
 

@@ -12,7 +12,6 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.spectra._files import fails, saved
-from tests.support.errors import raises
 from volspec import _exr as exr
 from volspec.basis import SpectralBasis
 from volspec.errors import ImageError, SpectrumError, VolspecError, VolspecWarning
@@ -210,62 +209,6 @@ def in_two_parts(folder: Path) -> Any:
     return read_spectrum(folder / "two.exr")
 
 
-@pytest.mark.parametrize(
-    ("fault", "call"),
-    [
-        ("range", lambda f: chart(f, "#3,0")),
-        ("range", lambda f: chart(f, "#1,1,1,2")),
-        ("syntax", lambda f: chart(f, "#a,b")),
-        ("syntax", lambda f: chart(f, "#0_0,1")),
-        ("missing", lambda f: one_kind(f, "reflective", light)),
-        ("missing", lambda f: one_kind(f, "emissive", reflectance)),
-        ("missing", lambda f: loaded(f, {"R": 1.0, "G": 1.0, "B": 1.0})),
-        ("shape", lambda f: loaded(f, {"T.550nm": 0.5})),
-        ("range", lambda f: loaded(f, {"T.550nm": 0.5, "T.0,55um": 0.5})),
-        ("duplicate", in_two_parts),
-        ("damaged", lambda f: SpectralImage.load(saved(f, "text.exr", "no image"))),
-        ("damaged", cut),
-        ("shape", lambda f: SpectralImage(np.ones((2, 3, 4)), W, "reflective")),
-        ("shape", lambda f: SpectralImage(np.ones((0, 3, 3)), W, "reflective")),
-        ("range", lambda f: SpectralImage(ramp(), W[::-1], "reflective")),
-        ("unknown", lambda f: SpectralImage(ramp(), W, "absorbing")),
-        ("range", lambda f: SpectralImage(NO_NUMBER, W, "emissive")),
-        ("type", lambda f: SpectralImage([[["x"]]], W, "emissive")),
-        ("range", lambda f: NARROW.on(SpectralGrid())),
-        ("type grid", lambda f: IMAGE.on((400, 700, 10))),
-        ("unsupported", lambda f: IMAGE.save("a.tif")),
-        ("syntax", lambda f: IMAGE.save("a\0.exr")),
-        ("type", lambda f: SpectralImage.load(None)),
-        ("unknown", lambda f: SpectralImage.load("a.exr", "foo")),
-        ("type", lambda f: IMAGE.mean("abc")),
-        ("type", lambda f: IMAGE.mean(5)),
-        ("type", lambda f: IMAGE.mean((0.5, 0, 2, 2))),
-    ],
-)
-def test_bad_images_are_refused(tmp_path: Path, fault: str, call: Callable[[Path], object]) -> None:
-    fails(call, tmp_path, fault)
-
-
-UNEQUAL = {"Z": np.ones((2, 3)), "A": np.ones((3, 2))}
-
-
-@pytest.mark.parametrize(
-    ("code", "call"),
-    [
-        ("not-found", lambda f: exr.read_exr(f / "a.exr", ImageError, missing="gone")),
-        ("damaged", lambda f: exr.read_exr(Path(saved(f, "a.exr", "no image")), ImageError)),
-        ("type", lambda f: exr.read_exr(f, ImageError)),
-        ("unwritable", lambda f: exr.write_exr(f / "b.exr", {}, UNEQUAL, ImageError)),
-    ],
-)
-def test_exr_faults_are_the_caller_s(
-    tmp_path: Path, code: str, call: Callable[[Path], object]
-) -> None:
-    with raises(ImageError, code):
-        call(tmp_path)
-    assert not (tmp_path / "b.exr").exists()
-
-
 BASIS = SpectralBasis.load("general-7")
 CHART = reflectance_set("test").reshape(7, 12, -1)
 NM = BASIS.grid.wavelengths_nm
@@ -311,22 +254,68 @@ def test_a_hot_pixel_does_not_become_the_white() -> None:
 
 REFLECTIVE, RADIANCE = (SpectralImage(CHART, NM, kind) for kind in ("reflective", "emissive"))
 BLUE_ONLY = SpectralImage(CHART[..., :20], NM[:20], "reflective")
+TOO_BRIGHT = SpectralImage(100 * CHART, NM, "reflective")
+NEGATIVE = SpectralImage(-CHART, NM, "reflective")
+UNEQUAL = {"Z": np.ones((2, 3)), "A": np.ones((3, 2))}
+
+
+def analysed(picture: SpectralImage, lamp: str = "") -> CoefficientImage:
+    taken_under = light(lamp) if lamp else None
+    return CoefficientImage.from_spectral_image(picture, BASIS, taken_under=taken_under)
+
+
+# With a `SpectrumError`.
+REFUSED: list[tuple[str, Callable[[Path], object]]] = [
+    ("range", lambda f: chart(f, "#3,0")),
+    ("range", lambda f: chart(f, "#1,1,1,2")),
+    ("syntax", lambda f: chart(f, "#a,b")),
+    ("syntax", lambda f: chart(f, "#0_0,1")),
+    ("missing", lambda f: one_kind(f, "reflective", light)),
+    ("missing", lambda f: one_kind(f, "emissive", reflectance)),
+    ("missing", lambda f: loaded(f, {"R": 1.0, "G": 1.0, "B": 1.0})),
+    ("shape", lambda f: loaded(f, {"T.550nm": 0.5})),
+    ("range", lambda f: loaded(f, {"T.550nm": 0.5, "T.0,55um": 0.5})),
+    ("duplicate", in_two_parts),
+    ("damaged", lambda f: SpectralImage.load(saved(f, "text.exr", "no image"))),
+    ("damaged", cut),
+    ("shape", lambda f: SpectralImage(np.ones((2, 3, 4)), W, "reflective")),
+    ("shape", lambda f: SpectralImage(np.ones((0, 3, 3)), W, "reflective")),
+    ("range", lambda f: SpectralImage(ramp(), W[::-1], "reflective")),
+    ("unknown", lambda f: SpectralImage(ramp(), W, "absorbing")),
+    ("range", lambda f: SpectralImage(NO_NUMBER, W, "emissive")),
+    ("type", lambda f: SpectralImage([[["x"]]], W, "emissive")),
+    ("range", lambda f: NARROW.on(SpectralGrid())),
+    ("type grid", lambda f: IMAGE.on((400, 700, 10))),
+    ("unsupported", lambda f: IMAGE.save("a.tif")),
+    ("syntax", lambda f: IMAGE.save("a\0.exr")),
+    ("type", lambda f: SpectralImage.load(None)),
+    ("unknown", lambda f: SpectralImage.load("a.exr", "foo")),
+    ("type", lambda f: IMAGE.mean("abc")),
+    ("type", lambda f: IMAGE.mean(5)),
+    ("type", lambda f: IMAGE.mean((0.5, 0, 2, 2))),
+    ("range", lambda f: analysed(BLUE_ONLY)),
+]
+OTHERS = [
+    # Of the caller.
+    ("not-found", lambda f: exr.read_exr(f / "a.exr", ImageError, missing="gone")),
+    ("damaged", lambda f: exr.read_exr(Path(saved(f, "a.exr", "no image")), ImageError)),
+    ("type", lambda f: exr.read_exr(f, ImageError)),
+    ("unwritable", lambda f: exr.write_exr(f / "b.exr", {}, UNEQUAL, ImageError)),
+    ("conflict", lambda f: analysed(RADIANCE)),
+    ("conflict", lambda f: analysed(REFLECTIVE, "A")),
+    # It has no blue to divide by.
+    ("impossible", lambda f: analysed(RADIANCE, "LPS")),
+    ("range", lambda f: analysed(TOO_BRIGHT)),
+    ("range", lambda f: analysed(NEGATIVE)),
+]
 
 
 @pytest.mark.parametrize(
-    ("error", "code", "picture", "lamp"),
-    [
-        (ImageError, "conflict", RADIANCE, None),
-        (ImageError, "conflict", REFLECTIVE, "A"),
-        # It has no blue to divide by.
-        (ImageError, "impossible", RADIANCE, "LPS"),
-        (SpectrumError, "range", BLUE_ONLY, None),
-        (ImageError, "range", SpectralImage(100 * CHART, NM, "reflective"), None),
-        (ImageError, "range", SpectralImage(-CHART, NM, "reflective"), None),
-    ],
+    ("error", "fault", "call"),
+    [*((SpectrumError, *row) for row in REFUSED), *((ImageError, *row) for row in OTHERS)],
 )
-def test_pictures_without_their_light_or_grid_are_refused(
-    error: type[VolspecError], code: str, picture: SpectralImage, lamp: str | None
+def test_bad_images_are_refused(
+    tmp_path: Path, error: type[VolspecError], fault: str, call: Callable[[Path], object]
 ) -> None:
-    with raises(error, code):
-        CoefficientImage.from_spectral_image(picture, BASIS, taken_under=lamp and light(lamp))
+    fails(call, tmp_path, fault, error)
+    assert not (tmp_path / "b.exr").exists()

@@ -12,14 +12,7 @@ from tests.spectra._files import fails, saved
 from tests.support.errors import raises
 from volspec.errors import RoomError
 from volspec.room.paints import paint_set
-from volspec.spectra import (
-    PAPERS_GRID,
-    Spectrum,
-    light,
-    read_spectrum,
-    reflectance,
-    write_spectrum,
-)
+from volspec.spectra import PAPERS_GRID, Spectrum, light, read_spectrum, reflectance, write_spectrum
 
 Write = Callable[[str, str], str]
 
@@ -97,9 +90,8 @@ CXF = """<?xml version="1.0" encoding="UTF-8"?>
 def cxf_object(
     values: str, name: str = "Pantone 485 C", tag: str = "Reflectance", **own: str
 ) -> str:
-    given = "".join(
-        f' {key}="{value}"' for key, value in ({"ColorSpecification": "M1"} | own).items()
-    )
+    keys = {"ColorSpecification": "M1"} | own
+    given = "".join(f' {key}="{value}"' for key, value in keys.items())
     return (
         f'<cc:Object ObjectType="Standard" Name="{name}" Id="c1"><cc:ColorValues>'
         f"<cc:{tag}Spectrum{given}>{values}</cc:{tag}Spectrum>"
@@ -153,11 +145,9 @@ def test_the_dialects_of_programs_are_read_alike(write: Write, old: str, new: st
 
 
 def test_pairs_of_wavelength_and_percentage_are_read(write: Write) -> None:
-    text = (
-        "CGATS.17\nBEGIN_DATA_FORMAT\nSAMPLE_ID "
-        + "SPECTRAL_NM SPECTRAL_PCT " * 3
-        + "\nEND_DATA_FORMAT\nBEGIN_DATA\n1 700 1.5 550 0.5 400 1\nEND_DATA\n"
-    )
+    fields = "SAMPLE_ID " + "SPECTRAL_NM SPECTRAL_PCT " * 3
+    data = "BEGIN_DATA\n1 700 1.5 550 0.5 400 1\nEND_DATA\n"
+    text = f"CGATS.17\nBEGIN_DATA_FORMAT\n{fields}\nEND_DATA_FORMAT\n{data}"
     s = read_spectrum(write("a.cgats", text))
     assert s.wavelengths_nm.tolist() == [400, 550, 700]
     assert s.values.tolist() == [0.01, 0.005, 0.015]
@@ -206,12 +196,10 @@ def test_of_an_object_the_spectra_that_fit_the_use_are_offered(write: Write) -> 
     path = write("both.cxf", CXF.format(objects=INK + LAMP))
     assert reflectance(path, PAPERS_GRID).values.max() == pytest.approx(0.8125)
     assert light(path).values.min() > 0
-    twice = '<cc:ReflectanceSpectrum Name="M0" StartWL="400">0.3 0.3 0.3</cc:ReflectanceSpectrum>'
-    ink = INK.replace(
-        "</cc:ColorValues>",
-        twice.replace(" Start", ' ColorSpecification="M1" Start') + "</cc:ColorValues>",
-    )
-    path = write("two.cxf", CXF.format(objects=ink.replace("10 20 90", "0.1 0.2 0.9")))
+    twice = '<cc:ReflectanceSpectrum Name="M0" ColorSpecification="M1" StartWL="400">0.3 0.3 0.3'
+    end = "</cc:ColorValues>"
+    ink = INK.replace(end, f"{twice}</cc:ReflectanceSpectrum>{end}").replace("10 20 90", ".1 .2 .9")
+    path = write("two.cxf", CXF.format(objects=ink))
     assert read_spectrum(f"{path}#A/M0").values.tolist() == [0.3, 0.3, 0.3]
 
 
@@ -301,8 +289,8 @@ def absurd(path: Path) -> Spectrum:
         ("type", lambda f: light(saved(f, "paint.sp", PAINT))),
         ("type", lambda f: reflectance(saved(f, "lamp.sp", EMISSION))),
         *(
-            ("size", lambda f, name=name: absurd(f / name))
-            for name in ("a.csv", "a.ti3", "a.cxf", "a.spdx")
+            ("size", lambda f, end=end: absurd(f / f"a.{end}"))
+            for end in ("csv", "ti3", "cxf", "spdx")
         ),
     ],
 )
