@@ -129,17 +129,8 @@ def stacked(blocks: dict[str, Block], terms: list[Term]) -> tuple[np.ndarray, np
         for t in terms
     ]
     soft = [(t, row) for t, row in zip(terms, rows, strict=True) if math.isfinite(t.weight)]
-    return (
-        np.vstack([t.weight * row for t, row in soft]),
-        np.concatenate([t.weight * t.target for t, _ in soft]),
-    )
-
-
-def bounds(blocks: dict[str, Block]) -> tuple[np.ndarray, np.ndarray]:
-    return (
-        np.concatenate([b.lower for b in blocks.values()]),
-        np.concatenate([b.upper for b in blocks.values()]),
-    )
+    M = np.vstack([t.weight * row for t, row in soft])
+    return M, np.concatenate([t.weight * t.target for t, _ in soft])
 
 
 def random_palette(rows: int, columns: int, *, free: bool = False, criteria: Criteria) -> Palette:
@@ -172,7 +163,8 @@ def test_a_phase_matches_a_bounded_least_squares_solver(
     assert sum(block.size for block in blocks.values()) == rows * NM.size + 3 * free
     found = solve(blocks, terms)
     M, y = stacked(blocks, terms)
-    theirs = lsq_linear(M, y, bounds(blocks), "bvls", tol=1e-14, max_iter=10_000)
+    bounds = np.hstack([(block.lower, block.upper) for block in blocks.values()])
+    theirs = lsq_linear(M, y, bounds, "bvls", tol=1e-14, max_iter=10_000)
     assert found.residual < 1e-6
     # clarabel may leave a gap of 1e-10 of the problem's numbers.
     assert found.cost == pytest.approx(2.0 * theirs.cost, rel=1e-6)

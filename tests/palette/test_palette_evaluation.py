@@ -5,16 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.palette import (
-    ASKED_MS,
-    MODELS,
-    by_scipy,
-    colours,
-    dense,
-    drawn,
-    joint,
-    live,
-)
+from benchmarks.palette import ASKED_MS, MODELS, by_scipy, colours, dense, drawn, joint, live
 from tools.palette_figures import REFERENCE, SIZES, SQUARES, distances, tenths
 from volspec.palette.optimisation import Phase
 from volspec.palette.quadratic_program import solve
@@ -36,8 +27,8 @@ def test_a_seed_draws_the_same_palette_and_another_seed_another() -> None:
 
 def test_wanted_colours_are_uniform_in_linear_RGB_or_in_codes() -> None:
     for draw, middle in (("linear", 0.69), ("codes", 0.5)):
-        cells = drawn(POSITIVE, 12, 12, 3, draw=draw).cells.values()
-        codes = np.array([cell.colour for cell in cells])
+        palette = drawn(POSITIVE, 12, 12, 3, draw=draw)
+        codes = np.array([cell.colour for cell in palette.cells.values()])
         # 432 uniform numbers: their mean is within 0.05 of its own, three deviations.
         assert codes.mean() == pytest.approx(middle, abs=0.05)
 
@@ -61,13 +52,11 @@ def test_bounds_cost_most_and_more_bands_buy_it_back() -> None:
     positive = mean_distance(POSITIVE, 7)
     assert 1.0 < positive < 14.4
     assert mean_distance(FINE, 7) < 0.1 * positive
-    assert mean_distance(FREE, 7) < 0.01
 
 
 def test_distances_are_of_all_pairs_and_kept_without_bounds() -> None:
     wanted, got = distances(FREE, 4)
-    assert wanted.shape == got.shape == (16 * 15 // 2,)
-    assert np.abs(wanted - got).max() < 0.01
+    assert wanted.shape == (16 * 15 // 2,) and got == pytest.approx(wanted, abs=0.01)
 
 
 def test_the_live_palette_and_the_joint_problem_are_what_they_are_called() -> None:

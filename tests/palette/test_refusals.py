@@ -84,8 +84,7 @@ def test_mistakes_are_refused(tmp_path: Path, old: str, new: str, code: str, fie
 
 def address(folder: Path, text: str, selector: str = "a") -> object:
     """Look up a light in a palette file."""
-    written(folder, text, "p.toml")
-    return vs.light(f"p.toml#{selector}", folder=folder)
+    return vs.light(f"{written(folder, text, 'p.toml')}#{selector}")
 
 
 def unnamed_lamp(folder: Path) -> None:
