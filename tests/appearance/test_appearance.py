@@ -6,15 +6,7 @@ import numpy as np
 import pytest
 
 from tests.appearance._models import CONDITIONS, A, colours
-from volspec.appearance import Viewing, ViewingConditions, view_transform
-from volspec.appearance.constants import (
-    ACHROMATIC,
-    CHROMA_SKEW,
-    CHROMA_SUM,
-    OPPONENT_A,
-    OPPONENT_B,
-    RESPONSE_FROM_OPPONENT,
-)
+from volspec.appearance import Viewing, ViewingConditions, constants, view_transform
 from volspec.appearance.measured import adapting_fields, measured_conditions
 from volspec.appearance.models.cam import CamConditions, CamTransform, forward, inverse
 from volspec.appearance.models.cielab import cielab, cielab_derivative
@@ -40,10 +32,11 @@ def test_one_step_transport_is_inverse_after_forward(scene, display):
 
 def test_opponent_weights_give_the_standard_s_inverse():
     printed = [[460.0, 451.0, 288.0], [460.0, -891.0, -261.0], [460.0, -220.0, -6300.0]]
-    np.testing.assert_allclose(RESPONSE_FROM_OPPONENT * 1403.0, printed, atol=1e-9)
+    np.testing.assert_allclose(constants.RESPONSE_FROM_OPPONENT * 1403.0, printed, atol=1e-9)
     # 23 (R + G + 21/20 B) + 11 a + 108 b = 23 p2, which the inverse of t rests on.
-    skewed = CHROMA_SUM + CHROMA_SKEW @ np.stack([OPPONENT_A, OPPONENT_B])
-    np.testing.assert_allclose(skewed, ACHROMATIC, atol=1e-15)
+    opponents = np.stack([constants.OPPONENT_A, constants.OPPONENT_B])
+    skewed = constants.CHROMA_SUM + constants.CHROMA_SKEW @ opponents
+    np.testing.assert_allclose(skewed, constants.ACHROMATIC, atol=1e-15)
 
 
 def test_cielab_derivative_is_its_slope():

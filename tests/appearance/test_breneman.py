@@ -27,10 +27,8 @@ def test_mean_error_is_the_known_one(method):
 
 def test_mean_of_a_linear_transform_does_not_hang_on_the_luminance_of_its_samples():
     first = breneman.experiments()[0]
-    bright, dim = (
-        breneman.uv_from_XYZ(adapt(f * first.XYZ, first.source, first.target, "Fairchild 1990"))
-        for f in (1.0, 0.01)
-    )
+    adapted = adapt([first.XYZ, 0.01 * first.XYZ], first.source, first.target, "Fairchild 1990")
+    bright, dim = breneman.uv_from_XYZ(adapted)
     np.testing.assert_allclose(bright, dim, rtol=1e-12)
 
 

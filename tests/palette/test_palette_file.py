@@ -277,11 +277,8 @@ def test_a_new_palette_file_has_the_same_display(tmp_path: Path, display: str) -
     palette = on_display(tmp_path, display)
     vs.save_palette(palette, tmp_path / "new.toml")
     again, own = vs.load_palette(tmp_path / "new.toml").viewing.display, palette.viewing.display
-    assert (again.colours, again.conditions, again.gamut) == (
-        own.colours,
-        own.conditions,
-        own.gamut,
-    )
+    for name in ("colours", "conditions", "gamut"):
+        assert getattr(again, name) == getattr(own, name)
 
 
 def test_a_profile_is_found_next_to_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

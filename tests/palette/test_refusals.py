@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import volspec as vs
-from tests.palette.test_linearisation import subspace_palette
+from tests.palette.test_linearisation import below, subspace_palette
 from tests.palette.test_palette_file import SMALL, changed, written
 from tests.support.errors import raises
 from tests.support.palettes import GREY, free_light, lamp, must, palette_of, surface
@@ -101,14 +101,6 @@ def with_dusk(folder: Path) -> None:
     save_palette(other, folder / "out.toml", source=source)
 
 
-def without_common_bounds() -> Palette:
-    cells = {
-        ("a", "D65"): Cell("free", group="m", low=(0.5, 0.5, 0.5)),
-        ("b", "D65"): Cell("free", group="m", high=(0.4, 0.6, 0.6)),
-    }
-    return palette_of(cells)
-
-
 def of_another_observer() -> Palette:
     palette = subspace_palette("absolute")
     assert palette.basis is not None
@@ -134,7 +126,7 @@ HUNT = replace(GREY_CELL, viewing=vs.Viewing("Hunt"))
         (PaletteError, "unknown PaletteSpectrum.mixture", unnamed_lamp),
         (PaletteError, "unsupported", lambda f: save_palette(GREY_CELL, f / "p.json")),
         (PaletteError, "conflict source", with_dusk),
-        (PaletteError, "conflict Palette.cells", lambda f: without_common_bounds()),
+        (PaletteError, "conflict Palette.cells", lambda f: below(0.4, 0.6, 0.6)),
         (PaletteError, "conflict Palette.basis", lambda f: of_another_observer()),
         (PaletteError, "unsupported viewing.model", lambda f: design(HUNT)),
         (ImageError, "unsupported", lambda f: save_palette_figure(design(GREY_CELL), f / "p.jpg")),

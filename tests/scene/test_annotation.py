@@ -40,9 +40,7 @@ def test_a_label_needs_a_text_and_no_number() -> None:
 
 def test_a_scene_keeps_its_annotations(tmp_path: Path) -> None:
     scene = Scene.load(asset("data/scenes/engine.toml"))
-    rows = (
-        Annotation(points_mm=((1.0, 2.0, 3.0),), text="valve"),
-        Annotation(points_mm=((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))),
-    )
+    label = Annotation(points_mm=((1.0, 2.0, 3.0),), text="valve")
+    rows = label, Annotation(points_mm=((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
     saved = write_scene(replace(scene.file, annotation=rows), tmp_path / "a.toml", scene)
     assert Scene.load(saved).file.annotation == rows

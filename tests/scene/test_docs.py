@@ -8,17 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import volspec as vs
 from tests.support.fixtures import slow_each
-from volspec.pipeline import Relighter
-from volspec.relight import RelightSpec
-from volspec.scene import Scene
-from volspec.transfer import (
-    FieldFunctions,
-    Isosurfaces,
-    LabelFunction,
-    TransferFunction,
-    TransferFunction2D,
-)
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "docs" / "scenes.md").read_text(encoding="utf-8")
@@ -43,10 +34,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_example_casts_into_a_picture(folder: Path, number: int) -> None:
     path = folder / "example.toml"
     path.write_text(EXAMPLES[number], encoding="utf-8")
-    scene = Scene.load(path)
+    scene = vs.Scene.load(path)
     image = scene.render(size=(48, 48))
     assert image.alpha.max() > 0.5
-    with Relighter(image) as relighter:
+    with vs.Relighter(image) as relighter:
         frame = relighter.frame(scene.lights[0].rig, scene.relight.viewing)
     assert frame.std() > 5
 
@@ -56,9 +47,9 @@ def test_every_example_is_a_scene_and_each_kind_of_transfer_function_has_one(fol
     kinds = set()
     for text in EXAMPLES:
         (folder / "kind.toml").write_text(text, encoding="utf-8")
-        kinds.add(type(Scene.load(folder / "kind.toml").transfer))
-    own = {TransferFunction, TransferFunction2D, LabelFunction, Isosurfaces}
-    assert kinds == own | {FieldFunctions}
+        kinds.add(type(vs.Scene.load(folder / "kind.toml").transfer))
+    own = {vs.TransferFunction, vs.TransferFunction2D, vs.LabelFunction, vs.Isosurfaces}
+    assert kinds == own | {vs.FieldFunctions}
 
 
 ENGINE, *SCENES = sorted((ROOT / "data" / "scenes").glob("engine*.toml"), key=lambda p: p.stem)
@@ -68,12 +59,12 @@ ENGINE, *SCENES = sorted((ROOT / "data" / "scenes").glob("engine*.toml"), key=la
 # Not the figure-… scenes, where some lights hide what is there.
 @pytest.mark.parametrize("path", [ENGINE, *slow_each(*SCENES)], ids=lambda path: path.stem)
 def test_scenes_that_ship_are_neither_dark_nor_washed_out(path: Path) -> None:
-    scene = Scene.load(path)
+    scene = vs.Scene.load(path)
     image = scene.render(size=(128, 128))
     viewing, relit = scene.relight.viewing, scene.relight
-    with Relighter(image) as relighter:
+    with vs.Relighter(image) as relighter:
         for light in scene.lights:
-            frame = relighter.frame(light.rig, RelightSpec(viewing, relit.mode, relit.backdrop))
+            frame = relighter.frame(light.rig, vs.RelightSpec(viewing, relit.mode, relit.backdrop))
             shown = frame[image.alpha > 0.5]
             assert 60 < shown.mean() < 190, light.name
             assert np.mean(shown == 255) < 0.02, light.name

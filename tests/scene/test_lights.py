@@ -72,13 +72,9 @@ def test_without_groups_there_is_the_default_one(tmp_path: Path) -> None:
 
 
 def test_rows_of_one_name_are_one_setting(tmp_path: Path) -> None:
-    lights = (
-        row("evening", "A", "key", "weight = 0.5"),
-        row("noon"),
-        row("evening", "D75", "fill", 'label = "dusk"\nweight = 2'),
-        row("evening", "FL2"),
-    )
-    scene = load(tmp_path, GROUPS + "".join(lights))
+    dusk = row("evening", "D75", "fill", 'label = "dusk"\nweight = 2') + row("evening", "FL2")
+    rows = row("evening", "A", "key", "weight = 0.5") + row("noon") + dusk
+    scene = load(tmp_path, GROUPS + rows)
     evening, noon = scene.lights
     assert (evening.name, evening.label, noon.label) == ("evening", "dusk", "noon")
     assert [spectrum.name for spectrum in evening.rig.lights] == ["A", "D75", "FL2"]
@@ -86,14 +82,6 @@ def test_rows_of_one_name_are_one_setting(tmp_path: Path) -> None:
     facing = evening.rig.facing(scene.raycast.shares()).mixed(scene.basis.grid)
     assert np.array_equal(evening.spectrum.values, facing.values)
     assert np.array_equal(noon.spectrum.values, light("D65").values)
-
-
-def test_the_lux_of_a_setting_is_that_of_its_rows(tmp_path: Path) -> None:
-    rows = (
-        row("x", "A", "key", "illuminance_lux = 300"),
-        row("x", "D65", more="illuminance_lux = 9"),
-    )
-    assert load(tmp_path, GROUPS + "".join(rows)).lights[0].rig.illuminance_lux == (300, 9)
 
 
 LAMP = "lamp:tungsten-2850"

@@ -89,11 +89,9 @@ def test_every_setting_of_a_cast_can_be_given(folder: Path) -> None:
     }  # fmt: skip
     assert set(asked) == table
     rows = "\n".join(f"{key} = {_toml(value)}" for key, value in asked.items())
-    boxes = {
-        "crop_voxels": ((1, 9), (2, 8), (3, 7.5)),
-        "clip_planes": (ClipPlane((5, 5, 5), (1, 0, 2)),),
-    }
-    assert load(folder, GOOD + f"[raycast]\n{rows}\n").raycast == RaycastSpec(**(asked | boxes))
+    asked["crop_voxels"] = ((1, 9), (2, 8), (3, 7.5))
+    asked["clip_planes"] = (ClipPlane((5, 5, 5), (1, 0, 2)),)
+    assert load(folder, GOOD + f"[raycast]\n{rows}\n").raycast == RaycastSpec(**asked)
     assert load(folder, GOOD + "[raycast]\npreintegrated = true\n").raycast.preintegrated
     assert load(folder, GOOD + "[raycast]\nlayers = 8\n").raycast.layers == 8
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import volspec as vs
 from tests.support.errors import raises
 from tests.support.scenes import SMALL, scene_text
 from volspec.basis import SpectralBasis
@@ -20,14 +21,7 @@ from volspec.scene.basis import use_of
 from volspec.scene.transfer import TransferSpec
 from volspec.settings import read_table
 from volspec.spectra import reflectance
-from volspec.transfer import (
-    Isosurfaces,
-    LabelFunction,
-    Region,
-    Transfer,
-    TransferFunction,
-    TransferFunction2D,
-)
+from volspec.transfer import Region, Transfer
 from volspec.volume import phantom
 
 HEAD = f"{scene_text({'shell': 'gold', 'core': 'copper'})}{SMALL}[transfer]\n"
@@ -57,19 +51,19 @@ PAINTS = {"shell": GOLD, "core": COPPER}
 CURVE = [(0.1, 0.0, "shell"), (0.6, 0.4, {"shell": 0.5, "core": 0.5})]
 STEP = "reference_step_mm = 2"
 KINDS: dict[str, tuple[str, Transfer]] = {
-    "points": (POINTS, TransferFunction(CURVE, PAINTS, GENERAL)),
-    "points of a step": (POINTS + STEP, TransferFunction(CURVE, PAINTS, GENERAL, 2.0)),
+    "points": (POINTS, vs.TransferFunction(CURVE, PAINTS, GENERAL)),
+    "points of a step": (POINTS + STEP, vs.TransferFunction(CURVE, PAINTS, GENERAL, 2.0)),
     "points by gradient": (
         POINTS + "gradient_opacity = [[0, 0.1], [0.2, 1]]",
-        TransferFunction(CURVE, PAINTS, GENERAL, None, [(0, 0.1), (0.2, 1)]),
+        vs.TransferFunction(CURVE, PAINTS, GENERAL, None, [(0, 0.1), (0.2, 1)]),
     ),
     "points with a filter": (
         POINTS,
-        TransferFunction(CURVE, PAINTS, GENERAL, filters={"core": GOLD}),
+        vs.TransferFunction(CURVE, PAINTS, GENERAL, filters={"core": GOLD}),
     ),
     "regions": (
         REGIONS + STEP,
-        TransferFunction2D(
+        vs.TransferFunction2D(
             [
                 Region((0.1, 0.6), (0.02, math.inf), 0.3, "shell"),
                 Region((0.5, 0.9), (0, math.inf), 0.8, "core", 0.5),
@@ -79,11 +73,11 @@ KINDS: dict[str, tuple[str, Transfer]] = {
     ),
     "labels": (
         LABELS + STEP,
-        LabelFunction({1: (0.3, "shell"), 2: (0.8, {"core": 0.9})}, PAINTS, GENERAL, 2.0),
+        vs.LabelFunction({1: (0.3, "shell"), 2: (0.8, {"core": 0.9})}, PAINTS, GENERAL, 2.0),
     ),
     "surfaces": (
         SURFACES,
-        Isosurfaces([(0.6, 1.0, "core"), (0.2, 0.3, "shell")], PAINTS, GENERAL),
+        vs.Isosurfaces([(0.6, 1.0, "core"), (0.2, 0.3, "shell")], PAINTS, GENERAL),
     ),
 }
 
@@ -122,8 +116,7 @@ def same(one: Any, other: Any) -> bool:
 def test_a_scene_casts_into_the_picture_of_its_transfer_function(tmp_path: Path) -> None:
     text, function = KINDS["points"]
     scene = load(tmp_path, text)
-    volume = scene.volume()
-    image = scene.render(volume)
+    image, volume = scene.render(), scene.volume()
     twin = raycast(volume, function, scene.camera(volume), (24, 16))
     assert image.alpha.max() > 0.3
     assert np.array_equal(image.coefficients, twin.coefficients)

@@ -23,9 +23,9 @@ def path(tmp_path: Path) -> Path:
     return write_scene_text(tmp_path, TEXT)
 
 
-def write(path: Path, text: str) -> Path:
+def load(path: Path, text: str) -> Scene:
     path.write_text(text, encoding="utf-8")
-    return path
+    return Scene.load(path)
 
 
 def test_a_file_without_a_version_is_of_the_first(path: Path) -> None:
@@ -46,11 +46,11 @@ def test_a_file_without_a_version_is_of_the_first(path: Path) -> None:
     ]
     assert Scene.load(path).file == scene.file
     assert Scene.load(path).save().read_text(encoding="utf-8") == text
-    assert Scene.load(write(path, f"version = 1\n{TEXT}")).file == scene.file
+    assert load(path, f"version = 1\n{TEXT}").file == scene.file
 
 
 def test_the_second_version_has_81_bands_and_fitted_colours(path: Path) -> None:
-    scene = Scene.load(write(path, f"version = 2\n{TEXT}"))
+    scene = load(path, f"version = 2\n{TEXT}")
     assert (scene.basis.name, scene.basis.grid) == ("general-7", DEFAULT_GRID)
     assert scene.relight.mode == "fitted"
     assert scene.save().read_text(encoding="utf-8") == f"version = 2\n{TEXT}"
@@ -69,7 +69,7 @@ def test_the_second_version_has_81_bands_and_fitted_colours(path: Path) -> None:
 def test_the_first_version_s_defaults_are_kept_next_to_what_a_file_says(
     path: Path, table: str, name: str, grid: SpectralGrid, mode: str
 ) -> None:
-    scene = Scene.load(write(path, f"{TEXT}[basis]\n{table}\n"))
+    scene = load(path, f"{TEXT}[basis]\n{table}\n")
     assert (scene.basis.name, scene.basis.grid, scene.relight.mode) == (name, grid, mode)
     saved = Scene.load(scene.save())
     assert saved.file == scene.file
@@ -83,16 +83,15 @@ def test_bands_of_a_palette_are_those_of_its_values(path: Path, version: int) ->
         palette = path.with_name("design.toml")
         palette.write_text(f'[[light]]\nname = "lamp"\nvalues = {[1.0] * bands}\n')
         text = f"version = {version}\n" + TEXT.replace('"D65"', '"design.toml#lamp"')
-        assert Scene.load(write(path, text)).basis.grid == grid
+        assert load(path, text).basis.grid == grid
 
 
 @pytest.mark.parametrize(
     ("version", "code"), [("3", "unsupported"), ("0", "range"), ('"1"', "range"), ("true", "range")]
 )
 def test_another_version_is_refused_in_one_line(path: Path, version: str, code: str) -> None:
-    path.write_text(f"version = {version}\nlater = true\n{TEXT}", encoding="utf-8")
     with raises(SceneError, code, "version") as caught:
-        Scene.load(path)
+        load(path, f"version = {version}\nlater = true\n{TEXT}")
     assert str(path) in str(caught.value)
 
 
@@ -106,9 +105,8 @@ def test_a_migration_is_applied_before_the_file_is_checked(
         for row in data["light"]:
             row["spectrum"] = row.pop("power")
 
-    path.write_text(TEXT.replace("spectrum =", "power ="), encoding="utf-8")
     monkeypatch.setattr(file, "MIGRATIONS", {**file.MIGRATIONS, 2: renamed})
-    scene = Scene.load(path)
+    scene = load(path, TEXT.replace("spectrum =", "power ="))
     assert (scene.file.version, scene.file.light[0].spectrum) == (3, "D65")
     text = scene.save().read_text(encoding="utf-8")
     assert 'spectrum = "D65"' in text and "power" not in text and "# By day." in text

@@ -263,8 +263,8 @@ def chart(folder: Path, old: str, new: str, selector: str) -> Spectrum:
     return read_spectrum(saved(folder, "chart.cgats", CHART.replace(old, new)) + selector)
 
 
-def cxf(folder: Path, text: str, selector: str = "") -> Spectrum:
-    return read_spectrum(saved(folder, "a.cxf", text) + selector)
+def cxf(folder: Path, text: str = CXF, objects: str = "", selector: str = "") -> Spectrum:
+    return read_spectrum(saved(folder, "a.cxf", text.format(objects=objects)) + selector)
 
 
 def absurd(path: Path) -> Spectrum:
@@ -278,11 +278,8 @@ def absurd(path: Path) -> Spectrum:
     ("fault", "call"),
     [
         *((code, lambda f, change=change: chart(f, *change)) for code, *change in CHARTS),
-        *(
-            (code, lambda f, objects=objects: cxf(f, CXF.format(objects=objects)))
-            for code, objects in OBJECTS
-        ),
-        ("duplicate", lambda f: cxf(f, CXF.format(objects=INK + LAMP), "#A")),
+        *((code, lambda f, objects=objects: cxf(f, objects=objects)) for code, objects in OBJECTS),
+        ("duplicate", lambda f: cxf(f, objects=INK + LAMP, selector="#A")),
         ("damaged", lambda f: cxf(f, CXF[:300])),
         ("unsupported", lambda f: cxf(f, "<IESTM2714/>")),
         ("damaged", lambda f: cxf(f, '<!DOCTYPE CxF [<!ENTITY a "b">]><CxF/>')),
