@@ -39,6 +39,9 @@ width = 32
 height = 24
 """
 
+# Materials are its channels.
+METALS = SCENE.replace('name = "general-7"', 'method = "materials"')
+
 Make = Callable[..., Scene]
 
 
@@ -51,11 +54,11 @@ def ball_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def scene(ball_folder: Path) -> Make:
-    """The scene with more text at its end."""
+    """The scene, or another text, with more at its end."""
 
-    def make(more: str = "", name: str = "ball.toml") -> Scene:
+    def make(more: str = "", name: str = "ball.toml", text: str = SCENE) -> Scene:
         path = ball_folder / name
-        path.write_text(SCENE + more, encoding="utf-8")
+        path.write_text(text + more, encoding="utf-8")
         return Scene.load(path)
 
     return make

@@ -17,19 +17,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.export._blender import blender
-from tests.export._layers import (
-    EVENING,
-    LIGHTS,
-    SHARES,
-    SPEC,
-    close,
-    layered,
-    made,
-    opened,
-    shown,
-    stored,
-)
+from tests.export._blender import Node, blender
+from tests.export._layers import LIGHTS, SHARES, SPEC, close, layered, made, opened, shown, stored
 from tests.support.commands import GENERAL, METALS, call
 from tests.support.errors import raises
 from tests.support.fixtures import Patch
@@ -71,9 +60,7 @@ def test_the_header_s_matrices_relight_the_file_s_channels(
 def test_over_the_header_s_backdrop_a_picture_is_the_opaque_frame() -> None:
     image, recipe = made(), Recipe.of(GENERAL, SHARES, LIGHTS, SPEC)
     behind = (1 - image.alpha)[..., None] * recipe.lights["evening"].backdrop
-    codes = relight(
-        image, EVENING, RelightSpec(SPEC.viewing, backdrop=0.25), dtype=np.float32, backend="numpy"
-    )
+    codes = relight(image, LIGHTS["evening"], SPEC, dtype=np.float32, backend="numpy")
     frame = SPACES["sRGB"].decode(codes)
     assert close(recipe.picture(image, "evening") + behind, frame)
 
@@ -94,10 +81,8 @@ def test_lux_count_where_all_lights_have_them() -> None:
     spec = RelightSpec(Viewing(illuminance_lux=500.0), level="absolute")
     dim = LightRig((light("A"),), illuminance_lux=(100.0,))
     for others, white in (({}, 0.2), ({"bare": light("A")}, 1.0)):
-        lights = Recipe.of(GENERAL, {"light": 1.0}, {"dim": dim, **others}, spec).lights
-        assert all(
-            np.allclose(row.matrices["light"] @ np.ones(7), white) for row in lights.values()
-        )
+        for row in Recipe.of(GENERAL, {"light": 1.0}, {"dim": dim, **others}, spec).lights.values():
+            assert np.allclose(row.matrices["light"] @ np.ones(7), white)
 
 
 @pytest.mark.parametrize("name", ["LPS", "HP1", "planck:2000"])
@@ -110,8 +95,7 @@ def test_white_is_white_under_every_light(name: str) -> None:
 def test_a_rendered_scene_opens_with_layers_preview_depth_and_its_lights(
     scene: Callable[..., Any], tmp_path: Path
 ) -> None:
-    path = scene().path
-    assert call("render", path, "-o", tmp_path / "i.exr", "--half") == 0
+    assert call("render", scene().path, "-o", tmp_path / "i.exr", "--half") == 0
     header, channels = opened(tmp_path / "i.exr")
     layers = {f"light.c{k:02d}.V" for k in range(7)}
     assert set(channels) == layers | {"R", "G", "B", "A", "Z", "first.Z"}
@@ -162,10 +146,9 @@ def test_nuke_s_group_has_a_knob_for_each_weight(tmp_path: Path) -> None:
     assert bare.count("{") == bare.count("}") and bare.count('"') % 2 == 0
     assert f' file "{tmp_path.as_posix()}/' + r'a \{\$c.exr"' in text
     knobs = re.findall(r'addUserKnob \{7 (weight\d) l "((?:\\.|[^"])*)"', text)
+    lamps = ("day", r"fluorescent (\"\$x\")", "evening")
     assert [label for _, label in knobs] == [
-        *(f"day: {group}" for group in SHARES),
-        *(f'fluorescent (\\"\\$x\\"): {group}' for group in SHARES),
-        *(f"evening: {group}" for group in SHARES),
+        f"{lamp}: {group}" for lamp in lamps for group in SHARES
     ]
     sums = re.findall(r'expr\d "(.*)"', text)
     names = pasted(opened(source)[1])
@@ -225,7 +208,6 @@ def test_nuke_s_group_has_a_knob_for_each_opacity(
     assert [label for _, label in knobs] == ["rotor", "case"]
     assert re.findall(r"^ opacity\d (.*)$", text, re.MULTILINE) == ["1", "1"]
     weights = re.findall(r'addUserKnob \{7 (weight\d) l "((?:\\.|[^"])*)"', text)
-    # Compositors compute in float32.
     channels = {k: v.astype(np.float32) for k, v in opened(tmp_path / "i.exr")[1].items()}
     picture = image.recompose(opacities)
     for name in LIGHTS:
@@ -242,20 +224,26 @@ def test_nuke_s_group_has_a_knob_for_each_opacity(
         assert np.abs(found[..., 3] - picture.alpha).max() < OPACITIES[shadows]
 
 
+def in_blender(path: Path, monkeypatch: Patch) -> tuple[Any, list[Node], Any]:
+    """Run an image's recipe: Blender, the nodes that it has then, and what is put together."""
+    script = path.with_suffix(".py")
+    write_recipe(script, path)
+    # Compositors compute in float32.
+    bpy, nodes = blender({k: v.astype(np.float32) for k, v in opened(path)[1].items()})
+    monkeypatch.setitem(sys.modules, "bpy", bpy)
+    monkeypatch.setattr(sys, "argv", ["blender"])
+    exec(script.read_text(), {"__name__": "__main__"})
+    return bpy, nodes, next(node for node in nodes if node.kind == "Composite").inputs[0]
+
+
 def test_blender_s_nodes_are_the_frame(tmp_path: Path, monkeypatch: Patch) -> None:
     """Seen in Blender 3.4 and 5.0 on the engine: CIEDE2000 below 1e-4 from volspec's own frames."""
     image = made()
     stored(tmp_path / "i.exr", image)
-    assert call("compositing", tmp_path / "i.exr", "-o", tmp_path / "i.py") == 0
-    bpy, nodes = blender(opened(tmp_path / "i.exr")[1])
-    monkeypatch.setitem(sys.modules, "bpy", bpy)
-    monkeypatch.setattr(sys, "argv", ["blender"])
-    exec((tmp_path / "i.py").read_text(), {"__name__": "__main__"})
+    bpy, nodes, output = in_blender(tmp_path / "i.exr", monkeypatch)
     weights = [node for node in nodes if node.kind == "Value"]
-    assert [node.label for node in weights] == [
-        f"{name}: {group}" for name in LIGHTS for group in SHARES
-    ]
-    output = next(node for node in nodes if node.kind == "Composite").inputs[0]
+    labels = [f"{name}: {group}" for name in LIGHTS for group in SHARES]
+    assert [node.label for node in weights] == labels
     for name in LIGHTS:
         if name != "day":  # which is on at first
             for node in weights:
@@ -278,21 +266,14 @@ def test_blender_s_nodes_have_the_opacities(
     """
     image = layered(shadows=shadows, solid=solid)
     recipe = stored(tmp_path / "i.exr", image)
-    write_recipe(tmp_path / "i.py", tmp_path / "i.exr")
-    bpy, nodes = blender(
-        {k: v.astype(np.float32) for k, v in opened(tmp_path / "i.exr")[1].items()}
-    )
-    monkeypatch.setitem(sys.modules, "bpy", bpy)
-    monkeypatch.setattr(sys, "argv", ["blender"])
-    exec((tmp_path / "i.py").read_text(), {"__name__": "__main__"})
+    _, nodes, output = in_blender(tmp_path / "i.exr", monkeypatch)
     for node in nodes:
         if node.label.startswith("opacity: "):
             assert node.outputs[0].default_value == 1.0
             node.outputs[0].default_value = opacities.get(node.label.removeprefix("opacity: "), 1.0)
-    output = next(node for node in nodes if node.kind == "Composite").inputs[0]
     picture, found = image.recompose(opacities), output.value()
-    assert np.abs(found[..., :3] - recipe.picture(picture, "day")).max() < OPACITIES[shadows]
-    assert np.abs(found[..., 3] - picture.alpha).max() < OPACITIES[shadows]
+    wanted = np.dstack([recipe.picture(picture, "day"), picture.alpha])
+    assert np.abs(found - wanted).max() < OPACITIES[shadows]
 
 
 def test_old_images_get_other_lights_by_being_written_once_more(tmp_path: Path) -> None:
@@ -322,29 +303,31 @@ def test_a_recipe_that_was_edited_or_cut_is_refused(text: str | None, tmp_path: 
     assert not (tmp_path / "i.nk").exists()
 
 
-def changed(**change: Any) -> Recipe:
-    recipe = Recipe.of(GENERAL, SHARES, LIGHTS, SPEC)
-    day = dataclasses.replace(recipe.lights["day"], **change)
-    return dataclasses.replace(recipe, lights={"day": day} if change else {})
+def test_a_recipe_needs_lights_with_names() -> None:
+    for lights in ({}, [light("A")]):
+        with raises(InputError, "missing"):
+            Recipe.of(GENERAL, SHARES, lights)
+    with raises(ImageError, "missing"):
+        dataclasses.replace(Recipe.of(GENERAL, SHARES, LIGHTS), lights={})
 
 
 @pytest.mark.parametrize(
-    ("make", "code"),
+    ("change", "code"),
     [
-        (lambda: changed(matrices={"key": np.ones((3, 6))}), "shape"),
-        (lambda: changed(matrices={"lamp": np.ones((3, 7))}), "unknown"),
-        (lambda: changed(numbers={"key": np.ones(8)}), "shape"),
-        (lambda: changed(numbers={"key": np.full(7, np.nan)}), "range"),
-        (lambda: changed(backdrop=np.ones(2)), "shape"),
-        (lambda: changed(matrices={}), "missing"),
-        (changed, "missing"),
-        (lambda: Recipe.of(GENERAL, SHARES, {}), "missing"),
-        (lambda: Recipe.of(GENERAL, SHARES, [light("A")]), "missing"),
+        ({"matrices": {"key": np.ones((3, 6))}}, "shape"),
+        ({"matrices": {"lamp": np.ones((3, 7))}}, "unknown"),
+        ({"numbers": {"key": np.ones(8)}}, "shape"),
+        ({"numbers": {"key": np.full(7, np.nan)}}, "range"),
+        ({"backdrop": np.ones(2)}, "shape"),
+        ({"matrices": {}}, "missing"),
     ],
 )
-def test_a_recipe_that_does_not_fit_its_channels_is_refused(make: Any, code: str) -> None:
+def test_a_light_that_does_not_fit_its_recipe_is_refused(change: dict[str, Any], code: str) -> None:
+    recipe = Recipe.of(GENERAL, SHARES, LIGHTS, SPEC)
     with raises(InputError, code):
-        make()
+        dataclasses.replace(
+            recipe, lights={"day": dataclasses.replace(recipe.lights["day"], **change)}
+        )
 
 
 def test_the_guide_s_python_reads_both_kinds_of_file(tmp_path: Path, monkeypatch: Patch) -> None:

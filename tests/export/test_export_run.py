@@ -62,29 +62,29 @@ def test_a_turntable_has_a_folder_for_each_light(scene: Make, tmp_path: Path) ->
 def test_windows_and_strips_make_the_picture_of_one_cast(
     scene: Make, tmp_path: Path, monkeypatch: Patch
 ) -> None:
-    made = scene()
-    made.export(tmp_path / "whole", size=(200, 150), bits=16, lights=["lamp"])
+    settings = {"size": (200, 150), "bits": 16, "lights": ["lamp"]}
+    scene().export(tmp_path / "whole", **settings)
     monkeypatch.setattr(tiles, "CAST_BYTES", 4 * 7 * 64 * 100)
-    made.export(tmp_path / "windows", size=(200, 150), bits=16, lights=["lamp"])
+    scene().export(tmp_path / "windows", **settings)
     monkeypatch.setattr(tiles, "STRIP_SIDE", 128)
-    made.export(tmp_path / "strips", size=(200, 150), bits=16, lights=["lamp"])
+    scene().export(tmp_path / "strips", **settings)
     canvas = tiles.Canvas((200, 150), 1, 7)
     assert [len(strip) for strip in canvas.strips()] == [2, 2]
     assert len(canvas.windows(canvas.strips()[0][0])) > 1
-    whole = (tmp_path / "whole" / "lamp.png").read_bytes()
-    assert (tmp_path / "windows" / "lamp.png").read_bytes() == whole
+    whole, windows, strips = (tmp_path / f / "lamp.png" for f in ("whole", "windows", "strips"))
+    assert windows.read_bytes() == whole.read_bytes()
     # Rows that came in parts are packed in parts: the same pixels in other bytes.
-    strips = codes(tmp_path / "strips" / "lamp.png")
-    assert np.array_equal(strips, codes(tmp_path / "whole" / "lamp.png"))
+    assert np.array_equal(codes(strips), codes(whole))
 
 
-@pytest.mark.parametrize("smaller", [{"CAST_BYTES": 4 * 7 * 64 * 100}, {"STRIP_SIDE": 128}])
+@pytest.mark.parametrize(
+    ("limit", "value"), [("CAST_BYTES", 4 * 7 * 64 * 100), ("STRIP_SIDE", 128)]
+)
 def test_an_empty_picture_is_told_however_it_is_cut(
-    smaller: dict[str, int], scene: Make, tmp_path: Path, monkeypatch: Patch
+    limit: str, value: int, scene: Make, tmp_path: Path, monkeypatch: Patch
 ) -> None:
     made = scene("[camera]\ntarget_mm = [900, 0, 0]\n")
-    for name, value in smaller.items():
-        monkeypatch.setattr(tiles, name, value)
+    monkeypatch.setattr(tiles, limit, value)
     with pytest.warns(VolspecWarning) as caught:
         made.export(tmp_path, size=(200, 150), lights=["lamp"], sheet=False)
     assert ["empty" in str(each.message) for each in caught] == [True]
@@ -104,21 +104,13 @@ def test_every_size_is_cut_into_windows_that_cover_it_once() -> None:
 
 
 def test_more_rays_a_pixel_are_averaged_as_light_not_as_codes(scene: Make, tmp_path: Path) -> None:
-    made = scene()
-    frames = {}
+    settings = {"lights": ["lamp"], "format": "exr", "shows": "scene"}
     for n in (1, 2):
-        made.export(
-            tmp_path / str(n),
-            size=(64 // n, 48 // n),
-            samples=n,
-            lights=["lamp"],
-            format="exr",
-            shows="scene",
-        )
-        frames[n] = linear(tmp_path / str(n) / "lamp.exr")
-    mean = frames[1].reshape(24, 2, 32, 2, 3).mean(axis=(1, 3))
+        scene().export(tmp_path / str(n), **settings, size=(64 // n, 48 // n), samples=n)
+    fine, mixed = (linear(tmp_path / str(n) / "lamp.exr") for n in (1, 2))
+    mean = fine.reshape(24, 2, 32, 2, 3).mean(axis=(1, 3))
     # Half floats have 11 bits, both pictures are rounded to them.
-    assert frames[2] == pytest.approx(mean, rel=2e-3, abs=1e-5)
+    assert mixed == pytest.approx(mean, rel=2e-3, abs=1e-5)
 
 
 def test_opacity_and_backdrop_put_together_are_the_opaque_picture(
@@ -191,16 +183,14 @@ def test_an_eye_adapts_to_the_whole_picture_in_parts_and_without_backdrop(
     made.export(tmp_path / "clear", **settings, transparent=True)
     monkeypatch.setattr(tiles, "STRIP_SIDE", 128)
     made.export(tmp_path / "strips", **settings)
-    whole, strips = (
-        codes(tmp_path / name / "lamp.png").astype(int) for name in ("whole", "strips")
-    )
-    assert np.abs(strips - whole).max() <= 1
-    seen = [
-        read_frame_text(tmp_path / name / "lamp.png")["viewing"] for name in ("strips", "clear")
-    ]
-    assert seen[0] == seen[1] and "adapting='given'" in seen[0] and "measured" not in seen[0]
+    whole, strips, clear = (tmp_path / name / "lamp.png" for name in ("whole", "strips", "clear"))
+    shown = codes(whole).astype(int)
+    assert np.abs(codes(strips) - shown).max() <= 1
+    seen = read_frame_text(strips)["viewing"]
+    assert seen == read_frame_text(clear)["viewing"]
+    assert "adapting='given'" in seen and "measured" not in seen
     other = scene(f"[viewing]\nbackdrop = {backdrop}\n")
-    assert np.abs(relit(other, 1, size=(200, 150)).astype(int) - whole).max() > 5, "it matters"
+    assert np.abs(relit(other, 1, size=(200, 150)) - shown).max() > 5, "it matters"
 
 
 @pytest.mark.parametrize("lights", [3, slow(12)])  # columns of their own, and rows after each other
@@ -340,9 +330,8 @@ def test_of_what_is_covered_all_but_a_thousandth_must_be_blank() -> None:
     frame.reshape(-1, 3)[10] = 9
     assert messages(frame, opaque) == []
     frame[:50] = 77
-    assert len(messages(frame, opaque * (np.arange(100) >= 50)[:, None])) == 1, (
-        "backdrop counts not"
-    )
+    below = opaque * (np.arange(100) >= 50)[:, None]
+    assert len(messages(frame, below)) == 1, "backdrop counts not"
     assert messages(frame, 0 * opaque) == [], "an empty picture is reported by its cast"
 
 
