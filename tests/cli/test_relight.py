@@ -41,6 +41,21 @@ from volspec.spectra import SpectralImage, light, reflectance
 call = partial(command, "relight")
 
 
+def shown(image: Path, *words: object) -> np.ndarray:
+    """The frame of an image by the command, ``F.png`` next to it."""
+    frame = image.with_name("F.png")
+    assert call(image, *words, "-o", frame) == 0
+    return iio.imread(frame)
+
+
+def printed(capsys: Capture, image: Path, *words: object) -> str:
+    """What a command says on standard error besides its frame."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        shown(image, *words)
+    return capsys.readouterr().err
+
+
 def test_errors_writes_a_map_beside_each_frame_and_says_its_figures(
     tmp_path: Path, capsys: Capture
 ) -> None:
@@ -62,58 +77,46 @@ def test_errors_writes_a_map_beside_each_frame_and_says_its_figures(
 def test_a_material_is_shown_with_another_reflectance(tmp_path: Path) -> None:
     """You should see gold where copper was; iron stays."""
     metals = write_image(tmp_path / "metals.exr", METALS)
-    words = (metals, "--light", "D65", "-o")
-    assert call(*words, tmp_path / "plain.png") == 0
-    assert call(*words, tmp_path / "gold.png", "--reflectance", "rotor=gold") == 0
-    both = ("--reflectance", "rotor = gold", "--reflectance", "case=ColorChecker/cyan")
-    assert call(*words, tmp_path / "both.png", *both) == 0
-    plain, gold, two = (iio.imread(tmp_path / f"{n}.png") for n in ("plain", "gold", "both"))
-    changes = {"rotor": reflectance("gold")}
+    words = (metals, "--light", "D65", "--reflectance")
+    plain, gold = shown(*words[:-1]), shown(*words, "rotor=gold")
+    both = shown(*words, "rotor = gold", "--reflectance", "case=ColorChecker/cyan")
     with Relighter(CoefficientImage.load(metals)) as relighter:
         assert np.array_equal(plain, relighter.frame(light("D65")))
-        relighter.set_reflectances(changes)
+        relighter.set_reflectances({"rotor": reflectance("gold")})
         assert np.array_equal(gold, relighter.frame(light("D65")))
         relighter.set_reflectances({"case": reflectance("ColorChecker/cyan")})
-        assert np.array_equal(two, relighter.frame(light("D65")))
+        assert np.array_equal(both, relighter.frame(light("D65")))
     off = np.abs(gold.astype(int) - plain).max(axis=-1)[0]
     assert off[0] > 10 and off[1] > 5 and off[2] == 0
 
 
 def test_a_picture_of_reflectances_is_relit_in_the_basis_asked_for(tmp_path: Path) -> None:
     picture = write_spectral_image(tmp_path / "chart.exr", "reflective")
-    frames = {}
-    for name in ("general-7", "general-5"):
-        out = tmp_path / f"{name}.png"
-        assert call(picture, "--basis", name, "--light", "FL2", "-o", out) == 0
+    seven, five = (
+        shown(picture, "--basis", name, "--light", "FL2") for name in ("general-7", "general-5")
+    )
+    for frame, name in ((seven, "general-7"), (five, "general-5")):
         loaded, basis = SpectralImage.load(picture), SpectralBasis.load(name)
         image = CoefficientImage.from_spectral_image(loaded, basis)
-        frames[name] = iio.imread(out)
-        assert np.array_equal(frames[name], relight(image, light("FL2")))
-    assert (frames["general-7"] != frames["general-5"]).any()
-    assert frames["general-7"].std() > 30
+        assert np.array_equal(frame, relight(image, light("FL2")))
+    assert (seven != five).any() and seven.std() > 30
 
 
 def test_a_picture_of_radiances_is_relit_from_the_light_it_was_taken_under(tmp_path: Path) -> None:
-    picture = write_spectral_image(
-        tmp_path / "chart.exr", "emissive", 2.5 * CHART * light("A").values
-    )
-    out = tmp_path / "f.png"
-    words = ("--basis", "general-7", "--light", "D65", "-o", out)
-    assert call(picture, *words, "--taken-under", "A") == 0
-    right = iio.imread(out).astype(int)
-    loaded = SpectralImage.load(picture)
-    image = CoefficientImage.from_spectral_image(loaded, GENERAL, light("A"))
+    radiances = 2.5 * CHART * light("A").values
+    picture = write_spectral_image(tmp_path / "chart.exr", "emissive", radiances)
+    words = (picture, "--basis", "general-7", "--light", "D65", "--taken-under")
+    right = shown(*words, "A").astype(int)
+    image = CoefficientImage.from_spectral_image(SpectralImage.load(picture), GENERAL, light("A"))
     assert np.array_equal(right, relight(image, light("D65")))
-    assert call(picture, *words, "--taken-under", "D65") == 0
-    assert np.abs(iio.imread(out) - right).max() > 30, "red, where the lamp is left in"
+    assert np.abs(shown(*words, "D65") - right).max() > 30, "red, where the lamp is left in"
 
 
 def test_lights_without_lux_relight_the_image_of_a_scene_with_lux(tmp_path: Path) -> None:
-    image = CoefficientImage.load(write_image(tmp_path / "chart.exr"))
-    absolute = replace(image, notes={"viewing": '{"level": "absolute"}'})
-    absolute.save(tmp_path / "chart.exr")
-    assert call(tmp_path / "chart.exr", "--light", "A", "-o", tmp_path / "F.png") == 0
-    assert np.array_equal(iio.imread(tmp_path / "F.png"), relight(image, light("A")))
+    path = write_image(tmp_path / "chart.exr")
+    image = CoefficientImage.load(path)
+    replace(image, notes={"viewing": '{"level": "absolute"}'}).save(path)
+    assert np.array_equal(shown(path, "--light", "A"), relight(image, light("A")))
 
 
 SETTINGS = {
@@ -127,19 +130,17 @@ SETTINGS = {
 @pytest.mark.parametrize("text", SETTINGS)
 def test_each_group_can_have_its_light(tmp_path: Path, text: str) -> None:
     chart = write_grouped_image(tmp_path / "chart.exr")
-    assert call(chart, "--light", text, "-o", tmp_path / "F.png", "--errors") == 0
-    stored = CoefficientImage.load(chart)
-    frame = iio.imread(tmp_path / "F.png")
+    frame, stored = shown(chart, "--light", text, "--errors"), CoefficientImage.load(chart)
     assert np.array_equal(frame, relight(stored, SETTINGS[text]))
     assert read_frame_text(tmp_path / "F.png")["light"] == text
-    found = error_map(stored, SETTINGS[text])
-    assert np.array_equal(iio.imread(tmp_path / "F-errors.png"), found.image())
+    errors = error_map(stored, SETTINGS[text]).image()
+    assert np.array_equal(iio.imread(tmp_path / "F-errors.png"), errors)
 
 
 def test_a_setting_is_one_light_among_several(tmp_path: Path) -> None:
     chart = write_grouped_image(tmp_path / "chart.exr")
-    words = ("--light", "key=A; fill=D65", "--light", "D65")
-    assert call(chart, *words, "-o", tmp_path / "F.png") == 0
+    words = ("--light", "key=A; fill=D65", "--light", "D65", "-o", tmp_path / "F.png")
+    assert call(chart, *words) == 0
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {"chart.exr", "F-key-A--fill-D65.png", "F-D65.png"}
 
@@ -147,11 +148,10 @@ def test_a_setting_is_one_light_among_several(tmp_path: Path) -> None:
 def test_a_light_stays_one_whatever_its_file_is_called(tmp_path: Path, monkeypatch: Patch) -> None:
     """A group's name before the first =, and a ; in the file's name."""
     monkeypatch.chdir(tmp_path)
-    chart = write_grouped_image(tmp_path / "chart.exr")
-    Path("key=A; fill=D65.csv").write_text("390,1\n710,5\n")
-    assert call(chart, "--light", "key=A; fill=D65.csv", "-o", "F.png") == 0
-    whole = light("key=A; fill=D65.csv")
-    assert np.array_equal(iio.imread("F.png"), relight(CoefficientImage.load(chart), whole))
+    chart, file = write_grouped_image(tmp_path / "chart.exr"), "key=A; fill=D65.csv"
+    Path(file).write_text("390,1\n710,5\n")
+    whole = relight(CoefficientImage.load(chart), light(file))
+    assert np.array_equal(shown(chart, "--light", file), whole)
 
 
 @pytest.mark.parametrize(
@@ -169,10 +169,7 @@ def test_a_warning_tells_of_a_light_that_the_mode_does_not_hold(
     mode: str, lamp: str, said: str, tmp_path: Path, capsys: Capture
 ) -> None:
     chart = write_image(tmp_path / "chart.exr")
-    with warnings.catch_warnings():
-        warnings.simplefilter("default")
-        assert call(chart, "--mode", mode, "--light", lamp, "-o", tmp_path / "f.png") == 0
-    err = capsys.readouterr().err
+    err = printed(capsys, chart, "--mode", mode, "--light", lamp)
     if said:
         assert err.count("warning") == err.count(said) == 1 and lamp in err
     else:
@@ -184,24 +181,21 @@ def test_lux_of_the_scene_s_lights_are_told_and_can_be_given(
     level: str, tmp_path: Path, capsys: Capture
 ) -> None:
     """Options suggested by the note give the picture of an export."""
-    image = CoefficientImage.load(write_image(tmp_path / "chart.exr"))
+    path = write_image(tmp_path / "chart.exr")
+    image = CoefficientImage.load(path)
     noted = replace(image, notes={"viewing": f'{{"level": "{level}", "exposure": 0.8}}'})
     rig = LightRig((light("A"),), illuminance_lux=(500.0,))
     spec = RelightSpec(Viewing(exposure=0.8), level=level)
-    recipe = Recipe.of(GENERAL, image.groups, {"lamp": rig}, spec)
-    save_for_compositors(noted, tmp_path / "chart.exr", recipe)
-    words = (tmp_path / "chart.exr", "--light", "A", "-o", tmp_path / "F.png")
-    assert call(*words) == 0
-    (note,) = capsys.readouterr().err.splitlines()
+    save_for_compositors(noted, path, Recipe.of(GENERAL, image.groups, {"lamp": rig}, spec))
+    (note,) = printed(capsys, path, "--light", "A").splitlines()
     assert note.startswith("volspec: note: ") and "500" in note
     more = ["--lux", "500"]
     if level == "absolute":
         more += ["--exposure", "0.4"]
         assert " ".join(more) in note
-    assert call(*words, *more) == 0
+    frame = shown(path, "--light", "A", *more)
     assert capsys.readouterr().err == ""
-    frame = iio.imread(tmp_path / "F.png")
-    assert np.array_equal(frame, relight(image, rig, RelightSpec(spec.viewing, level=level)))
+    assert np.array_equal(frame, relight(image, rig, spec))
 
 
 @pytest.mark.parametrize("exposure", ["1e-6", "1e6"])
@@ -209,11 +203,8 @@ def test_a_frame_that_shows_nothing_is_warned_of(
     exposure: str, tmp_path: Path, capsys: Capture
 ) -> None:
     chart = write_image(tmp_path / "chart.exr")
-    with warnings.catch_warnings():
-        warnings.simplefilter("default")
-        words = ("--light", "A", "-o", tmp_path / "F.png", "--model", "none")
-        assert call(chart, *words, "--exposure", exposure) == 0
-    (line,) = capsys.readouterr().err.splitlines()
+    words = ("--light", "A", "--model", "none", "--exposure", exposure)
+    (line,) = printed(capsys, chart, *words).splitlines()
     assert line.startswith("volspec: warning: ") and line.endswith("--exposure")
 
 
@@ -232,11 +223,9 @@ OWN = read_table(RelightSpec, SCENE, SceneError)
 @pytest.fixture
 def chart(tmp_path: Path) -> Path:
     """The test reflectances, with the viewing of a scene."""
-    chart = (0.8 * GENERAL.analyse(CHART)).astype(np.float32)
-    alpha = np.full(chart.shape[:2], 0.9, np.float32)
-    notes = {"viewing": json.dumps(SCENE)}
-    CoefficientImage(chart, alpha, alpha, GENERAL, notes=notes).save(tmp_path / "chart.exr")
-    return tmp_path / "chart.exr"
+    path = write_image(tmp_path / "chart.exr")
+    replace(CoefficientImage.load(path), notes={"viewing": json.dumps(SCENE)}).save(path)
+    return path
 
 
 def onto(**options: object) -> Viewing:
@@ -272,20 +261,17 @@ def test_lux_and_L_A_go_together_where_lights_are_held_against_the_lux() -> None
     assert (viewing.illuminance_lux, viewing.L_A) == (50.0, 9.0)
 
 
-def test_a_frame_is_made_for_the_display_asked_for(chart: Path, tmp_path: Path) -> None:
+def test_a_frame_is_made_for_the_display_asked_for(chart: Path) -> None:
     words = ("--space", "Display P3", "--gamut", "reduce", "--mark", "--lux", "200")
-    assert call(chart, "--light", "A", *words, "-o", tmp_path / "f.png") == 0
-    stored = CoefficientImage.load(chart)
+    found = shown(chart, "--light", "A", *words)
     viewing = onto(space="Display P3", gamut="reduce", mark=True, lux=200.0)
-    expected = relight(stored, light("A"), RelightSpec(viewing, backdrop=0.2))
-    assert np.array_equal(iio.imread(tmp_path / "f.png"), expected)
-    with Image.open(tmp_path / "f.png") as frame:
+    spec = RelightSpec(viewing, backdrop=0.2)
+    assert np.array_equal(found, relight(CoefficientImage.load(chart), light("A"), spec))
+    with Image.open(chart.with_name("F.png")) as frame:
         assert frame.info["icc_profile"] == icc_profile(SPACES[words[1]])
 
 
-def test_flags_of_the_scene_can_be_taken_back(chart: Path, tmp_path: Path) -> None:
-    words = ("--no-discount", "--no-mark", "--model", "CIECAM02", "-o", tmp_path / "f.png")
-    assert call(chart, "--light", "A", *words) == 0
+def test_flags_of_the_scene_can_be_taken_back(chart: Path) -> None:
+    found = shown(chart, "--light", "A", "--no-discount", "--no-mark", "--model", "CIECAM02")
     viewing = replace(onto(discount=False, mark=False), model="CIECAM02")
-    expected = relight(CoefficientImage.load(chart), light("A"), viewing)
-    assert np.array_equal(iio.imread(tmp_path / "f.png"), expected)
+    assert np.array_equal(found, relight(CoefficientImage.load(chart), light("A"), viewing))

@@ -124,34 +124,29 @@ def test_layers_are_cast_and_fade_when_relit(tmp_path: Path, capsys: Capture) ->
     scene, out = write_scene_text(tmp_path, DEEP, 16), tmp_path / "i.exr"
     assert call("render", scene, "-o", out, "--layers", "4") == 0
     assert "4 layers of opacity" in capsys.readouterr().out
-    image = CoefficientImage.load(out)
-    assert image.opacity_layers is not None and image.opacity_layers.count == 4
-    words = ("relight", out, "--light", "D65", "-o")
-    assert call(*words, tmp_path / "1.png", "--opacity", "gold=1") == 0
-    assert call(*words, tmp_path / "plain.png") == 0
-    assert call(*words, tmp_path / "thin.png", *faded(0.3)) == 0
-    assert call(*words, tmp_path / "none.png", *faded(0)) == 0
-    same, plain, thin, none = (
-        read_codes(tmp_path / f"{name}.png").astype(int) for name in ("1", "plain", "thin", "none")
-    )
-    assert (same == plain).all() and np.ptp(none, axis=(0, 1)).max() == 0
+    layers = CoefficientImage.load(out).opacity_layers
+    assert layers is not None and layers.count == 4
+    frame = tmp_path / "f.png"
+
+    def relit(*options: object) -> np.ndarray:
+        assert call("relight", out, "--light", "D65", "-o", frame, *options) == 0
+        return read_codes(frame).astype(int)
+
+    plain, thin, none = relit(), relit(*faded(0.3)), relit(*faded(0))
+    assert (relit("--opacity", "gold=1") == plain).all()
+    assert np.ptp(none, axis=(0, 1)).max() == 0
+    shown = [np.abs(each - none[0, 0]).sum() for each in (thin, plain)]
+    assert 2 < shown[0] < shown[1]
     options = ("--focus", 40, "--aperture", 8, "--fog", 90, "--near", 1, "--far", 90)
-    assert call(*words, tmp_path / "deep.png", *map(str, options), "--opacity", "gold=0.9") == 0
-    assert (read_codes(tmp_path / "deep.png") != plain).any()
-    layers = image.opacity_layers
+    assert (relit(*options, "--opacity", "gold=0.9") != plain).any()
     capsys.readouterr()
-    assert call(*words, tmp_path / "cut.png", "--near", "999") == 0
+    relit("--near", "999")
     assert "{:.4g} to {:.4g} mm".format(*layers.range_mm) in capsys.readouterr().err
-    for layout in ("side-by-side", "anaglyph"):
+    for layout, width in (("side-by-side", 2), ("anaglyph", 1)):
         stereo = ("--stereo", layout, "--eyes-deg", "4")
-        assert call(*words, tmp_path / f"{layout}.png", *stereo) == 0
-        assert read_frame_text(tmp_path / f"{layout}.png")["stereo"] == layout
-    pair = read_codes(tmp_path / "side-by-side.png").astype(int)
-    left, right = np.hsplit(pair, 2)
-    assert left.shape == plain.shape and 0 < np.abs(left - right).mean() < 20
-    anaglyph = read_codes(tmp_path / "anaglyph.png")
-    assert anaglyph.shape == plain.shape
-    assert call(*words, tmp_path / "gone.png", *faded(0), *stereo) == 0
-    assert np.ptp(read_codes(tmp_path / "gone.png"), axis=(0, 1)).max() == 0
-    backdrop = none[0, 0]
-    assert 2 < np.abs(thin - backdrop).sum() < np.abs(plain - backdrop).sum()
+        eyes = np.hsplit(relit(*stereo), width)
+        assert read_frame_text(frame)["stereo"] == layout
+        assert all(each.shape == plain.shape for each in eyes)
+        if layout == "side-by-side":
+            assert 0 < np.abs(eyes[0] - eyes[1]).mean() < 20
+    assert np.ptp(relit(*faded(0), *stereo), axis=(0, 1)).max() == 0

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from tests.support.commands import SCENE
+from tests.support.commands import SCENE, figures
 from tests.support.commands import call as command
 from tests.support.fixtures import Capture
 from volspec.volume import phantom
@@ -46,21 +46,11 @@ def test_names_are_shown_and_never_obeyed(good: Path, capsys: Capture) -> None:
 
 
 def test_figures_are_json(good: Path, capsys: Capture) -> None:
-    bad = written(good.with_name("bad.toml"), "volume = 3\n")
-    assert call("check", "--json", good, bad) == 1
-    first, second = json.loads(capsys.readouterr().out)
-    assert first == {
-        "path": str(good),
-        "ok": True,
-        "errors": [],
-        "materials": 2,
-        "lights": 1,
-        "volume": [10, 11, 12],
-        "basis": "general-7",
-        "reason": first["reason"],
-        "room_error": None,
-    }
-    assert not second["ok"] and len(second["errors"]) == 4
+    """Transcripts have those of a scene with faults."""
+    (found,) = figures(capsys, "scene", "check", good)
+    assert (found["path"], found["ok"], found["errors"]) == (str(good), True, [])
+    assert (found["materials"], found["lights"], found["room_error"]) == (2, 1, None)
+    assert (found["volume"], found["basis"]) == ([10, 11, 12], "general-7")
 
 
 def test_surfaces_are_written_for_mitsuba(good: Path, capsys: Capture) -> None:

@@ -12,7 +12,7 @@ import pytest
 import volspec as vs
 from tests.support.commands import call as command
 from tests.support.commands import figures, refusal, write_wizard_scene
-from tests.support.fixtures import Capture
+from tests.support.fixtures import Capture, slow
 from volspec.appearance.models.cielab import delta_E_2000
 from volspec.palette import load_palette
 from volspec.wizard.result import displayed_Lab
@@ -49,12 +49,9 @@ def test_hide_writes_a_scene_that_renders_and_keeps_its_comments(
     scene = vs.Scene.load(new)
     assert scene.materials["core"].designed and not scene.materials["stone"].designed
     assert scene.render(size=(16, 16)).alpha.max() > 0.5
-    under = [light.spectrum for light in scene.lights if light.name == "lamp"]
-    seen = [
-        scene.basis.xyz(row, under[0])
-        for row in scene.basis.channels_for_materials(scene.materials)
-    ]
-    assert np.abs(seen[0] - seen[1]).max() < 0.01
+    shell, core, _ = scene.basis.channels_for_materials(scene.materials)
+    seen = (scene.basis.xyz(row, scene.lights[1].spectrum) for row in (shell, core))
+    assert np.abs(np.subtract(*seen)).max() < 0.01
     palette = load_palette(new.with_name("new-palette.toml"))
     assert palette.cells["core", "lamp"].other == ("shell", "lamp")
 
@@ -65,14 +62,9 @@ def test_a_new_light_is_a_row_of_the_new_scene(ball: Path, capsys: Capture) -> N
     said = figures(capsys, "wizard", "hide", ball, "core", *words)
     assert said["scene"] == str(new)
     assert said["lights"][-1]["light"] == "dark" and said["lights"][-1]["like"] == "day"
-    assert tomllib.loads(new.read_text())["light"][-1] == {
-        "name": "dark",
-        "spectrum": "dark-palette.toml#dark",
-    }
+    row = {"name": "dark", "spectrum": "dark-palette.toml#dark"}
+    assert tomllib.loads(new.read_text())["light"][-1] == row
     assert [light.name for light in vs.Scene.load(new).lights] == ["day", "lamp", "tube", "dark"]
-
-
-SPLIT = "merge core stone --split x --colour firebrick --colour #4080c0"
 
 
 @pytest.mark.parametrize(
@@ -80,7 +72,7 @@ SPLIT = "merge core stone --split x --colour firebrick --colour #4080c0"
     [
         "reveal core --distance 25",
         "merge core stone --average",
-        pytest.param(SPLIT, marks=pytest.mark.slow),
+        slow("merge core stone --split x --colour firebrick --colour #4080c0"),
     ],
 )
 def test_reveal_and_merge_write_theirs(ball: Path, words: str) -> None:
@@ -110,9 +102,7 @@ def test_a_new_light_of_lamps_comes_with_their_shares(ball: Path, capsys: Captur
     assert call(*words, "-o", out) == 0
     text = capsys.readouterr().out.replace("\n", " ")
     shares = figures(capsys, "wizard", *words, "-o", out)["lamps"]
-    assert (
-        list(shares) == ["LED-B1", "LED-RGB1", "HP1"] and pytest.approx(sum(shares.values())) == 1.0
-    )
+    assert list(shares) == lamps[1::2] and pytest.approx(sum(shares.values())) == 1.0
     row = tomllib.loads(out.with_name("out-palette.toml").read_text())["light"][-1]
     assert row["shares"] == pytest.approx(list(shares.values()), abs=1e-4)
     best = max(shares, key=lambda name: shares[name])
