@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tests.support.browser import chromium, missing, saved_picture
 from tests.support.patience import PATIENCE_S, wait_until
 from volspec._gpu.sources import asset
+from volspec.export.page import write_page
 from volspec.raycast import CoefficientImage
 from volspec.scene import Scene
 
@@ -117,6 +118,7 @@ def open_file(
 
 
 Open = Callable[..., Opened]
+Frame = Callable[..., NDArray[np.uint8]]
 
 
 @pytest.fixture(scope="session")
@@ -149,6 +151,17 @@ def opened(browser: Any, blank: Any) -> Iterator[Open]:
         each.close()
         if each.page is not blank:
             each.page.context.close()
+
+
+@pytest.fixture
+def written(opened: Open, tmp_path: Path) -> Open:
+    """`write_page` into a file, which is opened."""
+
+    def write(*page: Any, words: str = "", **more: Any) -> Opened:
+        write_page(tmp_path / "page.html", *page, **more)
+        return opened(tmp_path / "page.html", words)
+
+    return write
 
 
 @pytest.fixture(scope="session")

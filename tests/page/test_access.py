@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from tests.page.conftest import Open, Opened, new_page, open_file
-from tests.support.fixtures import slow
+from tests.support.fixtures import slow, slow_each
 from tests.support.images import image, named_lights
 from volspec.appearance.spaces import SPACES
 from volspec.basis import SpectralBasis
@@ -27,10 +26,8 @@ RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22a", "wcag22aa", "bes
 # Every control shown and able: two sides, a pixel, own values, errors.
 ALL_ON = {"compare": 1, "probe": "9,9", "errors": 1, "a.L_A": 20, "a.D": 0.4}
 WIDE, PHONE = (1280, 1440), (360, 740)
-MEDIA = pytest.mark.parametrize(
-    "media",
-    ["light", *(slow(media) for media in ("dark", "light forced", "dark forced"))],
-)
+DARK_OR_FORCED = slow_each("dark", "light forced", "dark forced")
+MEDIA = pytest.mark.parametrize("media", ["light", *DARK_OR_FORCED])
 # Words whose ground is the picture, or a drawing: `_CONTRASTS` reads them.
 ON_PICTURE = ".label, #probe dt, #probe dd, #dial text"
 CONTROLS = "button, input, select, textarea, [tabindex]"
@@ -41,13 +38,12 @@ def balls(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A page of a ball that nobody cast, from 36 sides, under three lights."""
     basis, (y, x) = SpectralBasis.load("general-5"), np.mgrid[-1:1:18j, -1.4:1.4:24j]
     alpha = (np.hypot(x, y) < 0.9).astype(np.float32)
-    colour = basis.analyse(reflectance("copper"))
-    ball = image(alpha[..., None] * colour, basis, alpha)
+    ball = image(alpha[..., None] * basis.analyse(reflectance("copper")), basis, alpha)
     lights = [
-        replace(lamp, label=f"lamp {lamp.name}") for lamp in named_lights(["D65", "A", "FL2"])
+        replace(each, label=f"lamp {each.name}") for each in named_lights(["D65", "A", "FL2"])
     ]
-    views = [PageView(ball, 10.0 * i) for i in range(36)]
     path = tmp_path_factory.mktemp("access") / "balls.html"
+    views = [PageView(ball, 10.0 * i) for i in range(36)]
     write_page(path, views, lights, spec=PageSpec("Ball", "Copper from all sides"))
     return path
 
@@ -127,8 +123,7 @@ def test_axe_finds_nothing_wrong_with_sharing(ball: Open, size: tuple[int, int])
 def test_axe_finds_nothing_wrong_with_the_still_picture(opened: Open, balls: Path) -> None:
     page = opened(balls, before="delete window.DecompressionStream;", ready="still").page
     assert breaches(page) == []
-    controls = [pair for pair in exposed(page) if pair[0] in _ROLES]
-    assert controls == [] and ("image", "Ball") in exposed(page)
+    assert controls(page) == [] and ("image", "Ball") in exposed(page)
 
 
 @MEDIA
@@ -165,14 +160,13 @@ _CONTRASTS = """(words) => {
 
 def test_every_control_has_a_name_of_its_own(ball: Open) -> None:
     page = ball(WIDE, **ALL_ON).page
-    names = [name for role, name in exposed(page) if role in _ROLES]
-    assert len(names) > 30 and all(names)
-    assert sorted(names) == sorted(set(names))
+    names = controls(page)
+    assert len(names) > 30 and all(names) and len(set(names)) == len(names)
     assert "Illuminance" in names, "a slider's value is no part of its name"
     assert any(name.startswith("\u2068Ball\u2069 under") for name in names)
     page.click("#share")
-    shared = [name for role, name in exposed(page) if role in _ROLES]
-    assert len(shared) == 6 and len(set(shared)) == 6 and all(shared)
+    shared = controls(page)
+    assert len(shared) == len(set(shared)) == 6 and all(shared)
     ids = page.evaluate("[...document.querySelectorAll('[id]')].map((e) => e.id)")
     assert len(ids) == len(set(ids))
 
@@ -185,6 +179,11 @@ def exposed(page: Any) -> list[tuple[str, str]]:
     tree = page.context.new_cdp_session(page).send("Accessibility.getFullAXTree")
     nodes = [node for node in tree["nodes"] if not node["ignored"]]
     return [(node["role"]["value"], node.get("name", {}).get("value", "")) for node in nodes]
+
+
+def controls(page: Any) -> list[str]:
+    """Names of the controls in that tree."""
+    return [name for role, name in exposed(page) if role in _ROLES]
 
 
 def test_tab_reaches_every_control_in_reading_order_and_ends(ball: Open) -> None:
@@ -222,10 +221,18 @@ _STOP = f"""() => {{
 def test_every_control_shows_that_it_has_the_focus(ball: Open, media: str) -> None:
     """Focus by WCAG 2.2, 2.4.13: as many pixels as an outline of two change by 3 : 1 or more."""
     page = ball(WIDE, media, **ALL_ON).page
-    boxes = page.evaluate(_BOXES, CONTROLS)
-    bare = luminance(page.screenshot())
-    with focused(page):
-        ringed = luminance(page.screenshot())
+    boxes, bare = page.evaluate(_BOXES, CONTROLS), luminance(page.screenshot())
+    session = page.context.new_cdp_session(page)
+    session.send("DOM.enable")
+    session.send("CSS.enable")
+    root = session.send("DOM.getDocument")["root"]["nodeId"]
+    found = session.send("DOM.querySelectorAll", {"nodeId": root, "selector": CONTROLS})
+    for node in found["nodeIds"]:
+        # Every control at once looks as where Tab has reached it, until the session ends.
+        looks = {"nodeId": node, "forcedPseudoClasses": ["focus", "focus-visible"]}
+        session.send("CSS.forcePseudoState", looks)
+    ringed = luminance(page.screenshot())
+    session.detach()
     changed = np.maximum(bare, ringed) + 0.05 >= 3 * (np.minimum(bare, ringed) + 0.05)
     faint = []
     for what, x, y, width, height in boxes:
@@ -243,23 +250,6 @@ _BOXES = f"""(controls) => [...document.querySelectorAll(controls)]
         const {{ x, y, width, height }} = e.getBoundingClientRect();
         return [({_WHAT})(e), x, y, width, height];
     }})"""
-
-
-@contextmanager
-def focused(page: Any) -> Iterator[None]:
-    """Every control at once as it looks where Tab has reached it."""
-    session = page.context.new_cdp_session(page)
-    try:
-        session.send("DOM.enable")
-        session.send("CSS.enable")
-        root = session.send("DOM.getDocument")["root"]["nodeId"]
-        found = session.send("DOM.querySelectorAll", {"nodeId": root, "selector": CONTROLS})
-        for node in found["nodeIds"]:
-            looks = {"nodeId": node, "forcedPseudoClasses": ["focus", "focus-visible"]}
-            session.send("CSS.forcePseudoState", looks)
-        yield
-    finally:
-        session.detach()
 
 
 def luminance(png: bytes) -> NDArray[np.float64]:
@@ -280,10 +270,9 @@ def test_what_is_tabbed_to_is_not_behind_the_picture(ball: Open) -> None:
         assert sum(stop is not None for stop in stops) > 30
 
 
-def test_targets_are_as_large_as_a_finger_asks(ball: Open) -> None:
-    for size in (WIDE, PHONE):
-        page = ball(size, **ALL_ON).page
-        assert page.evaluate(_SMALL, CONTROLS) == []
+@pytest.mark.parametrize("size", [WIDE, PHONE])
+def test_targets_are_as_large_as_a_finger_asks(ball: Open, size: tuple[int, int]) -> None:
+    assert ball(size, **ALL_ON).page.evaluate(_SMALL, CONTROLS) == []
 
 
 # A label is a part of its control's target.

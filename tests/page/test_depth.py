@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,11 +16,11 @@ from tests.support.browser import mean_difference
 from tests.support.fixtures import slow
 from tests.support.raycasts import leaned
 from volspec._gpu.sources import asset
-from volspec.export.page import PageView, scene_views, write_page
+from volspec.export.page import PageView, scene_views
 from volspec.mesh.caster import MeshCaster
 from volspec.mesh.shapes import shape_mesh
 from volspec.pipeline import raycast
-from volspec.raycast import CoefficientImage, DepthEffects
+from volspec.raycast import Camera, CoefficientImage, DepthEffects
 from volspec.relight import relight
 from volspec.relight.stereo import Stereo
 from volspec.scene import Scene
@@ -39,8 +38,8 @@ def image(scene: Scene) -> CoefficientImage:
     return scene.render(size=SIZE)
 
 
-def frame(image: CoefficientImage, scene: Scene) -> NDArray[np.uint8]:
-    return np.asarray(relight(image, scene.lights[0].rig, scene.relight), np.uint8)
+def frame(image: CoefficientImage, scene: Scene, lamp: int = 0) -> NDArray[np.uint8]:
+    return np.asarray(relight(image, scene.lights[lamp].rig, scene.relight), np.uint8)
 
 
 @pytest.mark.parametrize(
@@ -80,61 +79,50 @@ def test_a_small_turn_is_near_a_cast(
     page: Opened, scene: Scene, image: CoefficientImage, across: float, down: float
 ) -> None:
     assert image.camera is not None
-    camera = leaned(image.camera, across, down)
-    volume = scene.volume()
-    cast = frame(raycast(volume, scene.transfer, camera, SIZE, scene.raycast), scene)
+    given = scene.volume(), scene.transfer, leaned(image.camera, across, down), SIZE
+    cast = frame(raycast(*given, scene.raycast), scene)
     page.show(turn=f"{across},{down}")
     got = page.picture()
     assert mean_difference(got, cast) <= TURNED
     assert mean_difference(frame(image, scene), cast) > 2 * mean_difference(got, cast)
     # Also of other opacities.
     page.show(turn=f"{across},{down}", **{"a.opacity": "0,1"})
-    spec = replace(scene.raycast, opacities={"block": 0.0})
-    without = raycast(volume, scene.transfer, camera, SIZE, spec)
+    without = raycast(*given, replace(scene.raycast, opacities={"block": 0.0}))
     assert mean_difference(page.picture(), frame(without, scene)) <= TURNED
     page.show()
     assert mean_difference(page.picture(), frame(image, scene)) <= NEAR
 
 
 @pytest.mark.slow
-def test_meshes_stay_and_are_cut_and_turned_where_they_are(
-    scene: Scene, opened: Open, tmp_path: Path
-) -> None:
+def test_meshes_stay_and_are_cut_and_turned_where_they_are(scene: Scene, written: Open) -> None:
     """A ball of two materials among the inserts, on a floor that reaches far."""
     pytest.importorskip("embreex")
-    volume, materials = scene.volume(), scene.materials
     ball = shape_mesh("sphere", 60.0, "block").placed((150.0, 140.0, 50.0))
     shares = {name: np.full(len(ball.points_mm), part) for name, part in MIXED.items()}
     floor = shape_mesh("plane", 4000.0, "inserts").placed((133.0, 137.0, 115.0))
-    caster = MeshCaster([replace(ball, material=shares), floor], materials, scene.basis)
-    camera = scene.camera(volume)
-    given = volume, scene.transfer, camera, SIZE
+    caster = MeshCaster([replace(ball, material=shares), floor], scene.materials, scene.basis)
+    volume = scene.volume()
+    own = scene.camera(volume)
 
-    def cast(**changes: Any) -> CoefficientImage:
-        return raycast(*given, replace(scene.raycast, **changes), behind=[caster])
+    def cast(camera: Camera = own, **changes: Any) -> CoefficientImage:
+        spec = replace(scene.raycast, **changes)
+        return raycast(volume, scene.transfer, camera, SIZE, spec, behind=[caster])
 
     image = cast()
     layers = image.opacity_layers
     assert layers is not None and layers.solid and layers.range_mm[1] > 800
-    file = tmp_path / "mesh.html"
-    write_page(file, [PageView(image)], scene.lights, scene.relight)
-    page = opened(file)
-    page.until("!document.querySelector('#opacity-list input').disabled")
+    page = unpacked(written([PageView(image)], scene.lights, scene.relight))
     page.show(**{"a.opacity": "0,1"})
     new = frame(cast(layers=0, opacities={"block": 0.0}), scene)
     assert mean_difference(page.picture(), new) <= 2 * NEAR
     hidden = {"block": 0.0, "inserts": 0.0}
-    middle = np.unravel_index(np.nanargmin(image.recompose(hidden).depth_mm), SIZE[::-1])
-    ball_mm = float(image.recompose(hidden).depth_mm[middle])
-    for near in (ball_mm - 4, ball_mm + 4):
-        page.show(**{"a.opacity": "0,0", "a.near": f"{near:.0f}"})
-        wanted = frame(image.recompose(hidden, DepthEffects(near_mm=round(near))), scene)
+    ball_mm = np.nanmin(image.recompose(hidden).depth_mm)
+    for near in (round(ball_mm - 4), round(ball_mm + 4)):
+        page.show(**{"a.opacity": "0,0", "a.near": near})
+        wanted = frame(image.recompose(hidden, DepthEffects(near_mm=near)), scene)
         assert mean_difference(page.picture(), wanted) <= 2 * NEAR  # a code of much floor
     page.show(turn="4,0", **{"a.opacity": "0,0"})
-    turned = raycast(
-        volume, scene.transfer, leaned(camera, 4.0, 0.0), SIZE,
-        replace(scene.raycast, layers=0, opacities=hidden), behind=[caster],
-    )  # fmt: skip
+    turned = cast(leaned(own, 4.0, 0.0), layers=0, opacities=hidden)
     assert mean_difference(page.picture(), frame(turned, scene)) <= TURNED
     assert page.complaints == []
 
@@ -170,7 +158,8 @@ def test_a_lens_is_refined_to_the_desktop_s(
 ) -> None:
     words = {"a.focus": str(focus)} | ({"a.aperture": str(aperture)} if aperture else {})
     effects = DepthEffects(focus_mm=focus, aperture_mm=aperture)
-    wanted = frame(image.recompose({}, effects), scene)
+    lit = image.recompose({}, effects)
+    wanted = frame(lit, scene)
     page.show(**words)
     page.until(RESTS)
     got = page.picture()
@@ -179,8 +168,7 @@ def test_a_lens_is_refined_to_the_desktop_s(
     assert page.output("focus") == f"{focus} mm"
     # Lights change what is there; a lens that is taken off leaves no trace.
     page.show(**words, **{"a.weights": "0,1,0,0,0"})
-    other = relight(image.recompose({}, effects), scene.lights[1].rig, scene.relight)
-    assert mean_difference(page.picture(), np.asarray(other, np.uint8)) <= LENS
+    assert mean_difference(page.picture(), frame(lit, scene, 1)) <= LENS
     page.page.locator("#lens").uncheck()
     page.show()
     assert mean_difference(page.picture(), frame(image, scene)) <= NEAR
@@ -193,8 +181,7 @@ def test_a_lens_is_switched_on_in_the_middle(page: Opened, image: CoefficientIma
     assert page.page.locator("#focus").is_disabled()
     page.page.locator("#lens").check()
     page.settle()
-    middle = sum(image.opacity_layers.range_mm) / 2
-    assert page.value("focus") == pytest.approx(middle, rel=0.01)
+    assert page.value("focus") == pytest.approx(sum(image.opacity_layers.range_mm) / 2, rel=0.01)
     assert page.output("aperture") == "f/20"
     page.press("#aperture", "End")
     assert page.output("aperture") == "f/4.0"
@@ -260,26 +247,22 @@ def test_sliders_of_cuts_and_fog_say_what_they_cut(page: Opened, image: Coeffici
 
 @pytest.mark.slow
 def test_a_scene_s_depth_opens_the_page(
-    opened: Open, tmp_path: Path, scene: Scene, image: CoefficientImage
+    written: Open, scene: Scene, image: CoefficientImage
 ) -> None:
     effects = DepthEffects(near_mm=500, fog_mm=2000, fog_white=0.3, focus_mm=520)
-    path = tmp_path / "cut.html"
-    write_page(path, [PageView(image, depth=effects)], scene.lights, scene.relight)
-    page = opened(path)
-    wanted = frame(image.recompose({}, effects), scene)
+    page = written([PageView(image, depth=effects)], scene.lights, scene.relight)
     page.until(RESTS)
-    assert mean_difference(page.picture(), wanted) <= LENS
+    assert mean_difference(page.picture(), frame(image.recompose({}, effects), scene)) <= LENS
     own = Scene(replace(scene.file, depth=effects), SCENE)
     assert [view.depth for view in scene_views(own, size=(32, 24))] == [effects]
 
 
 @pytest.mark.slow
 def test_a_picture_that_does_not_know_its_camera_is_not_turned(
-    opened: Open, tmp_path: Path, scene: Scene, image: CoefficientImage
+    written: Open, scene: Scene, image: CoefficientImage
 ) -> None:
-    path = tmp_path / "older.html"
-    write_page(path, [PageView(replace(image, camera=None))], scene.lights, scene.relight)
-    page = unpacked(opened(path, "#turn=3,0&stereo=anaglyph&a.near=520"))
+    view, words = PageView(replace(image, camera=None)), "#turn=3,0&stereo=anaglyph&a.near=520"
+    page = unpacked(written([view], scene.lights, scene.relight, words=words))
     assert not page.page.locator("#turn-rows").is_visible()
     assert page.page.locator("#near").is_visible()
     wanted = frame(image.recompose({}, DepthEffects(near_mm=520)), scene)

@@ -14,9 +14,9 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from tests.page.conftest import Open, Opened, new_page, open_file
+from tests.page.conftest import Frame, Open, Opened, new_page, open_file
 from tests.support.browser import mean_difference
-from tests.support.fixtures import slow
+from tests.support.fixtures import slow, slow_each
 from tests.support.images import image, named_lights
 from volspec.appearance.adaptation import ADAPTATIONS
 from volspec.appearance.models import ciecam02
@@ -24,10 +24,9 @@ from volspec.appearance.scene_to_display import CLOSED
 from volspec.basis import SpectralBasis
 from volspec.export.page import PageSpec, PageView, write_page
 from volspec.raycast import CoefficientImage
-from volspec.relight import Illumination, Relighter, RelightSpec
+from volspec.relight import Illumination, Relighter
 from volspec.relight.error_map import error_map
 from volspec.scene import Scene
-from volspec.scene.lights import NamedLight
 from volspec.spectra import light, reflectance
 
 BAD_TITLE = "</script><b id=hurt>\"'&amp; \u202egnisrever"
@@ -44,19 +43,15 @@ def files(
     for bits in (8, 12):
         spec = PageSpec(BAD_TITLE, "A caption", bits)
         write_page(folder / f"{bits}.html", views, lights, seen, spec)
-    views += [PageView(mirrored(engine_image), 180.0), PageView(engine_image, 270.0)]
+    turned = {
+        name: np.ascontiguousarray(getattr(engine_image, name)[:, ::-1])
+        for name in ("coefficients", "alpha")
+    }
+    views += [PageView(replace(engine_image, **turned), 180.0), PageView(engine_image, 270.0)]
     write_page(folder / "turn.html", views, lights, seen)
     steps = [replace(view, step=step) for step in (0, 1) for view in views[step : step + 2]]
     write_page(folder / "beat.html", steps, lights, seen, PageSpec(fps=4))
     return folder
-
-
-def mirrored(image: CoefficientImage) -> CoefficientImage:
-    return replace(
-        image,
-        coefficients=np.ascontiguousarray(image.coefficients[:, ::-1]),
-        alpha=np.ascontiguousarray(image.alpha[:, ::-1]),
-    )
 
 
 @pytest.fixture(scope="module")
@@ -66,13 +61,22 @@ def engine_page(browser: Any, files: Path) -> Iterator[Opened]:
     made.page.context.close()
 
 
-def frame(image: CoefficientImage, lamp: NamedLight, seen: RelightSpec) -> NDArray[np.uint8]:
-    with Relighter(image) as relighter:
-        return relighter.frame(lamp.rig, seen)
+@pytest.fixture(scope="module")
+def desktop(engine_scene: Scene, engine_image: CoefficientImage) -> Frame:
+    """The desktop's frame under a light of the scene; with another look, and other viewing."""
+
+    def frame(lamp: int = 0, look: dict[str, Any] | None = None, **viewing: Any) -> Any:
+        seen = replace(engine_scene.relight.viewing, **viewing)
+        seen = replace(engine_scene.relight, viewing=seen, **look or {})
+        with Relighter(engine_image) as relighter:
+            return relighter.frame(engine_scene.lights[lamp].rig, seen)
+
+    return frame
 
 
-def only(scene: Scene, i: int) -> str:
-    return ",".join("1" if j == i else "0" for j in range(len(scene.lights)))
+def only(lamp: int) -> str:
+    """Weights of a light of the engine's five alone."""
+    return ",".join("1" if i == lamp else "0" for i in range(5))
 
 
 # Eight bits were measured at 0.11 to 0.16 on the engine at 512², twelve at 0.01, each with the
@@ -82,106 +86,84 @@ EIGHT, TWELVE = 0.4, 0.05
 
 @pytest.mark.slow
 def test_twelve_bits_give_the_desktops_frames_under_five_lights(
-    opened: Open, files: Path, engine_scene: Scene, engine_image: CoefficientImage
+    opened: Open, files: Path, desktop: Frame
 ) -> None:
     page = opened(files / "12.html")
-    for i, lamp in enumerate(engine_scene.lights):
-        page.show(**{"a.weights": only(engine_scene, i)})
-        wanted = frame(engine_image, lamp, engine_scene.relight)
-        assert mean_difference(page.picture(), wanted) <= TWELVE, lamp.name
+    for lamp in range(5):
+        page.show(**{"a.weights": only(lamp)})
+        assert mean_difference(page.picture(), desktop(lamp)) <= TWELVE, lamp
     assert page.complaints == []
 
 
-def on_screen(page: Any, size: tuple[int, int]) -> NDArray[np.uint8]:
-    """Return a screenshot's colours in the middle of each pixel of the picture."""
-    box = page.locator("#frame").bounding_box()
-    x, y = (
-        (box[start] + (np.arange(count) + 0.5) * box[side] / count).astype(int)
-        for start, side, count in (("x", "width", size[0]), ("y", "height", size[1]))
-    )
-    return np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))[np.ix_(y, x)]
-
-
 def test_the_screen_shows_the_desktops_frames_under_three_lights(
-    engine_page: Opened, engine_scene: Scene, engine_image: CoefficientImage
+    engine_page: Opened, desktop: Frame
 ) -> None:
     """A browser that is slow shows every second row and column first."""
-    page, height = engine_page.page, engine_image.size[1]
-    # Above and below are captions and buttons.
-    rows = slice(height // 5, -height // 5)
+    page = engine_page.page
     engine_page.show()
-    for i in (1, 3, 0):
-        page.click(f"#light-list li:nth-child({i + 1}) .light-name")
+    for lamp in (1, 3, 0):
+        page.click(f"#light-list li:nth-child({lamp + 1}) .light-name")
         page.mouse.move(0, 0)
-        wanted = frame(engine_image, engine_scene.lights[i], engine_scene.relight)[rows]
+        wanted = desktop(lamp)
+        # Above and below are captions and buttons.
+        rows = slice(len(wanted) // 5, -len(wanted) // 5)
 
-        def is_shown(wanted: NDArray[np.uint8] = wanted) -> bool:
-            seen = on_screen(page, engine_image.size)[rows]
-            return mean_difference(seen, wanted) <= EIGHT
+        def is_shown(wanted: NDArray[np.uint8] = wanted, rows: slice = rows) -> bool:
+            box, sides = page.locator("#frame").bounding_box(), ("height", "width")
+            y, x = (
+                (box[start] + (np.arange(count) + 0.5) * box[side] / count).astype(int)
+                for start, side, count in zip("yx", sides, wanted.shape, strict=False)
+            )
+            window = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))
+            return mean_difference(window[np.ix_(y, x)][rows], wanted[rows]) <= EIGHT
 
-        engine_page.eventually(is_shown, f"the frame of light {i}")
+        engine_page.eventually(is_shown, f"the frame of light {lamp}")
 
 
-MORE = list(ADAPTATIONS)[1:]
-
-
-@pytest.mark.parametrize("model", [*CLOSED, *list(ADAPTATIONS)[:1], *map(slow, MORE)])
+@pytest.mark.parametrize(
+    "model", [*CLOSED, *list(ADAPTATIONS)[:1], *slow_each(*list(ADAPTATIONS)[1:])]
+)
 def test_every_model_gives_the_desktops_frame(
-    engine_page: Opened, engine_scene: Scene, engine_image: CoefficientImage, model: str
+    engine_page: Opened, desktop: Frame, model: str
 ) -> None:
-    viewing = replace(engine_scene.relight.viewing, model=model, L_A=20.0, Y_b=35.0, surround="dim")
-    seen = replace(engine_scene.relight, viewing=viewing, mode="exact", backdrop=0.3)
-    weights = only(engine_scene, 1)
     words = {"a.model": model, "a.L_A": 20, "a.Y_b": 35, "a.surround": 0.1, "a.mode": "exact"}
-    engine_page.show(**words, **{"a.weights": weights, "a.backdrop": 0.3})
-    wanted = frame(engine_image, engine_scene.lights[1], seen)
+    engine_page.show(**words, **{"a.weights": only(1), "a.backdrop": 0.3})
+    viewing = {"model": model, "L_A": 20.0, "Y_b": 35.0, "surround": "dim"}
+    wanted = desktop(1, {"mode": "exact", "backdrop": 0.3}, **viewing)
     assert mean_difference(engine_page.picture(), wanted) <= EIGHT
 
 
-def test_colour_vision_is_simulated_as_on_the_desktop(
-    engine_page: Opened, engine_scene: Scene, engine_image: CoefficientImage
-) -> None:
+def test_colour_vision_is_simulated_as_on_the_desktop(engine_page: Opened, desktop: Frame) -> None:
     row = engine_page.page.locator("#severity-row")
     engine_page.show()
     assert not row.is_visible()
     for deficiency, severity in (("protan", 1.0), ("deutan", 0.35), ("tritan", 0.8)):
         engine_page.show(**{"a.deficiency": deficiency, "a.severity": severity})
         assert row.is_visible() and engine_page.page.input_value("#deficiency") == deficiency
-        viewing = engine_scene.relight.viewing
-        seen = replace(viewing, deficiency=deficiency, severity=severity)
-        wanted = frame(
-            engine_image, engine_scene.lights[0], replace(engine_scene.relight, viewing=seen)
-        )
+        wanted = desktop(deficiency=deficiency, severity=severity)
         assert mean_difference(engine_page.picture(), wanted) <= EIGHT, deficiency
         assert deficiency in engine_page.page.text_content("#label-a")
 
 
-def test_two_settings_stand_on_the_sides_of_the_divide(
-    engine_page: Opened, engine_scene: Scene, engine_image: CoefficientImage
-) -> None:
-    words = {"compare": 1, "divide": 0.25, "b.model": "none", "b.weights": only(engine_scene, 3)}
+def test_two_settings_stand_on_the_sides_of_the_divide(engine_page: Opened, desktop: Frame) -> None:
+    words = {"compare": 1, "divide": 0.25, "b.model": "none", "b.weights": only(3)}
     engine_page.show(**words)
-    got = engine_page.picture()
-    seen, quarter = engine_scene.relight, engine_image.size[0] // 4
-    bare = replace(seen, viewing=replace(seen.viewing, model="none"))
-    left = frame(engine_image, engine_scene.lights[0], seen)
-    right = frame(engine_image, engine_scene.lights[3], bare)
+    got, left, right = engine_page.picture(), desktop(), desktop(3, model="none")
+    quarter = got.shape[1] // 4
     assert mean_difference(got[:, :quarter], left[:, :quarter]) <= EIGHT
     assert mean_difference(got[:, quarter:], right[:, quarter:]) <= EIGHT
 
 
-def test_the_error_map_has_the_desktops_figures(opened: Open, tmp_path: Path) -> None:
-    basis, lamp = SpectralBasis.load("general-5"), light("FL2")
-    names = [f"CES/{number}" for number in range(1, 82)]
-    samples = basis.analyse([reflectance(name) for name in names])
+def test_the_error_map_has_the_desktops_figures(written: Open) -> None:
+    basis = SpectralBasis.load("general-5")
+    samples = basis.analyse([reflectance(f"CES/{number}") for number in range(1, 82)])
     chart = image(samples.reshape(9, 9, 5), basis)
-    views, lights = [PageView(chart)], named_lights(["FL2"])
-    write_page(tmp_path / "map.html", views, lights, spec=PageSpec(bits=12))
-    page = opened(tmp_path / "map.html", "#errors=1")
+    spec = PageSpec(bits=12)
+    page = written([PageView(chart)], named_lights(["FL2"]), spec=spec, words="#errors=1")
     page.until("document.getElementById('heat-figures').textContent !== ''")
     said = page.page.text_content("#heat-figures")
-    wanted = error_map(chart, lamp)
     mean, most = (float(word) for word in re.findall(r"(?:mean|max) ([\d.]+)", said))
+    wanted = error_map(chart, light("FL2"))
     # Twelve bits move a colour by 0.015.
     assert wanted.mean > 0.3
     assert abs(mean - wanted.mean) < 0.02 and abs(most - wanted.max) < 0.05
@@ -207,11 +189,8 @@ def test_the_picture_fills_a_phone_held_sideways_and_its_backdrop_goes_on_around
     page.until(f"{around} === 'rgba(0, 0, 0, 0)'")
 
 
-def test_other_views_are_turned_to(
-    opened: Open, files: Path, engine_scene: Scene, engine_image: CoefficientImage
-) -> None:
-    page = opened(files / "turn.html")
-    wanted = frame(engine_image, engine_scene.lights[0], engine_scene.relight)
+def test_other_views_are_turned_to(opened: Open, files: Path, desktop: Frame) -> None:
+    page, wanted = opened(files / "turn.html"), desktop()
     assert mean_difference(page.picture(), wanted) <= EIGHT
     page.press("#port", "PageDown")
     page.until("document.getElementById('view-read').textContent === '180\u00b0'")
@@ -266,10 +245,8 @@ def test_a_view_that_cannot_be_unpacked_leaves_the_one_before(
 
 
 def test_a_page_asks_the_network_for_nothing(engine_page: Opened) -> None:
-    outside = [
-        url for url in engine_page.requests if not url.startswith(("file:", "data:", "blob:"))
-    ]
-    assert outside == []
+    local = ("file:", "data:", "blob:")
+    assert [url for url in engine_page.requests if not url.startswith(local)] == []
     policy = engine_page.page.get_attribute("meta[http-equiv]", "content")
     assert policy.startswith("default-src 'none'")
     assert "unsafe" not in policy and "http" not in policy
@@ -286,12 +263,10 @@ def test_words_of_users_stay_words(engine_page: Opened, files: Path) -> None:
     page.click("#share")
     snippet = page.input_value("#share-snippet")
     page.keyboard.press("Escape")
-    title = "(text) => new DOMParser().parseFromString(text, 'text/html')"
+    parsed = "new DOMParser().parseFromString(text, 'text/html')"
+    title = f"(text) => {parsed}.querySelector('iframe').title"
     # Parsed outside the reach of the page's policy.
-    blank = page.context.new_page()
-    assert (
-        blank.evaluate(f"(t) => ({title})(t).querySelector('iframe').title", snippet) == BAD_TITLE
-    )
+    assert page.context.new_page().evaluate(title, snippet) == BAD_TITLE
     assert b"\xe2\x80\xae" not in (files / "8.html").read_bytes()
 
 
@@ -313,13 +288,10 @@ def test_an_address_holds_although_an_edit_before_writes_over_it(engine_page: Op
     engine_page.until("location.hash === '#a.exposure=0.5'")
 
 
-def test_rubbish_in_an_address_is_left_aside(
-    opened: Open, files: Path, engine_scene: Scene, engine_image: CoefficientImage
-) -> None:
+def test_rubbish_in_an_address_is_left_aside(opened: Open, files: Path, desktop: Frame) -> None:
     words = "#a.weights=1,NaN&a.model=constructor&a.exposure=1e99&view=7&probe=-1,x&a.solo=1e3&%%%"
     page = opened(files / "8.html", words)
-    wanted = frame(engine_image, engine_scene.lights[0], engine_scene.relight)
-    assert mean_difference(page.picture(), wanted) <= EIGHT
+    assert mean_difference(page.picture(), desktop()) <= EIGHT
     assert page.complaints == []
 
 
@@ -343,8 +315,8 @@ def test_the_keyboard_reads_pixels_aloud(
     lit = Illumination.of(engine_image.basis, engine_scene.lights[0].rig, seen)
     XYZ = lit.scene_XYZ(engine_image.coefficients[y, x], engine_image.alpha[y, x])
     look = ciecam02.forward(XYZ, seen.viewing.conditions(lit.white_XYZ))
-    shown = dict(zip(page.locator("#probe-rows dt").all_text_contents(),
-                    page.locator("#probe-rows dd").all_text_contents(), strict=True))  # fmt: skip
+    rows = (page.locator(f"#probe-rows {part}").all_text_contents() for part in ("dt", "dd"))
+    shown = dict(zip(*rows, strict=True))
     J, C, _ = shown["J C h"].split()
     # Half a step of eight bits moves J by a few tenths.
     assert abs(float(J) - float(look.J)) < 0.5 and abs(float(C) - float(look.C)) < 1.0
