@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.export.conftest import Make
+from tests.export.conftest import SCENE, Make
 from tests.export.test_files_whole import left_by_a_kill
 from tests.support.errors import raises
 from tests.support.fixtures import Patch, slow
@@ -19,7 +19,6 @@ from volspec.appearance.spaces import SPACES
 from volspec.errors import DeviceError, InputError, VolspecWarning
 from volspec.export import film
 from volspec.export.film import write_film
-from volspec.scene import Scene
 
 
 def probe(path: Path) -> str:
@@ -76,10 +75,8 @@ def test_odd_sides_get_an_edge_more_and_a_note(scene: Make, tmp_path: Path) -> N
 
 def test_a_scene_s_odd_size_is_made_even(scene: Make, tmp_path: Path) -> None:
     pytest.importorskip("imageio_ffmpeg")
-    made = scene(name="odd.toml")
-    text = made.path.read_text(encoding="utf-8").replace("width = 32", "width = 33")
-    made.path.write_text(text, encoding="utf-8")
-    Scene.load(made.path).export(tmp_path / "b.mp4", sweep={"frames": 2})
+    made = scene(text=SCENE.replace("width = 32", "width = 33"))
+    made.export(tmp_path / "b.mp4", sweep={"frames": 2})
     assert "32x24" in probe(tmp_path / "b.mp4")
 
 

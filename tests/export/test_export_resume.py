@@ -8,17 +8,19 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import count
 from pathlib import Path
 
 import pytest
 
-from tests.export.conftest import Make
+from tests.export.conftest import SCENE, Make
 from tests.export.test_files_whole import left_by_a_kill
 from tests.support.errors import raises
 from tests.support.fixtures import Patch, slow
 from volspec._files import exclusive_folder
 from volspec.errors import InputError
-from volspec.scene import Scene
 
 SETTINGS = {"turntable": {"frames": 4}, "lights": ["day", "lamp"]}
 # An export that kills itself, as the kernel would, at a share of its work.
@@ -37,11 +39,8 @@ Scene.load(sys.argv[1]).export(
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes()
-        for path in folder.rglob("*")
-        if path.is_file()
-    }
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 @pytest.mark.parametrize("share", [slow(0.2), 0.97])
@@ -64,14 +63,15 @@ def test_a_killed_export_goes_on_and_leaves_the_same_bytes(
 
 
 def test_the_same_scene_gives_the_same_bytes_and_is_made_once(scene: Make, tmp_path: Path) -> None:
-    for name in ("a", "b"):
-        scene().export(tmp_path / name, format="exr", transparent=True)
+    def made_and_cast(name: str) -> tuple[int, int]:
+        done = scene().export(tmp_path / name, format="exr", transparent=True)
+        return done.made, done.casts
+
+    assert made_and_cast("a") == made_and_cast("b") == (3, 1)
     assert contents(tmp_path / "a") == contents(tmp_path / "b")
-    again = scene().export(tmp_path / "a", format="exr", transparent=True)
-    assert (again.made, again.casts) == (0, 0)
+    assert made_and_cast("a") == (0, 0)
     (tmp_path / "a" / "lamp.exr").unlink()
-    again = scene().export(tmp_path / "a", format="exr", transparent=True)
-    assert (again.made, again.casts) == (1, 1)
+    assert made_and_cast("a") == (1, 1)
     assert contents(tmp_path / "a") == contents(tmp_path / "b")
 
 
@@ -139,23 +139,28 @@ def test_a_manifest_that_leads_elsewhere_deletes_nothing_there(scene: Make, tmp_
     assert victim.read_bytes() == b"mine"
 
 
+@contextmanager
+def full_disk(monkeypatch: Patch, method: str = "write_bytes", room: int = 0) -> Iterator[None]:
+    """Refuse what is written after some files, of which half of one still fits."""
+    write, files = getattr(Path, method), count()
+
+    def full(path: Path, data: bytes | str, **more: object) -> int:
+        if next(files) < room:
+            return write(path, data, **more)
+        write(path, data[: len(data) // 2], **more)
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patched, raises(InputError, "unwritable"):
+        patched.setattr(Path, method, full)
+        yield
+
+
 def test_a_full_disk_leaves_what_is_done_and_says_so_in_a_line(
     scene: Make, tmp_path: Path, monkeypatch: Patch
 ) -> None:
-    made, write, count = scene(), Path.write_bytes, 0
-
-    def full(path: Path, data: bytes) -> int:
-        nonlocal count
-        count += 1
-        if count > 3:
-            write(path, data[: len(data) // 2])
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return write(path, data)
-
-    with monkeypatch.context() as patched:
-        patched.setattr(Path, "write_bytes", full)
-        with raises(InputError, "unwritable"):
-            made.export(tmp_path / "out", **SETTINGS)
+    made = scene()
+    with full_disk(monkeypatch, room=3):
+        made.export(tmp_path / "out", **SETTINGS)
     there = contents(tmp_path / "out")
     assert len(there) == 4 and "export.json" in there  # three frames and no half one
     made.export(tmp_path / "out", **SETTINGS)
@@ -167,23 +172,15 @@ def test_a_full_disk_leaves_what_is_done_and_says_so_in_a_line(
 def test_a_disk_full_from_the_start_has_no_folder_left_on_it(
     scene: Make, tmp_path: Path, monkeypatch: Patch, name: str
 ) -> None:
-    def full(path: Path, data: bytes | str, **_: object) -> int:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
     made = scene()
-    before = sorted(tmp_path.iterdir())
-    for broken in ("write_bytes", "write_text"):  # the frames; the manifest
-        with monkeypatch.context() as patched:
-            patched.setattr(Path, broken, full)
-            with raises(InputError, "unwritable"):
-                made.export(tmp_path / name, **SETTINGS)
-        assert sorted(tmp_path.iterdir()) == before
+    for method in ("write_bytes", "write_text"):  # the frames; the manifest
+        with full_disk(monkeypatch, method):
+            made.export(tmp_path / name, **SETTINGS)
+        assert list(tmp_path.iterdir()) == []
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes.txt").touch()
-    with monkeypatch.context() as patched:
-        patched.setattr(Path, "write_text", full)
-        with raises(InputError, "unwritable"):
-            made.export(tmp_path / "mine", **SETTINGS)
+    with full_disk(monkeypatch, "write_text"):
+        made.export(tmp_path / "mine", **SETTINGS)
     assert [each.name for each in (tmp_path / "mine").iterdir()] == ["notes.txt"]
 
 
@@ -196,12 +193,10 @@ def test_a_folder_that_cannot_be_is_refused_before_the_cast(scene: Make, tmp_pat
     assert [each.name for each in tmp_path.iterdir()] == ["file"]
 
 
-def test_scenes_and_lights_of_any_name_are_exported(ball_folder: Path, tmp_path: Path) -> None:
+def test_scenes_and_lights_of_any_name_are_exported(scene: Make, tmp_path: Path) -> None:
     hostile = "</script>\"'\u202e\u2066 .."
-    text = (ball_folder / "ball.toml").read_text().replace('"Ball"', "'''" + hostile + "'''")
+    text = SCENE.replace('"Ball"', f"'''{hostile}'''")
     text = text.replace('"day"', json.dumps(hostile, ensure_ascii=False))
-    path = ball_folder / "hostile \u202e.toml"
-    path.write_text(text, encoding="utf-8")
-    done = Scene.load(path).export(tmp_path / "out")
+    done = scene(text=text, name="hostile \u202e.toml").export(tmp_path / "out")
     assert all(name.isprintable() and "/" not in name for name in done.files)
     assert len({(tmp_path / "out" / name).resolve().parent for name in done.files}) == 1

@@ -99,10 +99,8 @@ def test_camera_and_film(tmp_path: Path, camera: vs.Camera, kind: str) -> None:
     assert sensor.get("type") == kind
     assert sensor.find("transform/lookat").get("origin") == "0, 0, 200"
     film = sensor.find("film")
-    assert [film.find(f"integer[@name='{n}']").get("value") for n in ("width", "height")] == [
-        "64",
-        "48",
-    ]
+    sides = [film.find(f"integer[@name='{name}']") for name in ("width", "height")]
+    assert [each.get("value") for each in sides] == ["64", "48"]
     if camera is FLAT:
         assert float(sensor.find("transform/scale").get("x")) == pytest.approx(32.0 * 64 / 48)
     else:
@@ -145,28 +143,24 @@ def test_looks_become_the_nearest_bsdf(tmp_path: Path) -> None:
 
 
 def test_what_mitsuba_lacks_is_one_line(tmp_path: Path) -> None:
-    disc = vs.Mesh(plane().points_mm, plane().triangles, "red", grating=vs.Grating(1.6))
-    with pytest.warns(VolspecWarning, match="Mitsuba has no gratings"):
-        save(tmp_path / "scene.xml", disc)
+    points, triangles = plane().points_mm, plane().triangles
     codes = np.full((2, 2, 3), 90, np.uint8)
-    with pytest.warns(VolspecWarning, match="spectra of its own"):
-        save(tmp_path / "scene.xml", plane(vs.Texture(codes)))
-    coloured = vs.Mesh(plane().points_mm, plane().triangles, codes.reshape(4, 3))
-    with pytest.warns(VolspecWarning, match="spectra of its own"):
-        save(tmp_path / "scene.xml", coloured)
+    for mesh, said in (
+        (vs.Mesh(points, triangles, "red", grating=vs.Grating(1.6)), "Mitsuba has no gratings"),
+        (plane(vs.Texture(codes)), "spectra of its own"),
+        (vs.Mesh(points, triangles, codes.reshape(4, 3)), "spectra of its own"),
+    ):
+        with pytest.warns(VolspecWarning, match=said):
+            save(tmp_path / "scene.xml", mesh)
     with pytest.warns(VolspecWarning) as given:
         save(tmp_path / "scene.xml", plane(), spec=vs.RaycastSpec())
-    assert [str(each.message).split(":")[0] for each in given] == [
-        "headlight light",
-        "ambient light",
-    ]
+    said = [str(each.message).split(":")[0] for each in given]
+    assert said == ["headlight light", "ambient light"]
 
 
 def test_a_new_scene_replaces_the_last_one_and_its_folder(tmp_path: Path) -> None:
-    path = tmp_path / "scene.xml"
-    save(path, plane("white"))
-    save(path, plane("red"))
-    save(path, plane("red"))
+    for material in ("white", "red", "red"):
+        save(tmp_path / "scene.xml", plane(material))
     assert len([*tmp_path.iterdir()]) == 2
 
 
@@ -196,24 +190,30 @@ def test_a_failed_save_leaves_the_last_one(
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_mitsuba_s_picture_is_volspec_s(tmp_path: Path) -> None:
-    """The red quarter is the upper left one, and both have the same XYZ, within noise."""
+def both_XYZ(
+    path: Path, basis: Any, *meshes: vs.Mesh, light: vs.Spectrum
+) -> tuple[np.ndarray, np.ndarray]:
+    """The picture under the sun by Mitsuba, and by volspec."""
     mi = pytest.importorskip("mitsuba", reason="Mitsuba 3 is optional: pip install mitsuba")
     mi.set_variant("scalar_spectral")
-    points = plane().points_mm
-    at_points = {"white": [1.0, 1.0, 0.0, 0.0], "red": [0.0, 0.0, 1.0, 1.0]}
-    mixed = vs.Mesh(points * 0.4 + [16.0, -16.0, 1.0], plane().triangles, at_points)
-    in_faces = {"white": [1.0, 0.0], "red": [0.0, 1.0]}
-    halves = vs.Mesh(points * 0.4 + [-16.0, -16.0, 1.0], plane().triangles, in_faces)
-    meshes = plane(vs.Texture(NUMBERS, ("white", "red"))), mixed, halves
     spec = vs.RaycastSpec(groups=(vs.LightGroup("sun", (SUN,)),))
-    size = (16, 16)
-    save(tmp_path / "scene.xml", *meshes, camera=FLAT, spec=spec, size=size)
-    scene = mi.load_file(str(tmp_path / "scene.xml"), samples="256", pixel_format="xyz")
-    peer = np.array(mi.render(scene, seed=1))
+    save(path, *meshes, camera=FLAT, spec=spec, size=(16, 16), light=light)
+    scene = mi.load_file(str(path), samples="256", pixel_format="xyz")
+    image = vs.cast_meshes(meshes, MATERIALS, basis, FLAT, (16, 16), spec)
+    ours = basis.xyz(np.asarray(image.coefficients), light)
+    return np.array(mi.render(scene, seed=1)), ours
+
+
+def test_mitsuba_s_picture_is_volspec_s(tmp_path: Path) -> None:
+    """The red quarter is the upper left one, and both have the same XYZ, within noise."""
+    points, triangles = plane().points_mm, plane().triangles
+    at_points = {"white": [1.0, 1.0, 0.0, 0.0], "red": [0.0, 0.0, 1.0, 1.0]}
+    mixed = vs.Mesh(points * 0.4 + [16.0, -16.0, 1.0], triangles, at_points)
+    in_faces = {"white": [1.0, 0.0], "red": [0.0, 1.0]}
+    halves = vs.Mesh(points * 0.4 + [-16.0, -16.0, 1.0], triangles, in_faces)
+    meshes = plane(vs.Texture(NUMBERS, ("white", "red"))), mixed, halves
     basis = vs.MaterialBasis({name: MATERIALS[name] for name in ("white", "red")})
-    image = vs.cast_meshes(meshes, MATERIALS, basis, FLAT, size, spec)
-    ours = basis.xyz(np.asarray(image.coefficients), vs.light("A"))
+    peer, ours = both_XYZ(tmp_path / "scene.xml", basis, *meshes, light=vs.light("A"))
     scale = ours[5, 13] / peer[5, 13]
     for row, column in ((2, 2), (2, 13), (13, 13), (10, 10), (10, 7), (10, 3)):
         assert ours[row, column] == pytest.approx(scale * peer[row, column], rel=0.03)
@@ -222,21 +222,13 @@ def test_mitsuba_s_picture_is_volspec_s(tmp_path: Path) -> None:
 @pytest.mark.parametrize("of", ["points", "triangles"])
 def test_mitsuba_s_colours_are_volspec_s(tmp_path: Path, of: str) -> None:
     """Reflectances of a colour differ least under D65; between points Mitsuba mixes otherwise."""
-    mi = pytest.importorskip("mitsuba", reason="Mitsuba 3 is optional: pip install mitsuba")
-    mi.set_variant("scalar_spectral")
-    codes, day = np.array([[200, 40, 30], [30, 180, 60]], np.uint8), vs.light("D65")
+    codes = np.array([[200, 40, 30], [30, 180, 60]], np.uint8)
     corners = plane().points_mm[plane().triangles].reshape(6, 3)
     colours = codes if of == "triangles" else codes.repeat(3, axis=0)
     mesh = vs.Mesh(corners, np.arange(6).reshape(2, 3), colours)
-    spec = vs.RaycastSpec(groups=(vs.LightGroup("sun", (SUN,)),))
-    given = {"camera": FLAT, "spec": spec, "size": (16, 16), "light": day}
-    with pytest.warns(VolspecWarning, match="spectra of its own"):
-        save(tmp_path / "scene.xml", mesh, **given)
-    scene = mi.load_file(str(tmp_path / "scene.xml"), samples="256", pixel_format="xyz")
-    peer = np.array(mi.render(scene, seed=1))
     basis = vs.SpectralBasis.load("general-7")
-    image = vs.cast_meshes([mesh], MATERIALS, basis, FLAT, (16, 16), spec)
-    ours = basis.xyz(np.asarray(image.coefficients), day)
+    with pytest.warns(VolspecWarning, match="spectra of its own"):
+        peer, ours = both_XYZ(tmp_path / "scene.xml", basis, mesh, light=vs.light("D65"))
     scale = ours[2, 2].sum() / peer[2, 2].sum()
     for row, column in ((2, 2), (2, 9), (13, 13), (9, 12)):
         most = ours[row, column].max()

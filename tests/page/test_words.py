@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from tests.page.conftest import Open, Opened
 from tests.support.fixtures import slow
 from tests.support.images import image, named_lights
 from volspec.basis import SpectralBasis
-from volspec.export.page import PageSpec, PageView, write_page
+from volspec.export.page import PageSpec, PageView
 
 FIVE = (
     *("D65", "Operating theatre LED", "Ward fluorescent", "Daylight, north window"),
@@ -23,7 +23,7 @@ DESKTOP, PHONE = (1280, 900), (320, 640)
 
 
 @pytest.fixture
-def page_of(opened: Open, tmp_path: Path) -> Open:
+def page_of(written: Open) -> Open:
     """A grey picture under lights of given names, at a window's size."""
 
     def made(
@@ -33,11 +33,9 @@ def page_of(opened: Open, tmp_path: Path) -> Open:
         title: str = "Grey",
         caption: str = "",
     ) -> Opened:
-        width, height = picture
-        grey = image(np.full((height, width, 5), 0.5), SpectralBasis.load("general-5"))
-        path, lights = tmp_path / "words.html", named_lights(names, "D65")
-        write_page(path, [PageView(grey)], lights, spec=PageSpec(title, caption))
-        shown = opened(path)
+        grey = image(np.full((*picture[::-1], 5), 0.5), SpectralBasis.load("general-5"))
+        spec = PageSpec(title, caption)
+        shown = written([PageView(grey)], named_lights(names, "D65"), spec=spec)
         shown.page.set_viewport_size({"width": window[0], "height": window[1]})
         shown.settle()
         return shown
@@ -75,12 +73,10 @@ def test_long_words_leave_room_and_can_be_read(
     shown = page_of(names, window, title=title, caption=caption)
     seen, page = shown.page.evaluate(_NAMES), shown.page
     assert len(seen) == len(names)
-    for i, one in enumerate(seen):
-        assert one["inside"], one["words"]
-        left, top, right, bottom = one["box"]
-        for other in seen[i + 1 :]:
-            x0, y0, x1, y1 = other["box"]
-            assert right <= x0 or x1 <= left or bottom <= y0 or y1 <= top, (one, other)
+    assert [one["words"] for one in seen if not one["inside"]] == []
+    for one, other in combinations(seen, 2):
+        (left, top, right, bottom), (x0, y0, x1, y1) = one["box"], other["box"]
+        assert right <= x0 or x1 <= left or bottom <= y0 or y1 <= top, (one, other)
     tall = page.evaluate("document.querySelector('h1').clientHeight")
     assert 16 < tall <= 2 * 1.4 * 16 + 1, "two lines of 16 pixels, each 1.4 high"
     assert page.get_attribute("h1", "title") == title
@@ -109,12 +105,10 @@ def test_of_forty_lights_the_dial_names_the_strongest_or_the_one_under_the_mouse
     page_of: Open,
 ) -> None:
     shown = page_of([f"lamp {i}" for i in range(40)])
-    names = [one["words"] for one in shown.page.evaluate(_NAMES)]
-    assert names == [["\u2068lamp 0\u2069"]]
+    assert [one["words"] for one in shown.page.evaluate(_NAMES)] == [["\u2068lamp 0\u2069"]]
     shown.page.locator("#dial circle").nth(10).hover()
     shown.settle()
-    names = [one["words"] for one in shown.page.evaluate(_NAMES)]
-    assert names == [["\u2068lamp 10\u2069"]]
+    assert [one["words"] for one in shown.page.evaluate(_NAMES)] == [["\u2068lamp 10\u2069"]]
 
 
 def test_a_name_that_turns_the_direction_turns_no_word_of_the_page(page_of: Open) -> None:
