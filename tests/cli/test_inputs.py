@@ -29,14 +29,18 @@ def scans(tmp_path: Path, monkeypatch: Patch) -> Path:
     return folder
 
 
+def new_scene(volume: Path | str, path: str, *options: str) -> Scene:
+    assert call("scene", "new", volume, "-o", path, *options) == 0
+    return Scene.load(path)
+
+
 def test_a_volume_is_rendered_as_its_new_scene_is(scans: Path) -> None:
     options = "--preset", "skin", "--camera", "left", "-l", "A"
     assert call("render", scans / "a.npy", "-o", "a.exr", *options, *SIZE) == 0
-    assert call("scene", "new", scans / "a.npy", "-o", "other/a.toml", *options) == 0
+    scene = new_scene(scans / "a.npy", "other/a.toml", *options)
     assert call("render", "other/a.toml", "-o", "again.exr", *SIZE) == 0
     one, other = map(CoefficientImage.load, ("a.exr", "again.exr"))
     np.testing.assert_array_equal(one.coefficients, other.coefficients)
-    scene = Scene.load("other/a.toml")
     assert scene.file.volume.file == "../scans/a.npy"
     assert scene.file.camera.azimuth_deg == -90 and [each.name for each in scene.lights] == ["A"]
 
@@ -59,17 +63,14 @@ def test_left_is_the_patients_left(scans: Path) -> None:
     image.SetDirection((-1, 0, 0, 0, -1, 0, 0, 0, 1))
     sitk.WriteImage(image, "head.nrrd")
     for side, azimuth in (("left", 90), ("right", -90), ("back", 180)):
-        path = f"{side}.toml"
-        assert call("scene", "new", "head.nrrd", "-o", path, "--camera", side) == 0
-        assert Scene.load(path).file.camera.azimuth_deg == azimuth
-        scene, _ = open_scene("left.toml", camera=side)
-        assert scene.file.camera.azimuth_deg == azimuth
+        made = new_scene("head.nrrd", f"{side}.toml", "--camera", side)
+        opened, _ = open_scene("left.toml", camera=side)
+        assert made.file.camera.azimuth_deg == opened.file.camera.azimuth_deg == azimuth
 
 
 def test_a_scene_takes_a_camera_too(scans: Path) -> None:
-    assert call("scene", "new", scans / "a.npy", "-o", "a.toml") == 0
+    scene = new_scene(scans / "a.npy", "a.toml")
     assert call("render", "a.toml", "-o", "turned.exr", "--camera", "90,0", *SIZE) == 0
-    scene = Scene.load("a.toml")
     camera = Scene.from_volume(scans / "a.npy").file.camera
     assert scene.file.camera == camera and (camera.azimuth_deg, camera.elevation_deg) == (30, 20)
 
@@ -113,13 +114,12 @@ def test_a_folder_of_slices_is_one_volume(scans: Path) -> None:
     folder.mkdir()
     for i, layer in enumerate((255 * phantom.ball(8).values).astype(np.uint8)):
         imwrite(folder / f"{i}.png", layer)
-    assert call("scene", "new", f"{folder}?spacing=1,1,1", "-o", "slices.toml") == 0
-    assert Scene.load("slices.toml").volume().values.shape == (8, 8, 8)
+    scene = new_scene(f"{folder}?spacing=1,1,1", "slices.toml")
+    assert scene.volume().values.shape == (8, 8, 8)
 
 
 def test_nothing_that_is_there_is_replaced_by_a_new_scene(scans: Path) -> None:
     Path("a.toml").write_text("# mine")
     assert call("scene", "new", scans / "a.npy", "-o", "a.toml") == 1
     assert Path("a.toml").read_text() == "# mine"
-    assert call("scene", "new", scans / "a.npy", "-o", "a.toml", "--overwrite") == 0
-    Scene.load("a.toml")
+    new_scene(scans / "a.npy", "a.toml", "--overwrite")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from PIL import Image
 
 from tests.export.conftest import Make
 from tests.support.fixtures import Patch
+from tests.support.images import image
 from volspec.basis import SpectralBasis
 from volspec.export import tiles
 from volspec.export.annotate import (
@@ -21,6 +23,7 @@ from volspec.export.annotate import (
     paint,
     picture_marks,
 )
+from volspec.pipeline import relight
 from volspec.raycast import Camera
 from volspec.raycast.projection import Projection, length_mm
 from volspec.relight import LightRig, RelightSpec
@@ -30,13 +33,14 @@ from volspec.spectra import light, reflectance
 from volspec.volume import phantom
 
 VOLUME = phantom.ball(16)
+CAMERA = Camera.orbit(VOLUME, azimuth_deg=20.0)
+POINTS = ((2.0, 2.0, 2.0), (12.0, 5.0, 9.0))
 
 
 def marked(size: tuple[int, int], *marks: Any, **names: Any) -> NDArray[np.uint8]:
     """Return a grey picture with marks."""
-    camera = Camera.orbit(VOLUME, azimuth_deg=20.0)
-    picture = MarkedPicture(size, camera, VOLUME, **names)
-    grey = np.full((size[1], size[0], 3), 128, np.uint8)
+    picture = MarkedPicture(size, CAMERA, VOLUME, **names)
+    grey = np.full((*size[::-1], 3), 128, np.uint8)
     return paint(grey, picture_marks(marks, picture))
 
 
@@ -44,7 +48,7 @@ def marked(size: tuple[int, int], *marks: Any, **names: Any) -> NDArray[np.uint8
 def test_a_scale_bar_has_the_length_that_it_names(size: tuple[int, int]) -> None:
     picture = marked(size, "scale")
     rows = (picture == 255).all(axis=-1).sum(axis=1)
-    mm_per_px = Projection(Camera.orbit(VOLUME), (0, 0, *size)).mm_per_px
+    mm_per_px = Projection(CAMERA, (0, 0, *size)).mm_per_px
     wanted = length_mm(mm_per_px, max(min(0.25 * size[0], 180 * max(min(size) / 720, 0.6)), 1))
     assert rows.max() == pytest.approx(wanted / mm_per_px, abs=0.5)
 
@@ -79,23 +83,21 @@ def test_materials_without_room_are_counted_and_pictures_of_any_size_can_be_mark
 
 
 def test_material_colours_are_those_of_a_frame_of_a_flat_material() -> None:
-    from volspec.pipeline import relight
-    from volspec.raycast import CoefficientImage
-
-    basis, gold = SpectralBasis.load("general-7"), reflectance("gold")
-    channels = basis.analyse(gold.on(basis.grid).values[None, None]).astype(np.float32)
-    one = np.ones((1, 1), np.float32)
-    image = CoefficientImage(channels, one, one, basis)
+    basis, gold, seen = (
+        SpectralBasis.load("general-7"),
+        reflectance("gold"),
+        RelightSpec(mode="exact"),
+    )
+    flat = image(basis.analyse(gold)[None, None], basis)
     for name in ("D65", "A"):
-        frame = relight(image, light(name), RelightSpec(mode="exact"), backend="numpy")
+        frame = relight(flat, light(name), seen, backend="numpy")
         rig = LightRig((light(name),))
-        found = material_colours({"gold": gold}, basis, rig, RelightSpec(mode="exact"), {"": 1.0})
+        found = material_colours({"gold": gold}, basis, rig, seen, {"": 1.0})
         assert 255 * found["gold"] == pytest.approx(frame[0, 0].astype(float), abs=3)
 
 
 def test_transparent_pictures_get_opaque_marks() -> None:
-    camera = Camera.orbit(VOLUME)
-    patches = picture_marks(("scale",), MarkedPicture((320, 240), camera, VOLUME))
+    patches = picture_marks(("scale",), MarkedPicture((320, 240), CAMERA, VOLUME))
     clear = np.zeros((240, 320, 4), np.uint16)
     clear[..., :3] = 1000
     drawn = paint(clear, patches)
@@ -121,33 +123,26 @@ def test_strips_of_a_large_picture_have_the_marks_of_the_whole(
 
 @pytest.mark.parametrize("size", [(800, 600), (3000, 2000), (120, 90)])
 def test_annotations_are_where_their_points_are(size: tuple[int, int]) -> None:
-    points = ((2.0, 2.0, 2.0), (12.0, 5.0, 9.0))
-    picture = marked(size, annotations=[Annotation(points_mm=points)])
-    camera = Camera.orbit(VOLUME, azimuth_deg=20.0)
-    drawn = Projection(camera, (0, 0, *size)).to_window(np.array(points))[:, :2]
+    picture = marked(size, annotations=[Annotation(points_mm=POINTS)])
+    start, end = Projection(CAMERA, (0, 0, *size)).to_window(np.array(POINTS))[:, :2]
     for share in (0.0, 0.3, 1.0):  # the caption is near the middle
-        x, y = (drawn[0] + share * (drawn[1] - drawn[0])).astype(int)
+        x, y = (start + share * (end - start)).astype(int)
         near = picture[y - 1 : y + 2, x - 1 : x + 2]  # lines of small pictures are thin
         assert near.min(axis=-1).max() > 200
     assert (picture[0] == 128).all() and (picture == 0).any()
 
 
 def test_an_annotation_behind_the_camera_is_not_drawn() -> None:
-    camera = Camera.orbit(VOLUME, azimuth_deg=20.0)
-    behind = tuple((2 * np.array(camera.position_mm) - np.array(camera.target_mm)).tolist())
+    behind = tuple(2 * np.array(CAMERA.position_mm) - np.array(CAMERA.target_mm))
     picture = marked((80, 60), annotations=[Annotation(points_mm=(behind,), text="here")])
     assert (picture == 128).all()
 
 
 def test_a_page_s_marks_are_where_a_picture_s_are() -> None:
-    from xml.etree import ElementTree
-
-    points, camera = ((2.0, 2.0, 2.0), (12.0, 5.0, 9.0)), Camera.orbit(VOLUME)
-    rows = [Annotation(points_mm=points, text="a < b"), Annotation(points_mm=points[:1], text="c")]
-    drawn = ElementTree.fromstring(f"<svg>{annotation_svg(rows, camera, (800, 600))}</svg>")
-    texts = [each.text for each in drawn.iter("text")]
-    assert texts == [rows[0].caption, "c"]
-    ends = Projection(camera, (0, 0, 800, 600)).to_window(np.array(points))[:, :2]
+    rows = [Annotation(points_mm=POINTS, text="a < b"), Annotation(points_mm=POINTS[:1], text="c")]
+    drawn = ElementTree.fromstring(f"<svg>{annotation_svg(rows, CAMERA, (800, 600))}</svg>")
+    assert [each.text for each in drawn.iter("text")] == [rows[0].caption, "c"]
+    ends = Projection(CAMERA, (0, 0, 800, 600)).to_window(np.array(POINTS))[:, :2]
     line = next(drawn.iter("line"))
     placed = [[float(line.get(f"{axis}{end}", "nan")) for axis in "xy"] for end in (1, 2)]
     assert np.abs(np.array(placed) - ends).max() < 0.06

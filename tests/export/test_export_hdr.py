@@ -15,7 +15,7 @@ from PIL import Image
 from tests.export.test_export_png import chunks
 from tests.support.commands import GENERAL
 from tests.support.errors import raises
-from tests.support.images import image
+from tests.support.images import image, read_codes
 from volspec.appearance import Display, Viewing
 from volspec.appearance.hdr import Hdr
 from volspec.appearance.spaces import SPACES
@@ -46,9 +46,8 @@ def luminance(codes: np.ndarray, hdr: Hdr) -> np.ndarray:
 def test_white_is_at_its_luminance_and_highlights_are_above_it(model: str) -> None:
     hdr = Hdr()
     viewing = Viewing(model=model, D=1.0, display=ROOM)
-    black, grey, white, bright = luminance(
-        hdr_frame(steps(), LIT, RelightSpec(viewing, mode="exact"), hdr), hdr
-    )[0]
+    frame = hdr_frame(steps(), LIT, RelightSpec(viewing, mode="exact"), hdr)
+    black, grey, white, bright = luminance(frame, hdr)[0]
     # An eye that is not wholly adapted to its display sees no neutral there; by ZCAM the white of A
     # has J = 101, by Hunt and Nayatani it depends on the level.
     near = {"CIECAM02": 0.005, "RLAB": 0.02, "ZCAM": 0.06, "Fairchild 1990": 0.08}
@@ -92,11 +91,11 @@ def test_lux_of_a_mixture_of_groups() -> None:
     rig = LightRig((light("A"), light("D65")), (1.0, 0.5), groups=("key", "sky"))
     lit = with_lux(rig, 300.0, GENERAL.grid)
     assert lit.total_lux == pytest.approx(300.0)
-    parts = [
-        LightRig(lit.lights[j : j + 1], illuminance_lux=lit.illuminance_lux[j : j + 1])
-        for j in range(2)
-    ]
-    mixed = sum(w * p.mixed(GENERAL.grid).values for w, p in zip(rig.weights, parts, strict=True))
+    parts = zip(rig.weights, lit.lights, lit.illuminance_lux, strict=True)
+    mixed = sum(
+        weight * LightRig((each,), illuminance_lux=(lux,)).mixed(GENERAL.grid).values
+        for weight, each, lux in parts
+    )
     alike = mixed / rig.mixed(GENERAL.grid).values
     np.testing.assert_allclose(alike, alike[0], rtol=1e-9)
 
@@ -162,10 +161,10 @@ def test_write_frame_makes_avif_of_hdr_only(tmp_path: Path) -> None:
     assert (tmp_path / "f.avif").read_bytes()[4:12] == b"ftypavif"
 
 
-def with_lights(scene: Any, export: str, lux: str = "illuminance_lux = 400") -> Scene:
+def with_lights(scene: Any, export: str) -> Scene:
     """The ball under one light, with lux, before a bright backdrop."""
-    lit = f'\n[[light]]\nname = "sun"\nspectrum = "D65"\n{lux}\n'
-    return scene(f'{lit}\n[export]\nlights = ["sun"]\n{export}\n')
+    lit = '[[light]]\nname = "sun"\nspectrum = "D65"\nilluminance_lux = 400\n'
+    return scene(f'{lit}[export]\nlights = ["sun"]\n{export}\n')
 
 
 def test_an_export_writes_hdr_frames_and_a_sheet(scene: Any, tmp_path: Path) -> None:
@@ -173,12 +172,10 @@ def test_an_export_writes_hdr_frames_and_a_sheet(scene: Any, tmp_path: Path) -> 
     assert made.files == ("sun.png", "sheet.png")
     found = chunks((tmp_path / "f/sun.png").read_bytes())
     assert found[b"cICP"] == bytes([9, 16, 0, 1]) and found[b"IHDR"][8] == 16
-    sheet = np.asarray(Image.open(tmp_path / "f/sheet.png"))
     # The backdrop of 0.2 is the grey of an sRGB frame, not PQ's.
-    plain = with_lights(scene, "").export(tmp_path / "g")
-    assert plain.files == made.files
-    other = np.asarray(Image.open(tmp_path / "g/sheet.png"))
-    assert np.abs(sheet.astype(int) - other).max() <= 6
+    assert with_lights(scene, "").export(tmp_path / "g").files == made.files
+    sheet, plain = (read_codes(tmp_path / name / "sheet.png").astype(int) for name in "fg")
+    assert np.abs(sheet - plain).max() <= 6
 
 
 def test_an_export_writes_avif_of_12_bits(scene: Any, tmp_path: Path) -> None:
