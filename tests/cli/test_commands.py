@@ -179,14 +179,6 @@ def test_what_an_encoding_lacks_is_a_question_mark(
     assert (exotic in said) == (encoding == "utf-8")
 
 
-@pytest.mark.slow
-def test_a_process_prints_what_its_terminal_s_encoding_has() -> None:
-    engine = str(ROOT / "data" / "engine.nrrd")
-    done = run("info", engine, env=os.environ | {"PYTHONIOENCODING": "ascii"})
-    assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr
-    assert "256 ? 256 ? 110" in done.stdout
-
-
 def test_bad_input_shows_a_traceback_if_asked() -> None:
     """Transcripts show the one line without it."""
     done = run("info", "none.nrrd", "--debug")

@@ -48,8 +48,8 @@ def shown(image: Path, *words: object) -> np.ndarray:
     return iio.imread(frame)
 
 
-def printed(capsys: Capture, image: Path, *words: object) -> str:
-    """What a command says on standard error besides its frame."""
+def said(capsys: Capture, image: Path, *words: object) -> str:
+    """What a command says on standard error while it makes its frame."""
     with warnings.catch_warnings():
         warnings.simplefilter("default")
         shown(image, *words)
@@ -112,13 +112,6 @@ def test_a_picture_of_radiances_is_relit_from_the_light_it_was_taken_under(tmp_p
     assert np.abs(shown(*words, "D65") - right).max() > 30, "red, where the lamp is left in"
 
 
-def test_lights_without_lux_relight_the_image_of_a_scene_with_lux(tmp_path: Path) -> None:
-    path = write_image(tmp_path / "chart.exr")
-    image = CoefficientImage.load(path)
-    replace(image, notes={"viewing": '{"level": "absolute"}'}).save(path)
-    assert np.array_equal(shown(path, "--light", "A"), relight(image, light("A")))
-
-
 SETTINGS = {
     "key=D65; fill=A*0.3": LightRig((light("D65"), light("A*0.3")), groups=("key", "fill")),
     " fill = planck:2500 ": LightRig((light("planck:2500"),), groups=("fill",)),
@@ -155,7 +148,7 @@ def test_a_light_stays_one_whatever_its_file_is_called(tmp_path: Path, monkeypat
 
 
 @pytest.mark.parametrize(
-    ("mode", "lamp", "said"),
+    ("mode", "lamp", "advice"),
     [
         ("fitted", "D65", ""),
         ("componentwise", "D65", ""),
@@ -166,12 +159,12 @@ def test_a_light_stays_one_whatever_its_file_is_called(tmp_path: Path, monkeypat
     ],
 )
 def test_a_warning_tells_of_a_light_that_the_mode_does_not_hold(
-    mode: str, lamp: str, said: str, tmp_path: Path, capsys: Capture
+    mode: str, lamp: str, advice: str, tmp_path: Path, capsys: Capture
 ) -> None:
     chart = write_image(tmp_path / "chart.exr")
-    err = printed(capsys, chart, "--mode", mode, "--light", lamp)
-    if said:
-        assert err.count("warning") == err.count(said) == 1 and lamp in err
+    err = said(capsys, chart, "--mode", mode, "--light", lamp)
+    if advice:
+        assert err.count("warning") == err.count(advice) == 1 and lamp in err
     else:
         assert err == ""
 
@@ -187,8 +180,10 @@ def test_lux_of_the_scene_s_lights_are_told_and_can_be_given(
     rig = LightRig((light("A"),), illuminance_lux=(500.0,))
     spec = RelightSpec(Viewing(exposure=0.8), level=level)
     save_for_compositors(noted, path, Recipe.of(GENERAL, image.groups, {"lamp": rig}, spec))
-    (note,) = printed(capsys, path, "--light", "A").splitlines()
+    (note,) = said(capsys, path, "--light", "A").splitlines()
     assert note.startswith("volspec: note: ") and "500" in note
+    # Lights without lux are at the relative level.
+    assert np.array_equal(iio.imread(tmp_path / "F.png"), relight(image, light("A"), spec.viewing))
     more = ["--lux", "500"]
     if level == "absolute":
         more += ["--exposure", "0.4"]
@@ -204,7 +199,7 @@ def test_a_frame_that_shows_nothing_is_warned_of(
 ) -> None:
     chart = write_image(tmp_path / "chart.exr")
     words = ("--light", "A", "--model", "none", "--exposure", exposure)
-    (line,) = printed(capsys, chart, *words).splitlines()
+    (line,) = said(capsys, chart, *words).splitlines()
     assert line.startswith("volspec: warning: ") and line.endswith("--exposure")
 
 
