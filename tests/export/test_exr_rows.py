@@ -36,13 +36,11 @@ def exr_file(path: Path, header: ExrHeader, threads: int = 2) -> Any:
 
 
 def picture(size: tuple[int, int], channels: int, noise: bool) -> np.ndarray:
-    width, height = size
+    shape = (*size[::-1], channels)
     if noise:  # which ZIP makes no smaller
-        kind = np.random.default_rng(1).integers(0, 0x7C00, (height, width, channels), np.uint16)
-        return kind.view(np.float16)
-    return np.add.outer(np.arange(height), np.arange(width * channels)).reshape(
-        height, width, channels
-    ) / np.float32(7)
+        return np.random.default_rng(1).integers(0, 0x7C00, shape, np.uint16).view(np.float16)
+    ramp = np.add.outer(np.arange(size[1]), np.arange(size[0] * channels))
+    return ramp.reshape(shape) / np.float32(7)
 
 
 @pytest.mark.parametrize("noise", [False, True])
@@ -61,9 +59,8 @@ def test_every_half_is_read_back(
         assert channels[name].dtype == np.float16
         assert np.array_equal(channels[name], pixels[..., k].astype(np.float16)), name
     assert {name: said[f"volspec:{name}"] for name in TEXT} == TEXT
-    assert said["chromaticities"] == pytest.approx(
-        (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
-    )
+    sRGB = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
+    assert said["chromaticities"] == pytest.approx(sRGB)
     assert said.get("emissiveUnits") == (None if bands is None else "W")
 
 
@@ -82,7 +79,6 @@ def test_blocks_stand_in_their_order_whichever_is_packed_first(
     header = ExrHeader((8, 160), SPACES["sRGB"])
     pixels = picture((8, 160), 3, noise=False)
     whole, packed = exr_bytes(pixels, header), exr._compressed
-
     calls, others = count(), Event()
 
     def first_is_last(plain: bytes) -> bytes:

@@ -62,6 +62,15 @@ class Opened:
         self.page.press(selector, key)
         self.settle()
 
+    def drag(self, across: float, down: float) -> None:
+        """Drag over the middle of the picture by some pixels."""
+        box = self.page.locator("#port").bounding_box()
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        self.page.mouse.move(x, y)
+        self.page.mouse.down()
+        self.page.mouse.move(x + across, y + down, steps=4)
+        self.page.mouse.up()
+
     def value(self, name: str) -> float:
         """Return a slider's value."""
         return float(self.page.input_value(f"#{name}"))

@@ -210,12 +210,7 @@ def test_a_lens_that_is_taken_off_half_way_is_waited_for_no_more(page: Opened) -
 @pytest.mark.slow
 def test_a_drag_and_keys_turn_and_reset_turns_back(page: Opened, image: CoefficientImage) -> None:
     before = page.picture()
-    box = page.page.locator("#port").bounding_box()
-    x, y, mouse = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2, page.page.mouse
-    mouse.move(x, y)
-    mouse.down()
-    mouse.move(x + 0.1 * box["width"], y, steps=3)
-    mouse.up()
+    page.drag(0.1 * page.page.locator("#port").bounding_box()["width"], 0)
     page.settle()
     assert page.value("turn-across") == pytest.approx(3, abs=0.1)
     assert mean_difference(page.picture(), before) > 0.5

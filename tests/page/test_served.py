@@ -51,16 +51,6 @@ class Served(Opened):
         )
         self.until(f"{STATUS}.startsWith('The whole')")
 
-    def drag(self, across: int, down: int) -> None:
-        """Drag over the middle of the picture by some pixels."""
-        box = self.page.locator("#port").bounding_box()
-        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-        self.page.mouse.move(x, y)
-        self.page.mouse.down()
-        for i in range(1, 5):
-            self.page.mouse.move(x + across * i / 4, y + down * i / 4)
-        self.page.mouse.up()
-
     def number(self, name: str) -> float:
         """Number of a slider's text."""
         return float(self.page.inner_text(f"#{name}-read").rstrip("°×"))
