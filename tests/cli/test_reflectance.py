@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import warnings
 from functools import partial
 from pathlib import Path
 
@@ -32,11 +31,10 @@ def test_json_holds_the_mix_the_lights_and_the_spectrum(capsys: Capture) -> None
     )
 
 
+@pytest.mark.filterwarnings("default")
 def test_a_colour_outside_is_extended_and_one_beyond_is_warned_of(capsys: Capture) -> None:
     assert figures(capsys, "reflectance", "red")["constructed"] == "extended"
-    with warnings.catch_warnings():
-        warnings.simplefilter("default")
-        assert call("95", "100", "20", "--json") == 0
+    assert call("95", "100", "20", "--json") == 0
     said = capsys.readouterr()
     assert json.loads(said.out)["constructed"] == "nearest"
     assert said.err.startswith("volspec: warning: ")
@@ -67,12 +65,11 @@ def test_a_photograph_becomes_a_spectral_picture(tmp_path: Path, capsys: Capture
     np.testing.assert_allclose(XYZ_from_spectra(light("D65"), image.values), wanted, atol=1e-4)
 
 
+@pytest.mark.filterwarnings("default")
 def test_transparency_and_profiles_are_left_out_with_a_word(
     tmp_path: Path, capsys: Capture
 ) -> None:
     photo = tmp_path / "photo.png"
     Image.new("RGBA", (2, 2), (90, 80, 70, 9)).save(photo, icc_profile=b"of a wide display")
-    with warnings.catch_warnings():
-        warnings.simplefilter("default")
-        assert call("--image", str(photo), "-o", str(tmp_path / "p.exr")) == 0
+    assert call("--image", str(photo), "-o", str(tmp_path / "p.exr")) == 0
     assert capsys.readouterr().err.count("volspec: warning: ") == 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
@@ -43,6 +44,13 @@ height = 24
 METALS = SCENE.replace('name = "general-7"', 'method = "materials"')
 
 Make = Callable[..., Scene]
+
+
+def ffmpeg(*words: object, check: bool = True) -> subprocess.CompletedProcess[bytes]:
+    """Run ffmpeg with what it says and gives."""
+    from imageio_ffmpeg import get_ffmpeg_exe
+
+    return subprocess.run([get_ffmpeg_exe(), *map(str, words)], capture_output=True, check=check)
 
 
 @pytest.fixture(scope="session")

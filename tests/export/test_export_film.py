@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.export.conftest import SCENE, Make
+from tests.export.conftest import SCENE, Make, ffmpeg
 from tests.export.test_files_whole import left_by_a_kill
 from tests.support.errors import raises
 from tests.support.fixtures import Patch, slow
@@ -23,21 +22,15 @@ from volspec.export.film import write_film
 
 def probe(path: Path) -> str:
     """Report of ffmpeg on a film."""
-    from imageio_ffmpeg import get_ffmpeg_exe
-
-    command = [get_ffmpeg_exe(), "-hide_banner", "-i", str(path)]
-    return subprocess.run(command, capture_output=True, text=True, check=False).stderr
+    return ffmpeg("-hide_banner", "-i", path, check=False).stderr.decode()
 
 
 def first_frame(path: Path, size: tuple[int, int]) -> np.ndarray:
-    from imageio_ffmpeg import get_ffmpeg_exe
-
-    command = [get_ffmpeg_exe(), "-loglevel", "error", "-i", str(path), "-frames:v", "1"]
-    command += ["-f", "rawvideo", "-pix_fmt", "rgb24"]
+    words = ["-i", path, "-frames:v", 1, "-f", "rawvideo", "-pix_fmt", "rgb24"]
     if path.suffix != ".gif":
-        command += ["-vf", "scale=in_color_matrix=bt709:in_range=tv:out_range=pc"]
-    done = subprocess.run([*command, "-"], capture_output=True, check=True)
-    return np.frombuffer(done.stdout, np.uint8).reshape(size[1], size[0], 3)
+        words += ["-vf", "scale=in_color_matrix=bt709:in_range=tv:out_range=pc"]
+    raw = ffmpeg("-loglevel", "error", *words, "-").stdout
+    return np.frombuffer(raw, np.uint8).reshape(size[1], size[0], 3)
 
 
 @pytest.mark.parametrize("suffix", [".mp4", slow(".webm"), ".gif"])

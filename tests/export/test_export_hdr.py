@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests.export.conftest import ffmpeg
 from tests.export.test_export_png import chunks
 from tests.support.commands import GENERAL
 from tests.support.errors import raises
@@ -122,11 +122,8 @@ def test_png_has_code_points_and_the_display_s_peak(
 
 def decoded(path: Path, size: tuple[int, int], bits: int) -> np.ndarray:
     """(3, H, W) Y'CbCr of a file, by ffmpeg."""
-    from imageio_ffmpeg import get_ffmpeg_exe
-
-    layout = f"-f rawvideo -pix_fmt yuv444p{bits}le -"
-    command = [get_ffmpeg_exe(), "-loglevel", "error", "-i", str(path), *layout.split()]
-    raw = subprocess.run(command, capture_output=True, check=True).stdout
+    layout = ("-f", "rawvideo", "-pix_fmt", f"yuv444p{bits}le", "-")
+    raw = ffmpeg("-loglevel", "error", "-i", path, *layout).stdout
     return np.frombuffer(raw, "<u2").reshape(3, size[1], size[0])
 
 
