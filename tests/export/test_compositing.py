@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tests.export._blender import Node, blender
 from tests.export._layers import LIGHTS, SHARES, SPEC, close, layered, made, opened, shown, stored
 from tests.support.commands import GENERAL, METALS, call
-from tests.support.errors import raises
+from tests.support.errors import raises, refuses
 from tests.support.fixtures import Patch
 from volspec.appearance import Viewing
 from volspec.appearance.spaces import SPACES
@@ -304,11 +304,10 @@ def test_a_recipe_that_was_edited_or_cut_is_refused(text: str | None, tmp_path: 
 
 
 def test_a_recipe_needs_lights_with_names() -> None:
-    for lights in ({}, [light("A")]):
-        with raises(InputError, "missing"):
-            Recipe.of(GENERAL, SHARES, lights)
-    with raises(ImageError, "missing"):
-        dataclasses.replace(Recipe.of(GENERAL, SHARES, LIGHTS), lights={})
+    recipe = Recipe.of(GENERAL, SHARES, LIGHTS)
+    refuses(lambda: Recipe.of(GENERAL, SHARES, {}), "missing recipe", InputError)
+    refuses(lambda: Recipe.of(GENERAL, SHARES, [light("A")]), "missing recipe", InputError)
+    refuses(lambda: dataclasses.replace(recipe, lights={}), "missing recipe", ImageError)
 
 
 @pytest.mark.parametrize(

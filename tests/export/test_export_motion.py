@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from tests.export.conftest import METALS, Make
-from tests.support.errors import raises
+from tests.support.errors import raises, refuses
 from tests.support.fixtures import slow
 from volspec.errors import SceneError, ViewingError
 from volspec.export import animation
@@ -400,9 +400,7 @@ def test_materials_that_are_not_there_and_lights_that_do_not_mix_are_refused(sce
     with raises(SceneError, "unknown") as caught:
         plan(fading(scene, 0, ", silk = 1.0"))
     assert "silk" in str(caught.value) and "at 1 s" in str(caught.value)
-    with raises(ViewingError, "missing", "LightRig.lights"):
-        mixed_rig([scene().lights[0].rig], [0.0])
     day, lamp, _ = scene().lights
     bright = replace(day, rig=replace(day.rig, illuminance_lux=(500.0,)))
-    with raises(SceneError, "conflict"):
-        mix_lights([bright, lamp], [0.5, 0.5])
+    refuses(lambda: mixed_rig([day.rig], [0.0]), "missing LightRig.lights", ViewingError)
+    refuses(lambda: mix_lights([bright, lamp], [0.5, 0.5]), "conflict", SceneError)

@@ -17,7 +17,7 @@ import pytest
 
 from tests.export.conftest import SCENE, Make
 from tests.export.test_files_whole import left_by_a_kill
-from tests.support.errors import raises
+from tests.support.errors import raises, refuses
 from tests.support.fixtures import Patch, slow
 from volspec._files import exclusive_folder
 from volspec.errors import InputError
@@ -110,8 +110,7 @@ def test_a_folder_of_another_scene_is_refused_unless_told(
     there = contents(tmp_path)
     (ball_folder / "lamp.csv").write_text("380,1\n780,2\n")
     other = scene(after)
-    with raises(InputError, "conflict"):
-        other.export(tmp_path, lights=["lamp"])
+    refuses(lambda: other.export(tmp_path, lights=["lamp"]), "conflict", InputError)
     assert contents(tmp_path) == there
     other.export(tmp_path, lights=["lamp"], overwrite=True)
     assert set(contents(tmp_path)) == {"lamp.png", "sheet.png", "export.json", "mine.txt"}
@@ -119,12 +118,10 @@ def test_a_folder_of_another_scene_is_refused_unless_told(
 
 def test_folders_of_others_are_not_written_into(scene: Make, tmp_path: Path) -> None:
     (tmp_path / "lamp.png").write_bytes(b"mine")
-    with raises(InputError, "duplicate"):
-        scene().export(tmp_path)
+    refuses(lambda: scene().export(tmp_path), "duplicate", InputError)
     assert contents(tmp_path) == {"lamp.png": b"mine"}
     (tmp_path / "export.json").write_text("{")
-    with raises(InputError, "duplicate"):
-        scene().export(tmp_path)
+    refuses(lambda: scene().export(tmp_path), "duplicate", InputError)
     with exclusive_folder(tmp_path / "busy"), raises(InputError, "state"):
         scene().export(tmp_path / "busy")
 

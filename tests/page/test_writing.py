@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.support.commands import call
-from tests.support.errors import raises, warns
+from tests.support.errors import refuses, warns
 from tests.support.fixtures import Capture
 from tests.support.images import some_rows
 from volspec.appearance import Viewing
@@ -68,16 +68,10 @@ def test_pages_need_a_view_a_light_and_views_alike(
     engine_scene: Scene, engine_image: CoefficientImage
 ) -> None:
     view, lights = PageView(engine_image), engine_scene.lights
-    with raises(ImageError, "missing", "page.lights"):
-        page_html([view], [])
-    with raises(ImageError, "missing", "page.views"):
-        page_html([], lights)
-    cut = some_rows(engine_image, slice(40))
-    with raises(ShapeError, "shape", "page.views"):
-        page_html([view, PageView(cut)], lights)
-    with raises(ViewingError, "unsupported", "page.backdrop"):
-        page_html([view], lights, RelightSpec(backdrop=reflectance("copper")))
-    with raises(ImageError, "range", "PageSpec.bits"):
-        PageSpec(bits=16)
-    with raises(ImageError, "unsupported"):
-        write_page("page.exr", [view], lights)
+    cut, copper = some_rows(engine_image, slice(40)), RelightSpec(backdrop=reflectance("copper"))
+    refuses(lambda: page_html([view], []), "missing page.lights", ImageError)
+    refuses(lambda: page_html([], lights), "missing page.views", ImageError)
+    refuses(lambda: page_html([view, PageView(cut)], lights), "shape page.views", ShapeError)
+    refuses(lambda: page_html([view], lights, copper), "unsupported page.backdrop", ViewingError)
+    refuses(lambda: PageSpec(bits=16), "range PageSpec.bits", ImageError)
+    refuses(lambda: write_page("page.exr", [view], lights), "unsupported", ImageError)
