@@ -133,6 +133,12 @@ def context() -> Iterator[Any]:
 
 
 @pytest.fixture(scope="session")
+def needs_opencl() -> None:
+    """Skip where there is no OpenCL device."""
+    Compute.open()
+
+
+@pytest.fixture(scope="session")
 def needs_gl() -> None:
     """Skip where there is no OpenGL."""
     try:

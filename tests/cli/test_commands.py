@@ -57,7 +57,7 @@ def test_without_a_writable_home_commands_work_with_one_warning(tmp_path: Path) 
 
 
 @pytest.fixture(scope="module")
-def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def demo(tmp_path_factory: pytest.TempPathFactory, needs_opencl: None) -> Path:
     folder = tmp_path_factory.mktemp("demo") / "out"
     with redirect_stdout(io.StringIO()) as printed:
         assert call("demo", "--out", folder, "--json") == 0

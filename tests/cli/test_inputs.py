@@ -92,6 +92,7 @@ def test_a_pattern_names_the_outputs_of_a_batch(scans: Path) -> None:
     assert (Path("films/a-A/A.png")).is_file() and (Path("pages/b.html")).is_file()
 
 
+@pytest.mark.usefixtures("needs_opencl")
 def test_a_batch_goes_on_after_an_input_that_cannot_be_read(scans: Path, capsys: Capture) -> None:
     (scans / "aa.nrrd").write_text("not a volume")
     assert call("export", "scans", "-o", "out", "--light", "A", "--json", *SIZE) == 1

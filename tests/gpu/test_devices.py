@@ -69,6 +69,7 @@ def test_the_first_device_that_works_is_chosen_and_tried_once(put_devices: Calla
     assert choose_device() == 1 and tries == []
 
 
+@pytest.mark.usefixtures("needs_opencl")
 def test_a_device_is_the_same_with_other_memory() -> None:
     """PoCL 5 states another size at each start of a process."""
     first = devices.devices()[0]
@@ -188,6 +189,7 @@ def test_a_driver_that_cannot_compile_is_named_by_the_doctor(tmp_path: Path) -> 
     assert done.returncode != 0 and "-no-such-flag" in " ".join(done.stdout.split())
 
 
+@pytest.mark.usefixtures("needs_opencl")
 def test_doctor_lists_devices_that_fail_next_to_the_one_that_works(put_devices: Callable) -> None:
     tries = put_devices(INTEL, NEW, OLD, faults={"3.0-rc2": NO_TARGET})
     found = doctor.examine()

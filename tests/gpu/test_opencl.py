@@ -230,7 +230,7 @@ def test_devices_are_chosen_by_name_platform_number_or_variable(monkeypatch: Pat
     assert choose_device() == 0
 
 
-@pytest.mark.usefixtures("two_devices")
+@pytest.mark.usefixtures("needs_opencl", "two_devices")
 @pytest.mark.parametrize(
     ("make", "variable", "code", "parts"),
     [
@@ -259,6 +259,7 @@ def test_devices_that_are_not_there_or_make_no_context_are_named(
     assert [part for part in parts if part not in str(caught.value)] == []
 
 
+@pytest.mark.usefixtures("needs_opencl")
 def test_doctor_shows_the_device_of_the_variable(monkeypatch: Patch) -> None:
     monkeypatch.setattr(devices, "_try", lambda index, info: "")
     monkeypatch.setenv("VOLSPEC_DEVICE", "0")

@@ -232,6 +232,7 @@ def test_the_current_context_is_known_by_its_handle(context: Any) -> None:
     assert f"{here.handle:#x}" in sharing.context_name(context, here)
 
 
+@pytest.mark.usefixtures("needs_opencl")
 def test_doctor_reports_why_memory_is_not_shared(context: Any, monkeypatch: Patch) -> None:
     monkeypatch.setattr(devices, "_try", lambda index, info: "")
     for message in ("moon", None):

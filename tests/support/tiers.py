@@ -26,7 +26,7 @@ from volspec.errors import DeviceError
 TESTS = Path(__file__).resolve().parents[1]
 QUICK = ("appearance", "basis", "palette", "scene", "spectra", "transfer", "viewer")
 # Fixtures of a device, a browser or a window.
-MACHINE_FIXTURES = frozenset({"backend", "browser", "context", "needs_gl", "screen"})
+MACHINE_FIXTURES = {"backend", "browser", "context", "needs_gl", "needs_opencl", "screen"}
 _FORBIDDEN = "`make quick` opens no device, child process or window; mark the test `not_quick`"
 DESELECTED = pytest.StashKey[int]()
 
