@@ -353,6 +353,7 @@ def test_a_box_keeps_the_camera_when_meshes_are_added(folder: Path) -> None:
     assert cameras[0] == cameras[1] != cameras[2]
 
 
+@pytest.mark.slow
 def test_a_mesh_s_file_becomes_a_scene(folder: Path) -> None:
     scene = vs.Scene.from_mesh(folder / "core.ply", lights=["A"])
     assert [light.name for light in scene.lights] == ["A"]

@@ -97,7 +97,7 @@ def breaches(page: Any) -> list[str]:
     ("size", "media", "words"),
     [
         slow(WIDE, "light", {"a.weights": "0,0,0"}),
-        (WIDE, "dark", ALL_ON),
+        slow(WIDE, "dark", ALL_ON),
         (PHONE, "light", ALL_ON),
         slow(PHONE, "dark", {"view": 7}),
         slow(WIDE, "dark forced", ALL_ON),

@@ -133,6 +133,7 @@ def test_conditions_follow_the_view_unless_they_are_given(opened: ViewState) -> 
     assert edits.shown_spec(viewing.set_background(turned, 55.0)).viewing.Y_b == 55.0
 
 
+@pytest.mark.slow
 def test_paint_needs_no_cast(opened: ViewState) -> None:
     room = painted(painted(opened, "walls", "#c04030"), "floor", "grey:0.2").room
     assert not room.is_solved

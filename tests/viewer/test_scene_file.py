@@ -58,7 +58,7 @@ def test_what_mouse_and_sliders_change_comes_back(state: ViewState, tmp_path: Pa
         assert one == pytest.approx(other, rel=1e-6)
 
 
-@pytest.mark.not_quick
+@pytest.mark.slow
 def test_cuts_groups_and_their_lights_come_back(state: ViewState, tmp_path: Path) -> None:
     key = LightGroup("key", (Directional((1, 1, 1), frame="camera", shadows=True),))
     fill = LightGroup("fill", (Point((0, 0, 30), falloff_mm=20.0),))

@@ -197,6 +197,7 @@ sys.stdout.write(f"{width} {height} {min(data[3::4])} {max(data[0::4])}")
 """
 
 
+@pytest.mark.slow
 def test_work_is_exported_found_by_name_kept_and_restored(tmp_path: Path) -> None:
     save_ball(tmp_path)
     (tmp_path / "scene.toml").write_text(SCENE % "Work", encoding="utf-8")

@@ -172,6 +172,7 @@ def test_steps_play_and_raw_layouts_are_chosen_from_lists(tmp_path: Path) -> Non
         assert robot.ends() == 0
 
 
+@pytest.mark.slow
 def test_a_cast_image_is_relit_and_says_what_it_cannot(window: Robot, tmp_path: Path) -> None:
     (done,) = casts_of(job_of(opened(tmp_path), (64, 32), WHOLE))
     done.image.save(tmp_path / "it.exr")
