@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.support.fixtures import slow
 from tests.support.raycasts import FLAT, WHOLE, chords_mm, cube, fog, turned
 from volspec.raycast import Camera, RaycastSpec, reference
 from volspec.raycast.gpu import Raycaster
@@ -22,8 +23,8 @@ KINDS = pytest.mark.parametrize(
     ("kind", "lanes"),
     [
         *(("values", 1), ("values", 8)),
-        *(pytest.param("rows", lanes, marks=pytest.mark.slow) for lanes in (1, 8)),
-        *(pytest.param("labels", lanes, marks=pytest.mark.slow) for lanes in (1, 8)),
+        *(slow("rows", lanes) for lanes in (1, 8)),
+        *(slow("labels", lanes) for lanes in (1, 8)),
     ],
 )
 
@@ -166,7 +167,7 @@ def test_a_short_chord_takes_what_its_length_takes(
 
 
 @KINDS
-@pytest.mark.parametrize("adaptive", [0.0, pytest.param(0.1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("adaptive", [0.0, slow(0.1)])
 def test_a_faint_medium_keeps_its_digits(kind: str, adaptive: float, lanes: int) -> None:
     """1 − opacity has none left at 1e-9; chords of clipped, whole and long steps alike.
 

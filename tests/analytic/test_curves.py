@@ -43,10 +43,10 @@ CASES = {
         *((150.3217, 0.5, "gold"), (150.3217, 0.1, "copper"), (200, 0.1, "copper")),
     ),
     "steps at both ends": bytes_(
-        *((80, 0.0, "copper"), (80, 0.5, "gold"), (160, 0.5, "gold"), (160, 0, "gold")),
+        *((80, 0.0, "copper"), (80, 0.5, "gold"), (160, 0.5, "gold"), (160, 0, "gold"))
     ),
     "a step of materials": bytes_(
-        *((60, 0.2, "copper"), (128, 0.2, "copper"), (128, 0.2, "gold"), (200, 0.2, "gold")),
+        *((60, 0.2, "copper"), (128, 0.2, "copper"), (128, 0.2, "gold"), (200, 0.2, "gold"))
     ),
     "opaque": bytes_((80, 0, "copper"), (140, 1, "gold")),
     "a spike of 0.2 in 8 bits": bytes_((0, 0, "gold"), *spike(128, 0.1), (255, 0, "gold")),
@@ -71,9 +71,7 @@ def volume_of(dtype: DTypeLike, span: tuple[float, float]) -> vs.Volume:
     return vs.Volume((values if dtype == np.float32 else np.rint(values)).astype(dtype))
 
 
-@pytest.mark.parametrize(
-    "step", [0.37, *(pytest.param(step, marks=pytest.mark.slow) for step in (0.5, 1.0))]
-)
+@pytest.mark.parametrize("step", [0.37, *slow_each(0.5, 1.0)])
 @pytest.mark.parametrize(
     "name", [*USUAL, *slow_each(*(name for name in CASES if name not in USUAL))]
 )

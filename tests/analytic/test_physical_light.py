@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks.scenes import bench_scene
 from tests.support import brute_force
+from tests.support.fixtures import slow
 from volspec.pipeline import Raycaster
 from volspec.raycast import Ambient, Camera, Directional, LightGroup, RaycastSpec
 from volspec.transfer import TransferTable
@@ -27,13 +28,8 @@ def spec_of(source: Ambient | Directional) -> RaycastSpec:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "source", [pytest.param(KEY, marks=pytest.mark.slow), SKY], ids=["key", "sky"]
-)
-@pytest.mark.parametrize(
-    "name",
-    ["engine", *(pytest.param(name, marks=pytest.mark.slow) for name in ("mrbrain", "foot"))],
-)
+@pytest.mark.parametrize("source", [KEY, SKY], ids=["key", "sky"])
+@pytest.mark.parametrize("name", ["engine", "mrbrain", "foot"])
 def test_light_is_that_of_rays_through_the_voxels(name: str, source: Ambient | Directional) -> None:
     """At half the resolution, for the time of the rays; the part of light that pixels get."""
     try:
@@ -59,7 +55,7 @@ def test_light_is_that_of_rays_through_the_voxels(name: str, source: Ambient | D
     assert np.sqrt((off**2).mean()) < 0.1
 
 
-@pytest.mark.parametrize("slant", [pytest.param(0.0, marks=pytest.mark.slow), 0.3])
+@pytest.mark.parametrize("slant", [slow(0.0), 0.3])
 def test_no_light_leaks_through_a_wall_of_two_voxels(slant: float) -> None:
     values = np.zeros((48, 48, 48), np.uint8)
     values[40:42] = 200  # a wall under the light, above the matter that is seen

@@ -204,7 +204,7 @@ def test_long_steps_know_that_labels_beyond_the_table_are_nothing() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("preintegrated", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("preintegrated", [False, True])
 def test_a_homogeneous_body_is_the_same_in_long_steps(preintegrated: bool) -> None:
     """Steps of four are four steps, and end with the brick and the chord.
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import volspec as vs
+from tests.support.fixtures import slow
 from tests.support.raycasts import WHOLE, along_z, cube, fog, labelled, turned
 from volspec.raycast.sampling import world_rays
 from volspec.transfer import SurfaceTable, TransferTable
@@ -129,7 +130,7 @@ def test_preintegrated_opacity_of_a_ramp_is_an_integral_over_values(step_mm: flo
     assert np.abs(coefficients - 0.4 * expected).max() < 1e-5
 
 
-@pytest.mark.parametrize("mode", ["average", pytest.param("maximum", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("mode", ["average", slow("maximum")])
 def test_projections_of_a_linear_field_are_known(mode: Literal["average", "maximum"]) -> None:
     """The mean is the value in the chord's middle; the greatest, that of the greater end.
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import volspec as vs
+from tests.support.fixtures import slow, slow_each
 from tests.twins.test_light_volume import downloaded, lit, opened
 from volspec.raycast import reference
 from volspec.raycast.kernel_arguments import LIGHT_MARGIN
@@ -53,9 +54,7 @@ def test_straight_light_through_a_slab_matches_beer_lambert() -> None:
     assert np.abs(-np.log(layer) - expected).max() < LEVEL
 
 
-@pytest.mark.parametrize(
-    "cells", [17, *(pytest.param(n, marks=pytest.mark.slow) for n in (33, 65))]
-)
+@pytest.mark.parametrize("cells", [17, *slow_each(33, 65)])
 @pytest.mark.parametrize("towards", [(1.2, 1, 1.1), (-1, 1, 1.2), (1, -1, -1)])
 def test_slanting_light_through_a_slab_matches_beer_lambert(
     towards: tuple[float, float, float], cells: int
@@ -139,14 +138,12 @@ def test_a_point_lights_shadow_widens_with_distance() -> None:
         assert (row[from_middle > half + 1.5] == 1).all()
 
 
-@pytest.mark.parametrize(
-    "cells", [48, *(pytest.param(n, marks=pytest.mark.slow) for n in (24, 96))]
-)
+@pytest.mark.parametrize("cells", [48, *slow_each(24, 96)])
 @pytest.mark.parametrize(
     "source",
     [
         vs.Directional((0, 0, 1), shadows=True),
-        pytest.param(vs.Directional((4, 0, 1), shadows=True), marks=pytest.mark.slow),
+        slow(vs.Directional((4, 0, 1), shadows=True)),
         vs.Ambient(occlusion=True),
     ],
 )
@@ -174,7 +171,7 @@ def test_a_flat_wall_does_not_shadow_itself(cells: int, source: Source) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("opaque", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("opaque", [True, False])
 def test_an_isosurface_does_not_shadow_itself(opaque: bool) -> None:
     """A ball lit from the camera's side is as bright with shadows as without."""
     volume = vs.phantom.ball(64)
@@ -234,7 +231,7 @@ CUTS = {
 
 @pytest.mark.slow
 # The reference takes a minute for 96 cells.
-@pytest.mark.parametrize("cells", [24, pytest.param(96, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("cells", [24, 96])
 @pytest.mark.parametrize("cut", CUTS)
 def test_a_cut_through_opaque_matter_is_open_to_the_sky_and_lit(cut: str, cells: int) -> None:
     """Without a gradient at the cut; from a point on a plane, half of the sphere is all light.

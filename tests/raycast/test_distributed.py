@@ -14,6 +14,7 @@ import pytest
 from PIL import Image
 
 from tests.support.errors import raises
+from tests.support.fixtures import slow
 from tests.support.pyramids import stored
 from tests.support.window import ENGINE
 from tests.twins.test_parts import LIT, curve
@@ -51,7 +52,7 @@ def workers(caster: Raycaster) -> list[int]:
     return sorted(caster.cluster.client.run(os.getpid).values())
 
 
-@pytest.mark.parametrize("spec", [SPEC, pytest.param(LIT_SPEC, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("spec", [SPEC, slow(LIT_SPEC)])
 def test_the_picture_is_that_of_one_machine(
     engine: Volume, caster: Raycaster, spec: RaycastSpec
 ) -> None:

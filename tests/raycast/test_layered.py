@@ -14,6 +14,7 @@ import OpenEXR
 import pytest
 
 from tests.support.errors import raises, refuses, warns
+from tests.support.fixtures import slow
 from tests.support.raycasts import (
     METAL_BASIS,
     METALS,
@@ -162,10 +163,7 @@ def lit(caster: Raycaster) -> CoefficientImage:
 
 @pytest.mark.parametrize(
     ("scales", "least"),
-    [
-        pytest.param(*own, marks=pytest.mark.slow)
-        for own in (((0, 1), 20), ((0.25, 1), 15), ((1, 0), 15), ((4, 1), 10))
-    ],
+    [slow(*own) for own in (((0, 1), 20), ((0.25, 1), 15), ((1, 0), 15), ((4, 1), 10))],
 )
 def test_shadows_are_those_of_a_new_cast(
     caster: Raycaster, lit: CoefficientImage, scales: tuple[float, float], least: float

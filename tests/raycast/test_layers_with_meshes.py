@@ -11,6 +11,7 @@ import pytest
 
 import volspec as vs
 from tests.support.errors import raises
+from tests.support.fixtures import slow, slow_each
 from tests.support.raycasts import soft_ball
 from tests.twins.test_layers import assert_layers_alike, blend, noise
 from volspec.errors import CastCancelled, RaycastError
@@ -74,11 +75,7 @@ def whole(image: vs.CoefficientImage) -> Any:
     return (covered == 0.0) | (covered > 0.999)
 
 
-@pytest.fixture(
-    scope="module",
-    params=[pytest.param(PLAIN, marks=pytest.mark.slow), LIT],
-    ids=["plain", "shadows"],
-)
+@pytest.fixture(scope="module", params=[slow(PLAIN), LIT], ids=["plain", "shadows"])
 def groups(request: pytest.FixtureRequest) -> Any:
     return request.param
 
@@ -106,15 +103,7 @@ def test_scale_1_is_the_cast_without_layers(
 
 
 @pytest.mark.parametrize(
-    "scales",
-    [
-        (0.0, 1.0),
-        *(
-            pytest.param(own, marks=pytest.mark.slow)
-            for own in ((0.3, 1), (1, 0), (0, 0.25), (4, 0.5))
-        ),
-    ],
-    ids=str,
+    "scales", [(0.0, 1.0), *slow_each((0.3, 1), (1, 0), (0, 0.25), (4, 0.5))], ids=str
 )
 def test_meshes_are_seen_as_in_a_new_cast(
     caster: vs.Raycaster, image: vs.CoefficientImage, groups: Any, scales: tuple[float, float]

@@ -11,6 +11,7 @@ import pytest
 
 from tests.raycast.test_layered import function
 from tests.support.errors import refuses, warns
+from tests.support.fixtures import slow
 from tests.support.raycasts import along_z, cube, edit_exr, even_gold, turned
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Ambient, Camera, CoefficientImage, LightGroup, RaycastSpec
@@ -159,11 +160,7 @@ def test_a_file_holds_the_camera(image: CoefficientImage, tmp_path: Path) -> Non
     assert CoefficientImage.load(tmp_path / "image.exr").camera is None  # an older file
 
 
-@pytest.mark.parametrize(
-    "height_mm",
-    [None, pytest.param(60.0, marks=pytest.mark.slow)],
-    ids=["perspective", "parallel"],
-)
+@pytest.mark.parametrize("height_mm", [None, slow(60.0)], ids=["perspective", "parallel"])
 def test_eyes_see_what_casts_of_their_cameras_do(
     caster: Raycaster, height_mm: float | None
 ) -> None:
@@ -220,7 +217,7 @@ def test_anaglyphs_are_mixed_in_linear_light(image: CoefficientImage) -> None:
     assert Stereo("anaglyph").combine(*frames).shape == (SIZE[1], SIZE[0], 3)
 
 
-@pytest.mark.parametrize("scale", [0.3, pytest.param(1.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("scale", [0.3, slow(1.0)])
 def test_cuts_and_fog_of_views_are_those_of_the_picture(
     image: CoefficientImage, scale: float
 ) -> None:

@@ -12,6 +12,7 @@ import pytest
 from tests.raycast.test_layered import GROUPS, SPEC, cast_ball, cast_scaled
 from tests.support.commands import call
 from tests.support.errors import warns
+from tests.support.fixtures import slow
 from tests.support.raycasts import METALS, WHOLE, along_z, cube, even_gold, soft_ball
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import CoefficientImage, LightGroup
@@ -44,11 +45,7 @@ SHADED = (
 
 @pytest.mark.parametrize(
     ("layers", "groups"),
-    [
-        (8, GROUPS),
-        pytest.param(4, GROUPS, marks=pytest.mark.slow),
-        pytest.param(4, SHADED, marks=pytest.mark.slow),
-    ],
+    [(8, GROUPS), slow(4, GROUPS), slow(4, SHADED)],
     ids=["8 layers", "4 layers", "with shadows"],
 )
 def test_a_mean_is_good_to_a_factor_of_two(

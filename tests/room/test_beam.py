@@ -108,13 +108,7 @@ def test_planes_follow_from_the_symmetry_of_their_angles(
 
 @pytest.mark.parametrize(
     ("symmetry", "planes"),
-    [
-        (0, [0, 90, 180, 270]),
-        (1, [0]),
-        (2, [0, 90, 180]),
-        (3, [270, 0, 90]),
-        (4, [0, 90]),
-    ],
+    [(0, [0, 90, 180, 270]), (1, [0]), (2, [0, 90, 180]), (3, [270, 0, 90]), (4, [0, 90])],
 )
 def test_eulumdat_has_the_planes_of_its_symmetry(
     tmp_path: Path, symmetry: int, planes: list[int]

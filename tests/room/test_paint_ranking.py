@@ -61,9 +61,7 @@ def room(number: int) -> RoomLight:
 
 
 @pytest.mark.parametrize("number", [1, *slow_each(0, 2)])
-def test_the_best_are_those_of_a_ranking_that_solves_every_paint(
-    number: int,
-) -> None:
+def test_the_best_are_those_of_a_ranking_that_solves_every_paint(number: int) -> None:
     mixed = [reflectance(name) for name in MIXED]
     paints = mix_paints(mixed, 1 / 7) if number == 1 else paint_set(["training"])
     assert len(paints) > 100

@@ -13,6 +13,7 @@ from scipy.ndimage import gaussian_filter
 
 import volspec as vs
 from tests.support.errors import refuses
+from tests.support.fixtures import slow
 from tests.support.raycasts import (
     METAL_BASIS,
     METALS,
@@ -70,18 +71,12 @@ OPENED = replace(PLANE, fields=("",))
     ("shown", "settings", "lanes"),
     [
         ("abc", LIT, 8),
-        *(pytest.param("abc", LIT, lanes, marks=pytest.mark.slow) for lanes in (1, 4, 16)),
-        pytest.param("ab", {}, None, marks=pytest.mark.slow),
-        pytest.param(
-            *("abc", {"crop_voxels": ((3, 20), (2, 18), (0, 15)), "jitter": 1.0}, None),
-            marks=pytest.mark.slow,
-        ),
-        pytest.param("c", {"clip_planes": (PLANE,)}, None, marks=pytest.mark.slow),
+        *(slow("abc", LIT, lanes) for lanes in (1, 4, 16)),
+        slow("ab", {}, None),
+        slow("abc", {"crop_voxels": ((3, 20), (2, 18), (0, 15)), "jitter": 1.0}, None),
+        slow("c", {"clip_planes": (PLANE,)}, None),
         ("abc", {**LIT, "clip_planes": (OPENED, replace(OPENED, fields="c"))}, None),
-        pytest.param(
-            *("ab", {**LIT, "clip_planes": (OPENED, replace(OPENED, fields=("b",)))}, None),
-            marks=pytest.mark.slow,
-        ),
+        slow("ab", {**LIT, "clip_planes": (OPENED, replace(OPENED, fields=("b",)))}, None),
     ],
     ids=[
         *(f"shadows-{lanes}" for lanes in (8, 1, 4, 16)),

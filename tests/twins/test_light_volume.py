@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import volspec as vs
+from tests.support.fixtures import slow, slow_each
 from tests.support.raycasts import labelled, oblique_world, turned
 from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import Source, asset
@@ -85,12 +86,12 @@ def curve(low: float, high: float) -> TransferTable:
     return TransferTable((low, high), 0.9 * at**2, np.full((1024, 2), 0.5), 1.0)
 
 
-@pytest.mark.parametrize("lanes", [8, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 4))])
+@pytest.mark.parametrize("lanes", [8, *slow_each(1, 4)])
 def test_engine_matches_reference_at_every_packet_width(half_engine, three_channels, lanes):
     assert_alike(half_engine, three_channels, lit(SUN, LAMP, BULB, SKY, cells=29), lanes=lanes)
 
 
-@pytest.mark.parametrize("cells", [9, *(pytest.param(n, marks=pytest.mark.slow) for n in (24, 40))])
+@pytest.mark.parametrize("cells", [9, *slow_each(24, 40)])
 def test_oblique_anisotropic_volume_matches_reference(cells):
     """Few nodes to many voxels, and many to few: then nodes lie between voxels."""
     volume = oblique()
@@ -102,10 +103,7 @@ def test_oblique_anisotropic_volume_matches_reference(cells):
 SIDES = (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)
 
 
-@pytest.mark.parametrize(
-    "towards",
-    [(0, 0, -1), (-3, 2, -1), *(pytest.param(n, marks=pytest.mark.slow) for n in SIDES[:5])],
-)
+@pytest.mark.parametrize("towards", [(0, 0, -1), (-3, 2, -1), *slow_each(*SIDES[:5])])
 def test_light_from_every_side_matches_reference(half_engine, three_channels, towards):
     assert_alike(half_engine, three_channels, lit(vs.Directional(towards, shadows=True)))
 
@@ -136,10 +134,7 @@ def test_physical_light_of_unequal_spacing_matches_reference():
     assert_alike(oblique(), curve(-40, 150), lit(SUN, BULB, SKY, physical_light=True))
 
 
-@pytest.mark.parametrize(
-    "dtype",
-    [np.uint16, *(pytest.param(d, marks=pytest.mark.slow) for d in ("uint8", "int16", "float32"))],
-)
+@pytest.mark.parametrize("dtype", [np.uint16, *slow_each("uint8", "int16", "float32")])
 def test_every_voxel_type_matches_reference(dtype):
     volume = vs.Volume((vs.phantom.ball(20).values * 120).astype(dtype))
     assert_alike(volume, curve(0, 120), lit(SUN, SKY))
@@ -160,9 +155,7 @@ def test_cuts_match_reference(engine, three_channels):
 
 
 @pytest.mark.parametrize("shape", [(2, 2, 2), (2, 9, 90), (17, 2, 3)])
-@pytest.mark.parametrize(
-    "spacing_mm", [1e-6, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 1e6))]
-)
+@pytest.mark.parametrize("spacing_mm", [1e-6, *slow_each(1, 1e6)])
 def test_thin_and_tiny_volumes_match_reference(shape, spacing_mm):
     """Whatever the unit, and with lights far outside; thin ones shadow next to nothing."""
     values = np.random.default_rng(6).integers(0, 2, shape).astype(np.uint8)
@@ -188,7 +181,7 @@ def test_labels_match_reference():
     assert_alike(volume, labelled([0.1, 0.9, 0.3]), lit(SUN, SKY))
 
 
-@pytest.mark.parametrize("opacity", [0.7, pytest.param(1.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("opacity", [0.7, slow(1.0)])
 def test_surfaces_match_reference(opacity):
     table = SurfaceTable([0.0, 77.5], [0.4, opacity], np.eye(2))
     assert_alike(oblique(), table, lit(SUN, SKY))
@@ -244,7 +237,7 @@ __kernel void sample(__global const ushort *layer, __global const floatN *at,
 """
 
 
-@pytest.mark.parametrize("lanes", [8, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 4))])
+@pytest.mark.parametrize("lanes", [8, *slow_each(1, 4)])
 def test_samples_of_a_layer_match_reference(lanes):
     """Everywhere, on the outermost nodes too, where the last cell ends."""
     rng = np.random.default_rng(4)
@@ -270,7 +263,7 @@ def test_samples_of_a_layer_match_reference(lanes):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("materials", [2, pytest.param(4, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("materials", [2, 4])
 def test_materials_alone_match_reference(half_engine, three_channels, materials):
     """Without ``split`` as with it; each at half of its depth, and occlusion unclipped."""
     small, spec = half_engine.downsampled(2), lit(SUN, BULB, SKY)

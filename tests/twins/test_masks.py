@@ -13,14 +13,9 @@ from scipy.ndimage import gaussian_filter
 
 import volspec as vs
 from tests.support.errors import refuses
+from tests.support.fixtures import slow
 from tests.support.raycasts import METALS, assert_matches_reference, metal_function
-from volspec.raycast import (
-    Ambient,
-    ClipPlane,
-    Directional,
-    LightGroup,
-    RaycastSpec,
-)
+from volspec.raycast import Ambient, ClipPlane, Directional, LightGroup, RaycastSpec
 from volspec.raycast.masks import MaskLattice
 from volspec.transfer import FieldFunctions, FieldTables, Mask, TransferFunction
 from volspec.transfer.missing import bake_for_volume
@@ -79,13 +74,7 @@ def view(volume: Volume) -> vs.Camera:
 
 @pytest.mark.parametrize(
     ("spec", "lattice"),
-    [
-        (LIT, "turned"),
-        *(
-            pytest.param(*own, marks=pytest.mark.slow)
-            for own in ((LIT, "same"), (FLAT, "turned"), (FLAT, "same"))
-        ),
-    ],
+    [(LIT, "turned"), slow(LIT, "same"), slow(FLAT, "turned"), slow(FLAT, "same")],
 )
 def test_masks_match_the_reference(ct, turned, lattice, spec):
     mask = turned

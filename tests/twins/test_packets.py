@@ -26,7 +26,7 @@ TOLERANCE = 1e-4
     ("dtype", "spec"),
     [
         ("uint8", RaycastSpec(ambient=1.0, diffuse=0.0, adaptive=0.02)),
-        pytest.param("int16", RaycastSpec(specular=0.3), marks=pytest.mark.slow),
+        ("int16", RaycastSpec(specular=0.3)),
     ],
     ids=["adaptive", "shaded"],
 )

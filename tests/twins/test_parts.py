@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import volspec as vs
+from tests.support.fixtures import slow, slow_each
 from tests.support.pyramids import in_parts_of, pyramid_of
 from tests.support.raycasts import oblique_world
 from volspec.raycast.bricks import brick_ranges, visible_by_table
@@ -60,10 +61,8 @@ def assert_same(whole: vs.CoefficientImage, parts: vs.CoefficientImage) -> None:
     assert np.array_equal(np.isfinite(whole.first_mm), np.isfinite(parts.first_mm))
 
 
-@pytest.mark.parametrize("name", ["engine", pytest.param("foot", marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    "side", [32, *(pytest.param(n, marks=pytest.mark.slow) for n in (64, 100))]
-)
+@pytest.mark.parametrize("name", ["engine", slow("foot")])
+@pytest.mark.parametrize("side", [32, *slow_each(64, 100)])
 def test_parts_of_any_size_make_the_picture_of_the_whole(name, side, monkeypatch, request):
     folder: Path | None = None if name == "engine" else request.getfixturevalue("volumes")
     volume = vs.load_volume(name if folder is None else folder / f"{name}.nrrd")
@@ -94,8 +93,8 @@ MORE = {
     [
         *((name, True) for name in SETTINGS),
         ("jitter", False),
-        *(pytest.param(name, True, marks=pytest.mark.slow) for name in MORE),
-        *(pytest.param(n, False, marks=pytest.mark.slow) for n in SETTINGS | MORE if n != "jitter"),
+        *((name, True) for name in MORE),
+        *((n, False) for n in SETTINGS | MORE if n != "jitter"),
     ],
 )
 def test_settings(engine, name, ranges, monkeypatch):
@@ -106,9 +105,7 @@ def test_settings(engine, name, ranges, monkeypatch):
 
 
 @pytest.mark.parametrize("orthographic", [True, False])
-@pytest.mark.parametrize(
-    "azimuth", [90, *(pytest.param(n, marks=pytest.mark.slow) for n in (0, 225))]
-)
+@pytest.mark.parametrize("azimuth", [90, *slow_each(0, 225)])
 def test_cameras_along_planes_between_parts(engine, azimuth, orthographic, monkeypatch):
     # Rays that run in a plane between two parts are in one of them only.
     in_parts_of(monkeypatch, 32)
@@ -166,7 +163,7 @@ def test_surfaces_and_labels(engine, kind, monkeypatch):
     compare(volume, transfer, vs.Camera.orbit(engine), replace(STEP, groups=LIT))
 
 
-@pytest.mark.parametrize("table", ["shell", pytest.param("surface", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("table", ["shell", slow("surface")])
 def test_only_blocks_that_samples_read_are_read(engine, table, monkeypatch):
     in_parts_of(monkeypatch, 32, 64, 64)
     points = [(140, 0.0, "skin"), (150, 0.4, "bone"), (160, 0.4, "bone"), (170, 0.0, "skin")]

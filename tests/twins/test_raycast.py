@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from tests.support.fixtures import slow, slow_each
 from tests.support.raycasts import FLAT, fog, oblique_world
 from volspec.raycast import Camera, RaycastSpec, reference
 from volspec.raycast.gpu import Raycaster
@@ -57,7 +58,7 @@ def two_channels(values: list[float], opacity: list[float]) -> TransferTable:
     return TransferTable((at[0], at[-1]), np.interp(at, values, opacity), weights, 1.0)
 
 
-@pytest.mark.parametrize("lanes", [1, *(pytest.param(n, marks=pytest.mark.slow) for n in (4, 8))])
+@pytest.mark.parametrize("lanes", [1, *slow_each(4, 8)])
 def test_engine_matches_reference_at_every_packet_width(
     engine, engine_table, three_channels, lanes
 ):
@@ -72,9 +73,7 @@ MORE_VIEWS = [{"azimuth_deg": 0, "elevation_deg": e} for e in (0, 90)]
 MORE_VIEWS += [{"azimuth_deg": a, "elevation_deg": e} for a, e in ((200, 60), (77, -35))]
 
 
-@pytest.mark.parametrize(
-    "view", [*VIEWS, *(pytest.param(v, marks=pytest.mark.slow) for v in MORE_VIEWS)], ids=str
-)
+@pytest.mark.parametrize("view", [*VIEWS, *slow_each(*MORE_VIEWS)], ids=str)
 def test_engine_matches_reference_from_every_side(engine, three_channels, view):
     assert_alike(engine, three_channels, Camera.orbit(engine, **view), RaycastSpec())
 
@@ -95,13 +94,7 @@ def test_oblique_anisotropic_volume_matches_reference():
 
 @pytest.mark.parametrize(
     ("dtype", "channels"),
-    [
-        (np.uint16, 2),
-        *(
-            pytest.param(*kind, marks=pytest.mark.slow)
-            for kind in ((np.uint8, 24), (np.int16, 3), (np.float32, 9))
-        ),
-    ],
+    [(np.uint16, 2), slow(np.uint8, 24), slow(np.int16, 3), slow(np.float32, 9)],
 )
 def test_every_voxel_type_and_channel_count(dtype, channels):
     volume = Volume((phantom.ball(20).values * 120).astype(dtype))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import volspec as vs
+from tests.support.fixtures import slow, slow_each
 from tests.support.raycasts import FLAT, fog, ramp, turned
 from tests.twins.test_raycast import assert_alike
 from volspec.raycast import reference
@@ -43,15 +44,14 @@ def matches(engine: vs.Volume, tables: dict[int, TransferTable]) -> Callable[...
 
 # Not every pair: each is a kernel of its own, which takes seconds to compile.
 @pytest.mark.parametrize(
-    ("lanes", "specular"),
-    [pytest.param(*own, marks=pytest.mark.slow) for own in ((8, 0.4), (1, 0.4), (4, 0.0))],
+    ("lanes", "specular"), [slow(*own) for own in ((8, 0.4), (1, 0.4), (4, 0.0))]
 )
 def test_light_groups_match_reference(matches, lanes, specular):
     ours = matches(vs.RaycastSpec(groups=(SKY, KEY, LAMP), specular=specular), lanes)
     assert ours.coefficients.shape[2] == 3 * (7 if lanes == 1 else 3)
 
 
-@pytest.mark.parametrize("orthographic", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("orthographic", [False, slow(True)])
 def test_jittered_steps_match_reference(matches, engine, orthographic):
     camera = vs.Camera.orbit(engine, orthographic=orthographic)
     for seed in (0, 4294967295):
@@ -72,7 +72,7 @@ BOTH = vs.RaycastSpec(
         (CROPPED, (30, 20)),
         (vs.RaycastSpec(clip_planes=(PLANE,)), (30, 20)),
         (BOTH, (0, 0)),
-        *(pytest.param(BOTH, view, marks=pytest.mark.slow) for view in ((30, 20), (90, 0))),
+        *(slow(BOTH, view) for view in ((30, 20), (90, 0))),
     ],
 )
 def test_cut_volumes_match_reference(matches, engine, spec, view):
@@ -87,7 +87,7 @@ def steep_table(three_channels: TransferTable) -> TransferTable:
     return replace(three_channels, opacity=opacity, material_weights=weights, gradient_top=60.0)
 
 
-@pytest.mark.parametrize("diffuse", [pytest.param(0.0, marks=pytest.mark.slow), 0.7])
+@pytest.mark.parametrize("diffuse", [slow(0.0), 0.7])
 def test_tables_of_value_and_gradient_match_reference(matches, three_channels, diffuse):
     matches(vs.RaycastSpec(diffuse=diffuse), table=steep_table(three_channels))
 
@@ -105,10 +105,7 @@ def labelled(dtype: type) -> tuple[vs.Volume, TransferTable]:
     return vs.Volume(values.astype(dtype), spacing_mm=(1, 1, 1.4)), table
 
 
-@pytest.mark.parametrize(
-    "dtype",
-    [np.uint8, *(pytest.param(d, marks=pytest.mark.slow) for d in (np.uint16, np.int16))],
-)
+@pytest.mark.parametrize("dtype", [np.uint8, *slow_each(np.uint16, np.int16)])
 def test_labels_match_reference(dtype):
     """If two labels cover equally within rounding, either may show: few pixels may differ."""
     volume, table = labelled(dtype)
@@ -117,10 +114,8 @@ def test_labels_match_reference(dtype):
     )
 
 
-@pytest.mark.parametrize("axis", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 2))])
-@pytest.mark.parametrize(
-    "dtype", [np.uint8, *(pytest.param(d, marks=pytest.mark.slow) for d in (np.int16, np.float32))]
-)
+@pytest.mark.parametrize("axis", [0, *slow_each(1, 2)])
+@pytest.mark.parametrize("dtype", [np.uint8, *slow_each(np.int16, np.float32)])
 def test_gradients_at_the_faces_match_reference(axis, dtype):
     """The voxel beyond a face is the face's own: nothing is read outside the volume."""
     shape = [7, 9, 11]
@@ -142,8 +137,8 @@ def test_first_hit_is_where_the_opacity_passes_its_threshold():
     assert (ours.first_mm[hit] <= ours.depth_mm[hit] + 12).all()
 
 
-@pytest.mark.parametrize("mode", ["maximum", pytest.param("average", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
+@pytest.mark.parametrize("mode", ["maximum", slow("average")])
+@pytest.mark.parametrize("lanes", [slow(1), 8])
 def test_projections_match_reference(matches, tables, mode, lanes):
     table = replace(tables[lanes], domain=(0.0, 255.0))
     matches(vs.RaycastSpec(mode=mode, groups=(SKY, KEY)), lanes, table=table, plateaus=True)
@@ -157,7 +152,7 @@ SURFACES = SurfaceTable(
 )
 
 
-@pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
+@pytest.mark.parametrize("lanes", [slow(1), 8])
 def test_isosurfaces_match_reference(matches, lanes):
     """A ray that grazes a surface may meet it in one precision and not in the other."""
     spec = vs.RaycastSpec(specular=0.3, groups=(SKY, KEY))
@@ -171,7 +166,7 @@ def steep(three_channels: TransferTable) -> TransferTable:
     return replace(three_channels, opacity=opacity)
 
 
-@pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
+@pytest.mark.parametrize("lanes", [slow(1), 8])
 def test_preintegrated_steps_match_reference(matches, tables, lanes):
     """A shell one value thick turns the positions' rounding into some 4e-4 of opacity."""
     spec = vs.RaycastSpec(preintegrated=True)
@@ -179,9 +174,7 @@ def test_preintegrated_steps_match_reference(matches, tables, lanes):
     matches(spec, lanes, table=steep(tables[lanes]), tolerance=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("lanes", "specular"), [pytest.param(1, 0.5, marks=pytest.mark.slow), (8, 0.0)]
-)
+@pytest.mark.parametrize(("lanes", "specular"), [slow(1, 0.5), (8, 0.0)])
 def test_spectral_absorption_matches_reference(matches, tables, specular, lanes):
     rng = np.random.default_rng(4)
     knots = rng.uniform(0, 1, (tables[lanes].size, 5))
@@ -191,7 +184,7 @@ def test_spectral_absorption_matches_reference(matches, tables, specular, lanes)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("preintegrated", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("preintegrated", [False, True])
 def test_adaptive_steps_stay_near_the_whole_truth(engine, three_channels, preintegrated):
     caster, camera = vs.Raycaster(engine), vs.Camera.orbit(engine)
     whole = vs.RaycastSpec(ambient=1, diffuse=0, preintegrated=preintegrated)
@@ -201,7 +194,7 @@ def test_adaptive_steps_stay_near_the_whole_truth(engine, three_channels, preint
     assert np.abs(ours.coefficients - true.coefficients).mean() < 2e-3
 
 
-@pytest.mark.parametrize("physical", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("physical", [False, slow(True)])
 def test_shadows_and_occlusion_match_reference(half_engine, three_channels, physical):
     sources = (
         vs.LightGroup("sky", (vs.Ambient(occlusion=True),)),
@@ -215,16 +208,7 @@ def test_shadows_and_occlusion_match_reference(half_engine, three_channels, phys
 
 @pytest.mark.slow
 # Each is a kernel of its own, which takes seconds to compile.
-@pytest.mark.parametrize(
-    "mode",
-    [
-        "composite",
-        *(
-            pytest.param(mode, marks=pytest.mark.slow)
-            for mode in ("surfaces", "maximum", "average", "preintegrated")
-        ),
-    ],
-)
+@pytest.mark.parametrize("mode", ["composite", "surfaces", "maximum", "average", "preintegrated"])
 def test_rays_are_cast_within_their_spans(engine, three_channels, mode):
     """A half ends in the middle of the volume, a corner before it; the last rows begin there."""
     table: TransferTable | SurfaceTable = three_channels

@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.support.errors import raises
+from tests.support.fixtures import slow
 from tests.support.raycasts import FLAT, ramp, turned
 from tests.twins.test_raycast import TOLERANCE
 from volspec._gpu.opencl import Compute
@@ -52,9 +53,7 @@ def test_no_visible_voxel_is_leapt_over(voxels, view, orthographic):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "unit", [1e-12, 1e12, *(pytest.param(n, marks=pytest.mark.slow) for n in (1e-3, 1e6))]
-)
+@pytest.mark.parametrize("unit", [1e-12, 1e12, 1e-3, 1e6])
 def test_the_picture_does_not_depend_on_the_unit_of_length(unit):
     volume, table = phantom.ball(20), ramp(0.3)
     scaled = Volume(volume.values, spacing_mm=(unit,) * 3)
@@ -183,7 +182,7 @@ def worst(volume: Volume, spec: RaycastSpec, lanes: int) -> float:
 
 @pytest.mark.parametrize("dtype", RANGES)
 @pytest.mark.parametrize("flat", [0.0, 1e-4, 0.02])
-@pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
+@pytest.mark.parametrize("lanes", [slow(1), 8])
 def test_stripes_of_two_byte_voxels_have_no_gradient_across(dtype, flat, lanes):
     """Their gradients are made of whole numbers: rounded weights alone made .3 of what is seen."""
     values = np.full((12, 12, 12), RANGES[dtype][0] // 2, dtype)
@@ -194,9 +193,7 @@ def test_stripes_of_two_byte_voxels_have_no_gradient_across(dtype, flat, lanes):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("dtype", RANGES)
-@pytest.mark.parametrize(
-    "shininess", [24, 63, *(pytest.param(n, marks=pytest.mark.slow) for n in (64, 1024))]
-)
+@pytest.mark.parametrize("shininess", [24, 63, 64, 1024])
 def test_noise_of_the_whole_range_is_as_glossy(dtype, shininess):
     for seed in range(3):
         low, high = RANGES[dtype]

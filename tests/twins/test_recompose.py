@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.support.errors import raises
+from tests.support.fixtures import slow, slow_each
 from tests.support.relighting import gl_or_skip
 from volspec.basis import MaterialBasis
 from volspec.errors import ImageError, OpenGLError
@@ -93,16 +94,9 @@ def both_frames(image: CoefficientImage, scales: dict[str, float]) -> list[NDArr
     return frames
 
 
+@pytest.mark.parametrize(("materials", "groups"), [(3, 1), (4, 8), *(slow(*n) for n in MORE)])
 @pytest.mark.parametrize(
-    ("materials", "groups"),
-    [(3, 1), (4, 8), *(pytest.param(*n, marks=pytest.mark.slow) for n in MORE)],
-)
-@pytest.mark.parametrize(
-    "scales",
-    [
-        (0.0, 1.0, 4.0, 0.5),
-        *(pytest.param(s, marks=pytest.mark.slow) for s in ((0.7, 1.3, 1.0, 0.9), (3.9, 0, 0, 1))),
-    ],
+    "scales", [(0.0, 1.0, 4.0, 0.5), *slow_each((0.7, 1.3, 1.0, 0.9), (3.9, 0, 0, 1))]
 )
 def test_frames_of_other_opacities_match(materials, groups, scales):
     image = layered(materials, groups)
@@ -117,10 +111,7 @@ def test_frames_of_other_opacities_match(materials, groups, scales):
 @pytest.mark.parametrize(
     ("materials", "shadows"), [(3, "s"), (3, "o"), (2, "-b"), (4, "b-s"), (1, "os")]
 )
-@pytest.mark.parametrize(
-    "scales",
-    [(0.3, 1.0, 4.0, 0.0), pytest.param((0.7, 1.3, 1.0, 0.9), marks=pytest.mark.slow)],
-)
+@pytest.mark.parametrize("scales", [(0.3, 1.0, 4.0, 0.0), slow((0.7, 1.3, 1.0, 0.9))])
 def test_shadows_fade_alike(materials, shadows, scales):
     image = layered(materials, len(shadows), shadows=shadows)
     wanted = dict(zip(NAMES[:materials], scales, strict=False))
@@ -212,10 +203,7 @@ def test_opacities_outlast_another_cast_of_the_same_size(backend):
     ],
     ids=["near", "far", "fog", "all", "focus"],
 )
-@pytest.mark.parametrize(
-    ("groups", "solid"),
-    [(2, True), *(pytest.param(n, False, marks=pytest.mark.slow) for n in (1, 5))],
-)
+@pytest.mark.parametrize(("groups", "solid"), [(2, True), *(slow(n, False) for n in (1, 5))])
 def test_frames_in_depth_match(depth, groups, solid):
     """Extents are half floats on the device: half a µm of 1 mm, a hundredth of a thin layer."""
     image = deep(groups, solid)

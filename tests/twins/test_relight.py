@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.support.fixtures import slow_each
 from tests.support.relight_reference import encoded_frame
 from tests.support.relighting import (
     assert_close,
@@ -99,9 +100,7 @@ MORE = {
 
 
 @pytest.mark.parametrize("viewing", [*VIEWINGS.values(), *MORE.values()], ids=[*VIEWINGS, *MORE])
-@pytest.mark.parametrize(
-    "size", [3e38, 1.0, *(pytest.param(n, marks=pytest.mark.slow) for n in (1e6, 100, 1e-6, 1e-30))]
-)
+@pytest.mark.parametrize("size", [3e38, 1.0, *slow_each(1e6, 100, 1e-6, 1e-30)])
 def test_no_finite_coefficient_gives_nan(viewing, size):
     rng = np.random.default_rng(2)
     coefficients = rng.uniform(-size, size, (64, 64, 7)).astype(np.float32)

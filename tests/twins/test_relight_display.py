@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.support.fixtures import slow, slow_each
 from tests.support.relight_reference import encoded_frame
 from tests.support.relighting import (
     assert_close,
@@ -72,15 +73,10 @@ def tables(monkeypatch: pytest.MonkeyPatch) -> list[Lut3D]:
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        *("sRGB clip", "Display P3 reduce"),
-        *(pytest.param(n, marks=pytest.mark.slow) for n in ("sRGB reduce", "Rec. 2020 clip")),
-    ],
+    "name", [*("sRGB clip", "Display P3 reduce"), *slow_each("sRGB reduce", "Rec. 2020 clip")]
 )
 @pytest.mark.parametrize(
-    "model",
-    [pytest.param(m, marks=[pytest.mark.slow] if m == "Hunt" else []) for m in MODELS],
+    "model", [pytest.param(m, marks=[pytest.mark.slow] if m == "Hunt" else []) for m in MODELS]
 )
 def test_the_shader_shows_a_model_on_every_display_as_numpy_does(model, name, tables):
     white = white_XYZ(light("A"))
@@ -199,10 +195,7 @@ def test_the_screen_is_gamut_s_mapping_but_for_the_shader_s_steps(gamut):
 
 
 @pytest.mark.parametrize("model", ["CIECAM02", "CIELAB", "none"])
-@pytest.mark.parametrize(
-    "deficiency",
-    [d if d == "protan" else pytest.param(d, marks=pytest.mark.slow) for d in DEFICIENCIES[1:]],
-)
+@pytest.mark.parametrize("deficiency", [d if d == "protan" else slow(d) for d in DEFICIENCIES[1:]])
 def test_the_shader_simulates_a_deficiency_as_numpy_does(model, deficiency):
     """All forms of view transforms, clipped and with reduced chroma."""
     coefficients, alpha, lit = bright_cube(white_XYZ(light("A")))

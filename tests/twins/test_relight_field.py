@@ -7,13 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from tests.support.fixtures import slow_each
 from tests.support.relight_reference import relight_reference
-from tests.support.relighting import (
-    COARSE,
-    assert_drawn_alike_by_webgl_2,
-    box_basis,
-    ciede2000,
-)
+from tests.support.relighting import COARSE, assert_drawn_alike_by_webgl_2, box_basis, ciede2000
 from volspec.appearance import Display, Viewing, view_transform
 from volspec.appearance.adaptation_grid import ViewTransformGrid
 from volspec.appearance.spec import PER_PIXEL
@@ -50,9 +46,7 @@ def both(image: CoefficientImage, name: str, viewing: Viewing) -> tuple[np.ndarr
 
 
 @pytest.mark.parametrize("model", PER_PIXEL)
-@pytest.mark.parametrize(
-    "name", ["A", *(pytest.param(n, marks=pytest.mark.slow) for n in LIGHTS[1:])]
-)
+@pytest.mark.parametrize("name", ["A", *slow_each(*LIGHTS[1:])])
 def test_the_shader_draws_a_field_as_numpy_does(model, name):
     for change in ({}, {"surround": "dim", "D": 0.6}, {"illuminance_lux": 2.0}):
         shown, truth = both(patches(), name, Viewing(model=model, adapting="pixel", **change))

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.support.fixtures import slow
 from tests.support.relighting import (
     assert_in_range,
     ciede2000,
@@ -40,7 +41,7 @@ FEW = [
 
 
 @pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("name", ["A", pytest.param("FL2", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["A", slow("FL2")])
 def test_the_shader_draws_a_model_as_numpy_does(model, name):
     white = white_XYZ(light(name))
     given = *opaque(surfaces(white), white), Viewing(model=model, surround=0.12)

@@ -12,25 +12,13 @@ import numpy as np
 import pytest
 
 from tests.support.errors import raises, refuses, warns
-from tests.support.relighting import (
-    COARSE,
-    GRID,
-    RAW,
-    box_basis,
-    cast,
-    gl_or_skip,
-)
+from tests.support.relighting import COARSE, GRID, RAW, box_basis, cast, gl_or_skip
 from volspec._gpu import opengl
 from volspec._gpu.opengl import headless_context
 from volspec.appearance import Viewing, lut3d
 from volspec.appearance.lut3d import MOST_LUTS, Lut3D, LutCache, LutKey
 from volspec.appearance.spaces import decode_sRGB
-from volspec.errors import (
-    LutCancelled,
-    OpenGLError,
-    ShapeError,
-    ViewingError,
-)
+from volspec.errors import LutCancelled, OpenGLError, ShapeError, ViewingError
 from volspec.raycast.image import CoefficientImage
 from volspec.relight import Illumination, LightRig, Relighter, RelightSpec, relight
 from volspec.relight import gpu as gpu_module

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.support.fixtures import slow, slow_each
 from volspec.basis import MaterialBasis
 from volspec.raycast import Camera, CoefficientImage
 from volspec.raycast.layered import OpacityLayers
@@ -63,17 +64,13 @@ NEARER = replace(HERE, position_mm=(1.0, -60.0, 10.0))
         (PARALLEL, replace(TURNED, height_mm=60.0), SIZE, 1),
         (HERE, ShiftedCamera(TURNED.position_mm, TURNED.target_mm, shift=0.1), SIZE, 1),
         # Magnified, and rows of two float8.
-        pytest.param(HERE, NEARER, (64, 48), 2, marks=pytest.mark.slow),
-        pytest.param(PARALLEL, TURNED, SIZE, 3, marks=pytest.mark.slow),
+        slow(HERE, NEARER, (64, 48), 2),
+        slow(PARALLEL, TURNED, SIZE, 3),
     ],
     ids=["turned", "to parallel", "parallel", "shifted", "nearer", "from parallel"],
 )
 @pytest.mark.parametrize(
-    ("scales", "solid"),
-    [
-        ((0.0, 3.0), False),
-        *(pytest.param(*own, marks=pytest.mark.slow) for own in (((1, 1), False), ((0, 3), True))),
-    ],
+    ("scales", "solid"), [((0.0, 3.0), False), slow((1, 1), False), slow((0, 3), True)]
 )
 def test_the_kernel_splats_what_its_twin_does(source, target, size, groups, scales, solid):
     image = layered(source, groups, solid=solid)
@@ -100,7 +97,7 @@ def test_tiles_of_gpus_and_of_cpus_make_the_same_picture(monkeypatch):
     assert np.array_equal(long.alpha, square.alpha)
 
 
-@pytest.mark.parametrize("parts", [3, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 16))])
+@pytest.mark.parametrize("parts", [3, *slow_each(1, 16)])
 def test_the_same_view_is_the_recomposed_picture(parts):
     image = layered(HERE)
     same = Reprojector(image, parts=parts).view(HERE, {"gold": 0.5})

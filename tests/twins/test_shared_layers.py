@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.support.fixtures import slow_each
 from volspec._gpu.opencl import Compute
 from volspec.relight.layers import band_packer, layer_count, pack_layers
 
@@ -50,10 +51,7 @@ def assert_same(ours: np.ndarray, twin: np.ndarray) -> None:
 
 
 # Each compiles a kernel. Four channels make a layer: every remainder, one layer to eight.
-@pytest.mark.parametrize(
-    "channels",
-    [3, 4, 32, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 2, 5, 7, 9, 14, 31))],
-)
+@pytest.mark.parametrize("channels", [3, 4, 32, *slow_each(1, 2, 5, 7, 9, 14, 31)])
 def test_any_number_of_channels_is_packed_as_the_host_packs_it(compute, channels):
     coefficients, alpha = picture(13, 67, channels)
     ours = packed_on_the_device(compute, coefficients, alpha, 5, half=False)
