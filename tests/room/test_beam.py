@@ -7,9 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.room.test_file import LAMP, room_file
 from tests.support.errors import raises
 from volspec.errors import RoomError, SpectrumError
-from volspec.room import PointLamp, Room, box, load_room, lux_from_irradiance, read_beam, solve_room
+from volspec.room import (
+    PointLamp,
+    Room,
+    RoomLight,
+    box,
+    load_room,
+    lux_from_irradiance,
+    read_beam,
+    solve_room,
+)
+from volspec.room.beam import Beam
 from volspec.room.direct import beam_irradiance
 from volspec.room.form_factors import Rays
 from volspec.room.mesh import SIDES
@@ -59,19 +70,23 @@ def beam_file(folder: Path, text: str, name: str = "a.ies") -> Path:
     return path
 
 
+def read(folder: Path, text: str, name: str = "a.ies") -> Beam:
+    return read_beam(beam_file(folder, text, name))
+
+
 def along(c_deg: float, gamma_deg: float) -> np.ndarray:
     c, gamma = np.radians([c_deg, gamma_deg])
     return np.array([np.sin(gamma) * np.cos(c), np.sin(gamma) * np.sin(c), -np.cos(gamma)])
 
 
-def candela(beam, c_deg: float, gamma_deg: float) -> float:
+def candela(beam: Beam, c_deg: float, gamma_deg: float) -> float:
     """Intensity by the file's own flux."""
     return float(beam.relative([along(c_deg, gamma_deg)])[0] * beam.lumen / (4 * np.pi))
 
 
 def test_the_integral_over_the_sphere_is_the_flux(tmp_path: Path) -> None:
-    assert read_beam(beam_file(tmp_path, EVEN)).lumen == pytest.approx(400 * np.pi)
-    spot = read_beam(beam_file(tmp_path, SPOT))
+    assert read(tmp_path, EVEN).lumen == pytest.approx(400 * np.pi)
+    spot = read(tmp_path, SPOT)
     # Directions of a Fibonacci lattice, and the integral by hand.
     count = np.arange(200_000) + 0.5
     z, turn = 1 - 2 * count / len(count), np.pi * (1 + 5**0.5) * count
@@ -79,12 +94,11 @@ def test_the_integral_over_the_sphere_is_the_flux(tmp_path: Path) -> None:
     every = np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1)
     assert spot.relative(every).mean() == pytest.approx(1.0, rel=1e-4)
     gamma = np.linspace(0, np.pi / 3, 100_001)
-    by_hand = np.trapezoid(np.interp(gamma, np.radians(GAMMA), [1000, 500, 0, 0, 0, 0, 0])
-                           * np.sin(gamma), gamma) * 2 * np.pi  # fmt: skip
+    along_meridian = np.interp(gamma, np.radians(GAMMA), [1000, 500, 0, 0, 0, 0, 0])
+    by_hand = 2 * np.pi * np.trapezoid(along_meridian * np.sin(gamma), gamma)
     assert spot.lumen == pytest.approx(by_hand, rel=1e-6)
-    assert candela(spot, 77, 0) == pytest.approx(1000)
-    assert candela(spot, 200, 45) == pytest.approx(250)
-    assert candela(spot, 0, 61) == 0
+    found = [candela(spot, *way) for way in ((77, 0), (200, 45), (0, 61))]
+    assert found == pytest.approx([1000, 250, 0], rel=1e-6, abs=0)
 
 
 @pytest.mark.parametrize(
@@ -101,40 +115,43 @@ def test_planes_follow_from_the_symmetry_of_their_angles(
 ) -> None:
     """Each plane has 1 cd, and 1 more for every 10° of C."""
     rows = {angle: [1 + angle % 360 / 10] * 7 for angle in angles}
-    beam = read_beam(beam_file(tmp_path, ies(rows)))
+    beam = read(tmp_path, ies(rows))
     assert [candela(beam, c, 90) for c in (30, 150, 210, 330)] == pytest.approx(expected)
     assert candela(beam, 90, 90) == pytest.approx(10)
 
 
 @pytest.mark.parametrize(
-    ("symmetry", "planes"),
-    [(0, [0, 90, 180, 270]), (1, [0]), (2, [0, 90, 180]), (3, [270, 0, 90]), (4, [0, 90])],
+    ("symmetry", "rows", "expected"),
+    [
+        (0, (100, 200, 300, 400), (100, 200, 300, 400)),
+        (1, (100,), (100, 100, 100, 100)),
+        (2, (100, 200, 300), (100, 200, 300, 200)),
+        (3, (400, 100, 200), (100, 200, 100, 400)),
+        (4, (100, 200), (100, 200, 100, 200)),
+    ],
 )
 def test_eulumdat_has_the_planes_of_its_symmetry(
-    tmp_path: Path, symmetry: int, planes: list[int]
+    tmp_path: Path, symmetry: int, rows: tuple[int, ...], expected: tuple[int, ...]
 ) -> None:
-    value = {0: 100, 90: 200, 180: 300 if symmetry in (0, 2) else 100, 270: 200}
-    value[270] = {0: 400, 3: 400}.get(symmetry, 200)
-    text = ldt(symmetry, 90, [[value[plane]] * 7 for plane in planes])
-    beam = read_beam(beam_file(tmp_path, text, "a.ldt"))
-    for plane in (0, 90, 180, 270):  # cd for 1000 of 2000 lm
-        expected = 100 if symmetry == 1 else value[plane]
-        assert candela(beam, plane, 60) == pytest.approx(2 * expected)
+    """In cd for 1000 of 2000 lm, by file and at C 0, 90, 180 and 270."""
+    beam = read(tmp_path, ldt(symmetry, 90, [[row] * 7 for row in rows]), "a.ldt")
+    found = [candela(beam, plane, 60) for plane in (0, 90, 180, 270)]
+    assert found == pytest.approx(np.multiply(2, expected))
 
 
 def test_a_factor_scales_the_candelas_and_decimal_commas_are_read(tmp_path: Path) -> None:
     old = ies({0: [100] * 7}, scale=2, edition="IESNA:LM-63-1995", factor=0.5)
-    assert read_beam(beam_file(tmp_path, old)).lumen == pytest.approx(400 * np.pi)
+    assert read(tmp_path, old).lumen == pytest.approx(400 * np.pi)
     new = ies({0: [100] * 7}, scale=2, edition="IES:LM-63-2019", factor=1.10001)
-    assert read_beam(beam_file(tmp_path, new)).lumen == pytest.approx(800 * np.pi)
-    text = ldt(1, 90, [[79.5] * 7], sets=2)
-    assert read_beam(beam_file(tmp_path, text, "a.ldt")).lumen == pytest.approx(636 * np.pi)
+    assert read(tmp_path, new).lumen == pytest.approx(800 * np.pi)
+    european = ldt(1, 90, [[79.5] * 7], sets=2)
+    assert read(tmp_path, european, "a.ldt").lumen == pytest.approx(636 * np.pi)
 
 
 def test_light_falls_off_with_the_square_and_the_cosine_along_the_beam(tmp_path: Path) -> None:
     mesh = box((0, 0, 0), (4, 4, 4), SIDES, inside=True)
     rays, dark, up = Rays(mesh), np.zeros((6, BANDS)), np.array([[0.0, 0.0, 1.0]] * 2)
-    spot = read_beam(beam_file(tmp_path, SPOT))
+    spot = read(tmp_path, SPOT)
     mean = spot.lumen / (4 * np.pi)
     below = np.array([[2.0, 2.0, 0.0], [2.0 + 3 * np.tan(np.radians(30)), 2.0, 0.0]])
     room = Room(mesh, dark, lamps=(PointLamp((2.0, 2.0, 3.0), np.ones(BANDS), beam=spot),))
@@ -150,7 +167,7 @@ def test_light_falls_off_with_the_square_and_the_cosine_along_the_beam(tmp_path:
 
 def test_a_beam_is_turned_about_its_aim(tmp_path: Path) -> None:
     rows = {0: [1] * 7, 90: [2] * 7, 180: [3] * 7, 270: [4] * 7}
-    beam = read_beam(beam_file(tmp_path, ies(rows)))
+    beam = read(tmp_path, ies(rows))
     parts = beam.candela[:, 0] * 4 * np.pi / beam.integral
     sides = [(1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0)]
     assert beam.relative(sides) == pytest.approx(parts[:4])
@@ -159,31 +176,18 @@ def test_a_beam_is_turned_about_its_aim(tmp_path: Path) -> None:
     assert beam.aimed((0, 0, 1)).relative(sides) == pytest.approx(parts[[0, 3, 2, 1]])
 
 
-ROOM = """size_m = [4.0, 5.0, 2.7]
-surface = [
-    { name = "walls", reflectance = "grey:0.7" },
-    { name = "floor", reflectance = "grey:0.3" },
-    { name = "ceiling", reflectance = "grey:0.8" },
-]
-[[light]]
-name = "lamp"
-spectrum = "A"
-position_m = [2, 2.5, 2.2]
-"""
+def lit_room(folder: Path, lamp: str) -> Room:
+    return load_room(room_file(folder, f"{LAMP}position_m = [2, 2.5, 2.2]\n{lamp}"))
 
 
-def room_file(folder: Path, more: str) -> Path:
-    path = folder / "room.toml"
-    path.write_text(ROOM + more)
-    return path
+def solved(folder: Path, lamp: str) -> RoomLight:
+    return solve_room(lit_room(folder, lamp), 400, rays=1 << 20)
 
 
 def test_an_even_beam_is_a_lamp_without_one(tmp_path: Path) -> None:
     beam_file(tmp_path, EVEN, "even.ies")
-    plain = solve_room(load_room(room_file(tmp_path, "lumen = 900\n")), 400, rays=1 << 20)
-    even = solve_room(
-        load_room(room_file(tmp_path, 'lumen = 900\nbeam = "even.ies"\n')), 400, rays=1 << 20
-    )
+    plain = solved(tmp_path, "lumen = 900\n")
+    even = solved(tmp_path, 'lumen = 900\nbeam = "even.ies"\n')
     for surface in ("floor", "ceiling", "left"):
         expected = plain.mean_irradiance(surface)
         assert even.mean_irradiance(surface) == pytest.approx(expected, rel=1e-9)
@@ -192,12 +196,9 @@ def test_an_even_beam_is_a_lamp_without_one(tmp_path: Path) -> None:
 def test_a_lamp_has_the_lumens_asked_for_or_those_of_its_file(tmp_path: Path) -> None:
     beam_file(tmp_path, SPOT, "spot.ies")
     own = read_beam(tmp_path / "spot.ies").lumen
-    for more, lumen in (
-        ("", own),
-        ("lumen = 900\n", 900),
-        ("watt = 10\nlumen_per_watt = 80\n", 800),
-    ):
-        [lamp] = load_room(room_file(tmp_path, more + 'beam = "spot.ies"\n')).lamps
+    power = "watt = 10\nlumen_per_watt = 80\n"
+    for more, lumen in (("", own), ("lumen = 900\n", 900), (power, 800)):
+        [lamp] = lit_room(tmp_path, more + 'beam = "spot.ies"\n').lamps
         assert lux_from_irradiance(lamp.intensity) * 4 * np.pi == pytest.approx(lumen)
 
 
@@ -205,10 +206,7 @@ def test_a_lamp_has_the_lumens_asked_for_or_those_of_its_file(tmp_path: Path) ->
 def test_a_spot_lights_what_it_aims_at(tmp_path: Path) -> None:
     beam_file(tmp_path, SPOT, "spot.ies")
     spot = 'beam = "spot.ies"\nlumen = 900\n'
-    down = solve_room(load_room(room_file(tmp_path, spot)), 400, rays=1 << 20)
-    left = solve_room(
-        load_room(room_file(tmp_path, spot + "aim = [-1, 0, 0]\n")), 400, rays=1 << 20
-    )
+    down, left = solved(tmp_path, spot), solved(tmp_path, spot + "aim = [-1, 0, 0]\n")
     for lit, dark, surface in ((down, left, "floor"), (left, down, "left")):
         bright, dim = (lux_from_irradiance(each.mean_irradiance(surface)) for each in (lit, dark))
         assert bright > 2 * dim
@@ -260,9 +258,9 @@ def test_beams_that_cannot_be_used_are_refused_in_one_line(
     beam_file(tmp_path, ldt(1, 90, [[1] * 7], flux=0), "dark.ldt")
     with raises(RoomError, code):
         if name == "room.toml":
-            load_room(room_file(tmp_path, text))
+            lit_room(tmp_path, text)
         else:
-            read_beam(beam_file(tmp_path, text, name))
+            read(tmp_path, text, name)
 
 
 def test_a_beam_is_no_spectrum_and_must_be_there(tmp_path: Path) -> None:

@@ -30,7 +30,6 @@ SMALL = LAMP + "position_m = [1, 1, 1]\n"
 
 
 def room_file(folder: Path, text: str) -> Path:
-    """Write a room's file."""
     path = folder / "room.toml"
     path.write_text(START + text, encoding="utf-8")
     return path
@@ -53,14 +52,13 @@ def test_a_side_of_its_own_is_not_the_walls(tmp_path: Path) -> None:
 
 def test_panels_emit_what_is_asked(tmp_path: Path) -> None:
     place = 'on = "left"\nplace_m = [1, 0.9, 2, 1.4]\n'
-    by_lux = load_room(room_file(tmp_path, LAMP + place + "lux = 500\n"))
-    assert lux_from_irradiance(by_lux.exitances["lamp"]) == pytest.approx(500)
-    by_lumen = load_room(room_file(tmp_path, LAMP + place + "lumen = 1400\n"))
-    assert lux_from_irradiance(by_lumen.exitances["lamp"]) == pytest.approx(500)
+    for strength in ("lux = 500\n", "lumen = 1400\n"):
+        panel = load_room(room_file(tmp_path, LAMP + place + strength)).exitances["lamp"]
+        assert lux_from_irradiance(panel) == pytest.approx(500)
     lamp = '[[light]]\nname = "lamp"\nspectrum = "lamp:tungsten-2850"\non = "ceiling"\nwatt = 100\n'
-    by_watt = load_room(room_file(tmp_path, lamp))
-    assert lux_from_irradiance(by_watt.exitances["ceiling"]) == pytest.approx(1500 / 20)
-    shape = by_watt.exitances["ceiling"] / light("lamp:tungsten-2850").values
+    ceiling = load_room(room_file(tmp_path, lamp)).exitances["ceiling"]
+    assert lux_from_irradiance(ceiling) == pytest.approx(1500 / 20)
+    shape = ceiling / light("lamp:tungsten-2850").values
     assert shape == pytest.approx(shape[0])
 
 
@@ -108,9 +106,8 @@ def test_rooms_with_a_fault_are_refused(tmp_path: Path, text: str, code: str | N
 
 
 def test_lights_of_one_side_add_up(tmp_path: Path) -> None:
-    side = 'on = "ceiling"\nlux = 100\n'
-    both = LAMP + side + LAMP.replace("lamp", "other") + side
-    room = load_room(room_file(tmp_path, both))
+    lamp = LAMP + 'on = "ceiling"\nlux = 100\n'
+    room = load_room(room_file(tmp_path, lamp + lamp.replace("lamp", "other")))
     assert lux_from_irradiance(room.exitances["ceiling"]) == pytest.approx(200)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from tests.room.test_response import CUBE, even_room
 from tests.support.errors import raises
 from tests.support.fixtures import slow_each
 from volspec.errors import RoomError
@@ -28,26 +29,24 @@ from volspec.spectra import DEFAULT_GRID
 BANDS = DEFAULT_GRID.size
 # Fewer than by default, for speed.
 RAYS = 1 << 19
-CUBE = box((0, 0, 0), (3, 3, 3), SIDES, inside=True)
 SMOOTH = np.linspace(0.2, 0.95, BANDS)
 
 
 @pytest.mark.parametrize("rho", [0.95, *slow_each(0.3)])
 def test_a_white_furnace_is_full_of_light(rho: float) -> None:
-    """Closed, uniform emission S, reflectance ρ: B = S / (1 − ρ) everywhere."""
-    emission = np.full(BANDS, 2.0)
-    room = Room(CUBE, np.full((6, BANDS), rho), dict.fromkeys(SIDES, emission))
-    solved = solve_room(room, 300, rays=RAYS)
+    """Closed, uniform emission S, reflectance ρ: B = S / (1 − ρ) everywhere, also within."""
+    solved = solve_room(even_room(rho, np.full(BANDS, 2.0)), 300, rays=RAYS)
     assert solved.radiosity == pytest.approx(2.0 / (1.0 - rho), rel=5e-3)
     assert solved.sampling_error < 5e-3 and solved.patch_error < 1e-6
+    found = solved.light_at((1.0, 1.2, 1.4))
+    assert found.values == pytest.approx(2.0 / (1.0 - rho) / DEFAULT_GRID.step_nm, rel=5e-3)
 
 
 def test_a_cube_of_alike_walls_agrees_with_its_closed_form() -> None:
     """All walls of one paint, all emit: the mesh is the closed form, band by band."""
     reflectance, emission = np.tile(SMOOTH, (6, 1)), np.full((6, BANDS), 0.7)
     room = Room(CUBE, reflectance, dict(zip(SIDES, emission, strict=True)))
-    closed = cube_radiosity(reflectance, emission)
-    solved = solve_room(room, 300, rays=RAYS)
+    closed, solved = cube_radiosity(reflectance, emission), solve_room(room, 300, rays=RAYS)
     assert solved.radiosity.mean(axis=0) == pytest.approx(closed[0], rel=5e-3)
 
 
@@ -55,9 +54,8 @@ def test_energy_is_conserved() -> None:
     """Closed room: the surfaces absorb the power that lights emit."""
     lamp = panel((0, 0, 3), (0, 3, 0), (3, 0, 0), "ceiling", [("lamp", (1.2, 1.2, 0.6, 0.6))])
     rest = CUBE.part(CUBE.surface != SIDES.index("ceiling"))
-    mesh = RoomMesh(rest.corners_m, rest.surface, SIDES) + lamp
     table = box((1, 1, 0.4), (2, 2, 0.5), "table")
-    mesh = mesh + table
+    mesh = RoomMesh(rest.corners_m, rest.surface, SIDES) + lamp + table
     reflectances = np.array([SMOOTH * (name != "lamp") for name in mesh.names])
     room = Room(mesh, reflectances, {"lamp": np.full(BANDS, 100.0)})
     solved = solve_room(room, 2000, rays=RAYS)
@@ -65,8 +63,7 @@ def test_energy_is_conserved() -> None:
     assert absorbed == pytest.approx(100.0 * 0.36, rel=1e-2)
     assert 1500 < len(solved.mesh.surface) <= 2000
     # Direct light is uneven near the table's shadow: there patches are smaller.
-    floor = solved.mesh.surface == SIDES.index("floor")
-    areas = solved.mesh.areas_m2[floor]
+    areas = solved.mesh.areas_m2[solved.mesh.surface == SIDES.index("floor")]
     assert areas.max() > 3.9 * areas.min()
 
 
@@ -81,14 +78,6 @@ def test_points_of_the_room_receive_what_the_patches_do() -> None:
     assert found == pytest.approx(solved.irradiance[patch], rel=2e-2)
     mean = lux_from_irradiance(solved.mean_irradiance("floor"))
     assert 0.5 * lux_from_irradiance(found) < mean < lux_from_irradiance(found)
-
-
-def test_light_at_a_place_is_what_even_walls_send() -> None:
-    emission = np.full(BANDS, 2.0)
-    room = Room(CUBE, np.full((6, BANDS), 0.5), dict.fromkeys(SIDES, emission))
-    solved = solve_room(room, 100, rays=RAYS)
-    found = solved.light_at((1.0, 1.2, 1.4))
-    assert found.values == pytest.approx(4.0 / DEFAULT_GRID.step_nm, rel=5e-3)
 
 
 def test_another_paint_needs_no_other_rays() -> None:

@@ -31,13 +31,18 @@ SALMON = reflectance_from_colour("#f4b8a0").values
 PAINTED = dict.fromkeys(SIDES[:4], SALMON)
 
 
+def even_room(rho: float, emission: np.ndarray) -> Room:
+    """A cube whose walls are all alike and all emit: a furnace."""
+    return Room(CUBE, np.full((6, DEFAULT_GRID.size), rho), dict.fromkeys(SIDES, emission))
+
+
 @cache
 def two_lights() -> RoomResponse:
     """A grey room with a tungsten panel, a small daylight lamp and a table."""
     ceiling = panel((0, 0, 3), (0, 3, 0), (3, 0, 0), "ceiling", [("lamp", (1.2, 1.2, 0.6, 0.6))])
     rest = CUBE.part(CUBE.surface != SIDES.index("ceiling"))
-    mesh = RoomMesh(rest.corners_m, rest.surface, SIDES) + ceiling
-    mesh = mesh + box((1, 1, 0.4), (2, 2, 0.5), "table")
+    table = box((1, 1, 0.4), (2, 2, 0.5), "table")
+    mesh = RoomMesh(rest.corners_m, rest.surface, SIDES) + ceiling + table
     reflectances = np.array([GREY * (name != "lamp") for name in mesh.names])
     small = PointLamp((0.6, 0.6, 2.0), irradiance_from_lux(light("D65"), 50.0), "bulb")
     exitances = {"lamp": irradiance_from_lux(light("A"), 2000.0)}
@@ -58,9 +63,8 @@ def test_its_own_spectra_give_the_solution_back() -> None:
     """Both compute direct light by shadow rays of their own, which differ by a thousandth."""
     solved = solve_room(two_lights().solved.room, 500, rays=1 << 19)
     own = two_lights().under([*solved.room.lights.values()])
-    assert lux_from_irradiance(own.irradiance) == pytest.approx(
-        lux_from_irradiance(solved.irradiance), rel=0.03
-    )
+    found, true = (lux_from_irradiance(each.irradiance) for each in (own, solved))
+    assert found == pytest.approx(true, rel=0.03)
     assert own.irradiance.sum() == pytest.approx(solved.irradiance.sum(), rel=1e-3)
 
 
@@ -76,27 +80,21 @@ def test_another_spectrum_is_as_bright() -> None:
 def test_new_spectra_need_no_new_solution() -> None:
     """A product equals a solution of the room with these lights, to rounding."""
     response = two_lights()
-    power = response.spectra({"lamp": light("D65"), "bulb": light("HP1")})
-    relit = response.under(power)
-    again = RoomResponse.of(relit)
-    assert again.solved.irradiance == pytest.approx(relit.irradiance, rel=1e-6)
+    relit = response.under(response.spectra({"lamp": light("D65"), "bulb": light("HP1")}))
+    assert RoomResponse.of(relit).solved.irradiance == pytest.approx(relit.irradiance, rel=1e-6)
     dark = response.under(response.spectra({"bulb": light("HP1")}))
     assert list(dark.room.lights) == ["lamp", "bulb"] and not dark.room.lights["lamp"].any()
 
 
 def test_painted_is_the_solution_with_that_paint() -> None:
-    response = two_lights()
-    painted = response.painted(PAINTED)
-    assert painted.solved.irradiance == pytest.approx(
-        response.solved.painted(PAINTED).irradiance, rel=2e-3
-    )
+    found, true = two_lights().painted(PAINTED), two_lights().solved.painted(PAINTED)
+    assert found.solved.irradiance == pytest.approx(true.irradiance, rel=2e-3)
 
 
 @pytest.mark.slow
 def test_the_closed_form_is_close_where_light_is_even() -> None:
     """Each wall's own light is uneven; all together are even."""
-    emission = irradiance_from_lux(light("D65"), 100.0)
-    room = Room(CUBE, np.tile(GREY, (6, 1)), dict.fromkeys(SIDES, emission))
+    room = even_room(0.5, irradiance_from_lux(light("D65"), 100.0))
     response = RoomResponse.of(solve_room(room, 150, rays=1 << 18))
     paints = dict.fromkeys(SIDES, SALMON)
     exact, fast = response.painted(paints), response.estimated(paints)
@@ -119,8 +117,8 @@ def test_the_closed_form_is_near_the_solution_elsewhere() -> None:
 
 def test_from_black_reflected_light_is_spread_evenly() -> None:
     """Nothing can be scaled there: a surface has the light of its closed form."""
-    black = two_lights().painted(dict.fromkeys((*SIDES, "table"), 0.0 * GREY))
     paints = dict.fromkeys((*SIDES, "table"), GREY)
+    black = two_lights().painted({name: 0.0 * grey for name, grey in paints.items()})
     fast, exact = (
         lux_from_irradiance(each.solved.irradiance).mean()
         for each in (black.estimated(paints), black.painted(paints))

@@ -5,16 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.room.test_response import CUBE, GREY, PAINTED, two_lights
+from tests.room.test_response import CUBE, PAINTED, even_room, two_lights
 from tests.support.errors import raises
 from volspec.errors import RoomError
 from volspec.room import PointLamp, Room, irradiance_from_lux, lux_from_irradiance, solve_room
-from volspec.room.mesh import SIDES
 from volspec.room.response import RoomResponse
 from volspec.room.specimen import SpecimenLight
 from volspec.spectra import DEFAULT_GRID, light
 
-BLACK = np.zeros((6, DEFAULT_GRID.size))
 POINT = (1.5, 1.5, 1.2)
 
 
@@ -25,9 +23,7 @@ def solved(room: Room) -> RoomResponse:
 @pytest.mark.slow
 def test_even_light_is_ambient() -> None:
     """White furnace: one group, with all of S / (1 − ρ)."""
-    emission = np.ones(DEFAULT_GRID.size)
-    response = solved(Room(CUBE, np.tile(GREY, (6, 1)), dict.fromkeys(SIDES, emission)))
-    found = SpecimenLight.of(response, POINT)
+    found = SpecimenLight.of(solved(even_room(0.5, np.ones(DEFAULT_GRID.size))), POINT)
     assert found.names == ("ambient",)
     assert found.irradiance.sum(axis=0)[0] == pytest.approx(2.0, rel=0.01)
     assert found.error < 0.01
@@ -36,8 +32,8 @@ def test_even_light_is_ambient() -> None:
 def test_a_single_lamp_is_a_single_direction() -> None:
     """Black walls: the inverse square of the distance, from the lamp."""
     lamp = PointLamp((1.5, 1.5, 2.7), irradiance_from_lux(light("A"), 100.0), "bulb")
-    response = solved(Room(CUBE, BLACK, {}, (lamp,)))
-    found = SpecimenLight.of(response, POINT)
+    black = np.zeros((6, DEFAULT_GRID.size))
+    found = SpecimenLight.of(solved(Room(CUBE, black, {}, (lamp,))), POINT)
     assert found.names == ("ambient", "ceiling")
     assert found.directions[0] == pytest.approx((0.0, 0.0, 1.0), abs=0.02)
     assert found.irradiance[0, 1] == pytest.approx(1.0 / 1.5**2, rel=0.01)
@@ -52,9 +48,8 @@ def test_the_groups_give_the_light_on_a_surface_of_any_direction() -> None:
     assert 2 <= len(found.directions) <= 5 and found.error < 0.05
     normals = np.random.default_rng(3).normal(size=(40, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    true = lux_from_irradiance(
-        response.solved.irradiance_at(np.broadcast_to(POINT, (40, 3)), normals)
-    )
+    there = response.solved.irradiance_at(np.broadcast_to(POINT, (40, 3)), normals)
+    true = lux_from_irradiance(there)
     power = np.array([*response.solved.room.lights.values()])
     groups = lux_from_irradiance(np.einsum("lgb,lb->gb", found.irradiance, power))
     made = groups[0] + np.maximum(normals @ found.directions.T, 0.0) @ groups[1:]

@@ -40,12 +40,8 @@ PASTELS = {"apricot": "#ffd9b3", "salmon": "#ffc4b8", "green": "#e2f0c4", "beige
 
 def random_room(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return reflectances, emissions and a paint."""
-    draw = np.random.default_rng(seed)
-    return (
-        draw.uniform(0, 0.95, (6, BANDS)),
-        draw.uniform(0, 3, (6, BANDS)),
-        draw.uniform(0, 0.95, BANDS),
-    )
+    draw = np.random.default_rng(seed).uniform
+    return draw(0, 0.95, (6, BANDS)), draw(0, 3, (6, BANDS)), draw(0, 0.95, BANDS)
 
 
 @pytest.mark.parametrize("walls", [(0,), (4,), (1, 3), (5, 0, 2), range(6)])
@@ -66,8 +62,7 @@ def test_a_wall_with_its_own_emission_only_is_black():
 
 def test_a_wall_is_seen_by_an_eye_adapted_to_its_light():
     """Equations 4, 6, 8 and 9, and the wall's own Y as background."""
-    paint = reflectance("ColorChecker/dark skin")
-    A = light("A")
+    paint, A = reflectance("ColorChecker/dark skin"), light("A")
     XYZ = XYZ_from_spectra(A, paint)
     conditions = ViewingConditions(tuple(white_XYZ(A)), L_A=700.0 / math.pi, Y_b=float(XYZ[1]))
     seen = wall_appearance(paint, irradiance_from_lux(A, 700.0))
@@ -75,8 +70,7 @@ def test_a_wall_is_seen_by_an_eye_adapted_to_its_light():
 
 
 def test_in_the_light_of_an_atlas_a_wall_looks_as_in_the_atlas():
-    paint = reflectance("ColorChecker/orange")
-    D65 = light("D65")
+    paint, D65 = reflectance("ColorChecker/orange"), light("D65")
     XYZ = XYZ_from_spectra(D65, paint)
     printed = ViewingConditions(tuple(white_XYZ(D65)), L_A=636.62, Y_b=20.0)
     assert appearance_distance(atlas_appearance(paint), ciecam02.forward(XYZ, printed)) < 1e-5
@@ -189,7 +183,7 @@ def test_a_red_light_without_any_Z_shows_red_walls_only():
 GREY, LIT = np.full((6, 3), 0.5), np.ones((6, 3))
 ALONE = np.vstack([np.ones((1, 3)), np.zeros((5, 3))])
 WHITE = cube_radiosity(with_paint(GREY, np.full(3, 1.0 - 1e-12), [0], THREE), LIT, THREE)[0]
-ATLAS = atlas_appearance("#ffd9b3")
+APRICOT, GREEN = map(atlas_appearance, ("#ffd9b3", "#00ff00"))
 SEVERAL = ciecam02.forward(np.full((2, 3), 40.0), ViewingConditions((95.0, 100.0, 109.0)))
 
 
@@ -205,16 +199,9 @@ def radiosity(wanted, rho=GREY, S=LIT, walls=(0,)):
         (lambda: radiosity([1.0, 1.0, 0.9]), "impossible wanted", "650 nm"),
         (lambda: radiosity([2.0] * 3, 0 * GREY, ALONE), "impossible wanted", ""),
         *((lambda w=w: radiosity(WHITE, walls=w), "range walls", "") for w in ((), (6,), (-1,))),
-        (
-            lambda: paint_for_appearance(atlas_appearance("#00ff00"), brick_wall("A")),
-            *("impossible wanted", ""),
-        ),
+        (lambda: paint_for_appearance(GREEN, brick_wall("A")), "impossible wanted", ""),
         (lambda: paint_for_appearance(SEVERAL, brick_wall("A")), "shape wanted", ""),
-        (
-            lambda: paint_for_appearance(atlas_appearance("#ffd9b3"), lambda p: 0.0 * p),
-            "missing",
-            "",
-        ),
+        (lambda: paint_for_appearance(APRICOT, lambda paint: 0.0 * paint), "missing", ""),
         (lambda: wall_appearance(np.ones((2, BANDS)), np.ones(BANDS)), "shape reflectance", ""),
     ],
 )
