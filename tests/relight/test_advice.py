@@ -19,9 +19,8 @@ PLAIN = RelightSpec(mode="componentwise")
 
 def image(basis: SpectralBasis | MaterialBasis) -> CoefficientImage:
     """Return a white pixel."""
-    return CoefficientImage(
-        basis.white[None, None].astype(np.float32), *(np.ones((1, 1), np.float32),) * 2, basis
-    )
+    white, one = basis.white[None, None].astype(np.float32), np.ones((1, 1), np.float32)
+    return CoefficientImage(white, one, one, basis)
 
 
 def test_a_frame_warns_once_per_light_and_names_the_mode_that_is_better() -> None:

@@ -10,6 +10,7 @@ import pytest
 from PIL import ImageDraw
 
 from tests.support.errors import refuses
+from tests.support.images import image
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.basis.display import DEFAULT_MODE
@@ -25,9 +26,7 @@ TEST = reflectance_set("test")
 
 def chart(alpha: float = 1.0) -> CoefficientImage:
     """The 84 test reflectances as an image of 7 rows and 12 columns."""
-    coefficients = alpha * BASIS.analyse(TEST).reshape(7, 12, 7).astype(np.float32)
-    opacity = np.full((7, 12), alpha, np.float32)
-    return CoefficientImage(coefficients, opacity, np.ones_like(opacity), BASIS)
+    return image(alpha * BASIS.analyse(TEST).reshape(7, 12, 7), BASIS, np.full((7, 12), alpha))
 
 
 def test_the_map_is_the_report_of_what_the_basis_makes_of_the_pixels() -> None:
@@ -41,15 +40,13 @@ def test_the_map_is_the_report_of_what_the_basis_makes_of_the_pixels() -> None:
     assert found.delta_e.shape == (7, 12) and found.delta_e.dtype == np.float32
     errors = found.delta_e.ravel()[possible]
     assert np.allclose(errors, truth.pairs.delta_e[DEFAULT_MODE][0], atol=1e-4)
-    assert found.mean == pytest.approx(found.delta_e.mean())
-    assert found.max == found.delta_e.max()
-    assert found.p95 == pytest.approx(np.percentile(found.delta_e, 95))
+    figures = found.delta_e.mean(), np.percentile(found.delta_e, 95), found.delta_e.max()
+    assert (found.mean, found.p95, found.max) == pytest.approx(figures)
 
 
 def test_the_exact_picture_and_materials_have_no_error() -> None:
     assert error_map(chart(), light("FL4"), mode="exact").max == 0
-    weights, one = np.array([[[0.7, 0.1]]], np.float32), np.ones((1, 1), np.float32)
-    painted = CoefficientImage(weights, one, one, MaterialBasis({"gold": reflectance("gold")}))
+    painted = image([[[0.7, 0.1]]], MaterialBasis({"gold": reflectance("gold")}))
     assert error_map(painted, light("HP1")).max == 0
 
 
@@ -88,32 +85,27 @@ def test_the_scale_says_which_colour_is_which_error(monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(ImageDraw.ImageDraw, "text", noted)
     # 248 rows: the numbers are 50 rows apart, on whole ones.
-    image = ErrorMap(np.zeros((248, 10), np.float32), np.ones((248, 10), np.float32)).image(2.0)
+    drawn = ErrorMap(np.zeros((248, 10), np.float32), np.ones((248, 10), np.float32)).image(2.0)
     assert sorted(written, key=written.__getitem__) == ["2", "1.5", "1", "0.5", "0"]
     for text, y in written.items():
         one = np.ones((1, 1), np.float32)
         colour = ErrorMap(float(text) * one, one).heat(2.0)[0, 0]
         # One of 256 colours further where a float32 falls on the other side.
-        assert np.abs(image[int(y), 10 + 20].astype(int) - colour).max() <= 4, text
-    bar = image[int(written["2"]) : int(written["0"]) + 1, 10 + 20].astype(int).sum(axis=-1)
+        assert np.abs(drawn[int(y), 10 + 20].astype(int) - colour).max() <= 4, text
+    bar = drawn[int(written["2"]) : int(written["0"]) + 1, 10 + 20].astype(int).sum(axis=-1)
     assert (np.diff(bar) <= 0).all() and bar[0] > 600 and bar[-1] < 10
 
 
 def test_a_half_transparent_pixel_s_error_is_that_before_its_backdrop() -> None:
-    lamp, alpha = light("FL4"), 0.5
-    image = chart(alpha)
-    white = white_XYZ(lamp)
-    found = {}
+    lamp, half, found = light("FL4"), chart(0.5), []
+    white, modes = white_XYZ(lamp), ("exact", DEFAULT_MODE)
+    XYZ = [half.coefficients @ BASIS.colour_matrix(lamp, mode).T for mode in modes]
     for backdrop in (0.0, 0.2, 0.9):
-        behind = (1 - alpha) * backdrop * white
-        Lab = [
-            cielab(image.coefficients @ BASIS.colour_matrix(lamp, mode).T + behind, white)
-            for mode in ("exact", DEFAULT_MODE)
-        ]
-        found[backdrop] = error_map(image, lamp, backdrop=backdrop).delta_e
+        found.append(error_map(half, lamp, backdrop=backdrop).delta_e)
+        Lab = [cielab(each + 0.5 * backdrop * white, white) for each in XYZ]
         # float32 figures of a few units.
-        assert np.allclose(found[backdrop], delta_E_2000(*Lab), atol=1e-5)
-    assert (found[0.0] > found[0.9]).all(), "light from behind washes errors out"
+        assert np.allclose(found[-1], delta_E_2000(*Lab), atol=1e-5)
+    assert (found[0] > found[-1]).all(), "light from behind washes errors out"
 
 
 def test_maps_are_compared_on_one_scale() -> None:
@@ -123,8 +115,7 @@ def test_maps_are_compared_on_one_scale() -> None:
 
 
 def test_a_sample_is_every_nth_pixel_of_the_map() -> None:
-    whole = error_map(chart(), light("FL4"))
-    part = error_map(chart(), light("FL4"), every=3)
+    whole, part = (error_map(chart(), light("FL4"), every=every) for every in (1, 3))
     assert np.array_equal(part.delta_e, whole.delta_e[::3, ::3])
 
 
