@@ -20,9 +20,8 @@ SIDE = vs.Camera.orbit(BALL)
 
 
 def cast(caster: vs.Raycaster, channels: int) -> object:
-    return caster.cast(
-        ramp(1, channels=channels), vs.Camera.orbit(SMALL), (256, 256), vs.RaycastSpec()
-    )
+    table, camera = ramp(1, channels=channels), vs.Camera.orbit(SMALL)
+    return caster.cast(table, camera, (256, 256), vs.RaycastSpec())
 
 
 def with_one_mebibyte() -> vs.Raycaster:
@@ -68,17 +67,11 @@ def test_a_camera_stands_upright_whatever_the_length_of_up(length: float) -> Non
 
 
 def test_orbit_looks_from_where_the_angles_say() -> None:
-    volume = vs.phantom.ball(11)
-    centre = np.full(3, 5.0)
-    for azimuth, elevation, direction in [
-        (0, 0, (0, -1, 0)),
-        (90, 0, (1, 0, 0)),
-        (180, 0, (0, 1, 0)),
-        (0, 90, (0, 0, 1)),
-        (0, -90, (0, 0, -1)),
-    ]:
-        camera = vs.Camera.orbit(volume, azimuth_deg=azimuth, elevation_deg=elevation)
-        away = np.subtract(camera.position_mm, centre)
+    angles = (0, 0), (90, 0), (180, 0), (0, 90), (0, -90)
+    directions = (0, -1, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1)
+    for view, direction in zip(angles, directions, strict=True):
+        camera = turned(vs.phantom.ball(11), *view)
+        away = np.subtract(camera.position_mm, 5.0)
         assert np.allclose(away / np.linalg.norm(away), direction, atol=1e-9)
         right, up, forward = camera.frame()
         assert np.allclose(np.cross(right, forward), up) and np.isclose(up @ up, 1)

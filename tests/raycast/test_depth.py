@@ -12,14 +12,13 @@ import pytest
 
 from tests.support.errors import refuses, warns
 from tests.support.raycasts import METAL_BASIS, METALS, WHOLE, cube, even_gold
-from volspec.basis import MaterialBasis, SpectralBasis
+from volspec.basis import SpectralBasis
 from volspec.mesh import shapes
 from volspec.mesh.caster import MeshCaster
 from volspec.pipeline import raycast
 from volspec.raycast import Camera, ClipPlane, CoefficientImage
 from volspec.raycast.depth import DepthEffects, axis_cosine, extents, mean_position
 from volspec.raycast.layered import OpacityLayers
-from volspec.spectra import reflectance
 
 GROUPS = {"key": 0.75, "fill": 0.25}
 FOV = 30.0
@@ -30,21 +29,15 @@ def layered(
     tau: np.ndarray, depth: np.ndarray, fov_deg: float | None = FOV, shade: float = 0.5
 ) -> CoefficientImage:
     """Return an image of layers (H, W, L, 2) at depths (H, W, L), in two light groups."""
-    height, width, count, _ = tau.shape
-    shades = np.full((height, width, count, 2, 2), shade, np.float32)
-    gloss = np.zeros((height, width, count, 2), np.float32)
+    shape = tau.shape[:3]
+    shades = np.full((*shape, 2, 2), shade, np.float32)
+    gloss = np.zeros((*shape, 2), np.float32)
     depth = np.where(tau.sum(axis=3) > 0, depth, np.inf).astype(np.float32)
     layers = OpacityLayers(tau.astype(np.float32), shades, gloss, depth)
-    made = layers.recompose([1, 1])
-    return CoefficientImage(
-        made.channels.reshape(height, width, 6),
-        made.alpha,
-        np.where(made.alpha > 0, made.depth_mm / np.maximum(made.alpha, 1e-9), np.inf),
-        METAL_BASIS,
-        groups=GROUPS,
-        fov_deg=fov_deg,
-        opacity_layers=layers,
-    )
+    channels, alpha, weighted = layers.recompose([1, 1])
+    depth = np.where(alpha > 0, weighted / np.maximum(alpha, 1e-9), np.inf)
+    own = {"groups": GROUPS, "fov_deg": fov_deg, "opacity_layers": layers}
+    return CoefficientImage(channels.reshape(*shape[:2], 6), alpha, depth, METAL_BASIS, **own)
 
 
 def slab_layers(
@@ -76,19 +69,16 @@ def camera_of(volume: Any) -> Camera:
 def test_without_effects_the_picture_is_the_same_bit_for_bit(solid: CoefficientImage) -> None:
     for scales in ({}, {"gold": 0.5}):
         plain, same = solid.recompose(scales), solid.recompose(scales, DepthEffects())
-        assert np.array_equal(plain.coefficients, same.coefficients)
-        assert np.array_equal(plain.alpha, same.alpha)
-        assert np.array_equal(plain.depth_mm, same.depth_mm)
+        for name in ("coefficients", "alpha", "depth_mm"):
+            assert np.array_equal(getattr(plain, name), getattr(same, name))
     cut_nothing = solid.recompose({}, DepthEffects(near_mm=1.0))
     assert np.abs(cut_nothing.coefficients - solid.coefficients).max() < 1e-4
 
 
 def test_shadows_fade_with_their_materials_in_depth_as_well() -> None:
     image = layered(np.ones((2, 2, 3, 2)), np.array([100.0, 101.0, 102.0]) * np.ones((2, 2, 1)))
-    layers = image.opacity_layers
-    assert layers is not None
     shadow = np.full((2, 2, 3, 2, 5), 0.5, np.float32)
-    shaded = replace(image, opacity_layers=replace(layers, shadow=shadow))
+    shaded = replace(image, opacity_layers=replace(image.opacity_layers, shadow=shadow))
     scales = {"gold": 0.0, "copper": 4.0}  # the difference from the cast is not added to these
     plain = shaded.recompose(scales)
     assert np.abs(plain.coefficients - image.recompose(scales).coefficients).max() > 0.01
@@ -99,7 +89,6 @@ def test_shadows_fade_with_their_materials_in_depth_as_well() -> None:
 @pytest.mark.parametrize("tau", [0.01, 1.0, 12.0])
 def test_the_extents_of_homogeneous_layers_are_found(tau: float) -> None:
     layers = slab_layers(100, 140, tau).opacity_layers
-    assert layers is not None
     begin, width = extents(layers.tau[0].sum(axis=2), layers.depth_mm[0])
     edges = 100 + 40 * np.linspace(0, 1, 9) ** 1.5
     assert begin[0] == pytest.approx(edges[:-1], abs=0.02)
@@ -108,20 +97,19 @@ def test_the_extents_of_homogeneous_layers_are_found(tau: float) -> None:
 
 @pytest.mark.parametrize("at", [90.0, 100.5, 104.0, 121.7, 133.0, 150.0])
 def test_a_cut_takes_its_part_of_a_homogeneous_slab(at: float) -> None:
-    image = slab_layers(100, 140, 2.0)
-    beyond = np.clip((140 - at) / 40, 0, 1)
-    near = image.recompose({}, DepthEffects(near_mm=at)).alpha[0, 0]
-    far = image.recompose({}, DepthEffects(far_mm=at)).alpha[0, 0]
-    assert near == pytest.approx(-math.expm1(-2 * beyond), abs=1e-3)
-    assert far == pytest.approx(-math.expm1(-2 * (1 - beyond)), abs=1e-3)
+    image, beyond = slab_layers(100, 140, 2.0), np.clip((140 - at) / 40, 0, 1)
+    for effects, part in (
+        (DepthEffects(near_mm=at), beyond),
+        (DepthEffects(far_mm=at), 1 - beyond),
+    ):
+        found = image.recompose({}, effects).alpha[0, 0]
+        assert found == pytest.approx(-math.expm1(-2 * part), abs=1e-3)
 
 
 def test_a_cut_is_that_of_a_cast_with_a_clip_plane(solid: CoefficientImage) -> None:
     """Measured: 0.027 at most, where a layer is longest."""
-    volume = cube(21)
-    camera = camera_of(volume)
-    forward = camera.frame()[2]
-    at = camera.distance_mm - 3
+    volume, camera = cube(21), camera_of(cube(21))
+    forward, at = camera.frame()[2], camera.distance_mm - 3
     plane = ClipPlane(tuple(np.add(camera.position_mm, at * forward)), tuple(forward))
     new = raycast(volume, GOLD, camera, (40, 30), replace(WHOLE, clip_planes=(plane,)))
     cut = solid.recompose({}, DepthEffects(near_mm=at))
@@ -132,17 +120,16 @@ def test_a_cut_is_that_of_a_cast_with_a_clip_plane(solid: CoefficientImage) -> N
 
 
 def test_fog_in_front_of_an_opaque_surface() -> None:
-    tau = np.array([[[[64.0, 0.0]], [[0.0, 0.0]]]])
-    image = layered(tau, np.full((1, 2, 1), 200.0), None)
+    image = layered(np.array([[[[64.0, 0.0]], [[0.0, 0.0]]]]), np.full((1, 2, 1), 200.0), None)
     effects = DepthEffects(fog_mm=300, fog_from_mm=50, fog_white=0.4)
     foggy = image.recompose({}, effects)
     left = 0.05 ** (150 / 300)
     assert foggy.alpha[0] == pytest.approx([1, 1], abs=1e-5)
     for group, share in GROUPS.items():
-        copper, gold, white = foggy.layer(group)[0, 0]
-        assert (copper, gold) == pytest.approx((0.5 * left, 0), abs=1e-5)
-        assert white == pytest.approx(0.4 * share * (1 - left), abs=1e-5)
-        assert foggy.layer(group)[0, 1] == pytest.approx([0, 0, 0.4 * share], abs=1e-5)
+        surface, nothing = foggy.layer(group)[0]
+        expected = [0.5 * left, 0, 0.4 * share * (1 - left)]
+        assert surface == pytest.approx(expected, abs=1e-5)
+        assert nothing == pytest.approx([0, 0, 0.4 * share], abs=1e-5)
     assert foggy.depth_mm[0, 0] == pytest.approx(200) and np.isinf(foggy.depth_mm[0, 1])
     ended = image.recompose({}, replace(effects, far_mm=350))
     assert ended.alpha[0] == pytest.approx([1, 1 - 0.05], abs=1e-5)
@@ -155,8 +142,9 @@ def test_fog_within_a_homogeneous_slab_is_that_of_a_march() -> None:
     at = 0.5 * (at[1:] + at[:-1])
     through = np.exp(-3.0 * (at - 100) / 40)
     seen = float((through * 0.05 ** (at / 120)).sum() * 3.0 / len(at))
-    assert foggy.layer("key")[0, 0, 0] == pytest.approx(0.5 * seen, rel=2e-3)
-    assert foggy.layer("key")[0, 0, 2] == pytest.approx(0.75 * (1 - seen), abs=2e-3)
+    copper, _, white = foggy.layer("key")[0, 0]
+    assert copper == pytest.approx(0.5 * seen, rel=2e-3)
+    assert white == pytest.approx(0.75 * (1 - seen), abs=2e-3)
 
 
 def point_at(distance: float, side: int = 65) -> CoefficientImage:
@@ -168,13 +156,11 @@ def point_at(distance: float, side: int = 65) -> CoefficientImage:
 @pytest.mark.parametrize("distance", [150.0, 260.0, 700.0])
 def test_a_point_out_of_focus_is_a_disc_as_wide_as_a_lens_makes_it(distance: float) -> None:
     """The variance of a disc of diameter D is D²/16 along each axis."""
-    effects = DepthEffects(focus_mm=200, aperture_mm=25)
-    blurred = point_at(distance).recompose({}, effects)
-    y, x = np.mgrid[-32:33, -32:33]
+    blurred = point_at(distance).recompose({}, DepthEffects(focus_mm=200, aperture_mm=25))
     pixels_per_slope = 65 / (2 * math.tan(math.radians(FOV) / 2))
     wide = 25 * pixels_per_slope * abs(1 / 200 - 1 / distance)
     assert blurred.alpha.sum() == pytest.approx(1 - math.exp(-0.02), rel=0.02)
-    for axis in (x, y):
+    for axis in np.mgrid[-32:33, -32:33]:
         variance = (blurred.alpha * axis**2).sum() / blurred.alpha.sum()
         assert 4 * math.sqrt(variance) == pytest.approx(wide, abs=1.0)
     assert blurred.coefficients[..., 0] == pytest.approx(0.5 * blurred.alpha, abs=1e-5)
@@ -238,13 +224,11 @@ def test_a_surface_is_between_two_slabs() -> None:
     image = layered(tau, np.array([[[99.9, 100.1, 199.9, 200.1]]]), None)
     made = image.recompose({}, surface=surface_at(150, image))
     assert made.layer("key")[0, 0] == pytest.approx([0.25, 0, 0.5 * 0.75], abs=1e-5)
-    assert made.alpha[0, 0] == pytest.approx(1) and made.depth_mm[0, 0] == pytest.approx(
-        125, abs=0.1
-    )
-    behind = image.recompose({}, surface=surface_at(300, image))
-    assert behind.layer("key")[0, 0] == pytest.approx([0.25, 0.125, 0.25 * 0.75], abs=1e-5)
-    edge = image.recompose({}, surface=surface_at(150, image, alpha=0.5))
-    assert edge.layer("key")[0, 0] == pytest.approx([0.25, 0.0625, 0.25 * 0.75], abs=1e-5)
+    assert made.alpha[0, 0] == pytest.approx(1)
+    assert made.depth_mm[0, 0] == pytest.approx(125, abs=0.1)
+    for surface, gold in ((surface_at(300, image), 0.125), (surface_at(150, image, 0.5), 0.0625)):
+        found = image.recompose({}, surface=surface).layer("key")[0, 0]
+        assert found == pytest.approx([0.25, gold, 0.25 * 0.75], abs=1e-5)
     cut = image.recompose({}, DepthEffects(far_mm=140), surface_at(150, image))
     assert cut.alpha[0, 0] == pytest.approx(0.5, abs=1e-5)
 
@@ -280,10 +264,15 @@ def test_distances_along_the_axis_are_those_of_planes() -> None:
 
 
 SLAB = slab_layers(100, 140, 2.0, size=(2, 2))
+BARE, SURFACE = replace(SLAB, opacity_layers=None), surface_at(120, SLAB)
+OF_ANOTHER_BASIS = {
+    "basis": SpectralBasis.load("general-7"),
+    "coefficients": np.zeros((2, 2, 14), "f4"),
+}
 
 
-def other_surface(**change: Any) -> CoefficientImage:
-    return replace(surface_at(120, SLAB), **change)
+def before(surface: Any) -> Callable[[], object]:
+    return lambda: SLAB.recompose({}, surface=surface)
 
 
 @pytest.mark.parametrize(
@@ -293,27 +282,13 @@ def other_surface(**change: Any) -> CoefficientImage:
         (lambda: DepthEffects(fog_mm=math.inf), "range DepthEffects.fog_mm"),
         (lambda: DepthEffects(near_mm=10.0, far_mm=10.0), "range DepthEffects.near_mm"),
         (lambda: SLAB.recompose({}, DepthEffects(focus_mm=100)), "conflict recompose: focus_mm"),
-        (
-            lambda: replace(SLAB, opacity_layers=None).recompose({}, DepthEffects(near_mm=100)),
-            "unsupported ",
-        ),
+        (lambda: BARE.recompose({}, DepthEffects(near_mm=100)), "unsupported "),
         (lambda: SLAB.recompose({}, {"near_mm": 100}), "type recompose: depth"),
-        (lambda: SLAB.recompose({}, surface=3), "type recompose: surface"),
-        *(
-            (lambda wrong=wrong: SLAB.recompose({}, surface=wrong), f"{code} recompose: surface")
-            for code, wrong in (
-                ("shape", surface_at(120, slab_layers(100, 140, 2.0))),
-                ("conflict", other_surface(fov_deg=20.0)),
-                ("conflict", other_surface(groups={"a": 0.5, "b": 0.5})),
-                (
-                    "conflict",
-                    other_surface(
-                        basis=SpectralBasis.load("general-7"),
-                        coefficients=np.zeros((2, 2, 14), np.float32),
-                    ),
-                ),
-            )
-        ),
+        (before(3), "type recompose: surface"),
+        (before(surface_at(120, slab_layers(100, 140, 2.0))), "shape recompose: surface"),
+        (before(replace(SURFACE, fov_deg=20.0)), "conflict recompose: surface"),
+        (before(replace(SURFACE, groups={"a": 0.5, "b": 0.5})), "conflict recompose: surface"),
+        (before(replace(SURFACE, **OF_ANOTHER_BASIS)), "conflict recompose: surface"),
     ],
 )
 def test_effects_and_surfaces_that_cannot_be_are_refused(
@@ -323,17 +298,7 @@ def test_effects_and_surfaces_that_cannot_be_are_refused(
 
 
 def test_a_picture_of_nothing_stays_one() -> None:
-    nothing = np.zeros((4, 5, 2, 1), np.float32)
-    layers = OpacityLayers(
-        nothing, nothing[..., None], nothing, np.full((4, 5, 2), np.inf, np.float32)
-    )
-    basis = MaterialBasis({"gold": reflectance("gold")})
-    empty = np.zeros((4, 5), np.float32)
-    image = CoefficientImage(
-        *(np.zeros((4, 5, 2), np.float32), empty, np.full_like(empty, np.inf), basis),
-        fov_deg=30.0,
-        opacity_layers=layers,
-    )
+    image = layered(np.zeros((4, 5, 2, 2)), np.zeros((4, 5, 2)))
     for effects in (DepthEffects(near_mm=10.0), DepthEffects(focus_mm=20.0)):
         assert not image.recompose({}, effects).alpha.any()
     fogged = image.recompose({}, DepthEffects(fog_mm=100.0))

@@ -50,15 +50,11 @@ def function() -> TransferFunction:
 
 def scaled(table: TransferTable, scales: tuple[float, float]) -> TransferTable:
     """Return a table with each material's optical depth scaled, entry by entry."""
-
-    def entries(opacity: np.ndarray, weights: np.ndarray) -> dict[str, np.ndarray]:
-        tau = -np.log1p(-opacity)[:, None] * weights * scales
-        total = tau.sum(axis=1)
-        shares = np.where(total[:, None] > 0, tau / np.maximum(total, 1e-300)[:, None], weights)
-        return {"opacity": -np.expm1(-total), "material_weights": shares}
-
     assert table.left is None
-    return replace(table, **entries(table.opacity, table.material_weights))
+    tau = -np.log1p(-table.opacity)[:, None] * table.material_weights * scales
+    total = tau.sum(axis=1, keepdims=True)
+    shares = np.where(total > 0, tau / np.maximum(total, 1e-300), table.material_weights)
+    return replace(table, opacity=-np.expm1(-total[:, 0]), material_weights=shares)
 
 
 @pytest.fixture(scope="module")
@@ -100,9 +96,8 @@ def test_scale_1_is_the_picture_bit_for_bit(kind: str, request: pytest.FixtureRe
     image: CoefficientImage = request.getfixturevalue(kind)
     for scales in ({}, {"gold": 1}, {"gold": 1.0, "copper": 1}):
         same = image.recompose(scales)
-        assert np.array_equal(same.coefficients, image.coefficients)
-        assert np.array_equal(same.alpha, image.alpha)
-        assert np.array_equal(same.depth_mm, image.depth_mm)
+        for name in ("coefficients", "alpha", "depth_mm"):
+            assert np.array_equal(getattr(same, name), getattr(image, name))
     near = image.recompose({"gold": 1.0001})
     assert np.abs(near.coefficients - image.coefficients).max() < 1e-4
 
@@ -124,19 +119,13 @@ def test_other_opacities_are_those_of_a_new_cast(
     assert np.abs(shown.depth_mm[seen] - new.depth_mm[seen]).max() < 1.5
 
 
-SUN = Directional((1.0, 0.0, 0.0), shadows=True)
-
-
 def test_a_slab_takes_its_shadow_with_it_exactly() -> None:
     """Light from +x passes 4 mm of copper to gold, which is seen along z: 0.9^(4 s) of it."""
     values = np.zeros((20, 20, 20), np.float32)
     values[:, :, :9], values[:, :, 13:17] = 1.0, 0.3
-    volume = Volume(values)
-    spec = RaycastSpec(
-        ambient=0, layers=8, physical_light=True, groups=(LightGroup("sun", (SUN,)),)
-    )
-    camera = along_z(volume, 20)
-    made = raycast(volume, function(), camera, (20, 20), replace(spec, alpha_stop=1.0))
+    volume, sun = Volume(values), LightGroup("sun", Directional((1.0, 0.0, 0.0), shadows=True))
+    spec = RaycastSpec(ambient=0, layers=8, physical_light=True, groups=sun, alpha_stop=1.0)
+    made = raycast(volume, function(), along_z(volume, 20), (20, 20), spec)
 
     def shade(copper: float, gold: float) -> float:
         """Return the light on gold 4 mm deep: that of the shade by the whole of the light, 0.7."""
@@ -173,19 +162,12 @@ def test_shadows_are_those_of_a_new_cast(
     new = cast_scaled(caster, scales, replace(SPEC, groups=LIT)).coefficients
     off = np.sqrt(((lit.recompose(given).coefficients - new) ** 2).mean())
     layers = lit.opacity_layers
-    assert layers is not None and layers.shadow is not None and layers.occlusion is not None
     one = np.ones(2, np.float32)
-    shade, gloss = layers.shade.copy(), layers.gloss.copy()
     part = layers.shadow[..., :2] * (1 - transmittance(layers.shadow[..., 2:], one))[..., None]
     occluded = 2 * transmittance(layers.occlusion[..., 2:], one)
     part += layers.occlusion[..., :2] * (1 - np.minimum(occluded, 1))[..., None]
-    frozen = replace(
-        layers,
-        shade=shade * (1 - part[..., :1]),
-        gloss=gloss * (1 - part[..., 1]),
-        shadow=None,
-        occlusion=None,
-    )
+    shade, gloss = layers.shade * (1 - part[..., :1]), layers.gloss * (1 - part[..., 1])
+    frozen = replace(layers, shade=shade, gloss=gloss, shadow=None, occlusion=None)
     stays = replace(lit, opacity_layers=frozen).recompose(given).coefficients
     assert off < 0.0015 and np.sqrt(((stays - new) ** 2).mean()) > least * off
 
@@ -214,14 +196,12 @@ def test_darkness_and_no_light_have_finite_numbers() -> None:
 
 
 def test_one_ray_keeps_its_samples_while_there_is_room() -> None:
-    stream = LayerStream(1, 8, 1, 2)
-    rng, ray = np.random.default_rng(1), np.array([0])
+    stream, rng = LayerStream(1, 8, 1, 2), np.random.default_rng(1)
     alphas, weights = rng.uniform(0.3, 0.6, 6), rng.dirichlet((1, 1), 6)
-    for k, (alpha, weight) in enumerate(zip(alphas, weights, strict=True)):
-        along, factor = np.array([float(k)]), np.array([[0.5]])
-        highlight = np.array([[0.1]])
-        sample = Samples(along, np.array([alpha]), weight[None], factor, highlight)
-        stream.add(ray, sample)
+    shade, gloss = np.array([[0.5]]), np.array([[0.1]])
+    for k in range(6):
+        at = np.array([float(k)])
+        stream.add(np.array([0]), Samples(at, alphas[[k]], weights[[k]], shade, gloss))
     layers = OpacityLayers.of_rows(stream.rows()[None].astype(np.float32), [0, 1], 2, 1)
     tau = -np.log1p(-alphas)[:, None] * weights
     assert layers.tau[0, 0].sum(axis=0) == pytest.approx(tau.sum(axis=0), rel=1e-5)
@@ -231,7 +211,6 @@ def test_one_ray_keeps_its_samples_while_there_is_room() -> None:
 
 def test_a_material_without_opacity_is_named_with_the_remedy(image: CoefficientImage) -> None:
     layers = image.opacity_layers
-    assert layers is not None
     tau = layers.tau.copy()
     tau[..., 1] = 0
     without = replace(image, opacity_layers=replace(layers, tau=tau))
@@ -242,6 +221,9 @@ def test_a_material_without_opacity_is_named_with_the_remedy(image: CoefficientI
 
 
 MANY = {f"m{k}": reflectance("gold") for k in range(5)}
+OF_MANY = TransferFunction([(0.1, 0.1, "m0"), (1, 0.1, "m1")], MANY, MaterialBasis(MANY))
+OF_SPECTRA = replace(function(), basis=SpectralBasis.load("general-7"))
+SURFACE = Isosurfaces([(0.5, 0.5, "gold")], METALS, METAL_BASIS)
 Make = Callable[[CoefficientImage], object]
 
 
@@ -254,15 +236,9 @@ def cast_in_layers(transfer: Any) -> Make:
     return lambda _: raycast(small, transfer, Camera.orbit(small), SIZE, RaycastSpec(layers=8))
 
 
-def changed(**change: Callable[[OpacityLayers], Any]) -> Make:
-    """Return a call that makes layers with other arrays."""
-
-    def make(image: CoefficientImage) -> OpacityLayers:
-        layers = image.opacity_layers
-        assert layers is not None
-        return replace(layers, **{name: of(layers) for name, of in change.items()})
-
-    return make
+def changed(name: str, of: Callable[[OpacityLayers], Any]) -> Make:
+    """Return a call that makes layers with another array."""
+    return lambda image: replace(image.opacity_layers, **{name: of(image.opacity_layers)})
 
 
 def one_row_less(image: CoefficientImage) -> object:
@@ -282,27 +258,14 @@ def one_row_less(image: CoefficientImage) -> object:
         (lambda _: RaycastSpec(layers=8, mode="maximum"), "conflict RaycastSpec.layers"),
         (lambda _: RaycastSpec(layers=8, preintegrated=True), "conflict RaycastSpec.layers"),
         (lambda _: RaycastSpec(layers=17), "range RaycastSpec.layers"),
-        (
-            cast_in_layers(replace(function(), basis=SpectralBasis.load("general-7"))),
-            "conflict raycast: layers",
+        *(
+            (cast_in_layers(each), "conflict raycast: layers")
+            for each in (OF_SPECTRA, SURFACE, OF_MANY)
         ),
-        (
-            cast_in_layers(Isosurfaces([(0.5, 0.5, "gold")], METALS, METAL_BASIS)),
-            "conflict raycast: layers",
-        ),
-        (
-            cast_in_layers(
-                TransferFunction([(0.1, 0.1, "m0"), (1, 0.1, "m1")], MANY, MaterialBasis(MANY))
-            ),
-            "conflict raycast: layers",
-        ),
-        (changed(gloss=lambda layers: layers.gloss[:, :, :4]), "shape opacity layers: gloss"),
-        (changed(tau=lambda layers: layers.tau[..., 0]), "shape opacity layers: tau"),
-        (
-            changed(shade=lambda layers: layers.shade.astype(np.float64)),
-            "type opacity layers: shade",
-        ),
-        (changed(shadow=lambda layers: layers.shade), "shape opacity layers: shadow"),
+        (changed("gloss", lambda layers: layers.gloss[:, :, :4]), "shape opacity layers: gloss"),
+        (changed("tau", lambda layers: layers.tau[..., 0]), "shape opacity layers: tau"),
+        (changed("shade", lambda layers: layers.shade.astype(float)), "type opacity layers: shade"),
+        (changed("shadow", lambda layers: layers.shade), "shape opacity layers: shadow"),
         (one_row_less, "shape coefficient image: opacity_layers"),
     ],
 )
@@ -318,24 +281,24 @@ def _arrays(layers: OpacityLayers) -> tuple[np.ndarray, ...]:
 def test_a_file_holds_the_layers_in_half_precision(image: CoefficientImage, tmp_path: Path) -> None:
     image.save(tmp_path / "image.exr")
     again = CoefficientImage.load(tmp_path / "image.exr")
-    assert again.opacity_layers is not None and image.opacity_layers is not None
     loaded, own = again.opacity_layers, image.opacity_layers
-    for one, other in zip(*map(_arrays, (loaded, own.as_stored())), strict=True):
-        assert np.array_equal(one, other)
-    for one, other in zip(*map(_arrays, (loaded, loaded.as_stored())), strict=True):
-        assert np.array_equal(one, other)
+    for stored in (own.as_stored(), loaded.as_stored()):
+        assert all(map(np.array_equal, _arrays(loaded), _arrays(stored)))
     assert np.array_equal(loaded.tau > 0, own.tau > 2.0**-13)
     assert np.array_equal(loaded.depth_mm, own.depth_mm.astype(np.float16))
     assert np.array_equal(again.recompose({}).coefficients, image.coefficients)
+    assert_recomposed_alike(again, image, 2e-3)
+
+
+def assert_recomposed_alike(one: CoefficientImage, other: CoefficientImage, limit: float) -> None:
     for scales in ({"gold": 0.3}, {"copper": 0}, {"gold": 4, "copper": 4}):
-        one, other = (each.recompose(scales) for each in (again, image))
-        assert np.abs(one.coefficients - other.coefficients).max() < 2e-3
+        off = one.recompose(scales).coefficients - other.recompose(scales).coefficients
+        assert np.abs(off).max() < limit
 
 
 def test_stored_numbers_are_exact_to_what_shows(image: CoefficientImage) -> None:
     """Half of 2^-10 of white at any scale, or of 2^-5 of a shade; and rounding to half floats."""
     layers = image.opacity_layers
-    assert layers is not None
     stored = layers.as_stored()
     for scale in (0.25, 1.0, 4.0):
         one, other = (np.exp(-scale * each.tau.astype(float)) for each in (stored, layers))
@@ -347,23 +310,24 @@ def test_stored_numbers_are_exact_to_what_shows(image: CoefficientImage) -> None
         assert (np.abs(one - other) <= 0.5 * step + 2.0**-11 * np.abs(other) + 1e-7).all()
 
 
+def saved_names(image: CoefficientImage, path: Path) -> tuple[set[str], object]:
+    """Save an image; return its channels' names and what the header says of the layers."""
+    image.save(path)
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        return set(file.channels()), json.loads(file.header()["volspec:layers"])
+
+
 def test_a_file_holds_shadows_with_its_second_version(
     lit: CoefficientImage, tmp_path: Path
 ) -> None:
-    lit.save(tmp_path / "image.exr")
-    with OpenEXR.File(str(tmp_path / "image.exr"), separate_channels=True) as file:
-        names, about = set(file.channels()), json.loads(file.header()["volspec:layers"])
-    assert {
-        "l3.shadow.part.sky.V",
-        "l3.shadow.depth.key.gold.V",
-        "l0.occlusion.bend.sky.V",
-    } <= names
-    assert "l3.occlusion.part.key.V" not in names
+    names, about = saved_names(lit, tmp_path / "image.exr")
+    written = {"l3.shadow.part.sky.V", "l3.shadow.depth.key.gold.V", "l0.occlusion.bend.sky.V"}
+    assert written <= names and "l3.occlusion.part.key.V" not in names
     assert about == {"version": 2, "count": 8, "shadow": ["key", "sky"], "occlusion": ["sky"]}
-    again = CoefficientImage.load(tmp_path / "image.exr")
-    for scales in ({"gold": 0.3}, {"copper": 0}, {"gold": 4, "copper": 4}):
-        one, other = (each.recompose(scales) for each in (again, lit))
-        assert np.abs(one.coefficients - other.coefficients).max() < 3e-3
+    assert_recomposed_alike(CoefficientImage.load(tmp_path / "image.exr"), lit, 3e-3)
+
+
+OF_NO_GROUP = '{"version": 2, "count": 8, "shadow": ["moon"], "occlusion": []}'
 
 
 def about(text: str) -> Callable[[Any, Any], object]:
@@ -381,11 +345,7 @@ def about(text: str) -> Callable[[Any, Any], object]:
         ("image", lambda h, c: c.pop("l3.tau.gold.V"), "damaged"),
         ("image", lambda h, c: c["l0.gloss.key.V"].fill(np.nan), "damaged"),
         ("lit", about('{"version": 2, "count": 8}'), "damaged"),
-        (
-            "lit",
-            about('{"version": 2, "count": 8, "shadow": ["moon"], "occlusion": []}'),
-            "damaged",
-        ),
+        ("lit", about(OF_NO_GROUP), "damaged"),
         ("lit", lambda h, c: c.pop("l3.shadow.depth.key.gold.V"), "damaged"),
         ("lit", lambda h, c: c["l0.shadow.bend.key.V"].fill(np.nan), "damaged"),
     ],
@@ -400,9 +360,6 @@ def test_a_damaged_or_later_file_is_refused(
 
 
 def test_names_in_the_file_are_plain(image: CoefficientImage, tmp_path: Path) -> None:
-    image.save(tmp_path / "image.exr")
-    with OpenEXR.File(str(tmp_path / "image.exr"), separate_channels=True) as file:
-        names = set(file.channels())
-        about = json.loads(file.header()["volspec:layers"])
+    names, about = saved_names(image, tmp_path / "image.exr")
     assert {"l0.tau.copper.V", "l7.shade.sky_2.gold.V", "l7.gloss.key.V", "l7.depth.Z"} <= names
     assert about == {"version": 1, "count": 8}

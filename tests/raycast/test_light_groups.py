@@ -40,15 +40,11 @@ def test_groups_are_the_sum_of_pictures_of_one_group_each(basis: Basis, mode: st
     lights, lux = dict(zip(SHARES, (A, D65, FL2), strict=True)), (300.0, 800.0, 50.0)
     how = {"mode": mode, "level": "absolute", "backdrop": 0.0}
     together = XYZ(image, vs.LightRig(tuple(lights.values()), (), lux, tuple(lights)), **how)
-    alone = [
-        XYZ(
-            vs.CoefficientImage(image.layer(name), image.alpha, image.depth_mm, basis),
-            vs.LightRig((lamp,), illuminance_lux=(v,)),
-            **how,
-        )
-        for (name, lamp), v in zip(lights.items(), lux, strict=True)
-    ]
-    np.testing.assert_allclose(together, sum(alone), rtol=1e-12)
+    total = np.zeros_like(together)
+    for (name, lamp), own_lux in zip(lights.items(), lux, strict=True):
+        alone = vs.CoefficientImage(image.layer(name), image.alpha, image.depth_mm, basis)
+        total += XYZ(alone, vs.LightRig((lamp,), illuminance_lux=(own_lux,)), **how)
+    np.testing.assert_allclose(together, total, rtol=1e-12)
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -84,8 +80,7 @@ def test_white_that_faces_every_source_is_the_adopted_white(
 
 
 def test_exact_mode_is_all_bands_where_each_group_has_its_own_light() -> None:
-    shares = {"key": 0.6, "fill": 0.4}
-    names = ("ColorChecker/orange", "ColorChecker/blue sky")
+    shares, names = {"key": 0.6, "fill": 0.4}, ("ColorChecker/orange", "ColorChecker/blue sky")
     S = GENERAL.synthesise(GENERAL.analyse([vs.reflectance(name) for name in names]))
     facing = np.array([[0.9, 0.1], [0.2, 1.0]])[:, None] * list(shares.values())
     coefficients = (facing[..., None] * GENERAL.analyse(S)[:, None, None]).reshape(2, 1, -1)
@@ -100,16 +95,19 @@ def test_exact_mode_is_all_bands_where_each_group_has_its_own_light() -> None:
     np.testing.assert_allclose(XYZ(image, rig, mode="exact")[:, 0], truth, rtol=1e-5)
 
 
+def merged(image: vs.CoefficientImage) -> vs.CoefficientImage:
+    """Return the image of one group that has the light of all."""
+    total = sum(image.layer(name) for name in SHARES)
+    return vs.CoefficientImage(total, image.alpha, image.depth_mm, GENERAL)
+
+
 def test_a_light_of_no_group_shines_from_all() -> None:
     image = cast()
     everywhere = vs.LightRig((A, A, A), groups=("key", "fill", "rim"))
     for rig in (A, vs.LightRig((A,)), vs.LightRig((A,), groups=("",))):
         np.testing.assert_allclose(XYZ(image, rig), XYZ(image, everywhere), rtol=1e-12)
-    merged = vs.CoefficientImage(
-        sum(image.layer(name) for name in SHARES), image.alpha, image.depth_mm, GENERAL
-    )
     # Sums of float32 coefficients.
-    np.testing.assert_allclose(XYZ(merged, A), XYZ(image, A), rtol=1e-6)
+    np.testing.assert_allclose(XYZ(merged(image), A), XYZ(image, A), rtol=1e-6)
     both = vs.LightRig((A, FL2), groups=("", "key"))
     listed = vs.LightRig((A, FL2, A, A), groups=("key", "key", "fill", "rim"))
     np.testing.assert_allclose(XYZ(image, both), XYZ(image, listed), rtol=1e-12)
@@ -124,15 +122,11 @@ def test_a_group_without_light_stays_dark() -> None:
 
 
 def test_lux_is_what_a_light_gives_from_all_groups() -> None:
-    image = cast()
-    lux = (1000.0, 500.0)
-    for groups, expected in (
-        ((), 1500.0),
-        (("key", "fill"), 0.7 * 1000 + 0.2 * 500),
-        (("", "rim"), 1000 + 0.1 * 500),
-    ):
-        rig = vs.LightRig((A, D65), illuminance_lux=lux, groups=groups)
-        found = lit(image, rig, level="absolute", viewing=vs.Viewing(illuminance_lux=2000.0))
+    all_lux, own_lux = 1500.0, 0.7 * 1000 + 0.2 * 500
+    cases = ((), all_lux), (("key", "fill"), own_lux), (("", "rim"), 1000 + 0.1 * 500)
+    for groups, expected in cases:
+        rig = vs.LightRig((A, D65), illuminance_lux=(1000.0, 500.0), groups=groups)
+        found = lit(cast(), rig, level="absolute", viewing=vs.Viewing(illuminance_lux=2000.0))
         assert found.illuminance_lux == pytest.approx(expected)
         white = XYZ_from_spectra(rig.facing(SHARES).mixed(GENERAL.grid), np.ones(GENERAL.grid.size))
         backdrop = 0.2 * white * expected / 2000
@@ -140,19 +134,14 @@ def test_lux_is_what_a_light_gives_from_all_groups() -> None:
 
 
 def test_a_dim_group_alone_looks_dim_at_relative_level() -> None:
-    image = cast()
-    rig = vs.LightRig((A, D65), (1, 0), (1000.0, 1000.0), ("fill", "key"))
-    found = lit(image, rig)
+    found = lit(cast(), vs.LightRig((A, D65), (1, 0), (1000.0, 1000.0), ("fill", "key")))
     assert found.white_XYZ[1] == pytest.approx(100)
     assert found.viewing.illuminance_lux == pytest.approx(200)
 
 
 def test_the_error_map_of_groups_is_that_of_their_sum_where_one_light_shines() -> None:
     image = cast()
-    merged = vs.CoefficientImage(
-        sum(image.layer(name) for name in SHARES), image.alpha, image.depth_mm, GENERAL
-    )
-    found, truth = error_map(image, vs.light("FL4")), error_map(merged, vs.light("FL4"))
+    found, truth = (error_map(each, vs.light("FL4")) for each in (image, merged(image)))
     # Sums of float32 coefficients.
     np.testing.assert_allclose(found.delta_e, truth.delta_e, atol=1e-3)
     rig = vs.LightRig((vs.light("FL4"), A), groups=("key", "rim"))
@@ -160,7 +149,9 @@ def test_the_error_map_of_groups_is_that_of_their_sum_where_one_light_shines() -
     assert error_map(image, rig, mode="exact").max == 0
 
 
-UNLIT = {"key": 1.0, "off": 0.0}
+UNLIT = cast(shares={"key": 1.0, "off": 0.0})
+DARK = vs.LightRig((A, A), (), (0.0, 1.0), ("key", "off"))
+KEY = vs.LightRig((A,), groups=("key",))
 NIGHT = vs.Spectrum([390, 710], [0.0, 0.0], name="night")
 
 
@@ -180,15 +171,9 @@ def of_rig(*lights: vs.Spectrum, **rig: object) -> Callable[[], object]:
         (of_rig(A, weights=(0,), groups=("key",)), "impossible LightRig.weights"),
         (of_rig(A, NIGHT), "conflict "),
         (of_rig(A, NIGHT, groups=("key", "fill")), "conflict "),
-        (lambda: lit(cast(shares=UNLIT), vs.LightRig((A,), groups=("off",))), "invalid "),
-        (
-            lambda: lit(cast(shares=UNLIT), vs.LightRig((A, A), (), (0.0, 1.0), ("key", "off"))),
-            "impossible LightRig.illuminance_lux",
-        ),
-        (
-            lambda: lit(cast(), vs.LightRig((A,), groups=("key",)), level="absolute"),
-            "missing LightRig.illuminance_lux",
-        ),
+        (lambda: lit(UNLIT, vs.LightRig((A,), groups=("off",))), "invalid "),
+        (lambda: lit(UNLIT, DARK), "impossible LightRig.illuminance_lux"),
+        (lambda: lit(cast(), KEY, level="absolute"), "missing LightRig.illuminance_lux"),
     ],
 )
 def test_groups_that_do_not_fit_are_refused(make: Callable[[], object], fault: str) -> None:

@@ -8,11 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import volspec as vs
+from tests.support.errors import warns
+from tests.support.raycasts import turned
 from volspec.raycast.quality import SHORTEST, TARGETS, Picture, Target, choose_step
 
 BASIS = vs.SpectralBasis.load("general-7")
 COPPER = {"copper": vs.reflectance("copper")}
-CAMERA = {"azimuth_deg": 40.0, "elevation_deg": 25.0}
 
 
 def transfer(opacity: float = 0.6) -> vs.TransferFunction:
@@ -37,7 +38,8 @@ def test_the_step_leaves_the_error_asked_for(factor: float, order: float, error:
 
 @pytest.mark.parametrize("name", TARGETS)
 def test_a_picture_has_about_the_error_of_its_quality(name: str) -> None:
-    ball, camera = vs.phantom.ball(48), vs.Camera.orbit(vs.phantom.ball(48), **CAMERA)
+    ball = vs.phantom.ball(48)
+    camera = turned(ball, 40.0, 25.0)
     caster = vs.Raycaster(ball)
 
     def cast(spec: vs.RaycastSpec) -> vs.CoefficientImage:
@@ -49,56 +51,44 @@ def test_a_picture_has_about_the_error_of_its_quality(name: str) -> None:
     assert error <= 1.5 * TARGETS[name].error
 
 
+def stepped(spec: vs.RaycastSpec, opacity: float = 0.6, side: int = 16) -> vs.RaycastSpec:
+    """Return settings with the step that a ball gets."""
+    caster = vs.Raycaster(vs.phantom.ball(side))
+    return caster.with_step(caster.bake(transfer(opacity)), spec)
+
+
 def test_a_step_that_is_given_is_used() -> None:
-    ball = vs.phantom.ball(16)
-    caster = vs.Raycaster(ball)
     spec = vs.RaycastSpec(step_mm=0.37, quality="fast")
-    assert caster.with_step(caster.bake(transfer()), spec) == spec
+    assert stepped(spec) == spec
 
 
 @pytest.mark.slow
 def test_the_step_is_the_same_from_every_side_and_under_other_lights() -> None:
     ball = vs.phantom.ball(32)
-    caster = vs.Raycaster(ball)
+    caster, steps = vs.Raycaster(ball), set()
     key = vs.LightGroup("key", (vs.Directional((1, 1, 1), shadows=True),))
-    notes = [
-        vs.raycast(
-            *(ball, transfer(), vs.Camera.orbit(ball, azimuth_deg=turn), (32, 32)),
-            vs.RaycastSpec(groups=groups),
-            caster=caster,
-        ).notes["raycast"]
-        for turn, groups in ((0.0, vs.RaycastSpec().groups), (70.0, (key,)))
-    ]
-    steps = {note[note.index("step_mm=") :].split(",")[0] for note in notes}
+    for turn, spec in ((0.0, vs.RaycastSpec()), (70.0, vs.RaycastSpec(groups=(key,)))):
+        camera = vs.Camera.orbit(ball, azimuth_deg=turn)
+        image = vs.raycast(ball, transfer(), camera, (32, 32), spec, caster=caster)
+        steps.add(image.notes["raycast"].partition("step_mm=")[2].split(",")[0])
     assert len(steps) == 1 and "None" not in steps.pop()
 
 
 def test_steeper_curves_get_shorter_steps() -> None:
-    ball = vs.phantom.ball(32)
-    caster = vs.Raycaster(ball)
-    steps = [
-        caster.with_step(caster.bake(transfer(opacity)), vs.RaycastSpec(quality=0.0003)).step_mm
-        for opacity in (0.02, 0.95)
-    ]
-    assert steps[0] > steps[1]
+    spec = vs.RaycastSpec(quality=0.0003)
+    assert stepped(spec, 0.02, side=32).step_mm > stepped(spec, 0.95, side=32).step_mm
 
 
 def test_an_error_that_no_step_reaches_is_told_with_what_is_reached() -> None:
-    ball = vs.phantom.ball(24)
-    caster = vs.Raycaster(ball)
+    caster = vs.Raycaster(vs.phantom.ball(24))
     table = caster.bake(transfer())
-    with pytest.warns(vs.VolspecWarning) as caught:
+    with warns("quality 1e-06", "leaves"):
         found = caster.with_step(table, vs.RaycastSpec(quality=1e-6))
-    message = str(caught[0].message)
-    assert "quality 1e-06" in message and "leaves" in message
-    assert found.step_mm is not None and found.step_mm < 0.2
+    assert found.step_mm < 0.2
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         caster.with_step(table, vs.RaycastSpec(quality=1e-6, jitter=0.5))  # once
 
 
 def test_an_empty_picture_needs_no_short_steps() -> None:
-    ball = vs.phantom.ball(16)
-    caster = vs.Raycaster(ball)
-    found = caster.with_step(caster.bake(transfer(0.0)), vs.RaycastSpec())
-    assert found.step_mm == TARGETS["balanced"].longest
+    assert stepped(vs.RaycastSpec(), 0.0).step_mm == TARGETS["balanced"].longest

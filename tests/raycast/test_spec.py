@@ -30,10 +30,6 @@ def many_groups(count: int, sources: int = 1) -> tuple[vs.LightGroup, ...]:
     return tuple(group(f"g{i}", sources) for i in range(count))
 
 
-def cropped(*bounds: tuple[float, float]) -> dict[str, Any]:
-    return {"crop_voxels": bounds}
-
-
 NEEDED: dict[type, dict[str, Any]] = {
     **{kind: {} for kind in (vs.RaycastSpec, Orbit, vs.Ambient, vs.Headlight)},
     vs.Camera: {"position_mm": (0, 0, 0), "target_mm": (0, 9, 0)},
@@ -72,10 +68,10 @@ SETTINGS: list[tuple[dict[str, Any], str, str]] = [
     ({"mode": "maximun"}, "unknown", "mode"),
     ({"mode": None}, "type", "mode"),
     ({"mode": "average", "preintegrated": True}, "conflict", "preintegrated"),
-    (cropped((0, 9), (0, 9), (5, 5)), "range", "crop_voxels"),
-    (cropped((9, 0), (0, 9), (0, 9)), "range", "crop_voxels"),
-    (cropped((0, 9), (0, 9)), "shape", "crop_voxels"),
-    (cropped((0, 9), (0, np.nan), (0, 9)), "range", "crop_voxels"),
+    ({"crop_voxels": ((0, 9), (0, 9), (5, 5))}, "range", "crop_voxels"),
+    ({"crop_voxels": ((9, 0), (0, 9), (0, 9))}, "range", "crop_voxels"),
+    ({"crop_voxels": ((0, 9), (0, 9))}, "shape", "crop_voxels"),
+    ({"crop_voxels": ((0, 9), (0, np.nan), (0, 9))}, "range", "crop_voxels"),
     ({"crop_voxels": "all"}, "type", "crop_voxels"),
     ({"crop_voxels": ((0, 9), 3, 4)}, "type", "crop_voxels[1]"),
     ({"clip_planes": None}, "type", "clip_planes[0]"),
@@ -140,24 +136,17 @@ def test_settings_lights_and_planes_that_make_no_sense_are_named(
     refuses(make, message)
 
 
-def test_weights_may_be_as_large_as_their_bound() -> None:
-    assert vs.RaycastSpec(ambient=MAX_WEIGHT).ambient == MAX_WEIGHT
-
-
-def test_as_many_lights_and_planes_as_are_allowed_are_taken() -> None:
+def test_weights_names_lights_and_planes_may_be_as_many_and_large_as_is_allowed() -> None:
     groups = many_groups(MAX_GROUPS, MAX_SOURCES // MAX_GROUPS)
-    spec = vs.RaycastSpec(groups=groups, clip_planes=(PLANE,) * MAX_PLANES)
-    assert spec.groups == groups and len(spec.clip_planes) == MAX_PLANES
+    spec = vs.RaycastSpec(ambient=MAX_WEIGHT, groups=groups, clip_planes=(PLANE,) * MAX_PLANES)
+    assert (spec.ambient, spec.groups, len(spec.clip_planes)) == (MAX_WEIGHT, groups, MAX_PLANES)
+    assert group("n" * MAX_NAME).name == "n" * MAX_NAME
 
 
 def test_one_of_a_kind_and_lists_are_taken_as_tuples() -> None:
     spec = vs.RaycastSpec(groups=group(), clip_planes=[PLANE])
     assert spec.groups == (group(),) and spec.clip_planes == (PLANE,)
     assert vs.LightGroup("key", vs.Headlight()) == group()
-
-
-def test_a_name_of_64_characters_is_taken() -> None:
-    assert group("n" * MAX_NAME).name == "n" * MAX_NAME
 
 
 @pytest.mark.parametrize("length", [5e-324, 1e-200, 1.0, 1e200, 1e308])
@@ -197,10 +186,8 @@ def test_what_is_as_far_as_may_be_is_within_reach() -> None:
 
 def test_strengths_are_what_a_white_gets_and_shares_their_parts() -> None:
     assert sum(vs.RaycastSpec().strengths().values()) == 1
-    spec = vs.RaycastSpec(
-        ambient=0.5, diffuse=2, groups=(vs.LightGroup("sky", (vs.Ambient(3),)), group("key", 2))
-    )
+    groups = vs.LightGroup("sky", (vs.Ambient(3),)), group("key", 2)
+    spec = vs.RaycastSpec(ambient=0.5, diffuse=2, groups=groups)
     assert spec.strengths() == {"sky": 1.5, "key": 4}
     assert spec.shares() == {"sky": 1.5 / 5.5, "key": 4 / 5.5}
-    dark = replace(spec, ambient=0, diffuse=0)
-    assert dark.shares() == {"sky": 0.5, "key": 0.5}
+    assert replace(spec, ambient=0, diffuse=0).shares() == {"sky": 0.5, "key": 0.5}
