@@ -91,7 +91,7 @@ def test_a_homogeneous_body_fades_by_beer_lambert(scale: float) -> None:
     assert shown.coefficients[2, 2] == pytest.approx([0, shown.alpha[2, 2], 0], abs=2e-6)
 
 
-@pytest.mark.parametrize("kind", ["image", "lit"])
+@pytest.mark.parametrize("kind", ["image", slow("lit")])
 def test_scale_1_is_the_picture_bit_for_bit(kind: str, request: pytest.FixtureRequest) -> None:
     image: CoefficientImage = request.getfixturevalue(kind)
     for scales in ({}, {"gold": 1}, {"gold": 1.0, "copper": 1}):
