@@ -17,6 +17,7 @@ from tests.support.fixtures import slow
 from tests.support.raycasts import (
     METAL_BASIS,
     METALS,
+    WHOLE,
     assert_matches_reference,
     carries_16_rays,
     metal_function,
@@ -59,8 +60,6 @@ def view(volume: Volume) -> vs.Camera:
 
 
 SHADOWS = (LightGroup("g", (Ambient(occlusion=True), Directional((0.3, 0.2, 1), shadows=True))),)
-
-
 LIT = {"groups": SHADOWS, "light_cells": 20}  # few, as the reference takes long
 # It cuts the volume's own field only.
 PLANE = ClipPlane((12.0, 10.0, 9.0), (1.0, 0.5, 0.2))
@@ -98,14 +97,12 @@ def test_extinctions_of_homogeneous_fields_add_and_materials_mix_by_extinction()
     low = Volume(np.full((25, 25, 25), 10.0, np.float32), name="low")
     high = Volume(np.full((13, 13, 13), 20.0, np.float32), spacing_mm=(2, 2, 2), name="high")
     curves = {
-        "low": TransferFunction(
-            [(0, 0.02, "copper"), (30, 0.02, "copper")], METALS, METAL_BASIS, 1.0
-        ),
+        "low": metal_function((0, 0.02, "copper"), (30, 0.02, "copper")),
         "high": metal_function((0, 0.05, "gold"), (30, 0.05, "gold")),
     }
     volume = low.with_fields([high])
     camera = vs.Camera((12, 12, 200), (12, 12, 12), (0, 1, 0), height_mm=4.0)
-    spec = RaycastSpec(step_mm=0.75, ambient=1.0, diffuse=0.0, alpha_stop=1)
+    spec = replace(WHOLE, step_mm=0.75)
     for weight in (1.0, 2.5):
         transfer = FieldFunctions(curves, {"high": weight})
         image = vs.raycast(volume, transfer, camera, (8, 8), spec)
@@ -140,28 +137,20 @@ def test_two_lattices_differ_from_one_by_no_more_than_a_halved_step():
     own = Volume((200 * np.exp(-3 * (x**2 + y**2 + z**2))).astype(np.float32), name="own")
     world = TURNED.copy()
     world[:3, 3] = 16 - world[:3, :3] @ np.full(3, 31.5)
-    k, j, i = np.mgrid[0:64, 0:64, 0:64]
-    place = np.stack([i, j, k], axis=-1) @ world[:3, :3].T + world[:3, 3]
 
-    def bump(at: NDArray[np.float64]) -> NDArray[np.float32]:
-        away = ((at - [18.0, 15.0, 16.0]) ** 2).sum(axis=-1)
-        return (300 * np.exp(-away / 60)).astype(np.float32)
+    def bump(side: int, world: NDArray[np.float64]) -> Volume:
+        index = np.moveaxis(np.indices((side,) * 3)[::-1], 0, -1)
+        away = index @ world[:3, :3].T + world[:3, 3] - [18.0, 15.0, 16.0]
+        values = (300 * np.exp(-(away**2).sum(axis=-1) / 60)).astype(np.float32)
+        return Volume(values, world_from_index=world, name="other")
 
-    turned = Volume(bump(place), world_from_index=world, name="other")
-    k, j, i = np.mgrid[0:33, 0:33, 0:33]
-    resampled = Volume(bump(np.stack([i, j, k], axis=-1).astype(float)), name="other")
-    curves = {
-        "own": TransferFunction(
-            [(60, 0.0, "copper"), (200, 0.2, "copper")], METALS, METAL_BASIS, 1.0
-        ),
-        "other": TransferFunction(
-            [(80, 0.0, "gold"), (300, 0.3, "gold")], METALS, METAL_BASIS, 1.0
-        ),
-    }
-    transfer = FieldFunctions(curves)
+    turned, resampled = bump(64, world), bump(33, np.eye(4))
+    copper = metal_function((60, 0.0, "copper"), (200, 0.2, "copper"))
+    gold = metal_function((80, 0.0, "gold"), (300, 0.3, "gold"))
+    transfer = FieldFunctions({"own": copper, "other": gold})
 
     def cast(other: Volume, step_mm: float) -> NDArray[np.floating]:
-        spec = RaycastSpec(step_mm=step_mm, alpha_stop=1, ambient=1, diffuse=0)
+        spec = replace(WHOLE, step_mm=step_mm)
         return vs.raycast(own.with_fields([other]), transfer, view(own), SIZE, spec).coefficients
 
     one, two, halved = cast(resampled, 1.0), cast(turned, 1.0), cast(resampled, 0.5)
@@ -175,10 +164,9 @@ def test_two_lattices_differ_from_one_by_no_more_than_a_halved_step():
 @pytest.mark.slow
 def test_a_plane_opens_one_field_and_leaves_the_other_whole(fields):
     volume = fields["a"].with_fields([fields["b"]])
-    transfer = FieldFunctions({"a": function("a"), "b": function("b")})
     away = ClipPlane((0.0, 0.0, 0.0), (-1.0, 0.0, 0.0), fields=("b",))  # nothing of b stays
     one, both = (
-        vs.raycast(volume, transfer, view(volume), SIZE, RaycastSpec(clip_planes=planes))
+        vs.raycast(volume, BOTH, view(volume), SIZE, RaycastSpec(clip_planes=planes))
         for planes in ((away,), ())
     )
     alone = vs.raycast(fields["a"], function("a"), view(volume), SIZE)
@@ -187,10 +175,6 @@ def test_a_plane_opens_one_field_and_leaves_the_other_whole(fields):
 
 
 Parts = Callable[[Volume, Volume], object]
-
-
-def functions(**others: Any) -> FieldFunctions:
-    return FieldFunctions({"a": A} | others)
 
 
 def shown(transfer: FieldFunctions, far: bool = False, **spec: Any) -> Parts:
@@ -206,7 +190,7 @@ def shown(transfer: FieldFunctions, far: bool = False, **spec: Any) -> Parts:
 
 A, B = function("a"), function("b")
 BOTH = FieldFunctions({"a": A, "b": B})
-AWAY = replace(OPENED, fields=("d",))
+OF_NO_FIELD = replace(OPENED, fields=("d",))
 OTHER = TransferFunction(CURVES["b"], METALS, vs.SpectralBasis.load("general-5"))
 STEEL: Any = vs.Isosurfaces([(80, 1.0, "gold")], METALS, METAL_BASIS)
 
@@ -219,19 +203,13 @@ STEEL: Any = vs.Isosurfaces([(80, 1.0, "gold")], METALS, METAL_BASIS)
         (lambda a, b: vs.raycast(a, BOTH, view(a), SIZE), "unknown "),
         (lambda a, b: FieldFunctions({"a": A}, {"c": 1.0}), "unknown FieldFunctions.weights['c']"),
         (lambda a, b: FieldFunctions({"a": A}, {"a": -1.0}), "range FieldFunctions.weights['a']"),
-        (lambda a, b: functions(a=STEEL), "type FieldFunctions.functions['a']"),
-        (
-            lambda a, b: FieldFunctions({"a": A, "b": OTHER}),
-            "conflict FieldFunctions.functions['b']",
-        ),
+        (lambda a, b: FieldFunctions({"a": STEEL}), "type FieldFunctions.functions['a']"),
+        (lambda *_: FieldFunctions({"a": A, "b": OTHER}), "conflict FieldFunctions.functions['b']"),
         (shown(FieldFunctions({"": A, "a": A})), "duplicate "),
         (shown(BOTH, mode="maximum"), "conflict RaycastSpec.mode"),
         (shown(BOTH, preintegrated=True), "conflict RaycastSpec.preintegrated"),
         (shown(BOTH, adaptive=0.01), "conflict RaycastSpec.adaptive"),
-        (
-            shown(BOTH, clip_planes=(replace(OPENED, fields=("d",)),)),
-            "range RaycastSpec.clip_planes[0].fields",
-        ),
+        (shown(BOTH, clip_planes=(OF_NO_FIELD,)), "range RaycastSpec.clip_planes[0].fields"),
         (shown(BOTH, far=True), "range "),
     ],
 )

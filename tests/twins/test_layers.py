@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.support.raycasts import labelled, oblique_world
-from volspec.raycast import Camera, RaycastSpec, reference
+from tests.support.raycasts import labelled, oblique_world, turned
+from volspec.raycast import RaycastSpec, reference
 from volspec.raycast.gpu import Raycaster
 from volspec.raycast.layer_casts import empty_rows, shadow_slots
 from volspec.raycast.layered import OpacityLayers
@@ -48,18 +48,15 @@ def assert_layers_alike(
     clear: Clear | None = None,
     **settings: int,
 ) -> None:
-    camera = Camera.orbit(volume, azimuth_deg=30, elevation_deg=20)
-    picture, true = reference.cast_layers(volume, table, camera, SIZE, spec, clear=clear)
+    given = table, turned(volume, 30, 20), SIZE, spec
+    picture, true = reference.cast_layers(volume, *given, clear=clear)
     rows = empty_rows(table, SIZE, spec)
-    caster = Raycaster(volume, **settings)
-    ours = caster.cast(table, camera, SIZE, spec, clear=clear, layers=rows)
+    ours = Raycaster(volume, **settings).cast(*given, clear=clear, layers=rows)
     assert np.abs(ours.coefficients - picture[0]).max() < TOLERANCE
     assert picture[1].max() > 0.05
-    K, G = len(table.channels), len(spec.groups)
-    slots = shadow_slots(spec)
-    both = [
-        OpacityLayers.of_rows(r.astype(np.float32), range(K), K, G, slots) for r in (rows, true)
-    ]
+    K = len(table.channels)
+    own = range(K), K, len(spec.groups), shadow_slots(spec)
+    both = [OpacityLayers.of_rows(each.astype(np.float32), *own) for each in (rows, true)]
     for scales in itertools.product((0.0, 0.3, 4.0), repeat=K):
         one, other = (layers.recompose(scales) for layers in both)
         off = np.abs(one.channels - other.channels).reshape(*SIZE, -1).max(axis=2)
@@ -120,11 +117,9 @@ def test_opaque_samples_and_labels(kind):
 def test_the_picture_is_that_without_layers():
     """Its rays end where they would; layers go on."""
     volume, table, spec = noise(), blend(0.9), RaycastSpec(step_mm=0.5, specular=0.3, layers=4)
-    camera = Camera.orbit(volume, azimuth_deg=30, elevation_deg=20)
-    caster = Raycaster(volume)
-    rows = empty_rows(table, SIZE, spec)
-    layered = caster.cast(table, camera, SIZE, spec, layers=rows)
-    plain = caster.cast(table, camera, SIZE, replace(spec, layers=0))
+    given, caster = (table, turned(volume, 30, 20), SIZE), Raycaster(volume)
+    layered = caster.cast(*given, spec, layers=empty_rows(table, SIZE, spec))
+    plain = caster.cast(*given, replace(spec, layers=0))
     for one, other in zip(layered, plain, strict=True):
         finite = np.isfinite(other)
         assert np.array_equal(np.isfinite(one), finite)

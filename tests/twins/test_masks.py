@@ -15,20 +15,17 @@ import volspec as vs
 from tests.support.errors import refuses
 from tests.support.fixtures import slow
 from tests.support.raycasts import METALS, assert_matches_reference, metal_function
-from volspec.raycast import Ambient, ClipPlane, Directional, LightGroup, RaycastSpec
+from tests.twins.test_fields import SHADOWS, SIZE, view
+from volspec.raycast import ClipPlane, RaycastSpec
 from volspec.raycast.masks import MaskLattice
-from volspec.transfer import FieldFunctions, FieldTables, Mask, TransferFunction
+from volspec.transfer import FieldFunctions, Mask, TransferFunction
 from volspec.transfer.missing import bake_for_volume
 from volspec.volume import Volume
 from volspec.volume.labels import Label
 
-SIZE = 40, 32
 N = 28
-SHADOWS = (LightGroup("g", (Ambient(occlusion=True), Directional((0.3, 0.2, 1), shadows=True))),)
 LIT = RaycastSpec(step_mm=0.5, alpha_stop=1, groups=SHADOWS, light_cells=16)
 FLAT = RaycastSpec(step_mm=0.5, alpha_stop=1, ambient=1.0, diffuse=0.0)
-
-
 # Of the same materials as the organs, and opaque at its end as they are: of the same kernels.
 BODY = metal_function((-200, 0.0, "copper"), (100, 0.2, "copper"), (900, 1.0, "gold"))
 LIVER = metal_function((-100, 0.0, "gold"), (150, 0.5, "gold"))
@@ -63,23 +60,23 @@ def turned(ct: Volume) -> Volume:
     return segmentation((14, 13, 12), world_from_index=world)
 
 
+@pytest.fixture
+def mask(ct: Volume, turned: Volume, lattice: str) -> Volume:
+    """Regions on the volume's lattice, or on the other."""
+    same = lattice == "same"
+    return segmentation(ct.values.shape, world_from_index=ct.world_from_index) if same else turned
+
+
 def masked(ct: Volume, mask: Volume, functions: Any = ORGANS) -> tuple[Volume, FieldFunctions]:
     made = FieldFunctions({"": BODY}, masks={"": Mask("organs", functions)})
     return ct.with_fields([mask]), made
-
-
-def view(volume: Volume) -> vs.Camera:
-    return vs.Camera.orbit(volume, azimuth_deg=30, elevation_deg=20)
 
 
 @pytest.mark.parametrize(
     ("spec", "lattice"),
     [(LIT, "turned"), slow(LIT, "same"), slow(FLAT, "turned"), slow(FLAT, "same")],
 )
-def test_masks_match_the_reference(ct, turned, lattice, spec):
-    mask = turned
-    if lattice == "same":
-        mask = segmentation(ct.values.shape, world_from_index=ct.world_from_index)
+def test_masks_match_the_reference(ct, mask, spec):
     volume, transfer = masked(ct, mask)
     assert_matches_reference(volume, transfer, view(volume), SIZE, spec)
 
@@ -122,17 +119,16 @@ def picture(volume: Volume, transfer: vs.FieldFunctions | TransferFunction) -> N
 @pytest.mark.slow
 def test_inside_one_label_the_picture_is_that_of_its_function_alone(ct):
     whole = replace(ct, values=np.ones_like(ct.values, np.uint8), name="organs")
-    volume, transfer = masked(ct, whole, {1: BONE})
-    assert np.abs(picture(volume, transfer) - picture(ct, BONE)).max() < 1e-6
+    found = picture(*masked(ct, whole, {1: BONE}))
+    assert np.abs(found - picture(ct, BONE)).max() < 1e-6
 
 
 @pytest.mark.slow
 def test_equal_functions_of_all_labels_change_nothing(ct, turned):
-    alike = {label: replace(BODY) for label in (0, 1, 2, 5, 9)}
-    volume, transfer = masked(ct, turned, alike)
-    assert np.abs(picture(volume, transfer) - picture(ct, BODY)).max() < 1e-6
-    volume, transfer = masked(ct, turned, dict.fromkeys((0, 1, 2, 5, 9), BODY))
-    assert np.abs(picture(volume, transfer) - picture(ct, BODY)).max() < 1e-6
+    labels = (0, 1, 2, 5, 9)
+    for functions in ({label: replace(BODY) for label in labels}, dict.fromkeys(labels, BODY)):
+        found = picture(*masked(ct, turned, functions))
+        assert np.abs(found - picture(ct, BODY)).max() < 1e-6
 
 
 @pytest.mark.slow
@@ -144,32 +140,27 @@ def test_a_hidden_label_is_as_transparent_as_voxels_without_matter(ct):
     mask = replace(block, values=halves, name="organs")
     volume, transfer = masked(block, mask, {3: None})
     camera = vs.Camera((-100, 9.5, 9.5), (9.5, 9.5, 9.5), (0, 0, 1), height_mm=4.0)
-    spec = replace(FLAT, step_mm=0.25)
-    alpha = vs.raycast(volume, transfer, camera, (8, 8), spec).alpha
+    how = camera, (8, 8), replace(FLAT, step_mm=0.25)
+    alpha = vs.raycast(volume, transfer, *how).alpha
     # The boundary is linear between the voxels 9 and 10: half of that millimetre is there.
     assert alpha == pytest.approx(np.full((8, 8), 1 - 0.8**9.5), abs=2e-4)
     hidden = replace(block, values=np.where(halves == 3, -200, 100).astype(np.int16))
-    alone = vs.raycast(hidden, BODY, camera, (8, 8), spec).alpha
+    alone = vs.raycast(hidden, BODY, *how).alpha
     assert np.abs(alpha - alone).max() < 0.03  # half a voxel more or less
 
 
 def test_a_weight_multiplies_every_row_s_extinction(ct, turned):
     volume, transfer = masked(ct, turned)
-    table = bake_for_volume(replace(transfer, weights={"": 0.5}), volume)
+    halved = bake_for_volume(replace(transfer, weights={"": 0.5}), volume)
     whole = bake_for_volume(transfer, volume)
-    assert isinstance(table, FieldTables) and isinstance(whole, FieldTables)
-    for half, one in zip(table.every, whole.every, strict=True):
+    for half, one in zip(halved.every, whole.every, strict=True):
         np.testing.assert_allclose((1 - half.opacity) ** 2, 1 - one.opacity, atol=1e-12)
 
 
 @pytest.mark.parametrize("lattice", ["same", "turned"])
-def test_ranges_of_bricks_hold_all_rows_of_their_samples(ct, turned, lattice):
-    mask = turned
-    if lattice == "same":
-        mask = segmentation(ct.values.shape, world_from_index=ct.world_from_index)
+def test_ranges_of_bricks_hold_all_rows_of_their_samples(ct, mask):
     volume, transfer = masked(ct, mask)
     table = bake_for_volume(transfer, volume)
-    assert isinstance(table, FieldTables)
     made = MaskLattice.of(volume, "CT", table.masks["CT"])
     least, most = made.brick_ranges()
     point = np.random.default_rng(3).uniform(0, N - 1, (20_000, 3))
@@ -192,8 +183,8 @@ def of_label(label: Any) -> Parts:
     return lambda ct, mask: Mask("organs", {label: BONE})
 
 
-def without_its_field(ct: Volume, mask: Volume) -> object:
-    return bake_for_volume(masked(ct, mask)[1], ct)
+def other_mask(functions: Any, field: str = "") -> Parts:
+    return lambda ct, mask: FieldFunctions({"": BODY}, masks={field: Mask("organs", functions)})
 
 
 MANY = {label: replace(BONE) for label in range(256)}
@@ -220,18 +211,9 @@ OTHER = TransferFunction([(0, 1.0, "gold")], METALS, vs.SpectralBasis.load("gene
         (of_label(1.5), "type Mask.functions[1.5]"),
         (of_label(True), "type Mask.functions[True]"),
         (lambda ct, mask: Mask("organs", {1: "gold"}), "type Mask.functions[1]"),
-        (
-            lambda ct, mask: Mask("organs", {n: replace(BONE) for n in range(256)}),
-            "size Mask.functions",
-        ),
-        (
-            lambda ct, mask: FieldFunctions({"": BODY}, masks={"PET": Mask("organs", ORGANS)}),
-            "unknown FieldFunctions.masks['PET']",
-        ),
-        (
-            lambda ct, mask: FieldFunctions({"": BODY}, masks={"": Mask("organs", {1: OTHER})}),
-            "conflict FieldFunctions.masks[''].functions[1]",
-        ),
+        (lambda ct, mask: Mask("organs", MANY), "size Mask.functions"),
+        (other_mask(ORGANS, "PET"), "unknown FieldFunctions.masks['PET']"),
+        (other_mask({1: OTHER}), "conflict FieldFunctions.masks[''].functions[1]"),
     ],
 )
 def test_what_cannot_be_a_mask_is_refused(ct, turned, make, fault):
