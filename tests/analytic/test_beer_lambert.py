@@ -38,8 +38,8 @@ def test_homogeneous_slab_matches_beer_lambert(step_mm: float, view: tuple[int, 
     """
     volume = phantom.slab(size=32, thickness=16)
     camera, size = turned(volume, *view), (48, 40)
-    spec = replace(WHOLE, step_mm=step_mm)
-    coefficients, alpha, *_ = Raycaster(volume).cast(fog(0.05, share=0.5), camera, size, spec)
+    given = fog(0.05, share=0.5), camera, size, replace(WHOLE, step_mm=step_mm)
+    coefficients, alpha, *_ = Raycaster(volume).cast(*given)
     expected = 1 - 0.95 ** chords_mm(volume, camera, size)
     assert np.abs(alpha - expected).max() < 1e-5
     assert np.abs(coefficients - 0.5 * expected[..., None]).max() < 1e-5
@@ -111,38 +111,29 @@ def volume_of(kind: str, values: NDArray[Any]) -> Volume:
     return Volume(values.astype(np.float32 if kind == "values" else np.int16))
 
 
-def body(kind: str) -> Volume:
-    """100 everywhere."""
-    return volume_of(kind, np.full((SIDE,) * 3, 100))
-
-
 def matter(kind: str, opacity: float, reference_step_mm: float) -> TransferTable:
     """Opacity of 100; values around it are clear, so that nothing is constant in the table."""
+    settings: dict[str, Any] = {}
     if kind == "labels":
-        opacities = np.zeros(102)
-        opacities[100] = opacity
-        return TransferTable(
-            (0.0, 101.0), opacities, np.ones((102, 1)), reference_step_mm, labels=True
-        )
-    opacities = np.array([0, 0, opacity, 0, 0])
-    if kind == "values":
-        return TransferTable((0.0, 200.0), opacities, np.ones((5, 1)), reference_step_mm)
-    rows = np.stack([opacities, 0.5 * opacities])
-    return TransferTable(
-        (0.0, 200.0), rows, np.ones((2, 5, 1)), reference_step_mm, gradient_top=4.0
-    )
+        opacities, settings = opacity * (np.arange(102) == 100), {"labels": True}
+    else:
+        opacities = np.array([0, 0, opacity, 0, 0])
+    if kind == "rows":
+        opacities, settings = np.stack([opacities, 0.5 * opacities]), {"gradient_top": 4.0}
+    top = 101.0 if kind == "labels" else 200.0
+    weights = np.ones((*opacities.shape, 1))
+    return TransferTable((0.0, top), opacities, weights, reference_step_mm, **settings)
 
 
 def cut(thickness: float, **settings: float) -> RaycastSpec:
     """Leaves a slab that thick, square to z and away from the steps' borders."""
-    low = 6.031
-    crop = ((0, SIDE), (0, SIDE), (low, low + thickness))
+    crop = ((0, SIDE), (0, SIDE), (6.031, 6.031 + thickness))
     return replace(WHOLE, crop_voxels=crop, **settings)
 
 
-def through() -> Camera:
-    middle = (SIDE - 1) / 2
-    return Camera((middle, middle, 60.25), (middle, middle, middle), up=(0, 1, 0), height_mm=4)
+BODY = np.full((SIDE,) * 3, 100)
+MIDDLE = (SIDE - 1) / 2
+THROUGH = Camera((MIDDLE, MIDDLE, 60.25), (MIDDLE,) * 3, up=(0, 1, 0), height_mm=4)
 
 
 @pytest.mark.slow
@@ -158,10 +149,10 @@ def test_a_short_chord_takes_what_its_length_takes(
 
     Ends of the chord rounded to 1e-6 of 14 mm, at 46 nepers a mm, bound the error near 2e-4.
     """
-    caster = Raycaster(body(kind), lanes=lanes)
+    caster = Raycaster(volume_of(kind, BODY), lanes=lanes)
     table = matter(kind, opacity, reference_step_mm)
     for thickness in (0.003, 0.03, 0.3):
-        alpha = caster.cast(table, through(), (5, 5), cut(thickness, step_mm=step_mm)).alpha
+        alpha = caster.cast(table, THROUGH, (5, 5), cut(thickness, step_mm=step_mm)).alpha
         true = 1 - (1 - opacity) ** (thickness / reference_step_mm)
         assert np.abs(alpha - true).max() < 2e-4, (alpha[2, 2], true)
 
@@ -173,10 +164,10 @@ def test_a_faint_medium_keeps_its_digits(kind: str, adaptive: float, lanes: int)
 
     Five digits: float32 rounds the chord's ends to 1e-6 of 14 mm.
     """
-    caster, table = Raycaster(body(kind), lanes=lanes), matter(kind, 1e-9, 1.0)
+    caster, table = Raycaster(volume_of(kind, BODY), lanes=lanes), matter(kind, 1e-9, 1.0)
     for thickness in (0.3, 6.3):
         spec = cut(thickness, step_mm=1.0, adaptive=adaptive)
-        colour, alpha, depth, _ = caster.cast(table, through(), (5, 5), spec)
+        colour, alpha, depth, _ = caster.cast(table, THROUGH, (5, 5), spec)
         assert np.abs(alpha / (1e-9 * thickness) - 1).max() < 2e-5
         # Under flat white light the channels of a white medium are its alpha.
         assert np.allclose(colour[..., 0], alpha, rtol=1e-5) and np.isfinite(depth).all()
@@ -184,9 +175,9 @@ def test_a_faint_medium_keeps_its_digits(kind: str, adaptive: float, lanes: int)
 
 @LANES
 def test_an_opaque_step_is_opaque_and_a_clear_one_clear_however_short(lanes: int) -> None:
-    caster = Raycaster(body("values"), lanes=lanes)
+    caster = Raycaster(volume_of("values", BODY), lanes=lanes)
     for opacity in (0.0, 1.0):
-        alpha = caster.cast(matter("values", opacity, 1.0), through(), (5, 5), cut(0.003)).alpha
+        alpha = caster.cast(matter("values", opacity, 1.0), THROUGH, (5, 5), cut(0.003)).alpha
         assert (alpha == opacity).all()
 
 
@@ -197,10 +188,8 @@ def test_dense_matter_between_entries_is_as_the_reference_has_it(kind: str, lane
     if kind == "labels":
         values = np.where(values < 95, 100, np.where(values < 125, 50, 0))
     volume, table = volume_of(kind, values), matter(kind, 0.9999, 1.0)
-    given = table, through(), (24, 24), cut(0.03, step_mm=1.5)
-    ours, true = (
-        Raycaster(volume, lanes=lanes).cast(*given).alpha,
-        reference.cast(volume, *given)[1],
-    )
+    given = table, THROUGH, (24, 24), cut(0.03, step_mm=1.5)
+    ours = Raycaster(volume, lanes=lanes).cast(*given).alpha
+    true = reference.cast(volume, *given)[1]
     assert 0.005 < true.mean() < 0.9
     assert np.abs(ours - true).max() < 2e-4

@@ -16,8 +16,6 @@ from tests.support.fixtures import slow_each
 from tests.support.raycasts import METAL_BASIS, METALS
 
 ASKED = 2e-4
-
-
 Point = tuple[float, float, str]
 # Values of a type that span a range, and a curve over them.
 Case = tuple[DTypeLike, tuple[float, float], list[Point]]
@@ -66,8 +64,7 @@ def volume_of(dtype: DTypeLike, span: tuple[float, float]) -> vs.Volume:
     """Return waves of noise that reach across a range."""
     noise = gaussian_filter(np.random.default_rng(7).random((24, 24, 24)), 3)
     share = (noise - noise.min()) / np.ptp(noise)
-    low, high = span
-    values = low + share * (high - low)
+    values = span[0] + share * (span[1] - span[0])
     return vs.Volume((values if dtype == np.float32 else np.rint(values)).astype(dtype))
 
 

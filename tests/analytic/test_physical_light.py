@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,11 +21,15 @@ KEY = Directional((-0.6, 0.5, 0.7), frame="camera", shadows=True)
 SKY = Ambient(occlusion=True)
 
 
-def spec_of(source: Ambient | Directional) -> RaycastSpec:
-    group = LightGroup("light", (source,))
-    return RaycastSpec(
-        groups=(group,), ambient=1, diffuse=1, alpha_stop=0.99, physical_light=True, step_mm=1.0
+def specs_of(source: Ambient | Directional, **settings: Any) -> tuple[RaycastSpec, RaycastSpec]:
+    """Return settings with a light, and with its shadows or occlusion left out."""
+    kind = "occlusion" if isinstance(source, Ambient) else "shadows"
+    usual = {"ambient": 1, "diffuse": 1, "alpha_stop": 0.99, "physical_light": True}
+    shaded, bare = (
+        RaycastSpec(groups=(LightGroup("light", (each,)),), **(usual | settings))
+        for each in (source, replace(source, **{kind: False}))
     )
+    return shaded, bare
 
 
 @pytest.mark.slow
@@ -40,13 +45,12 @@ def test_light_is_that_of_rays_through_the_voxels(name: str, source: Ambient | D
     table = scene.transfer.bake(min(scene.volume.spacing_mm))
     white = np.ones((table.channels.shape[0], 1))
     table = replace(table, channels=white, white=np.ones(1))
-    spec = replace(spec_of(source), step_mm=min(volume.spacing_mm))
-    free = replace(source, **{"shadows" if source is KEY else "occlusion": False})
-    truth, alpha = brute_force.cast(volume, table, scene.camera, SIZE, spec)
+    specs = specs_of(source, step_mm=min(volume.spacing_mm))
+    truth, alpha = brute_force.cast(volume, table, scene.camera, SIZE, specs[0])
     caster = Raycaster(volume)
     ours, bare = (
-        caster.cast(table, scene.camera, SIZE, one).coefficients.reshape(len(alpha), -1)[:, 0]
-        for one in (spec, replace(spec, groups=(LightGroup("light", (free,)),)))
+        caster.cast(table, scene.camera, SIZE, spec).coefficients.reshape(len(alpha), -1)[:, 0]
+        for spec in specs
     )
     seen = alpha > 0.5
     off = (ours[seen] - truth[seen, 0]) / bare[seen]
@@ -62,12 +66,8 @@ def test_no_light_leaks_through_a_wall_of_two_voxels(slant: float) -> None:
     values[:20] = 100
     table = TransferTable((99.0, 200.0), np.array([0, 0.98, 0.98]), np.ones((3, 1)), 1.0)
     camera = Camera((24, -60, 12), (24, 24, 12), up=(0, 0, 1), height_mm=12)
-    sun = Directional((slant, 0, 1), shadows=True)
-    volume = Volume(values)
-    spec = replace(spec_of(sun), ambient=0)
-    caster = Raycaster(volume)
-    lit = caster.cast(table, camera, SIZE, spec)
-    free = replace(sun, shadows=False)
-    bare = caster.cast(table, camera, SIZE, replace(spec, groups=(LightGroup("light", (free,)),)))
+    sun, caster = Directional((slant, 0, 1), shadows=True), Raycaster(Volume(values))
+    specs = specs_of(sun, ambient=0, step_mm=1.0)
+    lit, bare = (caster.cast(table, camera, SIZE, spec) for spec in specs)
     assert lit.alpha.min() > 0.5
     assert lit.coefficients.max() < 0.01 * bare.coefficients.max()
