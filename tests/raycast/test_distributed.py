@@ -17,7 +17,7 @@ from tests.support.errors import raises
 from tests.support.fixtures import slow
 from tests.support.pyramids import stored
 from tests.support.window import ENGINE
-from tests.twins.test_parts import LIT, curve
+from tests.twins.test_parts import LIT, VEIL
 from volspec.errors import DeviceError, RaycastError
 from volspec.export.exporter import export
 from volspec.pipeline import Raycaster, raycast
@@ -42,13 +42,11 @@ def caster(engine: Volume, tmp_path_factory: pytest.TempPathFactory) -> Iterator
     """Return a caster with two workers, of an engine of which parts are read."""
     made = Raycaster(stored(engine, tmp_path_factory.mktemp("store"), "4MB"), device="local:2")
     yield made
-    assert made.cluster is not None
     made.cluster.close()
 
 
 def workers(caster: Raycaster) -> list[int]:
     """Return the process numbers of the workers."""
-    assert caster.cluster is not None
     return sorted(caster.cluster.client.run(os.getpid).values())
 
 
@@ -57,11 +55,10 @@ def test_the_picture_is_that_of_one_machine(
     engine: Volume, caster: Raycaster, spec: RaycastSpec
 ) -> None:
     camera = Camera.orbit(engine, azimuth_deg=200)
-    whole = raycast(engine, curve(40, 150), camera, SIZE, spec)
+    whole = raycast(engine, VEIL, camera, SIZE, spec)
     told: list[float] = []
-    far = raycast(
-        caster.volume, curve(40, 150), camera, SIZE, spec, caster=caster, progress=told.append
-    )
+    given = caster.volume, VEIL, camera, SIZE, spec
+    far = raycast(*given, caster=caster, progress=told.append)
     assert np.abs(whole.coefficients - far.coefficients).max() < 2e-4
     assert np.abs(whole.alpha - far.alpha).max() < 2e-4
     seen = whole.alpha > 0.01
@@ -73,7 +70,7 @@ def test_the_picture_is_that_of_one_machine(
 def test_a_killed_worker_changes_nothing(
     engine: Volume, caster: Raycaster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    given = caster.volume, curve(40, 150), Camera.orbit(engine), SIZE, SPEC
+    given = caster.volume, VEIL, Camera.orbit(engine), SIZE, SPEC
     calm = raycast(*given, caster=caster)
     killed = workers(caster)[0]
     own = distributed.ClusterCaster._wait
@@ -95,22 +92,20 @@ def test_frames_of_an_export_are_cast_side_by_side(
 ) -> None:
     scene = Scene.load(ENGINE).exporting(turntable={"frames": 3}, lights=["D65"])
     monkeypatch.setattr(scene, "raycast", replace(SPEC, groups=scene.raycast.groups))
+    running: list[object] = []
     under_way: list[int] = []
-    running = 0
     own = distributed.ClusterCaster._wait
 
     def wait(self: distributed.ClusterCaster, *given: Any) -> None:
-        nonlocal running
-        running += 1
-        under_way.append(running)
+        running.append(self)
+        under_way.append(len(running))
         own(self, *given)
-        running -= 1
+        running.pop()
 
     monkeypatch.setattr(distributed.ClusterCaster, "_wait", wait)
     exported = export(scene, tmp_path / "far", size=SIZE, caster=caster)
     assert exported.made == 3 and exported.casts == 3 and max(under_way) == 2
-    near = Raycaster(caster.volume)
-    export(scene, tmp_path / "near", size=SIZE, caster=near)
+    export(scene, tmp_path / "near", size=SIZE, caster=Raycaster(caster.volume))
     for name in exported.files:
         pictures = [Image.open(tmp_path / each / name) for each in ("far", "near")]
         far, whole = (np.asarray(each.convert("RGB"), int) for each in pictures)
@@ -124,7 +119,7 @@ def test_workers_of_another_version_and_addresses_without_a_cluster_are_refused(
 
     import volspec
 
-    given = caster.volume, curve(40, 150), Camera.orbit(engine), SIZE, SPEC
+    given = caster.volume, VEIL, Camera.orbit(engine), SIZE, SPEC
     for address in ("local:0", "local:many"):
         with raises(DeviceError, "syntax"):
             raycast(*given, device=address)
@@ -161,7 +156,7 @@ def test_over_is_associative() -> None:
 
 def test_runs_are_neighbours_of_like_size(engine: Volume, caster: Raycaster) -> None:
     level = caster.at(Camera.orbit(engine), SIZE, SPEC)
-    parts = level.plan(caster.bake(curve(40, 150)), Camera.orbit(engine), SIZE, SPEC)
+    parts = level.plan(caster.bake(VEIL), Camera.orbit(engine), SIZE, SPEC)
     runs = distributed.runs(parts, 4)
     assert [part for run in runs for part in run] == parts and len(runs) <= 4
     work = [sum(part.work for part in run) for run in runs]

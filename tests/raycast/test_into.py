@@ -43,8 +43,7 @@ def frame(relighter: vs.Relighter, groups: Iterable[str] = ("",)) -> np.ndarray:
     """Each group under a light of its own."""
     groups = tuple(groups)
     lights = tuple(vs.light(name) for name in ("A", "D65")[: len(groups)])
-    rig = vs.LightRig(lights, groups=groups)
-    return relighter.frame(rig, dtype=np.float32)
+    return relighter.frame(vs.LightRig(lights, groups=groups), dtype=np.float32)
 
 
 def test_a_picture_cast_into_a_relighter_is_shown_as_after_an_update(backend: str) -> None:
@@ -79,7 +78,9 @@ def test_what_is_refused_or_cancelled_leaves_the_picture_shown(backend: str) -> 
 
 def test_the_last_of_ever_finer_pictures_goes_into_a_relighter(backend: str) -> None:
     with vs.Relighter(cast(0), backend) as relighter:
-        before, shown = frame(relighter), []
-        for _ in vs.refine(BALL, TRANSFER, view(60), SIZE, into=relighter):
-            shown.append(not np.array_equal(frame(relighter), before))
+        before, refined = (
+            frame(relighter),
+            vs.refine(BALL, TRANSFER, view(60), SIZE, into=relighter),
+        )
+        shown = [not np.array_equal(frame(relighter), before) for _ in refined]
         assert shown == [False, False, True]

@@ -18,7 +18,6 @@ from volspec.errors import CastCancelled, RaycastError
 from volspec.export.deep import DeepSamples
 from volspec.mesh import shapes
 from volspec.raycast.depth import extents
-from volspec.raycast.layered import OpacityLayers
 from volspec.raycast.reproject import Reprojector
 from volspec.relight import error_map
 
@@ -30,16 +29,12 @@ BASIS = vs.MaterialBasis(MATERIALS)
 SIZE = 48, 36
 POINTS = [(0.1, 0.0, "copper"), (0.2, 0.08, "copper"), (0.5, 0.08, "copper")]
 POINTS += [(0.6, 0.15, "gold"), (1.0, 0.15, "gold")]
+FUNCTION = vs.TransferFunction(POINTS, MATERIALS, BASIS, reference_step_mm=1.0)
 PLAIN = (vs.LightGroup("key", (vs.Headlight(), vs.Ambient(0.3))),)
 LIT = (
     vs.LightGroup("key", (vs.Headlight(0.2), vs.Directional((1.0, 0.6, 0.4), shadows=True))),
     vs.LightGroup("sky", (vs.Ambient(occlusion=True, radius_mm=8.0),)),
 )
-
-
-def function(opacities: float = 1.0) -> vs.TransferFunction:
-    points = [(at, opacities * alpha, name) for at, alpha, name in POINTS]
-    return vs.TransferFunction(points, MATERIALS, BASIS, reference_step_mm=1.0)
 
 
 @pytest.fixture(scope="module")
@@ -63,14 +58,14 @@ def cast(
     """Cast the ball with `balls` of an opacity; ``how`` goes to raycast, the rest to its spec."""
     usual = {"step_mm": 0.25, "specular": 0.2, "alpha_stop": 1.0, "light_cells": 24, "layers": 8}
     spec = vs.RaycastSpec(groups=groups, **(usual | settings))
-    given = {"transfer": function(), "behind": [balls(opacity=opacity)], **(how or {})}
+    given = {"transfer": FUNCTION, "behind": [balls(opacity=opacity)], **(how or {})}
     return vs.raycast(caster.volume, camera=CAMERA, size=SIZE, spec=spec, caster=caster, **given)
 
 
 def whole(image: vs.CoefficientImage) -> Any:
     """Return where meshes cover none or all of a pixel; behind their edges, layers have nothing."""
     layers = image.opacity_layers
-    assert layers is not None and layers.solid
+    assert layers.solid
     covered = 1.0 - np.exp(-layers.tau[:, :, -1].sum(axis=2))
     return (covered == 0.0) | (covered > 0.999)
 
@@ -91,8 +86,7 @@ def test_scale_1_is_the_cast_without_layers(
     caster: vs.Raycaster, image: vs.CoefficientImage, groups: Any
 ) -> None:
     layers = image.opacity_layers
-    assert layers is not None and layers.solid and layers.count == 8
-    assert layers.fades == [False, True, True]
+    assert (layers.solid, layers.count, layers.fades) == (True, 8, [False, True, True])
     without = cast(caster, groups, layers=0)
     np.testing.assert_allclose(image.coefficients, without.coefficients, atol=1e-5)
     assert np.array_equal(image.recompose({}).coefficients, image.coefficients)
@@ -115,9 +109,7 @@ def test_meshes_are_seen_as_in_a_new_cast(
     assert np.abs(shown.alpha - new.alpha)[whole(image)].max() < 1e-4
     off = np.abs(shown.coefficients - new.coefficients)
     assert off[whole(image)].max() < 0.04 and off[whole(image)].mean() < 2e-4
-    layers = image.opacity_layers
-    assert layers is not None
-    assert off[layers.tau[:, :, -1].any(axis=2) & whole(image)].mean() < 8e-4
+    assert off[image.opacity_layers.tau[:, :, -1].any(axis=2) & whole(image)].mean() < 8e-4
     assert off.mean() < 8e-4  # with edges
 
 
@@ -127,8 +119,7 @@ def test_without_the_volume_meshes_alone_are_left(image: vs.CoefficientImage, gr
     with pytest.warns(vs.VolspecWarning, match="'silver' is scaled, which only meshes have"):
         alike = image.recompose({"copper": 0, "gold": 0, "silver": 0})
     assert np.array_equal(alike.coefficients, bare.coefficients)
-    spec = vs.RaycastSpec(specular=0.2, groups=groups)
-    alone = balls().alone(CAMERA, SIZE, spec)
+    alone = balls().alone(CAMERA, SIZE, vs.RaycastSpec(specular=0.2, groups=groups))
     np.testing.assert_allclose(bare.alpha, alone.alpha, atol=1e-6)
     np.testing.assert_allclose(bare.coefficients, alone.coefficients, atol=2e-4)
     seen = np.isfinite(alone.depth_mm) & whole(image)
@@ -139,7 +130,7 @@ def test_without_the_volume_meshes_alone_are_left(image: vs.CoefficientImage, gr
 def test_a_file_holds_them_as_its_third_version(image: vs.CoefficientImage, tmp_path: Path) -> None:
     image.save(tmp_path / "image.exr")
     again = vs.CoefficientImage.load(tmp_path / "image.exr")
-    assert again.opacity_layers is not None and again.opacity_layers.solid
+    assert again.opacity_layers.solid
     for scales in ({"copper": 0.0}, {"copper": 0.0, "gold": 0.0}, {"gold": 3.0}):
         one, other = (each.recompose(scales) for each in (again, image))
         assert np.abs(one.coefficients - other.coefficients).max() < 4e-3
@@ -147,29 +138,24 @@ def test_a_file_holds_them_as_its_third_version(image: vs.CoefficientImage, tmp_
 
 def test_cuts_fog_views_and_deep_files_have_them(image: vs.CoefficientImage) -> None:
     none = {"copper": 0.0, "gold": 0.0}
-    bare, place = image.recompose(none), image.opacity_layers
-    assert place is not None
+    bare = image.recompose(none)
     at = np.unravel_index(bare.alpha.argmax(), bare.alpha.shape)
     ball_mm = float(bare.depth_mm[at])
-    for effects, left in (
-        (vs.DepthEffects(near_mm=ball_mm + 8), 0),
-        (vs.DepthEffects(far_mm=1e4), 1),
-    ):
-        assert image.recompose(none, effects).alpha[at] == pytest.approx(left, abs=1e-6)
+    cut, far = vs.DepthEffects(near_mm=ball_mm + 8), vs.DepthEffects(far_mm=1e4)
+    left = [image.recompose(none, effects).alpha[at] for effects in (cut, far)]
+    assert left == pytest.approx([0, 1], abs=1e-6)
     fog = image.recompose(none, vs.DepthEffects(fog_mm=ball_mm, fog_white=1.0))
     assert fog.coefficients[at][-1] > bare.coefficients[at][-1]
     samples = DeepSamples.of(image, none)
     assert samples.counts[at] == 1 and samples.alpha.max() == pytest.approx(1, abs=1e-6)
-    camera = image.camera
-    assert camera is not None
-    same = Reprojector(image).view(camera, none)
+    same = Reprojector(image).view(image.camera, none)
     assert np.abs(same.alpha - bare.alpha).max() < 1e-4
 
 
 @pytest.mark.slow
 def test_an_opaque_body_in_front_uncovers_a_mesh(caster: vs.Raycaster) -> None:
     """Rays of the picture end in it; what is behind is seen once it is gone."""
-    transfer = replace(function(), points=[(0.1, 0.0, "gold"), (0.2, 1.0, "gold")])
+    transfer = replace(FUNCTION, points=[(0.1, 0.0, "gold"), (0.2, 1.0, "gold")])
     made = cast(caster, PLAIN, how={"transfer": transfer}, alpha_stop=0.99)
     bare = made.recompose({"gold": 0})
     alone = balls().alone(CAMERA, SIZE, vs.RaycastSpec(specular=0.2, groups=PLAIN))
@@ -179,16 +165,12 @@ def test_an_opaque_body_in_front_uncovers_a_mesh(caster: vs.Raycaster) -> None:
 def test_extents_and_deep_samples_of_a_mesh_are_at_its_surface(image: vs.CoefficientImage) -> None:
     """Also behind unused layers, and next to a layer of the volume."""
     layers = image.opacity_layers
-    assert layers is not None
-    total = layers.tau.sum(axis=3).reshape(-1, 8)
-    begin, width = extents(total, layers.depth_mm.reshape(-1, 8), solid=True)
+    total, depth_mm = layers.tau.sum(axis=3).reshape(-1, 8), layers.depth_mm.reshape(-1, 8)
+    begin, width = extents(total, depth_mm, solid=True)
     seen = total[:, -1] > 0
     assert not width[seen, -1].any()
-    np.testing.assert_allclose(begin[seen, -1], layers.depth_mm.reshape(-1, 8)[seen, -1])
-    alone = OpacityLayers(
-        *(each[:, :, :7] for each in (layers.tau, layers.shade, layers.gloss, layers.depth_mm))
-    )
-    own, wide = extents(total[:, :7], alone.depth_mm.reshape(-1, 7))
+    np.testing.assert_allclose(begin[seen, -1], depth_mm[seen, -1])
+    own, wide = extents(total[:, :7], depth_mm[:, :7])
     np.testing.assert_array_equal(begin[:, :7], own)
     np.testing.assert_array_equal(width[:, :7], wide)
     samples, bare = DeepSamples.of(image), image.recompose({"copper": 0.0, "gold": 0.0})
@@ -198,10 +180,9 @@ def test_extents_and_deep_samples_of_a_mesh_are_at_its_surface(image: vs.Coeffic
 
 
 def test_an_edge_of_a_mesh_is_behind_the_volume(image: vs.CoefficientImage) -> None:
-    camera, layers = image.camera, image.opacity_layers
-    assert camera is not None and layers is not None
+    layers, missed = image.opacity_layers, np.isinf(balls().depths_mm(image.camera, SIZE)[0])
     used = np.where(np.isfinite(layers.depth_mm), layers.depth_mm, 0)
-    edge = (layers.tau[:, :, -1].sum(axis=2) > 0) & np.isinf(balls().depths_mm(camera, SIZE)[0])
+    edge = (layers.tau[:, :, -1].sum(axis=2) > 0) & missed
     assert edge.sum() > 5
     assert (used[edge][:, -1] >= used[edge][:, :-1].max(axis=1)).all()
 
@@ -213,7 +194,6 @@ def test_light_of_other_lamps_is_not_used_again(caster: vs.Raycaster) -> None:
     more = (*LIT, vs.LightGroup("rim", (vs.Directional((-1.0, 0.2, 0.1), shadows=True),)))
     cast(caster, more, layers=0)
     again = cast(caster, LIT)
-    assert first.opacity_layers is not None and again.opacity_layers is not None
     for name in ("tau", "shadow", "occlusion"):
         one, other = (getattr(each.opacity_layers, name) for each in (first, again))
         np.testing.assert_array_equal(one, other)

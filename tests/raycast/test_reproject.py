@@ -23,9 +23,8 @@ from volspec.spectra import light
 from volspec.volume import Volume
 
 SIZE = 96, 72
-FLAT = RaycastSpec(
-    step_mm=0.25, alpha_stop=1.0, layers=8, groups=(LightGroup("sky", (Ambient(),)),)
-)
+SKY = LightGroup("sky", (Ambient(),))
+FLAT = RaycastSpec(step_mm=0.25, alpha_stop=1.0, layers=8, groups=(SKY,))
 
 
 def balls() -> Volume:
@@ -104,17 +103,16 @@ def test_a_slab_keeps_its_opacity_at_any_distance_and_turn() -> None:
 def test_nothing_is_seen_of_hidden_materials_and_from_elsewhere(
     image: CoefficientImage, reprojector: Reprojector
 ) -> None:
-    assert image.camera is not None
     right, _, forward = image.camera.frame()
     away_mm = np.add(image.camera.position_mm, 100 * (forward + 2 * right))
     away = replace(image.camera, target_mm=tuple(away_mm))
-    for made in (
-        reprojector.view(image.camera, {"copper": 0, "gold": 0}),
-        reprojector.view(away),
-        reproject(image, away),
-    ):
+    hidden = reprojector.view(image.camera, {"copper": 0, "gold": 0})
+    for made in (hidden, reprojector.view(away), reproject(image, away)):
         assert not made.alpha.any() and not made.coefficients.any()
         assert np.isinf(made.depth_mm).all()
+
+
+BLURRED, APART = DepthEffects(focus_mm=30), "distance between the eyes"
 
 
 @pytest.mark.parametrize(
@@ -127,15 +125,9 @@ def test_nothing_is_seen_of_hidden_materials_and_from_elsewhere(
         (lambda image, own: own.view("left"), "type reproject: camera"),
         (lambda image, own: own.view(image.camera, {"silver": 1}), "unknown opacities"),
         (lambda image, own: own.view(image.camera, size=(0, 4)), "range "),
-        (
-            lambda image, _: Stereo().views(image, {}, DepthEffects(focus_mm=30)),
-            "unsupported reproject: focus_mm",
-        ),
-        (
-            lambda image, _: Stereo(eyes_mm=3, eyes_deg=2),
-            "conflict Stereo.stereo: distance between the eyes",
-        ),
-        (lambda image, _: Stereo(convergence_mm=0), "range Stereo.convergence_mm"),
+        (lambda image, _: Stereo().views(image, {}, BLURRED), "unsupported reproject: focus_mm"),
+        (lambda *_: Stereo(eyes_mm=3, eyes_deg=2), f"conflict Stereo.stereo: {APART}"),
+        (lambda *_: Stereo(convergence_mm=0), "range Stereo.convergence_mm"),
     ],
 )
 def test_what_cannot_be_reprojected_is_refused(
@@ -145,7 +137,6 @@ def test_what_cannot_be_reprojected_is_refused(
 
 
 def opposite(image: CoefficientImage) -> Camera:
-    assert image.camera is not None
     behind = 2 * np.array(image.camera.target_mm) - image.camera.position_mm
     return replace(image.camera, position_mm=tuple(behind))
 
@@ -182,16 +173,10 @@ def test_eyes_see_what_casts_of_their_cameras_do(
 
 
 def test_eyes_by_distance_or_angle_are_the_same(image: CoefficientImage) -> None:
-    depth_mm = expected_depth_mm(image)
-    cameras = [
-        eyes.cameras(image)
-        for eyes in (
-            Stereo(),
-            Stereo(eyes_mm=depth_mm / 30),
-            Stereo(eyes_deg=float(np.degrees(2 * np.arctan(1 / 60))), convergence_mm=depth_mm),
-        )
-    ]
-    for left, right in cameras:
+    depth_mm, angle_deg = expected_depth_mm(image), float(np.degrees(2 * np.arctan(1 / 60)))
+    by_angle = Stereo(eyes_deg=angle_deg, convergence_mm=depth_mm)
+    for eyes in (Stereo(), Stereo(eyes_mm=depth_mm / 30), by_angle):
+        left, right = eyes.cameras(image)
         apart = np.linalg.norm(np.subtract(left.position_mm, right.position_mm))
         assert apart == pytest.approx(depth_mm / 30)
 
@@ -210,9 +195,8 @@ def test_anaglyphs_are_mixed_in_linear_light(image: CoefficientImage) -> None:
         same = np.full((2, 2, 3), level, np.uint8)
         assert np.abs(Stereo("anaglyph").combine(same, same).astype(int) - level).max() <= 1
     # A red surface is dark through cyan, whichever eye sees it.
-    red = np.zeros((1, 1, 3), np.uint8) + np.array([255, 0, 0], np.uint8)
-    black = np.zeros_like(red)
-    assert Stereo("anaglyph").combine(red, black)[0, 0].tolist() == [177, 0, 0]
+    red = np.array([[[255, 0, 0]]], np.uint8)
+    assert Stereo("anaglyph").combine(red, 0 * red)[0, 0].tolist() == [177, 0, 0]
     frames = [relight(eye, light("D65")) for eye in Stereo("anaglyph").views(image)]
     assert Stereo("anaglyph").combine(*frames).shape == (SIZE[1], SIZE[0], 3)
 
@@ -225,17 +209,12 @@ def test_cuts_and_fog_of_views_are_those_of_the_picture(
     middle = expected_depth_mm(image)
     effects = DepthEffects(near_mm=middle - 2, far_mm=middle + 9, fog_mm=3 * middle, fog_white=0.7)
     changed = layers_in_depth(image, [scale, 1.0], effects)
-    assert changed.opacity_layers is not None
-    sums = changed.opacity_layers.recompose([scale, 1.0])
-    bare = replace(
-        image,
-        coefficients=sums.channels.reshape(image.coefficients.shape).astype(np.float32),
-        alpha=sums.alpha.astype(np.float32),
-    )
+    channels, alpha, _ = changed.opacity_layers.recompose([scale, 1.0])
+    coefficients = channels.reshape(image.coefficients.shape).astype(np.float32)
+    bare = replace(image, coefficients=coefficients, alpha=alpha.astype(np.float32))
     made, wanted = fog_behind(bare, effects), image.recompose({"copper": scale}, effects)
     assert np.abs(made.alpha - wanted.alpha).max() < 2e-3
     assert np.abs(made.coefficients - wanted.coefficients).max() < 2e-3
     assert rms(made, replace(image, coefficients=wanted.coefficients)) < 1e-4
-    left, right = Stereo(eyes_deg=0.01).views(image, {"copper": scale}, effects)
-    for view in (left, right):
+    for view in Stereo(eyes_deg=0.01).views(image, {"copper": scale}, effects):
         assert rms(view, wanted) < 1e-4

@@ -25,12 +25,6 @@ def test_a_room_is_closed_and_its_fronts_are_inside() -> None:
     assert (np.einsum("nc,nc->n", ROOM.normals, towards) > 0).all()
 
 
-def test_furniture_has_its_fronts_outside() -> None:
-    chest = box((1, 1, 0), (2, 3, 1), "chest")
-    away = chest.centres_m - chest.centres_m.mean(axis=0)
-    assert chest.names == ("chest",) and (np.einsum("nc,nc->n", chest.normals, away) > 0).all()
-
-
 def test_a_wall_has_a_window() -> None:
     found = wall((1.0, 0.9, 2.0, 1.4))
     window = found.surface == found.names.index("window 0")
