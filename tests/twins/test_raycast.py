@@ -98,14 +98,9 @@ def test_oblique_anisotropic_volume_matches_reference():
 )
 def test_every_voxel_type_and_channel_count(dtype, channels):
     volume = Volume((phantom.ball(20).values * 120).astype(dtype))
-    at = np.linspace(0, 1, 1024)
-    table = TransferTable(
-        (0.0, 120.0),
-        0.3 * at,
-        np.stack([np.abs(np.sin(at * (k + 2))) for k in range(channels)], axis=1),
-        1.0,
-        white=np.linspace(0, 1, channels),
-    )
+    at, white = np.linspace(0, 1, 1024), np.linspace(0, 1, channels)
+    weights = np.stack([np.abs(np.sin(at * (k + 2))) for k in range(channels)], axis=1)
+    table = TransferTable((0.0, 120.0), 0.3 * at, weights, 1.0, white=white)
     assert_alike(volume, table, Camera.orbit(volume), RaycastSpec(specular=0.4), size=(21, 17))
 
 
@@ -126,12 +121,10 @@ def test_thin_tiny_and_constant_volumes_match_reference(shape):
 
 
 def test_bands_with_progress_give_the_same_picture(engine, three_channels):
-    caster, camera = Raycaster(engine), Camera.orbit(engine)
+    caster, given = Raycaster(engine), (three_channels, Camera.orbit(engine), (100, 260))
     shares: list[float] = []
-    whole = caster.cast(three_channels, camera, (100, 260), RaycastSpec())
-    banded = caster.cast(
-        three_channels, camera, (100, 260), RaycastSpec(tile_ms=0.1), shares.append
-    )
+    whole = caster.cast(*given, RaycastSpec())
+    banded = caster.cast(*given, RaycastSpec(tile_ms=0.1), shares.append)
     assert all(np.array_equal(a, b) for a, b in zip(whole, banded, strict=True))
     assert shares == sorted(shares) and shares[-1] == 1 and len(shares) > 8
 
@@ -143,8 +136,7 @@ def test_light_before_the_cast_equals_light_after_it(engine, three_channels):
     64 visible terms of relative error 6e-8 bound it at 4e-6 of full scale; measured 2e-6.
     """
     light = np.random.default_rng(1).uniform(0.1, 3.0, 3)
-    caster, camera = Raycaster(engine), Camera.orbit(engine)
+    caster, how = Raycaster(engine), (Camera.orbit(engine), (256, 256), RaycastSpec())
     lit = dataclasses.replace(three_channels, channels=three_channels.channels * light)
-    before = caster.cast(lit, camera, (256, 256), RaycastSpec())[0]
-    after = caster.cast(three_channels, camera, (256, 256), RaycastSpec())[0] * light
+    before, after = caster.cast(lit, *how)[0], caster.cast(three_channels, *how)[0] * light
     assert np.abs(before - after).max() < 4e-6 * np.abs(after).max()

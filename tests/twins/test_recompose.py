@@ -84,12 +84,20 @@ def relighter_of(image: CoefficientImage, backend: str) -> Relighter:
     return gl_or_skip(image) if backend == "gl" else Relighter(image, backend)
 
 
-def both_frames(image: CoefficientImage, scales: dict[str, float]) -> list[NDArray[np.float32]]:
+def twin_frame(image: CoefficientImage, lamp: Any = None) -> NDArray[np.float32]:
+    """The picture by NumPy, under a light for each group."""
+    with Relighter(image, "numpy") as relighter:
+        return relighter.frame(lamp or rig(image), dtype=np.float32)
+
+
+def both_frames(
+    image: CoefficientImage, scales: dict[str, float], **how: Any
+) -> list[NDArray[np.float32]]:
     """Frames of other opacities on the device, and by its twin."""
     frames = []
     for relighter in (gl_or_skip(image), Relighter(image, "numpy")):
         with relighter:
-            relighter.set_opacities(scales)
+            relighter.set_opacities(scales, **how)
             frames.append(relighter.frame(rig(image), dtype=np.float32))
     return frames
 
@@ -103,9 +111,7 @@ def test_frames_of_other_opacities_match(materials, groups, scales):
     wanted = dict(zip(NAMES[:materials], scales, strict=False))
     frames = both_frames(image, wanted)
     np.testing.assert_allclose(*frames, atol=2e-4)
-    recomposed = image.recompose(wanted)
-    with Relighter(recomposed, "numpy") as relighter:
-        np.testing.assert_array_equal(relighter.frame(rig(image), dtype=np.float32), frames[1])
+    np.testing.assert_array_equal(twin_frame(image.recompose(wanted)), frames[1])
 
 
 @pytest.mark.parametrize(
@@ -118,23 +124,17 @@ def test_shadows_fade_alike(materials, shadows, scales):
     with gl_or_skip(image) as drawn:
         drawn.set_opacities(wanted)
         found = drawn.frame(rig(image), dtype=np.float32)
-    twins = [image.recompose(wanted)]
-    assert image.opacity_layers is not None
     plain = replace(image.opacity_layers, shadow=None, occlusion=None)
-    twins.append(replace(image, opacity_layers=plain).recompose(wanted))
-    frames = []
-    for twin in twins:
-        with Relighter(twin, "numpy") as relighter:
-            frames.append(relighter.frame(rig(image), dtype=np.float32))
-    np.testing.assert_allclose(found, frames[0], atol=3e-4)
-    assert np.abs(frames[0] - frames[1]).max() > 0.01
+    bare = replace(image, opacity_layers=plain)
+    shaded, unshaded = (twin_frame(each.recompose(wanted)) for each in (image, bare))
+    np.testing.assert_allclose(found, shaded, atol=3e-4)
+    assert np.abs(shaded - unshaded).max() > 0.01
 
 
 @pytest.mark.parametrize("solid", [False, True])
 def test_layers_from_the_first_on_match_where_pixels_have_none(solid):
     image = layered(3, 2, solid=solid)
     layers = image.opacity_layers
-    assert layers is not None
     assert not PackedOpacity.of(layers).filled
     tau = layers.tau + np.float16(0.02)
     tau[1, :, : 4 if solid else 5] = 0
@@ -147,11 +147,9 @@ def test_layers_from_the_first_on_match_where_pixels_have_none(solid):
 
 def test_a_first_layer_too_faint_for_half_floats_hides_no_others():
     image = layered(3, 1)
-    layers = image.opacity_layers
-    assert layers is not None
-    tau = layers.tau.astype(np.float32) + 0.02
+    tau = image.opacity_layers.tau.astype(np.float32) + 0.02
     tau[1, :, 0] = 1e-9
-    image = replace(image, opacity_layers=replace(layers, tau=tau))
+    image = replace(image, opacity_layers=replace(image.opacity_layers, tau=tau))
     np.testing.assert_allclose(*both_frames(image, {"gold": 0.4}), atol=1e-3)
 
 
@@ -160,9 +158,7 @@ def test_surfaces_do_not_fade(shadows):
     image = layered(3, 2, shadows=shadows, solid=True)
     none = dict.fromkeys(NAMES[:3], 0.0)
     np.testing.assert_allclose(*both_frames(image, none), atol=3e-4)
-    layers = image.opacity_layers
-    assert layers is not None
-    last = layers.tau[:, :, -1].astype(np.float32).sum(axis=-1)
+    last = image.opacity_layers.tau[:, :, -1].astype(np.float32).sum(axis=-1)
     np.testing.assert_allclose(image.recompose(none).alpha, 1 - np.exp(-last), atol=1e-6)
 
 
@@ -188,8 +184,7 @@ def test_opacities_outlast_another_cast_of_the_same_size(backend):
         relighter.update(second.recompose({}))  # without layers
         without = relighter.frame(light("A"), dtype=np.float32)
     for image, frame in ((second.recompose(scales), kept), (second, without)):
-        with Relighter(image, "numpy") as twin:
-            np.testing.assert_allclose(frame, twin.frame(light("A"), dtype=np.float32), atol=2e-4)
+        np.testing.assert_allclose(frame, twin_frame(image, light("A")), atol=2e-4)
 
 
 @pytest.mark.parametrize(
@@ -207,12 +202,10 @@ def test_opacities_outlast_another_cast_of_the_same_size(backend):
 def test_frames_in_depth_match(depth, groups, solid):
     """Extents are half floats on the device: half a µm of 1 mm, a hundredth of a thin layer."""
     image = deep(groups, solid)
-    frames = []
-    with gl_or_skip(image) as drawn, Relighter(image, "numpy") as twin:
-        for relighter in (drawn, twin):
-            relighter.set_opacities({"gold": 0.6}, depth=depth)
-            frames.append(relighter.frame(rig(image), dtype=np.float32))
-        before = Relighter(image, "numpy").frame(rig(image), dtype=np.float32)
+    frames, before = both_frames(image, {"gold": 0.6}, depth=depth), twin_frame(image)
+    with gl_or_skip(image) as drawn:
+        drawn.set_opacities({"gold": 0.6}, depth=depth)
+        drawn.frame(rig(image))
         drawn.set_opacities({})
         after = drawn.frame(rig(image), dtype=np.float32)
     np.testing.assert_allclose(*frames, atol=1e-2)
@@ -224,23 +217,20 @@ def test_frames_in_depth_match(depth, groups, solid):
 def deep(groups: int, solid: bool) -> CoefficientImage:
     """Return layers of 1 mm, 100 mm from a camera."""
     image = layered(3, groups, solid=solid)
-    layers = image.opacity_layers
-    assert layers is not None
-    tau = np.maximum(layers.tau, np.float16(0.01))
-    depth_mm = layers.depth_mm.astype(np.float32) + 100
-    layers = replace(layers, tau=tau, depth_mm=depth_mm)
+    own = image.opacity_layers
+    tau, depth_mm = np.maximum(own.tau, np.float16(0.01)), own.depth_mm.astype(np.float32) + 100
+    layers = replace(own, tau=tau, depth_mm=depth_mm)
     return replace(image, opacity_layers=layers, fov_deg=30.0)
 
 
 def test_layers_packed_beforehand_are_taken_and_other_numbers_of_them_too():
     image, fewer = layered(3, 1), layered(3, 1, count=2)
     with gl_or_skip(image) as relighter:
-        assert image.opacity_layers is not None
         relighter.set_opacities({"gold": 0}, PackedOpacity.of(image.opacity_layers))
         relighter.update(fewer)
         frame = relighter.frame(light("A"), dtype=np.float32)
-    with Relighter(fewer.recompose({"gold": 0}), "numpy") as twin:
-        np.testing.assert_allclose(frame, twin.frame(light("A"), dtype=np.float32), atol=2e-4)
+    expected = twin_frame(fewer.recompose({"gold": 0}), light("A"))
+    np.testing.assert_allclose(frame, expected, atol=2e-4)
 
 
 def test_what_a_device_does_not_take_is_refused_and_the_picture_stays(backend, monkeypatch):
@@ -253,8 +243,7 @@ def test_what_a_device_does_not_take_is_refused_and_the_picture_stays(backend, m
                 relighter.set_opacities(scales)
         np.testing.assert_array_equal(relighter.frame(light("A")), before)
     describe: Any = recompose.describe
-    small = {"max_layers": 4}
-    monkeypatch.setattr(recompose, "describe", lambda context: describe(context) | small)
+    monkeypatch.setattr(recompose, "describe", lambda gl: describe(gl) | {"max_layers": 4})
     if backend == "gl":
         with relighter_of(image, backend) as relighter, raises(OpenGLError, "size"):
             relighter.set_opacities({"gold": 0})

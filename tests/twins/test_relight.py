@@ -39,16 +39,18 @@ VIEWINGS = {
     "half adapted": Viewing(D=0.5, exposure=1.5),
     "none": Viewing(model="none"),
 }
-
-
 pytestmark = pytest.mark.usefixtures("needs_gl")
+
+
+def gamut(name: str) -> tuple[np.ndarray, np.ndarray, Illumination]:
+    """The sRGB gamut in a light: coefficients, alpha and the light."""
+    white = white_XYZ(light(name))
+    return opaque(surfaces(white), white)
 
 
 @pytest.mark.parametrize("name", LIGHTS)
 def test_shader_agrees_with_colour_science_over_the_srgb_gamut(name):
-    white = white_XYZ(light(name))
-    coefficients, alpha, lit = opaque(surfaces(white), white)
-    given = coefficients, alpha, lit, Viewing()
+    given = *gamut(name), Viewing()
     truth = encoded_frame(*given)
     difference = ciede2000(gl_frame(*given), truth, what=name)
     # The goal is 0.05 and 0.3; llvmpipe's polynomial pow leaves 5e-5 and 5e-4. A hundredfold
@@ -62,10 +64,9 @@ def test_shader_agrees_with_colour_science_over_the_srgb_gamut(name):
 @pytest.mark.parametrize("name", VIEWINGS)
 def test_shader_and_host_agree_with_the_reference_in_every_viewing(name):
     viewing = VIEWINGS[name]
-    rng = np.random.default_rng(5)
     white = white_XYZ(light("D50"))
     XYZ = surfaces(white)
-    alpha = rng.random(XYZ.shape[:2]).astype(np.float32)
+    alpha = np.random.default_rng(5).random(XYZ.shape[:2]).astype(np.float32)
     coefficients = (XYZ * alpha[..., None]).astype(np.float32)
     gain = viewing.exposure
     lit = Illumination(gain * np.eye(3), white, gain * 0.2 * white)
@@ -115,14 +116,12 @@ def test_no_finite_coefficient_gives_nan(viewing, size):
 
 @pytest.mark.parametrize("model", ["CIECAM02", "none"])
 def test_same_source_draws_the_same_picture_as_webgl_2(model, monkeypatch):
-    white = white_XYZ(light("A"))
-    given = *opaque(surfaces(white), white), Viewing(model=model), np.uint8
+    given = *gamut("A"), Viewing(model=model), np.uint8
     assert_drawn_alike_by_webgl_2(lambda: gl_frame(*given), monkeypatch)
 
 
 def test_a_canvas_shows_row_0_at_the_top(monkeypatch):
-    white = white_XYZ(light("A"))
-    given = *opaque(surfaces(white), white), Viewing(), np.uint8
+    given = *gamut("A"), Viewing(), np.uint8
     read_back = gl_frame(*given)
     canvas_constants = {"FIRST_ROW_AT_BOTTOM": 0, "IMAGE_HEIGHT": len(read_back)}
     monkeypatch.setattr(

@@ -14,7 +14,7 @@ from volspec.appearance import Display, Viewing, view_transform
 from volspec.appearance.adaptation_grid import ViewTransformGrid
 from volspec.appearance.spec import PER_PIXEL
 from volspec.raycast.image import CoefficientImage
-from volspec.relight import Relighter, RelightSpec
+from volspec.relight import Relighter, RelightSpec, relight
 from volspec.spectra import PAPERS_GRID, light
 from volspec.spectra.photometry import white_XYZ
 
@@ -38,11 +38,11 @@ def patches(height: int = 150, width: int = 200, fov_deg: float = 70.0) -> Coeff
 
 
 def both(image: CoefficientImage, name: str, viewing: Viewing) -> tuple[np.ndarray, np.ndarray]:
-    frames = []
-    for backend in ("gl", "numpy"):
-        with Relighter(image, backend) as relighter:
-            frames.append(relighter.frame(light(name), viewing, dtype=np.float32))
-    return frames[0], frames[1]
+    shown, truth = (
+        relight(image, light(name), viewing, dtype=np.float32, backend=backend)
+        for backend in ("gl", "numpy")
+    )
+    return shown, truth
 
 
 @pytest.mark.parametrize("model", PER_PIXEL)
@@ -79,8 +79,7 @@ def test_a_field_ends_in_the_displays_own_mapping(model, display):
 @pytest.mark.parametrize("name", LIGHTS)
 def test_between_nodes_a_field_is_near_conditions_of_every_pixel(name):
     image, viewing = patches(), Viewing(adapting="pixel")
-    with Relighter(image, "numpy") as relighter:
-        shown = relighter.frame(light(name), viewing, dtype=np.float32)
+    shown = relight(image, light(name), viewing, dtype=np.float32, backend="numpy")
     truth = relight_reference(image, light(name), RelightSpec(viewing))
     error = ciede2000(shown, truth, what=name)
     # Straight lines between transforms, not between conditions: measured 0.002 and 0.12.
@@ -107,18 +106,16 @@ def test_a_pixel_on_a_node_has_the_transform_of_its_own_conditions(model):
 
 @pytest.mark.parametrize("model", PER_PIXEL)
 def test_an_even_field_is_the_transform_of_its_numbers(model):
-    grey = np.full((40, 60, 5), 0.35, np.float32)
-    one = np.ones((40, 60), np.float32)
+    grey, one = np.full((40, 60, 5), 0.35, np.float32), np.ones((40, 60), np.float32)
     image = CoefficientImage(grey, one, one, box_basis(), fov_deg=50.0)
     given = Viewing(model=model, Y_b=35.0)
-    for adapting in ("picture", "pixel"):
-        viewing = dataclasses.replace(given, adapting=adapting, Y_b=20.0)
-        with Relighter(image, "gl") as relighter:
-            frames = [
-                relighter.frame(light("A"), RelightSpec(each, "exact", 0.35))
-                for each in (viewing, given)
-            ]
-            assert np.array_equal(*frames)
+    measured = (dataclasses.replace(given, adapting=way, Y_b=20.0) for way in ("picture", "pixel"))
+    with Relighter(image, "gl") as relighter:
+        expected, *frames = (
+            relighter.frame(light("A"), RelightSpec(each, "exact", 0.35))
+            for each in (given, *measured)
+        )
+    assert all(np.array_equal(frame, expected) for frame in frames)
 
 
 def test_a_field_takes_no_table_and_leaves_the_next_frame_alone():
@@ -140,13 +137,10 @@ def test_another_cast_is_measured_anew():
             relighter.update(image)
             frames.append(relighter.frame(light("A"), Viewing(adapting="pixel")))
     assert not np.array_equal(*frames)
-    with Relighter(images[1], "gl") as relighter:
-        assert np.array_equal(frames[1], relighter.frame(light("A"), Viewing(adapting="pixel")))
+    alone = relight(images[1], light("A"), Viewing(adapting="pixel"), backend="gl")
+    assert np.array_equal(frames[1], alone)
 
 
 def test_same_source_draws_the_same_field_as_webgl_2(monkeypatch):
-    def draw() -> np.ndarray:
-        with Relighter(patches(), "gl") as relighter:
-            return relighter.frame(light("A"), Viewing(adapting="pixel"))
-
-    assert_drawn_alike_by_webgl_2(draw, monkeypatch)
+    given = patches(), light("A"), Viewing(adapting="pixel")
+    assert_drawn_alike_by_webgl_2(lambda: relight(*given, backend="gl"), monkeypatch)

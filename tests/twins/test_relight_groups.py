@@ -10,8 +10,7 @@ import pytest
 
 from tests.support.errors import raises
 from tests.support.relight_reference import relight_reference
-from tests.support.relighting import COARSE, assert_close, box_basis, gl_or_skip, grouped_cast
-from volspec.appearance import Viewing
+from tests.support.relighting import COARSE, RAW, assert_close, box_basis, gl_or_skip, grouped_cast
 from volspec.appearance.spaces import to_uint8
 from volspec.basis import MODES, Basis, MaterialBasis
 from volspec.errors import OpenGLError, ShapeError
@@ -75,11 +74,8 @@ def test_half_coefficients_give_the_frame_of_the_same_numbers_in_float32(backend
     half = cast(half=True)
     whole = replace(half, coefficients=half.coefficients.astype(np.float32))
     assert half.coefficients.dtype == np.float16
-    for mode in MODES:
-        one, other = (
-            relight(im, RIG, RelightSpec(mode=mode), backend=backend) for im in (half, whole)
-        )
-        assert np.array_equal(one, other)
+    for spec in (RelightSpec(mode=mode) for mode in MODES):
+        assert np.array_equal(*(relight(im, RIG, spec, backend=backend) for im in (half, whole)))
 
 
 def test_a_relighter_follows_the_groups_of_a_new_image(backend):
@@ -95,14 +91,11 @@ def test_a_relighter_follows_the_groups_of_a_new_image(backend):
 
 def test_reflectances_are_edited_in_every_group(backend):
     paints = {name: reflectance(name) for name in ("gold", "copper")}
-    image = cast(basis=MaterialBasis(paints))
-    changed = image.basis.with_reflectances({"gold": reflectance("iron")})
-    viewing = Viewing(model="none")
+    image, iron = cast(basis=MaterialBasis(paints)), {"gold": reflectance("iron")}
     with Relighter(image, backend) as relighter:
-        before = relighter.frame(RIG, viewing)
-        relighter.set_reflectances({"gold": reflectance("iron")})
-        after = relighter.frame(RIG, viewing)
+        before = relighter.frame(RIG, RAW)
+        relighter.set_reflectances(iron)
+        after = relighter.frame(RIG, RAW)
     assert not np.array_equal(before, after)
-    assert np.array_equal(
-        after, relight(replace(image, basis=changed), RIG, viewing, backend=backend)
-    )
+    changed = replace(image, basis=image.basis.with_reflectances(iron))
+    assert np.array_equal(after, relight(changed, RIG, RAW, backend=backend))

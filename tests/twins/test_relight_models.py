@@ -16,11 +16,12 @@ from tests.support.relighting import (
     opaque,
     surfaces,
 )
+from tests.twins.test_relight import gamut
 from volspec.appearance import Display, Viewing, view_transform
 from volspec.appearance.display import colour_space
 from volspec.appearance.lut3d import Lut3D, LutSpace
 from volspec.appearance.presets import preset
-from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
+from volspec.appearance.spaces import ColourSpace, encode_sRGB, linear_sRGB_from_XYZ
 from volspec.appearance.spec import MODELS
 from volspec.basis import SpectralBasis
 from volspec.relight import Illumination, LightRig, RelightSpec, gpu
@@ -30,7 +31,6 @@ from volspec.spectra import PAPERS_GRID, Spectrum, light
 from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
 
 pytestmark = pytest.mark.usefixtures("needs_gl")
-LIGHTS = ("A", "FL2")
 # Known colour by colour only: always looked up.
 TABLED = ("Hunt", "Nayatani95", "ZCAM")
 # One of each form: a linear one, a curve, an appearance model and one that is looked up.
@@ -43,8 +43,7 @@ FEW = [
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("name", ["A", slow("FL2")])
 def test_the_shader_draws_a_model_as_numpy_does(model, name):
-    white = white_XYZ(light(name))
-    given = *opaque(surfaces(white), white), Viewing(model=model, surround=0.12)
+    given = *gamut(name), Viewing(model=model, surround=0.12)
     error = ciede2000(gl_frame(*given, lut3d=False), cpu_frame(*given), what=f"{model}, {name}")
     if model in TABLED:
         # Nayatani's turns sharply next to black: the worst is a purple of Y = 2.3.
@@ -53,8 +52,12 @@ def test_the_shader_draws_a_model_as_numpy_does(model, name):
         assert error.mean() <= 0.001 and error.max() <= 0.02
 
 
+def codes(XYZ: np.ndarray, space: ColourSpace) -> np.ndarray:
+    return space.encode(np.clip(XYZ @ space.RGB_from_XYZ.T, 0, 1))
+
+
 @pytest.mark.parametrize("model", ["CIECAM02", "CAM16", "Nayatani", "Guth"])
-@pytest.mark.parametrize("name", [*LIGHTS, "HP1"])
+@pytest.mark.parametrize("name", ["A", "FL2", "HP1"])
 def test_a_table_is_near_the_closed_form(model, name):
     white = white_XYZ(light(name))
     space, transform = colour_space("sRGB"), view_transform(Viewing(model=model), white)
@@ -62,9 +65,7 @@ def test_a_table_is_near_the_closed_form(model, name):
     looked_up, exact = (each.apply(surfaces(white)) for each in (table, transform))
     # The others are drawn by the closed form itself.
     held = np.any(looked_up != exact, axis=-1)
-    error = ciede2000(
-        *(space.encode(np.clip(XYZ @ space.RGB_from_XYZ.T, 0, 1)) for XYZ in (looked_up, exact))
-    )[held]
+    error = ciede2000(*(codes(XYZ, space) for XYZ in (looked_up, exact)))[held]
     assert held.mean() > 0.6
     assert error.mean() <= 0.10 and error.max() <= 0.8
 
@@ -74,12 +75,9 @@ def test_a_table_is_near_the_closed_form(model, name):
 def test_a_table_filled_on_the_device_is_numpys(model, software, monkeypatch):
     """On a GPU the shader interpolates, as a sampler's weights have 8 bits there."""
     monkeypatch.setattr(gpu, "SOFTWARE", software)
-    white = white_XYZ(light("A"))
-    viewing = Viewing(model=model)
-    space = LutSpace.between(white, colour_space("sRGB"))
-    transform = view_transform(viewing, white)
-    table = Lut3D.of(transform, space)
-    XYZ = surfaces(white)
+    white, viewing = white_XYZ(light("A")), Viewing(model=model)
+    transform, XYZ = view_transform(viewing, white), surfaces(white)
+    table = Lut3D.of(transform, LutSpace.between(white, colour_space("sRGB")))
     # Colours that the closed form draws are the same in both: leave them out.
     held = np.any(table.apply(XYZ) != transform.apply(XYZ), axis=-1)
     XYZ[~held] = XYZ[held][0]
@@ -111,11 +109,8 @@ def test_a_table_holds_where_the_model_has_cliffs_and_beyond_white(name, viewing
     transform = view_transform(viewing, white_XYZ(lamp))
     colours = viewing.display.colours
     table = Lut3D.of(transform, LutSpace.between(white_XYZ(lamp), colours))
-    frames = [
-        colours.encode(np.clip(each.apply(viewing.exposure * XYZ) @ colours.RGB_from_XYZ.T, 0, 1))
-        for each in (table, transform)
-    ]
-    error = ciede2000(*(frame[None] for frame in frames), what=f"{viewing.model}, {name}")
+    seen = (each.apply(viewing.exposure * XYZ[None]) for each in (table, transform))
+    error = ciede2000(*(codes(each, colours) for each in seen), what=f"{viewing.model}, {name}")
     assert error.mean() <= 0.10 and error.max() <= 2.0
 
 
@@ -128,8 +123,8 @@ def test_a_picture_with_colours_that_no_table_holds_is_drawn_by_the_closed_form(
 @pytest.mark.parametrize("model", TABLED)
 def test_what_is_brighter_than_white_is_white(model):
     white = white_XYZ(light("A"))
-    viewing = Viewing(model=model, D=1.0)
-    assert gl_frame(*opaque(3.0 * white[None, None], white), viewing, np.uint8).min() >= 250
+    given = *opaque(3.0 * white[None, None], white), Viewing(model=model, D=1.0)
+    assert gl_frame(*given, np.uint8).min() >= 250
 
 
 def cube(XYZ_from_RGB: np.ndarray) -> np.ndarray:
@@ -175,11 +170,8 @@ BANDS = BASIS.grid.size
 
 def blocks(count: int, seed: int) -> np.ndarray:
     """(count, BANDS) 0 and 1 in runs of one to eight bands, as a palette designer's optima are."""
-    rng = np.random.default_rng(seed)
-    rows = []
-    for _ in range(count):
-        runs = rng.integers(1, 9, BANDS)
-        rows.append(np.repeat(np.arange(BANDS) % 2, runs)[:BANDS] ^ rng.integers(0, 2))
+    draw, alternate = np.random.default_rng(seed).integers, np.arange(BANDS) % 2
+    rows = [np.repeat(alternate, draw(1, 9, BANDS))[:BANDS] ^ draw(0, 2) for _ in range(count)]
     return np.array(rows, dtype=np.float64)
 
 
@@ -198,13 +190,11 @@ def spectrum(values: np.ndarray) -> Spectrum:
 def lights() -> dict[str, Spectrum | LightRig]:
     """Next to no power (none is refused), one band, some, and LEDs with nothing between."""
     nm = BASIS.grid.wavelengths_nm
-    leds = {
-        f"LEDs {centres}": spectrum(
-            sum(np.where(np.abs(nm - centre) < 30, np.exp(-(((nm - centre) / 12) ** 2)), 0.0)
-                for centre in centres)
-        )
-        for centres in ((460, 530, 630), (440, 590), (500, 700))
-    }  # fmt: skip
+    leds = {}
+    for centres in ((460, 530, 630), (440, 590), (500, 700)):
+        away = nm - np.array(centres)[:, None]
+        power = np.where(np.abs(away) < 30, np.exp(-((away / 12) ** 2)), 0.0)
+        leds[f"LEDs {centres}"] = spectrum(power.sum(axis=0))
     bands = {f"{n:g} nm": spectrum(1.0 * (nm == n)) for n in (nm[0], 450.0, 510.0, 590.0, nm[-1])}
     return {
         "1e-100 of D65": spectrum(1e-100 * light("D65", BASIS.grid).values),
@@ -230,9 +220,8 @@ def test_designed_spectra_under_designed_lights_give_no_nan(model):
     coefficients = BASIS.analyse(spectra).reshape(3, -1, BASIS.size).astype(np.float32)
     alpha = np.ones(coefficients.shape[:2], np.float32)
     alpha[0, :4] = 0.0
-    tabled = model in TABLED  # a LUT takes the host a second
+    tabled, worst = model in TABLED, 0.0  # a LUT takes the host a second
     engines = engines_of(model, coefficients, alpha)
-    worst = 0.0
     for turn, (name, lit) in enumerate(DESIGNED_LIGHTS.items()):
         if tabled and turn % 4:  # the next light's table is as hard
             continue

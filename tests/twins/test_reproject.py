@@ -8,17 +8,15 @@ import numpy as np
 import pytest
 
 from tests.support.fixtures import slow, slow_each
-from volspec.basis import MaterialBasis
+from tests.support.raycasts import METAL_BASIS, METALS
 from volspec.raycast import Camera, CoefficientImage
 from volspec.raycast.layered import OpacityLayers
 from volspec.raycast.reproject import Reprojector, Warp, reproject_reference
 from volspec.relight.stereo import ShiftedCamera
-from volspec.spectra import reflectance
 
 # Measured 2e-6, but for points so close to the border of a slice of depth that float32 puts them
 # into the next one.
 TOLERANCE, MOVED = 2e-5, 0.005
-BASIS = MaterialBasis({name: reflectance(name) for name in ("copper", "gold")})
 SIZE = 40, 30
 HERE = Camera((3.0, -100.0, 20.0), (0.0, 0.0, 0.0))
 
@@ -35,20 +33,17 @@ def layered(
     depth = camera.distance_mm + np.sort(rng.uniform(-20, 20, shape), axis=2)
     used = np.arange(layers) < rng.integers(0, layers + 1, shape[:2])[..., None]
     used[..., -1] |= solid & (depth[..., -1] > camera.distance_mm + 5)
-    tau = rng.uniform(0, 1, (*shape, 2)) * used[..., None]
-    own = OpacityLayers(
-        tau.astype(np.float32),
-        rng.uniform(0.2, 1, (*shape, groups, 2)).astype(np.float32),
-        rng.uniform(0, 0.2, (*shape, groups)).astype(np.float32),
-        np.where(used, depth, np.inf).astype(np.float32),
-        solid=solid,
+    arrays = (
+        rng.uniform(0, 1, (*shape, 2)) * used[..., None],
+        rng.uniform(0.2, 1, (*shape, groups, 2)),
+        rng.uniform(0, 0.2, (*shape, groups)),
+        np.where(used, depth, np.inf),
     )
-    flat = np.zeros((*shape[:2], 3 * groups), np.float32)
+    layers = OpacityLayers(*(each.astype(np.float32) for each in arrays), solid=solid)
+    flat, zero = np.zeros((*shape[:2], 3 * groups), "f4"), np.zeros(shape[:2], "f4")
     names = {f"light {n}": 1 / groups for n in range(groups)}
-    zero = np.zeros(shape[:2], np.float32)
-    return CoefficientImage(
-        flat, zero, zero, BASIS, groups=names, camera=camera, opacity_layers=own
-    )
+    own = {"groups": names, "camera": camera, "opacity_layers": layers}
+    return CoefficientImage(flat, zero, zero, METAL_BASIS, **own)
 
 
 PARALLEL = replace(HERE, height_mm=60.0)
@@ -74,10 +69,9 @@ NEARER = replace(HERE, position_mm=(1.0, -60.0, 10.0))
 )
 def test_the_kernel_splats_what_its_twin_does(source, target, size, groups, scales, solid):
     image = layered(source, groups, solid=solid)
-    ours = Reprojector(image).view(target, dict(zip(BASIS.materials, scales, strict=True)), size)
-    true = reproject_reference(
-        image.opacity_layers, list(scales), Warp.of(source, SIZE, target, size)
-    )
+    ours = Reprojector(image).view(target, dict(zip(METALS, scales, strict=True)), size)
+    warp = Warp.of(source, SIZE, target, size)
+    true = reproject_reference(image.opacity_layers, list(scales), warp)
     assert true.alpha.max() > 0.3
     off = np.abs(ours.coefficients - true.coefficients).max(axis=2)
     off = np.maximum(off, np.abs(ours.alpha - true.alpha))

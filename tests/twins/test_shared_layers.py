@@ -26,7 +26,7 @@ def picture(height: int, width: int, channels: int) -> tuple[np.ndarray, np.ndar
 
 
 def packed_on_the_device(
-    compute: Compute, coefficients: np.ndarray, alpha: np.ndarray, lines: int, *, half: bool
+    compute: Compute, coefficients: np.ndarray, alpha: np.ndarray, lines: int, half: bool = False
 ) -> np.ndarray:
     """Write bands of so many lines; what no band writes stays NaN."""
     height, width, channels = coefficients.shape
@@ -53,17 +53,15 @@ def assert_same(ours: np.ndarray, twin: np.ndarray) -> None:
 # Each compiles a kernel. Four channels make a layer: every remainder, one layer to eight.
 @pytest.mark.parametrize("channels", [3, 4, 32, *slow_each(1, 2, 5, 7, 9, 14, 31)])
 def test_any_number_of_channels_is_packed_as_the_host_packs_it(compute, channels):
-    coefficients, alpha = picture(13, 67, channels)
-    ours = packed_on_the_device(compute, coefficients, alpha, 5, half=False)
-    assert_same(ours, pack_layers(coefficients, alpha))
+    given = picture(13, 67, channels)
+    assert_same(packed_on_the_device(compute, *given, 5), pack_layers(*given))
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 65), (9, 64), (130, 3)])
 @pytest.mark.parametrize("lines", [1, 4, 1000])
 def test_any_size_and_height_of_bands_is_packed(compute, size, lines):
-    coefficients, alpha = picture(*size, 7)
-    ours = packed_on_the_device(compute, coefficients, alpha, lines, half=False)
-    assert_same(ours, pack_layers(coefficients, alpha))
+    given = picture(*size, 7)
+    assert_same(packed_on_the_device(compute, *given, lines), pack_layers(*given))
 
 
 def test_half_pictures_are_rounded_as_they_are_kept(compute):
