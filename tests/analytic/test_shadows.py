@@ -18,6 +18,7 @@ from volspec.raycast.lights import Source
 from volspec.transfer import SurfaceTable, TransferTable
 
 SIGMA = 0.05  # 1/mm
+DOWN = vs.Directional((0, 0, 1), shadows=True)
 # A step of the layers' levels where the transmittance is above 0.1: of its logarithm, 1/6553.
 LEVEL = 2 / 6553
 
@@ -47,8 +48,7 @@ def test_straight_light_through_a_slab_matches_beer_lambert() -> None:
     The first cell of the way is left out; beyond the face σ falls to 0 within a cell, which adds
     half of one. Middles are exact where σ is linear within steps. On the face itself T is 1.
     """
-    light = vs.Directional((0, 0, 1), shadows=True)
-    layer = layer_of(vs.phantom.slab(32, 16), fog(), light, 33)
+    layer = layer_of(vs.phantom.slab(32, 16), fog(), DOWN, 33)
     depth = np.arange(16, -1, -1)[:, None, None]
     expected = SIGMA * np.maximum(depth - 0.5, 0)
     assert np.abs(-np.log(layer) - expected).max() < LEVEL
@@ -90,10 +90,9 @@ def test_light_from_within_a_slab_matches_beer_lambert() -> None:
 
 def test_occlusion_in_even_fog_is_twice_its_transmittance() -> None:
     """open = 2 exp(−σ (r − h/2)) if the whole sphere lies within."""
-    fog_volume = vs.phantom.slab(32, 32)
-    layer = layer_of(fog_volume, fog(0.3), vs.Ambient(occlusion=True, radius_mm=7.25), 33)
-    expected = 2 * math.exp(-0.3 * 6.75)
-    assert abs(layer[16, 16, 16] - expected) < 1 / 65535
+    sky = vs.Ambient(occlusion=True, radius_mm=7.25)
+    layer = layer_of(vs.phantom.slab(32, 32), fog(0.3), sky, 33)
+    assert abs(layer[16, 16, 16] - 2 * math.exp(-0.3 * 6.75)) < 1 / 65535
     assert layer[0, 0, 0] > layer[16, 16, 16]
 
 
@@ -119,7 +118,7 @@ def plate() -> vs.Volume:
 
 def test_a_plate_casts_its_shadow_exactly_behind_it() -> None:
     """Opacity is held at 1 − 1e-4; within two cells its surface spreads."""
-    layer = layer_of(plate(), solid(), vs.Directional((0, 0, 1), shadows=True), 33)
+    layer = layer_of(plate(), solid(), DOWN, 33)
     square = np.zeros((33, 33), bool)
     square[8:25, 8:25] = True
     assert np.abs(layer[:17, square] - 1e-4).max() < 1 / 65535
@@ -132,20 +131,14 @@ def test_a_point_lights_shadow_widens_with_distance() -> None:
     layer = layer_of(plate(), solid(), vs.Point((16.0, 16.0, 60.0), shadows=True), 33)
     from_middle = np.abs(np.arange(33) - 16)
     for z in (2, 8, 14):
-        half = 8 * (60 - z) / (60 - 20)
-        row = layer[z, 16]
+        half, row = 8 * (60 - z) / (60 - 20), layer[z, 16]
         assert (row[from_middle < half - 1] < 1e-3).all()
         assert (row[from_middle > half + 1.5] == 1).all()
 
 
 @pytest.mark.parametrize("cells", [48, *slow_each(24, 96)])
 @pytest.mark.parametrize(
-    "source",
-    [
-        vs.Directional((0, 0, 1), shadows=True),
-        slow(vs.Directional((4, 0, 1), shadows=True)),
-        vs.Ambient(occlusion=True),
-    ],
+    "source", [DOWN, slow(vs.Directional((4, 0, 1), shadows=True)), vs.Ambient(occlusion=True)]
 )
 def test_a_flat_wall_does_not_shadow_itself(cells: int, source: Source) -> None:
     """Wherever it lies between nodes; you should see no bands on it: 4 % are hardly seen.
@@ -158,16 +151,11 @@ def test_a_flat_wall_does_not_shadow_itself(cells: int, source: Source) -> None:
     table = TransferTable((100.0, 200.0), np.array([0, 1.0]), np.ones((2, 1)), 0.5)
     view = vs.Camera.orbit(volume, azimuth_deg=20, elevation_deg=60, zoom=5)
     bare = replace(source, **{"occlusion" if isinstance(source, vs.Ambient) else "shadows": False})
-    settings = {"ambient": 1, "diffuse": 1, "light_cells": cells}
+    specs = (lit(each, cells=cells, ambient=1, diffuse=1) for each in (source, bare))
     caster = vs.Raycaster(volume)
-    lit, free = (
-        caster.cast(
-            table, view, (48, 48), vs.RaycastSpec(groups=vs.LightGroup("k", s), **settings)
-        )[0]
-        for s in (source, bare)
-    )
+    shaded, free = (caster.cast(table, view, (48, 48), spec)[0] for spec in specs)
     slanting = isinstance(source, vs.Directional) and source.towards[0] > 0
-    assert (lit / free).min() > (0.85 if slanting else 0.96)
+    assert (shaded / free).min() > (0.85 if slanting else 0.96)
 
 
 @pytest.mark.slow
@@ -189,29 +177,27 @@ def test_an_isosurface_does_not_shadow_itself(opaque: bool) -> None:
 
 def test_cut_away_voxels_cast_no_shadow() -> None:
     volume, camera = plate(), vs.Camera.orbit(plate())
-    spec = lit(
-        vs.Directional((0, 0, 1), shadows=True), cells=33, crop_voxels=((0, 32), (0, 32), (0, 19))
-    )
+    spec = lit(DOWN, cells=33, crop_voxels=((0, 32), (0, 32), (0, 19)))
     assert (downloaded(opened(volume), solid(), spec, camera) == 1).all()
 
 
 def test_a_surface_counts_by_its_area() -> None:
     """∫ σ dV = −log(1 − opacity) · 4πr² of a sphere, whatever its slope to the lattice."""
     volume = vs.phantom.ball(64, spacing_mm=(1.0, 1.3, 1.6))
-    radius = 0.5 * 31.5
     table = SurfaceTable(np.array([0.5]), np.array([0.6]), np.ones((1, 1)))
     total = reference._surface_extinction(volume, table).sum() * math.prod(volume.spacing_mm)
-    assert total == pytest.approx(-math.log(0.4) * 4 * math.pi * radius**2, rel=0.02)
+    assert total == pytest.approx(-math.log(0.4) * 4 * math.pi * (0.5 * 31.5) ** 2, rel=0.02)
 
 
 def test_light_of_the_camera_comes_from_behind_it() -> None:
     volume = plate()
     camera = vs.Camera.orbit(volume, azimuth_deg=40, elevation_deg=30)
     back = tuple(np.subtract(camera.position_mm, camera.target_mm))
-    in_camera = lit(vs.Directional((0, 0, 1), frame="camera", shadows=True))
-    in_world = lit(vs.Directional(back, shadows=True))
-    layers = [downloaded(opened(volume), solid(), s, camera) for s in (in_camera, in_world)]
-    assert np.abs(layers[0] - layers[1]).max() <= 1 / 65535
+    one, other = (
+        downloaded(opened(volume), solid(), lit(source), camera)
+        for source in (replace(DOWN, frame="camera"), replace(DOWN, towards=back))
+    )
+    assert np.abs(one - other).max() <= 1 / 65535
 
 
 def test_directions_of_occlusion_balance() -> None:
@@ -241,10 +227,8 @@ def test_a_cut_through_opaque_matter_is_open_to_the_sky_and_lit(cut: str, cells:
     """
     body, table = vs.Volume(np.ones((32, 32, 32), np.uint8)), solid()
     sky = vs.LightGroup("sky", (vs.Ambient(occlusion=True, radius_mm=10.0),))
-    sun = vs.LightGroup("sun", (vs.Directional((0.0, 0.0, 1.0), shadows=True, frame="world"),))
-    spec = vs.RaycastSpec(
-        ambient=1, diffuse=1, groups=(sky, sun), light_cells=cells, clip_planes=CUTS[cut]
-    )
+    settings = {"ambient": 1, "diffuse": 1, "light_cells": cells, "clip_planes": CUTS[cut]}
+    spec = vs.RaycastSpec(groups=(sky, vs.LightGroup("sun", (DOWN,))), **settings)
     camera = vs.Camera((15.5, 12.0, 100.0), (15.5, 15.5, 15.5), (0, 1, 0), height_mm=10.0)
     image = vs.Raycaster(body).cast(table, camera, (12, 12), spec)
     assert image.alpha.min() > 0.99

@@ -116,16 +116,14 @@ def test_point_lights_inside_the_volume_and_of_the_camera_match_reference(
     on_a_node = tuple(half_engine.corners_mm[7] * (8 / 23, 12 / 23, 0))
     inside = vs.Point((x + 3, y - 7, z), shadows=True)
     torch = vs.Point((40.0, 60.0, -300.0), frame="camera", shadows=True)
-    camera = turned(half_engine, -70, 35)
-    assert_alike(
-        half_engine, three_channels, lit(inside, vs.Point(on_a_node, shadows=True), torch), camera
-    )
+    spec = lit(inside, vs.Point(on_a_node, shadows=True), torch)
+    assert_alike(half_engine, three_channels, spec, turned(half_engine, -70, 35))
 
 
 def test_physical_light_matches_reference(half_engine, three_channels):
     """A node per voxel."""
-    small = half_engine.downsampled(4)
-    assert_alike(small, three_channels, lit(SUN, LAMP, BULB, SKY, physical_light=True))
+    spec = lit(SUN, LAMP, BULB, SKY, physical_light=True)
+    assert_alike(half_engine.downsampled(4), three_channels, spec)
 
 
 @pytest.mark.slow
@@ -145,8 +143,7 @@ def test_cuts_match_reference(engine, three_channels):
     """The planes pass exactly through voxels, the crop through two faces of them."""
     planes = (vs.ClipPlane((100.0, 0, 0), (1, 0, 0)), vs.ClipPlane((0, 0, 20.0), (0, 1, 3)))
     crop = ((20.5, 240.0), (30.0, 200.2), (0.0, 90.0))
-    spec = lit(SUN, SKY, crop_voxels=crop, clip_planes=planes)
-    assert_alike(engine, three_channels, spec)
+    assert_alike(engine, three_channels, lit(SUN, SKY, crop_voxels=crop, clip_planes=planes))
     volume = oblique()
     through = vs.ClipPlane(tuple(volume.corners_mm.mean(axis=0)), (1, 1, 1))
     assert_alike(volume, curve(-40, 150), lit(SUN, clip_planes=(through,)))
@@ -167,18 +164,15 @@ def test_thin_and_tiny_volumes_match_reference(shape, spacing_mm):
 
 def test_table_over_gradients_matches_reference():
     """Only the steep shell is opaque: shadows come from where rays see something."""
-    volume = oblique()
-    at = np.linspace(0, 1, 64)
-    opacity = np.linspace(0, 0.95, 16)[:, None] * at
+    opacity = np.linspace(0, 0.95, 16)[:, None] * np.linspace(0, 1, 64)
     table = TransferTable((-40, 150), opacity, np.full((16, 64, 2), 0.5), 1.0, gradient_top=12.0)
-    assert_alike(volume, table, lit(SUN, SKY))
+    assert_alike(oblique(), table, lit(SUN, SKY))
 
 
 def test_labels_match_reference():
     """Labels 3 and -1 are not in the table and are not seen; label 0 is."""
     values = np.random.default_rng(3).choice(5, size=(12, 14, 16), p=[0.4, 0.1, 0.2, 0.2, 0.1]) - 1
-    volume = vs.Volume(values.astype(np.int16))
-    assert_alike(volume, labelled([0.1, 0.9, 0.3]), lit(SUN, SKY))
+    assert_alike(vs.Volume(values.astype(np.int16)), labelled([0.1, 0.9, 0.3]), lit(SUN, SKY))
 
 
 @pytest.mark.parametrize("opacity", [0.7, slow(1.0)])
@@ -208,24 +202,19 @@ def test_layers_follow_what_changes_and_only_that(half_engine, three_channels):
 
 
 def test_occluders_reach_to_the_end_of_the_grid_and_no_farther():
-    volume = vs.phantom.ball(16)
-    table, camera = curve(0, 1), vs.Camera.orbit(volume)
-    near, far = (
-        reference.layers(volume, table, lit(vs.Ambient(1, True, radius), cells=8), camera)
-        for radius in (100.0, 1e300)
-    )
-    assert np.array_equal(near, far)
-    assert_alike(volume, table, lit(vs.Ambient(1, True, 1e300), cells=8), dark=0.99)
+    volume, table = vs.phantom.ball(16), curve(0, 1)
+    specs = [lit(vs.Ambient(1, True, radius), cells=8) for radius in (100.0, 1e300)]
+    camera = vs.Camera.orbit(volume)
+    assert np.array_equal(*(reference.layers(volume, table, spec, camera) for spec in specs))
+    assert_alike(volume, table, specs[1], dark=0.99)
 
 
 def test_layers_come_in_order_of_groups_and_sources(engine):
-    groups = (
-        vs.LightGroup("a", (vs.Ambient(), SUN)),
-        vs.LightGroup("b", (SKY, vs.Point((0, 0, 0)), BULB)),
-    )
-    found = light_layers(vs.RaycastSpec(groups=groups), engine, vs.Camera.orbit(engine))
-    assert [layer.source for layer in found] == [1, 2, 4]
-    assert [layer.kind for layer in found] == ["directional", "occlusion", "point"]
+    parts = {"a": (vs.Ambient(), SUN), "b": (SKY, vs.Point((0, 0, 0)), BULB)}
+    spec = vs.RaycastSpec(groups=tuple(vs.LightGroup(*part) for part in parts.items()))
+    found = light_layers(spec, engine, vs.Camera.orbit(engine))
+    kinds = [(layer.source, layer.kind) for layer in found]
+    assert kinds == [(1, "directional"), (2, "occlusion"), (4, "point")]
 
 
 _SAMPLER = """
@@ -269,11 +258,9 @@ def test_materials_alone_match_reference(half_engine, three_channels, materials)
     small, spec = half_engine.downsampled(2), lit(SUN, BULB, SKY)
     at = np.linspace(0, materials - 1, len(three_channels.opacity))
     weights = np.maximum(1 - np.abs(at[:, None] - np.arange(materials)), 0)
-    camera = vs.Camera.orbit(small)
-    ours = opened(small)
-    whole = dataclasses.replace(
-        three_channels, material_weights=weights, channels=np.eye(materials), white=None
-    )
+    camera, ours = vs.Camera.orbit(small), opened(small)
+    channels = {"material_weights": weights, "channels": np.eye(materials), "white": None}
+    whole = dataclasses.replace(three_channels, **channels)
     alone = downloaded(opened(small), whole, spec, camera)
     tables = [(whole, 0.5), (whole, 1.0), *((each, 0.5) for each in material_tables(whole))]
     width = split_width(whole)
@@ -295,5 +282,5 @@ def test_the_memory_of_materials_alone_is_asked_for(half_engine, monkeypatch):
     small = half_engine.downsampled(4)
     _, grid, wanted = opened(small).layers(table, lit(SUN, SKY), vs.Camera.orbit(small), split=True)
     assert asked.count(2 * grid.nodes * (len(wanted) + len(wanted) * split_width(table))) == 1
-    x, y, z = grid.shape_xyz
-    assert sum(nbytes >= 4 * x * y * z for nbytes in asked) == 3 + 1  # extinctions, and the layers
+    # Extinctions, and the layers.
+    assert sum(nbytes >= 4 * grid.nodes for nbytes in asked) == 3 + 1

@@ -19,9 +19,8 @@ from volspec.transfer import SurfaceTable, TransferTable
 
 SKY = vs.LightGroup("sky", (vs.Ambient(),))
 KEY = vs.LightGroup("key", (vs.Directional((1, 2, 1), frame="camera"), vs.Headlight(0.2)))
-LAMP = vs.LightGroup(
-    "lamp", (vs.Point((140, 10, 200), falloff_mm=150), vs.Point((-30, 20, 10), "camera"))
-)
+POINTS = vs.Point((140, 10, 200), falloff_mm=150), vs.Point((-30, 20, 10), "camera")
+LAMP = vs.LightGroup("lamp", POINTS)
 
 
 @pytest.fixture(scope="session")
@@ -60,10 +59,8 @@ def test_jittered_steps_match_reference(matches, engine, orthographic):
 
 PLANE = vs.ClipPlane((128, 128, 55), (1, 1, 1))
 CROPPED = vs.RaycastSpec(crop_voxels=((40.5, 180), (-5, 120.25), (30, 500)))
-BOTH = vs.RaycastSpec(
-    crop_voxels=((10, 240), (10, 240), (5, 100)),
-    clip_planes=(replace(PLANE, normal=(1, 0, 0)), replace(PLANE, normal=(0, 1, 0))),
-)
+PLANES = tuple(replace(PLANE, normal=normal) for normal in ((1, 0, 0), (0, 1, 0)))
+BOTH = vs.RaycastSpec(crop_voxels=((10, 240), (10, 240), (5, 100)), clip_planes=PLANES)
 
 
 @pytest.mark.parametrize(
@@ -97,10 +94,8 @@ def labelled(dtype: type) -> tuple[vs.Volume, TransferTable]:
     z, y, x = np.mgrid[0:40, 0:40, 0:40]
     away = np.sqrt((x - 19.3) ** 2 + (y - 20.1) ** 2 + (z - 18.7) ** 2)
     values = np.select([away < 8, away < 15, z > 35, x > 37], [7, 3, 250, 9], 0)
-    opacity = np.zeros(251)
-    opacity[[3, 7, 250]] = 0.1, 0.8, 0.3
-    shares = np.zeros((251, 3))
-    shares[[3, 7, 250]] = np.eye(3)
+    opacity, shares = np.zeros(251), np.zeros((251, 3))
+    opacity[[3, 7, 250]], shares[[3, 7, 250]] = (0.1, 0.8, 0.3), np.eye(3)
     table = TransferTable((0.0, 250.0), opacity, shares, 1.0, labels=True)
     return vs.Volume(values.astype(dtype), spacing_mm=(1, 1, 1.4)), table
 
@@ -109,9 +104,8 @@ def labelled(dtype: type) -> tuple[vs.Volume, TransferTable]:
 def test_labels_match_reference(dtype):
     """If two labels cover equally within rounding, either may show: few pixels may differ."""
     volume, table = labelled(dtype)
-    assert_alike(
-        volume, table, vs.Camera.orbit(volume, azimuth_deg=37), vs.RaycastSpec(specular=0.2)
-    )
+    camera = vs.Camera.orbit(volume, azimuth_deg=37)
+    assert_alike(volume, table, camera, vs.RaycastSpec(specular=0.2))
 
 
 @pytest.mark.parametrize("axis", [0, *slow_each(1, 2)])
@@ -129,8 +123,7 @@ def test_gradients_at_the_faces_match_reference(axis, dtype):
 
 
 def test_first_hit_is_where_the_opacity_passes_its_threshold():
-    volume = vs.phantom.slab(24, 24)
-    spec = replace(FLAT, first_opacity=0.3)
+    volume, spec = vs.phantom.slab(24, 24), replace(FLAT, first_opacity=0.3)
     ours = assert_alike(volume, fog(0.2), turned(volume, 0, 0), spec)
     hit = np.isfinite(ours.first_mm)
     assert (ours.alpha[hit] >= 0.3 - 1e-6).all() and (ours.alpha[~hit] < 0.3).all()
@@ -186,22 +179,20 @@ def test_spectral_absorption_matches_reference(matches, tables, specular, lanes)
 @pytest.mark.slow
 @pytest.mark.parametrize("preintegrated", [False, True])
 def test_adaptive_steps_stay_near_the_whole_truth(engine, three_channels, preintegrated):
-    caster, camera = vs.Raycaster(engine), vs.Camera.orbit(engine)
-    whole = vs.RaycastSpec(ambient=1, diffuse=0, preintegrated=preintegrated)
-    true = caster.cast(three_channels, camera, (128, 128), whole)
-    ours = caster.cast(three_channels, camera, (128, 128), replace(whole, adaptive=0.02))
-    assert not np.array_equal(ours.coefficients, true.coefficients)
-    assert np.abs(ours.coefficients - true.coefficients).mean() < 2e-3
+    caster, given = vs.Raycaster(engine), (three_channels, vs.Camera.orbit(engine), (128, 128))
+    whole = replace(FLAT, preintegrated=preintegrated)
+    true, ours = (caster.cast(*given, replace(whole, adaptive=a)).coefficients for a in (0, 0.02))
+    assert not np.array_equal(ours, true) and np.abs(ours - true).mean() < 2e-3
 
 
 @pytest.mark.parametrize("physical", [False, slow(True)])
 def test_shadows_and_occlusion_match_reference(half_engine, three_channels, physical):
-    sources = (
+    groups = (
         vs.LightGroup("sky", (vs.Ambient(occlusion=True),)),
         vs.LightGroup("sun", (vs.Directional((1, -1, 2), shadows=True), vs.Headlight(0.1))),
         vs.LightGroup("lamp", (vs.Point((128, -60, 160), shadows=True),)),
     )
-    spec = vs.RaycastSpec(specular=0.3, groups=sources, light_cells=40, physical_light=physical)
+    spec = vs.RaycastSpec(specular=0.3, groups=groups, light_cells=40, physical_light=physical)
     volume = half_engine.downsampled(3) if physical else half_engine
     assert_alike(volume, three_channels, vs.Camera.orbit(volume), spec)
 
@@ -214,12 +205,11 @@ def test_rays_are_cast_within_their_spans(engine, three_channels, mode):
     table: TransferTable | SurfaceTable = three_channels
     spec = vs.RaycastSpec(jitter=0.5)
     if mode == "surfaces":
-        weights = np.ones((1, three_channels.size))
-        table = SurfaceTable(np.array([150.0]), np.array([0.4]), weights)
+        table = SurfaceTable(np.array([150.0]), np.array([0.4]), np.ones((1, three_channels.size)))
     elif mode == "preintegrated":
         spec = vs.RaycastSpec(preintegrated=True)
     else:
-        spec = vs.RaycastSpec(jitter=0.5, mode=mode)
+        spec = replace(spec, mode=mode)
     camera, size = vs.Camera.orbit(engine, azimuth_deg=30), (40, 32)
     span_mm = np.full((*size[::-1], 2), (0.0, np.inf), np.float32)
     span_mm[:, 20:, 1] = camera.distance_mm + np.linspace(-20, 20, 20)

@@ -25,8 +25,6 @@ from volspec.volume import Volume, phantom
 
 # A curve that sees single voxels.
 SPARSE = ramp(0.8, channels=1, entries=1024)
-
-
 # Both sides of brick borders (bricks are 4 voxels), the first and the last index.
 BORDERS = st.sampled_from([0, 1, 7, 8, 9, 15, 16, 17, 23, 24, 31, 32])
 
@@ -58,14 +56,14 @@ def test_the_picture_does_not_depend_on_the_unit_of_length(unit):
     volume, table = phantom.ball(20), ramp(0.3)
     scaled = Volume(volume.values, spacing_mm=(unit,) * 3)
     there = dataclasses.replace(table, reference_step_mm=unit)
-    pictures = [
+    one, other = (
         Raycaster(v).cast(t, Camera.orbit(v), (32, 32), RaycastSpec(specular=0.3))
         for v, t in ((volume, table), (scaled, there))
-    ]
-    for a, b in zip(pictures[0][:2], pictures[1][:2], strict=True):
+    )
+    for a, b in zip(one[:2], other[:2], strict=True):
         assert np.abs(a - b).max() < TOLERANCE
-    seen = pictures[0][1] > 0.01
-    assert np.allclose(pictures[0][2][seen] * unit, pictures[1][2][seen], rtol=1e-4)
+    seen = one.alpha > 0.01
+    assert np.allclose(one.depth_mm[seen] * unit, other.depth_mm[seen], rtol=1e-4)
 
 
 @pytest.mark.parametrize("unit", [1e-30, 1e-12, 1e12, 1e30])
@@ -73,9 +71,8 @@ def test_the_picture_does_not_depend_on_the_unit_of_the_values(unit):
     volume, table = phantom.ball(20), ramp(0.3)
     scaled = Volume((volume.values * unit).astype(np.float32))
     there = dataclasses.replace(table, domain=(0.0, unit))
-    camera, spec = Camera.orbit(volume), RaycastSpec(specular=0.3)
-    a, b = (Raycaster(v).cast(t, camera, (32, 32), spec)[0] for v, t in
-            ((volume, table), (scaled, there)))  # fmt: skip
+    how = Camera.orbit(volume), (32, 32), RaycastSpec(specular=0.3)
+    a, b = Raycaster(volume).cast(table, *how)[0], Raycaster(scaled).cast(there, *how)[0]
     assert np.isfinite(b).all() and np.abs(a - b).max() < TOLERANCE
 
 
@@ -94,17 +91,11 @@ def test_voxels_beyond_2_gi_are_cast(dtype):
     whole, alone = Volume(values), Volume(ball)
     moved = whole.world_from_index @ (corner, corner, corner, 1) - alone.world_from_index[:, 3]
     table = dataclasses.replace(ramp(0.3), domain=(0.0, 200.0))
-    near = Camera.orbit(alone)
-    far = dataclasses.replace(
-        near,
-        position_mm=tuple(near.position_mm + moved[:3]),
-        target_mm=tuple(near.target_mm + moved[:3]),
-    )
-    spec = RaycastSpec(specular=0.3)
-    a, b = (
-        Raycaster(volume).cast(table, camera, (48, 48), spec)
-        for volume, camera in ((alone, near), (whole, far))
-    )
+    near, spec = Camera.orbit(alone), RaycastSpec(specular=0.3)
+    position, target = (tuple(at + moved[:3]) for at in (near.position_mm, near.target_mm))
+    far = dataclasses.replace(near, position_mm=position, target_mm=target)
+    a = Raycaster(alone).cast(table, near, (48, 48), spec)
+    b = Raycaster(whole).cast(table, far, (48, 48), spec)
     assert a.alpha.max() > 0.9
     assert np.abs(a.alpha - b.alpha).max() < 5e-4 and np.abs(a[0] - b[0]).max() < 5e-4
 
@@ -116,9 +107,8 @@ def test_values_far_from_0_keep_their_digits(offset, specular):
     values = np.rint(16 * phantom.ball(20).values) / 16
     volume = Volume((values + offset).astype(np.float32))
     table = dataclasses.replace(ramp(0.3), domain=(offset + 0.05, offset + 1.0))
-    camera, spec = Camera.orbit(volume), RaycastSpec(specular=specular)
-    found = Raycaster(volume).cast(table, camera, (32, 32), spec)
-    truth = reference.cast(volume, table, camera, (32, 32), spec)
+    given = table, Camera.orbit(volume), (32, 32), RaycastSpec(specular=specular)
+    found, truth = Raycaster(volume).cast(*given), reference.cast(volume, *given)
     for a, b in zip(found[:2], truth[:2], strict=True):
         assert np.abs(a - b).max() < TOLERANCE
 
@@ -141,17 +131,18 @@ def test_lanes_are_numbered_row_by_row_in_their_tile():
     for lanes, (width, height) in TILES.items():
         assert width * height == lanes
         if lanes > 1:
-            x = ", ".join(str(i % width) for i in range(lanes))
-            y = ", ".join(str(i // width) for i in range(lanes))
-            assert f"LANE_X ((float{lanes})({x}))" in text
-            assert f"LANE_Y ((float{lanes})({y}))" in text
+            y, x = np.divmod(np.arange(lanes), width)
+            for axis, numbers in (("X", x), ("Y", y)):
+                assert f"LANE_{axis} ((float{lanes})({', '.join(map(str, numbers))}))" in text
+
+
+ONE = Source("__kernel void f(__global int *x) { x[0] = 1; }\n", ("<prelude>", "f.cl"))
 
 
 def test_an_empty_program_names_the_cache_it_came_from():
     """A compiler that was killed leaves one there, and PoCL uses it."""
-    source = Source("__kernel void f(__global int *x) { x[0] = 1; }\n", ("<prelude>", "f.cl"))
     with raises(OpenCLError, "damaged"):
-        Compute.open().kernel(source, "raycast")
+        Compute.open().kernel(ONE, "raycast")
 
 
 def test_a_cached_program_of_another_cpu_is_built_again(monkeypatch):
@@ -163,8 +154,7 @@ def test_a_cached_program_of_another_cpu_is_built_again(monkeypatch):
     monkeypatch.delenv("PYOPENCL_CACHE_FAILURE_FATAL", raising=False)
     monkeypatch.setattr("pyopencl.characterize.has_src_build_cache", lambda device: False)
     monkeypatch.setattr("pyopencl.cache._create_built_program_from_source_cached", build)
-    source = Source("__kernel void f(__global int *x) { x[0] = 1; }\n", ("<prelude>", "f.cl"))
-    assert Compute.open().kernel(source, "f").function_name == "f"
+    assert Compute.open().kernel(ONE, "f").function_name == "f"
 
 
 RANGES = {"int16": (-32768, 32767), "uint16": (0, 65535)}
@@ -174,9 +164,10 @@ def worst(volume: Volume, spec: RaycastSpec, lanes: int) -> float:
     """Greatest difference of kernel and reference over the greatest coefficient."""
     at = np.linspace(0.0, 1.0, 256)
     colours = np.stack([0.1 + 0.8 * at, 0.8 - 0.5 * at], 1)
-    given = TransferTable(volume.range, np.full(256, 0.2), colours, 1.0), Camera.orbit(volume)
-    ours = Raycaster(volume, lanes=lanes).cast(*given, (40, 40), spec).coefficients
-    truth = reference.cast(volume, *given, (40, 40), spec)[0]
+    table = TransferTable(volume.range, np.full(256, 0.2), colours, 1.0)
+    given = table, Camera.orbit(volume), (40, 40), spec
+    ours = Raycaster(volume, lanes=lanes).cast(*given).coefficients
+    truth = reference.cast(volume, *given)[0]
     return float(np.abs(ours - truth).max() / truth.max())
 
 
