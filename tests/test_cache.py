@@ -40,19 +40,19 @@ def same(found: _cache.Arrays) -> bool:
     )
 
 
-def test_cached_arrays_equal_computed_ones_to_the_last_bit(folder: Path) -> None:
+def test_cached_arrays_equal_computed_ones_to_the_last_bit(folder):
     assert same(_cache.cached_arrays("group/name", "maker 1", lambda: ARRAYS))
     assert [path.name for path in folder.rglob("*.*")] == ["name.npz"]
     assert same(_cache.cached_arrays("group/name", "maker 1", never))
 
 
-def test_arrays_of_another_maker_are_computed_again(folder: Path) -> None:
+def test_arrays_of_another_maker_are_computed_again(folder):
     _cache.cached_arrays("group/name", "maker 1", lambda: {"values": np.zeros(2)})
     assert same(_cache.cached_arrays("group/name", "maker 2", lambda: ARRAYS))
     assert same(_cache.cached_arrays("group/name", "maker 2", never))
 
 
-def test_a_damaged_file_is_replaced(folder: Path) -> None:
+def test_a_damaged_file_is_replaced(folder):
     _cache.cached_arrays("group/name", "maker", lambda: ARRAYS)
     file = folder / "group" / "name.npz"
     whole = file.read_bytes()
@@ -70,7 +70,7 @@ def test_a_damaged_file_is_replaced(folder: Path) -> None:
     assert same(_cache.cached_arrays("group/name", "maker", never)), "and is whole again after that"
 
 
-def test_a_folder_that_cannot_be_made_costs_only_time(folder: Path) -> None:
+def test_a_folder_that_cannot_be_made_costs_only_time(folder):
     folder.write_text("a file instead of the folder")
     for _ in range(2):
         assert same(_cache.cached_arrays("group/name", "maker", lambda: ARRAYS))
@@ -83,9 +83,7 @@ def test_a_folder_that_cannot_be_made_costs_only_time(folder: Path) -> None:
         ("numpy.savez", OSError(28, "No space left on device")),
     ],
 )
-def test_a_folder_that_cannot_be_written_costs_only_time(
-    folder: Path, monkeypatch: Patch, function: str, error: OSError
-) -> None:
+def test_a_folder_that_cannot_be_written_costs_only_time(folder, monkeypatch, function, error):
     def fails(*_: object, **__: object) -> None:
         raise error
 
@@ -95,7 +93,7 @@ def test_a_folder_that_cannot_be_written_costs_only_time(
     assert list((folder / "group").iterdir()) == []
 
 
-def test_a_failed_computation_is_not_cached(folder: Path) -> None:
+def test_a_failed_computation_is_not_cached(folder):
     def fails() -> dict[str, np.ndarray]:
         raise ValueError("no such spectrum")
 
@@ -104,7 +102,7 @@ def test_a_failed_computation_is_not_cached(folder: Path) -> None:
     assert not folder.exists()
 
 
-def test_a_folder_keeps_its_newest_files(folder: Path, monkeypatch: Patch) -> None:
+def test_a_folder_keeps_its_newest_files(folder, monkeypatch):
     monkeypatch.setattr(_cache, "_MOST_FILES", 3)
     for number in range(5):
         _cache.cached_arrays(f"group/{number}", "maker", lambda: ARRAYS)
@@ -113,7 +111,7 @@ def test_a_folder_keeps_its_newest_files(folder: Path, monkeypatch: Patch) -> No
     assert sorted(path.stem for path in (folder / "group").iterdir()) == ["3", "4", "5"]
 
 
-def test_leftovers_of_a_killed_run_are_cleared_by_one_that_only_reads(folder: Path) -> None:
+def test_leftovers_of_a_killed_run_are_cleared_by_one_that_only_reads(folder):
     _cache.cached_arrays("group/name", "maker", lambda: ARRAYS)
     left_by_a_kill(folder / "group" / "other.npz")
     assert same(_cache.cached_arrays("group/name", "maker", never))

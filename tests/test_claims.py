@@ -10,11 +10,10 @@ from pathlib import Path
 import pytest
 
 from benchmarks import basis as bases
-from benchmarks.claims import CLAIMS, PRINTED, Claim, Printed, catalogue, holds, page_text
+from benchmarks.claims import CLAIMS, PRINTED, Claim, catalogue, holds, page_text
 from benchmarks.claims.spectra import general
 from benchmarks.measure import between
 from tests.support.commands import call
-from tests.support.fixtures import Capture, Patch
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = ["README.md", *sorted(path.name for path in (ROOT / "docs").glob("*.md"))]
@@ -42,17 +41,17 @@ def is_slow(claim: Claim) -> bool:
         for each in CLAIMS
     ],
 )
-def test_a_figure_is_what_is_computed_to_its_last_digit(claim: Claim) -> None:
+def test_a_figure_is_what_is_computed_to_its_last_digit(claim):
     assert claim.misses() == []
 
 
-def test_every_claim_has_a_name_of_its_own() -> None:
+def test_every_claim_has_a_name_of_its_own():
     names = [each.name for each in CLAIMS]
     assert sorted(set(names)) == sorted(names)
 
 
 @pytest.mark.parametrize("each", PRINTED, ids=lambda each: f"{each.page}: {each.text[:30]}")
-def test_figures_of_commands_are_on_their_page_and_the_test_is_there(each: Printed) -> None:
+def test_figures_of_commands_are_on_their_page_and_the_test_is_there(each):
     assert page_text(each.page).count(each.text) == 1
     assert (ROOT / each.test).exists()
     words = shlex.split(each.command)
@@ -62,7 +61,7 @@ def test_figures_of_commands_are_on_their_page_and_the_test_is_there(each: Print
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_a_paragraph_with_a_colour_difference_is_in_the_catalogue(page: str) -> None:
+def test_a_paragraph_with_a_colour_difference_is_in_the_catalogue(page):
     """Words around a figure may change; then its claim must, too. Transcripts are apart."""
     known = [each.text for each in catalogue() if each.page == page]
     path = ROOT / page if page == "README.md" else ROOT / "docs" / page
@@ -95,7 +94,7 @@ def alike(shown: str, printed: str) -> bool:
 
 
 @pytest.mark.parametrize("size", bases.SIZES)
-def test_the_rows_of_general_bases_are_what_the_report_gives(size: int) -> None:
+def test_the_rows_of_general_bases_are_what_the_report_gives(size):
     page = between(bases.PAGE.read_text(encoding="utf-8"), "modes").splitlines()
     for mode in ("fitted", "componentwise", "exact"):
         name = f"`general-{size}`, {mode}"
@@ -107,7 +106,7 @@ def test_the_rows_of_general_bases_are_what_the_report_gives(size: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", bases.TABLES)
-def test_the_tables_of_bases_are_what_the_benchmark_prints(name: str) -> None:
+def test_the_tables_of_bases_are_what_the_benchmark_prints(name):
     shown = between(bases.PAGE.read_text(encoding="utf-8"), name).split("\n")[3:-1]
     assert all(starmap(alike, zip(shown, bases.TABLES[name](), strict=True)))
 
@@ -131,9 +130,7 @@ SHOWN = [
 
 
 @pytest.mark.parametrize(("page", "command", "shown"), SHOWN)
-def test_commands_print_what_the_page_shows(
-    page: str, command: str, shown: str, tmp_path: Path, capsys: Capture, monkeypatch: Patch
-) -> None:
+def test_commands_print_what_the_page_shows(page, command, shown, tmp_path, capsys, monkeypatch):
     (tmp_path / "data").symlink_to(ROOT / "data")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")

@@ -12,7 +12,7 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
-from tests.support.fixtures import Capture, Patch
+from tests.support.fixtures import Patch
 
 ROOT = Path(__file__).resolve().parent.parent
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -36,19 +36,19 @@ def mean_colour(path: Path) -> np.ndarray:
     return np.asarray(frame[high : 2 * high, wide : 2 * wide].mean(axis=(0, 1)))
 
 
-def test_examples_are_numbered_in_reading_order_and_short() -> None:
+def test_examples_are_numbered_in_reading_order_and_short():
     assert [path.name[:2] for path in EXAMPLES] == [f"{n:02}" for n in range(10)]
     assert max(len(path.read_text(encoding="utf-8").splitlines()) for path in EXAMPLES) <= 40
 
 
 @pytest.mark.parametrize("number", [0, 9])
-def test_one_picture(number: int, folder: Path) -> None:
+def test_one_picture(number, folder):
     run(number)
     (picture,) = folder.glob("*.png")
     assert iio.imread(picture).std() > 20
 
 
-def test_another_light_and_other_viewings_change_the_colour(folder: Path) -> None:
+def test_another_light_and_other_viewings_change_the_colour(folder):
     run(1)
     assert len(list(folder.glob("01-*.png"))) == 5
     run(5)
@@ -59,7 +59,7 @@ def test_another_light_and_other_viewings_change_the_colour(folder: Path) -> Non
     assert warmth["none"] > 100 > 30 > warmth["dim"] > warmth["CAT02"]
 
 
-def test_materials_and_light_groups(folder: Path) -> None:
+def test_materials_and_light_groups(folder):
     run(2)
     gold, jade = (mean_colour(folder / f"02-{name}.png") for name in ("gold", "jade"))
     assert gold[0] > jade[0] + 10
@@ -69,7 +69,7 @@ def test_materials_and_light_groups(folder: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:HP1. componentwise colours are off by")  # with 3 channels
-def test_more_channels_come_nearer_to_the_exact_picture(folder: Path, capsys: Capture) -> None:
+def test_more_channels_come_nearer_to_the_exact_picture(folder, capsys):
     run(4)
     printed = capsys.readouterr().out
     means = [float(number) for number in re.findall(r"mean ΔE ([\d.]+)", printed)]
@@ -78,7 +78,7 @@ def test_more_channels_come_nearer_to_the_exact_picture(folder: Path, capsys: Ca
     assert len(means) == 6 and max(means[3:]) < 0.1
 
 
-def test_reflectances_and_palettes(folder: Path, capsys: Capture) -> None:
+def test_reflectances_and_palettes(folder, capsys):
     run(6)
     words = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert all(colour == daylight != sodium for colour, daylight, *_, sodium in words)
@@ -87,13 +87,13 @@ def test_reflectances_and_palettes(folder: Path, capsys: Capture) -> None:
     assert {path.name for path in folder.glob("*.png")} == {"06-swatches.png", "07-palette.png"}
 
 
-def test_an_export_is_complete_and_is_not_made_twice(folder: Path, capsys: Capture) -> None:
+def test_an_export_is_complete_and_is_not_made_twice(folder, capsys):
     run(8)
     assert len(list((folder / "08-frames").rglob("0*.png"))) == 20
     assert "made=0" in capsys.readouterr().out.splitlines()[-1]
 
 
-def test_readme_example_runs_and_shows_what_the_text_says(tmp_path: Path) -> None:
+def test_readme_example_runs_and_shows_what_the_text_says(tmp_path):
     """You should see grey inserts under D65, pink under A, violet under HP1."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     code = re.search(r"```python\n(.*?)```", text, re.DOTALL)
@@ -111,7 +111,7 @@ def test_readme_example_runs_and_shows_what_the_text_says(tmp_path: Path) -> Non
     assert all(frame.shape == (512, 512, 3) for frame in frames.values())
 
 
-def test_readme_links_to_files_that_exist() -> None:
+def test_readme_links_to_files_that_exist():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     for target in re.findall(r"\]\(([^)#]+)\)", text):
         assert (ROOT / target).exists(), target

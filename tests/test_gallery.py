@@ -10,13 +10,13 @@ import pytest
 from tests.test_claims import alike
 from tools.gallery import page, studio
 from tools.gallery.__main__ import FOLDER, LAYERS, PAGES
-from tools.gallery.studio import READERS, Feature
+from tools.gallery.studio import READERS
 
 _MOST_BYTES = 300_000
 
 
 @pytest.mark.parametrize("each", PAGES, ids=lambda each: each.file)
-def test_a_page_is_what_its_features_write(each: page.Page, tmp_path) -> None:
+def test_a_page_is_what_its_features_write(each, tmp_path):
     """A changed caption or code makes `python -m tools.gallery --only NAME` due."""
     casts = (FOLDER / "casts.json").read_text(encoding="utf-8")
     (tmp_path / "casts.json").write_text(casts, encoding="utf-8")
@@ -29,7 +29,7 @@ def test_a_page_is_what_its_features_write(each: page.Page, tmp_path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("feature", LAYERS, ids=lambda feature: feature.name)
-def test_differences_of_layers_and_casts_are_those_of_the_page(feature: Feature) -> None:
+def test_differences_of_layers_and_casts_are_those_of_the_page(feature):
     try:
         volumes = [READERS[name]() for name in feature.volumes]
     except FileNotFoundError as error:

@@ -7,7 +7,6 @@ import io
 import re
 import sys
 import tomllib
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -18,7 +17,6 @@ import numpy as np
 import pytest
 from rich.table import Table
 
-from tests.support.fixtures import Patch
 from tests.support.viewer import opened
 from volspec._figures import write
 from volspec._toml import key_text, toml_text
@@ -60,7 +58,7 @@ def recipe() -> Recipe:
     return Recipe.of(SpectralBasis.load("general-5"), SHARES, lights)
 
 
-def test_real_tcl_reads_nuke_s_group_and_runs_no_name() -> None:
+def test_real_tcl_reads_nuke_s_group_and_runs_no_name():
     tkinter = pytest.importorskip(
         "tkinter", reason="Tcl comes with tkinter: apt install python3-tk"
     )
@@ -104,20 +102,20 @@ CHANNELS = ("a[hurt].c00.V", "key.c00.V+hurt()", "", "key.c00", 3)
         *(partial(with_channel, each) for each in CHANNELS),
     ],
 )
-def test_paths_and_channels_that_would_run_are_refused(make: Callable[[], None]) -> None:
+def test_paths_and_channels_that_would_run_are_refused(make):
     with pytest.raises(ImageError):
         make()
 
 
 @pytest.mark.parametrize("name", [*HOSTILE, "\udcff\ud800"])
-def test_python_reads_a_literal_as_the_name_and_can_be_printed(name: str) -> None:
+def test_python_reads_a_literal_as_the_name_and_can_be_printed(name):
     literal = python_text(name)
     assert ast.literal_eval(literal) == name
     assert literal.isprintable() and literal.encode()
     assert ast.literal_eval(f'"""{literal[1:-1]}."""') == f"{name}."
 
 
-def test_blender_s_script_holds_its_path_as_text() -> None:
+def test_blender_s_script_holds_its_path_as_text():
     for name in HOSTILE:
         tree = ast.parse(blender_script(Path("/", name.replace("/", "|"))))
         [given] = [
@@ -128,7 +126,7 @@ def test_blender_s_script_holds_its_path_as_text() -> None:
         assert ast.literal_eval(given) == f"/{name.replace('/', '|')}"
 
 
-def test_blender_s_script_ends_at_a_header_that_does(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_blender_s_script_ends_at_a_header_that_does(tmp_path, monkeypatch):
     (tmp_path / "i.exr").write_bytes(b"\x76\x2f\x31\x01\x02\0\0\0volspec")
     monkeypatch.setitem(sys.modules, "bpy", SimpleNamespace())
     monkeypatch.setattr(sys, "argv", ["blender"])
@@ -136,7 +134,7 @@ def test_blender_s_script_ends_at_a_header_that_does(tmp_path: Path, monkeypatch
         exec(blender_script(tmp_path / "i.exr"), {})
 
 
-def test_the_viewer_s_script_holds_titles_and_names_as_text(tmp_path: Path) -> None:
+def test_the_viewer_s_script_holds_titles_and_names_as_text(tmp_path):
     state = opened(tmp_path)
     for name in HOSTILE:
         document = replace(state.document, title=name)
@@ -159,12 +157,12 @@ def test_the_viewer_s_script_holds_titles_and_names_as_text(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_toml_gives_back_names_in_values_keys_and_tables(name: str) -> None:
+def test_toml_gives_back_names_in_values_keys_and_tables(name):
     text = f"x = {toml_text(name)}\n{key_text(name)} = 1\ny = {toml_text([{name: name}])}\n"
     assert tomllib.loads(text) == {"x": name, name: 1, "y": [{name: name}]}
 
 
-def test_a_comment_stays_one_line_of_a_palette(tmp_path: Path) -> None:
+def test_a_comment_stays_one_line_of_a_palette(tmp_path):
     palette = load_palette("data/palettes/figure-1.toml")
     for name in HOSTILE:
         save_palette(palette, tmp_path / "p.toml", comment=name)
@@ -172,7 +170,7 @@ def test_a_comment_stays_one_line_of_a_palette(tmp_path: Path) -> None:
         assert "hurt" not in data and len(data["light"]) == len(palette.lights)
 
 
-def test_a_terminal_shows_marks_in_names_and_obeys_none() -> None:
+def test_a_terminal_shows_marks_in_names_and_obeys_none():
     sink = io.StringIO()
     console = Terminal(file=sink, force_terminal=True, color_system="truecolor", width=400)
     table = Table(title=HOSTILE[-3])
@@ -185,7 +183,7 @@ def test_a_terminal_shows_marks_in_names_and_obeys_none() -> None:
     assert "\x1b]" not in said and "💀" not in said and "\x1b[31m" not in said
 
 
-def test_figures_draw_names_as_they_are_spelt() -> None:
+def test_figures_draw_names_as_they_are_spelt():
     from matplotlib.figure import Figure
 
     figure = Figure()

@@ -71,7 +71,7 @@ def own_imports(path: Path) -> list[tuple[Path, bool]]:
     return found
 
 
-def test_modules_import_only_from_their_left() -> None:
+def test_modules_import_only_from_their_left():
     climbs = [
         f"{path.relative_to(ROOT)} imports {module}"
         for path in MODULES
@@ -83,7 +83,7 @@ def test_modules_import_only_from_their_left() -> None:
     assert climbs == []
 
 
-def test_no_package_s_parts_import_each_other_in_a_circle() -> None:
+def test_no_package_s_parts_import_each_other_in_a_circle():
     """Parts are a package's files and folders; imports inside functions do not count."""
     for package in {path.parent for path in MODULES}:
         parts: dict[str, set[str]] = defaultdict(set)
@@ -107,7 +107,7 @@ def test_no_package_s_parts_import_each_other_in_a_circle() -> None:
 FLOORS = ("model", "work", "ui")
 
 
-def test_the_viewer_s_floors_import_only_from_below() -> None:
+def test_the_viewer_s_floors_import_only_from_below():
     viewer = ROOT / "viewer"
     climbs = []
     for path in viewer.rglob("*.py"):
@@ -154,7 +154,7 @@ def test_the_viewer_s_floors_import_only_from_below() -> None:
         ),
     ],
 )
-def test_machinery_stays_in_its_files(package: str, allowed: tuple[str, ...]) -> None:
+def test_machinery_stays_in_its_files(package, allowed):
     users = {
         path.relative_to(ROOT).as_posix()
         for path in ROOT.rglob("*.py")
@@ -163,13 +163,13 @@ def test_machinery_stays_in_its_files(package: str, allowed: tuple[str, ...]) ->
     assert [user for user in sorted(users) if not user.startswith(allowed)] == []
 
 
-def test_the_viewer_s_threads_are_in_work() -> None:
+def test_the_viewer_s_threads_are_in_work():
     for path in (ROOT / "viewer").rglob("*.py"):
         if {"threading", "concurrent.futures"} & {module for module, _ in imports(path)}:
             assert path.relative_to(ROOT / "viewer").parts[0] == "work", path
 
 
-def test_colour_science_is_used_by_spectra_appearance_references_and_reports_only() -> None:
+def test_colour_science_is_used_by_spectra_appearance_references_and_reports_only():
     for path in ROOT.rglob("*.py"):
         if any(module.split(".")[0] == "colour" for module, _ in imports(path)):
             where = path.relative_to(ROOT)
@@ -184,23 +184,23 @@ def test_colour_science_is_used_by_spectra_appearance_references_and_reports_onl
         *("tifffile", "zarr", "tensorstore"),
     ],
 )
-def test_heavy_packages_are_imported_inside_functions(heavy: str) -> None:
+def test_heavy_packages_are_imported_inside_functions(heavy):
     for path in ROOT.rglob("*.py"):
         top = [module for module, at_top in imports(path) if at_top]
         assert not any(m == heavy or m.startswith(heavy + ".") for m in top), path
 
 
-def test_importing_volspec_loads_no_numpy() -> None:
+def test_importing_volspec_loads_no_numpy():
     code = "import sys, volspec; sys.exit('numpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_stages_on_a_gpu_have_spec_reference_and_launcher() -> None:
+def test_stages_on_a_gpu_have_spec_reference_and_launcher():
     for launcher in ROOT.rglob("gpu.py"):
         assert {"spec.py", "reference.py"} <= {path.name for path in launcher.parent.iterdir()}
 
 
-def test_raycast_and_relight_are_functions_of_the_package() -> None:
+def test_raycast_and_relight_are_functions_of_the_package():
     """They are subpackages too, whose import must not hide the functions."""
     import volspec
     import volspec.raycast.gpu
@@ -211,7 +211,7 @@ def test_raycast_and_relight_are_functions_of_the_package() -> None:
         assert getattr(volspec, name) is not None
 
 
-def test_a_wheel_carries_what_a_checkout_has_beside_the_package() -> None:
+def test_a_wheel_carries_what_a_checkout_has_beside_the_package():
     """`volspec._gpu.sources` looks in ``_assets``: whatever code asks for must be put there."""
     pyproject = tomllib.loads((ROOT.parent / "pyproject.toml").read_text(encoding="utf-8"))
     included = pyproject["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]

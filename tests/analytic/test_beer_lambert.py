@@ -31,7 +31,7 @@ KINDS = pytest.mark.parametrize(
 
 @pytest.mark.parametrize("step_mm", [0.25, 0.5, 0.7, 1.3])
 @pytest.mark.parametrize("view", [(0, 90), (0, 0), (37, 23)])
-def test_homogeneous_slab_matches_beer_lambert(step_mm: float, view: tuple[int, int]) -> None:
+def test_homogeneous_slab_matches_beer_lambert(step_mm, view):
     """Whatever the step, its phase and the angle: clipped steps make the product exact.
 
     About a hundred float32 multiplications bound the error near 6e-6; measured 3e-6.
@@ -45,7 +45,7 @@ def test_homogeneous_slab_matches_beer_lambert(step_mm: float, view: tuple[int, 
     assert np.abs(coefficients - 0.5 * expected[..., None]).max() < 1e-5
 
 
-def test_opacity_holds_per_reference_step_whatever_the_spacing() -> None:
+def test_opacity_holds_per_reference_step_whatever_the_spacing():
     """Halving the voxels but not the millimetres leaves the picture as it is."""
     coarse = Volume(np.ones((9, 9, 9), np.float32), spacing_mm=(2, 2, 2))
     camera, table = Camera.orbit(coarse), fog(0.1, reference_step_mm=2.0)
@@ -53,7 +53,7 @@ def test_opacity_holds_per_reference_step_whatever_the_spacing() -> None:
     assert np.abs(one - other).max() < 1e-5
 
 
-def test_depth_of_an_opaque_wall_is_its_distance() -> None:
+def test_depth_of_an_opaque_wall_is_its_distance():
     """Parallel rays onto a wall of full opacity stop within half a step of its face."""
     volume = phantom.slab(size=16, thickness=8)
     camera = turned(volume, 0, 90, orthographic=True)
@@ -72,9 +72,7 @@ RIGHT_ANGLES = [
 
 @pytest.mark.parametrize("lanes", [1, 8, None])
 @pytest.mark.parametrize(("azimuth", "elevation"), RIGHT_ANGLES)
-def test_faces_seen_from_the_side_are_seen_whole(
-    azimuth: float, elevation: float, lanes: int | None
-) -> None:
+def test_faces_seen_from_the_side_are_seen_whole(azimuth, elevation, lanes):
     """Columns and rows of this picture lie in the faces: their rays pass all of the body, too.
 
     Each of the camera's directions has one 1 and two 0, to the last bit.
@@ -96,7 +94,7 @@ def test_faces_seen_from_the_side_are_seen_whole(
 
 
 @LANES
-def test_rays_that_lie_in_a_face_see_it(lanes: int) -> None:
+def test_rays_that_lie_in_a_face_see_it(lanes):
     """Parallel rays along the faces' planes: 0/0 in the clipping, inside by definition."""
     volume, table = cube(9), fog(0.3)
     camera = Camera((4, 4, 100), (4, 4, 4), up=(0, 1, 0), height_mm=9)
@@ -143,8 +141,8 @@ THROUGH = Camera((MIDDLE, MIDDLE, 60.25), (MIDDLE,) * 3, up=(0, 1, 0), height_mm
     [(0.9999, 1, 2), (0.99, 0.1, 0.5), (0.99, 0.1, 2), (0.6, 1, 1), (0.3, 1, 1)],
 )
 def test_a_short_chord_takes_what_its_length_takes(
-    kind: str, opacity: float, reference_step_mm: float, step_mm: float, lanes: int
-) -> None:
+    kind, opacity, reference_step_mm, step_mm, lanes
+):
     """Transmittances of a step down to 1e-40, far below the resolution of 1 − opacity.
 
     Ends of the chord rounded to 1e-6 of 14 mm, at 46 nepers a mm, bound the error near 2e-4.
@@ -159,7 +157,7 @@ def test_a_short_chord_takes_what_its_length_takes(
 
 @KINDS
 @pytest.mark.parametrize("adaptive", [0.0, slow(0.1)])
-def test_a_faint_medium_keeps_its_digits(kind: str, adaptive: float, lanes: int) -> None:
+def test_a_faint_medium_keeps_its_digits(kind, adaptive, lanes):
     """1 − opacity has none left at 1e-9; chords of clipped, whole and long steps alike.
 
     Five digits: float32 rounds the chord's ends to 1e-6 of 14 mm.
@@ -174,7 +172,7 @@ def test_a_faint_medium_keeps_its_digits(kind: str, adaptive: float, lanes: int)
 
 
 @LANES
-def test_an_opaque_step_is_opaque_and_a_clear_one_clear_however_short(lanes: int) -> None:
+def test_an_opaque_step_is_opaque_and_a_clear_one_clear_however_short(lanes):
     caster = Raycaster(volume_of("values", BODY), lanes=lanes)
     for opacity in (0.0, 1.0):
         alpha = caster.cast(matter("values", opacity, 1.0), THROUGH, (5, 5), cut(0.003)).alpha
@@ -182,7 +180,7 @@ def test_an_opaque_step_is_opaque_and_a_clear_one_clear_however_short(lanes: int
 
 
 @KINDS
-def test_dense_matter_between_entries_is_as_the_reference_has_it(kind: str, lanes: int) -> None:
+def test_dense_matter_between_entries_is_as_the_reference_has_it(kind, lanes):
     """Values, rows and labels mixed from clear to nearly opaque, seen through short chords."""
     values = np.random.default_rng(0).integers(60, 141, (SIDE,) * 3)
     if kind == "labels":

@@ -72,7 +72,7 @@ def volume_of(dtype: DTypeLike, span: tuple[float, float]) -> vs.Volume:
 @pytest.mark.parametrize(
     "name", [*USUAL, *slow_each(*(name for name in CASES if name not in USUAL))]
 )
-def test_every_pixel_is_that_of_the_curve(name: str, step: float) -> None:
+def test_every_pixel_is_that_of_the_curve(name, step):
     dtype, span, points = CASES[name]
     volume, transfer = volume_of(dtype, span), vs.TransferFunction(points, METALS, METAL_BASIS)
     camera = vs.Camera.orbit(volume, azimuth_deg=33, elevation_deg=21)

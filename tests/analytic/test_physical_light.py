@@ -35,7 +35,7 @@ def specs_of(source: Ambient | Directional, **settings: Any) -> tuple[RaycastSpe
 @pytest.mark.slow
 @pytest.mark.parametrize("source", [KEY, SKY], ids=["key", "sky"])
 @pytest.mark.parametrize("name", ["engine", "mrbrain", "foot"])
-def test_light_is_that_of_rays_through_the_voxels(name: str, source: Ambient | Directional) -> None:
+def test_light_is_that_of_rays_through_the_voxels(name, source):
     """At half the resolution, for the time of the rays; the part of light that pixels get."""
     try:
         scene = bench_scene(name)
@@ -60,7 +60,7 @@ def test_light_is_that_of_rays_through_the_voxels(name: str, source: Ambient | D
 
 
 @pytest.mark.parametrize("slant", [slow(0.0), 0.3])
-def test_no_light_leaks_through_a_wall_of_two_voxels(slant: float) -> None:
+def test_no_light_leaks_through_a_wall_of_two_voxels(slant):
     values = np.zeros((48, 48, 48), np.uint8)
     values[40:42] = 200  # a wall under the light, above the matter that is seen
     values[:20] = 100

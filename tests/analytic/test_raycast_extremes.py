@@ -31,7 +31,7 @@ BOTH = pytest.mark.parametrize("cast", [by_kernel, reference.cast])
 
 
 @pytest.mark.slow
-def test_a_constant_volume_has_no_gradient_in_a_table_of_gradients() -> None:
+def test_a_constant_volume_has_no_gradient_in_a_table_of_gradients():
     volume = cube(9)
     rows = np.linspace(0.1, 0.9, 9)[:, None] * np.ones(2)
     table = TransferTable((0.0, 2.0), rows, np.ones((9, 2, 1)), 1.0, gradient_top=4.0)
@@ -41,7 +41,7 @@ def test_a_constant_volume_has_no_gradient_in_a_table_of_gradients() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", ["maximum", "average"])
-def test_projections_know_no_shadows(mode: str) -> None:
+def test_projections_know_no_shadows(mode):
     """Every source counts as faced: the picture is the same with shadows and without."""
     values = np.zeros((17, 17, 17), np.uint8)
     values[4:13, 4:13, 4:13] = 2
@@ -56,7 +56,7 @@ def test_projections_know_no_shadows(mode: str) -> None:
 
 
 @pytest.mark.parametrize("base", [100.0, 1000.0])
-def test_values_beyond_the_table_take_its_end_preintegrated_too(base: float) -> None:
+def test_values_beyond_the_table_take_its_end_preintegrated_too(base):
     """A table that ends at opacity 0.1 is even fog to noise beyond it: Beer-Lambert."""
     noise = 0.01 * np.random.default_rng(0).normal(size=(12, 12, 12))
     volume = vs.Volume((base + noise).astype(np.float32))
@@ -67,7 +67,7 @@ def test_values_beyond_the_table_take_its_end_preintegrated_too(base: float) -> 
 
 
 @pytest.mark.parametrize("length", [1e-200, 1e200])
-def test_a_plane_cuts_whatever_the_length_of_its_normal(length: float) -> None:
+def test_a_plane_cuts_whatever_the_length_of_its_normal(length):
     volume = cube(9)
     spec = replace(WHOLE, clip_planes=(vs.ClipPlane((4, 4, 4), (0, 0, length)),))
     alpha = vs.Raycaster(volume).cast(fog(0.1), along_z(volume), (5, 5), spec).alpha
@@ -82,13 +82,13 @@ def lit_by(source: Source) -> np.ndarray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("length", [1e-200, 1e200])
-def test_a_light_shines_whatever_the_length_of_its_direction(length: float) -> None:
+def test_a_light_shines_whatever_the_length_of_its_direction(length):
     one, other = (lit_by(vs.Directional((scale, -scale, 0))) for scale in (1.0, length))
     assert np.abs(one - other).max() < 1e-6
 
 
 @pytest.mark.slow
-def test_a_lamp_very_far_away_is_a_light_far_away() -> None:
+def test_a_lamp_very_far_away_is_a_light_far_away():
     """At the greatest distance allowed; rays of 1e8 diagonals are parallel to 1e-8."""
     lamp = vs.Point((0.9e9 * 26, 0, 0), falloff_mm=0.9e9 * 26)
     assert np.abs(lit_by(vs.Directional((1, 0, 0))) - lit_by(lamp)).max() < 1e-5
@@ -110,9 +110,7 @@ FAR = vs.Camera.orbit(vs.phantom.ball(16))
         (replace(FAR, height_mm=1e20), CameraError, "height_mm"),
     ],
 )
-def test_farther_than_squares_are_numbers_is_refused_by_name(
-    cast: Cast, given: vs.Point | vs.Camera, kind: type[vs.VolspecError], field: str
-) -> None:
+def test_farther_than_squares_are_numbers_is_refused_by_name(cast, given, kind, field):
     camera, spec, subject = given, WHOLE, "camera"
     if isinstance(given, vs.Point):
         spec = vs.RaycastSpec(groups=(vs.LightGroup("lamp", (given,)),))
@@ -126,9 +124,7 @@ def test_farther_than_squares_are_numbers_is_refused_by_name(
 @pytest.mark.parametrize(
     ("opacity", "filtered"), [(0.5, 0.5), (1.0, 0.5), (0.5, 1.0), (0.9, 0.5), (1.0, 0.0)]
 )
-def test_filtered_fog_reflects_the_same_at_any_step(
-    cast: Cast, opacity: float, filtered: float
-) -> None:
+def test_filtered_fog_reflects_the_same_at_any_step(cast, opacity, filtered):
     """A homogeneous body reflects its loss, s (1 − t^depth), and no more than all light."""
     volume = cube(17)
     table = fog(opacity, share=0.8, filters=np.full((8, 4), filtered))
@@ -143,9 +139,7 @@ def test_filtered_fog_reflects_the_same_at_any_step(
 @pytest.mark.slow
 @BOTH
 @pytest.mark.parametrize("step_mm", [0.25, 0.6, 2.0])
-def test_every_channel_of_a_filtered_body_takes_what_beer_lambert_says(
-    cast: Cast, step_mm: float
-) -> None:
+def test_every_channel_of_a_filtered_body_takes_what_beer_lambert_says(cast, step_mm):
     """T_k = (1 − opacity (1 − filter_k))^length, channel k reflects its loss, α is their mean."""
     volume, filters = cube(17), np.tile([0.0, 0.3, 0.9, 1.0], (8, 1))
     camera, size = turned(volume, 33, 12), (16, 16)
@@ -158,7 +152,7 @@ def test_every_channel_of_a_filtered_body_takes_what_beer_lambert_says(
 
 @pytest.mark.slow
 @BOTH
-def test_grey_filters_are_flat_absorption(cast: Cast) -> None:
+def test_grey_filters_are_flat_absorption(cast):
     at = np.linspace(0, 0.6, 256)
     flat = TransferTable((0.0, 1.0), at, np.full((256, 4), 0.7), 1.0)
     grey = replace(flat, filters=np.zeros((256, 4)))
@@ -170,7 +164,7 @@ def test_grey_filters_are_flat_absorption(cast: Cast) -> None:
 
 @pytest.mark.slow
 @BOTH
-def test_labels_that_a_table_has_not_are_nothing(cast: Cast) -> None:
+def test_labels_that_a_table_has_not_are_nothing(cast):
     """Below 0 as beyond its last; label 0 itself is seen."""
     table = labelled([0.1] * 3, np.ones((3, 1)))
     for label, opacity in ((-1, 0.0), (-300, 0.0), (3, 0.0), (0, 1 - 0.9**8), (2, 1 - 0.9**8)):
@@ -179,14 +173,14 @@ def test_labels_that_a_table_has_not_are_nothing(cast: Cast) -> None:
         assert np.abs(alpha - opacity).max() < 1e-5
 
 
-def test_the_reference_of_opaque_labels_is_a_picture() -> None:
+def test_the_reference_of_opaque_labels_is_a_picture():
     volume = vs.Volume(np.random.default_rng(0).integers(1, 3, (7, 8, 9)).astype(np.uint8))
     given = labelled([0, 1, 1]), turned(volume, 33, 21), (24, 24), WHOLE
     assert all(np.isfinite(each).all() for each in reference.cast(volume, *given)[:2])
 
 
 @pytest.mark.slow
-def test_long_steps_know_that_labels_beyond_the_table_are_nothing() -> None:
+def test_long_steps_know_that_labels_beyond_the_table_are_nothing():
     """Plates of label 2 and of 9, which the table has not: the opacity varies in every brick."""
     values = np.full((24, 24, 24), 2, np.uint8)
     values[::3] = 9
@@ -200,7 +194,7 @@ def test_long_steps_know_that_labels_beyond_the_table_are_nothing() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("preintegrated", [False, True])
-def test_a_homogeneous_body_is_the_same_in_long_steps(preintegrated: bool) -> None:
+def test_a_homogeneous_body_is_the_same_in_long_steps(preintegrated):
     """Steps of four are four steps, and end with the brick and the chord.
 
     A hundred float32 multiplications bound the difference near 6e-6; measured 7e-7.
@@ -217,7 +211,7 @@ def test_a_homogeneous_body_is_the_same_in_long_steps(preintegrated: bool) -> No
 
 
 @pytest.mark.slow
-def test_a_caster_of_many_pictures_remembers_none() -> None:
+def test_a_caster_of_many_pictures_remembers_none():
     """Every order of tables, lights and cuts gives the same pictures, equal to the twin's."""
     rng = np.random.default_rng(2)
     volume = vs.Volume(rng.uniform(0, 2, (12, 13, 14)).astype(np.float32))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 import pytest
@@ -64,7 +63,7 @@ def box(volume: vs.Volume, low: Array, high: Array) -> list[tuple[Array, float]]
     return sides
 
 
-def test_a_cut_oblique_body_matches_beer_lambert_in_opacity_and_depth() -> None:
+def test_a_cut_oblique_body_matches_beer_lambert_in_opacity_and_depth():
     """Crop and planes only shorten the chord, whatever the lattice, the step and the jitter.
 
     Opacity: as in test_beer_lambert. Depth: a step's weight counts at its middle, its centre of
@@ -95,7 +94,7 @@ def test_a_cut_oblique_body_matches_beer_lambert_in_opacity_and_depth() -> None:
 
 
 @pytest.mark.parametrize("threshold", [0.05, 0.3, 0.6])
-def test_the_first_hit_in_fog_is_where_its_opacity_says(threshold: float) -> None:
+def test_the_first_hit_in_fog_is_where_its_opacity_says(threshold):
     """Opacity θ is reached −log(1 − θ) / σ behind the face; a step's middle is within half of it.
 
     Step k holds the place, or its end lies on it: |middle − place| <= Δ / 2 = 0.25, and rounding.
@@ -109,7 +108,7 @@ def test_the_first_hit_in_fog_is_where_its_opacity_says(threshold: float) -> Non
 
 
 @pytest.mark.parametrize("step_mm", [0.3, 1.0, 3.7])
-def test_preintegrated_opacity_of_a_ramp_is_an_integral_over_values(step_mm: float) -> None:
+def test_preintegrated_opacity_of_a_ramp_is_an_integral_over_values(step_mm):
     """Along a ramp dv = ds: 1 − exp(−∫ τ(v) dv), of a spike half a value wide, at any step.
 
     τ is linear between 4096 entries of float32: the sum of some 100 roundings, 1e-5.
@@ -129,7 +128,7 @@ def test_preintegrated_opacity_of_a_ramp_is_an_integral_over_values(step_mm: flo
 
 
 @pytest.mark.parametrize("mode", ["average", slow("maximum")])
-def test_projections_of_a_linear_field_are_known(mode: Literal["average", "maximum"]) -> None:
+def test_projections_of_a_linear_field_are_known(mode):
     """The mean is the value in the chord's middle; the greatest, that of the greater end.
 
     The last sample lies up to half a step before the end: slope · Δ / 2 of value. Table and
@@ -156,7 +155,7 @@ def test_projections_of_a_linear_field_are_known(mode: Literal["average", "maxim
 
 
 @pytest.mark.slow
-def test_a_table_of_gradients_reads_the_gradient_of_the_world() -> None:
+def test_a_table_of_gradients_reads_the_gradient_of_the_world():
     """A linear field has one gradient, on any lattice: a body of one opacity.
 
     One voxel within the faces, where central differences have both neighbours.
@@ -184,7 +183,7 @@ def distances(size: int, world: Array) -> tuple[vs.Volume, Array]:
     return vs.Volume(away.astype(np.float32), world_from_index=world), centre
 
 
-def test_nested_shells_cover_each_other_in_the_order_of_the_ray() -> None:
+def test_nested_shells_cover_each_other_in_the_order_of_the_ray():
     """The ray meets outer a, inner b, then inner b, outer a; every shell has its own channel."""
     volume, centre = distances(49, lattice())
     a, b = 0.3, 0.6
@@ -197,7 +196,7 @@ def test_nested_shells_cover_each_other_in_the_order_of_the_ray() -> None:
     assert np.abs(coefficients - [inner, outer]).max() < 1e-6
 
 
-def test_a_ball_is_lit_as_its_normals_say_on_any_lattice() -> None:
+def test_a_ball_is_lit_as_its_normals_say_on_any_lattice():
     """Lambert and Blinn-Phong of a lamp near by, one far away and the camera's, on a sphere.
 
     The trilinear distance is wrong by up to h² / 8r = 0.04 mm at the cell's diagonal h = 2.1, and
@@ -244,7 +243,7 @@ def test_a_ball_is_lit_as_its_normals_say_on_any_lattice() -> None:
 
 
 @pytest.mark.slow
-def test_the_colour_of_labels_changes_half_way_and_is_never_mixed() -> None:
+def test_the_colour_of_labels_changes_half_way_and_is_never_mixed():
     """Along the border of labels 1 and 3, of one opacity; 2 lies between them and is opaque.
 
     Rays run along the border plane x = 7.5: what they see is one label or the other, and as dense.
@@ -262,7 +261,7 @@ def test_the_colour_of_labels_changes_half_way_and_is_never_mixed() -> None:
 
 
 @pytest.mark.slow
-def test_the_border_of_a_label_is_as_smooth_as_its_opacity() -> None:
+def test_the_border_of_a_label_is_as_smooth_as_its_opacity():
     """Across a cell from nothing to a label opacity is linear: a ray next to it sees it all."""
     values = np.zeros((9, 9, 16), np.uint8)
     values[..., 8:] = 2

@@ -42,7 +42,7 @@ def layer_of(
     return np.asarray(layer[inner, inner, inner])
 
 
-def test_straight_light_through_a_slab_matches_beer_lambert() -> None:
+def test_straight_light_through_a_slab_matches_beer_lambert():
     """−log T = σ (d − h/2) at depths of whole cells, h a cell.
 
     The first cell of the way is left out; beyond the face σ falls to 0 within a cell, which adds
@@ -56,9 +56,7 @@ def test_straight_light_through_a_slab_matches_beer_lambert() -> None:
 
 @pytest.mark.parametrize("cells", [17, *slow_each(33, 65)])
 @pytest.mark.parametrize("towards", [(1.2, 1, 1.1), (-1, 1, 1.2), (1, -1, -1)])
-def test_slanting_light_through_a_slab_matches_beer_lambert(
-    towards: tuple[float, float, float], cells: int
-) -> None:
+def test_slanting_light_through_a_slab_matches_beer_lambert(towards, cells):
     """Exact to σ h: the ray's first cell is left out, matter beyond the face adds at most one.
 
     Beyond a face met at the angle θ there is h / (2 cos θ), at most h here. Where steps straddle
@@ -79,7 +77,7 @@ def test_slanting_light_through_a_slab_matches_beer_lambert(
     assert off.min() > -grid.cell_mm - slack and off.max() < slack
 
 
-def test_light_from_within_a_slab_matches_beer_lambert() -> None:
+def test_light_from_within_a_slab_matches_beer_lambert():
     """−log T = σ (d − h): a way that ends at the light is cut exactly."""
     place = np.array((13.3, 17.2, 7.9))
     layer = layer_of(vs.phantom.slab(32, 16), fog(), vs.Point(tuple(place), shadows=True), 33)
@@ -88,7 +86,7 @@ def test_light_from_within_a_slab_matches_beer_lambert() -> None:
     assert np.abs(-np.log(layer) - SIGMA * np.maximum(away - 1, 0)).max() < LEVEL
 
 
-def test_occlusion_in_even_fog_is_twice_its_transmittance() -> None:
+def test_occlusion_in_even_fog_is_twice_its_transmittance():
     """open = 2 exp(−σ (r − h/2)) if the whole sphere lies within."""
     sky = vs.Ambient(occlusion=True, radius_mm=7.25)
     layer = layer_of(vs.phantom.slab(32, 32), fog(0.3), sky, 33)
@@ -104,7 +102,7 @@ def test_occlusion_in_even_fog_is_twice_its_transmittance() -> None:
         vs.Ambient(occlusion=True),
     ],
 )
-def test_all_light_arrives_in_an_empty_volume(source: Source) -> None:
+def test_all_light_arrives_in_an_empty_volume(source):
     empty = vs.Volume(np.zeros((9, 12, 15), np.uint8))
     assert (layer_of(empty, solid(), source, 20) == 1).all()
 
@@ -116,7 +114,7 @@ def plate() -> vs.Volume:
     return vs.Volume(values)
 
 
-def test_a_plate_casts_its_shadow_exactly_behind_it() -> None:
+def test_a_plate_casts_its_shadow_exactly_behind_it():
     """Opacity is held at 1 − 1e-4; within two cells its surface spreads."""
     layer = layer_of(plate(), solid(), DOWN, 33)
     square = np.zeros((33, 33), bool)
@@ -126,7 +124,7 @@ def test_a_plate_casts_its_shadow_exactly_behind_it() -> None:
     assert (layer[23:] == 1).all()
 
 
-def test_a_point_lights_shadow_widens_with_distance() -> None:
+def test_a_point_lights_shadow_widens_with_distance():
     """Similar triangles, to a cell: the plate's edge is a slope of a cell to each side."""
     layer = layer_of(plate(), solid(), vs.Point((16.0, 16.0, 60.0), shadows=True), 33)
     from_middle = np.abs(np.arange(33) - 16)
@@ -140,7 +138,7 @@ def test_a_point_lights_shadow_widens_with_distance() -> None:
 @pytest.mark.parametrize(
     "source", [DOWN, slow(vs.Directional((4, 0, 1), shadows=True)), vs.Ambient(occlusion=True)]
 )
-def test_a_flat_wall_does_not_shadow_itself(cells: int, source: Source) -> None:
+def test_a_flat_wall_does_not_shadow_itself(cells, source):
     """Wherever it lies between nodes; you should see no bands on it: 4 % are hardly seen.
 
     Light is read two cells in front of the wall, where nodes are free of it but for its blur.
@@ -160,7 +158,7 @@ def test_a_flat_wall_does_not_shadow_itself(cells: int, source: Source) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("opaque", [True, False])
-def test_an_isosurface_does_not_shadow_itself(opaque: bool) -> None:
+def test_an_isosurface_does_not_shadow_itself(opaque):
     """A ball lit from the camera's side is as bright with shadows as without."""
     volume = vs.phantom.ball(64)
     table = SurfaceTable(np.array([0.5]), np.array([1.0 if opaque else 0.6]), np.ones((1, 1)))
@@ -175,13 +173,13 @@ def test_an_isosurface_does_not_shadow_itself(opaque: bool) -> None:
     assert (middle(True) / middle(False)).min() > least
 
 
-def test_cut_away_voxels_cast_no_shadow() -> None:
+def test_cut_away_voxels_cast_no_shadow():
     volume, camera = plate(), vs.Camera.orbit(plate())
     spec = lit(DOWN, cells=33, crop_voxels=((0, 32), (0, 32), (0, 19)))
     assert (downloaded(opened(volume), solid(), spec, camera) == 1).all()
 
 
-def test_a_surface_counts_by_its_area() -> None:
+def test_a_surface_counts_by_its_area():
     """∫ σ dV = −log(1 − opacity) · 4πr² of a sphere, whatever its slope to the lattice."""
     volume = vs.phantom.ball(64, spacing_mm=(1.0, 1.3, 1.6))
     table = SurfaceTable(np.array([0.5]), np.array([0.6]), np.ones((1, 1)))
@@ -189,7 +187,7 @@ def test_a_surface_counts_by_its_area() -> None:
     assert total == pytest.approx(-math.log(0.4) * 4 * math.pi * (0.5 * 31.5) ** 2, rel=0.02)
 
 
-def test_light_of_the_camera_comes_from_behind_it() -> None:
+def test_light_of_the_camera_comes_from_behind_it():
     volume = plate()
     camera = vs.Camera.orbit(volume, azimuth_deg=40, elevation_deg=30)
     back = tuple(np.subtract(camera.position_mm, camera.target_mm))
@@ -200,7 +198,7 @@ def test_light_of_the_camera_comes_from_behind_it() -> None:
     assert np.abs(one - other).max() <= 1 / 65535
 
 
-def test_directions_of_occlusion_balance() -> None:
+def test_directions_of_occlusion_balance():
     """Their mean is 0 and their spread alike in all axes, to a few hundredths."""
     directions = sphere_directions()
     assert np.allclose(np.linalg.norm(directions, axis=1), 1)
@@ -219,7 +217,7 @@ CUTS = {
 # The reference takes a minute for 96 cells.
 @pytest.mark.parametrize("cells", [24, 96])
 @pytest.mark.parametrize("cut", CUTS)
-def test_a_cut_through_opaque_matter_is_open_to_the_sky_and_lit(cut: str, cells: int) -> None:
+def test_a_cut_through_opaque_matter_is_open_to_the_sky_and_lit(cut, cells):
     """Without a gradient at the cut; from a point on a plane, half of the sphere is all light.
 
     Rays from within the first step, which is inside, are the rest: a tenth. And it is as by the

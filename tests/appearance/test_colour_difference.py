@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import colour
@@ -53,14 +52,12 @@ PUBLISHED = [
 
 
 @pytest.mark.parametrize(("one", "other", "difference"), PUBLISHED)
-def test_published_pairs_differ_as_published(
-    one: tuple[float, ...], other: tuple[float, ...], difference: float
-) -> None:
+def test_published_pairs_differ_as_published(one, other, difference):
     both = delta_E_2000([one, other], [other, one])
     assert both == pytest.approx([difference] * 2, abs=5e-5), "four decimals"
 
 
-def test_differences_are_those_of_colour_science() -> None:
+def test_differences_are_those_of_colour_science():
     rng = np.random.default_rng(3)
     one = rng.uniform([0, -120, -120], [100, 120, 120], (20_000, 3))
     grey = one * [1, 0, 0]
@@ -71,7 +68,7 @@ def test_differences_are_those_of_colour_science() -> None:
 
 
 @pytest.mark.parametrize("where", ["office under D65", "room under A", "television", "cinema"])
-def test_cam16_ucs_is_that_of_colour_science(where: str) -> None:
+def test_cam16_ucs_is_that_of_colour_science(where):
     conditions = CONDITIONS[where]
     XYZ = colours(conditions.white_XYZ, 500)[:-1]
     theirs = colour.XYZ_to_CAM16UCS(
@@ -89,7 +86,7 @@ def test_cam16_ucs_is_that_of_colour_science(where: str) -> None:
     np.testing.assert_allclose(delta_E_CAM16(ours[1:], ours[:-1]), apart, rtol=1e-12)
 
 
-def test_differences_by_name() -> None:
+def test_differences_by_name():
     one, other = colours(D65, 50)[:40], colours(D65, 50)[10:50]
     by_name = {
         name: distance(name, *(uniform(name, XYZ, D65) for XYZ in (one, other)))
@@ -122,11 +119,11 @@ def similarity(one: str, other: str) -> float:
 
 
 @pytest.mark.parametrize(("name", "R_a"), PUBLISHED_R_A.items())
-def test_fluorescent_lamps_have_the_published_R_a(name: str, R_a: int) -> None:
+def test_fluorescent_lamps_have_the_published_R_a(name, R_a):
     assert rendition(name).R_a == pytest.approx(R_a, abs=0.55)
 
 
-def test_references_are_rendered_perfectly() -> None:
+def test_references_are_rendered_perfectly():
     for name in ("planck:2700", "planck:3999", "daylight:5010", "D65", "A"):
         found = rendition(name)
         assert (found.R_a, found.R_f, found.R_g) == pytest.approx((100, 100, 100), abs=0.05)
@@ -138,7 +135,7 @@ def test_references_are_rendered_perfectly() -> None:
 
 @pytest.mark.not_quick
 @pytest.mark.filterwarnings("ignore:Aligning")
-def test_figures_are_those_of_colour_science() -> None:
+def test_figures_are_those_of_colour_science():
     """Its R_i interpolate to 1 nm first; samples at a hue bin's border move the bins a little."""
     colour: Any = colour_science()
     for name in (*list(PUBLISHED_R_A)[1::3], *LEDS[::2]):
@@ -157,7 +154,7 @@ def test_figures_are_those_of_colour_science() -> None:
         assert own.hue_fidelity == pytest.approx(tm30.R_fs, abs=2)
 
 
-def test_fl2_has_tm_30_s_hue_bins() -> None:
+def test_fl2_has_tm_30_s_hue_bins():
     """Rounded figures that colour-science's tests list."""
     found = rendition("FL2")
     assert (round(found.R_f), round(found.R_g)) == (70, 86)
@@ -167,12 +164,12 @@ def test_fl2_has_tm_30_s_hue_bins() -> None:
     assert found.hue_fidelity == pytest.approx(fidelity, abs=0.75)
 
 
-def test_saturated_lights_have_no_reference() -> None:
+def test_saturated_lights_have_no_reference():
     assert colour_rendition(light("led:450", RENDITION_GRID)) is None
     assert rendition("FL1").is_white is False and rendition("FL2").is_white is True
 
 
-def test_similarity_is_that_of_colour_science() -> None:
+def test_similarity_is_that_of_colour_science():
     assert round(similarity("C", "D65")) == 94
     assert similarity("D65", "D65") == pytest.approx(100)
     colour: Any = colour_science()
@@ -192,7 +189,7 @@ def test_similarity_is_that_of_colour_science() -> None:
     assert similarity_reference(26_000) is None
 
 
-def test_metamerism_grows_with_the_difference_and_is_0_for_the_same_paint() -> None:
+def test_metamerism_grows_with_the_difference_and_is_0_for_the_same_paint():
     D65, A = (light(name, RENDITION_GRID) for name in ("D65", "A"))
     red = reflectance("ColorChecker/red", RENDITION_GRID)
     same = metamerism(red, red, D65, A)
@@ -209,7 +206,7 @@ def test_metamerism_grows_with_the_difference_and_is_0_for_the_same_paint() -> N
     assert all(large.observers[key] > small.observers[key] > 0.01 for key in small.observers)
 
 
-def test_a_mismatch_under_the_reference_light_is_not_counted_again() -> None:
+def test_a_mismatch_under_the_reference_light_is_not_counted_again():
     D65, A = (light(name, RENDITION_GRID) for name in ("D65", "A"))
     found = metamerism(_grey(np.zeros(81)), _grey(np.full(81, 0.1)), D65, A)
     assert found.delta_E > 4 and found.illuminant == pytest.approx(0, abs=1e-6)
@@ -221,7 +218,7 @@ def _grey(more: np.ndarray) -> Spectrum:
 
 
 @pytest.mark.not_quick
-def test_the_figure_has_the_numbers_in_its_corners(tmp_path: Path) -> None:
+def test_the_figure_has_the_numbers_in_its_corners(tmp_path):
     own, found = light("FL4", RENDITION_GRID), rendition("FL4")
     figure = light_figure(own, light("A", RENDITION_GRID), found, "SSI 32")
     texts = {text.get_text() for axes in figure.axes for text in axes.texts}

@@ -36,7 +36,7 @@ def colours(count: int = 500) -> np.ndarray:
     ("name", "theirs"), [("protan", "Protanomaly"), ("deutan", "Deuteranomaly")]
 )
 @pytest.mark.parametrize("severity", [0.1, 0.3, 0.8, 1.0])
-def test_protan_and_deutan_are_machado_s(name: str, theirs: str, severity: float) -> None:
+def test_protan_and_deutan_are_machado_s(name, theirs, severity):
     import colour
 
     truth = colour.matrix_cvd_Machado2009(theirs, severity)
@@ -46,7 +46,7 @@ def test_protan_and_deutan_are_machado_s(name: str, theirs: str, severity: float
 
 
 @pytest.mark.parametrize("name", BRETTEL)
-def test_dichromats_of_both_papers_are_alike(name: str) -> None:
+def test_dichromats_of_both_papers_are_alike(name):
     """Their mean difference is far below what the deficiency changes."""
     own = np.clip(simulation(name, 1.0, sRGB).apply(colours()), 0.0, 1.0)
     other = np.clip(colours() @ np.reshape(BRETTEL[name], (3, 3)).T, 0.0, 1.0)
@@ -60,7 +60,7 @@ def test_dichromats_of_both_papers_are_alike(name: str) -> None:
     assert off < 3.0 < 12.0 < changed
 
 
-def test_tritan_is_brettel_s_and_continuous() -> None:
+def test_tritan_is_brettel_s_and_continuous():
     made = simulation("tritan", 1.0, sRGB)
     for side, published in BRETTEL_TRITAN.items():
         np.testing.assert_allclose(getattr(made, side).ravel(), published, atol=0.011)
@@ -75,7 +75,7 @@ def test_tritan_is_brettel_s_and_continuous() -> None:
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_a_dichromat_has_two_dimensions_and_confuses_colours_along_the_third(name: str) -> None:
+def test_a_dichromat_has_two_dimensions_and_confuses_colours_along_the_third(name):
     made = simulation(name, 1.0, sRGB)
     for matrix in (made.above, made.below):
         values = np.linalg.svd(matrix)[1]
@@ -89,7 +89,7 @@ def test_a_dichromat_has_two_dimensions_and_confuses_colours_along_the_third(nam
 
 
 @pytest.mark.parametrize("space", SPACES)
-def test_whites_and_greys_of_every_display_stay(space: str) -> None:
+def test_whites_and_greys_of_every_display_stay(space):
     greys = np.linspace(0.0, 1.0, 5)[:, None] * np.ones(3)
     for name in KINDS:
         for severity in (0.3, 1.0):
@@ -97,7 +97,7 @@ def test_whites_and_greys_of_every_display_stay(space: str) -> None:
             np.testing.assert_allclose(seen, greys, atol=2e-6)  # the tables' rounding
 
 
-def test_a_colour_is_simulated_alike_on_every_display_of_one_white() -> None:
+def test_a_colour_is_simulated_alike_on_every_display_of_one_white():
     P3 = SPACES["Display P3"]
     XYZ = colours() @ sRGB.XYZ_from_RGB.T
     for name in KINDS:
@@ -109,7 +109,7 @@ def test_a_colour_is_simulated_alike_on_every_display_of_one_white() -> None:
         np.testing.assert_allclose(*seen, atol=1e-3)
 
 
-def test_the_screen_is_untouched_without_a_deficiency_or_severity() -> None:
+def test_the_screen_is_untouched_without_a_deficiency_or_severity():
     XYZ = 100.0 * colours(64).reshape(8, 8, 3) @ sRGB.XYZ_from_RGB.T / 100.0
     plain = Screen.of(Display()).codes(XYZ)
     for name in DEFICIENCIES:
@@ -120,14 +120,14 @@ def test_the_screen_is_untouched_without_a_deficiency_or_severity() -> None:
     assert np.abs(deutan.codes(XYZ) - plain).max() > 0.1
 
 
-def test_no_lut_is_baked_again_for_another_deficiency() -> None:
+def test_no_lut_is_baked_again_for_another_deficiency():
     one = Viewing(model="Hunt")
     white = np.array([95.0, 100.0, 109.0])
     other = replace(one, deficiency="tritan", severity=0.4)
     assert LutKey.of(one, white) == LutKey.of(other, white)
 
 
-def test_the_steps_cover_zero_to_one() -> None:
+def test_the_steps_cover_zero_to_one():
     for steps in severity_steps(sRGB).values():
         between = steps.at(0.55).above, (steps.at(0.5).above + steps.at(0.6).above) / 2.0
         np.testing.assert_allclose(*between, atol=1e-12)

@@ -18,13 +18,13 @@ SPACE = SPACES["Rec. 2020"]
     # BT.2408, tables 1 and 4; BT.2100: 10 000 cd/m² is 1.
     [(0.0, 0.0), (100.0, 0.5081), (203.0, 0.5807), (1000.0, 0.7518), (4000.0, 0.9026), (1e4, 1.0)],
 )
-def test_pq_has_the_code_values_of_bt_2100(luminance: float, code: float) -> None:
+def test_pq_has_the_code_values_of_bt_2100(luminance, code):
     assert float(pq_encode(luminance / PQ_PEAK)) == pytest.approx(code, abs=5e-5)
     grey = luminance / 203.0 * SPACE.white_XYZ
     assert Hdr(peak_cd_m2=1e4).codes(grey) == pytest.approx(code, abs=5e-5)
 
 
-def test_hlg_shows_reference_white_at_75_percent_and_the_peak_at_100() -> None:
+def test_hlg_shows_reference_white_at_75_percent_and_the_peak_at_100():
     """BT.2408, table 1: HLG on a display of 1000 cd/m²."""
     hdr = Hdr("HLG")
     assert hdr.codes(SPACE.white_XYZ) == pytest.approx(0.75, abs=5e-4)
@@ -32,7 +32,7 @@ def test_hlg_shows_reference_white_at_75_percent_and_the_peak_at_100() -> None:
     assert hdr.codes(0.0 * SPACE.white_XYZ) == pytest.approx(0.0)
 
 
-def test_curves_are_those_of_colour_science() -> None:
+def test_curves_are_those_of_colour_science():
     luminances = np.concatenate([[0.0], np.geomspace(1e-3, 1e4, 400)])
     ours = pq_encode(luminances / PQ_PEAK)
     # BT.2100's formula leaves 7.3e-7 at 0: a twentieth of a step of 16 bits.
@@ -53,7 +53,7 @@ def test_curves_are_those_of_colour_science() -> None:
 
 
 @pytest.mark.parametrize("hdr", [Hdr(), Hdr("PQ", 100.0, 4000.0), Hdr("HLG"), Hdr("HLG", 300.0)])
-def test_luminances_undo_codes(hdr: Hdr) -> None:
+def test_luminances_undo_codes(hdr):
     RGB = np.random.default_rng(1).random((500, 3)) ** 3 * hdr.headroom
     if hdr.transfer == "HLG":  # which cannot show a blue as bright as white
         RGB *= 0.5
@@ -65,7 +65,7 @@ def test_luminances_undo_codes(hdr: Hdr) -> None:
     np.testing.assert_allclose(hlg_encode(hlg_decode(codes)), codes, atol=1e-12)
 
 
-def test_highlights_survive_up_to_the_peak_and_keep_their_colour() -> None:
+def test_highlights_survive_up_to_the_peak_and_keep_their_colour():
     hdr = Hdr()
     # White, twice white, a bright orange, and it four times as bright, beyond the peak.
     RGB = np.array([[1.0, 1.0, 1.0], [2.0, 2.0, 2.0], [4.0, 2.0, 1.0], [16.0, 8.0, 4.0]])
@@ -79,7 +79,7 @@ def test_highlights_survive_up_to_the_peak_and_keep_their_colour() -> None:
     )
 
 
-def test_a_display_keeps_its_room() -> None:
+def test_a_display_keeps_its_room():
     seen = Hdr(white_cd_m2=300.0).display(Display(L_A=None, Y_b=10.0, surround="dim"))
     assert (seen.space, seen.white_cd_m2, seen.surround) == ("Rec. 2020", 300.0, "dim")
     assert seen.adapting_luminance == pytest.approx(30.0)

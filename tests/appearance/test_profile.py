@@ -28,7 +28,7 @@ from volspec.settings import plain, read_table
 
 
 @pytest.mark.parametrize("space", SPACES.values(), ids=lambda s: s.name)
-def test_what_is_written_is_read(space: ColourSpace, tmp_path: Path) -> None:
+def test_what_is_written_is_read(space, tmp_path):
     path = tmp_path / "monitor.icc"
     path.write_bytes(icc_profile(space))
     read = read_profile(path)
@@ -37,7 +37,7 @@ def test_what_is_written_is_read(space: ColourSpace, tmp_path: Path) -> None:
     assert np.abs(read.encode(space.decode(codes)) - codes).max() < 1e-3
 
 
-def test_a_profile_of_another_maker_with_a_sampled_curve_is_read(tmp_path: Path) -> None:
+def test_a_profile_of_another_maker_with_a_sampled_curve_is_read(tmp_path):
     path = tmp_path / "little.icm"
     path.write_bytes(ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes())
     read = read_profile(path)
@@ -64,7 +64,7 @@ def with_curves(curve: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("name", ["sRGB", "Adobe RGB (1998)", "DCI-P3"])
-def test_sampled_curves_become_the_power_that_they_are(name: str, tmp_path: Path) -> None:
+def test_sampled_curves_become_the_power_that_they_are(name, tmp_path):
     path = tmp_path / "sampled.icc"
     codes = np.linspace(0.0, 1.0, 1024)
     path.write_bytes(with_curves(table(SPACES[name].decode(codes))))
@@ -74,7 +74,7 @@ def test_sampled_curves_become_the_power_that_they_are(name: str, tmp_path: Path
 @pytest.mark.parametrize(
     ("exponent", "size"), [(1.0, 2), (1.0, 3), (1.0, 4096), (2.2, 16), (2.2, 256)]
 )
-def test_tables_of_few_numbers_are_read(exponent: float, size: int, tmp_path: Path) -> None:
+def test_tables_of_few_numbers_are_read(exponent, size, tmp_path):
     path = tmp_path / "few.icc"
     path.write_bytes(with_curves(table(np.linspace(0.0, 1.0, size) ** exponent)))
     assert 1.0 / read_profile(path).transfer.power == pytest.approx(exponent, rel=0.01)
@@ -111,7 +111,7 @@ BAD = {
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(("code", "data"), BAD.values(), ids=BAD)
-def test_bad_profiles_are_refused_by_name(code: str, data: bytes | None, tmp_path: Path) -> None:
+def test_bad_profiles_are_refused_by_name(code, data, tmp_path):
     path = tmp_path / "bad.icc"
     path.mkdir() if data is None else path.write_bytes(data)
     with raises(ViewingError, code, "Display.space") as caught:
@@ -129,7 +129,7 @@ def scene_for(folder: Path, display: str) -> Scene:
     return Scene.load(scene)
 
 
-def test_a_scene_finds_its_profile_and_the_note_in_its_image_needs_none(tmp_path: Path) -> None:
+def test_a_scene_finds_its_profile_and_the_note_in_its_image_needs_none(tmp_path):
     (tmp_path / "mine.icc").write_bytes(icc_profile(SPACES["Display P3"]))
     scene = scene_for(tmp_path, 'space = "mine.icc"')
     note = cast_notes(scene.file, scene.relight)["viewing"]
@@ -141,7 +141,7 @@ def test_a_scene_finds_its_profile_and_the_note_in_its_image_needs_none(tmp_path
     assert again.display.colours.primaries_xy[0] == pytest.approx((0.68, 0.32), abs=1e-3)
 
 
-def test_a_scene_may_give_a_measured_display_in_numbers(tmp_path: Path) -> None:
+def test_a_scene_may_give_a_measured_display_in_numbers(tmp_path):
     xy = "primaries_xy = [[0.68, 0.32], [0.265, 0.69], [0.15, 0.06]], white_xy = [0.3127, 0.329]"
     measured = scene_for(tmp_path, f"space = {{ {xy}, transfer = 2.2 }}")
     assert measured.relight.viewing.display.colours == ColourSpace(
@@ -154,14 +154,14 @@ def read(**keys: object) -> Display:
     return read_table(Display, keys, SceneError)
 
 
-def test_a_table_changes_what_it_names_of_its_preset() -> None:
+def test_a_table_changes_what_it_names_of_its_preset():
     assert read() == Display() == preset("sRGB").display()
     display = read(preset="cinema", space="DCI-P3", gamut="reduce", Y_b=10.0)
     assert display == Display(0.2 * 48.0, 10.0, "dark", "DCI-P3", "reduce", False, 48.0)
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_displays_are_written_by_preset_or_by_numbers(name: str) -> None:
+def test_displays_are_written_by_preset_or_by_numbers(name):
     display = replace(PRESETS[name].display("Display P3", "reduce"), mark=True)
     assert plain(display).get("preset", "sRGB") == name
     assert read(**plain(display)) == display
@@ -170,13 +170,13 @@ def test_displays_are_written_by_preset_or_by_numbers(name: str) -> None:
         assert read(**plain(each)) == each
 
 
-def test_a_white_without_L_A_lights_the_eye_by_itself() -> None:
+def test_a_white_without_L_A_lights_the_eye_by_itself():
     assert pytest.approx(30.0) == read(white_cd_m2=300.0, Y_b=10.0).conditions.L_A
     assert read(white_cd_m2=300.0, L_A=4.0).conditions.L_A == 4.0
 
 
 @pytest.mark.parametrize("name", SPACES)
-def test_a_png_says_whose_codes_it_holds(name: str, tmp_path: Path) -> None:
+def test_a_png_says_whose_codes_it_holds(name, tmp_path):
     path = tmp_path / "frame.png"
     frame = np.arange(48, dtype=np.uint8).reshape(4, 4, 3)
     write_frame(path, frame, {"light": "A"}, name)
@@ -189,7 +189,7 @@ def test_a_png_says_whose_codes_it_holds(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", SPACES)
-def test_colour_management_reads_the_profile_as_the_space(name: str) -> None:
+def test_colour_management_reads_the_profile_as_the_space(name):
     """Little CMS from one profile to another against our matrices and curves."""
     space = SPACES[name]
     codes = np.random.default_rng(3).integers(0, 256, (16, 16, 3), dtype=np.uint8)

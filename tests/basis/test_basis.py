@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -44,7 +43,7 @@ def basis(request: pytest.FixtureRequest) -> SpectralBasis:
     return request.getfixturevalue(request.param)
 
 
-def test_a_basis_that_holds_white_is_not_stretched(general: SpectralBasis) -> None:
+def test_a_basis_that_holds_white_is_not_stretched(general):
     for lamp in (*LIGHTS, light("LPS")):
         Q = colour_matching_functions(general.grid)
         plain = 100.0 / (Q[1] @ lamp.values) * (Q * lamp.values) @ general.synthesis
@@ -63,9 +62,7 @@ def test_a_basis_that_holds_white_is_not_stretched(general: SpectralBasis) -> No
         (("D65", "LPS"), 0.05, 0.6),
     ],
 )
-def test_pictures_under_two_lights_add_up(
-    general: SpectralBasis, names: tuple[str, str], componentwise: float, fitted: float
-) -> None:
+def test_pictures_under_two_lights_add_up(general, names, componentwise, fitted):
     # Named lights have equal luminous energy, so the mean picture is that of the mixed light.
     one, other = map(light, names)
     both = light(f"{names[0]}*0.5+{names[1]}*0.5")
@@ -83,7 +80,7 @@ def test_pictures_under_two_lights_add_up(
 
 
 @pytest.mark.parametrize("basis", ["general", "scene"], indirect=True)
-def test_spectra_in_the_span_have_the_exact_colour(basis: SpectralBasis) -> None:
+def test_spectra_in_the_span_have_the_exact_colour(basis):
     # Not sharpened: where white lies outside the span, its exactness costs the others'.
     S = basis.synthesise(np.random.default_rng(4).random(basis.size))
     for lamp in LIGHTS:
@@ -92,12 +89,12 @@ def test_spectra_in_the_span_have_the_exact_colour(basis: SpectralBasis) -> None
         )
 
 
-def test_colour_does_not_depend_on_the_lights_level(general: SpectralBasis) -> None:
+def test_colour_does_not_depend_on_the_lights_level(general):
     c = general.analyse(REFLECTANCES[0])
     assert general.xyz(c, LIGHTS[0] * 1e4) == pytest.approx(general.xyz(c, LIGHTS[0]))
 
 
-def test_display_matrix_is_continuous_towards_a_light_without_blue(general: SpectralBasis) -> None:
+def test_display_matrix_is_continuous_towards_a_light_without_blue(general):
     def matrix(share: float) -> np.ndarray:
         return general.display_matrix(light(f"LPS*{1 - share}+D65*{share}"))
 
@@ -108,13 +105,13 @@ def test_display_matrix_is_continuous_towards_a_light_without_blue(general: Spec
         assert near < 0.05 * far + 1e-6, share
 
 
-def test_spectra_on_other_grids_are_resampled(general: SpectralBasis) -> None:
+def test_spectra_on_other_grids_are_resampled(general):
     fine = reflectance("gold", SpectralGrid(390, 710, 1))
     # A 10 nm table seen through a 1 nm one loses a little at its bends.
     assert general.analyse(fine) == pytest.approx(general.analyse(reflectance("gold")), abs=5e-3)
 
 
-def test_file_round_trip_keeps_every_bit(general: SpectralBasis, tmp_path: Path) -> None:
+def test_file_round_trip_keeps_every_bit(general, tmp_path):
     general.save(tmp_path / "b.json")
     back = SpectralBasis.load(tmp_path / "b.json")
     assert back.fingerprint == general.fingerprint
@@ -125,17 +122,17 @@ def test_file_round_trip_keeps_every_bit(general: SpectralBasis, tmp_path: Path)
     assert again.to_dict() == general.to_dict()
 
 
-def test_fingerprint_changes_with_the_numbers(general: SpectralBasis) -> None:
+def test_fingerprint_changes_with_the_numbers(general):
     other = dataclasses.replace(general, XYZ_from_channels=general.XYZ_from_channels * 1.01)
     renamed = dataclasses.replace(general, name="other")
     assert other.fingerprint != general.fingerprint == renamed.fingerprint
 
 
-def test_rounding_below_zero_is_taken_as_no_power(general: SpectralBasis) -> None:
+def test_rounding_below_zero_is_taken_as_no_power(general):
     dip = Spectrum(DEFAULT_GRID.wavelengths_nm, 1.0 - (1.0 + 1e-7) * np.eye(BANDS)[3])
     none = Spectrum(DEFAULT_GRID.wavelengths_nm, 1.0 - np.eye(BANDS)[3])
     assert np.array_equal(general.light_matrix(dip), general.light_matrix(none))
 
 
-def test_matrices_are_read_only(general: SpectralBasis) -> None:
+def test_matrices_are_read_only(general):
     assert not general.analysis.flags.writeable

@@ -7,8 +7,6 @@ elsewhere; the prototype's figures (METHOD) are given if they are worse.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -69,7 +67,7 @@ PALETTE_REFLECTANCES = [
         slow("general-9-positive", 0.062, 0.40),
     ],
 )
-def test_shipped_sensors_under_smooth_lights(name: str, mean: float, maximum: float) -> None:
+def test_shipped_sensors_under_smooth_lights(name, mean, maximum):
     report = SpectralBasis.load(f"{name}-10nm").report()
     print(name, report.componentwise)
     assert report.componentwise.mean <= mean and report.componentwise.max <= maximum
@@ -88,26 +86,26 @@ def test_shipped_sensors_under_smooth_lights(name: str, mean: float, maximum: fl
         slow("exact-9", {"exact": 0.0699, "componentwise": 0.45}),
     ],
 )
-def test_shipped_bases_under_spiky_lights(name: str, means: dict[str, float]) -> None:
+def test_shipped_bases_under_spiky_lights(name, means):
     report = SpectralBasis.load(f"{name}-10nm").report(light_set("spiky", PAPERS_GRID))
     for way, mean in means.items():
         assert getattr(report, way).mean <= mean, way
 
 
-def test_rgb_product_is_as_far_off_as_in_the_method() -> None:
+def test_rgb_product_is_as_far_off_as_in_the_method():
     # METHOD: .95 / .62 / 3.1 / 9.1.
     report = SpectralBasis.load("general-7-10nm").report()
     assert report.rgb_product.mean == pytest.approx(0.95, abs=0.01)
     assert report.rgb_product.max == pytest.approx(9.1, abs=0.15)
 
 
-def test_mixed_lights_are_no_worse_than_their_components(general: SpectralBasis) -> None:
+def test_mixed_lights_are_no_worse_than_their_components(general):
     mixes = [light("D65*0.7+A*0.3"), light("planck:2000*0.5+daylight:10000*0.5")]
     assert general.report(mixes).componentwise.max <= 0.2
 
 
 @pytest.mark.parametrize("name", ["general-7", "general-7-positive", "smooth-5-positive"])
-def test_measured_reflectances_have_coefficients_in_0_to_1(name: str) -> None:
+def test_measured_reflectances_have_coefficients_in_0_to_1(name):
     # 8-bit textures need this; the signed sensors of general-7 happen to give it too.
     basis = SpectralBasis.load(name)
     c = basis.analyse(np.concatenate([reflectance_set("training"), reflectance_set("test")]))
@@ -115,13 +113,13 @@ def test_measured_reflectances_have_coefficients_in_0_to_1(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [n for n in NAMES if n.endswith("-positive")])
-def test_positive_sensors_are_positive(name: str) -> None:
+def test_positive_sensors_are_positive(name):
     assert SpectralBasis.load(name).analysis.min() >= 0
 
 
 @pytest.mark.not_quick
 @pytest.mark.parametrize("name", ["general-7", *slow_each("exact-5", "smooth-5-positive")])
-def test_shipped_basis_is_what_the_command_fits(name: str) -> None:
+def test_shipped_basis_is_what_the_command_fits(name):
     shipped, again = SpectralBasis.load(name), fit_shipped(name)
     # Another BLAS rounds differently and the descent stops elsewhere in a flat valley; what
     # counts, the colour, does not follow.
@@ -129,14 +127,14 @@ def test_shipped_basis_is_what_the_command_fits(name: str) -> None:
     assert again.trained_on == shipped.trained_on
 
 
-def test_all_that_the_command_makes_ships() -> None:
+def test_all_that_the_command_makes_ships():
     assert [SpectralBasis.load(n).name for n in NAMES] == list(NAMES)
 
 
 @pytest.mark.parametrize(
     ("size", "mean", "maximum"), [(5, 2.2, 36.0), (7, 0.27, 4.8), (9, 0.10, 1.2)]
 )
-def test_sharpened_pca_reaches_the_papers_model(size: int, mean: float, maximum: float) -> None:
+def test_sharpened_pca_reaches_the_papers_model(size, mean, maximum):
     # Measured 2.19 (max 35.8), .253 and .093; METHOD: 2.2 (33), .27 (4.8) and .07.
     lights, samples = light_set("smooth", PAPERS_GRID), reflectance_set("training", PAPERS_GRID)
     options = {"method": "pca-sharpened", "grid": PAPERS_GRID}
@@ -144,7 +142,7 @@ def test_sharpened_pca_reaches_the_papers_model(size: int, mean: float, maximum:
     assert report.componentwise.mean <= mean and report.componentwise.max <= maximum
 
 
-def test_designed_palette_trains_for_itself(general: SpectralBasis) -> None:
+def test_designed_palette_trains_for_itself(general):
     basis = SpectralBasis.fit(PALETTE_LIGHTS, PALETTE_REFLECTANCES, size=7, grid=PAPERS_GRID)
     # Measured .000 in .3 s; METHOD has .014 in 3 s. The general basis is far off here.
     assert basis.report(PALETTE_LIGHTS, PALETTE_REFLECTANCES).componentwise.mean <= 0.002
@@ -166,8 +164,6 @@ LINES = [Spectrum(W, np.where(nm == W, 1.0, 0.0), f"line {nm}") for nm in (450, 
         slow([light("A")], [reflectance("PMC/Carrot")], 7, 0.01),
     ],
 )
-def test_few_spectra_of_a_scene_are_held(
-    lights: list[Spectrum], reflectances: Any, size: int, maximum: float
-) -> None:
+def test_few_spectra_of_a_scene_are_held(lights, reflectances, size, maximum):
     basis = SpectralBasis.fit(lights, reflectances, size=size, grid=lights[0].grid)
     assert basis.report(lights, reflectances).componentwise.max <= maximum

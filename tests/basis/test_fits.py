@@ -81,7 +81,7 @@ def quick(fits: list[int], monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 @pytest.mark.not_quick
-def test_a_basis_read_is_the_basis_fitted_to_the_last_bit(fits: list[int]) -> None:
+def test_a_basis_read_is_the_basis_fitted_to_the_last_bit(fits):
     plain = SpectralBasis.fit(LIGHTS, PAINTS, **OPTIONS)
     first, second = (fit_cache.fit_cached(LIGHTS, PAINTS, **OPTIONS) for _ in range(2))
     assert len(fits) == 2, "the plain one, and the first"
@@ -92,7 +92,7 @@ def test_a_basis_read_is_the_basis_fitted_to_the_last_bit(fits: list[int]) -> No
             assert getattr(basis, name) == OPTIONS[name]
 
 
-def test_a_name_is_no_reason_to_fit_again(quick: list[int]) -> None:
+def test_a_name_is_no_reason_to_fit_again(quick):
     fit_cache.fit_cached(LIGHTS, PAINTS, **OPTIONS)
     assert fit_cache.fit_cached(LIGHTS, PAINTS, **OPTIONS | {"name": "other"}).name == "other"
     assert len(quick) == 1
@@ -110,13 +110,13 @@ def test_a_name_is_no_reason_to_fit_again(quick: list[int]) -> None:
     ],
     ids=lambda change: next(iter(change)),
 )
-def test_another_option_is_fitted_again(change: dict[str, Any], quick: list[int]) -> None:
+def test_another_option_is_fitted_again(change, quick):
     fit_cache.fit_cached(LIGHTS, PAINTS, **OPTIONS)
     fit_cache.fit_cached(LIGHTS, PAINTS, **OPTIONS | change)
     assert len(quick) == 2
 
 
-def test_other_spectra_are_fitted_again(quick: list[int]) -> None:
+def test_other_spectra_are_fitted_again(quick):
     values = PAINTS[0].values.copy()
     values[7] = np.nextafter(values[7], 1.0)
     near = Spectrum(PAINTS[0].wavelengths_nm, values)
@@ -132,14 +132,14 @@ def test_other_spectra_are_fitted_again(quick: list[int]) -> None:
     assert len(quick) == 4
 
 
-def test_other_code_fits_anew(quick: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_code_fits_anew(quick, monkeypatch):
     fit_cache.fit_cached(LIGHTS, PAINTS, **OPTIONS)
     monkeypatch.setattr(fit_cache, "_code", lambda: "edited")
     fit_cache.fit_cached(LIGHTS, PAINTS, **OPTIONS)
     assert len(quick) == 2
 
 
-def test_a_fit_that_fails_fails_each_time(fits: list[int]) -> None:
+def test_a_fit_that_fails_fails_each_time(fits):
     for _ in range(2):
         with raises(BasisError, "impossible"):
             fit_cache.fit_cached(LIGHTS, PAINTS, **OPTIONS | {"method": "pca", "size": 31})
@@ -170,7 +170,7 @@ def errors(basis: SpectralBasis) -> np.ndarray:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_equal_weights_are_none(method: str) -> None:
+def test_equal_weights_are_none(method):
     weighed = fit(method, light_weights=[7] * 6, reflectance_weights=np.full(len(SAMPLES), 0.2))
     # Weights of equal size and any scale divide out to rounding; a descent follows rounding
     # until its steps are small, to 1e-5 of the cost.
@@ -178,7 +178,7 @@ def test_equal_weights_are_none(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_material_used_more_is_held_better(method: str) -> None:
+def test_a_material_used_more_is_held_better(method):
     weights = np.ones(len(SAMPLES))
     before = errors(plain(method))
     worst = int(before.mean(0).argmax())
@@ -189,7 +189,7 @@ def test_a_material_used_more_is_held_better(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", ["virtual-sensors", "reduced-rank"])
-def test_a_light_used_more_is_held_better(method: str) -> None:
+def test_a_light_used_more_is_held_better(method):
     # Not the pca methods: they hold signals, and their colour follows only in the main.
     weights = np.ones(len(SIX_LIGHTS))
     weights[4] = 1000.0
@@ -203,7 +203,7 @@ def test_a_light_used_more_is_held_better(method: str) -> None:
     assert after < 0.7 * before
 
 
-def test_a_light_used_more_bends_the_components_towards_its_signals() -> None:
+def test_a_light_used_more_bends_the_components_towards_its_signals():
     signals = SIX_LIGHTS[4].values * SAMPLES
     weighed = fit("pca", light_weights=[1, 1, 1, 1, 1e4, 1])
     before, after = (
@@ -214,7 +214,7 @@ def test_a_light_used_more_bends_the_components_towards_its_signals() -> None:
 
 
 @pytest.mark.not_quick
-def test_all_lights_of_the_library_may_weigh_little() -> None:
+def test_all_lights_of_the_library_may_weigh_little():
     # As scenes are trained: their own lights at ten times the weight of the library's together.
     library = light_set("spiky")[::4]
     weights = np.repeat([1 / 6, 0.1 / len(library)], [6, len(library)])
@@ -253,9 +253,7 @@ def few_products(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
     ids=["virtual-sensors", "positive", "pca-sharpened", "reduced-rank", "pca"],
 )
-def test_errors_are_alike_on_every_grid(
-    grid: SpectralGrid, options: dict[str, Any], way: str, mean: float, maximum: float
-) -> None:
+def test_errors_are_alike_on_every_grid(grid, options, way, mean, maximum):
     smooth = light_set("smooth", grid)
     lights = smooth + light_set("spiky", grid) if "reduced-rank" in options.values() else smooth
     samples = reflectance_set("training", grid)
@@ -268,7 +266,7 @@ def test_errors_are_alike_on_every_grid(
 @pytest.mark.not_quick
 @pytest.mark.usefixtures("few_products")
 @pytest.mark.parametrize("step", [5, slow(1)])
-def test_a_scene_may_bring_a_fine_grid(step: int) -> None:
+def test_a_scene_may_bring_a_fine_grid(step):
     grid = SpectralGrid(360, 830, step)
     lights = [light(n, grid) for n in ("D65", "A", "planck:4000")]
     samples = [reflectance(f"CES/{k}", grid) for k in (5, 25, 45, 65, 85)]
@@ -326,7 +324,7 @@ def residuals(problem: Problem, x: np.ndarray, like: State) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", ["bands", "hats"])
-def test_normal_equations(training: Training, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_normal_equations(training, kind, monkeypatch):
     # Large entries of D cost as much as colours here; in fits too little to show.
     monkeypatch.setattr(fitted, "_DISPLAY_WEIGHT", 20.0)
     problem = posed(training, kind)
@@ -352,7 +350,7 @@ def test_normal_equations(training: Training, kind: str, monkeypatch: pytest.Mon
     assert worst < 1e-6 and off < 1e-6
 
 
-def test_pairs_cost_by_their_weights(training: Training) -> None:
+def test_pairs_cost_by_their_weights(training):
     """The mean over pairs of w_j w_k |G d|^2, weights of mean 1."""
     problem = posed(training, "bands")
     value = evaluate(problem, started(problem))
@@ -362,7 +360,7 @@ def test_pairs_cost_by_their_weights(training: Training) -> None:
     assert value.colour_error == pytest.approx((w[:, None] * v * squares).mean())
 
 
-def test_the_metric_is_cie94_of_small_steps() -> None:
+def test_the_metric_is_cie94_of_small_steps():
     rng = np.random.default_rng(7)
     greys = np.array([[0.9, 0.9, 0.9], [0.18, 0.18, 0.18], [0.004, 0.004, 0.004]])
     dark = rng.uniform(0.02, 0.9, (30, 3)), rng.uniform(0, 0.008, (6, 3))

@@ -20,7 +20,7 @@ from volspec.basis.display import white_exact
 from volspec.basis.make import fit_library, fit_shipped
 from volspec.basis.report import basis_report
 from volspec.basis.report_table import error_table
-from volspec.errors import BasisError, ImageError, SpectrumError, TransferError, VolspecError
+from volspec.errors import BasisError, ImageError, SpectrumError, TransferError
 from volspec.raycast import CoefficientImage
 from volspec.relight import Relighter
 from volspec.spectra import (
@@ -233,9 +233,7 @@ for _eye in (3, True, "2", None, 2.5, "CIE 2015"):
 @pytest.mark.parametrize(
     ("error", "fault", "make"), [*((BasisError, *row) for row in REFUSED), *OTHERS]
 )
-def test_what_cannot_be_is_refused_in_one_line(
-    error: type[VolspecError], fault: str, make: Callable[[Path], object], tmp_path: Path
-) -> None:
+def test_what_cannot_be_is_refused_in_one_line(error, fault, make, tmp_path):
     code, _, field = fault.partition(" ")
     with raises(error, code or None, field or None) as caught:
         make(tmp_path)
@@ -243,7 +241,7 @@ def test_what_cannot_be_is_refused_in_one_line(
     assert len(str(caught.value)) < 700
 
 
-def test_reflectances_are_between_black_and_fluorescent() -> None:
+def test_reflectances_are_between_black_and_fluorescent():
     S = np.full((3, BANDS), 0.5)
     S[1, 2] = -4e-7
     assert reflectance_values(S, DEFAULT_GRID, "paints")[1, 2] == 0
@@ -257,7 +255,7 @@ def test_reflectances_are_between_black_and_fluorescent() -> None:
     ("lights", "reflectances", "size"),
     [(LIGHTS, [GOLD, COPPER], 14), (LIGHTS[:1], [GOLD], 9)],
 )
-def test_too_many_sensors_are_refused(lights: Any, reflectances: Any, size: int) -> None:
+def test_too_many_sensors_are_refused(lights, reflectances, size):
     """The error has the size that works. Every start takes seconds: the first alone will do."""
     with raises(BasisError, "impossible") as caught:
         SpectralBasis.fit(lights, reflectances, size=size, restarts=0)
@@ -266,7 +264,7 @@ def test_too_many_sensors_are_refused(lights: Any, reflectances: Any, size: int)
 
 
 @pytest.mark.parametrize("basis", [GENERAL, PAINTS], ids=["sensors", "materials"])
-def test_files_of_bases_are_read_by_their_fingerprint(basis: Any, tmp_path: Path) -> None:
+def test_files_of_bases_are_read_by_their_fingerprint(basis, tmp_path):
     assert without(basis, "fingerprint").fingerprint == basis.fingerprint
     assert basis_from_dict(basis.to_dict() | {"name": "other"}).fingerprint == basis.fingerprint
     path = tmp_path / "marked.json"
@@ -274,12 +272,12 @@ def test_files_of_bases_are_read_by_their_fingerprint(basis: Any, tmp_path: Path
     assert load_basis(path).fingerprint == type(basis).load(path).fingerprint == basis.fingerprint
 
 
-def test_the_library_trains_components_on_smooth_lights() -> None:
+def test_the_library_trains_components_on_smooth_lights():
     """Virtual sensors: the recipe is that of the shipped bases (test_colour)."""
     assert "spiky" not in fit_library(5, "pca").trained_on
 
 
-def test_white_stays_exact_and_continuous_where_its_prediction_crosses_zero() -> None:
+def test_white_stays_exact_and_continuous_where_its_prediction_crosses_zero():
     channels, white = np.array([1.0, 0.5]), np.array([90.0, 100.0, 110.0])
     shown = []
     for off in (-1e-9, 1e-9):
@@ -290,7 +288,7 @@ def test_white_stays_exact_and_continuous_where_its_prediction_crosses_zero() ->
 
 
 @pytest.mark.not_quick
-def test_a_stored_basis_loads_no_fitter() -> None:
+def test_a_stored_basis_loads_no_fitter():
     code = "import sys, volspec.basis as b; b.load_basis('general-7'); print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert not [name for name in run.stdout.split() if name.startswith("volspec.basis.fit")]

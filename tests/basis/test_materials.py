@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -39,7 +38,7 @@ def ball() -> CoefficientImage:
 
 
 @pytest.mark.not_quick
-def test_a_cast_of_materials_is_the_cast_of_all_bands() -> None:
+def test_a_cast_of_materials_is_the_cast_of_all_bands():
     """The same rays with a channel for each of 4 bands: as many as of three materials and white.
 
     float32 sums of a hundred steps differ by 1e-5 of white's 1.
@@ -61,14 +60,14 @@ def test_a_cast_of_materials_is_the_cast_of_all_bands() -> None:
 
 
 @pytest.mark.not_quick
-def test_highlights_are_white_and_not_a_material_s(ball: CoefficientImage) -> None:
+def test_highlights_are_white_and_not_a_material_s(ball):
     assert ball.coefficients[..., -1].max() > 0.01
     lamp = light("A")
     assert np.allclose(BASIS.xyz(BASIS.white, lamp), white_XYZ(lamp))
 
 
 @pytest.mark.not_quick
-def test_an_edited_reflectance_shows_without_a_new_cast(ball: CoefficientImage) -> None:
+def test_an_edited_reflectance_shows_without_a_new_cast(ball):
     """Equal to a cast with that reflectance; it outlives `update`, as after a camera move."""
     blue = {"gold": reflectance("ColorChecker/blue")}
     changed = MATERIALS | blue
@@ -83,7 +82,7 @@ def test_an_edited_reflectance_shows_without_a_new_cast(ball: CoefficientImage) 
 
 
 @pytest.mark.not_quick
-def test_files_keep_bases_and_images(ball: CoefficientImage, tmp_path: Path) -> None:
+def test_files_keep_bases_and_images(ball, tmp_path):
     ball.save(tmp_path / "ball.exr")
     loaded = CoefficientImage.load(tmp_path / "ball.exr").basis
     assert isinstance(loaded, MaterialBasis) and list(loaded.materials) == list(MATERIALS)
@@ -93,7 +92,7 @@ def test_files_keep_bases_and_images(ball: CoefficientImage, tmp_path: Path) -> 
 
 @given(st.lists(st.floats(0, 1), min_size=4, max_size=4), st.sampled_from(["A", "FL11", "HP1"]))
 @settings(max_examples=30, deadline=None)
-def test_mixtures_are_the_colours_of_mixed_spectra(shares: list[float], name: str) -> None:
+def test_mixtures_are_the_colours_of_mixed_spectra(shares, name):
     lamp = light(name)
     mixed = BASIS.synthesise(shares)
     assert np.allclose(BASIS.xyz(shares, lamp), XYZ_from_spectra(lamp, mixed), atol=1e-9)
@@ -101,7 +100,7 @@ def test_mixtures_are_the_colours_of_mixed_spectra(shares: list[float], name: st
 
 @pytest.mark.parametrize("grid", [SpectralGrid(360, 830, 5), SpectralGrid(360, 830, 1)])
 @pytest.mark.parametrize("observer_deg", [2, 10])
-def test_any_grid_and_observer(grid: SpectralGrid, observer_deg: int) -> None:
+def test_any_grid_and_observer(grid, observer_deg):
     names = ("copper", "ColorChecker/cyan")
     basis = MaterialBasis({n: reflectance(n, grid) for n in names}, "m", grid, observer_deg)
     lamp = light("FL2", grid)

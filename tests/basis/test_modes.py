@@ -54,14 +54,14 @@ def channels(size: int = 7) -> st.SearchStrategy[np.ndarray]:
 
 
 @given(any_basis, any_light, st.sampled_from(MODES))
-def test_white_is_exact_in_every_mode(basis: SpectralBasis, lamp: Spectrum, mode: str) -> None:
+def test_white_is_exact_in_every_mode(basis, lamp, mode):
     # Rounding of a sum that cancels: pca's channels reach 1e4 times the result.
     shown = basis.colour_matrix(lamp, mode) @ basis.white
     assert shown == pytest.approx(white_XYZ(lamp), abs=1e-6)
 
 
 @given(any_basis, any_light, any_light)
-def test_light_is_analysed_linearly(basis: SpectralBasis, one: Spectrum, other: Spectrum) -> None:
+def test_light_is_analysed_linearly(basis, one, other):
     both = Spectrum(DEFAULT_GRID.wavelengths_nm, one.values + other.values, "both")
     for of in (basis.analyse, basis.illumination_matrix):
         total = of(one) + of(other)
@@ -69,7 +69,7 @@ def test_light_is_analysed_linearly(basis: SpectralBasis, one: Spectrum, other: 
 
 
 @given(st.sampled_from(["virtual-sensors", "positive", "reduced-rank"]), any_light, any_light)
-def test_light_matrices_add_up_by_luminance(method: str, one: Spectrum, other: Spectrum) -> None:
+def test_light_matrices_add_up_by_luminance(method, one, other):
     # Not the pca methods: their rows are stretched to each light's white.
     basis = BASES[method]
     both = Spectrum(DEFAULT_GRID.wavelengths_nm, one.values + other.values, "both")
@@ -79,16 +79,14 @@ def test_light_matrices_add_up_by_luminance(method: str, one: Spectrum, other: S
 
 
 @given(any_basis, any_light, channels())
-def test_componentwise_is_the_product(basis: SpectralBasis, lamp: Spectrum, c: np.ndarray) -> None:
+def test_componentwise_is_the_product(basis, lamp, c):
     product = basis.display_matrix(lamp) @ (basis.analyse(lamp) * c)
     shown = basis.colour_matrix(lamp, "componentwise") @ c
     assert shown == pytest.approx(product, rel=1e-9, abs=1e-6)
 
 
 @given(any_basis, any_lamp, channels())
-def test_illumination_is_a_product_inside(
-    basis: SpectralBasis, lamp: Spectrum, s: np.ndarray
-) -> None:
+def test_illumination_is_a_product_inside(basis, lamp, s):
     # Bergner, Drew and Moeller (2009), eq. 5-6: multiply the synthesised spectra, analyse again.
     product = basis.analyse(basis.synthesise(basis.analyse(lamp)) * basis.synthesise(s))
     found = basis.illumination_matrix(lamp) @ s
@@ -96,12 +94,12 @@ def test_illumination_is_a_product_inside(
 
 
 @given(any_basis, any_lamp, channels())
-def test_colours_have_the_default_mode(basis: SpectralBasis, lamp: Spectrum, c: np.ndarray) -> None:
+def test_colours_have_the_default_mode(basis, lamp, c):
     shown = basis.colour_matrix(lamp, "fitted") @ c
     assert basis.xyz(c, lamp) == pytest.approx(shown, rel=1e-9, abs=1e-6)
 
 
-def test_illumination_matrix_is_equation_7() -> None:
+def test_illumination_matrix_is_equation_7():
     lamp, samples = light("A", PAPERS_GRID), reflectance_set("training", PAPERS_GRID)[::4]
     smooth = light_set("smooth", PAPERS_GRID)
     basis = SpectralBasis.fit(smooth, samples, method="pca", grid=PAPERS_GRID)
@@ -120,13 +118,13 @@ def shown(method: str, lamp: Spectrum, mode: str) -> np.ndarray:
     return BASES[method].analyse(_TRAINING) @ BASES[method].colour_matrix(lamp, mode).T
 
 
-def test_linear_model_does_not_depend_on_which_vectors_span_the_subspace() -> None:
+def test_linear_model_does_not_depend_on_which_vectors_span_the_subspace():
     for lamp in map(light, LAMPS):
         plain, sharp = (shown(method, lamp, "linear-model") for method in METHODS_OF_PCA)
         assert plain == pytest.approx(sharp, abs=1e-6)
 
 
-def test_modes_are_ever_closer_to_the_full_spectra() -> None:
+def test_modes_are_ever_closer_to_the_full_spectra():
     # Mean difference of XYZ, in per cent of white: plain components do not multiply by
     # themselves; sharpened, they nearly do what the whole product does.
     lamp = light("planck:3000")
@@ -139,7 +137,7 @@ def test_modes_are_ever_closer_to_the_full_spectra() -> None:
     assert plain[2] < plain[1] < 0.2
 
 
-def test_materials_channels_come_in_their_order() -> None:
+def test_materials_channels_come_in_their_order():
     basis = BASES["virtual-sensors"]
     paints = {n: reflectance(n) for n in ("gold", "CES/5")}
     assert basis.channels_for_materials(paints)[1] == pytest.approx(basis.analyse(paints["CES/5"]))
@@ -152,7 +150,7 @@ KINDS = ("smooth", "spiky")
 PAINTS = np.array([reflectance(name).values for name in ("gold", "copper", "CES/5")])
 
 
-def test_the_matrix_is_the_constrained_least_squares() -> None:
+def test_the_matrix_is_the_constrained_least_squares():
     lamp = light("FL4")
     S = reflectance_set("training")[:20]
     c, XYZ, white = GENERAL.analyse(S), XYZ_from_spectra(lamp, S), white_XYZ(lamp)
@@ -178,7 +176,7 @@ def test_the_matrix_is_the_constrained_least_squares() -> None:
 
 
 @pytest.mark.parametrize("lamp", ["D65", "FL4", "LPS", "led:470", "laser:532"])
-def test_fewer_samples_than_channels_and_their_mixtures_are_exact(lamp: str) -> None:
+def test_fewer_samples_than_channels_and_their_mixtures_are_exact(lamp):
     basis, lit = replace(GENERAL, samples=PAINTS), light(lamp)
     mixtures = np.array([[1, 0, 0], [0.2, 0.3, 0.5], [0, 0.4, 0.1]]) @ PAINTS
     white = white_XYZ(lit)
@@ -188,7 +186,7 @@ def test_fewer_samples_than_channels_and_their_mixtures_are_exact(lamp: str) -> 
     assert np.abs(shown - GENERAL.xyz(GENERAL.analyse(mixtures), lit)).max() > 1e-3
 
 
-def test_a_file_of_the_first_version_is_componentwise() -> None:
+def test_a_file_of_the_first_version_is_componentwise():
     old = replace(GENERAL, samples=None)
     assert "samples" not in old.to_dict()
     again = SpectralBasis.from_dict(old.to_dict())
@@ -197,13 +195,13 @@ def test_a_file_of_the_first_version_is_componentwise() -> None:
         assert (again.colour_matrix(lamp) == GENERAL.colour_matrix(lamp, "componentwise")).all()
 
 
-def test_samples_are_kept_by_files() -> None:
+def test_samples_are_kept_by_files():
     again = SpectralBasis.from_dict(replace(GENERAL, samples=PAINTS).to_dict())
     assert np.array_equal(again.samples, PAINTS)
     assert again.fingerprint == GENERAL.fingerprint
 
 
-def test_matrices_of_lights_add_up() -> None:
+def test_matrices_of_lights_add_up():
     lamps = light("D65"), light("led:470")
     found = Illumination.of(GENERAL, LightRig(lamps, (0.7, 0.2)), RelightSpec())
     Y = [0.7 * white_Y(lamps[0]), 0.2 * white_Y(lamps[1])]
@@ -218,7 +216,7 @@ def white_Y(lamp: Spectrum) -> float:
 
 
 @pytest.mark.not_quick
-def test_the_fit_is_better_than_other_modes_in_every_class() -> None:
+def test_the_fit_is_better_than_other_modes_in_every_class():
     for basis in (GENERAL, PAPERS):
         for kind in KINDS:
             report = basis.report(light_set(kind, basis.grid)[::3])
@@ -227,13 +225,13 @@ def test_the_fit_is_better_than_other_modes_in_every_class() -> None:
                 assert report.fitted.p95 < other.p95
 
 
-def test_figures_of_the_papers_bands() -> None:
+def test_figures_of_the_papers_bands():
     # `python -m benchmarks.colour` prints all of them, also against 1 nm.
     smooth, spiky = (PAPERS.report(light_set(kind, PAPERS_GRID)).fitted for kind in KINDS)
     assert smooth.mean < 0.018 and spiky.mean < 0.225 and spiky.max < 3
 
 
-def test_through_samples_is_exact_for_them() -> None:
+def test_through_samples_is_exact_for_them():
     full = through_samples(replace(GENERAL, samples=PAINTS))
     assert full is not None
     assert full.synthesise(GENERAL.analyse(PAINTS)) == pytest.approx(PAINTS, abs=1e-9)

@@ -16,7 +16,6 @@ from volspec.cli import arguments
 from volspec.relight import Illumination, RelightSpec
 from volspec.spectra import (
     SpectralGrid,
-    Spectrum,
     XYZ_from_spectra,
     colour_matching_functions,
     illuminance_lux,
@@ -39,7 +38,7 @@ def paints() -> MaterialBasis:
     return MaterialBasis(PAINTS, observer_deg=10)
 
 
-def test_whites_are_those_of_the_standard() -> None:
+def test_whites_are_those_of_the_standard():
     # CIE 15:2004, tables T.3: white points of D65 and A for either observer.
     grid = SpectralGrid(360, 830, 1)
     for name, observer, white in (
@@ -56,7 +55,7 @@ CONES = ("CIE 2015 2", "CIE 2015 10")
 
 
 @pytest.mark.parametrize("observer", CONES)
-def test_cone_fundamentals_see_equal_energy_as_white_from_390_nm(observer: str) -> None:
+def test_cone_fundamentals_see_equal_energy_as_white_from_390_nm(observer):
     Q = colour_matching_functions(SpectralGrid(360, 830, 1), observer)
     assert (Q[:, :30] == 0).all() and (Q[:, 30] > 0).all()
     # CIE 170-2:2015 scales x and z so that their sums equal that of y.
@@ -66,11 +65,11 @@ def test_cone_fundamentals_see_equal_energy_as_white_from_390_nm(observer: str) 
     assert own == pytest.approx(older, abs=1.5) and np.abs(own - older).max() > 0.1
 
 
-def test_the_command_line_offers_the_observers_that_spectra_have() -> None:
+def test_the_command_line_offers_the_observers_that_spectra_have():
     assert get_args(arguments.Observer) == get_args(Observer)
 
 
-def test_lux_stay_with_the_2_degree_observer() -> None:
+def test_lux_stay_with_the_2_degree_observer():
     lamp = light("A")
     V = colour_matching_functions(lamp.grid)[1]
     assert illuminance_lux(lamp) == pytest.approx(683 * lamp.grid.step_nm * V @ lamp.values)
@@ -83,7 +82,7 @@ def test_lux_stay_with_the_2_degree_observer() -> None:
     # Measured .006, .09 and .008 XYZ of white's 100 under D65; the observers differ by .7.
     [("virtual-sensors", 0.01), ("pca-sharpened", 0.12), ("reduced-rank", 0.012)],
 )
-def test_a_basis_for_10_degrees_shows_the_10_degree_colours(method: str, mean: float) -> None:
+def test_a_basis_for_10_degrees_shows_the_10_degree_colours(method, mean):
     basis = SpectralBasis.fit(SMOOTH, TRAINING[::2], method=method, observer_deg=10)
     c = basis.analyse(TRAINING)
     for name in ("D65", "A"):
@@ -97,7 +96,7 @@ def test_a_basis_for_10_degrees_shows_the_10_degree_colours(method: str, mean: f
 
 
 @pytest.mark.parametrize("observer", [10, "CIE 2015 10"])
-def test_observer_is_stored_and_part_of_the_fingerprint(observer: int | str) -> None:
+def test_observer_is_stored_and_part_of_the_fingerprint(observer):
     basis = SpectralBasis.fit(SMOOTH[:3], TRAINING[::9], method="pca", observer_deg=observer)
     back = SpectralBasis.from_dict(json.loads(json.dumps(basis.to_dict())))
     assert back.observer_deg == observer
@@ -105,14 +104,14 @@ def test_observer_is_stored_and_part_of_the_fingerprint(observer: int | str) -> 
     assert dataclasses.replace(basis, observer_deg=2).fingerprint != basis.fingerprint
 
 
-def test_files_without_the_field_are_for_2_degrees() -> None:
+def test_files_without_the_field_are_for_2_degrees():
     data = SpectralBasis.load("general-7").to_dict()
     del data["observer_deg"]
     assert SpectralBasis.from_dict(data).fingerprint == SpectralBasis.load("general-7").fingerprint
 
 
 @pytest.mark.parametrize("lamp", LAMPS, ids=lambda lamp: lamp.name)
-def test_pictures_have_the_white_of_their_observer(paints: MaterialBasis, lamp: Spectrum) -> None:
+def test_pictures_have_the_white_of_their_observer(paints, lamp):
     card = reflectance("ColorChecker/green")
     white = XYZ_from_spectra(lamp, np.ones(lamp.values.size), 10)
     # The observers differ by far more than the rounding that is allowed below.
@@ -127,7 +126,7 @@ def test_pictures_have_the_white_of_their_observer(paints: MaterialBasis, lamp: 
     assert coloured.backdrop_XYZ == pytest.approx(XYZ_from_spectra(lamp, card, 10))
 
 
-def test_reports_compare_the_colours_of_the_basis_observer(paints: MaterialBasis) -> None:
+def test_reports_compare_the_colours_of_the_basis_observer(paints):
     found = basis_report(paints, LAMPS)
     # Nothing is approximated, so that errors are rounding.
     assert max(getattr(found, way).max for way in ("componentwise", "exact")) < 1e-6

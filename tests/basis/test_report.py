@@ -53,7 +53,7 @@ def materials() -> MaterialBasis:
     return MaterialBasis({"rotor": reflectance("copper"), "case": reflectance("iron")})
 
 
-def test_a_channel_for_every_band_has_no_error_and_no_product_has() -> None:
+def test_a_channel_for_every_band_has_no_error_and_no_product_has():
     errors = basis_report(SpectralBasis.bands(), [*LAMPS["smooth"], *LAMPS["spiky"]], SAMPLES)
     assert max(errors.errors[mode].max for mode in MODES) < 1e-9
     for products in errors.products.values():
@@ -62,7 +62,7 @@ def test_a_channel_for_every_band_has_no_error_and_no_product_has() -> None:
     assert errors.rgb_product.mean > 0.1
 
 
-def test_products_with_white_alone_are_the_single_surfaces(general: SpectralBasis) -> None:
+def test_products_with_white_alone_are_the_single_surfaces(general):
     for products in basis_report(general, LAMPS["spiky"], [WHITE]).products.values():
         assert max(products.fitted.max, products.componentwise.max) < 1e-6
     pairs = basis_report(general, LAMPS["spiky"], [SAMPLES[0], WHITE]).pairs
@@ -77,7 +77,7 @@ def test_products_with_white_alone_are_the_single_surfaces(general: SpectralBasi
         assert np.abs(products[2][:, 0] - single[:, 0]).min() > 0.01, "two reds are not one"
 
 
-def test_products_are_all_of_them_or_the_same_sample() -> None:
+def test_products_are_all_of_them_or_the_same_sample():
     assert len(product_rows(84, 2)) == 84 * 85 / 2
     assert len(product_rows(5, 3)) == 35
     drawn = product_rows(84, 3)
@@ -86,7 +86,7 @@ def test_products_are_all_of_them_or_the_same_sample() -> None:
 
 
 @pytest.mark.not_quick
-def test_interreflection_costs_less_than_in_rgb(general: SpectralBasis) -> None:
+def test_interreflection_costs_less_than_in_rgb(general):
     errors = general.report()
     for n in (2, 3):
         theirs = errors.products[n].rgb_product
@@ -95,7 +95,7 @@ def test_interreflection_costs_less_than_in_rgb(general: SpectralBasis) -> None:
             assert ours.mean < 0.1 * theirs.mean and ours.max < theirs.max
 
 
-def test_the_worst_pair_is_the_maximum_of_all_classes(table: ErrorTable) -> None:
+def test_the_worst_pair_is_the_maximum_of_all_classes(table):
     assert table.worst.delta_e == max(r.fitted.max for r in table.classes.values())
     assert table.worst.light in {"FL2", "HP1"} and table.worst_class == "spiky"
     assert table.worst.reflectance.startswith("ColorChecker/")
@@ -104,7 +104,7 @@ def test_the_worst_pair_is_the_maximum_of_all_classes(table: ErrorTable) -> None
     assert pytest.approx(pairs.XYZ[j, i]) == table.worst.XYZ
 
 
-def test_the_worst_pair_is_shown_both_ways(table: ErrorTable, general: SpectralBasis) -> None:
+def test_the_worst_pair_is_shown_both_ways(table, general):
     worst = table.worst
     lamp, S = light(worst.light), reflectance(worst.reflectance)
     assert pytest.approx(XYZ_from_spectra(lamp, S)) == worst.XYZ
@@ -115,7 +115,7 @@ def test_the_worst_pair_is_shown_both_ways(table: ErrorTable, general: SpectralB
 
 
 @pytest.mark.parametrize("way", ["exact", "linear-model"])
-def test_a_pair_is_shown_another_way(table: ErrorTable, general: SpectralBasis, way: str) -> None:
+def test_a_pair_is_shown_another_way(table, general, way):
     pairs = table.classes["spiky"].pairs
     pair = WorstPair.at(pairs, 1, 2, way)
     assert (pair.light, pair.reflectance) == (pairs.lights[1], pairs.reflectances[2])
@@ -124,7 +124,7 @@ def test_a_pair_is_shown_another_way(table: ErrorTable, general: SpectralBasis, 
     assert pair.delta_e == pairs.delta_e[way][1, 2]
 
 
-def test_a_report_is_a_text_and_a_dict(general: SpectralBasis) -> None:
+def test_a_report_is_a_text_and_a_dict(general):
     report = general.report(LAMPS["spiky"], SAMPLES)
     data = report.to_dict()
     assert report.worst.delta_e == report.fitted.max == data["worst"]["delta_e"]
@@ -132,13 +132,13 @@ def test_a_report_is_a_text_and_a_dict(general: SpectralBasis) -> None:
     assert "general-7" in str(report) and report.worst.light in str(report)
 
 
-def test_a_summary_by_hand() -> None:
+def test_a_summary_by_hand():
     # The 95th percentile lies at place .95 x 3 = 2.85 of 0, 0, 0, 10.
     found = ErrorSummary.of([[0, 0], [0, 10]])
     assert asdict(found) == pytest.approx({"mean": 2.5, "median": 0.0, "p95": 8.5, "max": 10.0})
 
 
-def test_the_rgb_product_is_pooled_over_classes(table: ErrorTable) -> None:
+def test_the_rgb_product_is_pooled_over_classes(table):
     means = [r.rgb_product.mean for r in table.classes.values()]
     assert table.rgb_product.mean == pytest.approx(np.mean(means))
     assert table.rgb_product.max == max(r.rgb_product.max for r in table.classes.values())
@@ -149,7 +149,7 @@ KEYS = "method size trained_on classes rgb_product worst name fingerprint observ
 WORST_KEYS = "light reflectance delta_e XYZ XYZ_shown sRGB adaptation"
 
 
-def test_json_has_the_keys_that_scripts_rely_on(table: ErrorTable) -> None:
+def test_json_has_the_keys_that_scripts_rely_on(table):
     data = json.loads(json.dumps(table.to_dict()))
     assert set(data) >= set(KEYS.split())
     assert data["grid_nm"] == [380.0, 780.0, 5.0]
@@ -162,7 +162,7 @@ def test_json_has_the_keys_that_scripts_rely_on(table: ErrorTable) -> None:
     assert set(data["worst"]) >= set(WORST_KEYS.split()) and data["worst"]["sRGB"].startswith("#")
 
 
-def test_materials_have_no_error_and_no_products(materials: MaterialBasis) -> None:
+def test_materials_have_no_error_and_no_products(materials):
     errors = basis_report(materials, LAMPS["spiky"])
     assert errors.pairs.reflectances == ("rotor", "case")
     assert max(errors.errors[mode].max for mode in MODES) < 1e-9
@@ -172,25 +172,25 @@ def test_materials_have_no_error_and_no_products(materials: MaterialBasis) -> No
     assert asked.pairs.reflectances == ("iron",) and asked.exact.max < 1e-9
 
 
-def test_white_is_shown_as_the_display_s_white_under_any_light() -> None:
+def test_white_is_shown_as_the_display_s_white_under_any_light():
     for name in ("D65", "A", "planck:2000", "HP1", "LPS", "FL2"):
         white = white_XYZ(light(name))
         assert sRGB_codes(white, white).min() >= 254, name
 
 
-def test_worst_pairs_are_of_different_lights_and_samples(table: ErrorTable) -> None:
+def test_worst_pairs_are_of_different_lights_and_samples(table):
     pairs = worst_pairs(table.classes["spiky"], 9)
     assert len(pairs) == 2 and {p.light for p in pairs} == {"FL2", "HP1"}
     assert len({p.reflectance for p in pairs}) == 2
     assert pairs[0].delta_e == table.classes["spiky"].worst.delta_e
 
 
-def test_numbers_keep_three_figures() -> None:
+def test_numbers_keep_three_figures():
     shown = [format_delta_e(v) for v in (1e-12, 2e-4, 0.0214, 0.9999, 3.049, 45.23, 140.4)]
     assert shown == ["0", "< .001", "0.021", "1.000", "3.05", "45.2", "140"]
 
 
-def test_the_terminal_table_fits_80_columns(table: ErrorTable) -> None:
+def test_the_terminal_table_fits_80_columns(table):
     from rich.console import Console
 
     console = Console(width=80, record=True, file=io.StringIO())
@@ -200,7 +200,7 @@ def test_the_terminal_table_fits_80_columns(table: ErrorTable) -> None:
     assert max(map(len, lines)) <= 80 and not any("…" in line for line in lines)
 
 
-def test_names_are_pushed_apart_and_keep_their_order() -> None:
+def test_names_are_pushed_apart_and_keep_their_order():
     places = spread_apart(np.array([0.5, 0.5, 0.52, 0.99, 0.98]), 0.1, 0.0, 1.0)
     assert np.diff(np.sort(places)).min() >= 0.1 - 1e-9
     assert places.min() >= 0 and places.max() <= 1
@@ -209,7 +209,7 @@ def test_names_are_pushed_apart_and_keep_their_order() -> None:
 
 
 @pytest.mark.not_quick
-def test_the_figure_is_on_white(table: ErrorTable, general: SpectralBasis, tmp_path: Path) -> None:
+def test_the_figure_is_on_white(table, general, tmp_path):
     """You should see seven humps, dots below triangles, and four split squares on grey."""
     save_figure(table, tmp_path / "figure.png")
     pixels = iio.imread(tmp_path / "figure.png")[..., :3]
@@ -222,14 +222,14 @@ def test_the_figure_is_on_white(table: ErrorTable, general: SpectralBasis, tmp_p
 
 
 @pytest.mark.parametrize("suffix", [".svg", slow(".pdf")])
-def test_figures_are_what_they_say(materials: MaterialBasis, tmp_path: Path, suffix: str) -> None:
+def test_figures_are_what_they_say(materials, tmp_path, suffix):
     path = tmp_path / f"figure{suffix}"
     save_figure(error_table(materials, LAMPS), path)
     assert path.read_bytes()[:5].startswith({".pdf": b"%PDF", ".svg": b"<?xml"}[suffix])
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
-def test_texts_of_the_figure_do_not_overlap(table: ErrorTable, general: SpectralBasis) -> None:
+def test_texts_of_the_figure_do_not_overlap(table, general):
     drawn = basis_figure(table)
     drawn.canvas.draw()
     boxes = [
@@ -245,7 +245,7 @@ def test_texts_of_the_figure_do_not_overlap(table: ErrorTable, general: Spectral
 
 
 @pytest.mark.not_quick
-def test_matplotlib_is_imported_late_and_pyplot_never() -> None:
+def test_matplotlib_is_imported_late_and_pyplot_never():
     """Figures have a canvas of their own; pyplot has global state and may open windows."""
     modules = "volspec.basis.figure, volspec.relight.error_map"
     code = f"import sys, {modules}; sys.exit('matplotlib' in sys.modules)"

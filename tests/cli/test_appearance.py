@@ -7,14 +7,12 @@ import io
 import json
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from tests.support.commands import call, figures, write_image
-from tests.support.fixtures import Capture, Patch
 from volspec.appearance import ViewingConditions
 from volspec.appearance.adaptation import adapt
 from volspec.appearance.models import APPEARANCE_MODELS, model
@@ -35,7 +33,7 @@ def done(*words: str) -> None:
     assert call(*words) == 0
 
 
-def test_adapt_gives_the_corresponding_colours(capsys: Capture) -> None:
+def test_adapt_gives_the_corresponding_colours(capsys):
     words = (*(40, 35, 10, 20, 20, 20), "--from", A, "--to", "95.05,100,108.88")
     rows = figures(capsys, "adapt", *words)
     source, target = (ViewingConditions.of_lux(XYZ, 1000) for XYZ in (WHITE, (95.05, 100, 108.88)))
@@ -44,7 +42,7 @@ def test_adapt_gives_the_corresponding_colours(capsys: Capture) -> None:
     assert rows[0]["X_from"] == 40 and rows[0]["defined"] is True
 
 
-def test_appearance_and_its_inverse(capsys: Capture) -> None:
+def test_appearance_and_its_inverse(capsys):
     seen = ("--white", A, "--Y_b", "18")
     (row,) = figures(capsys, *COLOUR, *seen)
     assert {"J", "C", "h", "H", "Q", "M", "s", "L_A", "Y_b", "composition"} <= set(row)
@@ -53,32 +51,32 @@ def test_appearance_and_its_inverse(capsys: Capture) -> None:
     assert [back[name] for name in "XYZ"] == pytest.approx([40, 35, 10], rel=1e-9)
 
 
-def test_all_models_at_once(capsys: Capture) -> None:
+def test_all_models_at_once(capsys):
     rows = figures(capsys, *COLOUR, "--white", A, "--model", "all")
     assert [row["model"] for row in rows] == list(APPEARANCE_MODELS)
 
 
-def test_a_look_s_title_is_one_line_above_its_table(capsys: Capture) -> None:
+def test_a_look_s_title_is_one_line_above_its_table(capsys):
     done("appearance", "--inverse", "60", "40", "90", "--white", "A")
     title, head, figures = capsys.readouterr().out.splitlines()
     assert title.startswith("under A, 1000 lx") and title.endswith("h 90.0")
     assert head.split() == list("XYZ") and len(figures.split()) == 3
 
 
-def test_what_has_no_chroma_has_no_hue_in_words(capsys: Capture) -> None:
+def test_what_has_no_chroma_has_no_hue_in_words(capsys):
     colours = (0, 0, 0, 95.05, 100, 108.88, 40, 35, 10)
     rows = figures(capsys, "appearance", *map(str, colours), *CIELAB)
     assert [row["composition"] != "" for row in rows] == [False, False, True]
 
 
-def test_looks_that_no_colour_has_are_marked_by_every_model(capsys: Capture) -> None:
+def test_looks_that_no_colour_has_are_marked_by_every_model(capsys):
     words = ("appearance", "--inverse", "25", "163", "125", "--white", "A", "--model")
     for name in ("CIELAB", "RLAB"):
         (row,) = figures(capsys, *words, name, noted=True)
         assert row["defined"] is False and row["Z"] is None
 
 
-def test_tables_are_read_by_their_columns(tmp_path: Path, capsys: Capture) -> None:
+def test_tables_are_read_by_their_columns(tmp_path, capsys):
     table = tmp_path / "patches.csv"
     table.write_text("name,Z,X,Y\nred,10,40,35\n\nblue,80,20,15\n")
     rows = figures(capsys, "adapt", "--table", str(table), "--from", "A")
@@ -87,16 +85,14 @@ def test_tables_are_read_by_their_columns(tmp_path: Path, capsys: Capture) -> No
     assert len(figures(capsys, "appearance", "--table", str(table))) == 2
 
 
-def test_digits_are_never_cut_and_standard_input_is_read(
-    capsys: Capture, monkeypatch: Patch
-) -> None:
+def test_digits_are_never_cut_and_standard_input_is_read(capsys, monkeypatch):
     monkeypatch.setattr("sys.stdin", io.StringIO("40,35,10\n50,50,40\n"))
     done("appearance", "--white", "A", "--table", "-")
     out = capsys.readouterr().out
     assert "\N{HORIZONTAL ELLIPSIS}" not in out and "40.00" in out and "162.96" in out
 
 
-def test_a_preset_is_the_room_of_numbers_and_options_win(capsys: Capture) -> None:
+def test_a_preset_is_the_room_of_numbers_and_options_win(capsys):
     cinema = preset("cinema").conditions(WHITE)
     for more, seen in {
         (): cinema,
@@ -111,7 +107,7 @@ def test_a_preset_is_the_room_of_numbers_and_options_win(capsys: Capture) -> Non
         assert (row["L_A"], row["Y_b"]) == (seen.L_A, seen.Y_b)
 
 
-def test_a_preset_is_both_rooms_of_an_adaptation(capsys: Capture) -> None:
+def test_a_preset_is_both_rooms_of_an_adaptation(capsys):
     words = ("adapt", 40, 35, 10, "--from", A, "--to", "95.05,100,108.88", "--method", "Guth")
     (row,) = figures(capsys, *words, "--preset", "light booth")
     booth = preset("light booth").conditions
@@ -119,7 +115,7 @@ def test_a_preset_is_both_rooms_of_an_adaptation(capsys: Capture) -> None:
     assert [row[name] for name in "XYZ"] == pytest.approx(expected)
 
 
-def test_colours_outside_of_a_method_are_marked_and_counted(capsys: Capture) -> None:
+def test_colours_outside_of_a_method_are_marked_and_counted(capsys):
     words = ("90", "5", "0", "20", "20", "20", "40", "35", "10")
     done("adapt", *words, "--from", "A", "--method", "Nayatani", "--json")
     said = capsys.readouterr()
@@ -130,7 +126,7 @@ def test_colours_outside_of_a_method_are_marked_and_counted(capsys: Capture) -> 
     assert capsys.readouterr().err == ""
 
 
-def test_colours_outside_of_models_are_counted_by_model_in_one_line(capsys: Capture) -> None:
+def test_colours_outside_of_models_are_counted_by_model_in_one_line(capsys):
     words = ("90", "5", "0", "20", "20", "20", "0", "0", "50", "--white", A)
     done("appearance", *words, "--model", "Hunt", "--model", "Nayatani95", "--json")
     said = capsys.readouterr()
@@ -141,9 +137,7 @@ def test_colours_outside_of_models_are_counted_by_model_in_one_line(capsys: Capt
     assert re.findall(r"\d+\b|Hunt|Nayatani95", said.err) == counts and said.err.count("\n") == 1
 
 
-def test_models_side_by_side_are_made_for_the_display_asked_for(
-    tmp_path: Path, capsys: Capture
-) -> None:
+def test_models_side_by_side_are_made_for_the_display_asked_for(tmp_path, capsys):
     chart = str(write_image(tmp_path / "i.exr"))
     words = ("appearance", "--image", chart, "--white", "A", "--model", "CAT02")
     done(*words, "-o", str(tmp_path / "plain.png"))
@@ -158,7 +152,7 @@ def test_models_side_by_side_are_made_for_the_display_asked_for(
 RLAB, CIELAB = ("--model", "RLAB"), ("--model", "CIELAB", "--white", "95.05,100,108.88")
 
 
-def test_every_input_of_hunt_s_and_nayatani_s_models_is_an_option(capsys: Capture) -> None:
+def test_every_input_of_hunt_s_and_nayatani_s_models_is_an_option(capsys):
     hunt = HuntSettings(
         N_c=0.7,
         N_b=25.0,

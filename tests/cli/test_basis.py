@@ -12,7 +12,7 @@ import pytest
 from tests.support.commands import GENERAL, METALS, METALS_SCENE, figures, write_image
 from tests.support.commands import call as command
 from tests.support.fixtures import Capture, Patch
-from volspec.basis import Basis, SpectralBasis, load_basis
+from volspec.basis import SpectralBasis, load_basis
 from volspec.basis import report_table as table
 from volspec.basis.make import SPIKY_SHARE
 from volspec.spectra import light_set
@@ -50,7 +50,7 @@ def scene(tmp_path: Path) -> str:
 
 
 @pytest.mark.slow
-def test_without_a_subject_the_general_basis_is_measured(capsys: Capture) -> None:
+def test_without_a_subject_the_general_basis_is_measured(capsys):
     data = report(capsys)
     assert (data["name"], data["method"], data["size"]) == ("general-7", "virtual-sensors", 7)
     assert data["fingerprint"] == load_basis("general-7").fingerprint
@@ -68,7 +68,7 @@ def test_without_a_subject_the_general_basis_is_measured(capsys: Capture) -> Non
 
 
 @pytest.mark.usefixtures("few_lights")
-def test_people_get_a_table_of_80_columns(capsys: Capture, monkeypatch: Patch) -> None:
+def test_people_get_a_table_of_80_columns(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     assert call("general-7") == 0
     lines = capsys.readouterr().out.splitlines()
@@ -78,8 +78,8 @@ def test_people_get_a_table_of_80_columns(capsys: Capture, monkeypatch: Patch) -
 
 @pytest.mark.slow
 def test_a_scene_is_measured_on_its_materials_under_its_lights_and_the_library_s(
-    scene: str, capsys: Capture, request: pytest.FixtureRequest
-) -> None:
+    scene, capsys, request
+):
     data = report(capsys, scene)
     assert data["name"] == "general-7" and " 2 " in data["measured_on"]
     lights = {name: row["lights"] for name, row in data["classes"].items()}
@@ -91,9 +91,7 @@ def test_a_scene_is_measured_on_its_materials_under_its_lights_and_the_library_s
     assert other["classes"]["scene"]["reflectances"] == 128
 
 
-def test_a_scene_can_be_asked_for_another_basis(
-    scene: str, tmp_path: Path, capsys: Capture
-) -> None:
+def test_a_scene_can_be_asked_for_another_basis(scene, tmp_path, capsys):
     out = tmp_path / "own.json"
     data = report(capsys, scene, "--size", "3", "--method", "reduced-rank", "-o", str(out))
     assert (data["method"], data["size"]) == ("reduced-rank", 3)
@@ -103,7 +101,7 @@ def test_a_scene_can_be_asked_for_another_basis(
     assert data["classes"]["scene"]["products"] == {}
 
 
-def test_a_basis_is_fitted_to_the_training_set_and_written(tmp_path: Path, capsys: Capture) -> None:
+def test_a_basis_is_fitted_to_the_training_set_and_written(tmp_path, capsys):
     out, figure = tmp_path / "own.json", tmp_path / "own.png"
     words = ("--method", "pca-sharpened", "--size", "5", "-o", str(out), "--figure", str(figure))
     data = report(capsys, *words)
@@ -120,7 +118,7 @@ def test_a_basis_is_fitted_to_the_training_set_and_written(tmp_path: Path, capsy
 
 
 @pytest.mark.usefixtures("few_lights")
-def test_the_observer_of_ten_degrees_is_another_eye(capsys: Capture) -> None:
+def test_the_observer_of_ten_degrees_is_another_eye(capsys):
     words = ("--method", "pca", "--size", "5")
     two, ten = (report(capsys, *words, "--observer", n) for n in ("2", "10"))
     assert (two["observer_deg"], ten["observer_deg"]) == (2, 10)
@@ -134,7 +132,7 @@ def few_lights(monkeypatch: Patch) -> None:
 
 
 @pytest.mark.usefixtures("few_lights")
-def test_a_scene_s_basis_may_be_for_the_eye_of_ten_degrees(scene: str, capsys: Capture) -> None:
+def test_a_scene_s_basis_may_be_for_the_eye_of_ten_degrees(scene, capsys):
     plain = report(capsys, scene, "--method", "materials")
     wide = report(capsys, scene, "--method", "materials", "--observer", "10")
     assert (plain["observer_deg"], wide["observer_deg"]) == (2, 10)
@@ -142,9 +140,7 @@ def test_a_scene_s_basis_may_be_for_the_eye_of_ten_degrees(scene: str, capsys: C
     assert two != pytest.approx(ten, abs=0.01)
 
 
-def test_the_observer_alone_fits_a_scene_s_basis_anew(
-    scene: str, monkeypatch: Patch, capsys: Capture
-) -> None:
+def test_the_observer_alone_fits_a_scene_s_basis_anew(scene, monkeypatch, capsys):
     """The scene names general-7, which is for 2 degrees."""
     asked = noted_fits(monkeypatch)
     assert report(capsys, scene, "--observer", "10")["name"] != "general-7"
@@ -155,9 +151,7 @@ def test_the_observer_alone_fits_a_scene_s_basis_anew(
 @pytest.mark.usefixtures("few_lights")
 @pytest.mark.parametrize("lights", [None, "smooth", "all"])
 @pytest.mark.parametrize("method", ["virtual-sensors", "reduced-rank", "pca", "pca-sharpened"])
-def test_a_basis_is_fitted_under_the_lights_that_are_asked_for(
-    method: str, lights: str | None, monkeypatch: Patch, capsys: Capture
-) -> None:
+def test_a_basis_is_fitted_under_the_lights_that_are_asked_for(method, lights, monkeypatch, capsys):
     asked = noted_fits(monkeypatch)
     words = () if lights is None else ("--lights", lights)
     data = report(capsys, "--method", method, "--size", "5", *words, "--reflectances", "test")
@@ -178,9 +172,7 @@ def test_a_basis_is_fitted_under_the_lights_that_are_asked_for(
 
 @pytest.mark.usefixtures("few_lights")
 @pytest.mark.parametrize(("basis", "count"), [(GENERAL, 84), (METALS, 2)])
-def test_a_coefficient_image_is_measured_by_its_basis(
-    basis: Basis, count: int, tmp_path: Path, capsys: Capture
-) -> None:
+def test_a_coefficient_image_is_measured_by_its_basis(basis, count, tmp_path, capsys):
     data = report(capsys, str(write_image(tmp_path / "i.exr", basis)))
     assert data["fingerprint"] == basis.fingerprint
     assert data["classes"]["smooth"]["reflectances"] == count
@@ -190,7 +182,7 @@ ODD = "[/b] $x_$ \N{CJK UNIFIED IDEOGRAPH-5149} $6^"
 
 
 @pytest.mark.filterwarnings("error")
-def test_names_are_shown_as_they_are_spelt(scene: str, tmp_path: Path, capsys: Capture) -> None:
+def test_names_are_shown_as_they_are_spelt(scene, tmp_path, capsys):
     """No markup, no mathtext, no complaint about glyphs that the font lacks."""
     odd, figure = tmp_path / "odd.toml", tmp_path / "odd.png"
     text = METALS_SCENE
@@ -204,9 +196,7 @@ def test_names_are_shown_as_they_are_spelt(scene: str, tmp_path: Path, capsys: C
     assert "Glyph" not in said.err and figure.exists()
 
 
-def test_a_file_that_may_not_be_read_is_named_in_one_line(
-    monkeypatch: Patch, capsys: Capture
-) -> None:
+def test_a_file_that_may_not_be_read_is_named_in_one_line(monkeypatch, capsys):
     def locked(*_: object, **__: object) -> None:
         raise PermissionError(13, "Permission denied", "locked/b.json")
 

@@ -19,7 +19,6 @@ import pytest
 
 from tests.support.commands import call, figures, refusal, write_files
 from tests.support.errors import raises
-from tests.support.fixtures import Capture, Patch
 from tests.support.scenes import BALL, DAY, write_scene_text
 from volspec import doctor
 from volspec._gpu import devices
@@ -41,7 +40,7 @@ def run(*words: str, program: str = "", **settings: object) -> subprocess.Comple
 
 
 @pytest.mark.slow
-def test_without_a_writable_home_commands_work_with_one_warning(tmp_path: Path) -> None:
+def test_without_a_writable_home_commands_work_with_one_warning(tmp_path):
     """Neither PoCL's, pyopencl's and Matplotlib's caches nor our own stop a cast."""
     own = ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME", "POCL_CACHE_DIR", "MPLCONFIGDIR")
     blocked = tmp_path / "file"
@@ -65,7 +64,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory, needs_opencl: None) -> Path:
     return folder
 
 
-def test_demo_writes_everything_it_promises(demo: Path) -> None:
+def test_demo_writes_everything_it_promises(demo):
     frames = {path.name: iio.imread(path) for path in (demo / "frames").iterdir()}
     assert set(frames) == {"D65.png", "A.png", "FL2.png", "HP1.png", "D65+A.png"}
     for name, frame in frames.items():
@@ -81,7 +80,7 @@ def test_demo_writes_everything_it_promises(demo: Path) -> None:
     ]
 
 
-def test_a_demo_that_fails_leaves_no_empty_folder(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_a_demo_that_fails_leaves_no_empty_folder(tmp_path, monkeypatch):
     def full(_: object, out: Path, *__: object, **___: object) -> None:
         out.mkdir()
         raise InputError("no space left; free some", code="unwritable")
@@ -91,7 +90,7 @@ def test_a_demo_that_fails_leaves_no_empty_folder(tmp_path: Path, monkeypatch: P
     assert not list(tmp_path.iterdir())
 
 
-def test_the_demo_s_scene_can_be_moved(demo: Path, tmp_path: Path) -> None:
+def test_the_demo_s_scene_can_be_moved(demo, tmp_path):
     moved = shutil.copytree(demo, tmp_path / "elsewhere")
     there, here = Scene.load(moved / "engine.toml"), Scene.load(asset("data/scenes/engine.toml"))
     assert there.path.parent == moved
@@ -101,7 +100,7 @@ def test_the_demo_s_scene_can_be_moved(demo: Path, tmp_path: Path) -> None:
         assert np.array_equal(there.materials[name].values, spectrum.values)
 
 
-def test_the_demo_names_commands_that_parse() -> None:
+def test_the_demo_names_commands_that_parse():
     from volspec.cli.render import NEXT
     from volspec.cli.shell import app
 
@@ -112,8 +111,8 @@ def test_the_demo_names_commands_that_parse() -> None:
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("has_gl", [True, False])
 def test_relight_of_a_stored_image_gives_the_demo_s_frame(
-    has_gl: bool, demo: Path, tmp_path: Path, monkeypatch: Patch, capsys: Capture
-) -> None:
+    has_gl, demo, tmp_path, monkeypatch, capsys
+):
     """The scene's viewing and backdrop travel in the file; without GL there is one warning."""
 
     def lacking() -> None:
@@ -128,13 +127,13 @@ def test_relight_of_a_stored_image_gives_the_demo_s_frame(
     assert np.abs(stored.astype(int) - fresh).max() <= 1
 
 
-def test_doctor_lists_devices(capsys: Capture) -> None:
+def test_doctor_lists_devices(capsys):
     report = figures(capsys, "doctor")
     assert report["healthy"] and report["opencl"][0]["name"]
 
 
 @pytest.mark.slow
-def test_doctor_names_what_brings_films_and_notebooks(monkeypatch: Patch, capsys: Capture) -> None:
+def test_doctor_names_what_brings_films_and_notebooks(monkeypatch, capsys):
     def missing(name: str) -> str:
         raise PackageNotFoundError(name)
 
@@ -164,9 +163,7 @@ def test_doctor_names_what_brings_films_and_notebooks(monkeypatch: Patch, capsys
         (("relight", "--help"), "─"),
     ],
 )
-def test_what_an_encoding_lacks_is_a_question_mark(
-    words: tuple[str, ...], exotic: str, encoding: str, monkeypatch: Patch
-) -> None:
+def test_what_an_encoding_lacks_is_a_question_mark(words, exotic, encoding, monkeypatch):
     printed = io.BytesIO()
     with io.TextIOWrapper(printed, encoding, "strict") as stdout:
         monkeypatch.setattr(sys, "stdout", stdout)
@@ -177,15 +174,13 @@ def test_what_an_encoding_lacks_is_a_question_mark(
     assert (exotic in said) == (encoding == "utf-8")
 
 
-def test_bad_input_shows_a_traceback_if_asked() -> None:
+def test_bad_input_shows_a_traceback_if_asked():
     """Transcripts show the one line without it."""
     done = run("info", "none.nrrd", "--debug")
     assert done.returncode == 1 and "Traceback" in done.stderr
 
 
-def test_without_opencl_the_remedy_is_named(
-    monkeypatch: Patch, capsys: Capture, tmp_path: Path
-) -> None:
+def test_without_opencl_the_remedy_is_named(monkeypatch, capsys, tmp_path):
     monkeypatch.setattr(devices, "all_devices", list)
     error = refusal("demo", "--out", tmp_path / "out")
     assert isinstance(error, DeviceError) and error.code == "missing"
@@ -195,7 +190,7 @@ def test_without_opencl_the_remedy_is_named(
     assert "volspec[intel]" in capsys.readouterr().out
 
 
-def test_a_kernel_that_does_not_build_names_device_options_and_line() -> None:
+def test_a_kernel_that_does_not_build_names_device_options_and_line():
     text = '#line 7 "kernels/broken.cl"\n__kernel void f(__global int *x) { x[0] = y; }\n'
     with raises(OpenCLError) as caught:
         Compute.open().kernel(Source(text, ("<prelude>", "kernels/broken.cl")), "f", ["-w"])
@@ -213,7 +208,7 @@ late = Late()
 """
 
 
-def test_the_exit_code_stays_with_a_thread_in_an_extension() -> None:
+def test_the_exit_code_stays_with_a_thread_in_an_extension():
     """Python's own end would stop it there, and abort when the extension is in C++."""
     done = run("light", "--list", "D65", program=THREAD_AT_THE_END)
     assert done.returncode == 0, done.stderr
@@ -221,9 +216,7 @@ def test_the_exit_code_stays_with_a_thread_in_an_extension() -> None:
 
 
 @pytest.mark.parametrize("words", ["light --list", "light --help", "light D65", "light D65 --json"])
-def test_a_pipe_that_nobody_reads_ends_the_command_quietly(
-    words: str, monkeypatch: Patch, capsys: Capture
-) -> None:
+def test_a_pipe_that_nobody_reads_ends_the_command_quietly(words, monkeypatch, capsys):
     ours, theirs = os.pipe()
     os.close(ours)
     with io.TextIOWrapper(os.fdopen(theirs, "wb")) as stdout:
@@ -245,18 +238,14 @@ def test_a_pipe_that_nobody_reads_ends_the_command_quietly(
     ],
     ids=lambda words: words[0][:12],
 )
-def test_a_value_of_any_length_is_refused_in_one_short_line(
-    words: tuple[str, ...], capsys: Capture
-) -> None:
+def test_a_value_of_any_length_is_refused_in_one_short_line(words, capsys):
     with pytest.raises(SystemExit) as ended:
         main(list(words))
     [line] = capsys.readouterr().err.splitlines()
     assert ended.value.code in (1, 2) and len(line) < 1100 and line.startswith("volspec: ")
 
 
-def test_a_ranking_prints_figures_and_paints_the_picture(
-    tmp_path: Path, monkeypatch: Patch, capsys: Capture
-) -> None:
+def test_a_ranking_prints_figures_and_paints_the_picture(tmp_path, monkeypatch, capsys):
     write_files(tmp_path)
     monkeypatch.chdir(tmp_path)
     words = ["--paint-set", "sRGB/blue*0.9", "--paint-set", "grey:0.6", "--mix", "0.5"]

@@ -10,7 +10,6 @@ import pytest
 
 import volspec as vs
 from tests.support.commands import PALETTE, call, figures
-from tests.support.fixtures import Capture
 from volspec.palette import Apart
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -23,9 +22,7 @@ def palette(tmp_path: Path) -> Path:
     return path
 
 
-def test_it_writes_what_addresses_find_and_draws(
-    palette: Path, tmp_path: Path, capsys: Capture
-) -> None:
+def test_it_writes_what_addresses_find_and_draws(palette, tmp_path, capsys):
     out, picture = tmp_path / "out.toml", tmp_path / "picture.svg"
     assert call("design", palette, "-o", out, "--figure", picture) == 0
     printed = capsys.readouterr().out.splitlines()
@@ -36,14 +33,14 @@ def test_it_writes_what_addresses_find_and_draws(
     assert "<svg" in picture.read_text(encoding="utf-8")
 
 
-def test_json_holds_every_cell(palette: Path, capsys: Capture) -> None:
+def test_json_holds_every_cell(palette, capsys):
     data = figures(capsys, "design", palette)
     assert [c["reflectance"] for c in data["cells"]] == ["a", "b"]
     assert data["cells"][0]["hex"] == "#4682b4" and data["max"] < 0.1
     assert data["metamers"][0]["reflectances"] == ["a", "b"]
 
 
-def test_a_designed_palette_can_be_designed_again(palette: Path, capsys: Capture) -> None:
+def test_a_designed_palette_can_be_designed_again(palette, capsys):
     assert call("design", palette, "-o", palette) == 0 == call("design", palette, "-o", palette)
     assert palette.read_text(encoding="utf-8").count("values = [") == 2
     assert "--again" in capsys.readouterr().err
@@ -60,7 +57,7 @@ def test_a_designed_palette_can_be_designed_again(palette: Path, capsys: Capture
     assert palette.read_text(encoding="utf-8") != other, "a cell is not met"
 
 
-def test_options_add_reflectances_to_be_told_apart(tmp_path: Path, capsys: Capture) -> None:
+def test_options_add_reflectances_to_be_told_apart(tmp_path, capsys):
     own, out = GALLERY / "colour-vision.toml", tmp_path / "out.toml"
     options = "--apart", "*", "--under", "for all", "--deficiency", "tritan", "--distance", "25"
     data = figures(capsys, "design", own, *options, "-o", out)
@@ -78,7 +75,7 @@ GALLERY = ROOT / "data" / "palettes"
 
 
 @pytest.mark.parametrize("name", ["figure-2-volume", "figure-6", "figure-7"])
-def test_the_command_of_a_gallery_s_palette_keeps_its_colours(name: str, tmp_path: Path) -> None:
+def test_the_command_of_a_gallery_s_palette_keeps_its_colours(name, tmp_path):
     """Pictures are cast from the values in the file, and its command writes it."""
     own = tmp_path / f"{name}.toml"
     shutil.copy(GALLERY / own.name, own)
@@ -87,9 +84,7 @@ def test_the_command_of_a_gallery_s_palette_keeps_its_colours(name: str, tmp_pat
 
 
 @pytest.mark.parametrize("name", ["figure-1", "figure-2"])
-def test_a_gallery_s_palette_comes_out_in_the_colours_on_its_page(
-    name: str, tmp_path: Path, capsys: Capture
-) -> None:
+def test_a_gallery_s_palette_comes_out_in_the_colours_on_its_page(name, tmp_path, capsys):
     page = (ROOT / "docs/gallery/palette.md").read_text(encoding="utf-8")
     report = page.partition(f"volspec design data/palettes/{name}.toml")[2].partition("\n## ")[0]
     shown = re.findall(r"#[0-9a-f]{6} \d\.\d", report)

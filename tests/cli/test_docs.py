@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from tests.support.commands import call
-from tests.support.fixtures import Capture
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 SHOWN = {
@@ -22,12 +21,12 @@ SHOWN = {
 
 
 @pytest.mark.parametrize("command", SHOWN)
-def test_commands_print_what_the_guide_shows(command: str, capsys: Capture) -> None:
+def test_commands_print_what_the_guide_shows(command, capsys):
     assert call(*shlex.split(command)) == 0
     said = capsys.readouterr()
     printed = [line.rstrip() for line in (said.out + said.err).splitlines()]
     assert printed == SHOWN[command]
 
 
-def test_each_page_shows_one() -> None:
+def test_each_page_shows_one():
     assert {command.split()[0] for command in SHOWN} == {"appearance", "light", "reflectance"}

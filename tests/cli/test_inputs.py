@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.support.commands import call
-from tests.support.fixtures import Capture, Patch
+from tests.support.fixtures import Patch
 from volspec.cli.inputs import open_scene
 from volspec.raycast import CoefficientImage
 from volspec.scene import Scene
@@ -34,7 +34,7 @@ def new_scene(volume: Path | str, path: str, *options: str) -> Scene:
     return Scene.load(path)
 
 
-def test_a_volume_is_rendered_as_its_new_scene_is(scans: Path) -> None:
+def test_a_volume_is_rendered_as_its_new_scene_is(scans):
     options = "--preset", "skin", "--camera", "left", "-l", "A"
     assert call("render", scans / "a.npy", "-o", "a.exr", *options, *SIZE) == 0
     scene = new_scene(scans / "a.npy", "other/a.toml", *options)
@@ -46,7 +46,7 @@ def test_a_volume_is_rendered_as_its_new_scene_is(scans: Path) -> None:
 
 
 @pytest.mark.slow
-def test_everyday_names_of_lights_are_told(scans: Path, capsys: Capture) -> None:
+def test_everyday_names_of_lights_are_told(scans, capsys):
     """Lights of a volume's new scene, and those added to a page."""
     lights = "-l", "LED", "-l", "a"
     assert call("scene", "new", scans / "a.npy", "-o", "a.toml", *lights) == 0
@@ -55,7 +55,7 @@ def test_everyday_names_of_lights_are_told(scans: Path, capsys: Capture) -> None
     assert notes == ["volspec: note: LED is LED-B3", "volspec: note: sodium is HP1"]
 
 
-def test_left_is_the_patients_left(scans: Path) -> None:
+def test_left_is_the_patients_left(scans):
     """The patient's left is at +x in LPS, an azimuth of 90 degrees."""
     import SimpleITK as sitk
 
@@ -68,7 +68,7 @@ def test_left_is_the_patients_left(scans: Path) -> None:
         assert made.file.camera.azimuth_deg == opened.file.camera.azimuth_deg == azimuth
 
 
-def test_a_scene_takes_a_camera_too(scans: Path) -> None:
+def test_a_scene_takes_a_camera_too(scans):
     scene = new_scene(scans / "a.npy", "a.toml")
     assert call("render", "a.toml", "-o", "turned.exr", "--camera", "90,0", *SIZE) == 0
     camera = Scene.from_volume(scans / "a.npy").file.camera
@@ -78,22 +78,20 @@ def test_a_scene_takes_a_camera_too(scans: Path) -> None:
 @pytest.mark.parametrize(
     "inputs", [["scans"], ["scans/*.npy"], ["scans/a.npy", "scans/b.npy"]], ids=repr
 )
-def test_a_batch_has_an_output_for_each_input(
-    scans: Path, inputs: list[str], capsys: Capture
-) -> None:
+def test_a_batch_has_an_output_for_each_input(scans, inputs, capsys):
     assert call("render", *inputs, "-o", "out", *SIZE) == 0
     assert sorted(path.name for path in Path("out").iterdir()) == ["a.exr", "b.exr"]
     assert capsys.readouterr().out.splitlines()[-1] == "2 of 2 inputs done"
 
 
-def test_a_pattern_names_the_outputs_of_a_batch(scans: Path) -> None:
+def test_a_pattern_names_the_outputs_of_a_batch(scans):
     assert call("export", "scans", "-o", "films/{name}-A", "--light", "A", *SIZE) == 0
     assert call("page", "scans", "-o", "pages", *SIZE) == 0
     assert (Path("films/a-A/A.png")).is_file() and (Path("pages/b.html")).is_file()
 
 
 @pytest.mark.usefixtures("needs_opencl")
-def test_a_batch_goes_on_after_an_input_that_cannot_be_read(scans: Path, capsys: Capture) -> None:
+def test_a_batch_goes_on_after_an_input_that_cannot_be_read(scans, capsys):
     (scans / "aa.nrrd").write_text("not a volume")
     assert call("export", "scans", "-o", "out", "--light", "A", "--json", *SIZE) == 1
     printed = capsys.readouterr()
@@ -101,14 +99,14 @@ def test_a_batch_goes_on_after_an_input_that_cannot_be_read(scans: Path, capsys:
     assert "aa.nrrd" in printed.err
 
 
-def test_inputs_of_one_name_keep_their_endings(scans: Path) -> None:
+def test_inputs_of_one_name_keep_their_endings(scans):
     shutil.copy(scans / "a.npy", "a.npy")
     call("scene", "new", "a.npy", "-o", "a.toml")
     assert call("render", "a.npy", "a.toml", "-o", "out", *SIZE) == 0
     assert sorted(path.name for path in Path("out").iterdir()) == ["a.npy.exr", "a.toml.exr"]
 
 
-def test_a_folder_of_slices_is_one_volume(scans: Path) -> None:
+def test_a_folder_of_slices_is_one_volume(scans):
     from imageio.v3 import imwrite
 
     folder = Path("slices")
@@ -119,7 +117,7 @@ def test_a_folder_of_slices_is_one_volume(scans: Path) -> None:
     assert scene.volume().values.shape == (8, 8, 8)
 
 
-def test_nothing_that_is_there_is_replaced_by_a_new_scene(scans: Path) -> None:
+def test_nothing_that_is_there_is_replaced_by_a_new_scene(scans):
     Path("a.toml").write_text("# mine")
     assert call("scene", "new", scans / "a.npy", "-o", "a.toml") == 1
     assert Path("a.toml").read_text() == "# mine"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from tests.support.commands import call
@@ -27,9 +25,7 @@ def figures(capsys: Capture, *words: str) -> dict[str, float | None]:
         ("FL2", 0.3721, 0.3751, 4225, 0.0018),
     ],
 )
-def test_illuminants_have_their_colour_and_temperature(
-    name: str, x: float, y: float, kelvin: float, Duv: float, capsys: Capture
-) -> None:
+def test_illuminants_have_their_colour_and_temperature(name, x, y, kelvin, Duv, capsys):
     found = figures(capsys, name)
     # CIE 15 sums the spiky FL2 at 5 nm.
     assert [found["x"], found["y"]] == pytest.approx([x, y], abs=2e-4)
@@ -38,7 +34,7 @@ def test_illuminants_have_their_colour_and_temperature(
     assert found["Y"] == pytest.approx(100) and found["lamp_lm_per_W"] is None
 
 
-def test_a_lamp_is_counted_from_its_watts(capsys: Capture) -> None:
+def test_a_lamp_is_counted_from_its_watts(capsys):
     words = ("--power-W", "100", "--distance-m", "1")
     found = figures(capsys, LAMP, *words)
     assert found["lamp_lm_per_W"] == 15 and found["flux_lm"] == 1500
@@ -48,9 +44,7 @@ def test_a_lamp_is_counted_from_its_watts(capsys: Capture) -> None:
     assert "illuminance_lux" not in figures(capsys, LAMP, "--power-W", "100")
 
 
-def test_black_bodies_lie_on_their_locus_and_saturated_lights_have_no_temperature(
-    tmp_path: Path, capsys: Capture
-) -> None:
+def test_black_bodies_lie_on_their_locus_and_saturated_lights_have_no_temperature(tmp_path, capsys):
     for kelvin in (1200, 5000, 7500, 20_000):
         found = figures(capsys, f"planck:{kelvin}")
         # The table of the locus is at 1 nm, too: only bands against samples differ.
@@ -70,9 +64,7 @@ def test_black_bodies_lie_on_their_locus_and_saturated_lights_have_no_temperatur
         ("reflectance", "banana", "PMC/Banana"),
     ],
 )
-def test_names_are_listed_for_people_and_programs(
-    command: str, search: str, known: str, capsys: Capture
-) -> None:
+def test_names_are_listed_for_people_and_programs(command, search, known, capsys):
     names = [row["name"] for row in command_figures(capsys, command, "--list", search)]
     assert call(command, "--list", search) == 0
     found = capsys.readouterr().out.splitlines()
@@ -81,7 +73,7 @@ def test_names_are_listed_for_people_and_programs(
     assert len(names) < len(command_figures(capsys, command, "--list"))
 
 
-def test_rendition_and_metamerism_are_figures_for_programs(tmp_path: Path, capsys: Capture) -> None:
+def test_rendition_and_metamerism_are_figures_for_programs(tmp_path, capsys):
     picture = tmp_path / "f.png"
     found = command_figures(capsys, "light", "FL2", "--figure", picture)
     assert picture.read_bytes().startswith(b"\x89PNG")
@@ -97,7 +89,7 @@ def test_rendition_and_metamerism_are_figures_for_programs(tmp_path: Path, capsy
     assert pair["delta_E"] > 0 and 0 < pair["general"] < 1
 
 
-def test_the_efficacy_counts_380_to_780_nm_exactly(tmp_path: Path, capsys: Capture) -> None:
+def test_the_efficacy_counts_380_to_780_nm_exactly(tmp_path, capsys):
     """Power just within the range counts, and power just beyond does not."""
     found = {}
     for line in ("778,0\n779,2\n780,0", "780,0\n781,2\n782,0"):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from functools import partial
-from pathlib import Path
 
 import imageio.v3 as iio
 import numpy as np
@@ -13,14 +12,13 @@ from PIL import Image
 
 from tests.support.commands import call as command
 from tests.support.commands import figures
-from tests.support.fixtures import Capture
 from volspec.spectra import SpectralImage, XYZ_from_spectra, light, reflectance, white_XYZ
 from volspec.spectra.construct.colours import XYZ_from_sRGB
 
 call = partial(command, "reflectance")
 
 
-def test_json_holds_the_mix_the_lights_and_the_spectrum(capsys: Capture) -> None:
+def test_json_holds_the_mix_the_lights_and_the_spectrum(capsys):
     said = figures(capsys, "reflectance", 30, 27, 9, "--light", "A", "--under", "FL11")
     assert [said[key] for key in "XYZ"] == [30, 27, 9]
     assert [row["light"] for row in said["lights"]] == ["A", "FL11"]
@@ -32,7 +30,7 @@ def test_json_holds_the_mix_the_lights_and_the_spectrum(capsys: Capture) -> None
 
 
 @pytest.mark.filterwarnings("default")
-def test_a_colour_outside_is_extended_and_one_beyond_is_warned_of(capsys: Capture) -> None:
+def test_a_colour_outside_is_extended_and_one_beyond_is_warned_of(capsys):
     assert figures(capsys, "reflectance", "red")["constructed"] == "extended"
     assert call("95", "100", "20", "--json") == 0
     said = capsys.readouterr()
@@ -40,7 +38,7 @@ def test_a_colour_outside_is_extended_and_one_beyond_is_warned_of(capsys: Captur
     assert said.err.startswith("volspec: warning: ")
 
 
-def test_the_spectrum_file_is_what_scenes_read(tmp_path: Path) -> None:
+def test_the_spectrum_file_is_what_scenes_read(tmp_path):
     file, figure = tmp_path / "paint.csv", tmp_path / "paint.png"
     assert call("tomato", "-o", str(file), "--figure", str(figure)) == 0
     paint = reflectance(str(file))
@@ -50,7 +48,7 @@ def test_the_spectrum_file_is_what_scenes_read(tmp_path: Path) -> None:
     assert (width, height) == (1024, 544)
 
 
-def test_a_photograph_becomes_a_spectral_picture(tmp_path: Path, capsys: Capture) -> None:
+def test_a_photograph_becomes_a_spectral_picture(tmp_path, capsys):
     photo, picture = tmp_path / "photo.png", tmp_path / "photo.exr"
     codes = np.random.default_rng(3).integers(0, 256, (8, 12, 3), dtype=np.uint8)
     codes[:4] = codes[0, 0]
@@ -66,9 +64,7 @@ def test_a_photograph_becomes_a_spectral_picture(tmp_path: Path, capsys: Capture
 
 
 @pytest.mark.filterwarnings("default")
-def test_transparency_and_profiles_are_left_out_with_a_word(
-    tmp_path: Path, capsys: Capture
-) -> None:
+def test_transparency_and_profiles_are_left_out_with_a_word(tmp_path, capsys):
     photo = tmp_path / "photo.png"
     Image.new("RGBA", (2, 2), (90, 80, 70, 9)).save(photo, icc_profile=b"of a wide display")
     assert call("--image", str(photo), "-o", str(tmp_path / "p.exr")) == 0

@@ -22,7 +22,7 @@ from tests.support.commands import (
     write_spectral_image,
 )
 from tests.support.commands import call as command
-from tests.support.fixtures import Capture, Patch
+from tests.support.fixtures import Capture
 from volspec.appearance import Viewing
 from volspec.appearance.presets import preset
 from volspec.appearance.spaces import SPACES
@@ -56,9 +56,7 @@ def said(capsys: Capture, image: Path, *words: object) -> str:
     return capsys.readouterr().err
 
 
-def test_errors_writes_a_map_beside_each_frame_and_says_its_figures(
-    tmp_path: Path, capsys: Capture
-) -> None:
+def test_errors_writes_a_map_beside_each_frame_and_says_its_figures(tmp_path, capsys):
     chart = write_image(tmp_path / "chart.exr")
     words = (chart, "--light", "FL4", "--light", "A", "-o", tmp_path / "F.png", "--backdrop", "0.5")
     assert call(*words, "--errors") == 0
@@ -74,7 +72,7 @@ def test_errors_writes_a_map_beside_each_frame_and_says_its_figures(
         assert "".join(f"{drawn}: {found}".split()) in printed
 
 
-def test_a_material_is_shown_with_another_reflectance(tmp_path: Path) -> None:
+def test_a_material_is_shown_with_another_reflectance(tmp_path):
     """You should see gold where copper was; iron stays."""
     metals = write_image(tmp_path / "metals.exr", METALS)
     words = (metals, "--light", "D65", "--reflectance")
@@ -90,7 +88,7 @@ def test_a_material_is_shown_with_another_reflectance(tmp_path: Path) -> None:
     assert off[0] > 10 and off[1] > 5 and off[2] == 0
 
 
-def test_a_picture_of_reflectances_is_relit_in_the_basis_asked_for(tmp_path: Path) -> None:
+def test_a_picture_of_reflectances_is_relit_in_the_basis_asked_for(tmp_path):
     picture = write_spectral_image(tmp_path / "chart.exr", "reflective")
     seven, five = (
         shown(picture, "--basis", name, "--light", "FL2") for name in ("general-7", "general-5")
@@ -102,7 +100,7 @@ def test_a_picture_of_reflectances_is_relit_in_the_basis_asked_for(tmp_path: Pat
     assert (seven != five).any() and seven.std() > 30
 
 
-def test_a_picture_of_radiances_is_relit_from_the_light_it_was_taken_under(tmp_path: Path) -> None:
+def test_a_picture_of_radiances_is_relit_from_the_light_it_was_taken_under(tmp_path):
     radiances = 2.5 * CHART * light("A").values
     picture = write_spectral_image(tmp_path / "chart.exr", "emissive", radiances)
     words = (picture, "--basis", "general-7", "--light", "D65", "--taken-under")
@@ -121,7 +119,7 @@ SETTINGS = {
 
 
 @pytest.mark.parametrize("text", SETTINGS)
-def test_each_group_can_have_its_light(tmp_path: Path, text: str) -> None:
+def test_each_group_can_have_its_light(tmp_path, text):
     chart = write_grouped_image(tmp_path / "chart.exr")
     frame, stored = shown(chart, "--light", text, "--errors"), CoefficientImage.load(chart)
     assert np.array_equal(frame, relight(stored, SETTINGS[text]))
@@ -130,7 +128,7 @@ def test_each_group_can_have_its_light(tmp_path: Path, text: str) -> None:
     assert np.array_equal(iio.imread(tmp_path / "F-errors.png"), errors)
 
 
-def test_a_setting_is_one_light_among_several(tmp_path: Path) -> None:
+def test_a_setting_is_one_light_among_several(tmp_path):
     chart = write_grouped_image(tmp_path / "chart.exr")
     words = ("--light", "key=A; fill=D65", "--light", "D65", "-o", tmp_path / "F.png")
     assert call(chart, *words) == 0
@@ -138,7 +136,7 @@ def test_a_setting_is_one_light_among_several(tmp_path: Path) -> None:
     assert names == {"chart.exr", "F-key-A--fill-D65.png", "F-D65.png"}
 
 
-def test_a_light_stays_one_whatever_its_file_is_called(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_a_light_stays_one_whatever_its_file_is_called(tmp_path, monkeypatch):
     """A group's name before the first =, and a ; in the file's name."""
     monkeypatch.chdir(tmp_path)
     chart, file = write_grouped_image(tmp_path / "chart.exr"), "key=A; fill=D65.csv"
@@ -159,8 +157,8 @@ def test_a_light_stays_one_whatever_its_file_is_called(tmp_path: Path, monkeypat
     ],
 )
 def test_a_warning_tells_of_a_light_that_the_mode_does_not_hold(
-    mode: str, lamp: str, advice: str, tmp_path: Path, capsys: Capture
-) -> None:
+    mode, lamp, advice, tmp_path, capsys
+):
     chart = write_image(tmp_path / "chart.exr")
     err = said(capsys, chart, "--mode", mode, "--light", lamp)
     if advice:
@@ -170,9 +168,7 @@ def test_a_warning_tells_of_a_light_that_the_mode_does_not_hold(
 
 
 @pytest.mark.parametrize("level", ["relative", "absolute"])
-def test_lux_of_the_scene_s_lights_are_told_and_can_be_given(
-    level: str, tmp_path: Path, capsys: Capture
-) -> None:
+def test_lux_of_the_scene_s_lights_are_told_and_can_be_given(level, tmp_path, capsys):
     """Options suggested by the note give the picture of an export."""
     path = write_image(tmp_path / "chart.exr")
     image = CoefficientImage.load(path)
@@ -194,9 +190,7 @@ def test_lux_of_the_scene_s_lights_are_told_and_can_be_given(
 
 
 @pytest.mark.parametrize("exposure", ["1e-6", "1e6"])
-def test_a_frame_that_shows_nothing_is_warned_of(
-    exposure: str, tmp_path: Path, capsys: Capture
-) -> None:
+def test_a_frame_that_shows_nothing_is_warned_of(exposure, tmp_path, capsys):
     chart = write_image(tmp_path / "chart.exr")
     words = ("--light", "A", "--model", "none", "--exposure", exposure)
     (line,) = said(capsys, chart, *words).splitlines()
@@ -228,7 +222,7 @@ def onto(**options: object) -> Viewing:
     return PictureOptions(**options).onto(OWN).viewing
 
 
-def test_what_is_left_out_is_as_in_the_scene() -> None:
+def test_what_is_left_out_is_as_in_the_scene():
     own = OWN.viewing
     assert onto() == own
     assert onto(exposure=2.0) == replace(own, exposure=2.0)
@@ -240,7 +234,7 @@ def test_what_is_left_out_is_as_in_the_scene() -> None:
     assert onto(deficiency="tritan", severity=0.25) == mild
 
 
-def test_what_says_the_same_in_the_scene_gives_way() -> None:
+def test_what_says_the_same_in_the_scene_gives_way():
     own = OWN.viewing
     assert onto(lux=50.0) == replace(own, illuminance_lux=50.0, L_A=None)
     assert onto(D=0.5) == replace(own, D=0.5, discount=False)
@@ -250,13 +244,13 @@ def test_what_says_the_same_in_the_scene_gives_way() -> None:
     assert PictureOptions(discount=True).onto(half).viewing == Viewing(discount=True)
 
 
-def test_lux_and_L_A_go_together_where_lights_are_held_against_the_lux() -> None:
+def test_lux_and_L_A_go_together_where_lights_are_held_against_the_lux():
     options = PictureOptions(lux=50.0, L_A=9.0)
     viewing = options.onto(RelightSpec(level="absolute")).viewing
     assert (viewing.illuminance_lux, viewing.L_A) == (50.0, 9.0)
 
 
-def test_a_frame_is_made_for_the_display_asked_for(chart: Path) -> None:
+def test_a_frame_is_made_for_the_display_asked_for(chart):
     words = ("--space", "Display P3", "--gamut", "reduce", "--mark", "--lux", "200")
     found = shown(chart, "--light", "A", *words)
     viewing = onto(space="Display P3", gamut="reduce", mark=True, lux=200.0)
@@ -266,7 +260,7 @@ def test_a_frame_is_made_for_the_display_asked_for(chart: Path) -> None:
         assert frame.info["icc_profile"] == icc_profile(SPACES[words[1]])
 
 
-def test_flags_of_the_scene_can_be_taken_back(chart: Path) -> None:
+def test_flags_of_the_scene_can_be_taken_back(chart):
     found = shown(chart, "--light", "A", "--no-discount", "--no-mark", "--model", "CIECAM02")
     viewing = replace(onto(discount=False, mark=False), model="CIECAM02")
     assert np.array_equal(found, relight(CoefficientImage.load(chart), light("A"), viewing))

@@ -12,7 +12,6 @@ import pytest
 
 from tests.export.test_export_depth import DEEP
 from tests.support.commands import call, figures
-from tests.support.fixtures import Capture, Patch
 from tests.support.images import read_codes
 from tests.support.patience import PATIENCE_S
 from tests.support.scenes import BALL, DAY, SMALL, write_scene_text
@@ -37,7 +36,7 @@ def scene(tmp_path: Path) -> Path:
     return write_scene_text(tmp_path, BALL + MATERIAL_BASIS + GROUPS + DAY + SMALL, 16)
 
 
-def test_render_says_what_it_wrote(scene: Path, capsys: Capture) -> None:
+def test_render_says_what_it_wrote(scene, capsys):
     out = scene.with_name("i.exr")
     assert call("render", scene, "-o", out) == 0
     printed = capsys.readouterr()
@@ -46,23 +45,21 @@ def test_render_says_what_it_wrote(scene: Path, capsys: Capture) -> None:
     assert image.coefficients.dtype == np.float32 and list(image.groups) == ["key", "sky"]
 
 
-def test_a_picture_is_the_first_frame_of_an_export(scene: Path) -> None:
+def test_a_picture_is_the_first_frame_of_an_export(scene):
     assert call("render", scene, "-o", scene.with_name("p.png")) == 0
     assert call("export", scene, "-o", scene.with_name("frames"), "--light", "day") == 0
     frame = scene.with_name("frames") / "day.png"
     assert (read_codes(scene.with_name("p.png")) == read_codes(frame)).all()
 
 
-def test_size_and_half_are_taken_in_place_of_the_scene_s(scene: Path) -> None:
+def test_size_and_half_are_taken_in_place_of_the_scene_s(scene):
     out = scene.with_name("i.exr")
     assert call("render", scene, "-o", out, "--size", "40x30", "--half") == 0
     image = CoefficientImage.load(out)
     assert image.size == (40, 30) and image.coefficients.dtype == np.float16
 
 
-def test_a_device_that_fails_is_told_in_one_line(
-    scene: Path, monkeypatch: Patch, capsys: Capture
-) -> None:
+def test_a_device_that_fails_is_told_in_one_line(scene, monkeypatch, capsys):
     def fail(*_: object, **__: object) -> None:
         raise OpenCLError("pocl: out of\nmemory; cast it smaller")
 
@@ -92,7 +89,7 @@ def interrupted(folder: Path, *words: str) -> tuple[int, str]:
     return process.returncode, err
 
 
-def test_an_interrupted_cast_leaves_the_image_that_was_there(scene: Path) -> None:
+def test_an_interrupted_cast_leaves_the_image_that_was_there(scene):
     out = scene.with_name("i.exr")
     out.write_bytes(b"mine")
     before = sorted(scene.parent.iterdir())
@@ -103,7 +100,7 @@ def test_an_interrupted_cast_leaves_the_image_that_was_there(scene: Path) -> Non
     assert out.read_bytes() == b"mine" and sorted(scene.parent.iterdir()) == before
 
 
-def test_info_lists_labels_with_their_names(tmp_path: Path, capsys: Capture) -> None:
+def test_info_lists_labels_with_their_names(tmp_path, capsys):
     np.save(tmp_path / "v.npy", np.kron([[[0, 0], [1, 2]]] * 2, np.ones((4, 4, 4), np.uint8)))
     assert figures(capsys, "info", tmp_path / "v.npy")["labels"] == {"1": "", "2": ""}
     (tmp_path / "v.txt").write_text("1 liver\n2 spleen\n")
@@ -119,7 +116,7 @@ def faded(scale: float) -> tuple[str, ...]:
     return "--opacity", f"gold={scale}", "--opacity", f"grey={scale}"
 
 
-def test_layers_are_cast_and_fade_when_relit(tmp_path: Path, capsys: Capture) -> None:
+def test_layers_are_cast_and_fade_when_relit(tmp_path, capsys):
     """You should see the ball, then a thinner one, then nothing of it."""
     scene, out = write_scene_text(tmp_path, DEEP, 16), tmp_path / "i.exr"
     assert call("render", scene, "-o", out, "--layers", "4") == 0

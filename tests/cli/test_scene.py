@@ -12,7 +12,6 @@ import pytest
 
 from tests.support.commands import SCENE, figures
 from tests.support.commands import call as command
-from tests.support.fixtures import Capture
 from volspec.volume import phantom
 
 call = partial(command, "scene")
@@ -29,13 +28,13 @@ def written(path: Path, text: str) -> Path:
     return path
 
 
-def test_a_scene_that_is_well_is_one_line(good: Path, capsys: Capture) -> None:
+def test_a_scene_that_is_well_is_one_line(good, capsys):
     assert call("check", good) == 0
     (line,) = capsys.readouterr().out.splitlines()
     assert line.startswith(f"{good}: ok: ") and "10 × 11 × 12" in line and "general-7" in line
 
 
-def test_names_are_shown_and_never_obeyed(good: Path, capsys: Capture) -> None:
+def test_names_are_shown_and_never_obeyed(good, capsys):
     name = "a\x1b[31m\u202e\nb größer 骨"
     group = f'[[group]]\nname = {json.dumps(name)}\nsources = [{{ kind = "headlight" }}]\n'
     wrong = written(good.with_name("wrong\x1b[1m.toml"), SCENE + group)
@@ -45,7 +44,7 @@ def test_names_are_shown_and_never_obeyed(good: Path, capsys: Capture) -> None:
     assert "good\\u202e.toml: ok: " in second
 
 
-def test_figures_are_json(good: Path, capsys: Capture) -> None:
+def test_figures_are_json(good, capsys):
     """Transcripts have those of a scene with faults."""
     (found,) = figures(capsys, "scene", "check", good)
     assert (found["path"], found["ok"], found["errors"]) == (str(good), True, [])
@@ -53,7 +52,7 @@ def test_figures_are_json(good: Path, capsys: Capture) -> None:
     assert (found["volume"], found["basis"]) == ([10, 11, 12], "general-7")
 
 
-def test_surfaces_are_written_for_mitsuba(good: Path, capsys: Capture) -> None:
+def test_surfaces_are_written_for_mitsuba(good, capsys):
     mesh = '[[mesh]]\nshape = "plane"\nsize_mm = 9.0\nmaterial = "core"\n'
     sun = '[[group]]\nname = "sun"\nsources = [{ kind = "directional", towards = [0, 0, 1], '
     scene = written(good.with_name("mesh.toml"), f"{SCENE}{sun}shadows = true }}]\n{mesh}")
@@ -66,7 +65,7 @@ def test_surfaces_are_written_for_mitsuba(good: Path, capsys: Capture) -> None:
     assert call("mitsuba", scene, "-o", target, "--light", "moon") == 1
 
 
-def test_the_schema_is_the_one_that_ships(capsys: Capture) -> None:
+def test_the_schema_is_the_one_that_ships(capsys):
     assert call("schema") == 0
     shipped = Path(__file__).resolve().parents[2] / "data" / "scenes" / "scene.schema.json"
     assert capsys.readouterr().out == shipped.read_text(encoding="utf-8")

@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 
 from tests.support.commands import write_files
-from tests.support.fixtures import Patch
 from volspec import cli
 
 FOLDER = Path(__file__).parent / "transcripts"
@@ -43,9 +42,7 @@ def transcript(text: str) -> str:
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in FOLDER.glob("*.txt")))
-def test_commands_print_their_transcripts(
-    name: str, files: Path, monkeypatch: Patch, request: pytest.FixtureRequest
-) -> None:
+def test_commands_print_their_transcripts(name, files, monkeypatch, request):
     monkeypatch.chdir(files)
     monkeypatch.setenv("COLUMNS", "100")
     path = FOLDER / f"{name}.txt"
@@ -58,7 +55,7 @@ def test_commands_print_their_transcripts(
     assert sorted(os.listdir()) == there, "a command that failed left something behind"
 
 
-def test_every_command_has_a_transcript() -> None:
+def test_every_command_has_a_transcript():
     commands = {name for name in cli.app if not name.startswith("-")}
     apart = {"demo", "doctor"}  # their words are about this machine
     assert commands - apart | {"unknown"} == {path.stem for path in FOLDER.glob("*.txt")}

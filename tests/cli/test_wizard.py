@@ -12,7 +12,7 @@ import pytest
 import volspec as vs
 from tests.support.commands import call as command
 from tests.support.commands import figures, refusal, write_wizard_scene
-from tests.support.fixtures import Capture, slow
+from tests.support.fixtures import slow
 from volspec.appearance.models.cielab import delta_E_2000
 from volspec.palette import load_palette
 from volspec.wizard.result import displayed_Lab
@@ -34,9 +34,7 @@ def refused(*words: object) -> str:
     return refusal("wizard", *words).code
 
 
-def test_hide_writes_a_scene_that_renders_and_keeps_its_comments(
-    ball: Path, tmp_path: Path, capsys: Capture
-) -> None:
+def test_hide_writes_a_scene_that_renders_and_keeps_its_comments(ball, tmp_path, capsys):
     new = tmp_path / "elsewhere" / "new.toml"
     assert call("hide", ball, "core", "--under", "lamp", "--in", "shell", "-o", new) == 0
     assert "new-palette.toml" in capsys.readouterr().out
@@ -56,7 +54,7 @@ def test_hide_writes_a_scene_that_renders_and_keeps_its_comments(
     assert palette.cells["core", "lamp"].other == ("shell", "lamp")
 
 
-def test_a_new_light_is_a_row_of_the_new_scene(ball: Path, capsys: Capture) -> None:
+def test_a_new_light_is_a_row_of_the_new_scene(ball, capsys):
     new = ball.with_name("dark.toml")
     words = ("--under", "dark", "--black", "--like", "day", "-o", new)
     said = figures(capsys, "wizard", "hide", ball, "core", *words)
@@ -75,12 +73,12 @@ def test_a_new_light_is_a_row_of_the_new_scene(ball: Path, capsys: Capture) -> N
         slow("merge core stone --split x --colour firebrick --colour #4080c0"),
     ],
 )
-def test_reveal_and_merge_write_theirs(ball: Path, words: str) -> None:
+def test_reveal_and_merge_write_theirs(ball, words):
     kind, *more = words.split()
     assert call(kind, ball, *more, "--under", "day", "-o", ball.with_name("out.toml")) == 0
 
 
-def test_keep_prints_how_constant_the_colour_is(ball: Path, capsys: Capture) -> None:
+def test_keep_prints_how_constant_the_colour_is(ball, capsys):
     out = ball.with_name("out.toml")
     assert call("keep", ball, "stone", "-o", out) == 0
     table = capsys.readouterr().out
@@ -95,7 +93,7 @@ def test_keep_prints_how_constant_the_colour_is(ball: Path, capsys: Capture) -> 
 
 
 @pytest.mark.slow
-def test_a_new_light_of_lamps_comes_with_their_shares(ball: Path, capsys: Capture) -> None:
+def test_a_new_light_of_lamps_comes_with_their_shares(ball, capsys):
     lamps = [word for name in ("LED-B1", "LED-RGB1", "HP1") for word in ("--lamp", name)]
     words = ("merge", ball, "shell", "core", "--under", "day", "--split", "apart", *lamps)
     out = ball.with_name("out.toml")
@@ -110,16 +108,14 @@ def test_a_new_light_of_lamps_comes_with_their_shares(ball: Path, capsys: Captur
 
 
 @pytest.mark.parametrize("words", [("reveal", "--distance", "1"), ("hide", "--black")])
-def test_what_needs_no_new_light_is_told(
-    ball: Path, capsys: Capture, words: tuple[str, ...]
-) -> None:
+def test_what_needs_no_new_light_is_told(ball, capsys, words):
     """Colours that are apart already; a black under an even light, which is black everywhere."""
     kind, *more = words
     assert call(kind, ball, "core", "--under", "day", *more, "-o", ball.with_name("new.toml")) == 0
     assert "'day'" in capsys.readouterr().err
 
 
-def test_what_is_not_a_wizards_is_not_written_over(ball: Path) -> None:
+def test_what_is_not_a_wizards_is_not_written_over(ball):
     out, palette = ball.with_name("clash.toml"), ball.with_name("clash-palette.toml")
     palette.write_text("# my own\n", encoding="utf-8")
     assert refused("keep", ball, "stone", "-o", out) == "duplicate"
@@ -139,7 +135,7 @@ def test_what_is_not_a_wizards_is_not_written_over(ball: Path) -> None:
 
 
 @pytest.mark.slow
-def test_names_like_mixes_and_mixes_of_files_load_again(ball: Path, tmp_path: Path) -> None:
+def test_names_like_mixes_and_mixes_of_files_load_again(ball, tmp_path):
     (ball.parent / "mine.csv").write_text((ball.parent / "stone.csv").read_text())
     text = ball.read_text().replace('"FL11"', '"D65*0.5+mine.csv*0.5"')
     ball.write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())

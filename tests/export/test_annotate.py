@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
@@ -11,8 +10,6 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from tests.export.conftest import Make
-from tests.support.fixtures import Patch
 from tests.support.images import image
 from volspec.basis import SpectralBasis
 from volspec.export import tiles
@@ -45,7 +42,7 @@ def marked(size: tuple[int, int], *marks: Any, **names: Any) -> NDArray[np.uint8
 
 
 @pytest.mark.parametrize("size", [(320, 240), (1000, 400), (60, 400), (2400, 1800)])
-def test_a_scale_bar_has_the_length_that_it_names(size: tuple[int, int]) -> None:
+def test_a_scale_bar_has_the_length_that_it_names(size):
     picture = marked(size, "scale")
     rows = (picture == 255).all(axis=-1).sum(axis=1)
     mm_per_px = Projection(CAMERA, (0, 0, *size)).mm_per_px
@@ -63,7 +60,7 @@ def test_a_scale_bar_has_the_length_that_it_names(size: tuple[int, int]) -> None
         ("materials", False, True),
     ],
 )
-def test_marks_are_in_their_corners(mark: str, right: bool, low: bool) -> None:
+def test_marks_are_in_their_corners(mark, right, low):
     names = {"title": "A ball", "light": "D65", "materials": {"gold": np.array([0.9, 0.7, 0.2])}}
     for size in ((800, 600), (200, 150)):
         drawn = (marked(size, mark, **names) != 128).any(axis=-1)
@@ -73,7 +70,7 @@ def test_marks_are_in_their_corners(mark: str, right: bool, low: bool) -> None:
         assert (y > size[1] / 2).all() if low else (y < size[1] / 2).all(), mark
 
 
-def test_materials_without_room_are_counted_and_pictures_of_any_size_can_be_marked() -> None:
+def test_materials_without_room_are_counted_and_pictures_of_any_size_can_be_marked():
     many = {f"material {i}": np.array([i / 99, 0.0, 0.5]) for i in range(99)}
     picture = marked((300, 200), "materials", materials=many)
     assert np.array_equal(picture[:8], np.full_like(picture[:8], 128))
@@ -82,7 +79,7 @@ def test_materials_without_room_are_counted_and_pictures_of_any_size_can_be_mark
         assert marked(size, *MARKS, **names).shape == (size[1], size[0], 3)
 
 
-def test_material_colours_are_those_of_a_frame_of_a_flat_material() -> None:
+def test_material_colours_are_those_of_a_frame_of_a_flat_material():
     basis, gold, seen = (
         SpectralBasis.load("general-7"),
         reflectance("gold"),
@@ -96,7 +93,7 @@ def test_material_colours_are_those_of_a_frame_of_a_flat_material() -> None:
         assert 255 * found["gold"] == pytest.approx(frame[0, 0].astype(float), abs=3)
 
 
-def test_transparent_pictures_get_opaque_marks() -> None:
+def test_transparent_pictures_get_opaque_marks():
     patches = picture_marks(("scale",), MarkedPicture((320, 240), CAMERA, VOLUME))
     clear = np.zeros((240, 320, 4), np.uint16)
     clear[..., :3] = 1000
@@ -106,9 +103,7 @@ def test_transparent_pictures_get_opaque_marks() -> None:
     assert (drawn[:100] == clear[:100]).all() and (clear[..., 3] == 0).all()
 
 
-def test_strips_of_a_large_picture_have_the_marks_of_the_whole(
-    scene: Make, tmp_path: Path, monkeypatch: Patch
-) -> None:
+def test_strips_of_a_large_picture_have_the_marks_of_the_whole(scene, tmp_path, monkeypatch):
     settings: dict[str, Any] = {"lights": ["day"], "size": (200, 256), "annotate": MARKS}
     scene().export(tmp_path / "whole", **settings)
     monkeypatch.setattr(tiles, "STRIP_BYTES", 200 * 64 * 4 * 8)
@@ -122,7 +117,7 @@ def test_strips_of_a_large_picture_have_the_marks_of_the_whole(
 
 
 @pytest.mark.parametrize("size", [(800, 600), (3000, 2000), (120, 90)])
-def test_annotations_are_where_their_points_are(size: tuple[int, int]) -> None:
+def test_annotations_are_where_their_points_are(size):
     picture = marked(size, annotations=[Annotation(points_mm=POINTS)])
     start, end = Projection(CAMERA, (0, 0, *size)).to_window(np.array(POINTS))[:, :2]
     for share in (0.0, 0.3, 1.0):  # the caption is near the middle
@@ -132,13 +127,13 @@ def test_annotations_are_where_their_points_are(size: tuple[int, int]) -> None:
     assert (picture[0] == 128).all() and (picture == 0).any()
 
 
-def test_an_annotation_behind_the_camera_is_not_drawn() -> None:
+def test_an_annotation_behind_the_camera_is_not_drawn():
     behind = tuple(2 * np.array(CAMERA.position_mm) - np.array(CAMERA.target_mm))
     picture = marked((80, 60), annotations=[Annotation(points_mm=(behind,), text="here")])
     assert (picture == 128).all()
 
 
-def test_a_page_s_marks_are_where_a_picture_s_are() -> None:
+def test_a_page_s_marks_are_where_a_picture_s_are():
     rows = [Annotation(points_mm=POINTS, text="a < b"), Annotation(points_mm=POINTS[:1], text="c")]
     drawn = ElementTree.fromstring(f"<svg>{annotation_svg(rows, CAMERA, (800, 600))}</svg>")
     assert [each.text for each in drawn.iter("text")] == [rows[0].caption, "c"]

@@ -7,7 +7,6 @@ import functools
 import json
 import re
 import sys
-from collections.abc import Callable
 from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
@@ -24,7 +23,6 @@ from tests.support.errors import raises, refuses
 from tests.support.fixtures import Patch
 from volspec.appearance import Viewing
 from volspec.appearance.spaces import SPACES
-from volspec.basis import Basis
 from volspec.basis.display import MODES
 from volspec.errors import ImageError, InputError
 from volspec.export.compositing import Recipe
@@ -38,9 +36,7 @@ from volspec.spectra import light
 
 @pytest.mark.parametrize("basis", [GENERAL, METALS], ids=["spectral", "materials"])
 @pytest.mark.parametrize("mode", MODES)
-def test_the_header_s_matrices_relight_the_file_s_channels(
-    basis: Basis, mode: str, tmp_path: Path
-) -> None:
+def test_the_header_s_matrices_relight_the_file_s_channels(basis, mode, tmp_path):
     image, spec = made(basis), dataclasses.replace(SPEC, mode=mode)
     stored(tmp_path / "i.exr", image, spec)
     header, channels = opened(tmp_path / "i.exr")
@@ -57,7 +53,7 @@ def test_the_header_s_matrices_relight_the_file_s_channels(
     assert np.allclose(np.clip(preview, 0, 1), shown(image, "day", spec), rtol=2**-11, atol=2e-6)
 
 
-def test_over_the_header_s_backdrop_a_picture_is_the_opaque_frame() -> None:
+def test_over_the_header_s_backdrop_a_picture_is_the_opaque_frame():
     image, recipe = made(), Recipe.of(GENERAL, SHARES, LIGHTS, SPEC)
     behind = (1 - image.alpha)[..., None] * recipe.lights["evening"].backdrop
     codes = relight(image, LIGHTS["evening"], SPEC, dtype=np.float32, backend="numpy")
@@ -65,7 +61,7 @@ def test_over_the_header_s_backdrop_a_picture_is_the_opaque_frame() -> None:
     assert close(recipe.picture(image, "evening") + behind, frame)
 
 
-def test_numbers_of_a_light_are_its_channels_and_one_for_flat_white() -> None:
+def test_numbers_of_a_light_are_its_channels_and_one_for_flat_white():
     lights = {"flat": light("E"), "key": LightRig((light("A"),), groups=("key",))}
     spec = dataclasses.replace(SPEC, viewing=Viewing())
     rows = Recipe.of(GENERAL, SHARES, lights, spec).lights
@@ -77,7 +73,7 @@ def test_numbers_of_a_light_are_its_channels_and_one_for_flat_white() -> None:
     assert np.allclose(0.7 * rows["key"].matrices["key"] @ np.ones(7), 1.0)
 
 
-def test_lux_count_where_all_lights_have_them() -> None:
+def test_lux_count_where_all_lights_have_them():
     spec = RelightSpec(Viewing(illuminance_lux=500.0), level="absolute")
     dim = LightRig((light("A"),), illuminance_lux=(100.0,))
     for others, white in (({}, 0.2), ({"bare": light("A")}, 1.0)):
@@ -86,15 +82,13 @@ def test_lux_count_where_all_lights_have_them() -> None:
 
 
 @pytest.mark.parametrize("name", ["LPS", "HP1", "planck:2000"])
-def test_white_is_white_under_every_light(name: str) -> None:
+def test_white_is_white_under_every_light(name):
     """LPS has next to no blue, which must not become noise."""
     M = Recipe.of(GENERAL, {"light": 1.0}, {"l": light(name)}).lights["l"].matrices["light"]
     assert np.allclose(M @ np.ones(7), 1.0, atol=1e-6)
 
 
-def test_a_rendered_scene_opens_with_layers_preview_depth_and_its_lights(
-    scene: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_a_rendered_scene_opens_with_layers_preview_depth_and_its_lights(scene, tmp_path):
     assert call("render", scene().path, "-o", tmp_path / "i.exr", "--half") == 0
     header, channels = opened(tmp_path / "i.exr")
     layers = {f"light.c{k:02d}.V" for k in range(7)}
@@ -124,7 +118,7 @@ def pasted(channels: dict[str, NDArray[Any]]) -> dict[str, Any]:
     return names
 
 
-def test_the_header_s_sums_can_be_pasted_into_an_expression(tmp_path: Path) -> None:
+def test_the_header_s_sums_can_be_pasted_into_an_expression(tmp_path):
     image = made()
     stored(tmp_path / "i.exr", image)
     header, channels = opened(tmp_path / "i.exr")
@@ -135,7 +129,7 @@ def test_the_header_s_sums_can_be_pasted_into_an_expression(tmp_path: Path) -> N
         assert close(np.dstack(found), shown(image, name))
 
 
-def test_nuke_s_group_has_a_knob_for_each_weight(tmp_path: Path) -> None:
+def test_nuke_s_group_has_a_knob_for_each_weight(tmp_path):
     """The nodes are as Nuke's own files write them; the sums are evaluated here."""
     image = made()
     source = tmp_path / "a {$c.exr"
@@ -197,9 +191,7 @@ def chained(text: str, names: dict[str, Any]) -> NDArray[Any]:
 
 
 @KINDS
-def test_nuke_s_group_has_a_knob_for_each_opacity(
-    tmp_path: Path, opacities: dict[str, float], shadows: bool, solid: bool
-) -> None:
+def test_nuke_s_group_has_a_knob_for_each_opacity(tmp_path, opacities, shadows, solid):
     image = layered(shadows=shadows, solid=solid)
     stored(tmp_path / "i.exr", image)
     write_recipe(tmp_path / "i.nk", tmp_path / "i.exr")
@@ -236,7 +228,7 @@ def in_blender(path: Path, monkeypatch: Patch) -> tuple[Any, list[Node], Any]:
     return bpy, nodes, next(node for node in nodes if node.kind == "Composite").inputs[0]
 
 
-def test_blender_s_nodes_are_the_frame(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_blender_s_nodes_are_the_frame(tmp_path, monkeypatch):
     """Seen in Blender 3.4 and 5.0 on the engine: CIEDE2000 below 1e-4 from volspec's own frames."""
     image = made()
     stored(tmp_path / "i.exr", image)
@@ -257,9 +249,7 @@ def test_blender_s_nodes_are_the_frame(tmp_path: Path, monkeypatch: Patch) -> No
 
 
 @KINDS
-def test_blender_s_nodes_have_the_opacities(
-    tmp_path: Path, monkeypatch: Patch, opacities: dict[str, float], shadows: bool, solid: bool
-) -> None:
+def test_blender_s_nodes_have_the_opacities(tmp_path, monkeypatch, opacities, shadows, solid):
     """Rendered in Blender 4.5 and 5.0 on the engine: at most 3e-7 from these pictures.
 
     With shadows 3e-5.
@@ -276,7 +266,7 @@ def test_blender_s_nodes_have_the_opacities(
     assert np.abs(found - wanted).max() < OPACITIES[shadows]
 
 
-def test_old_images_get_other_lights_by_being_written_once_more(tmp_path: Path) -> None:
+def test_old_images_get_other_lights_by_being_written_once_more(tmp_path):
     image = made()
     image.save(tmp_path / "bare.exr")
     words = ("--light", "FL2", "--light", "key=A", "--mode", "exact")
@@ -291,7 +281,7 @@ def test_old_images_get_other_lights_by_being_written_once_more(tmp_path: Path) 
 @pytest.mark.parametrize(
     "text", ["{", "3", '{"version": 2}', '{"version": 1, "lights": {"a": 3}}', None]
 )
-def test_a_recipe_that_was_edited_or_cut_is_refused(text: str | None, tmp_path: Path) -> None:
+def test_a_recipe_that_was_edited_or_cut_is_refused(text, tmp_path):
     path = tmp_path / "i.exr"
     if text is None:
         stored(path, made())
@@ -303,7 +293,7 @@ def test_a_recipe_that_was_edited_or_cut_is_refused(text: str | None, tmp_path: 
     assert not (tmp_path / "i.nk").exists()
 
 
-def test_a_recipe_needs_lights_with_names() -> None:
+def test_a_recipe_needs_lights_with_names():
     recipe = Recipe.of(GENERAL, SHARES, LIGHTS)
     refuses(lambda: Recipe.of(GENERAL, SHARES, {}), "missing recipe", InputError)
     refuses(lambda: Recipe.of(GENERAL, SHARES, [light("A")]), "missing recipe", InputError)
@@ -321,7 +311,7 @@ def test_a_recipe_needs_lights_with_names() -> None:
         ({"matrices": {}}, "missing"),
     ],
 )
-def test_a_light_that_does_not_fit_its_recipe_is_refused(change: dict[str, Any], code: str) -> None:
+def test_a_light_that_does_not_fit_its_recipe_is_refused(change, code):
     recipe = Recipe.of(GENERAL, SHARES, LIGHTS, SPEC)
     with raises(InputError, code):
         dataclasses.replace(
@@ -329,7 +319,7 @@ def test_a_light_that_does_not_fit_its_recipe_is_refused(change: dict[str, Any],
         )
 
 
-def test_the_guide_s_python_reads_both_kinds_of_file(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_the_guide_s_python_reads_both_kinds_of_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     guide = Path(__file__).resolve().parents[2] / "docs" / "compositing.md"
     relit, seen = re.findall(r"```python\n(.*?)```", guide.read_text(encoding="utf-8"), re.DOTALL)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -62,9 +61,7 @@ def over(channels: dict[str, NDArray[Any]], nearer_than: float = np.inf) -> dict
 
 
 @pytest.mark.parametrize("opacities", STATES, ids=str)
-def test_flattened_samples_are_the_recomposed_picture(
-    image: CoefficientImage, recipe: Recipe, tmp_path: Path, opacities: dict[str, float]
-) -> None:
+def test_flattened_samples_are_the_recomposed_picture(image, recipe, tmp_path, opacities):
     """Flattened here, and by OpenImageIO if it is installed."""
     save_deep(image, tmp_path / "deep.exr", recipe, opacities)
     header, channels = opened(tmp_path / "deep.exr")
@@ -86,9 +83,7 @@ def test_flattened_samples_are_the_recomposed_picture(
         assert np.abs(RGB - recipe.picture(picture, "day")).max() < ROUNDED
 
 
-def test_a_card_in_the_middle_holds_out_what_is_behind_it(
-    image: CoefficientImage, recipe: Recipe, tmp_path: Path
-) -> None:
+def test_a_card_in_the_middle_holds_out_what_is_behind_it(image, recipe, tmp_path):
     """OpenImageIO merges an opaque black card by depth, and cuts samples at it."""
     oiio = pytest.importorskip("OpenImageIO")
     save_deep(image, tmp_path / "deep.exr", recipe)
@@ -109,9 +104,7 @@ def test_a_card_in_the_middle_holds_out_what_is_behind_it(
     assert 0.2 * over(channels)["R"].sum() < wanted.sum() < 0.98 * over(channels)["R"].sum()
 
 
-def test_samples_are_in_order_and_measured_from_the_camera_s_plane(
-    image: CoefficientImage, recipe: Recipe
-) -> None:
+def test_samples_are_in_order_and_measured_from_the_camera_s_plane(image, recipe):
     samples = DeepSamples.of(image)
     pixel = np.arange(samples.counts.size).repeat(samples.counts.ravel())
     same = pixel[1:] == pixel[:-1]
@@ -128,9 +121,7 @@ def test_samples_are_in_order_and_measured_from_the_camera_s_plane(
     assert np.allclose(samples.depth_mm, wanted, rtol=2**-12)  # rounded to 13 binary digits
 
 
-def test_the_command_writes_deep_and_faded_images(
-    image: CoefficientImage, recipe: Recipe, tmp_path: Path
-) -> None:
+def test_the_command_writes_deep_and_faded_images(image, recipe, tmp_path):
     source = tmp_path / "i.exr"
     save_for_compositors(image, source, recipe)
     words = ("compositing", source, "--opacity", "copper=0.3")
@@ -146,9 +137,7 @@ def test_the_command_writes_deep_and_faded_images(
     assert np.abs(np.dstack([flat[colour] for colour in "RGB"]) - lit).max() < 2e-3
 
 
-def test_what_has_no_deep_samples_is_refused(
-    image: CoefficientImage, recipe: Recipe, tmp_path: Path
-) -> None:
+def test_what_has_no_deep_samples_is_refused(image, recipe, tmp_path):
     flat = replace(image, opacity_layers=None)
     for code, made, name, opacities in (
         ("unsupported", flat, "d.exr", {}),
@@ -160,9 +149,7 @@ def test_what_has_no_deep_samples_is_refused(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_empty_picture_has_no_samples(
-    image: CoefficientImage, recipe: Recipe, tmp_path: Path
-) -> None:
+def test_an_empty_picture_has_no_samples(image, recipe, tmp_path):
     save_deep(image, tmp_path / "d.exr", recipe, {"gold": 0, "copper": 0})
     alpha = opened(tmp_path / "d.exr")[1]["A"]
     assert not any(each is not None and len(each) for each in alpha.flat)

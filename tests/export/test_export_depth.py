@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from numpy.typing import NDArray
 from tests.export.conftest import METALS, SCENE, Make
 from tests.support.commands import call
 from tests.support.errors import raises
-from tests.support.fixtures import Capture
 from tests.support.images import read_codes
 from volspec.errors import InputError, SceneError, VolspecWarning
 from volspec.export.frames import read_frame_text
@@ -53,7 +51,7 @@ def frame(folder: Path, name: str = "day.png") -> NDArray[np.int_]:
     return read_codes(folder / name).astype(int)
 
 
-def test_a_focus_pull_is_cast_once(deep: Make, tmp_path: Path) -> None:
+def test_a_focus_pull_is_cast_once(deep, tmp_path):
     """You should see a ball that is blurred, then less, then more."""
     exported = deep(PULL.replace("[depth]", "[depth]\nfog_mm = 500")).export(tmp_path)
     assert (exported.frames, exported.casts) == (3, 1)
@@ -61,7 +59,7 @@ def test_a_focus_pull_is_cast_once(deep: Make, tmp_path: Path) -> None:
     assert len(frames) == 3
 
 
-def test_frames_and_pictures_have_the_scene_s_depth(deep: Make, tmp_path: Path) -> None:
+def test_frames_and_pictures_have_the_scene_s_depth(deep, tmp_path):
     scene = deep(CUT)
     scene.export(tmp_path)
     image, lamp, shown = scene.render(), scene.lights[0].rig, frame(tmp_path)
@@ -70,9 +68,7 @@ def test_frames_and_pictures_have_the_scene_s_depth(deep: Make, tmp_path: Path) 
     assert np.abs(shown - relight(image, lamp, scene.relight)).max() > 10
 
 
-def test_frames_of_which_a_cut_leaves_nothing_are_named_in_one_warning(
-    deep: Make, tmp_path: Path
-) -> None:
+def test_frames_of_which_a_cut_leaves_nothing_are_named_in_one_warning(deep, tmp_path):
     away = "depth = { near_mm = 0, far_mm = 1 }"
     text = PULL.replace("depth = { focus_mm = 30 }", away).replace('["day"]', '["day", "lamp"]')
     text = text.replace("focus_mm = 120, near_mm = 1", "near_mm = 0, far_mm = 1.5")
@@ -81,13 +77,13 @@ def test_frames_of_which_a_cut_leaves_nothing_are_named_in_one_warning(
     assert len(told) == 1
 
 
-def test_coefficient_images_have_it_as_well(deep: Make, tmp_path: Path) -> None:
+def test_coefficient_images_have_it_as_well(deep, tmp_path):
     scene = deep('[depth]\nfar_mm = 1\n[export]\nformat = "coefficients"\n')
     image = CoefficientImage.load(tmp_path / scene.export(tmp_path).files[0])  # all of it is cut
     assert not image.alpha.any() and image.opacity_layers is None
 
 
-def test_coefficient_images_without_it_are_those_of_render(deep: Make, tmp_path: Path) -> None:
+def test_coefficient_images_without_it_are_those_of_render(deep, tmp_path):
     scene = deep('[export]\nformat = "coefficients"\n')
     scene.export(tmp_path)
     assert call("render", scene.path, "-o", tmp_path / "ball.exr") == 0
@@ -95,9 +91,7 @@ def test_coefficient_images_without_it_are_those_of_render(deep: Make, tmp_path:
     assert CoefficientImage.load(tmp_path / "cast.exr").opacity_layers is not None
 
 
-def test_an_image_is_relit_with_the_depth_of_its_scene(
-    deep: Make, tmp_path: Path, capsys: Capture
-) -> None:
+def test_an_image_is_relit_with_the_depth_of_its_scene(deep, tmp_path, capsys):
     scene, image = deep("[depth]\nnear_mm = 50\n"), tmp_path / "ball.exr"
     assert call("render", scene.path, "-o", image) == 0
     cast, words = CoefficientImage.load(image), ("relight", image, "--light", "A", "-o")
@@ -119,7 +113,7 @@ def test_an_image_is_relit_with_the_depth_of_its_scene(
     assert f"{image}: the image's depth note" in "".join(capsys.readouterr().err.split("\n"))
 
 
-def test_scene_check_finds_what_layers_cannot_show(deep: Make) -> None:
+def test_scene_check_finds_what_layers_cannot_show(deep):
     path = deep().path
     assert check_scene(path).errors == ()
     path.write_text(SCENE + "[raycast]\nlayers = 4\n", encoding="utf-8")
@@ -143,9 +137,7 @@ KEY = "[[keyframe]]\ntime_s = 0\ndepth = {{ {} }}".format
         ("range", PULL.replace("near_mm = 1", "near_mm = 9, far_mm = 8"), DEEP),
     ],
 )
-def test_a_depth_that_cannot_be_is_refused(
-    scene: Make, tmp_path: Path, said: str, more: str, text: str
-) -> None:
+def test_a_depth_that_cannot_be_is_refused(scene, tmp_path, said, more, text):
     with raises(SceneError, *said.split()):
         scene(more, text=text).export(tmp_path / "none")
 
@@ -154,7 +146,7 @@ EYES = '[export]\nlights = ["day"]\nstereo = { layout = "side-by-side", eyes_deg
 WIDE, SIZE = EYES.replace("eyes_deg = 4", "eyes_deg = 4, convergence_mm = 60"), (96, 72)
 
 
-def test_eyes_of_one_cast_are_near_those_of_two(deep: Make, tmp_path: Path) -> None:
+def test_eyes_of_one_cast_are_near_those_of_two(deep, tmp_path):
     """Measured: a tenth of what the eyes differ by."""
     assert deep(WIDE).export(tmp_path / "one", size=SIZE).casts == 1
     assert deep(WIDE, text=FLAT).export(tmp_path / "two", size=SIZE).casts == 2
@@ -165,7 +157,7 @@ def test_eyes_of_one_cast_are_near_those_of_two(deep: Make, tmp_path: Path) -> N
     assert "side-by-side" in read_frame_text(tmp_path / "one" / "day.png")["stereo"]
 
 
-def test_frames_are_those_of_the_library(deep: Make, tmp_path: Path) -> None:
+def test_frames_are_those_of_the_library(deep, tmp_path):
     scene = deep(
         EYES.replace("side-by-side", "anaglyph") + "[depth]\nfog_mm = 400\nnear_mm = 50\n"
         "[[keyframe]]\ntime_s = 0\n[[keyframe]]\ntime_s = 0.04\nopacities = { gold = 0.3 }\n"
@@ -179,9 +171,7 @@ def test_frames_are_those_of_the_library(deep: Make, tmp_path: Path) -> None:
     assert np.abs(frame(tmp_path, "day/0001.png") - own).max() <= 2
 
 
-def test_cast_eyes_may_have_several_rays_a_pixel_16_bits_and_marks(
-    scene: Make, tmp_path: Path
-) -> None:
+def test_cast_eyes_may_have_several_rays_a_pixel_16_bits_and_marks(scene, tmp_path):
     settings = {"samples": 2, "bits": 16, "annotate": ["title"], "sheet": False}
     scene(EYES).export(tmp_path / "fine", size=SIZE, **settings)
     scene(EYES).export(tmp_path / "coarse", size=SIZE)
@@ -192,7 +182,7 @@ def test_cast_eyes_may_have_several_rays_a_pixel_16_bits_and_marks(
     assert np.array_equal(*np.hsplit(off[:32].max(axis=(0, 2)) > 60, 2))
 
 
-def test_a_turntable_converges_where_it_is_told(scene: Make, tmp_path: Path) -> None:
+def test_a_turntable_converges_where_it_is_told(scene, tmp_path):
     made = scene(WIDE.replace("= 60", "= 70") + "turntable = { frames = 2 }\n")
     exported = made.export(tmp_path / "turn.gif")
     assert (exported.frames, exported.casts) == (2, 4)
@@ -214,8 +204,6 @@ def test_a_turntable_converges_where_it_is_told(scene: Make, tmp_path: Path) -> 
         ("", (40000, 30000), "size"),
     ],
 )
-def test_files_and_sizes_without_a_pair_are_refused(
-    deep: Make, tmp_path: Path, more: str, size: Any, code: str
-) -> None:
+def test_files_and_sizes_without_a_pair_are_refused(deep, tmp_path, more, size, code):
     with raises(InputError, code):
         deep(f"{EYES}{more}\n").export(tmp_path / "none", size=size)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from tests.export.conftest import SCENE, Make, ffmpeg
+from tests.export.conftest import SCENE, ffmpeg
 from tests.export.test_files_whole import left_by_a_kill
 from tests.support.errors import raises
-from tests.support.fixtures import Patch, slow
+from tests.support.fixtures import slow
 from volspec.appearance.spaces import SPACES
 from volspec.errors import DeviceError, InputError, VolspecWarning
 from volspec.export import film
@@ -34,9 +33,7 @@ def first_frame(path: Path, size: tuple[int, int]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("suffix", [".mp4", slow(".webm"), ".gif"])
-def test_a_film_has_the_frames_colours_and_says_what_they_are(
-    scene: Make, tmp_path: Path, suffix: str
-) -> None:
+def test_a_film_has_the_frames_colours_and_says_what_they_are(scene, tmp_path, suffix):
     pytest.importorskip("imageio_ffmpeg")
     made, film = scene(), tmp_path / f"ball{suffix}"
     settings = {"size": (64, 48), "lights": ["lamp"], "turntable": {"frames": 3}}
@@ -59,30 +56,28 @@ def test_a_film_has_the_frames_colours_and_says_what_they_are(
     assert film.read_bytes() == first
 
 
-def test_odd_sides_get_an_edge_more_and_a_note(scene: Make, tmp_path: Path) -> None:
+def test_odd_sides_get_an_edge_more_and_a_note(scene, tmp_path):
     pytest.importorskip("imageio_ffmpeg")
     with pytest.warns(VolspecWarning):
         scene().export(tmp_path / "b.mp4", size=(63, 47), sweep={"frames": 2})
     assert "64x48" in probe(tmp_path / "b.mp4")
 
 
-def test_a_scene_s_odd_size_is_made_even(scene: Make, tmp_path: Path) -> None:
+def test_a_scene_s_odd_size_is_made_even(scene, tmp_path):
     pytest.importorskip("imageio_ffmpeg")
     made = scene(text=SCENE.replace("width = 32", "width = 33"))
     made.export(tmp_path / "b.mp4", sweep={"frames": 2})
     assert "32x24" in probe(tmp_path / "b.mp4")
 
 
-def test_wide_primaries_are_told(scene: Make, tmp_path: Path) -> None:
+def test_wide_primaries_are_told(scene, tmp_path):
     pytest.importorskip("imageio_ffmpeg")
     made = scene('[viewing.display]\nspace = "Display P3"\n')
     made.export(tmp_path / "b.mp4", sweep={"frames": 2})
     assert "bt709/smpte432/iec61966-2-1" in probe(tmp_path / "b.mp4")
 
 
-def test_a_film_that_fails_is_not_there_and_what_was_stays(
-    tmp_path: Path, monkeypatch: Patch
-) -> None:
+def test_a_film_that_fails_is_not_there_and_what_was_stays(tmp_path, monkeypatch):
     pytest.importorskip("imageio_ffmpeg")
     Image.new("RGB", (8, 8)).save(tmp_path / "f.png")
     (tmp_path / "b.mp4").write_bytes(b"before")
@@ -104,9 +99,7 @@ def test_a_film_that_fails_is_not_there_and_what_was_stays(
         ("b.gif", {"sweep": {"frames": 2}}),
     ],
 )
-def test_what_no_film_can_hold_is_refused_first(
-    scene: Make, tmp_path: Path, name: str, settings: dict[str, Any]
-) -> None:
+def test_what_no_film_can_hold_is_refused_first(scene, tmp_path, name, settings):
     pytest.importorskip("imageio_ffmpeg")
     made = scene('[viewing.display]\nspace = "Display P3"\n' if name == "b.gif" else "")
     with raises(InputError, "unsupported" if name == "b.gif" else "conflict"):
@@ -115,8 +108,8 @@ def test_what_no_film_can_hold_is_refused_first(
 
 @pytest.mark.parametrize("program", ["", "/no/such/program", sys.executable])
 def test_an_ffmpeg_that_there_is_not_is_told_before_the_frames_are_made(
-    program: str, scene: Make, tmp_path: Path, monkeypatch: Patch
-) -> None:
+    program, scene, tmp_path, monkeypatch
+):
     """The extra is not installed, or a variable names no ffmpeg."""
     if program:
         pytest.importorskip("imageio_ffmpeg")

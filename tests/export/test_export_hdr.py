@@ -43,7 +43,7 @@ def luminance(codes: np.ndarray, hdr: Hdr) -> np.ndarray:
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_white_is_at_its_luminance_and_highlights_are_above_it(model: str) -> None:
+def test_white_is_at_its_luminance_and_highlights_are_above_it(model):
     hdr = Hdr()
     viewing = Viewing(model=model, D=1.0, display=ROOM)
     frame = hdr_frame(steps(), LIT, RelightSpec(viewing, mode="exact"), hdr)
@@ -59,7 +59,7 @@ def test_white_is_at_its_luminance_and_highlights_are_above_it(model: str) -> No
 
 @pytest.mark.parametrize("adapting", ["given", "picture", "pixel"])
 @pytest.mark.parametrize("model", PER_PIXEL)
-def test_what_is_below_white_is_as_an_sdr_display_shows_it(model: Any, adapting: Any) -> None:
+def test_what_is_below_white_is_as_an_sdr_display_shows_it(model, adapting):
     """At any level; the eye is adapted to the light's lux in both."""
     chart = image(GENERAL.analyse(reflectance_set("test"))[:84].reshape(7, 12, -1), GENERAL)
     viewing = Viewing(model=model, display=ROOM, adapting=adapting, fov_deg=30.0, exposure=0.9)
@@ -75,7 +75,7 @@ def test_what_is_below_white_is_as_an_sdr_display_shows_it(model: Any, adapting:
         np.testing.assert_allclose(found[below], shown[below], rtol=2e-5, atol=1e-5)
 
 
-def test_with_no_model_and_the_scene_s_own_white_luminances_are_the_scene_s() -> None:
+def test_with_no_model_and_the_scene_s_own_white_luminances_are_the_scene_s():
     """500 lx on white are 159.2 cd/m²: shown as they are."""
     hdr = Hdr(white_cd_m2=500.0 / np.pi, peak_cd_m2=4000.0)
     spec = RelightSpec(Viewing(model="none", illuminance_lux=500.0), level="absolute")
@@ -87,7 +87,7 @@ def test_with_no_model_and_the_scene_s_own_white_luminances_are_the_scene_s() ->
     np.testing.assert_allclose(twice, 2.0 * seen, rtol=1e-5, atol=1e-3)
 
 
-def test_lux_of_a_mixture_of_groups() -> None:
+def test_lux_of_a_mixture_of_groups():
     rig = LightRig((light("A"), light("D65")), (1.0, 0.5), groups=("key", "sky"))
     lit = with_lux(rig, 300.0, GENERAL.grid)
     assert lit.total_lux == pytest.approx(300.0)
@@ -101,9 +101,7 @@ def test_lux_of_a_mixture_of_groups() -> None:
 
 
 @pytest.mark.parametrize(("transfer", "curve"), [("PQ", 16), ("HLG", 18)])
-def test_png_has_code_points_and_the_display_s_peak(
-    tmp_path: Path, transfer: Any, curve: int
-) -> None:
+def test_png_has_code_points_and_the_display_s_peak(tmp_path, transfer, curve):
     import SimpleITK
 
     codes = np.random.default_rng(1).integers(0, 65536, (9, 7, 3)).astype(np.uint16)
@@ -133,9 +131,7 @@ def ramp(width: int, height: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("transfer", "bits", "curve"), [("PQ", 10, 16), ("HLG", 12, 18)])
-def test_avif_has_its_bits_curve_and_codes(
-    tmp_path: Path, transfer: Any, bits: int, curve: int
-) -> None:
+def test_avif_has_its_bits_curve_and_codes(tmp_path, transfer, bits, curve):
     pytest.importorskip("imageio_ffmpeg")
     pixels, path = ramp(63, 41), tmp_path / "f.avif"
     path.write_bytes(encode(pixels, lambda file: AvifWriter(file, (63, 41), bits, Hdr(transfer))))
@@ -152,7 +148,7 @@ def test_avif_has_its_bits_curve_and_codes(
         assert read.size == (63, 41)
 
 
-def test_write_frame_makes_avif_of_hdr_only(tmp_path: Path) -> None:
+def test_write_frame_makes_avif_of_hdr_only(tmp_path):
     pytest.importorskip("imageio_ffmpeg")
     write_frame(tmp_path / "f.avif", ramp(16, 8), space=Hdr())
     assert (tmp_path / "f.avif").read_bytes()[4:12] == b"ftypavif"
@@ -164,7 +160,7 @@ def with_lights(scene: Any, export: str) -> Scene:
     return scene(f'{lit}[export]\nlights = ["sun"]\n{export}\n')
 
 
-def test_an_export_writes_hdr_frames_and_a_sheet(scene: Any, tmp_path: Path) -> None:
+def test_an_export_writes_hdr_frames_and_a_sheet(scene, tmp_path):
     made = with_lights(scene, "hdr = { peak_cd_m2 = 600 }").export(tmp_path / "f")
     assert made.files == ("sun.png", "sheet.png")
     found = chunks((tmp_path / "f/sun.png").read_bytes())
@@ -175,7 +171,7 @@ def test_an_export_writes_hdr_frames_and_a_sheet(scene: Any, tmp_path: Path) -> 
     assert np.abs(sheet - plain).max() <= 6
 
 
-def test_an_export_writes_avif_of_12_bits(scene: Any, tmp_path: Path) -> None:
+def test_an_export_writes_avif_of_12_bits(scene, tmp_path):
     pytest.importorskip("imageio_ffmpeg")
     table = 'format = "avif"\nbits = 12\nhdr = { transfer = "HLG" }\nsheet = false'
     made = with_lights(scene, table).export(tmp_path / "f")
@@ -204,9 +200,7 @@ def shown_on(display: Display, rig: Any = LIT) -> object:
         (lambda _, scene: with_lights(scene, 'hdr = {}\nannotate = ["scale"]'), SceneError, None),
     ],
 )
-def test_what_hdr_cannot_show_is_refused(
-    make: Any, kind: Any, field: str | None, scene: Any, tmp_path: Path
-) -> None:
+def test_what_hdr_cannot_show_is_refused(make, kind, field, scene, tmp_path):
     with raises(kind, field=field):
         make(tmp_path / "g.avif", scene)
     assert list(tmp_path.iterdir()) == []

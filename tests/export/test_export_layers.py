@@ -12,13 +12,10 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.export._layers import EVENING, HALF, LIGHTS, SHARES, SPEC, made, opened
-from tests.export.conftest import Make
 from tests.support.commands import GENERAL, METALS, call
-from tests.support.fixtures import Patch
 from tests.support.images import image
 from volspec.appearance import Viewing
 from volspec.appearance.spaces import SPACES
-from volspec.basis import Basis
 from volspec.basis.display import MODES
 from volspec.export import tiles
 from volspec.export.compositing import Recipe
@@ -33,7 +30,7 @@ COEFFICIENTS = {"format": "coefficients", "sheet": False}
 SPECTRAL = {"format": "exr", "spectral": True}
 
 
-def test_spectral_frames_are_those_that_relight_writes(scene: Make, tmp_path: Path) -> None:
+def test_spectral_frames_are_those_that_relight_writes(scene, tmp_path):
     made = scene("[viewing]\nbackdrop = 0.3\nexposure = 1.5\n")
     done = made.export(tmp_path / "out", **SPECTRAL, turntable={"frames": 2}, lights=["tube"])
     assert done.files == ("tube/0000.exr", "tube/0001.exr", "sheet.png")
@@ -49,9 +46,7 @@ def test_spectral_frames_are_those_that_relight_writes(scene: Make, tmp_path: Pa
     assert header["volspec:relight"].startswith("mode exact")
 
 
-def test_spectral_frames_grow_strip_by_strip_and_need_no_eye(
-    scene: Make, tmp_path: Path, monkeypatch: Patch
-) -> None:
+def test_spectral_frames_grow_strip_by_strip_and_need_no_eye(scene, tmp_path, monkeypatch):
     made = scene('[viewing]\nadapting = "pixel"\n')
     settings = {**SPECTRAL, "lights": ["day", "lamp"], "size": (8, 160), "sheet": False}
     made.export(tmp_path / "whole", **settings)
@@ -64,9 +59,7 @@ def test_spectral_frames_grow_strip_by_strip_and_need_no_eye(
         assert np.allclose(whole[name], strips[name], rtol=2 * HALF, atol=2.0**-24), name
 
 
-def test_coefficients_are_the_image_that_render_writes_once_a_camera(
-    scene: Make, tmp_path: Path
-) -> None:
+def test_coefficients_are_the_image_that_render_writes_once_a_camera(scene, tmp_path):
     made = scene()
     done = made.export(tmp_path / "one", format="coefficients")
     assert done.files == ("cast.exr", "sheet.png") and (done.made, done.casts) == (1, 1)
@@ -81,9 +74,7 @@ def test_coefficients_are_the_image_that_render_writes_once_a_camera(
     assert len(set(notes)) == 3
 
 
-def test_coefficients_of_keyframes_keep_the_numbers_of_its_frames(
-    scene: Make, tmp_path: Path
-) -> None:
+def test_coefficients_of_keyframes_keep_the_numbers_of_its_frames(scene, tmp_path):
     """Frames of a look that holds still share a cast, and each has its file and exposure."""
     keys = "".join(
         f"[[keyframe]]\ntime_s = {time}\nlights = {{ day = {day}, lamp = {1 - day} }}\n"
@@ -99,8 +90,8 @@ def test_coefficients_of_keyframes_keep_the_numbers_of_its_frames(
 
 
 def test_large_coefficients_are_put_together_of_windows_with_their_depth(
-    scene: Make, tmp_path: Path, monkeypatch: Patch
-) -> None:
+    scene, tmp_path, monkeypatch
+):
     made = scene()
     own = made.render(size=(200, 150))
     monkeypatch.setattr(tiles, "CAST_BYTES", 4 * 7 * 64 * 100)
@@ -118,7 +109,7 @@ def test_large_coefficients_are_put_together_of_windows_with_their_depth(
     assert np.isinf(small.depth_mm).all() and small.first_mm is None
 
 
-def test_the_command_writes_spectra(scene: Make, tmp_path: Path) -> None:
+def test_the_command_writes_spectra(scene, tmp_path):
     words = ("--format", "exr", "--spectral", "--light", "lamp", "--size", "8x6")
     assert call("export", scene().path, "-o", tmp_path, *words) == 0
     assert "S0.550,000000nm" in opened(tmp_path / "lamp.exr")[1]
@@ -139,9 +130,7 @@ def spectral(path: Path) -> tuple[dict[str, Any], NDArray[Any], NDArray[Any]]:
 
 @pytest.mark.parametrize("basis", [GENERAL, METALS], ids=["spectral", "materials"])
 @pytest.mark.parametrize("name", LIGHTS)
-def test_colours_of_a_spectral_frame_are_those_of_the_frame_to_half_rounding(
-    basis: Basis, name: str, tmp_path: Path
-) -> None:
+def test_colours_of_a_spectral_frame_are_those_of_the_frame_to_half_rounding(basis, name, tmp_path):
     image, spec = made(basis), dataclasses.replace(SPEC, mode="exact")
     write_spectral_frame(tmp_path / "s.exr", image, LIGHTS[name], spec, {"light": name})
     header, bands, preview = spectral(tmp_path / "s.exr")
@@ -159,9 +148,7 @@ def test_colours_of_a_spectral_frame_are_those_of_the_frame_to_half_rounding(
     assert header["spectralLayoutVersion"] == "1.0" and header["volspec:light"] == name
 
 
-def test_units_of_a_spectral_frame_are_those_of_white_under_the_viewing_s_lux(
-    tmp_path: Path,
-) -> None:
+def test_units_of_a_spectral_frame_are_those_of_white_under_the_viewing_s_lux(tmp_path):
     white = image(np.ones((1, 1, 7)), GENERAL)
     for lamp, lux in ((light("A"), 500.0), (LightRig((light("A"),), (), (80.0,)), 80.0)):
         for exposure in (1.0, 4.0):
@@ -175,7 +162,7 @@ def test_units_of_a_spectral_frame_are_those_of_white_under_the_viewing_s_lux(
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_a_spectral_frame_is_the_product_of_its_mode(mode: str) -> None:
+def test_a_spectral_frame_is_the_product_of_its_mode(mode):
     """White under flat light is flat in all; under a lamp exact and fitted keep its spectrum."""
     spec = RelightSpec(mode=mode, backdrop=0.0)
     flat = SpectralIllumination.of(GENERAL, light("E"), spec)
@@ -187,7 +174,7 @@ def test_a_spectral_frame_is_the_product_of_its_mode(mode: str) -> None:
     assert off < 1e-12 if mode in ("exact", "fitted") else off > 0.3
 
 
-def test_large_frames_are_written_in_strips(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_large_frames_are_written_in_strips(tmp_path, monkeypatch):
     image = made(kind=np.float16)
     write_spectral_frame(tmp_path / "whole.exr", image, EVENING, SPEC, {})
     monkeypatch.setattr(tiles, "STRIP_NUMBERS", 2 * (GENERAL.grid.size + 3) * 12)
@@ -203,7 +190,7 @@ def test_large_frames_are_written_in_strips(tmp_path: Path, monkeypatch: Patch) 
     assert np.allclose(whole[1], strips[1], rtol=2 * HALF, atol=0)
 
 
-def test_relight_writes_spectra_and_reads_them_back_as_a_picture(tmp_path: Path) -> None:
+def test_relight_writes_spectra_and_reads_them_back_as_a_picture(tmp_path):
     metals, names = made(METALS), ("a-FL2.exr", "a-D65.exr")
     metals.save(tmp_path / "m.exr")
     words = ("--spectral", "--light", "FL2", "--light", "D65", "--reflectance", "rotor=gold")

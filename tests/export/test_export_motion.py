@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,7 +29,7 @@ def plan(scene: Scene, **changes: object) -> Plan:
     return plan_export(scene, scene.volume(), scene.file.export)
 
 
-def test_numbers_never_leave_the_two_keys_they_lie_between() -> None:
+def test_numbers_never_leave_the_two_keys_they_lie_between():
     rng = np.random.default_rng(1)
     for _ in range(20):
         times, values = np.cumsum(rng.uniform(0.1, 2, 6)), rng.normal(size=6)
@@ -42,20 +41,20 @@ def test_numbers_never_leave_the_two_keys_they_lie_between() -> None:
         assert np.all(found >= low - 1e-12) and np.all(found <= high + 1e-12)
 
 
-def test_keys_are_met_and_stillness_kept_to_the_last_bit() -> None:
+def test_keys_are_met_and_stillness_kept_to_the_last_bit():
     times, values = [0.0, 0.1, 0.7, 1.0], [0.1, 0.3, 0.3, 7.7]
     for way in (animation.interpolate_keyframes, animation.interpolate_ratios):
         assert way(times, values, times).tolist() == values
         assert set(way(times, values, np.linspace(0.1, 0.7, 13)).tolist()) == {0.3}
 
 
-def test_motion_has_no_kink_at_a_key() -> None:
+def test_motion_has_no_kink_at_a_key():
     at = 1.0 + np.array([-2e-6, -1e-6, 0, 1e-6, 2e-6])
     speed = np.diff(animation.interpolate_keyframes([0, 1, 2, 3], [0, 1, 3, 4], at)) / 1e-6
     assert speed.max() - speed.min() < 1e-4  # a polygon's would jump by 1
 
 
-def test_angles_go_the_short_way_round() -> None:
+def test_angles_go_the_short_way_round():
     met = animation.interpolate_angles([0, 1, 2], [350, 10, -170], [0, 1, 2])
     assert met.tolist() == [350, 370, 190]
     times = np.arange(5)
@@ -73,7 +72,7 @@ CAMERAS = (
 )
 
 
-def test_an_orbit_keeps_its_height_its_way_round_and_its_last_zoom(scene: Make) -> None:
+def test_an_orbit_keeps_its_height_its_way_round_and_its_last_zoom(scene):
     cameras = [shot.camera for shot in plan(scene(CAMERAS)).shots]
     assert len(cameras) == 21
     towards = np.array([np.subtract(each.position_mm, each.target_mm) for each in cameras])
@@ -92,7 +91,7 @@ def places(*each: object) -> str:
     return "".join(keys) + OF_DAY
 
 
-def test_places_move_as_the_orbit_that_they_lie_on(scene: Make) -> None:
+def test_places_move_as_the_orbit_that_they_lie_on(scene):
     """Around the target at their distance; numbers of their own would lead through the ball."""
     turned = CAMERAS.replace("azimuth_deg = 80,", "azimuth_deg = 80, zoom = 4,")
     met = plan(scene(turned)).shots
@@ -103,21 +102,21 @@ def test_places_move_as_the_orbit_that_they_lie_on(scene: Make) -> None:
         assert placed.camera.frame()[1] == pytest.approx(orbiting.camera.frame()[1], abs=1e-9)
 
 
-def test_a_camera_that_keeps_its_place_is_cast_once(scene: Make) -> None:
+def test_a_camera_that_keeps_its_place_is_cast_once(scene):
     made = scene(places([0, -99, 50], [70, 0, 60], [70, 0, 60]))
     cameras = [shot.camera for shot in plan(made).shots]
     assert cameras[10].position_mm == pytest.approx((70, 0, 60), abs=1e-12)
     assert len(set(cameras[10:])) == 1 and len(set(cameras)) == 11
 
 
-def test_a_camera_beside_its_target_flies_straight(scene: Make) -> None:
+def test_a_camera_beside_its_target_flies_straight(scene):
     beside = (f"[{x}, -90, 8], target_mm = [{x}, 8, 8]" for x in (0, 50, 90))
     for shot in plan(scene(places(*beside))).shots:
         x, y, z = shot.camera.position_mm
         assert (x, y, z) == pytest.approx((shot.camera.target_mm[0], -90, 8), abs=1e-9)
 
 
-def test_a_place_above_its_target_takes_its_azimuth_from_the_others(scene: Make) -> None:
+def test_a_place_above_its_target_takes_its_azimuth_from_the_others(scene):
     key = "{}, target_mm = [8, 8, 8], up = [0, {}, {}]".format
     text = places(key([8, -92, 8], 0, 1), key([8, 8, 108], 1, 0), key([8, 8, 108], 1, 0))
     cameras = [shot.camera for shot in plan(scene(text)).shots]
@@ -127,7 +126,7 @@ def test_a_place_above_its_target_takes_its_azimuth_from_the_others(scene: Make)
     assert cameras[10].up == (0, 1, 0)
 
 
-def test_a_scene_with_a_place_is_moved_by_places_targets_and_angles(scene: Make) -> None:
+def test_a_scene_with_a_place_is_moved_by_places_targets_and_angles(scene):
     camera = "[camera]\nposition_mm = [8, -92, 8]\ntarget_mm = [8, 8, 8]\n"
     look = "camera = {{ target_mm = [8, 8, {}], fov_deg = {} }}".format
     text = camera + K(0, look(8, 30)) + K(2, look(20, 50))
@@ -135,7 +134,7 @@ def test_a_scene_with_a_place_is_moved_by_places_targets_and_angles(scene: Make)
     assert middle == Camera((8, -92, 8), (8, 8, 14), fov_deg=40)
 
 
-def test_an_orbit_that_no_keyframe_uses_may_look_along_its_axis(scene: Make) -> None:
+def test_an_orbit_that_no_keyframe_uses_may_look_along_its_axis(scene):
     made = scene(places([0, -99, 50], [70, 0, 60], [70, 0, 60]))
     above = scene("[camera]\nelevation_deg = 90\n" + made.path.read_text().split("height = 24")[1])
     assert [s.camera for s in plan(above).shots] == [s.camera for s in plan(made).shots]
@@ -146,9 +145,7 @@ def test_an_orbit_that_no_keyframe_uses_may_look_along_its_axis(scene: Make) -> 
     [({"frames": 8}, 45), ({"frames": 3, "degrees": -90}, -45)],
     ids=["whole", "part"],
 )
-def test_a_turntable_is_an_azimuth_in_even_steps(
-    scene: Make, table: dict[str, int], step_deg: float
-) -> None:
+def test_a_turntable_is_an_azimuth_in_even_steps(scene, table, step_deg):
     made = scene()
     volume = made.volume()
     shots = plan(made, turntable=table, lights=["day"]).shots
@@ -160,7 +157,7 @@ def test_a_turntable_is_an_azimuth_in_even_steps(
     assert shots[0].camera == made.camera(volume)
 
 
-def test_a_cast_is_shared_by_all_lights_and_by_moments_that_are_alike(scene: Make) -> None:
+def test_a_cast_is_shared_by_all_lights_and_by_moments_that_are_alike(scene):
     assert len(plan(scene()).casts()) == 1
     turned = plan(scene(), turntable={"frames": 5})
     assert [len(shots) for shots in turned.casts()] == [3] * 5
@@ -177,7 +174,7 @@ KEYS = (
 )
 
 
-def test_keyframes_move_light_look_and_transfer_function(scene: Make) -> None:
+def test_keyframes_move_light_look_and_transfer_function(scene):
     made = scene(KEYS)
     shots = plan(made).shots
     # Into what will hold still it runs out slowly: half of the time is more than half the way.
@@ -203,9 +200,7 @@ def test_keyframes_move_light_look_and_transfer_function(scene: Make) -> None:
         (1.0, 3, [0, 1 / 3, 2 / 3, 1]),
     ],
 )
-def test_the_last_frame_is_the_last_keyframe_s(
-    scene: Make, last_s: float, fps: float, times: list[float]
-) -> None:
+def test_the_last_frame_is_the_last_keyframe_s(scene, last_s, fps, times):
     made = scene(K(0, "camera.azimuth_deg = 10") + K(last_s, "camera.azimuth_deg = 50"))
     assert animation.frame_times_s(made.file.keyframe, fps).tolist() == pytest.approx(times)
     orbit = Camera.orbit(made.volume(), azimuth_deg=50, elevation_deg=20)
@@ -213,13 +208,13 @@ def test_the_last_frame_is_the_last_keyframe_s(
     assert len(animation.frame_times_s(scene(K(0, "") + K(2, "")).file.keyframe, 24)) == 49
 
 
-def test_a_film_of_one_keyframe_is_one_frame(scene: Make) -> None:
+def test_a_film_of_one_keyframe_is_one_frame(scene):
     made = scene(K(3, "viewing.exposure = 2"))
     (shot,) = plan(made, lights=["day"]).shots
     assert shot.spec.viewing.exposure == 2
 
 
-def test_points_move_with_opacity_and_material(scene: Make) -> None:
+def test_points_move_with_opacity_and_material(scene):
     points = 'transfer.points = [{}, {{ value = {}, opacity = {}, material = "{}" }}]'.format
     low = '{{ value = {}, opacity = 0.0, material = "grey" }}'.format
     text = K(0, points(low(0.2), 0.6, 0.2, "grey")) + K(1, points(low(0.4), 0.7, 0.6, "gold"))
@@ -230,7 +225,7 @@ def test_points_move_with_opacity_and_material(scene: Make) -> None:
     assert dict(mix) == pytest.approx({"gold": 0.5, "grey": 0.5})
 
 
-def test_a_sweep_meets_every_light_and_gives_light_all_the_way() -> None:
+def test_a_sweep_meets_every_light_and_gives_light_all_the_way():
     open_, closed = sweep_weights(3, 9), sweep_weights(3, 9, closed=True)
     assert np.all(open_.sum(axis=1) == 1) and np.all(closed.sum(axis=1) == 1)
     assert [row.argmax() for row in open_ if row.max() == 1] == [0, 1, 2]
@@ -239,13 +234,13 @@ def test_a_sweep_meets_every_light_and_gives_light_all_the_way() -> None:
     assert sweep_weights(2, 1).tolist() == [[1, 0]]
 
 
-def test_a_turn_and_a_sweep_of_as_many_frames_go_together(scene: Make) -> None:
+def test_a_turn_and_a_sweep_of_as_many_frames_go_together(scene):
     both = plan(scene(), turntable={"frames": 5}, sweep={"frames": 5})
     assert [shot.light for shot in both.shots[::2]] == ["day", "lamp", "tube"]
     assert len(both.casts()) == len(both.shots) == 5
 
 
-def test_lux_count_where_all_that_shine_carry_them() -> None:
+def test_lux_count_where_all_that_shine_carry_them():
     day = LightRig((light("D65"), light("A")), (1, 0.5), (900, 100), ("key", "fill"))
     lamp, bare = LightRig((light("FL2"),), (2,), (50,)), LightRig((light("E"),))
     both = mixed_rig([day, bare, lamp], [0.5, 0.0, 1.0])
@@ -296,7 +291,7 @@ SPECTRAL, COEFFICIENTS = 'format = "exr"\nspectral = true\n', 'format = "coeffic
         ("size keyframe", K(0, "") + K(1e308, "")),
     ],
 )
-def test_a_table_that_cannot_be_is_refused_by_name(scene: Make, more: str, said: str) -> None:
+def test_a_table_that_cannot_be_is_refused_by_name(scene, more, said):
     with raises(SceneError, *said.split(" ")):
         scene(more)
 
@@ -335,9 +330,7 @@ def exposed(at_s: int) -> str:
         ("conflict", "[raycast]\nopacities = { gold = 0.5 }\n"),
     ],
 )
-def test_what_cannot_be_planned_is_refused_with_its_keyframe_s_time(
-    scene: Make, said: str, more: str
-) -> None:
+def test_what_cannot_be_planned_is_refused_with_its_keyframe_s_time(scene, said, more):
     code, _, place = said.partition(" ")
     with raises(SceneError, code) as caught:
         plan(scene(more))
@@ -346,14 +339,14 @@ def test_what_cannot_be_planned_is_refused_with_its_keyframe_s_time(
     assert ("between" in caught.value.remedy) == ("at 1 s" in place or "up at" in place)
 
 
-def test_at_absolute_level_lights_have_lux_or_are_relit_later(scene: Make) -> None:
+def test_at_absolute_level_lights_have_lux_or_are_relit_later(scene):
     made = scene(LUX)
     assert plan(made, lights=["lit"]).lights[0].name == "lit"
     assert plan(made, format="coefficients").shots, "they are relit at a level of their own"
     assert plan(scene(LUX + K(0, MIXED(0)) + K(1, MIXED(0)))).shots
 
 
-def test_a_scene_with_an_export_is_written_back_as_it_was(scene: Make) -> None:
+def test_a_scene_with_an_export_is_written_back_as_it_was(scene):
     made = scene("# Why.\n[export]\nfps = 10 # slow\nsweep = { closed = true }\n")
     rows = (
         Keyframe(0, KeyCamera(azimuth_deg=1.5), viewing=KeyViewing(L_A=20)),
@@ -380,9 +373,7 @@ def fading(scene: Make, layers: int, more: str = "") -> Scene:
 
 
 @pytest.mark.parametrize(("layers", "casts"), [(8, 1), slow(0, 3)])
-def test_a_material_fades_with_layers_from_one_cast(
-    scene: Make, tmp_path: Path, layers: int, casts: int
-) -> None:
+def test_a_material_fades_with_layers_from_one_cast(scene, tmp_path, layers, casts):
     made = fading(scene, layers).exporting(fps=2, lights=["lamp"])
     shots = plan(made).shots
     assert [shot.opacities["gold"] for shot in shots] == [1.0, 0.5, 0.0]
@@ -396,7 +387,7 @@ def test_a_material_fades_with_layers_from_one_cast(
         assert np.abs(found.astype(int) - exact.astype(int)).max() <= (4 if layers else 1)
 
 
-def test_materials_that_are_not_there_and_lights_that_do_not_mix_are_refused(scene: Make) -> None:
+def test_materials_that_are_not_there_and_lights_that_do_not_mix_are_refused(scene):
     with raises(SceneError, "unknown") as caught:
         plan(fading(scene, 0, ", silk = 1.0"))
     assert "silk" in str(caught.value) and "at 1 s" in str(caught.value)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.export.conftest import SCENE, Make
+from tests.export.conftest import SCENE
 from tests.export.test_files_whole import left_by_a_kill
 from tests.support.errors import raises, refuses
 from tests.support.fixtures import Patch, slow
@@ -44,9 +44,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("share", [slow(0.2), 0.97])
-def test_a_killed_export_goes_on_and_leaves_the_same_bytes(
-    scene: Make, tmp_path: Path, share: float
-) -> None:
+def test_a_killed_export_goes_on_and_leaves_the_same_bytes(scene, tmp_path, share):
     made, folder = scene(), tmp_path / "killed"
     made.export(tmp_path / "whole", **SETTINGS)
     expected = contents(tmp_path / "whole")
@@ -62,7 +60,7 @@ def test_a_killed_export_goes_on_and_leaves_the_same_bytes(
     assert done.made == 8 - len(there) and contents(folder) == expected
 
 
-def test_the_same_scene_gives_the_same_bytes_and_is_made_once(scene: Make, tmp_path: Path) -> None:
+def test_the_same_scene_gives_the_same_bytes_and_is_made_once(scene, tmp_path):
     def made_and_cast(name: str) -> tuple[int, int]:
         done = scene().export(tmp_path / name, format="exr", transparent=True)
         return done.made, done.casts
@@ -75,7 +73,7 @@ def test_the_same_scene_gives_the_same_bytes_and_is_made_once(scene: Make, tmp_p
     assert contents(tmp_path / "a") == contents(tmp_path / "b")
 
 
-def test_a_frame_of_another_size_than_it_had_is_made_anew(scene: Make, tmp_path: Path) -> None:
+def test_a_frame_of_another_size_than_it_had_is_made_anew(scene, tmp_path):
     scene().export(tmp_path, lights=["day", "lamp"])
     whole = contents(tmp_path)
     for name in ("lamp.png", "sheet.png"):
@@ -102,8 +100,8 @@ OWN = '[[light]]\nname = "own"\nspectrum = "lamp.csv"\n'
     ],
 )
 def test_a_folder_of_another_scene_is_refused_unless_told(
-    ball_folder: Path, scene: Make, tmp_path: Path, before: str, after: str
-) -> None:
+    ball_folder, scene, tmp_path, before, after
+):
     (ball_folder / "lamp.csv").write_text("380,1\n780,1\n")
     scene(before).export(tmp_path, lights=["day", "tube"])
     (tmp_path / "mine.txt").write_text("stays")
@@ -116,7 +114,7 @@ def test_a_folder_of_another_scene_is_refused_unless_told(
     assert set(contents(tmp_path)) == {"lamp.png", "sheet.png", "export.json", "mine.txt"}
 
 
-def test_folders_of_others_are_not_written_into(scene: Make, tmp_path: Path) -> None:
+def test_folders_of_others_are_not_written_into(scene, tmp_path):
     (tmp_path / "lamp.png").write_bytes(b"mine")
     refuses(lambda: scene().export(tmp_path), "duplicate", InputError)
     assert contents(tmp_path) == {"lamp.png": b"mine"}
@@ -126,7 +124,7 @@ def test_folders_of_others_are_not_written_into(scene: Make, tmp_path: Path) -> 
         scene().export(tmp_path / "busy")
 
 
-def test_a_manifest_that_leads_elsewhere_deletes_nothing_there(scene: Make, tmp_path: Path) -> None:
+def test_a_manifest_that_leads_elsewhere_deletes_nothing_there(scene, tmp_path):
     folder, victim = tmp_path / "out", tmp_path / "victim.png"
     folder.mkdir()
     victim.write_bytes(b"mine")
@@ -152,9 +150,7 @@ def full_disk(monkeypatch: Patch, method: str = "write_bytes", room: int = 0) ->
         yield
 
 
-def test_a_full_disk_leaves_what_is_done_and_says_so_in_a_line(
-    scene: Make, tmp_path: Path, monkeypatch: Patch
-) -> None:
+def test_a_full_disk_leaves_what_is_done_and_says_so_in_a_line(scene, tmp_path, monkeypatch):
     made = scene()
     with full_disk(monkeypatch, room=3):
         made.export(tmp_path / "out", **SETTINGS)
@@ -166,9 +162,7 @@ def test_a_full_disk_leaves_what_is_done_and_says_so_in_a_line(
 
 
 @pytest.mark.parametrize("name", ["out", "film.gif"])
-def test_a_disk_full_from_the_start_has_no_folder_left_on_it(
-    scene: Make, tmp_path: Path, monkeypatch: Patch, name: str
-) -> None:
+def test_a_disk_full_from_the_start_has_no_folder_left_on_it(scene, tmp_path, monkeypatch, name):
     made = scene()
     for method in ("write_bytes", "write_text"):  # the frames; the manifest
         with full_disk(monkeypatch, method):
@@ -181,7 +175,7 @@ def test_a_disk_full_from_the_start_has_no_folder_left_on_it(
     assert [each.name for each in (tmp_path / "mine").iterdir()] == ["notes.txt"]
 
 
-def test_a_folder_that_cannot_be_is_refused_before_the_cast(scene: Make, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_is_refused_before_the_cast(scene, tmp_path):
     (tmp_path / "file").write_text("")
     # Names of other endings are in the command's transcripts.
     for path, code in (("file", "type"), ("file/below", "unwritable")):
@@ -190,7 +184,7 @@ def test_a_folder_that_cannot_be_is_refused_before_the_cast(scene: Make, tmp_pat
     assert [each.name for each in tmp_path.iterdir()] == ["file"]
 
 
-def test_scenes_and_lights_of_any_name_are_exported(scene: Make, tmp_path: Path) -> None:
+def test_scenes_and_lights_of_any_name_are_exported(scene, tmp_path):
     hostile = "</script>\"'\u202e\u2066 .."
     text = SCENE.replace('"Ball"', f"'''{hostile}'''")
     text = text.replace('"day"', json.dumps(hostile, ensure_ascii=False))

@@ -5,16 +5,14 @@ from __future__ import annotations
 import re
 import warnings
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from tests.export.conftest import Make
 from tests.support.commands import call, figures
 from tests.support.errors import raises
-from tests.support.fixtures import Capture, Patch, slow
+from tests.support.fixtures import slow
 from volspec._exr import read_exr
 from volspec.appearance.spaces import SPACES
 from volspec.errors import ImageError, InputError, VolspecWarning
@@ -39,7 +37,7 @@ def relit(scene: Scene, light: int, **cast: object) -> np.ndarray:
         return relighter.frame(scene.lights[light].rig, scene.relight.viewing)
 
 
-def test_every_light_is_relit_from_one_cast(scene: Make, tmp_path: Path) -> None:
+def test_every_light_is_relit_from_one_cast(scene, tmp_path):
     made = scene()
     done = made.export(tmp_path / "out")
     assert (done.frames, done.made, done.casts) == (3, 3, 1)
@@ -51,7 +49,7 @@ def test_every_light_is_relit_from_one_cast(scene: Make, tmp_path: Path) -> None
     assert {"camera", "transfer", "viewing", "relight", "raycast", "volume"} <= set(text)
 
 
-def test_a_turntable_has_a_folder_for_each_light(scene: Make, tmp_path: Path) -> None:
+def test_a_turntable_has_a_folder_for_each_light(scene, tmp_path):
     made = scene()
     done = made.export(tmp_path, turntable={"frames": 2}, lights=["tube", "day"], sheet=False)
     assert done.files == ("tube/0000.png", "tube/0001.png", "day/0000.png", "day/0001.png")
@@ -59,9 +57,7 @@ def test_a_turntable_has_a_folder_for_each_light(scene: Make, tmp_path: Path) ->
     assert np.array_equal(codes(tmp_path / "tube" / "0000.png"), relit(made, 2))
 
 
-def test_windows_and_strips_make_the_picture_of_one_cast(
-    scene: Make, tmp_path: Path, monkeypatch: Patch
-) -> None:
+def test_windows_and_strips_make_the_picture_of_one_cast(scene, tmp_path, monkeypatch):
     settings = {"size": (200, 150), "bits": 16, "lights": ["lamp"]}
     scene().export(tmp_path / "whole", **settings)
     monkeypatch.setattr(tiles, "CAST_BYTES", 4 * 7 * 64 * 100)
@@ -80,9 +76,7 @@ def test_windows_and_strips_make_the_picture_of_one_cast(
 @pytest.mark.parametrize(
     ("limit", "value"), [("CAST_BYTES", 4 * 7 * 64 * 100), ("STRIP_SIDE", 128)]
 )
-def test_an_empty_picture_is_told_however_it_is_cut(
-    limit: str, value: int, scene: Make, tmp_path: Path, monkeypatch: Patch
-) -> None:
+def test_an_empty_picture_is_told_however_it_is_cut(limit, value, scene, tmp_path, monkeypatch):
     made = scene("[camera]\ntarget_mm = [900, 0, 0]\n")
     monkeypatch.setattr(tiles, limit, value)
     with pytest.warns(VolspecWarning) as caught:
@@ -90,7 +84,7 @@ def test_an_empty_picture_is_told_however_it_is_cut(
     assert ["empty" in str(each.message) for each in caught] == [True]
 
 
-def test_every_size_is_cut_into_windows_that_cover_it_once() -> None:
+def test_every_size_is_cut_into_windows_that_cover_it_once():
     for size, samples in (((1, 1), 1), ((20000, 9000), 3), ((65536, 10), 8), ((10, 65536), 2)):
         canvas = tiles.Canvas(size, samples, 8 * 16)
         strips = canvas.strips()
@@ -103,7 +97,7 @@ def test_every_size_is_cut_into_windows_that_cover_it_once() -> None:
             assert all(samples * max(w.width, w.height) <= 16384 for w in windows)
 
 
-def test_more_rays_a_pixel_are_averaged_as_light_not_as_codes(scene: Make, tmp_path: Path) -> None:
+def test_more_rays_a_pixel_are_averaged_as_light_not_as_codes(scene, tmp_path):
     settings = {"lights": ["lamp"], "format": "exr", "shows": "scene"}
     for n in (1, 2):
         scene().export(tmp_path / str(n), **settings, size=(64 // n, 48 // n), samples=n)
@@ -113,9 +107,7 @@ def test_more_rays_a_pixel_are_averaged_as_light_not_as_codes(scene: Make, tmp_p
     assert mixed == pytest.approx(mean, rel=2e-3, abs=1e-5)
 
 
-def test_opacity_and_backdrop_put_together_are_the_opaque_picture(
-    scene: Make, tmp_path: Path
-) -> None:
+def test_opacity_and_backdrop_put_together_are_the_opaque_picture(scene, tmp_path):
     made = scene("[viewing]\nbackdrop = 0.3\n")
     settings = {"format": "exr", "shows": "scene", "lights": ["day"], "size": (64, 48)}
     made.export(tmp_path / "opaque", **settings)
@@ -129,7 +121,7 @@ def test_opacity_and_backdrop_put_together_are_the_opaque_picture(
     assert opaque == pytest.approx(clear[..., :3] + (1 - alpha) * bare[0], rel=3e-3, abs=1e-4)
 
 
-def test_a_transparent_png_has_the_surfaces_own_colour(scene: Make, tmp_path: Path) -> None:
+def test_a_transparent_png_has_the_surfaces_own_colour(scene, tmp_path):
     scene().export(tmp_path, lights=["day"], transparent=True, size=(64, 48))
     pixels = codes(tmp_path / "day.png")
     assert pixels.shape == (48, 64, 4) and (pixels[pixels[..., 3] == 0] == 0).all()
@@ -138,7 +130,7 @@ def test_a_transparent_png_has_the_surfaces_own_colour(scene: Make, tmp_path: Pa
     assert len(edge) > 3 and edge[:, :3].min() > 90
 
 
-def test_display_light_in_exr_is_the_codes_decoded(scene: Make, tmp_path: Path) -> None:
+def test_display_light_in_exr_is_the_codes_decoded(scene, tmp_path):
     made = scene()
     made.export(tmp_path / "exr", lights=["lamp"], format="exr")
     expected = SPACES["sRGB"].decode(relit(made, 1) / 255)
@@ -147,7 +139,7 @@ def test_display_light_in_exr_is_the_codes_decoded(scene: Make, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("name", ["ACES AP0", "ACES AP1", "Rec. 709"])
-def test_white_is_white_in_all_primaries(name: str, scene: Make, tmp_path: Path) -> None:
+def test_white_is_white_in_all_primaries(name, scene, tmp_path):
     to = PRIMARIES[name]
     for space in (SPACES["sRGB"], SPACES["DCI-P3"]):
         white = to.RGB_from_XYZ @ white_adaptation(space, to) @ space.white_XYZ
@@ -159,7 +151,7 @@ def test_white_is_white_in_all_primaries(name: str, scene: Make, tmp_path: Path)
     assert header["volspec:light"] == "day"
 
 
-def test_rec_709_to_aces_is_the_published_matrix() -> None:
+def test_rec_709_to_aces_is_the_published_matrix():
     """Bradford from D65 to ACES' white, as OpenColorIO's configs have it."""
     to, space = PRIMARIES["ACES AP0"], PRIMARIES["Rec. 709"]
     matrix = to.RGB_from_XYZ @ white_adaptation(space, to) @ space.XYZ_from_RGB
@@ -175,8 +167,8 @@ def test_rec_709_to_aces_is_the_published_matrix() -> None:
     ("measured", "backdrop"), [slow('adapting = "picture"', 0.9), ('surround = "measured"', 0.0)]
 )
 def test_an_eye_adapts_to_the_whole_picture_in_parts_and_without_backdrop(
-    scene: Make, tmp_path: Path, monkeypatch: Patch, measured: str, backdrop: float
-) -> None:
+    scene, tmp_path, monkeypatch, measured, backdrop
+):
     made = scene(f"[viewing]\n{measured}\nbackdrop = {backdrop}\n")
     settings = {"lights": ["lamp"], "size": (200, 150)}
     made.export(tmp_path / "whole", **settings)
@@ -195,9 +187,7 @@ def test_an_eye_adapts_to_the_whole_picture_in_parts_and_without_backdrop(
 
 @pytest.mark.parametrize("lights", [3, slow(12)])  # columns of their own, and rows after each other
 @pytest.mark.parametrize("size", [(1, 700), (1701, 1)])
-def test_sheets_of_very_tall_and_very_wide_frames_stay_small(
-    size: tuple[int, int], lights: int, scene: Make, tmp_path: Path
-) -> None:
+def test_sheets_of_very_tall_and_very_wide_frames_stay_small(size, lights, scene, tmp_path):
     row = '[[light]]\nname = "{}"\nspectrum = "D65"\n'
     more = "".join(row.format(i) for i in range(lights - 3))
     scene(more).export(tmp_path, size=size)
@@ -205,9 +195,7 @@ def test_sheets_of_very_tall_and_very_wide_frames_stay_small(
         assert max(sheet.size) < 4000
 
 
-def test_many_frames_of_many_strips_are_made_in_batches(
-    scene: Make, tmp_path: Path, monkeypatch: Patch
-) -> None:
+def test_many_frames_of_many_strips_are_made_in_batches(scene, tmp_path, monkeypatch):
     made, settings = scene(), {"size": (8, 160), "sheet": False}
     made.export(tmp_path / "whole", **settings)
     monkeypatch.setattr(tiles, "STRIP_SIDE", 128)
@@ -234,17 +222,15 @@ def test_many_frames_of_many_strips_are_made_in_batches(
     ],
 )
 def test_a_setting_that_is_none_is_refused_before_anything_is_made(
-    scene: Make, tmp_path: Path, settings: dict[str, Any], code: str, field: str | None
-) -> None:
+    scene, tmp_path, settings, code, field
+):
     made = scene('[viewing]\nadapting = "pixel"\n' if "transparent" in settings else "")
     with raises(InputError, code, field):
         made.export(tmp_path / "out", **settings)
     assert not (tmp_path / "out").exists()
 
 
-def test_the_command_makes_frames_and_tells_of_them(
-    scene: Make, tmp_path: Path, capsys: Capture
-) -> None:
+def test_the_command_makes_frames_and_tells_of_them(scene, tmp_path, capsys):
     out = tmp_path / "out"
     words = ("export", scene().path, "-o", out, "--size", "16x12", "--turntable", 2, "-l", "day")
     made = figures(capsys, *words)
@@ -255,9 +241,7 @@ def test_the_command_makes_frames_and_tells_of_them(
     assert re.findall(r"\b\d+\b", printed) == ["2", "0", "0", "2"]
 
 
-def test_a_turntable_is_one_turn_unless_more_lights_are_asked_for(
-    scene: Make, tmp_path: Path, capsys: Capture
-) -> None:
+def test_a_turntable_is_one_turn_unless_more_lights_are_asked_for(scene, tmp_path, capsys):
     def files(name: str, *more: object, scene_text: str = "") -> list[str]:
         path = scene(scene_text).path
         words = (path, "-o", tmp_path / name, "--size", "8x6", "--turntable", 2, *more)
@@ -287,9 +271,7 @@ illuminance_lux = {}
 @pytest.mark.parametrize(
     "settings", [{}, slow({"bits": 16}), slow({"transparent": True}), {"format": "exr"}]
 )
-def test_absurd_lux_are_told_whatever_the_file(
-    settings: dict[str, Any], scene: Make, tmp_path: Path
-) -> None:
+def test_absurd_lux_are_told_whatever_the_file(settings, scene, tmp_path):
     for lux, problem in ((1e-9, "black"), (1e12, "clipped")):
         with pytest.warns(VolspecWarning) as caught:
             scene(LUX.format(lux)).export(
@@ -298,14 +280,12 @@ def test_absurd_lux_are_told_whatever_the_file(
         assert problem in str(caught[0].message)
 
 
-def test_a_bright_picture_is_not_told(scene: Make, tmp_path: Path) -> None:
+def test_a_bright_picture_is_not_told(scene, tmp_path):
     """Warnings are errors here; at 3000 lx, three times the viewing's, highlights are clipped."""
     scene(LUX.format(3000)).export(tmp_path, lights=["lit"], sheet=False)
 
 
-def test_many_frames_and_their_strips_are_one_warning(
-    scene: Make, tmp_path: Path, monkeypatch: Patch
-) -> None:
+def test_many_frames_and_their_strips_are_one_warning(scene, tmp_path, monkeypatch):
     monkeypatch.setattr(tiles, "STRIP_SIDE", 64)
     made = scene(LUX.format(1e-9))
     with pytest.warns(VolspecWarning) as caught:
@@ -323,7 +303,7 @@ def messages(pixels: np.ndarray, alpha: np.ndarray) -> list[str]:
     return [str(each.message) for each in caught]
 
 
-def test_of_what_is_covered_all_but_a_thousandth_must_be_blank() -> None:
+def test_of_what_is_covered_all_but_a_thousandth_must_be_blank():
     frame, opaque = np.zeros((100, 100, 3), np.uint8), np.ones((100, 100))
     frame.reshape(-1, 3)[:10] = 9
     assert ["black" in message for message in messages(frame, opaque)] == [True]
@@ -335,7 +315,7 @@ def test_of_what_is_covered_all_but_a_thousandth_must_be_blank() -> None:
     assert messages(frame, 0 * opaque) == [], "an empty picture is reported by its cast"
 
 
-def test_a_saturated_colour_is_clipped_where_no_channel_has_a_shade_left() -> None:
+def test_a_saturated_colour_is_clipped_where_no_channel_has_a_shade_left():
     opaque = np.ones((4, 4))
     assert "clipped" in messages(np.full((4, 4, 3), (255, 255, 0), np.uint8), opaque)[0]
     assert messages(np.full((4, 4, 3), (255, 200, 0), np.uint8), opaque) == []

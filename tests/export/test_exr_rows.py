@@ -14,7 +14,6 @@ import pytest
 
 from tests.export._layers import opened
 from tests.support.errors import raises
-from tests.support.fixtures import Patch
 from tests.support.patience import PATIENCE_S
 from volspec._exr import write_exr
 from volspec.appearance.spaces import SPACES
@@ -47,9 +46,7 @@ def picture(size: tuple[int, int], channels: int, noise: bool) -> np.ndarray:
 @pytest.mark.parametrize("bands", [None, BANDS])
 @pytest.mark.parametrize("has_alpha", [False, True])
 @pytest.mark.parametrize("size", [(1, 1), (5, 37), (33, 16)])
-def test_every_half_is_read_back(
-    size: tuple[int, int], has_alpha: bool, bands: ExrBands | None, noise: bool, tmp_path: Path
-) -> None:
+def test_every_half_is_read_back(size, has_alpha, bands, noise, tmp_path):
     header = ExrHeader(size, SPACES["sRGB"], TEXT, has_alpha, bands)
     pixels = picture(size, len(header.channels), noise)
     (tmp_path / "a.exr").write_bytes(exr_bytes(pixels, header))
@@ -64,7 +61,7 @@ def test_every_half_is_read_back(
     assert said.get("emissiveUnits") == (None if bands is None else "W")
 
 
-def test_rows_may_come_in_any_pieces(tmp_path: Path) -> None:
+def test_rows_may_come_in_any_pieces(tmp_path):
     header = ExrHeader((6, 50), SPACES["sRGB"])
     pixels = picture((6, 50), 3, noise=False)
     with exr_file(tmp_path / "a.exr", header) as file:
@@ -73,9 +70,7 @@ def test_rows_may_come_in_any_pieces(tmp_path: Path) -> None:
     assert (tmp_path / "a.exr").read_bytes() == exr_bytes(pixels, header)
 
 
-def test_blocks_stand_in_their_order_whichever_is_packed_first(
-    tmp_path: Path, monkeypatch: Patch
-) -> None:
+def test_blocks_stand_in_their_order_whichever_is_packed_first(tmp_path, monkeypatch):
     header = ExrHeader((8, 160), SPACES["sRGB"])
     pixels = picture((8, 160), 3, noise=False)
     whole, packed = exr_bytes(pixels, header), exr._compressed
@@ -94,16 +89,14 @@ def test_blocks_stand_in_their_order_whichever_is_packed_first(
     assert (tmp_path / "a.exr").read_bytes() == whole
 
 
-def test_what_no_half_can_hold_is_the_largest_and_nan_is_black(tmp_path: Path) -> None:
+def test_what_no_half_can_hold_is_the_largest_and_nan_is_black(tmp_path):
     header = ExrHeader((4, 1), SPACES["sRGB"])
     pixels = np.repeat(np.array([[np.inf, -1e9, np.nan, 0.5]]), 3, axis=0).T[None]
     (tmp_path / "a.exr").write_bytes(exr_bytes(pixels, header))
     assert opened(tmp_path / "a.exr")[1]["G"].tolist() == [[65504, -65504, 0, 0.5]]
 
 
-def test_a_disk_without_room_for_an_image_is_named_as_by_other_writers(
-    tmp_path: Path, monkeypatch: Patch
-) -> None:
+def test_a_disk_without_room_for_an_image_is_named_as_by_other_writers(tmp_path, monkeypatch):
     def full(file: object, path: str) -> None:
         raise RuntimeError(f'Failed to write "{path}". No space left on device.')
 
@@ -113,7 +106,7 @@ def test_a_disk_without_room_for_an_image_is_named_as_by_other_writers(
     assert "make room" in str(caught.value) and ".part" not in str(caught.value)
 
 
-def test_a_disk_that_fills_up_amid_the_rows_leaves_what_was_there(tmp_path: Path) -> None:
+def test_a_disk_that_fills_up_amid_the_rows_leaves_what_was_there(tmp_path):
     path = tmp_path / "a.exr"
     path.write_text("before")
     header = ExrHeader((64, 50), SPACES["sRGB"])

@@ -17,7 +17,6 @@ from types import SimpleNamespace
 import pytest
 
 from tests.support.errors import raises
-from tests.support.fixtures import Patch
 from volspec import _files
 from volspec._files import captured_output, clear_unfinished, keep_newest, write_whole
 from volspec.errors import InputError
@@ -66,9 +65,7 @@ def umask(request: pytest.FixtureRequest) -> Iterator[int]:
     os.umask(before)
 
 
-def test_permissions_are_those_of_a_plain_open_beside_concurrent_writers(
-    umask: int, tmp_path: Path
-) -> None:
+def test_permissions_are_those_of_a_plain_open_beside_concurrent_writers(umask, tmp_path):
     def write(number: int) -> set[int]:
         with write_whole(tmp_path / f"{number}.txt") as temporary:
             temporary.write_text("whole")
@@ -80,7 +77,7 @@ def test_permissions_are_those_of_a_plain_open_beside_concurrent_writers(
     assert modes == {0o666 & ~umask}
 
 
-def test_a_full_disk_names_the_file_and_what_the_body_reads_does_not(tmp_path: Path) -> None:
+def test_a_full_disk_names_the_file_and_what_the_body_reads_does_not(tmp_path):
     with raises(InputError, "unwritable"), write_whole(tmp_path / "a.html"):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     with pytest.raises(FileNotFoundError), write_whole(tmp_path / "a.html"):
@@ -88,7 +85,7 @@ def test_a_full_disk_names_the_file_and_what_the_body_reads_does_not(tmp_path: P
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
     """Else a power cut may leave the name of a file whose end was never written.
 
     No umask is set for it: files of other threads would have another's permissions.
@@ -106,7 +103,7 @@ def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypatc
     assert synced == [(False, 5)] and path.read_text() == "whole"
 
 
-def test_a_killed_writer_s_file_is_gone_after_the_next_write_in_its_folder(tmp_path: Path) -> None:
+def test_a_killed_writer_s_file_is_gone_after_the_next_write_in_its_folder(tmp_path):
     target = tmp_path / "a [b]?.txt"
     target.write_text("before")
     process = writer(target)
@@ -118,7 +115,7 @@ def test_a_killed_writer_s_file_is_gone_after_the_next_write_in_its_folder(tmp_p
     assert names(tmp_path) == ["a [b]?.txt", "another.txt"] and target.read_text() == "before"
 
 
-def test_a_living_writer_s_file_stays_however_old(tmp_path: Path) -> None:
+def test_a_living_writer_s_file_stays_however_old(tmp_path):
     process = writer(tmp_path / "a.txt")
     for path in tmp_path.iterdir():
         os.utime(path, (0, 0))
@@ -128,7 +125,7 @@ def test_a_living_writer_s_file_stays_however_old(tmp_path: Path) -> None:
     assert (tmp_path / "a.txt").read_text() == "whole"
 
 
-def test_what_a_user_made_stays(tmp_path: Path) -> None:
+def test_what_a_user_made_stays(tmp_path):
     part, locked = left_by_a_kill(tmp_path / "a.txt")
     mine = tmp_path / "mine"
     mine.write_text("mine")
@@ -144,7 +141,7 @@ def test_what_a_user_made_stays(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("left", ["lock", "file", "both"])
-def test_a_kill_at_any_step_leaves_what_the_next_run_clears(tmp_path: Path, left: str) -> None:
+def test_a_kill_at_any_step_leaves_what_the_next_run_clears(tmp_path, left):
     part, locked = left_by_a_kill(tmp_path / "a.txt")
     if left == "lock":
         part.unlink()
@@ -155,9 +152,7 @@ def test_a_kill_at_any_step_leaves_what_the_next_run_clears(tmp_path: Path, left
 
 
 @pytest.mark.parametrize("where", ["another machine", "no locks"])
-def test_where_no_lock_can_tell_only_a_day_without_change_does(
-    tmp_path: Path, monkeypatch: Patch, where: str
-) -> None:
+def test_where_no_lock_can_tell_only_a_day_without_change_does(tmp_path, monkeypatch, where):
     left = left_by_a_kill(tmp_path / "a.txt")
     if where == "no locks":
         monkeypatch.setattr(_files, "lock_file_handle", lambda handle: None)
@@ -171,9 +166,7 @@ def test_where_no_lock_can_tell_only_a_day_without_change_does(
 
 
 @pytest.mark.parametrize("same", [0, 1], ids=["name", "boot"])
-def test_a_lock_tells_in_another_container_and_after_a_restart(
-    tmp_path: Path, monkeypatch: Patch, same: int
-) -> None:
+def test_a_lock_tells_in_another_container_and_after_a_restart(tmp_path, monkeypatch, same):
     left_by_a_kill(tmp_path / "a.txt")
     ours = list(_files._machine())
     ours[1 - same] = "00000000"
@@ -182,7 +175,7 @@ def test_a_lock_tells_in_another_container_and_after_a_restart(
     assert names(tmp_path) == []
 
 
-def test_files_are_whole_where_no_lock_can_be_had(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_files_are_whole_where_no_lock_can_be_had(tmp_path, monkeypatch):
     monkeypatch.setattr(_files, "lock_file_handle", lambda handle: None)
     with write_whole(tmp_path / "a.txt") as temporary:
         clear_unfinished(tmp_path)
@@ -190,7 +183,7 @@ def test_files_are_whole_where_no_lock_can_be_had(tmp_path: Path, monkeypatch: P
     assert names(tmp_path) == ["a.txt"]
 
 
-def test_windows_locks_do_the_same(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_windows_locks_do_the_same(tmp_path, monkeypatch):
     """Check the calls and their order, with Unix's locks in place of Windows'."""
 
     def locking(handle: int, mode: int, count: int) -> None:
@@ -209,7 +202,7 @@ def test_windows_locks_do_the_same(tmp_path: Path, monkeypatch: Patch) -> None:
     assert names(tmp_path) == ["b.txt"]
 
 
-def test_writers_and_those_who_clear_do_not_meet(tmp_path: Path) -> None:
+def test_writers_and_those_who_clear_do_not_meet(tmp_path):
     """A file is there before it is locked; who clears it then takes nothing away."""
 
     def work(number: int) -> None:
@@ -225,9 +218,7 @@ def test_writers_and_those_who_clear_do_not_meet(tmp_path: Path) -> None:
     assert {path.read_text() for path in tmp_path.iterdir()} == {"whole"}
 
 
-def test_a_lock_whose_file_another_has_made_again_is_given_up(
-    tmp_path: Path, monkeypatch: Patch
-) -> None:
+def test_a_lock_whose_file_another_has_made_again_is_given_up(tmp_path, monkeypatch):
     """Two who clear: one deletes the file that is not locked yet, the other makes it again."""
     locked = _files.lock_file_handle
     taken: list[Path] = []
@@ -248,9 +239,7 @@ def test_a_lock_whose_file_another_has_made_again_is_given_up(
 
 
 @pytest.mark.parametrize("ahead_s", [0.0, 3600.0, 30 * 365 * DAY_S])
-def test_the_file_just_written_stays_however_wrong_the_others_dates(
-    tmp_path: Path, ahead_s: float
-) -> None:
+def test_the_file_just_written_stays_however_wrong_the_others_dates(tmp_path, ahead_s):
     now = time.time()
     for number in range(6):
         path = tmp_path / f"{number}.txt"
@@ -267,7 +256,7 @@ def test_the_file_just_written_stays_however_wrong_the_others_dates(
     assert _files.newest_first(tmp_path.iterdir())[0] == written
 
 
-def test_threads_that_capture_the_output_at_once_leave_it_as_it_was() -> None:
+def test_threads_that_capture_the_output_at_once_leave_it_as_it_was():
     """Each had put back what it found: another's temporary file, if they overlapped."""
     before = os.fstat(1), os.fstat(2)
 

@@ -14,7 +14,6 @@ from PIL import Image
 
 import volspec as vs
 from tests.support.errors import raises
-from tests.support.fixtures import Patch
 from volspec.errors import VolspecWarning
 
 MATERIALS = {
@@ -49,7 +48,7 @@ def spectrum(element: ElementTree.Element) -> vs.Spectrum:
     return vs.read_spectrum(element.get("filename"))
 
 
-def test_every_file_that_is_named_is_there_and_no_other(tmp_path: Path) -> None:
+def test_every_file_that_is_named_is_there_and_no_other(tmp_path):
     texture = vs.Texture(NUMBERS, ("white", "a/b: <c>"))
     root = save(tmp_path / "scene.xml", plane(texture), plane("red", 5.0))
     named = {each.get("filename") for each in root.iter("spectrum")}
@@ -62,7 +61,7 @@ def test_every_file_that_is_named_is_there_and_no_other(tmp_path: Path) -> None:
     assert {each.get("id") for each in root.iter("ref")} == ids
 
 
-def test_spectra_are_the_bands_as_steps(tmp_path: Path) -> None:
+def test_spectra_are_the_bands_as_steps(tmp_path):
     root = save(tmp_path / "scene.xml", plane("red"))
     found = spectrum(root.find("bsdf/spectrum"))
     red = MATERIALS["red"]
@@ -73,7 +72,7 @@ def test_spectra_are_the_bands_as_steps(tmp_path: Path) -> None:
     assert found.on(red.grid).values == pytest.approx(red.values, rel=1e-3)
 
 
-def test_lights_send_pi_times_what_a_white_reflects(tmp_path: Path) -> None:
+def test_lights_send_pi_times_what_a_white_reflects(tmp_path):
     """The radiance of a white surface is the light's, times intensity and weight."""
     root = save(tmp_path / "scene.xml", plane())
     power = vs.light("A").values * SPEC.diffuse * np.pi
@@ -86,14 +85,14 @@ def test_lights_send_pi_times_what_a_white_reflects(tmp_path: Path) -> None:
     assert [float(lamp.find("point").get(key)) for key in "xyz"] == [0.0, 30.0, 40.0]
 
 
-def test_groups_without_light_are_left_out(tmp_path: Path) -> None:
+def test_groups_without_light_are_left_out(tmp_path):
     rig = vs.LightRig((vs.light("HP1"),), groups=("lamp",))
     root = save(tmp_path / "scene.xml", plane(), light=rig)
     assert [each.get("type") for each in root.findall("emitter")] == ["point"]
 
 
 @pytest.mark.parametrize(("camera", "kind"), [(CAMERA, "perspective"), (FLAT, "orthographic")])
-def test_camera_and_film(tmp_path: Path, camera: vs.Camera, kind: str) -> None:
+def test_camera_and_film(tmp_path, camera, kind):
     root = save(tmp_path / "scene.xml", plane(), camera=camera)
     sensor = root.find("sensor")
     assert sensor.get("type") == kind
@@ -107,7 +106,7 @@ def test_camera_and_film(tmp_path: Path, camera: vs.Camera, kind: str) -> None:
         assert float(sensor.find("float[@name='fov']").get("value")) == 20.0
 
 
-def test_meshes_are_stored_with_normals_and_texture_coordinates(tmp_path: Path) -> None:
+def test_meshes_are_stored_with_normals_and_texture_coordinates(tmp_path):
     mesh = plane(vs.Texture(NUMBERS, ("white", "red")))
     root = save(tmp_path / "scene.xml", mesh)
     file = root.find("shape/string[@name='filename']").get("value")
@@ -120,7 +119,7 @@ def test_meshes_are_stored_with_normals_and_texture_coordinates(tmp_path: Path) 
     assert (read.faces.reshape(-1, 4)[:, 1:] == mesh.triangles).all()
 
 
-def test_shares_of_three_materials_become_weights_of_layers(tmp_path: Path) -> None:
+def test_shares_of_three_materials_become_weights_of_layers(tmp_path):
     shares = np.array([[[0.5, 0.25, 0.25], [0.0, 0.0, 1.0]]])
     names = ("white", "red", "a/b: <c>")
     root = save(tmp_path / "scene.xml", plane(vs.Texture(shares, names)))
@@ -130,7 +129,7 @@ def test_shares_of_three_materials_become_weights_of_layers(tmp_path: Path) -> N
     assert third == pytest.approx(np.array([[0.25, 1.0]]), abs=1e-5)
 
 
-def test_looks_become_the_nearest_bsdf(tmp_path: Path) -> None:
+def test_looks_become_the_nearest_bsdf(tmp_path):
     clear = vs.Mesh(plane().points_mm, plane().triangles, "red", opacity=0.4, mirror=0.2)
     shiny = vs.RaycastSpec(groups=SPEC.groups, specular=0.3)
     with pytest.warns(VolspecWarning, match="mirrors"):
@@ -142,7 +141,7 @@ def test_looks_become_the_nearest_bsdf(tmp_path: Path) -> None:
     assert face_normals.get("value") == "true"
 
 
-def test_what_mitsuba_lacks_is_one_line(tmp_path: Path) -> None:
+def test_what_mitsuba_lacks_is_one_line(tmp_path):
     points, triangles = plane().points_mm, plane().triangles
     codes = np.full((2, 2, 3), 90, np.uint8)
     for mesh, said in (
@@ -158,7 +157,7 @@ def test_what_mitsuba_lacks_is_one_line(tmp_path: Path) -> None:
     assert said == ["headlight light", "ambient light"]
 
 
-def test_a_new_scene_replaces_the_last_one_and_its_folder(tmp_path: Path) -> None:
+def test_a_new_scene_replaces_the_last_one_and_its_folder(tmp_path):
     for material in ("white", "red", "red"):
         save(tmp_path / "scene.xml", plane(material))
     assert len([*tmp_path.iterdir()]) == 2
@@ -173,9 +172,7 @@ def test_a_new_scene_replaces_the_last_one_and_its_folder(tmp_path: Path) -> Non
         ("scene.xml", ["red"], "unwritable"),
     ],
 )
-def test_a_failed_save_leaves_the_last_one(
-    tmp_path: Path, monkeypatch: Patch, name: str, materials: list[str], code: str
-) -> None:
+def test_a_failed_save_leaves_the_last_one(tmp_path, monkeypatch, name, materials, code):
     save(tmp_path / "scene.xml", plane("white"))
     before, write = sorted(tmp_path.rglob("*")), Path.write_bytes
 
@@ -204,7 +201,7 @@ def both_XYZ(
     return np.array(mi.render(scene, seed=1)), ours
 
 
-def test_mitsuba_s_picture_is_volspec_s(tmp_path: Path) -> None:
+def test_mitsuba_s_picture_is_volspec_s(tmp_path):
     """The red quarter is the upper left one, and both have the same XYZ, within noise."""
     points, triangles = plane().points_mm, plane().triangles
     at_points = {"white": [1.0, 1.0, 0.0, 0.0], "red": [0.0, 0.0, 1.0, 1.0]}
@@ -220,7 +217,7 @@ def test_mitsuba_s_picture_is_volspec_s(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("of", ["points", "triangles"])
-def test_mitsuba_s_colours_are_volspec_s(tmp_path: Path, of: str) -> None:
+def test_mitsuba_s_colours_are_volspec_s(tmp_path, of):
     """Reflectances of a colour differ least under D65; between points Mitsuba mixes otherwise."""
     codes = np.array([[200, 40, 30], [30, 180, 60]], np.uint8)
     corners = plane().points_mm[plane().triangles].reshape(6, 3)

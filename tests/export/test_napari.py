@@ -22,7 +22,7 @@ from tests.support.errors import raises
 from tests.support.fixtures import Patch
 from tests.support.images import image
 from volspec.basis import MaterialBasis
-from volspec.errors import ImageError, InputError, SceneError
+from volspec.errors import ImageError, SceneError
 from volspec.export import napari
 from volspec.pipeline import relight
 from volspec.relight import LightRig
@@ -77,7 +77,7 @@ def layer(scene: Make) -> Any:
     return SimpleNamespace(data=data, metadata=settings["metadata"])
 
 
-def test_a_scene_opens_under_its_first_light(layer: Any, scene: Make) -> None:
+def test_a_scene_opens_under_its_first_light(layer, scene):
     image, seen = scene().render(), scene().relight
     wanted = relight(image, light("D65"), seen)
     # The GL picture of one cast and of another of the same scene.
@@ -85,7 +85,7 @@ def test_a_scene_opens_under_its_first_light(layer: Any, scene: Make) -> None:
     assert layer.metadata["weights"] == {"day": 1.0, "lamp": 0.0, "tube": 0.0}
 
 
-def test_an_image_opens_with_lights_to_weigh(tmp_path: Path, scene: Make) -> None:
+def test_an_image_opens_with_lights_to_weigh(tmp_path, scene):
     scene().render().save(tmp_path / "ball.exr")
     ((data, settings, _),) = napari.read_layers(str(tmp_path / "ball.exr"))
     assert data.shape == (24, 32, 3) and settings["name"] == "ball"
@@ -96,19 +96,19 @@ def test_an_image_opens_with_lights_to_weigh(tmp_path: Path, scene: Make) -> Non
 
 
 @pytest.mark.parametrize("path", ["scan.nrrd", "exr", "a.toml.bak", ["a.exr", "b.exr"]])
-def test_other_files_are_left_to_other_readers(path: Any) -> None:
+def test_other_files_are_left_to_other_readers(path):
     assert napari.reader(path) is None
 
 
 @pytest.mark.parametrize(("name", "error"), [("no.exr", ImageError), ("no.toml", SceneError)])
-def test_files_that_cannot_be_read_are_errors(name: str, error: type[InputError]) -> None:
+def test_files_that_cannot_be_read_are_errors(name, error):
     read = napari.reader(name)
     assert read is not None
     with raises(error, "not-found"):
         read(name)
 
 
-def test_sliders_weigh_the_lights_of_the_active_layer(layers: Any, layer: Any) -> None:
+def test_sliders_weigh_the_lights_of_the_active_layer(layers, layer):
     dock = napari.light_weights()
     assert [part.value[:16] for part in dock] == ["Select a picture"]
     layers.selection.active = layer
@@ -133,7 +133,7 @@ def test_sliders_weigh_the_lights_of_the_active_layer(layers: Any, layer: Any) -
     assert [part.value for part in dock] == [0, 1, 0]
 
 
-def test_mixes_keep_groups_and_lux() -> None:
+def test_mixes_keep_groups_and_lux():
     basis = MaterialBasis({"gold": reflectance("gold")})
     grouped = image(np.ones((1, 1, 4)), basis, groups={"key": 0.5, "fill": 0.5})
     rigs = {
@@ -147,7 +147,7 @@ def test_mixes_keep_groups_and_lux() -> None:
     assert copy.deepcopy({"volspec": lit})["volspec"] is lit
 
 
-def test_the_manifest_names_functions_that_are_there() -> None:
+def test_the_manifest_names_functions_that_are_there():
     text = (Path(napari.__file__).parent.parent / "napari.yaml").read_text(encoding="utf-8")
     for module, name in re.findall(r"python_name: (\S+):(\S+)", text):
         assert callable(getattr(import_module(module), name))

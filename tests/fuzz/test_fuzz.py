@@ -30,9 +30,7 @@ def corpus() -> dict[str, dict[str, bytes]]:
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", TARGETS)
-def test_kept_inputs_end_without_a_finding(
-    name: str, corpus: dict[str, dict[str, bytes]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_kept_inputs_end_without_a_finding(name, corpus, tmp_path, monkeypatch):
     """One that is never read to its end is given up sooner here."""
     monkeypatch.setattr(reader_process, "_TIMEOUT_S", 1.0)
     target = TARGETS[name]
@@ -43,7 +41,7 @@ def test_kept_inputs_end_without_a_finding(
         assert not target.is_finding(error), f"{CORPUS.name}: {name}/{which}: {error!r}"
 
 
-def test_the_corpus_is_small_and_the_same_file_in_any_order(tmp_path: Path) -> None:
+def test_the_corpus_is_small_and_the_same_file_in_any_order(tmp_path):
     assert CORPUS.stat().st_size < 2**17
     one, other = tmp_path / "one.tar.xz", tmp_path / "other.tar.xz"
     add_inputs("ies", [b"a", b"b"], one)
@@ -56,7 +54,7 @@ def test_the_corpus_is_small_and_the_same_file_in_any_order(tmp_path: Path) -> N
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_every_seed_is_read(tmp_path: Path) -> None:
+def test_every_seed_is_read(tmp_path):
     names = "csv", "triples", "icc", "basis", "tm27", "cgats", "cxf", "envi", "spectral-exr"
     for name in (*names, "ies", "ldt", "image-exr", "cache"):
         TARGETS[name].lay_out(tmp_path)
@@ -84,7 +82,7 @@ def session(folder: Path) -> Session:
 
 
 @pytest.mark.slow
-def test_plain_mutations_find_a_fault_and_shorten_it(tmp_path: Path) -> None:
+def test_plain_mutations_find_a_fault_and_shorten_it(tmp_path):
     made = session(tmp_path)
     # As long as it takes on a busy machine: inputs are counted, not seconds.
     fuzz_child.plain(made, [b"12"], 1000, math.inf, seed=1)
@@ -95,7 +93,7 @@ def test_plain_mutations_find_a_fault_and_shorten_it(tmp_path: Path) -> None:
     assert made.inputs == 1000 and STATE.unpack_from(made.state)[0] == 1000
 
 
-def test_memory_beyond_what_a_file_declares_is_a_finding(tmp_path: Path) -> None:
+def test_memory_beyond_what_a_file_declares_is_a_finding(tmp_path):
     made = session(tmp_path)
     for data in (b"12", b"9"):
         made.run(data)
@@ -108,9 +106,7 @@ def test_memory_beyond_what_a_file_declares_is_a_finding(tmp_path: Path) -> None
     ("code", "kind"),
     [("import threading; threading.Event().wait()", "hang"), ("import os; os.abort()", "death")],
 )
-def test_a_process_that_hangs_or_dies_leaves_its_input(
-    code: str, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_process_that_hangs_or_dies_leaves_its_input(code, kind, tmp_path, monkeypatch):
     """The clock does not go on while a process starts, and where it is to end by itself."""
     run = Run("csv", tmp_path / "csv", "plain")
     state, ready, head = run.folder / "state", run.folder / "ready", STATE.pack(7, 0, 0, 3)
@@ -137,7 +133,7 @@ def test_a_process_that_hangs_or_dies_leaves_its_input(
     assert row.findings[0].read_bytes() == b"abc" and row.inputs == 7
 
 
-def test_mutations_are_the_same_for_one_seed_and_differ_from_their_source() -> None:
+def test_mutations_are_the_same_for_one_seed_and_differ_from_their_source():
     made = [
         [mutated(SEEDS[0], SEEDS, (b"token",), rng) for _ in range(200)]
         for rng in map(random.Random, (3, 3, 4))
@@ -146,7 +142,7 @@ def test_mutations_are_the_same_for_one_seed_and_differ_from_their_source() -> N
     assert len(set(made[0])) > 150
 
 
-def test_a_place_is_where_an_error_came_from() -> None:
+def test_a_place_is_where_an_error_came_from():
     def reads_digits_of(data: bytes) -> None:
         try:
             int(data)

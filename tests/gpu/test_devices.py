@@ -12,7 +12,6 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from rich.console import Console
@@ -58,7 +57,7 @@ def put_devices(monkeypatch: Patch, tmp_path: Path) -> Callable[..., list[str]]:
     return put
 
 
-def test_the_first_device_that_works_is_chosen_and_tried_once(put_devices: Callable) -> None:
+def test_the_first_device_that_works_is_chosen_and_tried_once(put_devices):
     tries = put_devices(OLD, NEW, INTEL, faults={"3.0-rc2": NO_TARGET})
     assert [choose_device() for _ in range(3)] == [1, 1, 1]
     assert tries == ["3.0-rc2", "3.1+debian"]
@@ -70,7 +69,7 @@ def test_the_first_device_that_works_is_chosen_and_tried_once(put_devices: Calla
 
 
 @pytest.mark.usefixtures("needs_opencl")
-def test_a_device_is_the_same_with_other_memory() -> None:
+def test_a_device_is_the_same_with_other_memory():
     """PoCL 5 states another size at each start of a process."""
     first = devices.devices()[0]
     later = replace(first, memory_bytes=first.memory_bytes + 4096)
@@ -89,8 +88,8 @@ def test_a_device_is_the_same_with_other_memory() -> None:
     ids=["by name", "none works", "no linker", "flags"],
 )
 def test_if_none_that_is_meant_works_the_error_has_each_fault_and_the_remedy(
-    put_devices: Callable, monkeypatch: Patch, known: Any, how: dict[str, Any], remedy: str
-) -> None:
+    put_devices, monkeypatch, known, how, remedy
+):
     monkeypatch.setattr(devices, "_missing_linker", lambda: how.get("no_linker", False))
     monkeypatch.setenv(devices.BUILD_VARIABLE, how.get("flags", ""))
     tries = put_devices(*known, faults={OLD.driver: NO_TARGET})
@@ -106,7 +105,7 @@ def test_if_none_that_is_meant_works_the_error_has_each_fault_and_the_remedy(
     assert choose_device("portable") == 0
 
 
-def test_a_failure_is_cached_for_a_day(put_devices: Callable, monkeypatch: Patch) -> None:
+def test_a_failure_is_cached_for_a_day(put_devices, monkeypatch):
     tries = put_devices(OLD, NEW, faults={"3.0-rc2": NO_TARGET})
     for clock_s, times in ((1e6, 1), (1e6 + 3600, 1), (1e6 + 9e4, 2), (1e6 - 9e4, 3)):
         monkeypatch.setattr(time, "time", lambda clock_s=clock_s: clock_s)
@@ -118,7 +117,7 @@ def test_a_failure_is_cached_for_a_day(put_devices: Callable, monkeypatch: Patch
 @pytest.mark.parametrize(
     "content", ["", "[", "[]", '{"a": 1}', '{"a": ["x"]}', "[" * 99999, "\udc80"]
 )
-def test_a_damaged_cache_is_ignored(put_devices: Callable, tmp_path: Path, content: str) -> None:
+def test_a_damaged_cache_is_ignored(put_devices, tmp_path, content):
     tries = put_devices(NEW, faults={})
     choose_device()
     (tmp_path / "devices.json").write_bytes(content.encode(errors="surrogateescape"))
@@ -129,8 +128,8 @@ def test_a_damaged_cache_is_ignored(put_devices: Callable, tmp_path: Path, conte
 
 
 def test_another_linker_and_other_build_options_repeat_the_trial(
-    put_devices: Callable, monkeypatch: Patch, tmp_path: Path
-) -> None:
+    put_devices, monkeypatch, tmp_path
+):
     """PoCL ends the process if it cannot link: an old answer must not hide that.
 
     A trial's compiler prints into a pipe, the later build's onto the terminal.
@@ -148,14 +147,14 @@ def test_another_linker_and_other_build_options_repeat_the_trial(
     assert len(tries) == 4
 
 
-def test_drivers_of_one_name_are_distinguished(put_devices: Callable, monkeypatch: Patch) -> None:
+def test_drivers_of_one_name_are_distinguished(put_devices, monkeypatch):
     put_devices(NEW, NEW, faults={})
     monkeypatch.setattr(devices, "_try", lambda index, info: NO_TARGET if index == 0 else "")
     assert choose_device() == 1
 
 
 @pytest.mark.slow
-def test_a_failing_compile_repeats_the_trial(monkeypatch: Patch) -> None:
+def test_a_failing_compile_repeats_the_trial(monkeypatch):
     """The cache says that the device works, which is no longer so."""
     compute = Compute.open()
     source = Source("__kernel void f() { broken }", ("<prelude>", "kernels/f.cl"))
@@ -168,7 +167,7 @@ def test_a_failing_compile_repeats_the_trial(monkeypatch: Patch) -> None:
     devices.fault(choose_device(compute.info.driver), devices.devices(), again=True)
 
 
-def test_a_real_trial_compiles_runs_and_is_not_repeated(monkeypatch: Patch, tmp_path: Path) -> None:
+def test_a_real_trial_compiles_runs_and_is_not_repeated(monkeypatch, tmp_path):
     monkeypatch.setattr(_cache, "cache_folder", lambda: tmp_path)
     found, index = devices.devices(), choose_device()
     for _ in range(2):
@@ -177,7 +176,7 @@ def test_a_real_trial_compiles_runs_and_is_not_repeated(monkeypatch: Patch, tmp_
 
 
 @pytest.mark.slow
-def test_a_driver_that_cannot_compile_is_named_by_the_doctor(tmp_path: Path) -> None:
+def test_a_driver_that_cannot_compile_is_named_by_the_doctor(tmp_path):
     """PoCL fails on this flag as on a CPU that it does not know: when it builds."""
     if not all(device.platform == POCL for device in devices.devices()):
         pytest.skip("a device here is none of PoCL, and would work")
@@ -190,7 +189,7 @@ def test_a_driver_that_cannot_compile_is_named_by_the_doctor(tmp_path: Path) -> 
 
 
 @pytest.mark.usefixtures("needs_opencl")
-def test_doctor_lists_devices_that_fail_next_to_the_one_that_works(put_devices: Callable) -> None:
+def test_doctor_lists_devices_that_fail_next_to_the_one_that_works(put_devices):
     tries = put_devices(INTEL, NEW, OLD, faults={"3.0-rc2": NO_TARGET})
     found = doctor.examine()
     assert found.casts_on == 0 and found.healthy and found.faults == ("", "", NO_TARGET)
@@ -203,9 +202,7 @@ def test_doctor_lists_devices_that_fail_next_to_the_one_that_works(put_devices: 
 
 
 @pytest.mark.parametrize("system", ["linux", "win32"])
-def test_intel_s_wheel_is_registered_while_the_loader_looks(
-    system: str, monkeypatch: Patch, tmp_path: Path
-) -> None:
+def test_intel_s_wheel_is_registered_while_the_loader_looks(system, monkeypatch, tmp_path):
     """Fake the wheel: the variables' values, and that nothing stays."""
     library, vendors = tmp_path / "libintelocl.so", tmp_path / "vendors"
     vendors.mkdir()

@@ -23,7 +23,6 @@ from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, Relighter, RelightSpec
 from volspec.scene import Scene
-from volspec.volume import Volume
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +47,7 @@ def blocks_left_by(call: Callable[[int], object], calls: int) -> float:
 
 
 @pytest.mark.slow
-def test_other_lights_and_viewings_take_no_memory(grey: CoefficientImage, backend: str) -> None:
+def test_other_lights_and_viewings_take_no_memory(grey, backend):
     first = {"gl": 2000, "numpy": 2005}[backend]
 
     def change(number: int) -> None:
@@ -63,13 +62,13 @@ def test_other_lights_and_viewings_take_no_memory(grey: CoefficientImage, backen
 
 
 @pytest.mark.slow
-def test_relighters_that_were_closed_take_no_memory(grey: CoefficientImage, backend: str) -> None:
+def test_relighters_that_were_closed_take_no_memory(grey, backend):
     # A context that is made for each leaves 900 blocks in moderngl 5.13.
     assert blocks_left_by(lambda _: Relighter(grey, backend).close(), 4) < 100
 
 
 @pytest.mark.slow
-def test_casts_with_other_functions_and_views_take_no_memory(half_engine: Volume) -> None:
+def test_casts_with_other_functions_and_views_take_no_memory(half_engine):
     caster = Raycaster(half_engine)
     basis, copper = vs.SpectralBasis.load("general-7"), {"copper": vs.reflectance("copper")}
     transfer = vs.TransferFunction([(60, 0.0, "copper"), (200, 0.3, "copper")], copper, basis)
@@ -88,7 +87,7 @@ def test_casts_with_other_functions_and_views_take_no_memory(half_engine: Volume
 
 
 @pytest.mark.slow
-def test_scenes_that_were_loaded_cast_and_relit_take_no_memory() -> None:
+def test_scenes_that_were_loaded_cast_and_relit_take_no_memory():
     def load(number: int) -> None:
         scene = Scene.load(asset("data/scenes/engine.toml"))
         volume = scene.volume()

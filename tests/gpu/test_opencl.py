@@ -6,7 +6,6 @@ import gc
 import mmap
 import re
 import weakref
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -58,7 +57,7 @@ def sum_of_ends(compute: Compute, buffer: cl.Buffer, last: int) -> int:
 
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="only Linux reports it")
-def test_a_shared_array_is_not_copied_on_a_cpu(compute: Compute) -> None:
+def test_a_shared_array_is_not_copied_on_a_cpu(compute):
     if not compute.info.is_cpu:
         pytest.skip("only CPUs share")
     # At a page's start: of other arrays Intel's runtime makes a copy.
@@ -73,7 +72,7 @@ def test_a_shared_array_is_not_copied_on_a_cpu(compute: Compute) -> None:
     assert resident_bytes() - before > 80 << 20 and copy.size == values.size
 
 
-def test_a_shared_array_lives_as_long_as_its_buffer(compute: Compute) -> None:
+def test_a_shared_array_lives_as_long_as_its_buffer(compute):
     class Watched(np.ndarray):
         """An array that takes weak references."""
 
@@ -91,7 +90,7 @@ def test_a_shared_array_lives_as_long_as_its_buffer(compute: Compute) -> None:
     assert alive() is None
 
 
-def test_kernels_of_one_source_are_built_together(monkeypatch: Patch) -> None:
+def test_kernels_of_one_source_are_built_together(monkeypatch):
     """Also by a program out of pyopencl's cache, which Intel's runtime had ended."""
     built = []
     build = Compute._build
@@ -115,7 +114,7 @@ def test_kernels_of_one_source_are_built_together(monkeypatch: Patch) -> None:
     assert built == [source, source]
 
 
-def test_the_kernels_used_last_are_cached(monkeypatch: Patch) -> None:
+def test_the_kernels_used_last_are_cached(monkeypatch):
     monkeypatch.setattr(opencl, "MOST_KERNELS", 3)
     compute = Compute.open()
 
@@ -131,7 +130,7 @@ def test_the_kernels_used_last_are_cached(monkeypatch: Patch) -> None:
     assert sum_of_ends(compute, compute.upload(np.arange(4, dtype=np.uint8)), 1) == 1
 
 
-def test_what_memory_does_not_suffice_for_or_no_kernel_reads_is_refused(monkeypatch: Patch) -> None:
+def test_what_memory_does_not_suffice_for_or_no_kernel_reads_is_refused(monkeypatch):
     picture = "a picture", "cast a smaller one"
     compute = Compute.open()
     compute.info = DeviceInfo("tiny", "test", "1", "1", False, 1, 3 << 20, 2 << 20)
@@ -152,7 +151,7 @@ def test_what_memory_does_not_suffice_for_or_no_kernel_reads_is_refused(monkeypa
         compute.require(int(3.2 * 2**30), *picture)
 
 
-def test_a_container_s_limit_is_the_host_s_memory(monkeypatch: Patch, tmp_path: Path) -> None:
+def test_a_container_s_limit_is_the_host_s_memory(monkeypatch, tmp_path):
     monkeypatch.setattr(psutil, "virtual_memory", lambda: SimpleNamespace(available=4096 * 1024))
     files = {
         "sys/fs/cgroup/memory.max": "max\n",
@@ -191,9 +190,7 @@ BROKEN = (
         ("#error no such lanes\n", '<prelude>:1:2: error: no such lanes: "#error no such lanes"'),
     ],
 )
-def test_a_kernel_that_does_not_build_quotes_the_line(
-    compute: Compute, text: str, message: str, monkeypatch: Patch
-) -> None:
+def test_a_kernel_that_does_not_build_quotes_the_line(compute, text, message, monkeypatch):
     monkeypatch.setattr(devices, "_try", lambda index, info: "")
     source = Source(text, ("<prelude>", "kernels/broken.cl", "kernels/include/part.clh"))
     with raises(OpenCLError, "unsupported") as caught:
@@ -208,7 +205,7 @@ def test_a_kernel_that_does_not_build_quotes_the_line(
 
 
 @pytest.mark.parametrize("form", ["error: {}: {}", "{}: error: {}", "{}: fatal error: {}"])
-def test_logs_are_read_in_the_forms_of_pocl_and_of_clang(form: str) -> None:
+def test_logs_are_read_in_the_forms_of_pocl_and_of_clang(form):
     source = Source(BROKEN % ("1", "foo"), ("<prelude>", "kernels/broken.cl"))
     error = form.format("kernels/broken.cl:3:12", "no 'foo'")
     log = f"output of a driver\nkernels/broken.cl:1:1: warning: hm\n{error}"
@@ -220,7 +217,7 @@ def test_logs_are_read_in_the_forms_of_pocl_and_of_clang(form: str) -> None:
 
 
 @pytest.mark.usefixtures("two_devices")
-def test_devices_are_chosen_by_name_platform_number_or_variable(monkeypatch: Patch) -> None:
+def test_devices_are_chosen_by_name_platform_number_or_variable(monkeypatch):
     monkeypatch.delenv("VOLSPEC_DEVICE", raising=False)
     names = (None, "h200", "epyc", "cuda", "portable", "1", "3.1+deb")
     assert [choose_device(name) for name in names] == [0, 0, 1, 0, 1, 1, 1]
@@ -241,12 +238,8 @@ def test_devices_are_chosen_by_name_platform_number_or_variable(monkeypatch: Pat
     ],
 )
 def test_devices_that_are_not_there_or_make_no_context_are_named(
-    make: Callable[[], object],
-    variable: str,
-    code: str,
-    parts: list[str],
-    monkeypatch: Patch,
-) -> None:
+    make, variable, code, parts, monkeypatch
+):
     def context(devices: object) -> None:
         raise cl.RuntimeError("Context failed:\n OUT_OF_HOST_MEMORY")
 
@@ -260,7 +253,7 @@ def test_devices_that_are_not_there_or_make_no_context_are_named(
 
 
 @pytest.mark.usefixtures("needs_opencl")
-def test_doctor_shows_the_device_of_the_variable(monkeypatch: Patch) -> None:
+def test_doctor_shows_the_device_of_the_variable(monkeypatch):
     monkeypatch.setattr(devices, "_try", lambda index, info: "")
     monkeypatch.setenv("VOLSPEC_DEVICE", "0")
     found = doctor.examine()

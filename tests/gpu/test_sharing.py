@@ -41,7 +41,7 @@ def refusal(context: Any) -> str:
     return str(caught.value)
 
 
-def test_what_cannot_share_is_refused_without_its_driver(context: Any, monkeypatch: Patch) -> None:
+def test_what_cannot_share_is_refused_without_its_driver(context, monkeypatch):
     """PoCL 3.0 makes a shared context, and ends the process at the first buffer."""
     chosen = device()  # tried on this system
     monkeypatch.setattr(cl, "have_gl", lambda: False)
@@ -150,9 +150,7 @@ def sharing_pair(context: Any, **spec: Any) -> Iterator[tuple[vs.Raycaster, vs.R
 @pytest.mark.parametrize(
     "spec", [{}, {"half": True}, slow({"groups": GROUPS})], ids=["float", "half", "groups"]
 )
-def test_the_frame_of_a_shared_picture_is_that_of_the_host_s_bit_by_bit(
-    driver: Driver, context: Any, spec: dict[str, Any]
-) -> None:
+def test_the_frame_of_a_shared_picture_is_that_of_the_host_s_bit_by_bit(driver, context, spec):
     with sharing_pair(context, **spec) as (caster, relighter):
         for azimuth in (60, 120):
             driver.calls.clear()
@@ -182,8 +180,8 @@ def fail(finished: float) -> None:
     ids=["cancelled", "failed", "refused"],
 )
 def test_a_shared_cast_that_ends_early_leaves_the_picture_shown(
-    driver: Driver, context: Any, error: Any, how: dict[str, Any], refuses: str, calls: list[str]
-) -> None:
+    driver, context, error, how, refuses, calls
+):
     """OpenGL has the buffer back, and nothing of it was shown."""
     with sharing_pair(context) as (caster, relighter):
         before = frame(relighter)
@@ -199,15 +197,15 @@ def test_a_shared_cast_that_ends_early_leaves_the_picture_shown(
         assert not np.array_equal(frame(relighter), before)
 
 
-def test_a_sharing_caster_casts_as_any_other_to_the_host(driver: Driver, context: Any) -> None:
+def test_a_sharing_caster_casts_as_any_other_to_the_host(driver, context):
     image = cast(60, caster=vs.Raycaster(BALL, context=context))
     assert np.array_equal(image.coefficients, cast(60).coefficients)
     assert "acquire" not in driver.calls
 
 
 def test_a_relighter_of_another_context_and_a_driver_that_makes_none_are_refused(
-    driver: Driver, context: Any, monkeypatch: Patch
-) -> None:
+    driver, context, monkeypatch
+):
     caster = vs.Raycaster(BALL, context=context)
     for backend, contexts in (("gl", 2), ("numpy", 1)):
         with vs.Relighter(cast(0), backend) as relighter:
@@ -226,14 +224,14 @@ def test_a_relighter_of_another_context_and_a_driver_that_makes_none_are_refused
     assert "SHAREGROUP" not in refusal(context)
 
 
-def test_the_current_context_is_known_by_its_handle(context: Any) -> None:
+def test_the_current_context_is_known_by_its_handle(context):
     here = sharing.current()
     assert here and here.handle and here.display and here.display_property.startswith("EGL")
     assert f"{here.handle:#x}" in sharing.context_name(context, here)
 
 
 @pytest.mark.usefixtures("needs_opencl")
-def test_doctor_reports_why_memory_is_not_shared(context: Any, monkeypatch: Patch) -> None:
+def test_doctor_reports_why_memory_is_not_shared(context, monkeypatch):
     monkeypatch.setattr(devices, "_try", lambda index, info: "")
     for message in ("moon", None):
         monkeypatch.setattr(sharing, "sharing_fault", lambda device, gl, message=message: message)
@@ -241,7 +239,7 @@ def test_doctor_reports_why_memory_is_not_shared(context: Any, monkeypatch: Patc
         assert found.no_sharing == message and found.healthy
 
 
-def test_a_device_shares_on_this_hardware(context: Any) -> None:
+def test_a_device_shares_on_this_hardware(context):
     """Frames equal those through the host, before and after a cancelled cast."""
     if message := sharing.sharing_fault(device(), context):
         pytest.skip(message)

@@ -18,7 +18,6 @@ import pytest
 from packaging.requirements import Requirement
 
 from tests.support.errors import raises, refuses, warns
-from tests.support.fixtures import Patch
 from tests.support.images import image
 from volspec._files import exclusive_folder, write_whole
 from volspec._gpu import opengl
@@ -42,12 +41,8 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
     ],
 )
 def test_each_system_s_own_ways_to_a_headless_context_are_tried_before_its_remedy_is_named(
-    monkeypatch: Patch,
-    system: str,
-    display: str | None,
-    ways: list[str | None],
-    remedy: str,
-) -> None:
+    monkeypatch, system, display, ways, remedy
+):
     tried = []
 
     def create(require: int, **settings: Any) -> None:
@@ -82,7 +77,7 @@ def grey_image() -> CoefficientImage:
     return image(np.full((8, 8, 7), 0.25), SpectralBasis.load("general-7"))
 
 
-def test_a_display_draws_for_linux_without_egl(tmp_path: Path) -> None:
+def test_a_display_draws_for_linux_without_egl(tmp_path):
     if shutil.which("Xvfb") is None:
         pytest.skip("no display can be made: apt-get install xvfb")
     grey = grey_image()
@@ -105,7 +100,7 @@ def test_a_display_draws_for_linux_without_egl(tmp_path: Path) -> None:
     assert drawn.stdout.strip() == f"0 {expected}"
 
 
-def test_without_moderngl_relighting_uses_numpy_and_says_how_to_get_it(monkeypatch: Patch) -> None:
+def test_without_moderngl_relighting_uses_numpy_and_says_how_to_get_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "moderngl", None)
     monkeypatch.setattr(opengl, "_idle_contexts", list)  # none left by another test
     with warns("moderngl", "pip"):
@@ -113,7 +108,7 @@ def test_without_moderngl_relighting_uses_numpy_and_says_how_to_get_it(monkeypat
     refuses(opengl.window_context, "missing ", OpenGLError)
 
 
-def test_on_windows_too_one_export_keeps_others_out(monkeypatch: Patch, tmp_path: Path) -> None:
+def test_on_windows_too_one_export_keeps_others_out(monkeypatch, tmp_path):
     def locking(handle: int, mode: int, size: int) -> None:
         assert not Path(f"/proc/self/fd/{handle}").readlink().is_dir(), "Windows opens no folders"
         try:
@@ -133,7 +128,7 @@ def test_on_windows_too_one_export_keeps_others_out(monkeypatch: Patch, tmp_path
         assert list(tmp_path.iterdir()) == []
 
 
-def test_a_file_flushed_to_the_disk_is_open_for_writing(monkeypatch: Patch, tmp_path: Path) -> None:
+def test_a_file_flushed_to_the_disk_is_open_for_writing(monkeypatch, tmp_path):
     """Windows flushes no other."""
     kept = []
     monkeypatch.setattr(os, "fsync", lambda handle: kept.append(fcntl.fcntl(handle, fcntl.F_GETFL)))
@@ -152,9 +147,7 @@ def test_a_file_flushed_to_the_disk_is_open_for_writing(monkeypatch: Patch, tmp_
         ("win32", "ARM64", {"moderngl"}),
     ],
 )
-def test_what_has_no_wheel_on_a_machine_is_not_asked_for_there(
-    system: str, machine: str, expected: set[str]
-) -> None:
+def test_what_has_no_wheel_on_a_machine_is_not_asked_for_there(system, machine, expected):
     """`make trust` asks the package index (tools/installs.py)."""
     here = {"sys_platform": system, "platform_machine": machine}
     listed = [*PROJECT["dependencies"], *PROJECT["optional-dependencies"]["intel"]]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -42,7 +41,7 @@ def plane(material: str | vs.Texture = "white", size: float = 64.0, z: float = 0
     return vs.shape_mesh("plane", size, material).placed((0.0, 0.0, z))
 
 
-def test_numbers_of_materials_are_seen_where_they_are_in_the_picture() -> None:
+def test_numbers_of_materials_are_seen_where_they_are_in_the_picture():
     """The upper left quarter is red: rows run down, texture coordinates up."""
     numbers = np.zeros((2, 2), int)
     numbers[0, 0] = 1
@@ -52,7 +51,7 @@ def test_numbers_of_materials_are_seen_where_they_are_in_the_picture() -> None:
         assert image.coefficients[corner] == pytest.approx(channels("white"), abs=2e-3)
 
 
-def test_shares_are_mixtures_and_numbers_far_away_their_mean() -> None:
+def test_shares_are_mixtures_and_numbers_far_away_their_mean():
     shares = np.array([[[3.0, 1.0]]])
     mixed = 0.75 * channels("red") + 0.25 * channels("white")
     near = cast(plane(vs.Texture(shares, ("red", "white"))))
@@ -64,7 +63,7 @@ def test_shares_are_mixtures_and_numbers_far_away_their_mean() -> None:
 
 
 @pytest.mark.slow
-def test_the_device_interpolates_colours_as_numpy() -> None:
+def test_the_device_interpolates_colours_as_numpy():
     lattice = texture.channel_lattice(BASIS, "twin")
     codes = CODES.reshape(-1, 3).astype(np.uint16) * np.uint16(257)
     ours = texture.interpolate_on_device(lattice, codes)
@@ -75,7 +74,7 @@ def test_the_device_interpolates_colours_as_numpy() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("codes", [CODES, CODES.astype(np.uint16) * 257, CODES / 255.0])
-def test_colours_made_spectral_are_themselves_under_d65(codes: np.ndarray) -> None:
+def test_colours_made_spectral_are_themselves_under_d65(codes):
     day = vs.light("D65")
     white = white_XYZ(day)
     wanted = XYZ_from_sRGB(CODES / 255.0, white)
@@ -97,7 +96,7 @@ def colour_quad(suffix: str, folder: Path) -> tuple[Path, np.ndarray]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".ply", *slow_each(".vtp", ".vtk")])
-def test_colours_at_points_are_those_of_a_texture(tmp_path: Path, suffix: str) -> None:
+def test_colours_at_points_are_those_of_a_texture(tmp_path, suffix):
     path, codes = colour_quad(suffix, tmp_path)
     mesh = vs.Mesh.load(path, own_colours=True)
     assert (mesh.material[:, :3] // 257 == codes).all()
@@ -114,7 +113,7 @@ def test_colours_at_points_are_those_of_a_texture(tmp_path: Path, suffix: str) -
 
 
 @pytest.mark.slow
-def test_colours_of_triangles_are_sharp_and_follow_those_without_an_area() -> None:
+def test_colours_of_triangles_are_sharp_and_follow_those_without_an_area():
     points, codes = plane().points_mm, np.array([[255, 0, 0], [9, 9, 9], [0, 0, 255]], np.uint8)
     with pytest.warns(vs.VolspecWarning, match="no area"):
         mesh = vs.Mesh(points, [[0, 1, 2], [0, 1, 1], [0, 2, 3]], codes)
@@ -125,14 +124,14 @@ def test_colours_of_triangles_are_sharp_and_follow_those_without_an_area() -> No
         assert image.coefficients[at] == pytest.approx(flat.coefficients[9, 9], abs=1e-3)
 
 
-def test_colours_in_gltf_are_linear_light(tmp_path: Path) -> None:
+def test_colours_in_gltf_are_linear_light(tmp_path):
     write_glb(tmp_path / "tile.glb", 8.0, (1.0, 0.2140, 0.0))
     codes = vs.Mesh.load(tmp_path / "tile.glb", own_colours=True).material
     assert codes / 65535.0 == pytest.approx(np.array([[1.0, 0.5, 0.0]] * 4), abs=1e-3)
 
 
 @pytest.mark.slow
-def test_meshes_without_colours_keep_their_material(tmp_path: Path) -> None:
+def test_meshes_without_colours_keep_their_material(tmp_path):
     pyvista.Cone().save(tmp_path / "cone.ply")
     assert vs.Mesh.load(tmp_path / "cone.ply", "red", own_colours=True).material == "red"
     scene = vs.Scene.from_mesh(tmp_path / "cone.ply", lights=["D65"])
@@ -140,7 +139,7 @@ def test_meshes_without_colours_keep_their_material(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_mesh_alone_is_opened_in_its_own_colours(tmp_path: Path) -> None:
+def test_a_mesh_alone_is_opened_in_its_own_colours(tmp_path):
     path, codes = colour_quad(".ply", tmp_path)
     scene = vs.Scene.from_mesh(path, lights=["D65"])
     again = vs.Scene.load(scene.save(tmp_path / "square.toml"))
@@ -152,7 +151,7 @@ def test_a_mesh_alone_is_opened_in_its_own_colours(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*basis")
-def test_a_mesh_s_colours_are_in_its_scene_s_basis(tmp_path: Path) -> None:
+def test_a_mesh_s_colours_are_in_its_scene_s_basis(tmp_path):
     """A basis for copper alone would be off by 12 under the scene's own lamps."""
     path, codes = colour_quad(".ply", tmp_path)
     scene = vs.Scene.from_mesh(path)
@@ -170,7 +169,7 @@ def test_a_mesh_s_colours_are_in_its_scene_s_basis(tmp_path: Path) -> None:
         assert colour.delta_E(*lab, method="CIE 2000").max() < 2.5, each.name
 
 
-def test_alpha_of_colours_is_left_out_with_a_warning() -> None:
+def test_alpha_of_colours_is_left_out_with_a_warning():
     codes = np.array([[9, 8, 7, 255], [9, 8, 7, 100]], np.uint8)
     with pytest.warns(VolspecWarning, match="alpha of its colours"):
         mesh = vs.Mesh(plane().points_mm, plane().triangles, codes)
@@ -186,13 +185,13 @@ def with_alpha(folder: Path, alpha: int) -> Path:
     return saved(np.dstack([CODES, np.full((64, 64, 1), alpha, np.uint8)]), folder / "alpha.png")
 
 
-def test_textures_are_read_with_16_bits_and_without_alpha(tmp_path: Path) -> None:
+def test_textures_are_read_with_16_bits_and_without_alpha(tmp_path):
     deep = np.uint16([[0, 30000], [40001, 65535]])
     assert (vs.Texture.load(saved(deep, tmp_path / "deep.png")).texels[..., 1] == deep).all()
     assert (vs.Texture.load(with_alpha(tmp_path, 255)).texels // 257 == CODES).all()
 
 
-def test_translucent_meshes_are_composited_and_let_part_of_the_light_pass() -> None:
+def test_translucent_meshes_are_composited_and_let_part_of_the_light_pass():
     sheet = replace(plane("red", z=10.0), opacity=0.4)
     image = cast(sheet, plane("white"))
     wanted = 0.4 * channels("red") + 0.6 * 0.6 * channels("white")
@@ -200,14 +199,14 @@ def test_translucent_meshes_are_composited_and_let_part_of_the_light_pass() -> N
     assert image.alpha == pytest.approx(1.0) and cast(sheet).alpha == pytest.approx(0.4)
 
 
-def test_a_translucent_mesh_just_behind_an_opaque_one_is_hidden() -> None:
+def test_a_translucent_mesh_just_behind_an_opaque_one_is_hidden():
     front = cast(plane("white"))
     behind = cast(plane("white"), replace(plane("red", z=-1.0), opacity=0.5))
     assert np.array_equal(behind.coefficients, front.coefficients)
 
 
 @pytest.mark.slow
-def test_a_texture_is_converted_once_for_a_basis(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_texture_is_converted_once_for_a_basis(monkeypatch):
     """A viewer paints the meshes for every cast."""
     caster = vs.MeshCaster([plane(vs.Texture(CODES)), plane("red")], MATERIALS, BASIS)
     bases = []
@@ -222,7 +221,7 @@ def test_a_texture_is_converted_once_for_a_basis(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.slow
-def test_a_faint_sheet_in_a_volume_changes_nothing_and_a_dense_one_hides_half() -> None:
+def test_a_faint_sheet_in_a_volume_changes_nothing_and_a_dense_one_hides_half():
     """Spans of rays add up to the whole cast; behind an opaque sheet nothing is seen."""
     volume = vs.phantom.ball(48)
     points = [(0.3, 0.0, "white"), (0.5, 0.02, "white")]
@@ -246,7 +245,7 @@ def test_a_faint_sheet_in_a_volume_changes_nothing_and_a_dense_one_hides_half() 
     assert np.abs(between).max() < 0.15  # but for the shadow's square
 
 
-def test_a_mirror_shows_translucent_meshes_before_opaque_ones() -> None:
+def test_a_mirror_shows_translucent_meshes_before_opaque_ones():
     """An opacity of next to 1 is seen as 1; half of it, with what is behind it."""
     mirror = replace(plane("black", 64.0), mirror=1.0)
     camera = vs.Camera((0.0, -150.0, 150.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), height_mm=50.0)
@@ -264,7 +263,7 @@ def test_a_mirror_shows_translucent_meshes_before_opaque_ones() -> None:
     assert mixed == pytest.approx(0.5 * red + 0.5 * white, abs=2e-3)
 
 
-def test_a_mirror_shows_the_mesh_above_it_upside_down() -> None:
+def test_a_mirror_shows_the_mesh_above_it_upside_down():
     red = vs.shape_mesh("sphere", 20.0, "red").placed((0.0, 0.0, 16.0))
     floor = replace(plane("black", 200.0), mirror=0.5)
     image = cast(red, floor, camera=vs.Camera((0.0, -200.0, 60.0), (0.0, 0.0, 8.0), height_mm=64.0))
@@ -276,7 +275,7 @@ def test_a_mirror_shows_the_mesh_above_it_upside_down() -> None:
 
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("tilt", [0.0, 20.0, 35.0])
-def test_stripes_are_where_the_grating_equation_has_them(tilt: float, order: int) -> None:
+def test_stripes_are_where_the_grating_equation_has_them(tilt, order):
     """d (sin θi + sin θo) = m λ on a plane under a sun, seen in perspective, to a pixel."""
     spacing_um, nm = 2.5, 550.0
     lines = vs.Grating(
@@ -311,7 +310,7 @@ def test_stripes_are_where_the_grating_equation_has_them(tilt: float, order: int
     assert found
 
 
-def test_a_grating_sends_on_no_more_light_than_arrives() -> None:
+def test_a_grating_sends_on_no_more_light_than_arrives():
     """The integral over the hemisphere of f cos θ is the part that is diffracted."""
     lines = vs.Grating(spacing_um=5.0, across=(1.0, 0.0, 0.0), orders=2, spread_deg=3.0, part=0.8)
     side = np.linspace(-1.0, 1.0, 401)
@@ -326,7 +325,7 @@ def test_a_grating_sends_on_no_more_light_than_arrives() -> None:
     assert total == pytest.approx(0.8, rel=1e-2)
 
 
-def test_a_new_light_recolours_stripes_without_a_cast() -> None:
+def test_a_new_light_recolours_stripes_without_a_cast():
     lines = vs.Grating(spacing_um=1.6, spread_deg=2.0)
     disc = replace(vs.shape_mesh("disc", 60.0, "white"), grating=lines)
     sun = vs.LightGroup("sun", (vs.Directional((0.5, 0.2, 0.84)),))
@@ -337,7 +336,7 @@ def test_a_new_light_recolours_stripes_without_a_cast() -> None:
 
 
 @pytest.mark.slow
-def test_a_triad_has_an_axis_of_each_colour() -> None:
+def test_a_triad_has_an_axis_of_each_colour():
     camera = vs.Camera((120.0, 120.0, 120.0), (0.0, 0.0, 0.0), height_mm=64.0)
     head = replace(SUN, groups=(vs.LightGroup("head", (vs.Headlight(),)),))
     image = vs.cast_meshes([vs.shape_mesh("triad", 30.0)], {}, BASIS, camera, SIZE, head)
@@ -348,7 +347,7 @@ def test_a_triad_has_an_axis_of_each_colour() -> None:
         assert (patch[:, channel] > 1.3 * others + 20.0).any()
 
 
-def test_a_mesh_out_of_view_is_warned_of_and_one_need_not_be_a_manifold() -> None:
+def test_a_mesh_out_of_view_is_warned_of_and_one_need_not_be_a_manifold():
     with pytest.warns(VolspecWarning, match="outside the view"):
         cast(plane(), plane(z=0.0).placed((900.0, 0.0, 0.0)))
     points = [[0, 0, 0], [0, 0, 9], [9, 0, 0], [0, 9, 0], [-9, 0, 0]]
@@ -398,8 +397,6 @@ def no_picture(folder: Path) -> Path:
         (lambda _: vs.shape_mesh("plain"), "unknown"),  # type: ignore[arg-type]  # a wrong name
     ],
 )
-def test_bad_colours_textures_and_looks_are_refused(
-    tmp_path: Path, make: Callable[[Path], object], code: str | None
-) -> None:
+def test_bad_colours_textures_and_looks_are_refused(tmp_path, make, code):
     with raises(InputError, code):
         make(tmp_path)

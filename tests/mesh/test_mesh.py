@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -53,7 +52,7 @@ def cast(*meshes: vs.Mesh, camera: vs.Camera = ABOVE, spec: Any = LIT) -> vs.Coe
     return vs.cast_meshes(meshes, WHITE, BASIS, camera, SIZE, spec)
 
 
-def test_rays_find_triangle_distance_and_shares() -> None:
+def test_rays_find_triangle_distance_and_shares():
     corners = [[[0, 0, 1], [3, 0, 1], [0, 3, 1]], [[0, 0, 2], [9, 0, 2], [0, 9, 2]]]
     rays = TriangleRays(np.array(corners, float), "tests", "none")
     origins = np.array([[0.3, 0.6, -1.0], [4.0, 4.0, 0.0], [9.0, 9.0, 0.0]])
@@ -64,7 +63,7 @@ def test_rays_find_triangle_distance_and_shares() -> None:
     assert not rays.clear(origins[:1], np.array([[0.3, 0.6, 1.1]])).any()
 
 
-def test_a_white_sphere_is_lambert_s() -> None:
+def test_a_white_sphere_is_lambert_s():
     """The cosine of the sun's height, at each pixel's normal."""
     image = cast(sphere())
     y, x = (np.mgrid[0:64, 0:64] - 31.5).astype(float)
@@ -77,7 +76,7 @@ def test_a_white_sphere_is_lambert_s() -> None:
     assert 0.0 < image.alpha[(image.alpha > 0) & (image.alpha < 1)].mean() < 1.0  # edges
 
 
-def test_a_square_casts_its_shadow_and_takes_the_sky() -> None:
+def test_a_square_casts_its_shadow_and_takes_the_sky():
     """A square of 20 mm hovers 10 mm above a plane, seen from below its height."""
     image = cast(plane(0.0), plane(10.0, 10.0, "lid"), camera=LOW)
     sun, sky = (image.layer(name).mean(axis=2) for name in ("sun", "sky"))
@@ -88,7 +87,7 @@ def test_a_square_casts_its_shadow_and_takes_the_sky() -> None:
     assert sky[free, 32] > 0.97 and sky[hidden, 32] == pytest.approx(0.78, abs=0.03)
 
 
-def test_a_ball_hides_its_form_factor_of_the_sky() -> None:
+def test_a_ball_hides_its_form_factor_of_the_sky():
     """Seen from D away on a plane h below its centre, a ball's form factor is h R² / D³."""
     h, radius = 24.0, 20.0
     sky = vs.LightGroup("sky", (vs.Ambient(occlusion=True, radius_mm=500.0),))
@@ -100,7 +99,7 @@ def test_a_ball_hides_its_form_factor_of_the_sky() -> None:
     assert image.layer("sky").mean(axis=2)[34:] == pytest.approx(true, abs=0.035)
 
 
-def test_shares_of_materials_mix() -> None:
+def test_shares_of_materials_mix():
     """At points linearly, in triangles evenly."""
     at_points = {"white": [1, 1, 0, 0], "red": [0, 0, 2, 2]}
     found = cast(replace(plane(0.0), material=at_points)).layer("sun")
@@ -131,7 +130,7 @@ def inside(volume: vs.Volume, radius: float = 6.0) -> vs.MeshCaster:
     return vs.MeshCaster([vs.Mesh.of(fine.compute_normals(), "red")], WHITE, BASIS)
 
 
-def test_a_mesh_ends_rays_at_its_depth_and_shades_the_volume_as_the_reference() -> None:
+def test_a_mesh_ends_rays_at_its_depth_and_shades_the_volume_as_the_reference():
     """Twin of the cast with a mesh in the middle: stops, and light that it keeps from voxels."""
     volume, transfer = ball()
     camera, meshes = camera_of(volume), inside(volume)
@@ -147,7 +146,7 @@ def test_a_mesh_ends_rays_at_its_depth_and_shades_the_volume_as_the_reference() 
 
 
 @pytest.mark.slow
-def test_the_volume_s_light_at_points_is_that_of_its_nodes() -> None:
+def test_the_volume_s_light_at_points_is_that_of_its_nodes():
     """Light that arrives at a mesh: in the volume, behind it, and where it passes by."""
     volume, transfer = ball()
     camera, meshes = camera_of(volume), inside(volume)
@@ -166,7 +165,7 @@ def test_the_volume_s_light_at_points_is_that_of_its_nodes() -> None:
 
 
 @pytest.mark.slow
-def test_a_mesh_in_a_volume_is_behind_what_is_before_it() -> None:
+def test_a_mesh_in_a_volume_is_behind_what_is_before_it():
     """A red sphere under a thin shell, through which it is seen, at its own depth."""
     volume, transfer = ball()
     camera, meshes = camera_of(volume), inside(volume)
@@ -186,9 +185,7 @@ CORNERS = ((-9.0, -7.0, 8.0), (8.0, -6.0, -6.0), (7.0, 8.0, 0.0), (-6.0, 9.0, -8
 @pytest.mark.slow
 @pytest.mark.parametrize("more", [(), (0.0,), (40.0,)], ids=["alone", "before", "behind"])
 @pytest.mark.parametrize("mode", ["composite", *slow_each("maximum")])
-def test_edges_of_a_mesh_before_and_in_a_volume_are_those_of_a_finer_picture(
-    mode: str, more: tuple[float, ...]
-) -> None:
+def test_edges_of_a_mesh_before_and_in_a_volume_are_those_of_a_finer_picture(mode, more):
     """Mean of 4 x 4 pixels: the volume goes on behind edges, and with a faint sheet elsewhere."""
     volume, thin = ball()
     transfer = replace(thin, points=((0.3, 0.0, "white"), (0.5, 0.9, "white")))
@@ -214,7 +211,7 @@ def test_edges_of_a_mesh_before_and_in_a_volume_are_those_of_a_finer_picture(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", ["composite", "maximum", *slow_each("average")])
-def test_what_an_edge_covers_in_part_is_a_mixture(mode: str) -> None:
+def test_what_an_edge_covers_in_part_is_a_mixture(mode):
     """Opacity a … + (1 - a) W, with W of the volume alone; also of tips between the points."""
     volume, transfer = ball()
     camera, spec = vs.Camera.orbit(volume, zoom=2), vs.RaycastSpec(mode=mode, alpha_stop=1.0)
@@ -236,7 +233,7 @@ def test_what_an_edge_covers_in_part_is_a_mixture(mode: str) -> None:
 
 
 @pytest.mark.slow
-def test_a_mesh_is_shaded_only_where_the_volume_lets_it_be_seen() -> None:
+def test_a_mesh_is_shaded_only_where_the_volume_lets_it_be_seen():
     """The picture of all of the mesh, but for what the ends of rays leave out."""
     volume, thin = ball()
     camera, meshes = camera_of(volume), inside(volume)
@@ -251,7 +248,7 @@ def test_a_mesh_is_shaded_only_where_the_volume_lets_it_be_seen() -> None:
 
 
 @pytest.mark.slow
-def test_depth_is_that_of_a_voxelised_surface() -> None:
+def test_depth_is_that_of_a_voxelised_surface():
     """A sphere in an empty volume against the isosurface of its distance field: half a voxel."""
     n, radius = 64, 20.0
     z, y, x = np.mgrid[0:n, 0:n, 0:n] - (n - 1) / 2.0
@@ -267,7 +264,7 @@ def test_depth_is_that_of_a_voxelised_surface() -> None:
 
 
 @pytest.mark.parametrize("suffix", ["ply", *slow_each("stl", "obj", "vtp")])
-def test_files_are_read_with_smooth_edges(tmp_path: Path, suffix: str) -> None:
+def test_files_are_read_with_smooth_edges(tmp_path, suffix):
     fine, path = pyvista.Sphere(radius=2.0), tmp_path / f"ball.{suffix}"
     if suffix == "obj":
         lines = [f"v {x} {y} {z}" for x, y, z in fine.points]
@@ -281,7 +278,7 @@ def test_files_are_read_with_smooth_edges(tmp_path: Path, suffix: str) -> None:
     assert len(vs.Mesh.load(path, smooth_deg=0.0).points_mm) > len(mesh.points_mm)
 
 
-def test_triangles_without_an_area_are_left_out_with_a_warning() -> None:
+def test_triangles_without_an_area_are_left_out_with_a_warning():
     with pytest.warns(vs.VolspecWarning, match="1 of its triangles have no area"):
         vs.Mesh(TRIANGLE, [[0, 1, 2], [0, 1, 1]])
 
@@ -310,7 +307,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_scene_shows_its_meshes(folder: Path) -> None:
+def test_a_scene_shows_its_meshes(folder):
     texts = SCENE, SCENE.replace("move_mm", "shown = false\nmove_mm")
     shown, hidden = (loaded(folder, text).render(size=SIZE) for text in texts)
     frame, bare = (vs.relight(each, vs.light("D65")).astype(int) for each in (shown, hidden))
@@ -319,7 +316,7 @@ def test_a_scene_shows_its_meshes(folder: Path) -> None:
     assert shown.alpha[32, 32] == pytest.approx(1.0)
 
 
-def test_other_paint_keeps_what_the_volume_s_light_was_found_for() -> None:
+def test_other_paint_keeps_what_the_volume_s_light_was_found_for():
     """The light volume's cache goes by this object: a new one would be a new light volume."""
     caster = vs.MeshCaster([plane(0.0)], WHITE, BASIS)
     assert caster.painted(WHITE, BASIS).clear == caster.clear
@@ -328,7 +325,7 @@ def test_other_paint_keeps_what_the_volume_s_light_was_found_for() -> None:
 ALONE = scene_text({"red": "ColorChecker/red"}, file="", lights=D65, more=GENERAL + MESH)
 
 
-def test_a_scene_of_meshes_alone_is_their_cast(folder: Path) -> None:
+def test_a_scene_of_meshes_alone_is_their_cast(folder):
     """Without [volume] and [transfer]; the camera orbits the box around the meshes."""
     scene = loaded(folder, ALONE)
     volume = scene.volume()
@@ -345,7 +342,7 @@ def test_a_scene_of_meshes_alone_is_their_cast(folder: Path) -> None:
     assert np.array_equal(again.render(size=SIZE).coefficients, found.coefficients)
 
 
-def test_a_box_keeps_the_camera_when_meshes_are_added(folder: Path) -> None:
+def test_a_box_keeps_the_camera_when_meshes_are_added(folder):
     box = "volume.box_mm = [[-6, 6], [-6, 6], [-6, 6]]\n"
     more = ALONE.replace("[[light]]", '[[mesh]]\nshape = "triad"\nsize_mm = 50\n[[light]]')
     scenes = [loaded(folder, text) for text in (box + ALONE, box + more, more)]
@@ -354,7 +351,7 @@ def test_a_box_keeps_the_camera_when_meshes_are_added(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_mesh_s_file_becomes_a_scene(folder: Path) -> None:
+def test_a_mesh_s_file_becomes_a_scene(folder):
     scene = vs.Scene.from_mesh(folder / "core.ply", lights=["A"])
     assert [light.name for light in scene.lights] == ["A"]
     image = scene.render(size=SIZE)
@@ -370,7 +367,7 @@ def exported_again(folder: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*outside the view")
-def test_a_mesh_outside_the_view_changes_nothing_of_a_volume() -> None:
+def test_a_mesh_outside_the_view_changes_nothing_of_a_volume():
     volume, transfer = ball()
     camera = camera_of(volume)
     bare = vs.raycast(volume, transfer, camera, SIZE, FEW_NODES)
@@ -380,7 +377,7 @@ def test_a_mesh_outside_the_view_changes_nothing_of_a_volume() -> None:
         assert np.abs(image.alpha - bare.alpha).max() < 1e-6
 
 
-def test_a_vtk_file_is_a_mesh_or_a_volume(tmp_path: Path) -> None:
+def test_a_vtk_file_is_a_mesh_or_a_volume(tmp_path):
     pyvista.Cone().save(tmp_path / "cone.vtk")
     pyvista.ImageData(dimensions=(4, 4, 4)).save(tmp_path / "box.vtk")
     assert is_mesh_file(tmp_path / "cone.vtk") and not is_mesh_file(tmp_path / "box.vtk")
@@ -388,7 +385,7 @@ def test_a_vtk_file_is_a_mesh_or_a_volume(tmp_path: Path) -> None:
     assert vs.Scene.from_mesh(tmp_path / "cone.vtk").surfaces()
 
 
-def test_a_gltf_stands_upright_in_metres(folder: Path) -> None:
+def test_a_gltf_stands_upright_in_metres(folder):
     (folder / "x.glb").write_bytes(b"")
     row = mesh_file(folder / "x.glb").mesh[0]
     assert (row.unit_mm, row.turn_deg) == (1000.0, (90.0, 0.0, 0.0))
@@ -401,7 +398,7 @@ def test_a_gltf_stands_upright_in_metres(folder: Path) -> None:
         slow(ALONE.replace("[[light]]", "shown = false\n[[light]]"), "no mesh is shown"),
     ],
 )
-def test_wrong_units_and_hidden_meshes_are_warned_of(folder: Path, text: str, match: str) -> None:
+def test_wrong_units_and_hidden_meshes_are_warned_of(folder, text, match):
     with pytest.warns(vs.VolspecWarning, match=match):
         loaded(folder, text).render(size=(8, 8))
 
@@ -468,8 +465,6 @@ POINTS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
         slow(exported_again, vs.InputError, "conflict"),
     ],
 )
-def test_what_cannot_be_a_mesh_is_refused(
-    folder: Path, call: Callable[[Path], object], error: type[vs.VolspecError], code: str | None
-) -> None:
+def test_what_cannot_be_a_mesh_is_refused(folder, call, error, code):
     with raises(error, code):
         call(folder)

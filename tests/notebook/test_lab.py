@@ -85,9 +85,7 @@ def until_shown(lab: Lab, wanted: NDArray[np.uint8]) -> None:
 
 
 @pytest.mark.slow
-def test_one_picture_goes_to_and_fro(
-    lab: Lab, colours: CoefficientImage, turned: CoefficientImage
-) -> None:
+def test_one_picture_goes_to_and_fro(lab, colours, turned):
     """One story: each step needs the one before, and a second JupyterLab costs too much."""
     assert seen(lab, colours.size).std() > 20, "the picture is empty"
     until_shown(lab, relight(colours, light("D65")))

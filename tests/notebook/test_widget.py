@@ -15,7 +15,6 @@ from PIL import Image
 
 import volspec as vs
 from tests.support.errors import raises
-from tests.support.fixtures import Patch
 from tests.support.images import named_lights, some_rows
 from tests.twins.test_recompose import layered
 from volspec.appearance import Display, Viewing
@@ -54,7 +53,7 @@ def noted(image: CoefficientImage, viewing: str) -> CoefficientImage:
     return replace(image, notes={"viewing": viewing, "scene": "Patches"})
 
 
-def test_the_first_light_shines(widget: Any, colours: CoefficientImage) -> None:
+def test_the_first_light_shines(widget, colours):
     assert dict(widget.weights) == {"D65": 1.0, "A": 0.0, "FL2": 0.0}
     assert dict(widget.opacities) == {}
     widget.opacities = {}  # of no layers
@@ -62,7 +61,7 @@ def test_the_first_light_shines(widget: Any, colours: CoefficientImage) -> None:
     assert repr(widget) == "RelightWidget(64x64, D65, A, FL2)"
 
 
-def test_a_frame_follows_every_setting(widget: Any, colours: CoefficientImage) -> None:
+def test_a_frame_follows_every_setting(widget, colours):
     viewing = Viewing(model="CIELAB", exposure=0.5)
     widget.weights = {"A": 0.5, "FL2": 0.25}
     widget.viewing, widget.mode, widget.backdrop = viewing, "exact", 0.4
@@ -73,7 +72,7 @@ def test_a_frame_follows_every_setting(widget: Any, colours: CoefficientImage) -
     assert widget.rig is None and not widget.frame().any()
 
 
-def test_what_the_page_tells_becomes_traits_unanswered(widget: Any, monkeypatch: Patch) -> None:
+def test_what_the_page_tells_becomes_traits_unanswered(widget, monkeypatch):
     sent: list[dict[str, Any]] = []
     monkeypatch.setattr(widget, "_send", lambda message, buffers=None: sent.append(message))
     state = {"weights": [0, 0.5, 1], "viewing": LOOK, "mode": "exact", "backdrop": 0.5}
@@ -88,13 +87,13 @@ def test_what_the_page_tells_becomes_traits_unanswered(widget: Any, monkeypatch:
 
 
 @pytest.mark.parametrize(("ratio", "surround"), [(0.0, "dark"), (0.2, "average"), (0.15, 0.15)])
-def test_a_surround_with_a_name_has_it(widget: Any, ratio: float, surround: str | float) -> None:
+def test_a_surround_with_a_name_has_it(widget, ratio, surround):
     widget.set_state({"viewing": {**LOOK, "surround": ratio}})
     assert widget.viewing.surround == surround
     assert widget.get_state("viewing")["viewing"]["surround"] == ratio
 
 
-def test_a_displays_room_reaches_the_page(widget: Any) -> None:
+def test_a_displays_room_reaches_the_page(widget):
     widget.viewing = Viewing(display=Display(L_A=40.0, surround="dark"))
     room = widget.get_state("_room")["_room"]["display"]
     assert room["L_A"] == 40.0 and room["surround"] == 0.0
@@ -102,7 +101,7 @@ def test_a_displays_room_reaches_the_page(widget: Any) -> None:
     assert widget.viewing.display == Display(L_A=40.0, surround="dark", gamut="reduce", mark=True)
 
 
-def test_a_pixel_is_read_again_at_every_change(widget: Any, colours: CoefficientImage) -> None:
+def test_a_pixel_is_read_again_at_every_change(widget, colours):
     probed: list[Any] = []
     widget.observe(lambda change: probed.append(change["new"]), "probed")
     widget.probe = (40, 3)
@@ -116,7 +115,7 @@ def test_a_pixel_is_read_again_at_every_change(widget: Any, colours: Coefficient
     assert probed[0].XYZ[2] > 2 * probed[1].XYZ[2], "tungsten has little blue"
 
 
-def test_another_image_keeps_the_settings(widget: Any, colours: CoefficientImage) -> None:
+def test_another_image_keeps_the_settings(widget, colours):
     widget.weights, widget.probe = {"A": 1.0}, (60, 60)
     before = widget.get_state("_page")["_page"]
     widget.image = some_rows(colours, slice(16))
@@ -125,7 +124,7 @@ def test_another_image_keeps_the_settings(widget: Any, colours: CoefficientImage
     assert widget.frame().shape == (16, 64, 3)
 
 
-def test_opacities_are_the_picture_s_the_probe_s_and_the_page_s() -> None:
+def test_opacities_are_the_picture_s_the_probe_s_and_the_page_s():
     image = layered(3, 1)
     widget = vs.notebook(image, LIGHTS)
     assert dict(widget.opacities) == {"copper": 1.0, "gold": 1.0, "brass": 1.0}
@@ -168,8 +167,8 @@ def test_opacities_are_the_picture_s_the_probe_s_and_the_page_s() -> None:
     ],
 )
 def test_what_cannot_be_is_refused_and_leaves_the_widget_as_it_was(
-    widget: Any, name: str, value: object, code: str, field: str | None
-) -> None:
+    widget, name, value, code, field
+):
     if name.startswith("layered "):
         widget, name = vs.notebook(layered(3, 1), LIGHTS), name.removeprefix("layered ")
     before = getattr(widget, name)
@@ -178,13 +177,13 @@ def test_what_cannot_be_is_refused_and_leaves_the_widget_as_it_was(
     assert getattr(widget, name) is before
 
 
-def test_an_absolute_scene_is_relative_under_lights_without_lux(colours: CoefficientImage) -> None:
+def test_an_absolute_scene_is_relative_under_lights_without_lux(colours):
     image = noted(colours, '{"level": "absolute", "illuminance_lux": 500}')
     assert vs.notebook(image).level == "relative"
     assert vs.notebook(image, {"lamp": LightRig((vs.light("A"),), (), (50,))}).level == "absolute"
 
 
-def test_lights_with_lux_add_up(colours: CoefficientImage) -> None:
+def test_lights_with_lux_add_up(colours):
     lux = {"A": 50, "D65": 900}
     lamps = {name: LightRig((vs.light(name),), (), (lux[name],)) for name in lux}
     widget = vs.notebook(colours, lamps, Viewing(illuminance_lux=900))
@@ -216,14 +215,12 @@ def of_groups(image: CoefficientImage) -> Any:
         (lambda image: setattr(of_groups(image), "image", image), "unknown"),
     ],
 )
-def test_lights_and_frames_that_are_none_are_refused(
-    colours: CoefficientImage, make: Callable[[CoefficientImage], Any], code: str | None
-) -> None:
+def test_lights_and_frames_that_are_none_are_refused(colours, make, code):
     with raises(InputError, code):
         make(colours)
 
 
-def test_a_scenes_lights_and_viewing_are_taken(colours: CoefficientImage) -> None:
+def test_a_scenes_lights_and_viewing_are_taken(colours):
     (lamp,) = named_lights(["lamp"], "A")
     image = noted(colours, '{"model": "CAM16", "surround": "dark", "backdrop": 0.05}')
     widget = vs.notebook(image, [lamp])
@@ -235,9 +232,7 @@ def test_a_scenes_lights_and_viewing_are_taken(colours: CoefficientImage) -> Non
         assert vs.notebook(noted(colours, '{"model": "Hunt"}')).viewing.model == "CIECAM02"
 
 
-def test_an_image_in_a_cell_shows_the_widget(
-    colours: CoefficientImage, bundles: Callable[[object], list[dict[str, Any]]]
-) -> None:
+def test_an_image_in_a_cell_shows_the_widget(colours, bundles):
     (bundle,) = bundles(colours)
     assert "application/vnd.jupyter.widget-view+json" in bundle
     # Readers that run no widgets get a still picture, as a saved notebook's.
@@ -245,9 +240,7 @@ def test_an_image_in_a_cell_shows_the_widget(
     assert np.abs(np.asarray(still).astype(float) - relight(colours, vs.light("D65"))).mean() < 6
 
 
-def test_without_the_extra_an_image_shows_its_text(
-    colours: CoefficientImage, bundles: Callable[[object], list[dict[str, Any]]], monkeypatch: Patch
-) -> None:
+def test_without_the_extra_an_image_shows_its_text(colours, bundles, monkeypatch):
     monkeypatch.setitem(sys.modules, "anywidget", None)
     monkeypatch.delitem(sys.modules, "volspec.export.notebook.widget", raising=False)
     with raises(DeviceError, "unsupported"):

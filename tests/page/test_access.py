@@ -104,14 +104,12 @@ def breaches(page: Any) -> list[str]:
         slow(WIDE, "light forced", {"a.weights": "0,0,0", "a.discount": 1}),
     ],
 )
-def test_axe_finds_nothing_wrong(
-    ball: Open, size: tuple[int, int], media: str, words: dict[str, object]
-) -> None:
+def test_axe_finds_nothing_wrong(ball, size, media, words):
     assert breaches(ball(size, media, **words).page) == []
 
 
 @pytest.mark.parametrize("size", [slow(WIDE), PHONE])
-def test_axe_finds_nothing_wrong_with_sharing(ball: Open, size: tuple[int, int]) -> None:
+def test_axe_finds_nothing_wrong_with_sharing(ball, size):
     page = ball(size).page
     page.click("#share")
     assert breaches(page) == []
@@ -120,14 +118,14 @@ def test_axe_finds_nothing_wrong_with_sharing(ball: Open, size: tuple[int, int])
 
 
 @pytest.mark.slow
-def test_axe_finds_nothing_wrong_with_the_still_picture(opened: Open, balls: Path) -> None:
+def test_axe_finds_nothing_wrong_with_the_still_picture(opened, balls):
     page = opened(balls, before="delete window.DecompressionStream;", ready="still").page
     assert breaches(page) == []
     assert controls(page) == [] and ("image", "Ball") in exposed(page)
 
 
 @MEDIA
-def test_words_on_the_picture_can_be_read_on_any_picture(ball: Open, media: str) -> None:
+def test_words_on_the_picture_can_be_read_on_any_picture(ball, media):
     """Contrast that axe leaves undecided: 4.5 : 1 over black and over white."""
     ratios = ball(WIDE, media, **ALL_ON).page.evaluate(_CONTRASTS, ON_PICTURE)
     assert len(ratios) > 10
@@ -158,7 +156,7 @@ _CONTRASTS = """(words) => {
 }"""
 
 
-def test_every_control_has_a_name_of_its_own(ball: Open) -> None:
+def test_every_control_has_a_name_of_its_own(ball):
     page = ball(WIDE, **ALL_ON).page
     names = controls(page)
     assert len(names) > 30 and all(names) and len(set(names)) == len(names)
@@ -186,7 +184,7 @@ def controls(page: Any) -> list[str]:
     return [name for role, name in exposed(page) if role in _ROLES]
 
 
-def test_tab_reaches_every_control_in_reading_order_and_ends(ball: Open) -> None:
+def test_tab_reaches_every_control_in_reading_order_and_ends(ball):
     page = ball(WIDE, **ALL_ON).page
     wanted = page.evaluate(_TABBABLE, CONTROLS)
     page.click("h1")
@@ -218,7 +216,7 @@ _STOP = f"""() => {{
 
 @pytest.mark.slow
 @MEDIA
-def test_every_control_shows_that_it_has_the_focus(ball: Open, media: str) -> None:
+def test_every_control_shows_that_it_has_the_focus(ball, media):
     """Focus by WCAG 2.2, 2.4.13: as many pixels as an outline of two change by 3 : 1 or more."""
     page = ball(WIDE, media, **ALL_ON).page
     boxes, bare = page.evaluate(_BOXES, CONTROLS), luminance(page.screenshot())
@@ -259,7 +257,7 @@ def luminance(png: bytes) -> NDArray[np.float64]:
 
 
 @pytest.mark.slow
-def test_what_is_tabbed_to_is_not_behind_the_picture(ball: Open) -> None:
+def test_what_is_tabbed_to_is_not_behind_the_picture(ball):
     page = ball(PHONE, **ALL_ON).page
     for key in ("Tab", "Shift+Tab"):
         stops = []
@@ -271,7 +269,7 @@ def test_what_is_tabbed_to_is_not_behind_the_picture(ball: Open) -> None:
 
 
 @pytest.mark.parametrize("size", [WIDE, PHONE])
-def test_targets_are_as_large_as_a_finger_asks(ball: Open, size: tuple[int, int]) -> None:
+def test_targets_are_as_large_as_a_finger_asks(ball, size):
     assert ball(size, **ALL_ON).page.evaluate(_SMALL, CONTROLS) == []
 
 
@@ -285,7 +283,7 @@ _SMALL = f"""(controls) => [...document.querySelectorAll(controls)]
 
 
 @pytest.mark.parametrize("size", [(640, 400), (360, 740), (320, 256)])
-def test_nothing_is_beside_the_window(ball: Open, size: tuple[int, int]) -> None:
+def test_nothing_is_beside_the_window(ball, size):
     """1280 pixels at 200 %, a phone, and 1280 at 400 %."""
     page = ball(size, **ALL_ON).page
     wide = """() => [...document.querySelectorAll('body *')]
@@ -300,7 +298,7 @@ def test_nothing_is_beside_the_window(ball: Open, size: tuple[int, int]) -> None
     assert page.evaluate(least) >= 60
 
 
-def test_nothing_moves_for_who_asks_for_stillness(ball: Open) -> None:
+def test_nothing_moves_for_who_asks_for_stillness(ball):
     page = ball(WIDE).page
     moving = """() => [...document.querySelectorAll('*')].filter((e) => {
         const { transitionDuration, animationName } = getComputedStyle(e);
@@ -313,7 +311,7 @@ def test_nothing_moves_for_who_asks_for_stillness(ball: Open) -> None:
 
 
 @pytest.mark.slow
-def test_the_keyboard_zooms_at_the_probe_and_pans_after_it(ball: Open) -> None:
+def test_the_keyboard_zooms_at_the_probe_and_pans_after_it(ball):
     opened = ball(WIDE, probe="2,2")
     page = opened.page
     page.focus("#port")

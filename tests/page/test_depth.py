@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.page.conftest import Open, Opened
 from tests.page.test_access import PHONE, breaches
 from tests.page.test_opacity import NEAR, file, page, scene, shared, unpacked
 from tests.support.browser import mean_difference
@@ -55,14 +54,7 @@ def frame(image: CoefficientImage, scene: Scene, lamp: int = 0) -> NDArray[np.ui
     ],
     ids=["near", "far", "all"],
 )
-def test_cuts_and_fog_are_the_desktop_s(
-    page: Opened,
-    scene: Scene,
-    image: CoefficientImage,
-    words: dict[str, str],
-    scales: dict[str, float],
-    effects: DepthEffects,
-) -> None:
+def test_cuts_and_fog_are_the_desktop_s(page, scene, image, words, scales, effects):
     assert image.opacity_layers is not None
     begins = replace(effects, fog_from_mm=image.opacity_layers.range_mm[0])
     page.show(**words)
@@ -75,9 +67,7 @@ def test_cuts_and_fog_are_the_desktop_s(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("across", "down"), [slow(4.0, 0.0), (-3.0, 2.5)])
-def test_a_small_turn_is_near_a_cast(
-    page: Opened, scene: Scene, image: CoefficientImage, across: float, down: float
-) -> None:
+def test_a_small_turn_is_near_a_cast(page, scene, image, across, down):
     assert image.camera is not None
     given = scene.volume(), scene.transfer, leaned(image.camera, across, down), SIZE
     cast = frame(raycast(*given, scene.raycast), scene)
@@ -94,7 +84,7 @@ def test_a_small_turn_is_near_a_cast(
 
 
 @pytest.mark.slow
-def test_meshes_stay_and_are_cut_and_turned_where_they_are(scene: Scene, written: Open) -> None:
+def test_meshes_stay_and_are_cut_and_turned_where_they_are(scene, written):
     """A ball of two materials among the inserts, on a floor that reaches far."""
     pytest.importorskip("embreex")
     ball = shape_mesh("sphere", 60.0, "block").placed((150.0, 140.0, 50.0))
@@ -128,9 +118,7 @@ def test_meshes_stay_and_are_cut_and_turned_where_they_are(scene: Scene, written
 
 
 @pytest.mark.slow
-def test_an_anaglyph_and_a_pair_are_of_the_desktop_s_eyes(
-    page: Opened, scene: Scene, image: CoefficientImage
-) -> None:
+def test_an_anaglyph_and_a_pair_are_of_the_desktop_s_eyes(page, scene, image):
     effects = DepthEffects(near_mm=480)
     eyes = [frame(eye, scene) for eye in Stereo("anaglyph").views(image, {"block": 0.5}, effects)]
     words = {"a.opacity": "0.5,1", "a.near": "480"}
@@ -153,9 +141,7 @@ RESTS = "document.getElementById('picture').getAttribute('aria-busy') === 'false
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("focus", "aperture"), [(470, None), slow(620, 60)])
-def test_a_lens_is_refined_to_the_desktop_s(
-    page: Opened, scene: Scene, image: CoefficientImage, focus: float, aperture: float | None
-) -> None:
+def test_a_lens_is_refined_to_the_desktop_s(page, scene, image, focus, aperture):
     words = {"a.focus": str(focus)} | ({"a.aperture": str(aperture)} if aperture else {})
     effects = DepthEffects(focus_mm=focus, aperture_mm=aperture)
     lit = image.recompose({}, effects)
@@ -176,7 +162,7 @@ def test_a_lens_is_refined_to_the_desktop_s(
 
 
 @pytest.mark.slow
-def test_a_lens_is_switched_on_in_the_middle(page: Opened, image: CoefficientImage) -> None:
+def test_a_lens_is_switched_on_in_the_middle(page, image):
     assert image.opacity_layers is not None
     assert page.page.locator("#focus").is_disabled()
     page.page.locator("#lens").check()
@@ -191,7 +177,7 @@ def test_a_lens_is_switched_on_in_the_middle(page: Opened, image: CoefficientIma
 
 
 @pytest.mark.slow
-def test_a_lens_that_is_taken_off_half_way_is_waited_for_no_more(page: Opened) -> None:
+def test_a_lens_that_is_taken_off_half_way_is_waited_for_no_more(page):
     """Also that of a side that is no longer shown, which saving a picture would wait for."""
     page.page.evaluate("location.hash = 'compare=1&b.focus=600'")
     page.settle()
@@ -208,7 +194,7 @@ def test_a_lens_that_is_taken_off_half_way_is_waited_for_no_more(page: Opened) -
 
 
 @pytest.mark.slow
-def test_a_drag_and_keys_turn_and_reset_turns_back(page: Opened, image: CoefficientImage) -> None:
+def test_a_drag_and_keys_turn_and_reset_turns_back(page, image):
     before = page.picture()
     page.drag(0.1 * page.page.locator("#port").bounding_box()["width"], 0)
     page.settle()
@@ -223,7 +209,7 @@ def test_a_drag_and_keys_turn_and_reset_turns_back(page: Opened, image: Coeffici
     np.testing.assert_array_equal(page.picture(), before)
 
 
-def test_sliders_of_cuts_and_fog_say_what_they_cut(page: Opened, image: CoefficientImage) -> None:
+def test_sliders_of_cuts_and_fog_say_what_they_cut(page, image):
     assert image.opacity_layers is not None
     least, most = image.opacity_layers.range_mm
     for name, key, text in (("near", "End", f"{most:.0f} mm"), ("far", "Home", f"{least:.0f} mm")):
@@ -241,9 +227,7 @@ def test_sliders_of_cuts_and_fog_say_what_they_cut(page: Opened, image: Coeffici
 
 
 @pytest.mark.slow
-def test_a_scene_s_depth_opens_the_page(
-    written: Open, scene: Scene, image: CoefficientImage
-) -> None:
+def test_a_scene_s_depth_opens_the_page(written, scene, image):
     effects = DepthEffects(near_mm=500, fog_mm=2000, fog_white=0.3, focus_mm=520)
     page = written([PageView(image, depth=effects)], scene.lights, scene.relight)
     page.until(RESTS)
@@ -253,9 +237,7 @@ def test_a_scene_s_depth_opens_the_page(
 
 
 @pytest.mark.slow
-def test_a_picture_that_does_not_know_its_camera_is_not_turned(
-    written: Open, scene: Scene, image: CoefficientImage
-) -> None:
+def test_a_picture_that_does_not_know_its_camera_is_not_turned(written, scene, image):
     view, words = PageView(replace(image, camera=None)), "#turn=3,0&stereo=anaglyph&a.near=520"
     page = unpacked(written([view], scene.lights, scene.relight, words=words))
     assert not page.page.locator("#turn-rows").is_visible()
@@ -265,7 +247,7 @@ def test_a_picture_that_does_not_know_its_camera_is_not_turned(
 
 
 @pytest.mark.slow
-def test_axe_finds_nothing_wrong_with_depth_and_opacity(page: Opened) -> None:
+def test_axe_finds_nothing_wrong_with_depth_and_opacity(page):
     page.show(stereo="pair", **{"a.fog": "300", "a.opacity": "0,2"})
     # What is scrolled has colours that axe does not find.
     page.page.evaluate("document.querySelector('.panel').scrollTo(0, 0)")

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.page.conftest import Open
 from tests.support.fixtures import slow
 from volspec.export.page import PageView, write_page
 from volspec.raycast import CoefficientImage
@@ -57,8 +56,8 @@ def file(
 @pytest.mark.slow
 @pytest.mark.parametrize("milliseconds", [60, slow(400)])
 def test_a_slow_browser_draws_coarsely_while_the_light_moves_and_nothing_under_the_mouse(
-    opened: Open, file: Path, milliseconds: int
-) -> None:
+    opened, file, milliseconds
+):
     page = opened(file, before=SLOW.replace("MS", str(milliseconds)))
     draws, box = page.page.evaluate("window.draws"), page.page.locator("#picture").bounding_box()
     for step in range(5):

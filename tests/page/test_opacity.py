@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.page.conftest import VIEWPORT, Open, Opened, new_page, open_file
+from tests.page.conftest import VIEWPORT, Opened, new_page, open_file
 from tests.support.browser import mean_difference
 from tests.support.commands import call
 from tests.support.errors import raises, warns
-from tests.support.fixtures import Capture, Patch, slow
+from tests.support.fixtures import slow
 from tests.twins.test_recompose import layered, rig
 from volspec._gpu.sources import asset
 from volspec.errors import ImageError
@@ -100,9 +100,7 @@ def frame(
     return np.asarray(relight(made, scene.lights[lamp].rig, scene.relight), np.uint8)
 
 
-def test_scales_of_1_draw_the_page_of_today(
-    opened: Open, page: Opened, tmp_path: Path, scene: Scene, image: CoefficientImage
-) -> None:
+def test_scales_of_1_draw_the_page_of_today(opened, page, tmp_path, scene, image):
     path = tmp_path / "plain.html"
     plain = replace(image, opacity_layers=None)
     write_page(path, [PageView(plain)], scene.lights, scene.relight)
@@ -121,9 +119,7 @@ def test_scales_of_1_draw_the_page_of_today(
 
 
 @pytest.mark.parametrize("to", [slow((0.0, 0.6)), (0.35, 1.0), slow((0.7, 0.0))])
-def test_a_slider_that_is_dragged_fades_as_a_new_frame_of_the_desktop(
-    page: Opened, scene: Scene, image: CoefficientImage, to: tuple[float, float]
-) -> None:
+def test_a_slider_that_is_dragged_fades_as_a_new_frame_of_the_desktop(page, scene, image, to):
     scales = {name: drag(page, i, to[i]) for i, name in enumerate(("block", "inserts"))}
     assert len(set(scales.values())) == 2
     for lamp in (0, 3):
@@ -135,9 +131,7 @@ def test_a_slider_that_is_dragged_fades_as_a_new_frame_of_the_desktop(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("materials", "groups"), [slow(1, 1), slow(4, 1), slow(3, 2), (4, 8)])
-def test_any_number_of_materials_and_groups_is_drawn(
-    opened: Open, tmp_path: Path, materials: int, groups: int
-) -> None:
+def test_any_number_of_materials_and_groups_is_drawn(opened, tmp_path, materials, groups):
     """One texel a layer to eleven, and one pass of a slice to three of four."""
     image = layered(materials, groups)
     scales = dict(zip(image.basis.materials, (0.5, 1.0, 0.0, 2.0), strict=False))
@@ -151,7 +145,7 @@ def test_any_number_of_materials_and_groups_is_drawn(
 
 
 @pytest.mark.slow
-def test_a_light_that_changes_recomposes_nothing(opened: Open, file: Path) -> None:
+def test_a_light_that_changes_recomposes_nothing(opened, file):
     count = """
         window.passes = 0;
         const attach = WebGL2RenderingContext.prototype.drawBuffers;
@@ -172,7 +166,7 @@ def test_a_light_that_changes_recomposes_nothing(opened: Open, file: Path) -> No
 
 
 @pytest.mark.slow
-def test_keys_names_and_double_clicks_set_opacities(page: Opened) -> None:
+def test_keys_names_and_double_clicks_set_opacities(page):
     name = page.page.locator("#opacity-list li:nth-child(1) .material")
     drag(page, 0, 0.3)
     scale = shown_scale(page, 0)
@@ -196,7 +190,7 @@ def test_keys_names_and_double_clicks_set_opacities(page: Opened) -> None:
     assert [shown_scale(page, i) for i in (0, 1)] == [1, 1]
 
 
-def test_swatches_are_the_materials_under_the_light(page: Opened) -> None:
+def test_swatches_are_the_materials_under_the_light(page):
     """The engine's materials are alike under daylight, and apart under sodium."""
     page.show(**{"a.weights": "0,0,0,1,0"})
     style = "getComputedStyle(document.querySelectorAll('.swatch')[{}]).backgroundColor"
@@ -210,9 +204,7 @@ def test_swatches_are_the_materials_under_the_light(page: Opened) -> None:
     page.until(f"{apart} <= 3")
 
 
-def test_sides_have_opacities_of_their_own_and_the_probe_reads_them(
-    page: Opened, scene: Scene, image: CoefficientImage
-) -> None:
+def test_sides_have_opacities_of_their_own_and_the_probe_reads_them(page, scene, image):
     page.show(**{"compare": 1, "divide": 0.5, "a.opacity": "0,1", "b.opacity": "1,0.25"})
     got, middle = page.picture(), SIZE[0] // 2
     for part, scales in (
@@ -231,9 +223,7 @@ def test_sides_have_opacities_of_their_own_and_the_probe_reads_them(
 
 
 @pytest.mark.slow
-def test_an_address_brings_opacities_back_and_rubbish_none(
-    opened: Open, file: Path, page: Opened
-) -> None:
+def test_an_address_brings_opacities_back_and_rubbish_none(opened, file, page):
     scale = drag(page, 0, 0.25)
     page.until("location.hash.includes('a.opacity=')")
     again = unpacked(opened(file, page.page.evaluate("location.hash")))
@@ -258,9 +248,7 @@ def test_an_address_brings_opacities_back_and_rubbish_none(
         ),
     ],
 )
-def test_a_browser_that_cannot_recompose_keeps_the_lights(
-    opened: Open, file: Path, before: str, reason: str
-) -> None:
+def test_a_browser_that_cannot_recompose_keeps_the_lights(opened, file, before, reason):
     page = opened(file, "#a.opacity=0,1", before=before)
     page.until("document.getElementById('opacity-status').textContent.includes('cannot be')")
     assert reason in page.page.text_content("#opacity-status")
@@ -272,9 +260,7 @@ def test_a_browser_that_cannot_recompose_keeps_the_lights(
 
 
 @pytest.mark.slow
-def test_layers_that_are_cut_off_leave_the_picture(
-    opened: Open, file: Path, tmp_path: Path
-) -> None:
+def test_layers_that_are_cut_off_leave_the_picture(opened, file, tmp_path):
     head, _, rest = file.read_text(encoding="utf-8").partition('id="layers">')
     path = tmp_path / "cut.html"
     path.write_text(f'{head}id="layers">{rest[:1000]}{rest[rest.index("</") :]}', encoding="utf-8")
@@ -283,7 +269,7 @@ def test_layers_that_are_cut_off_leave_the_picture(
     assert page.page.is_disabled(slider(0)) and page.picture().std() > 10
 
 
-def test_a_lost_device_is_filled_again(page: Opened) -> None:
+def test_a_lost_device_is_filled_again(page):
     page.show(**{"a.opacity": "0.3,1"})
     before = page.picture()
     page.page.evaluate("""() => new Promise((done) => {
@@ -296,7 +282,7 @@ def test_a_lost_device_is_filled_again(page: Opened) -> None:
     page.eventually(lambda: np.array_equal(page.picture(), before), "the picture is back")
 
 
-def test_a_notebook_sets_and_hears_opacities(browser: Any, file: Path, tmp_path: Path) -> None:
+def test_a_notebook_sets_and_hears_opacities(browser, file, tmp_path):
     """The page in a frame, as host.js makes it, and a port in the place of the kernel."""
     outer = new_page(browser)
     outer.goto("about:blank")
@@ -331,7 +317,7 @@ def test_a_notebook_sets_and_hears_opacities(browser: Any, file: Path, tmp_path:
     outer.context.close()
 
 
-def test_what_layers_lack_is_added_as_on_the_desktop(browser: Any, web: Path) -> None:
+def test_what_layers_lack_is_added_as_on_the_desktop(browser, web):
     rng = np.random.default_rng(3)
     given = [(2.0 ** rng.uniform(-2.5, 2.5, 3)).tolist() for _ in range(50)]
     given += [[1, 1, 0], [1, 1], [4, 1], [0.3]]
@@ -349,7 +335,7 @@ def test_what_layers_lack_is_added_as_on_the_desktop(browser: Any, web: Path) ->
     np.testing.assert_allclose(got, wanted, atol=1e-12)
 
 
-def test_packed_layers_are_small_and_their_constants_the_shader_s(image: CoefficientImage) -> None:
+def test_packed_layers_are_small_and_their_constants_the_shader_s(image):
     assert image.opacity_layers is not None
     packed = pack_layers(image.opacity_layers)
     constants = packed.constants()
@@ -360,9 +346,7 @@ def test_packed_layers_are_small_and_their_constants_the_shader_s(image: Coeffic
     assert len(packed.data) < 14 * SIZE[0] * SIZE[1]
 
 
-def test_several_views_are_written_without_layers_and_say_what_they_would_take(
-    scene: Scene, image: CoefficientImage
-) -> None:
+def test_several_views_are_written_without_layers_and_say_what_they_would_take(scene, image):
     views = [PageView(image), PageView(image, 90.0)]
     with warns("2 pictures", "MB"):
         text = page_html(views, scene.lights)
@@ -377,14 +361,8 @@ def test_several_views_are_written_without_layers_and_say_what_they_would_take(
     ],
 )
 def test_pages_too_large_for_browsers_are_refused(
-    scene: Scene,
-    image: CoefficientImage,
-    tmp_path: Path,
-    monkeypatch: Patch,
-    limit: str,
-    least: int,
-    field: str,
-) -> None:
+    scene, image, tmp_path, monkeypatch, limit, least, field
+):
     monkeypatch.setattr(build, limit, least)
     with raises(ImageError, "size", field):
         write_page(tmp_path / "large.html", [PageView(image)], scene.lights)
@@ -392,7 +370,7 @@ def test_pages_too_large_for_browsers_are_refused(
 
 
 @pytest.mark.slow
-def test_the_command_s_layers(tmp_path: Path, capsys: Capture) -> None:
+def test_the_command_s_layers(tmp_path, capsys):
     out, engine = tmp_path / "page.html", asset("data/scenes/engine-layers.toml")
     assert call("page", engine, "-o", out, "--size", "32x24", "--layers", "4") == 0
     assert "4 layers of opacity" in capsys.readouterr().out
@@ -402,8 +380,8 @@ def test_the_command_s_layers(tmp_path: Path, capsys: Capture) -> None:
 
 @pytest.mark.slow
 def test_a_scene_s_opacities_are_the_sliders_of_the_page_that_is_opened(
-    opened: Open, tmp_path: Path, scene: Scene, image: CoefficientImage
-) -> None:
+    opened, tmp_path, scene, image
+):
     """A material that the scene hides can be shown."""
     hidden = scene.casting(opacities={"block": 0.0})
     views = list(scene_views(hidden, size=SIZE))

@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from tests.page.conftest import Frame, Open, Opened, new_page, open_file
+from tests.page.conftest import Frame, Opened, new_page, open_file
 from tests.support.browser import mean_difference
 from tests.support.fixtures import slow, slow_each
 from tests.support.images import image, named_lights
@@ -85,9 +85,7 @@ EIGHT, TWELVE = 0.4, 0.05
 
 
 @pytest.mark.slow
-def test_twelve_bits_give_the_desktops_frames_under_five_lights(
-    opened: Open, files: Path, desktop: Frame
-) -> None:
+def test_twelve_bits_give_the_desktops_frames_under_five_lights(opened, files, desktop):
     page = opened(files / "12.html")
     for lamp in range(5):
         page.show(**{"a.weights": only(lamp)})
@@ -95,9 +93,7 @@ def test_twelve_bits_give_the_desktops_frames_under_five_lights(
     assert page.complaints == []
 
 
-def test_the_screen_shows_the_desktops_frames_under_three_lights(
-    engine_page: Opened, desktop: Frame
-) -> None:
+def test_the_screen_shows_the_desktops_frames_under_three_lights(engine_page, desktop):
     """A browser that is slow shows every second row and column first."""
     page = engine_page.page
     engine_page.show()
@@ -123,9 +119,7 @@ def test_the_screen_shows_the_desktops_frames_under_three_lights(
 @pytest.mark.parametrize(
     "model", [*CLOSED, *list(ADAPTATIONS)[:1], *slow_each(*list(ADAPTATIONS)[1:])]
 )
-def test_every_model_gives_the_desktops_frame(
-    engine_page: Opened, desktop: Frame, model: str
-) -> None:
+def test_every_model_gives_the_desktops_frame(engine_page, desktop, model):
     words = {"a.model": model, "a.L_A": 20, "a.Y_b": 35, "a.surround": 0.1, "a.mode": "exact"}
     engine_page.show(**words, **{"a.weights": only(1), "a.backdrop": 0.3})
     viewing = {"model": model, "L_A": 20.0, "Y_b": 35.0, "surround": "dim"}
@@ -133,7 +127,7 @@ def test_every_model_gives_the_desktops_frame(
     assert mean_difference(engine_page.picture(), wanted) <= EIGHT
 
 
-def test_colour_vision_is_simulated_as_on_the_desktop(engine_page: Opened, desktop: Frame) -> None:
+def test_colour_vision_is_simulated_as_on_the_desktop(engine_page, desktop):
     row = engine_page.page.locator("#severity-row")
     engine_page.show()
     assert not row.is_visible()
@@ -145,7 +139,7 @@ def test_colour_vision_is_simulated_as_on_the_desktop(engine_page: Opened, deskt
         assert deficiency in engine_page.page.text_content("#label-a")
 
 
-def test_two_settings_stand_on_the_sides_of_the_divide(engine_page: Opened, desktop: Frame) -> None:
+def test_two_settings_stand_on_the_sides_of_the_divide(engine_page, desktop):
     words = {"compare": 1, "divide": 0.25, "b.model": "none", "b.weights": only(3)}
     engine_page.show(**words)
     got, left, right = engine_page.picture(), desktop(), desktop(3, model="none")
@@ -154,7 +148,7 @@ def test_two_settings_stand_on_the_sides_of_the_divide(engine_page: Opened, desk
     assert mean_difference(got[:, quarter:], right[:, quarter:]) <= EIGHT
 
 
-def test_the_error_map_has_the_desktops_figures(written: Open) -> None:
+def test_the_error_map_has_the_desktops_figures(written):
     basis = SpectralBasis.load("general-5")
     samples = basis.analyse([reflectance(f"CES/{number}") for number in range(1, 82)])
     chart = image(samples.reshape(9, 9, 5), basis)
@@ -170,9 +164,7 @@ def test_the_error_map_has_the_desktops_figures(written: Open) -> None:
 
 
 @pytest.mark.slow
-def test_the_picture_fills_a_phone_held_sideways_and_its_backdrop_goes_on_around_it(
-    opened: Open, files: Path
-) -> None:
+def test_the_picture_fills_a_phone_held_sideways_and_its_backdrop_goes_on_around_it(opened, files):
     page = opened(files / "8.html")
     page.page.set_viewport_size({"width": 844, "height": 390})
     page.settle()
@@ -189,7 +181,7 @@ def test_the_picture_fills_a_phone_held_sideways_and_its_backdrop_goes_on_around
     page.until(f"{around} === 'rgba(0, 0, 0, 0)'")
 
 
-def test_other_views_are_turned_to(opened: Open, files: Path, desktop: Frame) -> None:
+def test_other_views_are_turned_to(opened, files, desktop):
     page, wanted = opened(files / "turn.html"), desktop()
     assert mean_difference(page.picture(), wanted) <= EIGHT
     page.press("#port", "PageDown")
@@ -200,7 +192,7 @@ def test_other_views_are_turned_to(opened: Open, files: Path, desktop: Frame) ->
     )
 
 
-def test_time_steps_are_shown_and_played(opened: Open, files: Path) -> None:
+def test_time_steps_are_shown_and_played(opened, files):
     page = opened(files / "beat.html")
     shown = "document.getElementById('step-read').textContent"
     turned = "document.getElementById('view-read').textContent"
@@ -221,9 +213,7 @@ def test_time_steps_are_shown_and_played(opened: Open, files: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_view_that_cannot_be_unpacked_leaves_the_one_before(
-    opened: Open, files: Path, tmp_path: Path
-) -> None:
+def test_a_view_that_cannot_be_unpacked_leaves_the_one_before(opened, files, tmp_path):
     text = (files / "turn.html").read_text(encoding="utf-8")
     cut, count = re.subn(r'(id="view-1"[^>]*>[^<]{1000})[^<]*', r"\1", text)
     assert count == 1
@@ -244,7 +234,7 @@ def test_a_view_that_cannot_be_unpacked_leaves_the_one_before(
     page.until("document.getElementById('notice').hidden")
 
 
-def test_a_page_asks_the_network_for_nothing(engine_page: Opened) -> None:
+def test_a_page_asks_the_network_for_nothing(engine_page):
     local = ("file:", "data:", "blob:")
     assert [url for url in engine_page.requests if not url.startswith(local)] == []
     policy = engine_page.page.get_attribute("meta[http-equiv]", "content")
@@ -255,7 +245,7 @@ def test_a_page_asks_the_network_for_nothing(engine_page: Opened) -> None:
     assert engine_page.page.evaluate(blocked) == "blocked"
 
 
-def test_words_of_users_stay_words(engine_page: Opened, files: Path) -> None:
+def test_words_of_users_stay_words(engine_page, files):
     page = engine_page.page
     assert page.title() == BAD_TITLE
     assert page.text_content("h1") == BAD_TITLE
@@ -270,7 +260,7 @@ def test_words_of_users_stay_words(engine_page: Opened, files: Path) -> None:
     assert b"\xe2\x80\xae" not in (files / "8.html").read_bytes()
 
 
-def test_an_address_brings_a_picture_back(opened: Open, files: Path, engine_page: Opened) -> None:
+def test_an_address_brings_a_picture_back(opened, files, engine_page):
     engine_page.show(**{"a.weights": "0.5,1,0,0,0.25", "a.model": "CAM16", "a.exposure": 0.7})
     engine_page.page.fill("#light-list li:nth-child(1) input", "0.8")
     engine_page.until("location.hash.includes('0.8,1,0,0,0.25')")
@@ -280,7 +270,7 @@ def test_an_address_brings_a_picture_back(opened: Open, files: Path, engine_page
     assert mean_difference(again.picture(), engine_page.picture()) == 0.0
 
 
-def test_an_address_holds_although_an_edit_before_writes_over_it(engine_page: Opened) -> None:
+def test_an_address_holds_although_an_edit_before_writes_over_it(engine_page):
     words = "location.hash = 'a.exposure=0.5'; history.replaceState(null, '', '#a.exposure=0.25')"
     engine_page.page.evaluate(f"() => {{ {words}; }}")
     engine_page.settle()
@@ -288,16 +278,14 @@ def test_an_address_holds_although_an_edit_before_writes_over_it(engine_page: Op
     engine_page.until("location.hash === '#a.exposure=0.5'")
 
 
-def test_rubbish_in_an_address_is_left_aside(opened: Open, files: Path, desktop: Frame) -> None:
+def test_rubbish_in_an_address_is_left_aside(opened, files, desktop):
     words = "#a.weights=1,NaN&a.model=constructor&a.exposure=1e99&view=7&probe=-1,x&a.solo=1e3&%%%"
     page = opened(files / "8.html", words)
     assert mean_difference(page.picture(), desktop()) <= EIGHT
     assert page.complaints == []
 
 
-def test_the_keyboard_reads_pixels_aloud(
-    engine_page: Opened, engine_scene: Scene, engine_image: CoefficientImage
-) -> None:
+def test_the_keyboard_reads_pixels_aloud(engine_page, engine_scene, engine_image):
     engine_page.show()
     page = engine_page.page
     page.focus("#port")
@@ -334,9 +322,7 @@ def test_the_keyboard_reads_pixels_aloud(
         slow("delete window.DecompressionStream;", "too old"),
     ],
 )
-def test_a_browser_that_cannot_shows_the_still_picture(
-    opened: Open, files: Path, before: str, reason: str
-) -> None:
+def test_a_browser_that_cannot_shows_the_still_picture(opened, files, before, reason):
     page = opened(files / "8.html", before=before, ready="still").page
     assert reason in page.text_content("#notice")
     assert page.is_visible("#still") and not page.is_visible("#picture")

@@ -112,7 +112,7 @@ def served(shared: Served) -> Served:
     return shared
 
 
-def test_a_drag_brings_coarse_pictures_and_then_the_whole(served: Served, scene: Scene) -> None:
+def test_a_drag_brings_coarse_pictures_and_then_the_whole(served, scene):
     assert served.page.url.partition("#")[0] == f"http://127.0.0.1:{served.server.port}/"
     count, azimuth, elevation = len(served.asked), served.number("azimuth"), 32.0
     served.whole.clear()
@@ -135,7 +135,7 @@ def test_a_drag_brings_coarse_pictures_and_then_the_whole(served: Served, scene:
     assert served.complaints == []
 
 
-def test_lights_change_without_a_request(served: Served) -> None:
+def test_lights_change_without_a_request(served):
     count, before = len(served.requests), served.picture()
     for i in (2, 4, 1):
         served.page.click(f"#light-list li:nth-child({i}) .light-name")
@@ -153,7 +153,7 @@ def test_lights_change_without_a_request(served: Served) -> None:
 
 
 @pytest.mark.slow
-def test_the_camera_moves_by_keyboard(served: Served) -> None:
+def test_the_camera_moves_by_keyboard(served):
     for keys, name, by in (
         ("ArrowUp", "elevation", 1),
         ("ArrowLeft", "azimuth", -1),
@@ -175,7 +175,7 @@ def test_the_camera_moves_by_keyboard(served: Served) -> None:
     assert (served.number("azimuth"), served.number("elevation")) == (148, 32)
 
 
-def test_the_wheel_zooms_into_the_picture_and_with_control_moves_the_camera(served: Served) -> None:
+def test_the_wheel_zooms_into_the_picture_and_with_control_moves_the_camera(served):
     served.page.locator("#port").hover()
     count = len(served.asked)
     served.page.mouse.wheel(0, -200)
@@ -191,7 +191,7 @@ def test_the_wheel_zooms_into_the_picture_and_with_control_moves_the_camera(serv
 
 
 @pytest.mark.slow
-def test_marks_follow_the_camera_and_are_read_out(served: Served) -> None:
+def test_marks_follow_the_camera_and_are_read_out(served):
     place = "document.querySelector('#marks text').getAttribute('x')"
     before, count = served.page.evaluate(place), len(served.asked)
     assert served.page.get_attribute("#marks", "aria-label") == "bore"
@@ -202,7 +202,7 @@ def test_marks_follow_the_camera_and_are_read_out(served: Served) -> None:
 
 
 @pytest.mark.slow
-def test_a_lost_server_leaves_a_picture_that_can_be_relit(browser: Any, scene: Scene) -> None:
+def test_a_lost_server_leaves_a_picture_that_can_be_relit(browser, scene):
     with served_page(browser, scene) as served:
         served.server.stop()
         served.drag(60, 0)
@@ -212,7 +212,7 @@ def test_a_lost_server_leaves_a_picture_that_can_be_relit(browser: Any, scene: S
         assert not np.array_equal(served.picture(), before)
 
 
-def test_an_address_holds_the_camera(served: Served) -> None:
+def test_an_address_holds_the_camera(served):
     count = len(served.asked)
     served.show(azimuth=-70, elevation=-12.5, distance=1.5)
     served.rest(count)
@@ -224,7 +224,7 @@ def test_an_address_holds_the_camera(served: Served) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [slow(WIDE), PHONE])
-def test_axe_finds_nothing_wrong(served: Served, size: tuple[int, int]) -> None:
+def test_axe_finds_nothing_wrong(served, size):
     served.page.set_viewport_size({"width": size[0], "height": size[1]})
     served.show(compare=1, probe="9,9")
     # A mark's white letters have a black outline, which axe does not see.

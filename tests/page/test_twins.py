@@ -117,9 +117,7 @@ def close(ours: Any, theirs: NDArray[Any], what: str) -> None:
         for row in product(KINDS, (False, True), (None, "longpass:510"))
     ],
 )
-def test_lights_become_the_desktops_matrices(
-    compute: Any, kind: str, with_lux: bool, through: str | None
-) -> None:
+def test_lights_become_the_desktops_matrices(compute, kind, with_lux, through):
     basis = basis_of(kind)
     shares = {"key": 0.75, "sky": 0.25}
     lights = settings(basis, with_lux)
@@ -158,7 +156,7 @@ def test_lights_become_the_desktops_matrices(
         close(ours["lux"] or 0.0, np.float64(theirs.illuminance_lux or 0.0), "lux")
 
 
-def test_view_transforms_are_the_desktops(compute: Any) -> None:
+def test_view_transforms_are_the_desktops(compute):
     lights = settings(SpectralBasis.load("general-7"), False)
     whites = [[95.0, 100.0, 108.9], [109.85, 100.0, 35.58], [128.0, 100.0, 4.0], [95, 100, 0.0]]
     seen = viewings(160, 2)
@@ -191,7 +189,7 @@ def test_view_transforms_are_the_desktops(compute: Any) -> None:
             close(ours[name], getattr(theirs, name), f"{model}.{name}")
 
 
-def test_the_probe_reads_the_desktops_look(compute: Any) -> None:
+def test_the_probe_reads_the_desktops_look(compute):
     rng = np.random.default_rng(5)
     lights = settings(SpectralBasis.load("general-7"), False)
     white = np.array([109.85, 100.0, 35.58])
@@ -218,7 +216,7 @@ def test_the_probe_reads_the_desktops_look(compute: Any) -> None:
     assert compared > 40
 
 
-def test_colour_differences_are_the_desktops(compute: Any) -> None:
+def test_colour_differences_are_the_desktops(compute):
     rng = np.random.default_rng(6)
     one = rng.uniform((0, -90, -90), (100, 90, 90), (300, 3))
     # No hues exactly opposite: which way round they are averaged is the last digit's.
@@ -228,7 +226,7 @@ def test_colour_differences_are_the_desktops(compute: Any) -> None:
     close(got, delta_E_2000(one, other), "CIEDE2000")
 
 
-def test_the_dial_blends_as_the_viewers(compute: Any) -> None:
+def test_the_dial_blends_as_the_viewers(compute):
     rng = np.random.default_rng(7)
     places = [[n, *rng.uniform(-1.2, 1.2, 2).tolist()] for n in range(1, 9) for _ in range(12)]
     got = compute("([n, x, y]) => dialWeights(n, x, y)", places)

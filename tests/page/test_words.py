@@ -65,9 +65,7 @@ _NAMES = """() => {
         (PHONE, TWELVE, "W" * 300),
     ],
 )
-def test_long_words_leave_room_and_can_be_read(
-    page_of: Open, names: Sequence[str], window: tuple[int, int], caption: str
-) -> None:
+def test_long_words_leave_room_and_can_be_read(page_of, names, window, caption):
     """Names around the dial, whole and apart; two lines of a title, and three of a caption."""
     title = "Engine " * 700
     shown = page_of(names, window, title=title, caption=caption)
@@ -92,7 +90,7 @@ def test_long_words_leave_room_and_can_be_read(
     assert page.evaluate("document.documentElement.scrollWidth") <= window[0]
 
 
-def test_five_ordinary_names_are_written_out(page_of: Open) -> None:
+def test_five_ordinary_names_are_written_out(page_of):
     page = page_of(FIVE, caption="A few words").page
     assert not page.locator("#more").is_visible(), "all of the caption is shown"
     seen = page.evaluate(_NAMES)
@@ -101,9 +99,7 @@ def test_five_ordinary_names_are_written_out(page_of: Open) -> None:
 
 
 @pytest.mark.slow
-def test_of_forty_lights_the_dial_names_the_strongest_or_the_one_under_the_mouse(
-    page_of: Open,
-) -> None:
+def test_of_forty_lights_the_dial_names_the_strongest_or_the_one_under_the_mouse(page_of):
     shown = page_of([f"lamp {i}" for i in range(40)])
     assert [one["words"] for one in shown.page.evaluate(_NAMES)] == [["\u2068lamp 0\u2069"]]
     shown.page.locator("#dial circle").nth(10).hover()
@@ -111,7 +107,7 @@ def test_of_forty_lights_the_dial_names_the_strongest_or_the_one_under_the_mouse
     assert [one["words"] for one in shown.page.evaluate(_NAMES)] == [["\u2068lamp 10\u2069"]]
 
 
-def test_a_name_that_turns_the_direction_turns_no_word_of_the_page(page_of: Open) -> None:
+def test_a_name_that_turns_the_direction_turns_no_word_of_the_page(page_of):
     """Letters after it are in order: each right of the previous one."""
     lefts = page_of(["A\u2069\u202eB"]).page.evaluate("""() => {
         const node = document.getElementById('label-a').firstChild;
@@ -127,15 +123,13 @@ def test_a_name_that_turns_the_direction_turns_no_word_of_the_page(page_of: Open
 
 
 @pytest.mark.slow
-def test_a_long_name_leaves_the_picture_free(page_of: Open) -> None:
+def test_a_long_name_leaves_the_picture_free(page_of):
     label = page_of(["W" * 300], PHONE).page.locator("#label-a").bounding_box()
     assert label["height"] <= 3 * 1.4 * 12 + 7, "three lines of 12 pixels, and room around them"
 
 
 @pytest.mark.parametrize("picture", [slow((1, 2000)), slow((2000, 1))])
-def test_a_thin_picture_is_seen_and_its_pixels_are_found(
-    page_of: Open, picture: tuple[int, int]
-) -> None:
+def test_a_thin_picture_is_seen_and_its_pixels_are_found(page_of, picture):
     shown = page_of(["D65"], picture=picture)
     page = shown.page
     box, port = page.locator("#picture").bounding_box(), page.locator("#port").bounding_box()

@@ -3,44 +3,40 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.support.commands import call
 from tests.support.errors import refuses, warns
-from tests.support.fixtures import Capture
 from tests.support.images import some_rows
 from volspec.appearance import Viewing
 from volspec.errors import ImageError, ShapeError, ViewingError
 from volspec.export.page import PageSpec, PageView, page_html, write_page
 from volspec.export.page.packing import median_prediction, residual_bytes
 from volspec.export.page.payload import look_numbers, models
-from volspec.raycast import CoefficientImage
 from volspec.relight import RelightSpec
-from volspec.scene import Scene
 from volspec.spectra import reflectance
 
 
-def test_edges_predict_from_the_neighbours_that_there_are() -> None:
+def test_edges_predict_from_the_neighbours_that_there_are():
     plane = np.array([[5, 7, 9], [6, 1, 4]])
     # West along the first row, north down the first column; else the median of three.
     assert median_prediction(plane).tolist() == [[0, 5, 7], [5, 7, 3]]
 
 
-def test_a_plane_like_the_one_before_costs_nothing() -> None:
+def test_a_plane_like_the_one_before_costs_nothing():
     plane = np.arange(12).reshape(3, 4)
     data = residual_bytes(np.stack([plane, plane + 3], axis=-1), 8)
     assert len(data) == 24 and data[12] == 3 and not any(data[13:])
 
 
-def test_twelve_bits_are_written_high_bytes_first() -> None:
+def test_twelve_bits_are_written_high_bytes_first():
     codes = np.full((1, 2, 1), 0x3A5)
     assert residual_bytes(codes, 12) == bytes([0x03, 0x00, 0xA5, 0x00])
 
 
-def test_a_page_is_one_file_of_the_size_asked_for(tmp_path: Path, capsys: Capture) -> None:
+def test_a_page_is_one_file_of_the_size_asked_for(tmp_path, capsys):
     scene = Path(__file__).resolve().parents[2] / "data" / "scenes" / "engine.toml"
     out = tmp_path / "engine.html"
     words = ("page", scene, "-o", out, "--views", "3", "--size", "48x32")
@@ -54,9 +50,7 @@ def test_a_page_is_one_file_of_the_size_asked_for(tmp_path: Path, capsys: Captur
 
 
 @pytest.mark.parametrize("model", ["Hunt", "Nayatani95", "ZCAM"])
-def test_a_model_without_closed_form_is_replaced_with_a_warning(
-    model: Any, engine_scene: Scene
-) -> None:
+def test_a_model_without_closed_form_is_replaced_with_a_warning(model, engine_scene):
     with warns(model, "CIECAM02"):
         look = look_numbers(RelightSpec(Viewing(model=model)), engine_scene.lights)
     assert look["model"] == "CIECAM02" and model not in models()["appearance"]
@@ -64,9 +58,7 @@ def test_a_model_without_closed_form_is_replaced_with_a_warning(
     assert kept["model"] == "Hellwig2022"
 
 
-def test_pages_need_a_view_a_light_and_views_alike(
-    engine_scene: Scene, engine_image: CoefficientImage
-) -> None:
+def test_pages_need_a_view_a_light_and_views_alike(engine_scene, engine_image):
     view, lights = PageView(engine_image), engine_scene.lights
     cut, copper = some_rows(engine_image, slice(40)), RelightSpec(backdrop=reflectance("copper"))
     refuses(lambda: page_html([view], []), "missing page.lights", ImageError)

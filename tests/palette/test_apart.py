@@ -59,14 +59,14 @@ EVERY = pytest.mark.parametrize("deficiency", ["deutan", *slow_each(*OTHERS)])
 
 
 @EVERY
-def test_a_row_parts_what_a_viewer_sees(deficiency: str) -> None:
+def test_a_row_parts_what_a_viewer_sees(deficiency):
     made = design(palette(Apart(light="L", deficiency=deficiency, distance=30.0)))
     assert np.linalg.norm(np.subtract(*simulated(made.state, deficiency, 1))) >= 29.5
     by_day = np.abs(shown_codes(made)[:, 0] - [RED, GREEN]).max()
     assert by_day < 0.01
 
 
-def test_a_deuteranope_sees_one_colour_by_day_and_two_under_the_example_s_light() -> None:
+def test_a_deuteranope_sees_one_colour_by_day_and_two_under_the_example_s_light():
     made = design(load_palette(EXAMPLE))
     assert made.kept
     (pair,) = DesignReport.of(made).apart
@@ -75,7 +75,7 @@ def test_a_deuteranope_sees_one_colour_by_day_and_two_under_the_example_s_light(
     assert min(pair.smallest.values()) > 30.0
 
 
-def test_without_lightness_only_hue_and_chroma_count() -> None:
+def test_without_lightness_only_hue_and_chroma_count():
     row = Apart(light="L", deficiency=("none", "deutan"), distance=35.0, lightness=False)
     made = design(palette(row))
     for deficiency in row.deficiencies:
@@ -84,7 +84,7 @@ def test_without_lightness_only_hue_and_chroma_count() -> None:
 
 
 @pytest.mark.not_quick
-def test_what_is_apart_already_costs_nothing() -> None:
+def test_what_is_apart_already_costs_nothing():
     """Rows are one-sided: they never pull colours together."""
     free = design(palette(Apart(light="L", deficiency="tritan", distance=5.0)))
     (pair,) = DesignReport.of(free).apart
@@ -94,7 +94,7 @@ def test_what_is_apart_already_costs_nothing() -> None:
     assert apart_cost(free.state, free.state.RGB()) == 0.0
 
 
-def test_the_cost_is_the_shortfall() -> None:
+def test_the_cost_is_the_shortfall():
     rows = given("a", 0.30), given("b", 0.34)
     apart = Apart(deficiency=("none", "protan"), distance=40.0, weight=2.0)
     cells = {("a", "L"): Cell("free", group="any")}
@@ -110,7 +110,7 @@ def test_the_cost_is_the_shortfall() -> None:
 
 
 @EVERY
-def test_equations_are_the_tangent_of_what_is_seen(deficiency: str) -> None:
+def test_equations_are_the_tangent_of_what_is_seen(deficiency):
     """A small step of the light's spectrum changes the distance as the row says."""
     state = design(palette(Apart(light="L", deficiency=deficiency, distance=30.0))).state
     blocks, terms = Phase(state, lights=True, first=False).problem()
@@ -132,7 +132,7 @@ def test_equations_are_the_tangent_of_what_is_seen(deficiency: str) -> None:
     assert (made[1] - made[0]) / unit == pytest.approx(change, abs=0.02 * abs(change) + 1e-5)
 
 
-def test_pairs_are_of_every_reflectance_and_light_named() -> None:
+def test_pairs_are_of_every_reflectance_and_light_named():
     rows = tuple(surface(name) for name in "abc")
     cells = {("a", "D65"): Cell(colour=RED)}
     lights = lamp("D65"), lamp("A")
@@ -145,7 +145,7 @@ def test_pairs_are_of_every_reflectance_and_light_named() -> None:
 
 
 @pytest.mark.not_quick
-def test_figures_are_of_the_picture_s_colours() -> None:
+def test_figures_are_of_the_picture_s_colours():
     made = design(palette(Apart(light="L", deficiency="deutan")))
     (pair,) = DesignReport.of(made).apart
     for name in DEFICIENCIES:
@@ -155,7 +155,7 @@ def test_figures_are_of_the_picture_s_colours() -> None:
     assert pair.smallest == pair.delta_E["L"]
 
 
-def test_distinct_cells_are_reported_as_well() -> None:
+def test_distinct_cells_are_reported_as_well():
     cells = {("a", "D65"): Cell("distinct", other=("b", "D65"), distance=20.0)}
     made = design(Palette((surface("a"), surface("b")), (lamp("D65"),), cells, Viewing("CAT02")))
     (pair,) = DesignReport.of(made).apart
@@ -164,7 +164,7 @@ def test_distinct_cells_are_reported_as_well() -> None:
     assert pair.smallest["none"] == pytest.approx(own)
 
 
-def test_files_hold_rows_and_load_them_again(tmp_path: Path) -> None:
+def test_files_hold_rows_and_load_them_again(tmp_path):
     asked = palette(
         Apart(reflectance=("a", "b"), light="L", deficiency=("none", "deutan"), severity=0.6),
         Apart(lightness=False, distance=12.0, weight=3.0),
@@ -177,7 +177,7 @@ def test_files_hold_rows_and_load_them_again(tmp_path: Path) -> None:
     assert load_palette(tmp_path / "kept.toml").apart == other.apart
 
 
-def test_a_viewing_s_simulation_is_not_written(tmp_path: Path) -> None:
+def test_a_viewing_s_simulation_is_not_written(tmp_path):
     simulating = replace(palette(), viewing=Viewing("CAT02", deficiency="protan"))
     save_palette(simulating, tmp_path / "palette.toml")
     assert load_palette(tmp_path / "palette.toml").viewing == Viewing("CAT02")

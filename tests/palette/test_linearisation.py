@@ -51,14 +51,14 @@ def one_cell(**more: Any) -> Palette:
     return palette_of({("s", "A"): Cell(colour=COLOUR)}, **more)
 
 
-def test_a_colour_is_eq_16_over_root_three() -> None:
+def test_a_colour_is_eq_16_over_root_three():
     term = only_term(phase_terms(one_cell(criteria=RGB)), "cell")
     expected = RGB_FROM_XYZ @ (Q * power("A")) / math.sqrt(3.0)
     assert np.abs(term.parts["reflectance 's'"] - expected).max() < 1e-12
     assert term.target == pytest.approx(linear(COLOUR) / math.sqrt(3.0))
 
 
-def test_light_and_reflectance_are_interchangeable() -> None:
+def test_light_and_reflectance_are_interchangeable():
     S = np.linspace(0.2, 0.8, NM.size)
     cells = {("s", "l"): Cell(colour=COLOUR)}
     palette = palette_of(cells, given("s", S), free_light("l"), criteria=RGB)
@@ -72,7 +72,7 @@ def test_light_and_reflectance_are_interchangeable() -> None:
 
 
 @pytest.mark.parametrize("bands", [31, 100])
-def test_smoothness_is_the_normed_second_difference_of_eq_21(bands: int) -> None:
+def test_smoothness_is_the_normed_second_difference_of_eq_21(bands):
     palette = one_cell(grid=SpectralGrid(400, 700, 300 / (bands - 1)), criteria=RGB)
     term = only_term(phase_terms(palette), "reflectance")
     assert term.weight == RGB.smoothness
@@ -83,7 +83,7 @@ def test_smoothness_is_the_normed_second_difference_of_eq_21(bands: int) -> None
     assert np.linalg.norm(bump) == pytest.approx(1.0 / math.sqrt(bands))
 
 
-def test_without_bounds_the_optimum_is_the_pseudo_inverse_of_eq_17() -> None:
+def test_without_bounds_the_optimum_is_the_pseudo_inverse_of_eq_17():
     draw = np.random.default_rng(1)
     names = ("D65", "A", "FL11", "HP1")
     colours = {name: tuple(draw.random(3)) for name in names}
@@ -103,7 +103,7 @@ def test_without_bounds_the_optimum_is_the_pseudo_inverse_of_eq_17() -> None:
     assert made.cost == pytest.approx(np.sum((M @ expected - y) ** 2))
 
 
-def test_free_metamers_solve_eq_24() -> None:
+def test_free_metamers_solve_eq_24():
     wa, wb = 10.0, 1.0
     low, high = (0.1, 0.1, 0.3), (0.9, 0.4, 1.0)
     free = Cell("free", group="m", weight=wa, low=low, high=high)
@@ -134,7 +134,7 @@ def below(*high: float) -> Palette:
     return palette_of({("a", "D65"): above, ("b", "D65"): Cell("free", group="m", high=high)})
 
 
-def test_cells_of_one_free_colour_share_their_bounds() -> None:
+def test_cells_of_one_free_colour_share_their_bounds():
     codes = Viewing("none").display.colours.encode(design(below(0.6, 0.6, 0.6)).state.RGB())
     assert codes.min() > 0.499 and codes.max() < 0.601
 
@@ -160,7 +160,7 @@ def basis_XYZ(palette: Palette, E: np.ndarray, S: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.3])
-def test_the_subspace_error_of_a_reflectance_is_eq_20(scale: float) -> None:
+def test_the_subspace_error_of_a_reflectance_is_eq_20(scale):
     palette = subspace_palette("absolute")
     cells = {("s", "FL11"): Cell(colour=COLOUR, weight=2.0)}
     opened = replace(palette, reflectances=(surface("s"),), lights=(lamp("FL11"),), cells=cells)
@@ -175,7 +175,7 @@ def test_the_subspace_error_of_a_reflectance_is_eq_20(scale: float) -> None:
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.3])
-def test_the_subspace_error_of_a_light_is_eq_20_and_its_tangent(scale: float) -> None:
+def test_the_subspace_error_of_a_light_is_eq_20_and_its_tangent(scale):
     palette = subspace_palette("absolute")
     state = State.start(palette).with_spectra(True, {0: scale * power("FL11")})
     phase = Phase(state, True)
@@ -192,13 +192,13 @@ def test_the_subspace_error_of_a_light_is_eq_20_and_its_tangent(scale: float) ->
     assert np.abs(part @ toward - moved).max() < 1e-5 * scale
 
 
-def test_flat_white_has_no_subspace_error_under_any_light() -> None:
+def test_flat_white_has_no_subspace_error_under_any_light():
     state = State.start(subspace_palette("absolute")).with_spectra(False, {0: np.ones(NM.size)})
     part = only_term(Phase(state, True).problem()[1], "the subspace error").parts["light 'l'"]
     assert np.abs(part @ np.random.default_rng(3).random(NM.size)).max() < 1e-6
 
 
-def test_the_cost_of_a_colour_in_Lab_is_its_delta_E_squared_and_falls() -> None:
+def test_the_cost_of_a_colour_in_Lab_is_its_delta_E_squared_and_falls():
     # Two colours that one reflectance cannot both have: what remains, after many iterations.
     cells = {
         ("s", "D65"): Cell(colour=(0.9, 0.2, 0.2)),
@@ -218,13 +218,13 @@ def test_the_cost_of_a_colour_in_Lab_is_its_delta_E_squared_and_falls() -> None:
 
 
 @pytest.mark.parametrize("metric", ["RGB", "Lab"])
-def test_an_exact_cell_is_met_in_both_metrics(metric: str) -> None:
+def test_an_exact_cell_is_met_in_both_metrics(metric):
     criteria = Criteria(metric=metric, rounds=1)
     made = design(replace(one_cell(criteria=criteria), cells={("s", "A"): must(*COLOUR)}))
     assert np.abs(made.state.RGB()[0, 0] - linear(COLOUR)).max() < 1e-8
 
 
-def test_a_distinct_cell_asks_for_its_distance_where_the_colours_are() -> None:
+def test_a_distinct_cell_asks_for_its_distance_where_the_colours_are():
     S = np.linspace(0.1, 0.9, NM.size)
     cells = {("a", "D65"): Cell("distinct", other=("b", "D65"), distance=40.0)}
     palette = Palette((surface("a"), given("b", S)), (lamp("D65"),), cells)
@@ -240,7 +240,7 @@ def test_a_distinct_cell_asks_for_its_distance_where_the_colours_are() -> None:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_a_colour_model_is_invertible_and_its_jacobian_is_a_tangent(name: str) -> None:
+def test_a_colour_model_is_invertible_and_its_jacobian_is_a_tangent(name):
     model = ColourModel.of(Viewing(name, exposure=1.7), Q @ power("A"))
     XYZ = np.array([[20.0, 30.0, 7.0], [60.0, 50.0, 20.0], [0.0, 0.0, 0.0]])
     assert np.abs(model.XYZ_from_RGB(model.RGB_from_XYZ(XYZ)) - XYZ).max() < 1e-9
@@ -252,7 +252,7 @@ def test_a_colour_model_is_invertible_and_its_jacobian_is_a_tangent(name: str) -
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_black_and_equal_cells_are_met_under_every_model(model: str) -> None:
+def test_black_and_equal_cells_are_met_under_every_model(model):
     # Without adaptation tungsten is orange.
     colour = COLOUR if model != "none" else (0.7, 0.47, 0.25)
     cells = {
@@ -270,7 +270,7 @@ def test_black_and_equal_cells_are_met_under_every_model(model: str) -> None:
     assert made.residual < 1e-6
 
 
-def test_a_constant_row_has_its_colour_in_every_place_without_a_cell() -> None:
+def test_a_constant_row_has_its_colour_in_every_place_without_a_cell():
     lights = tuple(map(lamp, ("D65", "A", "FL2")))
     cells = {("s", "A"): Cell(colour=COLOUR, weight=3.0), ("s", "FL2"): Cell("black")}
     palette = Palette((surface("s", constant=True),), lights, cells, Viewing("CAT02"), criteria=RGB)
@@ -280,7 +280,7 @@ def test_a_constant_row_has_its_colour_in_every_place_without_a_cell() -> None:
     assert np.abs(terms["cell (s, FL2)"].target).max() < 1e-15
 
 
-def test_a_light_that_should_show_nothing_goes_out() -> None:
+def test_a_light_that_should_show_nothing_goes_out():
     cells = {("s", "l"): Cell("black")}
     spectra = given("s", 0.5), free_light("l")
     made = design(palette_of(cells, *spectra, viewing=Viewing("CAT02"), level="absolute"))

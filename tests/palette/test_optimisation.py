@@ -28,7 +28,7 @@ from volspec.spectra import PAPERS_GRID, Spectrum, light
 
 
 @pytest.mark.not_quick
-def test_distinct_cells_part_as_far_as_the_display_shows_and_must_is_exact() -> None:
+def test_distinct_cells_part_as_far_as_the_display_shows_and_must_is_exact():
     cells = {
         ("a", "D65"): must(*GREY),
         ("b", "D65"): Cell("same", other=("a", "D65"), weight=math.inf),
@@ -46,7 +46,7 @@ def test_distinct_cells_part_as_far_as_the_display_shows_and_must_is_exact() -> 
     assert weights.min() > -1e-9 and np.all(rest < 1e-12)
 
 
-def test_bounds_hold_and_a_relative_light_has_its_luminance() -> None:
+def test_bounds_hold_and_a_relative_light_has_its_luminance():
     cells = {("a", "L"): Cell(colour=(0.9, 0.2, 0.2)), ("b", "L"): Cell(colour=(0.2, 0.2, 0.9))}
     light = free_light(band_nm=(450, 650))
     state = design(palette_of(cells, light, criteria=Criteria(smoothness=0.1, rounds=3))).state
@@ -68,11 +68,11 @@ def between_two_lights(weight: float) -> Palette:
 
 
 @pytest.mark.parametrize("weight", [1.0, 10.0, math.inf])
-def test_a_cell_of_more_weight_does_not_fix_its_light_at_the_start(weight: float) -> None:
+def test_a_cell_of_more_weight_does_not_fix_its_light_at_the_start(weight):
     assert largest_miss(design(replace(between_two_lights(weight), grid=PAPERS_GRID))) < 4 / 255
 
 
-def test_on_a_wider_range_of_wavelengths_a_light_and_its_surfaces_take_more_rounds() -> None:
+def test_on_a_wider_range_of_wavelengths_a_light_and_its_surfaces_take_more_rounds():
     """Measured after 8 rounds: 2.6 codes from 400 to 700 nm, 6.4 from 380 to 780; after 20 .4."""
     palette = between_two_lights(1.0)
     made = design(replace(palette, criteria=replace(palette.criteria, rounds=20)))
@@ -85,7 +85,7 @@ def largest_miss(made: Design) -> float:
     return float(np.abs(shown_codes(made) - wanted).max())
 
 
-def test_a_colour_on_a_bound_can_be_exact() -> None:
+def test_a_colour_on_a_bound_can_be_exact():
     made = design(palette_of({("a", "L"): must(1.0, 1.0, 1.0)}, free_light()))
     assert shown_codes(made).min() > 0.999
 
@@ -105,13 +105,13 @@ def unlike_metamers() -> Palette:
         pytest.param(replace(between_two_lights(1.0), viewing=Viewing()), marks=pytest.mark.slow),
     ],
 )
-def test_more_iterations_are_never_worse(palette: Palette) -> None:
+def test_more_iterations_are_never_worse(palette):
     designs = (design(replace(palette, criteria=Criteria(rounds=n))) for n in (1, 2, 4, 8))
     costs = [true_cost(made.state) for made in designs]
     assert costs == sorted(costs, reverse=True)
 
 
-def test_open_is_a_deprecated_name_of_free() -> None:
+def test_open_is_a_deprecated_name_of_free():
     with pytest.warns(DeprecationWarning):
         old = PaletteSpectrum("s", open=True)  # type: ignore[call-arg]  # no field
     with pytest.warns(DeprecationWarning):
@@ -154,9 +154,7 @@ def random_palette(rows: int, columns: int, *, free: bool = False, criteria: Cri
         (4, 3, True, "RGB", 0.1),
     ],
 )
-def test_a_phase_matches_a_bounded_least_squares_solver(
-    rows: int, columns: int, free: bool, metric: str, smoothness: float
-) -> None:
+def test_a_phase_matches_a_bounded_least_squares_solver(rows, columns, free, metric, smoothness):
     criteria = Criteria(smoothness, metric=metric, rounds=1)
     palette = random_palette(rows, columns, free=free, criteria=criteria)
     blocks, terms = Phase(State.start(palette), False).problem()
@@ -173,7 +171,7 @@ def test_a_phase_matches_a_bounded_least_squares_solver(
     assert np.abs(ours - theirs.x).max() < 1e-3
 
 
-def test_a_light_of_given_luminance_matches_sequential_quadratic_programming() -> None:
+def test_a_light_of_given_luminance_matches_sequential_quadratic_programming():
     palette = random_palette(3, 1, criteria=Criteria(1.0, metric="RGB", rounds=1))
     blocks, terms = Phase(State.start(palette), True).problem()
     found = solve(blocks, terms)
@@ -194,7 +192,7 @@ def test_a_light_of_given_luminance_matches_sequential_quadratic_programming() -
     assert found.cost == pytest.approx(theirs.fun, rel=1e-6)
 
 
-def test_two_starts_give_the_same_reflectances_under_given_lights() -> None:
+def test_two_starts_give_the_same_reflectances_under_given_lights():
     colours = {"D65": (0.6, 0.5, 0.4), "A": (0.9, 0.4, 0.1), "FL11": (0.2, 0.7, 0.5)}
     cells = {("s", name): Cell(colour=colour) for name, colour in colours.items()}
     start = Spectrum(NM, np.random.default_rng(0).random(NM.size))
@@ -206,7 +204,7 @@ def test_two_starts_give_the_same_reflectances_under_given_lights() -> None:
     assert np.abs(one.state.S - other.state.S).max() < 1e-12
 
 
-def test_an_analytic_optimum_at_a_bound() -> None:
+def test_an_analytic_optimum_at_a_bound():
     # (x - 2)² + (x + y - 3/2)² with x <= 1: x = 1, y = 1/2, cost 1.
     term = Term({"b": np.array([[1.0, 0.0], [1.0, 1.0]])}, np.array([2.0, 1.5]), 1.0, "t")
     found = solve({"b": box(2)}, [term])
@@ -215,7 +213,7 @@ def test_an_analytic_optimum_at_a_bound() -> None:
 
 
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
-def test_the_optimum_does_not_depend_on_the_weights_scale(size: float) -> None:
+def test_the_optimum_does_not_depend_on_the_weights_scale(size):
     M = np.random.default_rng(1).random((5, 4))
     found = solve({"b": box(4)}, [Term({"b": M}, np.full(5, 0.3), size, "t")])
     theirs = lsq_linear(M, np.full(5, 0.3), (0.0, 1.0), tol=1e-14)
@@ -223,13 +221,13 @@ def test_the_optimum_does_not_depend_on_the_weights_scale(size: float) -> None:
     assert found.residual < 1e-6
 
 
-def test_bounds_that_meet_hold_a_number() -> None:
+def test_bounds_that_meet_hold_a_number():
     blocks = {"b": Block(2, np.array([0.25, 0.0]), np.array([0.25, 1.0]))}
     found = solve(blocks, [Term({"b": np.ones((1, 2))}, np.ones(1), math.inf, "sum")])
     assert found.values["b"] == pytest.approx([0.25, 0.75], abs=1e-8)
 
 
-def test_unconnected_blocks_are_independent() -> None:
+def test_unconnected_blocks_are_independent():
     draw = np.random.default_rng(2)
     terms = [Term({n: draw.random((3, 5))}, draw.random(3), 1.0, n) for n in ("a", "b")]
     both = solve({"a": box(5), "b": box(5)}, terms)
@@ -237,7 +235,7 @@ def test_unconnected_blocks_are_independent() -> None:
     assert np.array_equal(both.values["a"], alone.values["a"])
 
 
-def test_equations_that_repeat_themselves_are_met() -> None:
+def test_equations_that_repeat_themselves_are_met():
     rows = np.random.default_rng(3).random((2, 6))
     terms = [Term({"a": rows}, rows @ np.full(6, 0.5), math.inf, label) for label in ("t", "u")]
     found = solve({"a": box(6)}, terms)

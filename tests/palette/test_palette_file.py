@@ -74,7 +74,7 @@ def changed(old: str, new: str) -> str:
     return SMALL.replace(old, new)
 
 
-def test_a_file_becomes_the_palette_it_says(tmp_path: Path) -> None:
+def test_a_file_becomes_the_palette_it_says(tmp_path):
     palette = vs.load_palette(written(tmp_path))
     assert palette.names == (("red", "blue"), ("day", "split 1"))
     red, blue = palette.reflectances
@@ -90,7 +90,7 @@ def test_a_file_becomes_the_palette_it_says(tmp_path: Path) -> None:
     assert palette.criteria.rounds == 2 and palette.viewing.model == "none"
 
 
-def test_every_kind_of_cell_has_a_key(tmp_path: Path) -> None:
+def test_every_kind_of_cell_has_a_key(tmp_path):
     more = """
     [viewing]
     model = "CAT02"
@@ -121,7 +121,7 @@ def test_every_kind_of_cell_has_a_key(tmp_path: Path) -> None:
     assert palette.viewing.model == "CAT02" and palette.viewing.display.Y_b == 18
 
 
-def test_writing_back_keeps_comments_and_loads_designed(tmp_path: Path) -> None:
+def test_writing_back_keeps_comments_and_loads_designed(tmp_path):
     source, target = written(tmp_path), tmp_path / "out" / "made.toml"
     made = designed(source, target)
     text = target.read_text(encoding="utf-8")
@@ -139,7 +139,7 @@ def test_writing_back_keeps_comments_and_loads_designed(tmp_path: Path) -> None:
     assert target.read_text(encoding="utf-8") == text
 
 
-def test_a_table_in_one_line_is_filled_too(tmp_path: Path) -> None:
+def test_a_table_in_one_line_is_filled_too(tmp_path):
     text = """
     light = [{ name = "day", spectrum = "D65" }]  # one
     reflectance = [{ name = "a" }, { name = "b", design = true }]
@@ -151,7 +151,7 @@ def test_a_table_in_one_line_is_filled_too(tmp_path: Path) -> None:
     assert vs.reflectance(f"{source}#b").designed
 
 
-def test_a_palette_made_in_python_is_written_whole(tmp_path: Path) -> None:
+def test_a_palette_made_in_python_is_written_whole(tmp_path):
     lamps = (vs.light("LED-B1"), vs.light("FL11"))
     rows = surface("a", lower=None), PaletteSpectrum("b", vs.reflectance("copper"))
     columns = (PaletteSpectrum("L", free=True, mixture=lamps),)
@@ -169,7 +169,7 @@ def test_a_palette_made_in_python_is_written_whole(tmp_path: Path) -> None:
     assert [lamp.name for lamp in again.lights[0].mixture] == ["LED-B1", "FL11"]
 
 
-def test_an_exposure_is_fitted_so_that_reflectances_stay_below_one(tmp_path: Path) -> None:
+def test_an_exposure_is_fitted_so_that_reflectances_stay_below_one(tmp_path):
     text = changed("[criteria]", '[viewing]\nexposure = "auto"\n\n[criteria]')
     source = written(tmp_path, text.replace('"#ca0020"', '"red"'))
     exposure = vs.load_palette(source).viewing.exposure
@@ -180,7 +180,7 @@ def test_an_exposure_is_fitted_so_that_reflectances_stay_below_one(tmp_path: Pat
     assert vs.load_palette(source).viewing.exposure == pytest.approx(exposure, rel=1e-5)
 
 
-def test_an_address_is_a_light_and_a_reflectance_wherever_files_are(tmp_path: Path) -> None:
+def test_an_address_is_a_light_and_a_reflectance_wherever_files_are(tmp_path):
     source, target = written(tmp_path), tmp_path / "made.toml"
     made = designed(source, target)
     split = vs.light("made.toml#split 1", folder=tmp_path)
@@ -197,7 +197,7 @@ def test_an_address_is_a_light_and_a_reflectance_wherever_files_are(tmp_path: Pa
 
 
 @pytest.mark.not_quick
-def test_a_scene_of_designed_spectra_trains_its_own_basis(tmp_path: Path) -> None:
+def test_a_scene_of_designed_spectra_trains_its_own_basis(tmp_path):
     source = written(tmp_path)
     designed(source)
     text = scene_text(
@@ -210,7 +210,7 @@ def test_a_scene_of_designed_spectra_trains_its_own_basis(tmp_path: Path) -> Non
     assert "small#split 1" in reason and "small#red" in reason
 
 
-def test_shipped_palettes_reach_the_paper_s_figures(sodium: vs.Design, figure_2: vs.Design) -> None:
+def test_shipped_palettes_reach_the_paper_s_figures(sodium, figure_2):
     report = vs.DesignReport.of(sodium)
     for each in (report, vs.DesignReport.of(figure_2)):
         assert each.mean < 3 and max(pair.delta_E for pair in each.metamers) < 1
@@ -219,7 +219,7 @@ def test_shipped_palettes_reach_the_paper_s_figures(sodium: vs.Design, figure_2:
     assert report.cell(("flame", "sodium")).error == pytest.approx(0, abs=5)
 
 
-def test_a_light_whose_name_looks_like_a_mix_is_found(tmp_path: Path) -> None:
+def test_a_light_whose_name_looks_like_a_mix_is_found(tmp_path):
     path = written(tmp_path, SMALL.replace('"split 1"', '"x*2 + y"'))
     designed(path, tmp_path / "made.toml")
     own = vs.light("made.toml#x*2 + y", folder=tmp_path)
@@ -228,7 +228,7 @@ def test_a_light_whose_name_looks_like_a_mix_is_found(tmp_path: Path) -> None:
     np.testing.assert_allclose(mixed.values, 0.5 * own.values + 0.5 * vs.light("D65").values)
 
 
-def test_a_mix_of_files_is_found_from_the_new_place(tmp_path: Path) -> None:
+def test_a_mix_of_files_is_found_from_the_new_place(tmp_path):
     (tmp_path / "mine.csv").write_text("\n".join(f"{nm},{nm / 700}" for nm in range(380, 731, 10)))
     text = SMALL.replace('spectrum = "D65"', 'spectrum = "D65*0.25+mine.csv*0.5"')
     text = text.replace("upper = 4", 'mixture = ["D65", "mine.csv*2+A"]').replace("band_nm", "#")
@@ -240,7 +240,7 @@ def test_a_mix_of_files_is_found_from_the_new_place(tmp_path: Path) -> None:
     np.testing.assert_allclose(again.values, made.palette.lights[0].spectrum.values)
 
 
-def test_a_byte_order_mark_is_read_and_line_ends_are_kept(tmp_path: Path) -> None:
+def test_a_byte_order_mark_is_read_and_line_ends_are_kept(tmp_path):
     path = tmp_path / "windows.toml"
     path.write_bytes(b"\xef\xbb\xbf" + SMALL.replace("\n", "\r\n").encode())
     designed(path)
@@ -261,7 +261,7 @@ def on_display(folder: Path, display: str) -> vs.Palette:
     return vs.load_palette(written(folder, text))
 
 
-def test_a_colour_is_what_a_measured_display_shows(tmp_path: Path) -> None:
+def test_a_colour_is_what_a_measured_display_shows(tmp_path):
     usual, measured = on_display(tmp_path, ""), on_display(tmp_path, MEASURED)
     space = measured.viewing.display.colours
     assert (space.name, space.primaries_xy[0]) == ("display", (0.68, 0.32))
@@ -273,7 +273,7 @@ def test_a_colour_is_what_a_measured_display_shows(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "display", [MEASURED, 'space = "Display P3"\ngamut = "reduce"', "white_cd_m2 = 200\nY_b = 18"]
 )
-def test_a_new_palette_file_has_the_same_display(tmp_path: Path, display: str) -> None:
+def test_a_new_palette_file_has_the_same_display(tmp_path, display):
     palette = on_display(tmp_path, display)
     vs.save_palette(palette, tmp_path / "new.toml")
     again, own = vs.load_palette(tmp_path / "new.toml").viewing.display, palette.viewing.display
@@ -281,7 +281,7 @@ def test_a_new_palette_file_has_the_same_display(tmp_path: Path, display: str) -
         assert getattr(again, name) == getattr(own, name)
 
 
-def test_a_profile_is_found_next_to_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_profile_is_found_next_to_it(tmp_path, monkeypatch):
     (tmp_path / "mine.icc").write_bytes(icc_profile(SPACES["Display P3"]))
     monkeypatch.chdir("/")
     palette = on_display(tmp_path, 'space = "mine.icc"')
@@ -295,13 +295,13 @@ def test_a_profile_is_found_next_to_it(tmp_path: Path, monkeypatch: pytest.Monke
 PAGE = (ROOT / "docs/palettes.md").read_text(encoding="utf-8")
 
 
-def test_the_example_of_the_docs_is_a_palette_that_is_met(tmp_path: Path) -> None:
+def test_the_example_of_the_docs_is_a_palette_that_is_met(tmp_path):
     (example,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
     assert vs.DesignReport.of(vs.design(vs.load_palette(written(tmp_path, example)))).mean < 1
 
 
 @pytest.mark.not_quick
-def test_the_code_of_the_docs_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_code_of_the_docs_runs(tmp_path, monkeypatch):
     (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     (tmp_path / "data").symlink_to(ROOT / "data")
     monkeypatch.chdir(tmp_path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from tests.palette.test_linearisation import below, subspace_palette
 from tests.palette.test_palette_file import SMALL, changed, written
 from tests.support.errors import raises
 from tests.support.palettes import GREY, free_light, lamp, must, palette_of, surface
-from volspec.errors import ImageError, PaletteError, SpectrumError, VolspecError
+from volspec.errors import ImageError, PaletteError, SpectrumError
 from volspec.palette import Cell, Palette, PaletteSpectrum, design, load_palette, save_palette
 from volspec.palette.figure import save_palette_figure
 
@@ -74,7 +73,7 @@ MISTAKES = [
 
 
 @pytest.mark.parametrize(("old", "new", "code", "field"), MISTAKES)
-def test_mistakes_are_refused(tmp_path: Path, old: str, new: str, code: str, field: str) -> None:
+def test_mistakes_are_refused(tmp_path, old, new, code, field):
     path = written(tmp_path, changed(old, new))
     with raises(PaletteError, code) as caught:
         load_palette(path)
@@ -132,9 +131,7 @@ HUNT = replace(GREY_CELL, viewing=vs.Viewing("Hunt"))
         (ImageError, "unsupported", lambda f: save_palette_figure(design(GREY_CELL), f / "p.jpg")),
     ],
 )
-def test_what_cannot_be_made_or_written_is_refused(
-    error: type[VolspecError], fault: str, call: Callable[[Path], object], tmp_path: Path
-) -> None:
+def test_what_cannot_be_made_or_written_is_refused(error, fault, call, tmp_path):
     code, _, field = fault.partition(" ")
     with raises(error, code, field or None):
         call(tmp_path)
@@ -163,9 +160,7 @@ DIM = free_light("lamp", upper=0.5)
         (palette_of({("a", "lamp"): Cell(colour=GREY)}, DIM), ["luminance"], ["upper"], "lower"),
     ],
 )
-def test_a_contradiction_names_its_cells_and_bounds_and_no_others(
-    palette: Palette, problem: list[str], remedy: list[str], absent: str
-) -> None:
+def test_a_contradiction_names_its_cells_and_bounds_and_no_others(palette, problem, remedy, absent):
     with raises(PaletteError, "impossible") as caught:
         design(palette)
     error = caught.value

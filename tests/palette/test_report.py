@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -38,7 +37,7 @@ def flames(sodium: Design) -> DesignReport:
     return advised(sodium)
 
 
-def test_a_cell_shows_the_colour_that_its_spectra_make() -> None:
+def test_a_cell_shows_the_colour_that_its_spectra_make():
     rows = (PaletteSpectrum("copper", vs.reflectance("copper")), surface("s"))
     cells = {("s", "A"): must(*GREY)}
     report = DesignReport.of(design(Palette(rows, (lamp("A"),), cells, vs.Viewing("CAT02"))))
@@ -50,7 +49,7 @@ def test_a_cell_shows_the_colour_that_its_spectra_make() -> None:
     assert grey.to_dict()["hex"] == "#999999" and grey.to_dict()["weight"] == "must"
 
 
-def test_colours_outside_the_display_are_marked() -> None:
+def test_colours_outside_the_display_are_marked():
     """Skin under a sodium lamp, taken as it is, is more orange than sRGB."""
     rows = (PaletteSpectrum("skin", vs.reflectance("ColorChecker/dark skin")), surface("s"))
     cells = {("s", "D65"): Cell(colour=GREY)}
@@ -61,7 +60,7 @@ def test_colours_outside_the_display_are_marked() -> None:
 
 
 @pytest.mark.not_quick
-def test_metamers_are_found_through_groups_colours_and_likeness() -> None:
+def test_metamers_are_found_through_groups_colours_and_likeness():
     cells = {
         ("a", "D65"): Cell("free", group="g"),
         ("b", "D65"): Cell("free", group="g"),
@@ -80,9 +79,7 @@ def test_metamers_are_found_through_groups_colours_and_likeness() -> None:
 
 
 @pytest.mark.not_quick
-def test_binding_bounds_are_counted_and_costs_add_up(
-    flames: DesignReport, figure_2: Design
-) -> None:
+def test_binding_bounds_are_counted_and_costs_add_up(flames, figure_2):
     flame, _ = flames.spectra
     assert (flame.kind, flame.name, flame.bands) == ("reflectance", "flame", PAPERS_GRID.size)
     assert flame.at_lower > 10 and flame.largest <= 1.0
@@ -90,14 +87,14 @@ def test_binding_bounds_are_counted_and_costs_add_up(
     assert sum(DesignReport.of(figure_2).cost.values()) == pytest.approx(figure_2.cost, abs=1e-5)
 
 
-def test_a_mixture_is_counted_by_its_lamps() -> None:
+def test_a_mixture_is_counted_by_its_lamps():
     mixed = free_light(mixture=(vs.light("LED-B1"), vs.light("FL11")))
     report = DesignReport.of(design(palette_of({("s", "L"): Cell(colour=GREY)}, mixed)))
     counts = {each.kind: each.bands for each in report.spectra}
     assert counts == {"reflectance": DEFAULT_GRID.size, "light": 2}
 
 
-def test_a_mixture_s_shares_are_those_of_the_illuminance(tmp_path: Path) -> None:
+def test_a_mixture_s_shares_are_those_of_the_illuminance(tmp_path):
     """The report's text, the file and the mix of `volspec.light` are one light."""
     lamps = ("HP1", "LED-B5", "FL7")
     free = free_light("L", mixture=tuple(vs.light(name) for name in lamps))
@@ -118,7 +115,7 @@ def test_a_mixture_s_shares_are_those_of_the_illuminance(tmp_path: Path) -> None
     assert row.shares == pytest.approx(list(light.lamps.values()), abs=6e-5)
 
 
-def test_metamers_are_compared_at_1_nm_too() -> None:
+def test_metamers_are_compared_at_1_nm_too():
     """The product of interpolated spectra is not the interpolated product."""
     nm = PAPERS_GRID.wavelengths_nm
     wave = 0.5 + 0.5 * np.cos(np.pi * (nm - 400) / 10)  # 1 and 0 in turn
@@ -142,7 +139,7 @@ def test_metamers_are_compared_at_1_nm_too() -> None:
     assert np.allclose(sodium / sodium.sum(), found / found.sum())
 
 
-def test_advice_comes_true(flames: DesignReport, figure_1: Palette) -> None:
+def test_advice_comes_true(flames, figure_1):
     weights = [each for each in flames.suggestions if each.startswith("(paint, sodium): weight 4")]
     assert len(weights) == 1 and "without it" in " ".join(flames.suggestions)
     assert f"brings ΔE {flames.cell(('paint', 'sodium')).error:.1f} to" in weights[0]
@@ -153,7 +150,7 @@ def test_advice_comes_true(flames: DesignReport, figure_1: Palette) -> None:
     assert after.cell(place).error == pytest.approx(promised, abs=0.051)
 
 
-def test_advice_begins_at_the_design_that_is_shown() -> None:
+def test_advice_begins_at_the_design_that_is_shown():
     """If more iterations help too, the other sentences still go by the palette's own."""
     cells = {
         **{(name, "D65"): Cell(colour=GREY) for name in "ab"},
@@ -169,7 +166,7 @@ def test_advice_begins_at_the_design_that_is_shown() -> None:
             assert f"brings ΔE {report.cell((reflectance, light)).error:.1f} to" in each
 
 
-def test_a_light_without_bounds_that_came_out_negative_has_a_report() -> None:
+def test_a_light_without_bounds_that_came_out_negative_has_a_report():
     cells = {("s", "D65"): Cell(colour=GREY), ("t", "D65"): Cell(colour=GREY)}
     cells |= {("s", "L"): Cell(colour=(0.9, 0, 0)), ("t", "L"): Cell(colour=(0, 0, 0.9))}
     made = design(palette_of(cells, free_light(lower=None), criteria=Criteria(rounds=1)))
@@ -177,20 +174,20 @@ def test_a_light_without_bounds_that_came_out_negative_has_a_report() -> None:
     assert advised(made).max > 1
 
 
-def test_a_colour_beyond_every_reflectance_is_reported_with_the_nearest() -> None:
+def test_a_colour_beyond_every_reflectance_is_reported_with_the_nearest():
     """Blue under sodium: no reflectance has it."""
     cells = {("s", "HP1"): Cell(colour=(0.1, 0.2, 0.9)), ("s", "D65"): Cell(colour=GREY)}
     found = advised(design(palette_of(cells))).suggestions
     assert any("(s, HP1): #1a33e6 is out of reach" in each for each in found)
 
 
-def test_a_brighter_light_is_advised_where_upper_bounds_bind() -> None:
+def test_a_brighter_light_is_advised_where_upper_bounds_bind():
     cells = {("s", "A"): Cell(colour=(0.9, 0.9, 0.95))}
     found = advised(design(palette_of(cells, criteria=Criteria(rounds=3)))).suggestions
     assert any(each.startswith("exposure 1.5 instead of 1 brings") for each in found)
 
 
-def test_it_reads_as_text_and_as_json(flames: DesignReport) -> None:
+def test_it_reads_as_text_and_as_json(flames):
     text = str(flames)
     assert all(text.count(name) > 1 for name in ("sodium", "paint", "flame"))
     assert max(map(len, text.splitlines())) <= 100
@@ -199,13 +196,13 @@ def test_it_reads_as_text_and_as_json(flames: DesignReport) -> None:
     assert data["mean"] == pytest.approx(np.mean(flames.errors))
 
 
-def test_advice_is_a_deprecated_keyword() -> None:
+def test_advice_is_a_deprecated_keyword():
     made = design(palette_of({("s", "D65"): Cell(colour=GREY)}))
     with pytest.warns(DeprecationWarning):
         assert DesignReport.of(made, advice=True) == advised(made)
 
 
-def test_a_report_may_count_differences_in_cam16_ucs(flames: DesignReport, sodium: Design) -> None:
+def test_a_report_may_count_differences_in_cam16_ucs(flames, sodium):
     report = DesignReport.of(sodium, difference="CAM16-UCS")
     for cell, usual in zip(report.cells, flames.cells, strict=True):
         assert cell.delta_E_CAM16 == usual.delta_E_CAM16 and cell.delta_E == cell.delta_E_CAM16
@@ -221,7 +218,7 @@ def test_a_report_may_count_differences_in_cam16_ucs(flames: DesignReport, sodiu
     assert report.to_dict()["difference"] == "CAM16-UCS"
 
 
-def test_metamers_are_alike_to_some_observers(flames: DesignReport, sodium: Design) -> None:
+def test_metamers_are_alike_to_some_observers(flames, sodium):
     (pair,) = flames.metamers
     seen = pair.observers
     assert seen.count == 1000 and pair.delta_E < 0.2
@@ -250,7 +247,7 @@ def texts(figure: Figure) -> list[str]:
     return [t.get_text() for t in [*figure.texts, *(t for a in figure.axes for t in a.texts)]]
 
 
-def test_squares_have_the_colours_of_the_report(sodium: Design) -> None:
+def test_squares_have_the_colours_of_the_report(sodium):
     report = DesignReport.of(sodium)
     patches = [each for axes in palette_figure(sodium, report).axes for each in axes.patches]
     drawn = [to_hex(each.get_facecolor()) for each in patches if isinstance(each, Rectangle)]
@@ -259,7 +256,7 @@ def test_squares_have_the_colours_of_the_report(sodium: Design) -> None:
         assert cell.wanted is None or hexadecimal(cell.wanted) in drawn
 
 
-def test_it_says_what_is_what(sodium: Design) -> None:
+def test_it_says_what_is_what(sodium):
     words = texts(palette_figure(sodium, title="Flames"))
     assert {"Flames", "flame", "paint", "sodium", "D65"} <= set(words)
     assert any("dashed" in each and "outside" not in each for each in words)
@@ -268,7 +265,7 @@ def test_it_says_what_is_what(sodium: Design) -> None:
 
 
 @pytest.mark.parametrize("count", [4, *slow_each(1, 12)])
-def test_names_are_whole_and_inside_whatever_the_size(count: int) -> None:
+def test_names_are_whole_and_inside_whatever_the_size(count):
     figure = palette_figure(many(count), title="Many")
     assert {f"reflectance {count - 1}", "open"} <= set(texts(figure))
     wide, tall = figure.get_size_inches() * figure.dpi
@@ -278,7 +275,7 @@ def test_names_are_whole_and_inside_whatever_the_size(count: int) -> None:
 
 
 @pytest.mark.not_quick
-def test_files_are_what_their_names_say(sodium: Design, tmp_path: Path) -> None:
+def test_files_are_what_their_names_say(sodium, tmp_path):
     import imageio.v3 as iio
 
     picture, drawing = tmp_path / "p.png", tmp_path / "p.svg"

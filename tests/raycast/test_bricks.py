@@ -16,14 +16,11 @@ from volspec.raycast.bricks import (
     straddled_bricks,
     visible_bricks,
 )
-from volspec.volume import Volume
 
 
 @pytest.mark.parametrize("dtype", ["u1", "u2", "i2", "f4"])
 @pytest.mark.parametrize("shape", [(2, 2, 2), (8, 9, 7), (16, 17, 33), (25, 8, 40), (9, 64, 2)])
-def test_ranges_are_those_of_one_voxel_more_than_a_brick_has(
-    shape: tuple[int, ...], dtype: str
-) -> None:
+def test_ranges_are_those_of_one_voxel_more_than_a_brick_has(shape, dtype):
     values = np.random.default_rng(3).integers(0, 200, shape).astype(dtype)
     low, high = brick_ranges(values)
     assert low.dtype == high.dtype == values.dtype
@@ -34,7 +31,7 @@ def test_ranges_are_those_of_one_voxel_more_than_a_brick_has(
         assert (low[brick], high[brick]) == (part.min(), part.max())
 
 
-def test_ranges_need_little_memory(engine: Volume) -> None:
+def test_ranges_need_little_memory(engine):
     """Two results and a slice at a time: 2.4 % of 7 MB measured."""
     tracemalloc.start()
     brick_ranges(engine.values)
@@ -54,9 +51,7 @@ TABLE = np.array([0, 0, 0.2, 0.1, 0, 0, 0.9, 0, 0, 0, 0.3])
 
 
 @pytest.mark.parametrize("entries", [2, 11, 257, 65536])
-def test_visibility_and_spread_are_those_of_every_entry_a_value_can_read(
-    ranges: tuple[np.ndarray, np.ndarray], entries: int
-) -> None:
+def test_visibility_and_spread_are_those_of_every_entry_a_value_can_read(ranges, entries):
     low, high = ranges
     opacity = np.interp(np.linspace(0, 10, entries), np.arange(11), TABLE).astype(np.float32)
     visible = visible_bricks(low, high, (0, 1), opacity)
@@ -71,7 +66,7 @@ def test_visibility_and_spread_are_those_of_every_entry_a_value_can_read(
 
 
 @pytest.mark.parametrize("dtype", ["u1", "i1", "u2", "i2"])
-def test_small_integers_are_as_visible_as_floats(dtype: str) -> None:
+def test_small_integers_are_as_visible_as_floats(dtype):
     """Also where nothing above a brick's least value is visible."""
     span = np.iinfo(dtype)
     low, high = np.sort(np.random.default_rng(6).integers(span.min, span.max, (2, 3, 30, 40)), 0)
@@ -82,9 +77,7 @@ def test_small_integers_are_as_visible_as_floats(dtype: str) -> None:
         assert ours.any() and not ours.all()
 
 
-def test_a_brick_is_visible_where_any_gradient_s_row_is(
-    ranges: tuple[np.ndarray, np.ndarray],
-) -> None:
+def test_a_brick_is_visible_where_any_gradient_s_row_is(ranges):
     rows = np.stack([TABLE * (np.arange(11) < 4), TABLE * (np.arange(11) > 8)])
     union, one, other = (visible_bricks(*ranges, (0, 1), each) for each in (rows, *rows))
     assert np.array_equal(union, one | other)
@@ -93,7 +86,7 @@ def test_a_brick_is_visible_where_any_gradient_s_row_is(
     assert np.allclose(opacity_spread(*ranges, (0, 1), apart), 0.5)
 
 
-def test_labels_between_a_brick_s_least_and_greatest_count_and_none_beyond_the_table() -> None:
+def test_labels_between_a_brick_s_least_and_greatest_count_and_none_beyond_the_table():
     """Values would take the table's ends, here both opaque."""
     opacity = np.array([0.5, 0.0, 0.5])
     low = np.array([[[-3, -3, 3, 2, 2, 1, 0]]], np.int16)
@@ -105,7 +98,7 @@ def test_labels_between_a_brick_s_least_and_greatest_count_and_none_beyond_the_t
 
 
 @pytest.mark.parametrize("dtype", ["u1", "i2", "f4"])
-def test_a_level_straddles_the_bricks_whose_range_holds_it(dtype: str) -> None:
+def test_a_level_straddles_the_bricks_whose_range_holds_it(dtype):
     rng = np.random.default_rng(5)
     low = rng.integers(0, 100, (3, 4, 5)).astype(dtype)
     high = low + rng.integers(0, 20, low.shape).astype(dtype)
@@ -115,13 +108,13 @@ def test_a_level_straddles_the_bricks_whose_range_holds_it(dtype: str) -> None:
         assert np.array_equal(straddled_bricks(low, high, np.array(levels)), expected)
 
 
-def test_a_level_straddles_as_float32() -> None:
+def test_a_level_straddles_as_float32():
     """0.1 as float32 is above 0.1 as a double; the kernel sees them equal."""
     same = np.full((1, 1, 1), 0.1, np.float32)
     assert straddled_bricks(same, same, np.array([0.1])).all()
 
 
-def test_leaps_are_chessboard_distances_up_to_the_furthest() -> None:
+def test_leaps_are_chessboard_distances_up_to_the_furthest():
     visible = np.zeros((5, 6, 7), bool)
     assert (chessboard_distance(visible) == FURTHEST).all()
     assert chessboard_distance(~visible).flags.c_contiguous
@@ -131,7 +124,7 @@ def test_leaps_are_chessboard_distances_up_to_the_furthest() -> None:
 
 
 @pytest.mark.parametrize("shape", [(20, 31, 27), (34, 26, 21), (21, 34, 3), (9, 5, 1), (3, 2, 80)])
-def test_leaps_are_chessboard_distances_among_many_bricks(shape: tuple[int, int, int]) -> None:
+def test_leaps_are_chessboard_distances_among_many_bricks(shape):
     rng = np.random.default_rng(5)
     for _ in range(8):
         many = rng.random(shape) > 0.999

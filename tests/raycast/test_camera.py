@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -53,12 +52,12 @@ def with_one_mebibyte() -> vs.Raycaster:
         (lambda: vs.raycast(BALL, COPPER, SIDE, caster=vs.Raycaster(SMALL)), "conflict "),
     ],
 )
-def test_nonsense_is_named(make: Callable[[], object], message: str) -> None:
+def test_nonsense_is_named(make, message):
     refuses(make, message)
 
 
 @pytest.mark.parametrize("length", [5e-324, 1e-200, 1e200, 1e308])
-def test_a_camera_stands_upright_whatever_the_length_of_up(length: float) -> None:
+def test_a_camera_stands_upright_whatever_the_length_of_up(length):
     """And at any distance from its target that is a number."""
     camera = vs.Camera((0, -min(length, 1e300), 0), (0, 0, 0), up=(0, length, length))
     right, up, forward = camera.frame()
@@ -66,7 +65,7 @@ def test_a_camera_stands_upright_whatever_the_length_of_up(length: float) -> Non
     assert vs.Camera(camera.position_mm, camera.target_mm, camera.up) == camera
 
 
-def test_orbit_looks_from_where_the_angles_say() -> None:
+def test_orbit_looks_from_where_the_angles_say():
     angles = (0, 0), (90, 0), (180, 0), (0, 90), (0, -90)
     directions = (0, -1, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, -1)
     for view, direction in zip(angles, directions, strict=True):
@@ -77,7 +76,7 @@ def test_orbit_looks_from_where_the_angles_say() -> None:
         assert np.allclose(np.cross(right, forward), up) and np.isclose(up @ up, 1)
 
 
-def test_the_first_row_is_the_top_and_the_first_column_the_left() -> None:
+def test_the_first_row_is_the_top_and_the_first_column_the_left():
     """A bright voxel high up (+z) and to the right (+x), seen from −y."""
     values = np.zeros((9, 9, 9), np.float32)
     values[7, 4, 7] = 1
@@ -88,7 +87,7 @@ def test_the_first_row_is_the_top_and_the_first_column_the_left() -> None:
     assert row < 15 and column > 25
 
 
-def test_an_empty_picture_is_warned_about_with_its_likely_reason() -> None:
+def test_an_empty_picture_is_warned_about_with_its_likely_reason():
     beyond = replace(COPPER, points=[(100, 0, "copper"), (200, 1, "copper")])
     with warns("100", "200", " 0 "):
         vs.raycast(BALL, beyond, SIDE, (16, 16))
@@ -100,7 +99,7 @@ def test_an_empty_picture_is_warned_about_with_its_likely_reason() -> None:
             vs.raycast(BALL, COPPER, vs.Camera((-20.0, 5.5, 5.5), target), (16, 16))
 
 
-def test_arrays_and_pyvista_grids_are_volumes() -> None:
+def test_arrays_and_pyvista_grids_are_volumes():
     pictures = [
         vs.raycast(given, COPPER, vs.Camera.orbit(given), (16, 16)).alpha
         for given in (BALL, BALL.values, BALL.to_pyvista())

@@ -66,7 +66,7 @@ def camera_of(volume: Any) -> Camera:
 
 
 @pytest.mark.slow
-def test_without_effects_the_picture_is_the_same_bit_for_bit(solid: CoefficientImage) -> None:
+def test_without_effects_the_picture_is_the_same_bit_for_bit(solid):
     for scales in ({}, {"gold": 0.5}):
         plain, same = solid.recompose(scales), solid.recompose(scales, DepthEffects())
         for name in ("coefficients", "alpha", "depth_mm"):
@@ -75,7 +75,7 @@ def test_without_effects_the_picture_is_the_same_bit_for_bit(solid: CoefficientI
     assert np.abs(cut_nothing.coefficients - solid.coefficients).max() < 1e-4
 
 
-def test_shadows_fade_with_their_materials_in_depth_as_well() -> None:
+def test_shadows_fade_with_their_materials_in_depth_as_well():
     image = layered(np.ones((2, 2, 3, 2)), np.array([100.0, 101.0, 102.0]) * np.ones((2, 2, 1)))
     shadow = np.full((2, 2, 3, 2, 5), 0.5, np.float32)
     shaded = replace(image, opacity_layers=replace(image.opacity_layers, shadow=shadow))
@@ -87,7 +87,7 @@ def test_shadows_fade_with_their_materials_in_depth_as_well() -> None:
 
 
 @pytest.mark.parametrize("tau", [0.01, 1.0, 12.0])
-def test_the_extents_of_homogeneous_layers_are_found(tau: float) -> None:
+def test_the_extents_of_homogeneous_layers_are_found(tau):
     layers = slab_layers(100, 140, tau).opacity_layers
     begin, width = extents(layers.tau[0].sum(axis=2), layers.depth_mm[0])
     edges = 100 + 40 * np.linspace(0, 1, 9) ** 1.5
@@ -96,7 +96,7 @@ def test_the_extents_of_homogeneous_layers_are_found(tau: float) -> None:
 
 
 @pytest.mark.parametrize("at", [90.0, 100.5, 104.0, 121.7, 133.0, 150.0])
-def test_a_cut_takes_its_part_of_a_homogeneous_slab(at: float) -> None:
+def test_a_cut_takes_its_part_of_a_homogeneous_slab(at):
     image, beyond = slab_layers(100, 140, 2.0), np.clip((140 - at) / 40, 0, 1)
     for effects, part in (
         (DepthEffects(near_mm=at), beyond),
@@ -106,7 +106,7 @@ def test_a_cut_takes_its_part_of_a_homogeneous_slab(at: float) -> None:
         assert found == pytest.approx(-math.expm1(-2 * part), abs=1e-3)
 
 
-def test_a_cut_is_that_of_a_cast_with_a_clip_plane(solid: CoefficientImage) -> None:
+def test_a_cut_is_that_of_a_cast_with_a_clip_plane(solid):
     """Measured: 0.027 at most, where a layer is longest."""
     volume, camera = cube(21), camera_of(cube(21))
     forward, at = camera.frame()[2], camera.distance_mm - 3
@@ -119,7 +119,7 @@ def test_a_cut_is_that_of_a_cast_with_a_clip_plane(solid: CoefficientImage) -> N
     assert np.abs(cut.depth_mm[both] - new.depth_mm[both]).max() < 0.5
 
 
-def test_fog_in_front_of_an_opaque_surface() -> None:
+def test_fog_in_front_of_an_opaque_surface():
     image = layered(np.array([[[[64.0, 0.0]], [[0.0, 0.0]]]]), np.full((1, 2, 1), 200.0), None)
     effects = DepthEffects(fog_mm=300, fog_from_mm=50, fog_white=0.4)
     foggy = image.recompose({}, effects)
@@ -135,7 +135,7 @@ def test_fog_in_front_of_an_opaque_surface() -> None:
     assert ended.alpha[0] == pytest.approx([1, 1 - 0.05], abs=1e-5)
 
 
-def test_fog_within_a_homogeneous_slab_is_that_of_a_march() -> None:
+def test_fog_within_a_homogeneous_slab_is_that_of_a_march():
     image = slab_layers(100, 140, 3.0)
     foggy = image.recompose({}, DepthEffects(fog_mm=120, fog_white=1.0))
     at = np.linspace(100, 140, 20001)
@@ -154,7 +154,7 @@ def point_at(distance: float, side: int = 65) -> CoefficientImage:
 
 
 @pytest.mark.parametrize("distance", [150.0, 260.0, 700.0])
-def test_a_point_out_of_focus_is_a_disc_as_wide_as_a_lens_makes_it(distance: float) -> None:
+def test_a_point_out_of_focus_is_a_disc_as_wide_as_a_lens_makes_it(distance):
     """The variance of a disc of diameter D is D²/16 along each axis."""
     blurred = point_at(distance).recompose({}, DepthEffects(focus_mm=200, aperture_mm=25))
     pixels_per_slope = 65 / (2 * math.tan(math.radians(FOV) / 2))
@@ -166,13 +166,13 @@ def test_a_point_out_of_focus_is_a_disc_as_wide_as_a_lens_makes_it(distance: flo
     assert blurred.coefficients[..., 0] == pytest.approx(0.5 * blurred.alpha, abs=1e-5)
 
 
-def test_what_is_in_focus_stays_as_it_is() -> None:
+def test_what_is_in_focus_stays_as_it_is():
     image = point_at(200.0)
     sharp = image.recompose({}, DepthEffects(focus_mm=200, aperture_mm=25))
     assert np.abs(sharp.alpha - image.alpha).max() < 1e-4
 
 
-def test_an_opaque_slope_stays_opaque_out_of_focus() -> None:
+def test_an_opaque_slope_stays_opaque_out_of_focus():
     """A blur slice by slice would let light through between slices: 0.75 of it at an edge."""
     side = 96
     depth = np.broadcast_to(np.linspace(250, 600, side)[:, None, None], (side, side, 1))
@@ -182,7 +182,7 @@ def test_an_opaque_slope_stays_opaque_out_of_focus() -> None:
     assert blurred.alpha.min() > 0.99
 
 
-def test_a_lens_sees_around_an_edge() -> None:
+def test_a_lens_sees_around_an_edge():
     """Half a plane out of focus is in front of a plane in focus: at its edge both are seen."""
     side = 64
     tau, depth = np.zeros((side, side, 3, 2)), np.zeros((side, side, 3))
@@ -197,7 +197,7 @@ def test_a_lens_sees_around_an_edge() -> None:
     assert (np.diff(copper) <= 1e-5).all()
 
 
-def test_fog_out_of_focus_is_that_in_focus() -> None:
+def test_fog_out_of_focus_is_that_in_focus():
     """A homogeneous slab fills the picture."""
     image = replace(slab_layers(100, 140, 3.0, size=(16, 16)), fov_deg=2.0)
     fog = DepthEffects(fog_mm=120, fog_white=1.0)
@@ -217,7 +217,7 @@ def surface_at(distance: float, image: CoefficientImage, alpha: float = 1.0) -> 
     return replace(image, coefficients=channels, alpha=flat, depth_mm=depth, opacity_layers=None)
 
 
-def test_a_surface_is_between_two_slabs() -> None:
+def test_a_surface_is_between_two_slabs():
     """Two layers each, which are 0.2 mm apart."""
     tau = np.zeros((1, 1, 4, 2))
     tau[0, 0, :2, 0] = tau[0, 0, 2:, 1] = math.log(2) / 2
@@ -233,7 +233,7 @@ def test_a_surface_is_between_two_slabs() -> None:
     assert cut.alpha[0, 0] == pytest.approx(0.5, abs=1e-5)
 
 
-def test_a_surface_within_a_slab_hides_what_is_behind_it() -> None:
+def test_a_surface_within_a_slab_hides_what_is_behind_it():
     image = slab_layers(100, 140, 2.0)
     made = image.recompose({}, surface=surface_at(110, image))
     through = math.exp(-2.0 * 10 / 40)
@@ -241,7 +241,7 @@ def test_a_surface_within_a_slab_hides_what_is_behind_it() -> None:
     assert made.layer("key")[0, 0] == pytest.approx(expected, abs=1e-3)
 
 
-def test_a_mesh_is_put_at_its_depth(solid: CoefficientImage) -> None:
+def test_a_mesh_is_put_at_its_depth(solid):
     """You should see a copper ball inside a gold cube, as a cast with both shows it."""
     pytest.importorskip("embreex")
     volume = cube(21)
@@ -257,7 +257,7 @@ def test_a_mesh_is_put_at_its_depth(solid: CoefficientImage) -> None:
     assert np.abs(made.alpha - new.alpha)[around].max() < 0.002
 
 
-def test_distances_along_the_axis_are_those_of_planes() -> None:
+def test_distances_along_the_axis_are_those_of_planes():
     cosine = axis_cosine((3, 301), 90.0)
     assert cosine[150, 1] == 1 and cosine[0, 1] == pytest.approx(math.sqrt(0.5), abs=2e-3)
     assert (axis_cosine((2, 2), None) == 1).all()
@@ -291,13 +291,11 @@ def before(surface: Any) -> Callable[[], object]:
         (before(replace(SURFACE, **OF_ANOTHER_BASIS)), "conflict recompose: surface"),
     ],
 )
-def test_effects_and_surfaces_that_cannot_be_are_refused(
-    make: Callable[[], object], fault: str
-) -> None:
+def test_effects_and_surfaces_that_cannot_be_are_refused(make, fault):
     refuses(make, fault)
 
 
-def test_a_picture_of_nothing_stays_one() -> None:
+def test_a_picture_of_nothing_stays_one():
     image = layered(np.zeros((4, 5, 2, 2)), np.zeros((4, 5, 2)))
     for effects in (DepthEffects(near_mm=10.0), DepthEffects(focus_mm=20.0)):
         assert not image.recompose({}, effects).alpha.any()

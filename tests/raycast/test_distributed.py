@@ -6,7 +6,6 @@ import os
 import signal
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -51,9 +50,7 @@ def workers(caster: Raycaster) -> list[int]:
 
 
 @pytest.mark.parametrize("spec", [SPEC, slow(LIT_SPEC)])
-def test_the_picture_is_that_of_one_machine(
-    engine: Volume, caster: Raycaster, spec: RaycastSpec
-) -> None:
+def test_the_picture_is_that_of_one_machine(engine, caster, spec):
     camera = Camera.orbit(engine, azimuth_deg=200)
     whole = raycast(engine, VEIL, camera, SIZE, spec)
     told: list[float] = []
@@ -67,9 +64,7 @@ def test_the_picture_is_that_of_one_machine(
 
 
 @pytest.mark.slow
-def test_a_killed_worker_changes_nothing(
-    engine: Volume, caster: Raycaster, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_killed_worker_changes_nothing(engine, caster, monkeypatch):
     given = caster.volume, VEIL, Camera.orbit(engine), SIZE, SPEC
     calm = raycast(*given, caster=caster)
     killed = workers(caster)[0]
@@ -87,9 +82,7 @@ def test_a_killed_worker_changes_nothing(
 
 
 @pytest.mark.slow
-def test_frames_of_an_export_are_cast_side_by_side(
-    caster: Raycaster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_frames_of_an_export_are_cast_side_by_side(caster, tmp_path, monkeypatch):
     scene = Scene.load(ENGINE).exporting(turntable={"frames": 3}, lights=["D65"])
     monkeypatch.setattr(scene, "raycast", replace(SPEC, groups=scene.raycast.groups))
     running: list[object] = []
@@ -113,8 +106,8 @@ def test_frames_of_an_export_are_cast_side_by_side(
 
 
 def test_workers_of_another_version_and_addresses_without_a_cluster_are_refused(
-    engine: Volume, caster: Raycaster, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    engine, caster, monkeypatch
+):
     import distributed as dask
 
     import volspec
@@ -137,7 +130,7 @@ def test_workers_of_another_version_and_addresses_without_a_cluster_are_refused(
         raycast(*given, caster=other)
 
 
-def test_over_is_associative() -> None:
+def test_over_is_associative():
     random = np.random.default_rng(0)
 
     def picture(x: int, y: int) -> PartialPicture:
@@ -154,7 +147,7 @@ def test_over_is_associative() -> None:
     assert np.allclose(left.through, 1 - left.alpha, atol=1e-6)
 
 
-def test_runs_are_neighbours_of_like_size(engine: Volume, caster: Raycaster) -> None:
+def test_runs_are_neighbours_of_like_size(engine, caster):
     level = caster.at(Camera.orbit(engine), SIZE, SPEC)
     parts = level.plan(caster.bake(VEIL), Camera.orbit(engine), SIZE, SPEC)
     runs = distributed.runs(parts, 4)

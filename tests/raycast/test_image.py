@@ -34,7 +34,7 @@ def image() -> CoefficientImage:
     return CoefficientImage(coefficients, alpha, depth, basis, {"volume": "noise"})
 
 
-def test_save_and_load_give_the_same_numbers(image: CoefficientImage, tmp_path: Path) -> None:
+def test_save_and_load_give_the_same_numbers(image, tmp_path):
     path = tmp_path / "deep" / "image.exr"
     image.save(path)
     again = CoefficientImage.load(path)
@@ -94,13 +94,7 @@ def cut_off(part: float) -> Callable[[Path], None]:
         *((cut_off(part), "damaged") for part in (0.0, 0.1, 0.75)),
     ],
 )
-def test_files_of_another_making_are_refused(
-    image: CoefficientImage,
-    tmp_path: Path,
-    capfd: pytest.CaptureFixture[str],
-    damage: Callable[[Path], object],
-    code: str,
-) -> None:
+def test_files_of_another_making_are_refused(image, tmp_path, capfd, damage, code):
     """The reader's own complaints do not reach the terminal."""
     path = tmp_path / "image.exr"
     image.save(path)
@@ -132,9 +126,7 @@ def grouped(image: CoefficientImage, kind: type = np.float32) -> CoefficientImag
 
 
 @pytest.mark.parametrize("kind", [np.float32, np.float16])
-def test_light_groups_come_back_under_their_own_names(
-    image: CoefficientImage, tmp_path: Path, kind: type
-) -> None:
+def test_light_groups_come_back_under_their_own_names(image, tmp_path, kind):
     made = grouped(image, kind)
     made.save(tmp_path / "image.exr")
     again = CoefficientImage.load(tmp_path / "image.exr")
@@ -147,7 +139,7 @@ def test_light_groups_come_back_under_their_own_names(
         assert np.array_equal(again.layer(name), made.layer(name))
 
 
-def test_light_groups_are_layers_of_the_file(image: CoefficientImage, tmp_path: Path) -> None:
+def test_light_groups_are_layers_of_the_file(image, tmp_path):
     grouped(image, np.float16).save(tmp_path / "image.exr")
     with OpenEXR.File(str(tmp_path / "image.exr"), separate_channels=True) as file:
         channels = {name: channel.pixels.dtype for name, channel in file.channels().items()}
@@ -169,9 +161,7 @@ def load_old(image: CoefficientImage, path: Path, layers: list[str], **header: o
     return CoefficientImage.load(path)
 
 
-def test_images_of_formats_1_and_2_load_with_their_groups(
-    image: CoefficientImage, tmp_path: Path
-) -> None:
+def test_images_of_formats_1_and_2_load_with_their_groups(image, tmp_path):
     made, path = grouped(image), tmp_path / "old.exr"
     names = [quote(name, safe="").replace(".", "%2E").replace("~", "%7E") for name in ODD]
     header = {"format": 2, "groups": json.dumps(ODD), "fov_deg": "30.0"}
@@ -185,7 +175,7 @@ def test_images_of_formats_1_and_2_load_with_their_groups(
     assert np.array_equal(first.layer("light"), image.coefficients)
 
 
-def test_a_preview_and_texts_are_saved_for_others(image: CoefficientImage, tmp_path: Path) -> None:
+def test_a_preview_and_texts_are_saved_for_others(image, tmp_path):
     path = tmp_path / "image.exr"
     image.save(path, np.full((12, 9, 3), (0.25, -0.5, np.nan)), {"hint": "paste me"})
     # Without separate_channels R, G, B and A are joined, if they are of one type.
@@ -197,9 +187,7 @@ def test_a_preview_and_texts_are_saved_for_others(image: CoefficientImage, tmp_p
     assert np.array_equal(CoefficientImage.load(path).coefficients, image.coefficients)
 
 
-def test_a_compositor_s_rounding_of_opacity_is_clipped(
-    image: CoefficientImage, tmp_path: Path
-) -> None:
+def test_a_compositor_s_rounding_of_opacity_is_clipped(image, tmp_path):
     alpha = image.alpha.copy()
     alpha[0, :2] = -5e-4, 1 + 5e-4
     dataclasses.replace(image, alpha=alpha).save(tmp_path / "image.exr")
@@ -208,7 +196,7 @@ def test_a_compositor_s_rounding_of_opacity_is_clipped(
     assert np.array_equal(again[1:], alpha[1:])
 
 
-def test_a_layer_is_a_view_of_its_group_s_channels(image: CoefficientImage) -> None:
+def test_a_layer_is_a_view_of_its_group_s_channels(image):
     made = grouped(image)
     for k, name in enumerate(ODD):
         layer = made.layer(name)
@@ -265,12 +253,7 @@ def write(path: Any) -> None:
         (lambda image, path: write(None), "type "),
     ],
 )
-def test_what_no_cast_leaves_and_no_file_takes_is_refused(
-    image: CoefficientImage,
-    tmp_path: Path,
-    make: Callable[[CoefficientImage, Path], object],
-    fault: str,
-) -> None:
+def test_what_no_cast_leaves_and_no_file_takes_is_refused(image, tmp_path, make, fault):
     path = tmp_path / "image.exr"
     path.write_text("precious")
     (tmp_path / "folder.exr").mkdir()
@@ -279,7 +262,7 @@ def test_what_no_cast_leaves_and_no_file_takes_is_refused(
     assert Path("/dev/null").is_char_device()
 
 
-def test_a_failed_write_leaves_what_was_there_and_links_are_followed(tmp_path: Path) -> None:
+def test_a_failed_write_leaves_what_was_there_and_links_are_followed(tmp_path):
     target, link = tmp_path / "target.txt", tmp_path / "link.txt"
     link.symlink_to(target)
     with write_whole(link) as temporary:

@@ -46,7 +46,7 @@ def frame(relighter: vs.Relighter, groups: Iterable[str] = ("",)) -> np.ndarray:
     return relighter.frame(vs.LightRig(lights, groups=groups), dtype=np.float32)
 
 
-def test_a_picture_cast_into_a_relighter_is_shown_as_after_an_update(backend: str) -> None:
+def test_a_picture_cast_into_a_relighter_is_shown_as_after_an_update(backend):
     with vs.Relighter(cast(0), backend) as shown, vs.Relighter(cast(0), backend) as updated:
         before = frame(shown)
         image = cast(60, into=shown)
@@ -56,7 +56,7 @@ def test_a_picture_cast_into_a_relighter_is_shown_as_after_an_update(backend: st
         assert np.array_equal(image.coefficients, cast(60).coefficients)
 
 
-def test_what_is_refused_or_cancelled_leaves_the_picture_shown(backend: str) -> None:
+def test_what_is_refused_or_cancelled_leaves_the_picture_shown(backend):
     began: list[float] = []
     relighter = vs.Relighter(cast(0), backend)
     before = frame(relighter)
@@ -76,7 +76,7 @@ def test_what_is_refused_or_cancelled_leaves_the_picture_shown(backend: str) -> 
     assert began == []
 
 
-def test_the_last_of_ever_finer_pictures_goes_into_a_relighter(backend: str) -> None:
+def test_the_last_of_ever_finer_pictures_goes_into_a_relighter(backend):
     with vs.Relighter(cast(0), backend) as relighter:
         before, refined = (
             frame(relighter),

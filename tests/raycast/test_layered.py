@@ -82,7 +82,7 @@ def image(caster: Raycaster) -> CoefficientImage:
 
 
 @pytest.mark.parametrize("scale", [0.0, 0.25, 2.0, 4.0])
-def test_a_homogeneous_body_fades_by_beer_lambert(scale: float) -> None:
+def test_a_homogeneous_body_fades_by_beer_lambert(scale):
     volume, spec = cube(9), replace(WHOLE, layers=8)
     with warns("no opacity of copper"):
         made = raycast(volume, even_gold(0.1), along_z(volume), (4, 4), spec)
@@ -92,7 +92,7 @@ def test_a_homogeneous_body_fades_by_beer_lambert(scale: float) -> None:
 
 
 @pytest.mark.parametrize("kind", ["image", slow("lit")])
-def test_scale_1_is_the_picture_bit_for_bit(kind: str, request: pytest.FixtureRequest) -> None:
+def test_scale_1_is_the_picture_bit_for_bit(kind, request):
     image: CoefficientImage = request.getfixturevalue(kind)
     for scales in ({}, {"gold": 1}, {"gold": 1.0, "copper": 1}):
         same = image.recompose(scales)
@@ -105,9 +105,7 @@ def test_scale_1_is_the_picture_bit_for_bit(kind: str, request: pytest.FixtureRe
 @pytest.mark.parametrize(
     "scales", [(1, 0.3), (0, 1), (1, 0), (4, 1), (0.25, 4), (4, 4)], ids=lambda s: f"{s}"
 )
-def test_other_opacities_are_those_of_a_new_cast(
-    caster: Raycaster, image: CoefficientImage, scales: tuple[float, float]
-) -> None:
+def test_other_opacities_are_those_of_a_new_cast(caster, image, scales):
     """Measured: an RMS of 0.001, 0.017 at most; alpha is exact."""
     shown = image.recompose(dict(zip(METALS, scales, strict=True)))
     assert shown.opacity_layers is None and shown.first_mm is None
@@ -119,7 +117,7 @@ def test_other_opacities_are_those_of_a_new_cast(
     assert np.abs(shown.depth_mm[seen] - new.depth_mm[seen]).max() < 1.5
 
 
-def test_a_slab_takes_its_shadow_with_it_exactly() -> None:
+def test_a_slab_takes_its_shadow_with_it_exactly():
     """Light from +x passes 4 mm of copper to gold, which is seen along z: 0.9^(4 s) of it."""
     values = np.zeros((20, 20, 20), np.float32)
     values[:, :, :9], values[:, :, 13:17] = 1.0, 0.3
@@ -154,9 +152,7 @@ def lit(caster: Raycaster) -> CoefficientImage:
     ("scales", "least"),
     [slow(*own) for own in (((0, 1), 20), ((0.25, 1), 15), ((1, 0), 15), ((4, 1), 10))],
 )
-def test_shadows_are_those_of_a_new_cast(
-    caster: Raycaster, lit: CoefficientImage, scales: tuple[float, float], least: float
-) -> None:
+def test_shadows_are_those_of_a_new_cast(caster, lit, scales, least):
     """``least``: how many times closer they are than shadows that stay those of the cast."""
     given = dict(zip(METALS, scales, strict=True))
     new = cast_scaled(caster, scales, replace(SPEC, groups=LIT)).coefficients
@@ -173,7 +169,7 @@ def test_shadows_are_those_of_a_new_cast(
 
 
 @pytest.mark.parametrize("bend", [0.05, 0.5, 4.0])
-def test_light_of_gamma_distributed_depths_is_exact(bend: float) -> None:
+def test_light_of_gamma_distributed_depths_is_exact(bend):
     """But for the fit of b, to 2 %."""
     depths = np.array([1.0, 0.5])
 
@@ -189,13 +185,13 @@ def test_light_of_gamma_distributed_depths_is_exact(bend: float) -> None:
     assert transmittance(cast, np.ones(2, np.float32)) == pytest.approx(light(1, 1), abs=1e-5)
 
 
-def test_darkness_and_no_light_have_finite_numbers() -> None:
+def test_darkness_and_no_light_have_finite_numbers():
     dark = shadow_of_means(np.array([[1.0, 1.0, 0.0, 0.0, 0.0, 1.0], [0, 0, 1, 1, 1, 1]]))
     assert np.isfinite(dark.astype(np.float16)).all()
     assert transmittance(dark[:, 2:], np.array([0, 4], np.float32)) == pytest.approx(1, abs=1e-5)
 
 
-def test_one_ray_keeps_its_samples_while_there_is_room() -> None:
+def test_one_ray_keeps_its_samples_while_there_is_room():
     stream, rng = LayerStream(1, 8, 1, 2), np.random.default_rng(1)
     alphas, weights = rng.uniform(0.3, 0.6, 6), rng.dirichlet((1, 1), 6)
     shade, gloss = np.array([[0.5]]), np.array([[0.1]])
@@ -209,7 +205,7 @@ def test_one_ray_keeps_its_samples_while_there_is_room() -> None:
     assert layers.gloss[np.isfinite(layers.depth_mm)] == pytest.approx(0.1, rel=1e-5)
 
 
-def test_a_material_without_opacity_is_named_with_the_remedy(image: CoefficientImage) -> None:
+def test_a_material_without_opacity_is_named_with_the_remedy(image):
     layers = image.opacity_layers
     tau = layers.tau.copy()
     tau[..., 1] = 0
@@ -269,7 +265,7 @@ def one_row_less(image: CoefficientImage) -> object:
         (one_row_less, "shape coefficient image: opacity_layers"),
     ],
 )
-def test_what_has_no_layers_is_refused(image: CoefficientImage, make: Make, fault: str) -> None:
+def test_what_has_no_layers_is_refused(image, make, fault):
     assert "8 layers of opacity" in repr(image)
     refuses(lambda: make(image), fault)
 
@@ -278,7 +274,7 @@ def _arrays(layers: OpacityLayers) -> tuple[np.ndarray, ...]:
     return layers.tau, layers.shade, layers.gloss, layers.depth_mm
 
 
-def test_a_file_holds_the_layers_in_half_precision(image: CoefficientImage, tmp_path: Path) -> None:
+def test_a_file_holds_the_layers_in_half_precision(image, tmp_path):
     image.save(tmp_path / "image.exr")
     again = CoefficientImage.load(tmp_path / "image.exr")
     loaded, own = again.opacity_layers, image.opacity_layers
@@ -296,7 +292,7 @@ def assert_recomposed_alike(one: CoefficientImage, other: CoefficientImage, limi
         assert np.abs(off).max() < limit
 
 
-def test_stored_numbers_are_exact_to_what_shows(image: CoefficientImage) -> None:
+def test_stored_numbers_are_exact_to_what_shows(image):
     """Half of 2^-10 of white at any scale, or of 2^-5 of a shade; and rounding to half floats."""
     layers = image.opacity_layers
     stored = layers.as_stored()
@@ -317,9 +313,7 @@ def saved_names(image: CoefficientImage, path: Path) -> tuple[set[str], object]:
         return set(file.channels()), json.loads(file.header()["volspec:layers"])
 
 
-def test_a_file_holds_shadows_with_its_second_version(
-    lit: CoefficientImage, tmp_path: Path
-) -> None:
+def test_a_file_holds_shadows_with_its_second_version(lit, tmp_path):
     names, about = saved_names(lit, tmp_path / "image.exr")
     written = {"l3.shadow.part.sky.V", "l3.shadow.depth.key.gold.V", "l0.occlusion.bend.sky.V"}
     assert written <= names and "l3.occlusion.part.key.V" not in names
@@ -350,16 +344,14 @@ def about(text: str) -> Callable[[Any, Any], object]:
         ("lit", lambda h, c: c["l0.shadow.bend.key.V"].fill(np.nan), "damaged"),
     ],
 )
-def test_a_damaged_or_later_file_is_refused(
-    kind: str, change: Any, code: str, request: pytest.FixtureRequest, tmp_path: Path
-) -> None:
+def test_a_damaged_or_later_file_is_refused(kind, change, code, request, tmp_path):
     request.getfixturevalue(kind).save(tmp_path / "image.exr")
     edit_exr(tmp_path / "image.exr", change)
     with raises(ImageError, code):
         CoefficientImage.load(tmp_path / "image.exr")
 
 
-def test_names_in_the_file_are_plain(image: CoefficientImage, tmp_path: Path) -> None:
+def test_names_in_the_file_are_plain(image, tmp_path):
     names, about = saved_names(image, tmp_path / "image.exr")
     assert {"l0.tau.copper.V", "l7.shade.sky_2.gold.V", "l7.gloss.key.V", "l7.depth.Z"} <= names
     assert about == {"version": 1, "count": 8}

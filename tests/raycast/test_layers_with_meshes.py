@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -82,9 +81,7 @@ def image(caster: vs.Raycaster, groups: Any) -> vs.CoefficientImage:
 
 
 @pytest.mark.slow
-def test_scale_1_is_the_cast_without_layers(
-    caster: vs.Raycaster, image: vs.CoefficientImage, groups: Any
-) -> None:
+def test_scale_1_is_the_cast_without_layers(caster, image, groups):
     layers = image.opacity_layers
     assert (layers.solid, layers.count, layers.fades) == (True, 8, [False, True, True])
     without = cast(caster, groups, layers=0)
@@ -99,9 +96,7 @@ def test_scale_1_is_the_cast_without_layers(
 @pytest.mark.parametrize(
     "scales", [(0.0, 1.0), *slow_each((0.3, 1), (1, 0), (0, 0.25), (4, 0.5))], ids=str
 )
-def test_meshes_are_seen_as_in_a_new_cast(
-    caster: vs.Raycaster, image: vs.CoefficientImage, groups: Any, scales: tuple[float, float]
-) -> None:
+def test_meshes_are_seen_as_in_a_new_cast(caster, image, groups, scales):
     """Measured: channels are off by 1.4e-4 on average, 0.027 at most, on meshes by 6e-4."""
     opacities = dict(zip(("copper", "gold"), scales, strict=True))
     shown = image.recompose(opacities)
@@ -113,7 +108,7 @@ def test_meshes_are_seen_as_in_a_new_cast(
     assert off.mean() < 8e-4  # with edges
 
 
-def test_without_the_volume_meshes_alone_are_left(image: vs.CoefficientImage, groups: Any) -> None:
+def test_without_the_volume_meshes_alone_are_left(image, groups):
     """Also the shadows of what has faded are gone; those of the other mesh stay."""
     bare = image.recompose({"copper": 0, "gold": 0})
     with pytest.warns(vs.VolspecWarning, match="'silver' is scaled, which only meshes have"):
@@ -127,7 +122,7 @@ def test_without_the_volume_meshes_alone_are_left(image: vs.CoefficientImage, gr
     assert np.isfinite(bare.depth_mm[bare.alpha > 0]).all()
 
 
-def test_a_file_holds_them_as_its_third_version(image: vs.CoefficientImage, tmp_path: Path) -> None:
+def test_a_file_holds_them_as_its_third_version(image, tmp_path):
     image.save(tmp_path / "image.exr")
     again = vs.CoefficientImage.load(tmp_path / "image.exr")
     assert again.opacity_layers.solid
@@ -136,7 +131,7 @@ def test_a_file_holds_them_as_its_third_version(image: vs.CoefficientImage, tmp_
         assert np.abs(one.coefficients - other.coefficients).max() < 4e-3
 
 
-def test_cuts_fog_views_and_deep_files_have_them(image: vs.CoefficientImage) -> None:
+def test_cuts_fog_views_and_deep_files_have_them(image):
     none = {"copper": 0.0, "gold": 0.0}
     bare = image.recompose(none)
     at = np.unravel_index(bare.alpha.argmax(), bare.alpha.shape)
@@ -153,7 +148,7 @@ def test_cuts_fog_views_and_deep_files_have_them(image: vs.CoefficientImage) -> 
 
 
 @pytest.mark.slow
-def test_an_opaque_body_in_front_uncovers_a_mesh(caster: vs.Raycaster) -> None:
+def test_an_opaque_body_in_front_uncovers_a_mesh(caster):
     """Rays of the picture end in it; what is behind is seen once it is gone."""
     transfer = replace(FUNCTION, points=[(0.1, 0.0, "gold"), (0.2, 1.0, "gold")])
     made = cast(caster, PLAIN, how={"transfer": transfer}, alpha_stop=0.99)
@@ -162,7 +157,7 @@ def test_an_opaque_body_in_front_uncovers_a_mesh(caster: vs.Raycaster) -> None:
     np.testing.assert_allclose(bare.coefficients, alone.coefficients, atol=2e-4)
 
 
-def test_extents_and_deep_samples_of_a_mesh_are_at_its_surface(image: vs.CoefficientImage) -> None:
+def test_extents_and_deep_samples_of_a_mesh_are_at_its_surface(image):
     """Also behind unused layers, and next to a layer of the volume."""
     layers = image.opacity_layers
     total, depth_mm = layers.tau.sum(axis=3).reshape(-1, 8), layers.depth_mm.reshape(-1, 8)
@@ -179,7 +174,7 @@ def test_extents_and_deep_samples_of_a_mesh_are_at_its_surface(image: vs.Coeffic
     np.testing.assert_array_equal(samples.back_mm[last[opaque]], samples.depth_mm[last[opaque]])
 
 
-def test_an_edge_of_a_mesh_is_behind_the_volume(image: vs.CoefficientImage) -> None:
+def test_an_edge_of_a_mesh_is_behind_the_volume(image):
     layers, missed = image.opacity_layers, np.isinf(balls().depths_mm(image.camera, SIZE)[0])
     used = np.where(np.isfinite(layers.depth_mm), layers.depth_mm, 0)
     edge = (layers.tau[:, :, -1].sum(axis=2) > 0) & missed
@@ -188,7 +183,7 @@ def test_an_edge_of_a_mesh_is_behind_the_volume(image: vs.CoefficientImage) -> N
 
 
 @pytest.mark.slow
-def test_light_of_other_lamps_is_not_used_again(caster: vs.Raycaster) -> None:
+def test_light_of_other_lamps_is_not_used_again(caster):
     """More lamps without layers move what the light volume has of those with them."""
     first = cast(caster, LIT)
     more = (*LIT, vs.LightGroup("rim", (vs.Directional((-1.0, 0.2, 0.1), shadows=True),)))
@@ -199,7 +194,7 @@ def test_light_of_other_lamps_is_not_used_again(caster: vs.Raycaster) -> None:
         np.testing.assert_array_equal(one, other)
 
 
-def test_an_error_is_estimated_of_what_fades_alone(image: vs.CoefficientImage) -> None:
+def test_an_error_is_estimated_of_what_fades_alone(image):
     """Nothing is lost where the volume is hidden."""
     groups = tuple(image.groups) if len(image.groups) > 1 else ("",)
     rig = vs.LightRig((vs.light("D65"),) * len(groups), groups=groups)
@@ -209,9 +204,7 @@ def test_an_error_is_estimated_of_what_fades_alone(image: vs.CoefficientImage) -
 
 
 @pytest.mark.slow
-def test_what_layers_cannot_show_is_refused_and_lighting_meshes_is_cancelled(
-    caster: vs.Raycaster,
-) -> None:
+def test_what_layers_cannot_show_is_refused_and_lighting_meshes_is_cancelled(caster):
     done: list[float] = []
     how = {"progress": done.append, "cancel": lambda: done[-1:] == [1.0]}
     for given in ({"opacity": 0.5}, {"layers": 1}):
@@ -224,7 +217,7 @@ def test_what_layers_cannot_show_is_refused_and_lighting_meshes_is_cancelled(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("lanes", "materials"), [(1, 2), (8, 3)])
-def test_the_kernel_lights_what_meshes_shade_as_its_twin(lanes: int, materials: int) -> None:
+def test_the_kernel_lights_what_meshes_shade_as_its_twin(lanes, materials):
     mesh = shapes.shape_mesh("sphere", material="silver").placed((5.0, 9.0, 8.0), scale=4.0)
     clear = vs.MeshCaster([mesh], MATERIALS, BASIS).clear
     spec = vs.RaycastSpec(layers=6, step_mm=0.5, groups=LIT, specular=0.2, light_cells=8)

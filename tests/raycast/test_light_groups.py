@@ -35,7 +35,7 @@ def XYZ(image: vs.CoefficientImage, rig: vs.Spectrum | vs.LightRig, **how: objec
 
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("basis", [GENERAL, PAINTS], ids=["spectra", "materials"])
-def test_groups_are_the_sum_of_pictures_of_one_group_each(basis: Basis, mode: str) -> None:
+def test_groups_are_the_sum_of_pictures_of_one_group_each(basis, mode):
     image = cast(basis)
     lights, lux = dict(zip(SHARES, (A, D65, FL2), strict=True)), (300.0, 800.0, 50.0)
     how = {"mode": mode, "level": "absolute", "backdrop": 0.0}
@@ -48,7 +48,7 @@ def test_groups_are_the_sum_of_pictures_of_one_group_each(basis: Basis, mode: st
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_lights_of_several_groups_add_up_with_their_backdrop(mode: str) -> None:
+def test_lights_of_several_groups_add_up_with_their_backdrop(mode):
     image = cast()
     how = {"mode": mode, "level": "absolute", "backdrop": vs.reflectance("ColorChecker/red")}
     lux, groups = (300.0, 800.0, 50.0), ("key", "fill", "rim")
@@ -62,9 +62,7 @@ def test_lights_of_several_groups_add_up_with_their_backdrop(mode: str) -> None:
 
 @pytest.mark.parametrize("weights", [w for w in itertools.product((0, 1), repeat=3) if any(w)])
 @pytest.mark.parametrize("mode", MODES)
-def test_white_that_faces_every_source_is_the_adopted_white(
-    mode: str, weights: tuple[int, ...]
-) -> None:
+def test_white_that_faces_every_source_is_the_adopted_white(mode, weights):
     """Y = 100 whatever is switched off: the first pixel is that diffuser."""
     image = cast()
     rig = vs.LightRig((A, D65, FL2), weights, groups=("key", "fill", "rim"))
@@ -79,7 +77,7 @@ def test_white_that_faces_every_source_is_the_adopted_white(
     np.testing.assert_allclose(XYZ(image, rig, mode=mode)[0, 0], white, rtol=1e-6)
 
 
-def test_exact_mode_is_all_bands_where_each_group_has_its_own_light() -> None:
+def test_exact_mode_is_all_bands_where_each_group_has_its_own_light():
     shares, names = {"key": 0.6, "fill": 0.4}, ("ColorChecker/orange", "ColorChecker/blue sky")
     S = GENERAL.synthesise(GENERAL.analyse([vs.reflectance(name) for name in names]))
     facing = np.array([[0.9, 0.1], [0.2, 1.0]])[:, None] * list(shares.values())
@@ -101,7 +99,7 @@ def merged(image: vs.CoefficientImage) -> vs.CoefficientImage:
     return vs.CoefficientImage(total, image.alpha, image.depth_mm, GENERAL)
 
 
-def test_a_light_of_no_group_shines_from_all() -> None:
+def test_a_light_of_no_group_shines_from_all():
     image = cast()
     everywhere = vs.LightRig((A, A, A), groups=("key", "fill", "rim"))
     for rig in (A, vs.LightRig((A,)), vs.LightRig((A,), groups=("",))):
@@ -113,7 +111,7 @@ def test_a_light_of_no_group_shines_from_all() -> None:
     np.testing.assert_allclose(XYZ(image, both), XYZ(image, listed), rtol=1e-12)
 
 
-def test_a_group_without_light_stays_dark() -> None:
+def test_a_group_without_light_stays_dark():
     image = cast()
     matrix = lit(image, vs.LightRig((A, D65), (1, 0), groups=("key", "fill"))).XYZ_from_channels
     assert matrix[:, :7].any() and not matrix[:, 7:].any()
@@ -121,7 +119,7 @@ def test_a_group_without_light_stays_dark() -> None:
     assert np.array_equal(only.XYZ_from_channels, matrix)
 
 
-def test_lux_is_what_a_light_gives_from_all_groups() -> None:
+def test_lux_is_what_a_light_gives_from_all_groups():
     all_lux, own_lux = 1500.0, 0.7 * 1000 + 0.2 * 500
     cases = ((), all_lux), (("key", "fill"), own_lux), (("", "rim"), 1000 + 0.1 * 500)
     for groups, expected in cases:
@@ -133,13 +131,13 @@ def test_lux_is_what_a_light_gives_from_all_groups() -> None:
         np.testing.assert_allclose(found.backdrop_XYZ, backdrop, rtol=1e-12)
 
 
-def test_a_dim_group_alone_looks_dim_at_relative_level() -> None:
+def test_a_dim_group_alone_looks_dim_at_relative_level():
     found = lit(cast(), vs.LightRig((A, D65), (1, 0), (1000.0, 1000.0), ("fill", "key")))
     assert found.white_XYZ[1] == pytest.approx(100)
     assert found.viewing.illuminance_lux == pytest.approx(200)
 
 
-def test_the_error_map_of_groups_is_that_of_their_sum_where_one_light_shines() -> None:
+def test_the_error_map_of_groups_is_that_of_their_sum_where_one_light_shines():
     image = cast()
     found, truth = (error_map(each, vs.light("FL4")) for each in (image, merged(image)))
     # Sums of float32 coefficients.
@@ -176,5 +174,5 @@ def of_rig(*lights: vs.Spectrum, **rig: object) -> Callable[[], object]:
         (lambda: lit(cast(), KEY, level="absolute"), "missing LightRig.illuminance_lux"),
     ],
 )
-def test_groups_that_do_not_fit_are_refused(make: Callable[[], object], fault: str) -> None:
+def test_groups_that_do_not_fit_are_refused(make, fault):
     refuses(make, fault)

@@ -23,7 +23,7 @@ def transfer(opacity: float = 0.6) -> vs.TransferFunction:
 
 
 @given(st.floats(1e-4, 1.0), st.floats(1.2, 2.5), st.floats(1e-3, 0.02))
-def test_the_step_leaves_the_error_asked_for(factor: float, order: float, error: float) -> None:
+def test_the_step_leaves_the_error_asked_for(factor, order, error):
     """Casts whose error is a power of the step."""
     truth = np.full((4, 4, 3), 0.5)
 
@@ -37,7 +37,7 @@ def test_the_step_leaves_the_error_asked_for(factor: float, order: float, error:
 
 
 @pytest.mark.parametrize("name", TARGETS)
-def test_a_picture_has_about_the_error_of_its_quality(name: str) -> None:
+def test_a_picture_has_about_the_error_of_its_quality(name):
     ball = vs.phantom.ball(48)
     camera = turned(ball, 40.0, 25.0)
     caster = vs.Raycaster(ball)
@@ -57,13 +57,13 @@ def stepped(spec: vs.RaycastSpec, opacity: float = 0.6, side: int = 16) -> vs.Ra
     return caster.with_step(caster.bake(transfer(opacity)), spec)
 
 
-def test_a_step_that_is_given_is_used() -> None:
+def test_a_step_that_is_given_is_used():
     spec = vs.RaycastSpec(step_mm=0.37, quality="fast")
     assert stepped(spec) == spec
 
 
 @pytest.mark.slow
-def test_the_step_is_the_same_from_every_side_and_under_other_lights() -> None:
+def test_the_step_is_the_same_from_every_side_and_under_other_lights():
     ball = vs.phantom.ball(32)
     caster, steps = vs.Raycaster(ball), set()
     key = vs.LightGroup("key", (vs.Directional((1, 1, 1), shadows=True),))
@@ -74,12 +74,12 @@ def test_the_step_is_the_same_from_every_side_and_under_other_lights() -> None:
     assert len(steps) == 1 and "None" not in steps.pop()
 
 
-def test_steeper_curves_get_shorter_steps() -> None:
+def test_steeper_curves_get_shorter_steps():
     spec = vs.RaycastSpec(quality=0.0003)
     assert stepped(spec, 0.02, side=32).step_mm > stepped(spec, 0.95, side=32).step_mm
 
 
-def test_an_error_that_no_step_reaches_is_told_with_what_is_reached() -> None:
+def test_an_error_that_no_step_reaches_is_told_with_what_is_reached():
     caster = vs.Raycaster(vs.phantom.ball(24))
     table = caster.bake(transfer())
     with warns("quality 1e-06", "leaves"):
@@ -90,5 +90,5 @@ def test_an_error_that_no_step_reaches_is_told_with_what_is_reached() -> None:
         caster.with_step(table, vs.RaycastSpec(quality=1e-6, jitter=0.5))  # once
 
 
-def test_an_empty_picture_needs_no_short_steps() -> None:
+def test_an_empty_picture_needs_no_short_steps():
     assert stepped(vs.RaycastSpec(), 0.0).step_mm == TARGETS["balanced"].longest

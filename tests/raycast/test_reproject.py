@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -71,9 +69,7 @@ VIEWS = {
 
 
 @pytest.mark.parametrize("view", VIEWS)
-def test_a_nearby_view_is_that_of_a_cast(
-    caster: Raycaster, image: CoefficientImage, reprojector: Reprojector, view: str
-) -> None:
+def test_a_nearby_view_is_that_of_a_cast(caster, image, reprojector, view):
     """Measured: an RMS of 0.001 to 0.002 of white; of the picture left as it was 0.004 and more."""
     camera, size = VIEWS[view]
     shown, new = reprojector.view(camera, size=size), cast(caster, camera, size)
@@ -86,7 +82,7 @@ def test_a_nearby_view_is_that_of_a_cast(
         assert rms(shown, new) < 0.4 * rms(image, new)
 
 
-def test_a_slab_keeps_its_opacity_at_any_distance_and_turn() -> None:
+def test_a_slab_keeps_its_opacity_at_any_distance_and_turn():
     """Depths add to what the medium has along the new rays, as Beer and Lambert say."""
     volume = cube(9)
     with warns("no opacity of copper"):
@@ -100,9 +96,7 @@ def test_a_slab_keeps_its_opacity_at_any_distance_and_turn() -> None:
         assert tau.mean() == pytest.approx(expected, rel=1e-3)
 
 
-def test_nothing_is_seen_of_hidden_materials_and_from_elsewhere(
-    image: CoefficientImage, reprojector: Reprojector
-) -> None:
+def test_nothing_is_seen_of_hidden_materials_and_from_elsewhere(image, reprojector):
     right, _, forward = image.camera.frame()
     away_mm = np.add(image.camera.position_mm, 100 * (forward + 2 * right))
     away = replace(image.camera, target_mm=tuple(away_mm))
@@ -130,9 +124,7 @@ BLURRED, APART = DepthEffects(focus_mm=30), "distance between the eyes"
         (lambda *_: Stereo(convergence_mm=0), "range Stereo.convergence_mm"),
     ],
 )
-def test_what_cannot_be_reprojected_is_refused(
-    image: CoefficientImage, reprojector: Reprojector, make: Any, fault: str
-) -> None:
+def test_what_cannot_be_reprojected_is_refused(image, reprojector, make, fault):
     refuses(lambda: make(image, reprojector), fault)
 
 
@@ -141,7 +133,7 @@ def opposite(image: CoefficientImage) -> Camera:
     return replace(image.camera, position_mm=tuple(behind))
 
 
-def test_a_file_holds_the_camera(image: CoefficientImage, tmp_path: Path) -> None:
+def test_a_file_holds_the_camera(image, tmp_path):
     image.save(tmp_path / "image.exr")
     assert CoefficientImage.load(tmp_path / "image.exr").camera == image.camera
     parallel = Camera((0.5, -60, 1 / 3), (0, 0, 0), height_mm=20.0)
@@ -152,9 +144,7 @@ def test_a_file_holds_the_camera(image: CoefficientImage, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("height_mm", [None, slow(60.0)], ids=["perspective", "parallel"])
-def test_eyes_see_what_casts_of_their_cameras_do(
-    caster: Raycaster, height_mm: float | None
-) -> None:
+def test_eyes_see_what_casts_of_their_cameras_do(caster, height_mm):
     here = replace(turned(caster.volume, 30, 10), height_mm=height_mm)
     made = cast(caster, here, layers=8)
     stereo = Stereo(eyes_deg=3.0)
@@ -172,7 +162,7 @@ def test_eyes_see_what_casts_of_their_cameras_do(
         assert field.middle[0] + offset == pytest.approx((SIZE[0] - 1) / 2, abs=1e-6)
 
 
-def test_eyes_by_distance_or_angle_are_the_same(image: CoefficientImage) -> None:
+def test_eyes_by_distance_or_angle_are_the_same(image):
     depth_mm, angle_deg = expected_depth_mm(image), float(np.degrees(2 * np.arctan(1 / 60)))
     by_angle = Stereo(eyes_deg=angle_deg, convergence_mm=depth_mm)
     for eyes in (Stereo(), Stereo(eyes_mm=depth_mm / 30), by_angle):
@@ -181,7 +171,7 @@ def test_eyes_by_distance_or_angle_are_the_same(image: CoefficientImage) -> None
         assert apart == pytest.approx(depth_mm / 30)
 
 
-def test_anaglyphs_are_mixed_in_linear_light(image: CoefficientImage) -> None:
+def test_anaglyphs_are_mixed_in_linear_light(image):
     rng = np.random.default_rng(1)
     left, right = rng.integers(0, 256, (2, 4, 5, 3), dtype=np.uint8)
     assert np.array_equal(Stereo().combine(left, right), np.hstack([left, right]))
@@ -202,9 +192,7 @@ def test_anaglyphs_are_mixed_in_linear_light(image: CoefficientImage) -> None:
 
 
 @pytest.mark.parametrize("scale", [0.3, slow(1.0)])
-def test_cuts_and_fog_of_views_are_those_of_the_picture(
-    image: CoefficientImage, scale: float
-) -> None:
+def test_cuts_and_fog_of_views_are_those_of_the_picture(image, scale):
     """Layers that are cut and in fog are composited to what `recompose` makes of them."""
     middle = expected_depth_mm(image)
     effects = DepthEffects(near_mm=middle - 2, far_mm=middle + 9, fog_mm=3 * middle, fog_white=0.7)

@@ -17,7 +17,6 @@ from volspec.errors import CastCancelled, RaycastError
 from volspec.raycast.gpu import Raycaster
 from volspec.raycast.row_batches import Result, RowBatches
 from volspec.spectra import light_set, reflectance_set
-from volspec.transfer import TransferTable
 from volspec.volume import Volume, phantom
 
 COPPER = {"copper": vs.reflectance("copper")}
@@ -25,9 +24,7 @@ BASIS = vs.MaterialBasis(COPPER)
 TRANSFER = vs.TransferFunction([(60, 0.0, "copper"), (200, 0.3, "copper")], COPPER, BASIS)
 
 
-def test_a_cancelled_or_nested_cast_ends_soon_and_leaves_the_caster_well(
-    engine: Volume, three_channels: TransferTable
-) -> None:
+def test_a_cancelled_or_nested_cast_ends_soon_and_leaves_the_caster_well(engine, three_channels):
     """Two bands of 20 ms are in progress, and no other begins."""
     caster, camera = Raycaster(engine), vs.Camera.orbit(engine)
     given = three_channels, camera, (64, 64), vs.RaycastSpec()
@@ -45,9 +42,7 @@ def test_a_cancelled_or_nested_cast_ends_soon_and_leaves_the_caster_well(
 
 
 @pytest.mark.slow
-def test_casters_like_each_other_share_programs_and_cast_in_turn(
-    engine: Volume, three_channels: TransferTable
-) -> None:
+def test_casters_like_each_other_share_programs_and_cast_in_turn(engine, three_channels):
     first, ball = Raycaster(engine), phantom.ball(24)
     second = Raycaster(ball, like=first)
     seen = [vs.Camera.orbit(each) for each in (engine, ball)]
@@ -63,7 +58,7 @@ def test_casters_like_each_other_share_programs_and_cast_in_turn(
         assert all(np.array_equal(a, b) for a, b in zip(result, alone, strict=True))
 
 
-def test_bands_grow_and_shrink_with_what_they_cost() -> None:
+def test_bands_grow_and_shrink_with_what_they_cost():
     result = Result(*(np.empty((640, 64), np.float32) for _ in range(4)))
     bands = RowBatches(None, result, (4, 2), (8, 8), tile_ms=20)
     band = type("Band", (), {"first": 0, "last": 4})()
@@ -79,7 +74,7 @@ def picture(volume: Volume, transfer: Any = TRANSFER, **more: Any) -> vs.Coeffic
     return vs.raycast(volume, transfer, camera, (48, 48), vs.RaycastSpec(**more), caster=caster)
 
 
-def test_pictures_come_coarse_first(engine: Volume) -> None:
+def test_pictures_come_coarse_first(engine):
     camera = vs.Camera.orbit(engine)
     images = list(vs.refine(engine, TRANSFER, camera, (101, 64)))
     assert [image.size for image in images] == [(26, 16), (51, 32), (101, 64)]
@@ -87,7 +82,7 @@ def test_pictures_come_coarse_first(engine: Volume) -> None:
     assert np.array_equal(images[-1].coefficients, whole.coefficients)
 
 
-def test_half_pictures_differ_by_rounding_only_and_hold_the_largest_number(engine: Volume) -> None:
+def test_half_pictures_differ_by_rounding_only_and_hold_the_largest_number(engine):
     full, half = (picture(engine, half=half) for half in (False, True))
     assert half.coefficients.dtype == np.float16
     assert np.array_equal(half.coefficients, full.coefficients.astype(np.float16))
@@ -98,7 +93,7 @@ def test_half_pictures_differ_by_rounding_only_and_hold_the_largest_number(engin
     assert np.isfinite(bright.coefficients).all()
 
 
-def test_an_edit_of_the_transfer_function_is_not_missed(engine: Volume) -> None:
+def test_an_edit_of_the_transfer_function_is_not_missed(engine):
     """The caster caches the last table that was baked."""
     caster = Raycaster(engine)
     edited = replace(TRANSFER, points=[(100, 0.0, "copper"), (200, 0.3, "copper")])
@@ -107,7 +102,7 @@ def test_an_edit_of_the_transfer_function_is_not_missed(engine: Volume) -> None:
     assert not np.array_equal(one, other) and np.array_equal(one, again)
 
 
-def test_shadows_are_cached_while_only_the_camera_moves(engine: Volume) -> None:
+def test_shadows_are_cached_while_only_the_camera_moves(engine):
     sun = vs.LightGroup("sun", vs.Directional((1, 1, 2), shadows=True))
     caster, filled = Raycaster(engine), []
     fill = caster._lights._fill_extinction
@@ -117,7 +112,7 @@ def test_shadows_are_cached_while_only_the_camera_moves(engine: Volume) -> None:
     assert len(filled) == 1
 
 
-def test_threads_take_turns_with_one_caster(engine: Volume) -> None:
+def test_threads_take_turns_with_one_caster(engine):
     """A light that moves with the camera is another for each picture."""
     sun = vs.LightGroup("sun", vs.Directional((1, 1, 1), frame="camera", shadows=True))
     caster, azimuths = Raycaster(engine), (0, 90, 180, 270)
@@ -132,7 +127,7 @@ def test_threads_take_turns_with_one_caster(engine: Volume) -> None:
     assert all(np.array_equal(a, b) for a, b in zip(alone * 3, together, strict=True))
 
 
-def test_groups_come_with_their_shares(engine: Volume) -> None:
+def test_groups_come_with_their_shares(engine):
     sky = vs.LightGroup("sky", vs.Ambient())
     key = vs.LightGroup("key", vs.Directional((1, 1, 1), frame="camera"))
     image = picture(engine, ambient=0.25, diffuse=0.75, groups=(sky, key))
@@ -141,7 +136,7 @@ def test_groups_come_with_their_shares(engine: Volume) -> None:
 
 
 @pytest.mark.slow
-def test_the_error_of_spectral_absorption_is_measured(engine: Volume) -> None:
+def test_the_error_of_spectral_absorption_is_measured(engine):
     """On a grid of 6 bands, whose kernel compiles quicker than that of 31."""
     amber = vs.reflectance("Vrhel/41 marigold orange")
     grid = vs.SpectralGrid(400, 700, 60)
@@ -217,10 +212,10 @@ def whale() -> Volume:
         (by_caster(cancel=3), "type raycast: cancel"),
     ],
 )
-def test_what_cannot_be_cast_is_refused_by_name(make: Make, fault: str) -> None:
+def test_what_cannot_be_cast_is_refused_by_name(make, fault):
     refuses(make, fault)
 
 
-def test_a_setting_that_is_none_of_refine_s_is_named_as_such() -> None:
+def test_a_setting_that_is_none_of_refine_s_is_named_as_such():
     with pytest.raises(TypeError, match=r"refine\(\).*'bogus'"):
         vs.refine(SMALL, TRANSFER, VIEW, bogus=1)

@@ -130,27 +130,25 @@ SETTINGS: list[tuple[dict[str, Any], str, str]] = [
         (steps_of(SLAB), "range RaycastSpec.step_mm"),
     ],
 )
-def test_settings_lights_and_planes_that_make_no_sense_are_named(
-    make: Callable[[], object], message: str
-) -> None:
+def test_settings_lights_and_planes_that_make_no_sense_are_named(make, message):
     refuses(make, message)
 
 
-def test_weights_names_lights_and_planes_may_be_as_many_and_large_as_is_allowed() -> None:
+def test_weights_names_lights_and_planes_may_be_as_many_and_large_as_is_allowed():
     groups = many_groups(MAX_GROUPS, MAX_SOURCES // MAX_GROUPS)
     spec = vs.RaycastSpec(ambient=MAX_WEIGHT, groups=groups, clip_planes=(PLANE,) * MAX_PLANES)
     assert (spec.ambient, spec.groups, len(spec.clip_planes)) == (MAX_WEIGHT, groups, MAX_PLANES)
     assert group("n" * MAX_NAME).name == "n" * MAX_NAME
 
 
-def test_one_of_a_kind_and_lists_are_taken_as_tuples() -> None:
+def test_one_of_a_kind_and_lists_are_taken_as_tuples():
     spec = vs.RaycastSpec(groups=group(), clip_planes=[PLANE])
     assert spec.groups == (group(),) and spec.clip_planes == (PLANE,)
     assert vs.LightGroup("key", vs.Headlight()) == group()
 
 
 @pytest.mark.parametrize("length", [5e-324, 1e-200, 1.0, 1e200, 1e308])
-def test_directions_are_unit_vectors_and_stay_what_they_are(length: float) -> None:
+def test_directions_are_unit_vectors_and_stay_what_they_are(length):
     """Written and read again it is equal, to the last bit."""
     rng = np.random.default_rng(8)
     for way in [(1, 0, 0), (0, -1, 1), *rng.normal(size=(50, 3)).clip(-1, 1)]:
@@ -165,26 +163,26 @@ def test_directions_are_unit_vectors_and_stay_what_they_are(length: float) -> No
             assert np.allclose(light.towards, np.array(way) / np.linalg.norm(way), atol=1e-15)
 
 
-def test_a_crop_is_cut_to_the_volume() -> None:
+def test_a_crop_is_cut_to_the_volume():
     low, high = vs.RaycastSpec(crop_voxels=((-9, 3), (2.5, 1e300), (0, 15))).kept(BALL)
     assert low.tolist() == [0, 2.5, 0] and high.tolist() == [3, 15, 15]
 
 
-def test_the_shortest_steps_are_as_many_as_a_ray_may_take() -> None:
+def test_the_shortest_steps_are_as_many_as_a_ray_may_take():
     across = 15 * np.sqrt(3)
     assert vs.RaycastSpec(step_mm=1.01 * across / MAX_STEPS).step_of(BALL) < 1e-3
     # What the error of the slab's default step advises.
     assert vs.RaycastSpec(step_mm=0.00068).step_of(SLAB) == 0.00068
 
 
-def test_what_is_as_far_as_may_be_is_within_reach() -> None:
+def test_what_is_as_far_as_may_be_is_within_reach():
     far = 0.99 * MAX_REACH * 15 * np.sqrt(3)
     lamps = (vs.Point((far, 0, 0), falloff_mm=far), vs.Point((0, far, 0), frame="camera"))
     camera = vs.Camera((far, 9, 0), (0, 0, 0), height_mm=far)
     check_reach(BALL, camera, vs.RaycastSpec(groups=vs.LightGroup("lamps", lamps)))
 
 
-def test_strengths_are_what_a_white_gets_and_shares_their_parts() -> None:
+def test_strengths_are_what_a_white_gets_and_shares_their_parts():
     assert sum(vs.RaycastSpec().strengths().values()) == 1
     groups = vs.LightGroup("sky", (vs.Ambient(3),)), group("key", 2)
     spec = vs.RaycastSpec(ambient=0.5, diffuse=2, groups=groups)

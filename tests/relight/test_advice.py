@@ -23,7 +23,7 @@ def image(basis: SpectralBasis | MaterialBasis) -> CoefficientImage:
     return CoefficientImage(white, one, one, basis)
 
 
-def test_a_frame_warns_once_per_light_and_names_the_mode_that_is_better() -> None:
+def test_a_frame_warns_once_per_light_and_names_the_mode_that_is_better():
     with Relighter(image(SpectralBasis.load("general-7")), "numpy") as relighter:
         with pytest.warns(VolspecWarning, match=r"led:630: componentwise .* use the mode fitted"):
             relighter.frame(light("led:630"), PLAIN)
@@ -38,7 +38,7 @@ def test_a_frame_warns_once_per_light_and_names_the_mode_that_is_better() -> Non
             relighter.frame(LightRig((light("D65"), light("led:450")), (1.0, 0.1)), PLAIN)
 
 
-def test_materials_hold_every_light() -> None:
+def test_materials_hold_every_light():
     basis = MaterialBasis({"gold": reflectance("gold")})
     with Relighter(image(basis), "numpy") as relighter, warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -29,7 +28,7 @@ def chart(alpha: float = 1.0) -> CoefficientImage:
     return image(alpha * BASIS.analyse(TEST).reshape(7, 12, 7), BASIS, np.full((7, 12), alpha))
 
 
-def test_the_map_is_the_report_of_what_the_basis_makes_of_the_pixels() -> None:
+def test_the_map_is_the_report_of_what_the_basis_makes_of_the_pixels():
     """Opaque pixels: the same numbers as `report` gives for the synthesised reflectances."""
     lamp = light("FL4")
     made = BASIS.synthesise(BASIS.analyse(TEST))
@@ -44,13 +43,13 @@ def test_the_map_is_the_report_of_what_the_basis_makes_of_the_pixels() -> None:
     assert (found.mean, found.p95, found.max) == pytest.approx(figures)
 
 
-def test_the_exact_picture_and_materials_have_no_error() -> None:
+def test_the_exact_picture_and_materials_have_no_error():
     assert error_map(chart(), light("FL4"), mode="exact").max == 0
     painted = image([[[0.7, 0.1]]], MaterialBasis({"gold": reflectance("gold")}))
     assert error_map(painted, light("HP1")).max == 0
 
 
-def test_errors_fade_with_opacity_and_an_empty_picture_has_none() -> None:
+def test_errors_fade_with_opacity_and_an_empty_picture_has_none():
     """Behind a veil the backdrop, which is exact, is most of the colour."""
     lamp = light("FL4")
     assert error_map(chart(0.2), lamp).mean < error_map(chart(), lamp).mean
@@ -59,7 +58,7 @@ def test_errors_fade_with_opacity_and_an_empty_picture_has_none() -> None:
     assert empty.image().any()
 
 
-def test_one_call_gives_an_image_with_its_scale() -> None:
+def test_one_call_gives_an_image_with_its_scale():
     """You should see the map at the left, a bar with five numbers at the right, figures below."""
     with Relighter(chart(), backend="numpy") as relighter:
         found = relighter.error_map(LightRig((light("FL4"), light("A"))))
@@ -72,7 +71,7 @@ def test_one_call_gives_an_image_with_its_scale() -> None:
     assert "FL4+A" in str(found)
 
 
-def test_the_scale_says_which_colour_is_which_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_scale_says_which_colour_is_which_error(monkeypatch):
     """You should see the bar black at 0, the lowest number, and pale yellow at 2, the highest."""
     written: dict[str, float] = {}
     plain = ImageDraw.ImageDraw.text
@@ -96,7 +95,7 @@ def test_the_scale_says_which_colour_is_which_error(monkeypatch: pytest.MonkeyPa
     assert (np.diff(bar) <= 0).all() and bar[0] > 600 and bar[-1] < 10
 
 
-def test_a_half_transparent_pixel_s_error_is_that_before_its_backdrop() -> None:
+def test_a_half_transparent_pixel_s_error_is_that_before_its_backdrop():
     lamp, half, found = light("FL4"), chart(0.5), []
     white, modes = white_XYZ(lamp), ("exact", DEFAULT_MODE)
     XYZ = [half.coefficients @ BASIS.colour_matrix(lamp, mode).T for mode in modes]
@@ -108,18 +107,18 @@ def test_a_half_transparent_pixel_s_error_is_that_before_its_backdrop() -> None:
     assert (found[0] > found[-1]).all(), "light from behind washes errors out"
 
 
-def test_maps_are_compared_on_one_scale() -> None:
+def test_maps_are_compared_on_one_scale():
     assert FLAT.top == 0.5
     assert (FLAT.heat(0.5) == FLAT.heat(0.1)).all(), "beyond the scale is its end"
     assert FLAT.heat(2.0).sum() < FLAT.heat(0.5).sum()
 
 
-def test_a_sample_is_every_nth_pixel_of_the_map() -> None:
+def test_a_sample_is_every_nth_pixel_of_the_map():
     whole, part = (error_map(chart(), light("FL4"), every=every) for every in (1, 3))
     assert np.array_equal(part.delta_e, whole.delta_e[::3, ::3])
 
 
-def test_a_map_may_be_of_another_difference() -> None:
+def test_a_map_may_be_of_another_difference():
     usual, other = (
         error_map(chart(), light("FL4"), difference=name) for name in ("CIEDE2000", "CAM16-UCS")
     )
@@ -147,5 +146,5 @@ def closed() -> Relighter:
         (lambda: error_map(chart(), light("A"), against="cast", opacities={}), "unsupported "),
     ],
 )
-def test_maps_that_cannot_be_drawn_are_refused(make: Callable[[], object], fault: str) -> None:
+def test_maps_that_cannot_be_drawn_are_refused(make, fault):
     refuses(make, fault)

@@ -6,7 +6,6 @@ import dataclasses
 import json
 import math
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -218,7 +217,7 @@ height = 24
 """
 
 
-def test_a_scene_file_asks_for_it_and_its_pictures_remember(tmp_path: Path):
+def test_a_scene_file_asks_for_it_and_its_pictures_remember(tmp_path):
     scene = Scene.load(write_scene_text(tmp_path, SCENE, 16))
     asked = Viewing(adapting="picture", adopted_white="scene", fov_deg=25.0)
     assert scene.relight.viewing == asked
@@ -267,7 +266,7 @@ def violet() -> object:
         (violet, "impossible viewing conditions"),
     ],
 )
-def test_a_viewing_that_cannot_be_is_refused(make: Callable[[], object], fault: str) -> None:
+def test_a_viewing_that_cannot_be_is_refused(make, fault):
     refuses(make, fault, ViewingError)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -48,9 +47,7 @@ SHADED = (
     [(8, GROUPS), slow(4, GROUPS), slow(4, SHADED)],
     ids=["8 layers", "4 layers", "with shadows"],
 )
-def test_a_mean_is_good_to_a_factor_of_two(
-    caster: Raycaster, layers: int, groups: tuple[LightGroup, ...]
-) -> None:
+def test_a_mean_is_good_to_a_factor_of_two(caster, layers, groups):
     """Estimates of next to nothing are up to 0.05 too high: every one has a least error, 0.03.
 
     Measured: 0.58 to 1.9 of true means above that, and 88 to 94 % of all pixels within twice.
@@ -71,7 +68,7 @@ def test_a_mean_is_good_to_a_factor_of_two(
     assert np.concatenate(within).mean() > 0.8
 
 
-def test_a_body_of_one_kind_loses_nothing() -> None:
+def test_a_body_of_one_kind_loses_nothing():
     """The least error that an estimate has is that of half floats."""
     volume = cube(9)
     with warns("no opacity of copper"):
@@ -83,7 +80,7 @@ def test_a_body_of_one_kind_loses_nothing() -> None:
 estimate = partial(opacity_error, every=1)
 
 
-def test_as_cast_there_is_none_and_more_further_from_it(image: CoefficientImage) -> None:
+def test_as_cast_there_is_none_and_more_further_from_it(image):
     for opacities in ({}, {"gold": 1}):
         assert error_map(image, D65, against="cast", opacities=opacities).max == 0
     near, far = (estimate(image, {"gold": s}, D65) for s in (1.05, 4.0))
@@ -91,9 +88,7 @@ def test_as_cast_there_is_none_and_more_further_from_it(image: CoefficientImage)
     assert 0.03 < near < 0.75 * far
 
 
-def test_a_part_of_the_pixels_tells_the_mean_and_may_miss_a_material(
-    image: CoefficientImage,
-) -> None:
+def test_a_part_of_the_pixels_tells_the_mean_and_may_miss_a_material(image):
     opacities = {"gold": 4, "copper": 0.25}
     whole = error_map(image, D65, against="cast", opacities=opacities)
     assert estimate(image, opacities, D65) == whole.mean
@@ -107,21 +102,19 @@ def test_a_part_of_the_pixels_tells_the_mean_and_may_miss_a_material(
     assert estimate(empty, {"gold": 0}, D65) == 0
 
 
-def test_the_light_counts_and_its_groups(image: CoefficientImage) -> None:
+def test_the_light_counts_and_its_groups(image):
     key = LightRig((D65,), groups=(GROUPS[0].name,))
     one, other = (estimate(image, {"gold": 4}, lamp) for lamp in (D65, key))
     assert one != other and other > 0
 
 
-def test_opacities_are_shown_in_other_maps_too(image: CoefficientImage) -> None:
+def test_opacities_are_shown_in_other_maps_too(image):
     shown = error_map(image, light("FL4"), "fitted", opacities={"gold": 0.3})
     wanted = error_map(image.recompose({"gold": 0.3}), light("FL4"), "fitted")
     assert np.array_equal(shown.delta_e, wanted.delta_e)
 
 
-def test_the_command_draws_the_estimate(
-    image: CoefficientImage, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_draws_the_estimate(image, tmp_path, capsys):
     image.save(tmp_path / "i.exr")
     words = ("--opacity", "gold=4", "--reflectance", "copper=iron", "--light", "A", "--errors")
     assert call("relight", tmp_path / "i.exr", *words, "-o", tmp_path / "F.png") == 0

@@ -25,7 +25,7 @@ def lit() -> LitMesh:
 
 
 @pytest.mark.parametrize("lux", [(1.0, 1.0), (0.0, 1.0)], ids=["panel and lamp", "lamp"])
-def test_it_is_the_picture_of_the_room(lux: tuple[float, float]) -> None:
+def test_it_is_the_picture_of_the_room(lux):
     """31 bands: Y within a per cent of the mean, and within 10 at edges of shadows, too."""
     response = two_lights()
     ways = pixel_rays(EYE, SIZE, 1)
@@ -46,7 +46,7 @@ def test_it_is_the_picture_of_the_room(lux: tuple[float, float]) -> None:
     assert np.median(off) < 0.01 and np.quantile(off, 0.99) < 0.1
 
 
-def test_backs_are_invisible() -> None:
+def test_backs_are_invisible():
     """An eye outside of a room sees its far side."""
     start = np.array([[-2.0, 1.5, 2.2]])
     seen = lit().seen(start, np.array([[1.0, 0.0, 0.0]]))
@@ -55,14 +55,14 @@ def test_backs_are_invisible() -> None:
     assert away.weights.sum() == 0.0 and away.surface == [-1]
 
 
-def test_vertices_belong_to_one_side_and_their_weights_sum_to_1() -> None:
+def test_vertices_belong_to_one_side_and_their_weights_sum_to_1():
     mesh, patches = two_lights().solved.mesh, lit().patches.tocoo()
     assert lit().patches.sum(axis=1) == pytest.approx(1.0)
     rows, columns = patches.coords
     assert (mesh.surface[columns] == lit().surface[rows]).all()
 
 
-def test_triangles_are_small_where_shadows_end() -> None:
+def test_triangles_are_small_where_shadows_end():
     """On the floor, below the table."""
     mesh = lit().rays.mesh
     floor = mesh.areas_m2[mesh.surface == mesh.names.index("floor")]

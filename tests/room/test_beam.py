@@ -84,7 +84,7 @@ def candela(beam: Beam, c_deg: float, gamma_deg: float) -> float:
     return float(beam.relative([along(c_deg, gamma_deg)])[0] * beam.lumen / (4 * np.pi))
 
 
-def test_the_integral_over_the_sphere_is_the_flux(tmp_path: Path) -> None:
+def test_the_integral_over_the_sphere_is_the_flux(tmp_path):
     assert read(tmp_path, EVEN).lumen == pytest.approx(400 * np.pi)
     spot = read(tmp_path, SPOT)
     # Directions of a Fibonacci lattice, and the integral by hand.
@@ -110,9 +110,7 @@ def test_the_integral_over_the_sphere_is_the_flux(tmp_path: Path) -> None:
         ((0, 90, 180, 270), (4, 16, 22, 10)),
     ],
 )
-def test_planes_follow_from_the_symmetry_of_their_angles(
-    tmp_path: Path, angles: tuple[float, ...], expected: tuple[float, ...]
-) -> None:
+def test_planes_follow_from_the_symmetry_of_their_angles(tmp_path, angles, expected):
     """Each plane has 1 cd, and 1 more for every 10° of C."""
     rows = {angle: [1 + angle % 360 / 10] * 7 for angle in angles}
     beam = read(tmp_path, ies(rows))
@@ -130,16 +128,14 @@ def test_planes_follow_from_the_symmetry_of_their_angles(
         (4, (100, 200), (100, 200, 100, 200)),
     ],
 )
-def test_eulumdat_has_the_planes_of_its_symmetry(
-    tmp_path: Path, symmetry: int, rows: tuple[int, ...], expected: tuple[int, ...]
-) -> None:
+def test_eulumdat_has_the_planes_of_its_symmetry(tmp_path, symmetry, rows, expected):
     """In cd for 1000 of 2000 lm, by file and at C 0, 90, 180 and 270."""
     beam = read(tmp_path, ldt(symmetry, 90, [[row] * 7 for row in rows]), "a.ldt")
     found = [candela(beam, plane, 60) for plane in (0, 90, 180, 270)]
     assert found == pytest.approx(np.multiply(2, expected))
 
 
-def test_a_factor_scales_the_candelas_and_decimal_commas_are_read(tmp_path: Path) -> None:
+def test_a_factor_scales_the_candelas_and_decimal_commas_are_read(tmp_path):
     old = ies({0: [100] * 7}, scale=2, edition="IESNA:LM-63-1995", factor=0.5)
     assert read(tmp_path, old).lumen == pytest.approx(400 * np.pi)
     new = ies({0: [100] * 7}, scale=2, edition="IES:LM-63-2019", factor=1.10001)
@@ -148,7 +144,7 @@ def test_a_factor_scales_the_candelas_and_decimal_commas_are_read(tmp_path: Path
     assert read(tmp_path, european, "a.ldt").lumen == pytest.approx(636 * np.pi)
 
 
-def test_light_falls_off_with_the_square_and_the_cosine_along_the_beam(tmp_path: Path) -> None:
+def test_light_falls_off_with_the_square_and_the_cosine_along_the_beam(tmp_path):
     mesh = box((0, 0, 0), (4, 4, 4), SIDES, inside=True)
     rays, dark, up = Rays(mesh), np.zeros((6, BANDS)), np.array([[0.0, 0.0, 1.0]] * 2)
     spot = read(tmp_path, SPOT)
@@ -165,7 +161,7 @@ def test_light_falls_off_with_the_square_and_the_cosine_along_the_beam(tmp_path:
         assert not lamp.beam.relative([-way]).any()
 
 
-def test_a_beam_is_turned_about_its_aim(tmp_path: Path) -> None:
+def test_a_beam_is_turned_about_its_aim(tmp_path):
     rows = {0: [1] * 7, 90: [2] * 7, 180: [3] * 7, 270: [4] * 7}
     beam = read(tmp_path, ies(rows))
     parts = beam.candela[:, 0] * 4 * np.pi / beam.integral
@@ -184,7 +180,7 @@ def solved(folder: Path, lamp: str) -> RoomLight:
     return solve_room(lit_room(folder, lamp), 400, rays=1 << 20)
 
 
-def test_an_even_beam_is_a_lamp_without_one(tmp_path: Path) -> None:
+def test_an_even_beam_is_a_lamp_without_one(tmp_path):
     beam_file(tmp_path, EVEN, "even.ies")
     plain = solved(tmp_path, "lumen = 900\n")
     even = solved(tmp_path, 'lumen = 900\nbeam = "even.ies"\n')
@@ -193,7 +189,7 @@ def test_an_even_beam_is_a_lamp_without_one(tmp_path: Path) -> None:
         assert even.mean_irradiance(surface) == pytest.approx(expected, rel=1e-9)
 
 
-def test_a_lamp_has_the_lumens_asked_for_or_those_of_its_file(tmp_path: Path) -> None:
+def test_a_lamp_has_the_lumens_asked_for_or_those_of_its_file(tmp_path):
     beam_file(tmp_path, SPOT, "spot.ies")
     own = read_beam(tmp_path / "spot.ies").lumen
     power = "watt = 10\nlumen_per_watt = 80\n"
@@ -203,7 +199,7 @@ def test_a_lamp_has_the_lumens_asked_for_or_those_of_its_file(tmp_path: Path) ->
 
 
 @pytest.mark.slow
-def test_a_spot_lights_what_it_aims_at(tmp_path: Path) -> None:
+def test_a_spot_lights_what_it_aims_at(tmp_path):
     beam_file(tmp_path, SPOT, "spot.ies")
     spot = 'beam = "spot.ies"\nlumen = 900\n'
     down, left = solved(tmp_path, spot), solved(tmp_path, spot + "aim = [-1, 0, 0]\n")
@@ -251,9 +247,7 @@ REFUSED = [
 @pytest.mark.parametrize(
     ("name", "text", "code"), REFUSED, ids=[f"{k}-{name}" for k, (name, *_) in enumerate(REFUSED)]
 )
-def test_beams_that_cannot_be_used_are_refused_in_one_line(
-    tmp_path: Path, name: str, text: str, code: str | None
-) -> None:
+def test_beams_that_cannot_be_used_are_refused_in_one_line(tmp_path, name, text, code):
     beam_file(tmp_path, SPOT, "spot.ies")
     beam_file(tmp_path, ldt(1, 90, [[1] * 7], flux=0), "dark.ldt")
     with raises(RoomError, code):
@@ -263,7 +257,7 @@ def test_beams_that_cannot_be_used_are_refused_in_one_line(
             read(tmp_path, text, name)
 
 
-def test_a_beam_is_no_spectrum_and_must_be_there(tmp_path: Path) -> None:
+def test_a_beam_is_no_spectrum_and_must_be_there(tmp_path):
     with raises(SpectrumError, "unsupported"):
         read_spectrum(beam_file(tmp_path, SPOT))
     with raises(SpectrumError, "not-found"):

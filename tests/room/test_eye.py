@@ -47,7 +47,7 @@ def painted() -> RoomLight:
     return solve_room(room, 400, rays=1 << 19)
 
 
-def test_conditions_in_even_light_are_those_of_the_radiosity() -> None:
+def test_conditions_in_even_light_are_those_of_the_radiosity():
     """B = 200 lm/m² everywhere, of which a perfect diffuser's E is 200 lx: Y_b = 100."""
     found = look(furnace(), default_eye(furnace().room))
     assert found.viewing.Y_b == pytest.approx(100.0, rel=1e-3)
@@ -58,13 +58,13 @@ def test_conditions_in_even_light_are_those_of_the_radiosity() -> None:
     assert found.surface == "back"
 
 
-def test_a_surface_of_the_room_may_be_the_white() -> None:
+def test_a_surface_of_the_room_may_be_the_white():
     found = look(furnace(), default_eye(furnace().room), white="floor")
     assert found.white_XYZ[1] == pytest.approx(50.0) and found.viewing.surround == 1.0
     assert found.L_Aw == pytest.approx(100.0 / np.pi, rel=1e-3)
 
 
-def test_interreflections_colour_a_wall_more_than_its_paint() -> None:
+def test_interreflections_colour_a_wall_more_than_its_paint():
     """The paper's section 5: chroma grows with each reflection, and less so for an adapted eye."""
     found = surface_appearance(painted(), "floor")
     assert pytest.approx(float(atlas_appearance(PAINT).C)) == found.chosen.C
@@ -75,7 +75,7 @@ def test_interreflections_colour_a_wall_more_than_its_paint() -> None:
     assert found.lux == pytest.approx(float(mean), rel=0.1)
 
 
-def test_a_picture_shows_what_leaves_the_surfaces() -> None:
+def test_a_picture_shows_what_leaves_the_surfaces():
     """Y of even light: B over the E of a perfect diffuser."""
     eye = default_eye(furnace().room)
     XYZ = picture_XYZ(furnace(), eye, (16, 12), furnace().irradiance[0], samples=1)
@@ -83,7 +83,7 @@ def test_a_picture_shows_what_leaves_the_surfaces() -> None:
     assert XYZ[..., 1] == pytest.approx(100.0, rel=1e-2)
 
 
-def test_an_adapted_eye_sees_white_where_a_camera_sees_orange() -> None:
+def test_an_adapted_eye_sees_white_where_a_camera_sees_orange():
     eye = default_eye(painted().room)
     adapted = look(painted(), eye)
     seen, taken = (
@@ -95,7 +95,7 @@ def test_an_adapted_eye_sees_white_where_a_camera_sees_orange() -> None:
     assert yellow[1] > 2 * yellow[0] > 0
 
 
-def test_rows_of_a_picture_run_downwards() -> None:
+def test_rows_of_a_picture_run_downwards():
     eye = Eye(position_m=(1.5, 0.2, 1.5), target_m=(1.5, 3.0, 1.5), fov_deg=90.0)
     XYZ = picture_XYZ(painted(), eye, (12, 12), painted().irradiance[0], samples=1)
     assert XYZ[0, 6, 1] > 2 * XYZ[-1, 6, 1]
@@ -111,5 +111,5 @@ OUTSIDE = Eye(position_m=(1.5, 1.5, 9.0), target_m=(1.5, 1.5, 20.0))
         (lambda: look(furnace(), OUTSIDE), "range eye"),
     ],
 )
-def test_an_eye_outside_and_an_unknown_white_are_refused(call, expected) -> None:
+def test_an_eye_outside_and_an_unknown_white_are_refused(call, expected):
     refuses(call, expected, RoomError)

@@ -36,13 +36,13 @@ def room_file(folder: Path, text: str) -> Path:
 
 
 @pytest.mark.parametrize("name", ["study", "beige-tungsten"])
-def test_shipped_rooms_are_closed(name: str) -> None:
+def test_shipped_rooms_are_closed(name):
     room = load_room(ROOMS / f"{name}.toml")
     assert room.mesh.names[0] == "left" and room.eye is not None and room.title
     assert room.reflectance("table").max() < 1
 
 
-def test_a_side_of_its_own_is_not_the_walls(tmp_path: Path) -> None:
+def test_a_side_of_its_own_is_not_the_walls(tmp_path):
     room = load_room(room_file(tmp_path, SMALL + "lumen = 900\n"))
     assert room.reflectance("left") == pytest.approx(0.7)
     back = room.reflectance("back")
@@ -50,7 +50,7 @@ def test_a_side_of_its_own_is_not_the_walls(tmp_path: Path) -> None:
     assert lux_from_irradiance(room.lamps[0].intensity) == pytest.approx(900 / (4 * np.pi))
 
 
-def test_panels_emit_what_is_asked(tmp_path: Path) -> None:
+def test_panels_emit_what_is_asked(tmp_path):
     place = 'on = "left"\nplace_m = [1, 0.9, 2, 1.4]\n'
     for strength in ("lux = 500\n", "lumen = 1400\n"):
         panel = load_room(room_file(tmp_path, LAMP + place + strength)).exitances["lamp"]
@@ -62,7 +62,7 @@ def test_panels_emit_what_is_asked(tmp_path: Path) -> None:
     assert shape == pytest.approx(shape[0])
 
 
-def test_the_sun_enters_through_windows(tmp_path: Path) -> None:
+def test_the_sun_enters_through_windows(tmp_path):
     window = LAMP.replace("lamp", "pane") + 'on = "right"\nplace_m = [1, 1, 1, 1]\nlux = 9\n'
     sun = LAMP + "azimuth_deg = 90\nelevation_deg = 30\nlux = 50000\n"
     room = load_room(room_file(tmp_path, window + sun))
@@ -72,7 +72,7 @@ def test_the_sun_enters_through_windows(tmp_path: Path) -> None:
     assert lux_from_irradiance(beam.irradiance) == pytest.approx(50000)
 
 
-def test_furniture_from_a_file_is_scaled_and_moved(tmp_path: Path) -> None:
+def test_furniture_from_a_file_is_scaled_and_moved(tmp_path):
     pyvista.Box(bounds=(0, 500, 0, 500, 0, 1000)).triangulate().save(tmp_path / "chair.ply")
     mesh = '[[mesh]]\nname = "chair"\nfile = "chair.ply"\nunit_m = 0.001\nmove_m = [1, 2, 0.1]\n'
     room = load_room(room_file(tmp_path, SMALL + "lumen = 900\n" + mesh))
@@ -100,25 +100,25 @@ def test_furniture_from_a_file_is_scaled_and_moved(tmp_path: Path) -> None:
         (SMALL.replace('"A"', '"puce"') + "lumen = 3\n", None),
     ],
 )
-def test_rooms_with_a_fault_are_refused(tmp_path: Path, text: str, code: str | None) -> None:
+def test_rooms_with_a_fault_are_refused(tmp_path, text, code):
     with raises(InputError, code):
         load_room(room_file(tmp_path, text))
 
 
-def test_lights_of_one_side_add_up(tmp_path: Path) -> None:
+def test_lights_of_one_side_add_up(tmp_path):
     lamp = LAMP + 'on = "ceiling"\nlux = 100\n'
     room = load_room(room_file(tmp_path, lamp + lamp.replace("lamp", "other")))
     assert lux_from_irradiance(room.exitances["ceiling"]) == pytest.approx(200)
 
 
-def test_a_room_may_be_open(tmp_path: Path) -> None:
+def test_a_room_may_be_open(tmp_path):
     path = room_file(tmp_path, SMALL + "lumen = 3\n")
     assert not load_room(path).open
     path.write_text("open = true\n" + path.read_text(encoding="utf-8"), encoding="utf-8")
     assert load_room(path).open
 
 
-def test_a_paint_is_a_library_s_reflectance_or_a_colour(tmp_path: Path) -> None:
+def test_a_paint_is_a_library_s_reflectance_or_a_colour(tmp_path):
     """Gold is in the library; salmon is a colour, #fa8072."""
     gold, salmon, codes = (
         paint_named(text, DEFAULT_GRID, tmp_path) for text in ("gold", "salmon", "#fa8072")

@@ -8,7 +8,7 @@ import pytest
 from volspec.room import PointLamp, Room, SunBeam, box, rectangle
 from volspec.room.direct import direct_irradiance, seen_part
 from volspec.room.form_factors import Rays, form_factors
-from volspec.room.mesh import SIDES, RoomMesh
+from volspec.room.mesh import SIDES
 from volspec.spectra import DEFAULT_GRID
 
 FLOOR = rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0), "floor")
@@ -23,9 +23,7 @@ ONE = np.ones(DEFAULT_GRID.size)
     ids=["parallel", "adjacent"],
 )
 @pytest.mark.parametrize("longest_m", [2.0, 0.3])
-def test_two_squares_have_their_analytic_form_factor(
-    other: RoomMesh, analytic: float, longest_m: float
-) -> None:
+def test_two_squares_have_their_analytic_form_factor(other, analytic, longest_m):
     mesh = (FLOOR + other).with_edges(longest_m)
     factors = form_factors(Rays(mesh), (1 << 18) // len(mesh.surface)).factors
     floor = mesh.surface == 0
@@ -33,7 +31,7 @@ def test_two_squares_have_their_analytic_form_factor(
     assert found == pytest.approx(analytic, rel=5e-3)
 
 
-def test_in_a_closed_room_rows_sum_to_one_and_flows_are_reciprocal() -> None:
+def test_in_a_closed_room_rows_sum_to_one_and_flows_are_reciprocal():
     table = box((1.5, 1.5, 0.5), (2.5, 3, 0.6), "table")
     mesh = (box((0, 0, 0), (4, 5, 2.7), SIDES, inside=True) + table).with_edges(0.7)
     found = form_factors(Rays(mesh), 1024)
@@ -44,7 +42,7 @@ def test_in_a_closed_room_rows_sum_to_one_and_flows_are_reciprocal() -> None:
     assert flow.trace() == 0
 
 
-def test_rays_that_leave_or_hit_a_back_are_counted() -> None:
+def test_rays_that_leave_or_hit_a_back_are_counted():
     mesh = FLOOR + rectangle((0, 0, 1), (1, 0, 0), (0, 1, 0), "back of a ceiling")
     found = form_factors(Rays(mesh), 4096)
     assert found.backs[:2].mean() == pytest.approx(0.1998, abs=0.01)
@@ -52,7 +50,7 @@ def test_rays_that_leave_or_hit_a_back_are_counted() -> None:
     assert found.factors.nnz == 0
 
 
-def test_the_part_of_a_square_that_a_point_sees_is_exact() -> None:
+def test_the_part_of_a_square_that_a_point_sees_is_exact():
     """Howell's B-3: a point below the corner of a parallel unit square at distance 1."""
     analytic = np.arctan(1 / np.sqrt(2)) / (np.pi * np.sqrt(2))
     origin, up = np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]])
@@ -66,7 +64,7 @@ def test_the_part_of_a_square_that_a_point_sees_is_exact() -> None:
     assert sum(seen_part(origin, up, each) for each in behind.corners_m) == 0
 
 
-def test_lamps_and_the_sun_follow_their_laws() -> None:
+def test_lamps_and_the_sun_follow_their_laws():
     mesh = box((0, 0, 0), (4, 4, 4), SIDES, inside=True)
     lamp = PointLamp((2.0, 2.0, 3.0), 9.0 * ONE)
     point, up = np.array([[2.0, 2.0, 0.0]]), np.array([[0.0, 0.0, 1.0]])
@@ -82,7 +80,7 @@ def test_lamps_and_the_sun_follow_their_laws() -> None:
         assert direct_irradiance(sunny, rays, point, up) == pytest.approx(expected, rel=1e-6, abs=0)
 
 
-def test_a_board_casts_a_shadow() -> None:
+def test_a_board_casts_a_shadow():
     board = box((1.9, 1.9, 1.5), (2.1, 2.1, 1.6), "board")
     mesh = box((0, 0, 0), (4, 4, 4), SIDES, inside=True) + board
     points = np.array([[2.0, 2.0, 1.4], [3.5, 3.5, 1.4]])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -15,7 +13,7 @@ from volspec.room.mesh import SIDES
 ROOM = box((0, 0, 0), (4, 5, 2.7), SIDES, inside=True)
 
 
-def test_a_room_is_closed_and_its_fronts_are_inside() -> None:
+def test_a_room_is_closed_and_its_fronts_are_inside():
     numbers = ROOM.corner_numbers()
     sides = np.sort(np.stack([numbers, np.roll(numbers, -1, axis=1)], axis=-1), axis=-1)
     _, shared = np.unique(sides.reshape(-1, 2), axis=0, return_counts=True)
@@ -25,7 +23,7 @@ def test_a_room_is_closed_and_its_fronts_are_inside() -> None:
     assert (np.einsum("nc,nc->n", ROOM.normals, towards) > 0).all()
 
 
-def test_a_wall_has_a_window() -> None:
+def test_a_wall_has_a_window():
     found = wall((1.0, 0.9, 2.0, 1.4))
     window = found.surface == found.names.index("window 0")
     assert found.areas_m2[window].sum() == pytest.approx(2.8)
@@ -35,7 +33,7 @@ def test_a_wall_has_a_window() -> None:
     assert corners.max(axis=0) == pytest.approx([0, 3, 2.3])
 
 
-def test_halves_cover_their_triangles() -> None:
+def test_halves_cover_their_triangles():
     fine = ROOM.with_edges(0.5)
     sides = np.linalg.norm(fine.corners_m - np.roll(fine.corners_m, 1, axis=1), axis=-1)
     assert sides.max() <= 0.5
@@ -46,7 +44,7 @@ def test_halves_cover_their_triangles() -> None:
     assert np.array_equal(found, own)
 
 
-def test_points_are_uniform_over_a_triangle() -> None:
+def test_points_are_uniform_over_a_triangle():
     shares = np.random.default_rng(0).random((20000, 2))
     points = ROOM.points(shares)
     assert points.shape == (12, 20000, 3)
@@ -83,6 +81,6 @@ def mesh(corners: object, count: int = 1) -> RoomMesh:
         (lambda: mesh(np.zeros((0, 3, 3)), 0), "shape"),
     ],
 )
-def test_meshes_that_cannot_be_used_are_refused(make: Callable[[], object], code: str) -> None:
+def test_meshes_that_cannot_be_used_are_refused(make, code):
     with raises(RoomError, code):
         make()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -54,7 +53,7 @@ def room(number: int) -> RoomLight:
 
 
 @pytest.mark.parametrize("number", [1, *slow_each(0, 2)])
-def test_the_best_are_those_of_a_ranking_that_solves_every_paint(number: int) -> None:
+def test_the_best_are_those_of_a_ranking_that_solves_every_paint(number):
     mixed = [reflectance(name) for name in MIXED]
     paints = mix_paints(mixed, 1 / 7) if number == 1 else paint_set(["training"])
     assert len(paints) > 100
@@ -74,7 +73,7 @@ def test_the_best_are_those_of_a_ranking_that_solves_every_paint(number: int) ->
         assert found.candidates == len(paints) and found.solved < 20
 
 
-def test_the_light_of_a_paint_is_within_its_bounds() -> None:
+def test_the_light_of_a_paint_is_within_its_bounds():
     """Bounds of the light hold for each paint and band, in a room as bright as they come."""
     paints = np.array([each.values for each in paint_set(["patches"])[::10]])
     greys = np.linspace(0.0, 0.99, 4)
@@ -91,7 +90,7 @@ def test_the_light_of_a_paint_is_within_its_bounds() -> None:
     assert np.abs(exact - found).max() > 1e-4 * exact.max()
 
 
-def test_interpolation_is_exact_for_polynomials() -> None:
+def test_interpolation_is_exact_for_polynomials():
     greys = np.array([0.1, 0.3, 0.6, 0.9])
     paints = np.array([[0.2, 0.1], [0.85, 0.9]])
     found, error = interpolated_irradiance(greys, np.stack([greys**3, 2 * greys], 1), paints)
@@ -99,14 +98,14 @@ def test_interpolation_is_exact_for_polynomials() -> None:
     assert error[:, 1] == pytest.approx(0.0, abs=1e-12) and (error[:, 0] > 0).all()
 
 
-def test_alike_greys_need_one_solution() -> None:
+def test_alike_greys_need_one_solution():
     grey = reflectance("grey:0.5")
     found = rank_paints(room(1), [grey, grey], "floor", wanted_appearance("grey"))
     assert found.greys == 1 and found.solved == 2
     assert found.best[0].distance == found.best[1].distance
 
 
-def test_the_present_paint_is_what_is_wanted_unless_another_is() -> None:
+def test_the_present_paint_is_what_is_wanted_unless_another_is():
     paints = [reflectance("grey:0.2"), reflectance("grey:0.9")]
     found = rank_paints(room(0), paints)
     own = atlas_appearance(reflectance("grey:0.9"))
@@ -116,7 +115,7 @@ def test_the_present_paint_is_what_is_wanted_unless_another_is() -> None:
     assert found.best[0].lux > found.best[1].lux > 0
 
 
-def test_walls_are_the_four_and_other_surfaces_have_names() -> None:
+def test_walls_are_the_four_and_other_surfaces_have_names():
     assert painted_surfaces(room(0).room, "walls") == ("left", "right", "front", "back")
     assert painted_surfaces(room(1).room, "walls") == ("left", "right", "back")  # front gives light
     assert painted_surfaces(room(1).room, "chest") == ("chest",)
@@ -138,18 +137,18 @@ def mixed() -> RoomLight:
         (lambda _: wanted_appearance("beigee"), "unknown"),
     ],
 )
-def test_impossible_rankings_are_refused(call: Callable[[Spectrum], object], expected: str) -> None:
+def test_impossible_rankings_are_refused(call, expected):
     with raises(InputError, *expected.split()):
         call(reflectance("grey:0.5"))
 
 
 @pytest.mark.parametrize("word", ["#f0d9b5", "ColorChecker/blue", "grey:0.5", "41 35 12"])
-def test_what_is_wanted_is_a_colour_or_a_reflectance(word: str) -> None:
+def test_what_is_wanted_is_a_colour_or_a_reflectance(word):
     own: Spectrum | str = word if word[0] in "#4" else reflectance(word)
     assert float(wanted_appearance(word).J) == float(atlas_appearance(own).J)
 
 
-def test_a_black_paint_has_an_appearance() -> None:
+def test_a_black_paint_has_an_appearance():
     paints = [reflectance("black"), reflectance_from_colour("#f0d9b5")]
     found = rank_paints(room(2), paints, wanted=wanted_appearance("black"))
     assert found.best[0].name == "black" and float(found.best[0].seen.J) == pytest.approx(0, abs=1)

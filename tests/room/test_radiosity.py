@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -33,7 +31,7 @@ SMOOTH = np.linspace(0.2, 0.95, BANDS)
 
 
 @pytest.mark.parametrize("rho", [0.95, *slow_each(0.3)])
-def test_a_white_furnace_is_full_of_light(rho: float) -> None:
+def test_a_white_furnace_is_full_of_light(rho):
     """Closed, uniform emission S, reflectance ρ: B = S / (1 − ρ) everywhere, also within."""
     solved = solve_room(even_room(rho, np.full(BANDS, 2.0)), 300, rays=RAYS)
     assert solved.radiosity == pytest.approx(2.0 / (1.0 - rho), rel=5e-3)
@@ -42,7 +40,7 @@ def test_a_white_furnace_is_full_of_light(rho: float) -> None:
     assert found.values == pytest.approx(2.0 / (1.0 - rho) / DEFAULT_GRID.step_nm, rel=5e-3)
 
 
-def test_a_cube_of_alike_walls_agrees_with_its_closed_form() -> None:
+def test_a_cube_of_alike_walls_agrees_with_its_closed_form():
     """All walls of one paint, all emit: the mesh is the closed form, band by band."""
     reflectance, emission = np.tile(SMOOTH, (6, 1)), np.full((6, BANDS), 0.7)
     room = Room(CUBE, reflectance, dict(zip(SIDES, emission, strict=True)))
@@ -50,7 +48,7 @@ def test_a_cube_of_alike_walls_agrees_with_its_closed_form() -> None:
     assert solved.radiosity.mean(axis=0) == pytest.approx(closed[0], rel=5e-3)
 
 
-def test_energy_is_conserved() -> None:
+def test_energy_is_conserved():
     """Closed room: the surfaces absorb the power that lights emit."""
     lamp = panel((0, 0, 3), (0, 3, 0), (3, 0, 0), "ceiling", [("lamp", (1.2, 1.2, 0.6, 0.6))])
     rest = CUBE.part(CUBE.surface != SIDES.index("ceiling"))
@@ -68,7 +66,7 @@ def test_energy_is_conserved() -> None:
 
 
 @pytest.mark.slow
-def test_points_of_the_room_receive_what_the_patches_do() -> None:
+def test_points_of_the_room_receive_what_the_patches_do():
     room = Room(CUBE, np.tile(SMOOTH, (6, 1)), {"ceiling": np.full(BANDS, 10.0)})
     solved = solve_room(room, 2000, rays=RAYS)
     floor = np.flatnonzero(solved.mesh.surface == SIDES.index("floor"))
@@ -80,7 +78,7 @@ def test_points_of_the_room_receive_what_the_patches_do() -> None:
     assert 0.5 * lux_from_irradiance(found) < mean < lux_from_irradiance(found)
 
 
-def test_another_paint_needs_no_other_rays() -> None:
+def test_another_paint_needs_no_other_rays():
     room = Room(CUBE, np.tile(SMOOTH, (6, 1)), {"ceiling": np.full(BANDS, 10.0)})
     paints = {"left": np.full(BANDS, 0.4), "floor": SMOOTH[::-1]}
     found = solve_room(room, 200, rays=RAYS).painted(paints)
@@ -117,7 +115,7 @@ FLOOR = rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0), "floor")
 OPENED = RoomMesh(CUBE.corners_m[2:], CUBE.surface[2:], SIDES)
 
 
-def test_an_open_room_may_be_solved_as_such() -> None:
+def test_an_open_room_may_be_solved_as_such():
     assert solve(OPENED, open=True).irradiance.max() > 0
 
 
@@ -139,6 +137,6 @@ def test_an_open_room_may_be_solved_as_such() -> None:
         (lambda: grey(flor=SMOOTH), "unknown"),
     ],
 )
-def test_rooms_that_cannot_be_solved_are_refused(call: Callable[[], object], expected: str) -> None:
+def test_rooms_that_cannot_be_solved_are_refused(call, expected):
     with raises(RoomError, *expected.split()):
         call()

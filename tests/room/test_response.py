@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -51,7 +50,7 @@ def two_lights() -> RoomResponse:
 
 
 @pytest.mark.slow
-def test_the_lights_of_a_room_have_names() -> None:
+def test_the_lights_of_a_room_have_names():
     assert two_lights().names == ("lamp", "bulb")
     emission = irradiance_from_lux(light("A"), 1.0)
     lamps, suns = (PointLamp((1, 1, 1), emission),), (SunBeam((0, 0, 1), emission),)
@@ -59,7 +58,7 @@ def test_the_lights_of_a_room_have_names() -> None:
     assert list(room.lights) == ["floor", "lamp 1", "sun 1"]
 
 
-def test_its_own_spectra_give_the_solution_back() -> None:
+def test_its_own_spectra_give_the_solution_back():
     """Both compute direct light by shadow rays of their own, which differ by a thousandth."""
     solved = solve_room(two_lights().solved.room, 500, rays=1 << 19)
     own = two_lights().under([*solved.room.lights.values()])
@@ -68,7 +67,7 @@ def test_its_own_spectra_give_the_solution_back() -> None:
     assert own.irradiance.sum() == pytest.approx(solved.irradiance.sum(), rel=1e-3)
 
 
-def test_another_spectrum_is_as_bright() -> None:
+def test_another_spectrum_is_as_bright():
     """Lumens stay when the spectrum of a lamp is replaced."""
     response = two_lights()
     own, other = (response.spectra({"lamp": light(name)}) for name in ("A", "HP1"))
@@ -77,7 +76,7 @@ def test_another_spectrum_is_as_bright() -> None:
 
 
 @pytest.mark.slow
-def test_new_spectra_need_no_new_solution() -> None:
+def test_new_spectra_need_no_new_solution():
     """A product equals a solution of the room with these lights, to rounding."""
     response = two_lights()
     relit = response.under(response.spectra({"lamp": light("D65"), "bulb": light("HP1")}))
@@ -86,13 +85,13 @@ def test_new_spectra_need_no_new_solution() -> None:
     assert list(dark.room.lights) == ["lamp", "bulb"] and not dark.room.lights["lamp"].any()
 
 
-def test_painted_is_the_solution_with_that_paint() -> None:
+def test_painted_is_the_solution_with_that_paint():
     found, true = two_lights().painted(PAINTED), two_lights().solved.painted(PAINTED)
     assert found.solved.irradiance == pytest.approx(true.irradiance, rel=2e-3)
 
 
 @pytest.mark.slow
-def test_the_closed_form_is_close_where_light_is_even() -> None:
+def test_the_closed_form_is_close_where_light_is_even():
     """Each wall's own light is uneven; all together are even."""
     room = even_room(0.5, irradiance_from_lux(light("D65"), 100.0))
     response = RoomResponse.of(solve_room(room, 150, rays=1 << 18))
@@ -102,7 +101,7 @@ def test_the_closed_form_is_close_where_light_is_even() -> None:
 
 
 @pytest.mark.slow
-def test_the_closed_form_is_near_the_solution_elsewhere() -> None:
+def test_the_closed_form_is_near_the_solution_elsewhere():
     """Present paints are exact; others are far nearer than without a change."""
     response = two_lights()
     same = response.estimated(dict.fromkeys(SIDES[:4], GREY))
@@ -115,7 +114,7 @@ def test_the_closed_form_is_near_the_solution_elsewhere() -> None:
     assert error < 0.02 < 5.0 * error < change
 
 
-def test_from_black_reflected_light_is_spread_evenly() -> None:
+def test_from_black_reflected_light_is_spread_evenly():
     """Nothing can be scaled there: a surface has the light of its closed form."""
     paints = dict.fromkeys((*SIDES, "table"), GREY)
     black = two_lights().painted({name: 0.0 * grey for name, grey in paints.items()})
@@ -141,6 +140,6 @@ def named_twice() -> Room:
         (lambda: two_lights().painted({"roof": SALMON}), "unknown"),
     ],
 )
-def test_unknown_names_and_no_light_are_refused(call: Callable[[], object], code: str) -> None:
+def test_unknown_names_and_no_light_are_refused(call, code):
     with raises(RoomError, code):
         call()

@@ -21,7 +21,7 @@ def solved(room: Room) -> RoomResponse:
 
 
 @pytest.mark.slow
-def test_even_light_is_ambient() -> None:
+def test_even_light_is_ambient():
     """White furnace: one group, with all of S / (1 − ρ)."""
     found = SpecimenLight.of(solved(even_room(0.5, np.ones(DEFAULT_GRID.size))), POINT)
     assert found.names == ("ambient",)
@@ -29,7 +29,7 @@ def test_even_light_is_ambient() -> None:
     assert found.error < 0.01
 
 
-def test_a_single_lamp_is_a_single_direction() -> None:
+def test_a_single_lamp_is_a_single_direction():
     """Black walls: the inverse square of the distance, from the lamp."""
     lamp = PointLamp((1.5, 1.5, 2.7), irradiance_from_lux(light("A"), 100.0), "bulb")
     black = np.zeros((6, DEFAULT_GRID.size))
@@ -41,7 +41,7 @@ def test_a_single_lamp_is_a_single_direction() -> None:
     assert found.brightest_lux == pytest.approx(100.0 / 1.5**2, rel=0.02)
 
 
-def test_the_groups_give_the_light_on_a_surface_of_any_direction() -> None:
+def test_the_groups_give_the_light_on_a_surface_of_any_direction():
     """Against rays gathered at the point: 3 per cent of the mean, root mean square."""
     response = two_lights()
     found = SpecimenLight.of(response, POINT)
@@ -56,7 +56,7 @@ def test_the_groups_give_the_light_on_a_surface_of_any_direction() -> None:
     assert np.sqrt(np.mean((made - true) ** 2)) < 0.06 * true.mean()
 
 
-def test_other_paints_keep_the_directions() -> None:
+def test_other_paints_keep_the_directions():
     response = two_lights()
     found, painted = SpecimenLight.of(response, POINT), response.painted(PAINTED)
     there, new = found.under(painted), SpecimenLight.of(painted, POINT)
@@ -66,6 +66,6 @@ def test_other_paints_keep_the_directions() -> None:
 
 
 @pytest.mark.parametrize("point", [(1.5, 1.5, 0.45), (4.0, 1.5, 1.0)])
-def test_a_specimen_in_a_table_or_outside_is_refused(point: tuple[float, float, float]) -> None:
+def test_a_specimen_in_a_table_or_outside_is_refused(point):
     with raises(RoomError, "range"):
         SpecimenLight.of(two_lights(), point)

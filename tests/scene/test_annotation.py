@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -24,12 +23,12 @@ from volspec.scene.annotation import Annotation
         (((1, 0, 0), (0, 0, 0), (2, 0, 0)), 0.0, "0°"),
     ],
 )
-def test_distances_and_angles(points: tuple, value: float, caption: str) -> None:
+def test_distances_and_angles(points, value, caption):
     found = Annotation(points_mm=points)
     assert found.value == pytest.approx(value, abs=1e-9) and found.caption == caption
 
 
-def test_a_label_needs_a_text_and_no_number() -> None:
+def test_a_label_needs_a_text_and_no_number():
     assert Annotation(points_mm=((1, 2, 3),), text="valve").value is None
     with raises(SceneError, "missing", "Annotation.text"):
         Annotation(points_mm=((1, 2, 3),))
@@ -38,7 +37,7 @@ def test_a_label_needs_a_text_and_no_number() -> None:
             Annotation(points_mm=((0.0, 0.0, 0.0),) * count, text="x")
 
 
-def test_a_scene_keeps_its_annotations(tmp_path: Path) -> None:
+def test_a_scene_keeps_its_annotations(tmp_path):
     scene = Scene.load(asset("data/scenes/engine.toml"))
     label = Annotation(points_mm=((1.0, 2.0, 3.0),), text="valve")
     rows = label, Annotation(points_mm=((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -37,12 +36,12 @@ def scene(
 
 
 @pytest.mark.parametrize("size", [5, 7, 9])
-def test_plain_spectra_take_the_general_basis_of_a_size(tmp_path: Path, size: int) -> None:
+def test_plain_spectra_take_the_general_basis_of_a_size(tmp_path, size):
     text = "" if size == 7 else f"[basis]\nsize = {size}"
     assert scene(tmp_path, text).basis.name == f"general-{size}"
 
 
-def test_a_title_with_control_characters_names_a_basis(tmp_path: Path) -> None:
+def test_a_title_with_control_characters_names_a_basis(tmp_path):
     path = scene(tmp_path, MATERIALS, "white").path
     path.write_text('title = "a\\u0007b\\u202e"\n' + path.read_text())
     made = Scene.load(path)
@@ -51,7 +50,7 @@ def test_a_title_with_control_characters_names_a_basis(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.not_quick
-def test_spectra_that_the_general_basis_does_not_hold_are_trained_for(tmp_path: Path) -> None:
+def test_spectra_that_the_general_basis_does_not_hold_are_trained_for(tmp_path):
     """A reflectance that oscillates, of which no note says that it is designed."""
     nm = np.arange(380, 781, 5)
     wave = 0.5 + 0.45 * np.cos(2 * np.pi * (nm - 380) / 60)
@@ -63,9 +62,7 @@ def test_spectra_that_the_general_basis_does_not_hold_are_trained_for(tmp_path: 
     assert scene_errors(found).componentwise.max < 0.5
 
 
-def test_fewer_materials_than_channels_take_the_general_basis_and_have_no_error(
-    tmp_path: Path,
-) -> None:
+def test_fewer_materials_than_channels_take_the_general_basis_and_have_no_error(tmp_path):
     """The engine's metameric pair; no note says in this copy of it that it is designed."""
     text = (ROOT / "data/spectra/engine-inserts.csv").read_text()
     rows = [line for line in text.splitlines() if not line.startswith("#")]
@@ -82,7 +79,7 @@ def scene_errors(made: Scene) -> BasisReport:
 
 
 @pytest.mark.not_quick
-def test_a_designed_spectrum_is_trained_for(tmp_path: Path) -> None:
+def test_a_designed_spectrum_is_trained_for(tmp_path):
     (tmp_path / "made.csv").write_text("# designed: yes\n380,0.2\n500,0.4\n780,0.3\n")
     found = scene(tmp_path, COMPONENTWISE, block="made.csv")
     assert found.basis.name == "scene" and found.basis_reason.startswith("made ")
@@ -90,7 +87,7 @@ def test_a_designed_spectrum_is_trained_for(tmp_path: Path) -> None:
     assert scene(tmp_path, block="made.csv").basis.name == "general-7"
 
 
-def test_a_designed_light_is_trained_for(tmp_path: Path, fits: list[dict[str, Any]]) -> None:
+def test_a_designed_light_is_trained_for(tmp_path, fits):
     (tmp_path / "led.csv").write_text("# designed: yes\n380,1\n500,2\n780,1\n")
     assert scene(tmp_path, COMPONENTWISE, lamp="led.csv").basis_reason.startswith("led ")
     assert len(fits) == 1 and fits[0]["lights"][1].name == "led"
@@ -108,9 +105,7 @@ def comb_palette(folder: Path) -> None:
     (folder / "comb.toml").write_text(text)
 
 
-def test_a_scene_takes_the_bands_of_its_palette(
-    tmp_path: Path, recwarn: pytest.WarningsRecorder
-) -> None:
+def test_a_scene_takes_the_bands_of_its_palette(tmp_path, recwarn):
     """On bands of 10 nm each reflectance of the comb would be a grey of one half."""
     comb_palette(tmp_path)
     for light_name in ("A", "comb.toml#comb", "comb.toml#comb*0.5+A*0.5"):
@@ -122,9 +117,7 @@ def test_a_scene_takes_the_bands_of_its_palette(
     assert not recwarn.list
 
 
-def test_a_scene_of_other_bands_than_its_palette_s_warns_with_the_difference(
-    tmp_path: Path,
-) -> None:
+def test_a_scene_of_other_bands_than_its_palette_s_warns_with_the_difference(tmp_path):
     comb_palette(tmp_path)
     bands = "[basis]\ngrid_nm = [400, 700, 10]"
     with pytest.warns(VolspecWarning, match=r"61 bands.*scene has 31.*ΔE00 (\d+\.\d)") as warned:
@@ -135,7 +128,7 @@ def test_a_scene_of_other_bands_than_its_palette_s_warns_with_the_difference(
     assert off and float(off[1]) == pytest.approx(delta_E_2000(half, white), abs=0.5)
 
 
-def test_spectra_are_trained_for_by_their_use(tmp_path: Path, fits: list[dict[str, Any]]) -> None:
+def test_spectra_are_trained_for_by_their_use(tmp_path, fits):
     """The second light at a quarter; the part, of a triangle of which the block has a tenth."""
     found = scene(tmp_path, 'weight = 0.25\n[basis]\ntrain = "scene"')
     (fit,) = fits
@@ -154,7 +147,7 @@ def test_spectra_are_trained_for_by_their_use(tmp_path: Path, fits: list[dict[st
     assert fit["reflectance_weights"] == pytest.approx([use["block"], 1])
 
 
-def test_a_light_that_is_almost_off_still_counts_a_tenth(fits: list[dict[str, Any]]) -> None:
+def test_a_light_that_is_almost_off_still_counts_a_tenth(fits):
     lights = [light("D65"), light("A"), light("FL2")]
     paints = {"b": reflectance("gold"), "a": reflectance("copper")}
     seen = SceneSpectra(lights, [2.0, 0.5, 0.0], paints, {"a": 1.0, "b": 0.3})
@@ -165,7 +158,7 @@ def test_a_light_that_is_almost_off_still_counts_a_tenth(fits: list[dict[str, An
 
 
 @pytest.mark.not_quick
-def test_a_scene_may_name_ask_or_make_its_materials_the_channels(tmp_path: Path) -> None:
+def test_a_scene_may_name_ask_or_make_its_materials_the_channels(tmp_path):
     assert scene(tmp_path, '[basis]\nname = "general-5"').basis.name == "general-5"
     own = scene(tmp_path, '[basis]\ntrain = "scene"\nsize = 5')
     assert own.basis.name == "scene" and own.basis.size == 5
@@ -179,7 +172,7 @@ def test_a_scene_may_name_ask_or_make_its_materials_the_channels(tmp_path: Path)
 
 
 @pytest.mark.not_quick
-def test_other_settings_are_tried_without_writing_them(tmp_path: Path) -> None:
+def test_other_settings_are_tried_without_writing_them(tmp_path):
     path = scene(tmp_path, "[basis]\nsize = 5").path
     assert isinstance(Scene.load(path, {"method": "materials"}).basis, MaterialBasis)
     found = Scene.load(path, {"positive": True}).basis
@@ -198,12 +191,12 @@ def test_other_settings_are_tried_without_writing_them(tmp_path: Path) -> None:
         ("grid_nm = [400, 705, 10]", "range basis"),
     ],
 )
-def test_settings_that_do_not_fit_are_named(tmp_path: Path, basis: str, message: str) -> None:
+def test_settings_that_do_not_fit_are_named(tmp_path, basis, message):
     with raises(SceneError, *message.split(" ")):
         scene(tmp_path, "[basis]\n" + basis)
 
 
-def test_use_is_opacity_over_values_and_none_is_forgotten() -> None:
+def test_use_is_opacity_over_values_and_none_is_forgotten():
     """Triangle of height 1 over 10 for the one, a hundredth of it for the other."""
     points = [
         PointSpec(value=0, opacity=0, material="a"),
@@ -214,7 +207,7 @@ def test_use_is_opacity_over_values_and_none_is_forgotten() -> None:
     assert use_of(TransferSpec(points=points)) == {"a": 1.0, "b": 0.1}
 
 
-def test_a_mix_is_used_by_its_shares() -> None:
+def test_a_mix_is_used_by_its_shares():
     """Computed by hand: the area under opacity times share, and a span's part for every point."""
     mix = {"a": 0.3, "b": 0.7}
     constant = [PointSpec(value=v, opacity=0.5, material=mix) for v in (0, 10)]

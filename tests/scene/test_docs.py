@@ -31,7 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.not_quick
 # Each feature is cast by tests of its own, too.
 @pytest.mark.parametrize("number", [0, *slow_each(*range(1, len(EXAMPLES)))])
-def test_every_example_casts_into_a_picture(folder: Path, number: int) -> None:
+def test_every_example_casts_into_a_picture(folder, number):
     path = folder / "example.toml"
     path.write_text(EXAMPLES[number], encoding="utf-8")
     scene = vs.Scene.load(path)
@@ -43,7 +43,7 @@ def test_every_example_casts_into_a_picture(folder: Path, number: int) -> None:
 
 
 @pytest.mark.not_quick
-def test_every_example_is_a_scene_and_each_kind_of_transfer_function_has_one(folder: Path) -> None:
+def test_every_example_is_a_scene_and_each_kind_of_transfer_function_has_one(folder):
     kinds = set()
     for text in EXAMPLES:
         (folder / "kind.toml").write_text(text, encoding="utf-8")
@@ -58,7 +58,7 @@ ENGINE, *SCENES = sorted((ROOT / "data" / "scenes").glob("engine*.toml"), key=la
 @pytest.mark.not_quick
 # Not the figure-… scenes, where some lights hide what is there.
 @pytest.mark.parametrize("path", [ENGINE, *slow_each(*SCENES)], ids=lambda path: path.stem)
-def test_scenes_that_ship_are_neither_dark_nor_washed_out(path: Path) -> None:
+def test_scenes_that_ship_are_neither_dark_nor_washed_out(path):
     scene = vs.Scene.load(path)
     image = scene.render(size=(128, 128))
     viewing, relit = scene.relight.viewing, scene.relight

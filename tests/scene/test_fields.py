@@ -87,7 +87,7 @@ def cast(scene: vs.Scene) -> vs.CoefficientImage:
 
 
 @pytest.mark.not_quick
-def test_a_scene_s_fields_are_cast_as_in_python(folder: Path) -> None:
+def test_a_scene_s_fields_are_cast_as_in_python(folder):
     made = scene(folder, "matrix = [[2, 0, 0, 1], [0, 2, 0, 2], [0, 0, 2, 3], [0, 0, 0, 1]]")
     ct, pet = (np.load(folder / name) for name in ("ct.npy", "pet.npy"))
     world = [[2, 0, 0, 1], [0, 2, 0, 2], [0, 0, 2, 3], [0, 0, 0, 1]]
@@ -106,7 +106,7 @@ def is_cast_as(made: vs.Scene, volume: vs.Volume, transfer: vs.FieldFunctions) -
 
 
 @pytest.mark.not_quick
-def test_weights_and_shown_are_of_each_field(folder: Path) -> None:
+def test_weights_and_shown_are_of_each_field(folder):
     whole = cast(scene(folder))
     none = cast(scene(folder, own="weight = 0.0"))
     hidden = cast(scene(folder, own="shown = false"))
@@ -117,7 +117,7 @@ def test_weights_and_shown_are_of_each_field(folder: Path) -> None:
 
 
 @pytest.mark.not_quick
-def test_a_hidden_field_is_cast_as_fast_and_alike_as_a_volume_alone(folder: Path) -> None:
+def test_a_hidden_field_is_cast_as_fast_and_alike_as_a_volume_alone(folder):
     hidden = cast(scene(folder, own="shown = false", keys="spacing_mm = [2, 2, 2]"))
     (folder / "alone.toml").write_text(HEAD)
     alone = vs.Scene.load(folder / "alone.toml")
@@ -134,9 +134,7 @@ def test_a_hidden_field_is_cast_as_fast_and_alike_as_a_volume_alone(folder: Path
         ("matrix = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 1, 1]]", "", "range"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(
-    folder: Path, keys: str, own: str, code: str | None
-) -> None:
+def test_what_cannot_be_is_refused_in_one_line(folder, keys, own, code):
     with raises(SceneError, code) as caught:
         cast(scene(folder, keys, own))
     assert "[[field]] PET" in str(caught.value) and "\n" not in str(caught.value).strip()
@@ -150,16 +148,14 @@ def test_what_cannot_be_is_refused_in_one_line(
         ("spacing_mm = [1e6, 1e6, 1e6]", "", "'PET'"),
     ],
 )
-def test_what_a_cast_refuses_is_found_by_the_check(
-    folder: Path, keys: str, raycast: str, words: str
-) -> None:
+def test_what_a_cast_refuses_is_found_by_the_check(folder, keys, raycast, words):
     head = HEAD + f"[raycast]\n{raycast}\n"
     (folder / "scene.toml").write_text(head + FIELD.format(keys=keys, own=""))
     (fault,) = check_scene(folder / "scene.toml").errors
     assert words in fault and "scene.toml" in fault
 
 
-def test_a_field_that_is_missing_is_named(folder: Path) -> None:
+def test_a_field_that_is_missing_is_named(folder):
     path = folder / "scene.toml"
     path.write_text(HEAD + FIELD.format(keys="", own="").replace('file = "pet.npy"', ""))
     with raises(SceneError, "unknown") as caught:
@@ -168,7 +164,7 @@ def test_a_field_that_is_missing_is_named(folder: Path) -> None:
 
 
 @pytest.mark.not_quick
-def test_a_scene_s_mask_is_cast_as_in_python(masked: Path) -> None:
+def test_a_scene_s_mask_is_cast_as_in_python(masked):
     made = vs.Scene.load(masked)
     assert not check_scene(masked).errors
     liver = vs.TransferFunction([(60, 0.0, "hot"), (150, 0.6, "hot")], made.materials, made.basis)
@@ -177,7 +173,7 @@ def test_a_scene_s_mask_is_cast_as_in_python(masked: Path) -> None:
     is_cast_as(made, made.volume(), vs.FieldFunctions(own, masks={"": mask}))
 
 
-def test_masks_are_written_and_read_back(masked: Path) -> None:
+def test_masks_are_written_and_read_back(masked):
     made = vs.Scene.load(masked)
     kept = made.save(masked.with_name("kept.toml"))
     assert vs.Scene.load(kept).file == made.file and "[[transfer.label]]" in kept.read_text()
@@ -203,7 +199,7 @@ def test_masks_are_written_and_read_back(masked: Path) -> None:
         ("opacity = 0.6", "opacity = 1.6", "transfer.label[0].points[1].opacity"),
     ],
 )
-def test_a_mistaken_mask_is_found_at_its_row(masked: Path, old: str, new: str, place: str) -> None:
+def test_a_mistaken_mask_is_found_at_its_row(masked, old, new, place):
     text = masked.read_text()
     assert old in text
     masked.write_text(text.replace(old, new))
@@ -211,13 +207,13 @@ def test_a_mistaken_mask_is_found_at_its_row(masked: Path, old: str, new: str, p
     assert place in fault and "\n" not in fault
 
 
-def test_a_row_of_labels_that_are_nowhere_is_warned_of(masked: Path) -> None:
+def test_a_row_of_labels_that_are_nowhere_is_warned_of(masked):
     masked.write_text(masked.read_text().replace("label = 2", "label = 77"))
     with warns("transfer.label[1]", "'organs' (0 … 2)", "77"):
         assert not check_scene(masked).errors
 
 
-def test_a_mask_s_file_must_hold_labels(masked: Path) -> None:
+def test_a_mask_s_file_must_hold_labels(masked):
     np.save(masked.with_name("organs.npy"), np.linspace(0, 1, 1320).reshape(10, 11, 12))
     masked.with_name("organs.txt").unlink()
     (fault,) = check_scene(masked).errors

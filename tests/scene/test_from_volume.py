@@ -33,7 +33,7 @@ def ball(tmp_path: Path) -> Path:
 
 
 @pytest.mark.not_quick
-def test_a_volume_s_scene_frames_what_it_shows(ball: Path) -> None:
+def test_a_volume_s_scene_frames_what_it_shows(ball):
     scene = Scene.from_volume(f"{ball.with_suffix('.raw')}{LAYOUT}")
     assert scene.volume().spacing_mm == (1, 1, 4)
     alpha = scene.render(size=(64, 64)).alpha > 0.05
@@ -43,7 +43,7 @@ def test_a_volume_s_scene_frames_what_it_shows(ball: Path) -> None:
     assert abs(rows.mean() - 31.5) < 2 and abs(columns.mean() - 31.5) < 2
 
 
-def test_a_volume_s_scene_has_the_given_preset_lights_and_camera(ball: Path) -> None:
+def test_a_volume_s_scene_has_the_given_preset_lights_and_camera(ball):
     camera = Orbit(azimuth_deg=90, elevation_deg=0, orthographic=True)
     scene = Scene.from_volume(ball, preset="surface", lights=["A", "planck:3000"], camera=camera)
     assert scene.file.transfer.kind == "surfaces"
@@ -51,9 +51,7 @@ def test_a_volume_s_scene_has_the_given_preset_lights_and_camera(ball: Path) -> 
     assert scene.file.camera.azimuth_deg == 90 and scene.file.camera.orthographic
 
 
-def test_files_of_lights_are_relative_to_the_current_folder(
-    ball: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_files_of_lights_are_relative_to_the_current_folder(ball, tmp_path, monkeypatch):
     write_spectrum(light("A"), tmp_path / "lamp.csv")
     monkeypatch.chdir(tmp_path)
     scene = Scene.from_volume("scans/ball.npy", lights=["lamp.csv", "lamp.csv*0.5+D65*0.5"])
@@ -65,7 +63,7 @@ def test_files_of_lights_are_relative_to_the_current_folder(
 
 
 @pytest.mark.slow
-def test_a_steep_preset_shows_no_rings(tmp_path: Path) -> None:
+def test_a_steep_preset_shows_no_rings(tmp_path):
     """Errors of a cast against one of fine steps, averaged over rings: a sphere of bone in air."""
     z, y, x = np.ogrid[-24:24, -24:24, -24:24]
     inside = gaussian_filter((np.sqrt(x**2 + y**2 + z**2) < 18).astype(np.float64), 0.7)
@@ -87,7 +85,7 @@ def test_a_steep_preset_shows_no_rings(tmp_path: Path) -> None:
 
 
 @pytest.mark.not_quick
-def test_a_saved_scene_moves_with_its_volume(ball: Path, tmp_path: Path) -> None:
+def test_a_saved_scene_moves_with_its_volume(ball, tmp_path):
     scene = Scene.from_volume(ball)
     expected = scene.render(size=(32, 32))
     scene.save(ball.parent / "ball.toml")
@@ -97,21 +95,19 @@ def test_a_saved_scene_moves_with_its_volume(ball: Path, tmp_path: Path) -> None
     np.testing.assert_array_equal(again.coefficients, expected.coefficients)
 
 
-def test_a_saved_scene_s_numbers_are_short(ball: Path) -> None:
+def test_a_saved_scene_s_numbers_are_short(ball):
     path = Scene.from_volume(ball).save(ball.parent / "ball.toml")
     numbers = [word.strip("[],") for word in path.read_text().split() if word[:1].isdigit()]
     assert max(map(len, numbers)) <= 8
 
 
-def test_paths_are_relative_to_the_volume_s_folder(
-    ball: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_paths_are_relative_to_the_volume_s_folder(ball, monkeypatch):
     monkeypatch.chdir(ball.parent)
     assert Scene.from_volume("ball.npy").file.volume.file == "ball.npy"
     assert Scene.from_volume(f"./ball.raw{LAYOUT}").path == ball.with_suffix(".raw")
 
 
-def test_bad_input_is_refused_by_its_name(ball: Path) -> None:
+def test_bad_input_is_refused_by_its_name(ball):
     with raises(InputError, "unknown", "preset"):
         Scene.from_volume(ball, preset="bones")
     with raises(SceneError, "unknown", "light[0]"):

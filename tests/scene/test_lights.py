@@ -52,12 +52,12 @@ def load(folder: Path, text: str) -> Scene:
     return Scene.load(write_scene_text(folder, BALL + SMALL + text))
 
 
-def test_groups_are_what_their_tables_say(tmp_path: Path) -> None:
+def test_groups_are_what_their_tables_say(tmp_path):
     assert load(tmp_path, GROUPS + row("day")).raycast == RaycastSpec(groups=LIT)
 
 
 @pytest.mark.slow
-def test_groups_are_cast_into_the_picture_of_their_light(tmp_path: Path) -> None:
+def test_groups_are_cast_into_the_picture_of_their_light(tmp_path):
     scene = load(tmp_path, GROUPS + row("day"))
     image, volume = scene.render(), scene.volume()
     twin = raycast(volume, scene.transfer, scene.camera(volume), (24, 16), RaycastSpec(groups=LIT))
@@ -65,13 +65,13 @@ def test_groups_are_cast_into_the_picture_of_their_light(tmp_path: Path) -> None
     assert np.array_equal(image.coefficients, twin.coefficients)
 
 
-def test_without_groups_there_is_the_default_one(tmp_path: Path) -> None:
+def test_without_groups_there_is_the_default_one(tmp_path):
     scene = load(tmp_path, row("day") + row("lamp", "A", "light"))
     assert scene.raycast == RaycastSpec()
     assert scene.lights[1].rig.groups == ("light",)
 
 
-def test_rows_of_one_name_are_one_setting(tmp_path: Path) -> None:
+def test_rows_of_one_name_are_one_setting(tmp_path):
     dusk = row("evening", "D75", "fill", 'label = "dusk"\nweight = 2') + row("evening", "FL2")
     rows = row("evening", "A", "key", "weight = 0.5") + row("noon") + dusk
     scene = load(tmp_path, GROUPS + rows)
@@ -87,7 +87,7 @@ def test_rows_of_one_name_are_one_setting(tmp_path: Path) -> None:
 LAMP = "lamp:tungsten-2850"
 
 
-def test_a_lamp_s_lux_are_counted_from_watts_and_metres(tmp_path: Path) -> None:
+def test_a_lamp_s_lux_are_counted_from_watts_and_metres(tmp_path):
     more = "power_W = 100\ndistance_m = 1.5"
     rows = (
         row("bulb", LAMP, more=more),
@@ -101,14 +101,14 @@ def test_a_lamp_s_lux_are_counted_from_watts_and_metres(tmp_path: Path) -> None:
     assert [light.rig.illuminance_lux for light in scene.lights] == [(bulb,), (spot,), (bulb, 300)]
 
 
-def test_a_scene_keeps_the_watts_that_were_written(tmp_path: Path) -> None:
+def test_a_scene_keeps_the_watts_that_were_written(tmp_path):
     scene = load(tmp_path, row("bulb", LAMP, more="power_W = 60\ndistance_m = 2"))
     (kept,) = scene.file.light
     assert plain(kept) == {"name": "bulb", "spectrum": LAMP, "power_W": 60, "distance_m": 2}
     assert read_table(SceneFile, plain(scene.file), SceneError) == scene.file
 
 
-def test_a_basis_is_chosen_by_the_lights_of_every_row(tmp_path: Path) -> None:
+def test_a_basis_is_chosen_by_the_lights_of_every_row(tmp_path):
     (tmp_path / "led.csv").write_text("# designed: yes\n380,1\n500,2\n780,1\n")
     rows = row("x", "A", "key") + row("x", "led.csv", "fill")
     rows += '[viewing]\nmode = "componentwise"\n'
@@ -170,7 +170,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("text", "message"), WRONG, ids=[message for _, message in WRONG])
-def test_mistakes_are_named_in_one_line(tmp_path: Path, text: str, message: str) -> None:
+def test_mistakes_are_named_in_one_line(tmp_path, text, message):
     with raises(SceneError, *message.split(" ")) as caught:
         load(tmp_path, text)
     assert "scene.toml: " in str(caught.value)

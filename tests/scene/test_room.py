@@ -109,9 +109,7 @@ def frame(scene: Scene, image: vs.CoefficientImage, light: int = 0) -> np.ndarra
 
 
 @pytest.mark.not_quick
-def test_the_groups_of_the_cast_are_the_room_s_light(
-    scene: Scene, image: vs.CoefficientImage
-) -> None:
+def test_the_groups_of_the_cast_are_the_room_s_light(scene, image):
     first, *directed, walls = scene.raycast.groups
     assert first.name == "ambient" and walls.name == "walls: lamp"
     assert "from lamp" in [group.name for group in directed]
@@ -119,7 +117,7 @@ def test_the_groups_of_the_cast_are_the_room_s_light(
 
 
 @pytest.mark.not_quick
-def test_a_white_that_gets_most_light_has_a_luminance_factor_of_100(scene: Scene) -> None:
+def test_a_white_that_gets_most_light_has_a_luminance_factor_of_100(scene):
     """The top of the block faces the lamp; its sides get less."""
     image = scene.with_camera(replace(scene.file.camera, elevation_deg=90.0, zoom=1.0)).render()
     lit = Illumination.of(image.basis, scene.lights[0].rig, scene.relight, image.groups)
@@ -128,9 +126,7 @@ def test_a_white_that_gets_most_light_has_a_luminance_factor_of_100(scene: Scene
 
 
 @pytest.mark.not_quick
-def test_its_lamps_change_without_a_cast(
-    folder: Path, scene: Scene, image: vs.CoefficientImage
-) -> None:
+def test_its_lamps_change_without_a_cast(folder, scene, image):
     """A sodium spectrum for the lamp: as in a room whose file has that lamp, within 3 codes."""
     swapped = frame(scene, image, light=1)
     other = in_room(folder, lamp="HP1")
@@ -140,14 +136,14 @@ def test_its_lamps_change_without_a_cast(
 
 
 @pytest.mark.not_quick
-def test_any_light_relights_the_picture_alone(scene: Scene, image: vs.CoefficientImage) -> None:
+def test_any_light_relights_the_picture_alone(scene, image):
     """Without the room, every group has the light's spectrum: as bright, less coloured."""
     alone = vs.relight(image, scene.lights[0].spectrum, scene.relight)
     assert alone.mean() == pytest.approx(frame(scene, image).mean(), rel=0.1)
 
 
 @pytest.mark.not_quick
-def test_a_light_that_does_not_reach_the_volume_is_refused(folder: Path) -> None:
+def test_a_light_that_does_not_reach_the_volume_is_refused(folder):
     """A sun below the floor: the walls' layer alone would have light."""
     sun = '[[light]]\nname = "sun"\nspectrum = "D65"\nlux = 9\n'
     low = "azimuth_deg = 0\nelevation_deg = -60\n"
@@ -160,7 +156,7 @@ def test_a_light_that_does_not_reach_the_volume_is_refused(folder: Path) -> None
 
 @pytest.mark.slow
 @pytest.mark.not_quick
-def test_paint_of_the_scene_replaces_that_of_the_room(folder: Path, scene: Scene) -> None:
+def test_paint_of_the_scene_replaces_that_of_the_room(folder, scene):
     path = edited(folder, "patches = 300", 'patches = 300\npaint = { walls = "#4060c0" }')
     blue, same = Scene.load(path), in_room(folder, walls="#4060c0")
     rooms = [each.room for each in (blue, same, scene)]
@@ -172,7 +168,7 @@ def test_paint_of_the_scene_replaces_that_of_the_room(folder: Path, scene: Scene
 
 
 @pytest.mark.not_quick
-def test_viewing_conditions_are_those_of_an_eye_in_the_room(folder: Path, scene: Scene) -> None:
+def test_viewing_conditions_are_those_of_an_eye_in_the_room(folder, scene):
     seen = scene.relight.viewing
     assert 1.0 < seen.Y_b < 100.0 and seen.Y_A is not None and 0.0 < seen.surround < 1.0
     assert seen.surround == pytest.approx(seen.Y_A / 100.0)
@@ -186,7 +182,7 @@ def test_viewing_conditions_are_those_of_an_eye_in_the_room(folder: Path, scene:
     assert (own.relight.viewing.Y_b, own.relight.viewing.surround) == (33.0, "dim")
 
 
-def test_turning_the_volume_turns_its_light() -> None:
+def test_turning_the_volume_turns_its_light():
     level = Placement.of((0, 0, 0), 1.0, 0.0, (0.0, 0.0, 1.0))
     assert level.axes == pytest.approx(np.eye(3))
     turned = Placement.of((0, 0, 0), 2.0, 90.0, (0.0, 0.0, 1.0))
@@ -197,9 +193,7 @@ def test_turning_the_volume_turns_its_light() -> None:
 
 
 @pytest.mark.not_quick
-def test_an_opaque_volume_takes_the_lamp_from_the_floor_below_it(
-    scene: Scene, opacity: OpacityCaster
-) -> None:
+def test_an_opaque_volume_takes_the_lamp_from_the_floor_below_it(scene, opacity):
     """Below the middle only light from walls is left; far from it, the floor is as bright."""
     volume = scene.volume()
     (behind,) = scene.behind(volume)
@@ -220,7 +214,7 @@ def test_an_opaque_volume_takes_the_lamp_from_the_floor_below_it(
 
 
 @pytest.mark.slow
-def test_furniture_in_front_hides_the_volume(folder: Path) -> None:
+def test_furniture_in_front_hides_the_volume(folder):
     """A screen before the lower half of the block: rays end there."""
     screen = '[[surface]]\nname = "screen"\nreflectance = "grey:0.3"\n[[box]]\nname = "screen"\n'
     scene = in_room(folder, screen + "low_m = [0.5, 0.5, 0.01]\nhigh_m = [2.5, 0.6, 0.55]\n")
@@ -236,7 +230,7 @@ def test_furniture_in_front_hides_the_volume(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_edges_are_a_mean_of_points_in_their_pixels(scene: Scene) -> None:
+def test_edges_are_a_mean_of_points_in_their_pixels(scene):
     """Edges of walls in 16 × 12 pixels: nearer to means of a large picture than its pixels are."""
     (behind,) = scene.behind(scene.volume())
     camera = vs.Camera((20.0, 100.0, 45.0), (20.0, 60.0, 40.0), fov_deg=90.0)
@@ -249,9 +243,7 @@ def test_edges_are_a_mean_of_points_in_their_pixels(scene: Scene) -> None:
 
 
 @pytest.mark.not_quick
-def test_what_is_between_the_lamp_and_the_volume_is_lit(
-    scene: Scene, opacity: OpacityCaster
-) -> None:
+def test_what_is_between_the_lamp_and_the_volume_is_lit(scene, opacity):
     """A shadow map at points on the way to the light, and behind the volume."""
     middle = scene.volume().corners_mm.mean(axis=0)
     lamp = vs.Camera(tuple(middle + (0, 0, 200)), tuple(middle), (0, 1, 0), 30.0)
@@ -260,7 +252,7 @@ def test_what_is_between_the_lamp_and_the_volume_is_lit(
 
 
 @pytest.mark.not_quick
-def test_shadows_change_with_what_is_opaque(scene: Scene) -> None:
+def test_shadows_change_with_what_is_opaque(scene):
     caster = Raycaster(scene.volume())
     keys = set()
     for level in (0.2, 0.8):
@@ -269,7 +261,7 @@ def test_shadows_change_with_what_is_opaque(scene: Scene) -> None:
     assert len(keys) == 2
 
 
-def test_its_paths_follow_the_scene_to_another_folder(folder: Path, tmp_path: Path) -> None:
+def test_its_paths_follow_the_scene_to_another_folder(folder, tmp_path):
     path = edited(folder, "patches = 300", 'paint = { walls = "#4060c0", floor = "own.csv" }')
     moved = rebased(scene_file(scene_data(path), path), folder, tmp_path / "scene.toml").room
     assert moved is not None
@@ -297,12 +289,12 @@ HEADLIGHT = '[[group]]\nname = "key"\nsources = [{ kind = "headlight" }]\n[room]
         ('name = "general-7"', 'method = "materials"', "conflict"),
     ],
 )
-def test_a_wrong_room_is_refused(folder: Path, old: str, new: str, code: str) -> None:
+def test_a_wrong_room_is_refused(folder, old, new, code):
     with raises(SceneError, code):
         Scene.load(edited(folder, old, new)).render()
 
 
-def test_walls_may_be_left_out(folder: Path) -> None:
+def test_walls_may_be_left_out(folder):
     without = Scene.load(edited(folder, "scale = 10", "scale = 10\nwalls = false"))
     assert without.behind(without.volume()) == ()
 
@@ -317,7 +309,7 @@ TILT=NONE
 """
 
 
-def test_a_room_is_solved_again_for_another_beam(tmp_path: Path) -> None:
+def test_a_room_is_solved_again_for_another_beam(tmp_path):
     digests = set()
     for file, more in (("a", ""), ("b", ""), ("a", "aim = [-1, 0, 0]\n"), ("a", "turn_deg = 9\n")):
         (tmp_path / "a.ies").write_text(SPOT.format(100))

@@ -168,7 +168,7 @@ def is_written_into(file: SceneFile, shipped: Path, folder: Path) -> None:
 
 @pytest.mark.not_quick
 @pytest.mark.parametrize("count", [15, *slow_each(300)])
-def test_any_scene_reads_back_and_is_written_into_any_file(tmp_path: Path, count: int) -> None:
+def test_any_scene_reads_back_and_is_written_into_any_file(tmp_path, count):
     @settings(max_examples=count, suppress_health_check=[HealthCheck.too_slow])
     @given(scene_files(), st.sampled_from(SHIPPED))
     def check(file: SceneFile, shipped: Path) -> None:
@@ -177,7 +177,7 @@ def test_any_scene_reads_back_and_is_written_into_any_file(tmp_path: Path, count
     check()
 
 
-def test_stated_defaults_make_way_for_what_contradicts_them(tmp_path: Path) -> None:
+def test_stated_defaults_make_way_for_what_contradicts_them(tmp_path):
     """The foot's camera has the default's angles, which a place replaces."""
     shipped = next(path for path in SHIPPED if path.name == "foot.toml")
     placed = CameraSpec(position_mm=(0.0, 0.0, 900.0))
@@ -193,7 +193,7 @@ class Unresolved(Scene):
 
 @pytest.mark.not_quick
 @pytest.mark.parametrize("shipped", SHIPPED, ids=lambda path: path.stem)
-def test_a_scene_that_ships_is_written_as_it_stands(tmp_path: Path, shipped: Path) -> None:
+def test_a_scene_that_ships_is_written_as_it_stands(tmp_path, shipped):
     """Next to it letter by letter; elsewhere its paths lead back, its comments stay."""
     copied = tmp_path / "scenes" / shipped.name
     copied.parent.mkdir()

@@ -36,7 +36,7 @@ def load(folder: Path, text: str) -> Scene:
     return Scene.load(path)
 
 
-def test_paths_are_relative_to_the_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_paths_are_relative_to_the_file(folder, monkeypatch):
     scene = load(folder, GOOD)
     monkeypatch.chdir("/")
     assert scene.volume().shape_xyz == (12, 12, 12)
@@ -44,7 +44,7 @@ def test_paths_are_relative_to_the_file(folder: Path, monkeypatch: pytest.Monkey
 
 
 @pytest.mark.not_quick
-def test_a_scene_always_loads_into_the_same_picture(folder: Path) -> None:
+def test_a_scene_always_loads_into_the_same_picture(folder):
     train = GOOD + '[basis]\ntrain = "scene"\nsize = 7\n'
     first, second = (load(folder, train).render() for _ in range(2))
     assert first.basis.name != "general-7" and first.basis.size == 7
@@ -53,9 +53,7 @@ def test_a_scene_always_loads_into_the_same_picture(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(("given", "warned"), [(2.5, False), (2.5002, False), (2.501, True)])
-def test_a_spacing_against_the_file_s_own_is_warned_about(
-    folder: Path, given: float, warned: bool, recwarn: pytest.WarningsRecorder
-) -> None:
+def test_a_spacing_against_the_file_s_own_is_warned_about(folder, given, warned, recwarn):
     """Up to 1e-4 is what headers round away; a file without spacing has none to differ from."""
     raw = "ball.raw?shape=12x12x12&dtype=float32&spacing=1,1,2.5"
     phantom.ball(12).values.astype("<f4").tofile(folder / "ball.raw")
@@ -68,14 +66,14 @@ def test_a_spacing_against_the_file_s_own_is_warned_about(
         assert "spacing_mm" in line and "2.501" in line and "ball.raw" in line
 
 
-def test_a_volume_is_down_sampled(folder: Path) -> None:
+def test_a_volume_is_down_sampled(folder):
     text = GOOD.replace('"ball.npy"', '"ball.npy"\ndownsample = 3\nspacing_mm = [1, 1, 2]')
     volume = load(folder, text).volume()
     assert volume.shape_xyz == (4, 4, 4) and volume.spacing_mm == (3, 3, 6)
     assert np.array_equal(volume.values, phantom.ball(12).downsampled(3).values)
 
 
-def test_every_setting_of_a_cast_can_be_given(folder: Path) -> None:
+def test_every_setting_of_a_cast_can_be_given(folder):
     """And has RaycastSpec's default; groups have tables of their own, tile_ms is the machine's."""
     table = set(file_keys(RaycastSpec))
     assert table == {field.name for field in fields(RaycastSpec)} - {"groups", "tile_ms"}
@@ -105,7 +103,7 @@ def _toml(value: object) -> str:
 
 
 @pytest.mark.not_quick
-def test_settings_reach_the_picture(folder: Path) -> None:
+def test_settings_reach_the_picture(folder):
     cut = "[raycast]\ncrop_voxels = [[0, 11], [0, 11], [0, 5]]\nhalf = true\n"
     whole, half = load(folder, GOOD).render(), load(folder, GOOD + cut).render()
     assert half.coefficients.dtype == np.float16
@@ -113,19 +111,19 @@ def test_settings_reach_the_picture(folder: Path) -> None:
 
 
 @pytest.mark.not_quick
-def test_a_cast_can_have_another_size_and_settings(folder: Path) -> None:
+def test_a_cast_can_have_another_size_and_settings(folder):
     scene = load(folder, GOOD)
     image = scene.render(size=(10, 8), spec=replace(scene.raycast, half=True))
     assert image.size == (10, 8) and image.coefficients.dtype == np.float16
 
 
 @pytest.mark.not_quick
-def test_a_cast_can_be_cancelled(folder: Path) -> None:
+def test_a_cast_can_be_cancelled(folder):
     with pytest.raises(CastCancelled):
         load(folder, GOOD).render(cancel=lambda: True)
 
 
-def test_given_spacing_keeps_the_orientation() -> None:
+def test_given_spacing_keeps_the_orientation():
     world = np.array([[0, -1, 0, 5], [2, 0, 0, 6], [0, 0, 3, 7], [0, 0, 0, 1]], float)
     volume = Volume(np.zeros((2, 3, 4)), world_from_index=world).with_spacing((1, 1, 1))
     assert np.allclose(volume.world_from_index[:3, :3], [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
@@ -133,8 +131,8 @@ def test_given_spacing_keeps_the_orientation() -> None:
 
 
 def test_files_beside_the_scene_win_over_those_where_the_program_runs(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+    folder, monkeypatch, tmp_path_factory
+):
     elsewhere = tmp_path_factory.mktemp("elsewhere")
     (elsewhere / "lamp.csv").write_text("nm,value\n390,1\n710,1\n")
     monkeypatch.chdir(elsewhere)
@@ -147,7 +145,7 @@ def test_files_beside_the_scene_win_over_those_where_the_program_runs(
 
 
 @pytest.mark.not_quick
-def test_a_trained_basis_holds_under_lights_the_scene_does_not_have(folder: Path) -> None:
+def test_a_trained_basis_holds_under_lights_the_scene_does_not_have(folder):
     scene = load(folder, GOOD + '[basis]\ntrain = "scene"\n')
     lights = [light(name) for name in ("HP2", "LED-B1", "planck:2000", "FL11")]
     table = scene.basis.report(lights, list(scene.materials.values()))
@@ -155,7 +153,7 @@ def test_a_trained_basis_holds_under_lights_the_scene_does_not_have(folder: Path
 
 
 @pytest.mark.not_quick
-def test_viewing_and_lux_reach_the_picture(folder: Path) -> None:
+def test_viewing_and_lux_reach_the_picture(folder):
     text = GOOD.replace('spectrum = "D65"', 'spectrum = "D65"\nilluminance_lux = 50\nweight = 0.5')
     scene = load(folder, text + '[viewing]\nlevel = "absolute"\nilluminance_lux = 100\nY_b = 30\n')
     assert scene.lights[0].rig.total_lux == 25 and scene.relight.level == "absolute"
@@ -163,7 +161,7 @@ def test_viewing_and_lux_reach_the_picture(folder: Path) -> None:
     assert stored_relight_spec(scene.render()).viewing == scene.relight.viewing
 
 
-def test_an_explicit_camera_is_taken(folder: Path) -> None:
+def test_an_explicit_camera_is_taken(folder):
     text = GOOD + "[camera]\nposition_mm = [5, -40, 5]\ntarget_mm = [5, 5, 5]\nfov_deg = 20\n"
     camera = load(folder, text).camera(phantom.ball(12))
     assert camera.position_mm == (5, -40, 5) and camera.fov_deg == 20
@@ -227,12 +225,12 @@ CHANGES = [
 
 @pytest.mark.not_quick
 @pytest.mark.parametrize(("old", "new", "message"), CHANGES)
-def test_mistakes_are_named_in_one_line(folder: Path, old: str, new: str, message: str) -> None:
+def test_mistakes_are_named_in_one_line(folder, old, new, message):
     assert old in GOOD
     with raises(SceneError, *message.split(" ")) as caught:
         load(folder, GOOD.replace(old, new)).render()
     assert "scene.toml: " in str(caught.value)
 
 
-def test_a_byte_order_mark_is_read(folder: Path) -> None:
+def test_a_byte_order_mark_is_read(folder):
     assert load(folder, "\ufeff" + GOOD).materials

@@ -41,31 +41,31 @@ TABLES = dict(tables(SCHEMA))
 
 
 @pytest.mark.not_quick
-def test_it_is_up_to_date() -> None:
+def test_it_is_up_to_date():
     assert SHIPPED.read_text(encoding="utf-8") == scene_schema_text(), reference.__doc__
 
 
 @pytest.mark.parametrize("name", reference.PAGES)
-def test_the_reference_pages_are_up_to_date(name: str) -> None:
+def test_the_reference_pages_are_up_to_date(name):
     written = (reference.FOLDER / f"{name}.md").read_text(encoding="utf-8")
     assert written == reference.page(name), reference.__doc__
 
 
 @pytest.mark.parametrize("name", reference.PAGES)
-def test_the_reference_describes_every_field(name: str) -> None:
+def test_the_reference_describes_every_field(name):
     for cls in reference.PAGES[name][1].values():
         for field in dataclasses.fields(cls):
             assert descriptions(cls)[field.name].endswith("."), f"{cls.__name__}.{field.name}"
 
 
-def test_every_table_and_every_key_is_described() -> None:
+def test_every_table_and_every_key_is_described():
     for name, table in TABLES.items():
         assert table["description"], name
         for key, said in table["properties"].items():
             assert said["description"].endswith("."), f"{name}.{key}"
 
 
-def test_it_knows_the_keys_of_a_scene_and_no_other() -> None:
+def test_it_knows_the_keys_of_a_scene_and_no_other():
     assert set(SCHEMA["properties"]) == set(file_keys(SceneFile))
     # Meshes may be alone, without [volume] and [transfer].
     assert set(SCHEMA["required"]) == {"material", "light"}
@@ -73,7 +73,7 @@ def test_it_knows_the_keys_of_a_scene_and_no_other() -> None:
     assert all(table["additionalProperties"] is False for table in TABLES.values())
 
 
-def test_it_says_nothing_that_the_oldest_drafts_or_toml_have_no_word_for() -> None:
+def test_it_says_nothing_that_the_oldest_drafts_or_toml_have_no_word_for():
     words = re.findall(r'"([^"]*)"', SHIPPED.read_text(encoding="utf-8"))
     assert set(words).isdisjoint({"const", "prefixItems", "discriminator", "null", "$schema"})
     vector = TABLES[".raycast.clip_planes"]["properties"]["normal"]

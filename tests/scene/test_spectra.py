@@ -26,7 +26,7 @@ def load(folder: Path, spectrum: str = '"D65"', paint: str = '"copper"', more: s
 
 
 @pytest.mark.not_quick
-def test_numbers_are_what_a_file_of_them_is(tmp_path: Path) -> None:
+def test_numbers_are_what_a_file_of_them_is(tmp_path):
     (tmp_path / "ramp.csv").write_text("nm,value\n390,0.2\n710,0.8\n")
     named, numbers = load(tmp_path, '"ramp.csv"', '"ramp.csv"'), load(tmp_path, RAMP, RAMP)
     assert np.array_equal(named.materials["ball"].values, numbers.materials["ball"].values)
@@ -36,7 +36,7 @@ def test_numbers_are_what_a_file_of_them_is(tmp_path: Path) -> None:
     assert np.array_equal(named.render().coefficients, numbers.render().coefficients)
 
 
-def test_a_filter_may_be_numbers(tmp_path: Path) -> None:
+def test_a_filter_may_be_numbers(tmp_path):
     scene = load(tmp_path, paint=f'"copper"\nfilter = {RAMP}')
     numbers = SpectrumNumbers(wavelengths_nm=(390, 710), values=(0.2, 0.8))
     assert scene.file.material[0].filter == numbers
@@ -45,7 +45,7 @@ def test_a_filter_may_be_numbers(tmp_path: Path) -> None:
     assert found.values == pytest.approx(ramp.on(found.grid).values)
 
 
-def test_a_spectrum_on_the_scene_s_bands_comes_back_to_the_last_bit(tmp_path: Path) -> None:
+def test_a_spectrum_on_the_scene_s_bands_comes_back_to_the_last_bit(tmp_path):
     scene = load(tmp_path)
     lamp = light("FL2")
     paint = Spectrum(
@@ -68,7 +68,7 @@ def test_a_spectrum_on_the_scene_s_bands_comes_back_to_the_last_bit(tmp_path: Pa
     assert back.designed and again.file == file
 
 
-def test_numbers_have_a_header_of_their_own_and_eight_to_a_line(tmp_path: Path) -> None:
+def test_numbers_have_a_header_of_their_own_and_eight_to_a_line(tmp_path):
     scene = load(tmp_path)
     table = SpectrumNumbers(wavelengths_nm=tuple(range(400, 410)), values=(0.5,) * 10)
     file = replace(scene.file, light=[replace(scene.file.light[0], spectrum=table)])
@@ -90,7 +90,7 @@ values = [
     )
 
 
-def test_a_reflectance_above_one_is_warned_about(tmp_path: Path) -> None:
+def test_a_reflectance_above_one_is_warned_about(tmp_path):
     with pytest.warns(VolspecWarning) as said:
         load(tmp_path, paint=RAMP.replace("0.8", "1.2"))
     assert str(said[0].message).startswith("values: reflectance 1.2 at 710 nm is above 1")
@@ -123,9 +123,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("words", "code", "field"), WRONG)
-def test_numbers_that_are_no_spectrum_are_refused_by_name(
-    tmp_path: Path, words: dict[str, str], code: str | None, field: str
-) -> None:
+def test_numbers_that_are_no_spectrum_are_refused_by_name(tmp_path, words, code, field):
     with raises(SceneError, code, field) as caught:
         load(tmp_path, **words)
     assert "scene.toml: " in str(caught.value)

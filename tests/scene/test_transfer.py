@@ -97,7 +97,7 @@ def load(folder: Path, transfer: str, filter: str = "", more: str = "") -> Scene
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_scene_s_table_is_that_of_its_transfer_function(tmp_path: Path, kind: str) -> None:
+def test_a_scene_s_table_is_that_of_its_transfer_function(tmp_path, kind):
     text, function = KINDS[kind]
     scene = load(tmp_path, text, "gold" if "filter" in kind else "")
     assert type(scene.transfer) is type(function) and scene.basis.name == "general-7"
@@ -113,7 +113,7 @@ def same(one: Any, other: Any) -> bool:
 
 
 @pytest.mark.not_quick
-def test_a_scene_casts_into_the_picture_of_its_transfer_function(tmp_path: Path) -> None:
+def test_a_scene_casts_into_the_picture_of_its_transfer_function(tmp_path):
     text, function = KINDS["points"]
     scene = load(tmp_path, text)
     image, volume = scene.render(), scene.volume()
@@ -123,7 +123,7 @@ def test_a_scene_casts_into_the_picture_of_its_transfer_function(tmp_path: Path)
     assert np.array_equal(image.alpha, twin.alpha)
 
 
-def test_use_sees_the_materials_of_every_kind() -> None:
+def test_use_sees_the_materials_of_every_kind():
     """Computed by hand: opacity times values covered; for labels and surfaces opacity."""
 
     def use(**rows: object) -> dict[str, float]:
@@ -142,7 +142,7 @@ def test_use_sees_the_materials_of_every_kind() -> None:
 
 
 @pytest.mark.usefixtures("fits")
-def test_a_designed_material_or_filter_is_trained_for_in_every_kind(tmp_path: Path) -> None:
+def test_a_designed_material_or_filter_is_trained_for_in_every_kind(tmp_path):
     (tmp_path / "made.csv").write_text("# designed: yes\n380,0.2\n500,0.4\n780,0.3\n")
     for text in (POINTS, REGIONS, LABELS, SURFACES):
         plain = load(tmp_path, text, more='\n[viewing]\nmode = "componentwise"\n')
@@ -153,7 +153,7 @@ def test_a_designed_material_or_filter_is_trained_for_in_every_kind(tmp_path: Pa
     assert load(tmp_path, POINTS, "made.csv").basis_reason.startswith("made ")
 
 
-def test_labels_are_down_sampled_by_their_most_frequent(tmp_path: Path) -> None:
+def test_labels_are_down_sampled_by_their_most_frequent(tmp_path):
     scene = load(tmp_path, LABELS)
     path = tmp_path / "scene.toml"
     path.write_text(path.read_text().replace("[volume]", "[volume]\ndownsample = 2"))
@@ -207,7 +207,7 @@ WRONG: list[tuple[str, ...]] = [
 
 @pytest.mark.not_quick
 @pytest.mark.parametrize("wrong", WRONG, ids=lambda wrong: wrong[1])
-def test_mistakes_are_named_in_one_line(tmp_path: Path, wrong: tuple[str, ...]) -> None:
+def test_mistakes_are_named_in_one_line(tmp_path, wrong):
     text, message, *more = wrong
     with raises(SceneError, *message.split(" ")) as caught:
         load(tmp_path, text, *more).render()

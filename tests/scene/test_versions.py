@@ -28,7 +28,7 @@ def load(path: Path, text: str) -> Scene:
     return Scene.load(path)
 
 
-def test_a_file_without_a_version_is_of_the_first(path: Path) -> None:
+def test_a_file_without_a_version_is_of_the_first(path):
     """Files of the first release have no version; written again they say what they had."""
     scene = Scene.load(path)
     assert scene.file.version == 2
@@ -49,7 +49,7 @@ def test_a_file_without_a_version_is_of_the_first(path: Path) -> None:
     assert load(path, f"version = 1\n{TEXT}").file == scene.file
 
 
-def test_the_second_version_has_81_bands_and_fitted_colours(path: Path) -> None:
+def test_the_second_version_has_81_bands_and_fitted_colours(path):
     scene = load(path, f"version = 2\n{TEXT}")
     assert (scene.basis.name, scene.basis.grid) == ("general-7", DEFAULT_GRID)
     assert scene.relight.mode == "fitted"
@@ -67,8 +67,8 @@ def test_the_second_version_has_81_bands_and_fitted_colours(path: Path) -> None:
     ],
 )
 def test_the_first_version_s_defaults_are_kept_next_to_what_a_file_says(
-    path: Path, table: str, name: str, grid: SpectralGrid, mode: str
-) -> None:
+    path, table, name, grid, mode
+):
     scene = load(path, f"{TEXT}[basis]\n{table}\n")
     assert (scene.basis.name, scene.basis.grid, scene.relight.mode) == (name, grid, mode)
     saved = Scene.load(scene.save())
@@ -77,7 +77,7 @@ def test_the_first_version_s_defaults_are_kept_next_to_what_a_file_says(
 
 
 @pytest.mark.parametrize("version", [1, 2])
-def test_bands_of_a_palette_are_those_of_its_values(path: Path, version: int) -> None:
+def test_bands_of_a_palette_are_those_of_its_values(path, version):
     """Designs without ``grid_nm`` are of the first release if they have 31 values."""
     for bands, grid in ((31, PAPERS_GRID), (81, DEFAULT_GRID)):
         palette = path.with_name("design.toml")
@@ -89,15 +89,13 @@ def test_bands_of_a_palette_are_those_of_its_values(path: Path, version: int) ->
 @pytest.mark.parametrize(
     ("version", "code"), [("3", "unsupported"), ("0", "range"), ('"1"', "range"), ("true", "range")]
 )
-def test_another_version_is_refused_in_one_line(path: Path, version: str, code: str) -> None:
+def test_another_version_is_refused_in_one_line(path, version, code):
     with raises(SceneError, code, "version") as caught:
         load(path, f"version = {version}\nlater = true\n{TEXT}")
     assert str(path) in str(caught.value)
 
 
-def test_a_migration_is_applied_before_the_file_is_checked(
-    path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_migration_is_applied_before_the_file_is_checked(path, monkeypatch):
     """Suppose that the next version called a light's spectrum its power: old files load, and are
     written in the new form with their comments."""
 

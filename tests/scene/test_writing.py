@@ -87,13 +87,13 @@ def written(scene: Scene, **update: object) -> Path:
     return write_scene(replace(scene.file, **update), scene.folder / "new.toml", scene)
 
 
-def test_saving_where_it_was_read_changes_nothing(scene: Scene) -> None:
+def test_saving_where_it_was_read_changes_nothing(scene):
     before = scene.path.read_bytes()
     assert scene.save() == scene.path
     assert scene.path.read_bytes() == before
 
 
-def test_one_changed_value_is_one_changed_line(scene: Scene) -> None:
+def test_one_changed_value_is_one_changed_line(scene):
     path = written(scene, camera=replace(scene.file.camera, zoom=2.5))
     old, new = lines(scene.path), lines(path)
     assert [pair for pair in zip(old, new, strict=True) if pair[0] != pair[1]] == [
@@ -101,7 +101,7 @@ def test_one_changed_value_is_one_changed_line(scene: Scene) -> None:
     ]
 
 
-def test_a_table_whose_keys_said_their_defaults_stays_where_it_is(scene: Scene) -> None:
+def test_a_table_whose_keys_said_their_defaults_stays_where_it_is(scene):
     text = scene.path.read_text().replace("[volume]", "# Few.\n[basis]\nsize = 7\n\n[volume]")
     scene.path.write_text(text)
     again = Scene.load(scene.path)
@@ -109,7 +109,7 @@ def test_a_table_whose_keys_said_their_defaults_stays_where_it_is(scene: Scene) 
     assert path.read_text() == text.replace("size = 7", 'method = "materials"')
 
 
-def test_defaults_are_left_out_unless_the_file_says_them(scene: Scene) -> None:
+def test_defaults_are_left_out_unless_the_file_says_them(scene):
     table = CameraSpec(azimuth_deg=30.0, elevation_deg=20.0, zoom=1.0, fov_deg=10.0)
     there = lines(written(scene, camera=table))
     assert "azimuth_deg = 30  # the default, but said" in there
@@ -117,7 +117,7 @@ def test_defaults_are_left_out_unless_the_file_says_them(scene: Scene) -> None:
     assert not any(line.startswith("elevation_deg") for line in there)
 
 
-def test_keys_that_exclude_each_other_take_turns(scene: Scene) -> None:
+def test_keys_that_exclude_each_other_take_turns(scene):
     placed = CameraSpec(position_mm=(0, -40, 5))
     path = written(scene, camera=placed)
     assert read(path).camera == placed
@@ -128,7 +128,7 @@ def test_keys_that_exclude_each_other_take_turns(scene: Scene) -> None:
     assert comments(back.read_text()) == comments(TEXT)
 
 
-def test_comments_go_with_the_rows_below_them(scene: Scene) -> None:
+def test_comments_go_with_the_rows_below_them(scene):
     """Rows swapped, one renamed, one added: each keeps the comment above it."""
     shell, core = scene.file.material
     hull = MaterialSpec(name="hull", reflectance="white")
@@ -139,20 +139,20 @@ def test_comments_go_with_the_rows_below_them(scene: Scene) -> None:
     assert '\n\n[[material]]\nname = "hull"\n' in text
 
 
-def test_a_row_that_goes_takes_its_comment_and_no_other(scene: Scene) -> None:
+def test_a_row_that_goes_takes_its_comment_and_no_other(scene):
     path = written(scene, light=scene.file.light[1:])
     assert comments(path.read_text()) == [c for c in comments(TEXT) if c != "# By day."]
     assert [row.name for row in read(path).light] == ["night"]
 
 
-def test_a_renamed_row_keeps_its_lines(scene: Scene) -> None:
+def test_a_renamed_row_keeps_its_lines(scene):
     day, night = scene.file.light
     path = written(scene, light=[replace(day, name="noon"), night])
     assert path.read_text() == TEXT.replace('name = "day"', 'name = "noon"')
 
 
 @pytest.mark.parametrize("count", [2, 3, 4])
-def test_points_are_added_and_taken_away_line_by_line(scene: Scene, count: int) -> None:
+def test_points_are_added_and_taken_away_line_by_line(scene, count):
     low, middle, high = scene.file.transfer.points or ()
     added = PointSpec(value=0.75, opacity=0.45, material="core")
     points = {2: [low, high], 3: [low, added, high], 4: [low, middle, added, high]}[count]
@@ -165,7 +165,7 @@ def test_points_are_added_and_taken_away_line_by_line(scene: Scene, count: int) 
     assert ('    { value = 0.75, opacity = 0.45, material = "core" },' in there) == (count > 2)
 
 
-def test_new_tables_stand_apart_and_the_last_comment_stays_last(scene: Scene) -> None:
+def test_new_tables_stand_apart_and_the_last_comment_stays_last(scene):
     eye = scene.file.viewing.viewing
     display = replace(eye.display, white_cd_m2=120.0, L_A=None)
     viewing = replace(scene.file.viewing, viewing=replace(eye, exposure=2.0, display=display))
@@ -174,7 +174,7 @@ def test_new_tables_stand_apart_and_the_last_comment_stays_last(scene: Scene) ->
     assert path.read_text() == TEXT + end
 
 
-def test_a_new_title_stands_on_top_below_what_begins_the_file(folder: Path) -> None:
+def test_a_new_title_stands_on_top_below_what_begins_the_file(folder):
     source = folder / "scene.toml"
     source.write_text(TEXT.replace('title = "Ball"  # a caption\n', ""))
     path = written(Scene.load(source), title="New")
@@ -192,7 +192,7 @@ def test_a_new_title_stands_on_top_below_what_begins_the_file(folder: Path) -> N
     ],
     ids=["dotted", "inline", "in pieces", "rows in pieces", "of another system"],
 )
-def test_any_layout_says_what_it_is_told(folder: Path, layout: str) -> None:
+def test_any_layout_says_what_it_is_told(folder, layout):
     source = folder / "scene.toml"
     source.write_bytes(layout.encode())
     scene = Scene.load(source)
@@ -208,7 +208,7 @@ def test_any_layout_says_what_it_is_told(folder: Path, layout: str) -> None:
         assert path.read_bytes().count(b"\r\n") == path.read_bytes().count(b"\n")
 
 
-def test_every_name_of_a_file_leads_back_from_another_folder(folder: Path) -> None:
+def test_every_name_of_a_file_leads_back_from_another_folder(folder):
     (folder / "paint.toml").write_text(
         '[[light]]\nname = "x+y"\nspectrum = "D65"\n[[reflectance]]\nname = "red"\n'
         'spectrum = "copper"\n[[cell]]\nat = ["red", "x+y"]\nblack = true\n'
@@ -234,7 +234,7 @@ def test_every_name_of_a_file_leads_back_from_another_folder(folder: Path) -> No
     assert np.array_equal(here.filters, there.filters)
 
 
-def test_a_link_to_a_folder_is_no_detour(folder: Path) -> None:
+def test_a_link_to_a_folder_is_no_detour(folder):
     """`..` of a folder behind a link is the parent of the folder itself."""
     inner = folder / "inner"
     inner.mkdir()
@@ -247,7 +247,7 @@ def test_a_link_to_a_folder_is_no_detour(folder: Path) -> None:
     assert Scene.load(scene.save(folder.parent / "new.toml")).volume().shape_xyz == (12, 12, 12)
 
 
-def test_what_is_no_file_yet_is_written_as_numbers(scene: Scene) -> None:
+def test_what_is_no_file_yet_is_written_as_numbers(scene):
     grid = scene.basis.grid
     paint = Spectrum(grid.wavelengths_nm, np.linspace(0.1, 0.7, grid.size), "paint")
     shell, core = scene.file.material
@@ -257,13 +257,13 @@ def test_what_is_no_file_yet_is_written_as_numbers(scene: Scene) -> None:
     assert np.array_equal(again.materials["shell"].values, paint.values)
 
 
-def test_a_scene_whose_file_is_gone_is_written_anew(scene: Scene) -> None:
+def test_a_scene_whose_file_is_gone_is_written_anew(scene):
     scene.path.unlink()
     path = scene.save()
     assert read(path) == scene.file and not comments(path.read_text())
 
 
-def test_what_is_no_scene_is_not_written(scene: Scene) -> None:
+def test_what_is_no_scene_is_not_written(scene):
     before = scene.path.read_bytes()
     both = replace(scene.file.camera, zoom=2.0, position_mm=(0.0, 9.0, 0.0))
     with raises(SceneError) as caught:

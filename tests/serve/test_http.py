@@ -7,22 +7,19 @@ import socket
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from tests.serve.conftest import Client, serving
 from tests.support.commands import call
 from tests.support.errors import raises
-from tests.support.fixtures import Capture, Patch
 from tests.support.patience import PATIENCE_S
 from volspec.errors import DeviceError
 from volspec.export.page import page_policy
 from volspec.export.serve import scene_server
-from volspec.scene import Scene
 
 
-def test_the_token_buys_a_cookie_for_the_clean_address(server: Any) -> None:
+def test_the_token_buys_a_cookie_for_the_clean_address(server):
     client = Client(server)
     answer = client.enter()
     assert (answer.status, answer.headers["Location"], answer.body) == (303, "./", b"")
@@ -45,7 +42,7 @@ def test_the_token_buys_a_cookie_for_the_clean_address(server: Any) -> None:
         *(("/", f"volspec-{{port}}={value}") for value in ("wrong", "", '"\\377ü')),
     ],
 )
-def test_nothing_is_answered_without_the_secret(server: Any, path: str, cookie: str) -> None:
+def test_nothing_is_answered_without_the_secret(server, path, cookie):
     client = Client(server, cookie.format(port=server.port))
     answer = client.get(path.format(token=client.token))
     assert answer.status == 403 and answer.line and "Set-Cookie" not in answer.headers
@@ -54,7 +51,7 @@ def test_nothing_is_answered_without_the_secret(server: Any, path: str, cookie: 
 @pytest.mark.parametrize(
     "host", ["evil.example", "evil.example:{port}", "127.0.0.1.evil.example", "", "[::1", "a@b:1"]
 )
-def test_other_names_are_refused_even_with_the_secret(client: Client, host: str) -> None:
+def test_other_names_are_refused_even_with_the_secret(client, host):
     host = host.format(port=client.server.port)
     for path in ("/", f"/?{client.token}", "/view"):
         assert client.get(path, Host=host).status in (400, 403)
@@ -63,11 +60,11 @@ def test_other_names_are_refused_even_with_the_secret(client: Client, host: str)
 @pytest.mark.parametrize(
     "host", ["localhost:{port}", "127.0.0.1:{port}", "[::1]:9000", "LOCALHOST"]
 )
-def test_own_names_are_answered_also_at_the_near_end_of_a_tunnel(client: Client, host: str) -> None:
+def test_own_names_are_answered_also_at_the_near_end_of_a_tunnel(client, host):
     assert client.get("/", Host=host.format(port=client.server.port)).status == 200
 
 
-def test_all_addresses_take_any_name_but_still_the_token(ball_scene: Scene) -> None:
+def test_all_addresses_take_any_name_but_still_the_token(ball_scene):
     with serving(ball_scene, host="0.0.0.0") as server:
         client = Client(server)
         assert not server.is_private and socket.gethostname() in server.address
@@ -83,7 +80,7 @@ def test_all_addresses_take_any_name_but_still_the_token(ball_scene: Scene) -> N
         *({"Sec_Fetch_Site": site} for site in ("cross-site", "same-site")),
     ],
 )
-def test_other_sites_get_no_views(client: Client, headers: dict[str, str]) -> None:
+def test_other_sites_get_no_views(client, headers):
     words = "/view?azimuth=0&elevation=0&distance=1&coarse=1&transfer=0&client=1"
     assert client.get(words, **headers).status == 403
     own = f"http://127.0.0.1:{client.server.port}"
@@ -98,7 +95,7 @@ def test_other_sites_get_no_views(client: Client, headers: dict[str, str]) -> No
         *("/view/", "/view%00", "/favicon.ico", "/index.html", "/page.html?azimuth=1", "*"),
     ],
 )
-def test_there_are_no_other_paths(client: Client, path: str) -> None:
+def test_there_are_no_other_paths(client, path):
     answer = client.get(path.format(token=client.token), Host="localhost")
     assert (answer.status, answer.body.count(b"\n")) == (404, 1)
     assert "Location" not in answer.headers
@@ -106,18 +103,18 @@ def test_there_are_no_other_paths(client: Client, path: str) -> None:
 
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "PATCH", "TRACE"])
 @pytest.mark.parametrize("path", ["/", "/view", "/other"])
-def test_only_reading_is_allowed(client: Client, method: str, path: str) -> None:
+def test_only_reading_is_allowed(client, method, path):
     answer = client.get(path, method)
     assert (answer.status, answer.headers["Allow"]) == (405, "GET, HEAD")
 
 
-def test_heads_have_no_body_and_cast_nothing(client: Client) -> None:
+def test_heads_have_no_body_and_cast_nothing(client):
     page = client.get("/", "HEAD")
     assert (page.status, page.body) == (200, b"") and int(page.headers["Content-Length"]) > 1000
     assert client.get("/view?azimuth=1", "HEAD").status == 405
 
 
-def test_every_answer_forbids_what_it_does_not_need(client: Client) -> None:
+def test_every_answer_forbids_what_it_does_not_need(client):
     page, policy = client.get("/"), page_policy(served=True)
     assert page.headers["Content-Security-Policy"] == f"{policy}; frame-ancestors 'none'"
     assert "connect-src 'self'" in policy and "connect-src" not in page_policy()
@@ -149,12 +146,12 @@ def test_every_answer_forbids_what_it_does_not_need(client: Client) -> None:
         ({"azimuth": "1&azimuth=2"}, "azimuth is '1, 2'"),
     ],
 )
-def test_wrong_parameters_are_named(client: Client, words: dict[str, object], named: str) -> None:
+def test_wrong_parameters_are_named(client, words, named):
     answer = client.view(**words)
     assert answer.status == 400 and named in answer.line and len(answer.body) < 300
 
 
-def test_the_extra_is_named_if_it_is_missing(monkeypatch: Patch) -> None:
+def test_the_extra_is_named_if_it_is_missing(monkeypatch):
     monkeypatch.delitem(sys.modules, "volspec.export.serve.http")
     monkeypatch.setitem(sys.modules, "tornado.httpserver", None)
     with raises(DeviceError, "unsupported") as refused:
@@ -162,9 +159,7 @@ def test_the_extra_is_named_if_it_is_missing(monkeypatch: Patch) -> None:
     assert 'pip install "volspec[serve]"' in str(refused.value)
 
 
-def test_the_command_prints_its_address_and_ends_by_an_interrupt(
-    ball_scene: Scene, server: Any, capsys: Capture
-) -> None:
+def test_the_command_prints_its_address_and_ends_by_an_interrupt(ball_scene, server, capsys):
     words = ["serve", str(ball_scene.path), "--size", "40x30"]
     assert call(*words, "--port", server.port) == 1
     assert f"--port is {server.port}" in capsys.readouterr().err

@@ -7,15 +7,13 @@ import socket
 import struct
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from threading import Event
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from tests.serve.conftest import Client, entered
-from tests.support.fixtures import Patch
+from tests.serve.conftest import entered
 from tests.support.patience import PATIENCE_S, wait_until
 from tests.support.pyramids import stored
 from volspec.errors import CastCancelled, OpenCLError, RaycastError
@@ -29,7 +27,7 @@ from volspec.scene.specs import CameraSpec
 from volspec.volume import phantom
 
 
-def test_a_view_is_what_the_pipeline_casts(client: Client, ball_scene: Scene) -> None:
+def test_a_view_is_what_the_pipeline_casts(client, ball_scene):
     camera = Orbit(75.0, -30.0, ball_scene.file.camera.zoom / 0.5)
     volume = ball_scene.volume()
     given = ball_scene.transfer, camera.camera(volume), (42, 30), ball_scene.raycast
@@ -41,14 +39,14 @@ def test_a_view_is_what_the_pipeline_casts(client: Client, ball_scene: Scene) ->
     assert numbers["notice"] == ""
 
 
-def test_a_coarse_view_is_smaller_and_has_the_marks_of_the_whole(client: Client) -> None:
+def test_a_coarse_view_is_smaller_and_has_the_marks_of_the_whole(client):
     whole, _ = client.view().view()
     coarse, _ = client.view(coarse=1).view()
     assert coarse["width"] <= whole["width"] and coarse["marks"] == whole["marks"]
     assert [inside for name, _, inside in whole["marks"] if name == "text"] == ["here & there"]
 
 
-def test_the_page_opens_with_the_scenes_own_camera(client: Client) -> None:
+def test_the_page_opens_with_the_scenes_own_camera(client):
     text = client.get("/").body.decode()
     assert '"served":{"azimuth_deg":20.0,"elevation_deg":10.0' in text
     assert '"width":42,"height":30,"count":6' in text
@@ -64,7 +62,7 @@ def test_the_page_opens_with_the_scenes_own_camera(client: Client) -> None:
         CameraSpec(position_mm=(30.0, -20.0, 25.0), up=(0.0, 1.0, 0.0)),
     ],
 )
-def test_the_orbit_of_a_scene_is_its_camera(ball_scene: Scene, table: CameraSpec) -> None:
+def test_the_orbit_of_a_scene_is_its_camera(ball_scene, table):
     scene, volume = ball_scene.with_camera(table), ball_scene.volume()
     orbit = scene_orbit(scene, volume)
     assert abs(orbit.elevation_deg) <= 90 and abs(orbit.azimuth_deg) <= 180
@@ -87,7 +85,7 @@ def waiting(started: Event) -> Callable[..., bytes]:
     return message
 
 
-def test_of_a_clients_requests_the_newest_counts() -> None:
+def test_of_a_clients_requests_the_newest_counts():
     started = Event()
     queue = CastQueue(waiting(started))
     first, running = queue.submit(ViewRequest(0, 0, coarse=True, client=1))
@@ -104,7 +102,7 @@ def test_of_a_clients_requests_the_newest_counts() -> None:
     queue.close()
 
 
-def test_a_replaced_request_is_answered_as_such_and_others_go_on(ball_scene: Scene) -> None:
+def test_a_replaced_request_is_answered_as_such_and_others_go_on(ball_scene):
     started = Event()
     with entered(ball_scene, waiting(started)) as client, ThreadPoolExecutor(1) as pool:
         earlier = pool.submit(client.view, coarse=1, client=7)
@@ -114,7 +112,7 @@ def test_a_replaced_request_is_answered_as_such_and_others_go_on(ball_scene: Sce
         assert earlier.result(PATIENCE_S).status == 409 and earlier.result().line
 
 
-def test_a_browser_that_leaves_ends_its_cast(ball_scene: Scene) -> None:
+def test_a_browser_that_leaves_ends_its_cast(ball_scene):
     started, ended = Event(), Event()
 
     def message(request: ViewRequest, cancel: Callable[[], bool]) -> bytes:
@@ -132,7 +130,7 @@ def test_a_browser_that_leaves_ends_its_cast(ball_scene: Scene) -> None:
         assert ended.wait(PATIENCE_S)
 
 
-def test_stopping_ends_a_cast_in_progress(ball_scene: Scene) -> None:
+def test_stopping_ends_a_cast_in_progress(ball_scene):
     started = Event()
     with entered(ball_scene, waiting(started)) as client, ThreadPoolExecutor(1) as pool:
         unanswered = pool.submit(client.view, coarse=1)
@@ -151,9 +149,7 @@ def test_stopping_ends_a_cast_in_progress(ball_scene: Scene) -> None:
     ],
 )
 @pytest.mark.filterwarnings("ignore")
-def test_a_failed_cast_is_one_line_and_the_next_succeeds(
-    ball_scene: Scene, error: Exception, status: int
-) -> None:
+def test_a_failed_cast_is_one_line_and_the_next_succeeds(ball_scene, error, status):
     def message(request: ViewRequest, cancel: Callable[[], bool]) -> bytes:
         if request.coarse:
             raise error
@@ -165,7 +161,7 @@ def test_a_failed_cast_is_one_line_and_the_next_succeeds(
         assert client.view().body == b"whole"
 
 
-def test_coarse_views_are_coarser_on_a_slow_network(ball_scene: Scene, monkeypatch: Patch) -> None:
+def test_coarse_views_are_coarser_on_a_slow_network(ball_scene, monkeypatch):
     """Casts take no time here: their clock does not move."""
     monkeypatch.setattr(served_views, "time", SimpleNamespace(perf_counter=lambda: 0.0))
     views = SceneViews(ball_scene, size=(64, 48))
@@ -182,7 +178,7 @@ def divisor_of(views: SceneViews, transfer_ms: int = 0) -> int:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::volspec.errors.VolspecWarning")
-def test_missing_parts_of_a_store_are_told_to_the_page(tmp_path: Path) -> None:
+def test_missing_parts_of_a_store_are_told_to_the_page(tmp_path):
     pytest.importorskip("zarr")
     volume = stored(phantom.ball(150), tmp_path, "8MB")
     for chunk in (tmp_path / "v.zarr/0/c/1/1").iterdir():

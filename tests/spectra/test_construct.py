@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -55,7 +53,7 @@ def errors(made: np.ndarray, true: np.ndarray, lamp: Spectrum) -> np.ndarray:
 @pytest.mark.parametrize(
     ("method", "under_A"), [("delaunay", 0.6), ("tetrahedron", 1.0), ("smoothest", 1.5)]
 )
-def test_colour_checker_is_exact_and_nearly_true_under_A(method: str, under_A: float) -> None:
+def test_colour_checker_is_exact_and_nearly_true_under_A(method, under_A):
     """24 patches, none in the base: measured .497, .860 and 1.357 under A; .011 under D65 is
     Jakob's, these are exact to 1e-12."""
     made = reflectances_from_colours(XYZ_from_spectra(D65, TRUE), method).values
@@ -64,7 +62,7 @@ def test_colour_checker_is_exact_and_nearly_true_under_A(method: str, under_A: f
     assert errors(made, TRUE, A).mean() < under_A
 
 
-def test_all_of_sRGB_is_within_0_and_1_and_exact() -> None:
+def test_all_of_sRGB_is_within_0_and_1_and_exact():
     """The cube's corners are far outside of the base spectra."""
     levels = np.linspace(0, 1, 6)
     XYZ = XYZ_from_sRGB(np.stack(np.meshgrid(levels, levels, levels), axis=-1), WHITE)
@@ -76,7 +74,7 @@ def test_all_of_sRGB_is_within_0_and_1_and_exact() -> None:
     assert set(made.counts()) == {"delaunay", "extended"}
 
 
-def test_the_colour_checker_is_in_no_base() -> None:
+def test_the_colour_checker_is_in_no_base():
     base = base_spectra()
     assert not [name for name in base.names if "ColorChecker" in name or "ISO 17321" in name]
     assert len(base) == 2 + 5 * 533 + 120
@@ -85,7 +83,7 @@ def test_the_colour_checker_is_in_no_base() -> None:
     assert apart.min() > 0.004  # the Academy's copies of the chart are not in the library
 
 
-def test_a_ramp_of_grey_has_no_contours_under_another_light() -> None:
+def test_a_ramp_of_grey_has_no_contours_under_another_light():
     encoded = np.arange(256) / 255.0
     linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
     ramp = reflectances_from_colours(linear[:, None] * WHITE).values
@@ -96,7 +94,7 @@ def test_a_ramp_of_grey_has_no_contours_under_another_light() -> None:
     assert np.hypot(*Lab[40:, 1:].T).max() < 1.3
 
 
-def test_a_mixture_is_its_base_spectra_by_their_shares() -> None:
+def test_a_mixture_is_its_base_spectra_by_their_shares():
     made = reflectances_from_colours([28, 26, 20])
     mix = made.mix()
     assert len(mix) == 4 and sum(mix.values()) == pytest.approx(1)
@@ -106,7 +104,7 @@ def test_a_mixture_is_its_base_spectra_by_their_shares() -> None:
     assert list(mix.values()) == sorted(mix.values(), reverse=True)
 
 
-def test_the_five_tetrahedra_of_the_paper_fill_a_cube() -> None:
+def test_the_five_tetrahedra_of_the_paper_fill_a_cube():
     inside = np.random.default_rng(0).uniform(-1, 1, (500, 3))
     vertices, shares = search_octants(CUBE, inside)
     assert (vertices >= 0).all()
@@ -116,7 +114,7 @@ def test_the_five_tetrahedra_of_the_paper_fill_a_cube() -> None:
     np.testing.assert_allclose(mixed, inside, atol=1e-12)
 
 
-def test_an_empty_octant_leaves_the_search_open_and_delaunay_finds() -> None:
+def test_an_empty_octant_leaves_the_search_open_and_delaunay_finds():
     without_B = np.delete(CUBE, 1, axis=0)  # the tetrahedron ABCF lacks a corner
     near_B, near_D = np.array([[0.5, -0.5, -0.4]]), np.array([[-0.5, 0.5, -0.4]])
     assert (search_octants(without_B, near_B)[0] == -1).all()
@@ -124,7 +122,7 @@ def test_an_empty_octant_leaves_the_search_open_and_delaunay_finds() -> None:
     assert (locate_tetrahedra(Mesh.of(CUBE), near_B)[0] >= 0).all()
 
 
-def test_what_the_search_misses_goes_to_delaunay_and_is_counted() -> None:
+def test_what_the_search_misses_goes_to_delaunay_and_is_counted():
     XYZ = XYZ_from_sRGB(np.random.default_rng(2).uniform(0.1, 0.9, (200, 3)), WHITE)
     paper, delaunay = reflectances_from_colours(XYZ, "tetrahedron"), reflectances_from_colours(XYZ)
     assert set(paper.counts()) == {"tetrahedron", "delaunay", "extended"}
@@ -135,7 +133,7 @@ def test_what_the_search_misses_goes_to_delaunay_and_is_counted() -> None:
     np.testing.assert_array_equal(paper.values[missed], delaunay.values[missed])
 
 
-def test_colours_across_the_edge_of_the_base_have_neighbouring_spectra() -> None:
+def test_colours_across_the_edge_of_the_base_have_neighbouring_spectra():
     """Plainly smoothest ones would be 1.5 apart under A, measured; these by the step's size."""
     colours = XYZ_from_sRGB(np.random.default_rng(5).uniform(0, 1, (60, 3)), WHITE)
     beyond = colours[reflectances_from_colours(colours).route == ROUTES.index("extended")]
@@ -148,25 +146,25 @@ def test_colours_across_the_edge_of_the_base_have_neighbouring_spectra() -> None
     assert apart.mean() < 0.1 and apart.max() < 0.5
 
 
-def test_a_base_without_greys_leaves_the_smoothest() -> None:
+def test_a_base_without_greys_leaves_the_smoothest():
     reds = BaseSpectra(tuple("abcd"), np.array([TRUE[14] ** p for p in (1, 2, 3)] + [TRUE[15]]))
     assert reflectances_from_colours([20, 25, 60], base=reds).counts() == {"smoothest": 1}
 
 
-def test_smoothest_of_a_grey_is_flat() -> None:
+def test_smoothest_of_a_grey_is_flat():
     values, reached = smoothest_reflectances(np.array([0.3 * WHITE]), Q)
     np.testing.assert_allclose(values[0], 0.3, atol=1e-5)
     assert reached.all()
 
 
-def test_beyond_white_the_nearest_is_white() -> None:
+def test_beyond_white_the_nearest_is_white():
     with pytest.warns(VolspecWarning):
         made = reflectance_from_colour(1.3 * WHITE)
     np.testing.assert_allclose(made.values, 1, atol=1e-6)
     assert made.notes["constructed"] == "nearest"
 
 
-def test_a_yellow_too_bright_gets_the_nearest_colour_there_is() -> None:
+def test_a_yellow_too_bright_gets_the_nearest_colour_there_is():
     wanted = np.array([85.0, 95.0, 10.0])
     made = reflectances_from_colours(wanted)
     assert made.counts() == {"nearest": 1}
@@ -180,14 +178,14 @@ def test_a_yellow_too_bright_gets_the_nearest_colour_there_is() -> None:
     assert (((Q @ values - wanted) / WHITE) ** 2).sum() > 1e-3
 
 
-def test_a_colour_is_meant_under_its_light_and_observer() -> None:
+def test_a_colour_is_meant_under_its_light_and_observer():
     for lamp, observer in ((A, 2), (light("FL11"), 10), (light("planck:2000"), 2)):
         XYZ = 0.6 * XYZ_from_spectra(lamp, TRUE, observer) + 0.1 * white_XYZ(lamp, observer)
         made = reflectances_from_colours(XYZ, light=lamp, observer_deg=observer)
         np.testing.assert_allclose(XYZ_from_spectra(lamp, made.values, observer), XYZ, atol=1e-6)
 
 
-def test_light_of_one_wavelength_still_has_reflectances() -> None:
+def test_light_of_one_wavelength_still_has_reflectances():
     """All colours lie on a line: there is no tetrahedron, but a smoothest reflectance."""
     sodium = DEFAULT_GRID.wavelengths_nm.tolist().index(590)
     lamp = Spectrum(DEFAULT_GRID.wavelengths_nm, np.eye(BANDS)[sodium], "sodium")
@@ -196,14 +194,14 @@ def test_light_of_one_wavelength_still_has_reflectances() -> None:
     assert made.values[sodium] == pytest.approx(0.4, abs=1e-6)
 
 
-def test_another_grid_holds_its_own_reflectances() -> None:
+def test_another_grid_holds_its_own_reflectances():
     made, lamp = reflectance_from_colour("teal", grid=FINE), light("D65", FINE)
     assert made.grid == FINE
     wanted = colour_XYZ("teal", white_XYZ(lamp))
     np.testing.assert_allclose(XYZ_from_spectra(lamp, made), wanted, atol=1e-6)
 
 
-def test_one_by_one_is_all_at_once_and_twice_the_same() -> None:
+def test_one_by_one_is_all_at_once_and_twice_the_same():
     XYZ = XYZ_from_spectra(D65, TRUE[:6]).reshape(2, 3, 3)
     once, again = reflectances_from_colours(XYZ), reflectances_from_colours(XYZ)
     np.testing.assert_array_equal(once.values, again.values)
@@ -212,14 +210,14 @@ def test_one_by_one_is_all_at_once_and_twice_the_same() -> None:
     assert reflectances_from_colours(np.empty((0, 3))).values.shape == (0, BANDS)
 
 
-def test_solving_tells_how_far_it_is() -> None:
+def test_solving_tells_how_far_it_is():
     fractions: list[float] = []
     XYZ = XYZ_from_sRGB(np.linspace([1, 0, 0], [1, 0.1, 0], 70), WHITE)
     reflectances_from_colours(XYZ, "smoothest", progress=fractions.append)
     assert fractions == sorted(fractions) and fractions[-1] == 1
 
 
-def test_bouguer_keeps_the_hue_and_eq_6_as_printed_has_the_complementary() -> None:
+def test_bouguer_keeps_the_hue_and_eq_6_as_printed_has_the_complementary():
     red = reflectance("ColorChecker/red").values
 
     def hue(S):
@@ -231,7 +229,7 @@ def test_bouguer_keeps_the_hue_and_eq_6_as_printed_has_the_complementary() -> No
     np.testing.assert_allclose(bouguer(bouguer(red, 2), 0.5), red, atol=1e-12)
 
 
-def test_a_base_may_be_ones_own() -> None:
+def test_a_base_may_be_ones_own():
     base = base_spectra(powers=(2,), complementary=(1,))
     assert len(base) == 2 + 3 * 533 + 120 and base.names[-121].startswith("10^(-1 Vrhel/")
     names = ("black", "white", "red", "blue")
@@ -242,7 +240,7 @@ def test_a_base_may_be_ones_own() -> None:
 
 
 @pytest.mark.parametrize("method", ["otsu-2018", "Mallett 2019", "smits-1999", "Jakob 2019"])
-def test_other_methods_go_by_name(method: str) -> None:
+def test_other_methods_go_by_name(method):
     made = reflectances_from_colours(XYZ_from_spectra(D65, TRUE[[1, 21]]), method)
     assert made.counts() == {"recovered": 2}
     assert made.values.min() >= 0 and made.values.max() <= 1
@@ -250,14 +248,14 @@ def test_other_methods_go_by_name(method: str) -> None:
 
 
 @pytest.mark.not_quick
-def test_meng_is_exact_on_our_grid() -> None:
+def test_meng_is_exact_on_our_grid():
     XYZ = XYZ_from_spectra(D65, TRUE[1])
     paint = reflectance_from_colour(XYZ, "meng-2015")
     np.testing.assert_allclose(XYZ_from_spectra(D65, paint), XYZ, atol=1e-4)
     assert paint.notes["constructed"] == "meng-2015" and "meng-2015" in METHODS
 
 
-def test_white_is_white_under_every_light() -> None:
+def test_white_is_white_under_every_light():
     for name in ("D65", "A", "FL2"):
         np.testing.assert_allclose(reflectance_from_colour("#fff", light=name).values, 1, atol=1e-6)
     np.testing.assert_allclose(colour_XYZ("Black", WHITE), 0)
@@ -305,11 +303,11 @@ def mismatched() -> MadeReflectances:
         ("unsupported", lambda f: write_spectrum(D65, f / "paint.txt")),
     ],
 )
-def test_no_colour_is_refused(tmp_path: Path, make: Callable[[Path], object], fault: str) -> None:
+def test_no_colour_is_refused(tmp_path, make, fault):
     fails(make, tmp_path, fault)
 
 
-def test_a_written_spectrum_is_read_as_a_material(tmp_path: Path) -> None:
+def test_a_written_spectrum_is_read_as_a_material(tmp_path):
     paint = reflectance_from_colour("#c08040")
     write_spectrum(paint, tmp_path / "paint.csv")
     back = reflectance(str(tmp_path / "paint.csv"))

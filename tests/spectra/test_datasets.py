@@ -64,7 +64,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_tables_are_those_of_colour_science_to_the_last_bit(cache: Path) -> None:
+def test_tables_are_those_of_colour_science_to_the_last_bit(cache):
     for name, theirs in GROUPS.items():
         read = getattr(datasets, name).__wrapped__  # without what this process has read
         for ours in (read(), read()):  # with the cache empty, then filled
@@ -73,7 +73,7 @@ def test_tables_are_those_of_colour_science_to_the_last_bit(cache: Path) -> None
                 assert identical(table, (theirs[key].wavelengths, theirs[key].values)), (name, key)
 
 
-def test_reflectances_are_those_of_colour_science_to_the_last_bit(cache: Path) -> None:
+def test_reflectances_are_those_of_colour_science_to_the_last_bit(cache):
     fresh = datasets._reflectances()
     for ours in (datasets.reflectances.__wrapped__(), datasets.reflectances.__wrapped__()):
         assert list(ours) == list(fresh)
@@ -89,7 +89,7 @@ def test_reflectances_are_those_of_colour_science_to_the_last_bit(cache: Path) -
         assert identical(ours[name], (group[key].wavelengths, group[key].values))
 
 
-def test_another_version_is_read_again(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_version_is_read_again(cache, monkeypatch):
     read: list[object] = []
     original = datasets._tables
     monkeypatch.setattr(datasets, "_tables", lambda *given: read.append(given) or original(*given))
@@ -100,7 +100,7 @@ def test_another_version_is_read_again(cache: Path, monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize("kelvin", [4000, 5003.5, 6504, 7000, 7001, 25_000])
-def test_daylight_is_that_of_colour_science_to_the_last_bit(kelvin: float) -> None:
+def test_daylight_is_that_of_colour_science_to_the_last_bit(kelvin):
     theirs = colour.sd_CIE_illuminant_D_series(colour.temperature.CCT_to_xy_CIE_D(kelvin))
     means = extended_band_means(theirs.wavelengths, theirs.values, DEFAULT_GRID)
     ours = light(f"daylight:{kelvin}").values
@@ -109,7 +109,7 @@ def test_daylight_is_that_of_colour_science_to_the_last_bit(kelvin: float) -> No
 
 
 @pytest.mark.not_quick
-def test_a_second_start_imports_no_colour(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_second_start_imports_no_colour(tmp_path, monkeypatch):
     """This process does what a first start does: it fills the cache."""
     monkeypatch.setattr(_cache, "cache_folder", lambda: tmp_path / "volspec")
     for name in (*GROUPS, "reflectances"):
@@ -121,7 +121,7 @@ def test_a_second_start_imports_no_colour(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize("field", [2, 10])
-def test_the_average_observer_is_that_of_cie_2015(field: int) -> None:
+def test_the_average_observer_is_that_of_cie_2015(field):
     nm, LMS = cone_fundamentals(standard_eye(), field)
     table_nm, xyz = observers()[f"CIE 2015 {field} Degree Standard Observer"]
     samples = xyz[np.isin(table_nm, nm)].T
@@ -129,7 +129,7 @@ def test_the_average_observer_is_that_of_cie_2015(field: int) -> None:
     assert np.abs(_XYZ_FROM_LMS[field] @ LMS[0] - samples).max() < 2e-3 * samples.max()
 
 
-def test_populations_are_always_the_same_and_vary_as_published() -> None:
+def test_populations_are_always_the_same_and_vary_as_published():
     eyes = random_eyes(20_000)
     again = random_eyes(20_000)
     for each in fields(eyes):
@@ -142,13 +142,13 @@ def test_populations_are_always_the_same_and_vary_as_published() -> None:
     assert shifts == pytest.approx([2.0, 1.5, 1.3], rel=0.03)
 
 
-def test_all_observers_see_equal_energy_as_white() -> None:
+def test_all_observers_see_equal_energy_as_white():
     whites = population(SpectralGrid(390, 780, 5)).sum(axis=2)
     assert whites == pytest.approx(np.broadcast_to(whites[0], whites.shape))
     assert whites[0] / whites[0, 1] == pytest.approx([1, 1, 1], abs=2e-3)
 
 
-def test_lenses_grow_yellow_with_age_and_shifts_move_the_peaks() -> None:
+def test_lenses_grow_yellow_with_age_and_shifts_move_the_peaks():
     young, old = (cone_fundamentals(standard_eye(age))[1][0] for age in (20, 70))
     blue, yellow = 10, 36  # 440 and 570 nm
     assert old[2, blue - 6] / old[2, blue + 6] < 0.75 * young[2, blue - 6] / young[2, blue + 6]

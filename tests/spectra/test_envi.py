@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -64,9 +63,7 @@ def changed(old: str, new: str) -> str:
     ("code", "order", "dtype"),
     [(4, 0, "<f4"), (4, 1, ">f4"), (5, 0, "<f8"), (2, 1, ">i2"), (12, 0, "<u2"), (1, 0, "u1")],
 )
-def test_every_interleave_and_type_gives_the_same_pixels(
-    tmp_path: Path, interleave: str, code: int, order: int, dtype: str
-) -> None:
+def test_every_interleave_and_type_gives_the_same_pixels(tmp_path, interleave, code, order, dtype):
     header = changed("interleave = bsq", f"interleave = {interleave.upper()}")
     header = header.replace("data type = 4", f"data type = {code}")
     header = header.replace("byte order = 0", f"byte order = {order}")
@@ -78,7 +75,7 @@ def test_every_interleave_and_type_gives_the_same_pixels(
     assert image.notes["description"] == "A wall in the sun"
 
 
-def test_a_pixel_a_box_and_the_mean_are_addressed_as_in_spectral_exr(scan: Path) -> None:
+def test_a_pixel_a_box_and_the_mean_are_addressed_as_in_spectral_exr(scan):
     assert read_spectrum(f"{scan}#3,1").values == pytest.approx(CUBE[1, 3])
     assert read_spectrum(f"{scan}#1,0,3,2").values == pytest.approx(CUBE[:, 1:3].mean(axis=(0, 1)))
     assert read_spectrum(scan).values == pytest.approx(CUBE.mean(axis=(0, 1)))
@@ -103,7 +100,7 @@ def test_a_pixel_a_box_and_the_mean_are_addressed_as_in_spectral_exr(scan: Path)
         ("bands   = 3", "; a comment = 5\nbands = 3"),
     ],
 )
-def test_the_dialects_of_headers_are_read_alike(tmp_path: Path, old: str, new: str) -> None:
+def test_the_dialects_of_headers_are_read_alike(tmp_path, old, new):
     header = changed(old, new)
     if "0.39" in new:
         header = header.replace("Nanometers", "Micrometers")
@@ -113,7 +110,7 @@ def test_the_dialects_of_headers_are_read_alike(tmp_path: Path, old: str, new: s
 
 
 @pytest.mark.parametrize("data", ["scan", "scan.dat", "scan.BIL", "scan.raw"])
-def test_the_data_are_found_next_to_the_header(tmp_path: Path, data: str) -> None:
+def test_the_data_are_found_next_to_the_header(tmp_path, data):
     more = "\n".join(("data units = radiance", "sensor type = µ-scan"))
     path = write(tmp_path, changed("header offset = 0", "header offset = 5"), more, data=data,
                  head=b"12345")  # fmt: skip
@@ -122,7 +119,7 @@ def test_the_data_are_found_next_to_the_header(tmp_path: Path, data: str) -> Non
     assert read_spectrum(path).notes["sensor type"] == "µ-scan"
 
 
-def test_bad_bands_are_left_out_and_overlapping_detectors_sorted(tmp_path: Path) -> None:
+def test_bad_bands_are_left_out_and_overlapping_detectors_sorted(tmp_path):
     header = changed("390.0,\n 550.0, 710.0", "710, 390, 550")
     assert read_spectrum(write(tmp_path, header)).wavelengths_nm.tolist() == NM
     s = read_spectrum(f"{write(tmp_path, header, 'bbl = {1, 0, 1}')}#2,0")
@@ -130,7 +127,7 @@ def test_bad_bands_are_left_out_and_overlapping_detectors_sorted(tmp_path: Path)
     assert s.values == pytest.approx(CUBE[0, 2, [2, 0]])
 
 
-def test_pixels_without_numbers_and_beyond_memory_do_not_hinder_others(tmp_path: Path) -> None:
+def test_pixels_without_numbers_and_beyond_memory_do_not_hinder_others(tmp_path):
     assert read_spectrum(f"{with_a_hole(tmp_path)}#0,0").values == pytest.approx(CUBE[0, 0])
     assert read_spectrum(f"{beyond_memory(tmp_path)}#1,9").values.tolist() == [0, 0, 0]
 
@@ -154,7 +151,7 @@ def write_library(folder: Path, names: str = "{grass dry,\n asphalt}") -> Path:
 
 
 @pytest.mark.parametrize("selector", ["asphalt", "2"])
-def test_a_spectral_library_is_chosen_from_by_name(tmp_path: Path, selector: str) -> None:
+def test_a_spectral_library_is_chosen_from_by_name(tmp_path, selector):
     s = read_spectrum(f"{write_library(tmp_path)}#{selector}", kind="reflective")
     assert (s.name, s.values.tolist()) == ("scan#asphalt", pytest.approx(CUBE[1, 0]))
 
@@ -207,7 +204,5 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("fault", "call"), REFUSED)
-def test_bad_headers_are_refused(
-    tmp_path: Path, fault: str, call: Callable[[Path], object]
-) -> None:
+def test_bad_headers_are_refused(tmp_path, fault, call):
     fails(call, tmp_path, fault)

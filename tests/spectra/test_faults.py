@@ -139,12 +139,12 @@ def table(folder: Path, text: str, read: Callable[[str], object] = read_spectrum
         ),
     ],
 )
-def test_bad_calls_are_refused(tmp_path: Path, call: Callable[[Path], Any], fault: str) -> None:
+def test_bad_calls_are_refused(tmp_path, call, fault):
     fails(call, tmp_path, fault)
 
 
 @pytest.mark.parametrize("name", ["lamp.csv", "lamp.spdx", "lamp.exr"])
-def test_a_locked_file_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def test_a_locked_file_says_so(tmp_path, monkeypatch, name):
     """Root may read anything, so that the refusal is made up."""
 
     def refuse(*args: object, **kwargs: object) -> NoReturn:
@@ -156,7 +156,7 @@ def test_a_locked_file_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, 
         light(name, folder=tmp_path)
 
 
-def test_blanks_inside_file_and_column_names_are_kept_apart(tmp_path: Path) -> None:
+def test_blanks_inside_file_and_column_names_are_kept_apart(tmp_path):
     (tmp_path / "my  lamp.csv").write_text("nm,very  warm,cold\n" + constant("1,2"))
     for read in (light, reflectance):
         for column in ("very  warm", "very warm"):
@@ -169,12 +169,12 @@ def test_blanks_inside_file_and_column_names_are_kept_apart(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("level", ["1e308", "1.7e308", "1e-310", "5e-324"])
-def test_lights_of_any_magnitude_are_scaled(tmp_path: Path, level: str) -> None:
+def test_lights_of_any_magnitude_are_scaled(tmp_path, level):
     # Numpy's warnings of overflow are errors in this suite.
     assert light(saved(tmp_path, "lamp.csv", constant(level))).values == pytest.approx(1.0)
 
 
-def test_a_light_whose_peak_lies_far_outside_the_grid_is_scaled(tmp_path: Path) -> None:
+def test_a_light_whose_peak_lies_far_outside_the_grid_is_scaled(tmp_path):
     path = saved(tmp_path, "lamp.csv", "300,1\n" + constant("1e-312", 320, step=20))
     assert light(path, SpectralGrid(400, 700, 20)).values == pytest.approx(1.0)
 
@@ -189,7 +189,7 @@ UNITS = {
 
 
 @pytest.mark.parametrize("unit", UNITS)
-def test_other_units_are_recognised(tmp_path: Path, unit: str) -> None:
+def test_other_units_are_recognised(tmp_path, unit):
     read = read_spectrum(saved(tmp_path, "lamp.csv", "250,1\n2500,1\n"))
     assert read.wavelengths_nm.tolist() == [250, 2500]
     with raises(SpectrumError, "range") as caught:
@@ -197,6 +197,6 @@ def test_other_units_are_recognised(tmp_path: Path, unit: str) -> None:
     assert unit in caught.value.remedy
 
 
-def test_a_part_of_weight_0_is_not_read(tmp_path: Path) -> None:
+def test_a_part_of_weight_0_is_not_read(tmp_path):
     dark = saved(tmp_path, "lamp.csv", constant(0))
     assert np.array_equal(light(f"{dark}*0+A").values, light("A").values)

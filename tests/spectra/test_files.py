@@ -51,37 +51,37 @@ def table(tmp_path: Path) -> Path:
     return Path(saved(tmp_path, "lamps.csv", TABLE))
 
 
-def test_comments_of_key_and_value_become_notes(table: Path) -> None:
+def test_comments_of_key_and_value_become_notes(table):
     notes = read_spectrum(f"{table}#cold").notes
     assert notes == {"manufacturer": "Lamps&Sons", "quantity": "irradiance", "designed": "yes"}
 
 
 @pytest.mark.parametrize("column", ["warm-white", "WARM-WHITE", "1"])
-def test_a_column_is_found_by_name_or_number(table: Path, column: str) -> None:
+def test_a_column_is_found_by_name_or_number(table, column):
     s = read_spectrum(f"{table}#{column}")
     assert (s.name, s.values.tolist()) == ("lamps#Warm-white", [1, 1, 1])
 
 
-def test_columns_are_numbered_and_headers_may_hold_separators(tmp_path: Path) -> None:
+def test_columns_are_numbered_and_headers_may_hold_separators(tmp_path):
     path = saved(tmp_path, "bare.tsv", "400\t1\t5\n500\t2\t6\n")
     assert read_spectrum(f"{path}#2").values.tolist() == [5, 6]
     path = saved(tmp_path, "lamp.txt", "Wavelength, nm\tA, warm\tB\n400\t1\t5\n500\t2\t6\n")
     assert read_spectrum(f"{path}#a, warm").values.tolist() == [1, 2]
 
 
-def test_notes_are_read_only_lower_case_text() -> None:
+def test_notes_are_read_only_lower_case_text():
     s = Spectrum([400, 500], [1, 1], notes={"Maker  \t": "me"})
     assert dict(s.notes) == {"maker": "me"}
     assert isinstance(s.notes, MappingProxyType)
 
 
-def test_notes_survive_grids_factors_copies_and_pickles() -> None:
+def test_notes_survive_grids_factors_copies_and_pickles():
     s = Spectrum([390, 710], [1, 1], "s", {"maker": "me"})
     for other in (s.on(SpectralGrid()), 2 * s, copy.deepcopy(s), pickle.loads(pickle.dumps(s))):
         assert (other.name, other.notes) == ("s", s.notes)
 
 
-def test_a_sum_keeps_the_notes_both_sides_agree_on_and_is_designed_if_a_part_is() -> None:
+def test_a_sum_keeps_the_notes_both_sides_agree_on_and_is_designed_if_a_part_is():
     a = Spectrum([400, 500], [1, 1], "a", {"maker": "x", "lab": "L"})
     b = Spectrum([400, 500], [1, 1], "b", {"maker": "y", "lab": "L"})
     assert dict((a + b).notes) == {"lab": "L"}
@@ -91,7 +91,7 @@ def test_a_sum_keeps_the_notes_both_sides_agree_on_and_is_designed_if_a_part_is(
         assert (measured + part).designed is (part + measured).designed is is_designed
 
 
-def test_tm27_header_fields_become_notes_and_the_description_the_name(tmp_path: Path) -> None:
+def test_tm27_header_fields_become_notes_and_the_description_the_name(tmp_path):
     path = saved(tmp_path, "lamp.spdx", spdx())
     assert reflectance(path).values == pytest.approx(0.5)
     for lamp in (path, saved(tmp_path, "flux.spdx", spdx("flux"))):
@@ -109,7 +109,7 @@ def test_tm27_header_fields_become_notes_and_the_description_the_name(tmp_path: 
     }
 
 
-def test_the_fluorescent_lamp_of_colour_science_is_read_sample_by_sample() -> None:
+def test_the_fluorescent_lamp_of_colour_science_is_read_sample_by_sample():
     import colour
 
     path = Path(colour.__file__).parent / "io" / "tests" / "resources" / "Fluorescent.spdx"
@@ -119,7 +119,7 @@ def test_the_fluorescent_lamp_of_colour_science_is_read_sample_by_sample() -> No
     assert (s.values.max(), s.wavelengths_nm[int(s.values.argmax())]) == (0.999, 547.2)
 
 
-def test_file_forms_mix_with_names_and_each_other(table: Path, tmp_path: Path) -> None:
+def test_file_forms_mix_with_names_and_each_other(table, tmp_path):
     (tmp_path / "lamp.spdx").write_text(spdx())
     mix = light("lamp.spdx*0.5+lamps.csv#cold*0.25 + 0.25*E", folder=tmp_path)
     assert mix.values == pytest.approx(1.0)
@@ -128,7 +128,7 @@ def test_file_forms_mix_with_names_and_each_other(table: Path, tmp_path: Path) -
     assert light("a+b.txt+lamps.csv#warm-white", folder=tmp_path).values == pytest.approx(2.0)
 
 
-def test_designed_spectra_say_so_after_lookup_and_mixing(table: Path) -> None:
+def test_designed_spectra_say_so_after_lookup_and_mixing(table):
     assert light(f"{table}#cold").notes.get("designed") == "yes"
     assert light(f"{table}#cold*0.5+A*0.5").designed
     assert not light(f"{table}#cold*0+A").designed
@@ -136,7 +136,7 @@ def test_designed_spectra_say_so_after_lookup_and_mixing(table: Path) -> None:
     assert reflectance("paint.csv", folder=table.parent).notes.get("designed") == "yes"
 
 
-def test_a_file_that_is_continued_warns_unless_it_covers_the_visible(tmp_path: Path) -> None:
+def test_a_file_that_is_continued_warns_unless_it_covers_the_visible(tmp_path):
     path = saved(tmp_path, "short.csv", constant(0.5))
     for text in (path, f"{path}*0.5+E*0.5"):
         with pytest.warns(VolspecWarning) as caught:
@@ -154,7 +154,7 @@ def test_a_file_that_is_continued_warns_unless_it_covers_the_visible(tmp_path: P
     reflectance("CES/1", FINE)
 
 
-def test_fluorescent_paper_is_kept_with_a_warning(tmp_path: Path) -> None:
+def test_fluorescent_paper_is_kept_with_a_warning(tmp_path):
     path = saved(tmp_path, "paper.csv", "390,0.5\n440,1.3\n500,0.9\n710,0.9\n")
     with pytest.warns(VolspecWarning) as caught:
         assert reflectance(path).values.max() > 1
@@ -217,5 +217,5 @@ for _name, _fault in (("a.spdx", "damaged"), ("a.txt", "damaged"), ("a.exr", "ty
 
 
 @pytest.mark.parametrize(("fault", "call"), REFUSED)
-def test_bad_files_are_refused(tmp_path: Path, fault: str, call: Callable[[Path], object]) -> None:
+def test_bad_files_are_refused(tmp_path, fault, call):
     fails(call, tmp_path, fault)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import pickle
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from tests.support.fixtures import slow
 from tests.support.scenes import scene_text, write_scene_text
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis import Basis, MaterialBasis, SpectralBasis, basis_from_dict
-from volspec.errors import BasisError, SceneError, SpectrumError, VolspecError, VolspecWarning
+from volspec.errors import BasisError, SceneError, SpectrumError, VolspecWarning
 from volspec.export.spectral import SpectralIllumination
 from volspec.raycast import Camera, RaycastSpec, reference
 from volspec.relight import Illumination, Relighter, RelightSpec
@@ -52,7 +51,7 @@ def dye(quantum_yield: float = 0.8) -> Spectrum:
     return Spectrum(NM, np.full(BANDS, 0.2), "dye", fluorescence=emitting)
 
 
-def test_a_slab_shows_the_sum_over_81_by_81_bands_by_hand_under_five_lights() -> None:
+def test_a_slab_shows_the_sum_over_81_by_81_bands_by_hand_under_five_lights():
     """Alpha of a homogeneous slab, 1 - exp(-τ), times Σ_i q_i (R_i E_i + Σ_j D_ij E_j)."""
     absorbed = [0.7 * math.exp(-(((nm - 480) / 30) ** 2)) for nm in NM]
     photons = [math.exp(-(((nm - 530) / 25) ** 2)) for nm in NM]
@@ -87,7 +86,7 @@ def opaque(basis: Basis) -> vs.CoefficientImage:
     return vs.CoefficientImage(coefficients, alpha, alpha, basis)
 
 
-def test_engines_draw_what_is_emitted(backend: str) -> None:
+def test_engines_draw_what_is_emitted(backend):
     image = opaque(MaterialBasis({"dye": reflectance("fluorophore:EGFP")}))
     spec = RelightSpec(vs.Viewing(D=0.0), backdrop=0.0, filter="longpass:500")
     with Relighter(image, backend) as relighter:
@@ -95,7 +94,7 @@ def test_engines_draw_what_is_emitted(backend: str) -> None:
     assert blue[1] > 150 and red.max() == 0
 
 
-def test_all_of_a_bispectral_matrix_counts_on_any_grid() -> None:
+def test_all_of_a_bispectral_matrix_counts_on_any_grid():
     fine = SpectralGrid(396, 704, 2)  # five to a band of 10 nm
     matrix = np.tril(np.random.default_rng(1).random((fine.size, fine.size)), -1)
     measured = Fluorescence(fine, matrix / matrix.sum(0).max())
@@ -107,7 +106,7 @@ def test_all_of_a_bispectral_matrix_counts_on_any_grid() -> None:
 
 
 @pytest.mark.parametrize("name", FLUOROPHORES)
-def test_shipped_fluorophores_have_their_published_peaks_and_yield(name: str) -> None:
+def test_shipped_fluorophores_have_their_published_peaks_and_yield(name):
     published, (full, found) = FLUOROPHORES[name], named_fluorescence(name.upper())
     assert full == name
     w = found.grid.wavelengths_nm
@@ -119,7 +118,7 @@ def test_shipped_fluorophores_have_their_published_peaks_and_yield(name: str) ->
     assert yields == pytest.approx(published.quantum_yield, rel=1e-3)
 
 
-def test_sums_and_copies_keep_what_is_emitted() -> None:
+def test_sums_and_copies_keep_what_is_emitted():
     mixed = reflectance("fluorophore:EGFP*0.25+grey:0.5*0.5")
     whole = reflectance("fluorophore:EGFP")
     assert mixed.fluorescence and whole.fluorescence
@@ -147,7 +146,7 @@ wavelength,mRed ex,mRed em,mBlue ex,mBlue em
 """
 
 
-def test_fluorophores_are_read_from_files_of_fpbase(tmp_path: Path) -> None:
+def test_fluorophores_are_read_from_files_of_fpbase(tmp_path):
     path = tmp_path / "pair.csv"
     path.write_text(FPBASE)
     red = reflectance("pair.csv#mred", folder=tmp_path)
@@ -161,7 +160,7 @@ def test_fluorophores_are_read_from_files_of_fpbase(tmp_path: Path) -> None:
     assert reflectance("pair.csv#mRed", folder=tmp_path).fluorescence
 
 
-def test_filters_pass_parts_of_bands() -> None:
+def test_filters_pass_parts_of_bands():
     at = slice(9, 12)  # 490 to 510 nm, by 10
     assert reflectance("longpass:500", PAPERS_GRID).values[at].tolist() == [0.0, 0.5, 1.0]
     assert reflectance("shortpass:502", PAPERS_GRID).values[at].tolist() == [1.0, 0.7, 0.0]
@@ -170,7 +169,7 @@ def test_filters_pass_parts_of_bands() -> None:
 
 
 @pytest.mark.parametrize("basis", ["general-7", "materials"])
-def test_a_filter_dims_reflection_and_backdrop_but_not_the_white(basis: str) -> None:
+def test_a_filter_dims_reflection_and_backdrop_but_not_the_white(basis):
     own = {"gold": reflectance("gold")}
     held = MaterialBasis(own) if basis == "materials" else SpectralBasis.load(basis)
     passed = reflectance("longpass:560")
@@ -195,7 +194,7 @@ def test_a_filter_dims_reflection_and_backdrop_but_not_the_white(basis: str) -> 
     assert np.abs(dark.XYZ_from_channels @ held.white).max() < 1e-6
 
 
-def test_spectral_frames_hold_what_is_emitted_and_passes_the_filter() -> None:
+def test_spectral_frames_hold_what_is_emitted_and_passes_the_filter():
     basis = MaterialBasis({"dye": dye()})
     spec, lamp = RelightSpec(filter="longpass:505", backdrop=0.3), light("led:480")
     coefficients, alpha = np.array([[0.4, 0.1]]), np.array([0.5])
@@ -205,7 +204,7 @@ def test_spectral_frames_hold_what_is_emitted_and_passes_the_filter() -> None:
     np.testing.assert_allclose(100 * Q @ spectra / Q[1].sum(), XYZ)
 
 
-def test_ultraviolet_lamps_are_set_by_power_and_light_what_they_excite() -> None:
+def test_ultraviolet_lamps_are_set_by_power_and_light_what_they_excite():
     grid = SpectralGrid(360, 700, 10)
     lamp, day = light("led:365", grid), light("E", grid)
     assert lamp.values.mean() == pytest.approx(day.values.mean())
@@ -230,7 +229,7 @@ def laser_scene(folder: Path, passed: str = "pass.csv") -> Scene:
 
 @pytest.mark.not_quick
 @pytest.mark.parametrize("cast", [False, slow(True)])
-def test_scenes_swap_lasers_behind_a_filter(tmp_path: Path, cast: bool) -> None:
+def test_scenes_swap_lasers_behind_a_filter(tmp_path, cast):
     scene = laser_scene(tmp_path)
     with Relighter(scene.render(size=(16, 16)) if cast else opaque(scene.basis)) as relighter:
         blue, yellow = (relighter.frame(each.rig, scene.relight) for each in scene.lights)
@@ -238,12 +237,12 @@ def test_scenes_swap_lasers_behind_a_filter(tmp_path: Path, cast: bool) -> None:
     assert 'filter = "../pass.csv"' in scene.save(tmp_path / "away" / "scene.toml").read_text()
 
 
-def test_reports_compare_what_is_emitted_with_full_spectra() -> None:
+def test_reports_compare_what_is_emitted_with_full_spectra():
     dyes = {name: reflectance(f"fluorophore:{name}") for name in ("EGFP", "mCherry")}
     assert MaterialBasis(dyes).report([light("D65"), light("led:480")]).worst.delta_e < 1e-6
 
 
-def test_lasers_keep_their_wavelength_on_any_grid() -> None:
+def test_lasers_keep_their_wavelength_on_any_grid():
     for nm in (404.0, 488.0, 561.0):
         lamp = light(f"laser:{nm:g}").values
         assert NM @ lamp / lamp.sum() == pytest.approx(nm)
@@ -293,8 +292,6 @@ BLUE, GREEN = band(480, 30), band(530, 25)
         (SceneError, "not-found", lambda f: laser_scene(f, "none.csv")),
     ],
 )
-def test_what_cannot_be_emitted_or_passed_is_refused(
-    error: type[VolspecError], code: str, make: Callable[[Path], object], tmp_path: Path
-) -> None:
+def test_what_cannot_be_emitted_or_passed_is_refused(error, code, make, tmp_path):
     with raises(error, code):
         make(tmp_path)

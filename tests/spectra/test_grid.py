@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,14 +10,14 @@ from hypothesis import strategies as st
 from volspec.spectra import DEFAULT_GRID, PAPERS_GRID, SpectralGrid, Spectrum, read_spectrum
 
 
-def test_equal_grids_hash_alike_whatever_the_number_type() -> None:
+def test_equal_grids_hash_alike_whatever_the_number_type():
     assert len({SpectralGrid(400, 700, 10), SpectralGrid(400.0, 700.0, 10.0)}) == 1
 
 
 GRIDS = [SpectralGrid(400, 700, 10), SpectralGrid(360, 830, 5), SpectralGrid(360, 830, 1)]
 
 
-def test_samples_on_the_grid_pass_through_unchanged_of_a_wider_table_too() -> None:
+def test_samples_on_the_grid_pass_through_unchanged_of_a_wider_table_too():
     assert DEFAULT_GRID.wavelengths_nm[[0, -1]].tolist() == [380.0, 780.0]
     assert (DEFAULT_GRID.size, PAPERS_GRID.size, SpectralGrid(360, 830, 5).size) == (81, 31, 95)
     w = np.arange(380, 781, 10.0)
@@ -27,7 +25,7 @@ def test_samples_on_the_grid_pass_through_unchanged_of_a_wider_table_too() -> No
     assert np.array_equal(PAPERS_GRID.band_means(w, values), values[2:33])
 
 
-def test_band_means_are_the_exact_integral_of_the_interpolant() -> None:
+def test_band_means_are_the_exact_integral_of_the_interpolant():
     rng = np.random.default_rng(2)
     w = np.sort(np.concatenate([[390.0, 710.0], rng.uniform(391, 709, 60)]))
     v = rng.random((w.size, 3))
@@ -46,7 +44,7 @@ def test_band_means_are_the_exact_integral_of_the_interpolant() -> None:
     seed=st.integers(0, 2**32 - 1),
 )
 @settings(max_examples=30, deadline=None)
-def test_tables_keep_their_integral(grid: SpectralGrid, inner: list[float], seed: int) -> None:
+def test_tables_keep_their_integral(grid, inner, seed):
     w = np.array([350.5, *sorted(inner), 840.5])
     v = np.random.default_rng(seed).random(w.size)
     low, high = grid.start_nm - grid.step_nm / 2, grid.stop_nm + grid.step_nm / 2
@@ -59,7 +57,7 @@ def test_tables_keep_their_integral(grid: SpectralGrid, inner: list[float], seed
 @pytest.mark.parametrize("grid", GRIDS, ids=str)
 @given(centre=st.floats(405, 695), width=st.floats(0.01, 2), power=st.floats(0.1, 1000))
 @settings(max_examples=30, deadline=None)
-def test_lines_keep_energy(grid: SpectralGrid, centre: float, width: float, power: float) -> None:
+def test_lines_keep_energy(grid, centre, width, power):
     w = np.array([350, centre - width, centre, centre + width, 840])
     v = np.array([0, 0, power / width, 0, 0])
     means = grid.band_means(w, v)
@@ -69,25 +67,25 @@ def test_lines_keep_energy(grid: SpectralGrid, centre: float, width: float, powe
     assert means[reach] == pytest.approx(0.0, abs=1e-9 * power)
 
 
-def test_end_bands_may_be_covered_in_part() -> None:
+def test_end_bands_may_be_covered_in_part():
     means = SpectralGrid(400, 420, 10).band_means([400, 405, 420], [0, 1, 1])
     assert means == pytest.approx([0.5, 1, 1])
 
 
-def test_spectrum_is_a_read_only_copy() -> None:
+def test_spectrum_is_a_read_only_copy():
     source = np.ones(3)
     s = Spectrum(np.array([400.0, 500, 600]), source)
     source[0] = 5
     assert s.values[0] == 1 and not s.values.flags.writeable
 
 
-def test_spectra_have_a_grid_factors_and_sums() -> None:
+def test_spectra_have_a_grid_factors_and_sums():
     assert Spectrum(np.arange(400.0, 701, 5), np.ones(61)).grid == SpectralGrid(400, 700, 5)
     a = Spectrum(np.array([400.0, 500]), np.array([1.0, 2.0]), "a")
     assert (2 * a + a).values.tolist() == [3.0, 6.0]
 
 
-def test_colour_science_round_trip_keeps_every_sample() -> None:
+def test_colour_science_round_trip_keeps_every_sample():
     s = Spectrum(np.array([400.0, 500, 700]), np.array([0.1, 0.2, 0.3]), "x")
     back = Spectrum.from_colour(s.to_colour())
     assert back.name == "x"
@@ -105,7 +103,7 @@ def test_colour_science_round_trip_keeps_every_sample() -> None:
         "\ufeffnm,value\r\n400,1\r\n500,2\r\n",
     ],
 )
-def test_csv_tolerates_headers_comments_and_separators(tmp_path: Path, text: str) -> None:
+def test_csv_tolerates_headers_comments_and_separators(tmp_path, text):
     path = tmp_path / "lamp.csv"
     path.write_text(text, encoding="utf-8", newline="")
     s = read_spectrum(path)

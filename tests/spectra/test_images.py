@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tests.spectra._files import fails, saved
 from volspec import _exr as exr
 from volspec.basis import SpectralBasis
-from volspec.errors import ImageError, SpectrumError, VolspecError, VolspecWarning
+from volspec.errors import ImageError, SpectrumError, VolspecWarning
 from volspec.raycast import CoefficientImage
 from volspec.relight import relight
 from volspec.spectra import (
@@ -46,7 +46,7 @@ def ramp() -> NDArray[np.float32]:
 
 
 @pytest.mark.parametrize("kind", ["reflective", "emissive"])
-def test_save_and_load_keep_every_sample_and_note(tmp_path: Path, kind: Any) -> None:
+def test_save_and_load_keep_every_sample_and_note(tmp_path, kind):
     image = SpectralImage(ramp(), W + 0.25, kind, {"instrument": "camera", "designed": "yes"})
     image.save(tmp_path / "a.exr")
     back = SpectralImage.load(tmp_path / "a.exr")
@@ -57,7 +57,7 @@ def test_save_and_load_keep_every_sample_and_note(tmp_path: Path, kind: Any) -> 
     assert np.array_equal(pickle.loads(pickle.dumps(back)).values, back.values)
 
 
-def test_saved_files_follow_the_published_layout(tmp_path: Path) -> None:
+def test_saved_files_follow_the_published_layout(tmp_path):
     import OpenEXR
 
     for kind, name in (("reflective", "T.380,000000nm"), ("emissive", "S0.380,000000nm")):
@@ -78,7 +78,7 @@ def test_saved_files_follow_the_published_layout(tmp_path: Path) -> None:
         ("749,481145THz", "545,0771963636363THz", "4,28274940E14Hz"),
     ],
 )
-def test_wavelengths_may_be_in_any_unit_and_order(tmp_path: Path, names: tuple[str, ...]) -> None:
+def test_wavelengths_may_be_in_any_unit_and_order(tmp_path, names):
     levels = dict(zip(names, (0.4, 0.55, 0.7), strict=True))
     path = write_exr(tmp_path / "a.exr", {f"T.{n}": levels[n] for n in reversed(names)})
     image = SpectralImage.load(path)
@@ -86,7 +86,7 @@ def test_wavelengths_may_be_in_any_unit_and_order(tmp_path: Path, names: tuple[s
     assert image.mean().values == pytest.approx([0.4, 0.55, 0.7], rel=1e-6)
 
 
-def test_half_floats_are_read_and_previews_left_out(tmp_path: Path) -> None:
+def test_half_floats_are_read_and_previews_left_out(tmp_path):
     half = np.full((2, 3), 0.25, np.float16)
     channels = {"R": half, "G": half, "B": half, "A": half, "S0.400nm": half, "S0.700nm": half}
     image = SpectralImage.load(write_exr(tmp_path / "a.exr", channels, emissiveUnits="W.m^-2"))
@@ -96,7 +96,7 @@ def test_half_floats_are_read_and_previews_left_out(tmp_path: Path) -> None:
     assert image.mean().values.tolist() == [0.25, 0.25]
 
 
-def test_a_file_with_both_kinds_is_taken_as_what_is_wanted(tmp_path: Path) -> None:
+def test_a_file_with_both_kinds_is_taken_as_what_is_wanted(tmp_path):
     channels = {"T.380nm": 0.5, "T.780nm": 0.5, "S0.380nm": 7.0, "S0.780nm": 7.0}
     path = write_exr(tmp_path / "both.exr", channels)
     image = SpectralImage.load(path)
@@ -106,7 +106,7 @@ def test_a_file_with_both_kinds_is_taken_as_what_is_wanted(tmp_path: Path) -> No
     assert light(str(path)).values == pytest.approx(1.0)
 
 
-def test_polarisation_and_fluorescence_are_left_out_with_a_warning(tmp_path: Path) -> None:
+def test_polarisation_and_fluorescence_are_left_out_with_a_warning(tmp_path):
     stokes = {f"S{k}.{w}nm": 1.0 / (k + 1) for k in range(4) for w in (400, 700)}
     with pytest.warns(VolspecWarning) as caught:
         image = SpectralImage.load(write_exr(tmp_path / "p.exr", stokes))
@@ -118,7 +118,7 @@ def test_polarisation_and_fluorescence_are_left_out_with_a_warning(tmp_path: Pat
         assert SpectralImage.load(write_exr(tmp_path / "f.exr", glow)).values.shape == (2, 3, 2)
 
 
-def test_addresses_choose_the_mean_a_pixel_or_a_box(tmp_path: Path) -> None:
+def test_addresses_choose_the_mean_a_pixel_or_a_box(tmp_path):
     path = tmp_path / "chart.exr"
     SpectralImage(ramp(), W, "reflective").save(path)
     for selector, expected in (
@@ -132,7 +132,7 @@ def test_addresses_choose_the_mean_a_pixel_or_a_box(tmp_path: Path) -> None:
         assert "reflectance" in s.notes.values()
 
 
-def test_images_stand_for_lights_and_reflectances_by_kind(tmp_path: Path) -> None:
+def test_images_stand_for_lights_and_reflectances_by_kind(tmp_path):
     SpectralImage(ramp(), W, "reflective", {"designed": "yes"}).save(tmp_path / "paint.exr")
     SpectralImage(ramp(), W, "emissive").save(tmp_path / "sky.exr")
     assert reflectance("paint.exr#0,0", folder=tmp_path).designed
@@ -140,7 +140,7 @@ def test_images_stand_for_lights_and_reflectances_by_kind(tmp_path: Path) -> Non
     assert mix.name == "sky.exr#1,1*0.5+E*0.5"
 
 
-def test_every_pixel_is_resampled_like_a_single_spectrum() -> None:
+def test_every_pixel_is_resampled_like_a_single_spectrum():
     image = SpectralImage(ramp(), W, "reflective", {"lab": "L"})
     grid = SpectralGrid()
     on = image.on(grid)
@@ -151,7 +151,7 @@ def test_every_pixel_is_resampled_like_a_single_spectrum() -> None:
 @pytest.mark.parametrize(
     ("name", "kind", "count"), [("D65.exr", "emissive", 97), ("Ohta1997.exr", "reflective", 16)]
 )
-def test_files_of_colour_science_are_read(name: str, kind: str, count: int) -> None:
+def test_files_of_colour_science_are_read(name, kind, count):
     import colour
 
     path = Path(colour.__file__).parent / "io" / "tests" / "resources" / name
@@ -164,7 +164,7 @@ def test_files_of_colour_science_are_read(name: str, kind: str, count: int) -> N
         assert light(str(path)).values == pytest.approx(light("D65").values, rel=2e-3)
 
 
-def test_exr_files_keep_header_and_channels(tmp_path: Path) -> None:
+def test_exr_files_keep_header_and_channels(tmp_path):
     path = tmp_path / "a.exr"
     depth = np.arange(6.0).reshape(2, 3)
     exr.write_exr(path, {"volspec:format": 1}, {"Z": depth}, ImageError)
@@ -214,14 +214,14 @@ CHART = reflectance_set("test").reshape(7, 12, -1)
 NM = BASIS.grid.wavelengths_nm
 
 
-def test_a_chart_of_reflectances_is_analysed_pixel_by_pixel() -> None:
+def test_a_chart_of_reflectances_is_analysed_pixel_by_pixel():
     image = CoefficientImage.from_spectral_image(SpectralImage(CHART, NM, "reflective"), BASIS)
     assert np.allclose(image.coefficients, BASIS.analyse(CHART), atol=1e-6)
     assert image.alpha.min() == 1
     assert relight(image, light("A"), backend="numpy").std() > 30
 
 
-def test_radiances_are_divided_by_the_light_they_were_taken_under() -> None:
+def test_radiances_are_divided_by_the_light_they_were_taken_under():
     """The scale of radiances is free: the chart comes back up to one factor."""
     lamp = light("A")
     radiance = SpectralImage(3.7 * CHART * lamp.values, NM, "emissive")
@@ -232,7 +232,7 @@ def test_radiances_are_divided_by_the_light_they_were_taken_under() -> None:
     assert 1 <= factor < 1.3, "the brightest patch, which reflects 0.9, counts as white"
 
 
-def test_a_hot_pixel_does_not_become_the_white() -> None:
+def test_a_hot_pixel_does_not_become_the_white():
     """The brightest of a thousand is taken; here every patch covers 20 of 1680 pixels."""
     lamp = light("A")
     large = np.tile(CHART, (4, 5, 1)) * lamp.values
@@ -314,8 +314,6 @@ OTHERS = [
     ("error", "fault", "call"),
     [*((SpectrumError, *row) for row in REFUSED), *((ImageError, *row) for row in OTHERS)],
 )
-def test_bad_images_are_refused(
-    tmp_path: Path, error: type[VolspecError], fault: str, call: Callable[[Path], object]
-) -> None:
+def test_bad_images_are_refused(tmp_path, error, fault, call):
     fails(call, tmp_path, fault, error)
     assert not (tmp_path / "b.exr").exists()

@@ -104,7 +104,7 @@ def white(kelvin: float, Duv: float) -> list[float]:
 
 
 @pytest.mark.parametrize("Duv", [-0.045, -0.003, -1e-5, 0.001, 0.02, 0.045])
-def test_what_lies_beside_a_temperature_has_it(Duv: float) -> None:
+def test_what_lies_beside_a_temperature_has_it(Duv):
     for kelvin in np.geomspace(1010, 99_000, 25):
         found = correlated_temperature(white(kelvin, Duv))
         assert found is not None
@@ -113,6 +113,6 @@ def test_what_lies_beside_a_temperature_has_it(Duv: float) -> None:
         assert found.Duv == pytest.approx(Duv, abs=1e-6)
 
 
-def test_there_is_none_beyond_the_table_or_far_from_the_locus() -> None:
+def test_there_is_none_beyond_the_table_or_far_from_the_locus():
     for kelvin, Duv in ((990, 0), (102_000, 0), (5000, 0.051), (5000, -0.051), (600, 0.01)):
         assert correlated_temperature(white(kelvin, Duv)) is None, (kelvin, Duv)

@@ -29,7 +29,7 @@ from volspec.spectra.library import EVERYDAY, describe_light, library_names, sea
 FINE = SpectralGrid(360, 830, 1)
 
 
-def test_equal_energy_matching_functions_have_equal_areas() -> None:
+def test_equal_energy_matching_functions_have_equal_areas():
     areas = colour_matching_functions(FINE).sum(1)
     # The CIE's tables agree to a third of a thousandth.
     assert areas == pytest.approx(areas[1], rel=5e-4)
@@ -40,27 +40,27 @@ def test_equal_energy_matching_functions_have_equal_areas() -> None:
     ("name", "XYZ"),
     [("D65", (95.047, 100, 108.883)), ("A", (109.850, 100, 35.585)), ("C", (98.074, 100, 118.232))],
 )
-def test_whites_agree_with_the_cie_at_1_nm(name: str, XYZ: tuple[float, ...]) -> None:
+def test_whites_agree_with_the_cie_at_1_nm(name, XYZ):
     # 5 nm source tables interpolated linearly against the CIE's own interpolation.
     assert white_XYZ(light(name, FINE)) == pytest.approx(XYZ, abs=0.07)
 
 
 @pytest.mark.parametrize("grid", [DEFAULT_GRID, SpectralGrid(360, 830, 5), FINE])
-def test_perfect_diffuser_has_Y_100_on_every_grid(grid: SpectralGrid) -> None:
+def test_perfect_diffuser_has_Y_100_on_every_grid(grid):
     assert white_XYZ(light("FL2", grid))[1] == pytest.approx(100)
     grey = reflectance("grey:0.5", grid)
     lamp = light("A", grid)
     assert XYZ_from_spectra(lamp, grey) == pytest.approx(white_XYZ(lamp) / 2)
 
 
-def test_ten_nanometre_bands_see_the_same_white_as_one_nanometre() -> None:
+def test_ten_nanometre_bands_see_the_same_white_as_one_nanometre():
     # The tails outside 400-700 nm hold up to 0.8 % of Z (FL2).
     for name in ("D65", "A", "FL2", "HP1"):
         fine, coarse = white_XYZ(light(name, FINE)), white_XYZ(light(name))
         assert coarse == pytest.approx(fine, rel=0.01), name
 
 
-def test_what_is_listed_loads_and_what_is_not_listed_does_not() -> None:
+def test_what_is_listed_loads_and_what_is_not_listed_does_not():
     known = {*colour.SDS_ILLUMINANTS, *colour.SDS_LIGHT_SOURCES}
     assert set(light_names()) < known and len(light_names()) == len(set(light_names())) == 114
     V = colour_matching_functions(DEFAULT_GRID)[1]
@@ -88,19 +88,19 @@ def test_what_is_listed_loads_and_what_is_not_listed_does_not() -> None:
         ("incandescent", "Incandescent"),  # the library's own names come first
     ],
 )
-def test_everyday_names_are_lights_of_the_library(everyday: str, name: str) -> None:
+def test_everyday_names_are_lights_of_the_library(everyday, name):
     assert light(everyday).name == name
     assert np.array_equal(light(everyday).values, light(name).values)
     assert light(f"{everyday}*0.25+E*0.75").name == f"{name}*0.25+E*0.75"
     assert light("daylight:6500").name == "daylight:6500"
 
 
-def test_everyday_names_find_their_light_first() -> None:
+def test_everyday_names_find_their_light_first():
     for word, name in EVERYDAY.items():
         assert search_lights(word)[0] == name and name in library_names()
 
 
-def test_lights_are_found_by_the_words_of_their_descriptions() -> None:
+def test_lights_are_found_by_the_words_of_their_descriptions():
     assert {"HP1", "HP2", "HPS", "LPS"} < {*search_lights("sodium lamp")}
     assert search_lights("d65")[0] == "D65" and search_lights("nosuch") == ()
     assert all("fl" in name.casefold() for name in search_lights("fl"))
@@ -108,7 +108,7 @@ def test_lights_are_found_by_the_words_of_their_descriptions() -> None:
     assert "measured lamp" not in {describe_light(name) for name in library_names()}
 
 
-def test_names_with_operators_work_alone_and_in_mixes() -> None:
+def test_names_with_operators_work_alone_and_in_mixes():
     odd = "F32T8/TL865/PLUS (Triphosphor)"
     assert light(odd.lower()).name == odd
     assert light("4-LED-1 (461/526/576/624)").name == "4-LED-1 (461/526/576/624)"
@@ -116,7 +116,7 @@ def test_names_with_operators_work_alone_and_in_mixes() -> None:
     assert mix.values == pytest.approx(0.25 * light(odd).values + 0.75 * light("d65").values)
 
 
-def test_weights_are_shares_of_illuminance() -> None:
+def test_weights_are_shares_of_illuminance():
     mix = light("D65*0.7+A*0.3")
     assert mix.values == pytest.approx(0.7 * light("D65").values + 0.3 * light("A").values)
     assert illuminance_lux(mix) == pytest.approx(illuminance_lux(light("D65")))
@@ -124,19 +124,19 @@ def test_weights_are_shares_of_illuminance() -> None:
     assert light("D65+A").values == pytest.approx(light("D65").values + light("A").values)
 
 
-def test_planck_2856_is_illuminant_A_and_daylight_6504_is_D65() -> None:
+def test_planck_2856_is_illuminant_A_and_daylight_6504_is_D65():
     one, other = (white_XYZ(light(name, FINE)) for name in ("planck:2856", "A"))
     assert one == pytest.approx(other, abs=0.05)
     assert light("daylight:6504").values == pytest.approx(light("D65").values, abs=2e-3)
 
 
-def test_extreme_planck_lights_stay_finite() -> None:
+def test_extreme_planck_lights_stay_finite():
     for kelvin in (500, 100_000):
         values = light(f"planck:{kelvin}").values
         assert np.isfinite(values).all() and (values > 0).all()
 
 
-def test_sets_have_the_sizes_of_method_section_2() -> None:
+def test_sets_have_the_sizes_of_method_section_2():
     assert (len(light_set("smooth")), len(light_set("spiky"))) == (26, 89)
     assert reflectance_set("training").shape == (128, DEFAULT_GRID.size)
     assert reflectance_set("test").shape == (84, DEFAULT_GRID.size)
@@ -148,11 +148,11 @@ def test_sets_have_the_sizes_of_method_section_2() -> None:
 @pytest.mark.parametrize(
     "name", ["ColorChecker/dark skin", "CES/99", "TCS/15", "VS/1", "PMC/Banana", "gold"]
 )
-def test_reflectances_are_found_in_any_case(name: str) -> None:
+def test_reflectances_are_found_in_any_case(name):
     assert reflectance(name.swapcase()).name == name
 
 
-def test_metals_reflect_as_published() -> None:
+def test_metals_reflect_as_published():
     # Fresnel values near 650 nm and 450 nm; McPeak 2015, Johnson & Christy 1974.
     published = {"silver": [0.99, 0.98], "aluminium": [0.91, 0.92], "gold": [0.97, 0.40]}
     published |= {"copper": [0.96, 0.58], "iron": [0.52, 0.50]}
@@ -163,7 +163,7 @@ def test_metals_reflect_as_published() -> None:
     assert {"steel", "brass"} <= set(reflectance_names())
 
 
-def test_the_held_out_sets_repeat_nothing_of_the_others() -> None:
+def test_the_held_out_sets_repeat_nothing_of_the_others():
     """Nearest chromatic spectrum of training and test at least 1 degree away, or 0.005 RMS."""
     known = np.concatenate([reflectance_set("training"), reflectance_set("test")])
     for name in ("natural", "patches"):
@@ -187,7 +187,7 @@ def test_the_held_out_sets_repeat_nothing_of_the_others() -> None:
         (MaterialBasis, "channels_of", "channels_for_materials"),
     ],
 )
-def test_old_names_answer_with_a_warning(home: object, old: str, new: str) -> None:
+def test_old_names_answer_with_a_warning(home, old, new):
     with pytest.warns(DeprecationWarning) as caught:
         assert getattr(home, old) == getattr(home, new)
     assert new in str(caught[0].message)

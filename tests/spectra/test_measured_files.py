@@ -105,7 +105,7 @@ def write(tmp_path: Path) -> Write:
 
 
 @pytest.mark.parametrize("selector", ["dark skin", "DARK  skin", "a1", "1"])
-def test_a_sample_is_chosen_by_name_id_or_number(write: Write, selector: str) -> None:
+def test_a_sample_is_chosen_by_name_id_or_number(write, selector):
     s = read_spectrum(f"{write('chart.cgats', CHART)}#{selector}")
     assert s.wavelengths_nm.tolist() == [400, 550, 700]
     assert (s.name, s.values.tolist()) == ("chart#dark skin", [0.05, 0.10, 0.40])
@@ -133,7 +133,7 @@ def test_a_sample_is_chosen_by_name_id_or_number(write: Write, selector: str) ->
         ("KEYWORD", "# a comment\nKEYWORD"),
     ],
 )
-def test_the_dialects_of_programs_are_read_alike(write: Write, old: str, new: str) -> None:
+def test_the_dialects_of_programs_are_read_alike(write, old, new):
     text = CHART.replace(old, new)
     if "37.9\n" in new:
         text = text.replace("96.5 ", "96.5\n")
@@ -144,7 +144,7 @@ def test_the_dialects_of_programs_are_read_alike(write: Write, old: str, new: st
         assert s.values.tolist() == [0.05, 0.10, 0.40]
 
 
-def test_pairs_of_wavelength_and_percentage_are_read(write: Write) -> None:
+def test_pairs_of_wavelength_and_percentage_are_read(write):
     fields = "SAMPLE_ID " + "SPECTRAL_NM SPECTRAL_PCT " * 3
     data = "BEGIN_DATA\n1 700 1.5 550 0.5 400 1\nEND_DATA\n"
     text = f"CGATS.17\nBEGIN_DATA_FORMAT\n{fields}\nEND_DATA_FORMAT\n{data}"
@@ -154,7 +154,7 @@ def test_pairs_of_wavelength_and_percentage_are_read(write: Write) -> None:
     assert s.notes["spectral quantity"] == "reflectance"
 
 
-def test_percentages_are_recognised_by_the_whole_chart(write: Write) -> None:
+def test_percentages_are_recognised_by_the_whole_chart(write):
     text = CHART.replace("0.05 0.10 0.40", "1.0 1.2 1.5").replace("0.70 0.90 0.92", "70 90 92")
     path = write("chart.txt", text)
     paint = reflectance(f"{path}#dark skin")
@@ -164,7 +164,7 @@ def test_percentages_are_recognised_by_the_whole_chart(write: Write) -> None:
 
 
 @pytest.mark.parametrize(("norm", "whole"), [("", 100.0), ('SPECTRAL_NORM "50.0"', 50.0)])
-def test_argyll_s_charts_have_wavelengths_and_norm(write: Write, norm: str, whole: float) -> None:
+def test_argyll_s_charts_have_wavelengths_and_norm(write, norm, whole):
     path = write("chart.ti3", TI3.format(norm=norm))
     for k, values in enumerate(([40.0, 20.0, 10.0], [0.5, 0.6, 0.7]), start=1):
         s = read_spectrum(f"{path}#{k}", kind="reflective")
@@ -172,7 +172,7 @@ def test_argyll_s_charts_have_wavelengths_and_norm(write: Write, norm: str, whol
         assert s.values == pytest.approx([each / whole for each in values])
 
 
-def test_argylls_spectra_say_what_they_are(write: Write) -> None:
+def test_argylls_spectra_say_what_they_are(write):
     paint = write("paint.sp", PAINT)
     assert reflectance(paint).values.max() < 0.8
     assert read_spectrum(paint).wavelengths_nm == pytest.approx([380, 380 + 400 / 3, 646.667, 780])
@@ -181,7 +181,7 @@ def test_argylls_spectra_say_what_they_are(write: Write) -> None:
     assert light(f"{lamp}*0.5+A*0.5").values.min() > 0
 
 
-def test_objects_of_cxf_have_the_wavelengths_of_their_specification(write: Write) -> None:
+def test_objects_of_cxf_have_the_wavelengths_of_their_specification(write):
     path = write("inks.cxf", CXF.format(objects=cxf_object("0.1 0.2\n 0.9")))
     s = read_spectrum(f"{path}#pantone 485 c", kind="reflective")
     assert (s.wavelengths_nm.tolist(), s.values.tolist()) == ([400, 550, 700], [0.1, 0.2, 0.9])
@@ -192,7 +192,7 @@ def test_objects_of_cxf_have_the_wavelengths_of_their_specification(write: Write
     assert read_spectrum(write("a.cxf", CXF.format(objects=own))).wavelengths_nm[-1] == 690
 
 
-def test_of_an_object_the_spectra_that_fit_the_use_are_offered(write: Write) -> None:
+def test_of_an_object_the_spectra_that_fit_the_use_are_offered(write):
     path = write("both.cxf", CXF.format(objects=INK + LAMP))
     assert reflectance(path, PAPERS_GRID).values.max() == pytest.approx(0.8125)
     assert light(path).values.min() > 0
@@ -203,7 +203,7 @@ def test_of_an_object_the_spectra_that_fit_the_use_are_offered(write: Write) -> 
     assert read_spectrum(f"{path}#A/M0").values.tolist() == [0.3, 0.3, 0.3]
 
 
-def test_a_measured_chart_is_an_atlas_of_paints(write: Write) -> None:
+def test_a_measured_chart_is_an_atlas_of_paints(write):
     path = write("chart.ti3", CHART.replace("400", "380").replace("700", "780"))
     assert [paint.name for paint in paint_set([path])] == ["chart#dark skin", "chart#white"]
     twice = write("b.ti3", Path(path).read_text("latin-1").replace("white", '"dark skin"'))
@@ -211,7 +211,7 @@ def test_a_measured_chart_is_an_atlas_of_paints(write: Write) -> None:
         paint_set([twice])
 
 
-def test_renderers_tables_are_written_and_read(tmp_path: Path) -> None:
+def test_renderers_tables_are_written_and_read(tmp_path):
     s = Spectrum([400, 550.5, 700], [0.25, 0.5, 1], notes={"maker": "me"})
     write_spectrum(s, tmp_path / "a.spd")
     text = (tmp_path / "a.spd").read_text()
@@ -291,7 +291,5 @@ def absurd(path: Path) -> Spectrum:
         ),
     ],
 )
-def test_faulty_charts_are_refused(
-    tmp_path: Path, fault: str, call: Callable[[Path], object]
-) -> None:
+def test_faulty_charts_are_refused(tmp_path, fault, call):
     fails(call, tmp_path, fault)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -26,7 +25,7 @@ from volspec.transfer import Isosurfaces, LabelFunction
         max_size=6,
     )
 )
-def test_entry_i_is_of_label_i_and_all_others_are_transparent(given_labels: dict) -> None:
+def test_entry_i_is_of_label_i_and_all_others_are_transparent(given_labels):
     table = labels(given_labels).bake(1.0)
     last = max(1, *given_labels)
     assert table.labels and table.domain == (0, last) and len(table.opacity) == last + 1
@@ -38,18 +37,18 @@ def test_entry_i_is_of_label_i_and_all_others_are_transparent(given_labels: dict
         assert np.allclose(table.material_weights[label] @ table.channels, expected)
 
 
-def test_labels_may_be_mixes_and_numpy_numbers() -> None:
+def test_labels_may_be_mixes_and_numpy_numbers():
     table = labels({np.uint8(2): (0.5, {"copper": 0.5, "gold": 0.25})}).bake(1.0)
     assert np.allclose(table.coefficients[2], 0.5 * COPPER + 0.25 * GOLD)
 
 
-def test_materials_of_transparent_labels_are_no_rows() -> None:
+def test_materials_of_transparent_labels_are_no_rows():
     table = labels({1: (0.0, "gold"), 2: (0.5, "steel")}).bake(1.0)
     assert table.channels.shape == (1, 7) and np.allclose(table.channels, STEEL)
     assert labels({3: (0.0, "gold")}).bake(1.0).material_weights.shape == (4, 1)
 
 
-def test_materials_as_channels_serve_labels_and_surfaces() -> None:
+def test_materials_as_channels_serve_labels_and_surfaces():
     basis = MaterialBasis(MATERIALS)
     table = LabelFunction({1: (1, "gold")}, MATERIALS, basis).bake(1.0)
     assert table.coefficients[1].tolist() == [0, 0, 1, 0] and table.white.tolist() == [0, 0, 0, 1]
@@ -57,7 +56,7 @@ def test_materials_as_channels_serve_labels_and_surfaces() -> None:
     assert (walls.material_weights @ walls.channels).tolist() == [[0, 0, 1, 0]]
 
 
-def test_surfaces_are_sorted_by_value() -> None:
+def test_surfaces_are_sorted_by_value():
     table = surfaces((9, 1.0, "gold"), (-3, 0.25, {"copper": 0.5, "steel": 0.5})).bake(1.0)
     assert table.values.tolist() == [-3, 9] and table.opacity.tolist() == [0.25, 1]
     mixed = (COPPER + STEEL) / 2
@@ -83,5 +82,5 @@ def test_surfaces_are_sorted_by_value() -> None:
         (lambda: surfaces(5), "type Isosurfaces.surfaces[0]"),
     ],
 )
-def test_bad_labels_and_surfaces_are_named(make: Callable[[], object], expected: str) -> None:
+def test_bad_labels_and_surfaces_are_named(make, expected):
     refuses(make, expected, TransferError)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,33 +13,33 @@ from tests.support.errors import raises
 from tests.volume.test_labels import blocks
 from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
 from volspec.basis import MaterialBasis
-from volspec.errors import SpectrumError, VolspecError, VolumeError
+from volspec.errors import SpectrumError, VolumeError
 from volspec.spectra import DEFAULT_GRID
 from volspec.transfer import LabelFunction, label_look
 from volspec.volume.labels import Label
 
 
 @pytest.mark.parametrize("colour", [(1, 0, 0), (0.2, 0.7, 0.4), (0.9, 0.8, 0.95), (0.0, 0.0, 0.0)])
-def test_a_mix_has_its_display_colour_under_daylight(colour: tuple[float, float, float]) -> None:
+def test_a_mix_has_its_display_colour_under_daylight(colour):
     spectrum = vs.reflectance(label_look.mix_text(label_look.smits_weights(colour)))
     XYZ = MaterialBasis({"m": spectrum}).xyz([1, 0], vs.light("D65"))
     shown = encode_sRGB(linear_sRGB_from_XYZ(XYZ))
     assert np.abs(shown - colour).max() < 0.02
 
 
-def test_colours_of_neighbouring_numbers_differ() -> None:
+def test_colours_of_neighbouring_numbers_differ():
     codes = np.array(label_look.distinct_colours(255))
     assert np.linalg.norm(np.diff(codes[:24], axis=0), axis=1).min() > 0.2
     assert len({tuple(row) for row in codes.tolist()}) == 255
 
 
-def test_black_in_a_table_is_no_colour() -> None:
+def test_black_in_a_table_is_no_colour():
     labels = {1: Label("a", (0, 0, 0)), 2: Label("b", (1, 0, 0)), 3: Label("c")}
     colours = label_look.label_colours(labels)
     assert max(colours[1]) > 0.2 and colours[2] == (1, 0, 0) and colours[3] != colours[1]
 
 
-def test_few_labels_have_a_material_each_and_many_share_eight() -> None:
+def test_few_labels_have_a_material_each_and_many_share_eight():
     few = vs.Volume(blocks([1, 2]), labels={1: Label("liver"), 2: Label()})
     function, texts = label_look.label_function(few, DEFAULT_GRID)
     assert list(function.materials) == list(texts) == ["liver", "label 2"]
@@ -51,7 +50,7 @@ def test_few_labels_have_a_material_each_and_many_share_eight() -> None:
 
 
 @pytest.mark.not_quick
-def test_a_segmentation_opens_with_labels_and_its_scene_keeps_them(tmp_path: Path) -> None:
+def test_a_segmentation_opens_with_labels_and_its_scene_keeps_them(tmp_path):
     np.save(tmp_path / "v.npy", blocks([1, 2, 5]))
     (tmp_path / "v.txt").write_text("1 liver\n2 spleen\n5 aorta\n")
     scene = vs.Scene.from_volume(tmp_path / "v.npy")
@@ -64,7 +63,7 @@ def test_a_segmentation_opens_with_labels_and_its_scene_keeps_them(tmp_path: Pat
     assert soft.file.transfer.kind == "points"
 
 
-def test_labels_can_be_asked_for(tmp_path: Path) -> None:
+def test_labels_can_be_asked_for(tmp_path):
     np.save(tmp_path / "mask.npy", blocks([1, 1]))
     assert vs.Scene.from_volume(tmp_path / "mask.npy").file.transfer.kind == "points"
     labelled = vs.Scene.from_volume(tmp_path / "mask.npy", preset="labels")
@@ -84,21 +83,19 @@ def labels_of_fractions(folder: Path) -> vs.Scene:
         (lambda _: vs.reflectance("white*0.25+coper*0.5"), SpectrumError, "unknown"),
     ],
 )
-def test_mixes_above_one_and_labels_of_fractions_are_refused(
-    tmp_path: Path, make: Callable[[Path], object], error: type[VolspecError], code: str
-) -> None:
+def test_mixes_above_one_and_labels_of_fractions_are_refused(tmp_path, make, error, code):
     with raises(error, code):
         make(tmp_path)
 
 
-def test_hidden_labels_are_transparent_and_keep_their_opacity() -> None:
+def test_hidden_labels_are_transparent_and_keep_their_opacity():
     volume = vs.Volume(blocks([1, 2]), labels={1: Label("liver"), 2: Label("spleen")})
     function, _ = label_look.label_function(volume, DEFAULT_GRID)
     hidden = replace(function, reference_step_mm=1.0, hidden=frozenset({2}))
     assert hidden.bake(1.0).opacity.tolist() == [0, 0.9, 0] and hidden.labels[2][0] == 0.9
 
 
-def test_the_weights_of_any_colour_are_a_mix() -> None:
+def test_the_weights_of_any_colour_are_a_mix():
     codes = np.random.default_rng(0).integers(0, 256, (4000, 3)) / 255
     sums = [sum(label_look.smits_weights(each).values()) for each in codes]
     assert min(sums) > 0 and max(sums) <= 1

@@ -34,7 +34,7 @@ CURVE = vs.TransferFunction([(0.0, 0.9, NAME), (4.0, 0.9, NAME)], MATERIALS, BAS
 @pytest.mark.parametrize(
     "settings", [{}, {"preintegrated": True}, *slow_each({"mode": "maximum"}, {"mode": "average"})]
 )
-def test_missing_voxels_are_transparent_whatever_the_curve(settings: dict[str, object]) -> None:
+def test_missing_voxels_are_transparent_whatever_the_curve(settings):
     volume = half_missing()
     camera = vs.Camera.orbit(volume, azimuth_deg=0, elevation_deg=0)
     whole = vs.Volume(volume.values.clip(1, 3))
@@ -48,7 +48,7 @@ def test_missing_voxels_are_transparent_whatever_the_curve(settings: dict[str, o
     assert len(seen) / np.count_nonzero(all_rows > 0.5) == pytest.approx(7 / 15, abs=0.05)
 
 
-def test_a_table_is_transparent_below_a_value_and_the_same_above() -> None:
+def test_a_table_is_transparent_below_a_value_and_the_same_above():
     table = TransferTable((2.0, 4.0), [0.5, 0.3, 0.1], [[1], [0.5], [0]], reference_step_mm=1)
     longer = transparent_below(table, 0.0)
     assert longer.domain == (-1, 4) and longer.opacity.tolist() == [0, 0.5, 0.5, 0.5, 0.3, 0.1]
@@ -57,13 +57,13 @@ def test_a_table_is_transparent_below_a_value_and_the_same_above() -> None:
     assert len(narrow.opacity) == 65536 and narrow.opacity[0] == 0 and narrow.opacity[1] == 0.5
 
 
-def test_volumes_without_missing_voxels_keep_their_table() -> None:
+def test_volumes_without_missing_voxels_keep_their_table():
     volume = vs.Volume(np.arange(27, dtype=np.float32).reshape(3, 3, 3))
     table = bake_for_volume(CURVE, volume)
     assert isinstance(table, TransferTable) and table.domain == CURVE.bake(1.0).domain
 
 
-def test_statistics_leave_missing_voxels_out() -> None:
+def test_statistics_leave_missing_voxels_out():
     volume = half_missing()
     summary = summarise(volume)
     assert summary.range == (1, 3) and summary.mean == pytest.approx(2, abs=1e-5)

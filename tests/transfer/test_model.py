@@ -31,20 +31,20 @@ MANY = {f"CES/{i}": reflectance(f"CES/{i}") for i in range(1, 11)}
 AMBER = Spectrum([390, 500, 600, 710], [0.1, 0.2, 0.9, 0.9])
 
 
-def test_table_runs_linearly_between_points_and_stays_beyond() -> None:
+def test_table_runs_linearly_between_points_and_stays_beyond():
     table = function((10, 0.0, "copper"), (30, 0.8, "steel")).bake(1.0, size=21)
     assert table.domain == (10, 30) and np.allclose(table.opacity, np.linspace(0, 0.8, 21))
     assert np.allclose(table.coefficients[[0, 10, 20]], [COPPER, (COPPER + STEEL) / 2, STEEL])
 
 
-def test_two_points_of_one_value_make_a_step() -> None:
+def test_two_points_of_one_value_make_a_step():
     points = [(0, 0.0, "steel"), (5, 0.0, "steel"), (5, 1.0, "copper"), (10, 1.0, "copper")]
     table = function(*points).bake(1.0, size=1001)
     assert set(table.opacity.round(9)) == {0.0, 1.0}
     assert (table.opacity > 0).argmax() in (500, 501)
 
 
-def test_a_step_at_an_end_holds_beyond_it() -> None:
+def test_a_step_at_an_end_holds_beyond_it():
     table = function((0, 0.0, "steel"), (60, 0.0, "steel"), (60, 1.0, "copper")).bake(1.0)
     assert table.domain[1] > 60
     assert (table.opacity[-3:] == [0, 1, 1]).all() and table.left_limits.opacity[-2] == 0
@@ -54,7 +54,7 @@ def test_a_step_at_an_end_holds_beyond_it() -> None:
     assert (table.opacity[:2] == [0.3, 1]).all() and table.left_limits.opacity[1] == 0.3
 
 
-def test_narrow_peaks_are_not_missed() -> None:
+def test_narrow_peaks_are_not_missed():
     peak = [(0, 0, "steel"), (1000, 0, "steel"), (1010, 1, "steel"), (1020, 0, "steel")]
     table = function(*peak, (65535, 0, "steel")).bake(1.0)
     assert table.opacity.max() > 0.8 and len(table.opacity) <= 65536
@@ -63,7 +63,7 @@ def test_narrow_peaks_are_not_missed() -> None:
         function(*needle).bake(1)
 
 
-def test_only_materials_in_use_are_rows() -> None:
+def test_only_materials_in_use_are_rows():
     table = function((0, 0.5, "steel"), (1, 0.5, {"steel": 0.5, "copper": 0})).bake(1.0)
     assert table.material_weights.shape == (1024, 1) and table.channels.shape == (1, 7)
     assert np.allclose(table.channels[0], STEEL)
@@ -71,7 +71,7 @@ def test_only_materials_in_use_are_rows() -> None:
 
 @settings(derandomize=True, deadline=None, max_examples=20)
 @given(st.lists(st.lists(st.floats(0, 0.1), min_size=10, max_size=10), min_size=2, max_size=4))
-def test_rows_are_never_more_than_channels_and_colours_are_the_mixes(shares: list) -> None:
+def test_rows_are_never_more_than_channels_and_colours_are_the_mixes(shares):
     mixes = [dict(zip(MANY, row, strict=True)) if any(row) else {"CES/1": 0.1} for row in shares]
     points = [(value, 0.5, mix) for value, mix in enumerate(mixes)]
     table = TransferFunction(points, MANY, BASIS).bake(1.0, size=3 * (len(mixes) - 1) + 1)
@@ -81,7 +81,7 @@ def test_rows_are_never_more_than_channels_and_colours_are_the_mixes(shares: lis
         assert np.allclose(table.coefficients[3 * i], expected)
 
 
-def test_gradients_multiply_the_opacity() -> None:
+def test_gradients_multiply_the_opacity():
     points = (0, 0.2, "steel"), (1, 0.8, "copper")
     gradients = [(10, 0.0), (20, 1.0), (40, 0.5)]
     plain = function(*points).bake(1.0, size=5)
@@ -95,7 +95,7 @@ def test_gradients_multiply_the_opacity() -> None:
     assert np.isclose(table.step_opacity(0.5)[3, 0], 1 - 0.9**0.5)
 
 
-def test_tables_of_gradients_are_64_rows_or_more_for_close_points() -> None:
+def test_tables_of_gradients_are_64_rows_or_more_for_close_points():
     def rows(*gradients: tuple) -> int:
         return len(function((0, 1, "steel"), gradient_opacity=gradients).bake(1.0).opacity)
 
@@ -105,7 +105,7 @@ def test_tables_of_gradients_are_64_rows_or_more_for_close_points() -> None:
         assert rows((0, 0), (400, 0), (401, 1)) == 256
 
 
-def test_filters_are_mixed_by_weights_and_free_of_opacity() -> None:
+def test_filters_are_mixed_by_weights_and_free_of_opacity():
     points = (0, 0.1, "steel"), (1, 0.9, {"copper": 0.25, "steel": 0.25})
     table = function(*points, filters={"copper": AMBER}).bake(1.0, size=3)
     amber = BASIS.analyse(AMBER)
@@ -114,12 +114,12 @@ def test_filters_are_mixed_by_weights_and_free_of_opacity() -> None:
     assert np.allclose(table.filters, np.outer([0, 1 / 6, 1 / 2], amber))
 
 
-def test_a_table_without_a_filter_in_use_has_none() -> None:
+def test_a_table_without_a_filter_in_use_has_none():
     for filters in ({}, {"copper": AMBER}):
         assert function((0, 0.5, "steel"), filters=filters).bake(1.0).filters is None
 
 
-def test_filters_beyond_the_basis_are_clipped_with_a_warning() -> None:
+def test_filters_beyond_the_basis_are_clipped_with_a_warning():
     narrow = Spectrum([390, 549, 550, 560, 561, 710], [0, 0, 1, 1, 0, 0])
     signed = function((0, 0.5, "copper"), filters={"copper": narrow})
     assert BASIS.analyse(narrow).min() < -0.02
@@ -132,13 +132,13 @@ def of_one_material(material: Any) -> TransferFunction:
     return TransferFunction([(0, 0.5, "m")], {"m": material}, BASIS)
 
 
-def test_a_material_above_one_is_warned_about() -> None:
+def test_a_material_above_one_is_warned_about():
     with pytest.warns(VolspecWarning) as caught:
         of_one_material(Spectrum([390, 710], [5, 5]))
     assert caught[0].filename == __file__
 
 
-def test_step_opacity_is_corrected_for_the_step() -> None:
+def test_step_opacity_is_corrected_for_the_step():
     table = function((0, 0.5, "steel"), (1, 1.0, "steel"), reference_step_mm=2.0).bake(9.0)
     assert table.reference_step_mm == 2
     corrected = table.step_opacity(1.0)
@@ -146,13 +146,13 @@ def test_step_opacity_is_corrected_for_the_step() -> None:
 
 
 @pytest.mark.parametrize("kind", ["curve", "labels", "regions"])
-def test_the_reference_step_is_its_own_or_the_smallest_spacing(kind: str) -> None:
+def test_the_reference_step_is_its_own_or_the_smallest_spacing(kind):
     assert KINDS[kind]().bake(0.7).reference_step_mm == 0.7
     assert KINDS[kind](reference_step_mm=2).bake(0.7).reference_step_mm == 2
 
 
 @pytest.mark.parametrize("make", KINDS.values(), ids=KINDS)
-def test_every_kind_names_itself_and_its_materials(make: Callable[..., Any]) -> None:
+def test_every_kind_names_itself_and_its_materials(make):
     made = make()
     assert repr(made).startswith(type(made).__name__) and all(m in repr(made) for m in MATERIALS)
 
@@ -216,7 +216,7 @@ REFUSED: list[tuple[Callable[[], object], str, str]] = [
 
 
 @pytest.mark.parametrize(("make", "code", "field"), REFUSED)
-def test_bad_functions_are_named(make: Callable[[], object], code: str, field: str) -> None:
+def test_bad_functions_are_named(make, code, field):
     with raises(TransferError, code) as caught:
         make()
     assert (caught.value.field or "").partition(".")[2] == field

@@ -10,12 +10,12 @@ import pytest
 
 from tests.support.errors import raises
 from tests.support.fixtures import slow_each
-from volspec.basis import Basis, MaterialBasis, SpectralBasis
-from volspec.errors import RaycastError, TransferError, VolspecError
+from volspec.basis import MaterialBasis, SpectralBasis
+from volspec.errors import RaycastError, TransferError
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, RaycastSpec
 from volspec.spectra import reflectance
-from volspec.transfer import Isosurfaces, SurfaceTable, TransferFunction, Transfers
+from volspec.transfer import Isosurfaces, SurfaceTable, TransferFunction
 from volspec.transfer.opacities import scale_opacities
 from volspec.volume import Volume, phantom
 
@@ -29,7 +29,7 @@ def curve(basis: Any = BASIS) -> TransferFunction:
     return TransferFunction(POINTS, MATERIALS, basis, reference_step_mm=1.0)
 
 
-def test_each_material_s_optical_depth_is_scaled() -> None:
+def test_each_material_s_optical_depth_is_scaled():
     table = curve().bake(1.0)
     found = scale_opacities(table, BASIS, {"copper": 3.0, "gold": 0.5})
     tau = -np.log1p(-table.opacity[:-1])[:, None] * table.material_weights[:-1]
@@ -40,7 +40,7 @@ def test_each_material_s_optical_depth_is_scaled() -> None:
     assert found.opacity[-1] == 1  # opaque stays opaque
 
 
-def test_scales_of_1_leave_a_table_as_it_is_and_0_hides() -> None:
+def test_scales_of_1_leave_a_table_as_it_is_and_0_hides():
     table = curve().bake(1.0)
     assert scale_opacities(table, BASIS, {"copper": 1.0}) is table
     hidden = scale_opacities(table, BASIS, {"gold": 0.0})
@@ -51,7 +51,7 @@ def test_scales_of_1_leave_a_table_as_it_is_and_0_hides() -> None:
     np.testing.assert_allclose(found.opacity, [0.75, 0.0])
 
 
-def test_functions_that_step_are_scaled_on_both_sides() -> None:
+def test_functions_that_step_are_scaled_on_both_sides():
     points = [(0.0, 0.2, "copper"), (0.5, 0.2, "copper"), (0.5, 0.6, "gold"), (1.0, 0.6, "gold")]
     table = TransferFunction(points, MATERIALS, BASIS, reference_step_mm=1.0).bake(1.0)
     found = scale_opacities(table, BASIS, {"copper": 2.0})
@@ -62,7 +62,7 @@ def test_functions_that_step_are_scaled_on_both_sides() -> None:
 
 @pytest.mark.not_quick
 @pytest.mark.parametrize("transfer", [curve(), *slow_each(SURFACES)])
-def test_a_cast_with_a_hidden_material_is_one_of_a_function_without_it(transfer: Transfers) -> None:
+def test_a_cast_with_a_hidden_material_is_one_of_a_function_without_it(transfer):
     volume = Volume(phantom.ball(16).values)
     caster, camera = Raycaster(volume), Camera.orbit(volume)
     spec = RaycastSpec(step_mm=0.5, opacities={"gold": 0.0})
@@ -84,8 +84,6 @@ def test_a_cast_with_a_hidden_material_is_one_of_a_function_without_it(transfer:
         (BASIS, {1: 2.0}, RaycastError),
     ],
 )
-def test_what_cannot_be_scaled_is_named(
-    basis: Basis, scales: dict[Any, float], error: type[VolspecError]
-) -> None:
+def test_what_cannot_be_scaled_is_named(basis, scales, error):
     with raises(error):
         scale_opacities(curve(basis).bake(1.0), basis, RaycastSpec(opacities=scales).opacities)

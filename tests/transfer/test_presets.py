@@ -29,7 +29,7 @@ def _volumes() -> dict[str, Volume]:
 
 
 @pytest.mark.parametrize("name", _volumes())
-def test_every_preset_fits_every_volume(name: str) -> None:
+def test_every_preset_fits_every_volume(name):
     volume = _volumes()[name]
     counts, (low, high) = histogram(volume), presets.value_span(volume)
     for preset in presets.PRESETS:
@@ -42,7 +42,7 @@ def test_every_preset_fits_every_volume(name: str) -> None:
         assert kept == [preset]
 
 
-def test_presets_take_hounsfield_units_as_they_are() -> None:
+def test_presets_take_hounsfield_units_as_they_are():
     volume = _volumes()["hounsfield"]
     assert presets.in_hounsfield(volume)
     bone = presets.preset_points(presets.BY_NAME["bone"], volume, histogram(volume))
@@ -52,7 +52,7 @@ def test_presets_take_hounsfield_units_as_they_are() -> None:
     assert not presets.in_hounsfield(phantom.ball(8))
 
 
-def test_an_unknown_preset_is_named_with_the_nearest() -> None:
+def test_an_unknown_preset_is_named_with_the_nearest():
     with raises(InputError, "unknown", "preset") as refused:
         presets.preset_named("bones")
     assert "'bone'" in refused.value.remedy

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from volspec.errors import TransferError, VolspecWarning
 from volspec.transfer import Region, TransferFunction2D
 
 
-def test_a_region_is_full_inside_and_falls_smoothly_to_its_rim() -> None:
+def test_a_region_is_full_inside_and_falls_smoothly_to_its_rim():
     region = Region((0, 40), (10, 30), 0.8, "copper", softness=0.5)
     table = function(region).bake(1.0, size=(41, 31))
     assert table.domain == (0, 40) and table.gradient_top == 30
@@ -31,7 +30,7 @@ def test_a_region_is_full_inside_and_falls_smoothly_to_its_rim() -> None:
     assert np.isclose(table.opacity[12, 5], 0.8 * 0.352 * 0.5)
 
 
-def test_a_region_to_infinity_stays_open_upwards() -> None:
+def test_a_region_to_infinity_stays_open_upwards():
     open_up = Region((0, 10), (20, math.inf), 0.5, "copper", softness=1)
     table = function(open_up).bake(1.0, size=(11, 41))
     assert table.gradient_top == 40
@@ -44,13 +43,13 @@ def test_a_region_to_infinity_stays_open_upwards() -> None:
     assert everywhere.opacity[:, 100].tolist() == [0.5] * 64
 
 
-def test_a_hard_region_is_a_step() -> None:
+def test_a_hard_region_is_a_step():
     table = function(Region((0, 10), (0, 10), 0.5, "copper", softness=0)).bake(1.0, size=(11, 11))
     assert np.array_equal(table.opacity[:10, 1:10], np.full((10, 9), 0.5))
     assert not table.opacity[10].any() and not table.opacity[:, [0, 10]].any()
 
 
-def test_overlapping_regions_mix_by_opacity() -> None:
+def test_overlapping_regions_mix_by_opacity():
     first = Region((0, 20), (0, 10), 0.2, "copper", softness=0)
     second = Region((10, 30), (0, 10), 0.6, {"steel": 0.5}, softness=0)
     table = function(first, second).bake(1.0, size=(31, 11))
@@ -59,7 +58,7 @@ def test_overlapping_regions_mix_by_opacity() -> None:
     assert np.allclose(table.coefficients[5, [5, 15, 25]], [COPPER, mixed, 0.5 * STEEL])
 
 
-def test_entries_around_a_region_have_its_colour() -> None:
+def test_entries_around_a_region_have_its_colour():
     left = Region((0, 10), (0, 10), 0.5, "copper", softness=0)
     right = Region((20, 30), (5, 10), 0.5, "steel", softness=0)
     off = Region((10, 20), (0, 20), 0.0, "gold")
@@ -87,7 +86,7 @@ def test_entries_around_a_region_have_its_colour() -> None:
         max_size=5,
     )
 )
-def test_any_regions_are_transparent_at_both_ends_and_fully_coloured(regions: list) -> None:
+def test_any_regions_are_transparent_at_both_ends_and_fully_coloured(regions):
     table = function(*regions).bake(1.0, size=(64, 16))
     assert not table.opacity[:, [0, -1]].any()
     assert np.allclose(table.material_weights.sum(axis=-1), 1)
@@ -97,7 +96,7 @@ def test_any_regions_are_transparent_at_both_ends_and_fully_coloured(regions: li
 
 @settings(derandomize=True, deadline=None, max_examples=20)
 @given(st.floats(0.1, 1), st.floats(0, 1), st.permutations(range(3)))
-def test_the_order_of_regions_does_not_matter(opacity: float, softness: float, order: list) -> None:
+def test_the_order_of_regions_does_not_matter(opacity, softness, order):
     regions = [
         Region((0, 50), (0, 20), opacity, "copper", softness),
         Region((20, 80), (10, 40), 0.5, "steel"),
@@ -109,7 +108,7 @@ def test_the_order_of_regions_does_not_matter(opacity: float, softness: float, o
     assert np.allclose(one.coefficients[seen], other.coefficients[seen])
 
 
-def test_narrow_regions_get_more_entries_or_a_warning() -> None:
+def test_narrow_regions_get_more_entries_or_a_warning():
     wide = Region((0, 1000), (0, 1000), 0.1, "steel")
     assert function(wide).bake(1.0).opacity.shape == (64, 256)
     table = function(wide, Region((500, 505), (500, 520), 1, "copper")).bake(1.0)
@@ -149,5 +148,5 @@ def region(**change: Any) -> Region:
         ),
     ],
 )
-def test_bad_regions_are_named(make: Callable[[], object], expected: str) -> None:
+def test_bad_regions_are_named(make, expected):
     refuses(make, expected, TransferError)

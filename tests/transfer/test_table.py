@@ -23,19 +23,19 @@ SURFACES = {"values": [1.0, 2.0], "opacity": [0.5, 1.0], "material_weights": np.
 
 
 @pytest.mark.parametrize("kind", [{}, GRADIENTS, LABELS, {"filters": np.zeros((8, 2))}])
-def test_every_kind_of_table_can_be_made(kind: dict) -> None:
+def test_every_kind_of_table_can_be_made(kind):
     made = table(**kind)
     assert made.size == 2 and made.coefficients.shape == made.material_weights.shape
     assert np.array_equal(made.channels, np.eye(2)) and np.array_equal(made.white, [1, 1])
 
 
-def test_channels_are_mixed_by_weights() -> None:
+def test_channels_are_mixed_by_weights():
     weights, channels = np.full((8, 2), [0.25, 0.5]), np.array([[4.0, 0, 8], [0, 2, 2]])
     made = table(material_weights=weights, channels=channels, white=np.ones(3))
     assert made.size == 3 and np.allclose(made.coefficients, [1, 1, 3])
 
 
-def test_surface_tables_fill_in_channels_and_white() -> None:
+def test_surface_tables_fill_in_channels_and_white():
     made = SurfaceTable(**SURFACES)
     assert made.size == 3 and np.array_equal(made.channels, np.eye(3))
     assert np.array_equal(made.white, np.ones(3))
@@ -87,5 +87,5 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
 
 
 @pytest.mark.parametrize(("make", "expected"), REFUSED)
-def test_tables_are_valid_at_birth(make: Callable[[], object], expected: str) -> None:
+def test_tables_are_valid_at_birth(make, expected):
     refuses(make, expected, TransferError)

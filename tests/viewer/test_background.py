@@ -76,7 +76,7 @@ def all_of(worker: Slow) -> list[str]:
     return take_until(worker.take, lambda _: not worker.busy)
 
 
-def test_what_waits_is_replaced_by_what_is_asked_for_next() -> None:
+def test_what_waits_is_replaced_by_what_is_asked_for_next():
     worker = Slow()
     worker.request("ab")
     wait_until(lambda: worker.begun)
@@ -90,7 +90,7 @@ def test_what_waits_is_replaced_by_what_is_asked_for_next() -> None:
     assert all_of(worker) == ["i"]
 
 
-def test_a_closed_worker_begins_nothing_more() -> None:
+def test_a_closed_worker_begins_nothing_more():
     worker = Slow()
     worker.request("ab")
     wait_until(lambda: worker.begun)
@@ -102,7 +102,7 @@ def test_a_closed_worker_begins_nothing_more() -> None:
     assert worker.begun == ["ab"] and not worker.busy
 
 
-def test_a_fault_ends_the_thread_and_not_the_work(monkeypatch: Patch) -> None:
+def test_a_fault_ends_the_thread_and_not_the_work(monkeypatch):
     faults: list[object] = []
     monkeypatch.setattr(threading, "excepthook", faults.append)
     worker = Slow()
@@ -122,7 +122,7 @@ def test_a_fault_ends_the_thread_and_not_the_work(monkeypatch: Patch) -> None:
 
 
 @pytest.mark.parametrize("in_order", [True, False])
-def test_the_last_of_two_is_opened(tmp_path: Path, monkeypatch: Patch, in_order: bool) -> None:
+def test_the_last_of_two_is_opened(tmp_path, monkeypatch, in_order):
     """A scene and a session: they were two kinds of task, of which each brought its own."""
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
     state = opened(tmp_path)
@@ -149,7 +149,7 @@ def test_the_last_of_two_is_opened(tmp_path: Path, monkeypatch: Patch, in_order:
         assert titles == ["ball"] * (name == "scene" or not in_order)
 
 
-def test_only_the_opening_s_message_ends_with_it(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_only_the_opening_s_message_ends_with_it(tmp_path, monkeypatch):
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
     state, notice = opened(tmp_path), Notice()
     monkeypatch.setattr(documents, "open_document", lambda *_: state.document)
@@ -164,7 +164,7 @@ def test_only_the_opening_s_message_ends_with_it(tmp_path: Path, monkeypatch: Pa
 
 
 @pytest.mark.parametrize("written", [True, False])
-def test_a_late_picture_is_saved(tmp_path: Path, monkeypatch: Patch, written: bool) -> None:
+def test_a_late_picture_is_saved(tmp_path, monkeypatch, written):
     def taken(_: ViewState, __: object, progress: Progress) -> Path:
         progress.ended = True
         if not written:
@@ -188,7 +188,7 @@ def test_a_late_picture_is_saved(tmp_path: Path, monkeypatch: Patch, written: bo
     assert notice.text and (str(tmp_path / "late.png") in notice.text) == written
 
 
-def test_the_window_casts_while_a_picture_is_cast_for_a_file(tmp_path: Path) -> None:
+def test_the_window_casts_while_a_picture_is_cast_for_a_file(tmp_path):
     """A picture held the document's caster for its whole cast."""
     state = opened(tmp_path)
     caster = Raycaster(state.document.volume)
@@ -254,7 +254,7 @@ def drained(scheduler: CastWorker, count: int) -> list[CastDone]:
     return take_until(scheduler.take, lambda done: len(done) == count)
 
 
-def test_a_newer_request_ends_a_cast_and_what_waits(state: ViewState, casts: SlowCasts) -> None:
+def test_a_newer_request_ends_a_cast_and_what_waits(state, casts):
     scheduler = CastWorker(lambda: None)
     scheduler.request(job(state, 1))
     wait_until(lambda: casts.begun)
@@ -274,7 +274,7 @@ def test_a_newer_request_ends_a_cast_and_what_waits(state: ViewState, casts: Slo
     scheduler.close()
 
 
-def test_closing_ends_even_a_coarse_cast(state: ViewState, casts: SlowCasts) -> None:
+def test_closing_ends_even_a_coarse_cast(state, casts):
     scheduler = CastWorker(lambda: None)
     scheduler.request(job(state, 8, 1))
     wait_until(lambda: casts.begun)
@@ -291,9 +291,7 @@ def test_closing_ends_even_a_coarse_cast(state: ViewState, casts: SlowCasts) -> 
         (RuntimeError("clFinish failed: OUT_OF_RESOURCES"), "clFinish failed: OUT_OF_RESOURCES"),
     ],
 )
-def test_the_thread_outlives_errors(
-    state: ViewState, monkeypatch: Patch, error: Exception, message: str
-) -> None:
+def test_the_thread_outlives_errors(state, monkeypatch, error, message):
     def fails(*what: Any, **more: Any) -> None:
         raise error
 
@@ -334,7 +332,7 @@ print(taken() - before)
 
 @pytest.mark.slow
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="the C library is not glibc")
-def test_a_picture_s_memory_is_given_back_and_opengl_is_not_asked_after_every_call() -> None:
+def test_a_picture_s_memory_is_given_back_and_opengl_is_not_asked_after_every_call():
     """PyOpenGL asks how a call went unless that is switched off before its first import."""
     kept, back = (
         float(subprocess.check_output([sys.executable, "-c", _PICTURES.format(given=given)]))
@@ -345,7 +343,7 @@ def test_a_picture_s_memory_is_given_back_and_opengl_is_not_asked_after_every_ca
     assert kept > back + 8
 
 
-def test_a_moving_picture_gets_coarser_until_it_keeps_up() -> None:
+def test_a_moving_picture_gets_coarser_until_it_keeps_up():
     pace = Pace()
     for _ in range(9):
         pace = pace.after(pace.moving, 500.0)
@@ -355,7 +353,7 @@ def test_a_moving_picture_gets_coarser_until_it_keeps_up() -> None:
     assert pace.moving == WHOLE and pace.after(WHOLE, 300.0).divisor == 2
 
 
-def test_a_slow_picture_is_seen_at_full_size_with_long_steps_first() -> None:
+def test_a_slow_picture_is_seen_at_full_size_with_long_steps_first():
     slow = Pace(whole_ms=5000.0)
     assert slow.to_whole("balanced") == (Pass(1, "fast"), WHOLE)
     assert slow.to_whole("fast") == (Pass(2), WHOLE)
@@ -363,7 +361,7 @@ def test_a_slow_picture_is_seen_at_full_size_with_long_steps_first() -> None:
     assert slow.after(Pass(1, "fast"), 50.0).whole_ms == 5000.0
 
 
-def test_passes_lengthen_steps_and_nothing_else() -> None:
+def test_passes_lengthen_steps_and_nothing_else():
     volume = Volume(np.zeros((4, 4, 4), np.uint8), spacing_mm=(3.0, 2.0, 4.0))
     own = RaycastSpec(quality="exact", specular=0.1)
     long = replace(own, step_mm=5.0)
@@ -377,7 +375,7 @@ def test_passes_lengthen_steps_and_nothing_else() -> None:
 
 
 @pytest.mark.slow
-def test_edits_of_lights_need_no_further_program(state: ViewState, monkeypatch: Patch) -> None:
+def test_edits_of_lights_need_no_further_program(state, monkeypatch):
     built: set[str] = set()
     build, compiled = Compute._build, programs_of_gl.compile_program
 
@@ -412,9 +410,7 @@ def test_edits_of_lights_need_no_further_program(state: ViewState, monkeypatch: 
 
 
 @pytest.mark.slow
-def test_programs_are_built_by_a_child_that_ends_with_the_viewer(
-    state: ViewState, tmp_path: Path, monkeypatch: Patch
-) -> None:
+def test_programs_are_built_by_a_child_that_ends_with_the_viewer(state, tmp_path, monkeypatch):
     if "Portable" not in Compute.open().info.platform:
         pytest.skip("the device in use is none of PoCL, whose cache is looked into")
     monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path))

@@ -41,7 +41,7 @@ def state_of(path: Path) -> ViewState:
     return ViewState.first(open_document(str(path)), (300, 300))
 
 
-def test_an_image_is_relit_at_its_own_size(path: Path) -> None:
+def test_an_image_is_relit_at_its_own_size(path):
     state = state_of(path)
     assert state.document.source == str(path) and state.document.caster is None
     lamp = under(state, 1)
@@ -50,13 +50,13 @@ def test_an_image_is_relit_at_its_own_size(path: Path) -> None:
     assert np.abs(frame - relit(CoefficientImage.load(path), lamp)).max() <= 1
 
 
-def test_an_image_is_the_result_of_every_cast(path: Path) -> None:
+def test_an_image_is_the_result_of_every_cast(path):
     state = state_of(path)
     (done,) = casts_of(job_of(state, (99, 77), Pass(4), WHOLE))
     assert done.image is state.document.image and done.made == WHOLE and done.job.size == SIZE
 
 
-def test_what_would_need_a_cast_is_undone_and_lights_are_not(path: Path) -> None:
+def test_what_would_need_a_cast_is_undone_and_lights_are_not(path):
     state = state_of(path)
     lit = under(state, 2)
     turned = camera.orbit(lit, 0.2, 0.1)
@@ -67,7 +67,7 @@ def test_what_would_need_a_cast_is_undone_and_lights_are_not(path: Path) -> None
     assert without_cast(state, other) is other  # another document
 
 
-def test_reflectances_of_an_image_cast_with_materials_may_change(tmp_path: Path) -> None:
+def test_reflectances_of_an_image_cast_with_materials_may_change(tmp_path):
     begun = opened(tmp_path, basis='method = "materials"')
     state = state_of(image_of(begun, tmp_path))
     basis = state.transfer.basis
@@ -78,7 +78,7 @@ def test_reflectances_of_an_image_cast_with_materials_may_change(tmp_path: Path)
     assert without_cast(state, new) is new
 
 
-def test_light_groups_of_an_image_are_those_of_its_lights(tmp_path: Path) -> None:
+def test_light_groups_of_an_image_are_those_of_its_lights(tmp_path):
     basis, ones = opened(tmp_path).transfer.basis, np.ones(SIZE[::-1], np.float32)
     pixels = np.random.default_rng(1).random((*SIZE[::-1], 2 * basis.size)).astype(np.float32)
     groups = {"lamp": 0.5, "sky": 0.5}
@@ -88,7 +88,7 @@ def test_light_groups_of_an_image_are_those_of_its_lights(tmp_path: Path) -> Non
     assert frame_of(state).std() > 1
 
 
-def test_a_session_of_an_image_is_restored(path: Path, tmp_path: Path) -> None:
+def test_a_session_of_an_image_is_restored(path, tmp_path):
     state = under(state_of(path), 1)
     again = restored(state, tmp_path)
     assert [row.weight for row in again.lights] == [row.weight for row in state.lights]

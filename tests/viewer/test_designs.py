@@ -21,7 +21,6 @@ from tests.support.viewer import (
     with_designed,
     with_target,
 )
-from tests.support.window import Robot
 from tests.viewer._states import seen
 from volspec._gpu.sources import asset
 from volspec.appearance import Display
@@ -72,7 +71,7 @@ def answers(*asked: ViewState) -> list[designs.DesignDone]:
     return done
 
 
-def test_a_wish_that_can_be_met_is_met(state: ViewState) -> None:
+def test_a_wish_that_can_be_met_is_met(state):
     made = with_designed(with_target(state, 5))
     assert max(palette_table.colour_table(made).errors) < VISIBLE
     values = made.transfer.materials["gold"].values
@@ -80,7 +79,7 @@ def test_a_wish_that_can_be_met_is_met(state: ViewState) -> None:
     assert made.transfer.materials["copper"] is state.transfer.materials["copper"]
 
 
-def test_a_wish_that_cannot_be_met_is_missed(state: ViewState) -> None:
+def test_a_wish_that_cannot_be_met_is_missed(state):
     """No reflectance is saturated blue under tungsten light and saturated red under daylight."""
     asked = with_target(with_target(state, 5, "#0000ff"), 4, "#ff0000")
     errors = palette_table.colour_table(with_designed(asked)).errors
@@ -89,7 +88,7 @@ def test_a_wish_that_cannot_be_met_is_missed(state: ViewState) -> None:
 
 @pytest.mark.slow
 @pytest.mark.not_quick
-def test_five_colours_that_merge_to_three_and_one_are_designed(state: ViewState) -> None:
+def test_five_colours_that_merge_to_three_and_one_are_designed(state):
     """Figure 2's targets, of a scene with as many materials and no such lights."""
     grey = dict.fromkeys("abcde", reflectance("ColorChecker/neutral 5 (.70 D)"))
     transfer = TransferFunction([(0.2, 0.0, "a"), (0.5, 0.2, "b")], grey, MaterialBasis(grey))
@@ -105,7 +104,7 @@ def test_five_colours_that_merge_to_three_and_one_are_designed(state: ViewState)
     assert Difference.between(begun, made).stage == "relight"
 
 
-def test_a_light_of_real_lamps_is_a_sum_of_them(state: ViewState) -> None:
+def test_a_light_of_real_lamps_is_a_sum_of_them(state):
     asked = palette_edits.toggle_lamp(with_target(state, 6), 2, "A")
     asked = palette_edits.toggle_lamp(asked, 2, "D65")
     assert asked.palette.targets.lamps == {"FL2": ("A", "D65")}
@@ -117,7 +116,7 @@ def test_a_light_of_real_lamps_is_a_sum_of_them(state: ViewState) -> None:
     assert shares.min() > -1e-6
 
 
-def test_the_latest_wish_wins_and_is_answered_quickly_then_well(state: ViewState) -> None:
+def test_the_latest_wish_wins_and_is_answered_quickly_then_well(state):
     first, last = with_target(state, 5), with_target(state, 5, "#906050")
     done = answers(first, last)
     of_first, of_last = (
@@ -129,14 +128,14 @@ def test_the_latest_wish_wins_and_is_answered_quickly_then_well(state: ViewState
     assert max(palette_table.colour_table(made).errors) < VISIBLE
 
 
-def test_what_contradicts_itself_is_named(state: ViewState) -> None:
+def test_what_contradicts_itself_is_named(state):
     for index, colour in ((4, "#ff0000"), (5, "#0000ff")):
         state = palette_edits.set_target_weight(with_target(state, index, colour), index, None)
     done = answers(state)
     assert done[0].made is None and done[0].whole and "gold" in done[0].error
 
 
-def test_advice_is_about_wishes_alone() -> None:
+def test_advice_is_about_wishes_alone():
     targets = DesignTargets({("a", "D65"): Cell(colour=(0, 0, 0), weight=STAY)})
     advice = ("(a, D65): weight 1 …", "(a, A): weight 4 …", "rounds 12 …")
     assert designs.relevant_advice(advice, targets) == advice[1:]
@@ -163,7 +162,7 @@ class Bench:
         return history
 
 
-def test_designs_outlive_a_failed_solver(state: ViewState, monkeypatch: Patch) -> None:
+def test_designs_outlive_a_failed_solver(state, monkeypatch):
     fails = iter((True,))
 
     def once(palette: Palette, *, again: bool) -> Design:
@@ -183,7 +182,7 @@ def test_designs_outlive_a_failed_solver(state: ViewState, monkeypatch: Patch) -
     assert done[1].made is not None
 
 
-def test_closing_waits_for_no_design(state: ViewState, monkeypatch: Patch) -> None:
+def test_closing_waits_for_no_design(state, monkeypatch):
     begun, may_end, ended = (threading.Event() for _ in range(3))
 
     def long(_: Palette, *, again: bool) -> Design:
@@ -201,7 +200,7 @@ def test_closing_waits_for_no_design(state: ViewState, monkeypatch: Patch) -> No
     may_end.set()
 
 
-def test_wishes_that_were_answered_are_designed_again_from_scratch(state: ViewState) -> None:
+def test_wishes_that_were_answered_are_designed_again_from_scratch(state):
     bench, asked = Bench(), with_target(state, 5)
     bench.designs.follow(asked)
     history = bench.until(History(asked), lambda h: not bench.designs.status.busy)
@@ -230,7 +229,7 @@ def hiding(state: ViewState, monkeypatch: Patch) -> Hiding:
 
 
 @pytest.mark.parametrize("other", [True, False])
-def test_a_wizard_result_needs_its_materials(state: ViewState, hiding: Hiding, other: bool) -> None:
+def test_a_wizard_result_needs_its_materials(state, hiding, other):
     begun, may_end, _ = hiding
     bench = Bench()
     bench.designs.follow(begun)
@@ -246,7 +245,7 @@ def test_a_wizard_result_needs_its_materials(state: ViewState, hiding: Hiding, o
     assert bool(bench.designs.status.complaint) == bool(bench.notice.text) == other
 
 
-def test_a_wizard_waits_for_the_running_design(hiding: Hiding, monkeypatch: Patch) -> None:
+def test_a_wizard_waits_for_the_running_design(hiding, monkeypatch):
     """The design began at once, and was dropped when the last pass changed the materials."""
     picked, may_end, began_with = hiding
     monkeypatch.setattr(
@@ -269,7 +268,7 @@ def test_a_wizard_waits_for_the_running_design(hiding: Hiding, monkeypatch: Patc
     bench.designs.close()
 
 
-def test_the_scene_s_own_spectra_are_its_lights_too(state: ViewState) -> None:
+def test_the_scene_s_own_spectra_are_its_lights_too(state):
     drawn = replace(state.lights[1], rig=LightRig((light("D65"),)))
     changed = replace(state, lights=(state.lights[0], drawn, *state.lights[2:]))
     own = run_command(changed, "palette-own").state
@@ -297,9 +296,7 @@ def answer(files: FileCommands, patched: Patch, name: str, path: str, state: Vie
     files.take(first=False)
 
 
-def test_the_dialog_s_path_goes_to_the_design(
-    state: ViewState, files: tuple[Bench, FileCommands], monkeypatch: Patch, tmp_path: Path
-) -> None:
+def test_the_dialog_s_path_goes_to_the_design(state, files, monkeypatch, tmp_path):
     (bench, commands), path = files, str(tmp_path / "mine.toml")
     asked = with_target(state, 5)
     answer(commands, monkeypatch, "palette-save", path, asked)
@@ -310,12 +307,8 @@ def test_the_dialog_s_path_goes_to_the_design(
 
 
 def test_requested_files_are_there_when_the_window_has_closed(
-    state: ViewState,
-    files: tuple[Bench, FileCommands],
-    closing: threading.Event,
-    monkeypatch: Patch,
-    tmp_path: Path,
-) -> None:
+    state, files, closing, monkeypatch, tmp_path
+):
     def late(_: object, path: str) -> None:
         assert closing.wait(PATIENCE_S)
         Path(path).touch()
@@ -330,7 +323,7 @@ def test_requested_files_are_there_when_the_window_has_closed(
     assert (tmp_path / "export-scene").exists() and (tmp_path / "palette-save").exists()
 
 
-def test_wizards_and_palettes_know_the_display_and_the_model(state: ViewState) -> None:
+def test_wizards_and_palettes_know_the_display_and_the_model(state):
     wall = replace(SPACES["Display P3"], name="the wall", white_xy=(0.32, 0.34))
     scene = palette_results.wizard_scene(seen(state, display=Display(space=wall)))
     assert scene.relight.viewing.display.colours == wall
@@ -351,7 +344,7 @@ def engine() -> ViewState:
 
 
 @pytest.mark.not_quick
-def test_daylight_is_added_where_it_is_missing(engine: ViewState) -> None:
+def test_daylight_is_added_where_it_is_missing(engine):
     dark = lights.remove(engine, 0)
     assert effects.daylight_row(dark.lights) is None
     ready = effects.prepare(dark, ("inserts", "block"))
@@ -362,7 +355,7 @@ def test_daylight_is_added_where_it_is_missing(engine: ViewState) -> None:
 
 
 @pytest.mark.not_quick
-def test_a_difference_is_found_without_a_new_material(engine: ViewState) -> None:
+def test_a_difference_is_found_without_a_new_material(engine):
     ready = effects.prepare(engine, ("inserts", "block"))
     found = effects.find_difference(ready)
     assert isinstance(found, TellingLight) and found.before < 1 and found.delta_e > 20
@@ -377,7 +370,7 @@ def test_a_difference_is_found_without_a_new_material(engine: ViewState) -> None
 
 
 @pytest.mark.not_quick
-def test_what_is_hidden_in_daylight_is_told_in_words(engine: ViewState) -> None:
+def test_what_is_hidden_in_daylight_is_told_in_words(engine):
     ready = effects.prepare(engine, ("inserts",))
     made = palette_results.run_wizard(ready, "hide")
     told = effects.outcome(ready, palette_results.with_wizard_result(ready, made), "hide")
@@ -389,7 +382,7 @@ def test_what_is_hidden_in_daylight_is_told_in_words(engine: ViewState) -> None:
 
 
 @pytest.mark.not_quick
-def test_a_service_ends_an_effect_in_a_comparison(engine: ViewState) -> None:
+def test_a_service_ends_an_effect_in_a_comparison(engine):
     service = designs.DesignService(lambda: None, Notice(Trace(None)))
     ready = effects.prepare(engine, ("inserts", "block"))
     service.follow(ready)
@@ -408,7 +401,7 @@ def test_a_service_ends_an_effect_in_a_comparison(engine: ViewState) -> None:
 
 
 @pytest.mark.not_quick
-def test_a_pixel_s_material_is_found_whatever_the_basis(engine: ViewState) -> None:
+def test_a_pixel_s_material_is_found_whatever_the_basis(engine):
     volume = load_volume("engine").downsampled(2)
     scene = Scene.load(asset("data/scenes/engine.toml"))
     for transfer in (scene.transfer, effects.with_material_basis(scene.transfer)):
@@ -419,7 +412,7 @@ def test_a_pixel_s_material_is_found_whatever_the_basis(engine: ViewState) -> No
 
 
 @pytest.mark.slow
-def test_a_material_is_hidden_by_two_clicks(window: Robot, tmp_path: Path) -> None:
+def test_a_material_is_hidden_by_two_clicks(window, tmp_path):
     values = np.zeros((24, 24, 24), np.float32)
     values[4:20, 4:20, 4:20], values[8:16, 8:16, 8:16] = 0.5, 1.0
     np.save(tmp_path / "box.npy", values)

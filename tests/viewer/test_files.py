@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from tests.support.errors import refuses
-from tests.support.fixtures import Capture, Patch, slow
+from tests.support.fixtures import Patch, slow
 from tests.support.images import read_codes
 from tests.support.patience import PATIENCE_S
 from tests.support.viewer import SCENES, assert_same_tables, opened, run_command
@@ -25,7 +25,6 @@ from volspec.errors import (
     ImageError,
     InputError,
     OpenGLError,
-    VolspecError,
     VolspecWarning,
     VolumeError,
 )
@@ -34,7 +33,7 @@ from volspec.raycast.checks import MAX_SIDE
 from volspec.scene import Scene
 from volspec.viewer.app import Options, view
 from volspec.viewer.model.choices import RawLayout, Undecided, address_with, guess_layouts
-from volspec.viewer.model.document import Document, demo
+from volspec.viewer.model.document import demo
 from volspec.viewer.model.paths import (
     Listing,
     PathRequest,
@@ -66,7 +65,7 @@ def run_python(
 
 @pytest.mark.not_quick
 @pytest.mark.parametrize("basis", ['method = "materials"', slow('train = "scene"\nsize = 4')])
-def test_a_script_makes_the_frame_that_the_viewer_shows(tmp_path: Path, basis: str) -> None:
+def test_a_script_makes_the_frame_that_the_viewer_shows(tmp_path, basis):
     """Equal to the byte: the same numbers go the same way, on the same device."""
     state = worked_on(opened(tmp_path, basis=basis))
     shading = replace(state.shading, preintegrated=True)
@@ -81,7 +80,7 @@ def test_a_script_makes_the_frame_that_the_viewer_shows(tmp_path: Path, basis: s
 
 
 @pytest.mark.parametrize("kind", SCENES)
-def test_scripts_of_every_transfer_function_make_the_same_table(tmp_path: Path, kind: str) -> None:
+def test_scripts_of_every_transfer_function_make_the_same_table(tmp_path, kind):
     import volspec
 
     state = opened(tmp_path, kind)
@@ -95,13 +94,13 @@ def test_scripts_of_every_transfer_function_make_the_same_table(tmp_path: Path, 
     assert_same_tables(replace(state, transfer=names["transfer"]), state)
 
 
-def test_a_document_knows_what_opens_it_again(tmp_path: Path) -> None:
+def test_a_document_knows_what_opens_it_again(tmp_path):
     document = opened(tmp_path).document
     assert document.source == str(document.path)
     assert replace(document, path=demo()).source is None
 
 
-def test_scripts_call_spectra_by_name_where_those_give_the_same_numbers(tmp_path: Path) -> None:
+def test_scripts_call_spectra_by_name_where_those_give_the_same_numbers(tmp_path):
     text = script_from_state(opened(tmp_path))
     assert re.findall(r'vs\.light\("(.*?)"', text) == ["D65"]
     assert set(re.findall(r'vs\.reflectance\("(.*?)"', text)) == {"copper", "grey:0.5"}
@@ -110,14 +109,14 @@ def test_scripts_call_spectra_by_name_where_those_give_the_same_numbers(tmp_path
     assert max(map(len, lines)) <= 88
 
 
-def test_dropped_files_mean_one_scene_or_one_volume() -> None:
+def test_dropped_files_mean_one_scene_or_one_volume():
     assert dropped_path(["/a/x.nrrd"]) == "/a/x.nrrd"
     assert dropped_path(["/a/x.raw", "/a/x.mhd"]) == "/a/x.mhd"
     assert dropped_path([f"/a/stack/{i}.tif" for i in range(9)]) == "/a/stack"
     assert dropped_path(["/a/1.dcm", "/a/2.DCM"]) == "/a/1.dcm"  # one file represents its series
 
 
-def test_a_path_is_completed_as_far_as_its_neighbours_agree(tmp_path: Path) -> None:
+def test_a_path_is_completed_as_far_as_its_neighbours_agree(tmp_path):
     for name in ("Engine-a.toml", "engine-b.toml", "engine.nrrd", "notes.txt", ".hidden.toml"):
         (tmp_path / name).touch()
     (tmp_path / "folder").mkdir()
@@ -138,7 +137,7 @@ def test_a_path_is_completed_as_far_as_its_neighbours_agree(tmp_path: Path) -> N
     assert names(list_paths(start, base="/nosuch")) == names(list_paths(start))
 
 
-def test_slices_are_listed_by_their_content_if_they_have_no_ending(tmp_path: Path) -> None:
+def test_slices_are_listed_by_their_content_if_they_have_no_ending(tmp_path):
     head = bytes(128) + b"DICM"
     files = {"IM0001": head, "1.2.840": head, "a.dcm": b"", "README": b"text", "a.txt": b"text"}
     for name, content in files.items():
@@ -154,7 +153,7 @@ def names(listing: Listing) -> list[str]:
     return [row.name for row in listing.rows]
 
 
-def test_a_dialog_offers_each_folder_once(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_a_dialog_offers_each_folder_once(tmp_path, monkeypatch):
     folders = [tmp_path / name for name in ("home", "open", "examples", "a", "b")]
     for folder in folders:
         folder.mkdir()
@@ -175,9 +174,7 @@ def pictures(tmp_path: Path, monkeypatch: Patch) -> Path:
 
 
 @pytest.mark.not_quick
-def test_nothing_is_saved_next_to_a_bundled_scene(
-    tmp_path: Path, pictures: Path, monkeypatch: Patch
-) -> None:
+def test_nothing_is_saved_next_to_a_bundled_scene(tmp_path, pictures, monkeypatch):
     monkeypatch.chdir(tmp_path)
     document = open_document(str(demo().with_name("engine-cut.toml")))
     assert outputs.output_folder(document) == pictures
@@ -186,7 +183,7 @@ def test_nothing_is_saved_next_to_a_bundled_scene(
 
 
 @pytest.mark.not_quick
-def test_a_volume_opens_in_the_view_that_commands_give_it(tmp_path: Path) -> None:
+def test_a_volume_opens_in_the_view_that_commands_give_it(tmp_path):
     path = save_ball(tmp_path)
     document, scene = open_document(str(path)), Scene.from_volume(path)
     assert document.file == scene.file
@@ -194,7 +191,7 @@ def test_a_volume_opens_in_the_view_that_commands_give_it(tmp_path: Path) -> Non
 
 
 @pytest.mark.not_quick
-def test_a_dialog_starts_at_the_last_file_or_at_home(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_a_dialog_starts_at_the_last_file_or_at_home(tmp_path, monkeypatch):
     for name in ("home", "work"):
         (tmp_path / name).mkdir()
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
@@ -210,7 +207,7 @@ def test_a_dialog_starts_at_the_last_file_or_at_home(tmp_path: Path, monkeypatch
     assert initial_path(save, volume) == f"{tmp_path}/work/ball.toml"
 
 
-def test_a_name_to_be_written_gets_its_ending() -> None:
+def test_a_name_to_be_written_gets_its_ending():
     save = PathRequest("x", "Save", True, (SUFFIX, ".json"))
     assert save.complete(" a ") == f"a{SUFFIX}"
     assert save.complete("a.json") == "a.json" and save.complete("") == ""
@@ -218,7 +215,7 @@ def test_a_name_to_be_written_gets_its_ending() -> None:
     assert read.complete("~/a") == os.path.expanduser("~/a")
 
 
-def test_recent_files_are_ten_newest_first_and_missing_ones_are_known(tmp_path: Path) -> None:
+def test_recent_files_are_ten_newest_first_and_missing_ones_are_known(tmp_path):
     recent = RecentFiles(tmp_path / "state")
     assert recent.rows() == ()
     (tmp_path / "there.raw").touch()
@@ -239,14 +236,14 @@ def test_recent_files_are_ten_newest_first_and_missing_ones_are_known(tmp_path: 
     assert nowhere.rows() == ()
 
 
-def test_where_things_are_remembered_can_be_said(monkeypatch: Patch) -> None:
+def test_where_things_are_remembered_can_be_said(monkeypatch):
     monkeypatch.setenv(STATE_VARIABLE, "/somewhere")
     assert state_folder() == Path("/somewhere")
     monkeypatch.delenv(STATE_VARIABLE)
     assert state_folder().name == "volspec"
 
 
-def test_pictures_have_even_sides_or_the_size_that_was_asked_for() -> None:
+def test_pictures_have_even_sides_or_the_size_that_was_asked_for():
     shown = (301, 200)
     sizes = {
         preset: outputs.PictureSize(preset, (99, 77)).pixels(shown) for preset in outputs.PRESETS
@@ -260,7 +257,7 @@ def test_pictures_have_even_sides_or_the_size_that_was_asked_for() -> None:
     assert outputs.PictureSize(outputs.CUSTOM, (-5, 10**9)).pixels(shown) == (1, MAX_SIDE)
 
 
-def test_files_get_free_names_after_and_next_to_what_was_opened(tmp_path: Path) -> None:
+def test_files_get_free_names_after_and_next_to_what_was_opened(tmp_path):
     document = opened(tmp_path).document
     for name, stems in (("", ("ball", "ball-1")), ("a b.png", ("a-b", "a-b-1"))):
         for stem in stems:
@@ -274,8 +271,8 @@ def test_files_get_free_names_after_and_next_to_what_was_opened(tmp_path: Path) 
 
 
 def test_files_go_to_the_pictures_from_a_folder_that_cannot_be_written_to(
-    tmp_path: Path, pictures: Path, monkeypatch: Patch
-) -> None:
+    tmp_path, pictures, monkeypatch
+):
     document = opened(tmp_path).document
     with monkeypatch.context() as patched:
         patched.setattr(os, "access", lambda *_: False)
@@ -288,7 +285,7 @@ def test_files_go_to_the_pictures_from_a_folder_that_cannot_be_written_to(
 
 
 @pytest.mark.not_quick
-def test_a_picture_holds_both_sides_of_the_divide_and_says_what_made_it(tmp_path: Path) -> None:
+def test_a_picture_holds_both_sides_of_the_divide_and_says_what_made_it(tmp_path):
     # What the light does is plain where no eye adapts to it.
     day = replace(seen(opened(tmp_path), model="none"), size=(40, 30))
     lamp = under(day, 1)
@@ -304,7 +301,7 @@ def test_a_picture_holds_both_sides_of_the_divide_and_says_what_made_it(tmp_path
     assert path.parent == folder and read_frame_text(path)["scene"] == "ball"
 
 
-def test_a_picture_has_the_scale_bar_of_the_screen(tmp_path: Path) -> None:
+def test_a_picture_has_the_scale_bar_of_the_screen(tmp_path):
     state = opened(tmp_path)
     assert screenshot.Shot().marks_for(state) == ("scale",)
     hidden = run_command(state, "scale").state
@@ -327,13 +324,7 @@ _READING = Reading((("XYZ", "1 2 3"),), *[cast(Any, None)] * 3)
         (screenshot.ClipboardError, "unsupported", lambda _: screenshot.copy_values(_READING)),
     ],
 )
-def test_what_cannot_be_is_refused_without_a_display(
-    tmp_path: Path,
-    monkeypatch: Patch,
-    kind: type[VolspecError],
-    expected: str,
-    call: Callable[[Document], object],
-) -> None:
+def test_what_cannot_be_is_refused_without_a_display(tmp_path, monkeypatch, kind, expected, call):
     if expected == "unsupported" and sys.platform != "linux":
         pytest.skip("elsewhere the system needs no display")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
@@ -368,7 +359,7 @@ left_open.close()  # or the program would end with it
 
 @pytest.mark.not_quick
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the system's dialog would open")
-def test_the_system_s_dialog_is_asked_without_waiting(tmp_path: Path) -> None:
+def test_the_system_s_dialog_is_asked_without_waiting(tmp_path):
     program = tmp_path / "zenity"
     program.write_text(_ZENITY, encoding="utf-8")
     program.chmod(0o755)
@@ -376,7 +367,7 @@ def test_the_system_s_dialog_is_asked_without_waiting(tmp_path: Path) -> None:
     assert [Path(line).stem for line in done.stdout.split()] == ["chosen", "saved"], done.stderr
 
 
-def test_a_fault_in_a_task_is_told_and_not_waited_for(capsys: Capture) -> None:
+def test_a_fault_in_a_task_is_told_and_not_waited_for(capsys):
     def ends(task: Callable[[], object]) -> background.Outcome:
         woken = threading.Event()
         tasks = background.Tasks(woken.set)
@@ -393,9 +384,7 @@ def test_a_fault_in_a_task_is_told_and_not_waited_for(capsys: Capture) -> None:
     assert "ZeroDivisionError" in capsys.readouterr().err
 
 
-def test_closing_waits_for_files(
-    tmp_path: Path, closing: threading.Event, monkeypatch: Patch
-) -> None:
+def test_closing_waits_for_files(tmp_path, closing, monkeypatch):
     def late(name: str) -> None:
         assert closing.wait(PATIENCE_S)
         (tmp_path / name).touch()
@@ -427,7 +416,7 @@ def warned(act: Callable[[], object]) -> str:
     return str(warning.message)
 
 
-def test_a_font_with_chinese_letters_is_found_by_its_name(tmp_path: Path) -> None:
+def test_a_font_with_chinese_letters_is_found_by_its_name(tmp_path):
     inner = tmp_path / "truetype" / "wqy"
     inner.mkdir(parents=True)
     assert find_cjk_font([str(tmp_path), "/nowhere"]) is None
@@ -450,7 +439,7 @@ def blob(kind: str) -> bytes:
 
 
 @pytest.mark.parametrize("kind", ["u1", "<u2", ">u2", "<i2", ">i2", "<f4", ">f4"])
-def test_the_layout_of_raw_bytes_is_found_by_their_smoothness(kind: str, tmp_path: Path) -> None:
+def test_the_layout_of_raw_bytes_is_found_by_their_smoothness(kind, tmp_path):
     data = blob(kind)
     middle = len(data) // 2 // 8 * 8
     guesses = guess_layouts("scan.raw", len(data), data[middle : middle + 65536])
@@ -465,7 +454,7 @@ def test_the_layout_of_raw_bytes_is_found_by_their_smoothness(kind: str, tmp_pat
     np.testing.assert_allclose(volume.values.ravel(), np.frombuffer(data, kind), rtol=1e-6)
 
 
-def test_a_name_that_states_the_shape_is_believed_if_the_size_agrees() -> None:
+def test_a_name_that_states_the_shape_is_believed_if_the_size_agrees():
     voxels = 40 * 64 * 48
     (first, *_) = guess_layouts("ct_40x64x48_uint16.raw", 2 * voxels + 348, b"")
     assert (first.shape, first.dtype, first.offset) == (SHAPE, "uint16", 348)
@@ -473,7 +462,7 @@ def test_a_name_that_states_the_shape_is_believed_if_the_size_agrees() -> None:
     assert guess_layouts("odd.raw", 10007, b"") == ()
 
 
-def test_a_layout_is_compared_with_the_size_of_its_file() -> None:
+def test_a_layout_is_compared_with_the_size_of_its_file():
     layout = RawLayout(SHAPE, "int16", "big", 8, (0.5, 0.5, 2.0))
     assert layout.nbytes == 2 * 40 * 64 * 48
     fits = [layout.check(layout.nbytes + 8 + more)[0] for more in (-1, 0, 1)]
@@ -485,7 +474,7 @@ def test_a_layout_is_compared_with_the_size_of_its_file() -> None:
 
 
 @pytest.mark.not_quick
-def test_what_is_ambiguous_is_asked(tmp_path: Path) -> None:
+def test_what_is_ambiguous_is_asked(tmp_path):
     tifffile = pytest.importorskip("tifffile", reason="tifffile is not installed")
     ball = (phantom.ball(12).values * 1000).astype(np.uint16)
     several = tmp_path / "cells.ome.tif"
@@ -509,6 +498,6 @@ def test_what_is_ambiguous_is_asked(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "kind"), [("x.raw?shape=9x9x9&dtype=uint8", VolumeError), ("x.exr", ImageError)]
 )
-def test_what_is_damaged_is_refused(tmp_path: Path, name: str, kind: type[VolspecError]) -> None:
+def test_what_is_damaged_is_refused(tmp_path, name, kind):
     (tmp_path / name.partition("?")[0]).write_bytes(b"no picture")
     refuses(lambda: open_path(str(tmp_path / name), None), "damaged", kind)

@@ -15,11 +15,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from tests.support.errors import raises
-from tests.support.fixtures import Patch
 from tests.support.images import read_codes
 from tests.support.patience import wait_until
 from tests.support.viewer import opened, take_until
-from tests.support.window import Robot
 from tests.viewer._states import frame_of
 from volspec.errors import CastCancelled, ViewingError, VolumeError
 from volspec.pipeline import Raycaster
@@ -67,7 +65,7 @@ def azimuths(state: ViewState, film: Film) -> list[float]:
     return [frame.view.azimuth_deg - state.view.azimuth_deg for frame in frames_of(state, film)]
 
 
-def test_a_whole_turn_ends_before_its_start_and_a_part_at_its_angle(state: ViewState) -> None:
+def test_a_whole_turn_ends_before_its_start_and_a_part_at_its_angle(state):
     assert azimuths(state, Film(360.0, seconds=1.0, fps=4.0)) == [0.0, 90.0, -180.0, -90.0]
     assert azimuths(state, Film(-90.0, seconds=1.0, fps=4.0)) == [0.0, -30.0, -60.0, -90.0]
     assert azimuths(state, Film(0.0, seconds=0.5, fps=4.0)) == [0.0, 0.0]
@@ -81,7 +79,7 @@ def weights(state: ViewState, film: Film) -> list[list[float]]:
     return [[round(row.weight, 6) for row in frame.lights] for frame in frames_of(state, film)]
 
 
-def test_lights_fade_into_each_other_and_back(state: ViewState) -> None:
+def test_lights_fade_into_each_other_and_back(state):
     state = replace(state, lights=state.lights[:2])
     fade = Film(0.0, LIGHTS, seconds=1.0, fps=4.0)
     assert weights(state, fade) == [[1.0, 0.0], [0.5, 0.5], [0.0, 1.0], [0.5, 0.5]]
@@ -89,7 +87,7 @@ def test_lights_fade_into_each_other_and_back(state: ViewState) -> None:
     assert weights(state, once) == [[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]]
 
 
-def test_a_film_fades_through_saved_states_and_between_sides(state: ViewState) -> None:
+def test_a_film_fades_through_saved_states_and_between_sides(state):
     assert light_changes(state)[1:] == (LIGHTS,)
     other = replace(state, lights=light_rows.only_row(state.lights, 1))
     saved = light_states.save(light_states.save(state).state).state.saved_lights
@@ -112,7 +110,7 @@ def filmed(state: ViewState, *given: Any, **more: Any) -> Path:
     return save_film(state, FilmFile(*given, **more), Progress("", "film"))
 
 
-def test_the_frames_of_a_film_are_the_pictures_of_its_preview(tmp_path: Path) -> None:
+def test_the_frames_of_a_film_are_the_pictures_of_its_preview(tmp_path):
     state = replace(opened(tmp_path), size=(40, 30))
     film = Film(120.0, LIGHTS, seconds=1.0, fps=3.0)
     folder = filmed(state, film, FRAMES, SMALL, Destination(str(tmp_path), "turn"))
@@ -133,7 +131,7 @@ def test_the_frames_of_a_film_are_the_pictures_of_its_preview(tmp_path: Path) ->
         assert np.abs(ours - theirs).max() <= 1
 
 
-def test_gifs_and_folders_need_no_ffmpeg(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_gifs_and_folders_need_no_ffmpeg(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     assert possible_kinds() == (".gif", FRAMES)
     state, film = opened(tmp_path), Film(seconds=0.5, fps=10.0)
@@ -142,7 +140,7 @@ def test_gifs_and_folders_need_no_ffmpeg(tmp_path: Path, monkeypatch: Patch) -> 
     assert len(list(filmed(state, film, FRAMES, SMALL).glob("*.png"))) == 5
 
 
-def test_a_film_that_is_cancelled_leaves_nothing(tmp_path: Path) -> None:
+def test_a_film_that_is_cancelled_leaves_nothing(tmp_path):
     state = opened(tmp_path)
     before = set(tmp_path.iterdir())
 
@@ -165,7 +163,7 @@ def test_a_film_that_is_cancelled_leaves_nothing(tmp_path: Path) -> None:
         filmed(replace(state, lights=state.lights[1:]), kind=FRAMES, size=SMALL)
 
 
-def test_a_page_has_the_views_and_the_lights_of_the_window(tmp_path: Path) -> None:
+def test_a_page_has_the_views_and_the_lights_of_the_window(tmp_path):
     path = save_page(opened(tmp_path), PageFile(2, "A ball", SMALL), Progress("", "page"))
     text = path.read_text(encoding="utf-8")
     assert "<title>A ball" in text and text.count('"azimuth_deg":') == 2
@@ -173,7 +171,7 @@ def test_a_page_has_the_views_and_the_lights_of_the_window(tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-def test_a_film_and_a_page_are_made_by_mouse(window: Robot, tmp_path: Path) -> None:
+def test_a_film_and_a_page_are_made_by_mouse(window, tmp_path):
     imageio = pytest.importorskip("imageio_ffmpeg")
     np.save(tmp_path / "ball.npy", np.random.default_rng(1).random((12, 12, 12), np.float32))
     window.open(tmp_path / "ball.npy")
@@ -205,7 +203,7 @@ def test_a_film_and_a_page_are_made_by_mouse(window: Robot, tmp_path: Path) -> N
     assert '<script type="text/plain" id="view-0">' in page.read_text("utf-8")
 
 
-def test_pictures_and_films_have_the_same_marks(tmp_path: Path) -> None:
+def test_pictures_and_films_have_the_same_marks(tmp_path):
     state, size = replace(opened(tmp_path), size=(120, 90)), PictureSize(CUSTOM, (120, 90))
     folder = filmed(state, Film(0.0, seconds=0.5, fps=2.0), FRAMES, size, marks=MARKS)
     shots = (
@@ -244,7 +242,7 @@ def ready(steps: Steps, document: Document) -> Document:
     return take_until(lambda: [each for each in [steps.take(document)] if each], len)[0]
 
 
-def test_steps_pressed_while_one_is_read_are_counted(tmp_path: Path, steps: Steps) -> None:
+def test_steps_pressed_while_one_is_read_are_counted(tmp_path, steps):
     series = balls(7)
     state = of_series(tmp_path, series)
     document = state.document
@@ -264,7 +262,7 @@ def test_steps_pressed_while_one_is_read_are_counted(tmp_path: Path, steps: Step
     assert document.saved()[0].volume.step == 0
 
 
-def test_steps_play_in_a_loop_or_once(tmp_path: Path, steps: Steps) -> None:
+def test_steps_play_in_a_loop_or_once(tmp_path, steps):
     state = of_series(tmp_path, balls(3))
     shown = [state.document]
     steps.toggle(state)
@@ -294,7 +292,7 @@ def test_steps_play_in_a_loop_or_once(tmp_path: Path, steps: Steps) -> None:
     assert not steps.playing
 
 
-def test_a_step_that_is_gone_is_reported(tmp_path: Path, steps: Steps, notice: Notice) -> None:
+def test_a_step_that_is_gone_is_reported(tmp_path, steps, notice):
     read: list[int] = []
 
     def load() -> Volume:
@@ -314,7 +312,7 @@ def test_a_step_that_is_gone_is_reported(tmp_path: Path, steps: Steps, notice: N
     assert "b.nrrd" in notice.text
 
 
-def test_another_document_has_its_own_step_and_does_not_play(tmp_path: Path, steps: Steps) -> None:
+def test_another_document_has_its_own_step_and_does_not_play(tmp_path, steps):
     state = of_series(tmp_path, balls(3))
     steps.go(state, 2)
     assert steps.wanted(state.document) == 2
@@ -324,7 +322,7 @@ def test_another_document_has_its_own_step_and_does_not_play(tmp_path: Path, ste
     assert not steps.playing and steps.wanted(state.document) == 0
 
 
-def test_without_steps_there_is_a_message(tmp_path: Path, steps: Steps, notice: Notice) -> None:
+def test_without_steps_there_is_a_message(tmp_path, steps, notice):
     state = opened(tmp_path)
     steps.go(state, 1)
     assert "no time steps" in notice.text
@@ -332,7 +330,7 @@ def test_without_steps_there_is_a_message(tmp_path: Path, steps: Steps, notice: 
     assert not steps.playing and not steps.busy
 
 
-def test_undo_leaves_the_step_as_it_is(tmp_path: Path) -> None:
+def test_undo_leaves_the_step_as_it_is(tmp_path):
     state = of_series(tmp_path, balls(2))
     history = History(state).step(replace(state, thickness=2.0))
     later = state.document.at_step(1, state.document.series[1], None)
@@ -343,7 +341,7 @@ def test_undo_leaves_the_step_as_it_is(tmp_path: Path) -> None:
     assert undone.thickness == 1.0 and undone.document is later
 
 
-def test_a_film_plays_the_steps_at_their_own_rate(tmp_path: Path) -> None:
+def test_a_film_plays_the_steps_at_their_own_rate(tmp_path):
     document = of_series(tmp_path, balls(3)).document
     assert document.step_rate == 10.0
     assert film_steps(document, Film(seconds=0.5, fps=20.0)) == [0, 0, 1, 1, 2, 2, 0, 0, 1, 1]

@@ -12,7 +12,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.support.fixtures import Capture, Patch
 from tests.support.viewer import run_command
 from tests.viewer._edits import MODULES, drawn, edits_of, with_arguments
 from tests.viewer._states import under
@@ -34,7 +33,7 @@ from volspec.viewer.model import (
     transfer_edits,
 )
 from volspec.viewer.model.commands import COMMANDS
-from volspec.viewer.model.edit import Change, after
+from volspec.viewer.model.edit import after
 from volspec.viewer.model.history import MOST_STEPS, STAGES, Difference, History
 from volspec.viewer.model.palette_targets import LIGHT, DesignTargets, PaletteState
 from volspec.viewer.model.state import Interface, ViewState
@@ -49,7 +48,7 @@ from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.session_store import RecentFiles
 
 
-def test_nothing_to_do_where_nothing_changed_and_everything_at_first(state: ViewState) -> None:
+def test_nothing_to_do_where_nothing_changed_and_everything_at_first(state):
     assert Difference.between(None, state).stage == "cast"
     assert Difference.between(state, state).stage is None
     assert Difference.between(state, replace(state, view=replace(state.view))).stage is None
@@ -80,7 +79,7 @@ class Read(ViewState):
         return super().__getattribute__(name)
 
 
-def test_a_change_costs_the_stage_that_reads_it(state: ViewState, monkeypatch: Patch) -> None:
+def test_a_change_costs_the_stage_that_reads_it(state, monkeypatch):
     monkeypatch.setattr(CastWorker, "request", lambda *_: None)
     assert set(STAGES) == {field.name for field in fields(ViewState)}
     read = Read(**{name: getattr(state, name) for name in STAGES})
@@ -137,7 +136,7 @@ def cut(state: ViewState) -> ViewState:
 
 @pytest.mark.not_quick
 @pytest.mark.parametrize("name", edits_of(*MODULES))
-def test_every_edit_does_something_and_none_of_lights_casts(cut: ViewState, name: str) -> None:
+def test_every_edit_does_something_and_none_of_lights_casts(cut, name):
     indices = (3 if name == "lights.set_kelvin" else 1), 0
     edits = [with_arguments(name, (0.3, 0.4) * 2, indices, text) for text in _TEXTS]
     costs = {Difference.between(cut, edit(cut)).stage for edit in edits}
@@ -153,7 +152,7 @@ _DONE = (
 )
 
 
-def test_every_action_does_something_and_none_of_lights_or_window_casts(cut: ViewState) -> None:
+def test_every_action_does_something_and_none_of_lights_or_window_casts(cut):
     state = slices.set_greys(slices.move_slice(cut, 1, 0.3), 0.2, 0.4)
     old = transfer_edits.shift(replace(state, view=replace(state.view, zoom=3.0)), 0.1)
     states = [light_rows.LightState(str(i), state.lights[1:], state.relight) for i in range(9)]
@@ -167,7 +166,7 @@ def test_every_action_does_something_and_none_of_lights_or_window_casts(cut: Vie
             assert cost != "cast" or action.menu not in ("Light", "Window"), action.name
 
 
-def test_a_drag_is_one_step_of_undo_and_the_window_is_none(state: ViewState) -> None:
+def test_a_drag_is_one_step_of_undo_and_the_window_is_none(state):
     history = History(state)
     for weight in (0.2, 0.5, 0.8):
         history = history.then(lights.set_weight(history.present, 1, weight), 1)
@@ -183,7 +182,7 @@ def test_a_drag_is_one_step_of_undo_and_the_window_is_none(state: ViewState) -> 
     assert forth.present == history.present and forth.redo() is forth
 
 
-def test_history_is_bounded_and_steps_forget_the_future(state: ViewState) -> None:
+def test_history_is_bounded_and_steps_forget_the_future(state):
     history = History(state)
     for gesture in range(MOST_STEPS + 20):
         history = history.then(camera.orbit(history.present, 0.01, 0.0), gesture)
@@ -191,7 +190,7 @@ def test_history_is_bounded_and_steps_forget_the_future(state: ViewState) -> Non
     assert history.undo().then(replace(state, document=replace(state.document)), 10**6).future == ()
 
 
-def test_a_state_always_has_a_chosen_light(state: ViewState) -> None:
+def test_a_state_always_has_a_chosen_light(state):
     for wrong, right in ((7, 3), (-2, 0)):
         assert replace(state, interface=Interface(light=wrong)).interface.light == right
     last = lights.choose(state, 3)
@@ -199,7 +198,7 @@ def test_a_state_always_has_a_chosen_light(state: ViewState) -> None:
     assert lights.remove(last, 3).interface.light == 2
 
 
-def test_undo_of_a_kept_mix_chooses_the_light_that_was_chosen(state: ViewState) -> None:
+def test_undo_of_a_kept_mix_chooses_the_light_that_was_chosen(state):
     start = lights.choose(state, 1)
     history = History(start).then(run_command(start, "keep-mix").state, 1)
     assert history.present.interface.light == 4
@@ -212,7 +211,7 @@ def test_undo_of_a_kept_mix_chooses_the_light_that_was_chosen(state: ViewState) 
     assert looked.undo().present.interface.light == 3
 
 
-def test_another_file_chooses_its_shining_light_and_keeps_the_window(state: ViewState) -> None:
+def test_another_file_chooses_its_shining_light_and_keeps_the_window(state):
     before = replace(state, size=(40, 30), interface=Interface(dark=False, light=3))
     new = Opened(under(state, 2)).after(before).state
     assert new.interface.light == 2 and not new.interface.dark and new.size == (40, 30)
@@ -229,7 +228,7 @@ def steps(given: Sequence[tuple[float, Input]]) -> int:
     return len(numbers)
 
 
-def test_a_run_of_notches_or_steps_is_one_gesture() -> None:
+def test_a_run_of_notches_or_steps_is_one_gesture():
     def run(each: Input, apart: float) -> int:
         return steps([(10.0 + i * apart, each) for i in range(6)])
 
@@ -258,12 +257,12 @@ def test_a_run_of_notches_or_steps_is_one_gesture() -> None:
         ("palette", lambda s: palette_edits.toggle_constant(s, 1)),
     ],
 )
-def test_what_is_undone_has_a_name(state: ViewState, what: str, change: Any) -> None:
+def test_what_is_undone_has_a_name(state, what, change):
     new = run_command(state, change) if isinstance(change, str) else after(change, state)
     assert Difference.between(state, new.state).name == what
 
 
-def test_lights_have_names_of_their_own_by_hand(state: ViewState) -> None:
+def test_lights_have_names_of_their_own_by_hand(state):
     new = lights.rename(state, 1, "  my\n lamp ")
     own = new.lights[1].name
     assert own.split(" ") == ["my", "lamp"] and new.lights[1].rig is state.lights[1].rig
@@ -275,7 +274,7 @@ def test_lights_have_names_of_their_own_by_hand(state: ViewState) -> None:
     assert back.lights == state.lights
 
 
-def test_a_name_given_by_hand_stays_whatever_the_light_becomes(state: ViewState) -> None:
+def test_a_name_given_by_hand_stays_whatever_the_light_becomes(state):
     new = lights.choose(lights.rename(state, 3, "lamp"), 3)
     pen = light_parts.draw(new, 3, 0, (0.1, 2.0), (0.5, 2.0))
     # Also where it was given after the drawing.
@@ -289,7 +288,7 @@ def test_a_name_given_by_hand_stays_whatever_the_light_becomes(state: ViewState)
         assert other.lights[3].name == "lamp"
 
 
-def test_the_palette_follows_a_light_to_its_new_name(state: ViewState) -> None:
+def test_the_palette_follows_a_light_to_its_new_name(state):
     cell = Cell("same", other=("gold", "A"))
     targets = DesignTargets({("gold", "A"): cell}, frozenset({(LIGHT, "A")}), lamps={"A": ("FL2",)})
     board = lights.rename(replace(state, palette=PaletteState(targets, targets)), 1, "lamp").palette
@@ -301,7 +300,7 @@ def test_the_palette_follows_a_light_to_its_new_name(state: ViewState) -> None:
     assert lights.rename(other, 2, "lamp").palette == other.palette
 
 
-def test_a_complaint_goes_when_the_lights_are_edited(state: ViewState) -> None:
+def test_a_complaint_goes_when_the_lights_are_edited(state):
     panel = LightsPanelState()
     panel.complain("unknown", (1, 0), state.lights)
     assert panel.complaint_at((1, 0), state.lights) == "unknown"
@@ -309,9 +308,7 @@ def test_a_complaint_goes_when_the_lights_are_edited(state: ViewState) -> None:
     assert panel.complaint_at((1, 0), lights.set_weight(state, 2, 0.4).lights) == ""
 
 
-def test_without_a_session_a_file_is_opened(
-    state: ViewState, tmp_path: Path, monkeypatch: Patch, capsys: Capture
-) -> None:
+def test_without_a_session_a_file_is_opened(state, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("VOLSPEC_STATE", str(tmp_path))
     begun: list[str | None] = []
     monkeypatch.setattr(
@@ -346,7 +343,7 @@ def test_without_a_session_a_file_is_opened(
     assert begun == [None]
 
 
-def test_a_frame_takes_one_gesture(monkeypatch: Patch) -> None:
+def test_a_frame_takes_one_gesture(monkeypatch):
     """A press is where the mouse was then, and a key after a drag is no part of it."""
     glfw, imgui = inputs.glfw, inputs.imgui
     heard: dict[str, Any] = {}
@@ -394,7 +391,7 @@ _CHANGES = st.sampled_from([each.change for each in COMMANDS if each.change is n
     edits=st.lists(drawn(_WORDS_DRAWN, *MODULES) | _CHANGES, min_size=50, max_size=60),
     grouped=st.booleans(),
 )
-def test_random_edits_never_raise(state: ViewState, edits: list[Change], grouped: bool) -> None:
+def test_random_edits_never_raise(state, edits, grouped):
     if grouped:  # a light of two groups, over a cast with both
         groups = LightGroup("gold", (Headlight(),)), LightGroup("A", (Ambient(),))
         rig = LightRig((light("A"), light("D65")), (1.0, 0.5), None, ("gold", "A"))

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from tests.support.viewer import read_scene, run_command
-from tests.support.window import Robot
 from tests.viewer._states import casts_of, job_of
 from tests.volume.test_labels import blocks
 from volspec.raycast.pace import WHOLE
@@ -39,13 +38,13 @@ def state(tmp_path: Path) -> ViewState:
     return open_path(str(segmentation(tmp_path)), None).state
 
 
-def test_a_segmentation_opens_with_its_labels(state: ViewState) -> None:
+def test_a_segmentation_opens_with_its_labels(state):
     function = state.transfer
     assert function.names == {1: "liver", 2: "left kidney", 3: "right kidney"}
     assert not function.hidden and {opacity for opacity, _ in function.labels.values()} == {0.9}
 
 
-def test_the_probe_names_the_label_behind_its_boundary(state: ViewState) -> None:
+def test_the_probe_names_the_label_behind_its_boundary(state):
     (done,) = casts_of(job_of(state, (60, 60), WHOLE))
     y, x = np.nonzero(done.image.alpha > 0.5)
     pixel = x[len(x) // 2], y[len(x) // 2]
@@ -54,7 +53,7 @@ def test_the_probe_names_the_label_behind_its_boundary(state: ViewState) -> None
     assert dict(found.rows)["Label"] in ("1  liver", "2  left kidney", "3  right kidney")
 
 
-def test_labels_are_hidden_and_shown_and_keep_their_opacity(state: ViewState) -> None:
+def test_labels_are_hidden_and_shown_and_keep_their_opacity(state):
     def hidden(state: ViewState) -> set[int]:
         return set(state.transfer.hidden)
 
@@ -73,26 +72,26 @@ def test_labels_are_hidden_and_shown_and_keep_their_opacity(state: ViewState) ->
     assert hidden(History(state).then(only, 1).undo().present) == set()
 
 
-def test_labels_are_found_by_words_of_their_names_or_numbers(state: ViewState) -> None:
+def test_labels_are_found_by_words_of_their_names_or_numbers(state):
     for words, found in (("", (0, 1, 2)), ("KID left", (1,)), ("3", (2,)), ("spleen", ())):
         assert labels.matching_labels(state.transfer, words) == found
 
 
-def test_grey_values_and_labels_are_two_views_of_one_volume(state: ViewState) -> None:
+def test_grey_values_and_labels_are_two_views_of_one_volume(state):
     assert isinstance(run_command(state, "transfer-points").state.transfer, TransferFunction)
     surfaces = run_command(labels.toggle_label(state, 1), "transfer-surfaces").state
     assert run_command(surfaces, "transfer-labels").state.transfer is state.document.transfer
     assert isinstance(run_command(state, "preset-bone").state.transfer, TransferFunction)
 
 
-def test_a_volume_of_whole_numbers_can_be_shown_as_labels(tmp_path: Path) -> None:
+def test_a_volume_of_whole_numbers_can_be_shown_as_labels(tmp_path):
     np.save(tmp_path / "mask.npy", blocks([1, 1]))
     state = open_path(str(tmp_path / "mask.npy"), None).state
     assert isinstance(state.transfer, TransferFunction)
     assert list(run_command(state, "transfer-labels").state.transfer.labels) == [1]
 
 
-def test_a_scene_keeps_names_opacities_and_hidden_labels(state: ViewState, tmp_path: Path) -> None:
+def test_a_scene_keeps_names_opacities_and_hidden_labels(state, tmp_path):
     new = labels.toggle_label(transfer_edits.set_opacity(state, 0, 0.25), 3)
     again = read_scene(export_scene(new, tmp_path / "organs.toml")).transfer
     assert again.names == new.transfer.names and again.hidden == {3}
@@ -102,7 +101,7 @@ def test_a_scene_keeps_names_opacities_and_hidden_labels(state: ViewState, tmp_p
 
 
 @pytest.mark.slow
-def test_eyes_search_and_solo_in_the_window(window: Robot, tmp_path: Path) -> None:
+def test_eyes_search_and_solo_in_the_window(window, tmp_path):
     window.resize((1000, 800))  # or the labels in question are outside of the picture
     window.open(segmentation(tmp_path, 20))
     window.front("transfer")

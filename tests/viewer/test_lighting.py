@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,14 +17,13 @@ from tests.support.viewer import (
     read_scene,
     run_command,
 )
-from tests.support.window import Robot, small_engine
+from tests.support.window import small_engine
 from tests.viewer._edits import drawn
 from volspec.raycast import Ambient, Directional, LightGroup, Point, RaycastSpec
 from volspec.raycast.projection import Projection
 from volspec.spectra import light
 from volspec.viewer.model import lighting, lighting_aim, lights, quality
 from volspec.viewer.model.cuts import Handle
-from volspec.viewer.model.edit import Change
 from volspec.viewer.model.light_rows import Rows, light_rig
 from volspec.viewer.model.lighting_aim import list_sources
 from volspec.viewer.model.scene_file import export_scene
@@ -62,7 +60,7 @@ def handle_of(state: ViewState) -> Handle:
     return handle
 
 
-def test_a_source_that_is_added_or_removed_leaves_the_exposure(state: ViewState) -> None:
+def test_a_source_that_is_added_or_removed_leaves_the_exposure(state):
     def exposure() -> float:
         return sum(state.shading.strengths().values())
 
@@ -77,7 +75,7 @@ def test_a_source_that_is_added_or_removed_leaves_the_exposure(state: ViewState)
         assert exposure() == pytest.approx(before, rel=2e-2)
 
 
-def test_lights_follow_the_groups(tmp_path: Path) -> None:
+def test_lights_follow_the_groups(tmp_path):
     """A row without groups lights all; one with groups gets a spectrum for a new group."""
     state = opened(tmp_path)
     both = added(state, "directional light", "sky")
@@ -105,7 +103,7 @@ def test_lights_follow_the_groups(tmp_path: Path) -> None:
             assert groups_of(rows[1:]) == groups_of(state.lights[1:])
 
 
-def test_a_light_whose_only_group_is_removed_shines_from_the_others(state: ViewState) -> None:
+def test_a_light_whose_only_group_is_removed_shines_from_the_others(state):
     state = lighting.set_spectrum(added(state, "sky"), 1, "FL2").state
     state = run_command(state, "keep-mix").state
     only_sky = replace(state.lights[0], rig=replace(state.lights[0].rig, weights=(0.0, 1.0)))
@@ -114,7 +112,7 @@ def test_a_light_whose_only_group_is_removed_shines_from_the_others(state: ViewS
     assert new.lights[0].texts == ("FL2",) and new.lights[0].rig.groups == ("",)
 
 
-def test_sources_move_between_groups(state: ViewState) -> None:
+def test_sources_move_between_groups(state):
     apart = lighting.move_source(state, 1, 1).state
     assert [group.name for group in apart.shading.groups] == ["light", "headlight"]
     assert lighting.chosen_source(apart) == 1
@@ -126,7 +124,7 @@ def test_sources_move_between_groups(state: ViewState) -> None:
 @pytest.mark.not_quick
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(drawn(("sky", "point light", "FL2", "a name", "draft"), lighting), max_size=8))
-def test_lights_fit_the_groups_whatever_is_edited(state: ViewState, edits: list[Change]) -> None:
+def test_lights_fit_the_groups_whatever_is_edited(state, edits):
     state = added(state, "directional light", "point light")
     for each in edits:
         state = each(state)
@@ -136,7 +134,7 @@ def test_lights_fit_the_groups_whatever_is_edited(state: ViewState, edits: list[
     assert light_rig(state.lights) is not None
 
 
-def test_shadows_and_occlusion_are_one_command_each(state: ViewState) -> None:
+def test_shadows_and_occlusion_are_one_command_each(state):
     def blocked(state: ViewState) -> list[bool]:
         return [lighting.is_blocked(each.source) for each in list_sources(state.shading)]
 
@@ -149,7 +147,7 @@ def test_shadows_and_occlusion_are_one_command_each(state: ViewState) -> None:
 
 @KINDS
 @WITH_CAMERA
-def test_lamps_are_aimed_by_two_angles(state: ViewState, kind: str, camera: bool) -> None:
+def test_lamps_are_aimed_by_two_angles(state, kind, camera):
     far = lighting.set_distance(with_lamp(state, kind, camera), 2, 20.0)
     for azimuth, elevation in [(0, 0), (30, 40), (-120, -70), (180, 10), (90, 90)]:
         new = lighting.aim(far, 2, azimuth, elevation)
@@ -162,7 +160,7 @@ def test_lamps_are_aimed_by_two_angles(state: ViewState, kind: str, camera: bool
             assert lighting_aim.distance_mm(new, source) == pytest.approx(20)
 
 
-def test_a_lamp_at_the_cameras_angles_shines_like_a_headlight(state: ViewState) -> None:
+def test_a_lamp_at_the_cameras_angles_shines_like_a_headlight(state):
     state = replace(state, view=replace(state.view, azimuth_deg=50, elevation_deg=-20))
     new = lighting.aim(added(state, "directional light"), 2, 50, -20)
     source = list_sources(new.shading)[2].source
@@ -170,7 +168,7 @@ def test_a_lamp_at_the_cameras_angles_shines_like_a_headlight(state: ViewState) 
 
 
 @KINDS
-def test_another_frame_moves_nothing_until_the_camera_moves(state: ViewState, kind: str) -> None:
+def test_another_frame_moves_nothing_until_the_camera_moves(state, kind):
     state = with_lamp(state, kind)
     with_camera = lighting.toggle_frame(state, 2)
     place = pytest.approx(handle_of(state).place, abs=1e-6)
@@ -182,9 +180,7 @@ def test_another_frame_moves_nothing_until_the_camera_moves(state: ViewState, ki
 @KINDS
 @WITH_CAMERA
 @pytest.mark.parametrize("place", [(210.0, 170.0), (230.0, 140.0), (120.0, 200.0), (200.0, 290.0)])
-def test_a_handle_follows_the_mouse(
-    state: ViewState, kind: str, camera: bool, place: tuple[float, float]
-) -> None:
+def test_a_handle_follows_the_mouse(state, kind, camera, place):
     state = with_lamp(state, kind, camera)
     shown = projection(state)
     new = lighting.drag_handle(state, state, handle_of(state), place, shown)
@@ -198,9 +194,7 @@ def test_a_handle_follows_the_mouse(
 
 @pytest.mark.parametrize("zoom", [0.3, 1.0, 8.0])
 @pytest.mark.parametrize("orthographic", [False, True])
-def test_handles_stay_in_the_picture_until_they_are_hidden(
-    state: ViewState, zoom: float, orthographic: bool
-) -> None:
+def test_handles_stay_in_the_picture_until_they_are_hidden(state, zoom, orthographic):
     view = replace(state.view, zoom=zoom, orthographic=orthographic)
     state = added(replace(state, view=view), "point light")
     aside = lighting.aim(state, 2, view.azimuth_deg + 90, 0)
@@ -214,7 +208,7 @@ def test_handles_stay_in_the_picture_until_they_are_hidden(
 
 
 @pytest.mark.slow
-def test_sources_and_quality_are_saved_in_scenes(tmp_path: Path) -> None:
+def test_sources_and_quality_are_saved_in_scenes(tmp_path):
     state = added(opened(tmp_path), "directional light", "point light", "sky")
     state = lighting.set_spectrum(state, 1, "A").state
     state = lighting.set_falloff(state, 3, 30.0)
@@ -226,7 +220,7 @@ def test_sources_and_quality_are_saved_in_scenes(tmp_path: Path) -> None:
     assert again.jitter == 0.4 and again.shininess == 60
 
 
-def test_projections_leave_out_what_they_cannot(state: ViewState) -> None:
+def test_projections_leave_out_what_they_cannot(state):
     fine = quality.toggle_preintegration(state).state
     assert fine.shading.preintegrated
     mip, _, hint = run_command(fine, "projection-maximum")
@@ -239,7 +233,7 @@ def test_projections_leave_out_what_they_cannot(state: ViewState) -> None:
 
 
 @pytest.mark.parametrize("kind", ["points", "gradients", "regions", "labels", "surfaces"])
-def test_settings_that_a_transfer_function_forbids_wait(tmp_path: Path, kind: str) -> None:
+def test_settings_that_a_transfer_function_forbids_wait(tmp_path, kind):
     state = opened(tmp_path, kind)
     state = replace(state, shading=replace(state.shading, preintegrated=True, adaptive=0.02))
     assert_same_tables(read_scene(export_scene(state, tmp_path / "again.toml")), state)
@@ -247,7 +241,7 @@ def test_settings_that_a_transfer_function_forbids_wait(tmp_path: Path, kind: st
     assert (shown.preintegrated, shown.adaptive > 0) == (kind == "points", kind != "surfaces")
 
 
-def test_steps_are_counted_in_voxels(state: ViewState) -> None:
+def test_steps_are_counted_in_voxels(state):
     assert quality.step_voxels(state) == 0.5 and quality.quality_name(state) == "balanced"
     assert quality.quality_name(quality.set_step(state, 0.5)) == ""
     assert quality.set_step(state, 0.25).shading.step_mm == 0.25
@@ -255,7 +249,7 @@ def test_steps_are_counted_in_voxels(state: ViewState) -> None:
         assert quality.quality_name(quality.set_quality(state, name)) == name
 
 
-def test_every_setting_of_a_cast_can_be_edited() -> None:
+def test_every_setting_of_a_cast_can_be_edited():
     """All but the device's, layers, and those that have a panel of their own."""
     edited = {name.partition("_")[2] for name in vars(quality) if "_" in name}
     others = {"groups", "crop_voxels", "clip_planes", "tile_ms", "layers", "opacities"}
@@ -269,7 +263,7 @@ def test_every_setting_of_a_cast_can_be_edited() -> None:
 
 
 @pytest.mark.slow
-def test_a_lamp_is_added_and_aimed_with_mouse_and_keys(window: Robot, tmp_path: Path) -> None:
+def test_a_lamp_is_added_and_aimed_with_mouse_and_keys(window, tmp_path):
     before = window.open(small_engine(tmp_path))
     window.command("shadow")
     assert window.since(before, "cast")

@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.support.errors import refuses
-from tests.support.fixtures import Patch
 from tests.support.viewer import run_command
 from tests.viewer._states import under
 from volspec.appearance import Viewing
@@ -66,9 +65,7 @@ def reset(state: ViewState, index: int) -> ViewState:
 
 
 @given(start=_PLACE, end=_PLACE, values=st.lists(st.floats(0, 10), min_size=31, max_size=31))
-def test_a_stroke_touches_only_bands_under_the_pen_and_leaves_none_below_zero(
-    start: tuple[float, float], end: tuple[float, float], values: list[float]
-) -> None:
+def test_a_stroke_touches_only_bands_under_the_pen_and_leaves_none_below_zero(start, end, values):
     old = np.array(values)
     new = draw_stroke(old, start, end)
     assert new.min() >= 0
@@ -82,7 +79,7 @@ def test_a_stroke_touches_only_bands_under_the_pen_and_leaves_none_below_zero(
     assert np.all(new[~outside] <= max(high, 0) + 1e-9)
 
 
-def test_a_drawn_light_is_one_of_its_own_until_it_is_reset(lit: ViewState) -> None:
+def test_a_drawn_light_is_one_of_its_own_until_it_is_reset(lit):
     dimmed = lights.set_weight(lit, 2, 0.4)
     edited = light_parts.draw(dimmed, 2, 0, (0.2, 1.0), (0.4, 2.0))
     edited = light_parts.draw(edited, 2, 0, (0.6, 1.0), (0.7, 2.0))
@@ -95,19 +92,19 @@ def test_a_drawn_light_is_one_of_its_own_until_it_is_reset(lit: ViewState) -> No
     assert reset(back, 2).lights is back.lights
 
 
-def test_a_pen_cannot_put_a_light_out(lit: ViewState) -> None:
+def test_a_pen_cannot_put_a_light_out(lit):
     assert light_parts.draw(lit, 0, 0, (-0.1, 0.0), (1.1, 0.0)) is lit
     for index, part, power in ((0, 0, math.nan), (9, 0, 1.0), (0, 3, 1.0)):
         assert light_parts.draw(lit, index, part, (0.1, power), (0.2, 1.0)) is lit
 
 
-def test_a_light_of_two_groups_is_drawn_one_spectrum_at_a_time(lit: ViewState) -> None:
+def test_a_light_of_two_groups_is_drawn_one_spectrum_at_a_time(lit):
     edited = light_parts.draw(lit, 3, 1, (0.0, 0.0), (0.3, 0.0)).lights[3]
     assert edited.rig.lights[0] is EVENING.rig.lights[0]
     assert edited.texts == ("A", None) and edited.rig.groups == ("lamp", "sky")
 
 
-def test_lux_count_where_all_that_shines_has_them(lit: ViewState) -> None:
+def test_lux_count_where_all_that_shines_has_them(lit):
     bright = light_parts.set_lux(lit, 0, 500.0)
     assert light_rig(bright.lights).total_lux == 500.0
     assert light_rig(lights.set_weight(bright, 1, 1.0).lights).total_lux is None
@@ -118,7 +115,7 @@ def test_lux_count_where_all_that_shines_has_them(lit: ViewState) -> None:
     assert lights.add(lit, "FL2").state.lights[-1].rig.illuminance_lux is None
 
 
-def test_lux_of_groups_are_told_for_what_faces_them_all(lit: ViewState) -> None:
+def test_lux_of_groups_are_told_for_what_faces_them_all(lit):
     """500 lx from a group with three quarters of the light, half of 100 from the rest."""
     rig = light_parts.set_lux(light_parts.set_lux(lit, 3, 500.0), 3, 100.0, part=1).lights[3].rig
     assert rig.illuminance_lux == (500.0, 100.0)
@@ -126,7 +123,7 @@ def test_lux_of_groups_are_told_for_what_faces_them_all(lit: ViewState) -> None:
     assert light_rows.facing_lux(rig, {"other": 1.0}) is None
 
 
-def test_a_spectrum_for_all_groups_is_parted_and_joined_again(lit: ViewState) -> None:
+def test_a_spectrum_for_all_groups_is_parted_and_joined_again(lit):
     parted = light_parts.split_part(light_parts.set_lux(lit, 0, 300.0), 0)
     split = parted.lights[0]
     assert split.rig.groups == ("lamp", "sky") and split.texts == ("D65", "D65")
@@ -140,7 +137,7 @@ def test_a_spectrum_for_all_groups_is_parted_and_joined_again(lit: ViewState) ->
     assert light_parts.add_part(less, 0, "sky").lights[0].rig.groups == ("lamp", "sky")
 
 
-def test_a_group_cannot_be_weighted_until_all_is_dark(lit: ViewState) -> None:
+def test_a_group_cannot_be_weighted_until_all_is_dark(lit):
     new = light_parts.set_part_weight(lit, 3, 0, 0.0)
     assert new.lights[3].rig.weights == (0.0, 0.5)
     assert light_parts.set_part_weight(new, 3, 1, 0.0) is new
@@ -148,7 +145,7 @@ def test_a_group_cannot_be_weighted_until_all_is_dark(lit: ViewState) -> None:
     assert brighter.lights[3].rig.weights[1] == light_rows.MOST_WEIGHT
 
 
-def test_a_spectrum_is_respelled(lit: ViewState) -> None:
+def test_a_spectrum_is_respelled(lit):
     new = light_parts.respell(lit, 0, 0, "planck:2700").state.lights[0]
     assert new.name == "2700 K" and new.kelvin == 2700.0 and new.weight == 1.0
     sky = light_parts.respell(lit, 3, 1, "daylight:7500").state.lights[3]
@@ -156,7 +153,7 @@ def test_a_spectrum_is_respelled(lit: ViewState) -> None:
     assert light_parts.respell(lit, 0, 0, " D65 ").state is lit
 
 
-def test_scenes_keep_the_notation_of_their_lights() -> None:
+def test_scenes_keep_the_notation_of_their_lights():
     for name in ("engine.toml", "engine-groups.toml"):
         scene = Scene.load(_SCENES / name)
         rows = light_rows.rows_from_scene(scene.lights, rows_by_name(scene.file.light))
@@ -164,12 +161,12 @@ def test_scenes_keep_the_notation_of_their_lights() -> None:
         assert texts == [table.spectrum for table in scene.file.light]
 
 
-def test_a_row_has_one_text_for_each_spectrum() -> None:
+def test_a_row_has_one_text_for_each_spectrum():
     refuses(lambda: replace(ROWS[0], texts=("D65", "A")), "shape LightRow.texts", ViewingError)
     assert LightRow("x", "", ROWS[3].rig).texts == (None, None)
 
 
-def test_a_file_is_found_in_the_scene_s_folder_first(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_a_file_is_found_in_the_scene_s_folder_first(tmp_path, monkeypatch):
     scene, here = tmp_path / "scene", tmp_path / "here"
     for folder in (scene, here):
         folder.mkdir()
@@ -180,7 +177,7 @@ def test_a_file_is_found_in_the_scene_s_folder_first(tmp_path: Path, monkeypatch
         assert light_rows.light_from_text(file, DEFAULT_GRID, str(scene))[1] == named
 
 
-def test_a_kept_mix_is_the_light_that_shines_and_says_how_it_was_mixed(lit: ViewState) -> None:
+def test_a_kept_mix_is_the_light_that_shines_and_says_how_it_was_mixed(lit):
     state = lights.set_weight(lights.set_weight(replace(lit, lights=ROWS[:3]), 0, 0.7), 1, 0.3)
     before, kept = light_rig(state.lights), lights.keep_mix(state).state.lights
     assert kept[-1].texts == ("D65*0.7+A*0.3",)
@@ -191,7 +188,7 @@ def test_a_kept_mix_is_the_light_that_shines_and_says_how_it_was_mixed(lit: View
     np.testing.assert_allclose(light("D65*0.7+A*0.3").values, expected, rtol=1e-3)
 
 
-def test_a_kept_mix_names_each_lamp_once_in_each_group(lit: ViewState) -> None:
+def test_a_kept_mix_names_each_lamp_once_in_each_group(lit):
     rows = (row("D65*0.5+A*0.5", 0.5), row("A", 0.25))
     assert lights.mix_row(rows, DEFAULT_GRID).texts == ("D65*0.25+A*0.5",)
     # With lux it has their sum, and shares of it.
@@ -225,7 +222,7 @@ def changed(rows: Rows) -> Rows:
 END = changed(START)
 
 
-def test_a_fade_begins_and_ends_exactly_at_its_ends() -> None:
+def test_a_fade_begins_and_ends_exactly_at_its_ends():
     start, end = (START, DIM), (END, BRIGHT)
     for share, there in ((-1.0, start), (0.0, start), (1.0, end), (2.0, end)):
         assert light_states.interpolate_lights(start, end, share) is there
@@ -238,7 +235,7 @@ def test_a_fade_begins_and_ends_exactly_at_its_ends() -> None:
 
 
 @given(share=_SHARE)
-def test_weights_spectra_and_temperatures_lie_between(share: float) -> None:
+def test_weights_spectra_and_temperatures_lie_between(share):
     brighter = (replace(END[0], rig=replace(END[0].rig, illuminance_lux=(500.0,))), *END[1:])
     rows, seen = light_states.interpolate_lights((START, DIM), (brighter, BRIGHT), share)
     assert rows[0].rig.illuminance_lux[0] == pytest.approx(100 + 400 * share)
@@ -258,13 +255,13 @@ def test_weights_spectra_and_temperatures_lie_between(share: float) -> None:
     assert seen.backdrop == pytest.approx(0.2 + 0.4 * share)
 
 
-def test_recalling_keeps_lights_that_the_state_does_not_know() -> None:
+def test_recalling_keeps_lights_that_the_state_does_not_know():
     back = light_states.recalled_rows(changed(START), START)
     assert back[:3] == START and back[3].name == "FL2" and back[3].weight == 0.0
     assert light_states.recalled_rows(back, START) == back
 
 
-def test_states_are_saved_recalled_renamed_and_deleted(state: ViewState) -> None:
+def test_states_are_saved_recalled_renamed_and_deleted(state):
     one = light_states.save(state).state
     two = light_states.save(lights.set_weight(one, 2, 0.3)).state
     assert [saved.name for saved in two.saved_lights] == ["State 1", "State 2"]
@@ -290,7 +287,7 @@ def recalling(state: ViewState, seconds: float) -> ViewState:
     return light_states.recall(under(kept, 1), 0)
 
 
-def test_a_fade_shows_the_way_and_ends_at_the_state_itself(state: ViewState) -> None:
+def test_a_fade_shows_the_way_and_ends_at_the_state_itself(state):
     new = recalling(state, 2.0)
     first = light_states.during_fade(new, 0.0)
     assert effective_weights(first.lights)[:2] == (0.0, 1.0)
@@ -303,7 +300,7 @@ def test_a_fade_shows_the_way_and_ends_at_the_state_itself(state: ViewState) -> 
     assert Difference.between(first, half).stage == "relight"
 
 
-def test_a_fade_is_one_step_of_undo_whatever_the_view_does_meanwhile(state: ViewState) -> None:
+def test_a_fade_is_one_step_of_undo_whatever_the_view_does_meanwhile(state):
     before = under(light_states.save(state).state, 1)
     history = History(before).then(light_states.recall(before, 0), 1)
     for i in range(3):
@@ -322,7 +319,7 @@ def test_a_fade_is_one_step_of_undo_whatever_the_view_does_meanwhile(state: View
     assert again.lights == state.lights and again.fade is None
 
 
-def test_a_fade_stops_or_starts_again_where_it_is(state: ViewState) -> None:
+def test_a_fade_stops_or_starts_again_where_it_is(state):
     new = recalling(state, 1.0)
     shown = light_states.during_fade(new, 0.5)
     # A hand on a light stops it, another recall starts from there.
@@ -338,7 +335,7 @@ def test_a_fade_stops_or_starts_again_where_it_is(state: ViewState) -> None:
     x=st.floats(-2, 2, allow_subnormal=False),
     y=st.floats(-2, 2, allow_subnormal=False),
 )
-def test_dial_weights_sum_to_one_and_return_to_their_place(count: int, x: float, y: float) -> None:
+def test_dial_weights_sum_to_one_and_return_to_their_place(count, x, y):
     weights = lights.dial_weights(count, x, y)
     assert min(weights) >= 0 and sum(weights) == pytest.approx(1.0)
     # Weights on the dial are those of its place, which is where they are drawn.
@@ -346,7 +343,7 @@ def test_dial_weights_sum_to_one_and_return_to_their_place(count: int, x: float,
     np.testing.assert_allclose(again, weights, atol=1e-9)
 
 
-def test_solo_and_mute_decide_who_shines(state: ViewState) -> None:
+def test_solo_and_mute_decide_who_shines(state):
     lit = state
     for i in range(3):
         lit = lights.set_weight(lit, i, 0.5)
@@ -357,7 +354,7 @@ def test_solo_and_mute_decide_who_shines(state: ViewState) -> None:
     assert effective_weights(dark.lights) == (0.0,) * 4 and light_rig(dark.lights) is None
 
 
-def test_a_light_is_added_alone_and_heated(state: ViewState) -> None:
+def test_a_light_is_added_alone_and_heated(state):
     added = lights.add(state, "planck:2700").state
     assert effective_weights(added.lights) == (0.0, 0.0, 0.0, 0.0, 1.0)
     assert added.lights[-1].kelvin == 2700
@@ -365,14 +362,14 @@ def test_a_light_is_added_alone_and_heated(state: ViewState) -> None:
     assert hotter[4].name == "5000 K" and hotter[4].rig is not added.lights[4].rig
 
 
-def test_lights_kept_beside_stay_while_others_change(state: ViewState) -> None:
+def test_lights_kept_beside_stay_while_others_change(state):
     changed = run_command(run_command(state, "b").state, "space").state
     assert changed.other == state.lights != changed.lights
     assert lights.set_divide(changed, 7.0).divide == 0.98
     assert run_command(changed, "b").state.other is None
 
 
-def test_space_goes_round_all_lights(state: ViewState) -> None:
+def test_space_goes_round_all_lights(state):
     for index in (0, 1, 2, 3, 0):
         assert light_rows.brightest_row(state.lights) == index
         state = run_command(state, "space").state

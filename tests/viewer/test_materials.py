@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.support.errors import refuses
-from tests.support.fixtures import Patch
 from tests.support.viewer import (
     KINDS,
     assert_same_picture,
@@ -40,7 +38,7 @@ def given(state: ViewState, name: str, index: int = 0) -> ViewState:
     return materials.add_material(state, index, name).state
 
 
-def test_a_material_of_the_library_is_exact_under_any_light(state: ViewState) -> None:
+def test_a_material_of_the_library_is_exact_under_any_light(state):
     """A basis that was trained on others need not hold it: materials become the channels."""
     new = given(state, BANANA.lower(), 1)
     assert list_parts(new.transfer)[1].mix == {BANANA: 1.0}
@@ -53,7 +51,7 @@ def test_a_material_of_the_library_is_exact_under_any_light(state: ViewState) ->
     assert isinstance(given(new, "white").transfer.basis, MaterialBasis)
 
 
-def test_what_is_there_is_given_and_another_of_its_name_is_numbered(state: ViewState) -> None:
+def test_what_is_there_is_given_and_another_of_its_name_is_numbered(state):
     gold = given(state, "gold")
     assert list_parts(gold.transfer)[0].mix == {"gold": 1.0}
     assert gold.transfer.basis.fingerprint == state.transfer.basis.fingerprint
@@ -65,14 +63,14 @@ def test_what_is_there_is_given_and_another_of_its_name_is_numbered(state: ViewS
     assert list(new.transfer.materials) == ["copper", "gold", "gold (2)"]
 
 
-def test_a_basis_that_filters_need_stays(state: ViewState) -> None:
+def test_a_basis_that_filters_need_stays(state):
     glass = {"copper": Spectrum([390, 710], [0.2, 0.9])}
     new = given(replace(state, transfer=replace(curve_of(state), filters=glass)), "silver")
     assert new.transfer.basis.fingerprint == state.transfer.basis.fingerprint
     assert curve_of(new).filters == glass
 
 
-def test_materials_that_nothing_is_made_of_make_room_for_more(state: ViewState) -> None:
+def test_materials_that_nothing_is_made_of_make_room_for_more(state):
     for i in range(materials.MOST_MATERIALS - 2):
         state = given(state, f"CES/{i + 1}")
     assert len(state.transfer.materials) == materials.MOST_MATERIALS
@@ -90,7 +88,7 @@ def test_materials_that_nothing_is_made_of_make_room_for_more(state: ViewState) 
     assert str(materials.MOST_MATERIALS) in materials.add_material(full, 0, "silver").message
 
 
-def test_a_material_without_a_part_is_taken_out_in_one_step_of_undo(state: ViewState) -> None:
+def test_a_material_without_a_part_is_taken_out_in_one_step_of_undo(state):
     tried = given(given(state, "silver"), "copper")
     history = History(tried).then(materials.remove_material(tried, "silver"), 1)
     new = history.present
@@ -106,7 +104,7 @@ def test_a_material_without_a_part_is_taken_out_in_one_step_of_undo(state: ViewS
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_material_that_parts_are_made_of_stays(state: ViewState, kind: str) -> None:
+def test_a_material_that_parts_are_made_of_stays(state, kind):
     state = of_kind(state, kind)
     assert materials.remove_material(state, "gold") is state
     refuses(lambda: materials.without_material(state.transfer, "gold"), "conflict", TransferError)
@@ -114,7 +112,7 @@ def test_a_material_that_parts_are_made_of_stays(state: ViewState, kind: str) ->
     assert list(materials.remove_material(free, "gold").transfer.materials) == ["copper"]
 
 
-def test_shares_of_nothing_and_a_filter_go_with_their_material(state: ViewState) -> None:
+def test_shares_of_nothing_and_a_filter_go_with_their_material(state):
     mixed = [(0.0, 0.1, {"copper": 1.0, "gold": 0.0}), (1.0, 0.2, "copper")]
     glass = {name: Spectrum([390, 710], [0.2, 0.9]) for name in ("copper", "gold")}
     new = materials.without_material(replace(curve_of(state), points=mixed, filters=glass), "gold")
@@ -122,7 +120,7 @@ def test_shares_of_nothing_and_a_filter_go_with_their_material(state: ViewState)
     assert list(new.filters) == list(new.materials) == ["copper"]
 
 
-def test_a_colour_is_a_material_and_a_metal_comes_before_it(state: ViewState) -> None:
+def test_a_colour_is_a_material_and_a_metal_comes_before_it(state):
     new = given(state, " #c08040 ", 2)
     assert new.transfer.materials["#c08040"].notes["constructed"] == "delaunay"
     assert list_parts(new.transfer)[2].mix == {"#c08040": 1.0}
@@ -131,7 +129,7 @@ def test_a_colour_is_a_material_and_a_metal_comes_before_it(state: ViewState) ->
     np.testing.assert_array_equal(metal.values, reflectance("silver").values)
 
 
-def test_colours_of_the_web_are_made_in_the_background(state: ViewState) -> None:
+def test_colours_of_the_web_are_made_in_the_background(state):
     made = Colours(state.transfer.basis.grid, 2)
     wait_until(lambda: made.spectra is not None)
     assert set(made.spectra) == set(materials.colour_names())
@@ -139,7 +137,7 @@ def test_colours_of_the_web_are_made_in_the_background(state: ViewState) -> None
     np.testing.assert_allclose(made.spectra["tomato"].values, tomato.values, atol=1e-12)
 
 
-def test_every_name_of_the_list_is_a_reflectance_or_a_colour() -> None:
+def test_every_name_of_the_list_is_a_reflectance_or_a_colour():
     names = transfer_detail.library_names()
     assert len(set(names)) == len(names)
     measured = set(reflectance_names())
@@ -155,7 +153,7 @@ def test_every_name_of_the_list_is_a_reflectance_or_a_colour() -> None:
 @pytest.mark.not_quick
 @pytest.mark.slow
 @pytest.mark.parametrize("basis", ['name = "general-5"', 'method = "materials"'])
-def test_all_files_keep_such_a_material(tmp_path: Path, basis: str, monkeypatch: Patch) -> None:
+def test_all_files_keep_such_a_material(tmp_path, basis, monkeypatch):
     state = replace(given(opened(tmp_path, basis=basis), BANANA, 1), size=(24, 18))
     again = assert_same_picture(state, tmp_path)
     assert list(again.transfer.materials) == ["copper", "grey", BANANA]
@@ -173,7 +171,7 @@ def test_all_files_keep_such_a_material(tmp_path: Path, basis: str, monkeypatch:
     assert names["basis"].fingerprint == state.transfer.basis.fingerprint
 
 
-def test_materials_are_shown_as_an_adapted_eye_sees_them(state: ViewState) -> None:
+def test_materials_are_shown_as_an_adapted_eye_sees_them(state):
     under_daylight = transfer_plot.material_colours(state)
     assert set(under_daylight) == {"copper", "gold"}
     r, g, b = under_daylight["gold"]

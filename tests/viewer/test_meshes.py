@@ -12,7 +12,6 @@ import pyvista
 
 from tests.support.gltf import write_glb
 from tests.support.viewer import read_scene
-from tests.support.window import Robot
 from tests.viewer._states import frame_of, restored, save_ball
 from volspec.errors import VolspecWarning
 from volspec.scene.meshes import MeshCache
@@ -65,7 +64,7 @@ def read(path: Path) -> ViewState:
 
 
 @pytest.mark.slow
-def test_edits_change_the_picture_and_are_undone(opened: ViewState) -> None:
+def test_edits_change_the_picture_and_are_undone(opened):
     first = frame_of(opened)
     edits = (
         meshes.set_shown(opened, 0, False),
@@ -85,7 +84,7 @@ def test_edits_change_the_picture_and_are_undone(opened: ViewState) -> None:
 
 
 @pytest.mark.slow
-def test_the_file_is_read_once(opened: ViewState, tmp_path: Path) -> None:
+def test_the_file_is_read_once(opened, tmp_path):
     (tmp_path / "parts" / "pin.stl").unlink()
     hidden = meshes.set_shown(opened, 0, False)
     frame_of(hidden)
@@ -94,7 +93,7 @@ def test_the_file_is_read_once(opened: ViewState, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_other_looks_use_what_is_known_of_a_surface(opened: ViewState) -> None:
+def test_other_looks_use_what_is_known_of_a_surface(opened):
     """Pictures are those of a scene that begins with them."""
     for change in (
         meshes.set_opacity(opened, 0, 0.5),
@@ -110,7 +109,7 @@ def test_other_looks_use_what_is_known_of_a_surface(opened: ViewState) -> None:
 
 
 @pytest.mark.slow
-def test_a_saved_scene_and_a_session_keep_the_list(opened: ViewState, tmp_path: Path) -> None:
+def test_a_saved_scene_and_a_session_keep_the_list(opened, tmp_path):
     new = meshes.set_shown(meshes.set_opacity(opened, 0, np.float32(0.3).item()), 1, False)
     path = export_scene(new, tmp_path / "sub.toml")
     text = path.read_text(encoding="utf-8")
@@ -129,7 +128,7 @@ def test_a_saved_scene_and_a_session_keep_the_list(opened: ViewState, tmp_path: 
 
 
 @pytest.mark.slow
-def test_a_material_replaces_a_texture(opened: ViewState) -> None:
+def test_a_material_replaces_a_texture(opened):
     textured = MeshSpec(shape="disc", texture="maps/wood.png", materials=("bone", "wax"))
     state = replace(opened, meshes=(textured, MeshSpec(shape="triad")))
     assert [meshes.look_text(row) for row in state.meshes] == ["wood.png", "axes"]
@@ -141,7 +140,7 @@ def test_a_material_replaces_a_texture(opened: ViewState) -> None:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
-def test_meshes_are_added_from_files(opened: ViewState, tmp_path: Path) -> None:
+def test_meshes_are_added_from_files(opened, tmp_path):
     write_glb(tmp_path / "tile.glb", 8.0)
     for name in ("empty.ply", "noise.obj", "noise.glb"):
         (tmp_path / name).write_text("no mesh" * name.startswith("noise"), encoding="utf-8")
@@ -160,7 +159,7 @@ def test_meshes_are_added_from_files(opened: ViewState, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_meshes_are_added_in_their_own_colours(opened: ViewState, tmp_path: Path) -> None:
+def test_meshes_are_added_in_their_own_colours(opened, tmp_path):
     tile = pyvista.Plane(center=(4, 4, 12), i_size=5, j_size=5, i_resolution=1, j_resolution=1)
     tile.point_data["RGB"] = np.array([[250, 20, 20]] * 4, np.uint8)
     tile.save(tmp_path / "tile.ply", texture="RGB")
@@ -175,7 +174,7 @@ def test_meshes_are_added_in_their_own_colours(opened: ViewState, tmp_path: Path
 
 
 @pytest.mark.slow
-def test_other_transfer_functions_keep_the_meshes_materials(opened: ViewState) -> None:
+def test_other_transfer_functions_keep_the_meshes_materials(opened):
     assert materials.remove_material(opened, "wax") is opened
     bare = materials.without_material(opened.transfer, "wax")
     new = meshes.with_own_materials(opened, replace(opened, transfer=bare))
@@ -186,7 +185,7 @@ def test_other_transfer_functions_keep_the_meshes_materials(opened: ViewState) -
 
 
 @pytest.mark.slow
-def test_the_list_in_the_window(window: Robot, tmp_path: Path) -> None:
+def test_the_list_in_the_window(window, tmp_path):
     scene = write_scene(tmp_path)
     write_glb(tmp_path / "tile.glb", 8.0)
     write_glb(tmp_path / "metres.glb", 8000.0)

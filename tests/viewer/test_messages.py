@@ -69,7 +69,7 @@ LABEL = Annotation(points_mm=((0.0, 0.0, 0.0),), text="here")
 GLASS = {"copper": Spectrum([390, 710], [0.2, 0.9])}
 
 
-def test_messages_are_those_of_the_golden_file(state: ViewState) -> None:
+def test_messages_are_those_of_the_golden_file(state):
     assert transcript(state).splitlines() == GOLDEN.read_text(encoding="utf-8").splitlines()
 
 

@@ -6,12 +6,11 @@ import math
 import threading
 import warnings
 
-from tests.support.fixtures import Patch
 from volspec.errors import VolspecWarning
 from volspec.viewer.work.notify import MOST_MESSAGES, Notice, collect_warnings
 
 
-def test_an_error_is_shown_until_it_is_dismissed_or_replaced() -> None:
+def test_an_error_is_shown_until_it_is_dismissed_or_replaced():
     notice = Notice()
     notice.show("Saved a.png")
     until = notice.until
@@ -25,7 +24,7 @@ def test_an_error_is_shown_until_it_is_dismissed_or_replaced() -> None:
     assert [message.kind for message in notice.messages] == ["info", "error"]
 
 
-def test_messages_are_listed_once_in_a_row_and_not_without_limit() -> None:
+def test_messages_are_listed_once_in_a_row_and_not_without_limit():
     notice = Notice()
     for _ in range(3):
         notice.show_warning("computing\nits table")
@@ -39,7 +38,7 @@ def test_messages_are_listed_once_in_a_row_and_not_without_limit() -> None:
     assert notice.messages == () and not notice.text
 
 
-def test_a_warning_comes_once_for_each_file_that_is_opened(monkeypatch: Patch) -> None:
+def test_a_warning_comes_once_for_each_file_that_is_opened(monkeypatch):
     """Python shows a warning once in a process; an orbit would repeat that of an empty picture."""
 
     printed: list[str] = []

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.support.fixtures import Patch
 from tests.support.patience import wait_until
 from tests.support.viewer import opened, take_until
-from tests.support.window import Robot, small_engine
+from tests.support.window import small_engine
 from tests.viewer._states import casts_of, frame_of, job_of, relit, seen
 from volspec.basis import MaterialBasis
 from volspec.pipeline import Raycaster
@@ -58,7 +56,7 @@ def layered(ball: ViewState) -> CastDone:
     return casts(ball, LAYERED)[0]
 
 
-def test_scales_are_clamped_kept_by_name_and_reset(ball: ViewState) -> None:
+def test_scales_are_clamped_kept_by_name_and_reset(ball):
     assert opacity_scales(ball) == {}
     faded = opacities.set_opacity(ball, "copper", 0.25)
     assert opacity_scales(faded) == {"copper": 0.25}
@@ -75,7 +73,7 @@ def test_scales_are_clamped_kept_by_name_and_reset(ball: ViewState) -> None:
     assert opacities.reset(hidden).shading == ball.shading
 
 
-def test_the_first_scale_makes_materials_the_channels(state: ViewState) -> None:
+def test_the_first_scale_makes_materials_the_channels(state):
     assert not isinstance(state.transfer.basis, MaterialBasis)
     faded = opacities.set_opacity(state, "copper", 0.5)
     assert isinstance(faded.transfer.basis, MaterialBasis) and not opacities.can_layer(state)
@@ -84,7 +82,7 @@ def test_the_first_scale_makes_materials_the_channels(state: ViewState) -> None:
 
 
 @pytest.mark.slow  # tests of meshes cast their layers, too
-def test_meshes_are_the_last_layer_and_do_not_fade(ball: ViewState) -> None:
+def test_meshes_are_the_last_layer_and_do_not_fade(ball):
     pytest.importorskip("embreex")
     names = opacities.names(ball)
     mesh = MeshSpec(shape="sphere", size_mm=3.0, material=names[0])
@@ -98,24 +96,24 @@ def test_meshes_are_the_last_layer_and_do_not_fade(ball: ViewState) -> None:
     assert done.image.opacity_layers.solid and done.opacity.solid, done.error
 
 
-def test_a_scale_costs_no_cast_and_has_a_step_of_undo(ball: ViewState) -> None:
+def test_a_scale_costs_no_cast_and_has_a_step_of_undo(ball):
     faded = opacities.set_opacity(ball, "grey", 0.5)
     assert_recomposes(ball, faded, "opacity")
     assert Difference.between(ball, camera.orbit(faded, 0.1, 0.0)).stage == "cast"
     assert History(ball).then(faded, 1).undo().present.shading == ball.shading
 
 
-def test_a_saved_scene_has_them(ball: ViewState, tmp_path: Path) -> None:
+def test_a_saved_scene_has_them(ball, tmp_path):
     export_scene(opacities.set_opacity(ball, "grey", 0.3), tmp_path / "faded.toml")
     assert open_document(str(tmp_path / "faded.toml")).shading.opacities == {"grey": 0.3}
 
 
-def test_other_materials_do_not_leave_scales_behind(ball: ViewState) -> None:
+def test_other_materials_do_not_leave_scales_behind(ball):
     given = replace(ball.shading, opacities={"grey": 0.5, "gone": 0.1})
     assert cast_spec(replace(ball, shading=given)).opacities == {"grey": 0.5}
 
 
-def test_layers_are_cast_of_the_curve_s_own_opacities(ball: ViewState) -> None:
+def test_layers_are_cast_of_the_curve_s_own_opacities(ball):
     plain, layered = casts(opacities.set_opacity(ball, "grey", 0.0), WHOLE, LAYERED)
     assert plain.image.opacity_layers is None and plain.opacity is None
     own = casts(ball, WHOLE)[0].image
@@ -129,7 +127,7 @@ def rest(scheduler: CastScheduler) -> list[CastDone]:
     return [done for done in taken if done.image is not None]
 
 
-def test_layers_follow_when_nothing_moves_and_once(ball: ViewState) -> None:
+def test_layers_follow_when_nothing_moves_and_once(ball):
     scheduler = CastScheduler(lambda: None)
 
     def layers_after(now: float, held: bool = False) -> list[CastDone]:
@@ -152,7 +150,7 @@ def test_layers_follow_when_nothing_moves_and_once(ball: ViewState) -> None:
     scheduler.close()
 
 
-def test_a_turned_view_is_first_shown_by_the_layers(ball: ViewState) -> None:
+def test_a_turned_view_is_first_shown_by_the_layers(ball):
     faded = opacities.set_opacity(ball, "grey", 0.4)
     scheduler = CastScheduler(lambda: None)
     scheduler.change(faded, 0.0, held=False)
@@ -177,7 +175,7 @@ def test_a_turned_view_is_first_shown_by_the_layers(ball: ViewState) -> None:
     scheduler.close()
 
 
-def test_near_is_an_angle_and_a_distance(ball: ViewState, layered: CastDone) -> None:
+def test_near_is_an_angle_and_a_distance(ball, layered):
     nearby, own = layered.nearby, layered.job.camera
     assert nearby.shows(own)
     towards = np.subtract(own.position_mm, own.target_mm)
@@ -225,7 +223,7 @@ def assert_recomposes(before: ViewState, new: ViewState, name: str) -> None:
     assert (change.stage, change.name, change.undoable) == ("recompose", name, True)
 
 
-def test_a_picture_with_layers_shows_opacities_at_once(screen: Screen, ball: ViewState) -> None:
+def test_a_picture_with_layers_shows_opacities_at_once(screen, ball):
     plain, layered = casts(ball, WHOLE, LAYERED)
     screen.take(plain, ball)
     assert not screen.recomposes()
@@ -246,7 +244,7 @@ def test_a_picture_with_layers_shows_opacities_at_once(screen: Screen, ball: Vie
     assert not screen.recomposes()
 
 
-def test_a_cast_stays_until_its_opacities_change(screen: Screen, ball: ViewState) -> None:
+def test_a_cast_stays_until_its_opacities_change(screen, ball):
     faded = opacities.set_opacity(ball, "grey", 0.3)
     plain, layered = casts(faded, WHOLE, LAYERED)
     screen.take(plain, faded)
@@ -269,9 +267,7 @@ def test_a_cast_stays_until_its_opacities_change(screen: Screen, ball: ViewState
     assert not screen.recomposes()
 
 
-def test_values_under_the_mouse_are_those_of_the_recomposed_picture(
-    screen: Screen, ball: ViewState, layered: CastDone
-) -> None:
+def test_values_under_the_mouse_are_those_of_the_recomposed_picture(screen, ball, layered):
     screen.take(layered, ball)
     faded = opacities.set_opacity(ball, "grey", 0.05)
     drawn(screen, faded)
@@ -290,9 +286,7 @@ def test_values_under_the_mouse_are_those_of_the_recomposed_picture(
     assert screen.image.opacity_layers is None
 
 
-def test_opacities_that_layers_show_wrongly_are_cast(
-    screen: Screen, ball: ViewState, monkeypatch: Patch, layered: CastDone
-) -> None:
+def test_opacities_that_layers_show_wrongly_are_cast(screen, ball, monkeypatch, layered):
     scheduler = CastScheduler(lambda: None)
     scheduler.change(ball, 0.0, held=False)
     screen.take(layered, ball)
@@ -317,9 +311,7 @@ def test_opacities_that_layers_show_wrongly_are_cast(
     assert_codes(drawn(screen, more), recomposed(layered.image, more))
 
 
-def test_cuts_and_fog_are_recomposed_and_saved(
-    screen: Screen, ball: ViewState, tmp_path: Path, layered: CastDone
-) -> None:
+def test_cuts_and_fog_are_recomposed_and_saved(screen, ball, tmp_path, layered):
     """You should see half a ball in fog."""
     screen.take(layered, ball)
     least, most = depth.limits_mm(ball)
@@ -338,9 +330,7 @@ def test_cuts_and_fog_are_recomposed_and_saved(
     assert np.abs(frame_of(foggy) - drawn(screen, foggy)).mean() < 2
 
 
-def test_a_focus_is_shown_once_nothing_moves(
-    screen: Screen, ball: ViewState, tmp_path: Path, layered: CastDone
-) -> None:
+def test_a_focus_is_shown_once_nothing_moves(screen, ball, tmp_path, layered):
     """You should see a ball that is sharp in front."""
     screen.take(layered, ball)
     image = layered.image
@@ -372,7 +362,7 @@ def test_a_focus_is_shown_once_nothing_moves(
     assert depth.can_focus(ball) and not depth.can_focus(parallel)
 
 
-def test_cuts_at_the_ends_are_none(ball: ViewState) -> None:
+def test_cuts_at_the_ends_are_none(ball):
     least, most = depth.limits_mm(ball)
     cut = depth.set_cut(ball, least + 1, most - 1)
     assert cut.depth.near_mm == least + 1 and cut.depth.far_mm == most - 1
@@ -384,9 +374,7 @@ def test_cuts_at_the_ends_are_none(ball: ViewState) -> None:
     assert not depth.shown_depth(focused).changes and depth.can_be_set(focused)
 
 
-def test_a_cast_image_with_layers_is_faded_and_saved(
-    ball: ViewState, tmp_path: Path, layered: CastDone
-) -> None:
+def test_a_cast_image_with_layers_is_faded_and_saved(ball, tmp_path, layered):
     layered.image.save(tmp_path / "ball.exr")
     state = ViewState.first(open_document(str(tmp_path / "ball.exr")), (300, 300))
     assert opacities.can_layer(state)
@@ -418,9 +406,7 @@ def both_eyes(
     return stereo.combine(*eyes, state.relight.viewing.display.colours).astype(int)
 
 
-def test_the_window_shows_both_eyes_with_lights_opacities_and_fog(
-    screen: Screen, ball: ViewState, layered: CastDone
-) -> None:
+def test_the_window_shows_both_eyes_with_lights_opacities_and_fog(screen, ball, layered):
     image = layered.image
     screen.take(layered, ball)
     plain = drawn(screen, ball)
@@ -445,9 +431,7 @@ def test_the_window_shows_both_eyes_with_lights_opacities_and_fog(
     assert np.array_equal(drawn(screen, ball), plain)
 
 
-def test_pictures_next_to_each_other_fit_the_window(
-    screen: Screen, ball: ViewState, layered: CastDone
-) -> None:
+def test_pictures_next_to_each_other_fit_the_window(screen, ball, layered):
     screen.take(layered, ball)
     state = in_stereo(ball, "side-by-side")
     both = rested(screen, state)
@@ -461,7 +445,7 @@ def test_pictures_next_to_each_other_fit_the_window(
     assert drawn(screen, state).shape[:2] == SIZE[::-1] and not screen.side_by_side
 
 
-def test_stereo_is_switched(state: ViewState) -> None:
+def test_stereo_is_switched(state):
     on = in_stereo(state, "anaglyph")
     assert opacities.can_layer(on) and depth.shown_stereo(on) == "anaglyph"
     assert in_stereo(on, "side-by-side").interface.stereo == "side-by-side"
@@ -469,9 +453,7 @@ def test_stereo_is_switched(state: ViewState) -> None:
     assert depth.shown_stereo(with_interface(on, error_map=True)) == ""
 
 
-def test_images_of_other_spaces_are_mixed_as_by_the_library(
-    screen: Screen, ball: ViewState, layered: CastDone
-) -> None:
+def test_images_of_other_spaces_are_mixed_as_by_the_library(screen, ball, layered):
     screen.take(layered, ball)
     display = replace(ball.relight.viewing.display, space="Display P3")
     state = in_stereo(seen(ball, display=display), "half-colour")
@@ -479,7 +461,7 @@ def test_images_of_other_spaces_are_mixed_as_by_the_library(
 
 
 @pytest.mark.slow
-def test_a_slider_is_dragged_without_a_cast(window: Robot, tmp_path: Path) -> None:
+def test_a_slider_is_dragged_without_a_cast(window, tmp_path):
     window.open(small_engine(tmp_path))
     window.front("opacity")
     window.click("opacity eye block")  # the first makes the materials channels

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +25,7 @@ from tests.support.viewer import (
 from tests.viewer._edits import MODULES, drawn
 from tests.viewer._states import relit, seen, under
 from volspec.basis import MaterialBasis
-from volspec.errors import Code, PaletteError
+from volspec.errors import PaletteError
 from volspec.palette import (
     Apart,
     Cell,
@@ -41,7 +40,7 @@ from volspec.relight import LightRig, relight
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import camera, palette_edits, palette_results
-from volspec.viewer.model.edit import Change, after, with_interface
+from volspec.viewer.model.edit import after, with_interface
 from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.light_rows import MOST_ROWS, LightRow
 from volspec.viewer.model.materials import with_reflectances
@@ -62,7 +61,7 @@ def undressed(state: ViewState) -> ViewState:
     return replace(with_target(state, 0), palette=PaletteState())
 
 
-def test_cells_stand_row_by_row_and_are_found_again(state: ViewState) -> None:
+def test_cells_stand_row_by_row_and_are_found_again(state):
     table = colour_table(state)
     assert table.rows == ("copper", "gold") and table.columns[:2] == ("D65", "A")
     assert table.place(5) == ("gold", "A") and table.index(("gold", "A")) == 5
@@ -82,14 +81,14 @@ def assert_pixel_is_cell(shown: ViewState, rig: LightRig, column: str) -> None:
 
 
 @pytest.mark.not_quick
-def test_the_table_shows_what_the_picture_shows(state: ViewState) -> None:
+def test_the_table_shows_what_the_picture_shows(state):
     shown = undressed(state)
     flat = replace(shown.shading, ambient=1.0, diffuse=0.0, specular=0.0)
     assert_pixel_is_cell(replace(shown, shading=flat), LightRig((light("A"),)), "A")
 
 
 @pytest.mark.slow
-def test_a_column_of_two_groups_shows_what_is_out_of_every_shadow(state: ViewState) -> None:
+def test_a_column_of_two_groups_shows_what_is_out_of_every_shadow(state):
     """Pixel lit by sky and room with 0.3 and 0.7."""
     groups = (LightGroup("sky", Ambient(0.3)), LightGroup("room", Ambient(0.7)))
     rig = LightRig((light("A"), light("daylight:7500")), groups=("room", "sky"))
@@ -100,7 +99,7 @@ def test_a_column_of_two_groups_shows_what_is_out_of_every_shadow(state: ViewSta
     assert_pixel_is_cell(shown, rig, "evening")
 
 
-def test_other_spectra_relight_and_everything_else_of_a_transfer_casts(state: ViewState) -> None:
+def test_other_spectra_relight_and_everything_else_of_a_transfer_casts(state):
     shown = undressed(state)
     curve = shown.transfer
 
@@ -120,7 +119,7 @@ def test_other_spectra_relight_and_everything_else_of_a_transfer_casts(state: Vi
 
 
 @pytest.mark.not_quick
-def test_repainted_coefficients_are_those_of_a_new_cast(state: ViewState) -> None:
+def test_repainted_coefficients_are_those_of_a_new_cast(state):
     shown, volume = undressed(state), state.document.volume
     other = with_reflectances(shown.transfer, {"gold": reflectance("silver")})
     before, after = (
@@ -133,7 +132,7 @@ def test_repainted_coefficients_are_those_of_a_new_cast(state: ViewState) -> Non
     assert np.abs(new - relit(before, lit)).max() > 5
 
 
-def test_a_wish_opens_its_material_and_asks_the_other_colours_to_stay(state: ViewState) -> None:
+def test_a_wish_opens_its_material_and_asks_the_other_colours_to_stay(state):
     targets = with_target(state, 5).palette.targets
     assert targets.free == {(REFLECTANCE, "gold")}
     assert targets.cells["gold", "A"].weight == 1.0
@@ -149,7 +148,7 @@ def test_a_wish_opens_its_material_and_asks_the_other_colours_to_stay(state: Vie
     assert Difference.between(first, with_target(first, 5, "#102030")).stage == "relight"
 
 
-def test_kinds_of_wishes_keep_their_weight_and_their_partner(state: ViewState) -> None:
+def test_kinds_of_wishes_keep_their_weight_and_their_partner(state):
     asked = palette_edits.set_target_weight(with_target(state, 5), 5, 3.0)
 
     def kind(name: str, other: int = -1) -> Cell | None:
@@ -166,14 +165,14 @@ def test_kinds_of_wishes_keep_their_weight_and_their_partner(state: ViewState) -
     assert math.isinf(must.palette.targets.cells["gold", "A"].weight)
 
 
-def test_a_constant_material_is_wanted_of_one_colour(state: ViewState) -> None:
+def test_a_constant_material_is_wanted_of_one_colour(state):
     steady = palette_edits.toggle_constant(state, 1)
     targets = steady.palette.targets
     assert targets.constant == {"gold"} and {at[1] for at in targets.cells} == {"D65"}
     assert [r.name for r in palette_from_state(steady).reflectances if r.constant] == ["gold"]
 
 
-def test_undo_takes_a_wish_and_its_spectra_back_together(state: ViewState) -> None:
+def test_undo_takes_a_wish_and_its_spectra_back_together(state):
     history = History(state).then(with_target(state, 5), 1)
     history = history.then(with_target(history.present, 5, "#123456"), 1)
     history = history.amend(with_designed(history.present))
@@ -183,7 +182,7 @@ def test_undo_takes_a_wish_and_its_spectra_back_together(state: ViewState) -> No
     assert back.redo().present.transfer is history.present.transfer
 
 
-def test_materials_of_values_are_cut_out_of_the_curve(state: ViewState) -> None:
+def test_materials_of_values_are_cut_out_of_the_curve(state):
     curve = state.transfer
     made = with_material_range(curve, 0.3, 0.4, "gold")
     before, after = (
@@ -202,13 +201,13 @@ def test_materials_of_values_are_cut_out_of_the_curve(state: ViewState) -> None:
     assert with_material_range(curve, 0.3, 0.4, "tin") is curve
 
 
-def test_a_hunt_s_eye_is_no_end_of_the_table(state: ViewState) -> None:
+def test_a_hunt_s_eye_is_no_end_of_the_table(state):
     """Models without an inverse in closed form cannot be designed with."""
     table = colour_table(seen(state, model="Hunt", adapting="given"))
     assert "Hunt" in table.complaint and not table.cells
 
 
-def test_marks_are_read_on_any_colour() -> None:
+def test_marks_are_read_on_any_colour():
     assert contrast((1.0, 1.0, 0.9)) == (0.0, 0.0, 0.0)
     assert contrast((0.1, 0.1, 0.4)) == (1.0, 1.0, 1.0)
     sizes = [importance(Cell("black", weight=w)) for w in (STAY, 1.0, 4.0, math.inf)]
@@ -227,7 +226,7 @@ _COMMANDS = ("palette-light", "palette-restart", "palette-forget", "palette-own"
 @pytest.mark.not_quick
 @settings(max_examples=12, suppress_health_check=list(HealthCheck))
 @given(edits=st.lists(drawn(_KEYS, *_EDITED), min_size=60, max_size=60), every=st.integers(0, 3))
-def test_edits_make_a_palette_or_fail(state: ViewState, edits: list[Change], every: int) -> None:
+def test_edits_make_a_palette_or_fail(state, edits, every):
     for number, edit in enumerate(edits):
         state = after(edit, state).state
         if number % 20 == every:
@@ -247,7 +246,7 @@ def hidden(state: ViewState) -> ViewState:
     return palette_results.with_wizard_result(asked, palette_results.run_wizard(asked, "hide"))
 
 
-def test_a_wizard_hides_a_material_and_leaves_its_wishes_in_the_table(hidden: ViewState) -> None:
+def test_a_wizard_hides_a_material_and_leaves_its_wishes_in_the_table(hidden):
     cell = colour_table(hidden).cells["gold", "A"]
     assert cell.kind == "same" and cell.error < VISIBLE
     assert hidden.palette.targets.free == {(REFLECTANCE, "gold")} and not hidden.palette.is_pending
@@ -257,7 +256,7 @@ def test_a_wizard_hides_a_material_and_leaves_its_wishes_in_the_table(hidden: Vi
 
 
 @pytest.mark.not_quick
-def test_a_wizard_s_light_is_a_row_that_shines(state: ViewState) -> None:
+def test_a_wizard_s_light_is_a_row_that_shines(state):
     asked = with_pick(state, like="D65")
     made = palette_results.with_wizard_result(asked, palette_results.run_wizard(asked, "hide"))
     assert column_names(made.lights)[-1] == "new 1" and made.lights[-1].weight == 1.0
@@ -266,7 +265,7 @@ def test_a_wizard_s_light_is_a_row_that_shines(state: ViewState) -> None:
     assert Difference.between(undressed(state), plain).stage == "relight"
 
 
-def test_filters_keep_their_basis(state: ViewState) -> None:
+def test_filters_keep_their_basis(state):
     glass = with_filter(state)
     asked = with_target(glass, 5)
     assert asked.transfer is glass.transfer and asked.palette.is_pending
@@ -300,14 +299,12 @@ _RUN = palette_results.run_wizard
         ("size", lambda s: palette_results.with_palette(s, palette_of_many_lights())),
     ],
 )
-def test_what_a_palette_cannot_is_refused(
-    state: ViewState, code: Code, call: Callable[[ViewState], object]
-) -> None:
+def test_what_a_palette_cannot_is_refused(state, code, call):
     with raises(PaletteError, code):
         call(state)
 
 
-def test_a_palette_is_written_and_loaded_as_it_was(hidden: ViewState, tmp_path: Path) -> None:
+def test_a_palette_is_written_and_loaded_as_it_was(hidden, tmp_path):
     file = tmp_path / "mine.toml"
     save_palette(palette_from_state(hidden), file)
     again = palette_results.with_palette(hidden, load_palette(file))
@@ -320,7 +317,7 @@ def test_a_palette_is_written_and_loaded_as_it_was(hidden: ViewState, tmp_path: 
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_any_kind_of_transfer_function_is_a_scene_to_wizards(state: ViewState, kind: str) -> None:
+def test_any_kind_of_transfer_function_is_a_scene_to_wizards(state, kind):
     state = of_kind(state, kind)
     scene = palette_results.wizard_scene(state)
     assert list(scene.materials) == ["copper", "gold"]
@@ -329,9 +326,7 @@ def test_any_kind_of_transfer_function_is_a_scene_to_wizards(state: ViewState, k
     assert scene.relight.viewing == state.relight.viewing
 
 
-def test_materials_to_be_told_apart_are_kept_in_palette_files(
-    state: ViewState, tmp_path: Path
-) -> None:
+def test_materials_to_be_told_apart_are_kept_in_palette_files(state, tmp_path):
     row = Apart(light=("D65", "A"), deficiency=("none", "deutan"), distance=30.0)
     begun = with_target(seen(state, deficiency="deutan", severity=0.5), 0)
     begun = replace(begun, palette=PaletteState(replace(begun.palette.targets, apart=(row,))))

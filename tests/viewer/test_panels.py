@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.support.fixtures import Patch
 from tests.support.patience import wait_until
 from tests.viewer._states import seen
 from volspec.appearance.presets import PRESETS
@@ -46,7 +45,7 @@ from volspec.viewer.work.session_store import RecentFile
 from volspec.volume import Volume
 
 
-def test_swatches_show_tungsten_orange_and_what_adapts_to_it_nearly_white(state: ViewState) -> None:
+def test_swatches_show_tungsten_orange_and_what_adapts_to_it_nearly_white(state):
     tungsten = state.lights[1].rig
     adapted = adapted_colour(tungsten, state.relight)
     assert raw_colour(tungsten)[2] < 0.5 and min(adapted) > 0.85
@@ -57,13 +56,13 @@ def test_swatches_show_tungsten_orange_and_what_adapts_to_it_nearly_white(state:
         assert min(colour) >= 0.0 and max(colour) == pytest.approx(1.0)
 
 
-def test_a_colour_is_packed_with_its_own_opacity_and_one_more() -> None:
+def test_a_colour_is_packed_with_its_own_opacity_and_one_more():
     """imgui packs alpha, blue, green, red, the highest byte first."""
     assert pack_colour((1.0, 0.0, 0.2)) == 0xFF3300FF
     assert pack_colour((1.0, 0.0, 0.2, 0.4), 0.5) == 0x333300FF
 
 
-def test_settings_as_they_are_unknown_or_in_conflict_change_nothing(state: ViewState) -> None:
+def test_settings_as_they_are_unknown_or_in_conflict_change_nothing(state):
     by_pixel = viewing.with_viewing(RelightSpec(), adapting="pixel")
     assert viewing.with_model(by_pixel, "Hunt").viewing.adapting == "picture"
     assert viewing.with_viewing(by_pixel, model="Hunt") is by_pixel
@@ -77,7 +76,7 @@ def test_settings_as_they_are_unknown_or_in_conflict_change_nothing(state: ViewS
         assert getattr(viewing, f"set_{name}")(state, "nosuch") is state
 
 
-def test_luminance_follows_the_light_until_it_is_given(state: ViewState) -> None:
+def test_luminance_follows_the_light_until_it_is_given(state):
     """L_A is E_v/π · Y_b/100, of the light's own lux or the viewing's."""
     assert viewing.set_luminance(state, 5.0) is state
     for lit, lux in ((light_parts.set_lux(state, 0, 50.0), 50), (state, 1000)):
@@ -91,21 +90,21 @@ def test_luminance_follows_the_light_until_it_is_given(state: ViewState) -> None
     np.testing.assert_allclose(brighter.L_A, 3 * display.L_A)
 
 
-def test_a_room_is_named_until_its_numbers_change() -> None:
+def test_a_room_is_named_until_its_numbers_change():
     for name, each in PRESETS.items():
         display = replace(each.display("Display P3", "reduce"), mark=True)
         assert matching_preset(display) == name
         assert matching_preset(replace(display, Y_b=33.0)) not in PRESETS
 
 
-def test_the_adopted_white_is_of_what_shines_alone(state: ViewState) -> None:
+def test_the_adopted_white_is_of_what_shines_alone(state):
     # D65 of CIE 15:2004; bands of 10 nm lose the fourth digit.
     assert " 0.312" in white_text(state.lights)
     assert white_text(lights.toggle_mute(state, 0).lights) == white_text(())
     assert white_text(lights.set_weight(state, 1, 1.0).lights) != white_text(state.lights)
 
 
-def test_values_far_from_zero_are_counted_as_those_near_it() -> None:
+def test_values_far_from_zero_are_counted_as_those_near_it():
     """Steps of 1/64 are exact in float32 up to 2^18."""
     near = np.arange(64, dtype=np.float32).reshape(4, 4, 4) / 64
     counts = histogram(Volume(near))
@@ -115,13 +114,13 @@ def test_values_far_from_zero_are_counted_as_those_near_it() -> None:
 
 
 @pytest.mark.parametrize("logarithmic", [False, True])
-def test_histogram_bars_stay_within_the_plot(logarithmic: bool) -> None:
+def test_histogram_bars_stay_within_the_plot(logarithmic):
     for counts in (np.zeros(256), np.r_[1e9, np.ones(255)]):
         heights = bars(counts, logarithmic)
         assert np.isfinite(heights).all() and heights.min() >= 0 and heights.max() <= 1
 
 
-def test_names_and_titles_are_in_one_line(state: ViewState) -> None:
+def test_names_and_titles_are_in_one_line(state):
     name = "north\nwindow\t\x07\u202e"
     row = replace(state.lights[0], name=name, label="of\r\nglass")
     words = [line.split(" ") for line in row_tip(row).split("\n")]
@@ -131,14 +130,14 @@ def test_names_and_titles_are_in_one_line(state: ViewState) -> None:
     assert title.isprintable() and lights.lights[0].name == name
 
 
-def test_actions_that_do_something_or_have_nothing_to_do_say_nothing(state: ViewState) -> None:
+def test_actions_that_do_something_or_have_nothing_to_do_say_nothing(state):
     here = UiContext()
     for name in ("keep-mix", "save-state", "palette-light", "remove-light", "preset-bone"):
         assert here.run(state, BY_NAME[name]) is not state, name
     assert here.run(state, BY_NAME["transfer-points"]) is state and here.requests == []
 
 
-def test_the_command_palette_says_why_a_light_is_not_added(state: ViewState) -> None:
+def test_the_command_palette_says_why_a_light_is_not_added(state):
     command = commands.list_entries(state, (), "add light hp1")[0]
     here, full = UiContext(), replace(state, lights=state.lights[:1] * MOST_ROWS)
     assert here.edited(full, command.change) is full
@@ -147,7 +146,7 @@ def test_the_command_palette_says_why_a_light_is_not_added(state: ViewState) -> 
     assert len(here.requests) == 1
 
 
-def test_the_library_says_what_adding_a_material_did_or_why_it_did_not(state: ViewState) -> None:
+def test_the_library_says_what_adding_a_material_did_or_why_it_did_not(state):
     here = UiContext()
     here.library.search = "silver"
     new = transfer_detail.add_picked_material(state, here, 0, "silver")
@@ -160,7 +159,7 @@ def test_the_library_says_what_adding_a_material_did_or_why_it_did_not(state: Vi
     assert len(here.requests) == 1
 
 
-def test_a_colour_in_progress_is_waited_for(state: ViewState, monkeypatch: Patch) -> None:
+def test_a_colour_in_progress_is_waited_for(state, monkeypatch):
     unmade = SimpleNamespace(spectra=None)
     monkeypatch.setattr(transfer_detail.css_colours, "colours", lambda *_: unmade)
     here = UiContext()
@@ -177,7 +176,7 @@ def titles(state: ViewState, search: str) -> list[str]:
     return [row.text for row in commands.list_entries(state, RECENT, search)]
 
 
-def test_the_palette_lists_every_action_light_model_display_and_file(state: ViewState) -> None:
+def test_the_palette_lists_every_action_light_model_display_and_file(state):
     rows = commands.list_entries(state, RECENT)
     names = {row.text for row in rows}
     for action in COMMANDS:
@@ -209,7 +208,7 @@ def test_the_palette_lists_every_action_light_model_display_and_file(state: View
         ("zzzz", ""),
     ],
 )
-def test_a_search_finds_words_before_letters(state: ViewState, search: str, first: str) -> None:
+def test_a_search_finds_words_before_letters(state, search, first):
     rows = (state.lights[0], replace(state.lights[1], label="tungsten lamp"), *state.lights[2:])
     title = next(iter(titles(replace(state, lights=rows), search)), "")
     assert title.startswith(first) and bool(title) == bool(first)
@@ -259,7 +258,7 @@ _FIRST = ("shadow", "MIP", "jitter", "exposure", "film")  # titles before other 
 
 
 @pytest.mark.parametrize("title", _USUAL)
-def test_usual_names_find_their_command(state: ViewState, title: str) -> None:
+def test_usual_names_find_their_command(state, title):
     for search in _USUAL[title].split(", "):
         texts = [row.text for row in commands.list_entries(state, (), search)]
         assert any(text.startswith(title) for text in texts[: 1 if search in _FIRST else 8]), texts
@@ -270,7 +269,7 @@ def found(state: ViewState, search: str) -> ViewState:
     return after(commands.list_entries(state, (), search)[0].change, state).state
 
 
-def test_rows_do_what_they_say(state: ViewState) -> None:
+def test_rows_do_what_they_say(state):
     # A light that is shown alone is chosen.
     for search, chosen in (("light FL2 alone", 2), ("next light alone", 1), ("add light HP1", 4)):
         new = found(state, search)
@@ -288,7 +287,7 @@ def test_rows_do_what_they_say(state: ViewState) -> None:
     assert display.surround == "dark" and display.mark
 
 
-def test_settings_are_reached_by_name(state: ViewState) -> None:
+def test_settings_are_reached_by_name(state):
     closed = with_interface(state, panels=frozenset())
     for panel, names in {
         "Viewing": ("Illuminance", "Exposure", "Background", "Room", "Adaptation"),
@@ -301,7 +300,7 @@ def test_settings_are_reached_by_name(state: ViewState) -> None:
             assert panel in after(setting.change, closed).state.interface.panels
 
 
-def test_keys_are_used_once_and_shown_in_columns_of_even_height() -> None:
+def test_keys_are_used_once_and_shown_in_columns_of_even_height():
     used = [key for action in COMMANDS for key in action.keys if key]
     assert len(used) == len(set(used)) == len(BY_KEY)
     # Those of no menu are steps, which only keys make.
@@ -325,7 +324,7 @@ AREA = (0, 20, 900, 600)
 
 
 @given(at=st.floats(0, 900), left=st.floats(20, 400), right=st.floats(20, 400))
-def test_names_of_both_sides_stay_inside_and_apart(at: float, left: float, right: float) -> None:
+def test_names_of_both_sides_stay_inside_and_apart(at, left, right):
     a, b = label_boxes(AREA, at, (left, right), 20.0, 16.0, 12.0)
     for x, y, width, height in (a, b):
         assert x >= 12 and x + width <= 888 and y >= 20 and height == 20
@@ -336,7 +335,7 @@ def test_names_of_both_sides_stay_inside_and_apart(at: float, left: float, right
     assert b[1] > 36 or b[0] >= at
 
 
-def test_the_library_says_what_a_notation_is_or_what_is_wrong_with_it() -> None:
+def test_the_library_says_what_a_notation_is_or_what_is_wrong_with_it():
     for text in ("D65*0.7+planck:2700*0.3", *library_names()):
         rig, wrong = verdict(text, DEFAULT_GRID, ".")
         assert rig is not None and wrong == "", text
@@ -345,7 +344,7 @@ def test_the_library_says_what_a_notation_is_or_what_is_wrong_with_it() -> None:
         assert rig is None and named in wrong
 
 
-def test_columns_of_a_plot_lie_on_the_bands() -> None:
+def test_columns_of_a_plot_lie_on_the_bands():
     values = np.arange(31.0)
     np.testing.assert_allclose(column_heights(values, 31), values)
     # 15 columns a band: the middle one is the band's.
@@ -378,7 +377,7 @@ def ring_in(width: float, height: float, most: float, names: Sequence[str] = LON
         max_size=40,
     )
 )
-def test_names_at_the_dial_never_overlap(boxes: list[tuple[float, float, float, float]]) -> None:
+def test_names_at_the_dial_never_overlap(boxes):
     labels = [lights_dial.Label(i, box, float(i)) for i, box in enumerate(boxes)]
     kept = lights_dial.non_overlapping(labels, (0.0, 0.0, 100.0, 100.0))
     for i, one in enumerate(kept):
@@ -391,7 +390,7 @@ def test_names_at_the_dial_never_overlap(boxes: list[tuple[float, float, float, 
     assert not inside or kept[0] == inside[0]
 
 
-def test_long_names_are_whole_around_a_dial_as_small_as_it_gets() -> None:
+def test_long_names_are_whole_around_a_dial_as_small_as_it_gets():
     """Size that the panel gives it in a window of 900 by 600 pixels."""
     ring = ring_in(250.0, 103.0, 24.5)
     labels = lights_dial.place_labels(LONG, range(6), ring)
@@ -401,7 +400,7 @@ def test_long_names_are_whole_around_a_dial_as_small_as_it_gets() -> None:
     assert ring.middle[0] < 125.0 and ring.middle[1] == 51.5
 
 
-def test_names_at_the_left_end_at_the_dial_and_those_at_the_right_begin_there() -> None:
+def test_names_at_the_left_end_at_the_dial_and_those_at_the_right_begin_there():
     ring = ring_in(320.0, 200.0, 60.0)
     for label in lights_dial.place_labels(LONG, range(6), ring):
         across = lights.rim_places(6)[label.index][0]
@@ -412,7 +411,7 @@ def test_names_at_the_left_end_at_the_dial_and_those_at_the_right_begin_there() 
             assert across >= -0.5 or start + wide(text) == at
 
 
-def test_a_name_that_has_no_room_ends_in_an_ellipsis_and_takes_no_other_s_place() -> None:
+def test_a_name_that_has_no_room_ends_in_an_ellipsis_and_takes_no_other_s_place():
     crowded = ("D65", "Osram Dulux, warm white", "x" * 40, *LONG)
     ring = ring_in(180.0, 103.0, 24.5, crowded)
     labels = lights_dial.place_labels(crowded, range(9), ring)
@@ -421,14 +420,14 @@ def test_a_name_that_has_no_room_ends_in_an_ellipsis_and_takes_no_other_s_place(
     assert labels[0].lines == ("D65",)
 
 
-def test_the_dial_is_smaller_for_long_names_and_stays_where_they_are_short() -> None:
+def test_the_dial_is_smaller_for_long_names_and_stays_where_they_are_short():
     short, long = (ring_in(330.0, 300.0, 105.0, names) for names in (("D65", "A", "FL2"), LONG))
     assert short.radius == 105.0 and short.middle == (165.0, 150.0)
     assert 63.0 <= long.radius < 105.0
     assert sum(lights_dial.extents(LONG, long.radius + 10.0, wide)) <= 330.0
 
 
-def test_a_light_is_found_at_the_rim_and_by_its_name() -> None:
+def test_a_light_is_found_at_the_rim_and_by_its_name():
     ring = ring_in(330.0, 300.0, 105.0)
     labels = lights_dial.place_labels(LONG, range(6), ring)
     x, y, width, height = next(label for label in labels if label.index == 2).box
@@ -438,7 +437,7 @@ def test_a_light_is_found_at_the_rim_and_by_its_name() -> None:
         assert lights_dial.light_at(4, x, y, 0.1) == found
 
 
-def test_rendition_is_that_of_the_light_s_notation_over_the_whole_visible(state: ViewState) -> None:
+def test_rendition_is_that_of_the_light_s_notation_over_the_whole_visible(state):
     """The figures of a light by its name do not depend on the document's bands."""
     state = lights.add(state, text="FL2").state
     at = len(state.lights) - 1
@@ -453,7 +452,7 @@ def test_rendition_is_that_of_the_light_s_notation_over_the_whole_visible(state:
     assert 0.05 < abs(other.light.rendition.R_f - found.light.rendition.R_f) < 20
 
 
-def test_rendition_of_the_mix_counts_what_shines(state: ViewState) -> None:
+def test_rendition_of_the_mix_counts_what_shines(state):
     for text in ("FL2", "FL12"):
         state = lights.add(state, text=text).state
     last = len(state.lights) - 1
@@ -467,7 +466,7 @@ def test_rendition_of_the_mix_counts_what_shines(state: ViewState) -> None:
     assert chosen_lights(lights.set_weight(alone, last, 0.0), True) is None
 
 
-def test_materials_alike_in_daylight_are_named_with_what_parts_them(state: ViewState) -> None:
+def test_materials_alike_in_daylight_are_named_with_what_parts_them(state):
     """The engine's block and inserts are a metameric pair, designed on the document's bands."""
     data = Path(__file__).resolve().parents[2] / "data" / "spectra"
     files = {name: str(data / f"engine-{name}.csv") for name in ("block", "inserts")}
@@ -484,7 +483,7 @@ def test_materials_alike_in_daylight_are_named_with_what_parts_them(state: ViewS
     assert plain.pair is None and metamer_lines(plain) == []
 
 
-def test_lights_are_measured_in_the_background_once_for_each_change(state: ViewState) -> None:
+def test_lights_are_measured_in_the_background_once_for_each_change(state):
     service = RenditionService(lambda: None)
     first = chosen_lights(state, False)
     for _ in range(3):

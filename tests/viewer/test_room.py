@@ -10,7 +10,6 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.support.viewer import read_scene, run_command, take_until
-from tests.support.window import Robot
 from tests.viewer._states import casts_of, frame_of, job_of, restored, save_ball
 from volspec.raycast.pace import WHOLE
 from volspec.relight import LightRig
@@ -89,7 +88,7 @@ def painted(state: ViewState, surface: str, text: str) -> ViewState:
     return new
 
 
-def test_its_lights_are_the_lamps(opened: ViewState) -> None:
+def test_its_lights_are_the_lamps(opened):
     evening, day = opened.lights
     assert (evening.texts, evening.rig.groups) == ((ROOM_LIGHT, ROOM_LIGHT), ("panel", "bulb"))
     assert (day.texts, day.rig.groups, day.label) == (("D65",), ("",), "daylight")
@@ -100,7 +99,7 @@ def test_its_lights_are_the_lamps(opened: ViewState) -> None:
         assert rig.illuminance_lux == pytest.approx(light.rig.illuminance_lux)
 
 
-def test_every_way_to_change_a_light_goes_through_the_room(opened: ViewState) -> None:
+def test_every_way_to_change_a_light_goes_through_the_room(opened):
     day = lights.only(opened, 1)
     own = lights.add(opened, ROOM_LIGHT).state
     assert _rig(own).illuminance_lux == pytest.approx(_rig(opened).illuminance_lux)
@@ -124,7 +123,7 @@ def _red(state: ViewState) -> float:
     return float(values[-8:].sum() / values.sum())
 
 
-def test_conditions_follow_the_view_unless_they_are_given(opened: ViewState) -> None:
+def test_conditions_follow_the_view_unless_they_are_given(opened):
     here = edits.shown_spec(opened)
     assert here.viewing == Scene.load(opened.document.path).relight.viewing
     assert here is edits.shown_spec(replace(opened, size=(9, 9)))
@@ -134,7 +133,7 @@ def test_conditions_follow_the_view_unless_they_are_given(opened: ViewState) -> 
 
 
 @pytest.mark.slow
-def test_paint_needs_no_cast(opened: ViewState) -> None:
+def test_paint_needs_no_cast(opened):
     room = painted(painted(opened, "walls", "#c04030"), "floor", "grey:0.2").room
     assert not room.is_solved
     assert room.estimated_from is opened.room
@@ -154,7 +153,7 @@ def test_paint_needs_no_cast(opened: ViewState) -> None:
     assert left < 0.1 * change
 
 
-def test_the_four_walls_are_one_until_their_paints_differ(opened: ViewState) -> None:
+def test_the_four_walls_are_one_until_their_paints_differ(opened):
     assert edits.paintable(opened.room) == ("walls", "floor", "ceiling")
     assert edits.paint_codes(opened.room, "walls") == pytest.approx((0.797,) * 3, abs=2e-3)
     left = painted(opened, "left", "grey:0.1")
@@ -166,14 +165,14 @@ def test_the_four_walls_are_one_until_their_paints_differ(opened: ViewState) -> 
     assert white.spec.paint == {"walls": "#fefefe"}
 
 
-def test_the_panel_shows_paints_as_the_picture_does(opened: ViewState) -> None:
+def test_the_panel_shows_paints_as_the_picture_does(opened):
     white = painted(opened, "walls", "grey:0.9").room
     before, after = (edits.seen_XYZ(room, opened.lights) for room in (opened.room, white))
     assert (after[:, 1] > before[:, 1]).all()
     assert edits.seen_XYZ(opened.room, (replace(opened.lights[0], muted=True),)) is None
 
 
-def test_undo_and_reset(opened: ViewState) -> None:
+def test_undo_and_reset(opened):
     new = painted(opened, "walls", "#c04030")
     history = History(opened).then(new, 1).amend(edits.solved(new))
     assert (history.difference.stage, history.difference.name) == ("relight", "paint")
@@ -182,7 +181,7 @@ def test_undo_and_reset(opened: ViewState) -> None:
     assert run_command(new, "reset-paints").state.room is opened.room
 
 
-def test_a_saved_scene_opens_to_the_same_picture(opened: ViewState, folder: Path) -> None:
+def test_a_saved_scene_opens_to_the_same_picture(opened, folder):
     new = painted(painted(opened, "walls", "#c04030"), "floor", "grey:0.2")
     new = light_parts.draw(new, 1, 0, (0.2, 2.0), (0.4, 0.0))
     new = lights.set_weight(new, 1, 0.4)  # a mix of both
@@ -197,7 +196,7 @@ def test_a_saved_scene_opens_to_the_same_picture(opened: ViewState, folder: Path
     assert again.lights[1].texts == new.lights[0].texts
 
 
-def test_a_session_keeps_paints(opened: ViewState, folder: Path) -> None:
+def test_a_session_keeps_paints(opened, folder):
     new = edits.solved(painted(opened, "ceiling", "ColorChecker/blue"))
     again = restored(new, folder)
     assert again.room.spec.paint == {"ceiling": "ColorChecker/blue"}
@@ -207,7 +206,7 @@ def test_a_session_keeps_paints(opened: ViewState, folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_what_a_room_cannot_do(opened: ViewState, state: ViewState) -> None:
+def test_what_a_room_cannot_do(opened, state):
     assert not edits.has_walls(state)
     # Light sources are the room's.
     for change in (run_command(opened, "shadows"), lighting.add_source(opened, "sky")):
@@ -225,7 +224,7 @@ def test_what_a_room_cannot_do(opened: ViewState, state: ViewState) -> None:
 
 
 @pytest.mark.slow
-def test_walls_are_painted_in_the_window_without_a_cast(window: Robot, tmp_path: Path) -> None:
+def test_walls_are_painted_in_the_window_without_a_cast(window, tmp_path):
     window.open(write_scene(tmp_path) / "scene.toml")
     window.click("paint walls")
     before = window.rest()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import astuple, replace
 from pathlib import Path
 from typing import Any, cast
@@ -20,7 +19,7 @@ from tests.support.viewer import (
 )
 from tests.viewer._states import under
 from volspec.basis import SpectralBasis
-from volspec.errors import InputError, SceneError, ViewingError, VolspecError
+from volspec.errors import InputError, SceneError, ViewingError
 from volspec.raycast import ClipPlane, Directional, LightGroup, Point
 from volspec.relight import LightRig, RelightSpec
 from volspec.scene.specs import MeshSpec
@@ -39,7 +38,7 @@ def state(tmp_path: Path) -> ViewState:
 
 
 @pytest.mark.parametrize("kind", SCENES)
-def test_every_kind_of_transfer_function_comes_back(tmp_path: Path, kind: str) -> None:
+def test_every_kind_of_transfer_function_comes_back(tmp_path, kind):
     state = opened(tmp_path, kind)
     # The tables are made again, not taken from the file.
     other = replace(state, transfer=replace(state.transfer))
@@ -48,7 +47,7 @@ def test_every_kind_of_transfer_function_comes_back(tmp_path: Path, kind: str) -
 
 
 @pytest.mark.not_quick
-def test_what_mouse_and_sliders_change_comes_back(state: ViewState, tmp_path: Path) -> None:
+def test_what_mouse_and_sliders_change_comes_back(state, tmp_path):
     state = camera.zoom(camera.pan(camera.orbit(state, 0.2, 0.1), 0.05, 0.02), 0.0, -0.1)
     state = transfer_edits.move_point(transfer_edits.shift(state, 0.05), 1, 0.8, 0.7)
     state = lights.set_weight(lights.set_weight(state, 0, 0.6), 1, 0.9)
@@ -59,7 +58,7 @@ def test_what_mouse_and_sliders_change_comes_back(state: ViewState, tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_cuts_groups_and_their_lights_come_back(state: ViewState, tmp_path: Path) -> None:
+def test_cuts_groups_and_their_lights_come_back(state, tmp_path):
     key = LightGroup("key", (Directional((1, 1, 1), frame="camera", shadows=True),))
     fill = LightGroup("fill", (Point((0, 0, 30), falloff_mm=20.0),))
     shading = replace(
@@ -81,7 +80,7 @@ def test_cuts_groups_and_their_lights_come_back(state: ViewState, tmp_path: Path
 
 
 @pytest.mark.not_quick
-def test_edited_spectra_come_back_as_numbers(state: ViewState, tmp_path: Path) -> None:
+def test_edited_spectra_come_back_as_numbers(state, tmp_path):
     nm = state.document.grid.wavelengths_nm
     ramp = Spectrum(nm, np.linspace(0.0, 5.0, nm.size), "edited", {"designed": "yes"})
     blue = Spectrum(nm, np.linspace(0.9, 0.1, nm.size), "blue")
@@ -97,7 +96,7 @@ def test_edited_spectra_come_back_as_numbers(state: ViewState, tmp_path: Path) -
 
 
 @pytest.mark.not_quick
-def test_lux_stay_with_their_lights(state: ViewState, tmp_path: Path) -> None:
+def test_lux_stay_with_their_lights(state, tmp_path):
     rows = tuple(
         light_rows.LightRow(name, name, LightRig((light(name),), illuminance_lux=(lux,)), 0.7)
         for name, lux in (("D65", 300.0), ("A", 40.0))
@@ -109,7 +108,7 @@ def test_lux_stay_with_their_lights(state: ViewState, tmp_path: Path) -> None:
 
 @pytest.mark.not_quick
 @pytest.mark.slow
-def test_a_basis_that_a_scene_trains_is_kept_if_lights_would_change_it(tmp_path: Path) -> None:
+def test_a_basis_that_a_scene_trains_is_kept_if_lights_would_change_it(tmp_path):
     state = opened(tmp_path, basis='train = "scene"\nsize = 4')
     assert_same_picture(state, tmp_path)
     assert not (tmp_path / "again.basis.json").exists()
@@ -118,7 +117,7 @@ def test_a_basis_that_a_scene_trains_is_kept_if_lights_would_change_it(tmp_path:
 
 
 @pytest.mark.not_quick
-def test_materials_as_channels_and_another_folder(tmp_path: Path) -> None:
+def test_materials_as_channels_and_another_folder(tmp_path):
     state = opened(tmp_path, basis='method = "materials"')
     (tmp_path / "there").mkdir()
     again = assert_same_picture(camera.orbit(state, 0.1, 0.0), tmp_path / "there")
@@ -163,14 +162,12 @@ _MESHES = (MeshSpec(shape="triad"),)
         (SessionError, "unsupported", lambda s: save_session(s, "x.toml")),
     ],
 )
-def test_what_no_file_can_say_is_refused(
-    state: ViewState, kind: type[VolspecError], expected: str, write: Callable[[ViewState], object]
-) -> None:
+def test_what_no_file_can_say_is_refused(state, kind, expected, write):
     refuses(lambda: write(state), expected, kind)
 
 
 @pytest.mark.not_quick
-def test_a_basis_of_another_scene_is_shown_by_its_name(state: ViewState, tmp_path: Path) -> None:
+def test_a_basis_of_another_scene_is_shown_by_its_name(state, tmp_path):
     other = replace(state.transfer, basis=SpectralBasis.load("general-7"))
     again = assert_same_picture(replace(state, transfer=other), tmp_path)
     assert again.document.file.basis.name == "general-7"
@@ -195,7 +192,7 @@ file = "halves.npy"
 
 @pytest.mark.not_quick
 @pytest.mark.slow
-def test_masks_stay_through_edits_of_other_things(tmp_path: Path) -> None:
+def test_masks_stay_through_edits_of_other_things(tmp_path):
     path = opened(tmp_path).document.path
     halves = np.zeros((12, 12, 12), np.uint8)
     halves[:, :6], halves[:, 6:, :6] = 1, 2

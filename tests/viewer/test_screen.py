@@ -6,7 +6,6 @@ import json
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -26,7 +25,6 @@ from volspec.relight import Illumination
 from volspec.relight.error_map import error_map
 from volspec.spectra import colour_matching_functions
 from volspec.viewer.model import light_rows
-from volspec.viewer.model.document import Document
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.window import Window
 from volspec.viewer.work import probe
@@ -72,7 +70,7 @@ def lit(screen: Screen, state: ViewState) -> NDArray[np.uint8]:
     return pixels(screen)
 
 
-def test_each_frame_draws_a_band(slow: Screen, state: ViewState) -> None:
+def test_each_frame_draws_a_band(slow, state):
     day, lamp = lit(slow, under(state, 0)), lit(slow, under(state, 1))
     slow.mark_stale()
     rows = SIZE[1] // BANDS
@@ -85,7 +83,7 @@ def test_each_frame_draws_a_band(slow: Screen, state: ViewState) -> None:
     assert not slow.relight(under(state, 0), held=False)
 
 
-def test_each_second_of_changing_lights_is_drawn_whole(slow: Screen, state: ViewState) -> None:
+def test_each_second_of_changing_lights_is_drawn_whole(slow, state):
     wanted = [lit(slow, under(state, light)) for light in (0, 1)]
     for light in (0, 1, 0, 1):
         slow.mark_stale()
@@ -98,7 +96,7 @@ def test_each_second_of_changing_lights_is_drawn_whole(slow: Screen, state: View
     assert not slow.ready
 
 
-def test_values_under_the_mouse_stay_while_bands_are_drawn(slow: Screen, state: ViewState) -> None:
+def test_values_under_the_mouse_stay_while_bands_are_drawn(slow, state):
     slow.probe(under(state, 0), (0.5, 0.5), held=False)
     before, lamp = slow.under_mouse, under(state, 1)
     slow.mark_stale()
@@ -111,7 +109,7 @@ def test_values_under_the_mouse_stay_while_bands_are_drawn(slow: Screen, state: 
     assert str(slow.under_mouse) != str(before)
 
 
-def test_the_last_frame_shows_the_values_of_its_picture(slow: Screen, state: ViewState) -> None:
+def test_the_last_frame_shows_the_values_of_its_picture(slow, state):
     """A coarse picture rests under the mouse, the whole one comes in bands, then nothing more."""
     bright = done(state, 1)
     coarse = replace(bright.image, coefficients=0.5 * bright.image.coefficients)
@@ -127,7 +125,7 @@ def test_the_last_frame_shows_the_values_of_its_picture(slow: Screen, state: Vie
         assert dict(frames[-1].rows)["RGB"] == "  ".join(map(str, code))
 
 
-def test_an_empty_picture_says_so_and_a_fault_its_reason(slow: Screen, state: ViewState) -> None:
+def test_an_empty_picture_says_so_and_a_fault_its_reason(slow, state):
     lit(slow, state)
     cast, painted = done(state, 0), slow.painted_picture(AREA, state)
     assert slow.missing_message(state, painted) == ""
@@ -142,7 +140,7 @@ def test_an_empty_picture_says_so_and_a_fault_its_reason(slow: Screen, state: Vi
     assert slow.missing_message(state, None) == slow.fault == "no device; see volspec doctor"
 
 
-def test_a_picture_keeps_its_shape_until_another_is_drawn(slow: Screen, state: ViewState) -> None:
+def test_a_picture_keeps_its_shape_until_another_is_drawn(slow, state):
     cast = done(state, 1)
     wide = replace(state, size=AREA[2:])
     before = slow.painted_picture(AREA, wide)
@@ -172,7 +170,7 @@ def pixels(screen: Screen) -> NDArray[np.uint8]:
     return screen.pictures.pixels().copy()
 
 
-def test_lights_from_groups_being_cast_wait_for_them(screen: Screen, state: ViewState) -> None:
+def test_lights_from_groups_being_cast_wait_for_them(screen, state):
     screen.relight(state, held=False)
     before = pixels(screen)
     rig = replace(state.lights[1].rig, groups=("lamp",))
@@ -191,9 +189,7 @@ def test_lights_from_groups_being_cast_wait_for_them(screen: Screen, state: View
     assert "lamp" in screen._notice.text
 
 
-def test_the_picture_waits_for_the_newest_table(
-    screen: Screen, state: ViewState, monkeypatch: Patch
-) -> None:
+def test_the_picture_waits_for_the_newest_table(screen, state, monkeypatch):
     screen.relight(seen_by(state, "CIECAM02", 0), held=False)
     before = pixels(screen)
     made: list[lut3d.LutKey] = []
@@ -233,7 +229,7 @@ def test_the_picture_waits_for_the_newest_table(
     assert np.array_equal(lit(screen, by_light[1]), after) and len(made) == 1
 
 
-def test_another_light_ends_a_table(screen: Screen, state: ViewState, monkeypatch: Patch) -> None:
+def test_another_light_ends_a_table(screen, state, monkeypatch):
     begun: list[lut3d.LutKey] = []
     work_out = lut3d._bake_texels
 
@@ -252,7 +248,7 @@ def test_another_light_ends_a_table(screen: Screen, state: ViewState, monkeypatc
     assert begun[0] not in screen.pictures.tables and begun[1] in screen.pictures.tables
 
 
-def test_both_sides_of_the_divide_have_own_tables(screen: Screen, state: ViewState) -> None:
+def test_both_sides_of_the_divide_have_own_tables(screen, state):
     sides = [seen_by(state, "Nayatani95", light) for light in (0, 1)]
     both = replace(sides[0], other=sides[1].lights, divide=0.5)
     screen.relight(both, held=False)
@@ -264,7 +260,7 @@ def test_both_sides_of_the_divide_have_own_tables(screen: Screen, state: ViewSta
         np.testing.assert_array_equal(lit(screen, side)[:, columns], split[:, columns])
 
 
-def test_a_failed_table_is_made_once(screen: Screen, state: ViewState, monkeypatch: Patch) -> None:
+def test_a_failed_table_is_made_once(screen, state, monkeypatch):
     def fails(key: lut3d.LutKey, cancel: object) -> None:
         raise ViewingError("no colour at\nsome node")
 
@@ -280,7 +276,7 @@ def test_a_failed_table_is_made_once(screen: Screen, state: ViewState, monkeypat
     assert screen.pictures.current
 
 
-def test_a_picture_relit_in_bands_is_one_relight_of_all_their_time(tmp_path: Path) -> None:
+def test_a_picture_relit_in_bands_is_one_relight_of_all_their_time(tmp_path):
     file = tmp_path / "trace.jsonl"
     with Trace(file) as trace:
         meter = Meter(trace)
@@ -329,7 +325,7 @@ def read_middle(state: ViewState, patient: bool = False) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("orthographic", [False, True])
-def test_the_probe_finds_the_hit_of_a_ball(state: ViewState, orthographic: bool) -> None:
+def test_the_probe_finds_the_hit_of_a_ball(state, orthographic):
     """The middle of the picture is hit on the near side, on the camera's axis."""
     state = replace(state, view=replace(state.view, orthographic=orthographic))
     rows = read_middle(state)
@@ -347,14 +343,14 @@ def test_the_probe_finds_the_hit_of_a_ball(state: ViewState, orthographic: bool)
     assert probe.place_mm(image, camera, (0, 0)) is None
 
 
-def test_a_value_is_that_of_the_nearest_voxel(document: Document) -> None:
+def test_a_value_is_that_of_the_nearest_voxel(document):
     volume = document.volume
     at = (volume.world_from_index @ [3.3, 4.4, 2.1, 1.0])[:3]
     assert probe.value_at(volume, at) == volume.values[2, 4, 3]
     assert probe.value_at(volume, at + 100.0) is None
 
 
-def test_values_are_those_of_all_fields_in_digits_by_which_voxels_differ(state: ViewState) -> None:
+def test_values_are_those_of_all_fields_in_digits_by_which_voxels_differ(state):
     values, fine = state.document.volume.values, {"spacing_mm": (0.00025,) * 3}
     second = Volume(2 * values, **fine, name="GFP")
     rows = read_middle(of_volume(state, Volume(values, **fine, name="DAPI").with_fields([second])))
@@ -362,7 +358,7 @@ def test_values_are_those_of_all_fields_in_digits_by_which_voxels_differ(state: 
     assert len(rows["mm"].split()[0].partition(".")[2]) == 4
 
 
-def test_the_reflected_spectrum_has_the_colour_that_is_told(state: ViewState) -> None:
+def test_the_reflected_spectrum_has_the_colour_that_is_told(state):
     """Q times the spectrum is the exact picture's XYZ, as both synthesise the same channels."""
     _, image = shot(state)
     rig, exact = light_rows.light_rig(state.lights), replace(state.relight, mode="exact")
@@ -380,7 +376,7 @@ def test_the_reflected_spectrum_has_the_colour_that_is_told(state: ViewState) ->
     np.testing.assert_allclose(reflected, 0.2 * light)
 
 
-def test_the_probe_has_the_error_maps_figure(state: ViewState) -> None:
+def test_the_probe_has_the_error_maps_figure(state):
     _, image = shot(state)
     rig, seen = light_rows.light_rig(state.lights), state.relight
     whole = error_map(image, rig, seen.mode, seen.backdrop)
@@ -389,7 +385,7 @@ def test_the_probe_has_the_error_maps_figure(state: ViewState) -> None:
     assert "0.00" in read_middle(exact)["Colour error"]
 
 
-def test_an_error_map_is_of_its_own_picture_and_light(context: Any, state: ViewState) -> None:
+def test_an_error_map_is_of_its_own_picture_and_light(context, state):
     came = threading.Event()
     overlay = ErrorMapTexture(context, came.set)
     _, image = shot(state)
@@ -402,7 +398,7 @@ def test_an_error_map_is_of_its_own_picture_and_light(context: Any, state: ViewS
     overlay.close()
 
 
-def test_the_error_map_is_made_once(state: ViewState, monkeypatch: Patch) -> None:
+def test_the_error_map_is_made_once(state, monkeypatch):
     _, image = shot(state)
     begun = []
     monkeypatch.setattr(Tasks, "start", lambda self, kind, task: begun.append(task))

@@ -18,7 +18,6 @@ import numpy as np
 import pytest
 
 from tests.support.errors import raises
-from tests.support.fixtures import Patch
 from tests.support.viewer import assert_same_tables, opened
 from tests.viewer._states import restored, save_ball, worked_on
 from volspec.errors import Code
@@ -47,7 +46,7 @@ def again(state: ViewState, folder: Path) -> ViewState:
     return restored(state, folder, cast=False)
 
 
-def test_all_that_was_made_comes_back_to_the_last_bit(tmp_path: Path) -> None:
+def test_all_that_was_made_comes_back_to_the_last_bit(tmp_path):
     state = worked_on(opened(tmp_path))
     back = again(state, tmp_path)
     assert session_from_state(back).data == session_from_state(state).data
@@ -61,7 +60,7 @@ def test_all_that_was_made_comes_back_to_the_last_bit(tmp_path: Path) -> None:
     assert back.document.title == "ball" and back.document.file == state.document.file
 
 
-def test_what_was_one_is_one_again(tmp_path: Path) -> None:
+def test_what_was_one_is_one_again(tmp_path):
     """A light change must not cast, and what is unchanged must be known to be so."""
     state = opened(tmp_path)
     back = again(lights.set_weight(state, 1, 0.5), tmp_path)
@@ -72,7 +71,7 @@ def test_what_was_one_is_one_again(tmp_path: Path) -> None:
     assert moved.transfer.basis is moved.document.transfer.basis
 
 
-def test_a_fade_that_is_over_is_not_seen_again(tmp_path: Path) -> None:
+def test_a_fade_that_is_over_is_not_seen_again(tmp_path):
     state = opened(tmp_path)
     state = replace(state, fade=Fade(state.lights, state.relight, 1.0))
     session = session_from_state(state)
@@ -82,7 +81,7 @@ def test_a_fade_that_is_over_is_not_seen_again(tmp_path: Path) -> None:
     assert restore_state(replace(session, data=old), cast=False).fade is None
 
 
-def test_a_bare_volume_that_is_moved_with_its_session_is_found(tmp_path: Path) -> None:
+def test_a_bare_volume_that_is_moved_with_its_session_is_found(tmp_path):
     here, there = tmp_path / "here", tmp_path / "there"
     here.mkdir()
     scene = Scene.from_volume(str(save_ball(here, 12)))
@@ -95,7 +94,7 @@ def test_a_bare_volume_that_is_moved_with_its_session_is_found(tmp_path: Path) -
         assert found.document.path == there / "ball.npy"
 
 
-def test_masks_and_the_time_step_come_back(tmp_path: Path) -> None:
+def test_masks_and_the_time_step_come_back(tmp_path):
     for step in range(3):
         np.save(tmp_path / f"beat{step}.npy", phantom.ball(10).values * (step + 1))
     np.save(tmp_path / "organs.npy", (np.mgrid[:10, :10, :10][2] > 4).astype(np.uint8))
@@ -128,13 +127,13 @@ def test_masks_and_the_time_step_come_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["gradients", "regions", "labels", "surfaces"])
-def test_other_transfer_functions_come_back(tmp_path: Path, kind: str) -> None:
+def test_other_transfer_functions_come_back(tmp_path, kind):
     state = opened(tmp_path, kind)
     assert_same_tables(again(state, tmp_path), state)
 
 
 @pytest.mark.parametrize("name", ["v1-ball", "v1-palette", "v2-palette"])
-def test_sessions_of_earlier_versions_load(tmp_path: Path, name: str) -> None:
+def test_sessions_of_earlier_versions_load(tmp_path, name):
     """You may add migrations; never change these files. Their volume is in their folder."""
     state = restore_state(read_session(fixture(name, tmp_path)), cast=False)
     assert [row.name for row in state.lights] == ["day", "tungsten", "mine", "3000 K"]
@@ -201,9 +200,7 @@ _EDITS: tuple[tuple[Code | None, str, Callable[[dict[str, Any]], Any]], ...] = (
 
 
 @pytest.mark.parametrize(("code", "field", "change"), _EDITS)
-def test_a_session_edited_by_hand_is_refused(
-    tmp_path: Path, code: Code | None, field: str, change: Callable[[dict[str, Any]], Any]
-) -> None:
+def test_a_session_edited_by_hand_is_refused(tmp_path, code, field, change):
     path = fixture("v2-palette", tmp_path)
     data = json.loads(path.read_text(encoding="utf-8"))
     change(data)
@@ -223,14 +220,14 @@ def turned(state: ViewState, share: float = 0.1) -> ViewState:
     return camera.orbit(state, share, 0.0)
 
 
-def test_nothing_is_kept_where_nothing_was_changed(tmp_path: Path) -> None:
+def test_nothing_is_kept_where_nothing_was_changed(tmp_path):
     state, store = begun(tmp_path)
     # A window of another size is no work of the user's.
     assert store.save(replace(state, size=(33, 44))) is None
     assert store.last() is None and not (tmp_path / "state").exists()
 
 
-def test_a_session_is_kept_when_what_changed_rests_or_every_thirty_seconds(tmp_path: Path) -> None:
+def test_a_session_is_kept_when_what_changed_rests_or_every_thirty_seconds(tmp_path):
     state, store = begun(tmp_path)
     changed = turned(state)
     assert not store.due(state, 100.0) and not store.due(state, 200.0)
@@ -246,7 +243,7 @@ def test_a_session_is_kept_when_what_changed_rests_or_every_thirty_seconds(tmp_p
     assert due == [False] * int(EVERY_S) + [True]
 
 
-def test_a_state_that_is_late_to_be_written_does_not_overwrite_a_newer_one(tmp_path: Path) -> None:
+def test_a_state_that_is_late_to_be_written_does_not_overwrite_a_newer_one(tmp_path):
     """Simulate the end while a thread has not saved yet."""
     state, store = begun(tmp_path)
     older, newer = (turned(state, x) for x in (0.1, 0.2))
@@ -258,7 +255,7 @@ def test_a_state_that_is_late_to_be_written_does_not_overwrite_a_newer_one(tmp_p
     assert store.saving(turned(newer), 2.0)() == own
 
 
-def test_a_session_whose_program_died_is_told_of_once(tmp_path: Path) -> None:
+def test_a_session_whose_program_died_is_told_of_once(tmp_path):
     state, store = begun(tmp_path)
     store.save(turned(state))
     # Another window, while the first is open, gets no message.
@@ -271,7 +268,7 @@ def test_a_session_whose_program_died_is_told_of_once(tmp_path: Path) -> None:
     assert not SessionStore(tmp_path / "state").ended_early()
 
 
-def test_another_file_does_not_overwrite_what_was_made_before(tmp_path: Path) -> None:
+def test_another_file_does_not_overwrite_what_was_made_before(tmp_path):
     state, store = begun(tmp_path)
     first = store.save(turned(state))
     other = replace(state, document=replace(state.document, title="another"))
@@ -289,7 +286,7 @@ def test_another_file_does_not_overwrite_what_was_made_before(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("ahead_s", [-1e9, 0.0, 1e8], ids=["past", "now", "future"])
-def test_the_last_saved_session_is_last(tmp_path: Path, monkeypatch: Patch, ahead_s: float) -> None:
+def test_the_last_saved_session_is_last(tmp_path, monkeypatch, ahead_s):
     state = opened(tmp_path)
     names = iter(range(100, 0, -1))
     monkeypatch.setattr(session_store.time, "strftime", lambda _: f"{next(names):03}")
@@ -326,7 +323,7 @@ store.save(orbit(state, 0.2, 0.0))
 
 
 @pytest.mark.not_quick
-def test_a_session_whose_save_is_killed_is_the_one_before(tmp_path: Path) -> None:
+def test_a_session_whose_save_is_killed_is_the_one_before(tmp_path):
     state, store = begun(tmp_path)
     saved = store.save(turned(state))
     store.end()
@@ -349,8 +346,8 @@ def test_a_session_whose_save_is_killed_is_the_one_before(tmp_path: Path) -> Non
     ids=["broken", "later"],
 )
 def test_a_session_that_cannot_be_read_is_kept_and_put_aside_if_it_is_broken(
-    tmp_path: Path, text: str, kind: type[SessionError], ending: str
-) -> None:
+    tmp_path, text, kind, ending
+):
     folder = tmp_path / "state" / "sessions"
     folder.mkdir(parents=True)
     (folder / "x.json").write_text(text, encoding="utf-8")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -40,7 +39,7 @@ def numbered(world: Any = None) -> Volume:
     return Volume((x + 10 * y + 100 * z).astype(np.uint16), world_from_index=world)
 
 
-def test_slices_show_the_volumes_values_as_they_are_looked_at() -> None:
+def test_slices_show_the_volumes_values_as_they_are_looked_at():
     volume = numbered()
     axial, coronal, sagittal = (
         slice_values(volume, slice_layout(volume, plane), 2) for plane in PLANES
@@ -53,7 +52,7 @@ def test_slices_show_the_volumes_values_as_they_are_looked_at() -> None:
     assert slice_values(volume, slice_layout(volume, PLANES[0]), 2, step=2).shape == (3, 3)
 
 
-def test_indices_of_a_slice_are_those_of_its_values() -> None:
+def test_indices_of_a_slice_are_those_of_its_values():
     turned = np.array([[0, 0, -1, 0], [1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]])
     for volume in (numbered(), numbered(turned)):
         for plane in PLANES:
@@ -63,7 +62,7 @@ def test_indices_of_a_slice_are_those_of_its_values() -> None:
             np.testing.assert_array_equal(volume.values[z, y, x], values)
 
 
-def test_slices_of_several_fields_show_all_with_their_masks() -> None:
+def test_slices_of_several_fields_show_all_with_their_masks():
     """The second field has a lattice of its own; where a mask hides, there are greys."""
     basis = MaterialBasis({name: reflectance(name) for name in ("copper", "gold")})
     copper, gold = (
@@ -98,7 +97,7 @@ def test_slices_of_several_fields_show_all_with_their_masks() -> None:
         np.testing.assert_allclose(pixel, channels, atol=1e-6)
 
 
-def test_an_axial_slice_lies_the_same_way_however_voxels_are_stored() -> None:
+def test_an_axial_slice_lies_the_same_way_however_voxels_are_stored():
     """The patient's right is at the left and the face on top, for every order and direction."""
     plain = numbered()
     expected = slice_values(plain, slice_layout(plain, PLANES[0]), 1)
@@ -120,7 +119,7 @@ def test_an_axial_slice_lies_the_same_way_however_voxels_are_stored() -> None:
 
 
 @pytest.mark.not_quick
-def test_letters_of_a_nifti_file_are_the_patients(tmp_path: Path) -> None:
+def test_letters_of_a_nifti_file_are_the_patients(tmp_path):
     """A file whose voxels run to the right, the front and the top (RAS+), as NIfTI has them."""
     import SimpleITK as sitk
 
@@ -138,14 +137,14 @@ def test_letters_of_a_nifti_file_are_the_patients(tmp_path: Path) -> None:
     assert axial[-1, -1] == volume.values[0, 0, 0] and axial[0, 0] == volume.values[0, -1, -1]
 
 
-def test_a_volume_without_orientation_has_axes_for_letters() -> None:
+def test_a_volume_without_orientation_has_axes_for_letters():
     volume = Volume(np.zeros((3, 4, 5), np.uint8), spacing_mm=(1.0, 2.0, 3.0))
     assert not is_patient(volume, None) and is_patient(volume, True)
     assert edge_letters(volume, slice_layout(volume, PLANES[1]), False) == ("-x", "+x", "+z", "-z")
     assert direction_letters(np.array([0.8, -0.6, 0.1]), True) == "LA"
 
 
-def test_a_click_in_a_slice_moves_the_other_two(state: ViewState) -> None:
+def test_a_click_in_a_slice_moves_the_other_two(state):
     volume = numbered(np.diag([-1.0, 1.0, 2.0, 1.0]))
     state = of_volume(state, volume)
     layout = slice_layout(volume, PLANES[0])
@@ -162,7 +161,7 @@ def test_a_click_in_a_slice_moves_the_other_two(state: ViewState) -> None:
     assert crossing_text(with_overlays(moved, patient=False)) == "244  at  -4.0  4.0  4.0 mm"
 
 
-def test_what_a_crop_leaves_is_seen_in_the_slices() -> None:
+def test_what_a_crop_leaves_is_seen_in_the_slices():
     volume = numbered(np.diag([-1.0, 1.0, 2.0, 1.0]))  # x runs against the picture
     layout = slice_layout(volume, PLANES[0])
     assert slices.crop_extent(volume, layout, ((0.0, 5.0), (0.0, 4.0), (0.0, 3.0))) == (0, 0, 1, 1)
@@ -173,7 +172,7 @@ def test_what_a_crop_leaves_is_seen_in_the_slices() -> None:
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_steps_go_up_whichever_way_the_voxels_run(state: ViewState, sign: float) -> None:
+def test_steps_go_up_whichever_way_the_voxels_run(state, sign):
     volume = numbered(np.diag([1.0, 1.0, sign, 1.0]))
     given = of_volume(state, volume)
     before, after = (
@@ -202,7 +201,7 @@ class _Context:
         return self.textures[-1]
 
 
-def test_a_slice_is_written_again_only_where_it_changes(state: ViewState) -> None:
+def test_a_slice_is_written_again_only_where_it_changes(state):
     context = _Context()
     pictures = SlicePictures(context)
     layouts = [slice_layout(state.document.volume, plane) for plane in PLANES]
@@ -229,7 +228,7 @@ def slice_codes(state: ViewState, plane: Plane) -> np.ndarray:
     return context.textures[0].written[0].view(np.uint8).reshape(8, 8, 4)
 
 
-def test_slices_are_relit_as_pixels_of_a_picture_are(state: ViewState) -> None:
+def test_slices_are_relit_as_pixels_of_a_picture_are(state):
     """Voxels that are shown have their material's colour, under each light; to one code.
 
     The material comes to 1 - (1 - opacity)^16 of a voxel, which is all of gold's at 0.6.
@@ -246,7 +245,7 @@ def test_slices_are_relit_as_pixels_of_a_picture_are(state: ViewState) -> None:
         assert (pixels[..., 3] == 255).all()
 
 
-def test_greys_are_the_values_between_black_and_white(state: ViewState) -> None:
+def test_greys_are_the_values_between_black_and_white(state):
     plain = with_slices(state, lit=False, greys=(0.0, 1.0))
     volume = state.document.volume
     low, high = volume.range
@@ -259,7 +258,7 @@ def test_greys_are_the_values_between_black_and_white(state: ViewState) -> None:
     assert narrow[0] < narrow[1]
 
 
-def test_greys_run_where_most_values_lie_unless_they_are_set() -> None:
+def test_greys_run_where_most_values_lie_unless_they_are_set():
     counts = np.zeros(256)
     counts[0], counts[100:151], counts[255] = 1e6, 1e3, 1.0
     low, high = slices.grey_window(Slices(), counts)
@@ -269,7 +268,7 @@ def test_greys_run_where_most_values_lie_unless_they_are_set() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_kind_of_transfer_function_has_a_table(state: ViewState, kind: str) -> None:
+def test_every_kind_of_transfer_function_has_a_table(state, kind):
     transfer = of_kind(state, kind).transfer
     volume = Volume(np.linspace(0, 8, 1000, dtype=np.float32).reshape(10, 10, 10))
     image = slice_table.table_image(volume, transfer, state.shading, (0.0, 1.0))
@@ -282,7 +281,7 @@ def test_every_kind_of_transfer_function_has_a_table(state: ViewState, kind: str
 
 
 @pytest.mark.filterwarnings("ignore:.*finite")
-def test_odd_volumes_have_slices(state: ViewState) -> None:
+def test_odd_volumes_have_slices(state):
     holes = np.random.default_rng(1).random((4, 5, 6), dtype=np.float32)
     holes[1:3, 2, 2] = np.nan
     least = np.arange(8, dtype=np.uint8).reshape(2, 2, 2)
@@ -296,7 +295,7 @@ def test_odd_volumes_have_slices(state: ViewState) -> None:
         assert np.isnan(float(crossing_text(odd).split()[0])) == (volume.missing is not None)
 
 
-def test_slices_one_above_the_other_keep_one_scale_and_stay_within_the_room() -> None:
+def test_slices_one_above_the_other_keep_one_scale_and_stay_within_the_room():
     sizes = slice_sizes([(250.0, 250.0), (250.0, 100.0), (250.0, 2.0)], (240.0, 300.0), 10.0)
     assert sizes[0][0] / 250.0 == pytest.approx(sizes[1][1] / 100.0)
     assert sum(height for _, height in sizes[:2]) <= 300 and sizes[2][1] == 10.0
@@ -306,7 +305,7 @@ def test_slices_one_above_the_other_keep_one_scale_and_stay_within_the_room() ->
     ("dtype", "top"),
     [(np.uint16, 300), (np.uint16, 65535), *((np.float32, top) for top in (300, 65535, 2**31))],
 )
-def test_a_table_of_labels_is_bounded_and_tells_names_apart(dtype: type, top: int) -> None:
+def test_a_table_of_labels_is_bounded_and_tells_names_apart(dtype, top):
     """Volumes of 32-bit integers are kept as floats: they had 4096 entries, evenly."""
     volume = Volume(np.array([0, 1, 2, top // 2, top - 1, top, 7, 8], dtype).reshape(2, 2, 2))
     entries = slice_table.table_entries(volume, labels=True)

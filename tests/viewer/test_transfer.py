@@ -27,8 +27,8 @@ from volspec.transfer import (
 )
 from volspec.viewer.model import materials, transfer_edits
 from volspec.viewer.model.commands import COMMANDS
-from volspec.viewer.model.document import Document, field_data
-from volspec.viewer.model.edit import Change, after
+from volspec.viewer.model.document import field_data
+from volspec.viewer.model.edit import after
 from volspec.viewer.model.history import History
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_convert import convert, transfer_kind
@@ -45,7 +45,7 @@ _COMMANDS = st.sampled_from([each.change for each in COMMANDS if each.menu == "T
 @pytest.mark.parametrize("kind", KINDS)
 @settings(max_examples=20, suppress_health_check=list(HealthCheck))
 @given(edits=st.lists(_EDITS | _EDITS | _EDITS | _COMMANDS, min_size=25, max_size=40))
-def test_random_edits_keep_parts_in_order(state: ViewState, kind: str, edits: list[Change]) -> None:
+def test_random_edits_keep_parts_in_order(state, kind, edits):
     state = of_kind(state, kind)
     for edit in edits:
         state = after(edit, state).state
@@ -69,7 +69,7 @@ def opacities_of(state: ViewState) -> list[float]:
 
 
 @pytest.mark.parametrize("kind", ["points", "regions", "surfaces"])
-def test_a_drag_across_shifts_and_one_upwards_spreads(state: ViewState, kind: str) -> None:
+def test_a_drag_across_shifts_and_one_upwards_spreads(state, kind):
     state = of_kind(state, kind)
     old = np.array(values_of(state))
     # A quarter of the picture's height is a quarter of the volume's range.
@@ -84,7 +84,7 @@ def test_a_drag_across_shifts_and_one_upwards_spreads(state: ViewState, kind: st
     np.testing.assert_allclose(values_of(back), old, atol=1e-12)
 
 
-def test_contrast_limits_move_the_ends_and_what_is_between(state: ViewState) -> None:
+def test_contrast_limits_move_the_ends_and_what_is_between(state):
     old = np.array(values_of(state))
     ends = np.interp([0.1, 0.6], [0, 1], state.document.volume.range).tolist()
     new = np.array(values_of(transfer_edits.set_limits(state, *ends)))
@@ -96,7 +96,7 @@ def test_contrast_limits_move_the_ends_and_what_is_between(state: ViewState) -> 
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_thickening_is_as_of_denser_matter_and_undone(state: ViewState, kind: str) -> None:
+def test_thickening_is_as_of_denser_matter_and_undone(state, kind):
     """Exactly: opacities that were rounded to 1 and such as were 1 come back too."""
     state = of_kind(state, kind)
     thin = transfer_edits.thicken(state, 0.1)
@@ -112,7 +112,7 @@ def test_thickening_is_as_of_denser_matter_and_undone(state: ViewState, kind: st
     assert back.transfer is state.transfer
 
 
-def test_thickening_is_undone_of_shifted_and_edited_values(state: ViewState) -> None:
+def test_thickening_is_undone_of_shifted_and_edited_values(state):
     thick = transfer_edits.thicken(state, 50.0)
     moved = transfer_edits.window(transfer_edits.shift(thick, 0.1), 0.0, 0.1)
     back = transfer_edits.thicken(moved, 1.0)
@@ -124,7 +124,7 @@ def test_thickening_is_undone_of_shifted_and_edited_values(state: ViewState) -> 
     np.testing.assert_allclose(opacities_of(same), opacities_of(edited), rtol=1e-12)
 
 
-def test_menus_tick_the_preset_in_use_until_it_is_changed(state: ViewState) -> None:
+def test_menus_tick_the_preset_in_use_until_it_is_changed(state):
     def ticked(state: ViewState) -> list[str]:
         rows = (each for each in COMMANDS if each.name.startswith("preset-"))
         return [each.name for each in rows if each.on is not None and each.on(state)]
@@ -135,7 +135,7 @@ def test_menus_tick_the_preset_in_use_until_it_is_changed(state: ViewState) -> N
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_parts_left_alone_at_fifty_fold_thickness_come_back(state: ViewState, kind: str) -> None:
+def test_parts_left_alone_at_fifty_fold_thickness_come_back(state, kind):
     """Opacities that fifty-fold thickness rounds to 1 were all .129 after any edit there."""
     state = of_kind(state, kind)
     edited = transfer_edits.set_opacity(transfer_edits.thicken(state, 50.0), 0, 0.3)
@@ -146,7 +146,7 @@ def test_parts_left_alone_at_fifty_fold_thickness_come_back(state: ViewState, ki
     assert back[0] == pytest.approx(1 - 0.6 ** (1 / 50))
 
 
-def test_points_added_and_removed_when_thick_leave_the_others(state: ViewState) -> None:
+def test_points_added_and_removed_when_thick_leave_the_others(state):
     old = opacities_of(state)
     thick = transfer_edits.thicken(state, 50.0)
     added = transfer_edits.add_point(thick, 0.7, 0.5)
@@ -157,7 +157,7 @@ def test_points_added_and_removed_when_thick_leave_the_others(state: ViewState) 
     assert opacities_of(transfer_edits.thicken(removed, 1.0)) == [old[0], *old[2:]]
 
 
-def test_edits_of_points_keep_what_gradients_do_to_opacity(state: ViewState) -> None:
+def test_edits_of_points_keep_what_gradients_do_to_opacity(state):
     factors = ((0.0, 0.0), (0.3, 1.0))
     state = replace(state, transfer=replace(state.transfer, gradient_opacity=factors))
     for edit, *arguments in (
@@ -173,7 +173,7 @@ def test_edits_of_points_keep_what_gradients_do_to_opacity(state: ViewState) -> 
         assert state.transfer.gradient_opacity == factors, edit.__name__
 
 
-def test_a_share_makes_the_others_room_and_their_proportions_come_back(state: ViewState) -> None:
+def test_a_share_makes_the_others_room_and_their_proportions_come_back(state):
     gold, set_weight = (
         {"gold": 0.5, "copper": 0.3, "steel": 0.2},
         transfer_edits.set_material_weight,
@@ -189,9 +189,7 @@ def test_a_share_makes_the_others_room_and_their_proportions_come_back(state: Vi
     assert set_weight(given, 1, "gold", 0.5) is given
 
 
-def test_a_region_follows_its_sides_and_has_no_end_above_the_axis(
-    state: ViewState, top: float
-) -> None:
+def test_a_region_follows_its_sides_and_has_no_end_above_the_axis(state, top):
     state = of_kind(state, "regions")
     moved = transfer_edits.set_region_values(state, 0, 0.6, 0.3)
     moved = transfer_edits.set_region_gradients(moved, 0, 0.1 * top, 0.5 * top)
@@ -203,7 +201,7 @@ def test_a_region_follows_its_sides_and_has_no_end_above_the_axis(
     assert len(list_parts(added.transfer)) == 3 and added.interface.part == 2
 
 
-def test_labels_are_added_and_removed_by_number(state: ViewState) -> None:
+def test_labels_are_added_and_removed_by_number(state):
     state = of_kind(state, "labels")
     added = transfer_edits.add_point(state, 3.2, 0.5)
     assert values_of(added) == [1, 7, 3] and added.interface.part == 2
@@ -214,7 +212,7 @@ def test_labels_are_added_and_removed_by_number(state: ViewState) -> None:
 
 
 @pytest.mark.parametrize("kind", ["points", "surfaces"])
-def test_a_point_without_room_takes_only_an_opacity(state: ViewState, kind: str) -> None:
+def test_a_point_without_room_takes_only_an_opacity(state, kind):
     rows = [(0.0, 0.1, "copper"), (0.5, 0.1, "copper"), (0.5005, 0.2, "gold"), (0.501, 0.3, "gold")]
     made = TransferFunction if kind == "points" else Isosurfaces
     close = replace(state, transfer=made(rows, state.transfer.materials, state.transfer.basis))
@@ -233,7 +231,7 @@ def opacities_at(transfer: Transfer, values: np.ndarray) -> np.ndarray:
     return np.interp(values, np.linspace(*table.domain, len(opacities)), opacities)
 
 
-def test_a_curve_becomes_regions_that_look_alike(state: ViewState) -> None:
+def test_a_curve_becomes_regions_that_look_alike(state):
     """Opacity of regions over all gradients against the curve's, over the volume's values.
 
     Slopes become soft sides, which rise along another curve: a tenth on average (measured 0.03).
@@ -251,7 +249,7 @@ def test_a_curve_becomes_regions_that_look_alike(state: ViewState) -> None:
     assert np.abs(opacities_at(convert(regions, "points", _SPAN), at) - here).mean() < 0.1
 
 
-def test_hard_sides_and_boundaries_stay_in_another_kind(state: ViewState) -> None:
+def test_hard_sides_and_boundaries_stay_in_another_kind(state):
     regions = of_kind(state, "regions").transfer
     hard = replace(regions, regions=[replace(regions.regions[0], softness=0.0)])
     curve = replace(state, transfer=convert(hard, "points", _SPAN))
@@ -264,7 +262,7 @@ def test_hard_sides_and_boundaries_stay_in_another_kind(state: ViewState) -> Non
     assert {region.gradients for region in regions.regions} == {(0.2, math.inf)}
 
 
-def test_kinds_change_by_name_as_one_step(state: ViewState) -> None:
+def test_kinds_change_by_name_as_one_step(state):
     for kind in ("regions", "surfaces", "points"):
         history = History(state).then(run_command(state, f"transfer-{kind}").state, 1)
         assert transfer_kind(history.present.transfer) == kind
@@ -275,7 +273,7 @@ def test_kinds_change_by_name_as_one_step(state: ViewState) -> None:
     assert new is state and message
 
 
-def test_a_curve_of_more_bands_than_it_has_points_for_shows_all_of_them(state: ViewState) -> None:
+def test_a_curve_of_more_bands_than_it_has_points_for_shows_all_of_them(state):
     """Every second corner was left out, and with them whole bands."""
     materials, basis = state.transfer.materials, state.transfer.basis
     regions = [
@@ -311,9 +309,7 @@ def top(state: ViewState) -> float:
     return state.document.data[""].joint.top
 
 
-def test_opacity_by_gradient_hides_what_is_flat_and_is_one_step_of_undo(
-    state: ViewState, on: ViewState
-) -> None:
+def test_opacity_by_gradient_hides_what_is_flat_and_is_one_step_of_undo(state, on):
     table = curve_of(on).bake(1.0)
     assert table.opacity[0].max() == 0.0 and table.opacity[-1].max() == pytest.approx(0.6)
     assert factors_of(transfer_edits.toggle_gradient_opacity(on)) == []
@@ -324,7 +320,7 @@ def test_opacity_by_gradient_hides_what_is_flat_and_is_one_step_of_undo(
     assert transfer_edits.toggle_gradient_opacity(filtered) is filtered
 
 
-def test_the_scenes_own_factors_come_back(state: ViewState) -> None:
+def test_the_scenes_own_factors_come_back(state):
     own = replace(curve_of(state), gradient_opacity=((0.0, 0.5), (9.0, 1.0)))
     state = replace(state, document=replace(state.document, transfer=own), transfer=own)
     off = transfer_edits.toggle_gradient_opacity(state)
@@ -332,9 +328,7 @@ def test_the_scenes_own_factors_come_back(state: ViewState) -> None:
     assert factors_of(transfer_edits.toggle_gradient_opacity(off)) == [*own.gradient_opacity]
 
 
-def test_factors_stay_between_their_neighbours_on_the_axis_and_apart(
-    on: ViewState, top: float
-) -> None:
+def test_factors_stay_between_their_neighbours_on_the_axis_and_apart(on, top):
     move = transfer_edits.move_gradient_point
     (first, factor), (last, _) = factors_of(move(on, 0, 9 * top, 7.0))
     assert factor == 1.0 and first == pytest.approx(last - top / 128)
@@ -346,7 +340,7 @@ def test_factors_stay_between_their_neighbours_on_the_axis_and_apart(
     assert move(on, 2, 0.1, 0.1) is on
 
 
-def test_factors_are_added_where_there_is_room_and_two_stay(on: ViewState, top: float) -> None:
+def test_factors_are_added_where_there_is_room_and_two_stay(on, top):
     more = transfer_edits.add_gradient_point(on, 0.7 * top, 0.3)
     assert factors_of(more)[2] == (0.7 * top, 0.3)
     assert transfer_edits.add_gradient_point(more, 0.7 * top, 0.9) is more
@@ -361,7 +355,7 @@ def test_factors_are_added_where_there_is_room_and_two_stay(on: ViewState, top: 
 
 
 @pytest.mark.not_quick
-def test_a_preset_shows_the_ball_and_replaces_materials_and_basis(document: Document) -> None:
+def test_a_preset_shows_the_ball_and_replaces_materials_and_basis(document):
     shifted = transfer_edits.shift(ViewState.first(document, (32, 32)), 0.2)
     new = run_command(shifted, "preset-skin").state
     assert list(new.transfer.materials) == ["skin"] and new.shift == 0
@@ -371,7 +365,7 @@ def test_a_preset_shows_the_ball_and_replaces_materials_and_basis(document: Docu
     assert image.alpha.max() > 0.9
 
 
-def test_the_joint_histogram_knows_a_ramps_gradient() -> None:
+def test_the_joint_histogram_knows_a_ramps_gradient():
     """0.25 per voxel of 0.5 mm."""
     ramp = np.broadcast_to(0.25 * np.arange(8, dtype=np.float32), (5, 6, 8))
     joint = field_data((Volume(ramp, spacing_mm=(0.5, 1, 1)),))[""].joint
@@ -380,7 +374,7 @@ def test_the_joint_histogram_knows_a_ramps_gradient() -> None:
     assert field_data((Volume(np.zeros((2, 2, 2), np.uint8)),))[""].joint.top == 1.0
 
 
-def test_the_histogram_on_the_screen_keeps_no_closed_volume(document: Document) -> None:
+def test_the_histogram_on_the_screen_keeps_no_closed_volume(document):
     opened = replace(document, volume=Volume(phantom.ball(8).values))
     closed = weakref.ref(opened.volume.values)
     assert transfer_editors.shades(opened.data[""].joint, True).max() == pytest.approx(1.0)

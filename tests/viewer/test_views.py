@@ -12,7 +12,6 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.support.viewer import read_scene, run_command
-from tests.support.window import Robot
 from tests.viewer._states import of_volume
 from volspec.raycast import ClipPlane
 from volspec.raycast.framing import fit_view, shown_mm
@@ -20,7 +19,6 @@ from volspec.raycast.projection import Projection, cube_faces, cube_label, lengt
 from volspec.scene import Scene
 from volspec.viewer.model import camera, cuts, measure, slices, transfer_edits
 from volspec.viewer.model.commands import BY_KEY
-from volspec.viewer.model.document import Document
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import HALF, View, cube_middle, face_at
 from volspec.viewer.ui.mouse import DRAGS, WHEELS
@@ -60,7 +58,7 @@ def place(seen: Projection, point: NDArray[np.float64]) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("view", VIEWS)
-def test_points_are_placed_where_the_raycaster_sees_them(state: ViewState, view: View) -> None:
+def test_points_are_placed_where_the_raycaster_sees_them(state, view):
     """A point on a pixel's ray is drawn at that pixel's middle, half a pixel from its corner."""
     camera = view.camera(state.document.volume)
     seen, rays = Projection(camera, AREA), camera.ray_field(800, 600)
@@ -73,7 +71,7 @@ def test_points_are_placed_where_the_raycaster_sees_them(state: ViewState, view:
 
 @pytest.mark.parametrize("view", VIEWS)
 @pytest.mark.parametrize("face", range(6))
-def test_a_face_dragged_over_ten_voxels_moves_ten(tilted: ViewState, view: View, face: int) -> None:
+def test_a_face_dragged_over_ten_voxels_moves_ten(tilted, view, face):
     """Also in perspective, where pixels are not alike along the way."""
     state = cuts.with_overlays(replace(tilted, view=view), crop=True)
     seen, volume = seen_of(state), state.document.volume
@@ -94,7 +92,7 @@ def test_a_face_dragged_over_ten_voxels_moves_ten(tilted: ViewState, view: View,
 
 
 @pytest.mark.parametrize("view", VIEWS)
-def test_a_plane_follows_its_handles(tilted: ViewState, view: View) -> None:
+def test_a_plane_follows_its_handles(tilted, view):
     state = run_command(replace(tilted, view=view), "plane-x").state
     seen, volume, plane = seen_of(state), state.document.volume, state.shading.clip_planes[0]
     handles = {handle.name: handle for handle in cuts.list_handles(state, seen, 1.0)}
@@ -117,7 +115,7 @@ def test_a_plane_follows_its_handles(tilted: ViewState, view: View) -> None:
     np.testing.assert_allclose([normal @ right, normal @ up], [0.6, 0.5], atol=1e-6)
 
 
-def test_a_plane_that_faces_the_eye_goes_away_as_the_mouse_goes_up(state: ViewState) -> None:
+def test_a_plane_that_faces_the_eye_goes_away_as_the_mouse_goes_up(state):
     for view in VIEWS:
         facing = run_command(replace(state, view=view), "p").state
         seen, volume = seen_of(facing), state.document.volume
@@ -129,7 +127,7 @@ def test_a_plane_that_faces_the_eye_goes_away_as_the_mouse_goes_up(state: ViewSt
         assert x == pytest.approx(30 * seen.mm_per_px, rel=1e-6)
 
 
-def test_a_crop_leaves_a_voxel_and_a_whole_volume_is_no_crop(state: ViewState) -> None:
+def test_a_crop_leaves_a_voxel_and_a_whole_volume_is_no_crop(state):
     volume = state.document.volume  # 8 voxels along each axis
     cropped = cuts.move_crop(state, 0, 99.0)
     assert cropped.shading.crop_voxels == ((6.0, 7.0), (0.0, 7.0), (0.0, 7.0))
@@ -138,7 +136,7 @@ def test_a_crop_leaves_a_voxel_and_a_whole_volume_is_no_crop(state: ViewState) -
     assert cuts.move_crop(cropped, 7, 3.0).shading is cropped.shading
 
 
-def test_six_planes_are_the_most_none_twice_and_flipping_twice_is_nothing(state: ViewState) -> None:
+def test_six_planes_are_the_most_none_twice_and_flipping_twice_is_nothing(state):
     once = run_command(state, "p").state
     # One that was moved away, or that cuts the other side, is another.
     for other in (cuts.shift_plane(once, 0, 1.0), cuts.flip_plane(once, 0)):
@@ -152,7 +150,7 @@ def test_six_planes_are_the_most_none_twice_and_flipping_twice_is_nothing(state:
     assert len(cuts.remove_plane(state, 5).shading.clip_planes) == 5
 
 
-def test_a_plane_cuts_a_hexagon_out_of_a_cube_across_its_diagonal() -> None:
+def test_a_plane_cuts_a_hexagon_out_of_a_cube_across_its_diagonal():
     corners = np.stack(np.meshgrid(*[[0.0, 1.0]] * 3, indexing="ij"), axis=-1)
     normal = np.ones(3) / math.sqrt(3)
     ring = cuts.outline_mm(np.full(3, 0.5), normal, corners)
@@ -161,7 +159,7 @@ def test_a_plane_cuts_a_hexagon_out_of_a_cube_across_its_diagonal() -> None:
     assert len(cuts.outline_mm(np.full(3, 5.0), normal, corners)) == 0
 
 
-def test_lines_that_pass_the_camera_are_cut_there(document: Document) -> None:
+def test_lines_that_pass_the_camera_are_cut_there(document):
     camera = View().camera(document.volume)
     seen = Projection(camera, AREA)
     behind = 2 * np.asarray(camera.position_mm) - camera.target_mm
@@ -172,7 +170,7 @@ def test_lines_that_pass_the_camera_are_cut_there(document: Document) -> None:
 
 
 @pytest.mark.parametrize("view", VIEWS)
-def test_the_scale_bar_is_as_long_as_it_says(state: ViewState, view: View) -> None:
+def test_the_scale_bar_is_as_long_as_it_says(state, view):
     """A line of its length in the plane through the target covers its pixels exactly."""
     seen = seen_of(replace(state, view=view))
     mm = length_mm(seen.mm_per_px, 130.0)
@@ -184,7 +182,7 @@ def test_the_scale_bar_is_as_long_as_it_says(state: ViewState, view: View) -> No
     assert float(f"{mm:.0e}"[0]) in (1, 2, 5)
 
 
-def test_a_click_on_a_face_of_the_cube_looks_at_it(state: ViewState) -> None:
+def test_a_click_on_a_face_of_the_cube_looks_at_it(state):
     for up in ((0.0, 0.0, 1.0), (0.0, -1.0, 0.0)):
         for view in (replace(each, up=up) for each in VIEWS):
             seen = seen_of(replace(state, view=view))
@@ -199,7 +197,7 @@ def test_a_click_on_a_face_of_the_cube_looks_at_it(state: ViewState) -> None:
     assert face_at(seen, (400.0, 300.0), 1.0) is None
 
 
-def test_a_rolled_picture_turns_clockwise_and_follows_the_mouse(state: ViewState) -> None:
+def test_a_rolled_picture_turns_clockwise_and_follows_the_mouse(state):
     upright = replace(state, view=View(20.0, 10.0))
     rolled = camera.roll(upright, 90.0)
     (right, up, forward), turned = (seen_of(each).camera.frame() for each in (upright, rolled))
@@ -211,7 +209,7 @@ def test_a_rolled_picture_turns_clockwise_and_follows_the_mouse(state: ViewState
     assert camera.roll(upright, 270.0).view.roll_deg == -90.0
 
 
-def test_the_field_of_view_changes_and_the_volume_keeps_its_size(state: ViewState) -> None:
+def test_the_field_of_view_changes_and_the_volume_keeps_its_size(state):
     wide = camera.widen_notches(state, -5.0)
     assert wide.view.fov_deg > state.view.fov_deg
     one, other = (
@@ -222,7 +220,7 @@ def test_the_field_of_view_changes_and_the_volume_keeps_its_size(state: ViewStat
     assert camera.widen_notches(state, 1e6).view.fov_deg == 5.0
 
 
-def test_everything_the_mouse_does_to_the_view_has_a_key(state: ViewState) -> None:
+def test_everything_the_mouse_does_to_the_view_has_a_key(state):
     first = seen_of(state).camera.position_mm
     for pair in (("left", "right"), ("up", "down"), ("shift+left", "shift+right"), ("=", "-")):
         there, back = (BY_KEY[key].change for key in pair)
@@ -230,7 +228,7 @@ def test_everything_the_mouse_does_to_the_view_has_a_key(state: ViewState) -> No
         np.testing.assert_allclose(seen_of(back(there(state))).camera.position_mm, first, atol=1e-6)
 
 
-def test_drags_go_by_button_and_keys_held() -> None:
+def test_drags_go_by_button_and_keys_held():
     assert DRAGS["shift", "left"] == "roll" and WHEELS["ctrl"] is camera.widen_notches
     assert DRAGS["ctrl", "left"] is transfer_edits.window
     assert DRAGS["ctrl", "right"] is transfer_edits.thicken_by
@@ -245,7 +243,7 @@ BAD: dict[str, Callable[[], Volume]] = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_odd_volumes_have_handles_outlines_and_crops(state: ViewState, name: str) -> None:
+def test_odd_volumes_have_handles_outlines_and_crops(state, name):
     volume = BAD[name]()
     state = of_volume(state, volume)
     for view in VIEWS:
@@ -263,7 +261,7 @@ def test_odd_volumes_have_handles_outlines_and_crops(state: ViewState, name: str
         assert len(cuts.box_edges(cuts.crop_bounds(odd.shading, volume), volume, seen)) == 12
 
 
-def test_a_scenes_plane_far_off_is_held_near_the_volume(document: Document) -> None:
+def test_a_scenes_plane_far_off_is_held_near_the_volume(document):
     at = cuts.anchor_mm(ClipPlane((1e5, 3.0, 3.0), (0.0, 0.0, 1.0)), document.volume)
     assert at[2] == pytest.approx(3.0)
     assert np.linalg.norm(at - document.volume.corners_mm.mean(axis=0)) < 10
@@ -271,7 +269,7 @@ def test_a_scenes_plane_far_off_is_held_near_the_volume(document: Document) -> N
 
 @pytest.mark.parametrize("view", VIEWS)
 @pytest.mark.parametrize("aspect", (0.5, 1.0, 2.0))
-def test_what_is_shown_is_fitted(tilted: ViewState, view: View, aspect: float) -> None:
+def test_what_is_shown_is_fitted(tilted, view, aspect):
     """85 % of one side, centred on both; outermost points are those of a box, without rounding."""
     values = np.zeros((30, 40, 50), np.float32)
     values[3:9, 20:31, 30:42] = 1.0
@@ -287,7 +285,7 @@ def test_what_is_shown_is_fitted(tilted: ViewState, view: View, aspect: float) -
     np.testing.assert_allclose((low + high) / 2 / area[2:], 0.5, atol=0.01)
 
 
-def test_where_nothing_is_shown_the_volume_is_fitted(state: ViewState) -> None:
+def test_where_nothing_is_shown_the_volume_is_fitted(state):
     volume, curve = state.document.volume, state.transfer
     clear = replace(curve, points=[(value, 0.0, mix) for value, _, mix in curve.points])
     np.testing.assert_array_equal(shown_mm([volume], clear, state.shading), volume.corners_mm)
@@ -297,7 +295,7 @@ def test_where_nothing_is_shown_the_volume_is_fitted(state: ViewState) -> None:
 
 
 @pytest.mark.parametrize("orthographic", [False, True])
-def test_a_camera_becomes_the_orbit_there(document: Document, orthographic: bool) -> None:
+def test_a_camera_becomes_the_orbit_there(document, orthographic):
     volume = document.volume
     for up in ((0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)):
         view = View(40.0, 25.0, 1.7, 24.0, orthographic, target_mm=(3.0, 4.0, 2.0), up=up)
@@ -308,7 +306,7 @@ def test_a_camera_becomes_the_orbit_there(document: Document, orthographic: bool
         assert not orthographic or again.height_mm == pytest.approx(given.height_mm)
 
 
-def test_a_point_follows_the_mouse_when_it_is_panned(state: ViewState) -> None:
+def test_a_point_follows_the_mouse_when_it_is_panned(state):
     """The target moves by as much of the picture's height as the mouse, the other way."""
     start = replace(state, view=View(zoom=1.3))
     before, panned = (seen_of(each).camera for each in (start, camera.pan(start, 0.1, 0.2)))
@@ -318,13 +316,13 @@ def test_a_point_follows_the_mouse_when_it_is_panned(state: ViewState) -> None:
     np.testing.assert_allclose([step @ right, step @ up], [-0.1, 0.2], atol=1e-9)
 
 
-def test_front_right_and_top_look_along_the_axes(state: ViewState) -> None:
+def test_front_right_and_top_look_along_the_axes(state):
     for side, towards in (("front", (0, 1, 0)), ("right", (-1, 0, 0)), ("top", (0, 0, -1))):
         there = seen_of(run_command(state, f"view-{side}").state).camera
         np.testing.assert_allclose(there.frame()[2], towards, atol=1e-9)
 
 
-def test_sides_of_a_patient_are_named_as_on_the_cube(state: ViewState) -> None:
+def test_sides_of_a_patient_are_named_as_on_the_cube(state):
     patient = cuts.with_overlays(state, patient=True)
     letters = {"left": "L", "right": "R", "front": "A", "back": "P", "top": "S", "bottom": "I"}
     # Without a patient, right is at +x.
@@ -353,7 +351,7 @@ def picked(state: ViewState, tool: str) -> ViewState:
 @pytest.mark.parametrize(
     ("tool", "caption"), [("distance", "5 mm"), ("angle", "143.1°"), ("label", "label")]
 )
-def test_a_tool_annotates_and_stays_in_use(state: ViewState, tool: str, caption: str) -> None:
+def test_a_tool_annotates_and_stays_in_use(state, tool, caption):
     new = picked(state, tool)
     assert [each.caption for each in new.annotations] == [caption]
     assert new.interface.tool == tool and new.interface.tool_points == ()
@@ -361,7 +359,7 @@ def test_a_tool_annotates_and_stays_in_use(state: ViewState, tool: str, caption:
     assert len(picked(new, tool).annotations) == 2
 
 
-def test_texts_and_rows_are_edited(state: ViewState) -> None:
+def test_texts_and_rows_are_edited(state):
     new = picked(picked(state, "label"), "distance")
     new = measure.rename(measure.rename(new, 0, "  aortic\nvalve "), 1, "width")
     assert [each.caption for each in new.annotations] == ["aortic valve", "width 5 mm"]
@@ -375,7 +373,7 @@ def test_texts_and_rows_are_edited(state: ViewState) -> None:
 
 
 @pytest.mark.slow
-def test_points_of_the_picture_are_points_of_the_volume(window: Robot, tmp_path: Path) -> None:
+def test_points_of_the_picture_are_points_of_the_volume(window, tmp_path):
     values = np.zeros((40, 40, 40), np.float32)
     values[8:32, 8:32, 8:32] = 1.0
     np.save(tmp_path / "box.npy", values)

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.fixtures import Patch
 from tests.support.images import read_codes
 from tests.support.window import Robot, small_engine
 from tests.viewer._states import save_ball
@@ -22,7 +21,7 @@ from volspec.volume import phantom
 pytestmark = [pytest.mark.usefixtures("screen"), pytest.mark.not_quick]
 
 
-def test_a_session_casts_for_views_only_and_refines_at_rest(window: Robot, tmp_path: Path) -> None:
+def test_a_session_casts_for_views_only_and_refines_at_rest(window, tmp_path):
     first = window.open(small_engine(tmp_path))
 
     # A light, and the dial: relit at every step, nothing is cast.
@@ -57,7 +56,7 @@ def test_a_session_casts_for_views_only_and_refines_at_rest(window: Robot, tmp_p
 
 
 @pytest.mark.slow
-def test_the_least_volume_on_a_dense_screen_in_a_window_of_next_to_nothing(tmp_path: Path) -> None:
+def test_the_least_volume_on_a_dense_screen_in_a_window_of_next_to_nothing(tmp_path):
     least = tmp_path / "least.npy"
     np.save(least, np.arange(8, dtype=np.uint8).reshape(2, 2, 2))
     with Robot(tmp_path, ["least.npy"], (1200, 800), dpi=192, ahead=False) as robot:
@@ -73,7 +72,7 @@ def test_the_least_volume_on_a_dense_screen_in_a_window_of_next_to_nothing(tmp_p
 
 
 @pytest.mark.slow
-def test_without_a_device_the_remedy_is_shown(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_without_a_device_the_remedy_is_shown(tmp_path, monkeypatch):
     if not all(device.platform == POCL for device in devices()):
         pytest.skip("a device here is none of PoCL, and would work")
     # PoCL rejects this flag as it does a CPU that it does not know: when it builds.
@@ -133,7 +132,7 @@ def complaint(robot: Robot, *uris: str) -> str:
 
 
 @pytest.mark.slow
-def test_what_is_dropped_is_opened_or_not_and_what_was_open_stays(tmp_path: Path) -> None:
+def test_what_is_dropped_is_opened_or_not_and_what_was_open_stays(tmp_path):
     # On Linux a name may be bytes that are no text.
     plain, odd, _ = (
         save_ball(tmp_path, name=name)
@@ -198,7 +197,7 @@ sys.stdout.write(f"{width} {height} {min(data[3::4])} {max(data[0::4])}")
 
 
 @pytest.mark.slow
-def test_work_is_exported_found_by_name_kept_and_restored(tmp_path: Path) -> None:
+def test_work_is_exported_found_by_name_kept_and_restored(tmp_path):
     save_ball(tmp_path)
     (tmp_path / "scene.toml").write_text(SCENE % "Work", encoding="utf-8")
 
@@ -260,7 +259,7 @@ def test_work_is_exported_found_by_name_kept_and_restored(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_a_volume_s_saved_scene_exports_the_picture_shown(window: Robot, tmp_path: Path) -> None:
+def test_a_volume_s_saved_scene_exports_the_picture_shown(window, tmp_path):
     import SimpleITK as sitk
 
     values = (200 * phantom.ball(32).values).astype(np.uint8)
@@ -290,7 +289,7 @@ def test_a_volume_s_saved_scene_exports_the_picture_shown(window: Robot, tmp_pat
 
 
 @pytest.mark.slow
-def test_a_first_start_offers_demonstrations_and_a_crash_is_told_of(tmp_path: Path) -> None:
+def test_a_first_start_offers_demonstrations_and_a_crash_is_told_of(tmp_path):
     own = save_ball(tmp_path)
     with Robot(tmp_path, [], (720, 520), ahead=False) as robot:
         robot.whole()

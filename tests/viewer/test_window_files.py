@@ -38,7 +38,7 @@ def ball(window: Robot, tmp_path: Path) -> Robot:
 
 
 @pytest.mark.slow
-def test_warnings_and_errors_stay_readable(ball: Robot, tmp_path: Path) -> None:
+def test_warnings_and_errors_stay_readable(ball, tmp_path):
     values = phantom.ball(16).values.copy()
     values[3, 4, 5] = np.nan
     np.save(tmp_path / "nan.npy", values)
@@ -65,7 +65,7 @@ def test_warnings_and_errors_stay_readable(ball: Robot, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_arrows_lead_from_menu_to_menu(ball: Robot) -> None:
+def test_arrows_lead_from_menu_to_menu(ball):
     def pressed(*names: str) -> list[str]:
         """Return what the keys have cast and opened."""
         before = ball.rest()
@@ -87,7 +87,7 @@ def test_arrows_lead_from_menu_to_menu(ball: Robot) -> None:
 
 
 @pytest.mark.slow
-def test_files_are_found_by_mouse_arrows_and_tab(ball: Robot, tmp_path: Path) -> None:
+def test_files_are_found_by_mouse_arrows_and_tab(ball, tmp_path):
     data = tmp_path / "data"
     (data / "inner" / "more").mkdir(parents=True)
     for name in ("one.npy", "two.npy", "inner/three.npy"):
@@ -133,7 +133,7 @@ def test_files_are_found_by_mouse_arrows_and_tab(ball: Robot, tmp_path: Path) ->
 
 
 @pytest.mark.slow
-def test_steps_play_and_raw_layouts_are_chosen_from_lists(tmp_path: Path) -> None:
+def test_steps_play_and_raw_layouts_are_chosen_from_lists(tmp_path):
     tifffile = pytest.importorskip("tifffile", reason="tifffile is not installed")
     values = (phantom.ball(16).values * 1000).astype(np.uint16)
     stack = np.stack([np.stack([values, values[::-1]])] * 3)
@@ -173,7 +173,7 @@ def test_steps_play_and_raw_layouts_are_chosen_from_lists(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_a_cast_image_is_relit_and_says_what_it_cannot(window: Robot, tmp_path: Path) -> None:
+def test_a_cast_image_is_relit_and_says_what_it_cannot(window, tmp_path):
     (done,) = casts_of(job_of(opened(tmp_path), (64, 32), WHOLE))
     done.image.save(tmp_path / "it.exr")
     window.resize((1000, 700))
@@ -196,7 +196,7 @@ def test_a_cast_image_is_relit_and_says_what_it_cannot(window: Robot, tmp_path: 
 
 
 @pytest.mark.slow
-def test_a_picture_dialog_stays_until_its_folder_can_be_made(ball: Robot, tmp_path: Path) -> None:
+def test_a_picture_dialog_stays_until_its_folder_can_be_made(ball, tmp_path):
     def save_to(folder: str) -> None:
         ball.click("file folder")
         ball.keys("ctrl+a")
@@ -213,7 +213,7 @@ def test_a_picture_dialog_stays_until_its_folder_can_be_made(ball: Robot, tmp_pa
 
 
 @pytest.mark.slow
-def test_a_click_on_a_swatch_picks_a_colour_for_its_material(tmp_path: Path) -> None:
+def test_a_click_on_a_swatch_picks_a_colour_for_its_material(tmp_path):
     save_ball(tmp_path)
     with Robot(tmp_path, ["ball.npy"], (1000, 800), ahead=False) as robot:
         robot.whole()
@@ -230,7 +230,7 @@ def is_fine(row: Row) -> bool:
 
 
 @pytest.mark.slow
-def test_coarse_at_once_and_finer_when_it_rests(window: Robot, tmp_path: Path) -> None:
+def test_coarse_at_once_and_finer_when_it_rests(window, tmp_path):
     z, y, x = np.mgrid[-1:1:160j, -1:1:150j, -1:1:170j]
     values = np.clip(1 - np.sqrt(x**2 + y**2 + z**2), 0, 1)
     values[::4] *= 0.5  # slats, of which the coarse level shows none
@@ -265,7 +265,7 @@ def engine(window: Robot, tmp_path: Path) -> Robot:
 
 
 @pytest.mark.slow
-def test_lights_are_drawn_given_lux_saved_and_faded_without_a_cast(engine: Robot) -> None:
+def test_lights_are_drawn_given_lux_saved_and_faded_without_a_cast(engine):
     # The first state, as the scene has it.
     engine.click("tab States", "save state")
     plain = engine.picture()
@@ -304,7 +304,7 @@ def test_lights_are_drawn_given_lux_saved_and_faded_without_a_cast(engine: Robot
 
 
 @pytest.mark.slow
-def test_a_colour_is_dragged_and_a_material_hidden_with_one_cast(engine: Robot) -> None:
+def test_a_colour_is_dragged_and_a_material_hidden_with_one_cast(engine):
     engine.front("palette")
     engine.click("cell 6")  # the inserts under A
     before = engine.rest()
@@ -337,7 +337,7 @@ def test_a_colour_is_dragged_and_a_material_hidden_with_one_cast(engine: Robot) 
 
 
 @pytest.mark.slow
-def test_a_preset_is_edited_as_regions_and_windowed_in_the_picture(engine: Robot) -> None:
+def test_a_preset_is_edited_as_regions_and_windowed_in_the_picture(engine):
     engine.front("transfer")
     engine.click("presets", "preset glass")
     curve = engine.picture()
@@ -383,7 +383,7 @@ def slices(robot: Robot) -> list[NDArray[np.int16]]:
 
 
 @pytest.mark.slow
-def test_handles_cube_and_slices_take_the_mouse(engine: Robot) -> None:
+def test_handles_cube_and_slices_take_the_mouse(engine):
     # A face of the crop's box: cast coarsely while it is dragged, whole when it is let go.
     start = engine.rest()
     before = engine.keys("c")
@@ -414,7 +414,7 @@ def test_handles_cube_and_slices_take_the_mouse(engine: Robot) -> None:
 
 
 @pytest.mark.slow
-def test_lights_are_renamed_and_chosen(engine: Robot, tmp_path: Path) -> None:
+def test_lights_are_renamed_and_chosen(engine, tmp_path):
     def state(name: str) -> dict[str, Any]:
         """Content of a session that is saved now."""
         engine.keys("ctrl+shift+s")

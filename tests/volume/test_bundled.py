@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -20,13 +19,13 @@ BUNDLED = {
 
 
 @pytest.mark.parametrize("name", BUNDLED)
-def test_a_name_is_enough(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_name_is_enough(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     volume = load_volume(name)
     assert (volume.shape_xyz, volume.range, volume.spacing_mm) == BUNDLED[name]
 
 
-def test_a_scene_of_a_bundled_volume_is_saved_anywhere(tmp_path: Path) -> None:
+def test_a_scene_of_a_bundled_volume_is_saved_anywhere(tmp_path):
     scene = Scene.load(asset("data/scenes/engine.toml"))
     volume = replace(scene.file.volume, file="engine")
     saved = write_scene(replace(scene.file, volume=volume), tmp_path / "mine.toml", scene)

@@ -47,7 +47,7 @@ def ome_tiff(values: NDArray[np.uint16], tmp_path_factory: pytest.TempPathFactor
     return path
 
 
-def test_a_vti_of_several_arrays_opens_with_all(tmp_path: Path) -> None:
+def test_a_vti_of_several_arrays_opens_with_all(tmp_path):
     ramp = np.arange(60, dtype=np.float32)
     for place in ("point_data", "cell_data"):
         grid = pyvista.ImageData(dimensions=(5, 4, 3) if place == "point_data" else (6, 5, 4))
@@ -64,7 +64,7 @@ def test_a_vti_of_several_arrays_opens_with_all(tmp_path: Path) -> None:
     assert choice.names == ("all", "pressure", "label")
 
 
-def test_an_ome_tiff_opens_with_all_channels(ome_tiff: Path, values: NDArray[np.uint16]) -> None:
+def test_an_ome_tiff_opens_with_all_channels(ome_tiff, values):
     volume = load_volume(ome_tiff)
     fields = [volume, *volume.fields]
     assert all(np.array_equal(f.values, v) for f, v in zip(fields, values, strict=True))
@@ -78,7 +78,7 @@ def test_an_ome_tiff_opens_with_all_channels(ome_tiff: Path, values: NDArray[np.
     assert (third.colour, third.excitation_nm) == ((1.0, 1.0, 1.0), None)  # 4 nm is no light
 
 
-def test_the_summary_lists_them_with_their_ranges(ome_tiff: Path) -> None:
+def test_the_summary_lists_them_with_their_ranges(ome_tiff):
     volume = load_volume(ome_tiff)
     channels = summarise(volume).channels
     assert list(channels.values()) == [each.range for each in (volume, *volume.fields)]
@@ -86,7 +86,7 @@ def test_the_summary_lists_them_with_their_ranges(ome_tiff: Path) -> None:
     assert summarise(load_volume(f"{ome_tiff}?channel=1")).channels == {}
 
 
-def test_an_address_takes_one_channel_and_the_choice_lists_all(ome_tiff: Path) -> None:
+def test_an_address_takes_one_channel_and_the_choice_lists_all(ome_tiff):
     one = load_volume(f"{ome_tiff}?channel=1")
     assert (one.channel.name, one.fields) == ("Actin", ())
     assert len(load_volume(f"{ome_tiff}?channel=all").fields) == 2
@@ -95,7 +95,7 @@ def test_an_address_takes_one_channel_and_the_choice_lists_all(ome_tiff: Path) -
     assert choice.names == ("all", *NAMES)
 
 
-def test_its_scene_has_each_channel_in_its_colour(ome_tiff: Path) -> None:
+def test_its_scene_has_each_channel_in_its_colour(ome_tiff):
     scene = vs.Scene.from_volume(ome_tiff, lights=["D65"])
     assert isinstance(scene.transfer, FieldFunctions)
     assert list(scene.transfer.functions) == ["", "Actin", "Actin 2"]
@@ -105,21 +105,21 @@ def test_its_scene_has_each_channel_in_its_colour(ome_tiff: Path) -> None:
     assert linear_sRGB_from_XYZ(XYZ) == pytest.approx(colours, abs=0.01)
 
 
-def test_a_scene_is_saved_and_read_with_its_channels(ome_tiff: Path, tmp_path: Path) -> None:
+def test_a_scene_is_saved_and_read_with_its_channels(ome_tiff, tmp_path):
     scene = vs.Scene.from_volume(ome_tiff, lights=["D65"])
     again = vs.Scene.load(scene.save(tmp_path / "cells.toml"))
     assert [row.name for row in again.file.field] == ["Actin", "Actin 2"]
     assert len(again.volume().fields) == 2
 
 
-def test_limits_are_those_of_the_file_or_of_the_histogram(values: NDArray[np.uint16]) -> None:
+def test_limits_are_those_of_the_file_or_of_the_histogram(values):
     stated = vs.Volume(values[0], channel=Channel(limits=(200.0, 900.0)))
     assert channel_limits(stated) == (200.0, 900.0)
     low, high = channel_limits(vs.Volume(values[0], channel=Channel(limits=(5e4, 6e4))))
     assert 90 <= low < high and high > 2000
 
 
-def test_imagej_s_colours_and_limits_are_read(values: NDArray[np.uint16], tmp_path: Path) -> None:
+def test_imagej_s_colours_and_limits_are_read(values, tmp_path):
     path = tmp_path / "stack.tif"
     ramp = np.arange(256, dtype=np.uint8)
     colours = (1, 0, 0), (0, 1, 0), (1, 1, 0)
@@ -133,7 +133,7 @@ def test_imagej_s_colours_and_limits_are_read(values: NDArray[np.uint16], tmp_pa
     assert [c.limits for c in channels] == [(100.0, 2000.0), (0.0, 900.0), None]
 
 
-def test_a_dark_channel_is_left_out(values: NDArray[np.uint16], tmp_path: Path) -> None:
+def test_a_dark_channel_is_left_out(values, tmp_path):
     path, dark = tmp_path / "dark.ome.tif", values.copy()
     dark[0] = 7
     metadata = {"axes": "ZCYX", **SIZES}

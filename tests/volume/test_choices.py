@@ -29,7 +29,7 @@ def itk_file(path: Path, key: str) -> Path:
 
 @pytest.mark.parametrize("key", ["time", "channel"])
 @pytest.mark.parametrize("name", ["v.nii", "v.nii.gz", "v.nrrd", "v.mhd", "v.mha"])
-def test_a_time_step_or_component_is_chosen(tmp_path: Path, name: str, key: str) -> None:
+def test_a_time_step_or_component_is_chosen(tmp_path, name, key):
     path = itk_file(tmp_path / name, key)
     if key == "channel":
         every = load_silently(str(path)).by_name.values()
@@ -54,9 +54,7 @@ def test_a_time_step_or_component_is_chosen(tmp_path: Path, name: str, key: str)
         ("cut.nii.gz", "time", "?time=2", "damaged"),
     ],
 )
-def test_choices_that_a_file_does_not_have_are_refused(
-    tmp_path: Path, name: str, key: str, query: str, code: str
-) -> None:
+def test_choices_that_a_file_does_not_have_are_refused(tmp_path, name, key, query, code):
     path = itk_file(tmp_path / name, key)
     if name == "cut.nii":
         path.write_bytes(path.read_bytes()[:-8])
@@ -69,7 +67,7 @@ def test_choices_that_a_file_does_not_have_are_refused(
         assert "0 to 2" in caught.value.remedy and caught.value.given == query.partition("=")[2]
 
 
-def test_the_advised_address_opens_the_volume(tmp_path: Path) -> None:
+def test_the_advised_address_opens_the_volume(tmp_path):
     """The example in each message adds what is missing and keeps the rest."""
     stacks = np.stack([STEPS, STEPS + 7]).astype(np.uint16)
     notes = {"axes": "TZCYX", "spacing": 1.0, "unit": "mm"}
@@ -88,7 +86,7 @@ def test_the_advised_address_opens_the_volume(tmp_path: Path) -> None:
         assert load_silently(advised_address(caught.value)).shape_xyz == (4, 3, 2)
 
 
-def test_components_on_the_slowest_axis_of_an_nrrd_are_chosen(tmp_path: Path) -> None:
+def test_components_on_the_slowest_axis_of_an_nrrd_are_chosen(tmp_path):
     header = (
         "NRRD0004\ntype: short\ndimension: 4\nsizes: 4 3 2 3\nspacings: 1 1 1 nan\n"
         "kinds: domain domain domain list\nendian: little\nencoding: raw\n\n"
@@ -97,7 +95,7 @@ def test_components_on_the_slowest_axis_of_an_nrrd_are_chosen(tmp_path: Path) ->
     assert np.array_equal(load_silently(f"{tmp_path}/v.nrrd?channel=2").values, STEPS[2])
 
 
-def test_scaled_steps_of_nifti_have_names_in_seconds(tmp_path: Path) -> None:
+def test_scaled_steps_of_nifti_have_names_in_seconds(tmp_path):
     path = itk_file(tmp_path / "v.nii", "time")
     data = bytearray(path.read_bytes())
     data[92:96] = np.float32(2.5).tobytes()  # pixdim[4]
@@ -108,19 +106,19 @@ def test_scaled_steps_of_nifti_have_names_in_seconds(tmp_path: Path) -> None:
     assert np.array_equal(volume.values, STEPS[1] * 0.5 - 3) and volume.values.dtype == np.float32
 
 
-def test_volumes_of_one_value_leave_no_choice(tmp_path: Path) -> None:
+def test_volumes_of_one_value_leave_no_choice(tmp_path):
     np.save(tmp_path / "v.npy", VALUES)
     for path in (write_nrrd(tmp_path / "v.nrrd"), tmp_path / "v.npy"):
         assert volume_choices(path) == ()
 
 
-def test_raw_bytes_without_a_layout_are_a_choice(tmp_path: Path) -> None:
+def test_raw_bytes_without_a_layout_are_a_choice(tmp_path):
     (tmp_path / "v.raw").write_bytes(RAW)
     assert volume_choices(tmp_path / "v.raw") == (Choice("shape", (), ()),)
     assert volume_choices(f"{tmp_path}/v.raw?shape=4x3x2&dtype=int16") == ()
 
 
-def test_an_ome_zarr_lists_levels_channels_and_times(tmp_path: Path) -> None:
+def test_an_ome_zarr_lists_levels_channels_and_times(tmp_path):
     many = np.stack([STEPS, STEPS]).astype(np.uint16)
     path = write(tmp_path / "v.zarr", many, [TIME, CHANNEL, *SPACE])
     edit_ome(path, omero={"channels": [{"label": name} for name in ("DAPI", "GFP", "Cy5")]})

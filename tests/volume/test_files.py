@@ -33,14 +33,14 @@ def files(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("name", ["v.nrrd", "v.mhd", "v.nii", "v.vti"])
-def test_values_spacing_and_orientation_are_kept(files: Path, name: str) -> None:
+def test_values_spacing_and_orientation_are_kept(files, name):
     volume = load_volume(files / name)
     assert volume.values.dtype == np.int16 and np.array_equal(volume.values, VALUES)
     assert np.allclose(volume.spacing_mm, (2, 1, 3)) and np.allclose(volume.world_from_index, WORLD)
     assert load_volume(f"{files / name}?spacing=1,1,2").spacing_mm == (1, 1, 2)
 
 
-def test_raw_bytes_are_read_as_the_name_says(files: Path) -> None:
+def test_raw_bytes_are_read_as_the_name_says(files):
     volume = load_volume(f"{files}/v.raw?shape=4x3x2&dtype=int16&spacing=2,1,3")
     assert np.array_equal(volume.values, VALUES) and volume.spacing_mm == (2, 1, 3)
     (files / "big.raw").write_bytes(b"head" + VALUES.astype(">i2").tobytes())
@@ -48,19 +48,19 @@ def test_raw_bytes_are_read_as_the_name_says(files: Path) -> None:
     assert np.array_equal(big.values, VALUES) and big.values.dtype.isnative
 
 
-def test_raw_files_longer_than_their_layout_are_warned_about(files: Path) -> None:
+def test_raw_files_longer_than_their_layout_are_warned_about(files):
     with warns("48", "24"):
         load_volume(f"{files}/v.raw?shape=4x3x2&dtype=uint8")
 
 
-def test_npy_is_read(tmp_path: Path) -> None:
+def test_npy_is_read(tmp_path):
     np.save(tmp_path / "v.npy", VALUES.astype(np.float64))
     volume = load_volume(f"{tmp_path}/v.npy?spacing=1,1,2")
     assert volume.spacing_mm == (1, 1, 2)
     assert volume.values.dtype == np.float32 and np.array_equal(volume.values, VALUES)
 
 
-def test_cells_of_pyvista_lie_between_its_points() -> None:
+def test_cells_of_pyvista_lie_between_its_points():
     grid = pyvista.ImageData(dimensions=(5, 4, 3), spacing=(2, 2, 2))
     grid.cell_data["density"] = VALUES.ravel()
     cells = Volume.from_pyvista(grid)
@@ -155,9 +155,7 @@ REFUSED: list[tuple[str, bytes | None, str] | tuple[str, bytes | None, str, str]
 
 
 @pytest.mark.parametrize("row", REFUSED, ids=lambda row: row[0] or "folder")
-def test_what_cannot_be_read_is_refused_in_one_line(
-    files: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, row: Any
-) -> None:
+def test_what_cannot_be_read_is_refused_in_one_line(files, capfd, monkeypatch, row):
     address, content, code, *words = row
     name = address.partition("?")[0]
     monkeypatch.chdir(files)
@@ -169,21 +167,19 @@ def test_what_cannot_be_read_is_refused_in_one_line(
     assert capfd.readouterr().err == "", "a reader printed to stderr"
 
 
-def test_summary_counts_every_voxel() -> None:
+def test_summary_counts_every_voxel():
     summary = summarise(Volume(VALUES, world_from_index=WORLD))
     assert sum(count for _, _, count in summary.histogram) == 24
     assert summary.extent_mm == (6, 2, 3) and summary.range == (-700, 1600)
     assert summary.directions == "PRS" and summary.table().row_count > 8
 
 
-def test_a_question_mark_may_be_a_part_of_the_name(tmp_path: Path) -> None:
+def test_a_question_mark_may_be_a_part_of_the_name(tmp_path):
     np.save(tmp_path / "what?spacing=2.npy", VALUES)
     assert load_volume(tmp_path / "what?spacing=2.npy").values.shape == VALUES.shape
 
 
-def test_paths_that_are_none_and_files_that_may_not_be_read_are_refused(
-    files: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_paths_that_are_none_and_files_that_may_not_be_read_are_refused(files, monkeypatch):
     """Permissions are simulated: root may read everything."""
     given: Any
     for given, code in ((3, "type"), ("", "missing")):  # an empty name is not the present folder
@@ -196,7 +192,7 @@ def test_paths_that_are_none_and_files_that_may_not_be_read_are_refused(
         assert "chmod" in caught.value.remedy
 
 
-def test_a_summary_has_directions_as_letters_and_short_lengths_in_micrometres() -> None:
+def test_a_summary_has_directions_as_letters_and_short_lengths_in_micrometres():
     assert summarise(Volume(VALUES)).directions == ""
     fine = summarise(Volume(VALUES, spacing_mm=(0.0002, 0.0002, 0.001)))
     cells = [list(column.cells) for column in fine.table().columns]

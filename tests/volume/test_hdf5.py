@@ -28,20 +28,20 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_dataset_its_spacing_and_a_time_step(file: Path) -> None:
+def test_a_dataset_its_spacing_and_a_time_step(file):
     volume = load_volume(f"{file}?dataset=t0/cells")
     assert np.array_equal(volume.values, VALUES) and volume.spacing_mm == (0.25, 0.5, 2.0)
     assert load_volume(f"{file}?dataset=/t0/cells&spacing=1,2,3").spacing_mm == (1.0, 2.0, 3.0)
     assert np.array_equal(load_volume(f"{file}?dataset=series&time=1").values, VALUES + 1)
 
 
-def test_the_only_dataset_needs_no_name(tmp_path: Path) -> None:
+def test_the_only_dataset_needs_no_name(tmp_path):
     with h5py.File(tmp_path / "v.hdf5", "w") as made:
         made["a"] = VALUES.astype(">f4")
     assert np.array_equal(load_volume(tmp_path / "v.hdf5").values, VALUES)
 
 
-def test_choices(file: Path) -> None:
+def test_choices(file):
     (choice,) = volume_choices(file)
     assert (choice.key, choice.values, choice.chosen) == ("dataset", ("series", "t0/cells"), None)
     assert [each.key for each in volume_choices(f"{file}?dataset=series")] == ["dataset", "time"]
@@ -72,7 +72,7 @@ def damage(file: Path, kind: str) -> None:
         ("table", "", "shape"),
     ],
 )
-def test_what_is_no_volume_is_refused(kind: str, options: str, code: str, file: Path) -> None:
+def test_what_is_no_volume_is_refused(kind, options, code, file):
     if kind:
         damage(file, kind)
     with raises(VolumeError, code):

@@ -143,9 +143,7 @@ REFUSED: list[tuple[str, str | bytes, str]] = [
 @pytest.mark.parametrize(
     ("name", "content", "code"), REFUSED, ids=[f"{k}-{row[0]}" for k, row in enumerate(REFUSED)]
 )
-def test_headers_that_cannot_be_read_are_refused(
-    tmp_path: Path, name: str, content: str | bytes, code: str
-) -> None:
+def test_headers_that_cannot_be_read_are_refused(tmp_path, name, content, code):
     (tmp_path / name).write_bytes(content.encode() if isinstance(content, str) else content)
     with raises(VolumeError, code) as caught:
         load_volume(tmp_path / name)
@@ -153,14 +151,14 @@ def test_headers_that_cannot_be_read_are_refused(
 
 
 @pytest.mark.parametrize(("fields", "data"), META_VARIANTS, ids=[each for each, _ in META_VARIANTS])
-def test_metaimage_headers_are_read_as_by_itk(tmp_path: Path, fields: str, data: bytes) -> None:
+def test_metaimage_headers_are_read_as_by_itk(tmp_path, fields, data):
     path = tmp_path / "v.mha"
     path.write_bytes(f"{META}{fields}\nElementDataFile = LOCAL\n".encode("latin-1") + data)
     loaded_as_itk_does(path)
 
 
 @pytest.mark.parametrize(("fields", "data"), NRRD_VARIANTS, ids=[each for each, _ in NRRD_VARIANTS])
-def test_nrrd_headers_are_read_as_by_itk(tmp_path: Path, fields: str, data: bytes) -> None:
+def test_nrrd_headers_are_read_as_by_itk(tmp_path, fields, data):
     path = tmp_path / "v.nrrd"
     head = "NRRD0004\ntype: short\ndimension: 3\nsizes: 4 3 2\n"
     path.write_bytes(f"{head}{fields}\n\n".encode() + data)
@@ -169,9 +167,7 @@ def test_nrrd_headers_are_read_as_by_itk(tmp_path: Path, fields: str, data: byte
 
 @pytest.mark.parametrize("suffix", [".nii", ".nii.gz"])
 @pytest.mark.parametrize(("offset", "form", "numbers"), NIFTI_VARIANTS)
-def test_nifti_headers_are_read_as_by_itk(
-    tmp_path: Path, suffix: str, offset: int, form: str, numbers: tuple[float, ...]
-) -> None:
+def test_nifti_headers_are_read_as_by_itk(tmp_path, suffix, offset, form, numbers):
     data, path = nifti_with(offset, form, *numbers), tmp_path / f"v{suffix}"
     path.write_bytes(data if suffix == ".nii" else gzip.compress(data))
     loaded_as_itk_does(path)
@@ -236,7 +232,7 @@ CUT: dict[str, tuple[str, Callable[[Path], Cuts]]] = {
 
 
 @pytest.mark.parametrize("kind", CUT)
-def test_truncated_files_are_refused(tmp_path: Path, kind: str) -> None:
+def test_truncated_files_are_refused(tmp_path, kind):
     name, make = CUT[kind]
     path = tmp_path / name
     whole, cuts, values = make(path)
@@ -250,7 +246,7 @@ def test_truncated_files_are_refused(tmp_path: Path, kind: str) -> None:
 
 
 @pytest.mark.parametrize("mode", ["Ascii", "Binary", "Appended"])
-def test_a_vti_file_of_digits_with_other_arrays_is_read(tmp_path: Path, mode: str) -> None:
+def test_a_vti_file_of_digits_with_other_arrays_is_read(tmp_path, mode):
     """Vectors come with elements of their own, field data with text that is no voxels."""
     image = grid(labels=(RAMP % 7).astype(np.uint8), vectors=np.ones((1200, 3)))
     image.field_data["note"] = np.arange(5000.0)
@@ -279,7 +275,7 @@ LONG_FILES: dict[str, tuple[str, Callable[[Path, bytes], object]]] = {
 
 
 @pytest.mark.parametrize("kind", LONG_FILES)
-def test_files_longer_than_their_header_says_are_warned_about(tmp_path: Path, kind: str) -> None:
+def test_files_longer_than_their_header_says_are_warned_about(tmp_path, kind):
     name, write = LONG_FILES[kind]
     write(tmp_path / name, b"")
     assert np.array_equal(load_volume(tmp_path / name).values, VALUES)
@@ -288,7 +284,7 @@ def test_files_longer_than_their_header_says_are_warned_about(tmp_path: Path, ki
         assert np.array_equal(load_volume(tmp_path / name).values, VALUES)
 
 
-def test_a_gzip_file_in_two_members_is_not_longer(tmp_path: Path) -> None:
+def test_a_gzip_file_in_two_members_is_not_longer(tmp_path):
     """Only the last member's length is stored at the end."""
     header = NRRD.replace("encoding: raw", "encoding: gzip").encode()
     (tmp_path / "v.nrrd").write_bytes(header + gzip.compress(RAW[:40]) + gzip.compress(RAW[40:]))
@@ -296,7 +292,7 @@ def test_a_gzip_file_in_two_members_is_not_longer(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("most", "narrow"), [(29, np.uint8), (29000, np.uint16)])
-def test_labels_of_wide_integers_stay_whole(tmp_path: Path, most: int, narrow: type) -> None:
+def test_labels_of_wide_integers_stay_whole(tmp_path, most, narrow):
     labels = (np.arange(24, dtype=np.int64).reshape(2, 3, 4) * most) // 23
     image = pyvista.ImageData(dimensions=(4, 3, 2))
     image.point_data["labels"] = labels.ravel()

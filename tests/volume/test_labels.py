@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import struct
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -52,7 +51,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_label_maps_are_told_from_measurements(tmp_path: Path, case: str) -> None:
+def test_label_maps_are_told_from_measurements(tmp_path, case):
     values, count = CASES[case]
     np.save(tmp_path / "v.npy", values)
     assert len(load_silently(tmp_path / "v.npy").labels) == count
@@ -73,7 +72,7 @@ TABLES = {
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_tables_of_other_programs_are_read(tmp_path: Path, name: str) -> None:
+def test_tables_of_other_programs_are_read(tmp_path, name):
     (tmp_path / name).write_text(TABLES[name])
     table = read_label_table(tmp_path / name)
     assert (table[1].name, table[2].name) == ("liver", "left_kidney")
@@ -83,7 +82,7 @@ def test_tables_of_other_programs_are_read(tmp_path: Path, name: str) -> None:
     assert load_silently(f"{tmp_path}/seg.npy?labels={name}").labels == {1: table[1], 2: table[2]}
 
 
-def test_names_and_colours_of_two_tables_next_to_a_volume_are_joined(tmp_path: Path) -> None:
+def test_names_and_colours_of_two_tables_next_to_a_volume_are_joined(tmp_path):
     """MRIcron has names in a text, and 256 colours in planes of red, green and blue."""
     (tmp_path / "v.nii.gz").write_bytes(gzip.compress(nifti(blocks([1, 2]), np.eye(4), code=2)))
     (tmp_path / "v.nii.txt").write_text("1 liver 7\n2 kidney 9\n")
@@ -94,7 +93,7 @@ def test_names_and_colours_of_two_tables_next_to_a_volume_are_joined(tmp_path: P
     assert labels == {1: Label("liver", RED), 2: Label("kidney", (0, 1, 0))}
 
 
-def test_notes_and_other_volumes_tables_do_not_make_labels(tmp_path: Path) -> None:
+def test_notes_and_other_volumes_tables_do_not_make_labels(tmp_path):
     np.save(tmp_path / "v.npy", NOISE)
     (tmp_path / "v.txt").write_text("Scanned on a Monday\n2 views\n")
     assert not load_silently(tmp_path / "v.npy").labels
@@ -105,7 +104,7 @@ def test_notes_and_other_volumes_tables_do_not_make_labels(tmp_path: Path) -> No
     assert load_silently(tmp_path / "v.npy").labels == {1: Label(), 2: Label(), 3: Label()}
 
 
-def test_a_table_that_names_all_values_makes_labels(tmp_path: Path) -> None:
+def test_a_table_that_names_all_values_makes_labels(tmp_path):
     np.save(tmp_path / "v.npy", blocks([10, 900], dtype=np.uint16))
     assert not load_silently(tmp_path / "v.npy").labels
     (tmp_path / "v.txt").write_text("10 liver\n900 spleen\n")
@@ -113,7 +112,7 @@ def test_a_table_that_names_all_values_makes_labels(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("given", ["", "?labels=t.txt"])
-def test_a_table_that_names_few_labels_is_warned_about(tmp_path: Path, given: str) -> None:
+def test_a_table_that_names_few_labels_is_warned_about(tmp_path, given):
     """A table may be another volume's; one of nine tenths of the labels causes no warning."""
     np.save(tmp_path / "v.npy", blocks(list(range(1, 11)), 3))
     table = tmp_path / ("t.txt" if given else "v.txt")
@@ -137,9 +136,7 @@ def test_a_table_that_names_few_labels_is_warned_about(tmp_path: Path, given: st
     ],
     ids=["none", "empty", "no table", "no name", "of another volume", "no labels"],
 )
-def test_tables_that_do_not_fit_are_refused(
-    tmp_path: Path, values: np.ndarray, table: str | None, query: str, code: str, word: str
-) -> None:
+def test_tables_that_do_not_fit_are_refused(tmp_path, values, table, query, code, word):
     np.save(tmp_path / "v.npy", values)
     if table is not None:
         (tmp_path / "t.txt").write_text(table)
@@ -148,7 +145,7 @@ def test_tables_that_do_not_fit_are_refused(
     assert word in str(caught.value)
 
 
-def test_slicer_s_segments_are_labels(tmp_path: Path) -> None:
+def test_slicer_s_segments_are_labels(tmp_path):
     image = sitk.GetImageFromArray(blocks([1, 2]))
     lung = {"LabelValue": "1", "Name": "right lung", "Color": "1 0 0", "Layer": "0"}
     for number, segment in enumerate((lung, {"LabelValue": "2", "Name": "tumour"})):
@@ -159,7 +156,7 @@ def test_slicer_s_segments_are_labels(tmp_path: Path) -> None:
     assert labels == {1: Label("right lung", RED), 2: Label("tumour")}
 
 
-def test_a_nifti_intent_makes_a_mask_a_label(tmp_path: Path) -> None:
+def test_a_nifti_intent_makes_a_mask_a_label(tmp_path):
     data = bytearray(nifti(blocks([1, 1]), np.eye(4), code=2))
     for intent, labels in ((0, {}), (1002, {1: Label()})):
         struct.pack_into("<h", data, 68, intent)
@@ -168,7 +165,7 @@ def test_a_nifti_intent_makes_a_mask_a_label(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("packed", [False, True])
-def test_names_in_a_nifti_extension_are_read(tmp_path: Path, packed: bool) -> None:
+def test_names_in_a_nifti_extension_are_read(tmp_path, packed):
     """TotalSegmentator writes them like this."""
     xml = (
         b'<?xml version="1.0"?><CaretExtension><VolumeInformation Index="0"><LabelTable>'
@@ -187,7 +184,7 @@ def test_names_in_a_nifti_extension_are_read(tmp_path: Path, packed: bool) -> No
     assert load_silently(path).labels == labels
 
 
-def test_an_image_label_of_ome_zarr_has_names_and_colours(tmp_path: Path) -> None:
+def test_an_image_label_of_ome_zarr_has_names_and_colours(tmp_path):
     path = write(tmp_path / "v.zarr", blocks([1, 2], 3).astype(np.uint16))
     properties = [{"label-value": 1, "class": "nucleus"}, {"label-value": 2, "area": 7}]
     colours = [{"label-value": 1, "rgba": [255, 0, 0, 255]}]
@@ -195,7 +192,7 @@ def test_an_image_label_of_ome_zarr_has_names_and_colours(tmp_path: Path) -> Non
     assert load_silently(path).labels == {1: Label("nucleus", RED), 2: Label("")}
 
 
-def test_labels_stay_through_spacing_and_downsampling() -> None:
+def test_labels_stay_through_spacing_and_downsampling():
     volume = Volume(blocks([1, 2]), labels={1: Label("liver")})
     assert volume.with_spacing((1, 2, 3)).labels == volume.labels
     assert volume.downsampled(2, labels=True).labels == volume.labels

@@ -22,7 +22,7 @@ import tifffile
 import zarr
 
 from tests.support.errors import raises
-from tests.support.fixtures import Patch, slow_each
+from tests.support.fixtures import slow_each
 from tests.support.pyramids import stored
 from tests.support.raycasts import oblique_world
 from tests.support.scenes import scene_text
@@ -99,7 +99,7 @@ def cast(
     return raycast(volume, TRANSFER, camera, (48, 48), spec, caster=caster)
 
 
-def test_a_converted_volume_is_the_volume(ball: Volume, store: Path, big: Volume) -> None:
+def test_a_converted_volume_is_the_volume(ball, store, big):
     finest, coarsest = big.pyramid.levels
     assert finest.shape == ball.values.shape
     assert np.array_equal(finest.read(((0, 150), (0, 140), (0, 161))), ball.values)
@@ -114,7 +114,7 @@ def test_a_converted_volume_is_the_volume(ball: Volume, store: Path, big: Volume
     assert whole.pyramid is None and np.array_equal(whole.values, ball.values)
 
 
-def test_levels_are_seen_as_the_whole(big: Volume, ball: Volume, whole: CoefficientImage) -> None:
+def test_levels_are_seen_as_the_whole(big, ball, whole):
     assert np.abs(cast(big, 0).coefficients - whole.coefficients).max() < 2e-4
     assert np.abs(cast(big, 1).alpha - whole.alpha).mean() < 0.02
     # 48 pixels across 250 mm: a voxel of level 0 is smaller than a pixel, one of level 1 too.
@@ -122,7 +122,7 @@ def test_levels_are_seen_as_the_whole(big: Volume, ball: Volume, whole: Coeffici
     assert raycast(big, TRANSFER, Camera.orbit(ball, zoom=8), (300, 300)).alpha.max() > 0.5
 
 
-def test_each_chunk_is_read_once_and_none_in_vain(big: Volume) -> None:
+def test_each_chunk_is_read_once_and_none_in_vain(big):
     big = replace(big, pyramid=replace(big.pyramid, memory_bytes=10**8))
     cast(big)
     counts = big.pyramid.counts
@@ -137,14 +137,14 @@ RAMP = np.mgrid[0:40, 0:44, 0:136].sum(axis=0)
 
 
 @pytest.mark.parametrize("dtype", [np.int16, np.uint16, np.float32, np.float64, np.int8])
-def test_types(dtype: type, tmp_path: Path) -> None:
+def test_types(dtype, tmp_path):
     values = np.minimum(RAMP - 20, 120).astype(dtype)
     big = stored(Volume(values), tmp_path, "200kB")
     assert np.array_equal(big.pyramid.levels[0].read(((0, 40), (0, 44), (0, 136))), values)
     assert big.range == (values.min(), values.max())
 
 
-def test_labels_keep_names_and_are_not_averaged(tmp_path: Path) -> None:
+def test_labels_keep_names_and_are_not_averaged(tmp_path):
     values = np.zeros((40, 40, 140), np.uint8)
     values[10:30, 10:30, 10:30], values[18:22, 18:22, 18:22] = 3, 7
     labels = {3: Label("liver", (0.5, 0.2, 0.1)), 7: Label("vessel")}
@@ -153,7 +153,7 @@ def test_labels_keep_names_and_are_not_averaged(tmp_path: Path) -> None:
     assert [label.name for number, label in big.labels.items() if number] == ["liver", "vessel"]
 
 
-def test_directions_and_spacing_stay(tmp_path: Path) -> None:
+def test_directions_and_spacing_stay(tmp_path):
     volume = Volume(RAMP.astype(np.uint8), world_from_index=oblique_world())
     big = stored(volume, tmp_path, "30kB")
     assert np.allclose(big.pyramid.levels[0].world_from_index, volume.world_from_index)
@@ -162,7 +162,7 @@ def test_directions_and_spacing_stay(tmp_path: Path) -> None:
     assert np.allclose(wide.corners_mm, volume.with_spacing((2.0, 1.0, 3.0)).corners_mm)
 
 
-def test_missing_voxels_stay_missing(tmp_path: Path) -> None:
+def test_missing_voxels_stay_missing(tmp_path):
     values = RAMP.astype(np.float32)
     values[5:20, 8:30, 3:20] = np.nan
     with pytest.warns(VolspecWarning):
@@ -213,9 +213,7 @@ OTHERS = [write_tiff, write_plain_tiff, write_slices, write_png, write_plain_hdf
 
 
 @pytest.mark.parametrize("write", [write_raw, write_hdf5, *slow_each(*OTHERS)])
-def test_files_of_other_kinds_are_read_in_parts(
-    write: Callable[[np.ndarray, Path], str], ball: Volume, whole: CoefficientImage, tmp_path: Path
-) -> None:
+def test_files_of_other_kinds_are_read_in_parts(write, ball, whole, tmp_path):
     name = f"{tmp_path}/{write(ball.values, tmp_path)}"
     file = Path(name.partition("?")[0])
     address = f"{name}{'&' if '?' in name else '?'}spacing=1,1,1.5"
@@ -240,9 +238,7 @@ def test_files_of_other_kinds_are_read_in_parts(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["url", *slow_each("zip")])
-def test_a_store_in_a_zip_file_or_on_the_web(
-    kind: str, ball: Volume, store: Path, big: Volume, tmp_path: Path
-) -> None:
+def test_a_store_in_a_zip_file_or_on_the_web(kind, ball, store, big, tmp_path):
     with served(store) as (server, asked):
         address = f"{server}/v.zarr"
         if kind == "zip":
@@ -265,7 +261,7 @@ def interrupted(level: Level, path: Path) -> None:
         convert.convert(level, path)
 
 
-def test_a_cut_off_conversion_goes_on(ball: Volume, tmp_path: Path, monkeypatch: Patch) -> None:
+def test_a_cut_off_conversion_goes_on(ball, tmp_path, monkeypatch):
     path, level = tmp_path / "v.zarr", level_of(ball)
     written: list[convert.Block] = []
     own, most = convert._write, 2
@@ -288,9 +284,7 @@ def test_a_cut_off_conversion_goes_on(ball: Volume, tmp_path: Path, monkeypatch:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("killed", ["before the swap", "in the swap", "after the swap"])
-def test_a_conversion_that_is_killed_at_its_end_goes_on(
-    killed: str, ball: Volume, tmp_path: Path, monkeypatch: Patch
-) -> None:
+def test_a_conversion_that_is_killed_at_its_end_goes_on(killed, ball, tmp_path, monkeypatch):
     path, level = tmp_path / "v.zarr", level_of(ball)
     convert.convert(level_of(ball.downsampled(2)), path)
     own = Path.replace
@@ -326,7 +320,7 @@ class Unreadable:
         raise OSError("gone")
 
 
-def test_a_conversion_goes_on_with_the_same_source_only(ball: Volume, tmp_path: Path) -> None:
+def test_a_conversion_goes_on_with_the_same_source_only(ball, tmp_path):
     values = ball.values.astype("<u2")
     values.tofile(tmp_path / "v.raw")
     with h5py.File(tmp_path / "v.h5", "w") as file:
@@ -349,7 +343,7 @@ def test_a_conversion_goes_on_with_the_same_source_only(ball: Volume, tmp_path: 
     assert known("slices?spacing=1,1,1") != before
 
 
-def test_a_full_disk_is_an_error_of_one_line(ball: Volume, tmp_path: Path) -> None:
+def test_a_full_disk_is_an_error_of_one_line(ball, tmp_path):
     noise = np.random.default_rng(0).integers(0, 255, (70, 70, 70)).astype(np.uint8)
     _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, hard))
@@ -362,7 +356,7 @@ def test_a_full_disk_is_an_error_of_one_line(ball: Volume, tmp_path: Path) -> No
     assert np.array_equal(load_volume(tmp_path / "v.zarr").values, noise)
 
 
-def test_the_cache_drops_what_is_needed_last() -> None:
+def test_the_cache_drops_what_is_needed_last():
     cache = ChunkCache(2)
     one, two, three = (Chunk(0, 0, 0, k) for k in range(3))
     cache.announce([[one], [two], [three], [one]])
@@ -374,9 +368,7 @@ def test_the_cache_drops_what_is_needed_last() -> None:
 
 
 @pytest.mark.parametrize("damage", ["missing", *slow_each("truncated", "corrupt", "other")])
-def test_a_damaged_chunk_is_named_and_marked(
-    damage: str, copy: Path, whole: CoefficientImage
-) -> None:
+def test_a_damaged_chunk_is_named_and_marked(damage, copy, whole):
     big, chunk = opened(copy), copy / CHUNK
     if damage == "missing":
         chunk.unlink()
@@ -393,7 +385,7 @@ def test_a_damaged_chunk_is_named_and_marked(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["render", *slow_each("export", "page")])
-def test_commands_say_by_their_exit_status_that_there_are_gaps(command: str, copy: Path) -> None:
+def test_commands_say_by_their_exit_status_that_there_are_gaps(command, copy):
     output = {"render": "a.png", "export": "frames", "page": "a.html"}[command]
     (copy / CHUNK).unlink()
     (copy / "s.toml").write_text(SCENE)
@@ -407,7 +399,7 @@ LEVEL = "[raycast]\nlevel = 0\n"
 SCENE = scene_text({"a": "copper"}, POINTS, file="v.zarr?memory=2MB", more=LEVEL)
 
 
-def test_a_damaged_chunk_of_the_coarse_level_is_a_gap(copy: Path, big: Volume) -> None:
+def test_a_damaged_chunk_of_the_coarse_level_is_a_gap(copy, big):
     (copy / "v.zarr/1/c/0/0/0").write_bytes(b"short")
     with pytest.warns(VolspecWarning, match="chunk 0/0/0 of level 1"):
         damaged = opened(copy)
@@ -416,13 +408,13 @@ def test_a_damaged_chunk_of_the_coarse_level_is_a_gap(copy: Path, big: Volume) -
     assert "chunk 0/0/0 of level 1" in cast(damaged, 1).notes[GAPS]
 
 
-def test_metadata_of_another_program_is_ignored(copy: Path, big: Volume) -> None:
+def test_metadata_of_another_program_is_ignored(copy, big):
     edit_metadata(copy, lambda attributes, _: attributes.update(volspec=3))
     assert np.array_equal(opened(copy).values, big.values)
 
 
 @pytest.mark.parametrize("damage", ["truncated", "reversed", *slow_each("block")])
-def test_damaged_ranges_are_ignored(damage: str, copy: Path, big: Volume) -> None:
+def test_damaged_ranges_are_ignored(damage, copy, big):
     if damage == "truncated":
         files = (copy / "v.zarr/volspec/ranges/0/c").rglob("*")
         next(file for file in files if file.is_file()).write_bytes(b"short")
@@ -440,7 +432,7 @@ def test_damaged_ranges_are_ignored(damage: str, copy: Path, big: Volume) -> Non
 
 
 @pytest.mark.slow
-def test_a_server_is_asked_for_whole_chunks(store: Path) -> None:
+def test_a_server_is_asked_for_whole_chunks(store):
     with served(store) as (server, asked):
         far = load_volume(f"{server}/v.zarr?memory=2MB")
         asked.clear()
@@ -460,9 +452,7 @@ def test_a_server_is_asked_for_whole_chunks(store: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["store", "resumed", "raw", "float"])
-def test_a_volume_in_parts_is_framed_and_coloured_as_the_whole(
-    kind: str, ball: Volume, tmp_path: Path, monkeypatch: Patch
-) -> None:
+def test_a_volume_in_parts_is_framed_and_coloured_as_the_whole(kind, ball, tmp_path, monkeypatch):
     values = ball.values * np.float32(0.1) + 1000 if kind == "float" else ball.values
     values.tofile(tmp_path / "v.raw")
     address = f"{tmp_path}/v.raw?shape=161x140x150&dtype={values.dtype}&spacing=1,1,1.5"
@@ -484,7 +474,7 @@ def test_a_volume_in_parts_is_framed_and_coloured_as_the_whole(
 
 
 @pytest.mark.slow
-def test_a_store_that_is_there_again_is_read_again(copy: Path, big: Volume) -> None:
+def test_a_store_that_is_there_again_is_read_again(copy, big):
     volume = opened(copy)
     caster = Raycaster(volume)
     (copy / "v.zarr").rename(copy / "away")
@@ -497,7 +487,7 @@ def test_a_store_that_is_there_again_is_read_again(copy: Path, big: Volume) -> N
 
 
 @pytest.mark.slow
-def test_frames_with_gaps_are_made_again(copy: Path) -> None:
+def test_frames_with_gaps_are_made_again(copy):
     kept = (copy / CHUNK).read_bytes()
     (copy / CHUNK).unlink()
     (copy / "s.toml").write_text(SCENE)
@@ -513,7 +503,7 @@ def test_frames_with_gaps_are_made_again(copy: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_budget_below_a_part_is_refused_with_one_that_is_enough(store: Path) -> None:
+def test_a_budget_below_a_part_is_refused_with_one_that_is_enough(store):
     with raises(VolumeError, "size") as error:
         cast(opened(store, "600kB"))
     (least,) = re.findall(r"[\d.]+MiB", error.value.remedy)
@@ -610,15 +600,13 @@ REFUSED: list[tuple[Callable[[Path], object], type[VolspecError], str]] = [
 
 
 @pytest.mark.parametrize(("take", "error", "code"), REFUSED)
-def test_what_cannot_be_read_or_cast_in_parts_is_refused(
-    copy: Path, take: Callable[[Path], object], error: type[VolspecError], code: str
-) -> None:
+def test_what_cannot_be_read_or_cast_in_parts_is_refused(copy, take, error, code):
     with raises(error, code):
         take(copy)
     assert not (copy / "copy.zarr").exists()
 
 
-def test_every_flipped_bit_is_found(copy: Path) -> None:
+def test_every_flipped_bit_is_found(copy):
     data = (copy / CHUNK).read_bytes()
     for at in np.linspace(0, len(data) - 1, 12).astype(int):
         flipped = bytearray(data)
@@ -628,7 +616,7 @@ def test_every_flipped_bit_is_found(copy: Path) -> None:
             load_volume(copy / "v.zarr")
 
 
-def test_blocks_hold_the_next_voxels() -> None:
+def test_blocks_hold_the_next_voxels():
     values = np.random.default_rng(0).integers(0, 255, (40, 33, 50)).astype(np.uint8)
     low, high = block_ranges(values)
     for number in np.ndindex(low.shape):

@@ -16,7 +16,7 @@ from vtkmodules.vtkRenderingCore import vtkColorTransferFunction, vtkVolumePrope
 
 import volspec as vs
 from tests.support.errors import raises, warns
-from tests.support.fixtures import Patch, slow_each
+from tests.support.fixtures import slow_each
 from volspec.appearance import spaces
 from volspec.appearance.spaces import sRGB_CURVE
 from volspec.basis import SpectralBasis
@@ -41,7 +41,7 @@ def plot() -> Iterator[Plots]:
         plotter.close()
 
 
-def test_advice_on_a_mesh_makes_a_volume(tmp_path: Path) -> None:
+def test_advice_on_a_mesh_makes_a_volume(tmp_path):
     """The Python in the message is run, word for word."""
     ball = pyvista.Sphere(radius=10, theta_resolution=12, phi_resolution=12)
     ball.save(tmp_path / "it's.stl")
@@ -54,7 +54,7 @@ def test_advice_on_a_mesh_makes_a_volume(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".vtr", ".vtk"])
-def test_rectilinear_grids_of_even_spacing_are_volumes(tmp_path: Path, suffix: str) -> None:
+def test_rectilinear_grids_of_even_spacing_are_volumes(tmp_path, suffix):
     planes = np.arange(4) * 0.5 + 3, np.arange(3.0), np.arange(5) * 2.0
     grid = pyvista.RectilinearGrid(*planes)
     grid.point_data["v"] = np.arange(60)
@@ -137,9 +137,7 @@ def untouched(_: pyvista.Plotter) -> None:
 
 
 @pytest.mark.parametrize("view", [untouched, perspective, parallel, horizontal, rolled])
-def test_points_fall_on_the_same_pixels(
-    plot: Plots, view: Callable[[pyvista.Plotter], None]
-) -> None:
+def test_points_fall_on_the_same_pixels(plot, view):
     plotter = plot(shape=(1, 2))
     plotter.subplot(0, 1)
     plotter.add_volume(block(), show_scalar_bar=False)
@@ -153,7 +151,7 @@ def test_points_fall_on_the_same_pixels(
     assert np.abs(projected(taken.camera, taken.size, points) - theirs).max() < 1e-6
 
 
-def test_a_plotter_not_yet_shown_has_the_view_it_opens_with(plot: Plots) -> None:
+def test_a_plotter_not_yet_shown_has_the_view_it_opens_with(plot):
     first, second = plot(), plot()
     for plotter in (first, second):
         plotter.add_volume(block(), reset_camera=False, show_scalar_bar=False)
@@ -163,7 +161,7 @@ def test_a_plotter_not_yet_shown_has_the_view_it_opens_with(plot: Plots) -> None
 
 
 @pytest.mark.parametrize("view", [perspective, *slow_each(parallel)])
-def test_silhouettes_cover_vtks(plot: Plots, view: Callable[[pyvista.Plotter], None]) -> None:
+def test_silhouettes_cover_vtks(plot, view):
     """Turned, moved and stretched by matrix and plotter. You should see one L, not two."""
     plotter = plot(window_size=(240, 180))
     matrix = pyvista.Transform().scale(1.4).rotate_z(30).rotate_x(20).translate(2, -3, 1).matrix
@@ -183,7 +181,7 @@ def test_silhouettes_cover_vtks(plot: Plots, view: Callable[[pyvista.Plotter], N
 
 
 @pytest.mark.parametrize("stretch", [2.0, *slow_each(1.0)])
-def test_opacities_are_vtks(plot: Plots, stretch: float) -> None:
+def test_opacities_are_vtks(plot, stretch):
     """1 − 0.7^(11 / 5), stretched or not: unit distances are the grid's."""
     plotter = plot(window_size=(32, 32))
     plotter.add_volume(even(), opacity=[0.3, 0.3], opacity_unit_distance=5.0, show_scalar_bar=False)
@@ -199,7 +197,7 @@ def test_opacities_are_vtks(plot: Plots, stretch: float) -> None:
     assert image.alpha[16, 16] == pytest.approx(theirs, abs=0.02)
 
 
-def test_opaque_colours_are_vtks_under_daylight(plot: Plots) -> None:
+def test_opaque_colours_are_vtks_under_daylight(plot):
     plotter = plot(window_size=(32, 32))
     plotter.add_volume(even(0.7), cmap="viridis", opacity=[1.0, 1.0], show_scalar_bar=False)
     plotter.view_xy()
@@ -226,7 +224,7 @@ def piecewise(*points: tuple[float, ...]) -> vtkPiecewiseFunction:
     return function
 
 
-def test_curves_that_bend_between_vtks_points_are_followed() -> None:
+def test_curves_that_bend_between_vtks_points_are_followed():
     """Sharp and soft opacity, hues around the circle."""
     opacity = piecewise((-10, 0.0, 0.3, 0.6), (30, 0.9, 0.5, 1.0), (80, 0.2))
     colours = vtkColorTransferFunction()
@@ -249,7 +247,7 @@ def test_curves_that_bend_between_vtks_points_are_followed() -> None:
         assert np.abs(colour_of(mix, transfer.materials) - wanted).max() < 3
 
 
-def test_grey_curves_become_greys() -> None:
+def test_grey_curves_become_greys():
     settings = vtkVolumeProperty()
     settings.SetScalarOpacity(piecewise((0, 0.0), (100, 1.0)))
     settings.SetColor(piecewise((0, 0.2), (100, 0.8)))
@@ -258,7 +256,7 @@ def test_grey_curves_become_greys() -> None:
     assert all(re.fullmatch(r"#(..)\1\1", name) for name in materials)
 
 
-def test_blending_shading_and_clip_planes_are_taken_over(plot: Plots) -> None:
+def test_blending_shading_and_clip_planes_are_taken_over(plot):
     plotter = plot()
     weights = {"ambient": 0.2, "diffuse": 0.5, "specular": 0.1}
     lit = plotter.add_volume(block(), name="lit", shade=True, specular_power=20, **weights)
@@ -285,7 +283,7 @@ def two_volumes(plotter: pyvista.Plotter) -> pyvista.Plotter:
     return plotter
 
 
-def test_one_of_several_volumes_is_taken_by_its_name(plot: Plots) -> None:
+def test_one_of_several_volumes_is_taken_by_its_name(plot):
     plotter = two_volumes(plot())
     assert vs.from_plotter(plotter, "ct-1").volume.shape_xyz == (12, 12, 12)
     plotter.actors["ct-1"].SetVisibility(False)
@@ -358,18 +356,12 @@ REFUSED: list[
 
 
 @pytest.mark.parametrize(("call", "error", "code"), REFUSED)
-def test_what_has_no_counterpart_is_refused(
-    plot: Plots,
-    tmp_path: Path,
-    call: Callable[[pyvista.Plotter, Path], object],
-    error: type[vs.VolspecError],
-    code: str | None,
-) -> None:
+def test_what_has_no_counterpart_is_refused(plot, tmp_path, call, error, code):
     with raises(error, code):
         call(plot(), tmp_path)
 
 
-def test_unsupported_settings_cause_a_warning(plot: Plots) -> None:
+def test_unsupported_settings_cause_a_warning(plot):
     plotter = plot()
     actor = plotter.add_volume(block(), name="ct")
     actor.prop.SetGradientOpacity(piecewise((0, 0.0), (1, 1.0)))
@@ -381,7 +373,7 @@ def test_unsupported_settings_cause_a_warning(plot: Plots) -> None:
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.float32])
-def test_a_frame_comes_back_pixel_on_pixel(plot: Plots, dtype: Any) -> None:
+def test_a_frame_comes_back_pixel_on_pixel(plot, dtype):
     """The view is stretched and tilted; a ball nearer than the frame stays in front of it."""
     plotter = plot()
     plotter.set_scale(1, 1, 2)
@@ -399,7 +391,7 @@ def test_a_frame_comes_back_pixel_on_pixel(plot: Plots, dtype: Any) -> None:
     assert changed.any() and (picture[changed] == (255, 0, 0)).all()
 
 
-def test_a_plane_farther_away_looks_the_same(plot: Plots) -> None:
+def test_a_plane_farther_away_looks_the_same(plot):
     plotter = plot()
     for view, grows in ((perspective, 2.5), (parallel, 1.0)):
         view(plotter)
@@ -408,7 +400,7 @@ def test_a_plane_farther_away_looks_the_same(plot: Plots) -> None:
 
 
 @pytest.mark.slow
-def test_the_guides_example_shows_what_it_says(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_the_guides_example_shows_what_it_says(tmp_path, monkeypatch):
     """You should see one engine three times at the same pixels, green by day, blue by HP1."""
     text = (Path(__file__).resolve().parents[2] / "docs/pyvista.md").read_text(encoding="utf-8")
     # In the page's order; fewer voxels and pixels: VTK takes seconds over all of them on a CPU.

@@ -7,7 +7,6 @@ import os
 import struct
 import subprocess
 import sys
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -63,9 +62,7 @@ PERMISSION = "raise PermissionError(13, 'Permission denied', 'b.dcm')"
     ],
     ids=["segment", "abort", "permission", "error", "hang", "long hang", "memory"],
 )
-def test_a_fault_of_the_reader_is_one_line(
-    tmp_path: Path, body: str, code: str, word: str, monkeypatch: Patch
-) -> None:
+def test_a_fault_of_the_reader_is_one_line(tmp_path, body, code, word, monkeypatch):
     monkeypatch.setattr(reader_process, "_TIMEOUT_S", 0.5 if "sleep" in body else PATIENCE_S)
     path = child_with(tmp_path, body, monkeypatch)
     with raises(VolumeError, code) as caught:
@@ -73,7 +70,7 @@ def test_a_fault_of_the_reader_is_one_line(
     assert word in str(caught.value)
 
 
-def test_many_threads_read_at_once_and_leave_the_output_alone(tmp_path: Path) -> None:
+def test_many_threads_read_at_once_and_leave_the_output_alone(tmp_path):
     """Libraries' messages are caught in the child: this process's output is never redirected."""
     head = NRRD.replace("raw", "gzip").encode()
     for k in range(4):
@@ -96,7 +93,7 @@ def python(*words: Any, **how: Any) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, *words], capture_output=True, text=True, **how)
 
 
-def test_a_script_without_a_main_guard_reads_volumes_and_leaves_no_process(tmp_path: Path) -> None:
+def test_a_script_without_a_main_guard_reads_volumes_and_leaves_no_process(tmp_path):
     write_nrrd(tmp_path / "v.nrrd")
     (tmp_path / "script.py").write_text(
         "import volspec as vs\n"
@@ -113,7 +110,7 @@ def test_a_script_without_a_main_guard_reads_volumes_and_leaves_no_process(tmp_p
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
-def test_a_fork_has_a_reader_of_its_own(tmp_path: Path) -> None:
+def test_a_fork_has_a_reader_of_its_own(tmp_path):
     path = write_nrrd(tmp_path / "v.nrrd")
     code = (
         "import os, sys, volspec as vs\n"
@@ -132,7 +129,7 @@ def test_a_fork_has_a_reader_of_its_own(tmp_path: Path) -> None:
 @pytest.mark.parametrize("order", ["little", "big"])
 @pytest.mark.parametrize("kind", ["uint8", "int8", "uint16", "int32", "float32", "float64"])
 @pytest.mark.parametrize("suffix", [".nrrd", ".mha", ".nii"])
-def test_bytes_read_directly_are_itk_s(tmp_path: Path, suffix: str, kind: str, order: str) -> None:
+def test_bytes_read_directly_are_itk_s(tmp_path, suffix, kind, order):
     values = (VALUES // 7).astype(kind)
     path = tmp_path / f"v{suffix}"
     SimpleITK.WriteImage(SimpleITK.GetImageFromArray(values), str(path))
@@ -150,7 +147,7 @@ def test_bytes_read_directly_are_itk_s(tmp_path: Path, suffix: str, kind: str, o
 
 
 @pytest.mark.parametrize("name", ["v.npy", "v.nrrd", "v.mha", "v.nii", "v.nii.gz", "v.vti"])
-def test_nan_is_replaced_alike_in_every_format(tmp_path: Path, name: str) -> None:
+def test_nan_is_replaced_alike_in_every_format(tmp_path, name):
     """ITK's NIfTI reader sets them to 0."""
     values = np.linspace(5, 28, 24, dtype=np.float32).reshape(2, 3, 4)
     values[1, 2, 3], values[0, 1, 1], values[0, 0, 0] = np.nan, np.inf, -np.inf
@@ -170,14 +167,14 @@ def test_nan_is_replaced_alike_in_every_format(tmp_path: Path, name: str) -> Non
     assert missing == [[0, 0, 0], [0, 1, 1], [1, 2, 3]]
 
 
-def test_metaimage_s_slices_by_a_pattern_are_read(tmp_path: Path) -> None:
+def test_metaimage_s_slices_by_a_pattern_are_read(tmp_path):
     for k in (1, 2):
         (tmp_path / f"s{k:02d}.raw").write_bytes(VALUES[k - 1].tobytes())
     (tmp_path / "v.mhd").write_text(f"{META}ElementDataFile = s%02d.raw 1 2 1\n")
     assert np.array_equal(load_volume(tmp_path / "v.mhd").values, VALUES)
 
 
-def test_a_reading_keeps_its_voxels_in_memory_of_its_own(tmp_path: Path) -> None:
+def test_a_reading_keeps_its_voxels_in_memory_of_its_own(tmp_path):
     """Voxels outlive the child that read them, and the file."""
     path = write_nrrd(tmp_path / "v.nrrd", packed=True)
     reading = reader_process.read_in_child(Query.of(str(path)))
@@ -190,7 +187,7 @@ def test_a_reading_keeps_its_voxels_in_memory_of_its_own(tmp_path: Path) -> None
     assert np.array_equal(load_volume(write_nrrd(path)).values, VALUES)
 
 
-def test_a_child_starts_whatever_the_parent_s_surroundings(tmp_path: Path) -> None:
+def test_a_child_starts_whatever_the_parent_s_surroundings(tmp_path):
     """Paths that are no text, and a site that prints; a nameless interpreter is one line."""
     write_nrrd(tmp_path / "v.nrrd")
     (tmp_path / "site").mkdir()
@@ -211,7 +208,7 @@ def test_a_child_starts_whatever_the_parent_s_surroundings(tmp_path: Path) -> No
     assert done.stdout.splitlines() == ["welcome", "(4, 3, 2)", "size"], done.stderr
 
 
-def test_voxels_that_cannot_be_mapped_leave_no_child(tmp_path: Path, monkeypatch: Patch) -> None:
+def test_voxels_that_cannot_be_mapped_leave_no_child(tmp_path, monkeypatch):
     path = write_nrrd(tmp_path / "v.nrrd", packed=True)
     load_volume(path)
     idle = reader_process._idle_processes(os.getpid())
@@ -259,9 +256,7 @@ def pipe(folder: Path) -> Path:
         (lambda folder: write_nrrd(folder / os.fsdecode(b"bad\xff.nrrd")), "unsupported"),
     ],
 )
-def test_what_readers_would_make_up_or_hang_on_is_refused(
-    tmp_path: Path, make: Callable[[Path], Path], code: str
-) -> None:
+def test_what_readers_would_make_up_or_hang_on_is_refused(tmp_path, make, code):
     path = make(tmp_path)
     with raises(VolumeError, code):
         load_volume(path)

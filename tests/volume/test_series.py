@@ -80,7 +80,7 @@ def write_part(folder: Path, name: str, end: int, of: str = "03.dcm") -> Path:
     return folder
 
 
-def test_slices_are_put_where_they_lie_in_the_patient(tmp_path: Path) -> None:
+def test_slices_are_put_where_they_lie_in_the_patient(tmp_path):
     folder = write_series(tmp_path / "head")
     for named in (folder, folder / "03.dcm"):
         volume = load_silently(named)
@@ -89,7 +89,7 @@ def test_slices_are_put_where_they_lie_in_the_patient(tmp_path: Path) -> None:
         assert volume.world_from_index[:3, 3].tolist() == [-10, -20, 0]
 
 
-def test_reading_leaves_the_locale_alone(tmp_path: Path) -> None:
+def test_reading_leaves_the_locale_alone(tmp_path):
     write_series(tmp_path)
     locale.setlocale(locale.LC_CTYPE, "C.UTF-8")
     load_volume(tmp_path)
@@ -97,7 +97,7 @@ def test_reading_leaves_the_locale_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("header", [True, False])
-def test_slices_are_known_by_their_first_bytes(tmp_path: Path, header: bool) -> None:
+def test_slices_are_known_by_their_first_bytes(tmp_path, header):
     for file in write_series(tmp_path).iterdir():
         whole = file.read_bytes()
         end = 144 + int.from_bytes(whole[140:144], "little")  # of the header, group 0002
@@ -107,7 +107,7 @@ def test_slices_are_known_by_their_first_bytes(tmp_path: Path, header: bool) -> 
         assert np.array_equal(load_silently(path).values, VALUES)
 
 
-def test_an_oblique_series_keeps_its_directions(tmp_path: Path) -> None:
+def test_an_oblique_series_keeps_its_directions(tmp_path):
     """Sagittal: columns along the patient's y, rows downwards, slices along -x."""
     for k, values in enumerate(VALUES):
         place = {"x0020_0032": f"{-k * STEP}\\1\\2", "x0020_0037": "0\\1\\0\\0\\0\\-1"}
@@ -117,7 +117,7 @@ def test_an_oblique_series_keeps_its_directions(tmp_path: Path) -> None:
     assert np.allclose(volume.world_from_index, expected) and np.array_equal(volume.values, VALUES)
 
 
-def test_a_tilted_gantry_s_slices_stay_where_they_were_taken(tmp_path: Path) -> None:
+def test_a_tilted_gantry_s_slices_stay_where_they_were_taken(tmp_path):
     """A reader that gives all stacks right angles puts the last slice 3 mm too far up."""
     for k, values in enumerate(VALUES):
         write_slice(tmp_path / f"{k}.dcm", values, **plane(k * STEP, k, across=1.0 * k))
@@ -126,7 +126,7 @@ def test_a_tilted_gantry_s_slices_stay_where_they_were_taken(tmp_path: Path) -> 
     assert np.array_equal(volume.values, VALUES)
 
 
-def test_rescale_slope_and_intercept_are_applied_slice_by_slice(tmp_path: Path) -> None:
+def test_rescale_slope_and_intercept_are_applied_slice_by_slice(tmp_path):
     """PET has one each. They are changed in the file: ITK's writer would divide by them."""
     for k, values in enumerate(VALUES):
         path = tmp_path / f"{k}.dcm"
@@ -141,7 +141,7 @@ def test_rescale_slope_and_intercept_are_applied_slice_by_slice(tmp_path: Path) 
     assert np.array_equal(values[2:], VALUES[2:] * 0.5 - 7)
 
 
-def test_compressed_slices_are_read(tmp_path: Path) -> None:
+def test_compressed_slices_are_read(tmp_path):
     values = np.indices((3, 32, 64), np.int16)[::2].sum(axis=0, dtype=np.int16)
     write_places(tmp_path, 0, 1, 2, values=values, compressed="")
     assert (tmp_path / "0.dcm").stat().st_size < values[0].nbytes
@@ -153,7 +153,7 @@ def two_series(folder: Path) -> None:
     write_series(folder, VALUES[:3] + 1, series=12, name="Soft")
 
 
-def test_of_several_series_one_is_chosen(tmp_path: Path) -> None:
+def test_of_several_series_one_is_chosen(tmp_path):
     two_series(tmp_path)
     for name in ("?series=12", "?series=1.2.12", "/012.dcm"):
         assert np.array_equal(load_silently(f"{tmp_path}{name}").values, VALUES[:3] + 1)
@@ -187,9 +187,7 @@ def with_scouts(folder: Path, count: int = 1) -> None:
         (lambda folder: write_part(write_series(folder), "part.dcm", 200), "1 of 5", "part.dcm"),
     ],
 )
-def test_files_that_are_no_slices_are_left_out_with_one_warning(
-    tmp_path: Path, make: Callable[[Path], object], count: str, name: str
-) -> None:
+def test_files_that_are_no_slices_are_left_out_with_one_warning(tmp_path, make, count, name):
     make(tmp_path)
     for path in (tmp_path, tmp_path / "03.dcm"):
         with warns(count, name):
@@ -241,7 +239,7 @@ def copy_files(folder: Path) -> None:
     ],
     ids=["notes", "hidden", "program", "contents", "structures", "report", "bare", "copies"],
 )
-def test_files_of_other_kinds_are_left_out(tmp_path: Path, write: Callable[[Path], object]) -> None:
+def test_files_of_other_kinds_are_left_out(tmp_path, write):
     """A folder without slices is those below it."""
     folder = write_series(tmp_path / "patient" / "series")
     write(folder)
@@ -255,7 +253,7 @@ def localizer(folder: Path) -> None:
         write_slice(folder / f"l{k}.dcm", VALUES[k], **(plane(0, k, 9) | {"x0020_0037": turn}))
 
 
-def test_series_that_do_not_stack_are_not_offered(tmp_path: Path) -> None:
+def test_series_that_do_not_stack_are_not_offered(tmp_path):
     localizer(write_series(tmp_path))
     assert volume_choices(tmp_path) == ()
     with warns("2 series", "'Head'"):
@@ -269,13 +267,13 @@ def with_a_gap(folder: Path) -> None:
     next(p for p in folder.iterdir() if "\\7.5 " in p.read_bytes().decode("latin-1")).unlink()
 
 
-def test_missing_slices_do_not_matter_if_a_spacing_is_given(tmp_path: Path) -> None:
+def test_missing_slices_do_not_matter_if_a_spacing_is_given(tmp_path):
     with_a_gap(tmp_path)
     taken = load_silently(f"{tmp_path}?spacing=1,1,2")
     assert taken.spacing_mm == (1, 1, 2) and taken.shape_xyz == (5, 3, 7)
 
 
-def test_slices_off_their_places_are_warned_about(tmp_path: Path) -> None:
+def test_slices_off_their_places_are_warned_about(tmp_path):
     write_places(tmp_path, 0, 2.5, 5.4, 7.5)
     with warns("0.4", "2.5", file=__file__):
         assert load_volume(tmp_path).spacing_mm[2] == 2.5
@@ -286,13 +284,13 @@ def of_two_times(folder: Path) -> Path:
     return write_places(folder, *(0, 0, 1, 1, 2, 2, 3, 3), values=values)
 
 
-def test_of_several_times_at_every_place_one_is_chosen(tmp_path: Path) -> None:
+def test_of_several_times_at_every_place_one_is_chosen(tmp_path):
     of_two_times(tmp_path)
     assert np.array_equal(load_silently(f"{tmp_path}?time=1").values, VALUES + 1)
     assert np.array_equal([step.values for step in load_series(tmp_path)], [VALUES, VALUES + 1])
 
 
-def test_slices_without_places_follow_their_numbers(tmp_path: Path) -> None:
+def test_slices_without_places_follow_their_numbers(tmp_path):
     for k, values in enumerate(VALUES):
         path = tmp_path / f"{9 - k}.dcm"
         write_slice(path, values, **plane(0, k), x0018_0088="4")
@@ -310,7 +308,7 @@ def write_film(folder: Path) -> None:
     sitk.WriteImage(image, str(folder / "film.dcm"))
 
 
-def test_a_file_of_many_frames_is_a_volume(tmp_path: Path) -> None:
+def test_a_file_of_many_frames_is_a_volume(tmp_path):
     write_film(tmp_path)
     with warns("4", "?spacing="):
         assert np.array_equal(load_volume(tmp_path).values, VALUES // 2)
@@ -353,13 +351,8 @@ REFUSED: list[tuple[Callable[[Path], object], str, str, str]] = [
 
 @pytest.mark.parametrize(("make", "name", "code", "word"), REFUSED)
 def test_folders_that_are_no_volume_are_refused_in_one_line(
-    tmp_path: Path,
-    capfd: pytest.CaptureFixture[str],
-    make: Callable[[Path], object],
-    name: str,
-    code: str,
-    word: str,
-) -> None:
+    tmp_path, capfd, make, name, code, word
+):
     make(tmp_path)
     with raises(VolumeError, code) as caught:
         load_volume(f"{tmp_path}{name}")
@@ -369,7 +362,7 @@ def test_folders_that_are_no_volume_are_refused_in_one_line(
     assert capfd.readouterr().err == "", "a reader printed to stderr"
 
 
-def test_series_of_a_folder_are_listed_by_number_and_description(tmp_path: Path) -> None:
+def test_series_of_a_folder_are_listed_by_number_and_description(tmp_path):
     write_series(tmp_path / "a")
     write_series(tmp_path / "b", series=7, name="Chest")
     (choice,) = volume_choices(tmp_path)
@@ -392,7 +385,7 @@ def element(group: int, number: int, kind: str, value: bytes | str | int) -> byt
     return struct.pack("<HH", group, number) + kind.encode() + size + data
 
 
-def test_a_dose_is_in_grays_and_its_frames_lie_at_their_offsets(tmp_path: Path) -> None:
+def test_a_dose_is_in_grays_and_its_frames_lie_at_their_offsets(tmp_path):
     """ITK's writer knows no doses."""
     frames, rows, columns = VALUES.shape
     elements = (

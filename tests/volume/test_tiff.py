@@ -41,7 +41,7 @@ STATED = {
 
 
 @pytest.mark.parametrize("name", STATED)
-def test_spacing_is_what_imagej_and_ome_state(tmp_path: Path, name: str) -> None:
+def test_spacing_is_what_imagej_and_ome_state(tmp_path, name):
     """Sizes are micrometres if OME-XML names no unit."""
     imwrite(tmp_path / name, VALUES, **STATED[name])
     volume = load_silently(tmp_path / name)
@@ -50,7 +50,7 @@ def test_spacing_is_what_imagej_and_ome_state(tmp_path: Path, name: str) -> None
     assert load_silently(f"{tmp_path / name}?spacing=1,2,3").spacing_mm == (1, 2, 3)
 
 
-def test_pages_without_a_spacing_are_1_mm_apart_with_a_warning(tmp_path: Path) -> None:
+def test_pages_without_a_spacing_are_1_mm_apart_with_a_warning(tmp_path):
     """300 dots an inch are ignored: many programs write them by default."""
     for name, dots in (("a.tif", 1), ("b.tif", 300)):
         resolution = {"resolution": (dots, dots), "resolutionunit": "INCH"}
@@ -60,14 +60,14 @@ def test_pages_without_a_spacing_are_1_mm_apart_with_a_warning(tmp_path: Path) -
         assert np.array_equal(volume.values, VALUES) and volume.spacing_mm == (1, 1, 1)
 
 
-def test_of_a_resolution_in_the_plane_the_distance_of_slices_is_taken(tmp_path: Path) -> None:
+def test_of_a_resolution_in_the_plane_the_distance_of_slices_is_taken(tmp_path):
     imwrite(tmp_path / "ct.tif", VALUES, resolution=(500, 500), resolutionunit="CENTIMETER")
     with warns("0.02", file=__file__):
         assert load_volume(tmp_path / "ct.tif").spacing_mm == (0.02, 0.02, 0.02)
 
 
 @pytest.mark.parametrize("values", [VALUES.astype(np.float32), VALUES.astype(np.uint8), VALUES])
-def test_lzw_pages_are_read(tmp_path: Path, values: np.ndarray) -> None:
+def test_lzw_pages_are_read(tmp_path, values):
     """Many programs write them; tifffile alone cannot read them."""
     write_lzw(tmp_path / "v.tif", values)
     volume = load_silently(f"{tmp_path}/v.tif?spacing=1,1,1")
@@ -91,7 +91,7 @@ def write_any_lzw(path: Path, values: np.ndarray, **how: Any) -> None:
             page.tags["Compression"].overwrite(5)
 
 
-def test_white_is_zero_or_not_the_values_are_those_stored(tmp_path: Path) -> None:
+def test_white_is_zero_or_not_the_values_are_those_stored(tmp_path):
     values = (VALUES // 300).astype(np.uint8)
     imwrite(tmp_path / "plain.tif", values, photometric="miniswhite")
     write_any_lzw(tmp_path / "lzw.tif", values, photometric="miniswhite")
@@ -99,7 +99,7 @@ def test_white_is_zero_or_not_the_values_are_those_stored(tmp_path: Path) -> Non
         assert np.array_equal(load_silently(f"{tmp_path / name}?spacing=1,1,1").values, values)
 
 
-def test_pages_written_one_by_one_are_a_stack(tmp_path: Path) -> None:
+def test_pages_written_one_by_one_are_a_stack(tmp_path):
     """tifffile describes each as a picture of its own."""
     with TiffWriter(tmp_path / "v.tif") as file:
         for page in VALUES:
@@ -108,14 +108,14 @@ def test_pages_written_one_by_one_are_a_stack(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("packed", [None, "zlib"])
-def test_a_channel_and_a_time_are_chosen(tmp_path: Path, packed: str | None) -> None:
+def test_a_channel_and_a_time_are_chosen(tmp_path, packed):
     path = tmp_path / "cells.ome.tif"
     imwrite(path, STACKS, compression=packed, metadata={"axes": "TZCYX", **SIZES})
     assert np.array_equal(load_silently(f"{path}?time=1").fields[0].values, VALUES + 8)
     assert np.array_equal(load_silently(f"{path}?time=1&channel=1").values, VALUES + 8)
 
 
-def test_one_colour_of_rgb_pages_is_chosen(tmp_path: Path) -> None:
+def test_one_colour_of_rgb_pages_is_chosen(tmp_path):
     colours = np.stack([VALUES % 251, VALUES % 13, VALUES % 7], axis=-1).astype(np.uint8)
     imwrite(tmp_path / "v.tif", colours, photometric="rgb", compression="zlib")
     (tmp_path / "folder").mkdir()
@@ -127,7 +127,7 @@ def test_one_colour_of_rgb_pages_is_chosen(tmp_path: Path) -> None:
         assert np.array_equal(load_silently(f"{address}&channel=1").values, VALUES % 13)
 
 
-def test_colours_in_planes_of_their_own_are_channels(tmp_path: Path) -> None:
+def test_colours_in_planes_of_their_own_are_channels(tmp_path):
     for k, page in enumerate(VALUES):
         colours = np.stack([page, page + 1, page + 2])
         imwrite(tmp_path / f"{k}.tif", colours, photometric="rgb", planarconfig="separate")
@@ -135,7 +135,7 @@ def test_colours_in_planes_of_their_own_are_channels(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".png", ".tif"])
-def test_a_folder_of_pictures_is_read_in_order_of_its_numbers(tmp_path: Path, suffix: str) -> None:
+def test_a_folder_of_pictures_is_read_in_order_of_its_numbers(tmp_path, suffix):
     for k, page in enumerate(VALUES, 8):
         iio.imwrite(tmp_path / f"Slice {k}{suffix}", page)
     (tmp_path / "log.txt").write_text("written by the scanner")
@@ -235,9 +235,7 @@ REFUSED: dict[str, tuple[Callable[[Path], object], str, str]] = {
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("kind", REFUSED)
-def test_pictures_that_are_no_volume_are_refused_in_one_line(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture, kind: str
-) -> None:
+def test_pictures_that_are_no_volume_are_refused_in_one_line(tmp_path, capfd, caplog, kind):
     write, name, code = REFUSED[kind]
     write(tmp_path)
     with raises(VolumeError, code):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +12,7 @@ import tifffile
 
 import volspec as vs
 from tests.support.errors import raises, warns
-from volspec.errors import SceneError, VolspecError, VolumeError
+from volspec.errors import SceneError, VolumeError
 from volspec.export.frames import read_frame
 from volspec.volume.labels import Label
 from volspec.volume.series import Series, load_at, open_volume, step_addresses
@@ -62,7 +61,7 @@ def beat(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_sequence_of_slicers_is_a_series(tmp_path: Path) -> None:
+def test_a_sequence_of_slicers_is_a_series(tmp_path):
     stack = np.stack(steps(), axis=-1)
     head = (
         "NRRD0005\ntype: uint8\ndimension: 4\nsizes: 4 12 12 12\nencoding: raw\n"
@@ -75,7 +74,7 @@ def test_a_sequence_of_slicers_is_a_series(tmp_path: Path) -> None:
     assert np.array_equal([each.values for each in vs.load_series(path)], steps())
 
 
-def test_files_by_a_pattern_are_steps_in_the_order_of_their_numbers(beat: Path) -> None:
+def test_files_by_a_pattern_are_steps_in_the_order_of_their_numbers(beat):
     series = vs.load_series(beat / "beat*.nrrd")
     assert len(series) == 4 and series.names[-1].endswith("beat11.nrrd")
     assert np.array_equal([each.values for each in series], steps())
@@ -84,7 +83,7 @@ def test_files_by_a_pattern_are_steps_in_the_order_of_their_numbers(beat: Path) 
         series[4]
 
 
-def test_a_4d_file_is_a_series_and_a_step_of_it_a_volume(tmp_path: Path) -> None:
+def test_a_4d_file_is_a_series_and_a_step_of_it_a_volume(tmp_path):
     stack = [[each, each // 2] for each in steps()]
     path = tmp_path / "heart.ome.tif"
     notes = {"axes": "TCZYX", "Channel": {"Name": ["a", "b"]}, **SIZES}
@@ -97,7 +96,7 @@ def test_a_4d_file_is_a_series_and_a_step_of_it_a_volume(tmp_path: Path) -> None
     assert np.array_equal(load_at(str(path), 2, 4, {}).values, steps()[2])
 
 
-def test_a_truncated_step_is_named_and_the_rest_plays(beat: Path) -> None:
+def test_a_truncated_step_is_named_and_the_rest_plays(beat):
     whole = (beat / "beat9.nrrd").read_bytes()
     (beat / "beat9.nrrd").write_bytes(whole[: len(whole) // 2])
     with warns("beat9.nrrd is left out"):
@@ -106,13 +105,13 @@ def test_a_truncated_step_is_named_and_the_rest_plays(beat: Path) -> None:
     assert series[1].values.max() == 140
 
 
-def test_missing_numbers_are_named(beat: Path) -> None:
+def test_missing_numbers_are_named(beat):
     (beat / "beat9.nrrd").unlink()
     with warns("no file has the number 9"):
         assert len(step_addresses(str(beat / "beat*.nrrd"))) == 3
 
 
-def test_types_and_missing_voxels_are_alike_in_all_steps() -> None:
+def test_types_and_missing_voxels_are_alike_in_all_steps():
     first = vs.Volume(steps()[0])
     holey = steps()[3].astype(np.float32)
     holey[0, 0, 0] = np.nan
@@ -127,7 +126,7 @@ def test_types_and_missing_voxels_are_alike_in_all_steps() -> None:
     assert first.values.dtype == np.uint8  # as it was
 
 
-def test_steps_beyond_the_room_are_read_again() -> None:
+def test_steps_beyond_the_room_are_read_again():
     read: list[int] = []
 
     def load(number: int) -> vs.Volume:
@@ -140,7 +139,7 @@ def test_steps_beyond_the_room_are_read_again() -> None:
     assert series[0].values.max() == 60 and read == [0, 1, 2, 3, 0]
 
 
-def test_a_scene_shows_a_step_and_exports_all(beat: Path) -> None:
+def test_a_scene_shows_a_step_and_exports_all(beat):
     made_of = scene(beat, "volume.step = 2")
     assert made_of.step_count() == 4 and made_of.volume().values.max() == 140
     lights = {"lights": ["day"], "sheet": False}
@@ -159,7 +158,7 @@ def test_a_scene_shows_a_step_and_exports_all(beat: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_scene_made_for_a_series_fits_all_steps(tmp_path: Path) -> None:
+def test_a_scene_made_for_a_series_fits_all_steps(tmp_path):
     """The first step may be empty; the camera frames what the last one shows."""
     steps_of = [np.zeros((12, 12, 12), np.uint8), *steps(3)]
     path = tmp_path / "growing.nrrd"
@@ -175,7 +174,7 @@ def test_a_scene_made_for_a_series_fits_all_steps(tmp_path: Path) -> None:
     assert alone.file.camera.zoom == pytest.approx(scene.file.camera.zoom, rel=0.1)
 
 
-def test_a_frame_is_the_picture_of_its_step_whichever_was_cast_before(beat: Path) -> None:
+def test_a_frame_is_the_picture_of_its_step_whichever_was_cast_before(beat):
     series, settings = scene(beat), {"lights": ["day"], "sheet": False}
     made = series.export(beat / "frames", play={}, **settings)
     alone = scene(beat, "volume.step = 3").export(beat / "alone", **settings)
@@ -188,7 +187,7 @@ def test_a_frame_is_the_picture_of_its_step_whichever_was_cast_before(beat: Path
     assert frame == (made.output / made.files[3]).read_bytes()
 
 
-def test_a_further_field_is_a_series_too_without_a_step_that_cannot_be_read(beat: Path) -> None:
+def test_a_further_field_is_a_series_too_without_a_step_that_cannot_be_read(beat):
     for number in range(8, 12):
         (beat / f"late{number}.nrrd").write_bytes((beat / f"beat{number}.nrrd").read_bytes())
     (beat / "late10.nrrd").write_bytes((beat / "beat10.nrrd").read_bytes()[:-60])
@@ -198,7 +197,7 @@ def test_a_further_field_is_a_series_too_without_a_step_that_cannot_be_read(beat
     assert greatest == [(60, 60), (100, 100), (180, 180)]
 
 
-def test_a_field_that_is_no_series_is_read_once(beat: Path) -> None:
+def test_a_field_that_is_no_series_is_read_once(beat):
     series = scene(beat, '[[field]]\nname = "still"\nfile = "beat8.nrrd"\n').series()
     assert np.shares_memory(series[0].fields[0].values, series[3].fields[0].values)
 
@@ -233,9 +232,7 @@ def four_steps(folder: Path) -> str:
         (lambda beat: scene(beat, UNEVEN).series(), SceneError, "shape"),
     ],
 )
-def test_what_is_no_series_and_cannot_play_is_refused(
-    beat: Path, take: Callable[[Path], object], error: type[VolspecError], code: str
-) -> None:
+def test_what_is_no_series_and_cannot_play_is_refused(beat, take, error, code):
     with raises(error, code) as caught:
         take(beat)
     assert str(caught.value).count("scene.toml") == (error is SceneError)

@@ -16,7 +16,7 @@ from volspec.volume import Volume
 from volspec.volume.labels import Label
 
 
-def test_a_pickled_volume_is_the_same() -> None:
+def test_a_pickled_volume_is_the_same():
     values = np.arange(24, dtype=np.uint8).reshape(2, 3, 4)
     pet = Volume(values, spacing_mm=(2, 2, 2), name="PET", missing=3)
     volume = Volume(values, labels={1: Label("bone")}, fields=(pet,))
@@ -34,7 +34,7 @@ def test_a_pickled_volume_is_the_same() -> None:
         *[("i1", "i2"), ("?", "u1"), ("f2", "f4"), ("f8", "f4"), (">i2", "i2"), (">f4", "f4")],
     ],
 )
-def test_types_that_kernels_read_stay_and_others_are_widened(given: str, native: str) -> None:
+def test_types_that_kernels_read_stay_and_others_are_widened(given, native):
     assert Volume(np.ones((2, 2, 2), given)).values.dtype == np.dtype(native)
 
 
@@ -50,7 +50,7 @@ def test_types_that_kernels_read_stay_and_others_are_widened(given: str, native:
         if low >= 0 or "i" in given
     ],
 )
-def test_wide_integers_take_the_least_type(given: str, low: int, high: int, native: str) -> None:
+def test_wide_integers_take_the_least_type(given, low, high, native):
     values = np.full((2, 2, 2), high, given)
     values[0, 0, 0] = low
     volume = Volume(values)
@@ -58,7 +58,7 @@ def test_wide_integers_take_the_least_type(given: str, low: int, high: int, nati
     assert np.array_equal(volume.values, values)
 
 
-def test_an_array_that_needs_no_conversion_is_shared_and_read_only_here() -> None:
+def test_an_array_that_needs_no_conversion_is_shared_and_read_only_here():
     given = np.arange(27, dtype=np.float32).reshape(3, 3, 3)
     volume = Volume(given)
     assert np.shares_memory(given, volume.values) and given.flags.writeable
@@ -67,7 +67,7 @@ def test_an_array_that_needs_no_conversion_is_shared_and_read_only_here() -> Non
     assert volume.values.max() == given.max() == 26
 
 
-def test_nan_and_infinities_are_missing_voxels() -> None:
+def test_nan_and_infinities_are_missing_voxels():
     values = np.linspace(2, 9, 27, dtype=np.float32).reshape(3, 3, 3)
     values[0, 0, 1], values[0, 1, 1], values[1, 1, 1] = np.nan, -np.inf, np.inf
     with warns("3", "27", file=__file__):
@@ -80,13 +80,13 @@ def test_nan_and_infinities_are_missing_voxels() -> None:
     assert np.count_nonzero(np.isnan(back)) == 3 and Volume(np.ones((2, 2, 2))).missing is None
 
 
-def test_integers_that_float32_cannot_hold_are_warned_about() -> None:
+def test_integers_that_float32_cannot_hold_are_warned_about():
     Volume(np.full((2, 2, 2), 2**24, np.int64))
     with warns("int64", "2^24"):
         Volume(np.full((2, 2, 2), 2**24 + 1, np.int64))
 
 
-def test_doubles_that_float32_rounds_are_warned_about() -> None:
+def test_doubles_that_float32_rounds_are_warned_about():
     ramp = np.linspace(0, 1, 27).reshape(3, 3, 3)
     for values in (ramp, np.full((2, 2, 2), 0.1), ramp.round() + 1e6):
         Volume(values)  # whole numbers below 2^24 stay what they are
@@ -107,7 +107,7 @@ def blocks_of(values: np.ndarray, small: np.ndarray) -> list[tuple[Any, np.ndarr
     return [(value, values[part]) for value, part in zip(small.flat, parts, strict=True)]
 
 
-def test_down_sampling_takes_the_mean_of_blocks_and_of_what_is_left_at_the_ends() -> None:
+def test_down_sampling_takes_the_mean_of_blocks_and_of_what_is_left_at_the_ends():
     values = np.random.default_rng(1).integers(-900, 900, (5, 6, 7)).astype(np.int16)
     small = Volume(values).downsampled(3)
     assert small.values.dtype == np.int16 and small.shape_xyz == (3, 2, 2)
@@ -119,7 +119,7 @@ def test_down_sampling_takes_the_mean_of_blocks_and_of_what_is_left_at_the_ends(
     assert halves.values[0, 0, 0] == values[:2, :2, :2].mean() / 4
 
 
-def test_down_sampled_voxels_lie_at_their_blocks_centres() -> None:
+def test_down_sampled_voxels_lie_at_their_blocks_centres():
     """A field linear in the world is itself again where blocks are whole."""
     world = np.array([[0, -1, 0, 5], [2, 0, 0, 6], [0, 0, 3, 7], [0, 0, 0, 1]], float)
 
@@ -135,7 +135,7 @@ def test_down_sampled_voxels_lie_at_their_blocks_centres() -> None:
     assert np.allclose(small.values, np.tensordot([1, 2, 3], places(small), 1))
 
 
-def test_down_sampled_labels_are_the_most_frequent() -> None:
+def test_down_sampled_labels_are_the_most_frequent():
     labels = np.random.default_rng(2).integers(0, 5, (5, 6, 7)).astype(np.uint8) * 50
     small = Volume(labels).downsampled(3, labels=True)
     assert small.values.dtype == np.uint8
@@ -144,7 +144,7 @@ def test_down_sampled_labels_are_the_most_frequent() -> None:
         assert value == found[counts.argmax()]
 
 
-def test_a_volume_is_not_down_sampled_to_one_voxel() -> None:
+def test_a_volume_is_not_down_sampled_to_one_voxel():
     assert Volume(np.zeros((5, 9, 9))).downsampled(4).shape_xyz == (3, 3, 2)
 
 
@@ -170,17 +170,17 @@ VALUES = np.arange(24, dtype=np.float32).reshape(2, 3, 4)
 @pytest.mark.parametrize(
     ("dims", "order"), [("zyx", (0, 1, 2)), ("xyz", (2, 1, 0)), ("YXZ", (2, 0, 1))]
 )
-def test_axes_called_x_y_z_may_come_in_any_order(take: Any, dims: str, order: Any) -> None:
+def test_axes_called_x_y_z_may_come_in_any_order(take, dims, order):
     volume = take(DataArray(VALUES, dims))
     assert np.array_equal(volume.values, VALUES.transpose(order)) and volume.spacing_mm == (1, 1, 1)
 
 
-def test_axes_of_other_names_stay_in_their_order() -> None:
+def test_axes_of_other_names_stay_in_their_order():
     volume = Volume.of(DataArray(VALUES, "lij", l=[0.0, 2.5]))
     assert volume.shape_xyz == (4, 3, 2) and volume.spacing_mm == (1, 1, 2.5)
 
 
-def test_coordinates_give_the_geometry_by_default() -> None:
+def test_coordinates_give_the_geometry_by_default():
     """Rising or falling, whole numbers or not quite even float32."""
     x = np.float32([0.1, 0.2, 0.3, 0.4])
     given = DataArray(VALUES, "zyx", z=[7, 9], y=[3.0, 2.5, 2.0], x=x)
@@ -234,7 +234,7 @@ REFUSED: list[Row] = [
 
 
 @pytest.mark.parametrize("row", REFUSED, ids=range(len(REFUSED)))
-def test_what_is_no_volume_is_refused(row: Row) -> None:
+def test_what_is_no_volume_is_refused(row):
     make, *code_and_field = row
     with raises(VolumeError, *code_and_field):
         make()

@@ -53,7 +53,7 @@ def write(
 
 
 @pytest.mark.parametrize("version", ["0.4", "0.5"])
-def test_micrometres_become_millimetres(tmp_path: Path, version: str) -> None:
+def test_micrometres_become_millimetres(tmp_path, version):
     shift = [{"type": "translation", "translation": [10.0, 20.0, 30.0]}]
     change = {"coordinateTransformations": shift}
     volume = load_silently(write(tmp_path / "v.zarr", version=version, change=change))
@@ -62,7 +62,7 @@ def test_micrometres_become_millimetres(tmp_path: Path, version: str) -> None:
     assert volume.world_from_index[:3, 3] == pytest.approx([0.03, 0.02, 0.01])
 
 
-def test_a_level_is_chosen(tmp_path: Path) -> None:
+def test_a_level_is_chosen(tmp_path):
     path = write(tmp_path / "v.zarr")
     coarse = load_silently(f"{path}?level=1")
     assert np.array_equal(coarse.values, VALUES[::2, ::2, ::2])
@@ -73,14 +73,14 @@ def test_a_level_is_chosen(tmp_path: Path) -> None:
     assert load_silently(f"{path}?level=0").shape_xyz == (8, 6, 4)
 
 
-def test_a_channel_and_a_time_are_chosen_and_single_ones_dropped(tmp_path: Path) -> None:
+def test_a_channel_and_a_time_are_chosen_and_single_ones_dropped(tmp_path):
     path = write(tmp_path / "v.zarr", TWO[None], [TIME, CHANNEL, *SPACE])
     (other,) = load_silently(str(path)).fields
     assert np.array_equal(other.values, VALUES + 1)
     assert np.array_equal(load_silently(f"{path}?channel=1").values, VALUES + 1)
 
 
-def test_times_are_a_series_with_all_channels(tmp_path: Path) -> None:
+def test_times_are_a_series_with_all_channels(tmp_path):
     values = np.stack([[VALUES + 9 * t, VALUES // (t + 1)] for t in range(3)])
     path = write(tmp_path / "v.zarr", values, axes=[TIME, CHANNEL, *SPACE])
     series = load_series(path)
@@ -90,13 +90,13 @@ def test_times_are_a_series_with_all_channels(tmp_path: Path) -> None:
     assert len(load_series(f"{path}?level=1&channel=0")[2].fields) == 0
 
 
-def test_axes_in_another_order_are_turned(tmp_path: Path) -> None:
+def test_axes_in_another_order_are_turned(tmp_path):
     volume = load_silently(write(tmp_path / "v.zarr", VALUES.transpose(2, 1, 0), SPACE[::-1]))
     assert np.array_equal(volume.values, VALUES)
     assert volume.spacing_mm == pytest.approx((0.0005, 0.0005, 0.002))
 
 
-def test_a_scale_without_a_unit_is_warned_about(tmp_path: Path) -> None:
+def test_a_scale_without_a_unit_is_warned_about(tmp_path):
     path = write(tmp_path / "v.zarr", axes=[{"name": n, "type": "space"} for n in "zyx"])
     with warns("?spacing="):
         assert load_volume(path).spacing_mm == (0.5, 0.5, 2)
@@ -138,15 +138,13 @@ def stated(**change: Any) -> Callable[[Path], Path]:
         (stated(coordinateTransformations=[{"type": "affine", "affine": []}]), "", "damaged"),
     ],
 )
-def test_what_is_no_picture_is_refused(
-    tmp_path: Path, make: Callable[[Path], object], query: str, code: str
-) -> None:
+def test_what_is_no_picture_is_refused(tmp_path, make, query, code):
     make(tmp_path / "v.zarr")
     with raises(VolumeError, code):
         load_volume(f"{tmp_path}/v.zarr{query}")
 
 
-def test_without_zarr_it_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_zarr_it_is_refused(tmp_path, monkeypatch):
     path = write(tmp_path / "v.zarr")
     monkeypatch.setitem(sys.modules, "zarr", None)
     with raises(DeviceError, "unsupported"):

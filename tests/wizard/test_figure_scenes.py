@@ -33,7 +33,7 @@ def apart(one: np.ndarray, other: np.ndarray) -> float:
     return float(delta_E_2000(one, other))
 
 
-def test_figure_6_hides_the_inserts_and_the_smoke_and_keeps_the_block() -> None:
+def test_figure_6_hides_the_inserts_and_the_smoke_and_keeps_the_block():
     seen = shown(vs.Scene.load(SCENES / "figure-6.toml"))
     assert apart(seen["inserts", "a"], seen["block", "a"]) < 1.0
     assert seen["smoke", "a"][0] < 1.0  # L*
@@ -45,7 +45,7 @@ def test_figure_6_hides_the_inserts_and_the_smoke_and_keeps_the_block() -> None:
     assert white[0] > 90.0 and np.hypot(*white[1:]) < 3.0 and red[1] > 50.0 and red[2] > 30.0
 
 
-def test_figure_7_is_of_one_colour_and_then_without_a_body() -> None:
+def test_figure_7_is_of_one_colour_and_then_without_a_body():
     scene = vs.Scene.load(SCENES / "figure-7.toml")
     seen = shown(scene)
     first = [seen[name, "1:0"] for name in scene.materials]
@@ -58,7 +58,7 @@ def test_figure_7_is_of_one_colour_and_then_without_a_body() -> None:
 
 
 @pytest.mark.slow
-def test_figure_7_casts_the_frog(volumes: Path) -> None:
+def test_figure_7_casts_the_frog(volumes):
     if not (volumes / "frog.nrrd").exists():
         pytest.skip("frog.nrrd is not in the folder of the larger volumes")
     scene = vs.Scene.load(SCENES / "figure-7.toml")
@@ -70,7 +70,7 @@ def test_figure_7_casts_the_frog(volumes: Path) -> None:
     assert 0 < inside < 0.8 * whole
 
 
-def test_figure_2_parts_one_colour_into_three_and_five() -> None:
+def test_figure_2_parts_one_colour_into_three_and_five():
     scene = vs.Scene.load(SCENES / "figure-2.toml")
     seen = shown(scene)
     for light, groups in (("D65", 1), ("split 1", 3), ("split 2", 5)):
@@ -82,7 +82,7 @@ def test_figure_2_parts_one_colour_into_three_and_five() -> None:
         assert all(apart(*pair) > 10.0 for pair in combinations(kinds, 2))
 
 
-def test_a_volume_that_does_not_ship_is_missed_in_one_line() -> None:
+def test_a_volume_that_does_not_ship_is_missed_in_one_line():
     scene = vs.Scene.load(SCENES / "figure-7.toml", {"method": "materials"})
     if (scene.folder / scene.file.volume.file).exists():
         pytest.skip("the volume has been put there")
@@ -91,7 +91,7 @@ def test_a_volume_that_does_not_ship_is_missed_in_one_line() -> None:
 
 
 @pytest.mark.parametrize("name", ["figure-2-volume", "figure-6", "figure-7", "colour-vision"])
-def test_a_scene_is_exposed_as_its_palette(name: str) -> None:
+def test_a_scene_is_exposed_as_its_palette(name):
     palette = load_palette(DATA / "palettes" / f"{name}.toml")
     path = SCENES / f"{name.removesuffix('-volume')}.toml"
     assert palette.viewing == scene_file(scene_data(path), path).viewing.viewing

@@ -21,7 +21,7 @@ def chromaticity(text: str) -> np.ndarray:
     return XYZ[:2] / XYZ.sum()
 
 
-def test_mixtures_of_leds_are_as_white_as_daylight() -> None:
+def test_mixtures_of_leds_are_as_white_as_daylight():
     texts = white_from_leds(DEFAULT_GRID)
     assert len(texts) > 50
     for text in texts:
@@ -29,7 +29,7 @@ def test_mixtures_of_leds_are_as_white_as_daylight() -> None:
 
 
 @pytest.mark.parametrize("preset", [preset.name for preset in PRESETS if preset.name != "grey"])
-def test_a_volume_s_own_lights_show_something_on_every_preset(preset: str) -> None:
+def test_a_volume_s_own_lights_show_something_on_every_preset(preset):
     """A, FL2 and HP1 change the colours of most presets by ΔE 2 to 6."""
     scene = Scene.from_volume("ball", preset=preset, volume=phantom.ball(16))
     looks = {row.name: displayed_Lab(scene, row) for row in scene.lights}
@@ -42,7 +42,7 @@ def test_a_volume_s_own_lights_show_something_on_every_preset(preset: str) -> No
     assert best > 8 and best > 2 * changes["A"]
 
 
-def test_the_difference_of_metamers_is_found() -> None:
+def test_the_difference_of_metamers_is_found():
     scene = Scene.load(asset("data/scenes/engine.toml"))
     found = show_difference(scene, "block", "inserts", under="D65")
     assert found.before < 1 and found.delta_e > 20

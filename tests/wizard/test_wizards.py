@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,7 +33,7 @@ def scene(trained: vs.Scene) -> vs.Scene:
     return vs.Scene.load(trained.path, {"method": "materials"})
 
 
-def test_a_hidden_material_cannot_be_told_from_its_host_in_the_frames(trained: vs.Scene) -> None:
+def test_a_hidden_material_cannot_be_told_from_its_host_in_the_frames(trained):
     made = vs.hide(trained, "core", under="lamp", within="shell")
     assert not isinstance(made.scene.basis, MaterialBasis)
     plain = painted(made.scene, "core", "shell")
@@ -45,13 +44,13 @@ def test_a_hidden_material_cannot_be_told_from_its_host_in_the_frames(trained: v
     assert 2 * delta_E_2000(before, after).mean() < delta_E_2000(before, host).mean()
 
 
-def test_the_host_is_the_neighbour_that_is_most_seen(scene: vs.Scene) -> None:
+def test_the_host_is_the_neighbour_that_is_most_seen(scene):
     hosts = map(ScenePalette(scene).surrounding_material, scene.materials)
     assert [*hosts] == ["core", "stone", "core"]
 
 
 @pytest.mark.slow
-def test_a_metameric_black_keeps_its_colours_where_a_light_is_made_for_it(scene: vs.Scene) -> None:
+def test_a_metameric_black_keeps_its_colours_where_a_light_is_made_for_it(scene):
     made = vs.hide(scene, "core", under="dark", black=True, like="day")
     assert max(row.changed["core"] for row in made.evaluations if not row.like) < 1.5
     i, j = made.design.palette.index(("core", "dark"))
@@ -62,13 +61,13 @@ def test_a_metameric_black_keeps_its_colours_where_a_light_is_made_for_it(scene:
     assert new.changed.keys() == {"shell", "stone"}
 
 
-def test_a_revealed_material_is_as_far_from_all_others_as_asked(scene: vs.Scene) -> None:
+def test_a_revealed_material_is_as_far_from_all_others_as_asked(scene):
     made = vs.hide(scene, "core", under="day", within="shell").scene
     seen = vs.reveal(made, "core", under="day", distance=12)
     assert min(seen.delta_e("day", "core", other) for other in ("shell", "stone")) >= 12
 
 
-def test_a_material_is_revealed_to_deuteranopes_as_well(scene: vs.Scene) -> None:
+def test_a_material_is_revealed_to_deuteranopes_as_well(scene):
     made = vs.reveal(scene, "core", under="day", distance=12, deficiency=["deutan"])
     pairs = {frozenset(pair.reflectances) for pair in made.apart}
     assert pairs == {frozenset(("core", "shell")), frozenset(("core", "stone"))}
@@ -77,7 +76,7 @@ def test_a_material_is_revealed_to_deuteranopes_as_well(scene: vs.Scene) -> None
     assert all(p.deficiencies == ("none",) for p in plain.apart)
 
 
-def test_merged_materials_part_under_a_light_of_real_lamps(scene: vs.Scene) -> None:
+def test_merged_materials_part_under_a_light_of_real_lamps(scene):
     lamps = ("LED-B1", "LED-RGB1", "FL11", "HP1")
     made = vs.merge(scene, ["shell", "core"], under="day", split="apart", lamps=lamps)
     assert made.delta_e("day", "shell", "core") < 1.0
@@ -89,7 +88,7 @@ def test_merged_materials_part_under_a_light_of_real_lamps(scene: vs.Scene) -> N
 
 
 @pytest.mark.slow
-def test_given_colours_are_what_the_split_light_shows(scene: vs.Scene) -> None:
+def test_given_colours_are_what_the_split_light_shows(scene):
     colours = [(0.8, 0.2, 0.2), (0.9, 0.9, 0.9), (0.2, 0.4, 0.8)]
     names = ["shell", "core", "stone"]
     made = vs.merge(scene, names, under="day", split="apart", colours=colours, average=True)
@@ -100,7 +99,7 @@ def test_given_colours_are_what_the_split_light_shows(scene: vs.Scene) -> None:
     assert max(row.apart["shell", "core"] for row in made.evaluations if row.light == "day") < 1.0
 
 
-def test_a_kept_material_has_one_colour_under_all_lights(scene: vs.Scene) -> None:
+def test_a_kept_material_has_one_colour_under_all_lights(scene):
     made = vs.keep(scene, "shell")
     models, state = made.design.state.colour_models(), made.design.state
     i = made.design.palette.index(("shell", "day"))[0]
@@ -110,7 +109,7 @@ def test_a_kept_material_has_one_colour_under_all_lights(scene: vs.Scene) -> Non
     assert day.changed["shell"] < 5.0
 
 
-def test_under_two_groups_of_lights_it_is_hidden_from_each() -> None:
+def test_under_two_groups_of_lights_it_is_hidden_from_each():
     groups = vs.Scene.load(Path(__file__).resolve().parents[2] / "data/scenes/engine-groups.toml")
     name = next(light.name for light in groups.lights if len(light.rig.lights) > 1)
     made = vs.hide(groups, "inserts", under=name)
@@ -122,7 +121,7 @@ def test_under_two_groups_of_lights_it_is_hidden_from_each() -> None:
     assert np.abs(inserts - block).max() < 1e-3
 
 
-def test_a_basis_too_coarse_for_the_design_gives_way_to_the_materials(trained: vs.Scene) -> None:
+def test_a_basis_too_coarse_for_the_design_gives_way_to_the_materials(trained):
     made = vs.hide(vs.Scene.load(trained.path, {"size": 3}), "core", under="lamp", within="shell")
     assert made.changes.exact and made.scene.file.basis.method == "materials"
     assert made.delta_e("lamp", "core", "shell") < 1.0
@@ -152,9 +151,7 @@ def test_a_basis_too_coarse_for_the_design_gives_way_to_the_materials(trained: v
         (lambda s: vs.reveal(s, "core", under="day", deficiency=["green"]), "type deficiency"),
     ],
 )
-def test_what_cannot_be_is_refused(
-    scene: vs.Scene, call: Callable[[vs.Scene], object], expected: str
-) -> None:
+def test_what_cannot_be_is_refused(scene, call, expected):
     refuses(lambda: call(scene), expected)
 
 
@@ -175,7 +172,7 @@ def coloured(scene: vs.Scene) -> vs.Scene:
 
 
 @pytest.mark.slow
-def test_a_distance_out_of_reach_is_refused_with_the_largest(scene: vs.Scene) -> None:
+def test_a_distance_out_of_reach_is_refused_with_the_largest(scene):
     with raises(PaletteError, "impossible", "distance") as caught:
         vs.reveal(scene, "core", under="day", distance=100)
     largest = float(str(caught.value).partition("than ΔE ")[2].partition(" ")[0])
