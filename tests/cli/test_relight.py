@@ -49,7 +49,7 @@ def shown(image: Path, *words: object) -> np.ndarray:
 
 
 def said(capsys: Capture, image: Path, *words: object) -> str:
-    """What a command says on standard error while it makes its frame."""
+    """Messages of a command on standard error while it makes its frame."""
     with warnings.catch_warnings():
         warnings.simplefilter("default")
         shown(image, *words)

@@ -129,7 +129,7 @@ def test_planes_follow_from_the_symmetry_of_their_angles(tmp_path, angles, expec
     ],
 )
 def test_eulumdat_has_the_planes_of_its_symmetry(tmp_path, symmetry, rows, expected):
-    """In cd for 1000 of 2000 lm, by file and at C 0, 90, 180 and 270."""
+    """Candelas for 1000 of 2000 lm, by file and at C 0, 90, 180 and 270."""
     beam = read(tmp_path, ldt(symmetry, 90, [[row] * 7 for row in rows]), "a.ldt")
     found = [candela(beam, plane, 60) for plane in (0, 90, 180, 270)]
     assert found == pytest.approx(np.multiply(2, expected))

@@ -253,7 +253,7 @@ def rig(*lamps: object, **settings: object) -> Callable[[], object]:
 
 
 def closed() -> Relighter:
-    """It may be closed twice."""
+    """Close it twice."""
     with Relighter(cast(), "numpy") as relighter:
         relighter.close()
     return relighter

@@ -1,4 +1,4 @@
-"""What tests do with states: change them, cast and show them, and bring them back from a file."""
+"""Steps of tests with states: change, cast, show, and bring them back from a file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the layers of a cast show without another: opacities, cuts, fog, a focus, both eyes."""
+"""Layers of a cast, shown without another: opacities, cuts, fog, a focus, both eyes."""
 
 from __future__ import annotations
 
