@@ -394,7 +394,7 @@ def no_picture(folder: Path) -> Path:
         (lambda folder: vs.Texture.load(no_picture(folder)), "damaged"),
         (lambda _: vs.Grating(spacing_um=0.0), None),
         (lambda _: replace(plane(), opacity=0.0), "range"),
-        (lambda _: vs.shape_mesh("plain"), "unknown"),  # type: ignore[arg-type]  # a wrong name
+        (lambda _: vs.shape_mesh("plain"), "unknown"),  # a wrong name
     ],
 )
 def test_bad_colours_textures_and_looks_are_refused(tmp_path, make, code):

@@ -113,7 +113,7 @@ def test_more_iterations_are_never_worse(palette):
 
 def test_open_is_a_deprecated_name_of_free():
     with pytest.warns(DeprecationWarning):
-        old = PaletteSpectrum("s", open=True)  # type: ignore[call-arg]  # no field
+        old = PaletteSpectrum("s", open=True)  # no field
     with pytest.warns(DeprecationWarning):
         assert old.free and old.open
 

@@ -91,7 +91,7 @@ def test_another_paint_needs_no_other_rays():
 def lit(mesh: RoomMesh, **settings: object) -> Room:
     """Return a grey room whose last surface emits."""
     grey = np.full((len(mesh.names), BANDS), 0.5)
-    return Room(mesh, grey, {mesh.names[-1]: np.ones(BANDS)}, **settings)  # type: ignore[arg-type]  # of `Room`
+    return Room(mesh, grey, {mesh.names[-1]: np.ones(BANDS)}, **settings)
 
 
 def solve(mesh: RoomMesh, patches: int = 100, **settings: object) -> RoomLight:

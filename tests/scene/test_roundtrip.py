@@ -205,4 +205,4 @@ def test_a_scene_that_ships_is_written_as_it_stands(tmp_path, shipped):
     assert rebased(read(away), away.parent, copied) == like.file
     assert comments(away.read_text("utf-8")) == comments(shipped.read_text("utf-8"))
     assert lines(away)[0] == "#:schema ../../scenes/scene.schema.json"
-    assert read(write_scene(like.file, tmp_path / "anew.toml")) == like.file
+    assert read(write_scene(like.file, tmp_path / "again.toml")) == like.file

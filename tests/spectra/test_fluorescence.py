@@ -102,7 +102,7 @@ def test_all_of_a_bispectral_matrix_counts_on_any_grid():
     finely = measured.emitted(np.repeat(E, 5)).reshape(31, 5).mean(1)
     np.testing.assert_allclose(measured.on(PAPERS_GRID).emitted(E), finely, rtol=1e-9)
     assert np.linalg.matrix_rank(measured.matrix) > 100
-    assert np.linalg.matrix_rank(dye().fluorescence.matrix) == 1  # type: ignore[union-attr]
+    assert np.linalg.matrix_rank(dye().fluorescence.matrix) == 1
 
 
 @pytest.mark.parametrize("name", FLUOROPHORES)

@@ -40,7 +40,7 @@ class _Files(BaseHTTPRequestHandler):
 
     def __init__(self, folder: Path, asked: list[str], ranges: bool, *given: object) -> None:
         self.folder, self.asked, self.ranges = folder, asked, ranges
-        super().__init__(*given)  # type: ignore[arg-type]
+        super().__init__(*given)
 
     def do_GET(self) -> None:
         if self.asked[-1:] == [_GONE]:

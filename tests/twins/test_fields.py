@@ -85,7 +85,7 @@ OPENED = replace(PLANE, fields=("",))
 def test_fields_match_the_reference(fields, shown, settings, lanes):
     volume = fields["a"].with_fields([fields["b"], fields["c"]])
     transfer = FieldFunctions({name: function(name) for name in shown}, {shown[-1]: 0.7})
-    spec = RaycastSpec(step_mm=0.4, alpha_stop=1, **settings)  # type: ignore[arg-type]
+    spec = RaycastSpec(step_mm=0.4, alpha_stop=1, **settings)
     if lanes == 16 and not carries_16_rays():
         pytest.skip("packets of 16 rays are not this device's, it may not compile them")
     assert_matches_reference(volume, transfer, view(volume), SIZE, spec, lanes)

@@ -270,7 +270,7 @@ def test_a_cut_off_conversion_goes_on(ball, tmp_path, monkeypatch):
         if len(written) == most:
             raise KeyboardInterrupt
         written.append(block)
-        own(block, *others)  # type: ignore[arg-type]
+        own(block, *others)
 
     monkeypatch.setattr(convert, "_write", write)
     interrupted(level, path)

@@ -115,7 +115,7 @@ def cut_chunk(path: Path) -> None:
 
 def edit_ome(path: Path, **change: Any) -> None:
     group = zarr.open_group(str(path))
-    group.attrs["ome"] = dict(group.attrs["ome"]) | change  # type: ignore[arg-type]  # any JSON
+    group.attrs["ome"] = dict(group.attrs["ome"]) | change
 
 
 def stated(**change: Any) -> Callable[[Path], Path]:
