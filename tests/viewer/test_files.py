@@ -341,6 +341,7 @@ case "$*" in
 esac
 """
 _ASK = """
+import psutil
 from tests.support.patience import wait_until
 from volspec.viewer.model.paths import PathRequest
 from volspec.viewer.ui.dialogs import NativeDialog, has_native_dialogs
@@ -348,9 +349,17 @@ assert has_native_dialogs()
 read = PathRequest("o", "Open", suffixes=(".nrrd",))
 for request in (read, PathRequest("s", "Save", True, (".toml",), "x.toml")):
     dialog = NativeDialog(request)
+    asked, library = [], dialog._dialog
+    class Asked:  # what a program writes while the library is asked can be lost
+        result = library.result
+        def ready(self, timeout):
+            asked.extend(child.status() for child in psutil.Process().children())
+            return library.ready(timeout)
+    dialog._dialog = Asked()
     paths = []
     wait_until(lambda: paths.append(dialog.answer()) or paths[-1] is not None)
     print(paths[-1])
+    assert set(asked) == {psutil.STATUS_ZOMBIE}, asked
 left_open = NativeDialog(PathRequest("w", "Wait"))
 assert left_open.answer() is None
 left_open.close()  # or the program would end with it

@@ -12,6 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import psutil
 from imgui_bundle import imgui
 
 from volspec._files import plain_stem, require_writable
@@ -458,6 +459,13 @@ def has_native_dialogs() -> bool:
     return any(shutil.which(program) for program in _PROGRAMS)
 
 
+def _runs(program: psutil.Process) -> bool:
+    try:
+        return bool(program.status() != psutil.STATUS_ZOMBIE)
+    except psutil.NoSuchProcess:
+        return False
+
+
 class NativeDialog:
     """The system's dialog in a process of its own, which keeps the program from ending."""
 
@@ -465,6 +473,7 @@ class NativeDialog:
         from imgui_bundle import portable_file_dialogs as dialogs
 
         self.request = request
+        before = set(psutil.Process().children())
         start = os.path.abspath(os.path.expanduser(request.start or "."))
         patterns = " ".join(f"*{suffix}" for suffix in request.suffixes)
         filters = ["All files", "*"]
@@ -475,10 +484,13 @@ class NativeDialog:
         else:
             make: Any = dialogs.save_file if request.save else dialogs.open_file
             self._dialog = make(request.title, start, filters)
+        # The library reads, then asks whether its program has ended, and loses what the program
+        # writes in between: it is asked after the end only.
+        self._programs = set(psutil.Process().children()) - before
 
     def answer(self) -> str | None:
         """Return the path; empty if none was chosen, None while the dialog is open."""
-        if not self._dialog.ready(0):
+        if any(_runs(program) for program in self._programs) or not self._dialog.ready(0):
             return None
         result = self._dialog.result()
         return str(result[0] if result else "") if isinstance(result, list) else str(result)
