@@ -105,7 +105,7 @@ class Robot:
         if dpi != 96:
             given = ("-f", "RESOURCE_MANAGER", "8s", "-set", "RESOURCE_MANAGER", f"Xft.dpi: {dpi}")
             subprocess.run(["xprop", "-root", *given], env=self.environment, check=True)
-        self.started = time.time()
+        self.started = time.perf_counter()
         self.viewer = subprocess.Popen(
             [
                 *(sys.executable, "-c", _VIEW if ahead else _NOTHING_AHEAD + _VIEW, "view"),
@@ -141,7 +141,7 @@ class Robot:
 
     def now(self) -> float:
         """The present as a time of the trace."""
-        return time.time() - float(self._all()[0]["unix"])
+        return time.perf_counter() - float(self._all()[0]["perf_counter"])
 
     def wait_for(self, wanted: Callable[[Row], bool], after: float = -1.0) -> Row:
         """Return the first wanted row after a time; TimeoutError, with the last rows, if none."""

@@ -83,6 +83,7 @@ def window(running: Callable[[], Robot]) -> Iterator[Robot]:
         pytest.skip(lacking)
     robot = running()
     robot.resize(SIZE)
+    robot.do("mouseup", "1")  # a test may have failed with the button down
     robot.keys("Escape", "Escape")
     # A session has the settings of the window, too.
     robot.open(Path(robot.trace).with_name(f"it{SUFFIX}"))

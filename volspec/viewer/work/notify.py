@@ -29,7 +29,8 @@ class Trace:
     def __init__(self, path: Path | None = None) -> None:
         self._began = time.perf_counter()
         self._file = None if path is None else path.open("w", encoding="utf-8", buffering=1)
-        self.note("start", unix=time.time())
+        # Unlike the time of day, it is never set while the viewer runs.
+        self.note("start", perf_counter=self._began)
 
     def note(
         self, event: str, stage: str | None = None, ms: float | None = None, **more: Any
