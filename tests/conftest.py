@@ -1,7 +1,5 @@
 """Shared fixtures: volumes, small scenes, and devices, with skips if one is missing."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Foundations of the benchmarks: scenes, arithmetic, page; nothing is timed."""
 
-from __future__ import annotations
-
 import doctest
 import json
 import math

@@ -1,7 +1,5 @@
 """The cache of arrays: cached ones equal computed ones, and a fault of its files does no harm."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Figures of colour in the documents: each is what its command prints today, to its last digit."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from itertools import starmap

@@ -1,7 +1,5 @@
 """Every example runs, and the README's, and writes the pictures that it says you should see."""
 
-from __future__ import annotations
-
 import re
 import runpy
 import subprocess

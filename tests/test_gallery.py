@@ -1,7 +1,5 @@
 """The pages of docs/gallery that tools/gallery writes."""
 
-from __future__ import annotations
-
 import json
 import re
 

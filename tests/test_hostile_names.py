@@ -1,7 +1,5 @@
 """Names from files in generated programs: each is text there, and none of it runs."""
 
-from __future__ import annotations
-
 import ast
 import io
 import re

@@ -1,7 +1,5 @@
 """The rules of the house, executed: who may import whom, and what stays light."""
 
-from __future__ import annotations
-
 import ast
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """The words of the house: docstrings open plainly, and a short list of words is not used."""
 
-from __future__ import annotations
-
 import ast
 import io
 import re

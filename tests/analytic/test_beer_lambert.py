@@ -1,7 +1,5 @@
 """Homogeneous matter has an exact answer along every ray, however short, dense or faint."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -3,8 +3,6 @@
 Steps, spikes, opaque points, faint ones and values far from 0, by three steps.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import DTypeLike

@@ -1,7 +1,5 @@
 """Physical light: that of rays through the voxels, in pictures of scanned volumes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

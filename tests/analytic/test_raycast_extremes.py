@@ -1,7 +1,5 @@
 """Known answers at the limits: constant volumes, clear matter, far lights."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Pictures with closed-form answers: rays, chords, lights, levels."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

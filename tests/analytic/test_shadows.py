@@ -1,7 +1,5 @@
 """Light volumes with known answers."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

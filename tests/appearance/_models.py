@@ -1,7 +1,5 @@
 """Colours and conditions that the tests of the appearance models share."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from volspec.appearance import ViewingConditions

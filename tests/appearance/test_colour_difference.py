@@ -1,7 +1,5 @@
 """Differences of colours, rendition by lights and metamerism against published data."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import colour

@@ -1,7 +1,5 @@
 """Simulated colour-vision deficiencies: the papers' matrices, and what a dichromat confuses."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """PQ and HLG against BT.2100 and colour-science; what is brighter than white."""
 
-from __future__ import annotations
-
 import colour
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Displays in scene files, ICC profiles and PNG files."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -1,7 +1,5 @@
 """Bases that several files test."""
 
-from __future__ import annotations
-
 import pytest
 
 from volspec.basis import SpectralBasis

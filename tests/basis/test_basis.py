@@ -1,7 +1,5 @@
 """The basis' algebra, its files, and its refusals."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 

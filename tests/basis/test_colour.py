@@ -5,8 +5,6 @@ as white. Limits are about a tenth above what was measured, since another BLAS s
 elsewhere; the prototype's figures (METHOD) are given if they are worse.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Fits of bases: the cache, weights by use, any grid, and residuals by finite differences."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 from typing import Any

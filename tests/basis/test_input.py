@@ -1,7 +1,5 @@
 """Refusals of bases: lights as surfaces, edited files, impossible sizes and options."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess
@@ -252,8 +250,7 @@ def test_reflectances_are_between_black_and_fluorescent():
 @pytest.mark.not_quick
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("lights", "reflectances", "size"),
-    [(LIGHTS, [GOLD, COPPER], 14), (LIGHTS[:1], [GOLD], 9)],
+    ("lights", "reflectances", "size"), [(LIGHTS, [GOLD, COPPER], 14), (LIGHTS[:1], [GOLD], 9)]
 )
 def test_too_many_sensors_are_refused(lights, reflectances, size):
     """The error has the size that works. Every start takes seconds: the first alone will do."""

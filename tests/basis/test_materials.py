@@ -1,7 +1,5 @@
 """Materials as channels: exact under any light, editable without a new cast."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Ways from channels to XYZ, the matrix fitted to each light, and the algebra they share."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Standard observers: 2 and 10 degrees, and those of cone fundamentals."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from typing import get_args

@@ -1,7 +1,5 @@
 """The report of a basis: what its figures mean, and that the picture of them is one."""
 
-from __future__ import annotations
-
 import io
 import json
 import subprocess

@@ -1,7 +1,5 @@
 """The colour models on the command line: triples in, tables, JSON and a picture out."""
 
-from __future__ import annotations
-
 import dataclasses
 import io
 import json

@@ -1,7 +1,5 @@
 """``volspec basis``: what it reports on, what it writes, and what it says to bad input."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The command line: exit codes, one line on stderr, files whole or not at all."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

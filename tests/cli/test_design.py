@@ -1,7 +1,5 @@
 """``volspec design``: a palette in, a palette out, a report and a picture."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Commands in the guide print what it shows."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path

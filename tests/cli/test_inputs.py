@@ -1,7 +1,5 @@
 """Volumes, folders and patterns as inputs of render, export, page and scene new."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

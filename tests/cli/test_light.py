@@ -1,7 +1,5 @@
 """``volspec light``: a light in figures."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.support.commands import call

@@ -1,7 +1,5 @@
 """``volspec reflectance``: what it prints and writes, and what it says to bad input."""
 
-from __future__ import annotations
-
 import json
 from functools import partial
 

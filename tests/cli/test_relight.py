@@ -1,7 +1,5 @@
 """``volspec relight``: error maps, other reflectances, spectral pictures, viewing, warnings."""
 
-from __future__ import annotations
-
 import json
 import warnings
 from dataclasses import replace

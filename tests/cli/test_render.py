@@ -1,7 +1,5 @@
 """``volspec render``: sizes, halves, interruptions; ``volspec info`` of labels."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """``volspec scene``: files checked without being cast; the schema."""
 
-from __future__ import annotations
-
 import json
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Words of the commands, as transcripts; `pytest tests/cli --remake` writes them."""
 
-from __future__ import annotations
-
 import io
 import os
 import re

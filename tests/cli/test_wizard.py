@@ -1,7 +1,5 @@
 """`volspec wizard`: a new scene that renders, its palette, the figures, and errors in a line."""
 
-from __future__ import annotations
-
 import tomllib
 from functools import partial
 from pathlib import Path

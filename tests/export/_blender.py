@@ -1,7 +1,5 @@
 """Subset of ``bpy`` that the shipped script uses, evaluated as Blender does."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any

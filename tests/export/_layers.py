@@ -1,7 +1,5 @@
 """A chart under two light groups, and files of it as other programs open them."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 from typing import Any

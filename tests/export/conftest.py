@@ -1,7 +1,5 @@
 """A scene that casts in moments: a ball under three lights, in a basis that ships."""
 
-from __future__ import annotations
-
 import subprocess
 from collections.abc import Callable
 from pathlib import Path

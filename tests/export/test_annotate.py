@@ -1,7 +1,5 @@
 """Marks in saved pictures: the bar's length, their place, and what they leave as it was."""
 
-from __future__ import annotations
-
 from typing import Any
 from xml.etree import ElementTree
 

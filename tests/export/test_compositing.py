@@ -1,7 +1,5 @@
 """Files for compositors: layers, lights in the header, recipes for Blender and Nuke."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import json

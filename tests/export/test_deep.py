@@ -1,7 +1,5 @@
 """Deep files of layers: by OpenEXR's own reader, flattened here, and by OpenImageIO."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from importlib.util import find_spec

@@ -1,7 +1,5 @@
 """Focus, fog, cuts and stereo pairs in exports, from layers of one cast or cast for each."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from pathlib import Path

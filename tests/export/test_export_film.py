@@ -1,7 +1,5 @@
 """Films: the frames' colours, tagged for players; whole or not at all."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """HDR pictures: luminances through the appearance model, PNG and AVIF, what is refused."""
 
-from __future__ import annotations
-
 import struct
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Exports that are taken apart later: spectral frames, coefficient images for compositors."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 from typing import Any

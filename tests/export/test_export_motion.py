@@ -1,7 +1,5 @@
 """Interpolation of keyframes: smooth, level, never beyond the keys; cost in casts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

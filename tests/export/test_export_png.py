@@ -1,7 +1,5 @@
 """PNG as written here: read back by others to the last bit, colours tagged, whole or not at all."""
 
-from __future__ import annotations
-
 import io
 import struct
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Exports that are killed, find the disk full, or come upon what others have left."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,7 +1,5 @@
 """Exported frames: pixels of relighting one cast, in any file and size; blank ones are reported."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from pathlib import Path

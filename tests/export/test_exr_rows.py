@@ -1,7 +1,5 @@
 """OpenEXR files written row by row, as OpenEXR's own library reads them."""
 
-from __future__ import annotations
-
 import resource
 from itertools import count
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Files that appear whole: their permissions, with other writers."""
 
-from __future__ import annotations
-
 import errno
 import fcntl
 import os

@@ -1,7 +1,5 @@
 """Scenes for Mitsuba 3: the XML, the files that it names, and what Mitsuba reads in them."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 Fakes offer what is used of napari 0.9 and magicgui 0.10, with which both were tested.
 """
 
-from __future__ import annotations
-
 import copy
 import re
 import sys

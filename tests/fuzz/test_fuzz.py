@@ -1,7 +1,5 @@
 """Readers under hostile input: what fuzzing has found is refused in one line, and stays so."""
 
-from __future__ import annotations
-
 import math
 import random
 import subprocess
@@ -28,6 +26,7 @@ def corpus() -> dict[str, dict[str, bytes]]:
     return read_corpus()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", TARGETS)
 def test_kept_inputs_end_without_a_finding(name, corpus, tmp_path, monkeypatch):

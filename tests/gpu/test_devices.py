@@ -1,7 +1,5 @@
 """Devices are tried before they are used: those that cannot run a kernel are passed over."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

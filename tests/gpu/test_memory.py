@@ -4,8 +4,6 @@ Counted are the blocks of Python's allocator, which depend neither on the machin
 it does; `make trust` holds resident memory to the same (``benchmarks/drift.py``).
 """
 
-from __future__ import annotations
-
 import gc
 import sys
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Devices by name, buffers in the host's own memory, and one line for what does not work."""
 
-from __future__ import annotations
-
 import gc
 import mmap
 import re

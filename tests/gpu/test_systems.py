@@ -1,7 +1,5 @@
 """Other systems, mostly faked: opening OpenGL, locking files, installing."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Looks of meshes: textures, colours made spectral, translucency, mirrors, gratings."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

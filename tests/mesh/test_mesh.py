@@ -1,7 +1,5 @@
 """Meshes: rays, light against analytic answers, depth and shadows with a volume, refusals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A small picture of many colours."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A real JupyterLab on a free port, all of its files in one folder, and a browser before it."""
 
-from __future__ import annotations
-
 import json
 import os
 import secrets

@@ -1,7 +1,5 @@
 """The widget in a real JupyterLab: what is seen, what goes to Python and what comes from there."""
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The widget's traits and what they refuse, without a browser."""
 
-from __future__ import annotations
-
 import base64
 import io
 import sys

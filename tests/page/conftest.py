@@ -1,7 +1,5 @@
 """One browser for all of a page's tests: Debian's Chromium, drawing in software."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -1,7 +1,5 @@
 """A page for everybody: axe-core's rules, and what it cannot see: focus, order, names, room."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Cuts, fog, a lens, a small turn and two eyes in the page, against the desktop's pictures."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

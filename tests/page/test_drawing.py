@@ -1,7 +1,5 @@
 """Times and sizes of a page's drawing: coarse only while a slow browser's light moves."""
 
-from __future__ import annotations
-
 import base64
 import io
 from pathlib import Path

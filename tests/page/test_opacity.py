@@ -1,7 +1,5 @@
 """Opacities in the page: sliders against new frames of the desktop, keys, sharing, notebooks."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from dataclasses import replace
@@ -100,6 +98,7 @@ def frame(
     return np.asarray(relight(made, scene.lights[lamp].rig, scene.relight), np.uint8)
 
 
+@pytest.mark.slow
 def test_scales_of_1_draw_the_page_of_today(opened, page, tmp_path, scene, image):
     path = tmp_path / "plain.html"
     plain = replace(image, opacity_layers=None)

@@ -1,7 +1,5 @@
 """The page in a browser, from its file on disk: colours, network, words, state, access."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Iterator

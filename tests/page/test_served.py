@@ -1,7 +1,5 @@
 """A served page in a browser: the camera moves by casts, lights change without any."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace

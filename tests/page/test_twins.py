@@ -1,7 +1,5 @@
 """The page's arithmetic against the desktop's: lights, whites, matrices, transforms, looks, ΔE."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A page's words, from any author: names around the dial, titles, marks that turn directions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import combinations
 

@@ -1,7 +1,5 @@
 """Content of a page and its refusals, without a browser."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

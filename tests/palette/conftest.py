@@ -1,7 +1,5 @@
 """Designs of shipped palettes, which several files report and draw."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Reflectances to be distinguished with and without a colour-vision deficiency."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

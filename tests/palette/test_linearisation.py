@@ -1,7 +1,5 @@
 """The equations of a design are those of Bergner, Drew & Möller (2009), eq. 16-24."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import pairwise

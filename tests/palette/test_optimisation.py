@@ -1,7 +1,5 @@
 """Designed palettes meet their colours, and the optimum is the one that other solvers find."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Figures of palettes: draws repeat, and errors behave as in the paper."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

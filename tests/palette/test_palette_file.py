@@ -1,7 +1,5 @@
 """Palettes on disk: read, written back with their comments, and refused in one line."""
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Palettes that cannot be are refused in one line, with the place in the file."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The report and picture of a design: figures are those of the colours, advice comes true."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Bricks: bounds that no sample leaves, and what they make of tables and levels."""
 
-from __future__ import annotations
-
 import tracemalloc
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cameras refuse nonsense at birth, and casters what they cannot cast."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

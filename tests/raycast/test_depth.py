@@ -1,7 +1,5 @@
 """Focus, fog, cuts and a surface at its depth, from layers of opacity."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

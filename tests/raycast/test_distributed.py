@@ -1,7 +1,5 @@
 """Casts on a Dask cluster: the picture of one machine, whatever becomes of the workers."""
 
-from __future__ import annotations
-
 import os
 import signal
 from collections.abc import Iterator

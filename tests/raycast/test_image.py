@@ -1,7 +1,5 @@
 """Coefficient images on disk: the same numbers back, or refused."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from collections.abc import Callable

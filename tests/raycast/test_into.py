@@ -1,7 +1,5 @@
 """Pictures cast straight into a Relighter are shown as after its update, or the old one stays."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Layers of opacity: other opacities without a cast, their file, and what they refuse."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Meshes in a cast with layers: they stay while materials fade, and shadows go with these."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

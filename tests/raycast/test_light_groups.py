@@ -1,7 +1,5 @@
 """Light groups: each has its own light, and switching one off never darkens the picture."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 

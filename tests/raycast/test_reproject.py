@@ -1,7 +1,5 @@
 """Nearby views and stereo pairs of layers of opacity, against casts; the camera in the file."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Casts as a service: progress, cancel, coarse pictures first, memory, threads, arguments."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace

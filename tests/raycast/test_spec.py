@@ -1,7 +1,5 @@
 """Raycast settings, lights and cuts refuse nonsense at birth, in one line that names it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any, ClassVar, get_args, get_origin, get_type_hints

@@ -1,7 +1,5 @@
 """Warnings of lights that a mode does not hold: once per light, with the mode that does."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

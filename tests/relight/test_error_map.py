@@ -1,7 +1,5 @@
 """The error map: CIEDE2000 pixel by pixel, drawn with a scale."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

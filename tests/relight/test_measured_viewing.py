@@ -1,7 +1,5 @@
 """`Viewing.adapting`: pictures with known answers for what an eye before them is adapted to."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

@@ -1,7 +1,5 @@
 """Estimated errors of layers of opacity, against new casts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

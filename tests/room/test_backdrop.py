@@ -1,7 +1,5 @@
 """The room seen behind a volume: against a picture of the room, with direct light at each point."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

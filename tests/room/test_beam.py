@@ -1,7 +1,5 @@
 """Light distributions of luminaires: IES LM-63 and EULUMDAT, alone and as lamps of rooms."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Form factors of the brick are exact, and its radiosity keeps the energy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

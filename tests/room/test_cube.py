@@ -1,7 +1,5 @@
 """The closed form of the cube equals a dense solve, and a uniform cube a geometric series."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

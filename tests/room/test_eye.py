@@ -1,7 +1,5 @@
 """Conditions of an eye, appearance of surfaces, and pictures."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

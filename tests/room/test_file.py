@@ -1,7 +1,5 @@
 """Rooms from TOML: surfaces, lights of three kinds, furniture, meshes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Form factors by rays against analytic values; direct light against Lambert's formula."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Meshes of rooms: sides, openings, subdivision, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Ranking of paints: the same best as with every paint solved, in rooms of several kinds."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sets of paints and their mixtures."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

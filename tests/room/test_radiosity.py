@@ -1,7 +1,5 @@
 """Radiosity of rooms: white furnace, the cube, refinement, points in the room, refusals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Response of a room to its lights: other spectra, other paints, and the closed form of paints."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

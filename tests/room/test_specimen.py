@@ -1,7 +1,5 @@
 """Light of a room on a specimen, as an ambient light and a few directional ones."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

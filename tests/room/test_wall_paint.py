@@ -1,7 +1,5 @@
 """Paints found for a room have the wanted radiosity or appearance there, and are the smoothest."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Fits of bases that are recorded, not made."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Annotations: their numbers, what is refused, and their way through a scene's file."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

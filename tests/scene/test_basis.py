@@ -1,7 +1,5 @@
 """Choice of a scene's basis, with the reason."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

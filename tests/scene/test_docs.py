@@ -1,7 +1,5 @@
 """docs/scenes.md and the scenes that ship: every key with its default, every example a scene."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

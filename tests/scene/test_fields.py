@@ -1,7 +1,5 @@
 """``[[field]]``: files, channels, matrices and weights, and what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Scenes for volumes alone: what they show, and that they are found again wherever they are."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``[[group]]`` and ``[[light]]``: groups, and settings of several rows."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

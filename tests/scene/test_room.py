@@ -1,7 +1,5 @@
 """``[room]``: its light on a volume, its lamps' spectra, its walls behind, shadows, refusals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Any scene, written and read again, is the same scene; those that ship to the letter."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

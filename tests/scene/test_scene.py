@@ -1,7 +1,5 @@
 """Scene files: checked when loaded, errors name file, field and value."""
 
-from __future__ import annotations
-
 import json
 import warnings
 from dataclasses import fields, replace

@@ -1,7 +1,5 @@
 """The JSON schema that ships with the scenes."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import re

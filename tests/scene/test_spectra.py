@@ -1,7 +1,5 @@
 """Spectra as numbers in a scene's own file."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``[transfer]`` and materials' filters: one kind of function, and what it makes of the file."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import fields, is_dataclass
 from pathlib import Path

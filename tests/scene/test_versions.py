@@ -1,7 +1,5 @@
 """The version of a scene's file, and older ones brought to it."""
 
-from __future__ import annotations
-
 from collections.abc import MutableMapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Scenes written: they load into the same tables, and what somebody wrote stays."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A ball that is served in a thread of its own, and a client that speaks plain HTTP."""
 
-from __future__ import annotations
-
 import http.client
 import json
 import struct

@@ -1,7 +1,5 @@
 """Refusals of the server: token, cookie, names, paths, methods, parameters, ports."""
 
-from __future__ import annotations
-
 import re
 import socket
 import subprocess

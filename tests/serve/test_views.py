@@ -1,7 +1,5 @@
 """Casts of served views: cameras, coarse and whole, the newest first, marks, gaps, failures."""
 
-from __future__ import annotations
-
 import json
 import socket
 import struct

@@ -1,7 +1,5 @@
 """Files of spectra that several tests write."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tests.support.errors import raises

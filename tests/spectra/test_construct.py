@@ -1,7 +1,5 @@
 """Reflectances made for colours: exact, within 0 to 1, near the true ones under other lights."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np

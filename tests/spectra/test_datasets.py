@@ -1,7 +1,5 @@
 """Named spectra are colour-science's to the last bit; observers are CIE's and vary as published."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """ENVI hyperspectral pictures and spectral libraries."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Faults of callers and files: one SpectrumError of one line, with its code."""
 
-from __future__ import annotations
-
 import errno
 from collections.abc import Callable
 from pathlib import Path

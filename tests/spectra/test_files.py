@@ -1,7 +1,5 @@
 """Spectra from files: text tables, IES TM-27, and what lights and reflectances make of them."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from collections.abc import Callable

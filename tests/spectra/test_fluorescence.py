@@ -1,7 +1,5 @@
 """Fluorescent materials: against sums by hand, energy, files of FPbase, filters and lasers."""
 
-from __future__ import annotations
-
 import math
 import pickle
 from pathlib import Path

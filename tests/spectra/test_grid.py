@@ -1,7 +1,5 @@
 """The grid and the spectrum: exact band means, strict inputs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

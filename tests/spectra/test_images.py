@@ -1,7 +1,5 @@
 """Spectral images in OpenEXR as Fichet, Pacanowski and Wilkie (2021); pictures relit like casts."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable
 from pathlib import Path

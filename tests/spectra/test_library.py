@@ -1,7 +1,5 @@
 """Named lights and reflectances, and the photometry they are scaled with."""
 
-from __future__ import annotations
-
 import colour
 import numpy as np
 import pytest

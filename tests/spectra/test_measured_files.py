@@ -1,7 +1,5 @@
 """Spectra of instruments: CGATS and Argyll text, CxF3, renderers' tables."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Drive the web page in the system's Chromium, under Playwright, with its software GPU."""
 
-from __future__ import annotations
-
 import io
 import shutil
 from collections.abc import Iterator

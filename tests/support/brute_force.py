@@ -1,7 +1,5 @@
 """Light by brute force: a ray through the voxels from every sample, in float64, without a grid."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -92,11 +90,7 @@ class _March(reference._March):
 
 
 def cast(
-    volume: Volume,
-    table: TransferTable,
-    camera: Camera,
-    size: tuple[int, int],
-    spec: RaycastSpec,
+    volume: Volume, table: TransferTable, camera: Camera, size: tuple[int, int], spec: RaycastSpec
 ) -> tuple[Array, Array]:
     """Return the channels (H·W, L·M) and alpha (H·W,) of a cast with such light."""
     rays = reference.make_rays(volume, camera, size, spec)

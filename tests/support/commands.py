@@ -1,7 +1,5 @@
 """The command line in this process, and files that its transcripts and tests use."""
 
-from __future__ import annotations
-
 import gzip
 import json
 from dataclasses import replace

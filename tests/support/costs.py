@@ -9,8 +9,6 @@ its seconds of wall time, and its name. What a fixture of a module or of the ses
 for the first test that asks for it.
 """
 
-from __future__ import annotations
-
 import csv
 import os
 import sys

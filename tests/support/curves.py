@@ -1,7 +1,5 @@
 """A caster without tables: curves evaluated in float64 between their points, at every sample."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

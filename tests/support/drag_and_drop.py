@@ -8,8 +8,6 @@ References
     https://www.freedesktop.org/wiki/Specifications/XDND/
 """
 
-from __future__ import annotations
-
 import select
 from collections.abc import Sequence
 from contextlib import closing

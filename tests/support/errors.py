@@ -1,19 +1,14 @@
 """Assert an error by its class, code and field; transcripts hold the English."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import pytest
 
 from volspec.errors import CODES, VolspecError, VolspecWarning
-
-if TYPE_CHECKING:
-    from _pytest._code import ExceptionInfo
 
 E = TypeVar("E", bound=VolspecError)
 
@@ -21,7 +16,7 @@ E = TypeVar("E", bound=VolspecError)
 @contextmanager
 def raises(
     expected: type[E], code: str | None = None, field: str | None = None
-) -> Iterator[ExceptionInfo[E]]:
+) -> Iterator[pytest.ExceptionInfo[E]]:
     """Assert that a volspec error is raised whose message is one line.
 
     Parameters

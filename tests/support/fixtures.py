@@ -1,7 +1,5 @@
 """Short names of what pytest's fixtures and marks are."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Small glTF files."""
 
-from __future__ import annotations
-
 import json
 import struct
 from collections.abc import Sequence

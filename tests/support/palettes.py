@@ -1,7 +1,5 @@
 """Palettes that tests build: free surfaces, lamps of the library, wanted colours."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

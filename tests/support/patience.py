@@ -1,7 +1,5 @@
 """Wait for a condition; the limit only ends a hang."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

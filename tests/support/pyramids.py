@@ -1,7 +1,5 @@
 """Volumes of any size as if they were larger than memory, and their division into parts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

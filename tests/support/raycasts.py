@@ -1,7 +1,5 @@
 """Volumes, transfer functions and views of casts with known answers, and the lengths of rays."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -10,8 +10,6 @@ References
 [2] colour-science 0.4: ``colour.XYZ_to_CIECAM02``, ``colour.CIECAM02_to_XYZ``.
 """
 
-from __future__ import annotations
-
 import colour
 import numpy as np
 from colour.appearance import InductionFactors_CIECAM02

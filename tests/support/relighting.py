@@ -1,7 +1,5 @@
 """Coefficient images of small hand-made bases, and their frames by every backend."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

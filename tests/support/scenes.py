@@ -1,7 +1,5 @@
 """Texts of small scenes, and what is read of scene files."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path

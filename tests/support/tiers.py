@@ -8,8 +8,6 @@ A test of the folders of `QUICK` that needs more than values, or a second, is ma
 With ``--quick`` whatever opens a device, a child process or a window fails, so that none is missed.
 """
 
-from __future__ import annotations
-
 import subprocess
 from collections import Counter
 from collections.abc import Generator, Iterator

@@ -1,7 +1,5 @@
 """Materials, and each kind of transfer function made of them."""
 
-from __future__ import annotations
-
 from volspec.basis import SpectralBasis
 from volspec.spectra import reflectance
 from volspec.transfer import Isosurfaces, LabelFunction, TransferFunction, TransferFunction2D

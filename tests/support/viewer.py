@@ -1,7 +1,5 @@
 """Build the viewer's states without a window, and run its commands."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Small volumes and the files that hold them."""
 
-from __future__ import annotations
-
 import gzip
 import struct
 import warnings

@@ -1,7 +1,5 @@
 """A web server of a folder that answers requests for parts of files, as object stores do."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager

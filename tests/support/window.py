@@ -3,8 +3,6 @@
 Needs Xvfb, xdotool and xprop; to drop files python-xlib.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os
@@ -15,16 +13,13 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, ImageGrab
 
 from tests.support.patience import PATIENCE_S, wait_until
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 Row = dict[str, Any]
 Place = tuple[float, float]
@@ -349,12 +344,7 @@ class Robot:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         for process in (self.viewer, self._server):
             process.terminate()
             process.wait(PATIENCE_S)

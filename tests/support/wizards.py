@@ -1,7 +1,5 @@
 """Scenes and frames for tests of the wizards."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Labels and isosurfaces: what their tables hold, and what is refused."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """First look of a segmentation: materials, colours, names, and the scene made of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

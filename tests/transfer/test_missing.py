@@ -1,7 +1,5 @@
 """Missing voxels, NaN or infinite in the file, are transparent in casts and their twin."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Transfer functions of points: what a table holds, and what is refused."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

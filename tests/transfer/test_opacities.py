@@ -1,7 +1,5 @@
 """Scaled opacities of materials: Beer-Lambert's law per material, and what cannot be scaled."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

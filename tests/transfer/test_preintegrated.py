@@ -1,7 +1,5 @@
 """Pre-integration: means of a transfer function over the values that a step passes."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Presets fitted to volumes of every kind."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

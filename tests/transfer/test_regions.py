@@ -1,7 +1,5 @@
 """Transfer functions of value and gradient: where regions are, how they mix, what is refused."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

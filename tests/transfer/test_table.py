@@ -1,7 +1,5 @@
 """Tables are valid at birth: what belongs together, and what is refused."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Several fields in one cast, against the float64 reference and against what they must equal."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

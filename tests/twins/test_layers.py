@@ -1,7 +1,5 @@
 """The kernel's layers of opacity against the NumPy stream, as the pictures they recompose."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The light volume's kernels against their float64 reference, node by node."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Masks: transfer functions by label of another field, against the float64 reference and limits."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Packets of rays: the same picture in each, and the choice of the fastest that works."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A cast part by part against the cast of the whole volume, pixel by pixel."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The raycast kernel against its float64 reference, pixel by pixel."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Each feature of the ray loop against the float64 reference, pixel by pixel."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Weak points of a ray loop: leaps, faces, units, extreme values."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

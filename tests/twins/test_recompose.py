@@ -1,7 +1,5 @@
 """Opacities on the GPU: shaders/recompose.frag and its NumPy twin make the same picture."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Displays in the live path: spaces, reduced chroma and marks, in the shader and in NumPy."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

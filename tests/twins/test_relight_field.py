@@ -1,7 +1,5 @@
 """Transforms that change over the picture: the shader, its NumPy twin and colour-science."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

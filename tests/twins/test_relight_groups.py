@@ -1,7 +1,5 @@
 """Light groups: the shader, its NumPy twin and the reference still make the same picture."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Every model in the shader: closed forms, 3-D LUTs, and no NaN in any frame."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

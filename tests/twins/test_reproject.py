@@ -1,7 +1,5 @@
 """The reprojection kernel against its NumPy twin."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """``kernels/layers.cl`` packs the very numbers that `pack_layers` does."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

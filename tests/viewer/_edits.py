@@ -1,7 +1,5 @@
 """Edits of the viewer's state with arguments drawn by their types."""
 
-from __future__ import annotations
-
 import inspect
 import math
 from collections.abc import Callable

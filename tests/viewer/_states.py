@@ -1,7 +1,5 @@
 """Steps of tests with states: change, cast, show, and bring them back from a file."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A document without a device, as the pure parts of the viewer see it; a screen and a window."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack

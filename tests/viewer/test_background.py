@@ -1,7 +1,5 @@
 """Background threads: requests replaced by newer ones, casts, memory returned to the system."""
 
-from __future__ import annotations
-
 import os
 import platform
 import subprocess

@@ -1,7 +1,5 @@
 """Coefficient images in the viewer: relit, and never cast again."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Designs of the palette in background threads, effects of light, results in the history."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Files: scripts, paths, choices, what is remembered, pictures and their names."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess
@@ -21,26 +19,14 @@ from tests.support.images import read_codes
 from tests.support.patience import PATIENCE_S
 from tests.support.viewer import SCENES, assert_same_tables, opened, run_command
 from tests.viewer._states import frame_of, save_ball, seen, under, worked_on
-from volspec.errors import (
-    ImageError,
-    InputError,
-    OpenGLError,
-    VolspecWarning,
-    VolumeError,
-)
+from volspec.errors import ImageError, InputError, OpenGLError, VolspecWarning, VolumeError
 from volspec.export.frames import read_frame_text
 from volspec.raycast.checks import MAX_SIDE
 from volspec.scene import Scene
 from volspec.viewer.app import Options, view
 from volspec.viewer.model.choices import RawLayout, Undecided, address_with, guess_layouts
 from volspec.viewer.model.document import demo
-from volspec.viewer.model.paths import (
-    Listing,
-    PathRequest,
-    dropped_path,
-    folder_places,
-    list_paths,
-)
+from volspec.viewer.model.paths import Listing, PathRequest, dropped_path, folder_places, list_paths
 from volspec.viewer.ui.dialogs import initial_path
 from volspec.viewer.ui.widgets import find_cjk_font
 from volspec.viewer.work import background, outputs, screenshot

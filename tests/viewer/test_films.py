@@ -1,7 +1,5 @@
 """Films, pages and time steps: the frames of the preview, by the exporters of the commands."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Cost of changes, steps of undo, gestures, and the chosen light."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
@@ -383,8 +381,8 @@ _WORDS_DRAWN = ("", "no such", "gold", "A", "#804020", "CAM16", "dim", "free", "
 _CHANGES = st.sampled_from([each.change for each in COMMANDS if each.change is not None])
 
 
-@pytest.mark.not_quick
 # Points drawn at random may be too close for a table, which a warning says.
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*too close for the span")
 @settings(max_examples=60, suppress_health_check=list(HealthCheck))
 @given(

@@ -1,7 +1,5 @@
 """Labels in the viewer: shown and hidden, searched, switched to grey values and back."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Light sources in the picture: their light, groups and spectra, directions, handles; quality."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Lights of the list: lux, groups, notation, drawn spectra, mixes, saved states and fades."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

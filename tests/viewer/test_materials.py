@@ -1,7 +1,5 @@
 """Materials of a transfer function: adding, removing and saving them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Meshes in the viewer: the list's edits, files, sessions, and meshes dropped on the window."""
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import replace
 from pathlib import Path

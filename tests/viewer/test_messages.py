@@ -3,8 +3,6 @@
 ``python -m tests.viewer.test_messages`` writes the file again; read the difference.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -32,15 +30,7 @@ from volspec.relight.error_map import ErrorMap
 from volspec.scene.annotation import Annotation
 from volspec.spectra import DEFAULT_GRID, Spectrum, light
 from volspec.transfer import Region, TransferFunction2D
-from volspec.viewer.model import (
-    light_parts,
-    lighting,
-    lights,
-    materials,
-    measure,
-    opacities,
-    room,
-)
+from volspec.viewer.model import light_parts, lighting, lights, materials, measure, opacities, room
 from volspec.viewer.model.edit import Edited
 from volspec.viewer.model.light_rows import MOST_ROWS, LightRow, LightState, lux_note
 from volspec.viewer.model.light_states import MOST_STATES

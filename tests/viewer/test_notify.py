@@ -1,7 +1,5 @@
 """Messages to the user, and warnings of other threads."""
 
-from __future__ import annotations
-
 import math
 import threading
 import warnings

@@ -1,7 +1,5 @@
 """Layers of a cast, shown without another: opacities, cuts, fog, a focus, both eyes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any

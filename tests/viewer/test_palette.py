@@ -1,7 +1,5 @@
 """The palette's table without a window: cells, targets, materials of values, wizards, files."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -26,14 +24,7 @@ from tests.viewer._edits import MODULES, drawn
 from tests.viewer._states import relit, seen, under
 from volspec.basis import MaterialBasis
 from volspec.errors import PaletteError
-from volspec.palette import (
-    Apart,
-    Cell,
-    Palette,
-    PaletteSpectrum,
-    load_palette,
-    save_palette,
-)
+from volspec.palette import Apart, Cell, Palette, PaletteSpectrum, load_palette, save_palette
 from volspec.pipeline import raycast
 from volspec.raycast import Ambient, LightGroup
 from volspec.relight import LightRig, relight

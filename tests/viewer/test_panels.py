@@ -1,7 +1,5 @@
 """Texts of panels, the command palette, menus and keys, the lights panel, without a window."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Scenes with a room: its lamps as the lights, paints without a cast, files and sessions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A state written as a scene's file is the same picture when it is opened."""
 
-from __future__ import annotations
-
 from dataclasses import astuple, replace
 from pathlib import Path
 from typing import Any, cast
@@ -10,13 +8,7 @@ import numpy as np
 import pytest
 
 from tests.support.errors import refuses
-from tests.support.viewer import (
-    SCENES,
-    assert_same_picture,
-    assert_same_tables,
-    opened,
-    read_scene,
-)
+from tests.support.viewer import SCENES, assert_same_picture, assert_same_tables, opened, read_scene
 from tests.viewer._states import under
 from volspec.basis import SpectralBasis
 from volspec.errors import InputError, SceneError, ViewingError

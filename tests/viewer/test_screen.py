@@ -1,7 +1,5 @@
 """The picture on the screen: bands, tables of models, timings, the probe, the error map."""
 
-from __future__ import annotations
-
 import json
 import threading
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Sessions: what comes back, what is refused, and what is kept without being asked."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Slices: values, orientation, colours under the lights, tables of values."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

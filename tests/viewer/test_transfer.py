@@ -1,7 +1,5 @@
 """Transfer functions: edits of every kind, conversions, opacity by gradient, presets."""
 
-from __future__ import annotations
-
 import gc
 import math
 import weakref
@@ -41,7 +39,7 @@ _SPAN = (0.0, 1.0)
 _COMMANDS = st.sampled_from([each.change for each in COMMANDS if each.menu == "Transfer"])
 
 
-@pytest.mark.not_quick
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @settings(max_examples=20, suppress_health_check=list(HealthCheck))
 @given(edits=st.lists(_EDITS | _EDITS | _EDITS | _COMMANDS, min_size=25, max_size=40))

@@ -1,7 +1,5 @@
 """Views, handles over the picture, the orientation cube, the scale bar, annotations."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The window under Xvfb: casts, faults, dropped files, sessions, commands."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

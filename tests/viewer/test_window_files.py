@@ -1,7 +1,5 @@
 """The window under Xvfb: messages, menus, dialogs, panels, a volume larger than memory."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """Bundled volumes: found by name, in Python and in scenes, wherever the scene is."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Files of several channels: all are read, with what the file says of them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

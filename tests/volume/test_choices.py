@@ -1,7 +1,5 @@
 """Choices of an address: series, level, channel, time step, the layout of raw bytes."""
 
-from __future__ import annotations
-
 import gzip
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Volumes from files: values and geometry, and one clear line for a file that cannot be read."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """HDF5 files: datasets, time steps, spacing, and what is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import h5py

@@ -1,7 +1,5 @@
 """Headers of files: those that differ from the voxels, that ITK misreads, and wide integers."""
 
-from __future__ import annotations
-
 import gzip
 import struct
 import warnings

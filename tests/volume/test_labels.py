@@ -1,7 +1,5 @@
 """Labels of segmentations: which volumes hold them, and their names and colours."""
 
-from __future__ import annotations
-
 import gzip
 import struct
 

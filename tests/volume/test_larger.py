@@ -1,7 +1,5 @@
 """Volumes larger than memory: conversion, levels, what is read, and damage."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

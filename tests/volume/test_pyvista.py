@@ -1,7 +1,5 @@
 """A pyvista plotter's volume and view taken over, and relit frames put back."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Volumes are read in a child process: any fault of the child is a one-line error here."""
 
-from __future__ import annotations
-
 import gzip
 import os
 import struct

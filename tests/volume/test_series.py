@@ -1,7 +1,5 @@
 """DICOM series: which slices are one volume, where they lie, and what is refused."""
 
-from __future__ import annotations
-
 import locale
 import re
 import struct

@@ -1,7 +1,5 @@
 """TIFF files of several pages and folders of pictures: values, spacing, and what is refused."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Time steps: files of several and files of one each, one range for all, gaps and faults."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """OME-Zarr folders: levels, channels, scales in millimetres, and what is refused."""
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Callable

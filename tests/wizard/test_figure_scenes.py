@@ -1,7 +1,5 @@
 """The scenes after figures 2, 6 and 7 of Bergner, Drew & Möller (2009) show what those show."""
 
-from __future__ import annotations
-
 from itertools import combinations
 from pathlib import Path
 

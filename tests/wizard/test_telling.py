@@ -1,7 +1,5 @@
 """Lights that show something: of a search, and those that come with a volume alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Wizards work in the frames: hidden is alike, revealed is distinct, kept is constant."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
