@@ -5,39 +5,17 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
+from pkgutil import iter_modules
 from typing import Any, get_args, get_origin, get_type_hints
 
 from hypothesis import strategies as st
 
-from volspec.viewer.model import (
-    camera,
-    commands,
-    cuts,
-    effects,
-    labels,
-    light_parts,
-    light_states,
-    lighting,
-    lights,
-    materials,
-    measure,
-    meshes,
-    opacities,
-    palette_edits,
-    quality,
-    room,
-    slices,
-    transfer_edits,
-    viewing,
-)
+from volspec.viewer import model
 from volspec.viewer.model.edit import Edited
 from volspec.viewer.model.state import ViewState
 
-MODULES = (
-    *(camera, commands, cuts, effects, labels, light_parts, light_states, lighting, lights),
-    *(materials, measure, meshes, opacities, palette_edits, quality, room, slices),
-    *(transfer_edits, viewing),
-)
+MODULES = [import_module(f"volspec.viewer.model.{m.name}") for m in iter_modules(model.__path__)]
 NUMBERS = st.floats(-2, 30) | st.floats(-1e9, 1e9) | st.sampled_from([0.0, math.nan, math.inf])
 INDICES = st.integers(-2, 12)
 

@@ -103,8 +103,8 @@ _TEXTS = (
     *("tritan", "longpass:500", "exact", "absolute", "distance"),
 )
 # Their panel is open; L_A follows from the light; a light of one spectrum, a curve without regions,
-# labels and opacity by gradient, a lamp, a cell without a target, no room, and no measurement have
-# nothing to edit.
+# labels and opacity by gradient, a lamp, a cell without a target, and no room, measurement, focus,
+# fields or layers have nothing to edit.
 _IDLE = (
     *("commands.open_panel", "viewing.set_luminance", "light_parts.remove_part"),
     *("transfer_edits.set_region_values", "transfer_edits.set_region_gradients"),
@@ -112,6 +112,8 @@ _IDLE = (
     *("transfer_edits.add_gradient_point", "transfer_edits.remove_gradient_point"),
     *("lighting.set_occlusion_radius", "opacities.reset", "labels.toggle_label"),
     *("labels.show_only", "palette_edits.set_target_weight", "palette_edits.set_target_group"),
+    *("depth.reset", "depth.set_aperture", "depth.set_stereo", "fields.choose", "fields.solo"),
+    *("fields.set_weight", "fields.set_shown"),
     *("palette_edits.set_target_distance", "room.paint", "room.pick", "effects.prepare"),
     *(f"measure.{name}" for name in ("pick", "rename", "remove", "remove_all", "stop")),
 )
