@@ -12,7 +12,7 @@ import pytest
 
 from tests.support.fixtures import slow
 from volspec._figures import spread_apart
-from volspec.basis import MaterialBasis, SpectralBasis, figure
+from volspec.basis import MaterialBasis, SpectralBasis, figure, report_table
 from volspec.basis.display import MODES
 from volspec.basis.figure import basis_figure, save_figure, worst_pairs
 from volspec.basis.report import (
@@ -24,13 +24,7 @@ from volspec.basis.report import (
     product_rows,
     sRGB_codes,
 )
-from volspec.basis.report_table import (
-    ErrorTable,
-    error_table,
-    format_delta_e,
-    terminal_table,
-    worst_line,
-)
+from volspec.basis.report_table import ErrorTable, error_table, format_delta_e
 from volspec.spectra import XYZ_from_spectra, light, reflectance, white_XYZ
 
 LAMPS = {"smooth": [light("D65"), light("A")], "spiky": [light("FL2"), light("HP1")]}
@@ -191,10 +185,14 @@ def test_the_terminal_table_fits_80_columns(table):
     from rich.console import Console
 
     console = Console(width=80, record=True, file=io.StringIO())
-    console.print(terminal_table(table))
-    console.print(worst_line(table, colours=True))
-    lines = console.export_text().splitlines()
-    assert max(map(len, lines)) <= 80 and not any("…" in line for line in lines)
+    console.print(report_table.terminal_table(table))
+    console.print(report_table.worst_line(table, colours=True))
+    shown = console.export_text()
+    assert max(map(len, shown.splitlines())) <= 80 and "…" not in shown
+    assert shown.count("two surfaces") == shown.count("three surfaces") == len(table.classes)
+    for each in table.classes.values():
+        times = f" {each.rgb_product.mean / each.fitted.mean:.0f} times"
+        assert times in report_table.verdict(table)
 
 
 def test_names_are_pushed_apart_and_keep_their_order():
