@@ -25,7 +25,6 @@ FIGURES = "materials", *slow_each("many", "general", "light", "reflectance")
 
 
 def drawn(name: str) -> Image.Image:
-    """Draw a figure of a basis, a light or a reflectance."""
     lamp, other = (light(each, RENDITION_GRID) for each in ("FL4", "A"))
     match name:
         case "light":
@@ -34,8 +33,8 @@ def drawn(name: str) -> Image.Image:
             parts = {key: (0.5, each.values) for key, each in list(PAINTS.items())[:2]}
             figure = reflectance_figure(PAINTS["gold"], parts, LAMPS["smooth"])
         case "general":
-            basis, paints = SpectralBasis.load("general-7"), list(PAINTS.values())
-            figure = basis_figure(error_table(basis, LAMPS, paints))
+            table = error_table(SpectralBasis.load("general-7"), LAMPS, list(PAINTS.values()))
+            figure = basis_figure(table)
         case _:
             few = list(PAINTS.items())[: 2 if name == "materials" else None]
             figure = basis_figure(error_table(MaterialBasis(dict(few)), LAMPS))

@@ -3,7 +3,6 @@
 import json
 import os
 import secrets
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -104,13 +103,10 @@ def opened(folder: Path, cells: Sequence[str]) -> Iterator[Lab]:
 @contextmanager
 def _server(folder: Path) -> Iterator[tuple[str, str]]:
     """JupyterLab's address and token."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    address, token = f"http://127.0.0.1:{port}", secrets.token_hex(16)
+    token = secrets.token_hex(16)
     log = folder / "server.log"
     words = [
-        *(sys.executable, "-m", "jupyterlab", *_OPTIONS, f"--port={port}"),
+        *(sys.executable, "-m", "jupyterlab", *_OPTIONS, "--port=0"),
         *(f"--ServerApp.root_dir={folder}", f"--IdentityProvider.token={token}"),
         f"--ServerApp.jpserver_extensions={_SERVER_EXTENSIONS}",
     ]
@@ -118,8 +114,8 @@ def _server(folder: Path) -> Iterator[tuple[str, str]]:
         environment = _environment(folder)
         server = subprocess.Popen(words, cwd=folder, env=environment, stdout=said, stderr=said)
         try:
-            _await(server, f"{address}/api", log)
-            yield address, token
+            told = folder / "JUPYTER_RUNTIME_DIR" / f"jpserver-{server.pid}.json"
+            yield _await(server, told, log), token
         finally:
             # JupyterLab ends its kernels before it goes.
             server.terminate()
@@ -142,16 +138,20 @@ def _environment(folder: Path) -> Mapping[str, str]:
     return os.environ | homes | {"XDG_CACHE_HOME": str(caches), "PYTHONPATH": path}
 
 
-def _await(server: subprocess.Popen[bytes], address: str, log: Path) -> None:
-    def answers() -> bool:
+def _await(server: subprocess.Popen[bytes], told: Path, log: Path) -> str:
+    """Wait until the server answers; return its address, which it has chosen itself."""
+
+    def answers() -> str:
         try:
-            _asked(address)
-        except OSError:
+            address = f"http://127.0.0.1:{json.loads(told.read_text(encoding='utf-8'))['port']}"
+            _asked(f"{address}/api")
+        except (OSError, ValueError):
             assert server.poll() is None, log.read_text(encoding="utf-8")
-            return False
-        return True
+            return ""
+        return address
 
     wait_until(answers, "no answer")
+    return answers()
 
 
 def _asked(address: str, token: str = "", body: Mapping[str, Any] | None = None) -> None:

@@ -3,8 +3,8 @@
 import os
 import signal
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -68,10 +68,9 @@ def test_a_killed_worker_changes_nothing(engine, caster, monkeypatch):
     killed = workers(caster)[0]
     own = distributed.ClusterCaster._wait
 
-    def wait(self: distributed.ClusterCaster, *given: Any) -> None:
-        """All parts are with the workers."""
-        os.kill(killed, signal.SIGKILL)
-        own(self, *given)
+    def wait(*given: object) -> None:
+        os.kill(killed, signal.SIGKILL)  # all parts are with the workers
+        own(*given)
 
     monkeypatch.setattr(distributed.ClusterCaster, "_wait", wait)
     picture = raycast(*given, caster=caster)
@@ -83,14 +82,13 @@ def test_a_killed_worker_changes_nothing(engine, caster, monkeypatch):
 def test_frames_of_an_export_are_cast_side_by_side(caster, tmp_path, monkeypatch):
     scene = Scene.load(ENGINE).exporting(turntable={"frames": 3}, lights=["D65"])
     monkeypatch.setattr(scene, "raycast", replace(SPEC, groups=scene.raycast.groups))
-    running: list[object] = []
-    under_way: list[int] = []
+    running, under_way = [], []
     own = distributed.ClusterCaster._wait
 
-    def wait(self: distributed.ClusterCaster, *given: Any) -> None:
-        running.append(self)
+    def wait(*given: object) -> None:
+        running.append(given)
         under_way.append(len(running))
-        own(self, *given)
+        own(*given)
         running.pop()
 
     monkeypatch.setattr(distributed.ClusterCaster, "_wait", wait)
@@ -103,9 +101,15 @@ def test_frames_of_an_export_are_cast_side_by_side(caster, tmp_path, monkeypatch
         assert np.abs(far - whole).max() <= 1
 
 
-def test_workers_of_another_version_and_addresses_without_a_cluster_are_refused(
-    engine, caster, monkeypatch
-):
+def test_threads_share_one_connection(monkeypatch):
+    monkeypatch.setattr(distributed.Cluster, "_connect", lambda _: [*range(10**6)])
+    cluster = distributed.Cluster("local:1")
+    with ThreadPoolExecutor(2) as pool:
+        one, other = pool.map(lambda _: cluster.client, range(2))
+    assert one is other
+
+
+def test_another_version_and_addresses_without_a_cluster_are_refused(engine, caster, monkeypatch):
     import distributed as dask
 
     import volspec

@@ -61,8 +61,9 @@ def job_of(asked: ViewState) -> designs.DesignJob:
 def answers(*asked: ViewState) -> list[designs.DesignDone]:
     """Return the designs of targets requested at once, up to the last one's."""
     worker = designs.DesignWorker(lambda: None)
-    for each in asked:
-        worker.request(job_of(each))
+    with worker._changed:  # however slow this thread is
+        for each in asked:
+            worker.request(job_of(each))
     last = asked[-1].palette.targets
     done = take_until(worker.take, lambda d: any(x.whole and x.job.targets is last for x in d))
     worker.close()

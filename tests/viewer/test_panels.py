@@ -486,7 +486,8 @@ def test_lights_are_measured_in_the_background_once_for_each_change(state):
     first = chosen_lights(state, False)
     for _ in range(3):
         service.follow(first)
-    wait_until(lambda: service.take() and not service.busy)
+    wait_until(service.take)
+    wait_until(lambda: not service.busy)
     assert service.shown[0] == first and not service.take()
     service.follow(chosen_lights(state, False))
     assert not service.busy, "the same lights again"

@@ -22,6 +22,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from importlib.util import find_spec
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
@@ -327,7 +328,8 @@ class ClusterCaster(LevelCaster):
             if cancel is not None and cancel():
                 self._client.cancel([*leaves, root])
                 raise CastCancelled("raycast: cancelled", code="state")
-            with suppress(NotYet):
+            # Else Dask takes the client that was made last in this process.
+            with self._client.as_current(), suppress(NotYet):
                 wait([root], timeout=0.1)
             if progress is not None:
                 progress(sum(leaf.done() for leaf in leaves) / (len(leaves) + 1))
@@ -391,6 +393,7 @@ class Cluster:
     def __init__(self, address: str) -> None:
         self._address = address
         self._client: Client | None = None
+        self._connecting = Lock()  # frames of an export are cast in several threads
         self._end: Callable[[], object] = lambda: None
         kind, _, number = address.partition(":")
         if kind == "local" and number and not (number.isdecimal() and int(number) > 0):
@@ -408,9 +411,10 @@ class Cluster:
     @property
     def client(self) -> Client:
         """The connection. Raises DeviceError if no scheduler answers."""
-        if self._client is None:
-            self._client = self._connect()
-        return self._client
+        with self._connecting:
+            if self._client is None:
+                self._client = self._connect()
+            return self._client
 
     def close(self) -> None:
         """End the connection, and the workers that were started for it."""

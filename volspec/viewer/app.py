@@ -158,6 +158,8 @@ class _App:
     def run(self) -> None:
         """Draw frames until the window closes; raise InputError if nothing could be opened."""
         try:
+            if self._ui.start and self._window.usable:
+                self._draw([])  # first, also if the demonstration is read already
             while not self._window.closing:
                 waited, patience = time.perf_counter(), self._patience()
                 inputs = self._window.wait(patience)

@@ -56,6 +56,8 @@ _STATE = "unfinished.json"
 # Folder, in the new one, of the output that it replaces.
 _REPLACED = "replaced"
 _VERSION = 3
+# Seconds until writes of a conversion that failed have ended; only a hang takes longer.
+_PATIENCE_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,10 +191,11 @@ def _begin(partial: Path, output: Path, key: dict[str, Any]) -> None:
     _save_state(partial, key, 0)
     for each in partial.iterdir():
         if each.is_dir() and not each.is_symlink():
-            # Writes that failed may still end in other threads, and leave a file behind.
-            shutil.rmtree(each, ignore_errors=True)
+            # After one write failed, others may still end in threads, and leave files behind.
+            end = time.monotonic() + _PATIENCE_S
+            while each.exists() and time.monotonic() < end:
+                shutil.rmtree(each, ignore_errors=True)
             if each.exists():
-                time.sleep(0.5)
                 shutil.rmtree(each)
         elif each.name != _STATE:
             each.unlink()

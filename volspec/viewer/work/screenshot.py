@@ -127,6 +127,7 @@ def render_frame(state: ViewState, size: tuple[int, int], progress: Progress) ->
             left = round(state.divide * frame.shape[1])
             frame = frame.copy()
             frame[:, left:] = relighter.frame(other, spec)[:, left:]
+    progress.check()
     return frame
 
 
