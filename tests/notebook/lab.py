@@ -139,8 +139,6 @@ def _environment(folder: Path) -> Mapping[str, str]:
 
 
 def _await(server: subprocess.Popen[bytes], told: Path, log: Path) -> str:
-    """Wait until the server answers; return its address, which it has chosen itself."""
-
     def answers() -> str:
         try:
             address = f"http://127.0.0.1:{json.loads(told.read_text(encoding='utf-8'))['port']}"
@@ -150,8 +148,7 @@ def _await(server: subprocess.Popen[bytes], told: Path, log: Path) -> str:
             return ""
         return address
 
-    wait_until(answers, "no answer")
-    return answers()
+    return wait_until(answers, "no answer")
 
 
 def _asked(address: str, token: str = "", body: Mapping[str, Any] | None = None) -> None:

@@ -58,6 +58,8 @@ _REPLACED = "replaced"
 _VERSION = 3
 # Seconds until writes of a conversion that failed have ended; only a hang takes longer.
 _PATIENCE_S = 60.0
+# Errors of deleting a folder in which a file comes or goes meanwhile.
+_LATE = errno.ENOTEMPTY, errno.ENOENT
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,10 +195,13 @@ def _begin(partial: Path, output: Path, key: dict[str, Any]) -> None:
         if each.is_dir() and not each.is_symlink():
             # After one write failed, others may still end in threads, and leave files behind.
             end = time.monotonic() + _PATIENCE_S
-            while each.exists() and time.monotonic() < end:
-                shutil.rmtree(each, ignore_errors=True)
-            if each.exists():
-                shutil.rmtree(each)
+            while each.exists():
+                try:
+                    shutil.rmtree(each)
+                except OSError as error:
+                    if error.errno not in _LATE or time.monotonic() > end:
+                        raise
+                    time.sleep(0.01)
         elif each.name != _STATE:
             each.unlink()
 
