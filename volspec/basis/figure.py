@@ -49,6 +49,8 @@ if TYPE_CHECKING:
     from volspec.basis.report import ErrorSummary
     from volspec.basis.report_table import ErrorTable
 
+Array = NDArray[np.float64]
+
 WIDTH_IN = 10.0
 _MARGIN = 0.42
 _CAPTION_LINE = 0.165
@@ -178,7 +180,7 @@ def draw_errors(axes: Axes, errors: ErrorTable) -> None:
     own = min(len(errors.classes["scene"].pairs.lights), 5) if "scene" in means else 0
     share = max((_MOST_NAMED - own) // max(len(means) - bool(own), 1), 1)
     for (name, report), left, right in zip(errors.classes.items(), ends, ends[1:], strict=False):
-        order = np.argsort(own_max[name], kind="stable")
+        order = _rising(own_max[name])
         x = left + (right - left) * (np.arange(len(order)) + 1.0) / (len(order) + 1.0)
         if left:
             axes.axvline(left, color=HAIR, linewidth=0.8)
@@ -275,6 +277,14 @@ def draw_swatches(axes: Axes, errors: ErrorTable) -> None:
         x += 0.16
 
 
+def _rising(delta_e: Array) -> NDArray[np.intp]:
+    """Return the order of colour differences; those equal to within `NOTHING` keep their order.
+
+    What is exact by construction has differences of some 1e-14, which depend on the processor.
+    """
+    return np.argsort(np.round(delta_e / NOTHING), kind="stable")
+
+
 def share_out(places: int, wanted: list[int]) -> list[int]:
     """Distribute places evenly: no class gets two more than another that still wants one."""
     given = [0] * len(wanted)
@@ -293,17 +303,15 @@ def worst_pairs(report: BasisReport, count: int) -> list[WorstPair]:
     delta_e = report.pairs.delta_e[DEFAULT_MODE]
     found: list[tuple[int, int]] = []
     for once in (True, False):
-        for flat in np.argsort(-delta_e, axis=None, kind="stable"):
+        for flat in _rising(-delta_e.ravel()):
             j, i = divmod(int(flat), delta_e.shape[1])
             if len(found) == count:
                 break
             if all(j != light and not (once and i == sample) for light, sample in found):
                 found.append((j, i))
-    found.sort(key=lambda pair: -delta_e[pair])
+    found = [found[k] for k in _rising(np.array([-delta_e[pair] for pair in found]))]
     return [WorstPair.at(report.pairs, j, i) for j, i in found]
 
-
-Array = NDArray[np.float64]
 
 _LINE_LIGHTNESS = (30.0, 58.0)
 _WIDEST_NAME = 1.1
