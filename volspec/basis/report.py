@@ -389,7 +389,7 @@ def basis_report(
         )
     chained = not isinstance(basis, MaterialBasis)
     pairs = pair_errors(basis, lights, surfaces, _channels(basis, surfaces), chained=chained)
-    j, i = divmod(int(pairs.delta_e[DEFAULT_MODE].argmax()), len(surfaces))
+    j, i = divmod(int(pairs.delta_e[DEFAULT_MODE].round(6).argmax()), len(surfaces))
     return BasisReport(
         basis=basis.name,
         size=basis.size,

@@ -46,7 +46,7 @@ class ErrorTable:
     @property
     def worst_class(self) -> str:
         """Class of the overall worst pair."""
-        return max(self.classes, key=lambda name: self.classes[name].worst.delta_e)
+        return max(self.classes, key=lambda name: round(self.classes[name].worst.delta_e, 6))
 
     @property
     def worst(self) -> WorstPair:
