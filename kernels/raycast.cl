@@ -20,7 +20,7 @@
 //                      of the next's limit; rows by gradient if TABLE_ROWS > 1
 //         material_weights  floatV[rows][last_entry + 2][2][VECTORS]: weights of the materials in
 //                      the reflectance, and their difference to the next entry
-//         channels     float[WEIGHTS + 1][CHANNELS]: channels of each material, then of white
+//         channels     float[WEIGHTS + 1][cast.channels]: channels of each material, then of white
 //         filters      floatV[last_entry + 2][2][VECTORS], with FILTERED: transmittance of one
 //                      whole step, channel by channel, and its difference; the last is white
 //         sources, light_volume  (include/shade.clh, include/light.clh)
@@ -29,7 +29,7 @@
 //         cast         settings of the cast: CAST in volspec/raycast/kernel_arguments.py
 //         through      float[height][width], with PARTS: transmittance of what is in front of the
 //                      part, which is written without it (include/rays.clh, include/picture.clh)
-// Writes  coefficients_out float[height][width][GROUPS][CHANNELS] premultiplied; alpha_out,
+// Writes  coefficients_out float[height][width][GROUPS][cast.channels] premultiplied; alpha_out,
 //         depth_out and first_out float[height][width] (expected and first depth in smallest
 //         spacings, inf for empty pixels), from the band's first row on; with LAYERED, layers_out
 //         (include/layered.clh), which are of whole rays

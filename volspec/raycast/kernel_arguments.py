@@ -66,7 +66,7 @@ CAST = Struct(
         ("float", "first_opacity", "at which a ray counts as having hit something"),
         ("float", "gradient_scale", "central difference -> fraction of the volume's range"),
         ("float", "gradient_floor_squared", "in those fractions; shading fades below it"),
-        ("int", "width, height", "of the picture"),
+        ("int", "width, height, channels", "of the picture"),
         ("int", "row, slice", "elements from one voxel row, one slice to the next"),
         ("int", "bricks_x, bricks_y", "number of bricks"),
         ("int", "light_x, light_y, light_z", "nodes of the light volume"),
@@ -150,6 +150,7 @@ def cast_struct(
     cast["jitter"], cast["first_opacity"] = spec.jitter, spec.first_opacity
     cast["gradient_floor_squared"] = spec.gradient_floor_squared
     cast["width"], cast["height"] = size
+    cast["channels"] = table.channels.shape[1]
     _set_table(cast, table, volume, spec, step)
     # Of smallest spacings of the volume, in units.
     cast["gradient_scale"] *= min(volume.spacing_mm) / unit
@@ -251,7 +252,6 @@ class Program:
         width = vector_width(count)
         constants = {
             "WEIGHTS": count,
-            "CHANNELS": channels,
             "VECTOR": width,
             "VECTORS": -(-count // width),
             "LABELS": int(isinstance(table, TransferTable) and table.labels),
