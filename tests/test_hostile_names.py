@@ -80,10 +80,6 @@ def test_real_tcl_reads_nuke_s_group_and_runs_no_name():
     assert tcl.eval("set ::hurt") == "0"
 
 
-def in_nuke(path: str) -> None:
-    nuke_group(recipe(), Path(path))
-
-
 def with_channel(name: Any) -> None:
     made = recipe()
     replace(made, channels={**made.channels, "key": (name,) * 5})
@@ -96,7 +92,7 @@ CHANNELS = ("a[hurt].c00.V", "key.c00.V+hurt()", "", "key.c00", 3)
 @pytest.mark.parametrize(
     "make",
     [
-        *(partial(in_nuke, each) for each in PATHS),
+        *(partial(nuke_group, recipe(), Path(each)) for each in PATHS),
         *(partial(with_channel, each) for each in CHANNELS),
     ],
 )

@@ -59,7 +59,7 @@ def test_light_is_that_of_rays_through_the_voxels(name, source):
 
 @pytest.mark.parametrize("slant", [slow(0.0), 0.3])
 def test_no_light_leaks_through_a_wall_of_two_voxels(slant):
-    values = np.zeros((48, 48, 48), np.uint8)
+    values = np.zeros((48, 48, 48), np.float32)
     values[40:42] = 200  # a wall under the light, above the matter that is seen
     values[:20] = 100
     table = TransferTable((99.0, 200.0), np.array([0, 0.98, 0.98]), np.ones((3, 1)), 1.0)

@@ -4,7 +4,6 @@ import itertools
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,11 +20,8 @@ from volspec.transfer import TransferTable
 Cast = Callable[..., Result | reference.Result]
 
 
-def by_kernel(volume: vs.Volume, *given: Any) -> Result:
-    return vs.Raycaster(volume).cast(*given)
-
-
-BOTH = pytest.mark.parametrize("cast", [by_kernel, reference.cast])
+CASTS = [lambda volume, *given: vs.Raycaster(volume).cast(*given), reference.cast]
+BOTH = pytest.mark.parametrize("cast", CASTS, ids=["kernel", "reference"])
 
 
 @pytest.mark.slow

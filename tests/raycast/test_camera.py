@@ -86,7 +86,7 @@ def test_the_first_row_is_the_top_and_the_first_column_the_left():
 
 
 def test_an_empty_picture_is_warned_about_with_its_likely_reason():
-    beyond = replace(COPPER, points=[(100, 0, "copper"), (200, 1, "copper")])
+    beyond = replace(COPPER, points=[(100, 0, "copper"), (200, 0.5, "copper")])
     with warns("100", "200", " 0 "):
         vs.raycast(BALL, beyond, SIDE, (16, 16))
     clear = replace(COPPER, points=[(0, 0, "copper"), (1, 0, "copper")])

@@ -18,6 +18,7 @@ from volspec.spectra import light_set, reflectance_set
 from volspec.volume import Volume, phantom
 
 COPPER = {"copper": vs.reflectance("copper")}
+SKY = vs.LightGroup("sky", vs.Ambient())
 BASIS = vs.MaterialBasis(COPPER)
 TRANSFER = vs.TransferFunction([(60, 0.0, "copper"), (200, 0.3, "copper")], COPPER, BASIS)
 
@@ -101,22 +102,22 @@ def test_an_edit_of_the_transfer_function_is_not_missed(engine):
 
 
 def test_shadows_are_cached_while_only_the_camera_moves(engine):
-    sun = vs.LightGroup("sun", vs.Directional((1, 1, 2), shadows=True))
+    lights = SKY, vs.LightGroup("sun", vs.Directional((1, 1, 2), shadows=True))
     caster, filled = Raycaster(engine), []
     fill = caster._lights._fill_extinction
     caster._lights._fill_extinction = lambda *a: (filled.append(a), fill(*a))
     for azimuth in (0, 40, 80):
-        picture(engine, azimuth_deg=azimuth, groups=sun, light_cells=32, caster=caster)
+        picture(engine, azimuth_deg=azimuth, groups=lights, light_cells=32, caster=caster)
     assert len(filled) == 1
 
 
 def test_threads_take_turns_with_one_caster(engine):
     """A light that moves with the camera is another for each picture."""
-    sun = vs.LightGroup("sun", vs.Directional((1, 1, 1), frame="camera", shadows=True))
+    key = vs.LightGroup("key", vs.Directional((1, 1, 1), frame="camera", shadows=True))
     caster, azimuths = Raycaster(engine), (0, 90, 180, 270)
 
     def cast(azimuth_deg: float) -> np.ndarray:
-        how = {"groups": sun, "light_cells": 24, "caster": caster}
+        how = {"groups": (SKY, key), "light_cells": 24, "caster": caster}
         return picture(engine, azimuth_deg=azimuth_deg, **how).coefficients
 
     alone = [cast(azimuth) for azimuth in azimuths]
@@ -126,9 +127,8 @@ def test_threads_take_turns_with_one_caster(engine):
 
 
 def test_groups_come_with_their_shares(engine):
-    sky = vs.LightGroup("sky", vs.Ambient())
-    key = vs.LightGroup("key", vs.Directional((1, 1, 1), frame="camera"))
-    image = picture(engine, ambient=0.25, diffuse=0.75, groups=(sky, key))
+    key = vs.LightGroup("key", vs.Directional((1, 1, 1), frame="camera", shadows=True))
+    image = picture(engine, ambient=0.25, diffuse=0.75, groups=(SKY, key), light_cells=24)
     assert image.groups == {"sky": 0.25, "key": 0.75}
     assert image.coefficients.shape == (48, 48, 2 * BASIS.size)
 

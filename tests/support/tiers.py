@@ -8,6 +8,7 @@ A test of the folders of `QUICK` that needs more than values, or a second, is ma
 With ``--quick`` whatever opens a device, a child process or a window fails, so that none is missed.
 """
 
+import gc
 import subprocess
 from collections import Counter
 from collections.abc import Generator, Iterator
@@ -45,6 +46,16 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 def _is_quick(item: pytest.Item) -> bool:
     """Return True if a test is of values only, and takes less than a second."""
     return not (item.get_closest_marker("not_quick") or MACHINE_FIXTURES & {*item.fixturenames})
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Collect without looking for garbage: what is collected stays, and need not be visited."""
+    gc.disable()
+    collected = yield
+    gc.freeze()
+    gc.enable()
+    return collected
 
 
 @pytest.hookimpl(trylast=True)

@@ -85,10 +85,6 @@ def spaced_nrrd(spacing: str) -> bytes:
     return f"{head}endian: little\nencoding: raw\n\n".encode() + RAW
 
 
-def spaced_mhd(spacing: str) -> bytes:
-    return f"{META}ElementSpacing = {spacing}\nElementDataFile = v.raw\n".encode()
-
-
 JUNK = b"hello" * 99
 FLAT = b"NRRD0004\ntype: short\ndimension: 2\nsizes: 4 6\nendian: little\nencoding: raw\n\n" + RAW
 INT16 = "v.raw?shape=4x3x2&dtype=int16"
@@ -121,7 +117,10 @@ REFUSED: list[tuple[str, bytes | None, str] | tuple[str, bytes | None, str, str]
     ("flat.nrrd", FLAT, "shape"),
     # ITK mirrors a negative axis and takes NaN for 1.
     *(("s.nrrd", spaced_nrrd(spacing), "range") for spacing in ("-1 1 1", "1 0 1", "1 1 nan")),
-    *(("s.mhd", spaced_mhd(spacing), "range") for spacing in ("-1 1 1", "1 0 1", "1 1 nan")),
+    *(
+        ("s.mhd", f"{META}ElementSpacing = {one}\nElementDataFile = v.raw\n".encode(), "range")
+        for one in ("-1 1 1", "1 0 1", "1 1 nan")
+    ),
     ("v.raw", None, "missing"),
     ("v.raw?shape=4x3x2", None, "missing"),
     ("v.raw?shape=4x3&dtype=uint8", None, "shape", "v.raw?"),

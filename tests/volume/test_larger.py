@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -191,10 +192,6 @@ def write_slices(values: np.ndarray, folder: Path, suffix: str = ".tif") -> str:
     return "slices"
 
 
-def write_png(values: np.ndarray, folder: Path) -> str:
-    return write_slices(values, folder, ".png")
-
-
 def write_hdf5(values: np.ndarray, folder: Path) -> str:
     with h5py.File(folder / "v.h5", "w") as file:
         file.create_dataset("a/raw", data=values, chunks=(32, 48, 64), compression="gzip")
@@ -207,7 +204,8 @@ def write_plain_hdf5(values: np.ndarray, folder: Path) -> str:
     return "v.h5?time=1"
 
 
-OTHERS = [write_tiff, write_plain_tiff, write_slices, write_png, write_plain_hdf5]
+write_pngs = partial(write_slices, suffix=".png")
+OTHERS = [write_tiff, write_plain_tiff, write_slices, write_pngs, write_plain_hdf5]
 
 
 @pytest.mark.parametrize("write", [write_raw, write_hdf5, *slow_each(*OTHERS)])
