@@ -114,7 +114,7 @@ def test_shares_of_materials_mix():
 @cache
 def ball() -> tuple[vs.Volume, vs.TransferFunction]:
     volume = vs.phantom.ball(48)
-    points = [(0.3, 0.0, "white"), (0.5, 0.02, "white")]
+    points = [(0.3, 0.0, "white"), (0.5, 0.02, "white"), (1.0, 0.02, "red")]
     return volume, vs.TransferFunction(points=points, materials=WHITE, basis=BASIS)
 
 
@@ -286,7 +286,7 @@ MESH = '[[mesh]]\nfile = "core.ply"\nmaterial = "red"\n'
 D65 = {"D65": "D65"}
 SCENE = scene_text(
     {"white": "grey:1", "red": "ColorChecker/red"},
-    [(0.3, 0, "white"), (0.5, 0.005, "white")],
+    [(30, 0, "white"), (50, 0.005, "white")],
     lights=D65,
     more=f"{GENERAL}{MESH}move_mm = [23.5, 23.5, 23.5]\n",
 )
@@ -299,7 +299,7 @@ def loaded(folder: Path, text: str) -> vs.Scene:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    np.save(tmp_path / "ball.npy", ball()[0].values)
+    np.save(tmp_path / "ball.npy", (100 * ball()[0].values).astype(np.uint8))
     pyvista.Sphere(radius=6.0).save(tmp_path / "core.ply")
     (tmp_path / "scene.toml").write_text(SCENE)
     return tmp_path
