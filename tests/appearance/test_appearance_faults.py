@@ -136,7 +136,6 @@ REFUSED = [
     ("range measured.fov_deg", lambda: measure(fov_deg=180.0)),
     ("range measured.luminance_of_white", lambda: measure(luminance_of_white=0.0)),
     ("range measured.at", lambda: measure(at=(4.0, 0.0))),
-    ("type measured.at", lambda: measure(at="m")),
     ("type measured.at", lambda: measure(at=(np.nan, 1.0))),
     ("range measured.outside", lambda: measure(outside=-1.0)),
     ("range measured.white_XYZ[1]", lambda: measure(white_XYZ=(1.0, 0.0, 1.0))),

@@ -83,7 +83,12 @@ def test_a_batch_has_an_output_for_each_input(scans, inputs, capsys):
 
 
 def test_a_pattern_names_the_outputs_of_a_batch(scans):
-    assert call("export", "scans", "-o", "films/{name}-A", "--light", "A", *SIZE) == 0
+    assert (
+        call(
+            "export", "scans", "-o", "films/{name}-A", "--light", "A", "--stereo", "anaglyph", *SIZE
+        )
+        == 0
+    )
     assert call("page", "scans", "-o", "pages", *SIZE) == 0
     assert (Path("films/a-A/A.png")).is_file() and (Path("pages/b.html")).is_file()
 

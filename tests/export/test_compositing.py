@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tests.export._blender import Node, blender
 from tests.export._layers import LIGHTS, SHARES, SPEC, close, layered, made, opened, shown, stored
-from tests.support.commands import GENERAL, METALS, call
+from tests.support.commands import GENERAL, METALS, call, refusal
 from tests.support.errors import raises, refuses
 from tests.support.fixtures import Patch
 from volspec.appearance import Viewing
@@ -274,6 +274,7 @@ def test_old_images_get_other_lights_by_being_written_once_more(tmp_path):
     assert np.array_equal(again.coefficients, image.coefficients)
     # White light's quarter, at the exposure of the scene that is noted in the image.
     assert np.allclose(recipe.lights["FL2"].backdrop, 0.25 * 1.25)
+    refusal("compositing", tmp_path / "i.exr", "--opacity", "x=1", "-o", tmp_path / "i.exr")
 
 
 @pytest.mark.parametrize(

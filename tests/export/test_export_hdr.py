@@ -150,6 +150,8 @@ def test_write_frame_makes_avif_of_hdr_only(tmp_path):
     pytest.importorskip("imageio_ffmpeg")
     write_frame(tmp_path / "f.avif", ramp(16, 8), space=Hdr())
     assert (tmp_path / "f.avif").read_bytes()[4:12] == b"ftypavif"
+    with raises(ImageError, "shape"):
+        write_frame(tmp_path / "f.avif", np.zeros((8, 16, 3), np.uint8), space=Hdr())
 
 
 def with_lights(scene: Any, export: str) -> Scene:

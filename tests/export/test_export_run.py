@@ -213,7 +213,6 @@ def test_many_frames_of_many_strips_are_made_in_batches(scene, tmp_path, monkeyp
         ({"size": (0, 4)}, "range", "size"),
         ({"size": (1 << 17, 4)}, "range", "size"),
         ({"size": (2.5, 4)}, "type", "size"),
-        ({"size": "4x4"}, "type", "size"),
         ({"format": "exr", "annotate": ["scale"]}, "conflict", "export.annotate"),
         ({"annotate": ["scal"]}, "unknown", None),
         ({"transparent": True}, "conflict", None),
@@ -237,6 +236,8 @@ def test_the_command_makes_frames_and_tells_of_them(scene, tmp_path, capsys):
     assert call(*words) == 0
     printed = capsys.readouterr().out.rpartition(":")[2]
     assert re.findall(r"\b\d+\b", printed) == ["2", "0", "0", "2"]
+    assert call(*words[:-2]) == 0
+    assert "--light all makes a turn under each of 3" in capsys.readouterr().out
 
 
 def test_a_turntable_is_one_turn_unless_more_lights_are_asked_for(scene, tmp_path, capsys):

@@ -147,6 +147,8 @@ def test_what_memory_does_not_suffice_for_or_no_kernel_reads_is_refused(monkeypa
     monkeypatch.setattr(opencl, "host_free_bytes", lambda: 1 << 30)
     with raises(OpenCLError, "size"):
         compute.require(int(3.2 * 2**30), *picture)
+    with raises(OpenCLError, "size"):
+        compute.output(3 << 30)
 
 
 def test_a_container_s_limit_is_the_host_s_memory(monkeypatch, tmp_path):

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.commands import call
+from tests.support.commands import call, refusal
 from tests.support.errors import refuses, warns
 from tests.support.images import some_rows
 from volspec.appearance import Viewing
@@ -45,6 +45,7 @@ def test_a_page_is_one_file_of_the_size_asked_for(tmp_path, capsys):
     assert "<title>Around</title>" in text and '"width":48,"height":32' in text
     assert "planck:2000" in text and "http://" not in text.replace("http://www.w3.org/", "")
     assert list(tmp_path.iterdir()) == [out]
+    assert refusal(*words, "--play").code == "conflict"
 
 
 @pytest.mark.parametrize("model", ["Hunt", "Nayatani95", "ZCAM"])

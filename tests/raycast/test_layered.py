@@ -247,7 +247,6 @@ def one_row_less(image: CoefficientImage) -> object:
         (recomposed({"gold": -1}), "range opacity of 'gold'"),
         (recomposed({"gold": float("inf")}), "range opacity of 'gold'"),
         (recomposed({"gold": "much"}), "type opacity of 'gold'"),
-        (recomposed([1, 2]), "type opacities"),
         (lambda image: replace(image, opacity_layers=None).recompose({}), "unsupported "),
         (lambda _: RaycastSpec(layers=8, mode="maximum"), "conflict RaycastSpec.layers"),
         (lambda _: RaycastSpec(layers=8, preintegrated=True), "conflict RaycastSpec.layers"),

@@ -163,7 +163,6 @@ def of_rig(*lights: vs.Spectrum, **rig: object) -> Callable[[], object]:
         (of_rig(A, A, groups=("key",)), "shape LightRig.groups"),
         (of_rig(A, groups="key"), "type LightRig.groups"),
         (of_rig(A, groups=(3,)), "type LightRig.groups[0]"),
-        (of_rig(A, groups=7), "type LightRig.groups"),
         (of_rig(A, weights=(0,), groups=("key",)), "impossible LightRig.weights"),
         (of_rig(A, NIGHT), "conflict "),
         (of_rig(A, NIGHT, groups=("key", "fill")), "conflict "),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import volspec as vs
+from tests.support.commands import call
 from tests.support.errors import raises
 from tests.support.scenes import scene_text
 from volspec.errors import SceneError
@@ -115,6 +116,13 @@ def test_the_groups_of_the_cast_are_the_room_s_light(scene, image):
 
 
 @pytest.mark.not_quick
+@pytest.mark.slow
+def test_a_page_shows_a_room_under_other_lamps(folder, tmp_path):
+    words = ("page", folder / "scene.toml", "--light", "A", "--size", "24x16")
+    assert call(*words, "-o", tmp_path / "p.html") == 0
+    assert "sodium" in (page := (tmp_path / "p.html").read_text()) and '"A"' in page
+
+
 def test_a_white_that_gets_most_light_has_a_luminance_factor_of_100(scene):
     """The top of the block faces the lamp; its sides get less."""
     image = scene.with_camera(replace(scene.file.camera, elevation_deg=90.0, zoom=1.0)).render()

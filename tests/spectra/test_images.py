@@ -289,7 +289,6 @@ REFUSED: list[tuple[str, Callable[[Path], object]]] = [
     ("type", lambda f: SpectralImage.load(None)),
     ("unknown", lambda f: SpectralImage.load("a.exr", "foo")),
     ("type", lambda f: IMAGE.mean("abc")),
-    ("type", lambda f: IMAGE.mean(5)),
     ("type", lambda f: IMAGE.mean((0.5, 0, 2, 2))),
     ("range", lambda f: analysed(BLUE_ONLY)),
 ]

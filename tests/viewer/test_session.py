@@ -192,7 +192,6 @@ _EDITS: tuple[tuple[Code | None, str, Callable[[dict[str, Any]], Any]], ...] = (
     ("type", "session.palette", lambda d: d["state"]["palette"].update({"is": "Plank"})),
     ("type", "session.palette.targets", lambda d: d["state"]["palette"].update(targets=7)),
     ("missing", f"{_SAVED}.relight", lambda d: d["state"]["saved_lights"][0].pop("relight")),
-    ("type", _COPPER, lambda d: _spectrum(d).update(values=["abc"])),
     ("type", _COPPER, lambda d: _spectrum(d).update(values=[[1.0], [2.0, 3.0]])),
 )
 
