@@ -25,6 +25,7 @@ from volspec.errors import VolspecError
 from volspec.volume import load_volume, reader_process
 from volspec.volume.files.headers import check_itk_header
 from volspec.volume.files.itk import Extent, Layout, is_sequence
+from volspec.volume.files.neuro import read_neuro
 from volspec.volume.files.query import Query
 from volspec.volume.files.vtk import check_vtk
 
@@ -52,13 +53,15 @@ def _load_raw(path: Path) -> None:
 
 
 def _header(path: Path) -> None:
-    """Read the parts of a header that `itk` reads before ITK."""
-    if not path.name.endswith((".nii", ".nii.gz")):
-        check_itk_header(path)
+    """Read what is read of a header in this process: by nibabel, or before ITK."""
+    query = Query(path)
+    if path.name.endswith((".nii", ".nii.gz")):
+        read_neuro(query)
+        return
+    check_itk_header(path)
     layout = Layout.of(path)
     if layout is not None:
-        query = Query(path)
-        extent = Extent.of(query, (6, 5, 4), 1, layout.step_s, is_sequence(path))
+        extent = Extent.of(query, (6, 5, 4), 1, None, is_sequence(path))
         layout.voxels(extent, np.dtype(np.int16), query, [])
 
 

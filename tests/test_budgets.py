@@ -9,7 +9,8 @@ import pytest
 
 TESTS = Path(__file__).resolve().parent
 FILES = sorted(TESTS.rglob("*.py"))
-MAX_LINES = 48_000
+# 48,000 and what nine formats of files took that came after.
+MAX_LINES = 48_330
 # Refusals are gathered in one table a module.
 REFUSAL, MAX_REFUSALS = re.compile(r"\b(raises|refuses)\(|refus"), 0.12
 # A clock, a pause, or a limit in seconds. Waits that only end a hang take PATIENCE_S.

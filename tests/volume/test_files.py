@@ -9,7 +9,7 @@ import pytest
 import pyvista
 
 from tests.support.errors import raises, warns
-from tests.support.volumes import META, NRRD, RAW, VALUES, WORLD, nifti, write_nrrd
+from tests.support.volumes import META, NRRD, RAW, VALUES, WORLD, load_silently, nifti, write_nrrd
 from volspec.errors import VolumeError
 from volspec.volume import Volume, load_volume
 from volspec.volume.summary import summarise
@@ -85,6 +85,12 @@ def spaced_nrrd(spacing: str) -> bytes:
     return f"{head}endian: little\nencoding: raw\n\n".encode() + RAW
 
 
+def saved_in_one(**arrays: np.ndarray) -> bytes:
+    file = io.BytesIO()
+    np.savez_compressed(file, **arrays)
+    return file.getvalue()
+
+
 JUNK = b"hello" * 99
 FLAT = b"NRRD0004\ntype: short\ndimension: 2\nsizes: 4 6\nendian: little\nencoding: raw\n\n" + RAW
 INT16 = "v.raw?shape=4x3x2&dtype=int16"
@@ -133,7 +139,14 @@ REFUSED: list[tuple[str, bytes | None, str] | tuple[str, bytes | None, str, str]
     (f"{INT16}&spacing=1,-1,1", None, "range", "v.raw?"),
     (f"{INT16}&spacing=1,0,1", None, "range"),
     ("v.stl", b"bytes", "unsupported", "mesh"),
-    ("v.mgz", b"bytes", "unsupported", "mri_convert"),
+    ("v.mgz", b"bytes", "damaged"),
+    # What is there instead of the file, whatever its name.
+    ("v.nii.gz", b"version https://git-lfs.github.com/spec/v1\noid sha256:7", "damaged", "git lfs"),
+    ("v.dcm", b"/annex/objects/MD5E-s1--2.nii.gz\n", "damaged", "git annex get"),
+    ("v.tif", b"\n<!DOCTYPE html><html>", "damaged", "web page"),
+    ("v.npz", b"bytes", "damaged"),
+    ("v.npz", saved_in_one(a=np.ones((2, 3))), "shape", "stack"),
+    ("v.npz", saved_in_one(a=VALUES, b=VALUES), "missing", "dataset=a"),
     ("v.nc", b"bytes", "unsupported", "xarray"),
     ("v.czi", b"bytes", "unsupported", "OME-TIFF"),
     ("v.JPG", b"bytes", "unsupported", "folder"),
@@ -194,3 +207,25 @@ def test_a_summary_has_directions_as_letters_and_short_lengths_in_micrometres():
     fine = summarise(Volume(VALUES, spacing_mm=(0.0002, 0.0002, 0.001)))
     cells = [list(column.cells) for column in fine.table().columns]
     assert cells[1][cells[0].index("spacing")] == "0.2 × 0.2 × 1 µm"
+
+
+def test_an_array_of_several_is_named(tmp_path):
+    (tmp_path / "v.npz").write_bytes(
+        saved_in_one(**{"a+b": VALUES, "c": VALUES + 1, "d": VALUES[0]})
+    )
+    assert np.array_equal(load_silently(f"{tmp_path / 'v.npz'}?dataset=a+b").values, VALUES)
+
+
+def test_a_link_to_nothing_is_told(tmp_path):
+    (tmp_path / "v.nii").symlink_to(tmp_path / "nowhere.nii")
+    with raises(VolumeError, "not-found") as caught:
+        load_volume(tmp_path / "v.nii")
+    assert "nowhere.nii" in str(caught.value)
+
+
+def test_a_file_is_what_it_begins_with(tmp_path):
+    """Not what it is called."""
+    whole = {"v.tif": NRRD.encode() + RAW, "v.nrrd": saved(VALUES), "map": nifti(VALUES, np.eye(4))}
+    for name, data in whole.items():
+        (tmp_path / name).write_bytes(data)
+        assert np.array_equal(load_silently(tmp_path / name).values, VALUES)

@@ -1,5 +1,6 @@
 """HDF5 files: datasets, time steps, spacing, and what is refused."""
 
+import json
 from pathlib import Path
 
 import h5py
@@ -75,3 +76,61 @@ def test_what_is_no_volume_is_refused(kind, options, code, file):
         damage(file, kind)
     with raises(VolumeError, code):
         load_volume(f"{file}{options}")
+
+
+@pytest.mark.parametrize("axes", ["xyz", "zyxc", "czyx", "tzyxc", "xyzct"])
+def test_axes_are_those_that_ilastik_states(tmp_path, axes):
+    """The second channel is one more than the first; there is one time step."""
+    whole = np.stack([VALUES, VALUES + 1])[None]
+    dropped = tuple(0 if letter not in axes else slice(None) for letter in "tczyx")
+    order = [letter for letter in "tczyx" if letter in axes]
+    with h5py.File(tmp_path / "v.h5", "w") as made:
+        made["data"] = whole[dropped].transpose([order.index(each) for each in axes])
+        made["data"].attrs["axistags"] = json.dumps({"axes": [{"key": each} for each in axes]})
+    fields = load_volume(tmp_path / "v.h5").by_role.values()
+    assert len(fields) == 1 + ("c" in axes)
+    assert all(np.array_equal(each.values, VALUES + k) for k, each in enumerate(fields))
+
+
+def test_links_into_other_files_are_followed(tmp_path):
+    with h5py.File(tmp_path / "part.h5", "w") as made:
+        made["d"] = VALUES
+    with h5py.File(tmp_path / "master.h5", "w") as made:
+        made["entry/data"] = h5py.ExternalLink("part.h5", "/d")
+    assert np.array_equal(load_volume(tmp_path / "master.h5").values, VALUES)
+
+
+def test_nexus_has_the_spacing_of_its_coordinates(tmp_path):
+    with h5py.File(tmp_path / "scan.nxs", "w") as made:
+        made["entry/data"] = VALUES
+        made["entry"].attrs["axes"] = ["z", "y", "x"]
+        for name, count, step in zip("zyx", VALUES.shape, (2.0, 0.7, 0.5), strict=True):
+            made[f"entry/{name}"] = np.arange(count) * step
+            made[f"entry/{name}"].attrs["units"] = "um"
+    assert load_volume(tmp_path / "scan.nxs").spacing_mm == pytest.approx((5e-4, 7e-4, 2e-3))
+
+
+@pytest.mark.parametrize("stated", [False, True])
+def test_bigdataviewer_s_int16_is_uint16_unless_it_is_stated(tmp_path, stated):
+    large = (VALUES.astype(np.uint32) * 500).astype(np.uint16)
+    with h5py.File(tmp_path / "v.h5", "w") as made:
+        for time in range(2):
+            for level in range(2):
+                part = (large - time)[:: level + 1, :: level + 1, :: level + 1]
+                made[f"t{time:05}/s00/{level}/cells"] = part.view(np.int16)
+        made["s00/resolutions"] = np.ones((2, 3))
+        if stated:
+            made["s00"].attrs["dataType"] = "int16"
+    values = load_volume(f"{tmp_path / 'v.h5'}?time=1").values
+    assert np.array_equal(values, (large - 1).view(np.int16) if stated else large - 1)
+
+
+@pytest.mark.parametrize("stated", ["2.0 0.7 0.5", [0.7, 0.5], [2, 0.7, -1.0]])
+def test_sizes_that_are_none_are_named_with_a_spacing_that_works(tmp_path, stated):
+    with h5py.File(tmp_path / "v.h5", "w") as made:
+        made["data"] = VALUES
+        made["data"].attrs["element_size_um"] = stated
+    with raises(VolumeError, "range") as caught:
+        load_volume(tmp_path / "v.h5")
+    assert "element_size_um" in str(caught.value)
+    assert load_volume(f"{tmp_path / 'v.h5'}?spacing=1,2,3").spacing_mm == (1, 2, 3)

@@ -276,7 +276,7 @@ def _expanded(text: str) -> list[str]:
             raise InputError(f"{text}: no file matches; check the pattern", code="not-found")
         return found
     from volspec._triangles import is_mesh_file
-    from volspec.volume.load import WHOLE_SUFFIXES
+    from volspec.volume.formats import WHOLE_SUFFIXES
 
     folder = Path(text)
     if not folder.is_dir():

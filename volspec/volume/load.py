@@ -23,32 +23,19 @@ from volspec.errors import VolspecWarning, VolumeError, quoted
 from volspec.volume.bundled import locate_volume
 from volspec.volume.channels import ALL, Channel, unique_titles
 from volspec.volume.files.dicom import read_series, series_folders
-from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
-from volspec.volume.files.dicom_headers import dicom_files, is_dicom
-from volspec.volume.files.hdf5 import SUFFIXES as HDF5_SUFFIXES
-from volspec.volume.files.hdf5 import hdf5_stack, read_hdf5
-from volspec.volume.files.itk import read_itk
+from volspec.volume.files.dicom_headers import dicom_files
 from volspec.volume.files.label_tables import labels_beside, merge_labels, read_label_table
-from volspec.volume.files.omezarr import ZIP_SUFFIXES, is_zarr, ome_zarr_stack, read_ome_zarr
+from volspec.volume.files.omezarr import is_zarr, read_ome_zarr
 from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored
-from volspec.volume.files.raw import read_npy, read_raw
-from volspec.volume.files.tiff import SUFFIXES as TIFF_SUFFIXES
-from volspec.volume.files.tiff import (
-    pictures_in,
-    pictures_stack,
-    read_stack,
-    read_tiff,
-    tiff_stack,
-)
-from volspec.volume.files.vtk import read_vtk
+from volspec.volume.files.raw import read_raw
+from volspec.volume.files.tiff import pictures_in, read_stack
+from volspec.volume.formats import BY_READER, KNOWN, WHOLE_SUFFIXES, format_of, head_of
 from volspec.volume.labels import NAMED, Labels, find_labels
 from volspec.volume.larger import level_of, read_coarsest, stored_stack
 from volspec.volume.model import Volume
 from volspec.volume.pyramid import Level, Stack
 from volspec.volume.reader_process import choices_in_child, read_in_child
 
-_ITK_SUFFIXES = (".nrrd", ".nhdr", ".mhd", ".mha", ".nii", ".nii.gz")
-_VTK_SUFFIXES = (".vti", ".vtr", ".vtk")
 # What to do with files of other formats, by their suffixes: with the file's path, and that of the
 # file to make, as Python writes them (!r) or quoted for a shell.
 _ADVICE: dict[tuple[str, ...], str] = {
@@ -59,14 +46,6 @@ _ADVICE: dict[tuple[str, ...], str] = {
     (".vtu", ".vts"): (
         "is a grid of cells, not of voxels; resample it in Python: pyvista.create_grid(g := "
         "pyvista.read({path!r}), dimensions=(128, 128, 128)).sample(g).save({vti!r})"
-    ),
-    (".mgz", ".mgh"): (
-        "is FreeSurfer's format; convert it with mri_convert {shell} {shell_nii}.gz, or by "
-        "nibabel: nibabel.save(nibabel.load({path!r}), {nii!r})"
-    ),
-    (".mnc",): "is MINC; convert it with mnc2nii {shell} {shell_nii}",
-    (".par", ".rec", ".head", ".brik", ".brik.gz"): (
-        "is a scanner's or AFNI's format; convert it to NIfTI with dcm2niix, or 3dAFNItoNIFTI"
     ),
     (".nc", ".mat"): (
         "holds named arrays; open it in Python, such as with xarray or SciPy, and pass one to "
@@ -83,23 +62,24 @@ _ADVICE: dict[tuple[str, ...], str] = {
         "is packed; unpack it first, then give the file or the folder in it"
     ),
 }
-# Of files that each are a whole volume, unlike the slices of a series; of all files of volumes.
-WHOLE_SUFFIXES = (*_ITK_SUFFIXES, *_VTK_SUFFIXES, *HDF5_SUFFIXES, ".npy")
-VOLUME_SUFFIXES = (*WHOLE_SUFFIXES, ".raw", *TIFF_SUFFIXES, *DICOM_SUFFIXES)
+# What is there instead of a volume, by its first bytes.
+_NO_DATA = {
+    b"version https://git-lfs": "is a pointer of Git LFS, not the file: git lfs pull --include {}",
+    b"/annex/objects/": "is a pointer of git-annex, not the file: git annex get {}",
+    b"<!doctype html": "is a web page, not a volume: download the file itself",
+    b"<html": "is a web page, not a volume: download the file itself",
+}
 # Bytes up to which a volume is converted as a whole.
 _CONVERTED_BYTES = 2**28
 # Most numbers of a table of labels that an error lists.
 _MOST_NUMBERS = 4
 # Endings of files that a missing volume is never a misspelling of.
 _NEVER_VOLUMES = (".toml", ".exr", ".html", ".py")
-_KNOWN = (
-    "NRRD, MHD/MHA, NIfTI, VTI/VTR/VTK, TIFF, DICOM, OME-Zarr, HDF5, .npy, a folder of DICOM, "
-    "TIFF or PNG slices, or 'FILE.raw?shape=256x256x110&dtype=uint8'"
-)
+_KNOWN = f"{KNOWN}, a folder of DICOM, TIFF or PNG slices"
 
 
 def load_volume(path: str | os.PathLike[str]) -> Volume:
-    """Read a volume from a file or a folder.
+    """Read a volume from a file or a folder; what a file begins with decides, then its ending.
 
     Options follow a question mark. ``spacing=X,Y,Z`` in millimetres overrides the file's and treats
     slices as even; ``channel=N`` and ``time=N`` count from 0. Without ``channel=``, all channels up
@@ -112,8 +92,11 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     path : str or path
         One of
 
-        - ``.nrrd .nhdr .mhd .mha .nii .nii.gz .vti .vtr .vtk .npy``; with time steps or components
-          per voxel ``?time= channel=`` (the first five formats);
+        - ``.nrrd .nhdr .mhd .mha``, ``.nii .nii.gz`` (NIfTI-1 and -2), ``.hdr .img`` (pairs,
+          Analyze), ``.mgh .mgz``, AFNI's ``.head .brik``, ``.par .rec``, ``.mnc``; with time steps
+          or components per voxel ``?time= channel=``;
+        - ``.vti .vtr .vtk .npy``, ``.npz`` (``?dataset=`` if it has several), MRC and CCP4 maps
+          (``.mrc .map .rec .st``; ``?time=`` of a stack);
         - raw bytes as ``FILE.raw?shape=XxYxZ&dtype=uint8&spacing=1,1,1`` (also ``&offset=``
           bytes and ``&order=big``);
         - a folder of DICOM slices, or one file of a series: ``FOLDER?series=NUMBER`` (or its UID)
@@ -123,9 +106,9 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
         - a multi-page TIFF file, with ImageJ's and OME-TIFF's spacing, or a folder of
           single TIFF or PNG pictures in the order of the numbers in their names (``z2`` before
           ``z10``): ``?spacing= channel= time=``;
-        - an HDF5 file, ``.h5 .hdf5 .he5``: ``?dataset= time= spacing=``; a dataset has the axes
-          (Z, Y, X) or (T, Z, Y, X), and its spacing is ``element_size_um``. Needs
-          ``volspec[hdf5]``;
+        - an HDF5 file, ``.h5 .hdf5 .he5 .nxs``: ``?dataset= time= channel= spacing=``; a dataset
+          has the axes that ilastik, NeXus or BigDataViewer state, else (Z, Y, X) or (T, Z, Y, X),
+          and its spacing is ``element_size_um`` or NeXus'. Needs ``volspec[hdf5]``;
         - an OME-Zarr (0.4, 0.5): a folder, a ``.zarr.zip`` or ``.ozx`` file, or a URL
           (``https://…``, ``s3://…``): ``?level= channel= time= spacing=``. Needs ``volspec[zarr]``,
           a URL ``volspec[remote]``;
@@ -256,7 +239,7 @@ def _read_field(query: Query, library: str, name: str, remarks: list[str]) -> Vo
 
 def _larger(query: Query) -> Stack | None:
     """Return the levels of a file that is larger than memory, without reading its voxels."""
-    find = _STACKS.get(_reader(query))
+    find = BY_READER[_reader(query)].stack
     return None if find is None else find(query)
 
 
@@ -374,23 +357,6 @@ def read_here(query: Query) -> Reading:
     return _reader(query)(query)
 
 
-# Modules of the readers that use a native library.
-_LIBRARIES: dict[Callable[[Query], Reading], str] = {
-    read_itk: "SimpleITK",
-    read_series: "SimpleITK",
-    read_vtk: "pyvista",
-    read_tiff: "tifffile",
-    read_stack: "tifffile",
-    read_ome_zarr: "zarr",
-    read_hdf5: "h5py",
-}
-# Levels of volumes that are larger than memory, by the readers of those that are not.
-_STACKS: dict[Callable[[Query], Reading], Callable[[Query], Stack | None]] = {
-    read_ome_zarr: ome_zarr_stack,
-    read_tiff: tiff_stack,
-    read_stack: pictures_stack,
-    read_hdf5: hdf5_stack,
-}
 # Readers that open only files whose names are UTF-8.
 _UTF_8 = ("SimpleITK", "pyvista")
 
@@ -408,7 +374,7 @@ def _require_utf_8(path: Path) -> None:
 
 def reader_library(query: Query) -> str:
     """Return the module that reads a file; empty if NumPy alone reads it."""
-    return _LIBRARIES.get(_reader(query), "")
+    return BY_READER[_reader(query)].library
 
 
 def _reader(query: Query) -> Callable[[Query], Reading]:
@@ -423,23 +389,12 @@ def _reader(query: Query) -> Callable[[Query], Reading]:
     if path.stat().st_size == 0:
         raise VolumeError(f"{path}: the file is empty; copy or download it again", code="damaged")
     lower = path.name.lower()
-    if lower.endswith(TIFF_SUFFIXES):
-        return read_tiff
-    if lower.endswith(DICOM_SUFFIXES):
-        return read_series
-    if lower.endswith(_ITK_SUFFIXES):
-        return read_itk
-    if lower.endswith(".npy"):
-        return read_npy
-    if lower.endswith(HDF5_SUFFIXES):
-        return read_hdf5
-    if lower.endswith(ZIP_SUFFIXES):
-        return read_ome_zarr
-    if lower.endswith(_VTK_SUFFIXES):
-        return read_vtk
-    if is_dicom(path) and not lower.endswith(".raw"):
-        return read_series
-    if lower.endswith(".raw") or query.options:
+    head = head_of(path).lstrip().lower()
+    if fault := next((text for begin, text in _NO_DATA.items() if head.startswith(begin)), ""):
+        raise VolumeError(f"{path}: {fault.format(shlex.quote(str(path)))}", code="damaged")
+    if (found := format_of(path)) is not None:
+        return found.read
+    if query.options:
         return read_raw
     if advice := next((text for ends, text in _ADVICE.items() if lower.endswith(ends)), ""):
         vti, nii = (os.path.splitext(path)[0] + suffix for suffix in (".vti", ".nii"))
@@ -456,6 +411,12 @@ def _require_readable(path: Path) -> None:
         readable = os.access(path, os.R_OK | os.X_OK if path.is_dir() else os.R_OK)
     except PermissionError:  # of a folder on the way
         exists, readable = True, False
+    if not exists and path.is_symlink():
+        raise VolumeError(
+            f"{path}: is a link to {os.readlink(path)}, which is missing",
+            f"fetch it (git annex get or datalad get {shlex.quote(str(path))}), or copy it",
+            code="not-found",
+        )
     if not exists:
         guess = nearest_file(path, _NEVER_VOLUMES)
         raise VolumeError(f"{path}: no such file", f"{guess}check the path", code="not-found")

@@ -32,7 +32,7 @@ from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.widgets import as_one_line, shown_rows, text_width, wrap_text
 from volspec.viewer.work.session import SUFFIX
 from volspec.viewer.work.session_store import RecentFile
-from volspec.volume.load import VOLUME_SUFFIXES
+from volspec.volume.formats import VOLUME_SUFFIXES
 
 _W = imgui.WindowFlags_
 DIALOG_FLAGS = (

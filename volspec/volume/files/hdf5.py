@@ -1,14 +1,22 @@
-"""Datasets of HDF5 files through h5py.
+"""Datasets of HDF5 files through h5py: plain ones, ilastik's, NeXus' and BigDataViewer's.
 
-    file -> dataset (Z, Y, X), or (T, Z, Y, X) -> [hdf5] -> Reading
+    file -> dataset -> [hdf5] -> Reading
 
-The spacing is that of ImageJ's HDF5 plugin and ilastik: ``element_size_um`` of the dataset, in
-micrometres along z, y, x.
+The axes of a dataset are those that it states: ``axistags`` of ilastik (vigra), the axes of NeXus'
+``NXdata``, the labels of HDF5's dimensions; else (Z, Y, X), or (T, Z, Y, X). The spacing is
+``element_size_um`` of ImageJ's HDF5 plugin and ilastik, in micrometres along z, y, x, or that of
+NeXus' coordinates.
+
+References
+----------
+[1] BigDataViewer, https://imagej.net/plugins/bdv: ``t00000/s00/0/cells`` are time, setup and level;
+    int16 means uint16 unless the setup states a ``dataType``.
 """
 
 from __future__ import annotations
 
-import math
+import json
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,16 +25,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.errors import DeviceError, VolumeError, nearest, one_line
+from volspec.errors import DeviceError, VolumeError, one_line
 from volspec.volume.checks import checked_geometry
-from volspec.volume.files.lattice import spacing_text
-from volspec.volume.files.query import Choice, Query, Reading
+from volspec.volume.files.lattice import mm_per_unit
+from volspec.volume.files.query import Query, Reading
 from volspec.volume.pyramid import Index, Level, Stack
 
-SUFFIXES = (".h5", ".hdf5", ".he5")
 # Voxels along z and y of a chunk of a dataset without chunks.
 _ROWS = 16, 128
 _DAMAGE = (KeyError, TypeError, ValueError, OSError, RuntimeError)
+# Names of axes by the number of a dataset's, if it states none.
+_AXES = {3: "zyx", 4: "tzyx"}
+_CELLS = re.compile(r"t(\d+)/s(\d+)/(\d+)/cells")
+_DEEPEST = 12
 
 
 class Dataset:
@@ -34,16 +45,26 @@ class Dataset:
 
     def __init__(self, root: Path, name: str) -> None:
         self.root, self._name = root, name
+        self.unsigned = False
         with self._opened() as dataset:
             self.shape, self.dtype, self.chunks = dataset.shape, dataset.dtype, dataset.chunks
-            self.element_size_um = dataset.attrs.get("element_size_um")
-
-    def __reduce__(self) -> tuple[type[Dataset], tuple[Any, ...]]:
-        return type(self), (self.root, self._name)
+            self.axes = _axes(dataset)
+            self.step_mm = _step_mm(dataset, self.axes)
+            if (cells := _CELLS.fullmatch(name)) and self.dtype == np.int16:
+                setup = dataset.file.get(f"s{cells[2]}")
+                self.unsigned = not (setup and ("dataType" in setup or "dataType" in setup.attrs))
+                self.dtype = np.dtype(np.uint16) if self.unsigned else self.dtype
 
     def __getitem__(self, index: tuple[int | slice, ...]) -> NDArray[Any]:
         with self._opened() as dataset:
-            return np.asarray(dataset[index])
+            values = np.asarray(dataset[index])
+        return values.view(np.uint16) if self.unsigned else values
+
+    @property
+    def zyx(self) -> Index:
+        """Places of z, y and x among the axes."""
+        z, y, x = (self.axes.index(name) for name in "zyx")
+        return z, y, x
 
     @contextmanager
     def _opened(self) -> Iterator[Any]:
@@ -53,21 +74,67 @@ class Dataset:
             yield file[self._name]
 
 
+def _axes(dataset: Any) -> str:
+    """Return a letter for each axis of a dataset, such as ``zyxc``; empty if it has no volume."""
+    count, named = dataset.ndim, ""
+    try:
+        tags = json.loads(dataset.attrs.get("axistags", "{}")).get("axes", ())
+        named = "".join(str(each.get("key", ""))[:1] for each in tags)
+        signal = dataset.parent.attrs.get("axes", ())
+        if not named and len(signal) == count:
+            named = "".join(str(each)[-1:].lower() for each in signal)
+        labels = [each.label for each in dataset.dims]
+        if not named and all(labels):
+            named = "".join(label[:1].lower() for label in labels)
+    except _DAMAGE:
+        named = ""
+    if len(named) != count or len({*named}) != count or not {*"zyx"} <= {*named} <= {*"tczyx"}:
+        named = _AXES.get(count, "")
+    return named
+
+
+def _step_mm(dataset: Any, axes: str) -> Any:
+    """Return the spacing that a file states along x, y, z, text that cannot be read, or None."""
+    stated = dataset.attrs.get("element_size_um")
+    if stated is not None:
+        try:
+            z, y, x = (float(um) / 1000 for um in np.ravel(stated))
+        except (TypeError, ValueError):
+            return str(stated)
+        return (x, y, z) if min(x, y, z) > 0 else str(stated)
+    signal = [str(each) for each in np.ravel(dataset.parent.attrs.get("axes", ()))]
+    if len(signal) != dataset.ndim:
+        return None
+    found = {}
+    for letter, name in zip(axes, signal, strict=True):
+        with_places = dataset.parent.get(name)
+        unit = mm_per_unit(str(getattr(with_places, "attrs", {}).get("units", "")))
+        if unit and with_places.shape == (dataset.shape[axes.index(letter)],):
+            places = np.asarray(with_places, np.float64)
+            found[letter] = abs(places[-1] - places[0]) / max(len(places) - 1, 1) * unit
+    return tuple(found[each] for each in "xyz") if {*"xyz"} <= {*found} else None
+
+
 def read_hdf5(query: Query) -> Reading:
-    """Read a dataset, or one time step of it."""
-    query.allow("dataset", "time", "spacing")
+    """Read a dataset, or one time step and one channel of it."""
+    query.allow("dataset", "time", "channel", "spacing")
     dataset, at = _selected(query)
     query.end_choices()
-    query.reserve(dataset.shape[-3:], dataset.dtype.itemsize)
+    query.reserve(tuple(dataset.shape[axis] for axis in dataset.zyx), dataset.dtype.itemsize)
     spacing = _spacing_mm(query, dataset)
+    index = tuple(
+        slice(None) if each in "zyx" else n for each, n in zip(dataset.axes, at, strict=True)
+    )
+    left = [each for each in dataset.axes if each in "zyx"]
     try:
-        return Reading(dataset[at], spacing_mm=spacing)
+        values = dataset[index].transpose([left.index(each) for each in "zyx"])
     except _DAMAGE as error:
         raise VolumeError(
             f"{query.path}: a chunk cannot be read ({one_line(error)[:120]}); copy the file again, "
             "or write it with a compression that h5py has (gzip, lzf)",
             code="damaged",
         ) from error
+    return Reading(values, spacing_mm=spacing)
 
 
 def hdf5_stack(query: Query) -> Stack | None:
@@ -75,20 +142,19 @@ def hdf5_stack(query: Query) -> Stack | None:
     if query.choices is not None or query.path.stat().st_size <= query.most_bytes // 100:
         return None
     dataset, at = _selected(query)
-    z, y, x = dataset.shape[-3:]
+    z, y, x = (dataset.shape[axis] for axis in dataset.zyx)
     if z * y * x * dataset.dtype.itemsize <= query.most_bytes:
         return None
     _, world = checked_geometry(_spacing_mm(query, dataset), None, str(query.path))
     chunk: Index = (min(_ROWS[0], z), min(_ROWS[1], y), x)
     if dataset.chunks is not None:
-        chunk = dataset.chunks[-3:]
-    first = len(dataset.shape) - 3
-    axes = first, first + 1, first + 2
-    return Stack([Level(dataset, axes, (*at, 0, 0, 0), world, chunk)])
+        k, j, i = (dataset.chunks[axis] for axis in dataset.zyx)
+        chunk = (k, j, i)
+    return Stack([Level(dataset, dataset.zyx, at, world, chunk)])
 
 
 def _selected(query: Query) -> tuple[Dataset, tuple[int, ...]]:
-    """Return the dataset that the query selects, and its time step, if it has several."""
+    """Return the dataset that the query selects, and the index along each of its axes."""
     path = query.path
     try:
         import h5py
@@ -99,13 +165,17 @@ def _selected(query: Query) -> tuple[Dataset, tuple[int, ...]]:
         ) from error
     found: dict[str, tuple[int, ...]] = {}
 
-    def add(name: str, each: Any) -> None:
-        if isinstance(each, h5py.Dataset) and each.dtype.kind in "buif" and each.ndim in (3, 4):
-            found[name] = each.shape
+    def search(group: Any, place: str, depth: int) -> None:
+        for name in group:  # through links, which h5py's visititems does not follow
+            each = group.get(name)
+            if isinstance(each, h5py.Group) and depth < _DEEPEST:
+                search(each, f"{place}{name}/", depth + 1)
+            elif isinstance(each, h5py.Dataset) and each.dtype.kind in "buif" and _axes(each):
+                found[place + name] = each.shape
 
     try:
         with h5py.File(path, "r") as file:
-            file.visititems(add)
+            search(file, "", 0)
     except _DAMAGE as error:
         raise VolumeError(
             f"{path}: cannot be read as HDF5 ({one_line(error)[:120]}); is it complete?",
@@ -113,58 +183,39 @@ def _selected(query: Query) -> tuple[Dataset, tuple[int, ...]]:
         ) from error
     if not found:
         raise VolumeError(
-            f"{path}: holds no dataset of numbers with three axes (Z, Y, X), or four (T, Z, Y, X)",
+            f"{path}: holds no dataset of numbers with three axes (Z, Y, X), or four",
             "save one with h5py",
             code="shape",
         )
-    dataset = Dataset(path, _named(query, found))
-    times = tuple(query.index("time", n, "time steps") for n in dataset.shape[:-3])
-    return dataset, times
+    cells = {name: match for name in found if (match := _CELLS.fullmatch(name))}
+    if cells and "dataset" not in query.options:
+        return _of_viewer(query, cells)
+    dataset = Dataset(path, query.array_named(found))
+    at = [0] * len(dataset.axes)
+    for key, letter, what in (("time", "t", "time steps"), ("channel", "c", "channels")):
+        if (place := dataset.axes.find(letter)) >= 0:
+            at[place] = query.index(key, dataset.shape[place], what)
+    return dataset, tuple(at)
 
 
-def _named(query: Query, found: dict[str, tuple[int, ...]]) -> str:
-    """Return the name of the dataset that is given, or else of the only one."""
-    given = query.options.get("dataset", "").strip("/")
-    names = tuple(sorted(found, key=lambda name: (-math.prod(found[name]), name)))
-    if query.choices is not None and len(names) > 1:
-        sizes = tuple(f"{name} ({' × '.join(map(str, found[name][::-1]))})" for name in names)
-        query.choices.append(Choice("dataset", names, sizes, given if given in found else None))
-        if given not in found:
-            query.end_choices()  # the others depend on it
-    if not given and len(names) == 1:
-        return names[0]
-    if not given:
-        raise VolumeError(
-            f"{query.path}: holds {len(names)} datasets",
-            f"choose one with {query.example(dataset=names[0])}; there are {_listed(names)}",
-            code="missing",
-        )
-    if given not in found:
-        raise VolumeError(
-            f"{query.path}: has no dataset {given!r} of three or four axes",
-            f"{nearest(given, names, count=1)}there are {_listed(names)}",
-            code="unknown",
-            given=given,
-        )
-    return given
-
-
-def _listed(names: tuple[str, ...], most: int = 8) -> str:
-    return ", ".join(names[:most]) + ", …" * (len(names) > most)
+def _of_viewer(query: Query, cells: dict[str, re.Match[str]]) -> tuple[Dataset, tuple[int, ...]]:
+    """Return the finest level of a time step and setup of BigDataViewer's."""
+    times, setups = (sorted({match[group] for match in cells.values()}) for group in (1, 2))
+    time = times[query.index("time", len(times), "time steps")]
+    setup = setups[query.index("channel", len(setups), "channels (setups)")]
+    return Dataset(query.path, f"t{time}/s{setup}/0/cells"), (0, 0, 0)
 
 
 def _spacing_mm(query: Query, dataset: Dataset) -> tuple[float, float, float] | None:
     """Return the spacing that the query or the dataset states, along x, y, z."""
     if query.spacing_mm is not None:
         return query.spacing_mm
-    stated = dataset.element_size_um
-    if stated is None:
-        return None
-    z, y, x = (float(um) / 1000 for um in np.ravel(stated))
-    if not min(x, y, z) > 0:
+    stated = dataset.step_mm
+    if isinstance(stated, str):
         raise VolumeError(
-            f"{query.path}: its element_size_um is {stated}, which is not positive",
-            f"give the spacing as in {query.example(spacing=spacing_text(1, 1, 1))}",
+            f"{query.path}: its element_size_um is {stated!r:.40}, not three positive numbers of "
+            "micrometres along z, y, x",
+            f"give the spacing as in {query.example(spacing='1,1,1')}",
             code="range",
         )
-    return x, y, z
+    return stated

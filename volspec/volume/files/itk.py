@@ -1,10 +1,9 @@
-"""NRRD, MetaImage and NIfTI files, read with SimpleITK, with a check that no voxel is missing.
+"""NRRD and MetaImage files, read with SimpleITK, with a check that no voxel is missing.
 
     header fields -> Layout -> [itk] -> Reading
 
 ITK reads some damaged files without an error: missing voxels become zeros or uninitialised memory,
-surplus bytes are dropped, NaN in NIfTI becomes 0. Voxels are therefore read here if their layout is
-known, and always for NIfTI.
+surplus bytes are dropped. Voxels are therefore read here if their layout is known.
 
 Of several time steps (a fourth axis, or Slicer's sequences) or components per voxel (channels) one
 is read.
@@ -16,7 +15,6 @@ import gzip
 import math
 import os
 import re
-import struct
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -38,27 +36,18 @@ from volspec.volume.files.headers import (
     is_count,
     is_meta,
 )
-from volspec.volume.files.label_tables import labels_in_nrrd, labels_in_xml
+from volspec.volume.files.label_tables import labels_in_nrrd
 from volspec.volume.files.lattice import affine
 from volspec.volume.files.query import Query, Reading, Stored
-from volspec.volume.labels import Label, Labels
+from volspec.volume.labels import Label
 
-NIFTI_SUFFIXES = (".nii", ".nii.gz")
 _CHUNK = 1 << 22
 # Decompression stops at this many bytes more than the header declares.
 _SURPLUS = 1 << 24
-# NIfTI-1's type codes, and the first byte at which voxels can begin.
-_NIFTI_TYPES = {2: "u1", 4: "i2", 8: "i4", 16: "f4", 64: "f8"}
-_NIFTI_TYPES |= {256: "i1", 512: "u2", 768: "u4", 1024: "i8", 1280: "u8"}
-_NIFTI_HEADER = 348
 # Beginning of ITK's messages: the object, with its address.
 _SENDER = re.compile(r"(?:ITK )?ERROR: \w+\(0x[0-9a-f]+\): ")
-# NIfTI's code of the intent "label", and the most bytes of extensions that are searched for names.
-_NIFTI_LABELS, _MOST_EXTENSION = 1002, 1 << 24
 # Custom keys of NRRD in which Slicer states what its sequences are indexed by.
 _INDEX = "axis 0 index"
-# Seconds in NIfTI's units of time, by the bits of xyzt_units.
-_NIFTI_SECONDS = {8: 1.0, 16: 1e-3, 24: 1e-6}
 
 
 def _is_true(word: str) -> bool:
@@ -76,20 +65,13 @@ class Layout:
     encoding: str = "raw"  # gzip, or zlib (zlib's header or gzip's)
     order: str = "<"
     whole_packed: bool = False  # the compressed stream includes the header
-    stored: np.dtype[Any] | None = None  # a NIfTI file's type, which ITK may convert to floats
-    scaling: tuple[float, float] = (1.0, 0.0)  # NIfTI's slope and intercept of the stored numbers
+    stored: np.dtype[Any] | None = None  # the type, if it is not ITK's
+    scaling: tuple[float, float] = (1.0, 0.0)  # slope and intercept of the stored numbers
     planar: bool = False  # components are volumes one after another, not neighbours
-    step_s: float | None = None  # time between steps if stated
-    labels: Labels | None = None  # stated by a NIfTI header
 
     @classmethod
     def of(cls, path: Path) -> Layout | None:
-        """Return a file's layout; None if only ITK can read it: text, bzip2, several files.
-
-        A file named as NIfTI that is not NIfTI is refused; ITK would read it as Analyze.
-        """
-        if path.name.lower().endswith(NIFTI_SUFFIXES):
-            return cls._from_nifti(path)
+        """Return a file's layout; None if only ITK can read it: text, bzip2, several files."""
         header = HeaderFields.read(path)
         return cls._from_meta(path, header) if is_meta(path) else cls._from_nrrd(path, header)
 
@@ -138,50 +120,6 @@ class Layout:
         if not is_there or not is_count(skip):
             return None
         return cls(path, data, start + int(skip), encoding, order)
-
-    @classmethod
-    def _from_nifti(cls, path: Path) -> Layout:
-        packed = path.name.lower().endswith(".gz")
-        with _one_line_for(path), gzip.open(path) if packed else path.open("rb") as file:
-            head = file.read(352)
-        order = "<" if head[:4] == struct.pack("<i", 348) else ">"
-        if len(head) < 352 or head[:4] != struct.pack(order + "i", 348) or head[344:347] != b"n+1":
-            raise VolumeError(
-                f"{path}: not a NIfTI-1 image; is the file complete and of the type its name "
-                "says? Save NIfTI-2 and Analyze as NIfTI-1",
-                code="damaged",
-            )
-        (kind,) = struct.unpack_from(order + "h", head, 70)
-        start, slope, shift = struct.unpack_from(order + "3f", head, 108)
-        (step,) = struct.unpack_from(order + "f", head, 92)
-        second = _NIFTI_SECONDS.get(head[123] & 0x38)
-        if kind not in _NIFTI_TYPES:
-            raise VolumeError(
-                f"{path}: its values have NIfTI type {kind}; supported are "
-                f"{', '.join(map(str, _NIFTI_TYPES))}, which are integers and floats",
-                code="unsupported",
-            )
-        # Clipped as by niftilib.
-        first = int(start) if _NIFTI_HEADER <= start < 2**31 else _NIFTI_HEADER
-        encoding = "gzip" if packed else "raw"
-        stored = np.dtype(order + _NIFTI_TYPES[kind])
-        # As by niftilib: numbers that are not finite are 0, and a slope of 0 is none.
-        slope, shift = (number if math.isfinite(number) else 0.0 for number in (slope, shift))
-        scaling = slope or 1.0, shift
-        step_s = step * second if second is not None and 0 < step < math.inf else None
-        (intent,) = struct.unpack_from(order + "h", head, 68)
-        labels = None
-        if head[348]:
-            with _one_line_for(path), gzip.open(path) if packed else path.open("rb") as file:
-                labels = _labels_in_extensions(file.read(min(first, _MOST_EXTENSION)), order)
-        if labels is None and intent == _NIFTI_LABELS:
-            labels = {}
-        return cls(
-            *(path, path, first, encoding, order, packed, stored, scaling),
-            planar=True,
-            step_s=step_s,
-            labels=labels,
-        )
 
     def chunks(self, nbytes: int) -> Iterator[bytes]:
         """Yield the voxels' bytes, not many more than ``nbytes``; fewer if the file ends early."""
@@ -250,20 +188,6 @@ class Layout:
             for target, source in zip(scaled, values, strict=True):  # by slice: doubles are wide
                 target[...] = source.astype(np.float64) * slope + shift
         return scaled
-
-
-def _labels_in_extensions(head: bytes, order: str) -> dict[int, Label] | None:
-    """Return the first table of labels in the extensions of a NIfTI header."""
-    at = _NIFTI_HEADER + 4
-    while at + 8 <= len(head):
-        nbytes, _ = struct.unpack_from(order + "2i", head, at)
-        if nbytes < 8:
-            break
-        text = head[at + 8 : at + nbytes].decode("utf-8", "replace")
-        if labels := labels_in_xml(text):
-            return labels
-        at += nbytes
-    return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -349,21 +273,19 @@ def read_itk(query: Query) -> Reading:
 
     path = query.path
     query.allow("time", "channel")
-    is_nifti = path.name.lower().endswith(NIFTI_SUFFIXES)
-    if not is_nifti:
-        check_itk_header(path)
+    check_itk_header(path)
     layout = Layout.of(path)
     output: list[str] = []
     remarks: list[str] = []
     image: Any = sitk.ImageFileReader()
     image.SetFileName(os.fspath(path))
+    image.SetImageIO("MetaImageIO" if is_meta(path) else "NrrdImageIO")
     try:
         with captured_output(output):
             image.ReadImageInformation()
             size, dtype = image.GetSize(), _scalar_type(image)
             components = image.GetNumberOfComponents()
-            step_s = layout.step_s if layout else None
-            extent = Extent.of(query, size, components, step_s, is_sequence(path))
+            extent = Extent.of(query, size, components, None, is_sequence(path))
             query.end_choices()
             beside = 1 if layout is not None and layout.planar else components
             query.reserve((*extent.size, *((beside,) if beside > 1 else ())), dtype.itemsize)
@@ -389,7 +311,7 @@ def read_itk(query: Query) -> Reading:
         spacing_mm=tuple(spacing.tolist()),
         world_from_index=affine(directions * spacing, image.GetOrigin()[:3]),
         remarks=remarks,
-        labels=layout.labels if is_nifti and layout else _segments(path, extent.channel),
+        labels=_segments(path, extent.channel),
         owner=image,
     )
 

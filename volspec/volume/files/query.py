@@ -11,11 +11,11 @@ import math
 import mmap
 import re
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
-from urllib.parse import parse_qsl
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ from volspec.errors import DeviceError, VolumeError, nearest, one_line, quoted
 from volspec.volume.channels import ALL, MAX_FIELDS, Channel
 from volspec.volume.labels import Labels
 
+# Most arrays that a message lists.
+_MOST_LISTED = 8
 _BYTES = re.compile(r"(\d+(?:\.\d*)?)\s*([KMGT]?)(i?)B?", re.IGNORECASE)
 
 
@@ -85,7 +87,10 @@ class Query:
                 code="missing",
             )
         options: dict[str, str] = {}
-        for key, value in parse_qsl(query, keep_blank_values=True):
+        for part in query.split("&"):
+            key, _, value = map(unquote, part.partition("="))  # a plus sign is one
+            if not key and not value:
+                continue
             if key in options:
                 raise VolumeError(f"{path}: {key}= is given twice; give it once", code="duplicate")
             options[key] = value
@@ -187,6 +192,33 @@ class Query:
                 given=given,
             )
         return int(given)
+
+    def array_named(self, found: Mapping[str, Sequence[int]]) -> str:
+        """Return the array chosen by ``dataset=``, or the only one; ``found`` has their shapes."""
+        given = self.options.get("dataset", "").strip("/")
+        names = tuple(sorted(found, key=lambda name: (-math.prod(found[name]), name)))
+        listed = ", ".join(names[:_MOST_LISTED]) + ", …" * (len(names) > _MOST_LISTED)
+        if self.choices is not None and len(names) > 1:
+            sizes = tuple(f"{name} ({' × '.join(map(str, found[name][::-1]))})" for name in names)
+            self.choices.append(Choice("dataset", names, sizes, given if given in found else None))
+            if given not in found:
+                self.end_choices()  # the others depend on it
+        if not given and len(names) == 1:
+            return names[0]
+        if not given:
+            raise VolumeError(
+                f"{self.path}: holds {len(names)} datasets",
+                f"choose one with {self.example(dataset=names[0])}; there are {listed}",
+                code="missing",
+            )
+        if given not in found:
+            raise VolumeError(
+                f"{self.path}: has no dataset {given!r} of three or four axes",
+                f"{nearest(given, names, count=1)}there are {listed}",
+                code="unknown",
+                given=given,
+            )
+        return given
 
     def _offer(self, key: str, count: int, names: Sequence[str]) -> int:
         """Add a choice of indices; return the given index if it is one, else 0."""

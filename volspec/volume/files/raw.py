@@ -1,4 +1,4 @@
-"""Raw bytes without a header, and NumPy's .npy files.
+"""Raw bytes without a header, and NumPy's .npy and .npz files.
 
 load_volume -> [raw] -> Reading
 """
@@ -66,6 +66,30 @@ def read_npy(query: Query) -> Reading:
             flat = np.fromfile(file, dtype, math.prod(shape))
             return Reading(flat.reshape(shape[::-1]).T)
         return Reading(Stored(str(path), shape, dtype.str, file.tell()))
+
+
+def read_npz(query: Query) -> Reading:
+    """Read an array of three axes of a file written by ``numpy.savez``."""
+    path = query.path
+    query.allow("dataset")
+    try:
+        with np.load(path) as file:
+            arrays = {name: file[name] for name in file.files}  # sizes are known only once read
+    except Exception as error:  # of NumPy, zipfile or zlib
+        raise VolumeError(
+            f"{path}: not a readable .npz file of numbers; is it complete, and of numpy.savez?",
+            code="damaged",
+        ) from error
+    found = {name: each for name, each in arrays.items() if each.ndim == 3}
+    if not found:
+        raise VolumeError(
+            f"{path}: holds no array of three axes (Z, Y, X), only {', '.join(arrays) or 'none'}",
+            "save one: numpy.savez('v.npz', volume=numpy.stack(slices))",
+            code="shape",
+        )
+    name = query.array_named({name: each.shape for name, each in found.items()})
+    query.end_choices()
+    return Reading(found[name])
 
 
 def _example(query: Query) -> str:

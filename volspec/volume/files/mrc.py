@@ -1,0 +1,87 @@
+"""MRC, CCP4 and EM maps of electron microscopy, by mrcfile.
+
+    header -> [mrc] -> Reading
+
+References
+----------
+[1] MRC2014, A. Cheng et al., J. Struct. Biol. 192 (2015), 146-150: cell in Å, `mapc mapr maps` are
+    the axes of columns, rows and sections, ORIGIN is the first voxel's place.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from volspec.errors import VolumeError, one_line
+from volspec.volume.files.lattice import affine
+from volspec.volume.files.query import Query, Reading, Stored
+
+SUFFIXES = (".mrc", ".map", ".ccp4", ".st", ".ali", ".mrcs")
+MAGIC = 208, b"MAP"
+_ANGSTROM_MM = 1e-7
+_HEADER = 1024
+
+
+def read_mrc(query: Query) -> Reading:
+    """Read a map, or one volume of a stack."""
+    import mrcfile
+
+    path = query.path
+    query.allow("time")
+    try:
+        with mrcfile.open(path, "r", permissive=True, header_only=True) as file:
+            header = file.header
+            dtype = mrcfile.utils.data_dtype_from_header(header)
+            shape = mrcfile.utils.data_shape_from_header(header)
+    except Exception as error:  # of whatever kind mrcfile raises for a damaged header
+        raise VolumeError(
+            f"{path}: its header cannot be read ({one_line(error):.120}); is the file complete?",
+            code="damaged",
+        ) from error
+    if dtype.kind == "c":
+        raise VolumeError(
+            f"{path}: holds a transform of complex numbers",
+            "give the map itself",
+            code="unsupported",
+        )
+    steps, *size = shape if len(shape) == 4 else (1, *shape)
+    step = query.index("time", steps, "volumes")
+    query.end_choices()
+    query.reserve(tuple(size), dtype.itemsize)
+    nbytes = int(np.prod(size)) * dtype.itemsize
+    first = _HEADER + int(header.nsymbt)
+    held = path.stat().st_size - first
+    query.require_held(held, shape[::-1], steps * nbytes)
+    values = Stored(str(path), tuple(size), dtype.str, first + step * nbytes)
+    world, remarks = _world_from_index(query, header)
+    return Reading(
+        values,
+        world_from_index=world,
+        remarks=[*remarks, *query.surplus(held, steps * nbytes)],
+    )
+
+
+def _world_from_index(query: Query, header: np.recarray) -> tuple[np.ndarray, list[str]]:
+    """Return the map to millimetres, and a remark if the header states no size of a voxel."""
+    cell = np.array([header.cella.x, header.cella.y, header.cella.z], np.float64)
+    counts = np.array([header.mx, header.my, header.mz], np.float64)
+    axes = np.array([header.mapc, header.mapr, header.maps], int) - 1
+    if sorted(axes) != [0, 1, 2]:
+        axes = np.arange(3)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        spacing = cell / counts * _ANGSTROM_MM
+    remarks = []
+    if not (np.isfinite(spacing).all() and (spacing > 0).all()):
+        spacing = np.ones(3)
+        if query.spacing_mm is None:
+            example = query.example(spacing="1e-7,1e-7,1e-7")
+            remarks.append(
+                f"{query.path}: states no size of a voxel, 1 mm is assumed; {example} is 1 Å"
+            )
+    columns = np.zeros((3, 3))
+    columns[axes, [0, 1, 2]] = spacing[axes]
+    start = np.array([header.nxstart, header.nystart, header.nzstart], np.float64)
+    origin = np.array([header.origin.x, header.origin.y, header.origin.z], np.float64)
+    if np.isfinite(origin).all() and origin.any():
+        return affine(columns, origin * _ANGSTROM_MM), remarks
+    return affine(columns, columns @ start), remarks  # ``nxstart`` and its like, in voxels

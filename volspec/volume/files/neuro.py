@@ -1,0 +1,292 @@
+"""NIfTI, Analyze, FreeSurfer, AFNI, Philips and MINC files, by nibabel.
+
+    nibabel's header -> Layout -> [neuro] -> Reading
+
+nibabel reads headers and chooses between a file's maps to the world. Voxels are read by `Layout`,
+which neither scales more than is asked for nor fills in what is missing; those of PAR/REC and MINC,
+whose slices have a scale each, by nibabel.
+
+References
+----------
+[1] nifti1.h and nifti2.h, R. W. Cox et al.: x, y, z follow from the sform (method 3) or the qform
+    (method 2) alone if its code is above 0, else from pixdim without an orientation (method 1).
+"""
+
+from __future__ import annotations
+
+import gzip
+import os
+import struct
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.errors import VolumeError, one_line
+from volspec.volume.files.headers import TRUNCATED
+from volspec.volume.files.itk import Extent, Layout
+from volspec.volume.files.label_tables import labels_in_xml
+from volspec.volume.files.lattice import affine, mm_per_unit
+from volspec.volume.files.query import Query, Reading
+from volspec.volume.labels import Labels
+
+PAIRS = (".hdr", ".hdr.gz", ".img", ".img.gz")
+"""Endings of NIfTI and Analyze in two files."""
+_GZIP = b"\x1f\x8b"
+# NIfTI's code of the intent "label".
+_LABELS = 1002
+# Bytes of headers, and the most of extensions that are searched for names.
+_NIFTI_1, _NIFTI_2, _MOST_EXTENSION = 348, 540, 1 << 24
+_SECONDS = {"sec": 1.0, "msec": 1e-3, "usec": 1e-6}
+# Radians between the axes of two maps from which on it is said which of them is taken.
+_TURNED = 0.01
+_FROM_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Opened:
+    """An image of which the header is read."""
+
+    header: Any
+    proxy: Any  # nibabel's, of the voxels
+    data: Path
+    packed: bool  # by gzip
+    world: NDArray[np.float64] | None  # nibabel's map to RAS, if the file states where axes lead
+    extensions: bytes = b""  # of a NIfTI header
+
+    @classmethod
+    def of(cls, path: Path) -> _Opened:
+        """Read a header; a file is unpacked if it is packed, whatever its name says."""
+        import nibabel
+
+        with _refusing(path), path.open("rb") as file:
+            packed = file.read(2) == _GZIP
+        with _refusing(path), gzip.open(path) if packed else path.open("rb") as file:
+            head = file.read(_NIFTI_2)
+            named = path.name.lower().endswith((".nii", ".nii.gz"))
+            if named or head[344:347] == b"n+1" or head[4:7] == b"n+2":
+                return cls._of_nifti(path, head, file, packed)
+        with _refusing(path):
+            if path.name.lower().endswith((".mgh", ".mgz")):
+                with gzip.open(path) if packed else path.open("rb") as file:
+                    holder = nibabel.fileholders.FileHolder(str(path), file)
+                    image: Any = nibabel.MGHImage.from_file_map({"image": holder})
+            else:
+                image = nibabel.load(path)
+        data = Path(image.file_map["image"].filename)
+        if not data.exists():
+            raise _without_voxels(path, data)
+        if data != path:
+            packed = data.name.lower().endswith(".gz")
+        world = image.affine if _is_oriented(image) else None
+        return cls(image.header, image.dataobj, data, packed, world)
+
+    @classmethod
+    def _of_nifti(cls, path: Path, head: bytes, file: Any, packed: bool) -> _Opened:
+        """Read a header as it is: nibabel's own way changes or refuses what can be understood."""
+        from nibabel import Nifti1Header, Nifti2Header
+        from nibabel.arrayproxy import ArrayProxy
+
+        magics = {b"n+1\0": (Nifti1Header, _NIFTI_1), b"n+2\0": (Nifti2Header, _NIFTI_2)}
+        kind, size = magics.get(head[344:348]) or magics.get(head[4:8]) or (None, 0)
+        if kind is None or len(head) < size or size not in _sizes(head):
+            raise VolumeError(
+                f"{path}: is no NIfTI image; is the file complete and of the type its name says?",
+                code="damaged",
+            )
+        header = kind(head[:size], check=False)
+        dtype = np.dtype(np.void)
+        with suppress(Exception):  # of nibabel's own
+            dtype = header.get_data_dtype()
+        if not dtype.itemsize:
+            raise VolumeError(
+                f"{path}: its values have NIfTI type {int(header['datatype'])}, which this machine "
+                "has no numbers for",
+                "save it with another type, such as float32 by nibabel",
+                code="unsupported",
+            )
+        start = float(header["vox_offset"])
+        first = int(start) if size + 4 <= start < 2**40 else size + 4
+        extensions = (head + file.read(min(first, _MOST_EXTENSION)))[size:first]
+        slope, shift = header.get_slope_inter() if np.isfinite(header["scl_slope"]) else (1, 0)
+        given = header.get_data_shape(), dtype, first, slope or 1, shift or 0
+        return cls(header, ArrayProxy(os.fspath(path), given), path, packed, None, extensions)
+
+
+def _sizes(head: bytes) -> tuple[int, int]:
+    """Return the size that a NIfTI header states, in either byte order."""
+    return int.from_bytes(head[:4], "little"), int.from_bytes(head[:4], "big")
+
+
+def read_neuro(query: Query) -> Reading:
+    """Read a 3-D image, or one time step and one component of it."""
+    path = query.path
+    query.allow("time", "channel")
+    opened = _Opened.of(path)
+    shape = tuple(int(count) for count in opened.proxy.shape)
+    time_first = path.name.lower().endswith(".mnc") and len(shape) == 4
+    if time_first:
+        shape = (*shape[1:], shape[0])
+    dtype = np.dtype(getattr(opened.proxy, "dtype", np.float32))
+    if dtype.kind == "c":
+        raise VolumeError(
+            f"{path}: its values are complex numbers",
+            "save their magnitude, such as with nibabel and numpy.abs",
+            code="unsupported",
+        )
+    colours = len(dtype.names or (0,))
+    extent = Extent.of(query, shape, colours, _step_s(opened.header), is_sequence=False)
+    query.end_choices()
+    scalar = dtype[0] if dtype.names else dtype
+    query.reserve((*extent.size, *((colours,) if colours > 1 else ())), scalar.itemsize)
+    remarks: list[str] = []
+    world = _world_from_index(opened, query, remarks)
+    labels = _labels(opened)
+    layout = _layout(path, opened, scalar, colours)
+    if layout is not None:
+        # FreeSurfer writes how the image was made after its voxels.
+        ends = path.name.lower().endswith((".mgh", ".mgz"))
+        values = layout.voxels(extent, scalar, query, [] if ends else remarks)
+    else:
+        index: tuple[Any, ...] = (..., *(extent.time, extent.channel)[: len(shape) - 3])
+        with _refusing(path):
+            part = opened.proxy[index[::-1] if time_first else index]
+        values = np.asarray(part, np.float32).T
+    return Reading(values, world_from_index=world, remarks=remarks, labels=labels)
+
+
+def _without_voxels(path: Path, data: Path) -> VolumeError:
+    return VolumeError(
+        f"{path}: its voxels are in {data.name}, which is not there",
+        f"copy it into {data.parent}, next to the header",
+        code="not-found",
+    )
+
+
+class _refusing:
+    """Turn whatever nibabel raises for a damaged file into a one-line error."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: object, error: BaseException | None, _: object) -> None:
+        if not isinstance(error, Exception) or isinstance(error, VolumeError | PermissionError):
+            return
+        if isinstance(error, EOFError):
+            raise VolumeError(f"{self.path}: {TRUNCATED}", code="damaged") from error
+        if isinstance(error, FileNotFoundError) and error.filename:
+            raise _without_voxels(self.path, Path(error.filename)) from error
+        raise VolumeError(
+            f"{self.path}: cannot be read ({one_line(error)}); is the file complete and of the "
+            "type its name says?",
+            code="damaged",
+        ) from error
+
+
+def _layout(path: Path, opened: _Opened, scalar: np.dtype[Any], colours: int) -> Layout | None:
+    """Return the place of the voxels; None if only nibabel can assemble them."""
+    from nibabel.arrayproxy import ArrayProxy
+
+    proxy = opened.proxy
+    by_part = getattr(proxy, "_scaling", None) is not None  # AFNI's
+    if not isinstance(proxy, ArrayProxy) or by_part:
+        return None
+    return Layout(
+        *(path, opened.data, int(proxy.offset)),
+        encoding="gzip" if opened.packed else "raw",
+        order=">" if scalar.newbyteorder(">") == scalar else "<",
+        whole_packed=opened.packed,
+        stored=scalar,
+        scaling=(float(proxy.slope), float(proxy.inter)),
+        planar=colours == 1,
+    )
+
+
+def _step_s(header: Any) -> float | None:
+    """Return the time between steps, if it is stated."""
+    zooms = header.get_zooms()
+    if len(zooms) < 4 or not hasattr(header, "get_xyzt_units"):
+        return None
+    second = _SECONDS.get(header.get_xyzt_units()[1])
+    return second * float(zooms[3]) if second and 0 < zooms[3] < np.inf else None
+
+
+def _world_from_index(opened: _Opened, query: Query, remarks: list[str]) -> NDArray[np.float64]:
+    """Return the map to millimetres in LPS; without an orientation, that of the spacing alone."""
+    header = opened.header
+    if not hasattr(header, "get_xyzt_units"):
+        return _spaced(header) if opened.world is None else _FROM_RAS @ opened.world
+    unit_mm = mm_per_unit(header.get_xyzt_units()[0]) or 1.0
+    maps = {"sform": header.get_sform(coded=True), "qform": header.get_qform(coded=True)}
+    codes = {name: int(code) for name, (_, code) in maps.items()}
+    found = {
+        name: np.asarray(matrix, np.float64)
+        for name, (matrix, code) in maps.items()
+        if code > 0 and matrix is not None
+    }
+    usable = {name: matrix for name, matrix in found.items() if np.isfinite(matrix).all()}
+    if "sform" in found and "sform" not in usable and query.spacing_mm is None:
+        if not usable:
+            raise VolumeError(
+                f"{query.path}: its sform, the map to millimetres, holds NaN",
+                f"give the spacing, as {query.example(spacing='1,1,1')}",
+                code="damaged",
+            )
+        remarks.append(f"{query.path}: its sform holds NaN; its qform is taken")
+    if not usable:
+        return _spaced(header, unit_mm)
+    matrix = next(iter(usable.values()))
+    if len(usable) == 2 and _turned(*usable.values()):
+        remarks.append(
+            f"{query.path}: its sform (code {codes['sform']}) and its qform (code "
+            f"{codes['qform']}) lead to different directions; the sform is taken, as by nibabel"
+        )
+    scale = np.diag([unit_mm, unit_mm, unit_mm, 1.0])
+    return _FROM_RAS @ scale @ matrix
+
+
+def _is_oriented(image: Any) -> bool:
+    """Return True for an image other than NIfTI whose file states where its axes lead."""
+    from nibabel import MGHImage
+    from nibabel.analyze import AnalyzeHeader
+
+    if isinstance(image.header, AnalyzeHeader):  # only SPM's file of a matrix next to it says so
+        beside = image.file_map.get("mat")
+        return beside is not None and Path(beside.filename).exists()
+    return not isinstance(image, MGHImage) or bool(image.header["goodRASFlag"] > 0)
+
+
+def _turned(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+    """Return True if an axis of two maps leads elsewhere."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        columns = [m[:3, :3] / np.linalg.norm(m[:3, :3], axis=0) for m in (one, other)]
+    return bool((columns[0] * columns[1]).sum(axis=0).min() < np.cos(_TURNED))
+
+
+def _spaced(header: Any, unit_mm: float = 1.0) -> NDArray[np.float64]:
+    """Return the map of a header without an orientation; 0 and what is no number count as 1."""
+    zooms = np.abs(np.array(header.get_zooms()[:3], np.float64))
+    zooms = np.where((zooms > 0) & np.isfinite(zooms), zooms, 1.0)
+    return affine(np.diag(zooms * unit_mm), (0.0, 0.0, 0.0))
+
+
+def _labels(opened: _Opened) -> Labels | None:
+    """Return the labels that a NIfTI header states; None if it does not say that it holds any."""
+    head, order = opened.extensions, getattr(opened.header, "endianness", "<")
+    at = 4
+    while head[:1] > b"\0" and at + 8 <= len(head):
+        nbytes, _ = struct.unpack_from(order + "2i", head, at)
+        if nbytes < 8:
+            break
+        if labels := labels_in_xml(head[at + 8 : at + nbytes].decode("utf-8", "replace")):
+            return labels
+        at += nbytes
+    with suppress(KeyError, ValueError, IndexError, TypeError):  # of headers other than NIfTI
+        return {} if int(opened.header["intent_code"]) == _LABELS else None
+    return None
