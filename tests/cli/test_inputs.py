@@ -10,6 +10,7 @@ import pytest
 from tests.support.commands import call
 from tests.support.fixtures import Patch
 from volspec.cli.inputs import open_scene
+from volspec.export.frames import read_frame_text
 from volspec.raycast import CoefficientImage
 from volspec.scene import Scene
 from volspec.volume import phantom
@@ -83,12 +84,9 @@ def test_a_batch_has_an_output_for_each_input(scans, inputs, capsys):
 
 
 def test_a_pattern_names_the_outputs_of_a_batch(scans):
-    assert (
-        call(
-            "export", "scans", "-o", "films/{name}-A", "--light", "A", "--stereo", "anaglyph", *SIZE
-        )
-        == 0
-    )
+    words = ("-o", "films/{name}-A", "--light", "A", "--stereo", "anaglyph", *SIZE)
+    assert call("export", "scans", *words) == 0
+    assert "anaglyph" in read_frame_text("films/b-A/A.png")["stereo"]
     assert call("page", "scans", "-o", "pages", *SIZE) == 0
     assert (Path("films/a-A/A.png")).is_file() and (Path("pages/b.html")).is_file()
 

@@ -274,7 +274,8 @@ def test_old_images_get_other_lights_by_being_written_once_more(tmp_path):
     assert np.array_equal(again.coefficients, image.coefficients)
     # White light's quarter, at the exposure of the scene that is noted in the image.
     assert np.allclose(recipe.lights["FL2"].backdrop, 0.25 * 1.25)
-    refusal("compositing", tmp_path / "i.exr", "--opacity", "x=1", "-o", tmp_path / "i.exr")
+    own = ("compositing", tmp_path / "i.exr", "--opacity", "x=1", "-o", tmp_path / "i.exr")
+    assert "input image" in str(refusal(*own))
 
 
 @pytest.mark.parametrize(

@@ -97,16 +97,18 @@ def test_links_into_other_files_are_followed(tmp_path):
         made["d"] = VALUES
     with h5py.File(tmp_path / "master.h5", "w") as made:
         made["entry/data"] = h5py.ExternalLink("part.h5", "/d")
+        made["entry/again"] = h5py.SoftLink("/")
     assert np.array_equal(load_volume(tmp_path / "master.h5").values, VALUES)
 
 
-def test_nexus_has_the_spacing_of_its_coordinates(tmp_path):
+@pytest.mark.parametrize("text", [str, str.encode])
+def test_nexus_has_the_spacing_of_its_coordinates(tmp_path, text):
     with h5py.File(tmp_path / "scan.nxs", "w") as made:
         made["entry/data"] = VALUES
-        made["entry"].attrs["axes"] = ["z", "y", "x"]
+        made["entry"].attrs["axes"] = [text(name) for name in "zyx"]
         for name, count, step in zip("zyx", VALUES.shape, (2.0, 0.7, 0.5), strict=True):
             made[f"entry/{name}"] = np.arange(count) * step
-            made[f"entry/{name}"].attrs["units"] = "um"
+            made[f"entry/{name}"].attrs["units"] = text("um")
     assert load_volume(tmp_path / "scan.nxs").spacing_mm == pytest.approx((5e-4, 7e-4, 2e-3))
 
 

@@ -37,7 +37,7 @@ from volspec.appearance.spaces import (
 )
 from volspec.basis.display import DEFAULT_MODE
 from volspec.basis.materials import Basis, MaterialBasis
-from volspec.basis.report import RGB_PRODUCT, WAYS, BasisReport, WorstPair
+from volspec.basis.report import NOTHING, RGB_PRODUCT, WAYS, BasisReport, WorstPair, rounded
 from volspec.basis.report_table import class_heading, format_delta_e
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
@@ -139,8 +139,6 @@ def _four(summary: ErrorSummary) -> str:
 _BLUE, _VERMILION, _GREEN = "#0072b2", "#d55e00", "#009e73"
 _FLOORS = (1e-4, 1e-2)
 _MOST_NAMED = 9
-NOTHING = 1e-6
-"""Rounding of CIEDE2000."""
 _STYLES: dict[str, dict[str, Any]] = {
     RGB_PRODUCT: {"marker": "^", "markersize": 3.4, "color": _VERMILION, "zorder": 3,
                   "markeredgewidth": 0},
@@ -278,11 +276,8 @@ def draw_swatches(axes: Axes, errors: ErrorTable) -> None:
 
 
 def _rising(delta_e: Array) -> NDArray[np.intp]:
-    """Return the order of colour differences; those equal to within `NOTHING` keep their order.
-
-    What is exact by construction has differences of some 1e-14, which depend on the processor.
-    """
-    return np.argsort(np.round(delta_e / NOTHING), kind="stable")
+    """Return the order of colour differences; those that are `rounded` alike keep theirs."""
+    return np.argsort(rounded(delta_e), kind="stable")
 
 
 def share_out(places: int, wanted: list[int]) -> list[int]:

@@ -48,8 +48,18 @@ PRODUCTS = (2, 3)
 """Numbers of surfaces whose products are compared."""
 PRODUCT_MODES: tuple[Mode, ...] = ("fitted", "componentwise")
 """Modes in which products of surfaces are compared."""
+NOTHING = 1e-6
+"""Rounding of CIEDE2000."""
 _MOST_PRODUCTS = 4000
 _SEED = 20090128
+
+
+def rounded(delta_e: ArrayLike) -> Array:
+    """Return colour differences in whole multiples of `NOTHING`, to be put in order.
+
+    What is exact by construction differs by some 1e-14, and otherwise on each processor.
+    """
+    return np.round(np.asarray(delta_e, np.float64) / NOTHING)
 
 
 @dataclass(frozen=True, eq=False)
@@ -389,7 +399,7 @@ def basis_report(
         )
     chained = not isinstance(basis, MaterialBasis)
     pairs = pair_errors(basis, lights, surfaces, _channels(basis, surfaces), chained=chained)
-    j, i = divmod(int(pairs.delta_e[DEFAULT_MODE].round(6).argmax()), len(surfaces))
+    j, i = divmod(int(rounded(pairs.delta_e[DEFAULT_MODE]).argmax()), len(surfaces))
     return BasisReport(
         basis=basis.name,
         size=basis.size,

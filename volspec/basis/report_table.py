@@ -22,6 +22,7 @@ from volspec.basis.report import (
     Reflectances,
     WorstPair,
     basis_report,
+    rounded,
 )
 from volspec.errors import BasisError
 from volspec.spectra.grid import SpectralGrid
@@ -46,7 +47,7 @@ class ErrorTable:
     @property
     def worst_class(self) -> str:
         """Class of the overall worst pair."""
-        return max(self.classes, key=lambda name: round(self.classes[name].worst.delta_e, 6))
+        return max(self.classes, key=lambda name: rounded(self.classes[name].worst.delta_e))
 
     @property
     def worst(self) -> WorstPair:

@@ -33,7 +33,7 @@ from volspec.volume.pyramid import Stack
 
 Reader = Callable[[Query], Reading]
 Magic = tuple[int, bytes]
-# Bytes of a file that are looked at, unpacked if they are packed by gzip.
+# Bytes of a file that are looked at.
 _LOOKED_AT = 1024
 
 
@@ -48,6 +48,7 @@ class Format:
     magic: tuple[Magic, ...] = ()  # (offset, bytes), one of which its files hold
     stack: Callable[[Query], Stack | None] | None = None  # levels of one larger than memory
     whole: bool = True  # a file is a volume, not the slice of one
+    unpacks: bool = False  # its reader unpacks files that are packed by gzip
 
     def begins(self, head: bytes) -> bool:
         """Return True if a file's first bytes are of this format."""
@@ -56,16 +57,21 @@ class Format:
 
 _HDF5 = (0, b"\x89HDF\r\n\x1a\n")
 _NIFTI = ((344, b"n+1\0"), (344, b"ni1\0"), (4, b"n+2\0"), (4, b"ni2\0"))
+DICOM = Format("DICOM", DICOM_SUFFIXES, read_series, "SimpleITK", ((128, b"DICM"),), whole=False)
+OME_ZARR = Format("OME-Zarr", ZIP_SUFFIXES, read_ome_zarr, "zarr", stack=ome_zarr_stack)
+RAW = Format("raw bytes", (".raw",), read_raw, whole=False)
+SLICES = Format("slices", (), read_stack, "tifffile", stack=pictures_stack)
+"""Of a folder; no file has it."""
 FORMATS = (
     Format("NRRD", (".nrrd", ".nhdr"), read_itk, "SimpleITK", ((0, b"NRRD"),)),
     Format("MetaImage", (".mha", ".mhd"), read_itk, "SimpleITK"),
-    Format("NIfTI", (".nii", ".nii.gz"), neuro.read_neuro, "nibabel", _NIFTI),
+    Format("NIfTI", (".nii", ".nii.gz"), neuro.read_neuro, "nibabel", _NIFTI, unpacks=True),
     Format("NIfTI and Analyze pairs", neuro.PAIRS, neuro.read_neuro, "nibabel"),
     Format("FreeSurfer", (".mgh", ".mgz"), neuro.read_neuro, "nibabel"),
     Format("AFNI", (".head", ".brik", ".brik.gz"), neuro.read_neuro, "nibabel"),
     Format("PAR/REC", (".par", ".rec"), neuro.read_neuro, "nibabel"),
     Format("MINC", (".mnc",), neuro.read_neuro, "nibabel", (_HDF5, (0, b"CDF\1"))),
-    Format("DICOM", DICOM_SUFFIXES, read_series, "SimpleITK", ((128, b"DICM"),), None, False),
+    DICOM,
     Format(
         *("TIFF", TIFF_SUFFIXES, read_tiff, "tifffile"),
         ((0, b"II*\0"), (0, b"MM\0*"), (0, b"II+\0"), (0, b"MM\0+")),
@@ -80,42 +86,42 @@ FORMATS = (
         (_HDF5,),
         hdf5_stack,
     ),
-    Format("OME-Zarr", ZIP_SUFFIXES, read_ome_zarr, "zarr", (), ome_zarr_stack),
+    OME_ZARR,
     Format("MRC", MRC_SUFFIXES, read_mrc, "mrcfile", (MRC_MAGIC,)),
     Format("VTI", (".vti",), read_vtk, "pyvista"),
     Format("VTR", (".vtr",), read_vtk, "pyvista"),
     Format("VTK", (".vtk",), read_vtk, "pyvista", ((0, b"# vtk DataFile"),)),
     Format(".npy", (".npy",), read_npy, "", ((0, b"\x93NUMPY"),)),
     Format(".npz", (".npz",), read_npz),
-    Format("raw bytes", (".raw",), read_raw, whole=False),
+    RAW,
 )
-# Readers of folders, which no file has.
-SLICES = Format("slices", (), read_stack, "tifffile", (), pictures_stack)
-BY_READER = {each.read: each for each in (*FORMATS, SLICES)}
 WHOLE_SUFFIXES = tuple(s for each in FORMATS if each.whole for s in each.suffixes)
 """Endings of files that each are a whole volume, unlike the slices of a series."""
 VOLUME_SUFFIXES = tuple(s for each in FORMATS for s in each.suffixes)
-KNOWN = ", ".join(each.name for each in FORMATS)
+KNOWN = ", ".join(each.name for each in FORMATS if each is not RAW)
 
 
-def format_of(path: Path) -> Format | None:
-    """Return a file's format; None if it is none that is known."""
-    lower, head = path.name.lower(), head_of(path)
-    by_name = [each for each in FORMATS if lower.endswith(each.suffixes)]
-    by_content = [each for each in FORMATS if each.begins(head)]
-    both = [each for each in by_name if each in by_content]
-    if by_name and by_name[0].name == "raw bytes":
-        return by_name[0]
+def format_of(path: Path, head: bytes) -> Format | None:
+    """Return the format of a file with some first bytes (`head_of`); None if it is unknown."""
+    plain = _unpacked(path) if head.startswith(neuro.GZIP) else head
+    by_name = [each for each in FORMATS if path.name.lower().endswith(each.suffixes)]
+    by_content = [each for each in FORMATS if each.begins(plain if each.unpacks else head)]
+    if RAW in by_name:  # whatever its bytes happen to look like
+        return RAW
     if not (by_content or by_name) and is_dicom(path):  # without its preamble
-        return BY_READER[read_series]
+        return DICOM
+    both = [each for each in by_name if each in by_content]
     return next(iter((*both, *by_content, *by_name)), None)
 
 
 def head_of(path: Path) -> bytes:
-    """Return a file's first bytes, unpacked if they are packed by gzip."""
+    """Return a file's first bytes."""
     with path.open("rb") as file:
-        head = file.read(_LOOKED_AT)
-    if head.startswith(b"\x1f\x8b"):
-        with suppress(OSError, EOFError, zlib.error), gzip.open(path) as packed:
-            return packed.read(_LOOKED_AT)
-    return head
+        return file.read(_LOOKED_AT)
+
+
+def _unpacked(path: Path) -> bytes:
+    """Return the first bytes in a file that is packed by gzip; none if it is damaged."""
+    with suppress(OSError, EOFError, zlib.error), gzip.open(path) as file:
+        return file.read(_LOOKED_AT)
+    return b""

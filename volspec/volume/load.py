@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import shlex
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -20,16 +20,15 @@ import numpy as np
 
 from volspec._files import nearest_file
 from volspec.errors import VolspecWarning, VolumeError, quoted
+from volspec.volume import formats
 from volspec.volume.bundled import locate_volume
 from volspec.volume.channels import ALL, Channel, unique_titles
-from volspec.volume.files.dicom import read_series, series_folders
+from volspec.volume.files.dicom import series_folders
 from volspec.volume.files.dicom_headers import dicom_files
 from volspec.volume.files.label_tables import labels_beside, merge_labels, read_label_table
-from volspec.volume.files.omezarr import is_zarr, read_ome_zarr
+from volspec.volume.files.omezarr import is_zarr
 from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored
-from volspec.volume.files.raw import read_raw
-from volspec.volume.files.tiff import pictures_in, read_stack
-from volspec.volume.formats import BY_READER, KNOWN, WHOLE_SUFFIXES, format_of, head_of
+from volspec.volume.files.tiff import pictures_in
 from volspec.volume.labels import NAMED, Labels, find_labels
 from volspec.volume.larger import level_of, read_coarsest, stored_stack
 from volspec.volume.model import Volume
@@ -75,7 +74,8 @@ _CONVERTED_BYTES = 2**28
 _MOST_NUMBERS = 4
 # Endings of files that a missing volume is never a misspelling of.
 _NEVER_VOLUMES = (".toml", ".exr", ".html", ".py")
-_KNOWN = f"{KNOWN}, a folder of DICOM, TIFF or PNG slices"
+_RAW = "'FILE.raw?shape=256x256x110&dtype=uint8'"
+_KNOWN = f"{formats.KNOWN}, a folder of DICOM, TIFF or PNG slices, or {_RAW}"
 
 
 def load_volume(path: str | os.PathLike[str]) -> Volume:
@@ -239,7 +239,7 @@ def _read_field(query: Query, library: str, name: str, remarks: list[str]) -> Vo
 
 def _larger(query: Query) -> Stack | None:
     """Return the levels of a file that is larger than memory, without reading its voxels."""
-    find = BY_READER[_reader(query)].stack
+    find = _format(query).stack
     return None if find is None else find(query)
 
 
@@ -354,7 +354,7 @@ def _query(path: str | os.PathLike[str]) -> tuple[Query, str]:
 
 def read_here(query: Query) -> Reading:
     """Read a file in this process, unprotected from crashes of the format's library."""
-    return _reader(query)(query)
+    return _format(query).read(query)
 
 
 # Readers that open only files whose names are UTF-8.
@@ -374,34 +374,38 @@ def _require_utf_8(path: Path) -> None:
 
 def reader_library(query: Query) -> str:
     """Return the module that reads a file; empty if NumPy alone reads it."""
-    return BY_READER[_reader(query)].library
+    return _format(query).library
 
 
-def _reader(query: Query) -> Callable[[Query], Reading]:
+def _format(query: Query) -> formats.Format:
+    """Return the format of a file or folder; refuse what is no volume."""
     path = query.path
     if query.is_remote:
-        return read_ome_zarr
+        return formats.OME_ZARR
     _require_readable(path)
     if path.is_dir():
-        return _folder_reader(path)
+        return _folder_format(path)
     if not path.is_file():
         raise VolumeError(f"{path}: is a pipe or a device; give a file or a folder", code="type")
-    if path.stat().st_size == 0:
+    head = formats.head_of(path)
+    if not head:
         raise VolumeError(f"{path}: the file is empty; copy or download it again", code="damaged")
-    lower = path.name.lower()
-    head = head_of(path).lstrip().lower()
-    if fault := next((text for begin, text in _NO_DATA.items() if head.startswith(begin)), ""):
+    begins = head.lstrip().lower()
+    if fault := next((text for start, text in _NO_DATA.items() if begins.startswith(start)), ""):
         raise VolumeError(f"{path}: {fault.format(shlex.quote(str(path)))}", code="damaged")
-    if (found := format_of(path)) is not None:
-        return found.read
-    if query.options:
-        return read_raw
-    if advice := next((text for ends, text in _ADVICE.items() if lower.endswith(ends)), ""):
-        vti, nii = (os.path.splitext(path)[0] + suffix for suffix in (".vti", ".nii"))
-        names = {"path": str(path), "vti": vti, "nii": nii}
-        shell = {"shell": shlex.quote(str(path)), "shell_nii": shlex.quote(nii)}
-        raise VolumeError(f"{path}: {advice.format(**names, **shell)}", code="unsupported")
-    raise VolumeError(f"{path}: unknown format; supported are {_KNOWN}", code="unknown")
+    found, lower = formats.format_of(path, head), path.name.lower()
+    others = () if lower.endswith(formats.VOLUME_SUFFIXES) or query.options else _ADVICE.items()
+    advice = next((text for ends, text in others if lower.endswith(ends)), "")
+    # Some of the others are HDF5 or TIFF, whose readers do not know what they state.
+    if advice and found is not formats.DICOM:
+        vti = os.path.splitext(path)[0] + ".vti"
+        names = {"path": str(path), "vti": vti, "shell": shlex.quote(str(path))}
+        raise VolumeError(f"{path}: {advice.format(**names)}", code="unsupported")
+    if found is None and query.options:
+        return formats.RAW
+    if found is None:
+        raise VolumeError(f"{path}: unknown format; supported are {_KNOWN}", code="unknown")
+    return found
 
 
 def _require_readable(path: Path) -> None:
@@ -428,18 +432,18 @@ def _require_readable(path: Path) -> None:
         )
 
 
-def _folder_reader(folder: Path) -> Callable[[Query], Reading]:
+def _folder_format(folder: Path) -> formats.Format:
     try:
         if is_zarr(folder):
-            return read_ome_zarr
+            return formats.OME_ZARR
         if not dicom_files(folder) and pictures_in(folder):
-            return read_stack
+            return formats.SLICES
         if series_folders(folder):
-            return read_series
+            return formats.DICOM
         volumes = sorted(
             each.name
             for each in folder.iterdir()
-            if each.name.lower().endswith(WHOLE_SUFFIXES) and not each.name.startswith(".")
+            if each.name.lower().endswith(formats.WHOLE_SUFFIXES) and not each.name.startswith(".")
         )
     except OSError as error:
         raise VolumeError(

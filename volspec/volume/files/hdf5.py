@@ -37,7 +37,6 @@ _DAMAGE = (KeyError, TypeError, ValueError, OSError, RuntimeError)
 # Names of axes by the number of a dataset's, if it states none.
 _AXES = {3: "zyx", 4: "tzyx"}
 _CELLS = re.compile(r"t(\d+)/s(\d+)/(\d+)/cells")
-_DEEPEST = 12
 
 
 class Dataset:
@@ -80,9 +79,9 @@ def _axes(dataset: Any) -> str:
     try:
         tags = json.loads(dataset.attrs.get("axistags", "{}")).get("axes", ())
         named = "".join(str(each.get("key", ""))[:1] for each in tags)
-        signal = dataset.parent.attrs.get("axes", ())
+        signal = _texts(dataset.parent.attrs.get("axes", ()))
         if not named and len(signal) == count:
-            named = "".join(str(each)[-1:].lower() for each in signal)
+            named = "".join(each[-1:].lower() for each in signal)
         labels = [each.label for each in dataset.dims]
         if not named and all(labels):
             named = "".join(label[:1].lower() for label in labels)
@@ -91,6 +90,11 @@ def _axes(dataset: Any) -> str:
     if len(named) != count or len({*named}) != count or not {*"zyx"} <= {*named} <= {*"tczyx"}:
         named = _AXES.get(count, "")
     return named
+
+
+def _texts(attribute: Any) -> list[str]:
+    """Return the words of an attribute, which writers of HDF5 store as text or as bytes."""
+    return [each.decode() if isinstance(each, bytes) else str(each) for each in np.ravel(attribute)]
 
 
 def _step_mm(dataset: Any, axes: str) -> Any:
@@ -102,13 +106,14 @@ def _step_mm(dataset: Any, axes: str) -> Any:
         except (TypeError, ValueError):
             return str(stated)
         return (x, y, z) if min(x, y, z) > 0 else str(stated)
-    signal = [str(each) for each in np.ravel(dataset.parent.attrs.get("axes", ()))]
+    signal = _texts(dataset.parent.attrs.get("axes", ()))
     if len(signal) != dataset.ndim:
         return None
     found = {}
     for letter, name in zip(axes, signal, strict=True):
         with_places = dataset.parent.get(name)
-        unit = mm_per_unit(str(getattr(with_places, "attrs", {}).get("units", "")))
+        [unit_name] = _texts(getattr(with_places, "attrs", {}).get("units", "")) or [""]
+        unit = mm_per_unit(unit_name)
         if unit and with_places.shape == (dataset.shape[axes.index(letter)],):
             places = np.asarray(with_places, np.float64)
             found[letter] = abs(places[-1] - places[0]) / max(len(places) - 1, 1) * unit
@@ -165,17 +170,20 @@ def _selected(query: Query) -> tuple[Dataset, tuple[int, ...]]:
         ) from error
     found: dict[str, tuple[int, ...]] = {}
 
-    def search(group: Any, place: str, depth: int) -> None:
+    seen: list[Any] = []  # groups, as links may lead back
+
+    def search(group: Any, place: str) -> None:
+        seen.append(group)
         for name in group:  # through links, which h5py's visititems does not follow
             each = group.get(name)
-            if isinstance(each, h5py.Group) and depth < _DEEPEST:
-                search(each, f"{place}{name}/", depth + 1)
+            if isinstance(each, h5py.Group) and each not in seen:
+                search(each, f"{place}{name}/")
             elif isinstance(each, h5py.Dataset) and each.dtype.kind in "buif" and _axes(each):
                 found[place + name] = each.shape
 
     try:
         with h5py.File(path, "r") as file:
-            search(file, "", 0)
+            search(file, "")
     except _DAMAGE as error:
         raise VolumeError(
             f"{path}: cannot be read as HDF5 ({one_line(error)[:120]}); is it complete?",

@@ -17,7 +17,8 @@ from __future__ import annotations
 import gzip
 import os
 import struct
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,7 @@ from volspec.volume.labels import Labels
 
 PAIRS = (".hdr", ".hdr.gz", ".img", ".img.gz")
 """Endings of NIfTI and Analyze in two files."""
-_GZIP = b"\x1f\x8b"
+GZIP = b"\x1f\x8b"
 # NIfTI's code of the intent "label".
 _LABELS = 1002
 # Bytes of headers, and the most of extensions that are searched for names.
@@ -63,7 +64,7 @@ class _Opened:
         import nibabel
 
         with _refusing(path), path.open("rb") as file:
-            packed = file.read(2) == _GZIP
+            packed = file.read(2) == GZIP
         with _refusing(path), gzip.open(path) if packed else path.open("rb") as file:
             head = file.read(_NIFTI_2)
             named = path.name.lower().endswith((".nii", ".nii.gz"))
@@ -166,25 +167,21 @@ def _without_voxels(path: Path, data: Path) -> VolumeError:
     )
 
 
-class _refusing:
+@contextmanager
+def _refusing(path: Path) -> Iterator[None]:
     """Turn whatever nibabel raises for a damaged file into a one-line error."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: object, error: BaseException | None, _: object) -> None:
-        if not isinstance(error, Exception) or isinstance(error, VolumeError | PermissionError):
-            return
-        if isinstance(error, EOFError):
-            raise VolumeError(f"{self.path}: {TRUNCATED}", code="damaged") from error
+    try:
+        yield
+    except (VolumeError, PermissionError):
+        raise
+    except EOFError as error:
+        raise VolumeError(f"{path}: {TRUNCATED}", code="damaged") from error
+    except Exception as error:
         if isinstance(error, FileNotFoundError) and error.filename:
-            raise _without_voxels(self.path, Path(error.filename)) from error
+            raise _without_voxels(path, Path(error.filename)) from error
         raise VolumeError(
-            f"{self.path}: cannot be read ({one_line(error)}); is the file complete and of the "
-            "type its name says?",
+            f"{path}: cannot be read ({one_line(error)}); is the file complete and of the type "
+            "its name says?",
             code="damaged",
         ) from error
 
@@ -223,15 +220,9 @@ def _world_from_index(opened: _Opened, query: Query, remarks: list[str]) -> NDAr
     if not hasattr(header, "get_xyzt_units"):
         return _spaced(header) if opened.world is None else _FROM_RAS @ opened.world
     unit_mm = mm_per_unit(header.get_xyzt_units()[0]) or 1.0
-    maps = {"sform": header.get_sform(coded=True), "qform": header.get_qform(coded=True)}
-    codes = {name: int(code) for name, (_, code) in maps.items()}
-    found = {
-        name: np.asarray(matrix, np.float64)
-        for name, (matrix, code) in maps.items()
-        if code > 0 and matrix is not None
-    }
-    usable = {name: matrix for name, matrix in found.items() if np.isfinite(matrix).all()}
-    if "sform" in found and "sform" not in usable and query.spacing_mm is None:
+    sform, qform = header.get_sform(coded=True)[0], header.get_qform(coded=True)[0]
+    usable = [each for each in (sform, qform) if each is not None and np.isfinite(each).all()]
+    if sform is not None and not np.isfinite(sform).all() and query.spacing_mm is None:
         if not usable:
             raise VolumeError(
                 f"{query.path}: its sform, the map to millimetres, holds NaN",
@@ -241,14 +232,13 @@ def _world_from_index(opened: _Opened, query: Query, remarks: list[str]) -> NDAr
         remarks.append(f"{query.path}: its sform holds NaN; its qform is taken")
     if not usable:
         return _spaced(header, unit_mm)
-    matrix = next(iter(usable.values()))
-    if len(usable) == 2 and _turned(*usable.values()):
+    if len(usable) == 2 and _turned(*usable):
         remarks.append(
-            f"{query.path}: its sform (code {codes['sform']}) and its qform (code "
-            f"{codes['qform']}) lead to different directions; the sform is taken, as by nibabel"
+            f"{query.path}: its sform (code {int(header['sform_code'])}) and its qform (code "
+            f"{int(header['qform_code'])}) lead to different directions; the sform is taken, as by "
+            "nibabel"
         )
-    scale = np.diag([unit_mm, unit_mm, unit_mm, 1.0])
-    return _FROM_RAS @ scale @ matrix
+    return _FROM_RAS @ np.diag([unit_mm, unit_mm, unit_mm, 1.0]) @ usable[0]
 
 
 def _is_oriented(image: Any) -> bool:

@@ -7,7 +7,11 @@ from __future__ import annotations
 
 import math
 import re
+import zipfile
+import zlib
 from dataclasses import replace
+from pathlib import Path
+from typing import IO, Any
 
 import numpy as np
 
@@ -28,20 +32,29 @@ _DTYPE_IN_NAME = re.compile(r"(?<![a-z])(?:u?int(?:8|16|32|64)|float(?:16|32|64)
 _DTYPE_BY_BYTES = {1: "uint8", 2: "uint16", 4: "float32", 8: "float64"}
 
 
+Header = tuple[tuple[int, ...], bool, np.dtype[Any]]
+
+
+def _npy_header(file: IO[bytes], path: Path) -> Header:
+    """Return an array's shape, whether its first index changes fastest, and its type."""
+    try:
+        read_header = _NPY_HEADERS[np.lib.format.read_magic(file)]
+        header: Header = read_header(file)
+    # The header is a Python literal, whose parser may raise any error if it is damaged.
+    except Exception as error:
+        raise VolumeError(
+            f"{path}: not a readable .npy file of numbers; is it complete, and saved by "
+            "numpy.save?",
+            code="damaged",
+        ) from error
+    return header
+
+
 def read_npy(query: Query) -> Reading:
     """Read a file written by ``numpy.save``."""
     path = query.path
     with path.open("rb") as file:
-        try:
-            read_header = _NPY_HEADERS[np.lib.format.read_magic(file)]
-            shape, columns_first, dtype = read_header(file)
-        # The header is a Python literal, whose parser may raise any error if it is damaged.
-        except Exception as error:
-            raise VolumeError(
-                f"{path}: not a readable .npy file of numbers; is it complete, and saved by "
-                "numpy.save?",
-                code="damaged",
-            ) from error
+        shape, columns_first, dtype = _npy_header(file, path)
         if dtype.kind not in "buif":  # other kinds may have an item size of 0
             raise VolumeError(
                 f"{path}: values of type {dtype!s:.60} are not real numbers; save an array of "
@@ -73,23 +86,36 @@ def read_npz(query: Query) -> Reading:
     path = query.path
     query.allow("dataset")
     try:
-        with np.load(path) as file:
-            arrays = {name: file[name] for name in file.files}  # sizes are known only once read
-    except Exception as error:  # of NumPy, zipfile or zlib
+        with zipfile.ZipFile(path) as packed:
+            headers: dict[str, Header] = {}
+            for name in packed.namelist():
+                with packed.open(name) as file:
+                    headers[name.removesuffix(".npy")] = _npy_header(file, path)
+        found = {
+            name: (shape, dtype)
+            for name, (shape, _, dtype) in headers.items()
+            if len(shape) == 3 and dtype.kind in "buif"
+        }
+        if not found:
+            raise VolumeError(
+                f"{path}: holds no array of numbers with three axes (Z, Y, X), only "
+                f"{', '.join(headers) or 'none'}",
+                "save one: numpy.savez('v.npz', volume=numpy.stack(slices))",
+                code="shape",
+            )
+        name = query.array_named({name: shape for name, (shape, _) in found.items()})
+        query.end_choices()
+        shape, dtype = found[name]
+        query.reserve(shape, dtype.itemsize)
+        with np.load(path) as arrays:
+            return Reading(arrays[name])
+    except (OSError, EOFError, ValueError, zipfile.BadZipFile, zlib.error) as error:
+        if isinstance(error, VolumeError):
+            raise
         raise VolumeError(
             f"{path}: not a readable .npz file of numbers; is it complete, and of numpy.savez?",
             code="damaged",
         ) from error
-    found = {name: each for name, each in arrays.items() if each.ndim == 3}
-    if not found:
-        raise VolumeError(
-            f"{path}: holds no array of three axes (Z, Y, X), only {', '.join(arrays) or 'none'}",
-            "save one: numpy.savez('v.npz', volume=numpy.stack(slices))",
-            code="shape",
-        )
-    name = query.array_named({name: each.shape for name, each in found.items()})
-    query.end_choices()
-    return Reading(found[name])
 
 
 def _example(query: Query) -> str:
