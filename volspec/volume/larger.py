@@ -44,7 +44,8 @@ def stored_stack(query: Query, reading: Reading) -> Stack | None:
     given = reading.spacing_mm, reading.world_from_index
     _, world = checked_geometry(*given, str(query.path))
     level = Level(values, (0, 1, 2), (0, 0, 0), world, _raw_chunk(values.shape))
-    return Stack([level], reading.channel, reading.labels, reading.remarks)
+    stated = reading.channel, reading.labels, reading.remarks
+    return Stack([level], *stated, metadata=reading.metadata)
 
 
 def _raw_chunk(shape: tuple[int, ...]) -> tuple[int, int, int]:
@@ -100,7 +101,8 @@ def _read_coarsest(query: Query, name: str, stack: Stack, remarks: list[str]) ->
         world = levels[number].world_from_index
         levels = levels[:number]
     channel = stack.channel or Channel()
-    coarse = Volume(values, world_from_index=world, name=name, channel=channel)
+    stated = query.completed(stack.metadata)
+    coarse = Volume(values, world_from_index=world, name=name, channel=channel, metadata=stated)
     span, missing = coarse.range, coarse.missing
     if (ranges := levels[0].ranges) is not None:
         low = ranges[0][np.isfinite(ranges[0])].min(initial=ranges[1].max())

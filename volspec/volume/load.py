@@ -231,6 +231,7 @@ def _read_field(query: Query, library: str, name: str, remarks: list[str]) -> Vo
         world_from_index=reading.world_from_index,  # type: ignore[arg-type]
         name=name,
         channel=reading.channel or Channel(),
+        metadata=query.completed(reading.metadata),
     )
     if query.spacing_mm is not None:
         volume = volume.with_spacing(query.spacing_mm)

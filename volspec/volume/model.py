@@ -29,6 +29,7 @@ from volspec.volume.checks import (
     missing_value,
 )
 from volspec.volume.labels import Labels
+from volspec.volume.metadata import Metadata
 
 if TYPE_CHECKING:
     import pyvista
@@ -76,6 +77,8 @@ class Volume:
     pyramid : Pyramid, optional
         Finer levels of a volume that is larger than memory; ``values`` are its coarsest. Casts read
         those that the picture shows (`volspec.load_volume`).
+    metadata : Metadata
+        What its file states: the unit of the values, whether the axes are a patient's.
 
     Raises
     ------
@@ -101,6 +104,7 @@ class Volume:
     channel: Channel = field(default_factory=Channel)
     fields: tuple[Volume, ...] = ()
     pyramid: Pyramid | None = None
+    metadata: Metadata = Metadata()
     range: tuple[float, float] = field(init=False)
 
     def __post_init__(self) -> None:

@@ -24,6 +24,7 @@ from volspec.errors import one_line
 from volspec.volume.channels import Channel
 from volspec.volume.checks import NATIVE_DTYPES, WIDENED
 from volspec.volume.labels import Labels
+from volspec.volume.metadata import Metadata
 from volspec.volume.sample import Sample, Sampler
 
 Index = tuple[int, int, int]
@@ -209,6 +210,7 @@ class Stack:
         Warnings for the caller of `load_volume`.
     sample : Sample, optional
         Of the finest level; its voxels as stored.
+    metadata : Metadata
     """
 
     levels: Sequence[Level]
@@ -216,6 +218,7 @@ class Stack:
     labels: Labels | None = None
     remarks: Sequence[str] = ()
     sample: Sample | None = None
+    metadata: Metadata = Metadata()
 
 
 @dataclass(slots=True)

@@ -37,6 +37,7 @@ from volspec.errors import DeviceError, VolspecError, VolumeError, one_line
 from volspec.volume.channels import Channel
 from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored, path_of
 from volspec.volume.labels import Label
+from volspec.volume.metadata import Metadata
 
 # Timeout without a message; the time that a slow disk needs is added.
 _TIMEOUT_S, _SLOWEST_BYTES_PER_S = 8.0, 8e6
@@ -85,6 +86,7 @@ def read_in_child(query: Query) -> Reading:
         answer["remarks"],
         None if answer["labels"] is None else _labels(answer["labels"]),
         None if answer["channel"] is None else _channel(answer["channel"]),
+        Metadata(**answer["metadata"] | {"assumed": tuple(answer["metadata"]["assumed"])}),
     )
 
 
@@ -339,6 +341,7 @@ def _answer(query: Query, read: Callable[[Query], Reading]) -> tuple[dict[str, A
             "world_from_index": None if world is None else world.tolist(),
             "remarks": list(reading.remarks),
             "channel": None if reading.channel is None else asdict(reading.channel),
+            "metadata": asdict(reading.metadata),
             "labels": reading.labels
             and [(number, label.name, label.colour) for number, label in reading.labels.items()],
         }, memory

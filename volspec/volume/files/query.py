@@ -25,6 +25,7 @@ from volspec._gpu.memory import host_free_bytes
 from volspec.errors import DeviceError, VolumeError, nearest, one_line, quoted
 from volspec.volume.channels import ALL, MAX_FIELDS, Channel
 from volspec.volume.labels import Labels
+from volspec.volume.metadata import Metadata
 
 # Most arrays that a message lists.
 _MOST_LISTED = 8
@@ -69,6 +70,7 @@ class Query:
     choices: list[Choice] | None = field(default=None, compare=False)
     labels: str | None = None  # ``labels=``, a table for volumes of any format
     memory_bytes: int | None = None  # ``memory=``, most bytes of voxels in memory
+    unit: str | None = None  # ``unit=`` of the values, such as HU
 
     @classmethod
     def of(cls, text: str) -> Query:
@@ -97,9 +99,9 @@ class Query:
         labels = options.pop("labels", None)
         if labels == "":
             raise VolumeError(f"{path}: labels= is empty; give a file", code="missing")
-        memory = options.pop("memory", None)
-        place = path_of(path)
-        return cls(place, options, labels=labels, memory_bytes=bytes_of(memory, path))
+        memory, unit = options.pop("memory", None), options.pop("unit", None)
+        nbytes = bytes_of(memory, path)
+        return cls(path_of(path), options, labels=labels, memory_bytes=nbytes, unit=unit)
 
     @property
     def is_remote(self) -> bool:
@@ -117,12 +119,13 @@ class Query:
         >>> Query.of("a b/v.nii?time=2").example(channel="0")
         "'a b/v.nii?time=2&channel=0'"
         """
-        given = self.options | ({} if self.labels is None else {"labels": self.labels}) | options
+        every = {"labels": self.labels, "unit": self.unit}
+        given = self.options | {k: v for k, v in every.items() if v is not None} | options
         return shlex.quote(f"{self.path}?" + "&".join(f"{k}={v}" for k, v in given.items()))
 
     def allow(self, *known: str) -> None:
         """Refuse options other than ``known``, and those that every volume takes."""
-        known = tuple(dict.fromkeys((*known, "spacing", "labels")))
+        known = tuple(dict.fromkeys((*known, "spacing", "labels", "unit")))
         if unknown := sorted(set(self.options) - set(known)):
             raise VolumeError(
                 f"{self.path}: unknown option {unknown[0]!r}",
@@ -154,6 +157,10 @@ class Query:
                 given=given,
             )
         return x, y, z
+
+    def completed(self, stated: Metadata) -> Metadata:
+        """Return a file's statements with those of the address: ``unit=`` and ``spacing=``."""
+        return stated.given(self.unit, self.spacing_mm is not None)
 
     def index(self, key: str, count: int, what: str, names: Sequence[str] = ()) -> int:
         """Return the index chosen by an option such as ``channel=N`` or ``time=N``, counted from 0.
@@ -377,4 +384,5 @@ class Reading:
     remarks: Sequence[str] = ()  # warnings for the caller of `load_volume`
     labels: Labels | None = None  # stated by the header, perhaps without names; None: not stated
     channel: Channel | None = None  # what the file says of the one that is read
+    metadata: Metadata = Metadata()
     owner: Any = None  # owner of the values' memory, if they do not own it themselves
