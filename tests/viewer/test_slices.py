@@ -28,13 +28,14 @@ from volspec.viewer.model.slices import (
 from volspec.viewer.model.state import Slices, ViewState
 from volspec.viewer.ui.slices import crossing_text, slice_sizes
 from volspec.viewer.work.slice_pictures import SlicePictures
-from volspec.volume import Volume, load_volume
+from volspec.volume import Metadata, Volume, load_volume
 
 
 def numbered(world: Any = None) -> Volume:
     """Values that encode their index: x + 10 y + 100 z."""
     z, y, x = np.meshgrid(range(4), range(5), range(6), indexing="ij")
-    return Volume((x + 10 * y + 100 * z).astype(np.uint16), world_from_index=world)
+    values = (x + 10 * y + 100 * z).astype(np.uint16)
+    return Volume(values, world_from_index=world, metadata=Metadata(is_patient=world is not None))
 
 
 def test_slices_show_the_volumes_values_as_they_are_looked_at():

@@ -11,7 +11,7 @@ import pyvista
 from tests.support.errors import raises, warns
 from tests.support.volumes import META, NRRD, RAW, VALUES, WORLD, load_silently, nifti, write_nrrd
 from volspec.errors import VolumeError
-from volspec.volume import Volume, load_volume
+from volspec.volume import Metadata, Volume, load_volume
 from volspec.volume.summary import summarise
 
 
@@ -179,7 +179,7 @@ def test_what_cannot_be_read_is_refused_in_one_line(files, capfd, monkeypatch, r
 
 
 def test_summary_counts_every_voxel():
-    summary = summarise(Volume(VALUES, world_from_index=WORLD))
+    summary = summarise(Volume(VALUES, None, WORLD, metadata=Metadata(is_patient=True)))
     assert sum(count for _, _, count in summary.histogram) == 24
     assert summary.extent_mm == (6, 2, 3) and summary.range == (-700, 1600)
     assert summary.directions == "PRS" and summary.table().row_count > 8

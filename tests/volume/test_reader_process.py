@@ -92,16 +92,16 @@ def python(*words: Any, **how: Any) -> subprocess.CompletedProcess[str]:
 
 
 def test_a_script_without_a_main_guard_reads_volumes_and_leaves_no_process(tmp_path):
-    write_nrrd(tmp_path / "v.nrrd")
+    (tmp_path / "v.nii").write_bytes(nifti(VALUES, np.eye(4)))
     (tmp_path / "script.py").write_text(
         "import volspec as vs\n"
-        "print(vs.load_volume('v.nrrd').shape_xyz)\n"
+        "print(vs.load_volume('v.nii').shape_xyz)\n"
         "from volspec.volume import reader_process\n"
         "import os\n"
         "print(reader_process._idle_processes(os.getpid())[0]._process.pid)\n"
     )
     # A file of the folder is not imported in place of a library.
-    (tmp_path / "SimpleITK.py").write_text("raise RuntimeError('hijacked')\n")
+    (tmp_path / "nibabel.py").write_text("raise RuntimeError('hijacked')\n")
     done = python("-P", "-W", "error", "script.py", cwd=tmp_path)
     shape, pid = done.stdout.split("\n")[:2]
     assert (shape, done.stderr) == ("(4, 3, 2)", "") and not psutil.pid_exists(int(pid))
@@ -245,13 +245,21 @@ def pipe(folder: Path) -> Path:
     return folder / "pipe.nrrd"
 
 
+def no_utf_8(folder: Path) -> Path:
+    """VTK opens no other names; what is read here has any."""
+    nrrd, vti = (folder / os.fsdecode(b"bad\xff" + suffix) for suffix in (b".nrrd", b".vti"))
+    vti.write_bytes(b"<VTKFile")
+    assert load_volume(write_nrrd(nrrd)).shape_xyz == (4, 3, 2)
+    return vti
+
+
 @pytest.mark.parametrize(
     ("make", "code"),
     [
         (half_of_a_metaimage, "damaged"),
         (sizes_beyond_memory, "size"),
         (pipe, "type"),
-        (lambda folder: write_nrrd(folder / os.fsdecode(b"bad\xff.nrrd")), "unsupported"),
+        (no_utf_8, "unsupported"),
     ],
 )
 def test_what_readers_would_make_up_or_hang_on_is_refused(tmp_path, make, code):

@@ -45,7 +45,7 @@ CameraOption = Annotated[
         name="--camera",
         allow_leading_hyphen=True,
         help="Side (front, back, left, right, top, bottom, isometric), or AZIMUTH,ELEVATION in "
-        "degrees. Left and right are the patient's if the volume has an orientation.",
+        "degrees. Left and right are the patient's if the volume states a patient's axes.",
     ),
 ]
 Memory = Annotated[

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.raycast.camera import Orbit, radius_mm
+from volspec.raycast.light_volume import extinction_per_mm
 from volspec.raycast.masks import MaskLattice
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import FieldTables, SurfaceTable, Table, Transfers
@@ -22,8 +23,9 @@ from volspec.volume import Volume
 from volspec.volume.sample import step_along
 
 Array = NDArray[np.float64]
-# Opacities below this fraction of the greatest count as haze.
-_HAZE = 0.02
+# Opacities below this fraction of the greatest count as haze, unless they add up to this opacity
+# along an axis.
+_HAZE, _SEEN = 0.02, 0.25
 # Fraction of the picture's sides that a fitted view fills.
 _FILLS = 0.85
 _ITERATIONS = 4
@@ -122,16 +124,22 @@ def _around(
     """
     volume, values = _sampled(volume)
     k, j, i = steps = tuple(step_along(size) for size in volume.values.shape)
-    visible = _visible_voxels(values, tables[0])
+    visible, depth_per_mm = _visible_voxels(values, tables[0])
     if lattice is not None:
         nearest = lattice.nearest_to_voxels((k, j, i))
-        visible &= nearest == 0
-        for row, table in enumerate(tables[1:], start=1):
-            visible |= (nearest == row) & _visible_voxels(values, table)
+        for row, table in enumerate(tables):
+            shown, depths = _visible_voxels(values, table) if row else (visible, depth_per_mm)
+            visible = np.where(nearest == row, shown, visible & (row > 0))
+            depth_per_mm = np.where(nearest == row, depths, depth_per_mm * (row > 0))
     crop = crop_bounds(shading.for_lattice(volume), volume)
     for axis, (low, high) in enumerate(reversed(crop)):
         at = np.arange(values.shape[axis]) * steps[axis]
-        visible[(slice(None),) * axis + ((at < low - 1) | (at > high + 1),)] = False
+        outside = (slice(None),) * axis + ((at < low - 1) | (at > high + 1),)
+        visible[outside], depth_per_mm[outside] = False, 0.0
+    cell_mm = np.multiply(steps, volume.spacing_mm[::-1])
+    for axis, mm in enumerate(cell_mm):
+        thick = -np.expm1(-mm * depth_per_mm.sum(axis=axis, keepdims=True)) > _SEEN
+        visible |= (depth_per_mm > 0) & thick
     rows = visible.any(axis=2)
     first = visible.argmax(axis=2)[rows]
     last = values.shape[2] - 1 - visible[..., ::-1].argmax(axis=2)[rows]
@@ -154,8 +162,8 @@ def _sampled(volume: Volume) -> tuple[Volume, NDArray[Any]]:
     return volume, np.ascontiguousarray(volume.values[::k, ::j, ::i])
 
 
-def _visible_voxels(values: NDArray[np.generic], table: Table) -> NDArray[np.bool_]:
-    """(z, y, x) True if a voxel is visible, or a surface passes next to it."""
+def _visible_voxels(values: NDArray[np.generic], table: Table) -> tuple[NDArray[np.bool_], Array]:
+    """Return (z, y, x) True if a voxel is no haze, or near a surface; and its extinction per mm."""
     if isinstance(table, SurfaceTable):
         layer = np.searchsorted(np.sort(table.values), values)
         visible = np.zeros(values.shape, bool)
@@ -164,7 +172,7 @@ def _visible_voxels(values: NDArray[np.generic], table: Table) -> NDArray[np.boo
             ahead = (slice(None),) * axis
             visible[(*ahead, slice(1, None))] |= passed
             visible[(*ahead, slice(None, -1))] |= passed
-        return visible
+        return visible, np.zeros(values.shape)
     sides = (np.atleast_2d(side.opacity) for side in (table, table.left_limits))
     opacity = np.concatenate(list(sides)).max(axis=0)
     low, high = table.domain
@@ -173,7 +181,9 @@ def _visible_voxels(values: NDArray[np.generic], table: Table) -> NDArray[np.boo
     if table.labels:
         shown = np.append(shown, False)
         at = np.where((at < 0) | (at >= len(opacity)), len(opacity), at)
-    return shown[np.clip(at, 0, len(shown) - 1).astype(np.int32)]
+        opacity = np.append(opacity, 0.0)
+    entries = np.clip(at, 0, len(shown) - 1).astype(np.int32)
+    return shown[entries], extinction_per_mm(opacity, table.reference_step_mm)[entries]
 
 
 def crop_bounds(shading: RaycastSpec, volume: Volume) -> Crop:

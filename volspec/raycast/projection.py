@@ -141,12 +141,8 @@ AXES = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
 
 
 def is_patient(volume: Volume, chosen: bool | None) -> bool:
-    """Return True if directions are a patient's: as chosen, or if the file has an orientation."""
-    if chosen is not None or volume.is_empty:
-        return bool(chosen)
-    # Without an orientation, the first voxel is at the origin and the axes are the world's.
-    matrix = volume.world_from_index
-    return not np.array_equal(matrix[:3], np.diag([*volume.spacing_mm, 1.0])[:3])
+    """Return True if directions are a patient's: as chosen, or as the volume's file states."""
+    return volume.metadata.is_patient if chosen is None else chosen
 
 
 def place_unit(volume: Volume, chosen: bool | None) -> str:

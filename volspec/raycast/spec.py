@@ -352,7 +352,7 @@ class RaycastSpec:
 
     def gradient_scale(self, volume: Volume) -> float:
         """Factor from value per smallest spacing to fraction of the range; 0 if it is constant."""
-        low, high = volume.range
+        low, high = volume.typical_range
         return 1 / (high - low) if high > low else 0.0
 
     @property

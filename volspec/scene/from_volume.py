@@ -94,6 +94,8 @@ def volume_file(
     tables: dict[str, Any] = {
         "volume": {"file": file + ("?" + details if details else "")},
     }
+    if assumed := volume.metadata.assumed:
+        tables["volume"]["assumed"] = list(assumed)
     if isinstance(transfer, FieldFunctions):
         specs = {name: TransferSpec.of(each) for name, each in transfer.functions.items()}
         tables["transfer"] = plain(specs.pop(OWN))

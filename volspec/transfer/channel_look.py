@@ -100,7 +100,7 @@ def channel_limits(field: Volume, steps: Iterable[Volume] | None = None) -> tupl
 
     ``steps`` are the field at all time steps.
     """
-    least, most = field.range
+    least, most = field.typical_range
     stated = field.channel.limits
     if stated is not None and stated[0] < most and stated[1] > least:
         return stated

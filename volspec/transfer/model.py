@@ -33,6 +33,8 @@ _SIZES, _SIZES_WITH_GRADIENT, _ROWS = (1024, 65536), (1024, 4096), (64, 256)
 _ON_ENTRY = 1e-6
 # Of points that have a common measure.
 _DECIMALS = 4
+# Digits of a span from which on its points are scaled, to be whole numbers of 64 bits.
+_LONGEST = 12
 # Of other points: the longest table by the shortest, and an opacity that nobody sees.
 _MOST_LONGER, _UNSEEN = 6, 2e-5
 
@@ -255,9 +257,11 @@ def _table_size(what: str, points: Array, curve: Array, low: float, limits: tupl
             stacklevel=3,
         )
     least, most = int(np.clip(np.ceil(4 * span / gaps[i]), limits[0] - 1, limits[1] - 1)), limits[1]
-    # Whole numbers, or decimals, have a common measure.
+    # Whole numbers, or decimals, have a common measure; in tiny and huge spans, of their decade.
+    exponent = math.floor(math.log10(span))
+    decade = 10.0 ** (max(0, -exponent - _DECIMALS) - max(0, exponent - _LONGEST))
     for decimals in range(_DECIMALS + 1):
-        scaled = (points - low) * 10.0**decimals
+        scaled = (points - low) * decade * 10.0**decimals
         whole = np.rint(scaled)
         if np.abs(scaled - whole).max() < 1e-9 * scaled[-1] + 1e-12:
             cells = int(whole[-1]) // int(np.gcd.reduce(whole.astype(np.int64)))

@@ -71,26 +71,30 @@ def preset_named(name: str) -> Preset:
 
 # Air, half-way to tissue, tissue, dense bone, the greatest 12-bit value.
 _MARKS_HU = (-1000.0, -450.0, 40.0, 1000.0, 3071.0)
-# Volumes whose range includes these two are taken to be in Hounsfield units.
-_HU = (-500.0, 500.0)
 # Opacities refer to the volume's diagonal divided by this, so that finer voxels look the same.
 _STEPS = 440.0
 # Quantile of the voxels of matter that counts as its top.
 _TOP = 0.998
+# Fraction of the variance between the two sides of the threshold from which on they are two groups;
+# it is 0.64 for one normal distribution, and 0.75 for a uniform one.
+_TWO_GROUPS = 0.8
 # The least distance between two landmarks, as a fraction of the range.
 _APART = 1 / 24
 _NAME = "preset "
 
 
 def histogram(volume: Volume) -> NDArray[np.float64]:
-    """Count voxels in (256,) bins of value; large volumes are subsampled along each axis.
+    """Count voxels in (256,) bins of the typical range; large volumes are subsampled.
 
     Of a volume larger than memory, those of its finest level, if they are known.
     """
     if volume.pyramid is not None and volume.pyramid.sample is not None:
-        return volume.pyramid.sample.histogram
+        sample = volume.pyramid.sample
+        if volume.typical_range == sample.range:
+            return sample.histogram
+        return histogram_of_values(sample.voxels, volume.typical_range)
     every = counted_step(volume.values.size)
-    return histogram_of_values(volume.values[::every, ::every, ::every], volume.range)
+    return histogram_of_values(volume.values[::every, ::every, ::every], volume.typical_range)
 
 
 def histogram_of(steps: Iterable[Volume]) -> NDArray[np.float64]:
@@ -101,29 +105,27 @@ def histogram_of(steps: Iterable[Volume]) -> NDArray[np.float64]:
     return total
 
 
-def in_hounsfield(volume: Volume) -> bool:
-    """Return True if a volume's values look like Hounsfield units."""
-    low, high = volume.range
-    return low <= _HU[0] and high >= _HU[1]
-
-
 def sorted_presets(volume: Volume) -> list[Preset]:
     """Return all presets, those for this kind of volume first."""
-    medical = in_hounsfield(volume)
+    medical = volume.metadata.in_hounsfield
     return sorted(PRESETS, key=lambda preset: (preset.name != DEFAULT, preset.medical != medical))
 
 
 def value_span(volume: Volume) -> tuple[float, float]:
-    """Return a volume's range, widened a little if all values are the same."""
-    low, high = volume.range
+    """Return a volume's typical range, widened a little if all values are the same."""
+    low, high = volume.typical_range
     half = max(0.5, 1e-6 * abs(low))
     return (low, high) if high > low else (low - half, high + half)
 
 
-def landmarks(counts: NDArray[np.float64], low: float, high: float) -> tuple[float, ...]:
+def landmarks(
+    counts: NDArray[np.float64], low: float, high: float, is_masked: bool = False
+) -> tuple[float, ...]:
     """Return five rising values: the least, the edge of matter, its middle and top, the greatest.
 
-    Counts are (N,) voxels by value from ``low`` to ``high``. The edge is Otsu's threshold (1979),
+    Counts are (N,) voxels by value from ``low`` to ``high``. If ``is_masked``, what is not matter
+    may have been left out of them: all is matter unless they fall into two groups. The edge is
+    Otsu's threshold (1979),
     "A threshold selection method from gray-level histograms", IEEE Trans. SMC 9(1), 62-66.
 
     >>> landmarks(np.array([90.0, 0, 0, 0, 5, 5, 0, 0, 0, 0]), 0, 100)
@@ -140,6 +142,10 @@ def landmarks(counts: NDArray[np.float64], low: float, high: float) -> tuple[flo
     # Empty bins make many thresholds equally good; the middle one is far from both sides.
     best = np.flatnonzero(apart >= apart.max() * (1 - 1e-9))
     cut = int((best[0] + best[-1]) // 2) + 1
+    total = counts.sum()
+    spread = (counts * (middles - sums[-1] / total) ** 2).sum() * total
+    if is_masked and apart.max() < _TWO_GROUPS * spread:
+        cut = 1
     matter = np.cumsum(counts[cut:]) / max(counts[cut:].sum(), 1.0)
     middle, top = (edges[cut + 1 + int(np.searchsorted(matter, q))] for q in (0.5, _TOP))
     # Keep them apart, whatever the histogram.
@@ -197,11 +203,14 @@ def preset_points(
     low, high = value_span(volume)
     marks = _marks(volume, counts)
     digits = 3 - math.floor(math.log10(high - low))
-    return [
+    made = [
         (_rounded(np.interp(hu, _MARKS_HU, marks), digits, low, high), opacity, material)
         for material, (_, points) in preset.parts.items()
         for hu, opacity in points
     ]
+    if volume.range[1] > high and not preset.surfaces:  # values that fill are above: transparent
+        made += [(high, made[-1][1], made[-1][2]), (high, 0.0, made[-1][2])]
+    return made
 
 
 def _rounded(value: float, digits: int, low: float, high: float) -> float:
@@ -211,9 +220,10 @@ def _rounded(value: float, digits: int, low: float, high: float) -> float:
 
 def _marks(volume: Volume, counts: NDArray[np.float64]) -> tuple[float, ...]:
     """Return the volume's values at `_MARKS_HU`."""
-    if in_hounsfield(volume):
+    if volume.metadata.in_hounsfield:
         return _MARKS_HU
-    return landmarks(counts, *value_span(volume))
+    is_masked = volume.typical_range[0] > volume.range[0]
+    return landmarks(counts, *value_span(volume), is_masked)
 
 
 def step_mm(volume: Volume) -> float:

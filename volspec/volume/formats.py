@@ -19,10 +19,11 @@ from volspec.volume.files.dicom import read_series
 from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
 from volspec.volume.files.dicom_headers import is_dicom
 from volspec.volume.files.hdf5 import hdf5_stack, read_hdf5
-from volspec.volume.files.itk import read_itk
+from volspec.volume.files.metaimage import read_metaimage
 from volspec.volume.files.mrc import MAGIC as MRC_MAGIC
 from volspec.volume.files.mrc import SUFFIXES as MRC_SUFFIXES
 from volspec.volume.files.mrc import read_mrc
+from volspec.volume.files.nrrd import read_nrrd
 from volspec.volume.files.omezarr import ZIP_SUFFIXES, ome_zarr_stack, read_ome_zarr
 from volspec.volume.files.query import Query, Reading
 from volspec.volume.files.raw import read_npy, read_npz, read_raw
@@ -55,6 +56,8 @@ class Format:
         return any(head.startswith(text, at) for at, text in self.magic)
 
 
+# No library, but in a child process all the same, with limits of time and memory.
+_OURS = "zlib"
 _HDF5 = (0, b"\x89HDF\r\n\x1a\n")
 _NIFTI = ((344, b"n+1\0"), (344, b"ni1\0"), (4, b"n+2\0"), (4, b"ni2\0"))
 DICOM = Format("DICOM", DICOM_SUFFIXES, read_series, "SimpleITK", ((128, b"DICM"),), whole=False)
@@ -63,8 +66,8 @@ RAW = Format("raw bytes", (".raw",), read_raw, whole=False)
 SLICES = Format("slices", (), read_stack, "tifffile", stack=pictures_stack)
 """Of a folder; no file has it."""
 FORMATS = (
-    Format("NRRD", (".nrrd", ".nhdr"), read_itk, "SimpleITK", ((0, b"NRRD"),)),
-    Format("MetaImage", (".mha", ".mhd"), read_itk, "SimpleITK"),
+    Format("NRRD", (".nrrd", ".nhdr"), read_nrrd, _OURS, ((0, b"NRRD"),)),
+    Format("MetaImage", (".mha", ".mhd"), read_metaimage, _OURS),
     Format("NIfTI", (".nii", ".nii.gz"), neuro.read_neuro, "nibabel", _NIFTI, unpacks=True),
     Format("NIfTI and Analyze pairs", neuro.PAIRS, neuro.read_neuro, "nibabel"),
     Format("FreeSurfer", (".mgh", ".mgz"), neuro.read_neuro, "nibabel"),

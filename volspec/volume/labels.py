@@ -66,6 +66,33 @@ def find_labels(
     return {number: names.get(number, Label()) for number in numbers}
 
 
+def renumbered(values: NDArray[Any], certain: bool) -> tuple[NDArray[Any], list[int]]:
+    """Return labels of which some are above 65535 with consecutive numbers instead, and theirs.
+
+    Numbers are those of an atlas, such as Allen's. Other values are returned as they are, without
+    numbers; so are measurements, unless ``certain`` says that the values are labels.
+
+    >>> ids = np.kron([[[0, 0, 70000], [0, 997, 614454272]]] * 2, np.ones((4, 4, 4), np.uint32))
+    >>> found, numbers = renumbered(ids, False)
+    >>> numbers, found.dtype.name, int(found.max())
+    ([0, 997, 70000, 614454272], 'uint16', 3)
+    """
+    if values.ndim != 3 or values.dtype.kind not in "uif" or values.dtype.itemsize < 4:
+        return values, []
+    if not (values.size and values.max() > _MOST and values.min() >= 0):
+        return values, []
+    numbers: NDArray[Any] = np.zeros(1, values.dtype)
+    for layer in values:
+        numbers = np.union1d(numbers, layer)
+        whole = values.dtype.kind in "ui" or bool((layer == np.rint(layer)).all())
+        if not whole or len(numbers) > (_MOST if certain else _MOST_UNSTATED):
+            return values, []
+    found = np.stack([np.searchsorted(numbers, layer) for layer in values]).astype(np.uint16)
+    if not certain and not looks_like_labels(found, (0.0, float(found.max()))):
+        return values, []
+    return found, [int(number) for number in numbers]
+
+
 def are_whole(values: NDArray[Any], span: tuple[float, float]) -> bool:
     """Return True if every value is a whole number that can be a label."""
     if span[0] < 0 or span[1] > _MOST:

@@ -42,7 +42,9 @@ def stored_stack(query: Query, reading: Reading) -> Stack | None:
     if not isinstance(values, Stored) or values.nbytes <= query.most_bytes:
         return None
     given = reading.spacing_mm, reading.world_from_index
-    _, world = checked_geometry(*given, str(query.path))
+    spacing, world = checked_geometry(*given, str(query.path))
+    if query.spacing_mm is not None:
+        world = world @ np.diag([*np.divide(query.spacing_mm, spacing), 1.0])
     level = Level(values, (0, 1, 2), (0, 0, 0), world, _raw_chunk(values.shape))
     stated = reading.channel, reading.labels, reading.remarks
     return Stack([level], *stated, metadata=reading.metadata)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import shlex
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +29,7 @@ from volspec.volume.files.label_tables import labels_beside, merge_labels, read_
 from volspec.volume.files.omezarr import is_zarr
 from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored
 from volspec.volume.files.tiff import pictures_in
-from volspec.volume.labels import NAMED, Labels, find_labels
+from volspec.volume.labels import NAMED, Label, Labels, find_labels, renumbered
 from volspec.volume.larger import level_of, read_coarsest, stored_stack
 from volspec.volume.model import Volume
 from volspec.volume.pyramid import Level, Stack
@@ -225,6 +225,8 @@ def _read_field(query: Query, library: str, name: str, remarks: list[str]) -> Vo
     if isinstance(values, Stored):
         query.reserve(values.shape, np.dtype(values.dtype).itemsize)
         values = values.read()
+    certain = query.labels is not None or reading.labels is not None
+    values, numbers = renumbered(values, certain)
     volume = Volume(
         values,
         spacing_mm=reading.spacing_mm,  # type: ignore[arg-type]
@@ -235,7 +237,7 @@ def _read_field(query: Query, library: str, name: str, remarks: list[str]) -> Vo
     )
     if query.spacing_mm is not None:
         volume = volume.with_spacing(query.spacing_mm)
-    return _with_labels(volume, query, reading.labels, remarks)
+    return _with_labels(volume, query, reading.labels, remarks, numbers)
 
 
 def _larger(query: Query) -> Stack | None:
@@ -267,17 +269,30 @@ def open_level(path: str | os.PathLike[str]) -> tuple[Level, str, Labels]:
 
 
 def _with_labels(
-    volume: Volume, query: Query, in_header: Labels | None, remarks: list[str]
+    volume: Volume,
+    query: Query,
+    in_header: Labels | None,
+    remarks: list[str],
+    ids: Sequence[int] = (),
 ) -> Volume:
-    """Add the labels of a segmentation, from a given table, the header, or tables next to it."""
+    """Add the labels of a segmentation, from a given table, the header, or tables next to it.
+
+    ``ids`` are those that labels had before they were `renumbered`.
+    """
     path, named = query.path, query.labels
     given = {} if named is None else read_label_table(path.parent / named)
     beside: Mapping[Path, Labels] = {} if query.is_remote else labels_beside(path)
     tables = {path.parent / named: given} if named is not None else beside
     names: Labels = in_header or {} if named is None else {}
+    if ids:  # a label without a name has its number as one
+        given, names = _of_numbers(given, ids), _of_numbers(names, ids)
+        tables = {table: _of_numbers(rows, ids) for table, rows in tables.items()}
     for table in tables.values():
         names = merge_labels(names, table)
-    certain = named is not None or in_header is not None
+    if ids:
+        unnamed = {n: Label(str(number)) for n, number in enumerate(ids) if n}
+        names = merge_labels(names, unnamed)
+    certain = named is not None or in_header is not None or bool(ids)
     labels = find_labels(volume.values, volume.range, names, certain)
     if named is not None and not labels:
         raise VolumeError(
@@ -297,6 +312,11 @@ def _with_labels(
         )
     remarks += _partial_table(path, labels, tables)
     return replace(volume, labels=labels) if labels else volume
+
+
+def _of_numbers(table: Labels, numbers: Sequence[int]) -> dict[int, Label]:
+    """Return a table of labels by their new numbers."""
+    return {n: table[number] for n, number in enumerate(numbers) if number in table}
 
 
 def _partial_table(path: Path, labels: Labels, tables: Mapping[Path, Labels]) -> list[str]:

@@ -30,11 +30,15 @@ from volspec.volume.checks import (
 )
 from volspec.volume.labels import Labels
 from volspec.volume.metadata import Metadata
+from volspec.volume.sample import typical_range
 
 if TYPE_CHECKING:
     import pyvista
 
     from volspec.volume.pyramid import Pyramid
+
+# Voxels along each axis that are looked at for the typical range.
+_LOOKED_AT = 40
 
 Summary = Callable[[NDArray[Any]], NDArray[Any]]
 """(N, M) blocks of M voxels -> (N,)"""
@@ -104,8 +108,9 @@ class Volume:
     channel: Channel = field(default_factory=Channel)
     fields: tuple[Volume, ...] = ()
     pyramid: Pyramid | None = None
-    metadata: Metadata = Metadata()
+    metadata: Metadata = field(default_factory=Metadata)
     range: tuple[float, float] = field(init=False)
+    typical_range: tuple[float, float] = field(init=False)
 
     def __post_init__(self) -> None:
         given, lattice = array_and_lattice(self.values, self.name)
@@ -121,6 +126,7 @@ class Volume:
         object.__setattr__(self, "spacing_mm", spacing)
         object.__setattr__(self, "world_from_index", world)
         object.__setattr__(self, "range", span)
+        object.__setattr__(self, "typical_range", self._typical_range())
         object.__setattr__(self, "fields", checked_fields(self))
 
     def __reduce__(self) -> tuple[type[Volume], tuple[Any, ...]]:
@@ -131,6 +137,22 @@ class Volume:
         x, y, z = self.shape_xyz
         more = f" and {len(self.fields)} more" if self.fields else ""
         return f"Volume({self.name!r}, {x}x{y}x{z} {self.values.dtype}{more}, {self.spacing_mm} mm)"
+
+    def _typical_range(self) -> tuple[float, float]:
+        if self.values.dtype == np.uint8:  # has no values to spare for what was not measured
+            return self.range
+        voxels: Any = self.values
+        least, most = self.range
+        if self.pyramid is not None and self.pyramid.sample is not None:
+            voxels = self.pyramid.sample.voxels
+        every = tuple(slice(None, None, -(-n // _LOOKED_AT)) for n in voxels.shape)
+        low, high = typical_range(voxels[every], self.range)
+        # Of all voxels, not of those that were looked at.
+        if low > least:
+            low = float(voxels.min(where=voxels > least, initial=voxels.dtype.type(low)))
+        if high < most:
+            high = float(voxels.max(where=voxels < most, initial=voxels.dtype.type(high)))
+        return low, high
 
     @property
     def shape_xyz(self) -> tuple[int, int, int]:
@@ -230,14 +252,20 @@ class Volume:
         return volume
 
     def of_series(
-        self, name: str, dtype: np.dtype[Any], low: float, high: float, missing: bool
+        self,
+        name: str,
+        dtype: np.dtype[Any],
+        low: float,
+        high: float,
+        missing: bool,
+        typical: tuple[float, float],
     ) -> Volume:
-        """Return this volume as a time step, with the name, type and range of all.
+        """Return this volume as a time step, with the name, type and ranges of all.
 
         ``missing`` is True if some step has missing voxels, which then have one value in all.
 
         >>> step = Volume(np.eye(2)[None].repeat(2, 0))
-        >>> step.of_series("beat", np.dtype("f4"), 0, 9, False).range
+        >>> step.of_series("beat", np.dtype("f4"), 0, 9, False, (0, 9)).range
         (0, 9)
         """
         values = self.values.astype(dtype, copy=False)
@@ -245,7 +273,8 @@ class Volume:
         if below is not None and self.missing is not None:
             values = np.where(values == self.missing, np.float32(below), values)
         values.flags.writeable = False
-        return self._changed(name=name, values=values, missing=below, range=(low, high))
+        changes = {"missing": below, "range": (low, high), "typical_range": typical}
+        return self._changed(name=name, values=values, **changes)
 
     def is_step_of(self, other: Volume) -> bool:
         """Return True if two volumes may be steps of one series: only their values differ."""

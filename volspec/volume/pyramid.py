@@ -218,7 +218,7 @@ class Stack:
     labels: Labels | None = None
     remarks: Sequence[str] = ()
     sample: Sample | None = None
-    metadata: Metadata = Metadata()
+    metadata: Metadata = field(default_factory=Metadata)
 
 
 @dataclass(slots=True)

@@ -20,6 +20,12 @@ BINS = 256
 """Bins of a histogram."""
 # About the most voxels that a histogram counts.
 _COUNTED = 2**24
+# Values by which scanners and programs fill what was not measured, at more than a fraction of the
+# others' range from them; farther than some ranges away, any value does.
+_FILLS = (-2000, -2048, -3000, -3024, -4096, -9999, -32767, -32768, 32767, 65535)
+_APART, _FAR = 0.1, 3.0
+# The fewest voxels of a sample that have it, and their fraction.
+_FEWEST, _REPEATED = 8, 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,6 +63,39 @@ def counted_step(size: int) -> int:
     (1, 4)
     """
     return max(1, round((size / _COUNTED) ** (1 / 3)))
+
+
+def typical_range(voxels: NDArray[Any], span: tuple[float, float]) -> tuple[float, float]:
+    """Return the range of a volume's values without those that fill what was not measured.
+
+    ``voxels`` are a sample of those within the range, ``span``. A value that fills is the least or
+    the greatest, and often repeated: it lies more than three ranges of the others away from them,
+    or is one of `_FILLS`, such as -2000 around a CT's circle. A background of 0 is measured.
+
+    >>> rows = np.array([-32768.0] * 40 + [*range(-1000, 1000)])
+    >>> typical_range(rows, (-32768.0, 999.0)), typical_range(rows[40:], (-1000.0, 999.0))
+    ((-1000.0, 999.0), (-1000.0, 999.0))
+    """
+    low, high = span
+    inside = np.sort(voxels[(voxels >= low) & (voxels <= high)], axis=None)
+    most = max(_FEWEST, int(_REPEATED * inside.size))
+    for _ in range(2):  # both ends
+        above = inside[np.searchsorted(inside, low, "right") :]
+        if low != 0 and inside.size - above.size >= most and _fills(low, above):
+            low, inside = float(above[0]), above
+        below = inside[: np.searchsorted(inside, high, "left")]
+        if inside.size - below.size >= most and _fills(high, below):
+            high, inside = float(below[-1]), below
+    return low, high
+
+
+def _fills(value: float, others: NDArray[Any]) -> bool:
+    """Return True if a repeated value, beyond all others, fills what was not measured."""
+    if not others.size or others[0] == others[-1]:
+        return False
+    first, last = float(others[0]), float(others[-1])
+    gap = max(first - value, value - last)
+    return gap > _FAR * (last - first) or (value in _FILLS and gap > _APART * (last - first))
 
 
 def histogram_of_values(values: NDArray[Any], span: tuple[float, float]) -> NDArray[np.float64]:

@@ -83,7 +83,7 @@ class Series(Sequence[Volume]):
         self._kept: OrderedDict[int, Volume] = OrderedDict()
         self._kept_bytes = kept_bytes
         self._lock = threading.Lock()
-        self._alike: dict[str, tuple[np.dtype[Any], float, float, bool]] = {}
+        self._alike: dict[str, tuple[np.dtype[Any], float, float, bool, tuple[float, float]]] = {}
         self._loads: list[Load] = []
         self.names: tuple[str, ...] = ()
         failed: VolumeError | OSError | None = None
@@ -151,13 +151,14 @@ class Series(Sequence[Volume]):
         """Take a step's type and range into those of all, field by field."""
         for name, field in volume.by_role.items():
             (low, high), missing = field.range, field.missing is not None
-            dtype = field.values.dtype
+            dtype, typical = field.values.dtype, field.typical_range
             if (known := self._alike.get(name)) is not None:
                 low, high = min(low, known[1]), max(high, known[2])
                 dtype = np.result_type(dtype, known[0])
                 dtype = dtype if dtype.itemsize <= 2 else np.dtype(np.float32)
                 missing |= known[3]
-            self._alike[name] = dtype, low, high, missing
+                typical = min(typical[0], known[4][0]), max(typical[1], known[4][1])
+            self._alike[name] = dtype, low, high, missing, typical
 
     def _as_others(self, volume: Volume) -> Volume:
         """Return a step with the type and range of all."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from volspec.volume.channels import unique_titles
+from volspec.volume.metadata import Metadata
 from volspec.volume.model import Volume
 
 if TYPE_CHECKING:
@@ -35,8 +36,9 @@ class VolumeSummary:
     origin_mm: tuple[float, float, float]
     orientation: list[list[float]]  # columns: directions of the x, y and z axes in the world
     # To where the axes lead in the patient, such as LPS: left, posterior, superior; empty if the
-    # file has no orientation.
+    # file does not state a patient's axes.
     directions: str
+    metadata: Metadata
     range: tuple[float, float]
     mean: float
     histogram: list[tuple[float, float, int]]  # from, to (included by integers), count
@@ -64,6 +66,8 @@ class VolumeSummary:
         axes = ["(" + ", ".join(f"{v:g}" for v in column) + ")" for column in columns]
         letters = f"{self.directions}: " if self.directions else ""
         table.add_row("axes x y z", letters + " ".join(axes))
+        if text := str(self.metadata):
+            table.add_row("stated", text)
         if self.steps > 1:
             table.add_row("time steps", f"{self.steps}; below, the first")
         if self.channels:
@@ -103,11 +107,10 @@ def _lengths(lengths_mm: tuple[float, float, float]) -> str:
 
 
 def _directions(volume: Volume) -> str:
-    """Return a letter for each axis of the voxels; empty if the file has no orientation."""
-    world = volume.world_from_index[:3]
-    if np.array_equal(world, np.diag([*volume.spacing_mm, 1.0])[:3]):
+    """Return a letter for each axis of the voxels; empty if they are not a patient's."""
+    if not volume.metadata.is_patient:
         return ""
-    columns = world[:, :3].T / np.asarray(volume.spacing_mm)
+    columns = volume.world_from_index[:3, :3].T / np.asarray(volume.spacing_mm)
     return "".join(
         _LETTERS[int(np.abs(column).argmax())][int(column[np.abs(column).argmax()] > 0)]
         for column in columns
@@ -147,6 +150,7 @@ def summarise(volume: Volume, steps: int = 1) -> VolumeSummary:
         origin_mm=(origin[0] + 0.0, origin[1] + 0.0, origin[2] + 0.0),
         orientation=(finest.world_from_index[:3, :3] / np.asarray(spacing) + 0.0).tolist(),
         directions=_directions(finest),
+        metadata=volume.metadata,
         range=(low, high),
         mean=float(present.mean(dtype=np.float64)),
         missing=volume.values.size - present.size,

@@ -89,9 +89,10 @@ def _samples(volume: Volume, count: int) -> Samples:
         before, after = (_sample_shifted(values, at, axis, by) for by in (-1, 1))
         square += ((after - before) / (2 * spacing)) ** 2
     gradients = np.sqrt(square).ravel()
-    there = gradients <= _STEEPEST * (volume.range[1] - volume.range[0]) / min(volume.spacing_mm)
+    low, high = volume.typical_range
+    there = gradients <= _STEEPEST * (high - low) / min(volume.spacing_mm)
     here = _sample_shifted(values, at, 0, 0).ravel()
-    there &= here >= volume.range[0]
+    there &= (here >= low) & (here <= high)
     return here[there], gradients[there]
 
 
@@ -134,7 +135,7 @@ def field_data(steps: Series | tuple[Volume, ...]) -> dict[str, FieldData]:
             counts[name] = counts[name] + own if counts[name].size else own
             samples[name].append(_samples(each, max(_SAMPLES // len(steps), 1)))
     return {
-        name: FieldData(each, counts[name], JointHistogram.of(samples[name], each.range))
+        name: FieldData(each, counts[name], JointHistogram.of(samples[name], each.typical_range))
         for name, each in first.items()
     }
 

@@ -78,7 +78,7 @@ def table_entries(volume: Volume, labels: bool) -> Entries:
 
     Labels in volumes of floats are integers too.
     """
-    low, high = volume.range
+    low, high = volume.typical_range
     count = int(high - low) + 1
     if volume.values.dtype.kind in "iu" and count <= ENTRIES:
         return Entries(low, count, high, 0)
@@ -112,7 +112,7 @@ def table_image(
     table = bake_for_volume(transfer, volume)
     opacity, shares = _look_up(table, entries.values)
     alpha = (1 - (1 - opacity) ** SLAB_STEPS)[:, None]
-    grey = greys(entries, volume.range, window)[:, None] ** _GAMMA * table.white
+    grey = greys(entries, volume.typical_range, window)[:, None] ** _GAMMA * table.white
     channels = alpha * (shares @ table.channels) + (1 - alpha) * grey
     groups = shading.shares()
     # A slice faces every source.
@@ -178,7 +178,7 @@ class FieldSlices:
                 depth += part
                 mixed += part[:, None] * (shares @ table.channels)
         alpha = -np.expm1(-depth)[:, None]
-        low, high = volume.range
+        low, high = volume.typical_range
         own = (_values_at(volume, volume, place)[0] - low) / ((high - low) or 1.0)
         shade = np.clip((own - window[0]) / max(window[1] - window[0], 1e-6), 0.0, 1.0)
         grey = shade[:, None] ** _GAMMA * self.tables.white

@@ -35,7 +35,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
 def _limits(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the contrast limits of the chosen field."""
     low, high = transfer_parts.limits(state.transfer)
-    first, last = fields.data(state).volume.range
+    first, last = fields.data(state).volume.typical_range
     step = (last - first) / 500
     decimals = "%.0f" if step > 0.05 else "%.4g"
     imgui.set_next_item_width(-text_width("Limits") - imgui.get_style().item_inner_spacing.x)

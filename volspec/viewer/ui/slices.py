@@ -203,7 +203,7 @@ def _looks(state: ViewState, ui: UiContext) -> ViewState:
     if imgui.button("Auto greys"):
         new = ui.run(new, "slices-greys")
     imgui.end_disabled()
-    low, high = state.document.volume.range
+    low, high = state.document.volume.typical_range
     span = (high - low) or 1.0
     window = slices.grey_window(settings, state.document.data[""].histogram)
     black, white = (low + share * span for share in window)

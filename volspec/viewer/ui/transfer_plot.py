@@ -151,8 +151,8 @@ def set_values_axis(state: ViewState, margin: float) -> None:
     low, high = presets.value_span(fields.data(state).volume)
     room = margin * (high - low)
     set_axis(implot.ImAxis_.x1, low - room, high + room, implot.AxisFlags_.no_grid_lines)
-    unit = " HU" if presets.in_hounsfield(fields.data(state).volume) else ""
-    implot.setup_axis_format(implot.ImAxis_.x1, f"%g{unit}")
+    unit = fields.data(state).volume.metadata.unit
+    implot.setup_axis_format(implot.ImAxis_.x1, f"%g {unit.replace(chr(37), chr(37) * 2)}".rstrip())
 
 
 def note_area(ui: UiContext, name: str) -> None:

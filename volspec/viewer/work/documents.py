@@ -226,6 +226,9 @@ class DocumentService:
         elif opened.path is not None:
             self._recent.add(opened.path)
             self.recent = self._recent.rows()
+            volume = opened.state.document.volume
+            if volume.metadata.assumed and not self._notice.text:
+                self._notice.show(f"{volume.title}: {volume.metadata}")
 
     def tick(self, state: ViewState, now: float, moves: bool) -> None:
         """Save the session if it is due and nothing is moving that this could disturb."""

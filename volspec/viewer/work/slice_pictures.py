@@ -136,7 +136,7 @@ class SlicePictures:
         self._of_colours = of
         colours = _relight_table(state, window) if slices.lit else None
         if colours is None:
-            shades = greys(entries, state.document.volume.range, window)
+            shades = greys(entries, state.document.volume.typical_range, window)
             colours = np.rint(255 * shades)[:, None].repeat(3, axis=1)
         self._colours = _packed(colours)
 

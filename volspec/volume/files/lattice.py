@@ -142,4 +142,5 @@ def mm_per_unit(unit: str | None) -> float | None:
     """
     # Greek mu and the micro sign look alike, and ImageJ writes the latter escaped.
     name = (unit or "").strip().replace("\u03bc", "\u00b5").replace("\\u00B5", "\u00b5")
-    return _MM.get(name.casefold().replace("\u03bc", "\u00b5"))
+    name = name.casefold().replace("\u03bc", "\u00b5")
+    return _MM.get(name, _MM.get(name.removesuffix("s")))

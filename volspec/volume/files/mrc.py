@@ -15,6 +15,7 @@ import numpy as np
 from volspec.errors import VolumeError, one_line
 from volspec.volume.files.lattice import affine
 from volspec.volume.files.query import Query, Reading, Stored
+from volspec.volume.metadata import NO_SPACING, Metadata
 
 SUFFIXES = (".mrc", ".map", ".ccp4", ".st", ".ali", ".mrcs")
 MAGIC = 208, b"MAP"
@@ -53,16 +54,20 @@ def read_mrc(query: Query) -> Reading:
     held = path.stat().st_size - first
     query.require_held(held, shape[::-1], steps * nbytes)
     values = Stored(str(path), tuple(size), dtype.str, first + step * nbytes)
-    world, remarks = _world_from_index(query, header)
+    remarks: list[str] = []
+    world, assumed = _world_from_index(query, header, remarks)
     return Reading(
         values,
         world_from_index=world,
         remarks=[*remarks, *query.surplus(held, steps * nbytes)],
+        metadata=Metadata(assumed=assumed),
     )
 
 
-def _world_from_index(query: Query, header: np.recarray) -> tuple[np.ndarray, list[str]]:
-    """Return the map to millimetres, and a remark if the header states no size of a voxel."""
+def _world_from_index(
+    query: Query, header: np.recarray, remarks: list[str]
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return the map to millimetres, and what is assumed if no size of a voxel is stated."""
     cell = np.array([header.cella.x, header.cella.y, header.cella.z], np.float64)
     counts = np.array([header.mx, header.my, header.mz], np.float64)
     axes = np.array([header.mapc, header.mapr, header.maps], int) - 1
@@ -70,9 +75,9 @@ def _world_from_index(query: Query, header: np.recarray) -> tuple[np.ndarray, li
         axes = np.arange(3)
     with np.errstate(divide="ignore", invalid="ignore"):
         spacing = cell / counts * _ANGSTROM_MM
-    remarks = []
+    assumed: tuple[str, ...] = ()
     if not (np.isfinite(spacing).all() and (spacing > 0).all()):
-        spacing = np.ones(3)
+        spacing, assumed = np.ones(3), (NO_SPACING,)
         if query.spacing_mm is None:
             example = query.example(spacing="1e-7,1e-7,1e-7")
             remarks.append(
@@ -83,5 +88,5 @@ def _world_from_index(query: Query, header: np.recarray) -> tuple[np.ndarray, li
     start = np.array([header.nxstart, header.nystart, header.nzstart], np.float64)
     origin = np.array([header.origin.x, header.origin.y, header.origin.z], np.float64)
     if np.isfinite(origin).all() and origin.any():
-        return affine(columns, origin * _ANGSTROM_MM), remarks
-    return affine(columns, columns @ start), remarks  # ``nxstart`` and its like, in voxels
+        return affine(columns, origin * _ANGSTROM_MM), assumed
+    return affine(columns, columns @ start), assumed  # ``nxstart`` and its like, in voxels

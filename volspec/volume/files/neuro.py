@@ -19,7 +19,7 @@ import os
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,12 +27,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import VolumeError, one_line
-from volspec.volume.files.headers import TRUNCATED
-from volspec.volume.files.itk import Extent, Layout
 from volspec.volume.files.label_tables import labels_in_xml
 from volspec.volume.files.lattice import affine, mm_per_unit
+from volspec.volume.files.layout import TRUNCATED, Layout, choose_axes
 from volspec.volume.files.query import Query, Reading
 from volspec.volume.labels import Labels
+from volspec.volume.metadata import NO_UNIT, Metadata
 
 PAIRS = (".hdr", ".hdr.gz", ".img", ".img.gz")
 """Endings of NIfTI and Analyze in two files."""
@@ -44,6 +44,7 @@ _NIFTI_1, _NIFTI_2, _MOST_EXTENSION = 348, 540, 1 << 24
 _SECONDS = {"sec": 1.0, "msec": 1e-3, "usec": 1e-6}
 # Radians between the axes of two maps from which on it is said which of them is taken.
 _TURNED = 0.01
+_PATIENT = Metadata(is_patient=True)
 _FROM_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 
@@ -138,25 +139,31 @@ def read_neuro(query: Query) -> Reading:
             "save their magnitude, such as with nibabel and numpy.abs",
             code="unsupported",
         )
-    colours = len(dtype.names or (0,))
-    extent = Extent.of(query, shape, colours, _step_s(opened.header), is_sequence=False)
-    query.end_choices()
-    scalar = dtype[0] if dtype.names else dtype
-    query.reserve((*extent.size, *((colours,) if colours > 1 else ())), scalar.itemsize)
+    # Colours are the fastest axis; time is the fourth of the others, and a fifth has components.
+    if dtype.names:
+        shape, dtype = (len(dtype.names), *shape), dtype[0]
+    first = int(len(opened.proxy.shape) < len(shape))
+    roles = {0: "channel"} if first else {}
+    roles |= dict.fromkeys(range(first + 3, first + 4), "time") if len(shape) > first + 3 else {}
+    roles |= dict.fromkeys(range(first + 4, len(shape)), "channel")
+    at = choose_axes(query, shape, roles, _step_s(opened.header))
     remarks: list[str] = []
-    world = _world_from_index(opened, query, remarks)
+    world, metadata = _world_from_index(opened, query, remarks)
     labels = _labels(opened)
-    layout = _layout(path, opened, scalar, colours)
+    layout = _layout(path, opened, dtype, shape)
     if layout is not None:
         # FreeSurfer writes how the image was made after its voxels.
         ends = path.name.lower().endswith((".mgh", ".mgz"))
-        values = layout.voxels(extent, scalar, query, [] if ends else remarks)
+        values = layout.read(at, query, [] if ends else remarks)
     else:
-        index: tuple[Any, ...] = (..., *(extent.time, extent.channel)[: len(shape) - 3])
+        query.reserve(shape[:3], dtype.itemsize)
+        index: tuple[Any, ...] = (..., *(at[axis] for axis in range(3, len(shape))))
         with _refusing(path):
             part = opened.proxy[index[::-1] if time_first else index]
         values = np.asarray(part, np.float32).T
-    return Reading(values, world_from_index=world, remarks=remarks, labels=labels)
+    return Reading(
+        values, world_from_index=world, remarks=remarks, labels=labels, metadata=metadata
+    )
 
 
 def _without_voxels(path: Path, data: Path) -> VolumeError:
@@ -186,7 +193,9 @@ def _refusing(path: Path) -> Iterator[None]:
         ) from error
 
 
-def _layout(path: Path, opened: _Opened, scalar: np.dtype[Any], colours: int) -> Layout | None:
+def _layout(
+    path: Path, opened: _Opened, dtype: np.dtype[Any], shape: tuple[int, ...]
+) -> Layout | None:
     """Return the place of the voxels; None if only nibabel can assemble them."""
     from nibabel.arrayproxy import ArrayProxy
 
@@ -194,15 +203,9 @@ def _layout(path: Path, opened: _Opened, scalar: np.dtype[Any], colours: int) ->
     by_part = getattr(proxy, "_scaling", None) is not None  # AFNI's
     if not isinstance(proxy, ArrayProxy) or by_part:
         return None
-    return Layout(
-        *(path, opened.data, int(proxy.offset)),
-        encoding="gzip" if opened.packed else "raw",
-        order=">" if scalar.newbyteorder(">") == scalar else "<",
-        whole_packed=opened.packed,
-        stored=scalar,
-        scaling=(float(proxy.slope), float(proxy.inter)),
-        planar=colours == 1,
-    )
+    encoding, start = "gzip" if opened.packed else "raw", int(proxy.offset)
+    scaling = float(proxy.slope), float(proxy.inter)
+    return Layout(path, (opened.data,), dtype, shape, encoding, skip=start, scaling=scaling)
 
 
 def _step_s(header: Any) -> float | None:
@@ -214,12 +217,18 @@ def _step_s(header: Any) -> float | None:
     return second * float(zooms[3]) if second and 0 < zooms[3] < np.inf else None
 
 
-def _world_from_index(opened: _Opened, query: Query, remarks: list[str]) -> NDArray[np.float64]:
+def _world_from_index(
+    opened: _Opened, query: Query, remarks: list[str]
+) -> tuple[NDArray[np.float64], Metadata]:
     """Return the map to millimetres in LPS; without an orientation, that of the spacing alone."""
     header = opened.header
     if not hasattr(header, "get_xyzt_units"):
-        return _spaced(header) if opened.world is None else _FROM_RAS @ opened.world
-    unit_mm = mm_per_unit(header.get_xyzt_units()[0]) or 1.0
+        if opened.world is None:
+            return _spaced(header), Metadata()
+        return _FROM_RAS @ opened.world, _PATIENT
+    unit_mm = mm_per_unit(header.get_xyzt_units()[0])
+    assumed = (NO_UNIT,) if unit_mm is None else ()
+    unit_mm = unit_mm or 1.0
     sform, qform = header.get_sform(coded=True)[0], header.get_qform(coded=True)[0]
     usable = [each for each in (sform, qform) if each is not None and np.isfinite(each).all()]
     if sform is not None and not np.isfinite(sform).all() and query.spacing_mm is None:
@@ -231,14 +240,15 @@ def _world_from_index(opened: _Opened, query: Query, remarks: list[str]) -> NDAr
             )
         remarks.append(f"{query.path}: its sform holds NaN; its qform is taken")
     if not usable:
-        return _spaced(header, unit_mm)
+        return _spaced(header, unit_mm), Metadata(assumed=assumed)
     if len(usable) == 2 and _turned(*usable):
         remarks.append(
             f"{query.path}: its sform (code {int(header['sform_code'])}) and its qform (code "
             f"{int(header['qform_code'])}) lead to different directions; the sform is taken, as by "
             "nibabel"
         )
-    return _FROM_RAS @ np.diag([unit_mm, unit_mm, unit_mm, 1.0]) @ usable[0]
+    world = _FROM_RAS @ np.diag([unit_mm, unit_mm, unit_mm, 1.0]) @ usable[0]
+    return world, replace(_PATIENT, assumed=assumed)
 
 
 def _is_oriented(image: Any) -> bool:

@@ -384,5 +384,5 @@ class Reading:
     remarks: Sequence[str] = ()  # warnings for the caller of `load_volume`
     labels: Labels | None = None  # stated by the header, perhaps without names; None: not stated
     channel: Channel | None = None  # what the file says of the one that is read
-    metadata: Metadata = Metadata()
+    metadata: Metadata = field(default_factory=Metadata)
     owner: Any = None  # owner of the values' memory, if they do not own it themselves

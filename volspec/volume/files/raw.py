@@ -17,6 +17,7 @@ import numpy as np
 
 from volspec.errors import VolumeError, nearest
 from volspec.volume.files.query import Choice, Query, Reading, Stored
+from volspec.volume.metadata import NO_SPACING, Metadata
 
 _NPY_HEADERS = {
     (1, 0): np.lib.format.read_array_header_1_0,
@@ -29,6 +30,7 @@ _DTYPES = (
 # Size and type in the name of a file, such as ``head_256x256x110_int16.raw``.
 _SIZE_IN_NAME = re.compile(r"(?<!\d)(\d+)[x×](\d+)[x×](\d+)(?!\d)")
 _DTYPE_IN_NAME = re.compile(r"(?<![a-z])(?:u?int(?:8|16|32|64)|float(?:16|32|64))(?!\d)")
+_NO_SPACING = Metadata(assumed=(NO_SPACING,))
 _DTYPE_BY_BYTES = {1: "uint8", 2: "uint16", 4: "float32", 8: "float64"}
 
 
@@ -77,8 +79,9 @@ def read_npy(query: Query) -> Reading:
         if columns_first:
             query.reserve(shape, dtype.itemsize)
             flat = np.fromfile(file, dtype, math.prod(shape))
-            return Reading(flat.reshape(shape[::-1]).T)
-        return Reading(Stored(str(path), shape, dtype.str, file.tell()))
+            return Reading(flat.reshape(shape[::-1]).T, metadata=_NO_SPACING)
+        stored = Stored(str(path), shape, dtype.str, file.tell())
+        return Reading(stored, metadata=_NO_SPACING)
 
 
 def read_npz(query: Query) -> Reading:
@@ -108,7 +111,7 @@ def read_npz(query: Query) -> Reading:
         shape, dtype = found[name]
         query.reserve(shape, dtype.itemsize)
         with np.load(path) as arrays:
-            return Reading(arrays[name])
+            return Reading(arrays[name], metadata=_NO_SPACING)
     except (OSError, EOFError, ValueError, zipfile.BadZipFile, zlib.error) as error:
         if isinstance(error, VolumeError):
             raise
@@ -223,6 +226,5 @@ def read_raw(query: Query) -> Reading:
             f"{path}: holds {held} bytes, shape {options['shape']} of {dtype} takes {expected} "
             "of them; are shape, dtype and offset right?"
         )
-    spacing = query.spacing_mm or (1.0, 1.0, 1.0)
     stored = Stored(str(path), shape[::-1], dtype.str, offset)
-    return Reading(stored, spacing_mm=spacing, remarks=remarks)
+    return Reading(stored, remarks=remarks, metadata=_NO_SPACING)

@@ -25,7 +25,7 @@ from xml.parsers import expat
 
 from volspec.errors import VolumeError
 from volspec.volume.channels import Channel
-from volspec.volume.files.headers import TRUNCATED
+from volspec.volume.files.layout import TRUNCATED
 from volspec.volume.files.query import Query, Reading
 from volspec.volume.vtk_interop import scalar_names, values_and_lattice
 

@@ -1,0 +1,303 @@
+"""Voxels of a header: where their bytes lie, and the part of them that is read.
+
+    header (nrrd, metaimage, neuro, …) -> [Layout] -> voxels (Z, Y, X)
+
+Axes are counted as in headers, the fastest first. Of the axes that are not of space, time steps and
+channels, one index each is read. Missing bytes are refused; surplus ones are remarked on.
+"""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+import math
+import re
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.errors import VolumeError, one_line, quoted
+from volspec.volume.files.query import Query, Stored
+
+TRUNCATED = "truncated, copy or download it again"
+_CHUNK = 1 << 22
+# Decompression stops at this many bytes more than the header declares.
+_SURPLUS = 1 << 24
+# The only conversion in names of slices: slice%03d.raw.
+_PATTERN = re.compile(r"[^%]*%0?\d{0,2}d[^%]*")
+# Most files of a list or a pattern.
+_MOST_FILES = 100_000
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Location and type of a header's voxels, a run of bytes in one file, or parts in several."""
+
+    path: Path  # the header's file, for messages
+    files: tuple[Path, ...]  # often the same one
+    dtype: np.dtype[Any]  # byte order included
+    shape: tuple[int, ...]
+    encoding: str = "raw"  # gzip, zlib (zlib's header or gzip's), bzip2, text, hex
+    seek: int = 0  # first byte in each file; -1: the voxels are at its end
+    lines: int = 0  # that follow, and are skipped
+    skip: int = 0  # bytes before the voxels, counted after decompression
+    scaling: tuple[float, float] = (1.0, 0.0)  # slope and intercept of the stored numbers
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all voxels."""
+        return math.prod(self.shape) * self.dtype.itemsize
+
+    def read(
+        self, at: Mapping[int, int], query: Query, remarks: list[str]
+    ) -> Stored | NDArray[Any]:
+        """Return the voxels (Z, Y, X) at one index ``at`` each of the other axes."""
+        # The block that holds them, of the axes before those that are fixed at the end.
+        axes, block = len(self.shape), 0
+        while axes - 1 in at:
+            axes -= 1
+            block = block * self.shape[axes] + at[axes]
+        shape = self.shape[:axes]
+        nbytes = math.prod(shape) * self.dtype.itemsize
+        query.reserve(shape, self.dtype.itemsize)
+        blocks = math.prod(self.shape[axes:])
+        with _one_line_for(self.path):
+            if self.encoding == "raw" and len(self.files) == 1:
+                first = self._first_byte()
+                held = max(self.files[0].stat().st_size - first, 0)
+                place = first + block * nbytes
+                stored = Stored(str(self.files[0]), shape[::-1], self.dtype.str, place)
+            else:
+                unpacked, held = self._unpack_block(nbytes, block, blocks)
+        # Bytes after a packed block are not counted, unless it is the last.
+        needed = nbytes * (blocks if self.encoding == "raw" else block + 1)
+        query.require_held(held, self.shape, needed)
+        remarks += query.surplus(held, self.nbytes)
+        inner = tuple(at.get(axis, slice(None)) for axis in reversed(range(axes)))
+        whole = all(isinstance(each, slice) for each in inner)
+        if self.encoding == "raw" and len(self.files) == 1:
+            if whole and self.scaling == (1.0, 0.0):
+                return stored
+            values = stored.read()
+        else:
+            values = unpacked.view(self.dtype).reshape(shape[::-1])
+        return self._scaled(values if whole else values[inner])
+
+    def _first_byte(self) -> int:
+        """Return the first byte of uncompressed voxels."""
+        if self.seek < 0:
+            return max(self.files[0].stat().st_size - self.nbytes, 0)
+        with self.files[0].open("rb") as file:
+            self._go_to_voxels(file)
+            return file.tell() + self.skip
+
+    def _go_to_voxels(self, file: BinaryIO) -> None:
+        # Compressed voxels at a file's end are of unknown length.
+        file.seek(max(self.seek, 0))
+        for _ in range(self.lines):
+            if not file.readline(_CHUNK):
+                break
+
+    def _chunks(self, nbytes: int) -> Iterator[bytes]:
+        """Yield the voxels' bytes, not many more than ``nbytes``; fewer if a file ends early."""
+        share = self.nbytes // len(self.files)
+        left = nbytes + _SURPLUS
+        for path in self.files if left > 0 else ():
+            room = left if len(self.files) == 1 else min(share, left)
+            skip, left = self.skip, left - room
+            with path.open("rb") as file:
+                self._go_to_voxels(file)
+                if self.seek < 0 and self.encoding == "raw":
+                    file.seek(max(path.stat().st_size - share, 0))
+                for chunk in _unpacked(file, self.encoding, self.dtype):
+                    part = chunk[skip:][:room]
+                    skip, room = max(skip - len(chunk), 0), room - len(part)
+                    yield part
+                    if room <= 0:
+                        break
+            if room > 0 and left > 0:
+                raise VolumeError(
+                    f"{self.path}: {path.name} holds {share - room} of {share} bytes; {TRUNCATED}",
+                    code="damaged",
+                )
+
+    def _unpack_block(self, nbytes: int, block: int, blocks: int) -> tuple[NDArray[Any], int]:
+        """Return a block of voxels' bytes, and the number of bytes up to its end, or a few more."""
+        unpacked, held = np.empty(nbytes, np.uint8), 0
+        first, end = block * nbytes, (block + 1) * nbytes
+        for chunk in self._chunks(end if block == blocks - 1 else end - _SURPLUS):
+            part = chunk[max(first - held, 0) :]
+            room = unpacked[max(held - first, 0) :][: len(part)]
+            room[:] = np.frombuffer(part, np.uint8, room.size)
+            held += len(chunk)
+        return unpacked, held
+
+    def _scaled(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return values with slope and intercept applied, in float32; in double to be exact."""
+        slope, shift = self.scaling
+        if (slope, shift) == (1.0, 0.0):
+            return np.ascontiguousarray(values)
+        scaled = np.empty(values.shape, np.float32)
+        with np.errstate(over="ignore"):
+            for target, source in zip(scaled, values, strict=True):  # by slice: doubles are wide
+                target[...] = source.astype(np.float64) * slope + shift
+        return scaled
+
+
+def choose_axes(
+    query: Query, shape: Sequence[int], roles: Mapping[int, str], step_s: float | None = None
+) -> dict[int, int]:
+    """Return the index that the query selects along each axis that is not of space.
+
+    ``roles`` are those axes with their option, ``time`` or ``channel``; ``step_s`` is the time
+    between steps. Raises VolumeError unless three axes of two voxels or more are of space.
+    """
+    space = [count for axis, count in enumerate(shape) if axis not in roles]
+    if len(space) != 3 or len(shape) > 5:
+        raise VolumeError(
+            f"{query.path}: is {len(shape)}-D ({'x'.join(map(str, shape))})",
+            "a volume is 3-D: give a file of all slices, or a folder of TIFF or PNG slices"
+            if len(space) < 3
+            else "save a 3-D or 4-D part of it, such as with nibabel: image.slicer[..., 0]",
+            code="shape",
+        )
+    found: dict[int, int] = {}
+    for option, what in (("time", "time steps"), ("channel", "channels (components per voxel)")):
+        axes = [axis for axis, role in roles.items() if role == option]
+        count = math.prod(shape[axis] for axis in axes)
+        times = step_s is not None and option == "time"
+        names = [f"{k * step_s:g} s" for k in range(count)] if times and step_s else ()
+        number = query.index(option, count, what, names)
+        for axis in axes:
+            number, found[axis] = divmod(number, shape[axis])
+    query.end_choices()
+    return found
+
+
+def data_files(path: Path, names: Sequence[str]) -> tuple[Path, ...]:
+    """Return the separate files of a header's voxels; refuse those elsewhere or missing."""
+    if not 0 < len(names) <= _MOST_FILES:
+        raise VolumeError(f"{path}: names {len(names)} files of voxels", code="damaged")
+    for name in names:
+        parts = PurePath(name.replace("\\", "/"))
+        if parts.is_absolute() or ".." in parts.parts or ":" in name:
+            raise VolumeError(
+                f"{path}: its voxels are said to be in {quoted(name)}; a data file must lie in the "
+                "header's folder or below it, move it there and correct the header",
+                code="unsupported",
+            )
+    for name in names:
+        with _one_line_for(path):
+            if not (path.parent / name).is_file():
+                raise VolumeError(
+                    f"{path}: its voxels are in {name}, which is not there",
+                    f"copy it into {path.parent}, next to the header",
+                    code="not-found",
+                )
+    return tuple(path.parent / name for name in names)
+
+
+def numbered_names(path: Path, pattern: str, numbers: Sequence[str]) -> list[str]:
+    """Return the names of a pattern such as ``slice%03d.raw``, with first, last and step."""
+    try:
+        first, last, step = (int(word) for word in numbers[:3])
+        if not _PATTERN.fullmatch(pattern) or not step:
+            raise ValueError
+        every = range(first, last + (1 if step > 0 else -1), step)
+        return [pattern % number for number in every[: _MOST_FILES + 1]]
+    except (ValueError, TypeError) as error:
+        raise VolumeError(
+            f"{path}: its voxels are said to be in {quoted(' '.join((pattern, *numbers)))}; a "
+            "pattern of names has one number, such as slice%03d.raw 1 110 1",
+            code="syntax",
+        ) from error
+
+
+def counts(path: Path, words: Sequence[str]) -> tuple[int, ...]:
+    """Return the sizes of a header. Raises VolumeError if one is no positive number."""
+    if not all(word.isdecimal() and len(word) < 20 and int(word) > 0 for word in words):
+        raise VolumeError(
+            f"{path}: sizes {quoted(' '.join(words))}; each must be a positive whole number of "
+            "fewer than 20 digits",
+            code="range",
+        )
+    return tuple(int(word) for word in words)
+
+
+def dimensions(path: Path, word: str, most: int = 16) -> int:
+    """Return the number of axes of a header. Raises VolumeError if it is none."""
+    if not (word.isdecimal() and len(word) < 20 and 1 <= int(word) <= most):
+        raise VolumeError(
+            f"{path}: {quoted(word)} dimensions; expected 3, correct the header", code="shape"
+        )
+    return int(word)
+
+
+def damaged(path: Path, what: str) -> VolumeError:
+    """Return the error of a header that cannot be read."""
+    return VolumeError(
+        f"{path}: {what}; is the file complete and of the type its name says?", code="damaged"
+    )
+
+
+def _unpacked(file: BinaryIO, encoding: str, dtype: np.dtype[Any]) -> Iterator[bytes]:
+    """Yield a file's bytes from its current position, decoded a chunk at a time."""
+    if encoding == "zlib":
+        inflate = zlib.decompressobj(zlib.MAX_WBITS | 32)  # as in MetaIO: zlib's header or gzip's
+        while not inflate.eof and (packed := inflate.unconsumed_tail or file.read(_CHUNK)):
+            yield inflate.decompress(packed, _CHUNK)
+        yield inflate.flush()
+        if not inflate.eof:
+            raise EOFError("the compressed voxels end early or are damaged")
+    elif encoding in ("text", "hex"):
+        yield from _decoded_text(file, None if encoding == "hex" else dtype)
+    else:
+        openers: dict[str, Any] = {"gzip": gzip.open, "bzip2": bz2.open}
+        stream = openers[encoding](file) if encoding in openers else file
+        while chunk := stream.read(_CHUNK):
+            yield chunk
+
+
+def _decoded_text(file: BinaryIO, dtype: np.dtype[Any] | None) -> Iterator[bytes]:
+    """Yield bytes written as numbers of a type; or as hexadecimal digits, without a type."""
+    rest = b""
+    while chunk := file.read(_CHUNK // 4):
+        text = rest + chunk.replace(b",", b" ")
+        if dtype is None:
+            digits = b"".join(text.split())
+            even = len(digits) & ~1
+            rest = digits[even:]
+            yield bytes.fromhex(digits[:even].decode("ascii"))
+        else:
+            end = max(text.rfind(mark) for mark in b" \n\t") + 1
+            rest = text[end:]
+            yield _numbers(text[:end], dtype)
+    if dtype is not None:
+        yield _numbers(rest, dtype)
+
+
+def _numbers(text: bytes, dtype: np.dtype[Any]) -> bytes:
+    number = float if dtype.kind == "f" else int
+    return np.array([number(word) for word in text.split()], dtype).tobytes()
+
+
+@contextmanager
+def _one_line_for(path: Path) -> Iterator[None]:
+    """Turn the error of a damaged stream or an invalid path into a one-line error."""
+    try:
+        yield
+    except VolumeError:
+        raise
+    except EOFError as error:
+        raise VolumeError(f"{path}: {TRUNCATED}", code="damaged") from error
+    except (OSError, zlib.error, ValueError, OverflowError) as error:
+        cause = getattr(error, "strerror", None) or one_line(error)
+        raise VolumeError(
+            f"{path}: cannot be read ({cause}); is the file complete?", code="damaged"
+        ) from error
