@@ -47,7 +47,7 @@ def sponge_store(gib: float) -> Path:
     if not store.exists():
         raw = BUILD / f"sponge-{depth}.raw"
         large.make(raw, (depth, _SIDE, _SIDE))
-        level, name, _ = open_level(f"{raw}?shape={_SIDE}x{_SIDE}x{depth}&dtype=uint8&memory=1GiB")
+        level, name, *_ = open_level(f"{raw}?shape={_SIDE}x{_SIDE}x{depth}&dtype=uint8&memory=1GiB")
         convert(level, store, name=name)
         raw.unlink()
     return store

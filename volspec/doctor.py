@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _PACKAGES = (
     *("numpy", "scipy", "pyopencl", "pocl-binary-distribution", "moderngl", "pyvista"),
-    *("SimpleITK", "colour-science", "OpenEXR", "imageio"),
+    *("pydicom", "nibabel", "colour-science", "OpenEXR", "imageio"),
 )
 _NOT_HERE = "not here"
 # Features by the package's extras: the extra's name, and the distributions that it needs.
@@ -31,6 +31,7 @@ _EXTRAS = {
     "notebooks": ("notebook", ("anywidget",)),
     "OME-Zarr": ("zarr", ("zarr", "tensorstore")),
     "HDF5": ("hdf5", ("h5py",)),
+    "microscopes": ("micro", ("pylibCZIrw", "liffile", "nd2", "oiffile")),
     "URLs": ("remote", ("universal_pathlib", "aiohttp")),
     "several machines": ("cluster", ("distributed",)),
     "pages from a server": ("serve", ("tornado",)),

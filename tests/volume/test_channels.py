@@ -51,7 +51,6 @@ def test_a_vti_of_several_arrays_opens_with_all(tmp_path):
         grid = pyvista.ImageData(dimensions=(5, 4, 3) if place == "point_data" else (6, 5, 4))
         getattr(grid, place)["pressure"] = ramp
         getattr(grid, place)["label"] = (ramp > 20).astype(np.uint8)
-        getattr(grid, place)["velocity"] = np.ones((60, 3))  # no scalar
         grid.save(tmp_path / "flow.vti")
         volume = load_volume(tmp_path / "flow.vti")
         assert [each.title for each in (volume, *volume.fields)] == ["pressure", "label"]

@@ -149,7 +149,6 @@ REFUSED: list[tuple[str, bytes | None, str] | tuple[str, bytes | None, str, str]
     ("v.npz", saved_in_one(a=np.ones((2, 3))), "shape", "stack"),
     ("v.npz", saved_in_one(a=VALUES, b=VALUES), "missing", "dataset=a"),
     ("v.nc", b"\x89HDF\r\n\x1a\n", "unsupported", "xarray"),
-    ("v.czi", b"bytes", "unsupported", "OME-TIFF"),
     ("v.JPG", b"bytes", "unsupported", "folder"),
     ("v.tar.gz", b"bytes", "unsupported", "unpack"),
     # The nearest name or option is given.

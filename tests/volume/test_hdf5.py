@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 from tests.support.errors import raises
+from tests.support.volumes import load_silently
+from tests.volume.test_zarr import write_n5, write_n5_group
 from volspec.errors import VolumeError
 from volspec.volume import load_volume, volume_choices
+from volspec.volume.metadata import NO_SPACING, NO_UNIT
 
 VALUES = np.arange(4 * 5 * 6, dtype=np.uint16).reshape(4, 5, 6)
 
@@ -30,6 +33,7 @@ def file(tmp_path: Path) -> Path:
 def test_a_dataset_its_spacing_and_a_time_step(file):
     volume = load_volume(f"{file}?dataset=t0/cells")
     assert np.array_equal(volume.values, VALUES) and volume.spacing_mm == (0.25, 0.5, 2.0)
+    assert volume.metadata.assumed == ()
     assert load_volume(f"{file}?dataset=/t0/cells&spacing=1,2,3").spacing_mm == (1.0, 2.0, 3.0)
     assert np.array_equal(load_volume(f"{file}?dataset=series&time=1").values, VALUES + 1)
 
@@ -125,6 +129,53 @@ def test_bigdataviewer_s_int16_is_uint16_unless_it_is_stated(tmp_path, stated):
             made["s00"].attrs["dataType"] = "int16"
     values = load_volume(f"{tmp_path / 'v.h5'}?time=1").values
     assert np.array_equal(values, (large - 1).view(np.int16) if stated else large - 1)
+
+
+def write_project(path: Path, form: str, data: str, unit: str = "um") -> Path:
+    setup = (
+        "<ViewSetup><id>{0}</id><name>GFP {0}</name><voxelSize><unit>{1}</unit>"
+        "<size>0.5 0.7 2</size></voxelSize></ViewSetup>"
+    )
+    path.write_text(
+        f"<SpimData><BasePath>.</BasePath><SequenceDescription><ImageLoader><{form}>{data}</{form}>"
+        f"</ImageLoader>{''.join(setup.format(k, unit) for k in (0, 1))}"
+        "</SequenceDescription></SpimData>"
+    )
+    return path
+
+
+@pytest.mark.filterwarnings("ignore:.*unit of its scale")
+@pytest.mark.parametrize("form", ["hdf5", "n5"])
+@pytest.mark.parametrize(("unit", "mm", "assumed"), [("um", 1e-3, ()), ("", 1.0, (NO_UNIT,))])
+def test_a_bigdataviewer_project_states_voxels_and_names(tmp_path, form, unit, mm, assumed):
+    """Its file gives the same as its data, next to which it is."""
+    data = tmp_path / ("v.h5" if form == "hdf5" else "v.n5")
+    for k in (0, 1):
+        if form == "n5":
+            write_n5(data / f"setup{k}/timepoint0/s0", VALUES + k)
+            write_n5_group(data, n5="2.5.1")
+        else:
+            with h5py.File(data, "a") as made:
+                made[f"t00000/s{k:02}/0/cells"] = VALUES + k
+    assert load_silently(data).metadata.assumed == (NO_SPACING,)
+    project = write_project(tmp_path / "project.xml", form, data.name, unit)
+    for path in (data, project):
+        volume = load_volume(path)
+        assert np.array_equal(volume.fields[0].values, VALUES + 1)
+        assert volume.fields[0].name == "GFP 1"
+        assert volume.spacing_mm == pytest.approx((0.5 * mm, 0.7 * mm, 2 * mm))
+        assert volume.metadata.assumed == assumed
+
+
+@pytest.mark.parametrize(
+    ("text", "code"), [("<a/>", "unsupported"), ("<", "unsupported"), (None, "not-found")]
+)
+def test_projects_without_data_are_refused(tmp_path, text, code):
+    path = write_project(tmp_path / "v.xml", "n5", "gone.n5")
+    if text is not None:
+        path.write_text(text)
+    with raises(VolumeError, code):
+        load_volume(path)
 
 
 @pytest.mark.parametrize("stated", ["2.0 0.7 0.5", [0.7, 0.5], [2, 0.7, -1.0]])

@@ -192,6 +192,7 @@ def grid(**arrays: np.ndarray) -> pyvista.ImageData:
 
 
 RAMP = (np.arange(1200) * 10 + 7).astype(np.int16)
+VECTORS = np.arange(3600.0).reshape(1200, 3)
 WHOLE, LONGER = b"0 5 0 4 0 39", b"0 5 0 4 0 99"
 Cuts = tuple[bytes, list[bytes], np.ndarray]
 
@@ -229,7 +230,7 @@ CUT: dict[str, tuple[str, Callable[[Path], Cuts]]] = {
     "rescaled nii.gz": ("v.nii.gz", lambda path: cut_nifti(path, True, True)),
     "vtk": ("v.vtk", lambda path: cut_legacy(path, False)),
     "vtk of two": ("v.vtk", lambda path: cut_legacy(path, False, b=RAMP.astype(np.float64))),
-    "vtk of vectors": ("v.vtk", lambda path: cut_legacy(path, False, v=np.ones((1200, 3)))),
+    "vtk of vectors": ("v.vtk", lambda path: cut_legacy(path, False, v=VECTORS)),
     "vtk of labels": ("v.vtk", lambda path: cut_legacy(path, False, a=RAMP.astype(np.int64))),
     "vtk in digits": ("v.vtk", lambda path: cut_legacy(path, True)),
     "vti in digits": ("v.vti", lambda path: cut_vti(path, "Ascii", False)),
@@ -259,7 +260,7 @@ def test_truncated_files_are_refused(tmp_path, kind):
 @pytest.mark.parametrize("mode", ["Ascii", "Binary", "Appended"])
 def test_a_vti_file_of_digits_with_other_arrays_is_read(tmp_path, mode):
     """Vectors come with elements of their own, field data with text that is no voxels."""
-    image = grid(labels=(RAMP % 7).astype(np.uint8), vectors=np.ones((1200, 3)))
+    image = grid(labels=(RAMP % 7).astype(np.uint8), vectors=VECTORS)
     image.field_data["note"] = np.arange(5000.0)
     image.set_active_scalars("labels")
     path = tmp_path / "v.vti"

@@ -218,7 +218,7 @@ def test_files_of_other_kinds_are_read_in_parts(write, ball, whole, tmp_path):
         big = load_volume(f"{address}&memory=2MB")
     assert big.range == ball.range
     assert np.abs(cast(big).coefficients - whole.coefficients).max() < 2e-4
-    level, _, _ = open_level(f"{address}&memory=2MB")
+    level, *_ = open_level(f"{address}&memory=2MB")
     convert.convert(level, tmp_path / "copy.zarr")
     copy = load_volume(tmp_path / "copy.zarr")
     assert np.array_equal(copy.values, ball.values)

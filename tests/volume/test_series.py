@@ -1,46 +1,63 @@
 """DICOM series: which slices are one volume, where they lie, and what is refused."""
 
-import locale
-import re
+import os
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import SimpleITK as sitk
+from pydicom import Dataset, dcmread, uid
+from pydicom.data import get_testdata_file
+from pydicom.datadict import dictionary_VR
 
 from tests.support.errors import advised_address, raises, warns
 from tests.support.volumes import load_silently
-from volspec.errors import VolspecWarning, VolumeError
+from volspec.errors import VolumeError
 from volspec.volume import load_series, load_volume, volume_choices
+from volspec.volume.files.dicom import read_series
+from volspec.volume.files.dicom_frames import read_values
+from volspec.volume.files.dicom_headers import headers
+from volspec.volume.files.query import Query
+from volspec.volume.labels import Label
 
 VALUES = (np.arange(4 * 3 * 5, dtype=np.int16).reshape(4, 3, 5) * 7).astype(np.int16)
 SPACING = (0.5, 0.75)
 STEP = 2.5
 
 
-@pytest.fixture(autouse=True)
-def _characters_stay() -> Iterator[None]:
-    """GDCM writes in the C locale and stays there: what Python opens next would be ASCII."""
-    before = locale.setlocale(locale.LC_CTYPE)
-    yield
-    locale.setlocale(locale.LC_CTYPE, before)
+def header(values: np.ndarray, **attributes: Any) -> Dataset:
+    """Return a data set with pixels; attributes by their keyword, or number as ``x0020_0013``."""
+    made = Dataset()
+    made.file_meta = Dataset()
+    made.file_meta.TransferSyntaxUID = uid.ExplicitVRLittleEndian
+    made.SOPClassUID, made.SOPInstanceUID = uid.CTImageStorage, uid.generate_uid()
+    made.Rows, made.Columns = values.shape[-2:]
+    made.BitsAllocated = made.BitsStored = 8 * values.itemsize
+    made.HighBit = made.BitsStored - 1
+    made.PixelRepresentation = int(values.dtype.kind == "i")
+    made.SamplesPerPixel, made.PhotometricInterpretation = 1, "MONOCHROME2"
+    made.PixelSpacing = list(SPACING[::-1])
+    made.add_new("PixelData", "OW", values.tobytes() + b"\0" * (values.nbytes % 2))
+    for name, value in attributes.items():
+        if value is None:
+            delattr(made, name)
+        elif name.startswith("x"):
+            tag = int(name[1:].replace("_", ""), 16)
+            made.add_new(tag, dictionary_VR(tag), value)
+        else:
+            setattr(made, name, value)
+    return made
 
 
-def write_slice(path: Path, values: np.ndarray, **tags: str) -> None:
-    """One DICOM file; tags by their number, as ``x0020_0013="4"``."""
-    image = sitk.GetImageFromArray(values, isVector=values.ndim == 3)
-    image.SetSpacing(SPACING)
-    for tag, text in tags.items():
-        image.SetMetaData(tag[1:].replace("_", "|"), text)
-    writer = sitk.ImageFileWriter()
-    writer.SetImageIO("GDCMImageIO")
-    writer.KeepOriginalImageUIDOn()
-    writer.SetUseCompression("compressed" in tags)
-    writer.SetFileName(str(path))
-    writer.Execute(image)
+def write_slice(path: Path, values: np.ndarray, **attributes: Any) -> None:
+    """Write one DICOM file, with attributes as in `header`."""
+    made = header(values, **attributes)
+    if values.ndim == 3:
+        made.Rows, made.Columns, made.SamplesPerPixel = values.shape
+        made.PhotometricInterpretation, made.PlanarConfiguration = "RGB", 0
+    made.save_as(path, enforce_file_format=True)
 
 
 def plane(
@@ -87,19 +104,12 @@ def test_slices_are_put_where_they_lie_in_the_patient(tmp_path):
         assert volume.world_from_index[:3, 3].tolist() == [-10, -20, 0]
 
 
-def test_reading_leaves_the_locale_alone(tmp_path):
-    write_series(tmp_path)
-    locale.setlocale(locale.LC_CTYPE, "C.UTF-8")
-    load_volume(tmp_path)
-    assert locale.setlocale(locale.LC_CTYPE) == "C.UTF-8"
-
-
-@pytest.mark.parametrize("header", [True, False])
-def test_slices_are_known_by_their_first_bytes(tmp_path, header):
+@pytest.mark.parametrize("has_header", [True, False])
+def test_slices_are_known_by_their_first_bytes(tmp_path, has_header):
     for file in write_series(tmp_path).iterdir():
         whole = file.read_bytes()
         end = 144 + int.from_bytes(whole[140:144], "little")  # of the header, group 0002
-        file.with_name(f"IM{file.stem}").write_bytes(whole if header else whole[end:])
+        file.with_name(f"IM{file.stem}").write_bytes(whole if has_header else whole[end:])
         file.unlink()
     for path in (tmp_path, tmp_path / "IM03"):
         assert np.array_equal(load_silently(path).values, VALUES)
@@ -125,25 +135,54 @@ def test_a_tilted_gantry_s_slices_stay_where_they_were_taken(tmp_path):
 
 
 def test_rescale_slope_and_intercept_are_applied_slice_by_slice(tmp_path):
-    """PET has one each. They are changed in the file: ITK's writer would divide by them."""
-    for k, values in enumerate(VALUES):
-        path = tmp_path / f"{k}.dcm"
-        write_slice(path, values, **plane(k, k), x0028_1052="0", x0028_1053="1")
-        if k:
-            intercept, slope = b"\x28\0\x52\x10\2\0\0\0", b"\x28\0\x53\x10\2\0\0\0"
-            data = path.read_bytes().replace(intercept + b"0 ", intercept + b"-7")
-            path.write_bytes(data.replace(slope + b"1 ", slope + (b".5" if k > 1 else b"2 ")))
-    values = load_silently(tmp_path).values
-    assert values.dtype == np.float32 and np.array_equal(values[0], VALUES[0])
-    assert np.array_equal(values[1], VALUES[1] * 2 - 7)
-    assert np.array_equal(values[2:], VALUES[2:] * 0.5 - 7)
+    """PET has one each."""
+    rescales = ((1, 0), (2, -7), (0.5, -7), (0.5, -7))
+    for k, (slope, intercept) in enumerate(rescales):
+        tags = plane(k, k) | {"x0008_0060": "PT", "x0054_1001": "BQML"}
+        tags |= {"x0028_1053": str(slope), "x0028_1052": str(intercept)}
+        write_slice(tmp_path / f"{k}.dcm", VALUES[k], **tags)
+    volume = load_silently(tmp_path)
+    expected = [values * a + b for values, (a, b) in zip(VALUES, rescales, strict=True)]
+    assert volume.values.dtype == np.float32 and np.array_equal(volume.values, expected)
+    assert volume.metadata.unit == "Bq/ml"
 
 
-def test_compressed_slices_are_read(tmp_path):
-    values = np.indices((3, 32, 64), np.int16)[::2].sum(axis=0, dtype=np.int16)
-    write_places(tmp_path, 0, 1, 2, values=values, compressed="")
-    assert (tmp_path / "0.dcm").stat().st_size < values[0].nbytes
-    assert np.array_equal(load_silently(tmp_path).values, values)
+@pytest.mark.parametrize("file", ["RLE", "jp2klossless", "jpeg_ls_lossless", "bigendian"])
+def test_compressed_slices_are_read(file):
+    """pydicom's own files: one picture, stored in many ways."""
+    plain, other = (
+        read_values(headers([Path(get_testdata_file(f"MR_small{name}.dcm"))])[0])
+        for name in ("", f"_{file}")
+    )
+    assert np.ptp(plain) > 0 and np.array_equal(plain, other)
+
+
+@pytest.mark.parametrize(
+    ("stored", "attributes", "expected"),
+    [
+        (VALUES - 1024, {"PhotometricInterpretation": "MONOCHROME1"}, VALUES - 1024),
+        ((VALUES - 99) & 0xFFF | 0x5000, {"BitsStored": 12, "HighBit": 11}, VALUES - 99),
+        ((VALUES - 99) << 4, {"BitsStored": 12}, VALUES - 99),
+        (VALUES.astype(np.uint8), {}, VALUES.astype(np.uint8)),
+        (VALUES, {"file_meta.TransferSyntaxUID": uid.ImplicitVRLittleEndian}, VALUES),
+        (VALUES, {"file_meta.TransferSyntaxUID": uid.DeflatedExplicitVRLittleEndian}, VALUES),
+        (VALUES.astype(np.float32), {"keyword": "FloatPixelData"}, VALUES),
+        (VALUES.astype(np.float64), {"keyword": "DoubleFloatPixelData"}, VALUES),
+    ],
+)
+def test_stored_values_are_read_as_they_are(tmp_path, stored, attributes, expected):
+    """Nothing is inverted; bits beyond the stored ones, as of overlays, are no part of a value."""
+    for k, values in enumerate(stored):
+        made = header(values, **plane(k, k))
+        for name, value in attributes.items():
+            if name == "keyword":
+                pixels = made.pop("PixelData").value
+                made.add_new(value, dictionary_VR(value), pixels)
+            else:
+                target = made.file_meta if "." in name else made
+                setattr(target, name.rpartition(".")[2], value)
+        made.save_as(tmp_path / f"{k}.dcm", enforce_file_format=True)
+    assert np.array_equal(load_silently(tmp_path).values, expected)
 
 
 def two_series(folder: Path) -> None:
@@ -290,20 +329,19 @@ def test_of_several_times_at_every_place_one_is_chosen(tmp_path):
 
 def test_slices_without_places_follow_their_numbers(tmp_path):
     for k, values in enumerate(VALUES):
-        path = tmp_path / f"{9 - k}.dcm"
-        write_slice(path, values, **plane(0, k), x0018_0088="4")
-        # ITK's writer always writes a place, under another tag it is none; and its own distance.
-        data = path.read_bytes().replace(b"\x20\0\x32\0", b"\x20\0\x33\0")
-        path.write_bytes(re.sub(rb"(\x18\0\x88\0\x02\0\0\0)..", rb"\g<1>4 ", data))
+        tags = plane(0, k) | {"x0018_0088": "4"}
+        del tags["x0020_0032"]
+        write_slice(tmp_path / f"{9 - k}.dcm", values, **tags)
     with warns("4", "?spacing="):
         volume = load_volume(tmp_path)
     assert np.array_equal(volume.values, VALUES) and volume.spacing_mm == (*SPACING, 4)
+    assert volume.metadata.assumed == ("slices 4 mm apart",) and not volume.metadata.is_patient
+    assert load_volume(f"{tmp_path}?spacing=1,1,4").metadata.assumed == ()
 
 
 def write_film(folder: Path) -> None:
-    image = sitk.GetImageFromArray((VALUES // 2).astype(np.uint8))
-    image.SetSpacing((1, 2, 3))
-    sitk.WriteImage(image, str(folder / "film.dcm"))
+    values = (VALUES // 2).astype(np.uint8)
+    header(values, NumberOfFrames=4).save_as(folder / "film.dcm", enforce_file_format=True)
 
 
 def test_a_file_of_many_frames_is_a_volume(tmp_path):
@@ -311,6 +349,155 @@ def test_a_file_of_many_frames_is_a_volume(tmp_path):
     with warns("4", "?spacing="):
         assert np.array_equal(load_volume(tmp_path).values, VALUES // 2)
     assert load_volume(f"{tmp_path}/film.dcm?spacing=1,1,4").spacing_mm == (1, 1, 4)
+
+
+def group(name: str, **attributes: Any) -> dict[str, list[Dataset]]:
+    """Return a sequence of one item, a functional group for instance."""
+    made = Dataset()
+    for keyword, value in attributes.items():
+        setattr(made, keyword, value)
+    return {f"{name}Sequence": [made]}
+
+
+SAGITTAL = group("PlaneOrientation", ImageOrientationPatient=[0, 1, 0, 0, 0, -1])
+
+
+def write_frames(
+    path: Path, values: np.ndarray, places: list[Any], groups: Any = (), **more: Any
+) -> Path:
+    """Write a file of many frames at places in the patient, or along z; ``groups`` are others."""
+    own = groups or [{}] * len(places)
+    at = [[0, 0, each] if isinstance(each, int) else each for each in places]
+    frames = [
+        group("PlanePosition", ImagePositionPatient=p) | g for p, g in zip(at, own, strict=True)
+    ]
+    shared = group("PlaneOrientation", ImageOrientationPatient=[1, 0, 0, 0, 1, 0])
+    shared |= group("PixelMeasures", PixelSpacing=list(SPACING[::-1]), SliceThickness=1)
+    many = {"NumberOfFrames": len(places), "PixelSpacing": None, "Modality": "CT"}
+    many |= group("SharedFunctionalGroups", **shared)
+    many["PerFrameFunctionalGroupsSequence"] = [group("", **each)["Sequence"][0] for each in frames]
+    header(values, **many, **more).save_as(path, enforce_file_format=True)
+    return path
+
+
+def test_frames_lie_where_each_of_them_says(tmp_path):
+    """Frames of any order have values of their own; those of a tilted gantry are sheared."""
+    tilted = [[0, 0.6 * k, 2 * k] for k in (2, 0, 3, 1)]
+    name = "PixelValueTransformation"
+    rescales = [group(name, RescaleSlope=2, RescaleIntercept=-k) for k in range(4)]
+    volume = load_silently(write_frames(tmp_path / "a.dcm", VALUES, tilted, rescales))
+    assert volume.world_from_index[:3, 2] == pytest.approx((0, 0.6, 2))
+    expected = VALUES * 2 - np.arange(4)[:, None, None]
+    assert np.array_equal(volume.values, expected[[1, 3, 0, 2]])
+    assert (volume.metadata.unit, volume.metadata.is_patient) == ("HU", True)
+
+
+@pytest.mark.parametrize(
+    ("name", "keyword"),
+    [("FrameContent", "TemporalPositionIndex"), ("MREcho", "EffectiveEchoTime")],
+)
+def test_of_frames_at_one_place_one_is_chosen(tmp_path, name, keyword):
+    groups = [group(name, **{keyword: 1 + k // 2}) for k in (2, 0, 3, 1)]
+    path = write_frames(tmp_path / "a.dcm", VALUES, [0, 0, 2, 2], groups)
+    assert np.array_equal(load_silently(f"{path}?time=0").values, VALUES[[1, 3]])
+    assert np.array_equal(load_silently(f"{path}?time=1").values, VALUES[[0, 2]])
+
+
+def test_files_of_one_frame_each_lie_where_it_says(tmp_path):
+    for k, values in enumerate(VALUES):
+        write_frames(tmp_path / f"{9 - k}.dcm", values, [2 * k], SeriesInstanceUID="1.2")
+    volume = load_silently(tmp_path)
+    assert volume.spacing_mm == (*SPACING, 2) and np.array_equal(volume.values, VALUES)
+
+
+@pytest.mark.parametrize(
+    ("attributes", "example"), [({}, "=1,1,2"), ({"ImagerPixelSpacing": [0.7, 0.5]}, "=0.5,0.7,2")]
+)
+def test_pixels_of_unknown_size_are_remarked_on(tmp_path, attributes, example):
+    write_places(tmp_path, 0, 2, SliceThickness=2, PixelSpacing=None, **attributes)
+    with warns(example):
+        volume = load_volume(tmp_path)
+    assert volume.spacing_mm == (1, 1, 2) and volume.metadata.assumed == ("pixels 1 mm apart",)
+    assert load_silently(f"{tmp_path}?spacing{example}").metadata.assumed == ()
+
+
+@pytest.mark.parametrize(
+    ("attributes", "unit"),
+    [
+        ({"RescaleIntercept": -1024, "RescaleSlope": 1}, "HU"),
+        ({"RescaleIntercept": -1024, "RescaleSlope": 1, "RescaleType": "US"}, ""),
+        ({"RescaleIntercept": -9, "RescaleSlope": 1, "ImageType": ["A", "B", "LOCALIZER"]}, ""),
+        ({"RescaleIntercept": -9, "RescaleSlope": 1, "x0008_0060": "MR"}, ""),
+        ({}, ""),
+    ],
+)
+def test_only_a_rescaled_ct_is_in_hounsfield_units(tmp_path, attributes, unit):
+    for k in range(2):
+        write_slice(tmp_path / f"{k}.dcm", VALUES[k], **plane(k, k) | attributes)
+    stated = load_silently(tmp_path).metadata
+    assert stated.unit == unit and stated.modality == attributes.get("x0008_0060", "CT")
+
+
+@pytest.mark.parametrize(
+    ("kind", "frames", "remarks"),
+    [
+        # A slice without a frame is empty; of two segments the last is read.
+        ("BINARY", [[1, 1, 0], [1, 0, 0], [0, 1, 0], [0, 0, 0]], ("1 voxels",)),
+        ("FRACTIONAL", [[99, 50, 49], [50, 0, 0], [0, 50, 9], [0, 0, 0]], ("1 voxels", "half")),
+        ("LABELMAP", [[1, 2, 0], [1, 0, 0], [0, 0, 0], [0, 0, 0]], ()),
+    ],
+)
+def test_segments_are_labels(tmp_path, kind, frames, remarks):
+    stored, places = np.array(frames, np.uint8)[:, None], [0, 4, 0, 6]
+    more: dict[str, Any] = {"SegmentationType": kind, "MaximumFractionalValue": 100}
+    if kind == "BINARY":
+        more |= {"BitsAllocated": 1, "BitsStored": 1, "HighBit": 0}
+        more["PixelData"] = np.packbits(stored, bitorder="little").tobytes()
+    red = [35579, 53664, 50858]  # sRGB (1, 0, 0), as L*a*b* under D50
+    liver = group("", SegmentNumber=1, SegmentLabel="liver", RecommendedDisplayCIELabValue=red)
+    spleen = group("", SegmentNumber=2, SegmentLabel="spleen")
+    more["SegmentSequence"] = [each["Sequence"][0] for each in (liver, spleen)]
+    numbers = [group("SegmentIdentification", ReferencedSegmentNumber=n) for n in (1, 1, 2, 2)]
+    if kind == "LABELMAP":
+        numbers, places = [], [0, 4, 2, 6]
+    reading = read_series(Query(write_frames(tmp_path / "a", stored, places, numbers, **more)))
+    assert reading.values[:, 0].tolist() == [[1, 2, 0], [0, 0, 0], [1, 0, 0], [0, 0, 0]]
+    assert reading.world_from_index[:3, 2].tolist() == [0, 0, 2]
+    assert all(word in text for word, text in zip(remarks, reading.remarks, strict=True))
+    assert (reading.labels[1].name, reading.labels[2]) == ("liver", Label("spleen"))
+    assert reading.labels[1].colour == pytest.approx((1, 0, 0), abs=0.01)
+
+
+def of_two_patients(folder: Path) -> None:
+    for k, name in enumerate("AB"):
+        write_slice(folder / f"{k}.dcm", VALUES[k], **plane(k, k), PatientID=name)
+
+
+def unknown_compression(folder: Path) -> None:
+    for k in range(2):
+        made = header(VALUES[k], **plane(k, k))
+        made.file_meta.TransferSyntaxUID = uid.MPEG2MPML
+        made["PixelData"].is_undefined_length = True
+        made.PixelData = b"\xfe\xff\x00\xe0\0\0\0\0\xfe\xff\xdd\xe0\0\0\0\0"
+        made.save_as(folder / f"{k}.dcm", enforce_file_format=True)
+
+
+def test_a_file_that_changes_while_it_is_read_is_refused(tmp_path):
+    write_places(tmp_path, 0)
+    (one,) = headers([tmp_path / "0.dcm"])
+    os.utime(tmp_path / "0.dcm", (0, 0))
+    with raises(VolumeError, "state"):
+        read_values(one)
+
+
+def test_descriptions_are_read_in_their_character_set(tmp_path):
+    for series, name in ((3, "Schädel nüchtern"), (4, "Kontrast")):
+        write_series(tmp_path, series=series, name=name)
+    for path in tmp_path.iterdir():
+        made = dcmread(path)
+        made.SpecificCharacterSet = "ISO_IR 100"
+        made.save_as(path)
+    assert "'Schädel nüchtern'" in volume_choices(tmp_path)[0].names[0]
 
 
 COLOURED = np.zeros((2, 4, 5, 3), np.uint8)
@@ -325,7 +512,7 @@ REFUSED: list[tuple[Callable[[Path], object], str, str, str]] = [
     (two_series, "?series=7", "unknown", "'Head 2.5'"),
     (lambda f: (f / "a.dcm").write_bytes(structures()), "/a.dcm", "not-found", "RTSTRUCT"),
     (with_strangers, "/a.dcm", "damaged", "a.dcm"),
-    (lambda folder: write_class(folder, "map", PALETTE), "/map", "not-found", "palette"),
+    (lambda folder: write_class(folder, "map", PALETTE), "/map", "not-found", "Palette"),
     (lambda f: write_class(f, "DICOMDIR", CONTENTS), "/DICOMDIR", "not-found", "DICOMDIR"),
     (lambda folder: write_part(write_series(folder), "a.dcm", 200), "/a.dcm", "damaged", "a.dcm"),
     (lambda folder: write_part(write_series(folder), "73.dcm", -1), "", "missing", "73.dcm"),
@@ -339,6 +526,15 @@ REFUSED: list[tuple[Callable[[Path], object], str, str, str]] = [
     (lambda folder: (of_two_times(folder) / "5.dcm").unlink(), "", "duplicate", ""),
     (lambda folder: with_scouts(folder, 2), "", "conflict", ""),
     (write_film, "/film.dcm?time=1", "conflict", "time=1"),
+    (lambda f: write_frames(f / "a", LONG, [0, 2, 4, 6, 20, 22, 24, 26]), "/a", "missing", ""),
+    (
+        lambda f: write_frames(f / "a", VALUES, [0, 2, 4, 6], [{}, {}, SAGITTAL, SAGITTAL]),
+        *("/a", "conflict", "dcm2niix"),
+    ),
+    (of_two_patients, "", "conflict", "1.dcm"),
+    (lambda f: write_places(f, 0, 0, ImageType=["", "", "MOSAIC"]), "", "unsupported", "dcm2niix"),
+    (unknown_compression, "", "unsupported", "MPEG2"),
+    (lambda folder: write_places(folder, 0, 1, Rows=30), "", "damaged", "0.dcm"),
     (write_series, "?slices=3", "unknown", "slices"),
     (write_series, "?spacing=1,2", "syntax", "1,2"),
     (write_series, "?spacing=1,1,-1", "range", "1,1,-1"),
@@ -371,40 +567,15 @@ def test_series_of_a_folder_are_listed_by_number_and_description(tmp_path):
     assert volume_choices(tmp_path / "a") == ()
 
 
-def element(group: int, number: int, kind: str, value: bytes | str | int) -> bytes:
-    """One element of a DICOM data set, explicit and little-endian."""
-    if isinstance(value, int):
-        value = value.to_bytes(2, "little")
-    data = value.encode() if isinstance(value, str) else value
-    data += (b"\0" if kind == "UI" else b" ") * (len(data) % 2)
-    size = len(data).to_bytes(2, "little")
-    if kind == "OW":
-        size = b"\0\0" + len(data).to_bytes(4, "little")
-    return struct.pack("<HH", group, number) + kind.encode() + size + data
-
-
 def test_a_dose_is_in_grays_and_its_frames_lie_at_their_offsets(tmp_path):
-    """ITK's writer knows no doses."""
-    frames, rows, columns = VALUES.shape
-    elements = (
-        element(2, 2, "UI", "1.2.840.10008.5.1.4.1.1.481.2"),
-        *(element(2, 3, "UI", "1.2.3"), element(2, 16, "UI", "1.2.840.10008.1.2.1")),
-        element(8, 0x16, "UI", "1.2.840.10008.5.1.4.1.1.481.2"),
-        *(element(8, 0x18, "UI", "1.2.3"), element(8, 0x60, "CS", "RTDOSE")),
-        *(element(0x20, 0xD, "UI", "1.2"), element(0x20, 0xE, "UI", "1.2.9")),
-        element(0x20, 0x32, "DS", "0\\0\\0"),
-        element(0x20, 0x37, "DS", "1\\0\\0\\0\\1\\0"),
-        *(element(0x28, 2, "US", 1), element(0x28, 4, "CS", "MONOCHROME2")),
-        element(0x28, 8, "IS", str(frames)),
-        *(element(0x28, 0x10, "US", rows), element(0x28, 0x11, "US", columns)),
-        element(0x28, 0x30, "DS", "2\\2"),
-        *(element(0x28, 0x100, "US", 16), element(0x28, 0x101, "US", 16)),
-        *(element(0x28, 0x102, "US", 15), element(0x28, 0x103, "US", 0)),
-        element(0x3004, 0xC, "DS", "0\\4\\8\\12"),
-        element(0x3004, 0xE, "DS", "0.001"),
-        element(0x7FE0, 0x10, "OW", VALUES.astype("<u2").tobytes()),
-    )
-    (tmp_path / "dose.dcm").write_bytes(b"\0" * 128 + b"DICM" + b"".join(elements))
-    with pytest.warns(VolspecWarning):
-        volume = load_volume(tmp_path / "dose.dcm")
-    assert volume.values == pytest.approx(VALUES * 0.001) and volume.spacing_mm == (2, 2, 4)
+    stated = {"Modality": "RTDOSE", "DoseUnits": "GY", "DoseGridScaling": 0.001}
+    stated |= {"ImagePositionPatient": [1, 2, 3], "ImageOrientationPatient": [1, 0, 0, 0, 1, 0]}
+    stated |= {"GridFrameOffsetVector": [0, 4, 8, 12], "NumberOfFrames": 4}
+    header(VALUES, **stated).save_as(tmp_path / "dose.dcm", enforce_file_format=True)
+    volume = load_silently(tmp_path / "dose.dcm")
+    assert volume.values == pytest.approx(VALUES * 0.001) and volume.metadata.unit == "Gy"
+    assert volume.spacing_mm == (*SPACING, 4) and volume.world_from_index[:3, 3].tolist() == [
+        1,
+        2,
+        3,
+    ]

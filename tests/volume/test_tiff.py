@@ -1,5 +1,6 @@
 """TIFF files of several pages and folders of pictures: values, spacing, and what is refused."""
 
+import re
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -9,12 +10,13 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 from PIL import Image
-from tifffile import TiffFile, TiffWriter, imwrite
+from tifffile import OmeXml, TiffFile, TiffWriter, imwrite
 
-from tests.support.errors import raises, warns
+from tests.support.errors import advised_address, raises, warns
 from tests.support.volumes import load_silently
 from volspec.errors import VolumeError
-from volspec.volume import load_volume
+from volspec.volume import load_volume, volume_choices
+from volspec.volume.metadata import NO_SPACING
 
 VALUES = np.arange(5 * 6 * 7, dtype=np.uint16).reshape(5, 6, 7) * 300
 TWO = np.stack([VALUES, VALUES + 1])
@@ -33,7 +35,9 @@ MICRONS = {"axes": "ZYX", "unit": "um", "spacing": 2.0}
 STATED = {
     "imagej.tif": IMAGEJ | {"metadata": MICRONS},
     "zunit.tif": IMAGEJ | {"metadata": MICRONS | {"zunit": "mm", "spacing": 0.002}},
+    "negative.tif": IMAGEJ | {"metadata": MICRONS | {"spacing": -2.0}},
     "x.ome.tif": OME,
+    "x.ome.btf": OME | {"bigtiff": True},
     "packed.ome.tiff": OME | {"compression": "zlib"},
 }
 
@@ -56,12 +60,84 @@ def test_pages_without_a_spacing_are_1_mm_apart_with_a_warning(tmp_path):
         with warns("1", f"{name}?spacing="):
             volume = load_volume(tmp_path / name)
         assert np.array_equal(volume.values, VALUES) and volume.spacing_mm == (1, 1, 1)
+        assert volume.metadata.assumed == (NO_SPACING,)
 
 
 def test_of_a_resolution_in_the_plane_the_distance_of_slices_is_taken(tmp_path):
     imwrite(tmp_path / "ct.tif", VALUES, resolution=(500, 500), resolutionunit="CENTIMETER")
     with warns("0.02", file=__file__):
-        assert load_volume(tmp_path / "ct.tif").spacing_mm == (0.02, 0.02, 0.02)
+        volume = load_volume(tmp_path / "ct.tif")
+    assert volume.spacing_mm == (0.02, 0.02, 0.02) and len(volume.metadata.assumed) == 1
+
+
+@pytest.mark.parametrize("packed", [None, "zlib"])
+@pytest.mark.parametrize("axes", ["ZXY", "YXZ", "XYZ"])
+def test_axes_in_any_order_are_slices_rows_and_columns(tmp_path, axes, packed):
+    stored = VALUES.transpose(["ZYX".index(axis) for axis in axes])
+    how = {"metadata": {"axes": axes}, "compression": packed}
+    imwrite(tmp_path / "v.tif", stored, photometric="minisblack", **how)
+    assert np.array_equal(load_silently(f"{tmp_path}/v.tif?spacing=1,1,1").values, VALUES)
+
+
+@pytest.mark.parametrize(
+    ("values", "axes", "more"), [(VALUES, {"axes": "CYX"}, ""), (TWO[::-1], {}, "&time=1")]
+)
+def test_the_address_names_axes_that_the_file_does_not(tmp_path, values, axes, more):
+    """ImageJ's old writers call slices channels; four axes may have no names."""
+    imwrite(tmp_path / "v.tif", values, photometric="minisblack", metadata=axes)
+    with raises(VolumeError, "shape") as caught:
+        load_volume(f"{tmp_path}/v.tif?spacing=1,1,1")
+    assert np.array_equal(load_silently(advised_address(caught.value) + more).values, VALUES)
+    with raises(VolumeError, "syntax"):
+        load_volume(f"{tmp_path}/v.tif?axes=ZZYX")
+
+
+def test_each_stack_of_an_ome_tiff_has_its_own_spacing_and_channels(tmp_path):
+    """An overview of one plane is none."""
+    path = tmp_path / "two.ome.tif"
+    with TiffWriter(path) as file:
+        file.write(VALUES[0], metadata={"axes": "YX", "PhysicalSizeX": 10})
+        file.write(TWO, metadata={"axes": "CZYX", **SIZES, "Channel": {"Name": ["DAPI", "GFP"]}})
+        file.write(VALUES[:, :4], metadata={"axes": "ZYX", **SIZES, "PhysicalSizeX": 1})
+    with raises(VolumeError, "missing") as caught:
+        load_volume(path)
+    first, second = load_silently(advised_address(caught.value)), load_silently(f"{path}?series=1")
+    assert [field.channel.name for field in (first, *first.fields)] == ["DAPI", "GFP"]
+    assert first.spacing_mm == pytest.approx((0.0005, 0.0005, 0.002))
+    assert (second.shape_xyz, second.spacing_mm[0]) == ((7, 4, 5), pytest.approx(0.001))
+    (series,) = volume_choices(path)
+    assert (series.values, series.chosen) == (("0", "1"), None)
+    assert [choice.key for choice in volume_choices(f"{path}?series=0")] == ["series", "channel"]
+
+
+XML = OmeXml()
+XML.addimage("uint16", TWO.shape, (10, 1, 1, 6, 7, 1), axes="CZYX", **SIZES)
+
+
+def test_slices_before_the_first_missing_page_are_read(tmp_path):
+    """Eight pages are five of a channel and three of the other; four are of the first."""
+    path, pages = tmp_path / "v.ome.tif", TWO.reshape(10, 6, 7)
+    for count, address, slices, fields in ((8, path, 3, 1), (4, f"{path}?channel=0", 4, 0)):
+        text, grey = XML.tostring(), {"photometric": "minisblack", "metadata": None}
+        imwrite(path, pages[:count], description=text, **grey)
+        with warns(f"slice {slices}", file=__file__):
+            volume = load_volume(address)
+        assert np.array_equal(volume.values, VALUES[:slices]) and len(volume.fields) == fields
+    with raises(VolumeError, "range"):
+        load_volume(f"{path}?channel=1")
+
+
+def test_ome_xml_in_a_companion_file_is_read(tmp_path):
+    path, companion = tmp_path / "v.ome.tif", tmp_path / "v.companion.ome"
+    row = f'<BinaryOnly MetadataFile="{companion.name}"/>'
+    text = re.sub("<Image.*</Image>", row, XML.tostring(), flags=re.DOTALL)
+    imwrite(path, TWO.reshape(10, 6, 7), description=text, metadata=None)
+    with warns(companion.name):
+        assert load_volume(f"{path}?spacing=1,1,1").shape_xyz == (7, 6, 10)
+    companion.write_text(XML.tostring(), encoding="utf-8")
+    volume = load_silently(path)
+    assert np.array_equal(volume.fields[0].values, TWO[1])
+    assert volume.spacing_mm == pytest.approx((0.0005, 0.0005, 0.002))
 
 
 @pytest.mark.parametrize("values", [VALUES.astype(np.float32), VALUES.astype(np.uint8), VALUES])
@@ -132,19 +208,61 @@ def test_colours_in_planes_of_their_own_are_channels(tmp_path):
     assert np.array_equal(load_silently(f"{tmp_path}?spacing=1,1,1&channel=2").values, VALUES + 2)
 
 
-@pytest.mark.parametrize("suffix", [".png", ".tif"])
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".jp2", ".bmp", ".jpg"])
 def test_a_folder_of_pictures_is_read_in_order_of_its_numbers(tmp_path, suffix):
-    for k, page in enumerate(VALUES, 8):
-        iio.imwrite(tmp_path / f"Slice {k}{suffix}", page)
+    is_8_bit = suffix in (".bmp", ".jpg")
+    values = (VALUES // 300).astype(np.uint8) if is_8_bit else VALUES
+    for k, page in enumerate(values, 8):
+        Image.fromarray(page).save(tmp_path / f"Slice {k}{suffix}")
     (tmp_path / "log.txt").write_text("written by the scanner")
     (tmp_path / "._Slice 8.tif").write_text("by the system")
-    if suffix == ".tif":
+    if suffix != ".png":
         iio.imwrite(tmp_path / "preview.png", np.zeros((9, 9), np.uint8))
     volume = load_silently(f"{tmp_path}?spacing=0.5,0.5,2")
-    assert volume.values.dtype == np.uint16 and np.array_equal(volume.values, VALUES)
-    assert volume.spacing_mm == (0.5, 0.5, 2)
+    assert volume.values.dtype == values.dtype and volume.spacing_mm == (0.5, 0.5, 2)
+    assert np.abs(volume.values - values.astype(float)).max() <= (4 if suffix == ".jpg" else 0)
     with warns("?spacing="):
-        load_volume(tmp_path)
+        assert load_volume(tmp_path).metadata.assumed == (NO_SPACING,)
+
+
+def test_of_several_formats_in_a_folder_the_most_frequent_is_read(tmp_path):
+    for k, page in enumerate(VALUES):
+        Image.fromarray(page).save(tmp_path / f"{k}{'.png' if k < 3 else '.tif'}")
+    with warns("3 PNG", "2 TIFF"):
+        assert np.array_equal(load_volume(f"{tmp_path}?spacing=1,1,1").values, VALUES[:3])
+
+
+NAMES = {
+    "img_z{z:03}_ch{c:02}.tif": ("ch00", "ch01"),
+    "scanC{c}Z{z}.tif": ("C0", "C1"),
+    "{n:04}_w{c}_s1_z{z}.tif": ("w0", "w1"),
+    "{word}_{z:03}.tif": ("DAPI", "GFP"),
+    "img_t{c:03}_z{z}.tif": ("t000", "t001"),
+}
+
+
+@pytest.mark.parametrize("names", NAMES)
+def test_channels_and_times_in_names_are_chosen(tmp_path, names):
+    key = "time" if "_t" in names else "channel"
+    for n in range(10):
+        name = names.format(n=n, z=n // 2, c=n % 2, word=("DAPI", "GFP")[n % 2])
+        imwrite(tmp_path / name, TWO[n % 2, n // 2])
+    (choice,) = volume_choices(tmp_path)
+    assert (choice.key, choice.names[-2:]) == (key, NAMES[names])
+    address = f"{tmp_path}?{key}=1&spacing=1,1,1"
+    assert np.array_equal(load_silently(address).values, TWO[1])
+    (tmp_path / name).unlink()
+    with raises(VolumeError, "missing"):
+        load_volume(address)
+
+
+@pytest.mark.parametrize("names", ["s01_roi2_{0}", "{0}_12{1}", "c{2}_{0}", "a{0}_{4}", "b{2}_{3}"])
+def test_other_numbers_in_names_are_those_of_slices(tmp_path, recwarn, names):
+    """Constants, times of day, numbers that go on in the next box; two that start again warn."""
+    for n in range(4):
+        imwrite(tmp_path / f"{names.format(n, 7 * n, n // 2, n % 2, 'xyzw'[n])}.tif", VALUES[n])
+    assert np.array_equal(load_volume(f"{tmp_path}?spacing=1,1,1").values, VALUES[:4])
+    assert len(recwarn) == ("{3}" in names)
 
 
 def pages(*values: np.ndarray) -> Callable[[Path], None]:

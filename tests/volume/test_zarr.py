@@ -1,5 +1,6 @@
-"""OME-Zarr folders: levels, channels, scales in millimetres, and what is refused."""
+"""OME-Zarr, plain Zarr and N5 folders: levels, channels, scales, and what is refused."""
 
+import json
 import re
 import sys
 from collections.abc import Callable
@@ -8,14 +9,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tensorstore
 import zarr
 
-from tests.support.errors import raises, warns
+from tests.support.errors import advised_address, raises, warns
 from tests.support.volumes import load_silently
 from volspec.errors import DeviceError, VolumeError
-from volspec.volume import load_series, load_volume
+from volspec.volume import Volume, load_series, load_volume, volume_choices
+from volspec.volume.convert import convert
 from volspec.volume.files.query import Query
+from volspec.volume.larger import level_of
 from volspec.volume.load import read_here
+from volspec.volume.metadata import NO_SPACING, NO_UNIT, Metadata
 
 VALUES = np.arange(4 * 6 * 8, dtype=np.uint16).reshape(4, 6, 8)
 TWO = np.stack([VALUES, VALUES + 1])
@@ -101,6 +106,112 @@ def test_a_scale_without_a_unit_is_warned_about(tmp_path):
     assert load_silently(f"{path}?spacing=1,1,4").spacing_mm == (1, 1, 4)
 
 
+TURN = [[1.0, 0, 0], [0, 0.6, 0.8], [0, -0.8, 0.6]]
+
+
+@pytest.mark.parametrize(
+    "step",
+    [
+        {"type": "rotation", "rotation": TURN},
+        {"type": "affine", "affine": [[*row, 0.0] for row in TURN]},
+        {"type": "sequence", "transformations": [{"type": "rotation", "rotation": TURN}]},
+    ],
+)
+def test_transformations_that_are_matrices_turn_the_axes(tmp_path, step):
+    path = write(tmp_path / "v.zarr", change={"coordinateTransformations": [step]})
+    world = load_silently(path).world_from_index
+    turned = np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]])  # along x, y, z
+    assert np.allclose(world[:3, :3], turned * (5e-4, 5e-4, 2e-3))
+
+
+def test_a_spacing_replaces_a_transformation_that_is_no_matrix(tmp_path):
+    change = {"coordinateTransformations": [{"type": "displacements", "path": "field"}]}
+    path = write(tmp_path / "v.zarr", change=change)
+    with raises(VolumeError, "unsupported") as caught:
+        load_volume(path)
+    assert load_silently(advised_address(caught.value)).spacing_mm == (1, 1, 1)
+
+
+@pytest.mark.parametrize("form", [2, 3])
+def test_arrays_without_a_picture_are_volumes(tmp_path, form):
+    group = zarr.open_group(str(tmp_path / "v.zarr"), mode="w", zarr_format=form)
+    for name, values in (("one", VALUES), ("in/two", TWO), ("short", VALUES[0])):
+        group.create_array(name, data=values)
+    (choice,) = volume_choices(tmp_path / "v.zarr")
+    assert (choice.key, choice.values) == ("dataset", ("in/two", "one"))
+    volume = load_silently(f"{tmp_path}/v.zarr?dataset=one")
+    assert np.array_equal(volume.values, VALUES)
+    assert volume.metadata.assumed == (NO_SPACING,)
+    assert load_silently(f"{tmp_path}/v.zarr/one?spacing=1,2,3").metadata.assumed == ()
+    (other,) = load_silently(f"{tmp_path}/v.zarr?dataset=in/two&axes=czyx").fields
+    assert np.array_equal(other.values, VALUES + 1)
+
+
+@pytest.mark.parametrize(
+    ("unit", "assumed"), [({"unit": "micrometer"}, ()), ({}, (NO_UNIT,)), (None, (NO_SPACING,))]
+)
+def test_what_is_assumed_follows_from_unit_and_scale(tmp_path, unit, assumed):
+    axes = [{"name": n, "type": "space", **(unit or {})} for n in "zyx"]
+    path = write(tmp_path / "v.zarr", axes=axes)
+    if unit is None:
+        edit_ome(path, multiscales=[{"axes": axes, "datasets": [{"path": "0"}]}])
+    assert read_here(Query.of(str(path))).metadata.assumed == assumed
+
+
+def test_a_conversion_repeats_what_its_source_states(tmp_path):
+    stated = Metadata("CT", "HU", True, (NO_UNIT,))
+    convert(level_of(Volume(VALUES)), tmp_path / "v.zarr", metadata=stated)
+    assert load_volume(tmp_path / "v.zarr").metadata == stated
+    assert load_volume(f"{tmp_path / 'v.zarr'}?memory=4kB").metadata == stated
+
+
+def write_n5(path: Path, values: np.ndarray, **stated: Any) -> Path:
+    """A dataset of N5 whose axes are (Z, Y, X)."""
+    spec = {"driver": "n5", "kvstore": {"driver": "file", "path": f"{path}/"}}
+    x_first = values.T
+    spec["metadata"] = {
+        "dimensions": x_first.shape,
+        "blockSize": [4] * x_first.ndim,
+        "dataType": str(values.dtype),
+        "compression": {"type": "gzip"},
+    }
+    tensorstore.open(spec, create=True).result()[...] = x_first
+    write_n5_group(path, **json.loads((path / "attributes.json").read_text()), **stated)
+    return path
+
+
+def write_n5_group(path: Path, **stated: Any) -> None:
+    path.mkdir(parents=True, exist_ok=True)
+    (path / "attributes.json").write_text(json.dumps(stated))
+
+
+UM = {"resolution": [0.5, 0.7, 2.0], "units": ["um"] * 3}
+NM = {"pixelResolution": {"unit": "nm", "dimensions": [500, 700, 2000]}}
+
+
+@pytest.mark.parametrize("stated", [UM, NM])
+def test_n5_has_its_axes_fastest_first(tmp_path, stated):
+    volume = load_silently(write_n5(tmp_path / "v.n5", VALUES, **stated))
+    assert np.array_equal(volume.values, VALUES) and volume.metadata.assumed == ()
+    assert volume.spacing_mm == pytest.approx((0.0005, 0.0007, 0.002))
+    (other,) = load_silently(f"{write_n5(tmp_path / 'two', TWO)}?axes=xyzc").fields
+    assert np.array_equal(other.values, VALUES + 1)
+
+
+def test_the_finest_of_a_multiscale_n5_is_read_and_others_are_offered(tmp_path):
+    write_n5_group(tmp_path, n5="2.5.1")
+    write_n5_group(tmp_path / "em", **NM)
+    write_n5(tmp_path / "em/s0", VALUES)
+    write_n5(tmp_path / "em/s1", VALUES[::2, ::2, ::2], downsamplingFactors=[2, 2, 2], **NM)
+    assert load_silently(tmp_path).shape_xyz == (8, 6, 4)
+    assert load_silently(tmp_path).spacing_mm == pytest.approx((0.0005, 0.0007, 0.002))
+    coarse = load_silently(tmp_path / "em/s1")
+    assert coarse.spacing_mm == pytest.approx((0.001, 0.0014, 0.004))
+    assert coarse.world_from_index[:3, 3] == pytest.approx((0.00025, 0.00035, 0.001))
+    write_n5(tmp_path / "labels", VALUES)
+    assert volume_choices(tmp_path)[0].values == ("em/s0", "labels")
+
+
 def plate(path: Path) -> None:
     zarr.open_group(str(path), mode="w")
     write(path / "0")
@@ -127,6 +238,9 @@ def stated(**change: Any) -> Callable[[Path], Path]:
         (lambda path: zarr.open_group(str(path), mode="w"), "", "unsupported"),
         (plate, "", "unsupported"),
         (lambda path: write(path, VALUES[0], SPACE[1:]), "", "shape"),
+        (lambda path: zarr.create_array(path, data=TWO), "", "shape"),
+        (lambda path: zarr.create_array(path, data=VALUES), "?axes=zyy", "shape"),
+        (stated(coordinateTransformations=[{"type": "mapAxis"}]), "", "unsupported"),
         (lambda path: write(path, TWO, [{"name": "angle"}, *SPACE]), "", "shape"),
         (cut_chunk, "", "damaged"),
         (lambda path: (write(path) / "zarr.json").write_text("{"), "", "damaged"),

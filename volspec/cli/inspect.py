@@ -46,10 +46,12 @@ def info(volume: str, /, *, json: Json = False) -> None:
     Parameters
     ----------
     volume
-        A volume file (NRRD, MHD/MHA, NIfTI, VTI/VTK, `.npy`, TIFF), a folder (DICOM, TIFF or PNG
-        slices, OME-Zarr), or `FILE.raw?shape=256x256x110&dtype=uint8&spacing=1,1,1`. Details
-        follow a question mark: `FOLDER?series=3`, `FILE.tif?spacing=0.65,0.65,2`,
-        `channel=`, `time=`, `level=`; `labels=FILE` names a table of a segmentation's labels.
+        A volume file (NRRD, MHD/MHA, NIfTI, VTI/VTK, `.npy`, TIFF …), a folder (slices of DICOM,
+        TIFF, PNG, BMP or JPEG; OME-Zarr), or
+        `FILE.raw?shape=256x256x110&dtype=uint8&spacing=1,1,1`. Details follow a question mark:
+        `FOLDER?series=3`, `FILE.tif?spacing=0.65,0.65,2`,
+        `channel=`, `time=`, `level=`; `labels=FILE` names a table of a segmentation's labels,
+        `unit=HU` the unit of values that the file leaves out.
     """
     from volspec.volume.series import open_volume
     from volspec.volume.summary import summarise
@@ -101,12 +103,13 @@ def convert(volume: str, /, *, output: Annotated[Path, Parameter(name=["--output
         )
     require_suffix(output, "OME-Zarrs", ".zarr", error=InputError)
     with bar() as tell:
-        level, name, labels = open_level(volume)
+        level, name, labels, metadata = open_level(volume)
         write(
             level,
             output,
             name=name,
             labels=labels or None,
+            metadata=metadata,
             progress=lambda share: tell("convert", share),
         )
     x, y, z = level.shape[::-1]

@@ -146,10 +146,11 @@ class VolumeSpec:
     file: Annotated[str, Field(examples=["volume.nrrd"])] = EMPTY
     """NRRD, MHD/MHA, NIfTI, MGH, AFNI, MRC, VTI/VTK, TIFF, HDF5, .npy,
     FILE.raw?shape=256x256x110&dtype=uint8, or a folder: DICOM (?series=3 selects one of several),
-    TIFF or PNG slices, OME-Zarr; of time steps and channels ?time=2&channel=0; ?labels=FILE is a
-    table of a segmentation's labels; or the name of a bundled volume: engine, head, frog; or empty,
-    around meshes. Without ?time= a file of several time steps is a series, and so are files of one
-    step each: beat/*.nrrd."""
+    slices of TIFF, PNG, BMP or JPEG, OME-Zarr; of time steps and channels ?time=2&channel=0;
+    ?labels=FILE is a table of a segmentation's labels, ?unit=HU the unit of values that a file
+    leaves out; or the name of a bundled volume: engine, head, frog; or empty, around meshes.
+    Without ?time= a file of several time steps is a series, and so are files of one step each:
+    beat/*.nrrd."""
     step: Annotated[int, Field(ge=0)] = 0
     """Time step of a series that is shown, from 0."""
     fps: Annotated[float, Field(gt=0, le=240, allow_inf_nan=False)] = 10.0

@@ -24,7 +24,7 @@ import shutil
 import time
 import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,7 @@ from volspec._files import exclusive_folder, require_writable_folder
 from volspec.errors import DeviceError, InputError, VolumeError, one_line
 from volspec.volume.files.tensors import fast_array
 from volspec.volume.labels import Labels
+from volspec.volume.metadata import Metadata
 from volspec.volume.model import block_modes, downsample
 from volspec.volume.pyramid import (
     BLOCK,
@@ -81,6 +82,7 @@ def convert(
     *,
     name: str = "",
     labels: Labels | None = None,
+    metadata: Metadata | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> None:
     """Write the levels of a volume; an existing output is replaced when all of it is written.
@@ -95,6 +97,8 @@ def convert(
         Of the picture, in the metadata.
     labels : {number: Label}, optional
         Of a segmentation: levels hold the most frequent label instead of the mean.
+    metadata : Metadata, optional
+        Statements of the source, which the output repeats.
     progress : callable, optional
         Called with the finished fraction, 0…1.
 
@@ -148,7 +152,8 @@ def convert(
             sample = sampler.sample()
             if sample is not None:
                 root.create_array("volspec/sample", data=sample.voxels, overwrite=True)
-            root.attrs.update(_attributes(source, shapes, sample, name, labels))
+            stated = _attributes(source, shapes, sample, name, labels, metadata or Metadata())
+            root.attrs.update(stated)
             if output.exists():
                 output.replace(partial / _REPLACED)
             partial.replace(output)
@@ -350,6 +355,7 @@ def _attributes(
     sample: Sample | None,
     name: str,
     labels: Labels | None,
+    metadata: Metadata,
 ) -> dict[str, Any]:
     """Return the metadata of the group."""
     spacing = np.linalg.norm(source.world_from_index[:3, :3], axis=0)
@@ -384,6 +390,7 @@ def _attributes(
         "block": BLOCK,
         "ranges": [f"volspec/ranges/{number}" for number in range(len(shapes))],
         "complete": True,
+        "metadata": asdict(metadata),
     }
     if sample is not None:
         counts = [int(count) for count in sample.histogram]

@@ -18,8 +18,14 @@ from volspec.volume.files import neuro
 from volspec.volume.files.dicom import read_series
 from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
 from volspec.volume.files.dicom_headers import is_dicom
-from volspec.volume.files.hdf5 import hdf5_stack, read_hdf5
+from volspec.volume.files.gipl import MAGIC as GIPL_MAGIC
+from volspec.volume.files.gipl import read_gipl
+from volspec.volume.files.hdf5 import hdf5_stack, project_stack, read_hdf5, read_project
+from volspec.volume.files.imaris import imaris_stack, read_imaris
 from volspec.volume.files.metaimage import read_metaimage
+from volspec.volume.files.micro import read_micro
+from volspec.volume.files.mif import MAGIC as MIF_MAGIC
+from volspec.volume.files.mif import read_mif
 from volspec.volume.files.mrc import MAGIC as MRC_MAGIC
 from volspec.volume.files.mrc import SUFFIXES as MRC_SUFFIXES
 from volspec.volume.files.mrc import read_mrc
@@ -27,8 +33,9 @@ from volspec.volume.files.nrrd import read_nrrd
 from volspec.volume.files.omezarr import ZIP_SUFFIXES, ome_zarr_stack, read_ome_zarr
 from volspec.volume.files.query import Query, Reading
 from volspec.volume.files.raw import read_npy, read_npz, read_raw
+from volspec.volume.files.slices import pictures_stack, read_stack
 from volspec.volume.files.tiff import SUFFIXES as TIFF_SUFFIXES
-from volspec.volume.files.tiff import pictures_stack, read_stack, read_tiff, tiff_stack
+from volspec.volume.files.tiff import read_tiff, tiff_stack
 from volspec.volume.files.vtk import read_vtk
 from volspec.volume.pyramid import Stack
 
@@ -60,7 +67,9 @@ class Format:
 _OURS = "zlib"
 _HDF5 = (0, b"\x89HDF\r\n\x1a\n")
 _NIFTI = ((344, b"n+1\0"), (344, b"ni1\0"), (4, b"n+2\0"), (4, b"ni2\0"))
-DICOM = Format("DICOM", DICOM_SUFFIXES, read_series, "SimpleITK", ((128, b"DICM"),), whole=False)
+DICOM = Format(
+    "DICOM", DICOM_SUFFIXES, read_series, "pydicom.pixels", ((128, b"DICM"),), whole=False
+)
 OME_ZARR = Format("OME-Zarr", ZIP_SUFFIXES, read_ome_zarr, "zarr", stack=ome_zarr_stack)
 RAW = Format("raw bytes", (".raw",), read_raw, whole=False)
 SLICES = Format("slices", (), read_stack, "tifffile", stack=pictures_stack)
@@ -89,10 +98,20 @@ FORMATS = (
         (_HDF5,),
         hdf5_stack,
     ),
+    Format("BigDataViewer", (".xml",), read_project, "h5py", (), project_stack, whole=False),
     OME_ZARR,
     Format("MRC", MRC_SUFFIXES, read_mrc, "mrcfile", (MRC_MAGIC,)),
-    Format("VTI", (".vti",), read_vtk, "pyvista"),
-    Format("VTR", (".vtr",), read_vtk, "pyvista"),
+    Format(*("MRtrix", (".mif", ".mif.gz", ".mih"), read_mif, _OURS, (MIF_MAGIC,)), unpacks=True),
+    Format("GIPL", (".gipl", ".gipl.gz"), read_gipl, _OURS, GIPL_MAGIC, unpacks=True),
+    Format("Imaris", (".ims",), read_imaris, "h5py", (_HDF5,), imaris_stack),
+    Format("CZI", (".czi",), read_micro, "pylibCZIrw"),
+    Format("LIF", (".lif",), read_micro, "liffile"),
+    Format("ND2", (".nd2",), read_micro, "nd2"),
+    Format("OIF", (".oib", ".oif"), read_micro, "oiffile"),
+    Format("VTI", (".vti", ".pvti"), read_vtk, "pyvista"),
+    Format("VTR", (".vtr", ".pvtr"), read_vtk, "pyvista"),
+    Format("VTM", (".vtm", ".vtmb"), read_vtk, "pyvista"),
+    Format("VTKHDF", (".vtkhdf",), read_vtk, "pyvista", (_HDF5,)),
     Format("VTK", (".vtk",), read_vtk, "pyvista", ((0, b"# vtk DataFile"),)),
     Format(".npy", (".npy",), read_npy, "", ((0, b"\x93NUMPY"),)),
     Format(".npz", (".npz",), read_npz),

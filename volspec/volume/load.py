@@ -28,9 +28,10 @@ from volspec.volume.files.dicom_headers import dicom_files
 from volspec.volume.files.label_tables import labels_beside, merge_labels, read_label_table
 from volspec.volume.files.omezarr import is_zarr
 from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored
-from volspec.volume.files.tiff import pictures_in
+from volspec.volume.files.slices import pictures_in
 from volspec.volume.labels import NAMED, Label, Labels, find_labels, renumbered
 from volspec.volume.larger import level_of, read_coarsest, stored_stack
+from volspec.volume.metadata import Metadata
 from volspec.volume.model import Volume
 from volspec.volume.pyramid import Level, Stack
 from volspec.volume.reader_process import choices_in_child, read_in_child
@@ -50,12 +51,12 @@ _ADVICE: dict[tuple[str, ...], str] = {
         "holds named arrays; open it in Python, such as with xarray or SciPy, and pass one to "
         "vs.Volume(array), or save it by numpy.save"
     ),
-    (".czi", ".lif", ".nd2", ".lsm", ".ims", ".oib", ".oif"): (
+    (".lsm", ".vsi", ".zvi", ".ics", ".dv"): (
         "is a microscope's format; save it as OME-TIFF in Fiji (File, Import, Bio-Formats), or as "
         "OME-Zarr with bioformats2raw"
     ),
-    (".png", ".jpg", ".jpeg", ".bmp", ".gif", ".webp"): (
-        "is one picture; a volume is a folder of slices (TIFF or PNG): give the folder"
+    (".png", ".jpg", ".jpeg", ".bmp", ".jp2", ".gif", ".webp"): (
+        "is one picture; a volume is a folder of slices (TIFF, PNG, BMP or JPEG): give the folder"
     ),
     (".zip", ".rar", ".7z", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".zst"): (
         "is packed; unpack it first, then give the file or the folder in it"
@@ -75,7 +76,7 @@ _MOST_NUMBERS = 4
 # Endings of files that a missing volume is never a misspelling of.
 _NEVER_VOLUMES = (".toml", ".exr", ".html", ".py")
 _RAW = "'FILE.raw?shape=256x256x110&dtype=uint8'"
-_KNOWN = f"{formats.KNOWN}, a folder of DICOM, TIFF or PNG slices, or {_RAW}"
+_KNOWN = f"{formats.KNOWN}, a folder of slices (DICOM, TIFF, PNG, BMP, JPEG), or {_RAW}"
 
 
 def load_volume(path: str | os.PathLike[str]) -> Volume:
@@ -93,25 +94,30 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
         One of
 
         - ``.nrrd .nhdr .mhd .mha``, ``.nii .nii.gz`` (NIfTI-1 and -2), ``.hdr .img`` (pairs,
-          Analyze), ``.mgh .mgz``, AFNI's ``.head .brik``, ``.par .rec``, ``.mnc``; with time steps
-          or components per voxel ``?time= channel=``;
-        - ``.vti .vtr .vtk .npy``, ``.npz`` (``?dataset=`` if it has several), MRC and CCP4 maps
-          (``.mrc .map .rec .st``; ``?time=`` of a stack);
+          Analyze), ``.mgh .mgz``, AFNI's ``.head .brik``, ``.par .rec``, ``.mnc``, ``.mif .gipl``;
+          with time steps or components per voxel ``?time= channel=``;
+        - ``.vti .vtr .vtk .pvti .vtm .vtkhdf`` and ``.npz`` (``?dataset=`` if there are several
+          arrays), ``.npy``, MRC and CCP4 maps (``.mrc .map .rec .st``; ``?time=`` of a stack);
         - raw bytes as ``FILE.raw?shape=XxYxZ&dtype=uint8&spacing=1,1,1`` (also ``&offset=``
           bytes and ``&order=big``);
         - a folder of DICOM slices, or one file of a series: ``FOLDER?series=NUMBER`` (or its UID)
-          if there are several series, ``?time=N`` if slices share their positions. In a folder
-          without slices, folders below are searched, down to three levels. Oblique and tilted
-          stacks are not resampled; a tilted gantry results in a sheared lattice;
-        - a multi-page TIFF file, with ImageJ's and OME-TIFF's spacing, or a folder of
-          single TIFF or PNG pictures in the order of the numbers in their names (``z2`` before
-          ``z10``): ``?spacing= channel= time=``;
+          if there are several series, ``?time=N`` if slices share their positions; or a file of
+          many frames, or a segmentation. In a folder without slices, folders below are searched,
+          down to three levels. Oblique and tilted stacks are not resampled; a tilted gantry results
+          in a sheared lattice;
+        - a TIFF file, with ImageJ's and OME-TIFF's spacing: ``?spacing= channel= time=``, and
+          ``series=N`` if there are several stacks, ``axes=ZYX`` if its axes have no names; or a
+          folder of TIFF, PNG, BMP, JPEG or JPEG 2000 pictures in the order of the numbers in their
+          names (``z2`` before ``z10``), which may number channels and times, too;
         - an HDF5 file, ``.h5 .hdf5 .he5 .nxs``: ``?dataset= time= channel= spacing=``; a dataset
-          has the axes that ilastik, NeXus or BigDataViewer state, else (Z, Y, X) or (T, Z, Y, X),
-          and its spacing is ``element_size_um`` or NeXus'. Needs ``volspec[hdf5]``;
-        - an OME-Zarr (0.4, 0.5): a folder, a ``.zarr.zip`` or ``.ozx`` file, or a URL
-          (``https://…``, ``s3://…``): ``?level= channel= time= spacing=``. Needs ``volspec[zarr]``,
-          a URL ``volspec[remote]``;
+          has the axes that ilastik, NeXus or BigDataViewer (``.xml``) state, else (Z, Y, X) or
+          (T, Z, Y, X), and its spacing is ``element_size_um`` or theirs. Also Imaris' ``.ims``.
+          Needs ``volspec[hdf5]``;
+        - an OME-Zarr (0.4, 0.5), a plain Zarr array or N5: a folder, a ``.zarr.zip`` or ``.ozx``
+          file, or a URL (``https://…``, ``s3://…``): ``?level= channel= time= spacing=``, of others
+          ``dataset= axes=``. Needs ``volspec[zarr]``, a URL ``volspec[remote]``;
+        - a microscope's ``.czi .lif .nd2 .oib .oif``: ``?series= channel= time=``. Needs
+          ``volspec[micro]``;
         - the name of a bundled volume, if no file has it: ``engine``, ``head`` or ``frog``.
 
     A volume that takes more memory than ``memory=2GiB`` (OME-Zarr: by default 2 GiB; uncompressed
@@ -125,7 +131,7 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
         spacing is not positive; if there are several series, channels or time steps and none is
         named, or slices are missing.
     DeviceError
-        If it is an OME-Zarr or an HDF5 file, and zarr or h5py is not installed.
+        If the library of its format is not installed, such as zarr or h5py.
     """
     volume, remarks = _read_volume(path)
     low, high = volume.range
@@ -246,8 +252,8 @@ def _larger(query: Query) -> Stack | None:
     return None if find is None else find(query)
 
 
-def open_level(path: str | os.PathLike[str]) -> tuple[Level, str, Labels]:
-    """Return a volume's finest level, its name and its labels, without reading what is too large.
+def open_level(path: str | os.PathLike[str]) -> tuple[Level, str, Labels, Metadata]:
+    """Return a volume's finest level, name, labels and metadata; what is too large is not read.
 
     Errors and warnings are those of `load_volume`; only one channel is read.
     """
@@ -257,7 +263,12 @@ def open_level(path: str | os.PathLike[str]) -> tuple[Level, str, Labels]:
     if stack is None and not library:
         stack = stored_stack(query, read_here(query))
     if stack is not None:
-        return stack.levels[0], query.path.name, stack.labels or {}
+        level = stack.levels[0]
+        if query.spacing_mm is not None:
+            spacing = np.linalg.norm(level.world_from_index[:3, :3], axis=0)
+            factors = np.diag([*np.divide(query.spacing_mm, spacing), 1.0])
+            level = replace(level, world_from_index=level.world_from_index @ factors)
+        return level, query.path.name, stack.labels or {}, query.completed(stack.metadata)
     volume = load_volume(path)
     if volume.fields:
         raise VolumeError(
@@ -265,7 +276,7 @@ def open_level(path: str | os.PathLike[str]) -> tuple[Level, str, Labels]:
             f"choose it with {query.example(channel='0')}",
             code="missing",
         )
-    return level_of(volume), query.path.name, dict(volume.labels)
+    return level_of(volume), query.path.name, dict(volume.labels), volume.metadata
 
 
 def _with_labels(
@@ -379,7 +390,7 @@ def read_here(query: Query) -> Reading:
 
 
 # Readers that open only files whose names are UTF-8.
-_UTF_8 = ("SimpleITK", "pyvista")
+_UTF_8 = ("pyvista",)
 
 
 def _require_utf_8(path: Path) -> None:
@@ -479,7 +490,7 @@ def _folder_format(folder: Path) -> formats.Format:
     if not any(folder.iterdir()):
         raise VolumeError(f"{folder}: is an empty folder; check the path", code="not-found")
     raise VolumeError(
-        f"{folder}: is a folder without slices (DICOM, TIFF or PNG); give the folder that holds "
+        f"{folder}: is a folder without slices (DICOM, TIFF, PNG, BMP, JPEG); give the folder that holds "
         f"them, or a file ({_KNOWN})",
         code="not-found",
     )

@@ -1,4 +1,4 @@
-"""What a file states about its values and its axes, and what had to be assumed.
+"""Statements of a file about its values and axes, and what had to be assumed.
 
     reader -> [Metadata] -> Reading -> Volume.metadata -> presets, sides, units, `info`
 

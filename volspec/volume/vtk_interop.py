@@ -27,54 +27,73 @@ _EVEN = 1e-3
 def volume_from_pyvista(
     grid: pyvista.ImageData, scalars: str | None = None, *, name: str = "pyvista grid"
 ) -> Volume:
-    """Convert a pyvista ``ImageData``: its scalars, spacing, origin and direction.
+    """Convert a pyvista ``ImageData``: its scalars, spacing, origin, extent and direction.
 
     A ``RectilinearGrid`` may be given instead if its planes are evenly spaced.
 
     Raises VolumeError if ``grid`` is not one, or its array is missing or has several components.
     """
-    values, world = values_and_lattice(grid, scalars, name)
+    values, world = values_and_lattice(grid, scalars, None, name)
     return Volume(values, world_from_index=world, name=name)
 
 
 def values_and_lattice(
-    grid: pyvista.ImageData, scalars: str | None, name: str
+    grid: pyvista.ImageData, scalars: str | None, component: int | None, name: str
 ) -> tuple[NDArray[Any], NDArray[np.float64]]:
     """Return a grid's scalars (Z, Y, X), not copied, and its world_from_index (4, 4)."""
-    if type(grid).__name__ == "RectilinearGrid":
-        grid = _evenly_spaced(grid, name)
-    if type(grid).__name__ != "ImageData":
-        raise VolumeError(f"{name}: is a {type(grid).__name__}; {_RESAMPLE}", code="type")
-    cells = _has_cells_alone(grid)
-    data = grid.cell_data if cells else grid.point_data
-    available = list(data.keys())
-    chosen = scalars or data.active_scalars_name or (available[0] if available else None)
-    if chosen not in available:
-        raise VolumeError(
-            f"{name}: no scalars {chosen!r}; the grid has {available}", code="unknown"
-        )
-    array = np.asarray(data[chosen])
-    if array.ndim != 1:
-        raise VolumeError(
-            f"{name}: {array.shape[-1]} components per voxel in {chosen!r}; a volume has one",
-            code="shape",
-        )
+    _require_lattice(grid, name)
+    array, cells = _array(grid, scalars, component, name)
     shape = tuple(n - 1 if cells else n for n in grid.dimensions)
     if min(shape) < 2:
         raise VolumeError(
             f"{name}: {'x'.join(map(str, shape))} points; a volume is 3-D", code="shape"
         )
-    spacing = np.asarray(grid.spacing, dtype=np.float64)
-    if not (spacing > 0).all():
+    if type(grid).__name__ == "RectilinearGrid":
+        world = _even_planes(grid, name)
+    else:
+        world = np.eye(4)
+        world[:3, :3] = np.asarray(grid.direction_matrix) * grid.spacing
+        # Indices begin at the extent's.
+        world[:3, 3] = np.asarray(grid.origin) + world[:3, :3] @ grid.extent[::2]
+    if not (np.linalg.norm(world[:3, :3], axis=0) > 0).all():
         raise VolumeError(
-            f"{name}: spacing {tuple(spacing.tolist())} mm; each of x, y, z must be positive",
-            code="range",
+            f"{name}: spacing {tuple(grid.spacing)} mm; none of x, y, z may be zero", code="range"
         )
-    world = np.eye(4)
-    world[:3, :3] = np.asarray(grid.direction_matrix) * spacing
-    centre = np.full(3, 0.5 if cells else 0.0)
-    world[:3, 3] = np.asarray(grid.origin) + world[:3, :3] @ centre
+    world[:3, 3] += world[:3, :3].sum(axis=1) * (0.5 if cells else 0.0)
     return array.reshape(shape[::-1]), world
+
+
+def _require_lattice(grid: Any, name: str) -> None:
+    """Refuse a grid of another kind, or one without an array."""
+    kind = type(grid).__name__
+    if kind not in ("ImageData", "RectilinearGrid"):
+        raise VolumeError(f"{name}: is a {kind}; {_RESAMPLE}", code="type")
+    if not len(grid.point_data) + len(grid.cell_data):
+        raise VolumeError(
+            f"{name}: holds no array", "save one with its grid, as point data", code="shape"
+        )
+
+
+def _array(
+    grid: Any, scalars: str | None, component: int | None, name: str
+) -> tuple[NDArray[Any], bool]:
+    """Return an array with a number for each point or cell, and True if it is of cells."""
+    cells = _has_cells_alone(grid)
+    data = grid.cell_data if cells else grid.point_data
+    available = list(data.keys())
+    chosen = scalars or data.active_scalars_name or available[0]
+    if chosen not in available:
+        raise VolumeError(
+            f"{name}: no scalars {chosen!r}; the grid has {available}", code="unknown"
+        )
+    array = np.asarray(data[chosen])
+    if array.ndim > 1 and component is None:
+        raise VolumeError(
+            f"{name}: {array.shape[-1]} components per voxel in {chosen!r}",
+            f"a volume has one: grid['one'] = grid[{chosen!r}][:, 0] makes scalars 'one'",
+            code="shape",
+        )
+    return array if array.ndim == 1 else array.reshape(len(array), -1)[:, component], cells
 
 
 def _has_cells_alone(grid: Any) -> bool:
@@ -82,36 +101,40 @@ def _has_cells_alone(grid: Any) -> bool:
     return not len(grid.point_data) and len(grid.cell_data) > 0
 
 
-def scalar_names(grid: Any) -> list[str]:
-    """Return the names of a grid's arrays of numbers, without VTK's own such as ghost cells."""
-    if not hasattr(grid, "point_data"):  # several grids in one
-        return []
+def scalar_names(grid: Any, name: str) -> list[tuple[str, int | None]]:
+    """Return a grid's arrays of numbers, without VTK's own, and their components if several.
+
+    Raises VolumeError if the grid is no lattice, or has none.
+    """
+    _require_lattice(grid, name)
     data = grid.cell_data if _has_cells_alone(grid) else grid.point_data
-    return [
-        name
-        for name, array in data.items()
-        if np.ndim(array) == 1 and array.dtype.kind in "buif" and not name.startswith("vtk")
+    found = [
+        (key, part)
+        for key, array in data.items()
+        if array.dtype.kind in "buif" and not key.startswith("vtk")
+        for part in ([None] if array.ndim == 1 else range(array[0].size))
     ]
+    if not found:
+        raise VolumeError(
+            f"{name}: none of its arrays holds numbers; it has {', '.join(data)}", code="type"
+        )
+    return found
 
 
-def _evenly_spaced(grid: Any, name: str) -> pyvista.ImageData:
-    """Return a ``RectilinearGrid`` with evenly spaced planes as an ``ImageData``."""
-    import pyvista
-
-    spacing = []
-    for axis, places in zip("xyz", (grid.x, grid.y, grid.z), strict=True):
+def _even_planes(grid: Any, name: str) -> NDArray[np.float64]:
+    """Return world_from_index of a ``RectilinearGrid``, whose coordinates may descend."""
+    world = np.eye(4)
+    for axis, places in enumerate((grid.x, grid.y, grid.z)):
         steps = np.diff(np.asarray(places, np.float64))
         if steps.size and not np.allclose(steps, steps.mean(), rtol=_EVEN):
             raise VolumeError(
                 f"{name}: is a RectilinearGrid of uneven spacing, {steps.min():.4g} to "
-                f"{steps.max():.4g} mm along {axis}; {_RESAMPLE}",
+                f"{steps.max():.4g} mm along {'xyz'[axis]}; {_RESAMPLE}",
                 code="unsupported",
             )
-        spacing.append(float(steps.mean()) if steps.size else 1.0)
-    origin = (grid.x[0], grid.y[0], grid.z[0])
-    even = pyvista.ImageData(dimensions=grid.dimensions, spacing=spacing, origin=origin)
-    even.copy_attributes(grid)
-    return even
+        world[axis, axis] = steps.mean() if steps.size else 1.0
+        world[axis, 3] = places[0]
+    return world
 
 
 def volume_to_pyvista(volume: Volume) -> pyvista.ImageData:

@@ -17,13 +17,13 @@ from volspec._triangles import MESHES
 from volspec.errors import InputError
 from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
 from volspec.volume.files.dicom_headers import is_dicom
-from volspec.volume.files.tiff import SUFFIXES as TIFF_SUFFIXES
+from volspec.volume.files.pages import PICTURES
 
 # Slices: one DICOM file means its series, pictures mean their folder.
-_PICTURES = (TIFF_SUFFIXES, (".png",))
+_PICTURES = tuple(PICTURES.values())
 MOST_ROWS = 2000
 # Files that belong to meshes: materials, buffers, textures.
-_OF_MESHES = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".bmp", *TIFF_SUFFIXES)
+_OF_MESHES = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".bmp", *PICTURES["TIFF"])
 
 
 def dropped_path(paths: Sequence[str]) -> str:

@@ -265,7 +265,7 @@ class PathDialog:
         flags = _STAYS | _SELECT.span_all_columns
         pressed = bool(imgui.selectable(f"Open this folder ({what})###folder", False, flags)[0])
         imgui.pop_style_color()
-        ui.note("path folder", "As a series of DICOM, TIFF or PNG slices, or an OME-Zarr")
+        ui.note("path folder", "As slices of DICOM, TIFF, PNG, BMP or JPEG, or an OME-Zarr")
         return pressed
 
     def _row(self, number: int, found: Listing, ui: UiContext) -> bool:

@@ -5,7 +5,7 @@
 The axes of a dataset are those that it states: ``axistags`` of ilastik (vigra), the axes of NeXus'
 ``NXdata``, the labels of HDF5's dimensions; else (Z, Y, X), or (T, Z, Y, X). The spacing is
 ``element_size_um`` of ImageJ's HDF5 plugin and ilastik, in micrometres along z, y, x, or that of
-NeXus' coordinates.
+NeXus' coordinates, or of BigDataViewer's project next to the file.
 
 References
 ----------
@@ -19,6 +19,7 @@ import json
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,13 +28,16 @@ from numpy.typing import NDArray
 
 from volspec.errors import DeviceError, VolumeError, one_line
 from volspec.volume.checks import checked_geometry
+from volspec.volume.files.bdv import data_of, project_of
 from volspec.volume.files.lattice import mm_per_unit
+from volspec.volume.files.omezarr import ome_zarr_stack, read_ome_zarr
 from volspec.volume.files.query import Query, Reading
+from volspec.volume.metadata import NO_SPACING, NO_UNIT, Metadata
 from volspec.volume.pyramid import Index, Level, Stack
 
 # Voxels along z and y of a chunk of a dataset without chunks.
 _ROWS = 16, 128
-_DAMAGE = (KeyError, TypeError, ValueError, OSError, RuntimeError)
+DAMAGE = (KeyError, TypeError, ValueError, OSError, RuntimeError)
 # Names of axes by the number of a dataset's, if it states none.
 _AXES = {3: "zyx", 4: "tzyx"}
 _CELLS = re.compile(r"t(\d+)/s(\d+)/(\d+)/cells")
@@ -44,7 +48,7 @@ class Dataset:
 
     def __init__(self, root: Path, name: str) -> None:
         self.root, self._name = root, name
-        self.unsigned = False
+        self.unsigned, self.has_unit = False, True
         with self._opened() as dataset:
             self.shape, self.dtype, self.chunks = dataset.shape, dataset.dtype, dataset.chunks
             self.axes = _axes(dataset)
@@ -58,6 +62,13 @@ class Dataset:
         with self._opened() as dataset:
             values = np.asarray(dataset[index])
         return values.view(np.uint16) if self.unsigned else values
+
+    @property
+    def metadata(self) -> Metadata:
+        """Assumptions about its lengths."""
+        if self.step_mm is None:
+            return Metadata(assumed=(NO_SPACING,))
+        return Metadata(assumed=() if self.has_unit else (NO_UNIT,))
 
     @property
     def zyx(self) -> Index:
@@ -79,20 +90,20 @@ def _axes(dataset: Any) -> str:
     try:
         tags = json.loads(dataset.attrs.get("axistags", "{}")).get("axes", ())
         named = "".join(str(each.get("key", ""))[:1] for each in tags)
-        signal = _texts(dataset.parent.attrs.get("axes", ()))
+        signal = texts(dataset.parent.attrs.get("axes", ()))
         if not named and len(signal) == count:
             named = "".join(each[-1:].lower() for each in signal)
         labels = [each.label for each in dataset.dims]
         if not named and all(labels):
             named = "".join(label[:1].lower() for label in labels)
-    except _DAMAGE:
+    except DAMAGE:
         named = ""
     if len(named) != count or len({*named}) != count or not {*"zyx"} <= {*named} <= {*"tczyx"}:
         named = _AXES.get(count, "")
     return named
 
 
-def _texts(attribute: Any) -> list[str]:
+def texts(attribute: Any) -> list[str]:
     """Return the words of an attribute, which writers of HDF5 store as text or as bytes."""
     return [each.decode() if isinstance(each, bytes) else str(each) for each in np.ravel(attribute)]
 
@@ -106,13 +117,13 @@ def _step_mm(dataset: Any, axes: str) -> Any:
         except (TypeError, ValueError):
             return str(stated)
         return (x, y, z) if min(x, y, z) > 0 else str(stated)
-    signal = _texts(dataset.parent.attrs.get("axes", ()))
+    signal = texts(dataset.parent.attrs.get("axes", ()))
     if len(signal) != dataset.ndim:
         return None
     found = {}
     for letter, name in zip(axes, signal, strict=True):
         with_places = dataset.parent.get(name)
-        [unit_name] = _texts(getattr(with_places, "attrs", {}).get("units", "")) or [""]
+        [unit_name] = texts(getattr(with_places, "attrs", {}).get("units", "")) or [""]
         unit = mm_per_unit(unit_name)
         if unit and with_places.shape == (dataset.shape[axes.index(letter)],):
             places = np.asarray(with_places, np.float64)
@@ -133,13 +144,27 @@ def read_hdf5(query: Query) -> Reading:
     left = [each for each in dataset.axes if each in "zyx"]
     try:
         values = dataset[index].transpose([left.index(each) for each in "zyx"])
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise VolumeError(
             f"{query.path}: a chunk cannot be read ({one_line(error)[:120]}); copy the file again, "
             "or write it with a compression that h5py has (gzip, lzf)",
             code="damaged",
         ) from error
-    return Reading(values, spacing_mm=spacing)
+    return Reading(values, spacing_mm=spacing, metadata=dataset.metadata)
+
+
+def read_project(query: Query) -> Reading:
+    """Read the HDF5 or N5 of a BigDataViewer project."""
+    data = data_of(query.path)
+    read = read_ome_zarr if data.is_dir() else read_hdf5
+    return read(replace(query, path=data))
+
+
+def project_stack(query: Query) -> Stack | None:
+    """Return the levels of a project's voxels that are larger than memory; else None."""
+    data = data_of(query.path)
+    find = ome_zarr_stack if data.is_dir() else hdf5_stack
+    return find(replace(query, path=data))
 
 
 def hdf5_stack(query: Query) -> Stack | None:
@@ -155,7 +180,8 @@ def hdf5_stack(query: Query) -> Stack | None:
     if dataset.chunks is not None:
         k, j, i = (dataset.chunks[axis] for axis in dataset.zyx)
         chunk = (k, j, i)
-    return Stack([Level(dataset, dataset.zyx, at, world, chunk)])
+    level = Level(dataset, dataset.zyx, at, world, chunk)
+    return Stack([level], metadata=dataset.metadata)
 
 
 def _selected(query: Query) -> tuple[Dataset, tuple[int, ...]]:
@@ -184,7 +210,7 @@ def _selected(query: Query) -> tuple[Dataset, tuple[int, ...]]:
     try:
         with h5py.File(path, "r") as file:
             search(file, "")
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise VolumeError(
             f"{path}: cannot be read as HDF5 ({one_line(error)[:120]}); is it complete?",
             code="damaged",
@@ -209,9 +235,17 @@ def _selected(query: Query) -> tuple[Dataset, tuple[int, ...]]:
 def _of_viewer(query: Query, cells: dict[str, re.Match[str]]) -> tuple[Dataset, tuple[int, ...]]:
     """Return the finest level of a time step and setup of BigDataViewer's."""
     times, setups = (sorted({match[group] for match in cells.values()}) for group in (1, 2))
+    project = project_of(query.path)
+    names = [project.names.get(int(setup), "") for setup in setups] if project else []
     time = times[query.index("time", len(times), "time steps")]
-    setup = setups[query.index("channel", len(setups), "channels (setups)")]
-    return Dataset(query.path, f"t{time}/s{setup}/0/cells"), (0, 0, 0)
+    setup = setups[query.index("channel", len(setups), "channels (setups)", names)]
+    dataset = Dataset(query.path, f"t{time}/s{setup}/0/cells")
+    if project and int(setup) in project.sizes:
+        size, unit = project.sizes[int(setup)]
+        unit_mm = mm_per_unit(unit)
+        dataset.step_mm = tuple(step * (unit_mm or 1.0) for step in size)
+        dataset.has_unit = unit_mm is not None
+    return dataset, (0, 0, 0)
 
 
 def _spacing_mm(query: Query, dataset: Dataset) -> tuple[float, float, float] | None:

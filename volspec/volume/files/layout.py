@@ -162,7 +162,7 @@ def choose_axes(
     if len(space) != 3 or len(shape) > 5:
         raise VolumeError(
             f"{query.path}: is {len(shape)}-D ({'x'.join(map(str, shape))})",
-            "a volume is 3-D: give a file of all slices, or a folder of TIFF or PNG slices"
+            "a volume is 3-D: give a file of all slices, or a folder of slices"
             if len(space) < 3
             else "save a 3-D or 4-D part of it, such as with nibabel: image.slicer[..., 0]",
             code="shape",

@@ -1,19 +1,24 @@
-"""OME-Zarr (versions 0.4 and 0.5), folders, zip files and URLs, through the zarr library.
+"""OME-Zarr (versions 0.4 and 0.5) and plain Zarr arrays: folders, zip files and URLs; N5 folders.
 
     folder -> multiscales: axes, levels, scale -> [omezarr] -> Reading
+
+The zarr library opens Zarr's metadata, `volspec.volume.files.n5` those of N5.
 
 References
 ----------
 [1] Moore et al. (2023), "OME-Zarr: a cloud-optimized bioimaging file format", Histochem Cell Biol
     160, 223-251. doi:10.1007/s00418-023-02209-1; ngff.openmicroscopy.org/0.5
+[2] OME-NGFF RFC-5, coordinate systems and transformations: ``affine`` is a matrix of a row for each
+    axis, with a column for each and one of offsets; ``rotation`` has no offsets.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -24,9 +29,11 @@ from volspec.volume import pyramid
 from volspec.volume.channels import Channel
 from volspec.volume.files.label_tables import labels_in_zarr
 from volspec.volume.files.lattice import affine, mm_per_unit, spacing_text
-from volspec.volume.files.query import Choice, Query, Reading
+from volspec.volume.files.n5 import is_n5, named_axes, open_n5
+from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading
 from volspec.volume.files.tensors import fast_array
 from volspec.volume.labels import Labels
+from volspec.volume.metadata import NO_SPACING, NO_UNIT, Metadata
 from volspec.volume.pyramid import BLOCK, DEFAULT_BYTES
 from volspec.volume.sample import BINS, Sample, step_along
 
@@ -36,6 +43,15 @@ _MARKS = (".zgroup", ".zattrs", ".zarray", "zarr.json")
 _MOST_BYTES = 2**50
 _SPACE = ("z", "y", "x")
 _OPTIONS = {"c": ("channel", "channels"), "t": ("time", "time steps")}
+# Depth to which groups are searched for arrays.
+_DEEPEST = 4
+# Elements of a matrix (N + 1, N + 1) that a transformation gives, by its type.
+_SHAPES: dict[str, Callable[[NDArray[np.float64]], tuple[Any, Any]]] = {
+    "scale": lambda one: (range(len(one) - 1), range(len(one) - 1)),
+    "translation": lambda one: (slice(-1), -1),
+    "affine": lambda one: (slice(-1), slice(None)),
+    "rotation": lambda one: (slice(-1), slice(-1)),
+}
 _DAMAGE = (KeyError, TypeError, ValueError, IndexError, OSError, RuntimeError, AttributeError)
 
 
@@ -44,13 +60,13 @@ class Level:
     """One resolution of a picture."""
 
     array: Any  # from fast_array
-    scale: tuple[float, ...]  # for each axis of the array, in the axes' units
-    shift: tuple[float, ...]
+    matrix: NDArray[np.float64]  # (N + 1, N + 1) from index to place, in the axes' units
+    is_spaced: bool  # the matrix is stated, not assumed
 
 
 def is_zarr(folder: Path) -> bool:
-    """Return True if a folder is a Zarr group or array."""
-    return any((folder / mark).is_file() for mark in _MARKS)
+    """Return True if a folder is a Zarr group or array, or one of N5."""
+    return any((folder / mark).is_file() for mark in _MARKS) or is_n5(folder)
 
 
 def ome_zarr_stack(query: Query) -> pyramid.Stack | None:
@@ -76,12 +92,12 @@ def ome_zarr_stack(query: Query) -> pyramid.Stack | None:
         key, what = _OPTIONS.get(name, ("", ""))
         at.append(0 if name in _SPACE else query.index(key, count, what))
     places = tuple(names.index(name) for name in _SPACE)
-    attributes, stated = dict(group.attrs), _own_metadata(group)
+    stated = _own_metadata(group)
     remarks = list[str]()
     found: list[pyramid.Level] = []
     for number, level in enumerate(levels):
         _check_extent(level, levels, number, axes, names, query)
-        world = _world(level, axes, attributes, query, [] if found else remarks)
+        world = _world(level, axes, group, query, [] if found else remarks)
         array, chunk = level.array, level.array.chunks
         ranges = _ranges(group, stated, number, array)
         if ranges is None and "ranges" in stated:
@@ -113,13 +129,27 @@ def ome_zarr_stack(query: Query) -> pyramid.Stack | None:
             f"{query.path}: the sample of its voxels (volspec/sample) cannot be used, so that "
             "camera and colours follow from a coarse level; convert it again"
         )
-    return pyramid.Stack(found, channel, _labels(group), remarks, sample)
+    metadata = _metadata(group, axes, levels[0])
+    return pyramid.Stack(found, channel, _labels(group), remarks, sample, metadata)
 
 
 def _own_metadata(group: Any) -> dict[str, Any]:
     """Return what `volspec convert` adds to the metadata; empty if another program wrote it."""
     stated = group.attrs.get("volspec")
     return stated if isinstance(stated, dict) else {}
+
+
+def _metadata(group: Any, axes: list[dict[str, Any]], level: Level) -> Metadata:
+    """Return what `volspec convert` wrote of the source; else what is assumed of the lengths."""
+    stated = _own_metadata(group).get("metadata")
+    if isinstance(stated, dict):
+        modality, unit = (str(stated.get(key, "")) for key in ("modality", "unit"))
+        assumed = tuple(map(str, stated.get("assumed", ())))
+        return Metadata(modality, unit, bool(stated.get("is_patient")), assumed)
+    if not level.is_spaced:
+        return Metadata(assumed=(NO_SPACING,))
+    units = [str(axis.get("unit", "")) for axis in axes if str(axis["name"]).lower() in _SPACE]
+    return Metadata(assumed=() if all(map(mm_per_unit, units)) else (NO_UNIT,))
 
 
 def _is_in_parts(levels: list[Level], names: list[str], query: Query) -> bool:
@@ -178,12 +208,14 @@ def _check_extent(
     for axis, name in enumerate(names):
         if name not in _SPACE:
             continue
-        ends = []
+        ends, widths = [], []
         for each in (level, finest):
-            first = each.shift[axis] - each.scale[axis] / 2
-            ends.append((first, first + each.array.shape[axis] * each.scale[axis]))
+            row, offset = each.matrix[axis, :-1], each.matrix[axis, -1]
+            corners = np.zeros(len(row)), np.array(each.array.shape)
+            ends.append([float(row @ (corner - 0.5) + offset) for corner in corners])
+            widths.append(np.abs(row).sum())
         apart = max(abs(a - b) for a, b in zip(*ends, strict=True))
-        if apart > 1.01 * max(level.scale[axis], finest.scale[axis]):
+        if apart > 1.01 * max(widths):
             (a, b), (c, d) = ends
             unit = axes[axis].get("unit") or "units"
             raise VolumeError(
@@ -195,8 +227,11 @@ def _check_extent(
 
 
 def _opened(query: Query) -> tuple[Any, list[dict[str, Any]], list[Level]]:
-    """Return the group, the axes and the levels of a picture."""
+    """Return the group or array, the axes and the levels of a picture."""
     path = query.path
+    if not query.is_remote and is_n5(path):
+        array, axes, matrix, is_spaced = open_n5(query)
+        return SimpleNamespace(attrs={}), axes, [Level(array, matrix, is_spaced)]
     try:
         import zarr
         from zarr.storage import ZipStore
@@ -208,9 +243,14 @@ def _opened(query: Query) -> tuple[Any, list[dict[str, Any]], list[Level]]:
     try:
         zipped = path.name.lower().endswith(ZIP_SUFFIXES) and not query.is_remote
         group = zarr.open(ZipStore(path, mode="r") if zipped else str(path), mode="r")
-        axes, levels = _multiscale(group, query)
+        if isinstance(group, zarr.Group) and ("dataset" in query.options or not _pictures(group)):
+            group = group[_array_in(group, query)]
+        if isinstance(group, zarr.Array):
+            axes, levels = _plain(group, query)
+        else:
+            axes, levels = _multiscale(group, query)
         _names(axes)
-    except VolumeError:
+    except (VolumeError, ChoicesListed):
         raise
     except KeyError as error:
         raise VolumeError(
@@ -232,17 +272,17 @@ def _names(axes: list[dict[str, Any]]) -> list[str]:
 
 def read_ome_zarr(query: Query) -> Reading:
     """Read a level of a picture, with the channel and time that the query selects."""
-    query.allow("level", "channel", "time", "spacing")
+    query.allow("level", "channel", "time", "dataset", "axes")
     remarks: list[str] = []
     group, axes, levels = _opened(query)
     names = _names(axes)
     level = levels[_level(levels, names, query, remarks)]
-    world = _world(level, axes, dict(group.attrs), query, remarks)
+    world = _world(level, axes, group, query, remarks)
     channels = _channels(group)
     values, number = _values(level, names, query, channels)
     channel = next(iter(channels[number:]), None)
-    labels = _labels(group)
-    return Reading(values, world_from_index=world, remarks=remarks, labels=labels, channel=channel)
+    stated = _labels(group), channel, _metadata(group, axes, level)
+    return Reading(values, None, world, remarks, *stated)
 
 
 def _labels(group: Any) -> Labels | None:
@@ -252,21 +292,54 @@ def _labels(group: Any) -> Labels | None:
     return None if image_label is None else labels_in_zarr(image_label)
 
 
-def _multiscale(group: Any, query: Query) -> tuple[list[dict[str, Any]], list[Level]]:
-    """Return the axes and the levels, finest first, of a group's first picture."""
+def _pictures(group: Any) -> Any:
+    """Return the pictures of a group in its metadata; none if it has none."""
     attributes = dict(group.attrs)
-    stated = attributes.get("ome", attributes)
-    if "multiscales" not in stated:
-        # Of a URL, folders are not listed.
-        here = query.path.iterdir() if query.path.is_dir() and not query.is_remote else ()
-        inside = sorted(each.name for each in here if is_zarr(each))
-        remedy = f"give one inside it, such as {query.path / inside[0]}" if inside else ""
+    return attributes.get("ome", attributes).get("multiscales")
+
+
+def _array_in(group: Any, query: Query) -> str:
+    """Return the array that ``dataset=`` selects in a group without a picture of its own."""
+    found: dict[str, tuple[int, ...]] = {}
+
+    def search(inner: Any, place: str, depth: int) -> None:
+        for name, node in inner.members():
+            if hasattr(node, "shape"):
+                if node.ndim >= 3 and node.dtype.kind in "buif":
+                    found[place + name] = node.shape
+            elif _pictures(node):
+                raise VolumeError(
+                    f"{query.path}: is a Zarr folder of pictures (multiscales)",
+                    f"give one of them, such as {query.path}/{place}{name}",
+                    code="unsupported",
+                )
+            elif depth:
+                search(node, f"{place}{name}/", depth - 1)
+
+    if not query.is_remote:  # of a URL, folders are not listed
+        search(group, "", _DEEPEST)
+    if not found:
         raise VolumeError(
-            f"{query.path}: is a Zarr folder without an OME-Zarr picture of its own (multiscales); "
-            f"{remedy or 'give vs.Volume(zarr.open(…)) an array of another kind'}",
+            f"{query.path}: is a Zarr folder without an OME-Zarr picture (multiscales) or an array "
+            "of three axes",
+            "give the folder of one",
             code="unsupported",
         )
-    picture = stated["multiscales"][0]
+    return query.array_named(found)
+
+
+def _plain(array: Any, query: Query) -> tuple[list[dict[str, Any]], list[Level]]:
+    """Return the axes of an array without a picture's metadata, and it as the only level."""
+    stated = getattr(array.metadata, "dimension_names", None)
+    names = [str(name).lower()[:1] for name in stated or array.attrs.get("_ARRAY_DIMENSIONS", ())]
+    names = named_axes(query, array.shape, names, "tczyx")
+    level = Level(fast_array(array), np.eye(array.ndim + 1), False)
+    return [{"name": name} for name in names], [level]
+
+
+def _multiscale(group: Any, query: Query) -> tuple[list[dict[str, Any]], list[Level]]:
+    """Return the axes and the levels, finest first, of a group's first picture."""
+    picture = _pictures(group)[0]
     # Version 0.3 states only the axes' names.
     axes = [axis if isinstance(axis, dict) else {"name": axis} for axis in picture["axes"]]
     whole = picture.get("coordinateTransformations", [])
@@ -277,7 +350,7 @@ def _multiscale(group: Any, query: Query) -> tuple[list[dict[str, Any]], list[Le
         array = fast_array(_array_of(group, each["path"]), complete=complete)
         if len(array.shape) != len(axes):
             raise ValueError(f"{len(axes)} axes of an array of {len(array.shape)}")
-        levels.append(Level(array, *_scale_and_shift(steps, len(axes))))
+        levels.append(Level(array, _matrix(steps, len(axes), query), bool(steps)))
     if not levels:
         raise ValueError("no datasets")
     sizes = [math.prod(level.array.shape) for level in levels]
@@ -297,32 +370,35 @@ def _array_of(group: Any, path: str) -> Any:
         raise ValueError(f"they name an array {path!r}, which is not there") from error
 
 
-def _scale_and_shift(
-    steps: Sequence[dict[str, Any]], count: int
-) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Combine transformations into one scale and shift.
+def _matrix(steps: Sequence[dict[str, Any]], count: int, query: Query) -> NDArray[np.float64]:
+    """Combine transformations into a map from index to place, (N + 1, N + 1).
 
-    >>> _scale_and_shift([{"type": "scale", "scale": [2]}, {"type": "translation",
-    ... "translation": [3]}, {"type": "scale", "scale": [10]}], 1)
-    ((20.0,), (30.0,))
+    >>> _matrix([{"type": "scale", "scale": [2]}, {"type": "translation", "translation": [3]},
+    ... {"type": "scale", "scale": [10]}], 1, Query(Path())).tolist()
+    [[20.0, 30.0], [0.0, 1.0]]
     """
-    scale, shift = np.ones(count), np.zeros(count)
+    whole = np.eye(count + 1)
     for step in steps:
-        kind = step["type"]
-        if kind == "identity":
-            continue
-        if kind not in ("scale", "translation"):
-            raise ValueError(f"a transformation of type {kind}")
-        numbers = np.array(step[kind], float)
-        if len(numbers) != count:
-            raise ValueError(f"a {kind} of {len(numbers)} numbers for {count} axes")
-        if kind == "scale":
-            if not (numbers > 0).all():
+        kind, one = step["type"], np.eye(count + 1)
+        if kind == "sequence":
+            one = _matrix(step["transformations"], count, query)
+        elif kind in _SHAPES and kind in step:
+            numbers = np.array(step[kind], float)
+            rows, columns = _SHAPES[kind](one)
+            if numbers.shape != one[rows, columns].shape:
+                raise ValueError(f"a {kind} of {numbers.size} numbers for {count} axes")
+            if kind == "scale" and not (numbers > 0).all():
                 raise ValueError(f"a scale of {numbers.tolist()}, which is not positive")
-            scale, shift = scale * numbers, shift * numbers
-        else:
-            shift = shift + numbers
-    return tuple(scale.tolist()), tuple(shift.tolist())
+            one[rows, columns] = numbers
+        elif kind != "identity" and query.spacing_mm is None:
+            raise VolumeError(
+                f"{query.path}: has a transformation of type {kind:.40}; supported are those with "
+                f"numbers in the metadata: {', '.join(_SHAPES)}, sequence",
+                f"give the spacing in mm instead, as in {query.example(spacing='1,1,1')}",
+                code="unsupported",
+            )
+        whole = one @ whole
+    return whole
 
 
 def _nbytes(level: Level, names: list[str]) -> int:
@@ -351,7 +427,7 @@ def _level(levels: list[Level], names: list[str], query: Query, remarks: list[st
 def _world(
     level: Level,
     axes: list[dict[str, Any]],
-    stated: dict[str, Any],
+    group: Any,
     query: Query,
     remarks: list[str],
 ) -> NDArray[np.float64]:
@@ -362,23 +438,20 @@ def _world(
             "has x, y and z",
             code="shape",
         )
-    scale, shift, unknown = [], [], []
-    for name in reversed(_SPACE):
-        unit = axes[places[name]].get("unit")
-        mm = mm_per_unit(str(unit or ""))
-        if mm is None:
-            unknown.append(str(unit or "none"))
-        scale.append(level.scale[places[name]] * (mm or 1.0))
-        shift.append(level.shift[places[name]] * (mm or 1.0))
-    if unknown and query.spacing_mm is None:
+    at = [places[name] for name in reversed(_SPACE)]
+    units = [str(axes[place].get("unit") or "none") for place in at]
+    unknown = [unit for unit in units if mm_per_unit(unit) is None]
+    unit_mm = np.array([(level.is_spaced and mm_per_unit(unit)) or 1.0 for unit in units])
+    world = affine(level.matrix[np.ix_(at, at)] * unit_mm[:, None], level.matrix[at, -1] * unit_mm)
+    if unknown and query.spacing_mm is None and level.is_spaced:
+        scale = np.linalg.norm(world[:3, :3], axis=0)
         remarks.append(
             f"{query.path}: the unit of its scale is {unknown[0]}, millimetres are assumed; "
             f"if that is wrong, give them as in {query.example(spacing=spacing_text(*scale))}"
         )
-    world = affine(np.diag(scale), shift)
     # OME-Zarr has no directions: `volspec convert` writes its own.
     try:
-        directions = stated["volspec"]["world_from_picture"]
+        directions = _own_metadata(group)["world_from_picture"]
         return np.array(directions, float).reshape(4, 4) @ world
     except (KeyError, TypeError, ValueError):
         return world

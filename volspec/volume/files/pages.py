@@ -1,6 +1,6 @@
-"""Pages of TIFF files and PNG pictures as arrays, and the spacing stated in TIFF files.
+"""Pages of TIFF files and other pictures as arrays, and the spacing stated in TIFF files.
 
-    tiff -> [pages] -> (Y, X) or (Y, X, S) arrays, millimetres along x, y, z
+    tiff, slices -> [pages] -> (Y, X) or (Y, X, S) arrays, millimetres along x, y, z
 
 tifffile supports microscopes' dialects. Without imagecodecs, a large package, it cannot decode LZW
 and JPEG: such pages are read by Pillow, which supports no dialects and few types. Types that it
@@ -8,21 +8,27 @@ would silently narrow or read in the wrong byte order are refused.
 
 References
 ----------
-[1] OME-XML 2016-06, Pixels: PhysicalSizeX and its unit, micrometres by default.
+[1] OME-XML 2016-06, Pixels: PhysicalSizeX and its unit, micrometres by default; each Image has its
+    own. OME-TIFF: the file names ``.ome.tf2 .ome.tf8 .ome.btf`` of BigTIFF.
 [2] TIFF 6.0, XResolution, YResolution and ResolutionUnit: pixels per inch or centimetre. ImageJ
-    writes pixels per its own unit; the unit and the slices' distance are in its description.
+    writes pixels per its own unit; the unit and the slices' distance, which may be negative, are
+    in its description.
 """
 
 from __future__ import annotations
 
 import logging
 import math
+import re
 import struct
+import sys
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from logging.handlers import BufferingHandler
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,35 +39,32 @@ from volspec.errors import VolumeError, one_line
 from volspec.volume.channels import Channel, channels_of_imagej
 from volspec.volume.files.lattice import mm_per_unit, spacing_text
 from volspec.volume.files.query import Query
+from volspec.volume.metadata import NO_SPACING, Metadata
 
+PICTURES = {
+    "TIFF": (".tif", ".tiff", ".tf2", ".tf8", ".btf"),
+    "PNG": (".png",),
+    "BMP": (".bmp",),
+    "JPEG 2000": (".jp2",),
+    "JPEG": (".jpg", ".jpeg"),
+}
+"""Endings of the names of pictures, by their format; of one that loses nothing first."""
 _DAMAGE = (
     *(ValueError, OSError, RuntimeError, LookupError, TypeError, AttributeError, ArithmeticError),
     *(EOFError, SyntaxError, MemoryError, ImportError, struct.error, zlib.error),
 )
 Reserve = Callable[[Sequence[int], int], None]
-"""`Query.reserve`, or a wrapper for one picture of several."""
+"""Called with a picture's shape and bytes per value before it is decoded."""
 # Types that Pillow reads correctly, with the file's byte order; fewer for multi-sample pixels.
 _PILLOWS = ("<b1", ">b1", "<u1", ">u1", "<u2", ">u2", "<i2", "<i4", "<u4", "<f4")
 _PILLOWS_COLOURS = ("<u1", ">u1")
 # TIFF 6.0: PhotometricInterpretation, PlanarConfiguration.
 _WHITE_IS_ZERO, _CONTIGUOUS = 0, 1
-# Offset of the bits per sample in a PNG file.
-_PNG_BITS = 24
+# Bits per sample in the headers of PNG and JPEG 2000, where one less is stored.
+_BITS = re.compile(rb"(IHDR.{8}|ihdr.{10})(.)", re.DOTALL)
 # Dots per inch that programs write by default, unrelated to the voxels.
 _FOR_PRINT = (1, 72, 96, 100, 150, 200, 240, 300, 360, 400, 600, 720, 1200, 2400)
 _INCH, _CENTIMETRE = 2, 3
-
-
-class _LogRecorder(logging.Handler):
-    """Collects logged messages."""
-
-    def __init__(self, level: int) -> None:
-        super().__init__(level)
-        self.messages: list[str] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Collect a message."""
-        self.messages.append(record.getMessage())
 
 
 @contextmanager
@@ -70,14 +73,14 @@ def picture_errors(path: Path) -> Iterator[None]:
 
     tifffile logs an error and continues with what it could read.
     """
-    log, handler = logging.getLogger("tifffile"), _LogRecorder(logging.ERROR)
-    messages = handler.messages
+    log, handler = logging.getLogger("tifffile"), BufferingHandler(sys.maxsize)
+    handler.setLevel(logging.ERROR)
     log.addHandler(handler)
     propagated, log.propagate = log.propagate, False
     try:
         yield
     except _DAMAGE as error:
-        if isinstance(error, VolumeError) and not messages:
+        if isinstance(error, VolumeError) and not handler.buffer:
             raise
         if _lacks_codec(error):
             raise VolumeError(
@@ -85,17 +88,20 @@ def picture_errors(path: Path) -> Iterator[None]:
                 "pip install imagecodecs, or save the stack without compression",
                 code="unsupported",
             ) from error
-        raise _damage_error(path, [*messages, str(error)]) from error
+        raise _damage_error(path, handler.buffer, error) from error
     finally:
         log.removeHandler(handler)
         log.propagate = propagated
-    if messages:
-        raise _damage_error(path, messages)
+    if handler.buffer:
+        raise _damage_error(path, handler.buffer)
 
 
-def _damage_error(path: Path, messages: list[str]) -> VolumeError:
+def _damage_error(
+    path: Path, logged: list[logging.LogRecord], error: Exception | None = None
+) -> VolumeError:
+    cause = logged[0].getMessage() if logged else str(error)
     return VolumeError(
-        f"{path}: cannot be read ({one_line(messages[0])[:120]}); is it complete and of the type "
+        f"{path}: cannot be read ({one_line(cause)[:120]}); is it complete and of the type "
         "its name says?",
         code="damaged",
     )
@@ -137,54 +143,71 @@ def _pillow_can(page: Any) -> bool:
     return page.parent.byteorder + page.dtype.str[1:] in known and page.bitspersample == stored
 
 
-def png_values(path: Path, reserve: Reserve) -> NDArray[Any]:
-    """Read the pixels of a PNG file, as indices if it has a palette.
+def picture_values(path: Path, reserve: Reserve | None) -> NDArray[Any]:
+    """Read the pixels of a picture other than TIFF, as indices if it has a palette.
 
-    ``reserve`` is called before decoding. 16-bit colours, which Pillow narrows to 8, are refused.
+    16-bit colours, which Pillow narrows to 8, are refused.
     """
     from PIL import Image
 
-    with Image.open(path) as image:
+    try:
+        opened = Image.open(path)
+    except Image.DecompressionBombError as error:
+        raise VolumeError(
+            f"{path}: has more pixels than are read of its format; save it as TIFF", code="size"
+        ) from error
+    with opened as image:
         with path.open("rb") as file:
-            bits = file.read(_PNG_BITS + 1)[_PNG_BITS]
+            header = _BITS.search(file.read(128))
+        bits = 8 if header is None else header[2][0] + header[1].startswith(b"ihdr")
         if bits > 8 and len(image.getbands()) > 1:
             raise VolumeError(
                 f"{path}: holds {bits}-bit colours, which would be cut to 8; save it grey, or "
                 "as TIFF",
                 code="unsupported",
             )
-        reserve((*image.size, len(image.getbands())), 4 if image.mode == "I" else -(-bits // 8))
+        if reserve is not None:
+            itemsize = 4 if image.mode == "I" else -(-bits // 8)
+            reserve((*image.size, len(image.getbands())), itemsize)
         return np.array(image)
 
 
 def resolve_spacing(
     stated: tuple[float | None, ...], query: Query, remarks: list[str]
-) -> tuple[float, float, float]:
-    """Return the query's spacing, else the stated one; gaps (None) are filled and remarked on."""
+) -> tuple[tuple[float, float, float], Metadata]:
+    """Return the query's spacing, else the stated one, and what is assumed in its gaps (None).
+
+    Assumptions are remarked on.
+    """
     x, y, z = stated
     if query.spacing_mm is not None:
-        return query.spacing_mm
+        return query.spacing_mm, Metadata()
     remedy = "if that is wrong, give it in mm as in"
     if x is None or y is None:
         remarks.append(
             f"{query.path}: states no spacing, 1 mm is assumed; {remedy} "
             f"{query.example(spacing='1,1,1')}"
         )
-        return 1.0, 1.0, 1.0
+        return (1.0, 1.0, 1.0), Metadata(assumed=(NO_SPACING,))
     if z is None:
         remarks.append(
             f"{query.path}: states {x:.4g} × {y:.4g} mm in the plane but no slice distance, "
             f"{x:.4g} mm is assumed; {remedy} {query.example(spacing=spacing_text(x, y, x))}"
         )
-        return x, y, x
-    return x, y, z
+        return (x, y, x), Metadata(assumed=(f"slices {x:.4g} mm apart",))
+    return (x, y, z), Metadata()
 
 
-def stated_spacing_mm(tiff: Any, page: Any) -> tuple[float | None, float | None, float | None]:
-    """Return a tifffile ``TiffFile``'s stated spacing along x, y and z, each None if missing."""
-    if tiff.ome_metadata:
-        x, y, z = _ome_spacing_mm(tiff.ome_metadata)
-        return x, y, z
+Spacing = tuple[float | None, float | None, float | None]
+"""Millimetres along x, y, z; None if not stated."""
+
+
+def stated_spacing_mm(tiff: Any, page: Any, series: Any = None) -> Spacing:
+    """Return the spacing that a tifffile ``TiffFile`` states of a page of a series."""
+    if (pixels := _ome_pixels(tiff, series)) is not None:
+        x, y, z = (_ome_size_mm(pixels, f"PhysicalSize{axis}") for axis in "XYZ")
+        if x is not None:
+            return x, y, z
     if tiff.imagej_metadata:
         imagej = tiff.imagej_metadata
         unit = imagej.get("unit")
@@ -202,29 +225,32 @@ def stated_spacing_mm(tiff: Any, page: Any) -> tuple[float | None, float | None,
     return x, y, None
 
 
-def stated_channels(tiff: Any, count: int) -> list[Channel]:
-    """Return what an OME-TIFF or ImageJ's file says of its channels; empty if it states none."""
+def stated_channels(tiff: Any, series: Any, count: int) -> list[Channel]:
+    """Return what OME or ImageJ says of a series' channels; empty unless of as many as counted."""
     if tiff.imagej_metadata:
         return channels_of_imagej(tiff.imagej_metadata, count)
-    try:
-        root = parse_xml(tiff.ome_metadata or "")
-    except ValueError:
-        return []
-    channels = root.findall("{*}Image/{*}Pixels/{*}Channel")
-    return [Channel.of_ome(channel.attrib) for channel in channels]
+    pixels = _ome_pixels(tiff, series)
+    rows = [] if pixels is None else pixels.findall("{*}Channel")
+    return [Channel.of_ome(row.attrib) for row in rows] if len(rows) == count else []
 
 
-def _ome_spacing_mm(text: str) -> list[float | None]:
+def _ome_pixels(tiff: Any, series: Any) -> Element | None:
+    """Return the OME Pixels of a series; without a series, or of one Image, the first."""
     try:
-        pixels = parse_xml(text).find("{*}Image/{*}Pixels")
+        images = parse_xml(tiff.ome_metadata or "").findall("{*}Image")
     except ValueError:
-        pixels = None
-    spacing: list[float | None] = []
-    for axis in "XYZ":
-        size = _positive(None if pixels is None else pixels.get(f"PhysicalSize{axis}"))
-        mm = None if pixels is None else mm_per_unit(pixels.get(f"PhysicalSize{axis}Unit", "µm"))
-        spacing.append(None if size is None or mm is None else size * mm)
-    return spacing
+        return None
+    if series is not None and len(images) > 1:
+        if len(images) == len(tiff.series):
+            images = [images[tiff.series.index(series)]]
+        else:  # tifffile leaves out those whose planes are all in missing files
+            images = [image for image in images if image.get("Name") == series.name]
+    return images[0].find("{*}Pixels") if images else None
+
+
+def _ome_size_mm(pixels: Element, key: str) -> float | None:
+    size, mm = _positive(pixels.get(key)), mm_per_unit(pixels.get(f"{key}Unit", "µm"))
+    return None if size is None or mm is None else size * mm
 
 
 def _pixel_mm(page: Any, name: str, mm: float | None) -> float | None:
@@ -238,8 +264,9 @@ def _pixel_mm(page: Any, name: str, mm: float | None) -> float | None:
 
 
 def _positive(given: Any) -> float | None:
+    """Return a size without its sign, which ImageJ writes for stacks from below."""
     try:
-        number = float(given)
+        number = abs(float(given))
     except (TypeError, ValueError):
         return None
     return number if 0 < number < math.inf else None

@@ -1,70 +1,51 @@
-"""Multi-page TIFF files (plain, ImageJ, OME-TIFF), and folders of TIFF or PNG slices.
+"""Multi-page TIFF files: plain, ImageJ's and OME-TIFF.
 
-file -> tifffile: axes and pages -> [tiff] -> Reading
-folder -> names in order -> [tiff] -> Reading
+    file -> tifffile: series, axes, pages -> [tiff] -> Slices -> Reading, or Stack
+
+References
+----------
+[1] OME-TIFF specification: Images of a file, planes in other files, companion files (BinaryOnly).
 """
 
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.errors import VolumeError
-from volspec.volume.channels import Channel
+from volspec._parse import parse_xml
+from volspec.errors import Code, VolumeError
+from volspec.volume.channels import unique_titles
 from volspec.volume.files.lattice import stack_slices
 from volspec.volume.files.pages import (
-    Reserve,
+    PICTURES,
     page_values,
     picture_errors,
-    png_values,
     resolve_spacing,
     stated_channels,
     stated_spacing_mm,
 )
 from volspec.volume.files.query import Query, Reading
-from volspec.volume.files.slices import Slices, level_of_slices
+from volspec.volume.files.slices import Slices, larger_stack
 from volspec.volume.pyramid import Stack
 
-SUFFIXES = (".tif", ".tiff")
-# tifffile's letters: channels and the samples of a pixel, time.
-_CHANNELS, _TIME = "CS", "T"
-_PNG = ".png"
-# tifffile's letter for the samples of a pixel.
-_SAMPLES = "S"
+SUFFIXES = PICTURES["TIFF"]
+# tifffile's letters: time, slices, channels, rows, columns, samples of a pixel.
+_TIME, _SLICES, _AXES, _OF_PICTURES = "T", "Z", "TZCYXS", "CYXS"
 # Greatest compression ratio that is expected.
 _MOST_PACKED = 100
+# Most sizes that a message lists.
+_MOST_LISTED = 8
 
 
 def read_tiff(query: Query) -> Reading:
     """Read a TIFF file's stack, with the channel and time that the query selects."""
-    path = query.path
-    query.allow("spacing", "channel", "time")
-    remarks: list[str] = []
-    with picture_errors(path), _opened(path) as tiff:
-        series, through, channels = _series(tiff, query)
-        at = _selected(series, through, channels, query)
-        query.end_choices()
-        if through == _TIME:
-            remarks.append(f"{path}: its pages are points in time, but are read as slices")
-        spacing = resolve_spacing(stated_spacing_mm(tiff, series.keyframe), query, remarks)
-        if (slices := _Pages.of(tiff, series, through, at)) is None:
-            query.reserve(series.shape, series.dtype.itemsize)
-            index = tuple(at.get(axis, slice(None)) for axis in series.axes)
-            values = np.array(series.asarray()[index])
-        else:
-            query.reserve((*series.keyframe.shape, slices.count), series.dtype.itemsize)
-            values = stack_slices(range(slices.count), slices.read)
-    number = at.get("C", 0)
-    channel = channels[number] if number < len(channels) else None
-    return Reading(values, spacing_mm=spacing, remarks=remarks, channel=channel)
+    return _slices(query).reading(query)
 
 
 def tiff_stack(query: Query) -> Stack | None:
@@ -72,250 +53,223 @@ def tiff_stack(query: Query) -> Stack | None:
 
     So are those of several channels or times, unless one is selected.
     """
-    path = query.path
-    if query.choices is not None or path.stat().st_size * _MOST_PACKED <= query.most_bytes:
-        return None
-    with picture_errors(path), _opened(path) as tiff:
-        series, through, channels = _series(tiff, query)
-        sizes = dict(zip(series.axes, series.shape, strict=True))
-        shape = sizes[through], sizes["Y"], sizes["X"]
-        others = {axis: n for axis, n in sizes.items() if axis not in (through, "Y", "X")}
-        selected = all(n == 1 or _names(axis, n)[0] in query.options for axis, n in others.items())
-        if math.prod(shape) * series.dtype.itemsize <= query.most_bytes or not selected:
-            return None
-        at = _selected(series, through, channels, query)
-        slices = _Pages.of(tiff, series, through, at)
-        spacing = resolve_spacing(stated_spacing_mm(tiff, series.keyframe), query, [])
-    if slices is None:
-        return None
-    read = partial(_pages_of_file, path, through, at)
-    level = level_of_slices(Slices(path, shape, series.dtype, read), spacing)
-    number = at.get("C", 0)
-    return Stack([level], channels[number] if number < len(channels) else None)
+    small = query.path.stat().st_size * _MOST_PACKED <= query.most_bytes
+    return None if small else larger_stack(query, _slices)
 
 
-def _pages_of_file(
-    path: Path, through: str, at: dict[str, int], numbers: Sequence[int]
-) -> list[NDArray[Any]]:
+def _slices(query: Query) -> Slices:
+    path, remarks = query.path, list[str]()
     with picture_errors(path), _opened(path) as tiff:
-        found = _Pages.of(tiff, _only_series(tiff, Query(path)), through, at)
-        assert found is not None
-        return [found.read(number) for number in numbers]
+        stack = _selected(tiff, query)
+        query.end_choices()
+        series, sizes = stack.series, stack.sizes
+        if stack.through == _TIME:
+            remarks.append(f"{path}: its pages are points in time, but are read as slices")
+        if (companion := _companion(tiff)) is not None:
+            remarks.append(
+                f"{path}: {companion.name}, which states its axes and spacing, is missing; copy it "
+                "to the same folder"
+            )
+        shape = _complete_slices(stack, path, remarks), sizes["Y"], sizes["X"]
+        stated = stated_spacing_mm(tiff, series.keyframe, series)
+        channels = stated_channels(tiff, series, sizes.get("C", 1))
+    own = Query(path, query.options)
+    return Slices(
+        *(path, shape, series.dtype, partial(_read_pages, own)),
+        *resolve_spacing(stated, query, remarks),
+        channels[stack.at.get("C", 0)] if channels else None,
+        remarks,
+        whole=() if stack.has_pages else series.shape,
+    )
+
+
+def _read_pages(query: Query, numbers: Sequence[int]) -> NDArray[Any]:
+    with picture_errors(query.path), _opened(query.path) as tiff:
+        stack = _selected(tiff, query)
+        series, axes = stack.series, stack.axes
+        if not stack.has_pages:
+            return _picked(series.asarray(), axes, stack.at, (stack.through, *"YX"))[numbers]
+        leading = stack.leading
+        own, page = axes[len(leading) :], series.shape[len(leading) :]
+        dtype = np.dtype(tiff.byteorder + series.dtype.char)
+
+        def read(k: int) -> NDArray[Any]:
+            place = [k if axis == stack.through else stack.at[axis] for axis in leading]
+            number = int(np.ravel_multi_index(place, series.shape[: len(leading)]))
+            if stack.is_run:
+                items = math.prod(page)
+                first = series.dataoffset + number * items * dtype.itemsize
+                values = np.fromfile(tiff.filehandle.path, dtype, items, offset=first)
+            else:
+                values = page_values(series.pages[number])
+            return _picked(values.reshape(page), own, stack.at, "YX")
+
+        return stack_slices(numbers, read)
 
 
 def _opened(path: Path) -> Any:
-    """Open a file; pages written one by one are joined, which tifffile makes separate series."""
+    """Open a file, or that with its OME-XML.
+
+    Pages written one by one are joined, which tifffile makes separate series.
+    """
     from tifffile import TiffFile
 
     tiff = TiffFile(path)
     if tiff.is_shaped and len(tiff.series) > 1 and all(len(s.pages) == 1 for s in tiff.series):
         tiff.close()
-        tiff = TiffFile(path, is_shaped=False)
+        return TiffFile(path, is_shaped=False)
+    if (companion := _companion(tiff)) is not None and companion.is_file():
+        tiff.close()
+        if companion.name.lower().endswith(SUFFIXES):
+            return TiffFile(companion)
+        return TiffFile(path, omexml=companion.read_text(encoding="utf-8"))
     return tiff
 
 
-def _only_series(tiff: Any, query: Query) -> Any:
-    """Return a file's only series, or the only stack among single pictures (labels, previews)."""
-    if len(tiff.series) == 1:
-        return tiff.series[0]
-    stacks = [series for series in tiff.series if len(series.pages) > 1]
-    if len(stacks) == 1:
-        return stacks[0]
-    sizes = ", ".join("x".join(map(str, series.shape[::-1])) for series in tiff.series[:8])
-    raise VolumeError(
-        f"{query.path}: holds pictures of several sizes ({sizes}); a volume's slices have the "
-        "same size, save the stack alone",
-        code="conflict",
-    )
+def _companion(tiff: Any) -> Path | None:
+    """Return the file with the OME-XML of one that has only a reference to it."""
+    try:
+        row = parse_xml(tiff.ome_metadata or "").find("{*}BinaryOnly")
+    except ValueError:
+        return None
+    name = "" if row is None else row.get("MetadataFile", "")
+    return Path(tiff.filehandle.path).parent / Path(name).name if name else None
 
 
-def _slice_axis(series: Any, query: Query) -> str:
-    """Return the axis along which slices are stacked."""
-    others = [axis for axis in series.axes if axis not in ("Y", "X", *_CHANNELS)]
-    if "Z" in others:
-        others = [axis for axis in others if axis not in ("Z", _TIME)]
-        if not others:
-            return "Z"
-    elif len(others) == 1:
-        return str(others[0])
-    counts = "x".join(map(str, series.shape[::-1]))
-    if not others:
-        raise VolumeError(
-            f"{query.path}: is a single picture ({counts}), a volume needs several slices; give "
-            f"the folder that holds them, {query.path.absolute().parent}",
-            code="shape",
-        )
-    raise VolumeError(
-        f"{query.path}: holds {counts} values along {series.axes[::-1]}, among which no stack of "
-        "slices is recognised; save one stack",
-        code="shape",
-    )
+class _Selection(NamedTuple):
+    """Stack in an open file: a series, the axis of its slices, and an index along the others."""
+
+    series: Any
+    axes: str
+    through: str
+    at: Mapping[str, int]
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Length of each axis."""
+        return dict(zip(self.axes, self.series.shape, strict=True))
+
+    @property
+    def leading(self) -> str:
+        """Axes along which pages follow."""
+        return self.axes.rstrip("YXS")
+
+    @property
+    def is_run(self) -> bool:
+        """True if it is one block of bytes, even if ImageJ lists only its first page."""
+        return self.series.dataoffset is not None
+
+    @property
+    def has_pages(self) -> bool:
+        """True if each page is of one slice; else the series is read as a whole."""
+        count = math.prod(self.sizes[axis] for axis in self.leading)
+        return not {*"YX"} & {*self.leading} and (self.is_run or len(self.series.pages) == count)
 
 
-def _names(axis: str, count: int) -> tuple[str, int, str]:
-    """Return the option that selects along an axis, the axis' length, and a noun for it."""
-    if axis == _TIME:
-        return "time", count, "time steps"
-    return "channel", count, "channels"
-
-
-def _series(tiff: Any, query: Query) -> tuple[Any, str, list[Channel]]:
-    """Return a file's stack, the axis of its slices, and its channels."""
-    series = _only_series(tiff, query)
-    sizes = dict(zip(series.axes, series.shape, strict=True))
-    return series, _slice_axis(series, query), stated_channels(tiff, sizes.get("C", 1))
-
-
-def _selected(series: Any, through: str, channels: list[Channel], query: Query) -> dict[str, int]:
-    """Return the index that the query selects along each axis that a volume lacks."""
-    named = [channel.name for channel in channels]
-    return {
-        axis: query.index(*_names(axis, count), () if axis == _TIME else named)
-        for axis, count in zip(series.axes, series.shape, strict=True)
+def _selected(tiff: Any, query: Query) -> _Selection:
+    """Return the stack that a query selects by its series, axes, channel and time."""
+    query.allow("spacing", "series", "axes", "channel", "time")
+    series, axes = _series(tiff, query)
+    through, sizes = _slice_axis(series, axes, query), dict(zip(axes, series.shape, strict=True))
+    names = [channel.name for channel in stated_channels(tiff, series, sizes.get("C", 1))]
+    at = {
+        axis: query.index("time", count, "time steps")
+        if axis == _TIME
+        else query.index("channel", count, "channels", names)
+        for axis, count in sizes.items()
         if axis not in (through, "Y", "X")
     }
+    return _Selection(series, axes, through, at)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Pages:
-    """Slices of an open file: ``read(k)`` returns the k-th, without other channels and times."""
-
-    count: int
-    read: Callable[[int], NDArray[Any]]
-
-    @classmethod
-    def of(cls, tiff: Any, series: Any, through: str, at: dict[str, int]) -> _Pages | None:
-        """Return the slices; None if a page is not one, and the series has to be read whole."""
-        # One block of bytes, even if ImageJ lists only one page.
-        run = series.dataoffset is not None
-        own = series.axes[series.axes.index("Y") :] if run else series.keyframe.axes
-        leading = series.axes[: len(series.axes) - len(own)]
-        counts, page = series.shape[: len(leading)], series.shape[len(leading) :]
-        if through not in leading or not (run or len(series.pages) == math.prod(counts)):
-            return None
-        within = tuple(at.get(axis, slice(None)) for axis in own)
-        dtype = np.dtype(tiff.byteorder + series.dtype.char)
-
-        def read(k: int) -> NDArray[Any]:
-            place = [k if axis == through else at[axis] for axis in leading]
-            number = int(np.ravel_multi_index(place, counts))
-            if not run:
-                return page_values(series.pages[number])[within]
-            items = math.prod(page)
-            first = series.dataoffset + number * items * dtype.itemsize
-            values = np.fromfile(tiff.filehandle.path, dtype, items, offset=first)
-            return values.reshape(page)[within]
-
-        return cls(series.shape[series.axes.index(through)], read)
+def _series(tiff: Any, query: Query) -> tuple[Any, str]:
+    """Return the stack that the query selects, with its axes; labels and previews are none."""
+    given = query.options.get("axes", "").upper()
+    found = [(s, given if len(given) == len(s.axes) else s.axes) for s in tiff.series]
+    if len(found) != 1:
+        found = [(series, axes) for series, axes in found if {*axes} - {*_OF_PICTURES}]
+    if not found:
+        sizes = ", ".join(_size(series) for series in tiff.series[:_MOST_LISTED])
+        raise VolumeError(
+            f"{query.path}: holds {len(tiff.series)} pictures ({sizes}), of which none is a stack "
+            "of slices; save the slices as one stack",
+            code="conflict",
+        )
+    titles = unique_titles([series.name or "stack" for series, _ in found])
+    names = [f"{title} ({_size(series)})" for title, (series, _) in zip(titles, found, strict=True)]
+    series, axes = found[query.index("series", len(found), "stacks", names)]
+    if len(found) > 1 and "series" not in query.options:
+        query.end_choices()  # the others depend on it
+    is_valid = len({*given}) == len(given) and {*"YX"} <= {*given} <= {*_AXES}
+    if given and (axes != given or not is_valid):
+        raise VolumeError(
+            f"{query.path}: axes={given} do not fit its {len(axes)} axes ({_size(series)})",
+            f"give {len(axes)} different letters of {_AXES}, Y and X among them",
+            code="syntax",
+            given=given,
+        )
+    return series, axes
 
 
-def pictures_in(folder: Path) -> list[Path]:
-    """Return a folder's TIFF files, or else its PNG files; ``z2`` before ``z10``."""
-    files = [p for p in folder.iterdir() if not p.name.startswith(".") and p.is_file()]
-    for endings in (SUFFIXES, (_PNG,)):
-        if found := [path for path in files if path.name.lower().endswith(endings)]:
-            return sorted(found, key=lambda path: _natural_key(path.name))
-    return []
+def _size(series: Any) -> str:
+    return "x".join(map(str, series.shape[::-1]))
 
 
-def _natural_key(name: str) -> list[tuple[int, str]]:
-    """Return a sort key by letters and by the values of numbers, then by their digits.
+def _slice_axis(series: Any, axes: str, query: Query) -> str:
+    """Return the axis along which slices are stacked."""
+    others = [axis for axis in axes if axis not in _OF_PICTURES]
+    if len({*axes}) == len(axes) and _SLICES in others and {*others} <= {_SLICES, _TIME}:
+        return _SLICES
+    if len(others) == 1:
+        return others[0]
+    if others:
+        free = iter([axis for axis in "ZTC" if axis not in axes])
+        likely = [axis if axis in _AXES else next(free, axis) for axis in axes[::-1]]
+        why = f"holds {_size(series)} values, and does not state which axis has the slices"
+        remedy = f"name its axes, as in {query.example(axes=''.join(likely[::-1]))}"
+    elif "C" in axes:
+        why = f"is a picture of {series.shape[axes.index('C')]} channels ({_size(series)})"
+        remedy = f"if these are slices, read it as {query.example(axes=axes.replace('C', 'Z'))}"
+    else:
+        why = f"is a single picture ({_size(series)}), a volume needs several slices"
+        remedy = f"give the folder that holds them, {query.path.absolute().parent}"
+    raise VolumeError(f"{query.path}: {why}", remedy, code="shape")
 
-    >>> sorted(["z10.tif", "z2.tif", "Z01.tif"], key=_natural_key)
-    ['Z01.tif', 'z2.tif', 'z10.tif']
+
+def _complete_slices(stack: _Selection, path: Path, remarks: list[str]) -> int:
+    """Return the number of slices before the first that lacks pages, and remark on the others.
+
+    A slice is complete with all channels of which the file has any page at that time.
     """
-    parts = re.split(r"(\d+)", name.casefold())
-    return [(int(part) if part.isdecimal() else 0, part) for part in parts]
-
-
-def read_stack(query: Query) -> Reading:
-    """Read a folder of pictures of one size, or one channel of them."""
-    query.allow("spacing", "channel")
-    files = pictures_in(query.path)
-    if len(files) == 1:
-        raise VolumeError(
-            f"{query.path}: holds one picture, {files[0].name}, but a volume has several slices; "
-            "give all of them, or a multi-page TIFF file itself",
-            code="shape",
+    series, through, at, leading = stack.series, stack.through, stack.at, stack.leading
+    count = stack.sizes[through]
+    there = np.array([page is not None for page in series.pages])
+    if there.all():
+        return count
+    there = there.reshape(series.shape[: len(leading)])
+    time = {axis: k for axis, k in at.items() if axis == _TIME}
+    others = [axis for axis in leading if axis != through and axis not in time]
+    every = _picked(there, leading, time, (through, *others)).reshape(count, -1)
+    complete = every[:, every.any(axis=0)].all(axis=1)
+    first = count if complete.all() else int(complete.argmin())
+    remedy = "if they are in other files, copy these to the same folder"
+    if not _picked(there, leading, at, through).any():
+        code: Code = "range" if every.any() else "damaged"  # "range": other channels are read
+        raise VolumeError(f"{path}: no pages of this channel and time are there", remedy, code=code)
+    if first < count:
+        why = f"{path}: pages are missing from slice {first} on (of slices 0 to {count - 1})"
+        if first < 2:
+            raise VolumeError(why, remedy, code="damaged")
+        remarks.append(
+            f"{why}, as after an aborted acquisition; the {first} before are read; {remedy}"
         )
-    remarks: list[str] = []
-
-    def reserve(shape: Sequence[int], itemsize: int) -> None:
-        query.reserve((*shape, len(files)), itemsize)
-
-    first, stated = _read_picture(files[0], reserve)
-    query.index("channel", 1 if first.ndim == 2 else first.shape[2], "channels")
-    query.end_choices()
-    spacing = resolve_spacing(stated, query, remarks)
-    read = partial(_read_slice, shape=first.shape, query=query, reserve=reserve)
-    values = stack_slices(files, read)
-    return Reading(values, spacing_mm=spacing, remarks=remarks)
+    return first
 
 
-def pictures_stack(query: Query) -> Stack | None:
-    """Return a folder of pictures that is larger than memory as a level; else None."""
-    files = pictures_in(query.path)
-    if query.choices is not None or len(files) < 2:
-        return None
-    first, stated = _read_picture(files[0], lambda shape, itemsize: None)
-    shape = len(files), first.shape[0], first.shape[1]
-    channels = 1 if first.ndim == 2 else first.shape[2]
-    if math.prod(shape) * first.itemsize <= query.most_bytes or (
-        channels > 1 and "channel" not in query.options
-    ):
-        return None
-    own = Query(query.path, query.options)
-    read = partial(_slices_of_folder, files, first.shape, own)
-    slices = Slices(query.path, shape, first.dtype, read)
-    return Stack([level_of_slices(slices, resolve_spacing(stated, query, []))])
-
-
-def _slices_of_folder(
-    files: Sequence[Path], shape: tuple[int, ...], query: Query, numbers: Sequence[int]
-) -> list[NDArray[Any]]:
-    return [
-        _read_slice(files[number], shape, query, lambda shape, itemsize: None) for number in numbers
-    ]
-
-
-def _read_slice(path: Path, shape: tuple[int, ...], query: Query, reserve: Reserve) -> NDArray[Any]:
-    """Read (Y, X) from one file, which must have the first one's size."""
-    values, _ = _read_picture(path, reserve)
-    if values.shape != shape:
-        raise VolumeError(
-            f"{path}: is {_size(values.shape)}, the first slice {_size(shape)}; remove what is "
-            "not a slice, or make all the same size",
-            code="shape",
-        )
-    if values.ndim == 2:
-        query.index("channel", 1, "channels")
-        return values
-    chosen: NDArray[Any] = values[..., query.index("channel", shape[2], "channels")]
-    return chosen
-
-
-def _size(shape: tuple[int, ...]) -> str:
-    channels = f" of {shape[2]} channels" if len(shape) > 2 else ""
-    return f"{shape[1]}x{shape[0]}{channels}"
-
-
-def _read_picture(path: Path, reserve: Reserve) -> tuple[NDArray[Any], tuple[float | None, ...]]:
-    """Read (Y, X) or (Y, X, S) and the stated spacing from one file."""
-    with picture_errors(path):
-        if path.suffix.lower() == _PNG:
-            return png_values(path, reserve), (None, None, None)
-        from tifffile import TiffFile
-
-        with TiffFile(path) as tiff:
-            page = tiff.pages[0]
-            if (pages := len(tiff.pages) * page.imagedepth) > 1:
-                raise VolumeError(
-                    f"{path}: holds {pages} pages, and its folder has other files; give a file of "
-                    "several pages itself, or a folder of single ones",
-                    code="conflict",
-                )
-            reserve(page.shape, page.dtype.itemsize)
-            values = page_values(page)
-            if page.axes.startswith(_SAMPLES):  # a plane per colour
-                values = np.moveaxis(values, 0, -1)
-            return values, stated_spacing_mm(tiff, page)
+def _picked(
+    values: NDArray[Any], axes: str, at: Mapping[str, int], order: Iterable[str]
+) -> NDArray[Any]:
+    """Return an array at an index along some of its axes, with its other axes in an order."""
+    rest = [axis for axis in axes if axis not in at]
+    index = tuple(at.get(axis, slice(None)) for axis in axes)
+    return np.array(values[index].transpose([rest.index(axis) for axis in order]))

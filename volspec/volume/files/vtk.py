@@ -1,8 +1,9 @@
-"""VTK image data, ``.vti`` and ``.vtr`` in XML and legacy ``.vtk``, read with pyvista.
+"""VTK image data and evenly spaced rectilinear grids, read with pyvista.
 
-load_volume -> [vtk] -> Reading
+    file, or pieces or blocks that it names -> [vtk] -> Reading
 
-Lengths are checked first: VTK leaves missing voxels uninitialised.
+XML (``.vti .vtr``, in pieces ``.pvti .pvtr``, in blocks ``.vtm .vtmb``), legacy ``.vtk`` and HDF5
+(``.vtkhdf``). Lengths are checked first: VTK leaves missing voxels uninitialised.
 
 References
 ----------
@@ -17,8 +18,9 @@ import logging
 import math
 import struct
 import warnings
+from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from xml.parsers import expat
@@ -27,6 +29,7 @@ from volspec.errors import VolumeError
 from volspec.volume.channels import Channel
 from volspec.volume.files.layout import TRUNCATED
 from volspec.volume.files.query import Query, Reading
+from volspec.volume.metadata import NO_UNIT, Metadata
 from volspec.volume.vtk_interop import scalar_names, values_and_lattice
 
 # Bits of the legacy format's types; vtkIdType is stored as int.
@@ -41,20 +44,38 @@ _XML_BYTES = {
     f"{kind}{bits}": bits // 8 for kind in ("Int", "UInt", "Float") for bits in (8, 16, 32, 64)
 }
 _HEADER_TYPES = {"UInt32": "I", "UInt64": "Q"}
+# Components of the legacy format's arrays that state none.
+_LEGACY_COMPONENTS = {"vectors": "3", "normals": "3", "tensors": "9", "tensors6": "6"}
+_BLOCKS, _PIECES = (".vtm", ".vtmb"), (".pvti", ".pvtr")
 # Greatest depth of elements: VTK's files have seven levels, and its parser recurses.
 _DEEPEST = 32
 _CHUNK = 1 << 20
 
 
 def read_vtk(query: Query) -> Reading:
-    """Read image data, or a rectilinear grid of even spacing; of several arrays one."""
+    """Read a grid; of several arrays or components one, of several blocks the one named."""
+    if query.path.suffix.lower() in _BLOCKS:
+        return _read_block(query)
+    query.allow("channel")
+    check_vtk(query)
+    grid = _grid(query)
+    fields = scalar_names(grid, str(query.path))
+    names = [name if part is None else f"{name} {part}" for name, part in fields]
+    what = "channels (arrays and components)"
+    number = query.index("channel", len(names), what, names)
+    query.end_choices()
+    values, world = values_and_lattice(grid, *fields[number], str(query.path))
+    channel = Channel(names[number]) if len(names) > 1 else None
+    metadata = Metadata(assumed=(NO_UNIT,))
+    return Reading(values, world_from_index=world, channel=channel, metadata=metadata)
+
+
+def _grid(query: Query) -> Any:
+    """Read a file with pyvista, whose errors become one line."""
     import pyvista
     from pyvista.core.utilities.observers import VtkErrorCatcher
     from vtkmodules.vtkCommonCore import vtkLogger, vtkObject
 
-    path = query.path
-    query.allow("channel")
-    check_vtk(query)
     # VTK prints its errors and pyvista logs them again; both are replaced by one line.
     before = vtkLogger.GetCurrentVerbosityCutoff()
     # If another library has switched off VTK's warnings, errors would not be caught either.
@@ -66,28 +87,73 @@ def read_vtk(query: Query) -> Reading:
         with VtkErrorCatcher(raise_errors=True, send_to_logging=False), warnings.catch_warnings():
             # pyvista turns errors that it catches into warnings.
             warnings.filterwarnings("error", ".*raised an error while reading", UserWarning)
-            grid = pyvista.read(path)
+            return pyvista.read(query.path)
     except (OSError, ValueError, RuntimeError, TypeError, UserWarning) as error:
-        raise _unreadable(path) from error
+        raise _unreadable(query.path) from error
     finally:
         logging.disable(logging.NOTSET)
         vtkLogger.SetStderrVerbosity(before)
         vtkObject.SetGlobalWarningDisplay(warnings_shown)
-    names = scalar_names(grid)
-    number = query.index("channel", max(len(names), 1), "arrays", names)
-    query.end_choices()
-    several = len(names) > 1
-    values, world = values_and_lattice(grid, names[number] if several else None, str(path))
-    channel = Channel(names[number]) if several else None
-    return Reading(values, world_from_index=world, channel=channel)
+
+
+def _read_block(query: Query) -> Reading:
+    """Read the only block of image data, or the one that ``dataset=`` names."""
+    files = _XmlHeader(query.path).files
+    blocks = {n: f for n, f in files.items() if f.suffix.lower() in (".vti", ".vtr", *_PIECES)}
+    if not blocks:
+        listed = ", ".join(sorted({path.suffix for path in files.values()})) or "no file"
+        raise VolumeError(
+            f"{query.path}: none of its blocks is image data; they are {listed}",
+            "resample one to image data in ParaView (Resample To Image)",
+            code="unsupported",
+        )
+    _require_present(query.path, blocks.values())
+    name = query.array_named({name: _XmlHeader(path).counts for name, path in blocks.items()})
+    options = {key: value for key, value in query.options.items() if key != "dataset"}
+    return read_vtk(replace(query, path=blocks[name], options=options))
 
 
 def check_vtk(query: Query) -> None:
     """Refuse a file with arrays longer than the file, or than memory."""
-    if query.path.suffix.lower() in (".vti", ".vtr"):
-        _XmlHeader(query.path).check(query)
-    else:
+    suffix = query.path.suffix.lower()
+    if suffix == ".vtkhdf":
+        _reserve_hdf(query)
+    elif suffix not in (".vti", ".vtr", *_PIECES):
         _check_legacy(query)
+    else:
+        header = _XmlHeader(query.path)
+        nbytes = header.check(query)
+        _require_present(query.path, header.files.values())
+        for piece in header.files.values():
+            nbytes += _XmlHeader(piece).check(replace(query, path=piece))
+        if nbytes:
+            query.reserve((nbytes,), 1)
+
+
+def _require_present(path: Path, files: Iterable[Path]) -> None:
+    """Refuse a file that names pieces or blocks which are not there."""
+    if missing := [file for file in files if not file.is_file()]:
+        raise VolumeError(
+            f"{path}: its part {missing[0]} is not there ({len(missing)} missing)",
+            f"copy it into {missing[0].parent}",
+            code="not-found",
+        )
+
+
+def _reserve_hdf(query: Query) -> None:
+    """Refuse image data in HDF5 that exceed memory, with 8 bytes for a value of each array."""
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    reader = vtkHDFReader()
+    reader.SetFileName(str(query.path))
+    reader.UpdateInformation()
+    extent = reader.GetOutputInformation(0).Get(reader.GetExecutive().WHOLE_EXTENT())
+    if extent is not None:
+        sides = [
+            max(high - low + 1, 0) for low, high in zip(extent[::2], extent[1::2], strict=True)
+        ]
+        arrays = reader.GetNumberOfPointArrays() + reader.GetNumberOfCellArrays()
+        query.reserve(sides, 8 * max(arrays, 1))
 
 
 def _unreadable(path: Path) -> VolumeError:
@@ -113,9 +179,13 @@ def _check_legacy(query: Query) -> None:
                 case ["scalars", _, kind, *components]:
                     file.readline(4096)  # the lookup table's name
                     counts = [*(components or ["1"]), tuples]
+                case ["vectors" | "normals" | "tensors" | "tensors6" as what, _, kind]:
+                    counts = [_LEGACY_COMPONENTS[what], tuples]
+                case ["color_scalars", _, components]:
+                    kind, counts = "unsigned_char", [components, tuples]
                 case [_, per_tuple, count, kind]:  # an array of a FIELD
                     counts = [per_tuple, count]
-                case _:  # other words, or data of arrays that are not cast
+                case _:  # other words, or data of arrays that are no channels
                     continue
             if kind not in _LEGACY_BITS or not all(n.isdecimal() for n in counts):
                 continue
@@ -160,6 +230,8 @@ class _XmlHeader:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.arrays: list[_Array] = []
+        self.files: dict[str, Path] = {}  # pieces, or blocks by their names
+        self.counts: tuple[int, ...] = ()  # points along x, y, z of the whole
         self._order, self._word, self._compressed = "<", "I", False
         # Encoding of appended data, and the first byte after their underscore.
         self._encoding, self._start = "", 0
@@ -203,11 +275,19 @@ class _XmlHeader:
             self._order = ">" if given.get("byte_order") == "BigEndian" else "<"
             self._word = _HEADER_TYPES[given.get("header_type", "UInt32")]
             self._compressed = bool(given.get("compressor"))
-        elif name in ("ImageData", "RectilinearGrid"):
-            _, self._whole = _counts(given["WholeExtent"])
+        elif name.removeprefix("P") in ("ImageData", "RectilinearGrid"):
+            sides = _sides(given["WholeExtent"])
+            self.counts, self._whole = tuple(side + 1 for side in sides), _cells(sides)
         elif name == "Piece":
-            self._points, self._cells = _counts(given["Extent"])
+            sides = _sides(given["Extent"])
+            self._points, self._cells = math.prod(side + 1 for side in sides), _cells(sides)
             self._covered += self._cells
+            if "Source" in given:
+                self.files[given["Source"]] = self.path.parent / given["Source"]
+        elif name == "DataSet" and "file" in given:
+            file = self.path.parent / given["file"]
+            called = given.get("name", "").strip("/")
+            self.files[file.stem if called in ("", *self.files) else called] = file
         elif name == "DataArray" and self._open[-2] in ("PointData", "CellData"):
             tuples = self._points if self._open[-2] == "PointData" else self._cells
             values = tuples * max(int(given.get("NumberOfComponents", "1")), 1)
@@ -233,17 +313,18 @@ class _XmlHeader:
         array.words += len(text.split())
         array.text = (array.text + text)[:64] if len(array.text) < 64 else array.text
 
-    def check(self, query: Query) -> None:
-        """Refuse arrays that exceed their bytes in the file, or memory."""
-        if not self.arrays:
-            return
-        if self._covered != self._whole:
+    def check(self, query: Query) -> int:
+        """Return the bytes of the arrays; refuse those that exceed the file, or memory."""
+        # Pieces in files of their own may overlap.
+        if self._covered < self._whole or (self.arrays and self._covered > self._whole):
             raise VolumeError(
                 f"{self.path}: its pieces cover {self._covered} of {self._whole} cells; are all "
                 "there? Save it as one piece",
                 code="damaged",
             )
-        query.reserve((sum(a.values * a.itemsize for a in self.arrays),), 1)
+        nbytes = sum(array.values * array.itemsize for array in self.arrays)
+        if self.arrays:
+            query.reserve((nbytes,), 1)
         with self.path.open("rb") as file:
             for array in self.arrays:
                 asked = array.values * array.itemsize
@@ -257,6 +338,7 @@ class _XmlHeader:
                         f"{TRUNCATED}",
                         code="damaged",
                     )
+        return nbytes
 
     def _held(self, array: _Array, file: Any) -> int:
         """Return the size of an array in the file, from the lengths stored before its bytes."""
@@ -280,10 +362,14 @@ class _XmlHeader:
         return int(block * (first - 1) + last if last else block * first)
 
 
-def _counts(extent: str) -> tuple[int, int]:
-    """Return the numbers of points and cells in an extent, ``"0 5 0 4 0 39"``."""
+def _sides(extent: str) -> list[int]:
+    """Return the number of cells along each side of an extent, ``"0 5 0 4 0 39"``."""
     ends = [int(number) for number in extent.split()]
     sides = [high - low for low, high in zip(ends[::2], ends[1::2], strict=True)]
     if len(sides) != 3 or min(sides) < 0:
         raise ValueError("Extent")
-    return math.prod(side + 1 for side in sides), math.prod(max(side, 1) for side in sides)
+    return sides
+
+
+def _cells(sides: list[int]) -> int:
+    return math.prod(max(side, 1) for side in sides)
