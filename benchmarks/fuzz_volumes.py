@@ -11,6 +11,7 @@ from __future__ import annotations
 import locale
 import os
 import re
+import struct
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
@@ -23,11 +24,9 @@ import numpy as np
 from benchmarks.fuzz_target import Target
 from volspec.errors import VolspecError
 from volspec.volume import load_volume, reader_process
-from volspec.volume.files.headers import check_itk_header
-from volspec.volume.files.itk import Extent, Layout, is_sequence
-from volspec.volume.files.neuro import read_neuro
-from volspec.volume.files.query import Query
+from volspec.volume.files.query import Query, Stored
 from volspec.volume.files.vtk import check_vtk
+from volspec.volume.load import read_here
 
 _VALUES = (np.arange(4 * 5 * 6) % 251).astype(np.uint8).reshape(4, 5, 6)
 _SHORTS = _VALUES.astype(np.int16) * 100 - 9000
@@ -52,17 +51,11 @@ def _load_raw(path: Path) -> None:
     load_volume(f"{path.with_name('voxels.raw')}?{query.decode('utf-8', 'surrogateescape')}")
 
 
-def _header(path: Path) -> None:
-    """Read what is read of a header in this process: by nibabel, or before ITK."""
-    query = Query(path)
-    if path.name.endswith((".nii", ".nii.gz")):
-        read_neuro(query)
-        return
-    check_itk_header(path)
-    layout = Layout.of(path)
-    if layout is not None:
-        extent = Extent.of(query, (6, 5, 4), 1, None, is_sequence(path))
-        layout.voxels(extent, np.dtype(np.int16), query, [])
+def _here(path: Path) -> None:
+    """Read a file in this process, so that its reader's coverage is seen."""
+    values = read_here(Query(path)).values
+    if isinstance(values, Stored):
+        values.read()
 
 
 class _Children:
@@ -162,6 +155,53 @@ def _tiff() -> Iterable[bytes]:
         yield plain.read_bytes()
 
 
+def _mrc() -> Iterable[bytes]:
+    import mrcfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        for values in (_SHORTS, np.nan_to_num(_FLOATS)):
+            with mrcfile.new(Path(folder, "v.mrc"), values, overwrite=True) as file:
+                file.voxel_size = 5.0
+            yield Path(folder, "v.mrc").read_bytes()
+
+
+def _hdf5() -> Iterable[bytes]:
+    import h5py
+
+    with tempfile.TemporaryDirectory() as folder:
+        for packed in (None, "gzip"):
+            with h5py.File(Path(folder, "v.h5"), "w") as file:
+                data = file.create_dataset("a/data", data=_SHORTS, compression=packed)
+                data.attrs["element_size_um"] = [2.0, 0.5, 0.5]
+            yield Path(folder, "v.h5").read_bytes()
+
+
+def _mif() -> Iterable[bytes]:
+    head = (
+        "mrtrix image\ndim: 6,5,4\nvox: 1,1,2\nlayout: -0,+1,+2\ndatatype: Int16LE\n"
+        "transform: 1,0,0,5\ntransform: 0,1,0,6\ntransform: 0,0,1,7\nscaling: 1,2\n"
+        "file: . 256\nEND\n"
+    )
+    yield head.encode().ljust(256, b"\0") + _SHORTS.tobytes()
+
+
+def _gipl() -> Iterable[bytes]:
+    header = bytearray(256)
+    struct.pack_into(">4H", header, 0, 6, 5, 4, 1)
+    struct.pack_into(">H4f", header, 8, 15, 1, 1, 2, 1)
+    struct.pack_into(">I", header, 252, 719555000)
+    yield bytes(header) + _SHORTS.astype(">i2").tobytes()
+
+
+def _mgh() -> Iterable[bytes]:
+    import nibabel
+
+    with tempfile.TemporaryDirectory() as folder:
+        for name in ("v.mgh", "v.mgz"):
+            nibabel.save(nibabel.MGHImage(_SHORTS.T, np.eye(4)), Path(folder, name))
+            yield Path(folder, name).read_bytes()
+
+
 @cache
 def _dicom() -> dict[str, bytes]:
     import SimpleITK as sitk
@@ -213,6 +253,15 @@ def _png() -> Iterable[bytes]:
             yield Path(folder, "s.png").read_bytes()
 
 
+def _bmp() -> Iterable[bytes]:
+    from PIL import Image
+
+    with tempfile.TemporaryDirectory() as folder:
+        for name in ("s.bmp", "s.jpg"):
+            Image.fromarray(_VALUES[0]).save(Path(folder, name))
+            yield Path(folder, name).read_bytes()
+
+
 _NRRD = (b"sizes: ", b"type: ", b"encoding: ", b"gzip", b"bzip2", b"hex", b"ascii", b"data file: ")
 _META = (
     *(b"ElementDataFile = ", b"LIST", b"%s%n", b"../", b"DimSize = ", b"CompressedData = True\n"),
@@ -220,6 +269,7 @@ _META = (
 )
 _VTI = (b"<DataArray ", b"</DataArray>", b'WholeExtent="', b'Extent="', b'format="binary"', b"<a>")
 _VTK = (b"DIMENSIONS ", b"POINT_DATA ", b"SCALARS a int\n", b"FIELD f 1\n", b"DATASET POLYDATA\n")
+_MIF = (b"dim: ", b"layout: ", b"datatype: ", b"file: ", b"transform: ", b"END\n", b"scaling: ")
 _ZARR = (b'"shape":', b'"chunks":', b'"codecs":', b'"blosc"', b'"zstd"', b'"data_type":', b"null")
 
 
@@ -259,6 +309,10 @@ def volumes() -> Mapping[str, Target]:
         first, *_ = _png()
         return {"s1.png": first, "s2.png": first}
 
+    def photographs() -> Mapping[str, bytes]:
+        *_, last = _bmp()
+        return {"s1.jpg": last, "s2.jpg": last}
+
     def store(version: int, name: str) -> tuple[Callable[[], Iterable[bytes]], str]:
         return lambda: [_zarr(version)[name]], f"z.zarr/{name}"
 
@@ -283,9 +337,17 @@ def volumes() -> Mapping[str, Target]:
         "zarr-3": whole(*store(3, "0/zarr.json"), _ZARR, companions=parts(3), opens="z.zarr"),
         "zarr-group": whole(*store(3, "zarr.json"), _ZARR, companions=parts(3), opens="z.zarr"),
         "zarr-chunk": whole(*store(3, "0/c/0/0/0"), (), companions=parts(3), opens="z.zarr"),
-        "nrrd-header": header(_header, lambda: [*nrrd(), *packed_nrrd()], "v.nrrd", _NRRD),
-        "meta-header": header(_header, lambda: [*mha(), *packed_mha()], "v.mha", _META),
-        "nifti-header": header(_header, nifti, "v.nii"),
+        "mrc": whole(_mrc, "v.mrc"),
+        "hdf5": whole(_hdf5, "v.h5"),
+        "mif": whole(_mif, "v.mif", _MIF),
+        "gipl": whole(_gipl, "v.gipl"),
+        "mgh": whole(_mgh, "v.mgh"),
+        "jpeg": whole(_bmp, "s0.jpg", (), companions=photographs, opens="."),
+        "nrrd-header": header(_here, lambda: [*nrrd(), *packed_nrrd()], "v.nrrd", _NRRD),
+        "meta-header": header(_here, lambda: [*mha(), *packed_mha()], "v.mha", _META),
+        "nifti-header": header(_here, nifti, "v.nii"),
+        "dicom-here": header(_here, lambda: [*_dicom().values()], "s0.dcm"),
+        "mif-header": header(_here, _mif, "v.mif", _MIF),
         "vti-header": header(lambda path: check_vtk(Query(path)), _vti, "v.vti", _VTI),
         "vtk-header": header(lambda path: check_vtk(Query(path)), _vtk, "v.vtk", _VTK),
     }

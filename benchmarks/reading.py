@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from statistics import median
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +36,13 @@ _SIDE = 512
 
 
 def here(path: str) -> Volume:
-    """Read a volume with the same library in this process, like a script that uses ITK."""
+    """Read a volume with a library in this process, like a script that uses nibabel or ITK."""
+    if ".nii" in path:
+        import nibabel
+
+        image: Any = nibabel.load(path)
+        values = np.array(image.dataobj).T  # not mapped, but in memory
+        return Volume(values, spacing_mm=image.header.get_zooms()[:3], name=path)
     import SimpleITK as sitk
 
     image = sitk.ReadImage(path)

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from tests.support.commands import call
+from tests.support.errors import raises
 from tests.support.fixtures import Patch
 from volspec.cli.inputs import open_scene
+from volspec.errors import InputError
 from volspec.export.frames import read_frame_text
 from volspec.raycast import CoefficientImage
 from volspec.scene import Scene
@@ -61,10 +63,12 @@ def test_left_is_the_patients_left(scans):
     image = sitk.GetImageFromArray(phantom.ball(8).values)
     image.SetDirection((-1, 0, 0, 0, -1, 0, 0, 0, 1))
     sitk.WriteImage(image, "head.nrrd")
-    for side, azimuth in (("left", 90), ("right", -90), ("back", 180)):
+    for side, azimuth in (("left", 90), ("right", -90), ("back", 180), ("posterior", 180)):
         made = new_scene("head.nrrd", f"{side}.toml", "--camera", side)
         opened, _ = open_scene("left.toml", camera=side)
         assert made.file.camera.azimuth_deg == opened.file.camera.azimuth_deg == azimuth
+    with raises(InputError, "conflict"):  # whose sides have no such names
+        open_scene(str(scans / "a.npy"), camera="superior")
 
 
 def test_a_scene_takes_a_camera_too(scans):

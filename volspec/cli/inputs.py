@@ -45,7 +45,8 @@ CameraOption = Annotated[
         name="--camera",
         allow_leading_hyphen=True,
         help="Side (front, back, left, right, top, bottom, isometric), or AZIMUTH,ELEVATION in "
-        "degrees. Left and right are the patient's if the volume states a patient's axes.",
+        "degrees. If the volume states a patient's axes, left and right are theirs, and anterior, "
+        "posterior, superior and inferior are sides, too.",
     ),
 ]
 Memory = Annotated[
@@ -177,9 +178,9 @@ def with_quality(scene: Scene, quality: str | None) -> Scene:
 
 def _camera(camera: str) -> str | Orbit:
     """Return the name of a side, or the orbit of azimuth and elevation."""
-    from volspec.raycast.camera import SIDES, Orbit
+    from volspec.raycast.camera import OF_PATIENT, SIDES, Orbit
 
-    if camera.lower() in SIDES:
+    if camera.lower() in (*SIDES, *OF_PATIENT):
         return camera.lower()
     try:
         azimuth, elevation = map(float, camera.split(","))
@@ -187,17 +188,24 @@ def _camera(camera: str) -> str | Orbit:
             raise ValueError
         return Orbit(azimuth, elevation)
     except ValueError:  # not numbers, not two, not finite, or out of range
-        sides = ", ".join(SIDES)
+        sides = ", ".join((*SIDES, *OF_PATIENT))
         remedy = f"give a side ({sides}) or AZIMUTH,ELEVATION, as 45,20; elevation -90 to 90"
         raise InputError.refused("--camera", camera, remedy, "syntax") from None
 
 
 def _orbit(camera: str | Orbit, read: Callable[[], Volume]) -> Orbit:
     """Return the orbit of a side, for which the volume is read; an orbit stays."""
-    from volspec.raycast.camera import Orbit
+    from volspec.raycast.camera import OF_PATIENT, Orbit
     from volspec.raycast.projection import side_deg
 
-    return Orbit(*side_deg(camera, read())) if isinstance(camera, str) else camera
+    if not isinstance(camera, str):
+        return camera
+    volume = read()
+    side = OF_PATIENT.get(camera, camera)
+    if side != camera and not volume.metadata.is_patient:
+        problem = f"{volume.name}: states no patient's axes, so that no side is {camera}"
+        raise InputError(problem, f"give --camera {side}", code="conflict", given=camera)
+    return Orbit(*side_deg(side, volume))
 
 
 @dataclass(frozen=True, slots=True)

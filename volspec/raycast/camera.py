@@ -33,6 +33,8 @@ SIDES = {
     "left": (-90.0, 0.0),
     "bottom": (0.0, -90.0),
 }
+OF_PATIENT = {"anterior": "front", "posterior": "back", "superior": "top", "inferior": "bottom"}
+"""Sides of a patient that have other names."""
 FieldOfView = Annotated[float, Field(gt=0, lt=180), Unit("degrees")]
 
 

@@ -79,6 +79,9 @@ def renumbered(values: NDArray[Any], certain: bool) -> tuple[NDArray[Any], list[
     """
     if values.ndim != 3 or values.dtype.kind not in "uif" or values.dtype.itemsize < 4:
         return values, []
+    some = values[:: max(1, len(values) // 8)]  # mostly enough to see that they are no labels
+    if values.dtype.kind == "f" and not (some == np.rint(some)).all():
+        return values, []
     if not (values.size and values.max() > _MOST and values.min() >= 0):
         return values, []
     numbers: NDArray[Any] = np.zeros(1, values.dtype)

@@ -490,7 +490,7 @@ def _folder_format(folder: Path) -> formats.Format:
     if not any(folder.iterdir()):
         raise VolumeError(f"{folder}: is an empty folder; check the path", code="not-found")
     raise VolumeError(
-        f"{folder}: is a folder without slices (DICOM, TIFF, PNG, BMP, JPEG); give the folder that holds "
-        f"them, or a file ({_KNOWN})",
+        f"{folder}: is a folder without slices (DICOM, TIFF, PNG, BMP, JPEG); give the folder that "
+        f"holds them, or a file ({_KNOWN})",
         code="not-found",
     )

@@ -354,9 +354,11 @@ class Stored:
     def read(self) -> NDArray[Any]:
         """Read the voxels. They are not mapped, since the file may change while they are in use.
 
-        They begin on a memory page, so that Intel's OpenCL uses them without a copy.
+        They begin on a memory page, so that Intel's OpenCL uses them without a copy. NumPy asks for
+        huge pages, which take a quarter of the time.
         """
-        memory = mmap.mmap(-1, self.nbytes)
+        memory = np.empty(self.nbytes + mmap.PAGESIZE, np.uint8)
+        memory = memory[-memory.ctypes.data % mmap.PAGESIZE :][: self.nbytes]
         try:
             with open(self.path, "rb", buffering=0) as file:
                 file.seek(self.offset)
