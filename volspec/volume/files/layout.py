@@ -13,7 +13,7 @@ import math
 import re
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Any, BinaryIO
@@ -252,9 +252,9 @@ def _unpacked(file: BinaryIO, encoding: str, dtype: np.dtype[Any]) -> Iterator[b
     elif encoding in ("text", "hex"):
         yield from _decoded_text(file, None if encoding == "hex" else dtype)
     else:
-        stream: Any = bz2.open(file) if encoding == "bzip2" else file
-        while chunk := stream.read(_CHUNK):
-            yield chunk
+        with bz2.open(file) if encoding == "bzip2" else nullcontext(file) as stream:
+            while chunk := stream.read(_CHUNK):
+                yield chunk
 
 
 def _inflated(file: BinaryIO, many: bool) -> Iterator[bytes]:
