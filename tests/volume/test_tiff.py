@@ -19,6 +19,7 @@ from volspec.volume import load_volume, volume_choices
 from volspec.volume.metadata import NO_SPACING
 
 VALUES = np.arange(5 * 6 * 7, dtype=np.uint16).reshape(5, 6, 7) * 300
+BYTES = (VALUES // 300).astype(np.uint8)
 TWO = np.stack([VALUES, VALUES + 1])
 STACKS = np.stack([TWO, TWO + 7]).transpose(0, 2, 1, 3, 4)  # T Z C Y X
 SIZES = {"PhysicalSizeX": 0.5, "PhysicalSizeY": 0.5, "PhysicalSizeZ": 2}
@@ -166,11 +167,9 @@ def write_any_lzw(path: Path, values: np.ndarray, **how: Any) -> None:
 
 
 def test_white_is_zero_or_not_the_values_are_those_stored(tmp_path):
-    values = (VALUES // 300).astype(np.uint8)
-    imwrite(tmp_path / "plain.tif", values, photometric="miniswhite")
-    write_any_lzw(tmp_path / "lzw.tif", values, photometric="miniswhite")
-    for name in ("plain.tif", "lzw.tif"):
-        assert np.array_equal(load_silently(f"{tmp_path / name}?spacing=1,1,1").values, values)
+    for write in (imwrite, write_any_lzw):
+        write(tmp_path / "v.tif", BYTES, photometric="miniswhite")
+        assert np.array_equal(load_silently(f"{tmp_path}/v.tif?spacing=1,1,1").values, BYTES)
 
 
 def test_pages_written_one_by_one_are_a_stack(tmp_path):
@@ -210,8 +209,7 @@ def test_colours_in_planes_of_their_own_are_channels(tmp_path):
 
 @pytest.mark.parametrize("suffix", [".png", ".tif", ".jp2", ".bmp", ".jpg"])
 def test_a_folder_of_pictures_is_read_in_order_of_its_numbers(tmp_path, suffix):
-    is_8_bit = suffix in (".bmp", ".jpg")
-    values = (VALUES // 300).astype(np.uint8) if is_8_bit else VALUES
+    values = BYTES if suffix in (".bmp", ".jpg") else VALUES
     for k, page in enumerate(values, 8):
         Image.fromarray(page).save(tmp_path / f"Slice {k}{suffix}")
     (tmp_path / "log.txt").write_text("written by the scanner")
@@ -281,23 +279,24 @@ def pages_of_two_sizes(folder: Path) -> None:
         file.write(VALUES[0, :3])
 
 
+def edit(path: Path, change: Callable[[bytes], bytes]) -> None:
+    path.write_bytes(change(path.read_bytes()))
+
+
 def cut(folder: Path, packed: str | None = None) -> None:
-    path = folder / "v.tif"
-    imwrite(path, VALUES, photometric="minisblack", compression=packed)
-    path.write_bytes(path.read_bytes()[:-300])
+    imwrite(folder / "v.tif", VALUES, photometric="minisblack", compression=packed)
+    edit(folder / "v.tif", lambda data: data[:-300])
 
 
 def damaged_lzw(folder: Path) -> None:
     write_lzw(folder / "v.tif", VALUES)
-    data = bytearray((folder / "v.tif").read_bytes())
-    data[8:40] = bytes(32)  # of the first page's pixels
-    (folder / "v.tif").write_bytes(data)
+    edit(folder / "v.tif", lambda data: data[:8] + bytes(32) + data[40:])  # of the first page
 
 
 def cut_png(folder: Path) -> None:
     for k in range(2):
         iio.imwrite(folder / f"{k}.png", VALUES[k])
-    (folder / "1.png").write_bytes((folder / "1.png").read_bytes()[:-40])
+    edit(folder / "1.png", lambda data: data[:-40])
 
 
 def png_of_wide_colours(folder: Path) -> None:
@@ -324,7 +323,7 @@ def stacks(values: np.ndarray, axes: str) -> Callable[[Path], None]:
     return lambda folder: imwrite(folder / "v.ome.tif", values, metadata={"axes": axes, **SIZES})
 
 
-SIGNS, COLOURS = (VALUES // 300).astype(np.int8), np.stack([VALUES] * 3, axis=-1)
+SIGNS, COLOURS = BYTES.astype(np.int8), np.stack([VALUES] * 3, axis=-1)
 LZW = "/v.tif?spacing=1,1,1&channel=0"
 REFUSED: dict[str, tuple[Callable[[Path], object], str, str]] = {
     "big-endian LZW": (any_lzw((VALUES - 100).astype(">i2"), byteorder=">"), LZW, "unsupported"),

@@ -1,6 +1,6 @@
 """Frames of DICOM files: places in the patient, and values.
 
-    dicom_headers -> [dicom_frames] -> Slice, read_values -> dicom_stack
+    dicom_headers -> [dicom_frames] -> Slice, read_values -> dicom
 
 A file of many frames states their places and values in functional groups, of a frame or shared,
 or for the file as a whole. A frame is a slice, as is a file of one.
@@ -14,11 +14,10 @@ References
 
 from __future__ import annotations
 
-import math
 import os
 import re
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache
@@ -46,20 +45,14 @@ _PLACES = (0x00209056, 0x00209057, 0x00200032)
 _UNITS = {"BQML": "Bq/ml", "CNTS": "counts", "CPS": "counts/s", "GML": "g/ml", "PCNT": "%"}
 _UNITS |= {"GY": "Gy", "MGML": "mg/ml", "PCT": "%"}
 _UNIT_TAGS = {"PT": "Units", "RTDOSE": "DoseUnits"}
-# Attributes that state distances of pixels elsewhere than in the patient.
-_AT_DETECTOR = ("ImagerPixel", "NominalScannedPixel")
 # What pydicom says of compressions that no installed decoder reads, such as JPEG of 12 bits.
 _NO_DECODER = re.compile("does not support|missing dependencies")
-# Vectors whose product is smaller are parallel.
-_LEAST_AREA = 0.5
 DEFLATED = "1.2.840.10008.1.2.1.99"
 """Transfer syntax of files that are compressed as a whole."""
-# White of CIELAB, and linear sRGB from XYZ under it.
-_D50 = (0.9642, 1.0, 0.8249)
-_RGB_FROM_XYZ_D50 = np.reshape(
-    (3.1338561, -1.6168667, -0.4906146, -0.9787684, 1.9161415, 0.033454)
-    + (0.0719453, -0.2289914, 1.4052427),
-    (3, 3),
+# Texts of a file's header, by DICOM's keywords.
+_TEXTS = (
+    *("SOPInstanceUID", "SeriesInstanceUID", "StudyInstanceUID", "ConcatenationUID", "PatientID"),
+    *("SeriesNumber", "SeriesDescription", "Modality", "ImageType"),
 )
 
 
@@ -68,15 +61,7 @@ class File:
     """Header of a DICOM file, without its frames."""
 
     path: Path
-    uid: str  # the instance's UID; copies of a file share it
-    series: str  # UID
-    number: str  # of the series
-    description: str
-    modality: str
-    patient: str  # ID
-    study: str  # UID
-    concatenation: str  # UID that the parts of a divided file share
-    image_type: tuple[str, ...]
+    texts: Mapping[str, str]  # by DICOM's keywords; empty if not stated
     unit: str  # of the values
     start_mm: NDArray[np.float64] | None  # position of the file as a whole
     detector_mm: Sequence[float]  # of pixels at the detector, along y and x, if stated
@@ -126,84 +111,76 @@ class Slice:
 
     def fits_stack(self, other: Slice) -> bool:
         """Return True if both have the same size and orientation, like slices of one stack."""
-        a, b = self.directions, other.directions
         return (
-            (a is b or np.allclose(a, b, atol=2e-3))
-            and (self.size, self.components) == (other.size, other.components)
+            (self.size, self.components) == (other.size, other.components)
+            and np.allclose(self.directions, other.directions, atol=2e-3)
             and len(self.pixel_mm) == len(other.pixel_mm)
             and np.allclose(self.pixel_mm, other.pixel_mm, rtol=1e-3)
         )
 
 
-def frames_of(
-    path: Path, parsed: Any, layout: dict[str, Any], status: os.stat_result
-) -> list[Slice]:
+def frames_of(file: BinaryIO, parsed: Any, layout: dict[str, Any]) -> list[Slice]:
     """Return the frames of a parsed file, whose pixels have a layout."""
     count = layout["number_of_frames"] = int(layout["number_of_frames"])
     shared = _groups(*parsed.get("SharedFunctionalGroupsSequence") or ())
     own = [_groups(item) for item in parsed.get("PerFrameFunctionalGroupsSequence") or ()]
+    groups = [[*each, *shared] for each in own[:count]] + [shared] * (count - len(own))
     whole = [parsed, *_groups(parsed)]
-    bits, high = layout.get("bits_stored", 0), _number("HighBit", whole) or 0
-    shift = max(int(high) + 1 - bits, 0) if bits else 0
-    stored = {"path": path, "layout": layout, "shift": shift, "state": file_state(status)}
-    layout["bits_stored"] = bits + shift
-    file = _file(parsed, [*(own or [[]])[0], *shared], whole, **stored)
+    header = _file(file, parsed, layout, groups[0], whole)
+    start = header.start_mm
     dimensions = parsed.get("DimensionIndexSequence") or ()
     pointers = [each.get("DimensionIndexPointer") for each in dimensions]
     offsets = _offsets_mm(parsed, whole, count)
     slices = []
-    for k in range(count):
-        groups = [*own[k], *shared] if k < len(own) else shared
-        every = [*groups, *whole]
-        cosines = _cosines(every)
-        directions = _directions(cosines)
-        position = _numbers("ImagePositionPatient", groups if count > 1 else every, 3)
-        origin = np.array(position) if position else None
-        if origin is None and offsets:
-            origin = (0 if file.start_mm is None else file.start_mm) + directions[:, 2] * offsets[k]
-        indices = zip(pointers, _numbers("DimensionIndexValues", groups), strict=False)
-        order = [_number(name, groups) or 0 for name in _REPEATS]
+    for k, frame in enumerate(groups):
+        every = [*frame, *whole]
+        stated = _directions(every)
+        directions = np.eye(3) if stated is None else stated
+        origin = _vector("ImagePositionPatient", frame if count > 1 else every)
+        in_patient = stated is not None and (origin is not None or start is not None)
+        if origin is None and count > 1 and offsets:
+            origin = (0 if start is None else start) + directions[:, 2] * offsets[k]
+        indices = zip(pointers, _numbers("DimensionIndexValues", frame), strict=False)
+        order = [_number(name, frame) or 0 for name in _REPEATS]
         order += [index for pointer, index in indices if pointer not in _PLACES]
         slices.append(
             Slice(
-                file=file,
+                file=header,
                 frame=k,
                 order=(*order, _number("InstanceNumber", whole) or 0, k),
-                pixel_mm=_positive(_numbers("PixelSpacing", every, 2)),
+                pixel_mm=_pixel_mm("PixelSpacing", every),
                 directions=directions,
                 origin_mm=origin,
-                in_patient=bool(cosines) and (bool(position) or file.start_mm is not None),
+                in_patient=in_patient,
                 apart_mm=_number("SpacingBetweenSlices", every) or _number("SliceThickness", every),
-                rescale=_rescale(groups, every),
-                segment=int(_number("ReferencedSegmentNumber", groups) or 0),
+                rescale=_rescale(frame, every),
+                segment=int(_number("ReferencedSegmentNumber", frame) or 0),
             )
         )
     return slices
 
 
-def _file(parsed: Any, groups: list[Any], whole: list[Any], **stored: Any) -> File:
-    """Return a file's header; ``groups`` are the first frame's, ``stored`` are further fields."""
-    every = [*groups, *whole]
-    start = _numbers("ImagePositionPatient", whole, 3)
-    at_detector = (_numbers(f"{name}Spacing", whole, 2) for name in _AT_DETECTOR)
+def _file(
+    file: BinaryIO, parsed: Any, layout: dict[str, Any], groups: list[Any], whole: list[Any]
+) -> File:
+    """Return a file's header; ``groups`` are the first frame's."""
+    bits, high = layout.get("bits_stored", 0), _number("HighBit", whole) or 0
+    shift = max(int(high) + 1 - bits, 0) if bits else 0
+    layout["bits_stored"] = bits + shift
     is_fraction = text_of("SegmentationType", parsed) == "FRACTIONAL"
     segments = parsed.get("SegmentSequence")
     return File(
-        uid=text_of("SOPInstanceUID", parsed),
-        series=text_of("SeriesInstanceUID", parsed),
-        number=text_of("SeriesNumber", parsed),
-        description=text_of("SeriesDescription", parsed),
-        modality=text_of("Modality", parsed),
-        patient=text_of("PatientID", parsed),
-        study=text_of("StudyInstanceUID", parsed),
-        concatenation=text_of("ConcatenationUID", parsed),
-        image_type=tuple(text_of("ImageType", parsed).split("\\")),
-        unit=_unit(parsed, groups, every),
-        start_mm=np.array(start) if start else None,
-        detector_mm=next((_positive(each) for each in at_detector if each), []),
+        path=Path(file.name),
+        texts={keyword: text_of(keyword, parsed) for keyword in _TEXTS},
+        unit=_unit(parsed, groups, [*groups, *whole]),
+        start_mm=_vector("ImagePositionPatient", whole),
+        detector_mm=_pixel_mm("ImagerPixelSpacing", whole)
+        or _pixel_mm("NominalScannedPixelSpacing", whole),
         segments=None if segments is None else {int(s.SegmentNumber): _label(s) for s in segments},
         half=(_number("MaximumFractionalValue", whole) or 255) / 2 if is_fraction else 1,
-        **stored,
+        layout=layout,
+        shift=shift,
+        state=_state(file),
     )
 
 
@@ -217,19 +194,23 @@ def lenient() -> Iterator[None]:
         yield
 
 
-def file_state(status: os.stat_result) -> tuple[int, int]:
+def _state(file: BinaryIO) -> tuple[int, int]:
     """Return what changes with a file's contents."""
+    status = os.fstat(file.fileno())
     return status.st_size, status.st_mtime_ns
 
 
 def text_of(keyword: str, *places: Any) -> str:
     """Return the first statement of a text in several places; empty if there is none."""
-    for place in places:
-        given = place.get(keyword)
-        if given not in (None, ""):
-            many = isinstance(given, Sequence) and not isinstance(given, str)
-            return ("\\".join(map(str, given)) if many else str(given)).strip(" \0")
-    return ""
+    texts = ("\\".join(map(str, _values(keyword, place))).strip(" \0") for place in places)
+    return next(filter(None, texts), "")
+
+
+def _values(keyword: str, place: Any) -> Sequence[Any]:
+    """Return the values of an element; none if it is missing or empty."""
+    given = place.get(keyword)
+    many = isinstance(given, Sequence) and not isinstance(given, str)
+    return given if many else [] if given in (None, "") else [given]
 
 
 def _groups(*items: Any) -> list[Any]:
@@ -240,11 +221,9 @@ def _groups(*items: Any) -> list[Any]:
 def _numbers(keyword: str, places: Sequence[Any], count: int | None = None) -> list[float]:
     """Return the first statement of finite numbers in several places; none if there is none."""
     for place in places:
-        with suppress(ValueError, TypeError, OverflowError):  # missing, or no numbers
-            given = place.get(keyword)
-            many = isinstance(given, Sequence) and not isinstance(given, str)
-            numbers = [float(each) for each in (given if many else [given])]
-            if len(numbers) == (count or len(numbers)) and all(map(math.isfinite, numbers)):
+        with suppress(ValueError, TypeError, OverflowError):  # no numbers
+            numbers = [float(each) for each in _values(keyword, place)]
+            if numbers and len(numbers) == (count or len(numbers)) and np.isfinite(numbers).all():
                 return numbers
     return []
 
@@ -253,23 +232,23 @@ def _number(keyword: str, places: Sequence[Any]) -> float | None:
     return next(iter(_numbers(keyword, places, 1)), None)
 
 
-def _positive(numbers: list[float]) -> list[float]:
+def _vector(keyword: str, places: Sequence[Any]) -> NDArray[np.float64] | None:
+    numbers = _numbers(keyword, places, 3)
+    return np.array(numbers) if numbers else None
+
+
+def _pixel_mm(keyword: str, places: Sequence[Any]) -> list[float]:
+    """Return distances along y and x; none unless they are stated, and positive."""
+    numbers = _numbers(keyword, places, 2)
     return numbers if all(each > 0 for each in numbers) else []
 
 
-def _cosines(places: Sequence[Any]) -> tuple[float, ...]:
-    """Return the directions along columns and rows; none if they are not stated, or parallel."""
-    cosines = _numbers("ImageOrientationPatient", places, 6)
-    is_plane = cosines and np.linalg.norm(np.cross(cosines[:3], cosines[3:])) > _LEAST_AREA
-    return tuple(cosines) if is_plane else ()
-
-
-@lru_cache(maxsize=256)
-def _directions(cosines: tuple[float, ...]) -> NDArray[np.float64]:
-    """Return unit vectors along columns, rows and slices, as columns."""
-    x, y = np.reshape(cosines or (1, 0, 0, 0, 1, 0), (2, 3)).astype(np.float64)
-    across = np.cross(x, y)
-    return np.column_stack([each / np.linalg.norm(each) for each in (x, y, across)])
+def _directions(places: Sequence[Any]) -> NDArray[np.float64] | None:
+    """Return unit vectors along columns, rows and slices, as columns; None if not stated."""
+    x, y = np.reshape(_numbers("ImageOrientationPatient", places, 6) or np.zeros(6), (2, 3))
+    vectors = np.array([x, y, np.cross(x, y)])
+    lengths = np.linalg.norm(vectors, axis=1)
+    return (vectors / lengths[:, None]).T if lengths[2] > 0.5 else None  # else parallel
 
 
 def _offsets_mm(parsed: Any, whole: Sequence[Any], count: int) -> list[float]:
@@ -277,8 +256,6 @@ def _offsets_mm(parsed: Any, whole: Sequence[Any], count: int) -> list[float]:
 
     Doses have them (GridFrameOffsetVector), and nuclear medicine (SliceVector).
     """
-    if count == 1:
-        return []
     if offsets := _numbers("GridFrameOffsetVector", [parsed], count):
         return [each - offsets[0] for each in offsets]
     apart = _number("SpacingBetweenSlices", whole) or 0
@@ -311,15 +288,17 @@ def _label(segment: Any) -> Label:
     """Return the name and the colour of a segment."""
     kinds = segment.get("SegmentedPropertyTypeCodeSequence") or ()
     name = text_of("SegmentLabel", segment) or text_of("CodeMeaning", *kinds)
-    lab = _numbers("RecommendedDisplayCIELabValue", [segment], 3)
-    if not lab:
+    codes = _numbers("RecommendedDisplayCIELabValue", [segment], 3)
+    if not codes:
         return Label(name)
-    L, a, b = lab[0] * 100 / 65535, lab[1] * 255 / 65535 - 128, lab[2] * 255 / 65535 - 128
-    f = np.array([(L + 16) / 116 + a / 500, (L + 16) / 116, (L + 16) / 116 - b / 200])
-    XYZ = np.where(f > 6 / 29, f**3, (f - 4 / 29) * 108 / 841) * _D50
-    RGB = np.clip(_RGB_FROM_XYZ_D50 @ XYZ, 0, 1)
-    codes = np.where(RGB <= 0.0031308, 12.92 * RGB, 1.055 * RGB ** (1 / 2.4) - 0.055)
-    red, green, blue = codes.round(4).tolist()
+    # Few files are segmentations, and these imports take longer than to read one.
+    from volspec.appearance.models.cielab import XYZ_from_cielab
+    from volspec.appearance.profile import D50_XYZ, D50_from_white
+    from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ, sRGB_WHITE_XYZ
+
+    Lab = np.multiply(codes, (100, 255, 255)) / 65535 - (0, 128, 128)
+    XYZ = np.linalg.solve(D50_from_white(sRGB_WHITE_XYZ), XYZ_from_cielab(Lab, D50_XYZ))
+    red, green, blue = encode_sRGB(linear_sRGB_from_XYZ(XYZ)).round(4).tolist()
     return Label(name, (red, green, blue))
 
 
@@ -346,41 +325,42 @@ def _stored_values(one: Slice) -> NDArray[Any]:
     syntax = layout["transfer_syntax_uid"]
     try:
         with lenient(), file.path.open("rb") as stream:
-            if file_state(os.fstat(stream.fileno())) != file.state:
-                fault = f"{file.path}: changed while the series was being read; read it again"
-                raise VolumeError(fault, code="state")
+            if _state(stream) != file.state:
+                raise VolumeError(
+                    f"{file.path}: changed while the series was being read; read it again",
+                    code="state",
+                )
             decoder = get_decoder(syntax)
             if layout["bits_allocated"] == 1 and decoder.is_native and syntax != DEFLATED:
-                return _bits(one, stream)
+                return _bits(one)
             stream.seek(layout["offset"])
             source = _inflated(file.path, file.state) if syntax == DEFLATED else stream
             values, _ = decoder.as_array(source, index=one.frame, raw=True, **layout)
     except (VolumeError, MemoryError):
         raise
     except Exception as error:  # of any kind: the bytes may be anything
-        if isinstance(error, NotImplementedError) or _NO_DECODER.search(str(error)):
-            raise VolumeError(
-                f"{file.path}: its pixels are compressed as {syntax.name}, which needs a decoder",
-                "export it uncompressed, or try pip install pylibjpeg pylibjpeg-openjpeg "
-                "pylibjpeg-libjpeg",
-                code="unsupported",
-            ) from error
+        is_unknown = isinstance(error, NotImplementedError) or _NO_DECODER.search(str(error))
         raise VolumeError(
-            f"{file.path}: its pixels ({syntax.name}) are damaged or truncated; copy it again, or "
-            "take it out of the folder",
-            code="damaged",
+            f"{file.path}: its pixels are compressed as {syntax.name}, which needs a decoder"
+            if is_unknown
+            else f"{file.path}: its pixels ({syntax.name}) are damaged or truncated",
+            "export it uncompressed, or try pip install pylibjpeg pylibjpeg-openjpeg "
+            "pylibjpeg-libjpeg"
+            if is_unknown
+            else "copy it again, or take it out of the folder",
+            code="unsupported" if is_unknown else "damaged",
         ) from error
     return values >> file.shift if file.shift else values
 
 
-def _bits(one: Slice, stream: BinaryIO) -> NDArray[np.uint8]:
+def _bits(one: Slice) -> NDArray[np.uint8]:
     """Read pixels of one bit; pydicom reads frames that begin within a byte too short."""
     columns, rows = one.size
-    start, skipped = divmod(one.frame * rows * columns, 8)
-    stream.seek(one.file.layout["offset"] + start)
-    packed = stream.read(-(-(skipped + rows * columns) // 8))
-    bits = np.unpackbits(np.frombuffer(packed, np.uint8), bitorder="little")
-    return bits[skipped : skipped + rows * columns].reshape(rows, columns)
+    count = rows * columns
+    start, skipped = divmod(one.frame * count, 8)
+    offset = one.file.layout["offset"] + start
+    packed = np.fromfile(one.file.path, np.uint8, -(-(skipped + count) // 8), offset=offset)
+    return np.unpackbits(packed, bitorder="little")[skipped:][:count].reshape(rows, columns)
 
 
 @lru_cache(maxsize=1)

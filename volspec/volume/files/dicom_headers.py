@@ -14,8 +14,7 @@ import math
 import os
 import re
 import shlex
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -23,7 +22,6 @@ from volspec.errors import VolumeError
 from volspec.volume.files.dicom_frames import DEFLATED, Slice, frames_of, lenient, text_of
 
 SUFFIXES = (".dcm", ".dicom", ".ima")
-_PREAMBLE = 128
 # Classes without pictures: DICOMDIR; waveforms, presentation states, raw data, reports, documents,
 # radiotherapy structures and plans, colour palettes; and the modalities of files without a class.
 _NO_PICTURES = re.compile(
@@ -31,7 +29,6 @@ _NO_PICTURES = re.compile(
     r"|481\.([3-9]|\d\d))))"
 )
 _PICTURELESS = re.compile("RT(STRUCT|PLAN|RECORD)|SR|PR|KO|REG|DOC|PLAN|FID|RWV|ECG|HD|AU")
-_DIRECTORY = "1.2.840.10008.1.3.10"
 # The class in the file's header, or in a file without one: tag 0008,0016 with or without "UI", of
 # either byte order.
 _CLASS = re.compile(
@@ -46,16 +43,11 @@ _DATA_SET = re.compile(
 )
 # Bytes in which both are looked for.
 _HEAD_BYTES = 4096
-# Transfer syntaxes without compression, by (explicit types, little-endian).
-_NATIVE = {
-    (False, True): "1.2.840.10008.1.2",
-    (True, True): "1.2.840.10008.1.2.1",
-    (False, False): "1.2.840.10008.1.2.2",
-    (True, False): "1.2.840.10008.1.2.2",
-}
 # Pixels, by the last number of their tag 7FE0,00xx; and the length of compressed ones.
 _PIXELS = {0x10: "PixelData", 0x08: "FloatPixelData", 0x09: "DoubleFloatPixelData"}
 _UNDEFINED = 0xFFFFFFFF
+# Transfer syntax of little-endian values without types.
+_IMPLICIT = "1.2.840.10008.1.2"
 
 
 def is_dicom(path: Path) -> bool:
@@ -65,13 +57,8 @@ def is_dicom(path: Path) -> bool:
             head = file.read(_HEAD_BYTES)
     except OSError:
         return False
-    return _has_preamble(head) or (
-        _DATA_SET.match(head) is not None and _CLASS.search(head) is not None
-    )
-
-
-def _has_preamble(head: bytes) -> bool:
-    return head[_PREAMBLE : _PREAMBLE + 4] == b"DICM"
+    is_bare = _DATA_SET.match(head) is not None and _CLASS.search(head) is not None
+    return head[128:132] == b"DICM" or is_bare
 
 
 def dicom_files(folder: Path) -> list[Path]:
@@ -87,98 +74,72 @@ def dicom_files(folder: Path) -> list[Path]:
 
 
 def headers(paths: Sequence[Path], strangers: list[Path] | None = None) -> list[Slice]:
-    """Read headers, leaving out files of classes without pictures.
+    """Read the headers of pictures; other DICOM files are refused.
 
-    Unreadable files are added to ``strangers`` if it is given, and refused otherwise.
+    If ``strangers`` is given, these are left out, and unreadable files are added to it.
     """
     slices: list[Slice] = []
     for path in paths:
         try:
-            slices += _slices(path)
-        except VolumeError:
-            if strangers is None:
-                raise
+            with path.open("rb") as file, lenient():
+                slices += _slices(path, file)
+            continue
+        except VolumeError as error:
+            fault = error
+        except PermissionError:
+            raise
+        except Exception as error:  # of any kind: the bytes may be anything
+            fault = VolumeError(
+                f"{path}: cannot be read as a DICOM picture; damaged or truncated, copy it again, "
+                f"or try to convert it: dcm2niix -s y {shlex.quote(str(path))}",
+                code="damaged",
+            )
+            fault.__cause__ = error
+        if strangers is None:
+            raise fault
+        if fault.code == "damaged":
             strangers.append(path)
     return slices
 
 
-def describe_without_pictures(path: Path) -> str:
-    """Return what a file without pictures is, from its modality and class."""
+def _slices(path: Path, file: BinaryIO) -> list[Slice]:
+    """Return the frames of a file."""
+    from pydicom import dcmread
     from pydicom.uid import UID
 
-    with path.open("rb") as file, _parsing(path):
-        parsed = _parse(file)
-    uid, modality = _class_of(parsed), text_of("Modality", parsed)
-    name = "DICOMDIR, a table of contents" if uid == _DIRECTORY else UID(uid).name
-    return f"{modality} ({name})" if modality and name else modality or name or "DICOM"
-
-
-@contextmanager
-def _parsing(path: Path) -> Iterator[None]:
-    """Turn whatever a damaged header raises into one error: its bytes may be anything."""
-    try:
-        with lenient():
-            yield
-    except VolumeError:
-        raise
-    except Exception as error:
-        raise VolumeError(
-            f"{path}: cannot be read as a DICOM picture; damaged or truncated, copy it again, or "
-            f"try to convert it: dcm2niix -s y {shlex.quote(str(path))}",
-            code="damaged",
-        ) from error
-
-
-def _parse(file: BinaryIO) -> Any:
-    """Return a file's elements before its pixels, and go to these."""
-    from pydicom import dcmread
-
     head = file.read(_HEAD_BYTES)
-    if not (_has_preamble(head) or _DATA_SET.match(head)):
+    if head[128:132] != b"DICM" and not _DATA_SET.match(head):
         raise ValueError("begins neither with a preamble nor with an element")
     file.seek(0)
     parsed = dcmread(file, stop_before_pixels=True, force=True)
-    if _syntax_of(parsed) == DEFLATED:
+    if parsed.file_meta.get("TransferSyntaxUID") == DEFLATED:
         file.seek(0)
         parsed = dcmread(file)
-    return parsed
-
-
-def _syntax_of(parsed: Any) -> str:
-    """Return the transfer syntax; that of the elements if the file does not state it."""
-    stated = parsed.file_meta.get("TransferSyntaxUID")
-    is_implicit, is_little = parsed.original_encoding
-    return str(stated or _NATIVE[not is_implicit, bool(is_little)])
-
-
-def _class_of(parsed: Any) -> str:
-    return str(parsed.file_meta.get("MediaStorageSOPClassUID") or parsed.get("SOPClassUID") or "")
-
-
-def _slices(path: Path) -> list[Slice]:
-    """Return the frames of a file; none if its class is one without pictures."""
-    with path.open("rb") as file, _parsing(path):
-        parsed = _parse(file)
-        if _NO_PICTURES.fullmatch(_class_of(parsed)):
-            return []
-        layout, held = _pixels(parsed, file)
-        if not layout and _PICTURELESS.fullmatch(text_of("Modality", parsed)):
-            return []
-        if not layout:
-            raise VolumeError(
-                f"{path}: holds no pixels; truncated, or not a picture: copy it again, or give "
-                "another file",
-                code="damaged",
-            )
-        sizes = ("number_of_frames", "rows", "columns", "bits_allocated")
-        needed = -(-math.prod(int(layout[name]) for name in sizes) // 8)
-        if layout["samples_per_pixel"] == 1 and not 0 < needed <= held:
-            raise VolumeError(
-                f"{path}: holds {held} bytes of pixels, its header declares {needed}; truncated, "
-                "copy it again, or take it out of the folder",
-                code="damaged",
-            )
-        return frames_of(path, parsed, layout, os.fstat(file.fileno()))
+    layout, held = _pixels(parsed, file)
+    uid = str(parsed.file_meta.get("MediaStorageSOPClassUID") or parsed.get("SOPClassUID") or "")
+    modality = text_of("Modality", parsed)
+    if _NO_PICTURES.fullmatch(uid) or (not layout and _PICTURELESS.fullmatch(modality)):
+        name = "DICOMDIR, a table of contents" if uid.endswith("8.1.3.10") else UID(uid).name
+        what = f"{modality} ({name})" if modality and name else modality or name
+        raise VolumeError(
+            f"{path}: is {what}, not a picture; give a slice of an image series, or its folder",
+            code="not-found",
+        )
+    if not layout:
+        raise VolumeError(
+            f"{path}: holds no pixels; truncated, or not a picture: copy it again, or give "
+            "another file",
+            code="damaged",
+        )
+    sizes = ("number_of_frames", "rows", "columns", "bits_allocated")
+    needed = -(-math.prod(int(layout[name]) for name in sizes) // 8)
+    if layout["samples_per_pixel"] == 1 and not 0 < needed <= held:
+        raise VolumeError(
+            f"{path}: holds {held} bytes of pixels, its header declares {needed}; truncated, "
+            "copy it again, or take it out of the folder",
+            code="damaged",
+        )
+    return frames_of(file, parsed, layout)
 
 
 def _pixels(parsed: Any, file: BinaryIO) -> tuple[dict[str, Any], float]:
@@ -186,7 +147,7 @@ def _pixels(parsed: Any, file: BinaryIO) -> tuple[dict[str, Any], float]:
     from pydicom.pixels.utils import as_pixel_options
     from pydicom.uid import UID
 
-    syntax = _syntax_of(parsed)
+    syntax = parsed.file_meta.get("TransferSyntaxUID")
     if syntax == DEFLATED:
         keyword = next((name for name in _PIXELS.values() if name in parsed), None)
         layout = {"transfer_syntax_uid": UID(syntax), "pixel_keyword": keyword, "offset": 0}
@@ -196,8 +157,9 @@ def _pixels(parsed: Any, file: BinaryIO) -> tuple[dict[str, Any], float]:
         return {}, 0
     is_explicit, is_little = tag[4:6].isalpha() and tag[6:8] == b"\0\0", tag[0] == 0xE0
     length = int.from_bytes(tag[8:] if is_explicit else tag[4:8], "little" if is_little else "big")
-    if length != _UNDEFINED:
-        syntax = _NATIVE[is_explicit, is_little]
+    is_compressed = length == _UNDEFINED
+    if not is_compressed:  # whatever is stated
+        syntax = _IMPLICIT + (".2" if not is_little else ".1" if is_explicit else "")
     offset = file.tell() - (0 if is_explicit else 4)
     layout = as_pixel_options(
         parsed,
@@ -206,5 +168,5 @@ def _pixels(parsed: Any, file: BinaryIO) -> tuple[dict[str, Any], float]:
         pixel_vr=tag[4:6].decode() if is_explicit else "OW",
         offset=offset,
     )
-    held = min(length, os.fstat(file.fileno()).st_size - offset)
-    return layout, math.inf if length == _UNDEFINED else held
+    size = os.fstat(file.fileno()).st_size
+    return layout, math.inf if is_compressed else min(length, size - offset)

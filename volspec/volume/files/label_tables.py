@@ -23,13 +23,10 @@ from volspec.volume.labels import Label, Labels
 
 Colour = tuple[float, float, float]
 SUFFIXES = (".ctbl", ".txt", ".lut", ".tsv", ".json", ".label")
-# Parts of a volume's name that its table lacks or has in addition.
-_PACKED = (".gz",)
 _MOST_BYTES = 1 << 24
-_LUT_BYTES = 3 * 256
 # Number, red, green, blue, opacity, visibility, mesh visibility, "name".
 _SNAP = re.compile(
-    r'\s*(\d{1,9})\s+(\d{1,9})\s+(\d{1,9})\s+(\d{1,9})\s+([\d.]+)\s+[01]\s+[01]\s+"(.*)"\s*'
+    r'\s*(\d{1,9})\s+(\d{1,9})\s+(\d{1,9})\s+(\d{1,9})\s+[\d.]+\s+[01]\s+[01]\s+"(.*)"\s*'
 )
 # Number, name (with spaces at most if colours follow), red, green, blue, opacity.
 _NAME_COLOUR = re.compile(r"\s*(\d{1,9})\s+(.+?)\s+(\d{1,9})\s+(\d{1,9})\s+(\d{1,9})(?:\s+\d+)?\s*")
@@ -46,30 +43,22 @@ def read_label_table(path: Path) -> dict[int, Label]:
     try:
         if not path.is_file():
             raise VolumeError(f"{path}: no such file; check labels=", code="not-found")
-        if path.stat().st_size > _MOST_BYTES:
-            raise _no_table(path)
-        data = path.read_bytes()
+        labels = _table(path.read_bytes()) if path.stat().st_size <= _MOST_BYTES else {}
     except OSError as error:
         raise VolumeError(f"{path}: cannot be read ({error.strerror})", code="damaged") from error
-    found = _table(data)
-    if not found:
-        raise _no_table(path)
-    return found
-
-
-def _no_table(path: Path) -> VolumeError:
-    return VolumeError(
-        f"{path}: not a table of labels; give lines of a number and a name (and 0 to 255 for red, "
-        'green, blue), a .ctbl, an ITK-SNAP description, or JSON such as {"1": "liver"}',
-        code="syntax",
-    )
+    if not labels:
+        raise VolumeError(
+            f"{path}: not a table of labels; give lines of a number and a name (and 0 to 255 for "
+            'red, green, blue), a .ctbl, an ITK-SNAP description, or JSON such as {"1": "liver"}',
+            code="syntax",
+        )
+    return labels
 
 
 def _table(data: bytes) -> dict[int, Label]:
     """Return the labels of a file; empty if it is no table."""
-    if len(data) == _LUT_BYTES:
-        planes = [data[start : start + 256] for start in (0, 256, 512)]
-        return {n: Label("", _colour(planes[0][n], planes[1][n], planes[2][n])) for n in range(256)}
+    if len(data) == 3 * 256:
+        return {n: Label("", _colour(*data[n::256])) for n in range(256)}
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -79,15 +68,15 @@ def _table(data: bytes) -> dict[int, Label]:
     lines = [line for line in text.splitlines() if line.strip() and line.lstrip()[0] not in "#%"]
     if lines and "\t" in lines[0] and "name" in lines[0].split("\t"):
         return _tsv_table([line.split("\t") for line in lines])
-    found = {}
+    found: dict[int, Label] = {}
     for line in lines:
+        r = g = b = None
         if match := _SNAP.fullmatch(line):
-            number, r, g, b, _, name = match.groups()
+            number, r, g, b, name = match.groups()
         elif match := _NAME_COLOUR.fullmatch(line):
             number, name, r, g, b = match.groups()
         elif match := _NAME.fullmatch(line):
-            found[int(match[1])] = Label(match[2])
-            continue
+            number, name = match.groups()
         else:
             return {}
         found[int(number)] = Label(name.strip('"'), _colour(r, g, b))
@@ -113,42 +102,35 @@ def _tsv_table(rows: Sequence[Sequence[str]]) -> dict[int, Label]:
         fields = dict(zip(rows[0], row, strict=False))
         try:
             code = fields.get("color", "")
-            colour = _from_hex(code) if _HEX.fullmatch(code) else None
+            colour = _colour(*bytes.fromhex(code[1:])) if _HEX.fullmatch(code) else None
             found[int(fields["index"])] = Label(fields["name"].strip(), colour)
         except (KeyError, ValueError):
             return {}
     return found
 
 
-def _colour(r: Any, g: Any, b: Any) -> Colour | None:
-    """Return display codes 0 to 255 as fractions; None if one is out of range."""
-    codes = int(r) / 255, int(g) / 255, int(b) / 255
-    return codes if max(codes) <= 1 else None
+def _colour(*codes: Any, most: float = 255) -> Colour | None:
+    """Return display codes from 0 to ``most`` as fractions; None unless they are three of these."""
+    try:
+        r, g, b = (float(code) / most for code in codes)
+    except (TypeError, ValueError):
+        return None
+    return (r, g, b) if 0 <= min(r, g, b) <= max(r, g, b) <= 1 else None
 
 
-def _from_hex(code: str) -> Colour:
-    r, g, b = bytes.fromhex(code[1:])
-    return r / 255, g / 255, b / 255
-
-
-def tables_beside(path: Path) -> list[Path]:
-    """Return the files next to a volume that may be its tables, those with names first.
+def labels_beside(path: Path) -> dict[Path, dict[int, Label]]:
+    """Return the labels of each table next to a volume, those with names first.
 
     Theirs is the volume's name with another suffix, with or without its own: ``aal.nii.txt`` and
     ``aal.txt`` belong to ``aal.nii.gz``.
     """
     whole = path.name.removesuffix(".gz")
     stems = dict.fromkeys((whole, Path(whole).stem, Path(Path(whole).stem).stem))
-    names = [stem + suffix for suffix in SUFFIXES for stem in stems if stem]
-    return [path.with_name(name) for name in names if name != path.name]
-
-
-def labels_beside(path: Path) -> dict[Path, dict[int, Label]]:
-    """Return the labels of each table next to a volume, those with names first."""
+    tables = [path.with_name(stem + suffix) for suffix in SUFFIXES for stem in stems if stem]
     found: dict[Path, dict[int, Label]] = {}
-    for table in tables_beside(path):
+    for table in tables:
         with suppress(VolumeError, OSError):
-            if table.is_file():
+            if table != path and table.is_file():
                 found[table] = read_label_table(table)
     return found
 
@@ -169,18 +151,14 @@ def merge_labels(first: Labels, then: Labels) -> dict[int, Label]:
 def labels_in_nrrd(pairs: Mapping[str, str], layer: int) -> dict[int, Label] | None:
     """Return a layer's segments in Slicer's NRRD from its keys and values; None without any."""
     found: dict[int, Label] = {}
-    for key in pairs:
+    for key, number in pairs.items():
         if not (match := re.fullmatch(r"Segment(\d+)_LabelValue", key)):
             continue
         start = f"Segment{match[1]}_"
-        try:
-            r, g, b = (float(word) for word in pairs.get(start + "Color", "").split())
-            colour: Colour | None = (r, g, b) if 0 <= min(r, g, b) <= max(r, g, b) <= 1 else None
-        except ValueError:
-            colour = None
+        colour = _colour(*pairs.get(start + "Color", "").split(), most=1)
         in_layer = pairs.get(start + "Layer", "0").strip() == str(layer)
-        if in_layer and pairs[key].strip().isdecimal():
-            found[int(pairs[key])] = Label(pairs.get(start + "Name", "").strip(), colour)
+        if in_layer and number.strip().isdecimal():
+            found[int(number)] = Label(pairs.get(start + "Name", "").strip(), colour)
     return found or None
 
 
@@ -196,12 +174,10 @@ def labels_in_xml(text: str) -> dict[int, Label] | None:
         return None
     found = {}
     for element in root.iter("Label"):
-        try:
-            r, g, b = (float(element.get(name, "nan")) for name in ("Red", "Green", "Blue"))
-            colour = (r, g, b) if 0 <= min(r, g, b) <= max(r, g, b) <= 1 else None
-            found[int(element.get("Key", ""))] = Label((element.text or "").strip(), colour)
-        except ValueError:
-            continue
+        codes = (element.get(name) for name in ("Red", "Green", "Blue"))
+        with suppress(ValueError):
+            label = Label((element.text or "").strip(), _colour(*codes, most=1))
+            found[int(element.get("Key", ""))] = label
     return found or None
 
 
@@ -210,14 +186,13 @@ def labels_in_zarr(stated: Any) -> dict[int, Label]:
     found: dict[int, Label] = {}
     try:
         for row in stated.get("colors") or ():
-            number, codes = int(row["label-value"]), row.get("rgba")
-            found[number] = Label("", _colour(*codes[:3]) if codes else None)
+            colour = _colour(*(row.get("rgba") or ())[:3])
+            found[int(row["label-value"])] = Label("", colour)
         for row in stated.get("properties") or ():
             number = int(row["label-value"])
             texts = [row[key] for key in ("name", "label", "class") if key in row]
             texts += [value for value in row.values() if isinstance(value, str)]
-            colour = found.get(number, Label()).colour
-            found[number] = Label(str(texts[0]) if texts else "", colour)
+            found[number] = Label(str((*texts, "")[0]), found.get(number, Label()).colour)
     except (KeyError, TypeError, ValueError, AttributeError):
         return {}
     return found

@@ -20,10 +20,8 @@ from __future__ import annotations
 import logging
 import math
 import re
-import struct
 import sys
-import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from logging.handlers import BufferingHandler
 from pathlib import Path
@@ -35,10 +33,11 @@ from numpy.typing import NDArray
 
 from volspec._files import captured_output
 from volspec._parse import parse_xml
-from volspec.errors import VolumeError, one_line
+from volspec.errors import VolspecError, VolumeError, one_line
 from volspec.volume.channels import Channel, channels_of_imagej
 from volspec.volume.files.lattice import mm_per_unit, spacing_text
-from volspec.volume.files.query import Query
+from volspec.volume.files.layout import damaged
+from volspec.volume.files.query import ChoicesListed, Query
 from volspec.volume.metadata import NO_SPACING, Metadata
 
 PICTURES = {
@@ -49,12 +48,6 @@ PICTURES = {
     "JPEG": (".jpg", ".jpeg"),
 }
 """Endings of the names of pictures, by their format; of one that loses nothing first."""
-_DAMAGE = (
-    *(ValueError, OSError, RuntimeError, LookupError, TypeError, AttributeError, ArithmeticError),
-    *(EOFError, SyntaxError, MemoryError, ImportError, struct.error, zlib.error),
-)
-Reserve = Callable[[Sequence[int], int], None]
-"""Called with a picture's shape and bytes per value before it is decoded."""
 # Types that Pillow reads correctly, with the file's byte order; fewer for multi-sample pixels.
 _PILLOWS = ("<b1", ">b1", "<u1", ">u1", "<u2", ">u2", "<i2", "<i4", "<u4", "<f4")
 _PILLOWS_COLOURS = ("<u1", ">u1")
@@ -64,7 +57,6 @@ _WHITE_IS_ZERO, _CONTIGUOUS = 0, 1
 _BITS = re.compile(rb"(IHDR.{8}|ihdr.{10})(.)", re.DOTALL)
 # Dots per inch that programs write by default, unrelated to the voxels.
 _FOR_PRINT = (1, 72, 96, 100, 150, 200, 240, 300, 360, 400, 600, 720, 1200, 2400)
-_INCH, _CENTIMETRE = 2, 3
 
 
 @contextmanager
@@ -77,10 +69,13 @@ def picture_errors(path: Path) -> Iterator[None]:
     handler.setLevel(logging.ERROR)
     log.addHandler(handler)
     propagated, log.propagate = log.propagate, False
+    fault: Exception | None = None
     try:
         yield
-    except _DAMAGE as error:
-        if isinstance(error, VolumeError) and not handler.buffer:
+    except ChoicesListed:
+        raise
+    except Exception as error:  # of any kind: the bytes may be anything
+        if isinstance(error, VolspecError) and not handler.buffer:
             raise
         if _lacks_codec(error):
             raise VolumeError(
@@ -88,23 +83,13 @@ def picture_errors(path: Path) -> Iterator[None]:
                 "pip install imagecodecs, or save the stack without compression",
                 code="unsupported",
             ) from error
-        raise _damage_error(path, handler.buffer, error) from error
+        fault = error
     finally:
         log.removeHandler(handler)
         log.propagate = propagated
-    if handler.buffer:
-        raise _damage_error(path, handler.buffer)
-
-
-def _damage_error(
-    path: Path, logged: list[logging.LogRecord], error: Exception | None = None
-) -> VolumeError:
-    cause = logged[0].getMessage() if logged else str(error)
-    return VolumeError(
-        f"{path}: cannot be read ({one_line(cause)[:120]}); is it complete and of the type "
-        "its name says?",
-        code="damaged",
-    )
+    if fault or handler.buffer:
+        cause = handler.buffer[0].getMessage() if handler.buffer else str(fault)
+        raise damaged(path, f"cannot be read ({one_line(cause)[:120]})") from fault
 
 
 def _lacks_codec(error: Exception) -> bool:
@@ -143,7 +128,7 @@ def _pillow_can(page: Any) -> bool:
     return page.parent.byteorder + page.dtype.str[1:] in known and page.bitspersample == stored
 
 
-def picture_values(path: Path, reserve: Reserve | None) -> NDArray[Any]:
+def picture_values(path: Path) -> NDArray[Any]:
     """Read the pixels of a picture other than TIFF, as indices if it has a palette.
 
     16-bit colours, which Pillow narrows to 8, are refused.
@@ -166,36 +151,32 @@ def picture_values(path: Path, reserve: Reserve | None) -> NDArray[Any]:
                 "as TIFF",
                 code="unsupported",
             )
-        if reserve is not None:
-            itemsize = 4 if image.mode == "I" else -(-bits // 8)
-            reserve((*image.size, len(image.getbands())), itemsize)
         return np.array(image)
 
 
 def resolve_spacing(
     stated: tuple[float | None, ...], query: Query, remarks: list[str]
 ) -> tuple[tuple[float, float, float], Metadata]:
-    """Return the query's spacing, else the stated one, and what is assumed in its gaps (None).
-
-    Assumptions are remarked on.
-    """
+    """Return the query's spacing, else the stated one; remark on what is assumed in its gaps."""
     x, y, z = stated
     if query.spacing_mm is not None:
         return query.spacing_mm, Metadata()
-    remedy = "if that is wrong, give it in mm as in"
     if x is None or y is None:
-        remarks.append(
-            f"{query.path}: states no spacing, 1 mm is assumed; {remedy} "
-            f"{query.example(spacing='1,1,1')}"
+        spacing = 1.0, 1.0, 1.0
+        why, assumed = "states no spacing, 1 mm is assumed", NO_SPACING
+    elif z is None:
+        spacing = x, y, x
+        why = (
+            f"states {x:.4g} × {y:.4g} mm in the plane but no slice distance, {x:.4g} mm is assumed"
         )
-        return (1.0, 1.0, 1.0), Metadata(assumed=(NO_SPACING,))
-    if z is None:
-        remarks.append(
-            f"{query.path}: states {x:.4g} × {y:.4g} mm in the plane but no slice distance, "
-            f"{x:.4g} mm is assumed; {remedy} {query.example(spacing=spacing_text(x, y, x))}"
-        )
-        return (x, y, x), Metadata(assumed=(f"slices {x:.4g} mm apart",))
-    return (x, y, z), Metadata()
+        assumed = f"slices {x:.4g} mm apart"
+    else:
+        return (x, y, z), Metadata()
+    remarks.append(
+        f"{query.path}: {why}; if that is wrong, give it in mm as in "
+        f"{query.example(spacing=spacing_text(*spacing))}"
+    )
+    return spacing, Metadata(assumed=(assumed,))
 
 
 Spacing = tuple[float | None, float | None, float | None]
@@ -205,21 +186,16 @@ Spacing = tuple[float | None, float | None, float | None]
 def stated_spacing_mm(tiff: Any, page: Any, series: Any = None) -> Spacing:
     """Return the spacing that a tifffile ``TiffFile`` states of a page of a series."""
     if (pixels := _ome_pixels(tiff, series)) is not None:
-        x, y, z = (_ome_size_mm(pixels, f"PhysicalSize{axis}") for axis in "XYZ")
+        sizes = [f"PhysicalSize{axis}" for axis in "XYZ"]
+        x, y, z = (_mm(pixels.get(size), pixels.get(f"{size}Unit", "µm")) for size in sizes)
         if x is not None:
             return x, y, z
-    if tiff.imagej_metadata:
-        imagej = tiff.imagej_metadata
+    if imagej := tiff.imagej_metadata:
         unit = imagej.get("unit")
-        x_mm, y_mm, z_mm = (
-            mm_per_unit(u) for u in (unit, imagej.get("yunit", unit), imagej.get("zunit", unit))
-        )
-        distance = _positive(imagej.get("spacing"))
-        z = None if z_mm is None or distance is None else z_mm * distance
-        return _pixel_mm(page, "XResolution", x_mm), _pixel_mm(page, "YResolution", y_mm), z
-    tag = page.tags.get("ResolutionUnit")
-    unit = {_INCH: "inch", _CENTIMETRE: "cm"}.get(int(tag.value) if tag is not None else 0)
-    x, y = (_pixel_mm(page, name, mm_per_unit(unit)) for name in ("XResolution", "YResolution"))
+        x, y = _pixel_mm(page, "X", unit), _pixel_mm(page, "Y", imagej.get("yunit", unit))
+        return x, y, _mm(imagej.get("spacing"), imagej.get("zunit", unit))
+    unit = {2: "inch", 3: "cm"}.get(page.tags.valueof("ResolutionUnit"))
+    x, y = _pixel_mm(page, "X", unit), _pixel_mm(page, "Y", unit)
     if x is None or y is None or round(25.4 / x, 1) in _FOR_PRINT:
         return None, None, None
     return x, y, None
@@ -234,12 +210,17 @@ def stated_channels(tiff: Any, series: Any, count: int) -> list[Channel]:
     return [Channel.of_ome(row.attrib) for row in rows] if len(rows) == count else []
 
 
+def ome_root(tiff: Any) -> Element:
+    """Return a file's OME-XML; an empty element if it has none."""
+    try:
+        return parse_xml(tiff.ome_metadata or "")
+    except ValueError:
+        return Element("OME")
+
+
 def _ome_pixels(tiff: Any, series: Any) -> Element | None:
     """Return the OME Pixels of a series; without a series, or of one Image, the first."""
-    try:
-        images = parse_xml(tiff.ome_metadata or "").findall("{*}Image")
-    except ValueError:
-        return None
+    images = ome_root(tiff).findall("{*}Image")
     if series is not None and len(images) > 1:
         if len(images) == len(tiff.series):
             images = [images[tiff.series.index(series)]]
@@ -248,25 +229,16 @@ def _ome_pixels(tiff: Any, series: Any) -> Element | None:
     return images[0].find("{*}Pixels") if images else None
 
 
-def _ome_size_mm(pixels: Element, key: str) -> float | None:
-    size, mm = _positive(pixels.get(key)), mm_per_unit(pixels.get(f"{key}Unit", "µm"))
-    return None if size is None or mm is None else size * mm
-
-
-def _pixel_mm(page: Any, name: str, mm: float | None) -> float | None:
+def _pixel_mm(page: Any, axis: str, unit: str | None) -> float | None:
     """Return millimetres per pixel from a tag with pixels per unit as a fraction."""
-    tag = page.tags.get(name)
-    if tag is None or mm is None:
-        return None
-    pixels, units = tag.value
-    per_unit = _positive(pixels / units if units else None)
-    return None if per_unit is None else mm / per_unit
+    pixels, units = page.tags.valueof(f"{axis}Resolution", default=(0, 1))
+    return _mm(units / pixels if pixels else None, unit)
 
 
-def _positive(given: Any) -> float | None:
-    """Return a size without its sign, which ImageJ writes for stacks from below."""
+def _mm(given: Any, unit: str | None) -> float | None:
+    """Return a length in mm without its sign, which ImageJ writes for stacks from below."""
     try:
-        number = abs(float(given))
+        length = abs(float(given)) * (mm_per_unit(unit) or 0)
     except (TypeError, ValueError):
         return None
-    return number if 0 < number < math.inf else None
+    return length if 0 < length < math.inf else None

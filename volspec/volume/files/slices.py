@@ -23,7 +23,6 @@ from volspec.volume.checks import checked_geometry
 from volspec.volume.files.lattice import stack_slices
 from volspec.volume.files.pages import (
     PICTURES,
-    Reserve,
     Spacing,
     page_values,
     picture_errors,
@@ -70,8 +69,8 @@ class Slices:
         """Read all of them."""
         query.reserve(self.whole or self.shape, self.dtype.itemsize)
         values = self.read(range(self.shape[0]))
-        own = self.channel, self.metadata
-        return Reading(values, self.spacing_mm, None, self.remarks, None, *own)
+        stated = self.channel, self.metadata
+        return Reading(values, self.spacing_mm, None, self.remarks, None, *stated)
 
 
 def larger_stack(query: Query, find: Callable[[Query], Slices]) -> Stack | None:
@@ -94,7 +93,7 @@ def larger_stack(query: Query, find: Callable[[Query], Slices]) -> Stack | None:
 
 def read_stack(query: Query) -> Reading:
     """Read a folder of pictures of one size, or one channel and time of them."""
-    return _slices(query, in_memory=True).reading(query)
+    return _slices(query).reading(query)
 
 
 def pictures_stack(query: Query) -> Stack | None:
@@ -128,11 +127,10 @@ def _natural_key(name: str) -> list[tuple[int, str]]:
     return [(int(part) if part.isdecimal() else 0, part) for part in parts]
 
 
-def _slices(query: Query, in_memory: bool = False) -> Slices:
-    query.allow("spacing", "time", "channel")
+def _slices(query: Query) -> Slices:
+    query.allow("time", "channel")
     path, kinds = query.path, _by_format(query.path)
-    kind = max(kinds, key=lambda kind: len(kinds[kind]))
-    files = kinds[kind]
+    kind, files = max(kinds.items(), key=lambda item: len(item[1]))
     if len(files) == 1:
         raise VolumeError(
             f"{path}: holds one picture, {files[0].name}, but a volume has several slices; "
@@ -149,11 +147,7 @@ def _slices(query: Query, in_memory: bool = False) -> Slices:
         )
     expected = {part["slice"] for part in parts}
     rows, _, _ = _chosen(list(zip(files, parts, strict=True)), "time", "time steps", query)
-
-    def reserve(shape: Sequence[int], itemsize: int) -> None:
-        query.reserve((*shape, len(expected)), itemsize)
-
-    first, stated = _read_picture(rows[0][0], reserve if in_memory else None)
+    first, stated = _read_picture(rows[0][0])
     samples = 1 if first.ndim == 2 else first.shape[2]
     rows, name, sample = _chosen(rows, "channel", "channels", query, samples)
     query.end_choices()
@@ -248,11 +242,11 @@ def _size(shape: tuple[int, ...]) -> str:
     return f"{shape[1]}x{shape[0]}{channels}"
 
 
-def _read_picture(path: Path, reserve: Reserve | None = None) -> tuple[NDArray[Any], Spacing]:
+def _read_picture(path: Path) -> tuple[NDArray[Any], Spacing]:
     """Read (Y, X) or (Y, X, S) and the stated spacing from one file."""
     with picture_errors(path):
         if not path.name.lower().endswith(PICTURES["TIFF"]):
-            return picture_values(path, reserve), (None, None, None)
+            return picture_values(path), (None, None, None)
         from tifffile import TiffFile
 
         with TiffFile(path) as tiff:
@@ -263,8 +257,6 @@ def _read_picture(path: Path, reserve: Reserve | None = None) -> tuple[NDArray[A
                     "several pages itself, or a folder of single ones",
                     code="conflict",
                 )
-            if reserve is not None:
-                reserve(page.shape, page.dtype.itemsize)
             values = page_values(page)
             if page.axes.startswith(_SAMPLES):  # a plane per colour
                 values = np.moveaxis(values, 0, -1)

@@ -18,12 +18,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._parse import parse_xml
 from volspec.errors import Code, VolumeError
 from volspec.volume.channels import unique_titles
 from volspec.volume.files.lattice import stack_slices
 from volspec.volume.files.pages import (
     PICTURES,
+    ome_root,
     page_values,
     picture_errors,
     resolve_spacing,
@@ -87,22 +87,21 @@ def _read_pages(query: Query, numbers: Sequence[int]) -> NDArray[Any]:
     with picture_errors(query.path), _opened(query.path) as tiff:
         stack = _selected(tiff, query)
         series, axes = stack.series, stack.axes
-        if not stack.has_pages:
-            return _picked(series.asarray(), axes, stack.at, (stack.through, *"YX"))[numbers]
-        leading = stack.leading
-        own, page = axes[len(leading) :], series.shape[len(leading) :]
-        dtype = np.dtype(tiff.byteorder + series.dtype.char)
+        if stack.is_run or not stack.has_pages:
+            dtype = np.dtype(tiff.byteorder + series.dtype.char)
+            whole = (
+                np.memmap(tiff.filehandle.path, dtype, "r", series.dataoffset, series.shape)
+                if stack.is_run
+                else series.asarray()
+            )
+            return np.asarray(_picked(whole, axes, stack.at, (stack.through, *"YX"))[numbers])
+        count = len(stack.leading)
 
         def read(k: int) -> NDArray[Any]:
-            place = [k if axis == stack.through else stack.at[axis] for axis in leading]
-            number = int(np.ravel_multi_index(place, series.shape[: len(leading)]))
-            if stack.is_run:
-                items = math.prod(page)
-                first = series.dataoffset + number * items * dtype.itemsize
-                values = np.fromfile(tiff.filehandle.path, dtype, items, offset=first)
-            else:
-                values = page_values(series.pages[number])
-            return _picked(values.reshape(page), own, stack.at, "YX")
+            place = [k if axis == stack.through else stack.at[axis] for axis in stack.leading]
+            number = np.ravel_multi_index(place, series.shape[:count])
+            page = page_values(series.pages[int(number)]).reshape(series.shape[count:])
+            return _picked(page, axes[count:], stack.at, "YX")
 
         return stack_slices(numbers, read)
 
@@ -128,47 +127,27 @@ def _opened(path: Path) -> Any:
 
 def _companion(tiff: Any) -> Path | None:
     """Return the file with the OME-XML of one that has only a reference to it."""
-    try:
-        row = parse_xml(tiff.ome_metadata or "").find("{*}BinaryOnly")
-    except ValueError:
-        return None
+    row = ome_root(tiff).find("{*}BinaryOnly")
     name = "" if row is None else row.get("MetadataFile", "")
     return Path(tiff.filehandle.path).parent / Path(name).name if name else None
 
 
 class _Selection(NamedTuple):
-    """Stack in an open file: a series, the axis of its slices, and an index along the others."""
+    """Stack in an open file."""
 
     series: Any
     axes: str
-    through: str
-    at: Mapping[str, int]
-
-    @property
-    def sizes(self) -> dict[str, int]:
-        """Length of each axis."""
-        return dict(zip(self.axes, self.series.shape, strict=True))
-
-    @property
-    def leading(self) -> str:
-        """Axes along which pages follow."""
-        return self.axes.rstrip("YXS")
-
-    @property
-    def is_run(self) -> bool:
-        """True if it is one block of bytes, even if ImageJ lists only its first page."""
-        return self.series.dataoffset is not None
-
-    @property
-    def has_pages(self) -> bool:
-        """True if each page is of one slice; else the series is read as a whole."""
-        count = math.prod(self.sizes[axis] for axis in self.leading)
-        return not {*"YX"} & {*self.leading} and (self.is_run or len(self.series.pages) == count)
+    sizes: dict[str, int]  # length of each axis
+    through: str  # axis of the slices
+    at: Mapping[str, int]  # index along the other axes but Y and X
+    leading: str  # axes along which pages follow
+    is_run: bool  # it is one block of bytes, even if ImageJ lists only its first page
+    has_pages: bool  # each page is of one slice; else the series is read as a whole
 
 
 def _selected(tiff: Any, query: Query) -> _Selection:
     """Return the stack that a query selects by its series, axes, channel and time."""
-    query.allow("spacing", "series", "axes", "channel", "time")
+    query.allow("series", "axes", "channel", "time")
     series, axes = _series(tiff, query)
     through, sizes = _slice_axis(series, axes, query), dict(zip(axes, series.shape, strict=True))
     names = [channel.name for channel in stated_channels(tiff, series, sizes.get("C", 1))]
@@ -179,7 +158,10 @@ def _selected(tiff: Any, query: Query) -> _Selection:
         for axis, count in sizes.items()
         if axis not in (through, "Y", "X")
     }
-    return _Selection(series, axes, through, at)
+    leading, is_run = axes.rstrip("YXS"), series.dataoffset is not None
+    is_paged = is_run or len(series.pages) == math.prod(sizes[axis] for axis in leading)
+    has_pages = is_paged and not {*"YX"} & {*leading}
+    return _Selection(series, axes, sizes, through, at, leading, is_run, has_pages)
 
 
 def _series(tiff: Any, query: Query) -> tuple[Any, str]:
@@ -269,7 +251,7 @@ def _complete_slices(stack: _Selection, path: Path, remarks: list[str]) -> int:
 def _picked(
     values: NDArray[Any], axes: str, at: Mapping[str, int], order: Iterable[str]
 ) -> NDArray[Any]:
-    """Return an array at an index along some of its axes, with its other axes in an order."""
+    """View an array at an index along some of its axes, with its other axes in an order."""
     rest = [axis for axis in axes if axis not in at]
     index = tuple(at.get(axis, slice(None)) for axis in axes)
-    return np.array(values[index].transpose([rest.index(axis) for axis in order]))
+    return values[index].transpose([rest.index(axis) for axis in order])
