@@ -75,6 +75,7 @@ from volspec.settings import (
     metadata,
     plain,
 )
+from volspec.volume.formats import FORMATS, SLICES
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "docs" / "reference"
@@ -213,8 +214,28 @@ def _text(words: str) -> str:
     return words.replace("``", "`").replace("|", r"\|")
 
 
+def formats_page() -> str:
+    """Return the table of formats of volumes."""
+    lines = [
+        "# Formats of volumes",
+        "",
+        "Written by `python -m tools.reference` from `volspec/volume/formats.py`; see",
+        "[formats](../formats.md).",
+        "",
+        "| format | endings | library | extra | what is read |",
+        "|---|---|---|---|---|",
+    ]
+    for each in (*FORMATS, SLICES):
+        endings = " ".join(f"`{suffix}`" for suffix in each.suffixes)
+        library = {"zlib": "", "pydicom.pixels": "pydicom"}.get(each.library, each.library)
+        extra = f"`volspec[{each.extra}]`" if each.extra else ""
+        lines.append(f"| {each.name} | {endings} | {library} | {extra} | {each.note} |")
+    return "\n".join(lines) + "\n"
+
+
 def main() -> None:
     FOLDER.mkdir(exist_ok=True)
+    (FOLDER / "formats.md").write_text(formats_page(), encoding="utf-8")
     for name in PAGES:
         (FOLDER / f"{name}.md").write_text(page(name), encoding="utf-8")
     SCHEMA.write_text(scene_schema_text(), encoding="utf-8")

@@ -14,6 +14,7 @@ from volspec.scene import SceneFile
 from volspec.scene.schema import scene_schema_text
 from volspec.scene.transfer import KINDS
 from volspec.settings import descriptions, file_keys
+from volspec.volume.formats import FORMATS
 
 SHIPPED = Path(__file__).resolve().parents[2] / "data" / "scenes" / "scene.schema.json"
 SCHEMA: dict[str, Any] = json.loads(SHIPPED.read_text(encoding="utf-8"))
@@ -47,6 +48,12 @@ def test_it_is_up_to_date():
 def test_the_reference_pages_are_up_to_date(name):
     written = (reference.FOLDER / f"{name}.md").read_text(encoding="utf-8")
     assert written == reference.page(name), reference.__doc__
+
+
+def test_the_table_of_formats_is_up_to_date_and_complete():
+    page = (reference.FOLDER / "formats.md").read_text(encoding="utf-8")
+    assert page == reference.formats_page(), reference.__doc__
+    assert len(FORMATS) >= 30 and all(each.note for each in FORMATS)
 
 
 @pytest.mark.parametrize("name", reference.PAGES)

@@ -57,6 +57,8 @@ class Format:
     stack: Callable[[Query], Stack | None] | None = None  # levels of one larger than memory
     whole: bool = True  # a file is a volume, not the slice of one
     unpacks: bool = False  # its reader unpacks files that are packed by gzip
+    extra: str = ""  # of the package, which installs the library
+    note: str = ""  # what is read of it, for docs/reference/formats.md
 
     def begins(self, head: bytes) -> bool:
         """Return True if a file's first bytes are of this format."""
@@ -68,53 +70,105 @@ _OURS = "zlib"
 _HDF5 = (0, b"\x89HDF\r\n\x1a\n")
 _NIFTI = ((344, b"n+1\0"), (344, b"ni1\0"), (4, b"n+2\0"), (4, b"ni2\0"))
 DICOM = Format(
-    "DICOM", DICOM_SUFFIXES, read_series, "pydicom.pixels", ((128, b"DICM"),), whole=False
+    *("DICOM", DICOM_SUFFIXES, read_series, "pydicom.pixels", ((128, b"DICM"),)),
+    whole=False,
+    note="series, enhanced files, segmentations, doses; a patient's axes, HU",
 )
-OME_ZARR = Format("OME-Zarr", ZIP_SUFFIXES, read_ome_zarr, "zarr", stack=ome_zarr_stack)
-RAW = Format("raw bytes", (".raw",), read_raw, whole=False)
-SLICES = Format("slices", (), read_stack, "tifffile", stack=pictures_stack)
+OME_ZARR = Format(
+    *("OME-Zarr", (".zarr", *ZIP_SUFFIXES), read_ome_zarr, "zarr"),
+    stack=ome_zarr_stack,
+    extra="zarr",
+    note="0.4, 0.5, folders, zip files, URLs; also plain arrays of Zarr 2 and 3",
+)
+RAW = Format("raw bytes", (".raw",), read_raw, whole=False, note="shape, dtype, spacing asked")
+SLICES = Format(
+    *("slices", (), read_stack, "tifffile"),
+    stack=pictures_stack,
+    note="folders of TIFF, PNG, BMP, JPEG or JPEG 2000; channels and times in names",
+)
 """Of a folder; no file has it."""
 FORMATS = (
-    Format("NRRD", (".nrrd", ".nhdr"), read_nrrd, _OURS, ((0, b"NRRD"),)),
-    Format("MetaImage", (".mha", ".mhd"), read_metaimage, _OURS),
-    Format("NIfTI", (".nii", ".nii.gz"), neuro.read_neuro, "nibabel", _NIFTI, unpacks=True),
-    Format("NIfTI and Analyze pairs", neuro.PAIRS, neuro.read_neuro, "nibabel"),
-    Format("FreeSurfer", (".mgh", ".mgz"), neuro.read_neuro, "nibabel"),
-    Format("AFNI", (".head", ".brik", ".brik.gz"), neuro.read_neuro, "nibabel"),
-    Format("PAR/REC", (".par", ".rec"), neuro.read_neuro, "nibabel"),
-    Format("MINC", (".mnc",), neuro.read_neuro, "nibabel", (_HDF5, (0, b"CDF\1"))),
+    Format(
+        *("NRRD", (".nrrd", ".nhdr"), read_nrrd, _OURS, ((0, b"NRRD"),)),
+        note="all encodings, units, times, channels, segments; a patient's axes in such a space",
+    ),
+    Format(
+        *("MetaImage", (".mha", ".mhd"), read_metaimage, _OURS),
+        note="units; a patient's axes with AnatomicalOrientation",
+    ),
+    Format(
+        *("NIfTI", (".nii", ".nii.gz"), neuro.read_neuro, "nibabel", _NIFTI),
+        unpacks=True,
+        note="1 and 2; times, components, labels; a patient's axes with a code",
+    ),
+    Format(
+        *("NIfTI and Analyze pairs", neuro.PAIRS, neuro.read_neuro, "nibabel"),
+        note="header and voxels in two files",
+    ),
+    Format(*("FreeSurfer", (".mgh", ".mgz"), neuro.read_neuro, "nibabel"), note="a patient's axes"),
+    Format(
+        *("AFNI", (".head", ".brik", ".brik.gz"), neuro.read_neuro, "nibabel"),
+        note="a patient's axes",
+    ),
+    Format("PAR/REC", (".par", ".rec"), neuro.read_neuro, "nibabel", note="a patient's axes"),
+    Format(
+        *("MINC", (".mnc",), neuro.read_neuro, "nibabel", (_HDF5, (0, b"CDF\1"))),
+        note="1 and 2; a patient's axes",
+    ),
     DICOM,
     Format(
         *("TIFF", TIFF_SUFFIXES, read_tiff, "tifffile"),
         ((0, b"II*\0"), (0, b"MM\0*"), (0, b"II+\0"), (0, b"MM\0+")),
         tiff_stack,
         whole=False,
+        note="ImageJ, OME-TIFF, BigTIFF: units, channels, times, several stacks",
     ),
     Format(
-        "HDF5",
-        (".h5", ".hdf5", ".he5", ".hdf", ".nxs", ".emd"),
-        read_hdf5,
-        "h5py",
-        (_HDF5,),
+        *("HDF5", (".h5", ".hdf5", ".he5", ".hdf", ".nxs", ".emd"), read_hdf5, "h5py", (_HDF5,)),
         hdf5_stack,
+        extra="hdf5",
+        note="axes and sizes of ilastik, NeXus, BigDataViewer, element_size_um",
     ),
-    Format("BigDataViewer", (".xml",), read_project, "h5py", (), project_stack, whole=False),
+    Format(
+        *("BigDataViewer", (".xml",), read_project, "h5py", (), project_stack),
+        whole=False,
+        extra="hdf5",
+        note="its HDF5 or N5, with units and setups",
+    ),
     OME_ZARR,
-    Format("MRC", MRC_SUFFIXES, read_mrc, "mrcfile", (MRC_MAGIC,)),
-    Format(*("MRtrix", (".mif", ".mif.gz", ".mih"), read_mif, _OURS, (MIF_MAGIC,)), unpacks=True),
-    Format("GIPL", (".gipl", ".gipl.gz"), read_gipl, _OURS, GIPL_MAGIC, unpacks=True),
-    Format("Imaris", (".ims",), read_imaris, "h5py", (_HDF5,), imaris_stack),
-    Format("CZI", (".czi",), read_micro, "pylibCZIrw"),
-    Format("LIF", (".lif",), read_micro, "liffile"),
-    Format("ND2", (".nd2",), read_micro, "nd2"),
-    Format("OIF", (".oib", ".oif"), read_micro, "oiffile"),
-    Format("VTI", (".vti", ".pvti"), read_vtk, "pyvista"),
-    Format("VTR", (".vtr", ".pvtr"), read_vtk, "pyvista"),
-    Format("VTM", (".vtm", ".vtmb"), read_vtk, "pyvista"),
-    Format("VTKHDF", (".vtkhdf",), read_vtk, "pyvista", (_HDF5,)),
-    Format("VTK", (".vtk",), read_vtk, "pyvista", ((0, b"# vtk DataFile"),)),
-    Format(".npy", (".npy",), read_npy, "", ((0, b"\x93NUMPY"),)),
-    Format(".npz", (".npz",), read_npz),
+    Format(
+        *("N5", (".n5",), read_ome_zarr, "zarr"),
+        stack=ome_zarr_stack,
+        extra="zarr",
+        note="folders; the finest of several levels",
+    ),
+    Format("MRC", MRC_SUFFIXES, read_mrc, "mrcfile", (MRC_MAGIC,), note="also CCP4; ångströms"),
+    Format(
+        *("MRtrix", (".mif", ".mif.gz", ".mih"), read_mif, _OURS, (MIF_MAGIC,)),
+        unpacks=True,
+        note="a patient's axes",
+    ),
+    Format(
+        *("GIPL", (".gipl", ".gipl.gz"), read_gipl, _OURS, GIPL_MAGIC),
+        unpacks=True,
+        note="spacing and origin",
+    ),
+    Format(
+        *("Imaris", (".ims",), read_imaris, "h5py", (_HDF5,), imaris_stack),
+        extra="hdf5",
+        note="places, channels, times, levels",
+    ),
+    Format("CZI", (".czi",), read_micro, "pylibCZIrw", extra="micro", note="scenes, mosaics"),
+    Format("LIF", (".lif",), read_micro, "liffile", extra="micro", note="its pictures"),
+    Format("ND2", (".nd2",), read_micro, "nd2", extra="micro", note="channels, times, positions"),
+    Format("OIF", (".oib", ".oif"), read_micro, "oiffile", extra="micro", note="channels, times"),
+    Format("VTI", (".vti", ".pvti"), read_vtk, "pyvista", note="points or cells, vectors, pieces"),
+    Format("VTR", (".vtr", ".pvtr"), read_vtk, "pyvista", note="of even spacing"),
+    Format("VTM", (".vtm", ".vtmb"), read_vtk, "pyvista", note="a block of several"),
+    Format("VTKHDF", (".vtkhdf",), read_vtk, "pyvista", (_HDF5,), note="image data"),
+    Format("VTK", (".vtk",), read_vtk, "pyvista", ((0, b"# vtk DataFile"),), note="legacy files"),
+    Format(".npy", (".npy",), read_npy, "", ((0, b"\x93NUMPY"),), note="of three axes"),
+    Format(".npz", (".npz",), read_npz, note="one of its arrays"),
     RAW,
 )
 WHOLE_SUFFIXES = tuple(s for each in FORMATS if each.whole for s in each.suffixes)
