@@ -2,7 +2,6 @@
 
 import struct
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -19,17 +18,16 @@ from volspec.volume.load import read_here
 VALUES = np.arange(4 * 6 * 8, dtype=np.uint16).reshape(4, 6, 8)
 TWO = np.stack([VALUES, VALUES + 1])
 NAMES = "DAPI", "GFP"
+MODULES = {"czi": "pylibCZIrw", "lif": "liffile", "nd2": "nd2", "oib": "oiffile", "oif": "oiffile"}
 
 
 def write_czi(path: Path) -> None:
     """Two scenes of two channels."""
     czi = pytest.importorskip("pylibCZIrw.czi")
     with czi.create_czi(str(path)) as file:
-        for scene in (0, 1):
-            for c, channel in enumerate(TWO):
-                for z, plane in enumerate(channel):
-                    at = {"C": c, "Z": z, "T": 0}
-                    file.write(plane + 10 * scene, plane=at, scene=scene, location=(0, 100 * scene))
+        for scene, c, z in np.ndindex(2, 2, 4):
+            at = {"C": c, "Z": z, "T": 0}
+            file.write(TWO[c, z] + 10 * scene, plane=at, scene=scene, location=(0, 100 * scene))
         steps = {"scale_x": 5e-7, "scale_y": 7e-7, "scale_z": 2e-6}
         file.write_metadata("two", channel_names=dict(enumerate(NAMES)), **steps)
 
@@ -38,27 +36,22 @@ def write_lif(path: Path) -> None:
     """Two images of two channels, each with its block of bytes."""
     pytest.importorskip("liffile")
 
-    def dimension(number: int, count: int, step: float, nbytes: int) -> str:
-        return (
-            f'<DimensionDescription DimID="{number}" NumberOfElements="{count}" Origin="0" '
-            f'Length="{(count - 1) * step}" Unit="m" BytesInc="{nbytes}" BitInc="0"/>'
-        )
-
     def block(text: str, *size: int) -> bytes:
-        packed = text.encode("utf-16-le")
         head = struct.pack("<BQ", 0x2A, *size) if size else b""
-        body = head + struct.pack("<BI", 0x2A, len(text)) + packed
+        body = head + struct.pack("<BI", 0x2A, len(text)) + text.encode("utf-16-le")
         return struct.pack("<II", 0x70, len(body)) + body
 
-    z, y, x = VALUES.shape
-    sides = (
-        dimension(1, x, 5e-7, 2) + dimension(2, y, 7e-7, 2 * x) + dimension(3, z, 2e-6, 2 * x * y)
+    sides = "".join(
+        f'<DimensionDescription DimID="{k + 1}" NumberOfElements="{count}" Origin="0" Unit="m" '
+        f'Length="{(count - 1) * step}" BytesInc="{VALUES.strides[2 - k]}" BitInc="0"/>'
+        for k, (count, step) in enumerate(zip((8, 6, 4), (5e-7, 7e-7, 2e-6), strict=True))
     )
-    channel = (
-        '<ChannelDescription DataType="0" ChannelTag="0" Resolution="16" Min="0" Max="1" Unit="" '
-        'NameOfMeasuredQuantity="" LUTName="Gray" IsLUTInverted="0" BytesInc="{}" BitInc="0"/>'
+    channels = "".join(
+        f'<ChannelDescription DataType="0" Resolution="16" BytesInc="{k * VALUES.nbytes}" '
+        'ChannelTag="0" LUTName="Gray" BitInc="0" NameOfMeasuredQuantity="" Unit="" '
+        'IsLUTInverted="0" Min="0" Max="1"/>'
+        for k in (0, 1)
     )
-    channels = "".join(channel.format(k * VALUES.nbytes) for k in (0, 1))
     images = "".join(
         f'<Element Name="{k}" UniqueID="{k}"><Memory Size="{TWO.nbytes}" MemoryBlockID="M{k}"/>'
         f"<Data><Image><ImageDescription><Channels>{channels}</Channels><Dimensions>{sides}"
@@ -75,46 +68,36 @@ def write_lif(path: Path) -> None:
 
 def write_ims(path: Path) -> None:
     """Two levels of two channels; chunks are filled up to 8 voxels."""
-    text = {"X": "8", "Y": "6", "Z": "4", "Unit": "um", "ExtMin0": "10", "ExtMin1": "0"}
-    text |= {"ExtMin2": "0", "ExtMax0": "14", "ExtMax1": "4.2", "ExtMax2": "8"}
     with h5py.File(path, "w") as file:
-        stated = file.create_group("DataSetInfo/Image").attrs
-        for key, value in text.items():
-            stated[key] = np.frombuffer(value.encode(), "S1")
-        for c, channel in enumerate(TWO):
-            own = file.create_group(f"DataSetInfo/Channel {c}").attrs
-            own["Name"] = np.frombuffer(NAMES[c].encode(), "S1")
-            own["Color"] = np.frombuffer(b"0 0.5 1", "S1")
-            for level in (0, 1):
-                every = channel[:: level + 1, :: level + 1, :: level + 1]
-                full = np.pad(every, [(0, -n % 8) for n in every.shape])
-                place = f"DataSet/ResolutionLevel {level}/TimePoint 0/Channel {c}"
-                file.create_dataset(f"{place}/Data", data=full, chunks=(8, 8, 8))
-                for axis, n in zip("ZYX", every.shape, strict=True):
-                    size = np.frombuffer(str(n).encode(), "S1")
-                    file[place].attrs[f"ImageSize{axis}"] = size
+
+        def state(place: str, **text: str) -> None:
+            for key, value in text.items():
+                file.require_group(place).attrs[key] = np.frombuffer(value.encode(), "S1")
+
+        state("DataSetInfo/Image", Unit="um", ExtMin0="10", ExtMin1="0", ExtMin2="0")
+        state("DataSetInfo/Image", ExtMax0="14", ExtMax1="4.2", ExtMax2="8")
+        for c, level in np.ndindex(2, 2):
+            state(f"DataSetInfo/Channel {c}", Name=NAMES[c], Color="0 0.5 1")
+            every = TWO[c][:: level + 1, :: level + 1, :: level + 1]
+            place = f"DataSet/ResolutionLevel {level}/TimePoint 0/Channel {c}"
+            full = np.pad(every, [(0, -n % 8) for n in every.shape])
+            file.create_dataset(f"{place}/Data", data=full, chunks=(8, 8, 8))
+            z, y, x = map(str, every.shape)
+            state(place, ImageSizeX=x, ImageSizeY=y, ImageSizeZ=z)
 
 
-WRITERS: dict[str, Callable[[Path], None]] = {
-    "czi": write_czi,
-    "lif": write_lif,
-    "ims": write_ims,
-}
-HAVE_SERIES = "czi", "lif"
-
-
-@pytest.mark.parametrize("kind", WRITERS)
-def test_channels_images_and_voxels(tmp_path, kind):
-    path = tmp_path / f"v.{kind}"
-    WRITERS[kind](path)
-    address = f"{path}?series=1" if kind in HAVE_SERIES else path
-    fields = [*load_silently(address).by_role.values()]
+@pytest.mark.parametrize("write", [write_czi, write_lif, write_ims])
+def test_channels_images_and_voxels(tmp_path, write):
+    kind = write.__name__.removeprefix("write_")
+    has_series = kind != "ims"
+    write(path := tmp_path / f"v.{kind}")
+    fields = [*load_silently(f"{path}?series=1" if has_series else path).by_role.values()]
     for k, volume in enumerate(fields):
-        assert np.array_equal(volume.values, VALUES + k + 10 * (kind in HAVE_SERIES))
+        assert np.array_equal(volume.values, VALUES + k + 10 * has_series)
         assert volume.spacing_mm == pytest.approx((5e-4, 7e-4, 2e-3))
         assert volume.channel.name == ("" if kind == "lif" else NAMES[k])  # LIF has none
     assert len(fields) == 2 and fields[0].metadata.assumed == ()
-    if kind in HAVE_SERIES:
+    if has_series:
         with raises(VolumeError, "missing"):
             load_volume(path)
 
@@ -129,24 +112,15 @@ def test_imaris_has_its_place_colour_and_levels(tmp_path):
     assert np.array_equal(large.values, VALUES[::2, ::2, ::2] + 1)
 
 
-@pytest.mark.parametrize(
-    ("name", "module"),
-    [("v.czi", "pylibCZIrw"), ("v.lif", "liffile"), ("v.nd2", "nd2"), ("v.oib", "oiffile")],
-)
-def test_without_its_library_a_file_is_refused_with_two_remedies(
-    tmp_path, monkeypatch, name, module
-):
-    (tmp_path / name).write_bytes(b"any")
-    monkeypatch.setitem(sys.modules, module, None)
+@pytest.mark.parametrize("kind", MODULES)
+def test_damaged_files_and_missing_libraries_have_remedies(tmp_path, monkeypatch, kind):
+    path = tmp_path / f"v.{kind}"
+    path.write_bytes(b"no microscope wrote this")
+    monkeypatch.setitem(sys.modules, MODULES[kind], None)
     with raises(DeviceError, "unsupported") as caught:
-        read_here(Query.of(str(tmp_path / name)))
+        read_here(Query.of(str(path)))
     assert "volspec[micro]" in caught.value.remedy and "Fiji" in caught.value.remedy
-
-
-@pytest.mark.parametrize("name", ["v.lif", "v.nd2", "v.oif", "v.czi"])
-def test_damaged_files_are_refused(tmp_path, name):
-    modules = {"lif": "liffile", "nd2": "nd2", "oif": "oiffile", "czi": "pylibCZIrw"}
-    pytest.importorskip(modules[name[2:]])
-    (tmp_path / name).write_bytes(b"no microscope wrote this")
+    monkeypatch.undo()
+    pytest.importorskip(MODULES[kind])
     with raises(VolumeError, "damaged"):
-        load_volume(tmp_path / name)
+        load_volume(path)

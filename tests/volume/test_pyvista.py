@@ -5,12 +5,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import h5py
 import imageio.v3 as iio
 import numpy as np
 import pytest
 import pyvista
 from vtkmodules.vtkCommonDataModel import vtkPiecewiseFunction, vtkPlane
+from vtkmodules.vtkIOHDF import vtkHDFWriter
 from vtkmodules.vtkIOParallelXML import vtkXMLPImageDataWriter
 from vtkmodules.vtkRenderingCore import vtkColorTransferFunction, vtkVolumeProperty
 
@@ -67,12 +67,11 @@ def test_rectilinear_grids_of_even_spacing_are_volumes(tmp_path, suffix, step):
     assert (volume.world_from_index[0, 0], volume.world_from_index[0, 3]) == (step, 3)
 
 
-def shifted(*names: str) -> pyvista.ImageData:
-    """6 × 5 × 4 points whose indices begin at 10, 20, 5, with an array 0 … 119 of each name."""
+def shifted() -> pyvista.ImageData:
+    """6 × 5 × 4 points with values 0 … 119, whose indices begin at 10, 20, 5."""
     grid = pyvista.ImageData(dimensions=(6, 5, 4), spacing=(0.5, 0.7, 2), origin=(1, 2, 3))
     grid.offset = (10, 20, 5)
-    for name in names or ("v",):
-        grid.point_data[name] = np.arange(120.0)
+    grid.point_data["v"] = np.arange(120.0)
     return grid
 
 
@@ -80,58 +79,43 @@ def shifted(*names: str) -> pyvista.ImageData:
 def test_indices_begin_at_those_of_the_extent(tmp_path, cells):
     """A point lies at origin + spacing · index, a cell half a step farther."""
     grid = shifted()
-    half = np.array(grid.spacing) / 2 if cells else np.zeros(3)
     if cells:
         grid.clear_data()
         grid.cell_data["v"] = np.arange(60.0)
-    for volume in (vs.load_volume(saved(grid, tmp_path, "v.vti")), vs.Volume.from_pyvista(grid)):
-        assert np.allclose(volume.world_from_index[:3, 3], np.array([6, 16, 13]) + half)
-    assert vs.load_volume(tmp_path / "v.vti").metadata.assumed == (NO_UNIT,)
+    first = np.array([6, 16, 13]) + cells * np.array(grid.spacing) / 2
+    loaded = vs.load_volume(saved(grid, tmp_path, "v.vti"))
+    assert loaded.metadata.assumed == (NO_UNIT,)
+    for volume in (loaded, vs.Volume.from_pyvista(grid)):
+        assert np.allclose(volume.world_from_index[:3, 3], first)
 
 
 @pytest.mark.parametrize("suffix", [".vti", ".vtk"])
 def test_components_are_channels_next_to_other_arrays(tmp_path, suffix):
-    grid = shifted("density")
-    grid.point_data["v"] = np.arange(360.0, dtype="f4").reshape(120, 3)
-    path = saved(grid, tmp_path, f"v{suffix}")
-    names = [field.channel.name for field in vs.load_volume(path).by_role.values()]
-    assert names == ["density", "v 0", "v 1", "v 2"]
-    y = vs.load_volume(f"{path}?channel=2")
-    assert np.array_equal(y.values.ravel(), np.arange(1, 360, 3))
+    grid = shifted()
+    grid.point_data["w"] = np.arange(360.0, dtype="f4").reshape(120, 3)
+    fields = [*vs.load_volume(saved(grid, tmp_path, f"v{suffix}")).by_role.values()]
+    assert [field.channel.name for field in fields] == ["v", "w 0", "w 1", "w 2"]
+    assert np.array_equal(fields[2].values.ravel(), np.arange(1, 360, 3))
 
 
-def in_pieces(grid: pyvista.ImageData, path: Path) -> Path:
-    writer = vtkXMLPImageDataWriter()
+def in_parts(grid: pyvista.ImageData, folder: Path, name: str) -> Path:
+    """A file of a block, or of two pieces, or HDF5."""
+    if name.endswith(".vtm"):
+        return saved(pyvista.MultiBlock([grid]), folder, name)
+    writer: Any = vtkHDFWriter()
+    if name.endswith(".pvti"):
+        writer = vtkXMLPImageDataWriter()
+        writer.SetNumberOfPieces(2)
+        writer.SetEndPiece(1)
     writer.SetInputData(grid)
-    writer.SetFileName(str(path))
-    writer.SetNumberOfPieces(2)
-    writer.SetEndPiece(1)
+    writer.SetFileName(str(folder / name))
     writer.Write()
-    return path
+    return folder / name
 
 
-def in_hdf5(grid: pyvista.ImageData, path: Path) -> Path:
-    with h5py.File(path, "w") as file:
-        root = file.create_group("VTKHDF")
-        root.attrs["Type"] = np.bytes_("ImageData")
-        root.attrs["Version"] = (1, 0)
-        root.attrs["WholeExtent"] = grid.extent
-        root.attrs["Origin"], root.attrs["Spacing"] = grid.origin, grid.spacing
-        root.attrs["Direction"] = np.eye(3).ravel()
-        root["PointData/v"] = np.asarray(grid.point_data["v"]).reshape(4, 5, 6)
-    return path
-
-
-@pytest.mark.parametrize(
-    ("name", "save"),
-    [
-        ("v.pvti", in_pieces),
-        ("v.vtkhdf", in_hdf5),
-        ("v.vtm", lambda grid, path: saved(pyvista.MultiBlock([grid]), path.parent, path.name)),
-    ],
-)
-def test_pieces_blocks_and_hdf5_are_the_grid_that_was_saved(tmp_path, name, save):
-    volume = vs.load_volume(save(shifted(), tmp_path / name))
+@pytest.mark.parametrize("name", ["v.pvti", "v.vtkhdf", "v.vtm"])
+def test_pieces_blocks_and_hdf5_are_the_grid_that_was_saved(tmp_path, name):
+    volume = vs.load_volume(in_parts(shifted(), tmp_path, name))
     assert np.array_equal(volume.values.ravel(), np.arange(120))
     assert np.allclose(volume.world_from_index[:3, 3], (6, 16, 13))
 
@@ -142,8 +126,7 @@ def test_parts_are_chosen_and_missing_ones_named(tmp_path):
     (choice,) = volume_choices(path)
     assert (choice.key, choice.values) == ("dataset", ("mr", "ct"))
     assert vs.load_volume(f"{path}?dataset=ct").shape_xyz == (6, 5, 4)
-    pieces = in_pieces(shifted(), tmp_path / "v.pvti")
-    for part, whole in (("v_1.vti", pieces), ("v/v_0.vti", path)):
+    for part, whole in (("v_1.vti", in_parts(shifted(), tmp_path, "v.pvti")), ("v/v_0.vti", path)):
         (tmp_path / part).unlink()
         with raises(VolumeError, "not-found") as caught:
             vs.load_volume(whole)
@@ -376,14 +359,6 @@ def test_one_of_several_volumes_is_taken_by_its_name(plot):
     assert vs.from_plotter(plotter).volume.name == "ct-0"
 
 
-def bare() -> pyvista.ImageData:
-    return pyvista.ImageData(dimensions=(3, 3, 3))
-
-
-def balls() -> pyvista.MultiBlock:
-    return pyvista.MultiBlock([pyvista.Sphere()])
-
-
 def coloured() -> pyvista.ImageData:
     grid = pyvista.ImageData(dimensions=(3, 3, 3))
     grid["rgba"] = np.full((27, 4), 99, np.uint8)
@@ -414,6 +389,8 @@ def saved(grid: Any, folder: Path, name: str) -> Path:
     return folder / name
 
 
+BARE = pyvista.ImageData(dimensions=(3, 3, 3))
+BALLS = pyvista.MultiBlock([pyvista.Sphere()])
 NO_FRAMES = [
     *(np.zeros((4, 4)), np.zeros((4, 4, 3)), np.zeros((4, 4, 4), "u1")),
     *(np.zeros((0, 4, 3), "u1"), np.full((4, 4, 3), np.nan, "f4")),
@@ -435,8 +412,8 @@ REFUSED: list[
     (take(block(), lambda p, _: p.camera.SetWindowCenter(0.2, 0)), CameraError, "unsupported"),
     (lambda _, to: vs.load_volume(saved(uneven(), to, "v.vtr")), VolumeError, "unsupported"),
     (lambda _, to: vs.load_volume(saved(uneven(), to, "v.vtk")), VolumeError, "unsupported"),
-    (lambda _, to: vs.load_volume(saved(bare(), to, "v.vti")), VolumeError, "shape"),
-    (lambda _, to: vs.load_volume(saved(balls(), to, "v.vtm")), VolumeError, "unsupported"),
+    (lambda _, to: vs.load_volume(saved(BARE, to, "v.vti")), VolumeError, "shape"),
+    (lambda _, to: vs.load_volume(saved(BALLS, to, "v.vtm")), VolumeError, "unsupported"),
     # No volume, several, another name, a plotter that is closed or none.
     (lambda p, _: vs.from_plotter(p), RaycastError, "missing"),
     (lambda p, _: vs.from_plotter(two_volumes(p)), RaycastError, "missing"),

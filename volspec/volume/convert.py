@@ -23,7 +23,7 @@ import pickle
 import shutil
 import time
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -31,8 +31,8 @@ from typing import Any
 import numpy as np
 
 from volspec._files import exclusive_folder, require_writable_folder
-from volspec.errors import DeviceError, InputError, VolumeError, one_line
-from volspec.volume.files.tensors import fast_array
+from volspec.errors import InputError, VolumeError, one_line
+from volspec.volume.files.tensors import fast_array, import_zarr
 from volspec.volume.labels import Labels
 from volspec.volume.metadata import Metadata
 from volspec.volume.model import block_modes, downsample
@@ -111,17 +111,17 @@ def convert(
     DeviceError
         If zarr is not installed.
     """
-    try:
-        import zarr
-    except ImportError as error:
-        raise DeviceError(
-            f'{output}: an OME-Zarr needs zarr; pip install "volspec[zarr]"', code="unsupported"
-        ) from error
+    zarr = import_zarr(output)
     _require_replaceable(output)
     require_writable_folder(output.parent)
     shapes = level_shapes(source.shape)
     dtype = cast_dtype(source.dtype)
-    blocks = list(_blocks(shapes, source.chunk[1]))
+    rows = source.chunk[1], *[1] * (len(shapes) - 1)  # of the source, whole chunks are read
+    blocks = [
+        Block(level, box)
+        for level, (shape, least) in enumerate(zip(shapes, rows, strict=True))
+        for box in boxes_in(shape, CHUNK, least)
+    ]
     partial = output.with_name(f"{output.name}.unfinished")
     key = {"version": _VERSION, "shape": source.shape, "dtype": dtype.name, "name": name}
     key |= {"world": source.world_from_index.tolist(), "source": _fingerprint(source)}
@@ -144,8 +144,8 @@ def convert(
                 if number >= done:
                     _write(block, source, arrays, labels, sampler)
                     _save_state(partial, key, number + 1)
-                elif block.level == 0:
-                    _sample_again(block, arrays[0][0], sampler)
+                elif block.level == 0:  # before the conversion was cut off
+                    sampler.add(arrays[0][0][_index(block.box)], block.box)
                 written += block.voxels
                 if progress is not None:
                     progress(written / total)
@@ -230,13 +230,6 @@ def level_shapes(shape: Index) -> list[Index]:
     return shapes
 
 
-def _blocks(shapes: list[Index], least_rows: int) -> Iterator[Block]:
-    """Yield all blocks, level after level; those of the source have some rows at least."""
-    for level, shape in enumerate(shapes):
-        for box in boxes_in(shape, CHUNK, 1 if level else least_rows):
-            yield Block(level, box)
-
-
 def _fingerprint(source: Level) -> list[Any]:
     """Return what changes if a source's voxels do: what is read of which files, of which state."""
     if isinstance(source.array, np.ndarray):
@@ -246,18 +239,10 @@ def _fingerprint(source: Level) -> list[Any]:
         read = pickle.dumps((source.array, source.axes, source.at))
     except (TypeError, AttributeError, pickle.PicklingError):
         read = repr((source.array, source.axes, source.at)).encode()
-    return [zlib.crc32(read), zlib.crc32(repr(_files_of(source.place)).encode())]
-
-
-def _files_of(place: Path | None) -> list[tuple[str, int, int]]:
-    """Return name, size and date of a source's file, or of all files in its folder."""
-    if place is None:
-        return []
-    paths = [place]
-    for folder, _, names in os.walk(place):
-        paths += [Path(folder, name) for name in names]
+    paths = [] if source.place is None else [source.place, *source.place.rglob("*")]
     stats = [(str(path), path.stat()) for path in sorted(paths) if path.exists()]
-    return [(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]
+    files = [(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]
+    return [zlib.crc32(read), zlib.crc32(repr(files).encode())]
 
 
 def _done(folder: Path, key: dict[str, Any]) -> int:
@@ -287,18 +272,12 @@ def _arrays(
     # With a checksum for each chunk: most damage to compressed bytes decompresses to others.
     codecs = BloscCodec(cname="zstd", clevel=1, shuffle=shuffle), Crc32cCodec()
     options = {"dtype": dtype, "compressors": codecs, "config": {"write_empty_chunks": True}}
+    whole: dict[str, Any] = {"chunks": (BLOCK,) * 3, "shards": (CHUNK,) * 3}
     arrays = []
     for number, shape in enumerate(shapes):
         names = str(number), f"volspec/ranges/{number}"
         if create:
-            root.create_array(
-                names[0],
-                shape=shape,
-                chunks=(BLOCK,) * 3,
-                shards=(CHUNK,) * 3,
-                dimension_names=("z", "y", "x"),
-                **options,
-            )
+            root.create_array(names[0], shape=shape, dimension_names=[*"zyx"], **whole, **options)
             z, y, x = (-(-n // BLOCK) for n in shape)
             rows = CHUNK // BLOCK
             root.create_array(names[1], shape=(2, z, y, x), chunks=(2, rows, rows, x), **options)
@@ -340,13 +319,12 @@ def _write(
     inner = own[tuple(slice(high - low) for low, high in block.box)]
     if block.level == 0:
         sampler.add(inner, block.box)
-    values[tuple(slice(*ends) for ends in block.box)] = inner
+    values[_index(block.box)] = inner
     ranges[(slice(None), *Level.blocks_of(block.box))] = ranges_of(own, block.box)
 
 
-def _sample_again(block: Block, values: Any, sampler: Sampler) -> None:
-    """Take the sample of a block that was written before the conversion was cut off."""
-    sampler.add(values[tuple(slice(*ends) for ends in block.box)], block.box)
+def _index(box: Box) -> tuple[slice, ...]:
+    return tuple(slice(*ends) for ends in box)
 
 
 def _attributes(
@@ -358,17 +336,15 @@ def _attributes(
     metadata: Metadata,
 ) -> dict[str, Any]:
     """Return the metadata of the group."""
-    spacing = np.linalg.norm(source.world_from_index[:3, :3], axis=0)
-    plain = np.diag([*spacing, 1.0])
-    plain[:3, 3] = source.world_from_index[:3, 3]
-    straight = np.allclose(plain, source.world_from_index)
-    origin = plain[:3, 3] if straight else np.zeros(3)
+    world = source.world_from_index
+    spacing = np.linalg.norm(world[:3, :3], axis=0)
+    is_straight = np.allclose(np.diag(spacing), world[:3, :3])
+    origin = world[:3, 3] if is_straight else np.zeros(3)
     datasets = []
     for number in range(len(shapes)):
-        scale = spacing * 2**number
         shift = origin + spacing * (2**number - 1) / 2
         steps = [
-            {"type": "scale", "scale": scale[::-1].tolist()},
+            {"type": "scale", "scale": (spacing * 2**number)[::-1].tolist()},
             {"type": "translation", "translation": shift[::-1].tolist()},
         ]
         datasets.append({"path": str(number), "coordinateTransformations": steps})
@@ -377,13 +353,10 @@ def _attributes(
     ome: dict[str, Any] = {"version": "0.5", "multiscales": [picture]}
     if labels is not None:
         picture["type"] = "mode"
+        codes = {n: [round(255 * c) for c in each.colour or ()] for n, each in labels.items()}
         ome["image-label"] = {
             "properties": [{"label-value": n, "name": each.name} for n, each in labels.items()],
-            "colors": [
-                {"label-value": n, "rgba": [*(round(255 * c) for c in each.colour), 255]}
-                for n, each in labels.items()
-                if each.colour is not None
-            ],
+            "colors": [{"label-value": n, "rgba": [*rgb, 255]} for n, rgb in codes.items() if rgb],
         }
     own: dict[str, Any] = {
         "version": _VERSION,
@@ -395,6 +368,6 @@ def _attributes(
     if sample is not None:
         counts = [int(count) for count in sample.histogram]
         own |= {"range": [*sample.range], "histogram": counts, "sample": "volspec/sample"}
-    if not straight:
-        own["world_from_picture"] = (source.world_from_index @ np.diag([*1 / spacing, 1])).tolist()
+    if not is_straight:
+        own["world_from_picture"] = (world @ np.diag([*1 / spacing, 1])).tolist()
     return {"ome": ome, "volspec": own}

@@ -41,9 +41,21 @@ def values_and_lattice(
     grid: pyvista.ImageData, scalars: str | None, component: int | None, name: str
 ) -> tuple[NDArray[Any], NDArray[np.float64]]:
     """Return a grid's scalars (Z, Y, X), not copied, and its world_from_index (4, 4)."""
-    _require_lattice(grid, name)
-    array, cells = _array(grid, scalars, component, name)
-    shape = tuple(n - 1 if cells else n for n in grid.dimensions)
+    data, is_cells = _arrays(grid, name)
+    available = list(data.keys())
+    chosen = scalars or data.active_scalars_name or available[0]
+    if chosen not in available:
+        raise VolumeError(
+            f"{name}: no scalars {chosen!r}; the grid has {available}", code="unknown"
+        )
+    array = np.asarray(data[chosen])
+    if array.ndim > 1 and component is None:
+        raise VolumeError(
+            f"{name}: {array.shape[-1]} components per voxel in {chosen!r}",
+            f"a volume has one: grid['one'] = grid[{chosen!r}][:, 0] makes scalars 'one'",
+            code="shape",
+        )
+    shape = tuple(n - is_cells for n in grid.dimensions)
     if min(shape) < 2:
         raise VolumeError(
             f"{name}: {'x'.join(map(str, shape))} points; a volume is 3-D", code="shape"
@@ -59,46 +71,25 @@ def values_and_lattice(
         raise VolumeError(
             f"{name}: spacing {tuple(grid.spacing)} mm; none of x, y, z may be zero", code="range"
         )
-    world[:3, 3] += world[:3, :3].sum(axis=1) * (0.5 if cells else 0.0)
+    if is_cells:
+        world[:3, 3] += world[:3, :3].sum(axis=1) / 2
+    if array.ndim > 1:
+        array = array.reshape(len(array), -1)[:, component]
     return array.reshape(shape[::-1]), world
 
 
-def _require_lattice(grid: Any, name: str) -> None:
-    """Refuse a grid of another kind, or one without an array."""
+def _arrays(grid: Any, name: str) -> tuple[Any, bool]:
+    """Return a grid's arrays of points, or else of cells, and True if they are of cells."""
     kind = type(grid).__name__
     if kind not in ("ImageData", "RectilinearGrid"):
         raise VolumeError(f"{name}: is a {kind}; {_RESAMPLE}", code="type")
-    if not len(grid.point_data) + len(grid.cell_data):
+    is_cells = not len(grid.point_data)
+    data = grid.cell_data if is_cells else grid.point_data
+    if not len(data):
         raise VolumeError(
             f"{name}: holds no array", "save one with its grid, as point data", code="shape"
         )
-
-
-def _array(
-    grid: Any, scalars: str | None, component: int | None, name: str
-) -> tuple[NDArray[Any], bool]:
-    """Return an array with a number for each point or cell, and True if it is of cells."""
-    cells = _has_cells_alone(grid)
-    data = grid.cell_data if cells else grid.point_data
-    available = list(data.keys())
-    chosen = scalars or data.active_scalars_name or available[0]
-    if chosen not in available:
-        raise VolumeError(
-            f"{name}: no scalars {chosen!r}; the grid has {available}", code="unknown"
-        )
-    array = np.asarray(data[chosen])
-    if array.ndim > 1 and component is None:
-        raise VolumeError(
-            f"{name}: {array.shape[-1]} components per voxel in {chosen!r}",
-            f"a volume has one: grid['one'] = grid[{chosen!r}][:, 0] makes scalars 'one'",
-            code="shape",
-        )
-    return array if array.ndim == 1 else array.reshape(len(array), -1)[:, component], cells
-
-
-def _has_cells_alone(grid: Any) -> bool:
-    """Return True if a grid has arrays of cells, and none of points."""
-    return not len(grid.point_data) and len(grid.cell_data) > 0
+    return data, is_cells
 
 
 def scalar_names(grid: Any, name: str) -> list[tuple[str, int | None]]:
@@ -106,8 +97,7 @@ def scalar_names(grid: Any, name: str) -> list[tuple[str, int | None]]:
 
     Raises VolumeError if the grid is no lattice, or has none.
     """
-    _require_lattice(grid, name)
-    data = grid.cell_data if _has_cells_alone(grid) else grid.point_data
+    data, _ = _arrays(grid, name)
     found = [
         (key, part)
         for key, array in data.items()

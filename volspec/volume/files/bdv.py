@@ -9,17 +9,21 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
+from volspec._parse import parse_xml
 from volspec.errors import VolumeError
+from volspec.volume.files.query import Query
 
 # Most projects in a folder, and bytes of one, that are searched for a file's.
 _MOST_PROJECTS, _MOST_BYTES = 32, 1 << 26
+Size = tuple[tuple[float, float, float], str]
+"""Of a voxel along x, y, z, and its unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,45 +31,59 @@ class Project:
     """Data of a project, and names and voxels of its setups by their numbers."""
 
     data: Path
-    names: dict[int, str]
-    sizes: dict[int, tuple[list[float], str]]  # along x, y, z, and their unit
+    names: dict[int, str] = field(default_factory=dict)
+    sizes: dict[int, Size] = field(default_factory=dict)
 
 
-def read_project(path: Path) -> Project | None:
+def _read(path: Path) -> Project | None:
     """Return a project; None if the file is none."""
     root: Any = None
-    with suppress(OSError, ElementTree.ParseError):
-        root = ElementTree.parse(path).getroot() if path.stat().st_size < _MOST_BYTES else None
+    with suppress(OSError, ValueError):
+        root = parse_xml(path.read_bytes()) if path.stat().st_size < _MOST_BYTES else None
     loader = None if root is None else root.find("SequenceDescription/ImageLoader")
     if loader is None:
         return None
     named = loader.findtext("hdf5") or loader.findtext("n5") or ""
-    data = path.parent / (root.findtext("BasePath") or ".").strip() / named.strip()
-    project = Project(data, {}, {})
+    project = Project(path.parent / (root.findtext("BasePath") or ".").strip() / named.strip())
     for setup in root.iter("ViewSetup"):
         with suppress(ValueError):
             number = int(setup.findtext("id", ""))
             project.names[number] = setup.findtext("name", "").strip()
-            size = [float(text) for text in setup.findtext("voxelSize/size", "").split()]
-            if len(size) == 3 and min(size) > 0:
-                project.sizes[number] = size, setup.findtext("voxelSize/unit", "").strip()
+            x, y, z = (float(text) for text in setup.findtext("voxelSize/size", "").split())
+            if min(x, y, z) > 0:
+                unit = setup.findtext("voxelSize/unit", "").strip()
+                project.sizes[number] = (x, y, z), unit
     return project
 
 
-def project_of(data: Path) -> Project | None:
-    """Return the project next to a file or folder that names it; None if there is none."""
-    same = data.with_suffix(".xml")
+def choose_view(query: Query, views: Mapping[tuple[str, str], str]) -> tuple[str, Size | None]:
+    """Return the array of the setup and time that the query selects, and its voxels' size.
+
+    ``views`` are the arrays by setup and time; sizes are those of the project that names the data.
+    """
+    data, project = query.path, Project(query.path)
     others = sorted(islice(data.parent.glob("*.xml"), _MOST_PROJECTS))
-    for path in (same, *others):
-        project = read_project(path) if path.is_file() else None
-        if project is not None and project.data.resolve() == data.resolve():
-            return project
-    return None
+    for path in (data.with_suffix(".xml"), *others):
+        candidate = _read(path) if path.is_file() else None
+        if candidate is not None and candidate.data.resolve() == data.resolve():
+            project = candidate
+            break
+    setups, times = (sorted({view[k] for view in views}, key=int) for k in (0, 1))
+    names = [project.names.get(int(setup), "") for setup in setups]
+    time = times[query.index("time", len(times), "time steps")]
+    setup = setups[query.index("channel", len(setups), "channels (setups)", names)]
+    query.end_choices()
+    if (setup, time) not in views:
+        raise VolumeError(
+            f"{data}: has no voxels of setup {setup} at time {time}; choose others",
+            code="not-found",
+        )
+    return views[setup, time], project.sizes.get(int(setup))
 
 
 def data_of(path: Path) -> Path:
     """Return the HDF5 or N5 of a project; refuse what is none, or has none."""
-    project = read_project(path)
+    project = _read(path)
     if project is None or project.data.suffix.lower() not in (".h5", ".hdf5", ".n5"):
         raise VolumeError(
             f"{path}: is no BigDataViewer project with an HDF5 or N5",

@@ -8,19 +8,16 @@ import zlib
 
 import numpy as np
 
-from volspec.errors import VolumeError, one_line
+from volspec.errors import one_line
 from volspec.volume.files.lattice import affine
+from volspec.volume.files.layout import Layout, choose_axes, damaged
+from volspec.volume.files.neuro import GZIP
 from volspec.volume.files.query import Query, Reading
 from volspec.volume.metadata import NO_UNIT, Metadata
 
 MAGIC = (252, struct.pack(">I", 719555000)), (252, struct.pack(">I", 4026526128))
-_DTYPES = dict(
-    zip(
-        (1, 7, 8, 15, 16, 31, 32, 64, 65),
-        ("u1", "i1", "u1", ">i2", ">u2", ">u4", ">i4", ">f4", ">f8"),
-        strict=True,
-    )
-)
+_CODES = "1=u1 7=i1 8=u1 15=i2 16=u2 31=u4 32=i4 64=f4 65=f8"
+_DTYPES = dict(word.split("=") for word in _CODES.split())
 _HEADER = 256
 
 
@@ -30,27 +27,17 @@ def read_gipl(query: Query) -> Reading:
     query.allow("time")
     try:
         with path.open("rb") as file:
-            packed = file.read(2) == b"\x1f\x8b"
-        with gzip.open(path) if packed else path.open("rb") as file:
+            is_packed = file.read(2) == GZIP
+        with gzip.open(path) if is_packed else path.open("rb") as file:
             head = file.read(_HEADER)
-            *size, steps, kind = struct.unpack_from(">5H", head)
-            spacing, origin = (
-                struct.unpack_from(">3f", head, 10),
-                struct.unpack_from(">3d", head, 204),
-            )
-            dtype = np.dtype(_DTYPES[kind])
-            time = query.index("time", max(steps, 1), "time steps")
-            query.end_choices()
-            query.reserve(size, dtype.itemsize)
-            nbytes = int(np.prod(size)) * dtype.itemsize
-            file.seek(_HEADER + time * nbytes)
-            data = file.read(nbytes)
+        *size, steps, kind = struct.unpack_from(">5H", head)
+        spacing, origin = struct.unpack_from(">3f", head, 10), struct.unpack_from(">3d", head, 204)
+        dtype = np.dtype(">" + _DTYPES[str(kind)])
     except (KeyError, struct.error, OSError, EOFError, zlib.error) as error:
-        raise VolumeError(
-            f"{path}: is no GIPL image of numbers ({one_line(error)[:120]}); is it complete?",
-            code="damaged",
-        ) from error
-    query.require_held(len(data), size, nbytes)
-    values = np.frombuffer(data, dtype).reshape(size[::-1])
+        raise damaged(path, f"is no GIPL image of numbers ({one_line(error)[:120]})") from error
+    shape = (*size, max(steps, 1))
+    layout = Layout(path, (path,), dtype, shape, "gzip" if is_packed else "raw", skip=_HEADER)
+    remarks: list[str] = []
+    values = layout.read(choose_axes(query, shape, {3: "time"}), query, remarks)
     world = affine(np.diag(np.abs(spacing)), origin)
-    return Reading(values, world_from_index=world, metadata=Metadata(assumed=(NO_UNIT,)))
+    return Reading(values, None, world, remarks, metadata=Metadata(assumed=(NO_UNIT,)))

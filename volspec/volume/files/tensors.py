@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.errors import one_line
+from volspec.errors import DeviceError, one_line
 
 # Beginnings of its errors if a store does not answer, or only with errors of its own.
 _NO_ANSWER = ("UNAVAILABLE", "ABORTED", "DEADLINE_EXCEEDED")
@@ -36,18 +36,23 @@ _SAID = {
 Index = tuple[int | slice, ...] | EllipsisType
 
 
+def import_zarr(path: Path) -> Any:
+    """Return the zarr library. Raises DeviceError if it, or TensorStore, is not installed."""
+    try:
+        import tensorstore  # noqa: F401
+        import zarr
+    except ImportError as error:
+        raise DeviceError(
+            f'{path}: needs zarr and TensorStore; pip install "volspec[zarr]"', code="unsupported"
+        ) from error
+    return zarr
+
+
 class Tensor:
     """Array of a Zarr store; slices of it are read and written as those of a NumPy array.
 
-    Attributes
-    ----------
-    shape, chunks : tuple of int
-        Items, and items that are read together, along each axis.
-    shards : tuple of int, optional
-        Items of a file, if it holds several chunks.
-    dtype : numpy.dtype
-    root : Path, optional
-        Its folder.
+    ``chunks`` are the items along each axis that are read together, ``shards`` those of a file, if
+    it holds several chunks; ``root`` is its folder.
     """
 
     def __init__(self, spec: dict[str, Any], root: Path | None) -> None:
@@ -57,9 +62,7 @@ class Tensor:
         self._array = tensorstore.open(spec, context=_context(), open=True).result()
         layout = self._array.chunk_layout
         self.shape = tuple(self._array.shape)
-        self.chunks, file = (
-            tuple(grid.shape or ()) for grid in (layout.read_chunk, layout.write_chunk)
-        )
+        self.chunks, file = layout.read_chunk.shape or (), layout.write_chunk.shape or ()
         self.shards = None if file == self.chunks else file
         self.dtype = np.dtype(self._array.dtype.numpy_dtype)
 
@@ -131,9 +134,8 @@ def fast_array(array: Any, *, complete: bool = False) -> Any:
         kvstore = f"{store.fs.unstrip_protocol(store.path)}/{path}/"
     else:
         return array
-    driver = "zarr3" if array.metadata.zarr_format == 3 else "zarr"
     spec = {
-        "driver": driver,
+        "driver": "zarr3" if array.metadata.zarr_format == 3 else "zarr",
         "kvstore": kvstore,
         # Metadata are read once; no chunk is cached.
         "recheck_cached_metadata": "open",
@@ -143,7 +145,7 @@ def fast_array(array: Any, *, complete: bool = False) -> Any:
     }
     try:
         return Tensor(spec, root)
-    except (ImportError, ValueError):
+    except ValueError:
         return array
 
 
@@ -154,14 +156,8 @@ def _context() -> Any:
     import zarr
 
     threads = zarr.config.get("threading.max_workers")
-    limit = {"limit": threads} if threads else {}
+    kinds = "data_copy_concurrency", "file_io_concurrency"
+    limits = dict.fromkeys(kinds, {"limit": threads} if threads else {})
     retries = {"max_retries": 3, "initial_delay": "200ms", "max_delay": "2s"}
-    return tensorstore.Context(
-        {
-            "data_copy_concurrency": limit,
-            "file_io_concurrency": limit,
-            "http_request_retries": retries,
-            "s3_request_retries": retries,
-            "gcs_request_retries": retries,
-        }
-    )
+    stores = (f"{store}_request_retries" for store in ("http", "s3", "gcs"))
+    return tensorstore.Context({**limits, **dict.fromkeys(stores, retries)})

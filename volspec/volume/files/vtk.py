@@ -18,7 +18,6 @@ import logging
 import math
 import struct
 import warnings
-from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,7 +26,7 @@ from xml.parsers import expat
 
 from volspec.errors import VolumeError
 from volspec.volume.channels import Channel
-from volspec.volume.files.layout import TRUNCATED
+from volspec.volume.files.layout import TRUNCATED, damaged, data_files
 from volspec.volume.files.query import Query, Reading
 from volspec.volume.metadata import NO_UNIT, Metadata
 from volspec.volume.vtk_interop import scalar_names, values_and_lattice
@@ -46,10 +45,11 @@ _XML_BYTES = {
 _HEADER_TYPES = {"UInt32": "I", "UInt64": "Q"}
 # Components of the legacy format's arrays that state none.
 _LEGACY_COMPONENTS = {"vectors": "3", "normals": "3", "tensors": "9", "tensors6": "6"}
-_BLOCKS, _PIECES = (".vtm", ".vtmb"), (".pvti", ".pvtr")
+_BLOCKS, _IMAGES = (".vtm", ".vtmb"), (".vti", ".vtr", ".pvti", ".pvtr")
 # Greatest depth of elements: VTK's files have seven levels, and its parser recurses.
 _DEEPEST = 32
 _CHUNK = 1 << 20
+_UNREADABLE = "not readable as VTK image data"
 
 
 def read_vtk(query: Query) -> Reading:
@@ -89,7 +89,7 @@ def _grid(query: Query) -> Any:
             warnings.filterwarnings("error", ".*raised an error while reading", UserWarning)
             return pyvista.read(query.path)
     except (OSError, ValueError, RuntimeError, TypeError, UserWarning) as error:
-        raise _unreadable(query.path) from error
+        raise damaged(query.path, _UNREADABLE) from error
     finally:
         logging.disable(logging.NOTSET)
         vtkLogger.SetStderrVerbosity(before)
@@ -98,16 +98,17 @@ def _grid(query: Query) -> Any:
 
 def _read_block(query: Query) -> Reading:
     """Read the only block of image data, or the one that ``dataset=`` names."""
-    files = _XmlHeader(query.path).files
-    blocks = {n: f for n, f in files.items() if f.suffix.lower() in (".vti", ".vtr", *_PIECES)}
-    if not blocks:
-        listed = ", ".join(sorted({path.suffix for path in files.values()})) or "no file"
+    found = _XmlHeader(query.path).files
+    names = [key for key, file in found.items() if file.lower().endswith(_IMAGES)]
+    if not names:
+        listed = ", ".join(sorted({Path(file).suffix for file in found.values()})) or "no file"
         raise VolumeError(
             f"{query.path}: none of its blocks is image data; they are {listed}",
             "resample one to image data in ParaView (Resample To Image)",
             code="unsupported",
         )
-    _require_present(query.path, blocks.values())
+    files = data_files(query.path, [found[name] for name in names])
+    blocks = dict(zip(names, files, strict=True))
     name = query.array_named({name: _XmlHeader(path).counts for name, path in blocks.items()})
     options = {key: value for key, value in query.options.items() if key != "dataset"}
     return read_vtk(replace(query, path=blocks[name], options=options))
@@ -118,26 +119,15 @@ def check_vtk(query: Query) -> None:
     suffix = query.path.suffix.lower()
     if suffix == ".vtkhdf":
         _reserve_hdf(query)
-    elif suffix not in (".vti", ".vtr", *_PIECES):
+    elif suffix not in _IMAGES:
         _check_legacy(query)
     else:
         header = _XmlHeader(query.path)
         nbytes = header.check(query)
-        _require_present(query.path, header.files.values())
-        for piece in header.files.values():
+        for piece in data_files(query.path, [*header.files.values()]) if header.files else ():
             nbytes += _XmlHeader(piece).check(replace(query, path=piece))
         if nbytes:
             query.reserve((nbytes,), 1)
-
-
-def _require_present(path: Path, files: Iterable[Path]) -> None:
-    """Refuse a file that names pieces or blocks which are not there."""
-    if missing := [file for file in files if not file.is_file()]:
-        raise VolumeError(
-            f"{path}: its part {missing[0]} is not there ({len(missing)} missing)",
-            f"copy it into {missing[0].parent}",
-            code="not-found",
-        )
 
 
 def _reserve_hdf(query: Query) -> None:
@@ -149,19 +139,9 @@ def _reserve_hdf(query: Query) -> None:
     reader.UpdateInformation()
     extent = reader.GetOutputInformation(0).Get(reader.GetExecutive().WHOLE_EXTENT())
     if extent is not None:
-        sides = [
-            max(high - low + 1, 0) for low, high in zip(extent[::2], extent[1::2], strict=True)
-        ]
+        sides = [high - low + 1 for low, high in zip(extent[::2], extent[1::2], strict=True)]
         arrays = reader.GetNumberOfPointArrays() + reader.GetNumberOfCellArrays()
         query.reserve(sides, 8 * max(arrays, 1))
-
-
-def _unreadable(path: Path) -> VolumeError:
-    return VolumeError(
-        f"{path}: not readable as VTK image data; is the file complete and of the type its name "
-        "says?",
-        code="damaged",
-    )
 
 
 def _check_legacy(query: Query) -> None:
@@ -230,8 +210,8 @@ class _XmlHeader:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.arrays: list[_Array] = []
-        self.files: dict[str, Path] = {}  # pieces, or blocks by their names
-        self.counts: tuple[int, ...] = ()  # points along x, y, z of the whole
+        self.files: dict[str, str] = {}  # pieces, or blocks by their names
+        self.counts: list[int] = []  # points along x, y, z of the whole
         self._order, self._word, self._compressed = "<", "I", False
         # Encoding of appended data, and the first byte after their underscore.
         self._encoding, self._start = "", 0
@@ -246,11 +226,8 @@ class _XmlHeader:
         with self.path.open("rb") as file:
             file.seek(max(size - 1024, 0))
             if b"</VTKFile>" not in file.read():
-                raise VolumeError(
-                    f"{self.path}: not readable as VTK image data, </VTKFile> is missing; "
-                    f"{TRUNCATED}",
-                    code="damaged",
-                )
+                what = f"{_UNREADABLE}, </VTKFile> is missing; {TRUNCATED}"
+                raise VolumeError(f"{self.path}: {what}", code="damaged")
             file.seek(0)
             parser = expat.ParserCreate()
             parser.StartElementHandler = lambda name, given: self._begin(parser, name, given)
@@ -265,7 +242,7 @@ class _XmlHeader:
                     head = file.read(_CHUNK)
                     self._start += head.index(b"_", head.index(b">")) + 1
             except (expat.ExpatError, ValueError, LookupError) as error:
-                raise _unreadable(self.path) from error
+                raise damaged(self.path, _UNREADABLE) from error
 
     def _begin(self, parser: Any, name: str, given: dict[str, str]) -> None:
         self._open.append(name)
@@ -276,24 +253,22 @@ class _XmlHeader:
             self._word = _HEADER_TYPES[given.get("header_type", "UInt32")]
             self._compressed = bool(given.get("compressor"))
         elif name.removeprefix("P") in ("ImageData", "RectilinearGrid"):
-            sides = _sides(given["WholeExtent"])
-            self.counts, self._whole = tuple(side + 1 for side in sides), _cells(sides)
+            self.counts = _counts(given["WholeExtent"])
+            self._whole = _cells(self.counts)
         elif name == "Piece":
-            sides = _sides(given["Extent"])
-            self._points, self._cells = math.prod(side + 1 for side in sides), _cells(sides)
+            counts = _counts(given["Extent"])
+            self._points, self._cells = math.prod(counts), _cells(counts)
             self._covered += self._cells
-            if "Source" in given:
-                self.files[given["Source"]] = self.path.parent / given["Source"]
-        elif name == "DataSet" and "file" in given:
-            file = self.path.parent / given["file"]
+            if source := given.get("Source"):
+                self.files[source] = source
+        elif name == "DataSet" and (file := given.get("file")):
             called = given.get("name", "").strip("/")
-            self.files[file.stem if called in ("", *self.files) else called] = file
+            self.files[called if called not in ("", *self.files) else Path(file).stem] = file
         elif name == "DataArray" and self._open[-2] in ("PointData", "CellData"):
             tuples = self._points if self._open[-2] == "PointData" else self._cells
             values = tuples * max(int(given.get("NumberOfComponents", "1")), 1)
-            itemsize = _XML_BYTES[given["type"]]
-            place = int(given.get("offset", "0"))
-            self._array = _Array(values, itemsize, given.get("format", "ascii"), place)
+            place = given.get("format", "ascii"), int(given.get("offset", "0"))
+            self._array = _Array(values, _XML_BYTES[given["type"]], *place)
             self.arrays.append(self._array)
         elif name == "AppendedData":
             self._encoding = given.get("encoding", "base64")
@@ -327,24 +302,18 @@ class _XmlHeader:
             query.reserve((nbytes,), 1)
         with self.path.open("rb") as file:
             for array in self.arrays:
-                asked = array.values * array.itemsize
                 try:
                     held = self._held(array, file)
                 except (ValueError, struct.error, binascii.Error, OverflowError, OSError) as error:
-                    raise _unreadable(self.path) from error
-                if held < asked:
-                    raise VolumeError(
-                        f"{self.path}: holds {held} bytes of voxels, its header declares {asked}; "
-                        f"{TRUNCATED}",
-                        code="damaged",
-                    )
+                    raise damaged(self.path, _UNREADABLE) from error
+                query.require_held(held, (array.values,), array.values * array.itemsize)
         return nbytes
 
     def _held(self, array: _Array, file: Any) -> int:
         """Return the size of an array in the file, from the lengths stored before its bytes."""
         if array.form == "ascii":
             return array.words * array.itemsize
-        raw = array.form == "appended" and self._encoding == "raw"
+        is_raw = array.form == "appended" and self._encoding == "raw"
         if array.form == "appended":
             file.seek(self._start + array.offset)
             head = file.read(64)
@@ -353,7 +322,7 @@ class _XmlHeader:
             head, left = array.text.encode("ascii"), array.length
         words = 3 if self._compressed else 1
         nbytes = words * struct.calcsize(self._word)
-        if not raw:
+        if not is_raw:
             head, left = base64.b64decode(head[: -(-nbytes // 3) * 4]), left // 4 * 3
         first, *others = struct.unpack_from(f"{self._order}{words}{self._word}", head)
         if not self._compressed:
@@ -362,14 +331,14 @@ class _XmlHeader:
         return int(block * (first - 1) + last if last else block * first)
 
 
-def _sides(extent: str) -> list[int]:
-    """Return the number of cells along each side of an extent, ``"0 5 0 4 0 39"``."""
+def _counts(extent: str) -> list[int]:
+    """Return the number of points along each side of an extent, ``"0 5 0 4 0 39"``."""
     ends = [int(number) for number in extent.split()]
-    sides = [high - low for low, high in zip(ends[::2], ends[1::2], strict=True)]
-    if len(sides) != 3 or min(sides) < 0:
+    counts = [high - low + 1 for low, high in zip(ends[::2], ends[1::2], strict=True)]
+    if len(counts) != 3 or min(counts) < 1:
         raise ValueError("Extent")
-    return sides
+    return counts
 
 
-def _cells(sides: list[int]) -> int:
-    return math.prod(max(side, 1) for side in sides)
+def _cells(counts: list[int]) -> int:
+    return math.prod(max(count - 1, 1) for count in counts)
