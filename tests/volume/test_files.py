@@ -1,10 +1,12 @@
 """Volumes from files: values and geometry, and one clear line for a file that cannot be read."""
 
+import gzip
 import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import PIL.Image
 import pytest
 import pyvista
 
@@ -12,6 +14,8 @@ from tests.support.errors import raises, warns
 from tests.support.volumes import META, NRRD, RAW, VALUES, WORLD, load_silently, nifti, write_nrrd
 from volspec.errors import VolumeError
 from volspec.volume import Metadata, Volume, load_volume
+from volspec.volume.files.query import Query, Stored
+from volspec.volume.load import read_here
 from volspec.volume.summary import summarise
 
 
@@ -144,6 +148,12 @@ REFUSED: list[tuple[str, bytes | None, str] | tuple[str, bytes | None, str, str]
     ("v.nii.gz", b"version https://git-lfs.github.com/spec/v1\noid sha256:7", "damaged", "git lfs"),
     ("v.dcm", b"/annex/objects/MD5E-s1--2.nii.gz\n", "damaged", "git annex get"),
     ("v.tif", b"\n<!DOCTYPE html><html>", "damaged", "web page"),
+    ("v.vti", b'\xef\xbb\xbf<?xml version="1.0"?>\n<html xmlns="">', "damaged", "web page"),
+    ("v.nrrd", b'{"message": "Not Found"}', "damaged", "web page"),
+    ("v.mha", gzip.compress(META.encode()), "unsupported", "gunzip -c v.mha > unpacked-v.mha"),
+    ("v.nii.gz", gzip.compress(gzip.compress(bytes(600))), "damaged", "twice"),
+    ("v.img", b"bytes", "not-found", "v.hdr"),
+    ("am.nrrd", spaced_nrrd("1 1"), "damaged", "spacings are 2, its axes 3"),
     ("v.npz", b"bytes", "damaged"),
     ("v.npz", saved_in_one(a=VALUES)[:-60], "damaged"),
     ("v.npz", saved_in_one(a=np.ones((2, 3))), "shape", "stack"),
@@ -175,6 +185,47 @@ def test_what_cannot_be_read_is_refused_in_one_line(files, capfd, monkeypatch, r
         load_volume(address or files)
     assert (words or [name])[0] in str(caught.value)
     assert capfd.readouterr().err == "", "a reader printed to stderr"
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("links", None),
+        ("pointers", b"version https://git-lfs.github.com/spec/v1\noid sha256:7"),
+    ],
+)
+def test_slices_that_are_not_there_are_named_with_the_way_to_them(tmp_path, name, content):
+    for k in range(4):
+        if content:
+            (tmp_path / f"s{k}.dcm").write_bytes(content)
+        else:
+            PIL.Image.fromarray(np.full((3, 4), k, np.uint8)).save(tmp_path / f"s{k}.png")
+    if content is None:
+        (tmp_path / "s2.png").unlink()
+        (tmp_path / "s2.png").symlink_to(".git/annex/objects/s2")
+    with raises(VolumeError) as caught:
+        load_volume(tmp_path)
+    assert ("git lfs pull" if content else "git annex get") in caught.value.remedy
+
+
+def test_a_header_whose_voxels_are_a_pointer_names_the_way_to_them(tmp_path):
+    (tmp_path / "v.mhd").write_text(f"{META}ElementDataFile = v.raw\n")
+    (tmp_path / "v.raw").symlink_to("annex/v.raw")
+    with raises(VolumeError, "not-found") as caught:
+        load_volume(tmp_path / "v.mhd")
+    assert "git annex get" in caught.value.remedy
+
+
+def test_what_is_larger_than_memory_is_read_in_parts_or_the_way_is_named(tmp_path):
+    head = NRRD.replace("4 3 2", "4000 2500 2000").encode()
+    (tmp_path / "v.nrrd").write_bytes(head.replace(b"raw", b"gzip") + gzip.compress(RAW))
+    with raises(VolumeError, "size") as caught:
+        load_volume(tmp_path / "v.nrrd")
+    assert "volspec convert" in caught.value.remedy
+    with (tmp_path / "v.nrrd").open("wb") as file:
+        file.write(head)
+        file.truncate(len(head) + 4000 * 2500 * 2000 * 2)
+    assert isinstance(read_here(Query.of(f"{tmp_path}/v.nrrd")).values, Stored)
 
 
 def test_summary_counts_every_voxel():

@@ -105,6 +105,29 @@ def test_links_into_other_files_are_followed(tmp_path):
     assert np.array_equal(load_volume(tmp_path / "master.h5").values, VALUES)
 
 
+@pytest.mark.parametrize("kind", ["virtual", "external", "soft"])
+def test_missing_sources_and_targets_are_named(tmp_path, kind):
+    """HDF5 fills the voxels of missing sources with zeros."""
+    part = tmp_path / "part.h5"
+    with h5py.File(part, "w") as made:
+        made["d"] = VALUES
+    layout = h5py.VirtualLayout(VALUES.shape, VALUES.dtype)
+    layout[:] = h5py.VirtualSource("part.h5", "d", VALUES.shape)
+    with h5py.File(tmp_path / "v.h5", "w") as made:
+        if kind == "virtual":
+            made.create_virtual_dataset("a", layout)
+        else:
+            made["a"] = (
+                h5py.ExternalLink("part.h5", "d") if kind == "external" else h5py.SoftLink("d")
+            )
+    if kind != "soft":
+        assert np.array_equal(load_volume(tmp_path / "v.h5").values, VALUES)
+    part.unlink()
+    with raises(VolumeError, "not-found") as caught:
+        load_volume(tmp_path / "v.h5")
+    assert ("leads to d," if kind == "soft" else "part.h5") in str(caught.value)
+
+
 @pytest.mark.parametrize("text", [str, str.encode])
 def test_nexus_has_the_spacing_of_its_coordinates(tmp_path, text):
     with h5py.File(tmp_path / "scan.nxs", "w") as made:
@@ -116,7 +139,7 @@ def test_nexus_has_the_spacing_of_its_coordinates(tmp_path, text):
     assert load_volume(tmp_path / "scan.nxs").spacing_mm == pytest.approx((5e-4, 7e-4, 2e-3))
 
 
-@pytest.mark.parametrize("stated", [False, True])
+@pytest.mark.parametrize("stated", ["", "uint16", "int16"])
 def test_bigdataviewer_s_int16_is_uint16_unless_it_is_stated(tmp_path, stated):
     large = (VALUES.astype(np.uint32) * 500).astype(np.uint16)
     with h5py.File(tmp_path / "v.h5", "w") as made:
@@ -126,9 +149,9 @@ def test_bigdataviewer_s_int16_is_uint16_unless_it_is_stated(tmp_path, stated):
                 made[f"t{time:05}/s00/{level}/cells"] = part.view(np.int16)
         made["s00/resolutions"] = np.ones((2, 3))
         if stated:
-            made["s00"].attrs["dataType"] = "int16"
+            made["s00"].attrs["dataType"] = stated
     values = load_volume(f"{tmp_path / 'v.h5'}?time=1").values
-    assert np.array_equal(values, (large - 1).view(np.int16) if stated else large - 1)
+    assert np.array_equal(values, (large - 1).view(stated or "uint16"))
 
 
 def write_project(path: Path, form: str, data: str, unit: str = "um") -> Path:
@@ -171,7 +194,7 @@ def test_projects_without_data_are_refused(tmp_path, text, code):
         load_volume(path)
 
 
-@pytest.mark.parametrize("stated", ["2.0 0.7 0.5", [0.7, 0.5], [2, 0.7, -1.0]])
+@pytest.mark.parametrize("stated", ["2.0 0.7 0.5", [0.7, 0.5], [2, 0.7, -1.0], [2, 0.7, np.nan]])
 def test_sizes_that_are_none_are_named_with_a_spacing_that_works(tmp_path, stated):
     with h5py.File(tmp_path / "v.h5", "w") as made:
         made["data"] = VALUES

@@ -1,6 +1,7 @@
 """Formats that nibabel reads, as nibabel and the standards have them."""
 
 import gzip
+import struct
 import warnings
 from pathlib import Path
 
@@ -118,6 +119,30 @@ def test_a_sform_of_nan_is_refused_with_a_spacing_that_works(tmp_path):
         load_volume(path)
     assert "sform" in str(caught.value) and f"{path}?spacing=1,1,1" in str(caught.value)
     assert load_silently(f"{path}?spacing=1,2,3").spacing_mm == (1, 2, 3)
+
+
+@pytest.mark.parametrize(
+    ("sform", "codes", "fields"),
+    [
+        # A map that is none does not keep the other from being taken.
+        (WORLD, (2, 1), {"quatern_b": 2.0}),
+        (np.zeros((4, 4)), (2, 1), {}),
+        # Of a qform, pixdim has no sign, and qfac is 1 unless it is -1.
+        (None, (0, 1), {"pixdim": [0, 0.7, 0.5, -2.0, 1, 1, 1, 1]}),
+        (WORLD, (2, 0), {"xyzt_units": 7}),
+    ],
+)
+def test_a_map_that_is_one_is_taken(tmp_path, sform, codes, fields):
+    path = Path(nifti(tmp_path, WORLD, WORLD, **fields))
+    header = bytearray(path.read_bytes())
+    struct.pack_into("<2h", header, 252, *codes[::-1])
+    if sform is not None:
+        struct.pack_into("<12f", header, 280, *sform[:3].ravel())
+    path.write_bytes(header)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        world = load_volume(path).world_from_index
+    np.testing.assert_allclose(world, LPS @ WORLD, atol=1e-5)
 
 
 @pytest.mark.parametrize(("units", "scale"), [(1, 1000.0), (2, 1.0), (3, 1e-3), (0, 1.0)])

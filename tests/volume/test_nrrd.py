@@ -61,6 +61,14 @@ GEOMETRIES: dict[str, tuple[str, tuple[float, ...], tuple[float, ...], Metadata]
         f"{MINS}centerings: cell cell cell",
         *((0.375, 1.4 / 3, 0.5), (1.1875, 2 + 0.7 / 3, 3.25), Metadata(assumed=(NO_UNIT,))),
     ),
+    "mixed": (
+        f"{MINS}centers: node cell node",
+        *((0.5, 1.4 / 3, 1), (1, 2 + 0.7 / 3, 3), Metadata(assumed=(NO_UNIT,))),
+    ),
+    "backwards": (
+        "axis mins: 2.5 0 0\naxis maxs: 1 2 1\ncenterings: node node node",
+        *((-0.5, 1, 1), (2.5, 0, 0), Metadata(assumed=(NO_UNIT,))),
+    ),
     "nothing": ("content: a ramp", (1, 1, 1), (0, 0, 0), Metadata(assumed=(NO_SPACING,))),
 }
 

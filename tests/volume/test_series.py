@@ -34,6 +34,11 @@ def item(**attributes: Any) -> Dataset:
     return made
 
 
+def group(name: str, **attributes: Any) -> dict[str, list[Dataset]]:
+    """Return a sequence of one item, a functional group for instance."""
+    return {f"{name}Sequence": [item(**attributes)]}
+
+
 def write_slice(
     path: Path, values: np.ndarray, pixels: str = "PixelData", **attributes: Any
 ) -> None:
@@ -140,6 +145,11 @@ def test_rescale_slope_and_intercept_are_applied_slice_by_slice(tmp_path):
     assert volume.metadata.unit == "Bq/ml"
 
 
+# Of 400 stored values from -90 on.
+LUT_DATA = (np.arange(9, 409) * 3).astype("<u2").tobytes()
+LUT = group("ModalityLUT", LUTDescriptor=[400, -90, 16], ModalityLUTType="HU", LUTData=LUT_DATA)
+
+
 @pytest.mark.parametrize("file", ["RLE", "jp2klossless", "jpeg_ls_lossless", "bigendian"])
 def test_compressed_slices_are_read(file):
     """pydicom's own files: one picture, stored in many ways."""
@@ -159,6 +169,8 @@ def test_compressed_slices_are_read(file):
         (VALUES.astype(np.uint8), {}, VALUES.astype(np.uint8)),
         (VALUES, {"syntax": uid.ImplicitVRLittleEndian}, VALUES),
         (VALUES, {"syntax": uid.DeflatedExplicitVRLittleEndian}, VALUES),
+        (VALUES - 99, LUT | {"syntax": uid.ImplicitVRLittleEndian}, np.clip(VALUES, 9, 408) * 3),
+        (VALUES - 99, LUT | {"syntax": uid.ExplicitVRLittleEndian}, np.clip(VALUES, 9, 408) * 3),
         (VALUES.astype(np.float32), {"pixels": "FloatPixelData"}, VALUES),
         (VALUES.astype(np.float64), {"pixels": "DoubleFloatPixelData"}, VALUES),
     ],
@@ -278,6 +290,29 @@ def test_slices_off_their_places_are_warned_about(tmp_path):
         assert load_volume(tmp_path).spacing_mm[2] == 2.5
 
 
+def test_slices_of_several_stacks_are_refused_unless_a_spacing_is_given(tmp_path):
+    """Every other slice lies 9 mm to the side."""
+    path = write_frames(tmp_path / "a.dcm", VALUES, [[9 * (k % 2), 0, k] for k in range(4)])
+    with raises(VolumeError, "conflict"):
+        load_volume(path)
+    assert load_silently(f"{path}?spacing=1,1,2").spacing_mm == pytest.approx((1, 1, 2))
+
+
+@pytest.mark.parametrize(
+    ("tags", "word"),
+    [
+        ({"ImageOrientationPatient": [1, 0, 0, 1, 0, 0]}, "axial"),
+        ({"PatientID": "A", "PatientName": "Kim"}, "0.dcm and 2.dcm"),
+    ],
+)
+def test_odd_tags_are_remarked_on(tmp_path, tags, word):
+    """One of the two names is written in two ways."""
+    names = [{}, tags, {"PatientName": "kim^^"} if "PatientName" in tags else {}]
+    write_places(tmp_path, 0, 1, 2, each=names, **tags | {"PatientName": "Lee"})
+    with warns(word):
+        assert np.array_equal(load_volume(tmp_path).values, VALUES[:3])
+
+
 def of_two_times(folder: Path) -> Path:
     values = np.stack([VALUES, VALUES + 1], axis=1).reshape(8, *VALUES.shape[1:])
     return write_places(folder, *(0, 0, 1, 1, 2, 2, 3, 3), values=values)
@@ -310,11 +345,6 @@ def test_a_file_of_many_frames_is_a_volume(tmp_path):
     with warns("4", "?spacing="):
         assert np.array_equal(load_volume(tmp_path).values, VALUES // 2)
     assert load_volume(f"{tmp_path}/film.dcm?spacing=1,1,4").spacing_mm == (1, 1, 4)
-
-
-def group(name: str, **attributes: Any) -> dict[str, list[Dataset]]:
-    """Return a sequence of one item, a functional group for instance."""
-    return {f"{name}Sequence": [item(**attributes)]}
 
 
 SAGITTAL = group("PlaneOrientation", **TURNED)
@@ -353,7 +383,13 @@ def test_frames_lie_where_each_of_them_says(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "keyword"),
-    [("FrameContent", "TemporalPositionIndex"), ("MREcho", "EffectiveEchoTime")],
+    [
+        ("FrameContent", "TemporalPositionIndex"),
+        ("MREcho", "EffectiveEchoTime"),
+        ("TemporalPosition", "TemporalPositionTimeOffset"),
+        ("CardiacSynchronization", "NominalCardiacTriggerDelayTime"),
+        ("CardiacSynchronization", "NominalPercentageOfCardiacPhase"),
+    ],
 )
 def test_of_frames_at_one_place_one_is_chosen(tmp_path, name, keyword):
     groups = [group(name, **{keyword: 1 + k // 2}) for k in (2, 0, 3, 1)]
@@ -424,8 +460,8 @@ def test_segments_are_labels(tmp_path, kind, frames, remarks):
     assert reading.labels[1].colour == pytest.approx((1, 0, 0), abs=0.01)
 
 
-def of_two_patients(folder: Path) -> None:
-    write_places(folder, 0, 1, each=[{"PatientID": "A"}, {"PatientID": "B"}])
+def of_two_patients(folder: Path, keyword: str = "PatientID") -> None:
+    write_places(folder, 0, 1, each=[{keyword: "A"}, {keyword: "B"}])
 
 
 def test_a_file_that_changes_while_it_is_read_is_refused(tmp_path):
@@ -477,6 +513,7 @@ REFUSED: list[tuple[Callable[[Path], object], str, str, str]] = [
         *("/a", "conflict", "dcm2niix"),
     ),
     (of_two_patients, "", "conflict", "1.dcm"),
+    (lambda folder: of_two_patients(folder, "PatientName"), "", "conflict", "1.dcm"),
     (lambda f: write_places(f, 0, 0, ImageType=["", "", "MOSAIC"]), "", "unsupported", "dcm2niix"),
     (lambda folder: write_places(folder, 0, 1, **MPEG), "", "unsupported", "MPEG2"),
     (lambda folder: write_places(folder, 0, 1, Rows=30), "", "damaged", "0.dcm"),

@@ -133,6 +133,25 @@ def test_a_spacing_replaces_a_transformation_that_is_no_matrix(tmp_path):
     assert load_silently(advised_address(caught.value)).spacing_mm == (1, 1, 1)
 
 
+@pytest.mark.parametrize("numbers", [[2.0], [0, 1, 1], [2, -0.7, 1], ["a", 1, 1], [2, np.nan, 1]])
+def test_a_spacing_replaces_a_scale_that_is_none(tmp_path, numbers):
+    steps = [{"type": "scale", "scale": numbers}]
+    path = write(tmp_path / "v.zarr", change={"coordinateTransformations": steps})
+    with raises(VolumeError, "damaged") as caught:
+        load_volume(path)
+    assert load_silently(advised_address(caught.value)).spacing_mm == (1, 1, 1)
+
+
+def test_damaged_chunks_are_left_out_only_of_coarser_levels(tmp_path):
+    cut_chunk(tmp_path / "v.zarr")
+    with raises(VolumeError, "damaged") as caught:
+        load_volume(tmp_path / "v.zarr")
+    assert load_silently(advised_address(caught.value)).pyramid is not None
+    with raises(VolumeError, "damaged") as caught:
+        load_volume(f"{tmp_path / 'v.zarr'}?dataset=0")
+    assert "?" not in caught.value.remedy
+
+
 @pytest.mark.parametrize("form", [2, 3])
 def test_arrays_without_a_picture_are_volumes(tmp_path, form):
     group = zarr.open_group(str(tmp_path / "v.zarr"), mode="w", zarr_format=form)
@@ -220,13 +239,13 @@ def stated(**change: Any) -> Callable[[Path], Path]:
         (plate, "", "unsupported"),
         (lambda path: write(path, VALUES[0], SPACE[1:]), "", "shape"),
         (lambda path: zarr.create_array(path, data=TWO), "", "shape"),
+        (lambda path: zarr.create_array(path, data=VALUES[0]), "", "shape"),
         (lambda path: zarr.create_array(path, data=VALUES), "?axes=zyy", "shape"),
         (lambda path: write(path, TWO, [{"name": "angle"}, *SPACE]), "", "shape"),
         (cut_chunk, "", "damaged"),
         (lambda path: (write(path) / "zarr.json").write_text("{"), "", "damaged"),
         (stated(axes=[{"type": "space"}, *SPACE[1:]]), "", "damaged"),
         (stated(axes=[{"name": "t"}, *SPACE]), "", "damaged"),
-        (stated(coordinateTransformations=[{"type": "scale", "scale": [2.0]}]), "", "damaged"),
         (stated(coordinateTransformations=[{"type": "affine", "affine": []}]), "", "damaged"),
     ],
 )

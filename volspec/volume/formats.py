@@ -31,6 +31,8 @@ from volspec.volume.files.mrc import SUFFIXES as MRC_SUFFIXES
 from volspec.volume.files.mrc import read_mrc
 from volspec.volume.files.nrrd import read_nrrd
 from volspec.volume.files.omezarr import ZIP_SUFFIXES, ome_zarr_stack, read_ome_zarr
+from volspec.volume.files.pages import PICTURES
+from volspec.volume.files.presence import GZIP
 from volspec.volume.files.query import Query, Reading
 from volspec.volume.files.raw import read_npy, read_npz, read_raw
 from volspec.volume.files.slices import pictures_stack, read_stack
@@ -59,6 +61,11 @@ class Format:
     unpacks: bool = False  # its reader unpacks files that are packed by gzip
     extra: str = ""  # of the package, which installs the library
     note: str = ""  # what is read of it, for docs/reference/formats.md
+
+    @property
+    def takes_gzip(self) -> bool:
+        """True if its files may be packed by gzip, or hold any bytes."""
+        return self.unpacks or self.library == "nibabel" or self.name == "raw bytes"
 
     def begins(self, head: bytes) -> bool:
         """Return True if a file's first bytes are of this format."""
@@ -111,10 +118,6 @@ FORMATS = (
         note="a patient's axes",
     ),
     Format("PAR/REC", (".par", ".rec"), neuro.read_neuro, "nibabel", note="a patient's axes"),
-    Format(
-        *("MINC", (".mnc",), neuro.read_neuro, "nibabel", (_HDF5, (0, b"CDF\1"))),
-        note="1 and 2; a patient's axes",
-    ),
     DICOM,
     Format(
         *("TIFF", TIFF_SUFFIXES, read_tiff, "tifffile"),
@@ -128,6 +131,10 @@ FORMATS = (
         hdf5_stack,
         extra="hdf5",
         note="axes and sizes of ilastik, NeXus, BigDataViewer, element_size_um",
+    ),
+    Format(
+        *("MINC", (".mnc",), neuro.read_neuro, "nibabel", (_HDF5, (0, b"CDF\1"))),
+        note="1 and 2; a patient's axes",
     ),
     Format(
         *("BigDataViewer", (".xml",), read_project, "h5py", (), project_stack),
@@ -173,13 +180,15 @@ FORMATS = (
 )
 WHOLE_SUFFIXES = tuple(s for each in FORMATS if each.whole for s in each.suffixes)
 """Endings of files that each are a whole volume, unlike the slices of a series."""
+SLICE_SUFFIXES = (*DICOM_SUFFIXES, *(s for endings in PICTURES.values() for s in endings))
+"""Endings of files of which each may be a slice."""
 VOLUME_SUFFIXES = tuple(s for each in FORMATS for s in each.suffixes)
 KNOWN = ", ".join(each.name for each in FORMATS if each is not RAW)
 
 
 def format_of(path: Path, head: bytes) -> Format | None:
-    """Return the format of a file with some first bytes (`head_of`); None if it is unknown."""
-    plain = _unpacked(path) if head.startswith(neuro.GZIP) else head
+    """Return the format of a file with some first bytes ; None if it is unknown."""
+    plain = _unpacked(path) if head.startswith(GZIP) else head
     by_name = [each for each in FORMATS if path.name.lower().endswith(each.suffixes)]
     by_content = [each for each in FORMATS if each.begins(plain if each.unpacks else head)]
     if RAW in by_name:  # whatever its bytes happen to look like
@@ -188,12 +197,6 @@ def format_of(path: Path, head: bytes) -> Format | None:
         return DICOM
     both = [each for each in by_name if each in by_content]
     return next(iter((*both, *by_content, *by_name)), None)
-
-
-def head_of(path: Path) -> bytes:
-    """Return a file's first bytes."""
-    with path.open("rb") as file:
-        return file.read(_LOOKED_AT)
 
 
 def _unpacked(path: Path) -> bytes:

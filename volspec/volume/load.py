@@ -27,6 +27,7 @@ from volspec.volume.files.dicom import series_folders
 from volspec.volume.files.dicom_headers import dicom_files
 from volspec.volume.files.label_tables import labels_beside, merge_labels, read_label_table
 from volspec.volume.files.omezarr import is_zarr
+from volspec.volume.files.presence import GZIP, require_contents, require_slices
 from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored
 from volspec.volume.files.slices import pictures_in
 from volspec.volume.labels import NAMED, Label, Labels, find_labels, renumbered
@@ -61,13 +62,6 @@ _ADVICE: dict[tuple[str, ...], str] = {
     (".zip", ".rar", ".7z", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".zst"): (
         "is packed; unpack it first, then give the file or the folder in it"
     ),
-}
-# What is there instead of a volume, by its first bytes.
-_NO_DATA = {
-    b"version https://git-lfs": "is a pointer of Git LFS, not the file: git lfs pull --include {}",
-    b"/annex/objects/": "is a pointer of git-annex, not the file: git annex get {}",
-    b"<!doctype html": "is a web page, not a volume: download the file itself",
-    b"<html": "is a web page, not a volume: download the file itself",
 }
 # Bytes up to which a volume is converted as a whole.
 _CONVERTED_BYTES = 2**28
@@ -419,12 +413,9 @@ def _format(query: Query) -> formats.Format:
         return _folder_format(path)
     if not path.is_file():
         raise VolumeError(f"{path}: is a pipe or a device; give a file or a folder", code="type")
-    head = formats.head_of(path)
+    head = require_contents(path)
     if not head:
         raise VolumeError(f"{path}: the file is empty; copy or download it again", code="damaged")
-    begins = head.lstrip().lower()
-    if fault := next((text for start, text in _NO_DATA.items() if begins.startswith(start)), ""):
-        raise VolumeError(f"{path}: {fault.format(shlex.quote(str(path)))}", code="damaged")
     found, lower = formats.format_of(path, head), path.name.lower()
     others = () if lower.endswith(formats.VOLUME_SUFFIXES) or query.options else _ADVICE.items()
     advice = next((text for ends, text in others if lower.endswith(ends)), "")
@@ -435,6 +426,13 @@ def _format(query: Query) -> formats.Format:
         raise VolumeError(f"{path}: {advice.format(**names)}", code="unsupported")
     if found is None and query.options:
         return formats.RAW
+    if found is not None and head.startswith(GZIP) and not found.takes_gzip:
+        plain = path.with_name(f"unpacked-{path.name}")
+        raise VolumeError(
+            f"{path}: is packed by gzip, though its name does not say so",
+            f"unpack it: gunzip -c {shlex.quote(str(path))} > {shlex.quote(str(plain))}",
+            code="unsupported",
+        )
     if found is None:
         raise VolumeError(f"{path}: unknown format; supported are {_KNOWN}", code="unknown")
     return found
@@ -448,11 +446,7 @@ def _require_readable(path: Path) -> None:
     except PermissionError:  # of a folder on the way
         exists, readable = True, False
     if not exists and path.is_symlink():
-        raise VolumeError(
-            f"{path}: is a link to {os.readlink(path)}, which is missing",
-            f"fetch it (git annex get or datalad get {shlex.quote(str(path))}), or copy it",
-            code="not-found",
-        )
+        require_contents(path)
     if not exists:
         guess = nearest_file(path, _NEVER_VOLUMES)
         raise VolumeError(f"{path}: no such file", f"{guess}check the path", code="not-found")
@@ -468,9 +462,12 @@ def _folder_format(folder: Path) -> formats.Format:
     try:
         if is_zarr(folder):
             return formats.OME_ZARR
+        require_slices(folder, formats.SLICE_SUFFIXES)
         if not dicom_files(folder) and pictures_in(folder):
             return formats.SLICES
-        if series_folders(folder):
+        if folders := series_folders(folder):
+            for each in folders:
+                require_slices(each, formats.SLICE_SUFFIXES)
             return formats.DICOM
         volumes = sorted(
             each.name
@@ -487,10 +484,12 @@ def _folder_format(folder: Path) -> formats.Format:
         raise VolumeError(
             f"{folder}: holds {held}; name one, such as {folder / volumes[0]}", code="missing"
         )
-    if not any(folder.iterdir()):
+    endings = dict.fromkeys(each.suffix.lower() or each.name for each in sorted(folder.iterdir()))
+    if not endings:
         raise VolumeError(f"{folder}: is an empty folder; check the path", code="not-found")
+    holds = ", ".join([*endings][:_MOST_NUMBERS]) + ", …" * (len(endings) > _MOST_NUMBERS)
     raise VolumeError(
-        f"{folder}: is a folder without slices (DICOM, TIFF, PNG, BMP, JPEG); give the folder that "
-        f"holds them, or a file ({_KNOWN})",
+        f"{folder}: holds {holds}, but no slices (DICOM, TIFF, PNG, BMP, JPEG); give the folder "
+        f"that holds them, or a file ({_KNOWN})",
         code="not-found",
     )

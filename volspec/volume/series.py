@@ -17,7 +17,6 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, overload
 
@@ -25,6 +24,7 @@ import numpy as np
 
 from volspec.errors import VolspecError, VolspecWarning, VolumeError, one_line
 from volspec.volume.files.query import Choice
+from volspec.volume.files.slices import missing_numbers
 from volspec.volume.load import load_step, load_volume, volume_choices
 from volspec.volume.model import Volume
 
@@ -32,9 +32,6 @@ PATTERN = "*"
 """Part of an address in place of any text in the names of files."""
 KEPT_BYTES = 2 << 30
 """Bytes of steps that stay in memory by default."""
-# Most file names that a message lists.
-_MOST_LISTED = 3
-_NUMBER = re.compile(r"\d+")
 
 Load = Callable[[], Volume]
 Known = dict[str, Volume | tuple[str, ...]]
@@ -343,24 +340,9 @@ def _in_order(name: str) -> list[int | str]:
 
 def _warn_of_gaps(pattern: str, names: Sequence[str]) -> None:
     """Warn if the only number that differs in the names misses some of its regular values."""
-    numbers = [[int(n) for n in _NUMBER.findall(Path(name).name)] for name in names]
-    if len({len(each) for each in numbers}) > 1:
-        return
-    differing = [column for column in zip(*numbers, strict=True) if len(set(column)) > 1]
-    if len(differing) != 1:
-        return
-    steps = [later - earlier for earlier, later in pairwise(differing[0])]
-    usual = min(steps)
-    missing = [
-        earlier + usual * k
-        for earlier, step in zip(differing[0], steps, strict=False)
-        for k in range(1, step // usual)
-        if step % usual == 0
-    ]
-    if missing:
-        listed = ", ".join(map(str, missing[:_MOST_LISTED])) + ", …" * (len(missing) > _MOST_LISTED)
+    if missing := missing_numbers([Path(name).name for name in names]):
         warnings.warn(
-            f"{pattern}: no file has the number {listed}; the steps before and after follow each "
+            f"{pattern}: no file has the number {missing}; the steps before and after follow each "
             "other",
             VolspecWarning,
             stacklevel=4,

@@ -5,6 +5,7 @@ Cell scalars are used if a grid has no point scalars; their lattice is that of t
 
 from __future__ import annotations
 
+import shlex
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,10 +17,8 @@ from volspec.volume.model import Volume
 if TYPE_CHECKING:
     import pyvista
 
-_RESAMPLE = (
-    "resample it to an even grid with pyvista: "
-    "pyvista.create_grid(grid, dimensions=(128, 128, 128)).sample(grid).save('even.vti')"
-)
+    from volspec.volume.files.query import Query
+
 # Greatest deviation of a rectilinear grid's steps from their mean, as a fraction: rounding.
 _EVEN = 1e-3
 
@@ -33,15 +32,22 @@ def volume_from_pyvista(
 
     Raises VolumeError if ``grid`` is not one, or its array is missing or has several components.
     """
-    values, world = values_and_lattice(grid, scalars, None, name)
+    values, world = values_and_lattice(grid, scalars, None, name, None)
     return Volume(values, world_from_index=world, name=name)
 
 
 def values_and_lattice(
-    grid: pyvista.ImageData, scalars: str | None, component: int | None, name: str
+    grid: pyvista.ImageData,
+    scalars: str | None,
+    component: int | None,
+    name: str,
+    query: Query | None,
 ) -> tuple[NDArray[Any], NDArray[np.float64]]:
-    """Return a grid's scalars (Z, Y, X), not copied, and its world_from_index (4, 4)."""
-    data, is_cells = _arrays(grid, name)
+    """Return a grid's scalars (Z, Y, X), not copied, and its world_from_index (4, 4).
+
+    A spacing of the query replaces steps that are zero, and makes uneven ones even.
+    """
+    data, is_cells = _arrays(grid, name, query)
     available = list(data.keys())
     chosen = scalars or data.active_scalars_name or available[0]
     if chosen not in available:
@@ -60,17 +66,25 @@ def values_and_lattice(
         raise VolumeError(
             f"{name}: {'x'.join(map(str, shape))} points; a volume is 3-D", code="shape"
         )
+    given = None if query is None else query.spacing_mm
     if type(grid).__name__ == "RectilinearGrid":
-        world = _even_planes(grid, name)
+        directions, first = np.eye(3), np.zeros(3)
+        start = np.array([places[0] for places in (grid.x, grid.y, grid.z)])
+        steps = _mean_steps(grid, name, query)
     else:
-        world = np.eye(4)
-        world[:3, :3] = np.asarray(grid.direction_matrix) * grid.spacing
         # Indices begin at the extent's.
-        world[:3, 3] = np.asarray(grid.origin) + world[:3, :3] @ grid.extent[::2]
-    if not (np.linalg.norm(world[:3, :3], axis=0) > 0).all():
+        directions, first = np.asarray(grid.direction_matrix), np.asarray(grid.extent[::2])
+        start, steps = np.asarray(grid.origin), np.asarray(grid.spacing)
+    is_bad = ~np.isfinite(steps) | (steps == 0)
+    if is_bad.any() and given is None:
+        remedy = f"give it as in {query.example(spacing='1,1,1')}" if query else "set grid.spacing"
+        sizes = ", ".join(f"{step:g}" for step in steps)
         raise VolumeError(
-            f"{name}: spacing {tuple(grid.spacing)} mm; none of x, y, z may be zero", code="range"
+            f"{name}: spacing {sizes} mm, of which none may be zero", remedy, code="range"
         )
+    world = np.eye(4)
+    world[:3, :3] = directions * np.where(is_bad, 1.0 if given is None else given, steps)
+    world[:3, 3] = start + world[:3, :3] @ first
     if is_cells:
         world[:3, 3] += world[:3, :3].sum(axis=1) / 2
     if array.ndim > 1:
@@ -78,11 +92,29 @@ def values_and_lattice(
     return array.reshape(shape[::-1]), world
 
 
-def _arrays(grid: Any, name: str) -> tuple[Any, bool]:
+def _resample(query: Query | None) -> str:
+    """Return a remedy for a grid that is no lattice: Python that makes a file of one."""
+    grid, read, to = "grid", "grid", "even.vti"
+    if query is not None:
+        grid, read = "g", f"g := pyvista.read({str(query.path)!r})"
+        to = f"{query.path.with_suffix('')}-even.vti"
+    return (
+        f"resample it in Python: pyvista.create_grid({read}, dimensions=(128, 128, 128))"
+        f".sample({grid}).save({to!r})"
+    )
+
+
+def _arrays(grid: Any, name: str, query: Query | None) -> tuple[Any, bool]:
     """Return a grid's arrays of points, or else of cells, and True if they are of cells."""
     kind = type(grid).__name__
+    if kind == "PolyData" and query is not None:
+        raise VolumeError(
+            f"{name}: is a PolyData, a mesh, not a volume",
+            f"see it by volspec view {shlex.quote(name)}",
+            code="type",
+        )
     if kind not in ("ImageData", "RectilinearGrid"):
-        raise VolumeError(f"{name}: is a {kind}; {_RESAMPLE}", code="type")
+        raise VolumeError(f"{name}: is a {kind}", _resample(query), code="type")
     is_cells = not len(grid.point_data)
     data = grid.cell_data if is_cells else grid.point_data
     if not len(data):
@@ -92,12 +124,12 @@ def _arrays(grid: Any, name: str) -> tuple[Any, bool]:
     return data, is_cells
 
 
-def scalar_names(grid: Any, name: str) -> list[tuple[str, int | None]]:
+def scalar_names(grid: Any, name: str, query: Query) -> list[tuple[str, int | None]]:
     """Return a grid's arrays of numbers, without VTK's own, and their components if several.
 
     Raises VolumeError if the grid is no lattice, or has none.
     """
-    data, _ = _arrays(grid, name)
+    data, _ = _arrays(grid, name, query)
     found = [
         (key, part)
         for key, array in data.items()
@@ -111,20 +143,21 @@ def scalar_names(grid: Any, name: str) -> list[tuple[str, int | None]]:
     return found
 
 
-def _even_planes(grid: Any, name: str) -> NDArray[np.float64]:
-    """Return world_from_index of a ``RectilinearGrid``, whose coordinates may descend."""
-    world = np.eye(4)
+def _mean_steps(grid: Any, name: str, query: Query | None) -> NDArray[np.float64]:
+    """Return the steps along x, y, z of a ``RectilinearGrid``, whose coordinates may descend."""
+    means = np.ones(3)
     for axis, places in enumerate((grid.x, grid.y, grid.z)):
         steps = np.diff(np.asarray(places, np.float64))
-        if steps.size and not np.allclose(steps, steps.mean(), rtol=_EVEN):
+        is_even = steps.size == 0 or np.allclose(steps, steps.mean(), rtol=_EVEN)
+        if not is_even and (query is None or query.spacing_mm is None):
             raise VolumeError(
                 f"{name}: is a RectilinearGrid of uneven spacing, {steps.min():.4g} to "
-                f"{steps.max():.4g} mm along {'xyz'[axis]}; {_RESAMPLE}",
+                f"{steps.max():.4g} mm along {'xyz'[axis]}",
+                _resample(query),
                 code="unsupported",
             )
-        world[axis, axis] = steps.mean() if steps.size else 1.0
-        world[axis, 3] = places[0]
-    return world
+        means[axis] = steps.mean() if steps.size else 1.0
+    return means
 
 
 def volume_to_pyvista(volume: Volume) -> pyvista.ImageData:

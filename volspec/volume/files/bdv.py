@@ -9,6 +9,7 @@ References
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -50,7 +51,7 @@ def _read(path: Path) -> Project | None:
             number = int(setup.findtext("id", ""))
             project.names[number] = setup.findtext("name", "").strip()
             x, y, z = (float(text) for text in setup.findtext("voxelSize/size", "").split())
-            if min(x, y, z) > 0:
+            if all(0 < each < math.inf for each in (x, y, z)):
                 unit = setup.findtext("voxelSize/unit", "").strip()
                 project.sizes[number] = (x, y, z), unit
     return project

@@ -102,7 +102,7 @@ def _requested_series(query: Query, remarks: list[str]) -> list[Slice]:
     originals = {each.file.texts["SOPInstanceUID"] or each.file.path: each.file for each in series}
     kept = set(originals.values())
     series = [each for each in series if each.file in kept]
-    patients = {each.file.texts["PatientID"]: each.name for each in series}
+    patients = {each.file.texts["PatientID"] or _patient_name(each): each.name for each in series}
     studies = {each.file.texts["StudyInstanceUID"]: each.name for each in series}
     # Some programs give every file a study of its own.
     if len(patients) > 1 or 1 < len(studies) < len(series):
@@ -112,7 +112,19 @@ def _requested_series(query: Query, remarks: list[str]) -> list[Slice]:
             "series; put each patient's files into a folder of their own",
             code="conflict",
         )
+    names = {_patient_name(each): each.name for each in series}
+    if len(names) > 1:
+        one, other, *_ = names.values()
+        remarks.append(
+            f"{path}: {one} and {other} state the same Patient ID but different Patient's Names; "
+            "are they of one patient?"
+        )
     return series
+
+
+def _patient_name(one: Slice) -> str:
+    """Return the patient's name without case and empty components at its end."""
+    return one.file.texts["PatientName"].rstrip("^ ").casefold()
 
 
 def _series_order(one: Slice) -> tuple[int, str]:
@@ -211,13 +223,18 @@ def _read_stack(requested: list[Slice], query: Query, remarks: list[str]) -> Rea
         first = stack[0]
         step = _step_mm(stack, query, guesses)
         itemsize = -(-file.layout["bits_allocated"] // 8)
-        is_scaled = any(each.rescale != (1, 0) for each in stack)
+        is_scaled = any(each.rescale != (1, 0) or each.file.modality_lut for each in stack)
         query.reserve((*first.size, len(stack)), max(itemsize, 4 if is_scaled else 1))
         with captured_output([]):
             values = stack_slices(stack, read_values)
         at = np.array([each.origin_mm for each in stack if each.origin_mm is not None])
         if query.spacing_mm is None and len(at) and (uneven := unevenness(at)):
             remarks.append(f"{query.path}: {uneven}")
+    if first.origin_mm is not None and not first.in_patient:
+        remarks.append(
+            f"{query.path}: states no usable Image Orientation (Patient), which is two vectors at "
+            "right angles; its slices are taken as axial"
+        )
     y, x = first.pixel_mm or file.detector_mm or (1.0, 1.0)
     if not first.pixel_mm:
         but = f" ({x:g} × {y:g} mm are stated, but at the detector)" if file.detector_mm else ""

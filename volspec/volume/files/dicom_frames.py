@@ -9,7 +9,7 @@ References
 ----------
 [1] DICOM PS3.3, C.7.6.16 functional groups; C.7.6.2 Image Plane; C.8.2.1 CT: Rescale Type; C.8.9.1
     PET: Units; C.8.20 segmentations; C.8.8.3 doses; C.8.4.8 frames of nuclear medicine.
-[2] DICOM PS3.3, C.10.7.1.1: colours of segments, in CIELAB under D50.
+[2] DICOM PS3.3, C.11.1 Modality LUT; C.10.7.1.1: colours of segments, in CIELAB under D50.
 """
 
 from __future__ import annotations
@@ -36,10 +36,14 @@ _GROUPS = (
     *("PlanePosition", "PlaneOrientation", "PixelMeasures", "FrameContent", "MREcho"),
     *("PixelValueTransformation", "RealWorldValueMapping", "MRDiffusion"),
     *("SegmentIdentification", "DetectorInformation"),
+    *("TemporalPosition", "CardiacSynchronization"),
 )
 # What differs between frames at one place, and dimensions that are the place itself: stack,
 # position in it, position in the patient.
-_REPEATS = ("TemporalPositionIndex", "EffectiveEchoTime", "DiffusionBValue")
+_REPEATS = (
+    *("TemporalPositionIndex", "TemporalPositionTimeOffset", "NominalCardiacTriggerDelayTime"),
+    *("NominalPercentageOfCardiacPhase", "EffectiveEchoTime", "DiffusionBValue"),
+)
 _PLACES = (0x00209056, 0x00209057, 0x00200032)
 # Units by DICOM's codes: of PET, of doses, and in Rescale Type.
 _UNITS = {"BQML": "Bq/ml", "CNTS": "counts", "CPS": "counts/s", "GML": "g/ml", "PCNT": "%"}
@@ -52,7 +56,7 @@ DEFLATED = "1.2.840.10008.1.2.1.99"
 # Texts of a file's header, by DICOM's keywords.
 _TEXTS = (
     *("SOPInstanceUID", "SeriesInstanceUID", "StudyInstanceUID", "ConcatenationUID", "PatientID"),
-    *("SeriesNumber", "SeriesDescription", "Modality", "ImageType"),
+    *("SeriesNumber", "SeriesDescription", "Modality", "ImageType", "PatientName"),
 )
 
 
@@ -69,6 +73,7 @@ class File:
     half: float  # least value of a segment
     layout: dict[str, Any]  # rows, columns, bits, transfer syntax, as pydicom's decoders take them
     shift: int  # unused bits below the stored ones
+    modality_lut: tuple[int, NDArray[Any]] | None  # first stored value, and what all of them mean
     state: tuple[int, int]  # size and time of change
 
     @property
@@ -180,6 +185,7 @@ def _file(
         half=(_number("MaximumFractionalValue", whole) or 255) / 2 if is_fraction else 1,
         layout=layout,
         shift=shift,
+        modality_lut=_modality_lut(parsed, layout["transfer_syntax_uid"]),
         state=_state(file),
     )
 
@@ -271,14 +277,32 @@ def _rescale(groups: Sequence[Any], every: Sequence[Any]) -> tuple[float, float]
     return 1.0 if slope is None else slope, intercept or 0.0
 
 
+def _modality_lut(parsed: Any, syntax: Any) -> tuple[int, NDArray[Any]] | None:
+    """Return the first stored value that a Modality LUT maps, and its output; None without one."""
+    if not (sequence := parsed.get("ModalityLUTSequence")):
+        return None
+    stated, first, _ = map(int, sequence[0].LUTDescriptor)
+    data, count = sequence[0].LUTData, stated or 1 << 16
+    if isinstance(data, bytes):  # words, or bytes that are padded to a word
+        order = "<" if syntax.is_little_endian else ">"
+        data = np.frombuffer(data, f"{order}u2" if len(data) >= 2 * count else np.uint8)
+    table = np.array(data[:count], np.uint16)
+    if len(table) < count:
+        raise ValueError("Modality LUT")
+    return first, table
+
+
 def _unit(parsed: Any, groups: Sequence[Any], every: Sequence[Any]) -> str:
     """Return the unit of rescaled values; without a Rescale Type a CT's is HU (C.8.2.1)."""
-    modality, kind = text_of("Modality", parsed), text_of("RescaleType", *every)
-    is_rescaled = _number("RescaleIntercept", every) is not None
+    luts = parsed.get("ModalityLUTSequence") or ()
+    kind = text_of("RescaleType", *every) or text_of("ModalityLUTType", *luts)
+    modality = text_of("Modality", parsed)
+    is_rescaled = bool(luts) or _number("RescaleIntercept", every) is not None
     if modality == "CT" and is_rescaled and kind in ("", HU):
         return "" if "LOCALIZER" in text_of("ImageType", parsed) else HU
     if modality in _UNIT_TAGS or is_rescaled:
-        return _UNITS.get(text_of(_UNIT_TAGS.get(modality, "RescaleType"), *every), "")
+        tag = _UNIT_TAGS.get(modality)
+        return _UNITS.get(text_of(tag, *every) if tag else kind, "")
     codes = [code for each in groups for code in each.get("MeasurementUnitsCodeSequence") or ()]
     code = text_of("CodeValue", *codes)
     return "" if code == "1" else code  # UCUM's
@@ -305,6 +329,9 @@ def _label(segment: Any) -> Label:
 def read_values(one: Slice) -> NDArray[Any]:
     """Read a slice's values (Y, X), rescaled, of the narrowest type that holds them."""
     values = _stored_values(one)
+    if one.file.modality_lut is not None:
+        first, table = one.file.modality_lut
+        return np.take(table, values.astype(np.int64) - first, mode="clip")
     slope, intercept = one.rescale
     if (slope, intercept) == (1, 0):
         return values

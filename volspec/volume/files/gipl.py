@@ -11,7 +11,7 @@ import numpy as np
 from volspec.errors import one_line
 from volspec.volume.files.lattice import affine
 from volspec.volume.files.layout import Layout, choose_axes, damaged
-from volspec.volume.files.neuro import GZIP
+from volspec.volume.files.presence import GZIP
 from volspec.volume.files.query import Query, Reading
 from volspec.volume.metadata import NO_UNIT, Metadata
 

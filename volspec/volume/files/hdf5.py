@@ -16,6 +16,8 @@ References
 from __future__ import annotations
 
 import json
+import math
+import os
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -59,7 +61,11 @@ class Dataset:
         self.shape, self.dtype, self.chunks = dataset.shape, dataset.dtype, dataset.chunks
         if (cells := _CELLS.fullmatch(name)) and self.dtype == np.int16:
             setup = file.get(f"s{cells[2]}")
-            if not (setup and ("dataType" in setup or "dataType" in setup.attrs)):
+            stated: Any = "uint16"
+            if setup is not None:
+                in_attributes = setup.attrs.get("dataType", stated)
+                stated = setup["dataType"][()] if "dataType" in setup else in_attributes
+            if texts(stated) == ["uint16"]:
                 self.dtype = np.dtype(np.uint16)
 
     def __getitem__(self, index: tuple[int | slice, ...]) -> NDArray[Any]:
@@ -138,7 +144,15 @@ def project_stack(query: Query) -> Stack | None:
 def _selected(query: Query) -> Stack:
     """Return the dataset, time step and channel that the query selects, as a level."""
     with opened(query) as file:
-        found = _datasets(file)
+        broken: dict[str, str] = {}
+        found = _datasets(file, broken)
+        if not found and broken:
+            name, target = next(iter(broken.items()))
+            raise VolumeError(
+                f"{query.path}: its link {name!r} leads to {target}, which is missing",
+                "copy the file with the voxels to its place, or give that file",
+                code="not-found",
+            )
         if not found:
             raise VolumeError(
                 f"{query.path}: holds no dataset of numbers with three axes (Z, Y, X), or four; "
@@ -151,6 +165,7 @@ def _selected(query: Query) -> Stack:
             name, size = choose_view(query, {(match[2], match[1]): match[0] for match in cells})
         else:
             name = query.array_named({name: each.shape for name, each in found.items()})
+        _require_sources(query, found[name])
         dataset, axes = Dataset(query.path, file, name), _axes(found[name])
         size = size or _voxel_size(query, found[name], axes)
     unit_mm = mm_per_unit(size[1]) if size else None
@@ -167,8 +182,28 @@ def _selected(query: Query) -> Stack:
     return Stack([level], metadata=Metadata(assumed=assumed))
 
 
-def _datasets(file: Any) -> dict[str, Any]:
-    """Return the datasets that may be volumes, also behind links, which `visititems` ignores."""
+def _require_sources(query: Query, dataset: Any) -> None:
+    """Refuse a virtual dataset with missing files, whose voxels HDF5 would fill with one value."""
+    file, prefix = Path(dataset.file.filename), Path(os.getenv("HDF5_VDS_PREFIX", ""))
+    sources = dataset.virtual_sources() if dataset.is_virtual else ()
+    # A dot is the file itself; a name with %b is of many blocks.
+    for name in sorted({each.file_name for each in sources if "%b" not in each.file_name} - {"."}):
+        # HDF5 looks for an absolute path that is missing next to the file, too.
+        names = (name, Path(name).name) if Path(name).is_absolute() else (name,)
+        folders = file.parent, file.resolve().parent, prefix, Path()
+        if not any((folder / each).exists() for folder in folders for each in names):
+            raise VolumeError(
+                f"{query.path}: its dataset {dataset.name!r} is made of other files, of which "
+                f"{name} is missing; copy it to {file.parent / name}",
+                code="not-found",
+            )
+
+
+def _datasets(file: Any, broken: dict[str, str]) -> dict[str, Any]:
+    """Return the datasets that may be volumes, also behind links, which `visititems` ignores.
+
+    Links to what is missing are added to ``broken``.
+    """
     found: dict[str, Any] = {}
     seen: list[Any] = []  # groups, as links may lead back
 
@@ -176,7 +211,10 @@ def _datasets(file: Any) -> dict[str, Any]:
         seen.append(group)
         for name in group:
             each = group.get(name)
-            if hasattr(each, "keys") and each not in seen:
+            if each is None:
+                link = group.get(name, getlink=True)
+                broken[place + name] = f"{getattr(link, 'filename', '')}:{link.path}".lstrip(":")
+            elif hasattr(each, "keys") and each not in seen:
                 search(each, f"{place}{name}/")
             elif hasattr(each, "shape") and each.dtype.kind in "buif" and _axes(each):
                 found[place + name] = each
@@ -206,7 +244,7 @@ def _voxel_size(query: Query, dataset: Any, axes: str) -> Size | None:
             z, y, x = map(float, np.ravel(stated))
         except (TypeError, ValueError):
             x = y = z = 0.0
-        if not min(x, y, z) > 0:
+        if not all(0 < size < math.inf for size in (x, y, z)):
             raise VolumeError(
                 f"{query.path}: its element_size_um is {str(stated)!r:.40}, not three positive "
                 "numbers of micrometres along z, y, x",
@@ -222,5 +260,6 @@ def _voxel_size(query: Query, dataset: Any, axes: str) -> Size | None:
         if mm_per_unit(unit) and coordinates.shape == (dataset.shape[axes.index(letter)],):
             places = np.asarray(coordinates, np.float64)
             step = abs(places[-1] - places[0]) / max(len(places) - 1, 1)
-            steps[letter] = step * (mm_per_unit(unit) or 1.0)
+            if 0 < step < math.inf:
+                steps[letter] = step * (mm_per_unit(unit) or 1.0)
     return ((steps["x"], steps["y"], steps["z"]), "mm") if {*"xyz"} <= {*steps} else None

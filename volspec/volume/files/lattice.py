@@ -22,16 +22,21 @@ from volspec.volume.files.query import Query
 _WIDE, _NARROW = 1.5, 0.5
 # Fraction of the step: headers round positions to a tenth of a millimetre or less.
 _JITTER = 0.1
+# Fraction of the step: slices farther off their even positions would be shown in another's place.
+_FAR = 0.5
 # Fraction of the mean distance between neighbours.
 _SAME_PLACE = 0.01
 Item = TypeVar("Item")
 _MM = {
     **dict.fromkeys(("angstrom", "å"), 1e-7),
+    **dict.fromkeys(("pm", "picometer", "picometre"), 1e-9),
     **dict.fromkeys(("nm", "nanometer", "nanometre"), 1e-6),
     **dict.fromkeys(("um", "µm", "micron", "microns", "micrometer", "micrometre"), 1e-3),
     **dict.fromkeys(("mm", "millimeter", "millimetre"), 1.0),
     **dict.fromkeys(("cm", "centimeter", "centimetre"), 10.0),
+    **dict.fromkeys(("dm", "decimeter", "decimetre"), 100.0),
     **dict.fromkeys(("m", "meter", "metre"), 1000.0),
+    **dict.fromkeys(("km", "kilometer", "kilometre"), 1e6),
     **dict.fromkeys(("in", "inch", "inches"), 25.4),
 }
 
@@ -78,8 +83,8 @@ def slice_step_mm(
 
     ``pixel_mm`` is the spacing within the slices, for the message.
 
-    Raises VolumeError if slices are missing or belong to another stack, unless the query has a
-    spacing.
+    Raises VolumeError if slices are missing, belong to another stack, or lie more than half a step
+    off the lattice, unless the query has a spacing.
     """
     step: NDArray[np.float64] = (at_mm[-1] - at_mm[0]) / (len(at_mm) - 1)
     if query.spacing_mm is not None:
@@ -87,15 +92,21 @@ def slice_step_mm(
     apart = np.linalg.norm(np.diff(at_mm, axis=0), axis=1)
     usual = float(np.sort(apart)[(len(apart) - 1) // 2])  # of two gaps the smaller
     odd = int(np.argmax(np.maximum(apart / usual, usual / apart)))
+    off, mean = _offset_mm(at_mm), float(np.linalg.norm(step))
     if not _NARROW * usual <= apart[odd] <= _WIDE * usual:
-        what = "slices are missing" if apart[odd] > usual else "they are unevenly spaced"
-        raise VolumeError(
-            f"{query.path}: {names[odd]} and {names[odd + 1]} lie {apart[odd]:.4g} mm apart, "
-            f"others {usual:.4g} mm: {what}; complete the folder, or treat the slices as even with "
-            f"{query.example(spacing=spacing_text(*pixel_mm, usual))}",
-            code="missing" if apart[odd] > usual else "conflict",
-        )
-    return step
+        is_gap = bool(apart[odd] > usual)
+        what = "slices are missing" if is_gap else "they are unevenly spaced"
+        pair = f"{names[odd]} and {names[odd + 1]} lie {apart[odd]:.4g} mm apart"
+        fault = f"{pair}, others {usual:.4g} mm: {what}; complete the series"
+    elif off > _FAR * mean:
+        is_gap, usual = False, mean
+        where = f"slices lie up to {off:.3g} mm off a line with steps of {mean:.4g} mm"
+        fault = f"{where}: several stacks; put each into a file or folder of its own"
+    else:
+        return step
+    even = query.example(spacing=spacing_text(*pixel_mm, usual))
+    problem = f"{query.path}: {fault}, or treat the slices as even with {even}"
+    raise VolumeError(problem, code="missing" if is_gap else "conflict")
 
 
 def spacing_text(*mm: float) -> str:
@@ -107,11 +118,16 @@ def spacing_text(*mm: float) -> str:
     return ",".join(f"{each:.6g}" for each in mm)
 
 
+def _offset_mm(at_mm: NDArray[np.float64]) -> float:
+    """Return the greatest distance of positions from even ones between the first and the last."""
+    even = np.linspace(at_mm[0], at_mm[-1], len(at_mm))
+    return float(np.linalg.norm(at_mm - even, axis=1).max())
+
+
 def unevenness(at_mm: NDArray[np.float64]) -> str:
     """Return a remark on slices off their even positions; empty if the offset is invisible."""
-    even = np.linspace(at_mm[0], at_mm[-1], len(at_mm))
-    off = float(np.linalg.norm(at_mm - even, axis=1).max())
-    step = float(np.linalg.norm(even[1] - even[0]))
+    off = _offset_mm(at_mm)
+    step = float(np.linalg.norm(at_mm[-1] - at_mm[0])) / (len(at_mm) - 1)
     if off <= _JITTER * step:
         return ""
     return f"slices lie up to {off:.3g} mm off even positions {step:.4g} mm apart; shown as even"
@@ -139,6 +155,8 @@ def mm_per_unit(unit: str | None) -> float | None:
 
     >>> mm_per_unit("micrometer"), mm_per_unit("\\u03bcm"), mm_per_unit("pixel")
     (0.001, 0.001, None)
+    >>> mm_per_unit("pm"), mm_per_unit("decimeters"), mm_per_unit("km")
+    (1e-09, 100.0, 1000000.0)
     """
     # Greek mu and the micro sign look alike, and ImageJ writes the latter escaped.
     name = (unit or "").strip().replace("\u03bc", "\u00b5").replace("\\u00B5", "\u00b5")

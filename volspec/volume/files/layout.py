@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import VolumeError, quoted
+from volspec.volume.files.presence import require_contents
 from volspec.volume.files.query import Query, Stored
 
 TRUNCATED = "truncated, copy or download it again"
@@ -64,15 +65,15 @@ class Layout:
             block = block * self.shape[axes] + at[axes]
         shape = self.shape[:axes]
         nbytes = math.prod(shape) * self.dtype.itemsize
-        query.reserve(shape, self.dtype.itemsize)
         blocks = math.prod(self.shape[axes:])
         with _one_line_for(self.path):
-            if self.encoding == "raw" and len(self.files) == 1:
+            if is_stored := self.encoding == "raw" and len(self.files) == 1:
                 first = self._first_byte()
                 held = max(self.files[0].stat().st_size - first, 0)
                 place = first + block * nbytes
                 stored = Stored(str(self.files[0]), shape[::-1], self.dtype.str, place)
             else:
+                query.reserve(shape, self.dtype.itemsize)
                 unpacked, held = self._unpack_block(nbytes, block, blocks)
         # Bytes after a packed block are not counted, unless it is the last.
         needed = nbytes * (blocks if self.encoding == "raw" else block + 1)
@@ -80,9 +81,10 @@ class Layout:
         remarks += query.surplus(held, self.nbytes)
         inner = tuple(at.get(axis, slice(None)) for axis in reversed(range(axes)))
         whole = all(isinstance(each, slice) for each in inner)
-        if self.encoding == "raw" and len(self.files) == 1:
+        if is_stored:
             if whole and self.scaling == (1.0, 0.0):
                 return stored
+            query.reserve(shape, self.dtype.itemsize)
             values = stored.read()
         else:
             values = unpacked.view(self.dtype).reshape(shape[::-1])
@@ -163,7 +165,8 @@ def choose_axes(
             f"{query.path}: is {len(shape)}-D ({'x'.join(map(str, shape))})",
             "a volume is 3-D: give a file of all slices, or a folder of slices"
             if len(space) < 3
-            else "save a 3-D or 4-D part of it, such as with nibabel: image.slicer[..., 0]",
+            else "save a part of five axes at most, such as with nibabel: image.slicer[..., "
+            f"{', '.join('0' * (len(shape) - 4))}]",
             code="shape",
         )
     found: dict[int, int] = {}
@@ -193,13 +196,19 @@ def data_files(path: Path, names: Sequence[str]) -> tuple[Path, ...]:
             )
     for name in names:
         with _one_line_for(path):
-            if not (path.parent / name).is_file():
-                raise VolumeError(
-                    f"{path}: its voxels are in {name}, which is not there",
-                    f"copy it into {path.parent}, next to the header",
-                    code="not-found",
-                )
+            require_data(path, path.parent / name)
     return tuple(path.parent / name for name in names)
+
+
+def require_data(path: Path, data: Path) -> None:
+    """Refuse a header whose file of voxels is not there."""
+    if not (data.is_file() or data.is_symlink()):
+        raise VolumeError(
+            f"{path}: its voxels are in {data.name}, which is not there",
+            f"copy it into {data.parent}, next to the header",
+            code="not-found",
+        )
+    require_contents(data, f"{path}: its voxels are in {data.name}, which")
 
 
 def numbered_names(path: Path, pattern: str, numbers: Sequence[str]) -> list[str]:

@@ -47,7 +47,7 @@ def read_metaimage(query: Query) -> Reading:
     size = counts(path, fields.get("DimSize", "").split())
     if len(size) != axes:
         raise damaged(path, f"its DimSize has {len(size)} numbers, its NDims is {axes}")
-    world, metadata = _world_from_index(path, fields, axes)
+    world, metadata = _world_from_index(query, fields, axes)
     channels = counts(path, [fields.get("ElementNumberOfChannels", "1")])
     shape = channels + size if channels[0] > 1 else size
     first = len(shape) - axes
@@ -130,16 +130,20 @@ def _layout(
 
 
 def _world_from_index(
-    path: Path, fields: dict[str, str], axes: int
+    query: Query, fields: dict[str, str], axes: int
 ) -> tuple[NDArray[np.float64], Metadata]:
     """Return the map to millimetres in LPS, and what is known of it."""
+    path = query.path
     spacing = _numbers(path, fields, ("ElementSpacing", "ElementSize"), axes)
     if spacing is not None and not all(0 < each < np.inf for each in spacing):
         words = fields.get("ElementSpacing", fields.get("ElementSize"))
-        raise VolumeError(
-            f"{path}: spacing {words}; each of x, y, z must be positive, correct the header",
-            code="range",
-        )
+        if query.spacing_mm is None:
+            raise VolumeError(
+                f"{path}: spacing {words}; each of x, y, z must be positive",
+                f"correct the header, or give it as {query.example(spacing='1,1,1')}",
+                code="range",
+            )
+        spacing = None
     origin = _numbers(path, fields, ("Offset", "Position", "Origin"), axes)
     names = ("TransformMatrix", "Rotation", "Orientation")
     matrix = _numbers(path, fields, names, axes**2)

@@ -48,7 +48,6 @@ def read_mrc(query: Query) -> Reading:
     steps, *size = shape if len(shape) == 4 else (1, *shape)
     step = query.index("time", steps, "volumes")
     query.end_choices()
-    query.reserve(tuple(size), dtype.itemsize)
     nbytes = int(np.prod(size)) * dtype.itemsize
     first = _HEADER + int(header.nsymbt)
     held = path.stat().st_size - first

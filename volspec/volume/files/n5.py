@@ -118,8 +118,14 @@ def named_axes(query: Query, shape: Sequence[int], names: Sequence[str], usual: 
         names = query.options["axes"]
     elif count == 3 and not are_axes(names, 3) and not {*"tc"} & {*names}:
         names = [name for name in usual if name in "xyz"]
+    if count < 3:
+        raise VolumeError(
+            f"{query.path}: is an array of {count} axes ({' × '.join(map(str, shape))}); a volume "
+            "has three (x, y, z), was a single slice given?",
+            code="shape",
+        )
     if not are_axes(names, count):
-        example = "".join(name for name in usual if name in "xyztc"[: max(count, 3)])
+        example = "".join(name for name in usual if name in "xyztc"[:count])
         raise VolumeError(
             f"{query.path}: is an array of {count} axes ({' × '.join(map(str, shape))}), and does "
             "not say which of them are x, y, z, channels and time",

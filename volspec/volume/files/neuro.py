@@ -29,14 +29,14 @@ from numpy.typing import NDArray
 from volspec.errors import VolumeError, one_line
 from volspec.volume.files.label_tables import labels_in_xml
 from volspec.volume.files.lattice import affine, mm_per_unit
-from volspec.volume.files.layout import TRUNCATED, Layout, choose_axes
+from volspec.volume.files.layout import TRUNCATED, Layout, choose_axes, require_data
+from volspec.volume.files.presence import GZIP
 from volspec.volume.files.query import Query, Reading
 from volspec.volume.labels import Labels
 from volspec.volume.metadata import NO_UNIT, Metadata
 
 PAIRS = (".hdr", ".hdr.gz", ".img", ".img.gz")
 """Endings of NIfTI and Analyze in two files."""
-GZIP = b"\x1f\x8b"
 # NIfTI's code of the intent "label".
 _LABELS = 1002
 # Bytes of headers, and the most of extensions that are searched for names.
@@ -77,10 +77,10 @@ class _Opened:
                     holder = nibabel.fileholders.FileHolder(str(path), file)
                     image: Any = nibabel.MGHImage.from_file_map({"image": holder})
             else:
+                _require_header(path)
                 image = nibabel.load(path)
         data = Path(image.file_map["image"].filename)
-        if not data.exists():
-            raise _without_voxels(path, data)
+        require_data(path, data)
         if data != path:
             packed = data.name.lower().endswith(".gz")
         world = image.affine if _is_oriented(image) else None
@@ -94,6 +94,12 @@ class _Opened:
 
         magics = {b"n+1\0": (Nifti1Header, _NIFTI_1), b"n+2\0": (Nifti2Header, _NIFTI_2)}
         kind, size = magics.get(head[344:348]) or magics.get(head[4:8]) or (None, 0)
+        if head.startswith(GZIP):
+            raise VolumeError(
+                f"{path}: is packed by gzip twice",
+                f"unpack it once: gunzip -c {path} > once-{path.name}",
+                code="damaged",
+            )
         if kind is None or len(head) < size or size not in _sizes(head):
             raise VolumeError(
                 f"{path}: is no NIfTI image; is the file complete and of the type its name says?",
@@ -118,6 +124,20 @@ class _Opened:
         return cls(header, ArrayProxy(os.fspath(path), given), path, packed, None, extensions)
 
 
+def _require_header(path: Path) -> None:
+    """Refuse the voxels of a pair without their header."""
+    name = path.name.lower().removesuffix(".gz")
+    if name.endswith(".img"):
+        stem = path.name[: len(name) - 4]
+        names = [f"{stem}{end}" for end in (".hdr", ".HDR", ".hdr.gz")]
+        if not any((path.parent / each).is_file() for each in names):
+            raise VolumeError(
+                f"{path}: its header is in {names[0]}, which is not there",
+                f"copy it into {path.parent}, next to the voxels",
+                code="not-found",
+            )
+
+
 def _sizes(head: bytes) -> tuple[int, int]:
     """Return the size that a NIfTI header states, in either byte order."""
     return int.from_bytes(head[:4], "little"), int.from_bytes(head[:4], "big")
@@ -129,6 +149,8 @@ def read_neuro(query: Query) -> Reading:
     query.allow("time", "channel")
     opened = _Opened.of(path)
     shape = tuple(int(count) for count in opened.proxy.shape)
+    while len(shape) > 3 and shape[-1] == 1:
+        shape = shape[:-1]
     time_first = path.name.lower().endswith(".mnc") and len(shape) == 4
     if time_first:
         shape = (*shape[1:], shape[0])
@@ -161,16 +183,9 @@ def read_neuro(query: Query) -> Reading:
         with _refusing(path):
             part = opened.proxy[index[::-1] if time_first else index]
         values = np.asarray(part, np.float32).T
+        values = values.reshape(values.shape[-3:])
     return Reading(
         values, world_from_index=world, remarks=remarks, labels=labels, metadata=metadata
-    )
-
-
-def _without_voxels(path: Path, data: Path) -> VolumeError:
-    return VolumeError(
-        f"{path}: its voxels are in {data.name}, which is not there",
-        f"copy it into {data.parent}, next to the header",
-        code="not-found",
     )
 
 
@@ -185,7 +200,7 @@ def _refusing(path: Path) -> Iterator[None]:
         raise VolumeError(f"{path}: {TRUNCATED}", code="damaged") from error
     except Exception as error:
         if isinstance(error, FileNotFoundError) and error.filename:
-            raise _without_voxels(path, Path(error.filename)) from error
+            require_data(path, Path(error.filename))
         raise VolumeError(
             f"{path}: cannot be read ({one_line(error)}); is the file complete and of the type "
             "its name says?",
@@ -213,7 +228,7 @@ def _step_s(header: Any) -> float | None:
     zooms = header.get_zooms()
     if len(zooms) < 4 or not hasattr(header, "get_xyzt_units"):
         return None
-    second = _SECONDS.get(header.get_xyzt_units()[1])
+    second = _SECONDS.get(_units(header)[1])
     return second * float(zooms[3]) if second and 0 < zooms[3] < np.inf else None
 
 
@@ -226,19 +241,24 @@ def _world_from_index(
         if opened.world is None:
             return _spaced(header), Metadata()
         return _FROM_RAS @ opened.world, _PATIENT
-    unit_mm = mm_per_unit(header.get_xyzt_units()[0])
+    unit_mm = mm_per_unit(_units(header)[0])
     assumed = (NO_UNIT,) if unit_mm is None else ()
     unit_mm = unit_mm or 1.0
-    sform, qform = header.get_sform(coded=True)[0], header.get_qform(coded=True)[0]
-    usable = [each for each in (sform, qform) if each is not None and np.isfinite(each).all()]
-    if sform is not None and not np.isfinite(sform).all() and query.spacing_mm is None:
-        if not usable:
-            raise VolumeError(
-                f"{query.path}: its sform, the map to millimetres, holds NaN",
-                f"give the spacing, as {query.example(spacing='1,1,1')}",
-                code="damaged",
-            )
-        remarks.append(f"{query.path}: its sform holds NaN; its qform is taken")
+    maps = {name: _map(header, name) for name in ("sform", "qform") if header[f"{name}_code"] > 0}
+    usable = [each for each in maps.values() if each is not None]
+    lost = next((name for name, each in maps.items() if each is None), "")
+    if lost and not usable and query.spacing_mm is None:
+        raise VolumeError(
+            f"{query.path}: its {lost}, the map to millimetres, holds NaN, infinity or an axis "
+            "without a direction",
+            f"give the spacing, as {query.example(spacing='1,1,1')}",
+            code="damaged",
+        )
+    if lost == "sform" and usable:
+        remarks.append(
+            f"{query.path}: its sform holds NaN, infinity or an axis without a direction; its "
+            "qform is taken"
+        )
     if not usable:
         return _spaced(header, unit_mm), Metadata(assumed=assumed)
     if len(usable) == 2 and _turned(*usable):
@@ -249,6 +269,31 @@ def _world_from_index(
         )
     world = _FROM_RAS @ np.diag([unit_mm, unit_mm, unit_mm, 1.0]) @ usable[0]
     return world, replace(_PATIENT, assumed=assumed)
+
+
+def _units(header: Any) -> tuple[str, str]:
+    """Return the units of space and time; unknown if their codes are none of NIfTI's."""
+    try:
+        space, time = header.get_xyzt_units()
+    except KeyError:
+        return "unknown", "unknown"
+    return str(space), str(time)
+
+
+def _map(header: Any, name: str) -> NDArray[np.float64] | None:
+    """Return a header's sform or qform (4, 4) as nifti1.h says; None if it is no map."""
+    header = header.copy()
+    sizes = np.abs(header["pixdim"][1:4])  # without a sign of their own
+    sizes = np.where(sizes > 0, sizes, 1.0)
+    header["pixdim"][:4] = [-1.0 if header["pixdim"][0] < 0 else 1.0, *sizes]
+    try:
+        with np.errstate(all="ignore"):
+            matrix = np.asarray(getattr(header, f"get_{name}")(), np.float64)
+            columns = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
+            is_map = np.isfinite(matrix).all() and abs(np.linalg.det(columns)) > 1e-6
+    except Exception:  # whatever nibabel raises for a quaternion that is none
+        return None
+    return matrix if is_map else None
 
 
 def _is_oriented(image: Any) -> bool:

@@ -99,6 +99,8 @@ class _Header:
         try:
             words = self.words(name, count)
             return np.array([float(word) for word in words]) if words else None
+        except VolumeError:
+            raise
         except ValueError as error:
             raise damaged(self.path, f"its {name} are {quoted(self.named[name])}") from error
 
@@ -146,7 +148,9 @@ def read_nrrd(query: Query) -> Reading:
     layout = _layout(header, shape)
     roles = _roles(header, axes)
     space = [axis for axis in range(axes) if axis not in roles]
-    world, metadata = _world_from_index(header, shape, space) if len(space) == 3 else (None, None)
+    world, metadata = None, Metadata()
+    if len(space) == 3:
+        world, metadata = _world_from_index(header, shape, space, query)
     remarks: list[str] = []
     values: Stored | NDArray[Any]
     labels: Labels | None
@@ -157,7 +161,7 @@ def read_nrrd(query: Query) -> Reading:
         values = layout.read(at, query, remarks)
         layer = next((at[axis] for axis, role in roles.items() if role == "channel"), 0)
         labels = labels_in_nrrd(header.pairs, layer)
-    return Reading(values, None, world, remarks, labels, metadata=metadata or Metadata())
+    return Reading(values, None, world, remarks, labels, metadata=metadata)
 
 
 def _all(query: Query) -> bool:
@@ -261,7 +265,7 @@ def _layout(header: _Header, shape: tuple[int, ...]) -> Layout:
 
 
 def _world_from_index(
-    header: _Header, shape: tuple[int, ...], space: list[int]
+    header: _Header, shape: tuple[int, ...], space: list[int], query: Query
 ) -> tuple[NDArray[np.float64], Metadata]:
     """Return the map to millimetres of the three axes of space, and what is known of it."""
     axes, path = len(shape), header.path
@@ -278,12 +282,17 @@ def _world_from_index(
         columns, start = columns * mm[:, None], (np.zeros(3) if start is None else start) * mm
     else:
         spacing, first, assumed = _spacing(header, shape)
-        if not all(0 < spacing[axis] < np.inf for axis in space):
+        bad = [not (np.isfinite(spacing[axis]) and spacing[axis]) for axis in space]
+        if "spacings" in header.named:  # those of mins and maxs may lead backwards
+            bad = [not 0 < spacing[axis] < np.inf for axis in space]
+        if any(bad) and query.spacing_mm is None:
             words = " ".join(f"{each:g}" for each in spacing)
             raise VolumeError(
-                f"{path}: spacing {words}; each of x, y, z must be positive, correct the header",
+                f"{path}: spacing {words}; each of x, y, z must be positive",
+                f"correct the header, or give it as {query.example(spacing='1,1,1')}",
                 code="range",
             )
+        spacing[[axis for axis, wrong in zip(space, bad, strict=True) if wrong]] = 1.0
         per_axis = header.units("units", axes)
         units = None if per_axis is None else per_axis[space]
         mm = np.ones(3) if units is None else np.where(np.isnan(units), 1.0, units)
@@ -304,7 +313,8 @@ def _spacing(
     axes = len(shape)
     spacings = header.numbers("spacings", axes)
     low, high = (header.numbers(f"axis{end}", axes) for end in ("mins", "maxs"))
-    node = np.array([word.lower() == "node" for word in header.words("centerings", axes)])
+    centred = header.words("centerings", axes) or header.words("centers", axes)
+    node = np.array([word.lower() == "node" for word in centred])
     node = node if node.size else np.zeros(axes, bool)
     assumed: tuple[str, ...] = () if spacings is not None else (NO_SPACING,)
     spacing = np.ones(axes) if spacings is None else spacings

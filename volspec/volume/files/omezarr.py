@@ -14,6 +14,7 @@ References
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -150,8 +151,11 @@ def read_ome_zarr(query: Query) -> Reading:
     level = picture.choose_level(remarks)
     remarks += picture.unit_remarks(level)
     at, channel = picture.select()
-    some = query.example(memory=f"{max(level.nbytes // 2**21, 1)}MiB")
-    remedy = f"copy the store again, or leave the chunk out of pictures: {some}"
+    remedy, half = "copy the store again", level.nbytes // 2
+    # A chunk is left out only of a picture whose coarser levels are whole.
+    if "level" not in query.options and level is not picture.levels[-1]:
+        memory = f"{half >> 20}MiB" if half >> 20 else f"{half}B"
+        remedy += f", or leave the chunk out of pictures: {query.example(memory=memory)}"
     values = read_level(query, replace(level, at=at), remedy)
     stated = picture.labels, channel, picture.metadata
     return Reading(values, None, level.world_from_index, remarks, *stated)
@@ -310,6 +314,8 @@ def _opened(query: Query) -> _Picture:
         what = f"cannot be read ({one_line(error)[:120]})"
         if isinstance(error, KeyError):
             what = f"have no {error.args[0]!r}"
+        if isinstance(error, json.JSONDecodeError):
+            what = f"are not valid JSON (line {error.lineno}, column {error.colno})"
         remedy = "is the address right?" if query.is_remote else "is it complete?"
         raise VolumeError(
             f"{path}: its OME-Zarr metadata {what}; {remedy}", code="damaged"
@@ -427,22 +433,37 @@ def _matrix(steps: Sequence[dict[str, Any]], count: int, query: Query) -> NDArra
     """
     whole = np.eye(count + 1)
     for step in steps:
-        kind, one = step["type"], np.eye(count + 1)
+        kind, one, by_path = step["type"], np.eye(count + 1), "path" in step
         if kind == "sequence":
             one = _matrix(step["transformations"], count, query)
         elif kind in _SHAPES and kind in step:
-            numbers, place = np.array(step[kind], float), _SHAPES[kind](count)
-            if numbers.shape != one[place].shape:
-                raise ValueError(f"a {kind} of {numbers.size} numbers for {count} axes")
-            if kind == "scale" and not (numbers > 0).all():
-                raise ValueError(f"a scale of {numbers.tolist()}, which is not positive")
-            one[place] = numbers
+            place = _SHAPES[kind](count)
+            numbers = _numbers(step[kind], one[place].shape, kind)
+            if numbers is None and query.spacing_mm is None:
+                what = f"{count} positive numbers" if kind == "scale" else "numbers for its axes"
+                raise VolumeError(
+                    f"{query.path}: its {kind} in the OME-Zarr metadata is {step[kind]!r:.60}, not "
+                    f"{what}",
+                    f"correct it, or give the spacing as in {query.example(spacing='1,1,1')}",
+                    code="damaged",
+                )
+            one[place] = one[place] if numbers is None else numbers
         elif kind != "identity" and query.spacing_mm is None:
             raise VolumeError(
-                f"{query.path}: has a transformation of type {kind:.40}; supported are those with "
-                f"numbers in the metadata: {', '.join(_SHAPES)}, sequence",
+                f"{query.path}: has a transformation of type {kind:.40}{' by path' * by_path}; "
+                f"supported are those with numbers in the metadata: {', '.join(_SHAPES)}, sequence",
                 f"give the spacing in mm instead, as in {query.example(spacing='1,1,1')}",
                 code="unsupported",
             )
         whole = one @ whole
     return whole
+
+
+def _numbers(given: Any, shape: tuple[int, ...], kind: str) -> NDArray[np.float64] | None:
+    """Return the numbers of a transformation; None if they are none, too few, or no scale."""
+    try:
+        numbers = np.array(given, float)
+    except (TypeError, ValueError):
+        return None
+    is_valid = np.isfinite(numbers).all() and (kind != "scale" or (numbers > 0).all())
+    return numbers if numbers.shape == shape and is_valid else None

@@ -121,7 +121,8 @@ class Query:
         """
         every = {"labels": self.labels, "unit": self.unit}
         given = self.options | {k: v for k, v in every.items() if v is not None} | options
-        return shlex.quote(f"{self.path}?" + "&".join(f"{k}={v}" for k, v in given.items()))
+        coded = {k: v.replace("%", "%25").replace("&", "%26") for k, v in given.items()}
+        return shlex.quote(f"{self.path}?" + "&".join(f"{k}={v}" for k, v in coded.items()))
 
     def allow(self, *known: str) -> None:
         """Refuse options other than ``known``, and those that every volume takes."""
@@ -261,7 +262,9 @@ class Query:
         if nbytes > free:
             raise VolumeError(
                 f"{self.path}: its header declares {counts} voxels, {nbytes / 2**30:.1f} GiB; "
-                f"{free / 2**30:.1f} GiB of memory are free; give a smaller volume",
+                f"{free / 2**30:.1f} GiB of memory are free",
+                "save it uncompressed (NRRD, NIfTI, MetaImage, MRC, .npy, raw) or as HDF5, TIFF or "
+                "OME-Zarr, which are read in parts and by volspec convert, or give a smaller one",
                 code="size",
             )
         self.declare(nbytes)

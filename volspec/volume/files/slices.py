@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,8 @@ from volspec.volume.pyramid import Index, Level, Stack
 
 # Bytes of the slices of a chunk.
 _CHUNK_BYTES = 2**24
+# Most missing numbers that a remark lists.
+_MOST_LISTED = 3
 # tifffile's letter for the samples of a pixel.
 _SAMPLES = "S"
 # Words before a number in the name of a picture, by the option that selects it.
@@ -117,6 +120,29 @@ def _by_format(folder: Path) -> dict[str, list[Path]]:
     return {kind: files for kind, files in found.items() if len(files) > (kind != "TIFF")}
 
 
+def missing_numbers(names: Sequence[str]) -> str:
+    """List the values that the only number that differs in the names leaves out of regular ones.
+
+    >>> missing_numbers(["s1.tif", "s2.tif", "s5.tif"]), missing_numbers(["s2.tif", "s4.tif"])
+    ('3, 4', '')
+    """
+    numbers = [[int(n) for n in re.findall(r"\d+", name)] for name in names]
+    if len({len(each) for each in numbers}) > 1:
+        return ""
+    differing = [column for column in zip(*numbers, strict=True) if len(set(column)) > 1]
+    if len(differing) != 1:
+        return ""
+    steps = [later - earlier for earlier, later in pairwise(differing[0])]
+    usual = min(steps)
+    missing = [
+        earlier + usual * k
+        for earlier, step in zip(differing[0], steps, strict=False)
+        for k in range(1, step // usual if usual else 0)
+        if step % usual == 0
+    ]
+    return ", ".join(map(str, missing[:_MOST_LISTED])) + ", …" * (len(missing) > _MOST_LISTED)
+
+
 def _natural_key(name: str) -> list[tuple[int, str]]:
     """Return a sort key by letters and by the values of numbers, then by their digits.
 
@@ -156,6 +182,10 @@ def _slices(query: Query) -> Slices:
             f"{path}: has no slice {missing[0]} with channel and time of {rows[0][0].name}",
             "complete the folder, or remove that slice of the others",
             code="missing",
+        )
+    if gaps := missing_numbers([file.name for file, _ in rows]):
+        remarks.append(
+            f"{path}: no slice has the number {gaps}; those before and after follow each other"
         )
     return Slices(
         *(path, (len(rows), *first.shape[:2]), first.dtype),

@@ -212,6 +212,9 @@ def _slice_axis(series: Any, axes: str, query: Query) -> str:
     elif "C" in axes:
         why = f"is a picture of {series.shape[axes.index('C')]} channels ({_size(series)})"
         remedy = f"if these are slices, read it as {query.example(axes=axes.replace('C', 'Z'))}"
+    elif series.shape[axes.index("S")] > 4 if "S" in axes else False:
+        why = f"is a picture of {series.shape[axes.index('S')]} samples a pixel ({_size(series)})"
+        remedy = f"if these are slices, read it as {query.example(axes=axes.replace('S', 'Z'))}"
     else:
         why = f"is a single picture ({_size(series)}), a volume needs several slices"
         remedy = f"give the folder that holds them, {query.path.absolute().parent}"

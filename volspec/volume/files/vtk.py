@@ -59,12 +59,12 @@ def read_vtk(query: Query) -> Reading:
     query.allow("channel")
     check_vtk(query)
     grid = _grid(query)
-    fields = scalar_names(grid, str(query.path))
+    fields = scalar_names(grid, str(query.path), query)
     names = [name if part is None else f"{name} {part}" for name, part in fields]
     what = "channels (arrays and components)"
     number = query.index("channel", len(names), what, names)
     query.end_choices()
-    values, world = values_and_lattice(grid, *fields[number], str(query.path))
+    values, world = values_and_lattice(grid, *fields[number], str(query.path), query)
     channel = Channel(names[number]) if len(names) > 1 else None
     metadata = Metadata(assumed=(NO_UNIT,))
     return Reading(values, world_from_index=world, channel=channel, metadata=metadata)
