@@ -17,6 +17,7 @@ from volspec.raycast.camera import Orbit
 from volspec.scene import Scene
 from volspec.spectra import light, write_spectrum
 from volspec.volume import phantom
+from volspec.volume.metadata import NO_SPACING
 
 LAYOUT = "?shape=16x16x16&dtype=float32&spacing=1,1,4"
 
@@ -28,6 +29,23 @@ def ball(tmp_path: Path) -> Path:
     np.save(folder / "ball.npy", phantom.ball(16).values)
     phantom.ball(16).values.tofile(folder / "ball.raw")
     return folder / "ball.npy"
+
+
+def test_a_scene_notes_what_was_assumed_of_its_volume(ball):
+    assert Scene.from_volume(ball).file.volume.assumed == (NO_SPACING,)
+    stated = Scene.from_volume(f"{ball.with_suffix('.raw')}{LAYOUT}")
+    assert stated.file.volume.assumed == ()
+
+
+def test_a_faint_body_around_a_dense_core_is_in_the_frame(tmp_path):
+    """Opacities below a fiftieth of the core's that add up to opaque are no haze."""
+    values = np.full((24, 28, 20), -1000, np.int16)
+    values[2:-2, 2:-2, 2:-2] = 40
+    values[10:14, 12:16, 8:12] = 1000
+    np.save(tmp_path / "body.npy", values)
+    alpha = Scene.from_volume(tmp_path / "body.npy").render(size=(64, 64)).alpha
+    border = np.concatenate([alpha[0], alpha[-1], alpha[:, 0], alpha[:, -1]])
+    assert border.max() < 0.02 and alpha[20:44, 20:44].min() > 0.2
 
 
 @pytest.mark.not_quick

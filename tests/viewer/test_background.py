@@ -42,8 +42,9 @@ from volspec.viewer.work.screenshot import render_frame
 from volspec.viewer.work.session import SUFFIX, save_session
 from volspec.viewer.work.session_store import STATE_VARIABLE
 from volspec.viewer.work.steps import Steps
-from volspec.volume import Volume
+from volspec.volume import Metadata, Volume
 from volspec.volume.labels import Label
+from volspec.volume.metadata import NO_SPACING
 
 pytestmark = pytest.mark.not_quick
 
@@ -159,6 +160,16 @@ def test_only_the_opening_s_message_ends_with_it(tmp_path, monkeypatch):
             notice.show(later)
         each.begin(documents.Opened(state), state)
         assert notice.text == later
+
+
+def test_what_was_assumed_of_a_volume_is_a_message(tmp_path, monkeypatch):
+    monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
+    state, notice = opened(tmp_path), Notice()
+    volume = replace(state.document.volume, metadata=Metadata(assumed=(NO_SPACING,)))
+    state = replace(state, document=replace(state.document, volume=volume))
+    each = documents.DocumentService(Tasks(lambda: None), notice, None)
+    each.begin(documents.Opened(state, "ball.npy"), None)
+    assert NO_SPACING in notice.text
 
 
 @pytest.mark.parametrize("written", [True, False])

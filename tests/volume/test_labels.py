@@ -55,6 +55,17 @@ def test_label_maps_are_told_from_measurements(tmp_path, case):
     assert len(load_silently(tmp_path / "v.npy").labels) == count
 
 
+@pytest.mark.parametrize("dtype", [np.uint32, np.int64, np.float64])
+def test_an_atlas_s_great_numbers_become_small_ones_with_their_names(tmp_path, dtype):
+    np.save(tmp_path / "v.npy", blocks([997, 614454277, 70000], dtype=dtype))
+    labels = load_silently(tmp_path / "v.npy").labels
+    assert {n: each.name for n, each in labels.items()} == {1: "997", 2: "70000", 3: "614454277"}
+    (tmp_path / "v.txt").write_text("997 root 1 2 3\n614454277 SCs 255 0 0\n")
+    labels = load_volume(f"{tmp_path}/v.npy?labels=v.txt").labels
+    assert [each.name for each in labels.values()] == ["root", "70000", "SCs"]
+    assert labels[3].colour == RED
+
+
 TABLES = {
     "v.ctbl": "# Color\n0 Background 0 0 0 0\n1 liver 255 0 0 255\n2 left_kidney 0 128 255 255\n",
     "v_LUT.txt": "#No. Label Name: R G B A\n\n0  Unknown 0 0 0 0\n1 liver 255 0 0 0\n"
