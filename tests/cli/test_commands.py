@@ -141,8 +141,8 @@ def test_doctor_names_what_brings_films_and_notebooks(monkeypatch, capsys):
     assert found.healthy and found.problems == ()
     films, notebooks, *others = found.extras.values()
     assert "volspec[video]" in films and "volspec[notebook]" in notebooks
-    remote = ["universal_pathlib", "aiohttp"]
-    wanted = [["zarr", "tensorstore"], ["h5py"], remote, ["distributed"], ["tornado"]]
+    micro, remote = ["pylibCZIrw", "liffile", "nd2", "oiffile"], ["universal_pathlib", "aiohttp"]
+    wanted = [["zarr", "tensorstore"], ["h5py"], micro, remote, ["distributed"], ["tornado"]]
     assert [re.findall(r"(\w+) 1\.2", each) for each in others] == wanted
     monkeypatch.undo()
     pytest.importorskip("imageio_ffmpeg")
