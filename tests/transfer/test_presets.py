@@ -74,7 +74,7 @@ def _scan() -> tuple[np.ndarray, dict[str, np.ndarray]]:
 # A factor of the values, and what fills the corners outside of the scanner's circle.
 FILLS = {
     **{f"{value:g}": (1.0, value) for value in (-2000, -3024, -32768, 1e20, -1e30, np.nan)},
-    **{f"times {factor:g}": (factor, -1000.0 * factor) for factor in (1e-15, 1e27)},
+    **{f"times {factor:g}": (factor, -1000.0 * factor) for factor in (1e-20, 1e-15, 1e20, 1e27)},
 }
 
 

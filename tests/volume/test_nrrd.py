@@ -174,6 +174,19 @@ def test_segments_of_all_layers_have_their_names_and_colours(tmp_path):
     assert {n: label.name for n, label in alone.labels.items()} == {1: "肝臓"}
 
 
+def test_segments_of_great_or_signed_numbers_are_found_without_a_table_of_all(tmp_path):
+    layers = np.zeros((2, 3, 4, 2), np.int32)
+    layers[0, ..., 0], layers[1, ..., 0], layers[1, 0, 0, 1] = -1, 2_000_000_000, 1
+    fields = SEGMENTS.format("kinds: list domain domain domain")
+    fields = fields.replace("Segment0_LabelValue:=1", "Segment0_LabelValue:=2000000000")
+    path = tmp_path / "v.seg.nrrd"
+    path.write_bytes(nrrd(fields, layers.tobytes(), "2 4 3 2", "int"))
+    with warns("1 voxels", "?channel=0"):
+        volume = load_volume(path)
+    assert [label.name for label in volume.labels.values()] == ["Muskel groß", "肝臓"]
+    assert np.bincount(volume.values.ravel()).tolist() == [12, 11, 1]
+
+
 TURNED = "TransformMatrix = 0.707 0.707 0 -0.707 0.707 0 0 0 1\n"
 META_FIELDS: dict[str, tuple[str, tuple[float, ...], Metadata]] = {
     "um": ("DistanceUnits = um\nElementSpacing = 0.5 0.7 2\n", (5e-4, 7e-4, 2e-3), Metadata()),

@@ -124,13 +124,15 @@ def _around(
     """
     volume, values = _sampled(volume)
     k, j, i = steps = tuple(step_along(size) for size in volume.values.shape)
-    visible, depth_per_mm = _visible_voxels(values, tables[0])
-    if lattice is not None:
+    if lattice is None:
+        visible, depth_per_mm = _visible_voxels(values, tables[0])
+    else:
+        visible, depth_per_mm = np.zeros(values.shape, bool), np.zeros(values.shape)
         nearest = lattice.nearest_to_voxels((k, j, i))
         for row, table in enumerate(tables):
-            shown, depths = _visible_voxels(values, table) if row else (visible, depth_per_mm)
-            visible = np.where(nearest == row, shown, visible & (row > 0))
-            depth_per_mm = np.where(nearest == row, depths, depth_per_mm * (row > 0))
+            shown, depths = _visible_voxels(values, table)
+            visible |= (nearest == row) & shown
+            depth_per_mm += (nearest == row) * depths
     crop = crop_bounds(shading.for_lattice(volume), volume)
     for axis, (low, high) in enumerate(reversed(crop)):
         at = np.arange(values.shape[axis]) * steps[axis]

@@ -158,7 +158,7 @@ class VolumeSpec:
     spacing_mm: Annotated[Vector, Unit("mm")] | None = None
     """x, y, z instead of the file's spacing; there is a warning if they differ."""
     assumed: Annotated[tuple[str, ...], Field(strict=False)] = ()
-    """What the file does not state, and was assumed when the scene was made; a note for readers."""
+    """Assumptions on what the file leaves out, when the scene was made; a note for readers."""
     downsample: int = 1
     """2 keeps one voxel per block of 2³: the mean, or for labels the most frequent."""
     box_mm: Annotated[Box, Unit("mm")] | None = None

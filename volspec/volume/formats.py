@@ -62,11 +62,6 @@ class Format:
     extra: str = ""  # of the package, which installs the library
     note: str = ""  # what is read of it, for docs/reference/formats.md
 
-    @property
-    def takes_gzip(self) -> bool:
-        """True if its files may be packed by gzip, or hold any bytes."""
-        return self.unpacks or self.library == "nibabel" or self.name == "raw bytes"
-
     def begins(self, head: bytes) -> bool:
         """Return True if a file's first bytes are of this format."""
         return any(head.startswith(text, at) for at, text in self.magic)
@@ -93,7 +88,7 @@ SLICES = Format(
     stack=pictures_stack,
     note="folders of TIFF, PNG, BMP, JPEG or JPEG 2000; channels and times in names",
 )
-"""Of a folder; no file has it."""
+"""Folders of pictures; no file has this format."""
 FORMATS = (
     Format(
         *("NRRD", (".nrrd", ".nhdr"), read_nrrd, _OURS, ((0, b"NRRD"),)),
@@ -110,11 +105,17 @@ FORMATS = (
     ),
     Format(
         *("NIfTI and Analyze pairs", neuro.PAIRS, neuro.read_neuro, "nibabel"),
+        unpacks=True,
         note="header and voxels in two files",
     ),
-    Format(*("FreeSurfer", (".mgh", ".mgz"), neuro.read_neuro, "nibabel"), note="a patient's axes"),
+    Format(
+        *("FreeSurfer", (".mgh", ".mgz"), neuro.read_neuro, "nibabel"),
+        unpacks=True,
+        note="a patient's axes",
+    ),
     Format(
         *("AFNI", (".head", ".brik", ".brik.gz"), neuro.read_neuro, "nibabel"),
+        unpacks=True,
         note="a patient's axes",
     ),
     Format("PAR/REC", (".par", ".rec"), neuro.read_neuro, "nibabel", note="a patient's axes"),

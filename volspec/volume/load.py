@@ -372,10 +372,13 @@ def _query(path: str | os.PathLike[str]) -> tuple[Query, str]:
             given=path,
         )
     query = Query.of(locate_volume(os.fspath(path)))
-    library = reader_library(query)
-    if library in _UTF_8:
+    found = _format(query)
+    if query.path.is_dir() and found in (formats.DICOM, formats.SLICES):
+        for folder in series_folders(query.path) or (query.path,):
+            require_slices(folder, formats.SLICE_SUFFIXES)
+    if found.library in _UTF_8:
         _require_utf_8(query.path)
-    return query, library
+    return query, found.library
 
 
 def read_here(query: Query) -> Reading:
@@ -426,7 +429,8 @@ def _format(query: Query) -> formats.Format:
         raise VolumeError(f"{path}: {advice.format(**names)}", code="unsupported")
     if found is None and query.options:
         return formats.RAW
-    if found is not None and head.startswith(GZIP) and not found.takes_gzip:
+    any_bytes = found is None or found.unpacks or found is formats.RAW
+    if head.startswith(GZIP) and not any_bytes:
         plain = path.with_name(f"unpacked-{path.name}")
         raise VolumeError(
             f"{path}: is packed by gzip, though its name does not say so",
@@ -462,13 +466,11 @@ def _folder_format(folder: Path) -> formats.Format:
     try:
         if is_zarr(folder):
             return formats.OME_ZARR
-        require_slices(folder, formats.SLICE_SUFFIXES)
         if not dicom_files(folder) and pictures_in(folder):
             return formats.SLICES
-        if folders := series_folders(folder):
-            for each in folders:
-                require_slices(each, formats.SLICE_SUFFIXES)
+        if series_folders(folder):
             return formats.DICOM
+        require_slices(folder, formats.SLICE_SUFFIXES)
         volumes = sorted(
             each.name
             for each in folder.iterdir()

@@ -152,7 +152,7 @@ def set_values_axis(state: ViewState, margin: float) -> None:
     room = margin * (high - low)
     set_axis(implot.ImAxis_.x1, low - room, high + room, implot.AxisFlags_.no_grid_lines)
     unit = fields.data(state).volume.metadata.unit
-    implot.setup_axis_format(implot.ImAxis_.x1, f"%g {unit.replace(chr(37), chr(37) * 2)}".rstrip())
+    implot.setup_axis_format(implot.ImAxis_.x1, f"%g {unit.replace('%', '%%')}".rstrip())
 
 
 def note_area(ui: UiContext, name: str) -> None:

@@ -24,7 +24,7 @@ from volspec.volume.files.query import Query
 # Most projects in a folder, and bytes of one, that are searched for a file's.
 _MOST_PROJECTS, _MOST_BYTES = 32, 1 << 26
 Size = tuple[tuple[float, float, float], str]
-"""Of a voxel along x, y, z, and its unit."""
+"""Lengths of a voxel along x, y, z, and their unit."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import struct
 import zlib
 
@@ -11,7 +10,7 @@ import numpy as np
 from volspec.errors import one_line
 from volspec.volume.files.lattice import affine
 from volspec.volume.files.layout import Layout, choose_axes, damaged
-from volspec.volume.files.presence import GZIP
+from volspec.volume.files.presence import is_packed, open_unpacked
 from volspec.volume.files.query import Query, Reading
 from volspec.volume.metadata import NO_UNIT, Metadata
 
@@ -26,9 +25,8 @@ def read_gipl(query: Query) -> Reading:
     path = query.path
     query.allow("time")
     try:
-        with path.open("rb") as file:
-            is_packed = file.read(2) == GZIP
-        with gzip.open(path) if is_packed else path.open("rb") as file:
+        encoding = "gzip" if is_packed(path) else "raw"
+        with open_unpacked(path) as file:
             head = file.read(_HEADER)
         *size, steps, kind = struct.unpack_from(">5H", head)
         spacing, origin = struct.unpack_from(">3f", head, 10), struct.unpack_from(">3d", head, 204)
@@ -36,7 +34,7 @@ def read_gipl(query: Query) -> Reading:
     except (KeyError, struct.error, OSError, EOFError, zlib.error) as error:
         raise damaged(path, f"is no GIPL image of numbers ({one_line(error)[:120]})") from error
     shape = (*size, max(steps, 1))
-    layout = Layout(path, (path,), dtype, shape, "gzip" if is_packed else "raw", skip=_HEADER)
+    layout = Layout(path, (path,), dtype, shape, encoding, skip=_HEADER)
     remarks: list[str] = []
     values = layout.read(choose_axes(query, shape, {3: "time"}), query, remarks)
     world = affine(np.diag(np.abs(spacing)), origin)

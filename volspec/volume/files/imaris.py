@@ -18,6 +18,7 @@ from volspec.volume.channels import Channel
 from volspec.volume.files.hdf5 import Dataset, if_larger, opened, read_finest, texts
 from volspec.volume.files.lattice import affine, mm_per_unit
 from volspec.volume.files.query import Query, Reading
+from volspec.volume.metadata import Metadata
 from volspec.volume.pyramid import Level, Stack
 
 
@@ -55,7 +56,9 @@ def _selected(query: Query) -> Stack:
             levels.append(Level(array, (0, 1, 2), (0, 0, 0), world, array.chunks or (z, y, x)))
         shade = [float(each) for each in channels[number].get("Color", "").split()]
         colour = (shade[0], shade[1], shade[2]) if len(shade) == 3 else None
-        return Stack(levels, Channel(names[number], colour))
+        assumed = () if mm_per_unit(image.get("Unit")) else ("lengths in µm",)
+        channel = Channel(names[number], colour)
+        return Stack(levels, channel, metadata=Metadata(assumed=assumed))
 
 
 def _stated(group: Any) -> dict[str, str]:

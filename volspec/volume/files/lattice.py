@@ -27,6 +27,8 @@ _FAR = 0.5
 # Fraction of the mean distance between neighbours.
 _SAME_PLACE = 0.01
 Item = TypeVar("Item")
+LPS_FROM_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
+"""(4, 4) from right, anterior, superior to ITK's left, posterior, superior; its own inverse."""
 _MM = {
     **dict.fromkeys(("angstrom", "å"), 1e-7),
     **dict.fromkeys(("pm", "picometer", "picometre"), 1e-9),

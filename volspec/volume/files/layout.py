@@ -27,6 +27,8 @@ from volspec.volume.files.query import Query, Stored
 
 TRUNCATED = "truncated, copy or download it again"
 _CHUNK = 1 << 22
+# Packed bytes that are read at once: what they unpack to stays in the processor's cache.
+_PACKED = 1 << 17
 # Decompression stops at this many bytes more than the header declares.
 _SURPLUS = 1 << 24
 # The only conversion in names of slices: slice%03d.raw.
@@ -173,8 +175,8 @@ def choose_axes(
     for option, what in (("time", "time steps"), ("channel", "channels (components per voxel)")):
         axes = [axis for axis, role in roles.items() if role == option]
         count = math.prod(shape[axis] for axis in axes)
-        times = step_s is not None and option == "time"
-        names = [f"{k * step_s:g} s" for k in range(count)] if times and step_s else ()
+        timed = step_s if option == "time" else None
+        names = [f"{k * timed:g} s" for k in range(count)] if timed else ()
         number = query.index(option, count, what, names)
         for axis in axes:
             number, found[axis] = divmod(number, shape[axis])
@@ -211,7 +213,22 @@ def require_data(path: Path, data: Path) -> None:
     require_contents(data, f"{path}: its voxels are in {data.name}, which")
 
 
-def numbered_names(path: Path, pattern: str, numbers: Sequence[str]) -> list[str]:
+def named_files(
+    path: Path, where: str, listed: Sequence[str], usual: Sequence[str] = ()
+) -> tuple[Path, ...]:
+    """Return the files of a header's voxels: one, those of a pattern, or a ``LIST`` that follows.
+
+    ``usual`` are the numbers of a pattern that states none.
+    """
+    if where[:4].upper() == "LIST":
+        return data_files(path, listed)
+    if "%" not in where:
+        return data_files(path, [where])
+    pattern, *numbers = where.split()
+    return data_files(path, _numbered(path, pattern, [*numbers, *usual[len(numbers) :]]))
+
+
+def _numbered(path: Path, pattern: str, numbers: Sequence[str]) -> list[str]:
     """Return the names of a pattern such as ``slice%03d.raw``, with first, last and step."""
     try:
         first, last, step = (int(word) for word in numbers[:3])
@@ -268,15 +285,15 @@ def _unpacked(file: BinaryIO, encoding: str, dtype: np.dtype[Any]) -> Iterator[b
 
 def _inflated(file: BinaryIO, many: bool) -> Iterator[bytes]:
     """Yield what zlib or gzip packed, also of several gzip members: faster than by gzip itself."""
-    packed = file.read(_CHUNK // 4)
+    packed = file.read(_PACKED)
     while packed:
         inflate = zlib.decompressobj(zlib.MAX_WBITS | 32)  # zlib's header or gzip's
         while not inflate.eof:
-            yield inflate.decompress(packed, _CHUNK) if packed else inflate.flush()
+            yield inflate.decompress(packed, 4 * _PACKED) if packed else inflate.flush()
             if not (packed or inflate.eof):
                 raise EOFError
-            packed = inflate.unconsumed_tail or (b"" if inflate.eof else file.read(_CHUNK // 4))
-        rest = inflate.unused_data.lstrip(b"\0") or file.read(_CHUNK // 4).lstrip(b"\0")
+            packed = inflate.unconsumed_tail or (b"" if inflate.eof else file.read(_PACKED))
+        rest = inflate.unused_data.lstrip(b"\0") or file.read(_PACKED).lstrip(b"\0")
         packed = rest if many else b""
 
 

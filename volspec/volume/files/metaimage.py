@@ -23,9 +23,8 @@ from volspec.volume.files.layout import (
     choose_axes,
     counts,
     damaged,
-    data_files,
     dimensions,
-    numbered_names,
+    named_files,
 )
 from volspec.volume.files.query import Query, Reading
 from volspec.volume.metadata import NO_SPACING, NO_UNIT, Metadata
@@ -113,16 +112,11 @@ def _layout(
     where = fields.get("ElementDataFile", "")
     if not where:
         raise damaged(path, "its header does not say where the voxels are (ElementDataFile)")
-    pattern, *numbers = where.split() or [""]
-    if where.upper().startswith("LIST"):
-        files = data_files(path, listed)
-    elif "%" in where:
-        given = [*numbers, *["1", str(shape[-1]), "1"][len(numbers) :]]
-        files = data_files(path, numbered_names(path, pattern, given))
-    elif where.upper() == "LOCAL":
-        files, seek = (path,), seek or end
+    files: tuple[Path, ...] = (path,)
+    if where.upper() == "LOCAL":
+        seek = seek or end
     else:
-        files = data_files(path, [where])
+        files = named_files(path, where, listed, ("1", str(shape[-1]), "1"))
     if packed and seek < 0:
         seek = 0 if files != (path,) else end
     dtype = np.dtype((">" if _is_true(order) else "<") + code)

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from volspec.errors import DeviceError, VolumeError, one_line
 from volspec.volume.channels import Channel
 from volspec.volume.files.lattice import mm_per_unit, stack_slices
+from volspec.volume.files.pages import resolve_spacing
 from volspec.volume.files.query import ChoicesListed, Query, Reading
-from volspec.volume.metadata import NO_SPACING, Metadata
 
 _OTHERWISE = (
     "save it as OME-TIFF in Fiji (File, Import, Bio-Formats), or as OME-Zarr with bioformats2raw"
@@ -77,19 +77,11 @@ def read_micro(query: Query) -> Reading:
                 f"copy it again, or {_OTHERWISE}",
                 code="damaged",
             ) from error
-    x, y, z = (um if (um := image.um.get(axis)) and um > 0 else None for axis in "XYZ")
-    remarks = []
-    if x and not z and query.spacing_mm is None:
-        remarks.append(
-            f"{query.path}: states no distance of slices; {x:g} µm, as between pixels, is assumed"
-        )
-    return Reading(
-        values,
-        (x / 1e3, (y or x) / 1e3, (z or x) / 1e3) if x else None,
-        remarks=remarks,
-        channel=Channel(next(iter(image.channels[channel:]), "")),
-        metadata=Metadata(assumed=() if x else (NO_SPACING,)),
-    )
+    x, y, z = (um / 1e3 if (um := image.um.get(axis)) and um > 0 else None for axis in "XYZ")
+    remarks: list[str] = []
+    spacing, metadata = resolve_spacing((x, y or x, z), query, remarks)
+    named = Channel(next(iter(image.channels[channel:]), ""))
+    return Reading(values, spacing, None, remarks, None, named, metadata)
 
 
 def _series(query: Query, names: Sequence[str]) -> int:

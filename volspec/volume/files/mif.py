@@ -10,7 +10,6 @@ References
 
 from __future__ import annotations
 
-import gzip
 import math
 import re
 import zlib
@@ -19,15 +18,15 @@ from pathlib import Path
 import numpy as np
 
 from volspec.errors import VolumeError, one_line
-from volspec.volume.files.lattice import affine
+from volspec.volume.files.lattice import LPS_FROM_RAS, affine
 from volspec.volume.files.layout import Layout, choose_axes, damaged, data_files
+from volspec.volume.files.presence import is_packed, open_unpacked
 from volspec.volume.files.query import Query, Reading, Stored
 from volspec.volume.metadata import NO_SPACING, Metadata
 
 MAGIC = 0, b"mrtrix image"
 _DTYPE = re.compile(r"(bit|u?int(?:8|16|32|64)|float(?:16|32|64))(le|be)?", re.IGNORECASE)
 _MOST_HEADER = 1 << 24
-_LPS_FROM_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 
 def read_mif(query: Query) -> Reading:
@@ -61,7 +60,7 @@ def read_mif(query: Query) -> Reading:
     backward = {place for place, stride in zip(places, strides, strict=True) if stride[0] == "-"}
     at = {place: shape[place] - 1 - k if place in backward else k for place, k in at.items()}
     files = (path,) if name in ("", ".") else data_files(path, [name])
-    encoding = "gzip" if _is_packed(files[0]) else "raw"
+    encoding = "gzip" if is_packed(files[0]) else "raw"
     is_bits, is_big = kind[1].lower() == "bit", (kind[2] or "").lower() == "be"
     dtype = np.dtype("u1" if is_bits else kind[1].lower()).newbyteorder(">" if is_big else "<")
     stored = (-(-math.prod(shape) // 8),) if is_bits else shape
@@ -82,19 +81,14 @@ def read_mif(query: Query) -> Reading:
     world = matrix @ affine(np.diag(np.where(is_stated, spacing, 1.0)), (0, 0, 0))
     assumed = () if is_stated.all() else (NO_SPACING,)
     metadata = Metadata(is_patient=bool(rows), assumed=assumed)
-    world = _LPS_FROM_RAS @ world if rows else world
+    world = LPS_FROM_RAS @ world if rows else world
     return Reading(values, None, world, remarks, metadata=metadata)
-
-
-def _is_packed(path: Path) -> bool:
-    with path.open("rb") as file:
-        return file.read(2) == b"\x1f\x8b"
 
 
 def _header(path: Path) -> dict[str, list[str]]:
     """Return the lines of a header by their keys, of which some occur several times."""
     found: dict[str, list[str]] = {}
-    with gzip.open(path) if _is_packed(path) else path.open("rb") as file:
+    with open_unpacked(path) as file:
         while (line := file.readline(4096).decode("utf-8", "replace").strip()) != "END":
             key, colon, value = line.partition(":")
             if file.tell() > _MOST_HEADER or not (colon or line == "mrtrix image"):

@@ -14,7 +14,6 @@ References
 
 from __future__ import annotations
 
-import gzip
 import os
 import struct
 from collections.abc import Iterator
@@ -28,9 +27,9 @@ from numpy.typing import NDArray
 
 from volspec.errors import VolumeError, one_line
 from volspec.volume.files.label_tables import labels_in_xml
-from volspec.volume.files.lattice import affine, mm_per_unit
+from volspec.volume.files.lattice import LPS_FROM_RAS, affine, mm_per_unit
 from volspec.volume.files.layout import TRUNCATED, Layout, choose_axes, require_data
-from volspec.volume.files.presence import GZIP
+from volspec.volume.files.presence import GZIP, is_packed, open_unpacked
 from volspec.volume.files.query import Query, Reading
 from volspec.volume.labels import Labels
 from volspec.volume.metadata import NO_UNIT, Metadata
@@ -45,7 +44,6 @@ _SECONDS = {"sec": 1.0, "msec": 1e-3, "usec": 1e-6}
 # Radians between the axes of two maps from which on it is said which of them is taken.
 _TURNED = 0.01
 _PATIENT = Metadata(is_patient=True)
-_FROM_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,16 +62,16 @@ class _Opened:
         """Read a header; a file is unpacked if it is packed, whatever its name says."""
         import nibabel
 
-        with _refusing(path), path.open("rb") as file:
-            packed = file.read(2) == GZIP
-        with _refusing(path), gzip.open(path) if packed else path.open("rb") as file:
+        with _refusing(path):
+            packed = is_packed(path)
+        with _refusing(path), open_unpacked(path) as file:
             head = file.read(_NIFTI_2)
             named = path.name.lower().endswith((".nii", ".nii.gz"))
             if named or head[344:347] == b"n+1" or head[4:7] == b"n+2":
                 return cls._of_nifti(path, head, file, packed)
         with _refusing(path):
             if path.name.lower().endswith((".mgh", ".mgz")):
-                with gzip.open(path) if packed else path.open("rb") as file:
+                with open_unpacked(path) as file:
                     holder = nibabel.fileholders.FileHolder(str(path), file)
                     image: Any = nibabel.MGHImage.from_file_map({"image": holder})
             else:
@@ -240,7 +238,7 @@ def _world_from_index(
     if not hasattr(header, "get_xyzt_units"):
         if opened.world is None:
             return _spaced(header), Metadata()
-        return _FROM_RAS @ opened.world, _PATIENT
+        return LPS_FROM_RAS @ opened.world, _PATIENT
     unit_mm = mm_per_unit(_units(header)[0])
     assumed = (NO_UNIT,) if unit_mm is None else ()
     unit_mm = unit_mm or 1.0
@@ -267,7 +265,7 @@ def _world_from_index(
             f"{int(header['qform_code'])}) lead to different directions; the sform is taken, as by "
             "nibabel"
         )
-    world = _FROM_RAS @ np.diag([unit_mm, unit_mm, unit_mm, 1.0]) @ usable[0]
+    world = LPS_FROM_RAS @ np.diag([unit_mm, unit_mm, unit_mm, 1.0]) @ usable[0]
     return world, replace(_PATIENT, assumed=assumed)
 
 

@@ -28,9 +28,8 @@ from volspec.volume.files.layout import (
     choose_axes,
     counts,
     damaged,
-    data_files,
     dimensions,
-    numbered_names,
+    named_files,
 )
 from volspec.volume.files.query import Query, Reading, Stored
 from volspec.volume.labels import Labels
@@ -96,18 +95,16 @@ class _Header:
 
     def numbers(self, name: str, count: int) -> NDArray[np.float64] | None:
         """Return one number for each axis; None if the field is missing."""
+        words = self.words(name, count)
         try:
-            words = self.words(name, count)
             return np.array([float(word) for word in words]) if words else None
-        except VolumeError:
-            raise
         except ValueError as error:
             raise damaged(self.path, f"its {name} are {quoted(self.named[name])}") from error
 
-    def units(self, name: str, count: int) -> NDArray[np.float64] | None:
-        """Return the millimetres in the unit of each axis; NaN for other units."""
+    def units(self, name: str, count: int) -> NDArray[np.float64]:
+        """Return the millimetres in the unit of each axis; NaN if it is none of length."""
         units = [mm_per_unit(unit) for unit in _QUOTED.findall(self.named.get(name, ""))]
-        return np.array(units, np.float64) if len(units) == count else None
+        return np.array(units if len(units) == count else [None] * count, np.float64)
 
     def directions(self, count: int) -> list[NDArray[np.float64] | None]:
         """Return the vector (3,) to the next sample along each axis; None if it has none."""
@@ -178,17 +175,16 @@ def _merged(
     """
     layers = [labels_in_nrrd(header.pairs, k) or {} for k in range(layout.shape[axis])]
     keys = [(layer, number) for layer, labels in enumerate(layers) for number in labels]
-    unique = len({number for _, number in keys}) == len(keys)
-    numbers = {key: key[1] if unique else place for place, key in enumerate(keys, start=1)}
-    values: NDArray[Any] = np.zeros((1, 1, 1), np.uint16)
-    overlap = 0
+    own_numbers = {number for _, number in keys}
+    fits = len(own_numbers) == len(keys) and max(own_numbers) < 1 << 16
+    numbers = {key: key[1] if fits else place for place, key in enumerate(keys, start=1)}
+    values, overlap = np.zeros((1, 1, 1), np.uint16), 0
     for layer, labels in enumerate(layers):
         read = layout.read({axis: layer}, query, remarks if not layer else [])
         own = read.read() if isinstance(read, Stored) else read
-        table = np.zeros(max([int(own.max()), *labels]) + 1, np.uint16)
+        found = np.zeros(own.shape, np.uint16)
         for number in labels:
-            table[number] = numbers[layer, number]
-        found = table[own]
+            found[own == number] = numbers[layer, number]
         overlap += int(np.count_nonzero((values > 0) & (found > 0)))
         values = np.where(found > 0, found, values)
     if overlap:
@@ -196,9 +192,7 @@ def _merged(
             f"{query.path}: segments overlap in {overlap} voxels, which show the one in the later "
             f"layer; {query.example(channel='0')} is the first layer"
         )
-    return values, {
-        numbers[k, n]: label for k, row in enumerate(layers) for n, label in row.items()
-    }
+    return values, {numbers[k, n]: layers[k][n] for k, n in keys}
 
 
 def _roles(header: _Header, axes: int) -> dict[int, str]:
@@ -245,13 +239,7 @@ def _layout(header: _Header, shape: tuple[int, ...]) -> Layout:
     except ValueError as error:
         raise damaged(path, "its byte or line skip is no whole number") from error
     where = named["datafile"]
-    if where[:4].upper() == "LIST":
-        files = data_files(path, header.listed)
-    elif "%" in where:
-        pattern, *numbers = where.split()
-        files = data_files(path, numbered_names(path, pattern, numbers))
-    else:
-        files = data_files(path, [where]) if where else (path,)
+    files = named_files(path, where, header.listed) if where else (path,)
     packed = encoding in ("gzip", "bzip2")
     at_end = skip < 0 and not packed
     seek = 0 if where else header.end
@@ -278,7 +266,7 @@ def _world_from_index(
     if directions:
         columns = np.stack([d for a in space if (d := directions[a]) is not None], axis=1)
         units = header.units("spaceunits", 3)
-        mm = np.ones(3) if units is None else np.where(np.isnan(units), 1.0, units)
+        mm = np.nan_to_num(units, nan=1.0)
         columns, start = columns * mm[:, None], (np.zeros(3) if start is None else start) * mm
     else:
         spacing, first, assumed = _spacing(header, shape)
@@ -293,12 +281,11 @@ def _world_from_index(
                 code="range",
             )
         spacing[[axis for axis, wrong in zip(space, bad, strict=True) if wrong]] = 1.0
-        per_axis = header.units("units", axes)
-        units = None if per_axis is None else per_axis[space]
-        mm = np.ones(3) if units is None else np.where(np.isnan(units), 1.0, units)
+        units = header.units("units", axes)[space]
+        mm = np.nan_to_num(units, nan=1.0)
         columns = np.diag(spacing[space] * mm)
         start = (first[space] if start is None else start) * mm
-    if not assumed and (units is None or np.isnan(units).any()):
+    if not assumed and np.isnan(units).any():
         assumed = (NO_UNIT,)
     world = affine(columns, np.where(np.isnan(start), 0.0, start))
     if signs is not None:

@@ -1,14 +1,16 @@
-"""Files whose contents are not there: dead links, pointers of Git, web pages instead of downloads.
+"""Files that are not what their names say: packed ones, dead links, pointers of Git, web pages.
 
 load, layout, neuro -> [presence] -> one line that names the way to the contents
 """
 
 from __future__ import annotations
 
+import gzip
 import os
 import shlex
 from collections.abc import Iterable
 from pathlib import Path
+from typing import IO, cast
 
 from volspec.errors import VolumeError
 
@@ -22,6 +24,17 @@ _POINTERS = {
 # Beginnings of pages and of servers' answers, and what such XML has near its beginning.
 _PAGES = (b"<!doctype html", b"<html", b"<head", b"<script", b'{"', b"{'")
 _IN_PAGES = (b"<html", b"<error>", b"<!doctype html")
+
+
+def is_packed(path: Path) -> bool:
+    """Return True if a file is packed by gzip, whatever its name says."""
+    with path.open("rb") as file:
+        return file.read(2) == GZIP
+
+
+def open_unpacked(path: Path) -> IO[bytes]:
+    """Open a file, which is unpacked if it is packed by gzip."""
+    return cast(IO[bytes], gzip.open(path)) if is_packed(path) else path.open("rb")
 
 
 def require_contents(path: Path, who: str = "") -> bytes:

@@ -11,6 +11,7 @@ import os
 import re
 from collections.abc import Iterator, Sequence
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from types import EllipsisType
 from typing import Any
@@ -39,8 +40,9 @@ Index = tuple[int | slice, ...] | EllipsisType
 def import_zarr(path: Path) -> Any:
     """Return the zarr library. Raises DeviceError if it, or TensorStore, is not installed."""
     try:
-        import tensorstore  # noqa: F401
         import zarr
+
+        import_module("tensorstore")  # used by each `Tensor`
     except ImportError as error:
         raise DeviceError(
             f'{path}: needs zarr and TensorStore; pip install "volspec[zarr]"', code="unsupported"
