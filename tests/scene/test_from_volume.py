@@ -84,7 +84,7 @@ def test_a_steep_preset_shows_no_rings(tmp_path):
     z, y, x = np.ogrid[-24:24, -24:24, -24:24]
     inside = gaussian_filter((np.sqrt(x**2 + y**2 + z**2) < 18).astype(np.float64), 0.7)
     np.save(tmp_path / "bone.npy", (2300 * inside - 1000).astype(np.int16))
-    scene = Scene.from_volume(tmp_path / "bone.npy", preset="muscle-bone")
+    scene = Scene.from_volume(f"{tmp_path}/bone.npy?unit=HU", preset="muscle-bone")
     volume, size = scene.volume(), (120, 120)
     camera = replace(scene.file.camera, zoom=3 * scene.file.camera.zoom).camera(volume)
 
