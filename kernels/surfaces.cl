@@ -66,7 +66,11 @@ __kernel void surfaces(__global const VOXEL *restrict voxels,
         if (!ANY(m.live)) break;
         read_ends(&cast, voxels, opacity, &r, &m, 1, &e);
         const intN rising = MASK(e.back > e.front);
-        const intN here = in_part(&r, 0.5f * (e.begin + e.end));
+        intN here = in_part(&r, 0.5f * (e.begin + e.end));
+#if MISSING
+        // Missing voxels end a surface and make none.
+        here &= e.has_front & e.has_back;
+#endif
         for (int s = 0; s < SURFACES; ++s) {
             // Levels in the order in which the ray meets them.
             const float2 up = opacity[s], down = opacity[SURFACES - 1 - s];

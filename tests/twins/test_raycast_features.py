@@ -14,6 +14,7 @@ from tests.twins.test_raycast import assert_alike
 from volspec.raycast import reference
 from volspec.raycast.row_batches import Result
 from volspec.transfer import SurfaceTable, TransferTable
+from volspec.transfer.missing import transparent_below
 
 SKY = vs.LightGroup("sky", (vs.Ambient(),))
 KEY = vs.LightGroup("key", (vs.Directional((1, 2, 1), frame="camera"), vs.Headlight(0.2)))
@@ -155,6 +156,18 @@ def steep(three_channels: TransferTable) -> TransferTable:
     at = np.linspace(*three_channels.domain, 1024)
     opacity = np.interp(at, [79, 80, 81, 149, 150, 151], [0, 0.4, 0, 0, 0.9, 0])
     return replace(three_channels, opacity=opacity)
+
+
+@pytest.mark.parametrize(("lanes", "kind"), [slow(1, "surfaces"), (8, "surfaces"), (8, "curve")])
+def test_voxels_next_to_missing_ones_match_reference(half_engine, three_channels, lanes, kind):
+    values = half_engine.values.astype(np.float32)
+    values[::9, ::7, ::5] = values[20:30, 40:] = np.nan
+    with pytest.warns(match="NaN"):
+        holes = vs.Volume(values, spacing_mm=(1, 1.2, 1.7))
+    table = SURFACES if kind == "surfaces" else transparent_below(three_channels, holes.range[0])
+    grazing = 2 if kind == "surfaces" else 0
+    spec = vs.RaycastSpec(step_mm=0.7)
+    assert_alike(holes, table, vs.Camera.orbit(holes), spec, lanes=lanes, grazing=grazing)
 
 
 @pytest.mark.parametrize("lanes", [slow(1), 8])

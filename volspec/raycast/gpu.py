@@ -558,11 +558,12 @@ class Raycaster:
         arguments: tuple[Any, ...]
         aligned = True
         if together is None or several is None:
-            stored = self.volume.values.dtype
+            stored, cast_volumes = self.volume.values.dtype, [self.volume]
             arguments = self._own.voxels, self._codes(table, spec), *inputs, light, spans, struct
         else:
             stored, aligned = together.dtype, together.aligned and not several.cut_apart
             assert isinstance(table, FieldTables)
+            cast_volumes = [field.volume for field in together.fields.values()]
             structs = map(upload, together.structs(table, several, *view, struct))
             voxels, codes = together.voxels, self._codes(table, spec)
             arguments = *voxels, codes, *inputs, light, spans, *structs
@@ -574,6 +575,7 @@ class Raycaster:
             program,
             spec,
             stored,
+            missing=any(each.missing is not None for each in cast_volumes),
             lit=lit,
             spans=span_mm is not None,
             aligned=aligned,

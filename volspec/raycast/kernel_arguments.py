@@ -65,6 +65,7 @@ CAST = Struct(
         ("float", "power", "step by the reference step of opacities"),
         ("float", "first_opacity", "at which a ray counts as having hit something"),
         ("float", "gradient_scale", "central difference -> fraction of the volume's range"),
+        ("float", "least", "samples below are of missing voxels, with MISSING; less domain_low"),
         ("float", "gradient_floor_squared", "in those fractions; shading fades below it"),
         ("int", "width, height, channels", "of the picture"),
         ("int", "row, slice", "elements from one voxel row, one slice to the next"),
@@ -106,6 +107,8 @@ MOST_BENT = 1e-5
 ITERATIONS = 2
 # Transmittance of a step below which extinctions mix as if it were this.
 MIX_OPAQUE = 1e-4
+# Weight of the voxels that there are in a sample, above which it has no part of missing ones.
+PRESENT = 1 - 1e-5
 # Nodes of the light volume around the volume, so that light can be read in front of its faces.
 LIGHT_MARGIN = 2
 
@@ -154,6 +157,7 @@ def cast_struct(
     _set_table(cast, table, volume, spec, step)
     # Of smallest spacings of the volume, in units.
     cast["gradient_scale"] *= min(volume.spacing_mm) / unit
+    cast["least"] = volume.least_present - float(cast["domain_low"])
     return cast
 
 

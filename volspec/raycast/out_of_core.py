@@ -460,6 +460,7 @@ class PartPicture:
             program,
             spec,
             frame.values.dtype,
+            missing=frame.missing is not None,
             lit=max(numbers) >= 0,
             spans=span_mm is not None,
             parts=True,

@@ -32,6 +32,7 @@ def cast_kernel(
     spec: RaycastSpec,
     dtype: np.dtype[Any],
     *,
+    missing: bool,
     lit: bool,
     spans: bool,
     aligned: bool = True,
@@ -51,6 +52,8 @@ def cast_kernel(
     spec : RaycastSpec
     dtype : numpy.dtype
         Of the voxels.
+    missing : bool
+        Some voxels are.
     lit : bool
         Some source has shadows or occlusion.
     spans : bool
@@ -77,6 +80,8 @@ def cast_kernel(
         "BRICK": BRICK,
         "STRIDES": STRIDES,
         "ADAPTIVE": int(spec.adaptive > 0),
+        "MISSING": int(missing and not program.constants["LABELS"]),
+        "PRESENT": kernel_arguments.PRESENT,
         "SPANS": int(spans),
         "ALIGNED": int(aligned),
         "PARTS": int(parts),

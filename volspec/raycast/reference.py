@@ -491,12 +491,15 @@ class _Surfaces(_March):
 
     def step_rays(self, live: Index, begin: Array, end: Array) -> None:
         table, stop = self.table, self.spec.least_transmittance
-        front, back = (self.sampler.value(self.point(live, at)) for at in (begin, end))
+        ends = [self.point(live, at) for at in (begin, end)]
+        front, back = map(self.sampler.value, ends)
         rising = back > front
+        # Missing voxels end a surface and make none.
+        there = np.all([self.sampler.is_present(each) for each in ends], axis=0)
         for s in range(len(table.values)):
             which = np.where(rising, s, len(table.values) - 1 - s)
             level = table.values[which]
-            met = ((front < level) != (back < level)) & (self.transmittance[live] > stop)
+            met = there & ((front < level) != (back < level)) & (self.transmittance[live] > stop)
             if not met.any():
                 continue
             rays, which = live[met], which[met]

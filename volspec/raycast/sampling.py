@@ -7,13 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec.raycast.camera import Camera
-from volspec.raycast.kernel_arguments import gradient_scale, needs_powers, numbered_sources
+from volspec.raycast.kernel_arguments import (
+    PRESENT,
+    gradient_scale,
+    needs_powers,
+    numbered_sources,
+)
 from volspec.raycast.lights import NEAR_LAMP, Ambient, Directional, Point, Source
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import SurfaceTable, TransferTable
@@ -143,7 +149,8 @@ class Sampler:
             known = (values >= 0) & (values < unknown)
             self.labels = np.where(known, values, unknown).astype(np.int64)
             values = opacity[self.labels]
-        self._padded = np.pad(values, 1, mode="edge")
+        self._values = values
+        self._least = volume.least_present if self.labels is None else -np.inf
         self._scale = gradient_scale(table, volume, spec)
         self._world = volume.index_from_world[:3, :3] * min(volume.spacing_mm)
         # Value per mm -> fraction of the range per smallest spacing, the unit of gradients.
@@ -151,18 +158,28 @@ class Sampler:
 
     def value(self, point: Array) -> Array:
         """Return (R,) values at (R, 3) index positions."""
-        return trilinear(self._padded, point + 1)
+        return trilinear(self._values, point)
+
+    def is_present(self, point: Array) -> NDArray[np.bool_]:
+        """Return (R,) True for samples of which no missing voxel is a part."""
+        return trilinear(self._present.astype(np.float64), point) > PRESENT
+
+    @cached_property
+    def _present(self) -> NDArray[np.bool_]:
+        return self._values >= self._least
+
+    @cached_property
+    def _slopes(self) -> Array:
+        return differences(self._values, self._present) * self._present
 
     def gradient(self, point: Array) -> Array:
         """Return (R, 3) gradients in the world, fraction of the range per smallest spacing.
 
-        Central differences of the trilinear field, ± 1 voxel.
+        They are trilinear in `differences`, by the weights of the voxels that are there.
         """
-        gradient = np.empty_like(point)
-        for axis in range(3):
-            offset = np.zeros(3)
-            offset[axis] = 1
-            gradient[:, axis] = 0.5 * (self.value(point + offset) - self.value(point - offset))
+        gradient = np.stack([trilinear(each, point) for each in self._slopes], axis=1)
+        present = trilinear(self._present.astype(np.float64), point)
+        gradient /= np.maximum(present, 1e-30)[:, None]
         return self._scale * gradient @ self._world
 
     def label(self, point: Array) -> NDArray[np.int64]:
@@ -177,7 +194,7 @@ class Sampler:
             for side, wx in ((0, 1 - f[:, 0]), (1, f[:, 0])):
                 x = base[:, 0] + side
                 labels.append(self.labels[z, y, x])
-                covers.append(self._padded[z + 1, y + 1, x + 1] * wx * wy * wz)
+                covers.append(self._values[z, y, x] * wx * wy * wz)
         best, most = labels[0], np.full(len(point), -1.0)
         for one in labels:
             total = sum(
@@ -187,6 +204,25 @@ class Sampler:
             more = total > most * 1.000001
             best, most = np.where(more, one, best), np.where(more, total, most)
         return best
+
+
+def differences(values: Array, present: NDArray[np.bool_]) -> Array:
+    """Return (3, Z, Y, X) slopes per voxel along x, y, z of the voxels that are present.
+
+    They are over ± 1 voxel, or from a voxel to the one neighbour that it has.
+    """
+    slopes = np.zeros((3, *values.shape))
+    for axis, slope in zip((2, 1, 0), slopes, strict=True):
+        by_axis = np.moveaxis(slope, axis, 0)
+        rises = np.moveaxis(np.diff(values, axis=axis), axis, 0)
+        there = np.moveaxis(present, axis, 0)
+        both = there[1:] & there[:-1]
+        count = np.zeros(by_axis.shape)
+        for at in (slice(1, None), slice(None, -1)):
+            by_axis[at] += np.where(both, rises, 0.0)
+            count[at] += both
+        by_axis /= np.maximum(count, 1.0)
+    return slopes
 
 
 def cell(shape: tuple[int, ...], point: Array) -> tuple[NDArray[np.int64], Array]:

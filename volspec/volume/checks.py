@@ -23,7 +23,7 @@ WIDENED = {"b1": np.uint8, "i1": np.int16}
 _NEGLIGIBLE = 1e-6
 # Distance of the missing value from the others, in ranges: values interpolated with it fall below
 # the range within a thousandth of a voxel, and float32 still resolves the others next to it.
-_BELOW = 1024.0
+BELOW = 1024.0
 # Fraction of a step by which coordinates may be uneven, as in float32 and decimal files.
 _UNEVEN = 1e-3
 
@@ -143,7 +143,7 @@ def missing_value(low: float, high: float) -> float:
     >>> missing_value(0.0, 1.0)
     -1024.0
     """
-    missing = low - _BELOW * ((high - low) or max(abs(low), 1.0))
+    missing = low - BELOW * ((high - low) or max(abs(low), 1.0))
     return float(np.float32(max(missing, float(np.finfo(np.float32).min))))
 
 

@@ -10,6 +10,7 @@ at ``world_from_index @ (i, j, k, 1)`` millimetres.
 from __future__ import annotations
 
 import dataclasses
+import math
 import operator
 from collections.abc import Callable, Iterable
 from copy import copy
@@ -23,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from volspec.errors import VolumeError
 from volspec.volume.channels import Channel
 from volspec.volume.checks import (
+    BELOW,
     array_and_lattice,
     checked_geometry,
     checked_values,
@@ -199,6 +201,15 @@ class Volume:
     def nan_if_missing(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return some of the values, with NaN for missing voxels."""
         return values if self.missing is None else np.where(values == self.missing, np.nan, values)
+
+    @property
+    def least_present(self) -> float:
+        """Value below which voxels, and values interpolated with them, are missing; −inf if none.
+
+        It is a range below the least voxel.
+        """
+        low = self.range[0]
+        return -math.inf if self.missing is None else low - (low - self.missing) / BELOW
 
     @property
     def index_from_world(self) -> NDArray[Any]:

@@ -1,0 +1,85 @@
+"""Planes of one normal, floors in full light: where a volume ends, is missing, or is coarse."""
+
+import numpy as np
+import pytest
+
+from volspec.basis import SpectralBasis
+from volspec.pipeline import raycast
+from volspec.raycast import Camera, Directional, LightGroup, RaycastSpec
+from volspec.spectra import reflectance
+from volspec.transfer import Isosurfaces, TransferFunction
+from volspec.volume import Volume
+
+BASIS = SpectralBasis.load("general-7")
+WHITE = {"white": reflectance("grey:1")}
+NORMAL = np.array([1.0, 2.0, 3.0]) / np.sqrt(14)
+SUN = np.array([0.0, -0.6, 0.8])
+
+
+def level(value: float) -> Isosurfaces:
+    return Isosurfaces([(value, 1.0, "white")], WHITE, BASIS)
+
+
+def sun(towards: np.ndarray, *, shadows: bool = False) -> tuple[LightGroup, ...]:
+    return (LightGroup("sun", (Directional(tuple(map(float, towards)), shadows=shadows),)),)
+
+
+def shades(volume: Volume, transfer, camera: Camera, size=(60, 60), **settings):
+    """Return the brightness of opaque pixels, and the picture."""
+    usual = {"ambient": 0.0, "diffuse": 1.0, "flat_gradient": 0.0, "alpha_stop": 1.0}
+    image = raycast(volume, transfer, camera, size, RaycastSpec(**{**usual, **settings}))
+    return (image.coefficients / BASIS.white).mean(-1)[image.alpha > 0.99], image
+
+
+def plane(
+    shape: tuple[int, int, int], spacing: tuple[float, float, float]
+) -> tuple[Volume, Camera]:
+    """Return a field linear in the world, and a view along its gradient, of 0 in its middle."""
+    volume = Volume(np.zeros(shape, np.float32), spacing_mm=spacing)
+    z, y, x = np.indices(shape)
+    places = np.stack([x, y, z], axis=-1) * spacing
+    middle = volume.corners_mm.mean(axis=0)
+    values = (places - middle) @ NORMAL
+    reach = float(np.ptp(volume.corners_mm, axis=0).max())
+    camera = Camera(tuple(middle - 5 * reach * NORMAL), tuple(middle), (0, 1, 0), height_mm=reach)
+    return Volume(values.astype(np.float32), spacing_mm=spacing), camera
+
+
+@pytest.mark.parametrize("spacing", [(1, 1, 1), (1, 1, 20), (3, 0.2, 1)])
+@pytest.mark.parametrize("crop", [None, ((2, 11), (0, 9.5), (3, 15))])
+def test_a_linear_field_has_one_shade_up_to_its_borders(spacing, crop):
+    volume, camera = plane((16, 14, 12), spacing)
+    shade, _ = shades(volume, level(0), camera, groups=sun(SUN), step_mm=0.05, crop_voxels=crop)
+    assert shade.size
+    np.testing.assert_allclose(shade, abs(SUN @ NORMAL), atol=2e-3)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.int16, np.float32])
+def test_borders_have_the_whole_gradient_in_every_type_and_narrow_volumes(dtype):
+    """Rows of three voxels are stored wider."""
+    ramp = np.broadcast_to(np.arange(3)[:, None, None] * 10, (3, 4, 3)).astype(dtype)
+    camera = Camera((1, 1.5, -40), (1, 1.5, 0), (0, 1, 0), height_mm=3)
+    shade, _ = shades(Volume(ramp), level(7), camera, groups=sun(SUN))
+    np.testing.assert_allclose(shade, 0.8, atol=1e-3)
+
+
+def test_missing_voxels_neither_bend_normals_nor_make_walls():
+    volume, camera = plane((24, 24, 24), (1, 1, 1))
+    values = volume.values.copy()
+    z, y, x = np.indices(values.shape) - 11.5
+    values[x**2 + y**2 + z**2 > 81] = np.nan
+    with pytest.warns(match="NaN"):
+        ball = Volume(values)
+    shade, image = shades(ball, level(0), camera, groups=sun(SUN), step_mm=0.05)
+    np.testing.assert_allclose(shade, abs(SUN @ NORMAL), atol=2e-3)
+    middle_mm = 5 * 23.0
+    np.testing.assert_allclose(image.first_mm[image.alpha > 0.99], middle_mm, atol=0.1)
+
+
+def test_the_gradient_of_a_ramp_counts_whole_at_its_ends():
+    ramp = np.broadcast_to(np.arange(8) * 10.0, (8, 8, 8)).astype(np.float32)
+    points = [(-1, 0.1, "white"), (200, 0.1, "white")]
+    steep = TransferFunction(points, WHITE, BASIS, gradient_opacity=[(7, 0), (7.5, 1)])
+    camera = Camera((-50, 3.5, 3.5), (3.5, 3.5, 3.5), height_mm=4)
+    _, image = shades(Volume(ramp), steep, camera, (5, 5), step_mm=0.02)
+    np.testing.assert_allclose(image.alpha[2, 2], 1 - 0.9**7, atol=1e-3)
