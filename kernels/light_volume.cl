@@ -36,31 +36,77 @@
 // Optical depth at which the transmittance is below half of 1/65535.
 #define DARK 12.0f
 
+#if KIND == BY_SURFACE || KIND == BY_GRADIENT
+// A voxel, its neighbours along an axis, and which of them there are.
+typedef struct { float before, here, after; int has_before, has_after; } Line;
+
+static inline Line line_at(__global const VOXEL *voxels, size_t at, int index, int count, int stride,
+                           float least) {
+    Line v;
+    v.here = voxels[at];
+    v.before = index > 0 ? voxels[at - stride] : v.here;
+    v.after = index + 1 < count ? voxels[at + stride] : v.here;
+    v.has_before = index > 0 && v.before >= least;
+    v.has_after = index + 1 < count && v.after >= least;
+    return v;
+}
+
+// Twice the slope per voxel, of the voxels that there are.
+static inline float slope2(const Line *v) {
+    const float rise = (v->has_after ? v->after : v->here) - (v->has_before ? v->before : v->here);
+    return v->has_before && v->has_after ? rise : 2.0f * rise;
+}
+
+// The lines along x, y and z through voxel (x, y, z), flat index `at`.
+static inline void lines_at(__global const VOXEL *voxels, const Grid *grid, int x, int y, int z,
+                            size_t at, Line lines[3]) {
+    const int4 count = grid->voxels;
+    lines[0] = line_at(voxels, at, x, count.x, 1, grid->least);
+    lines[1] = line_at(voxels, at, y, count.y, count.x, grid->least);
+    lines[2] = line_at(voxels, at, z, count.z, count.x * count.y, grid->least);
+}
+#endif
+
 #if KIND == BY_SURFACE
-// Extinction at voxel (x, y, z), flat index `at`: optical depth per cell of the surfaces crossed
-// on the way to the next voxel along each axis.
+// Optical depth of the surfaces that are crossed on the way to a neighbour, each by its nearness.
+static inline float crossed(__global const float2 *table, int last, float here, float next) {
+    float depth = 0.0f;
+    for (int s = 0; s <= last; ++s) {
+        const float2 surface = table[s];
+        if ((here < surface.x) != (next < surface.x))
+            depth += surface.y * (1.0f - (surface.x - here) / (next - here));
+    }
+    return depth;
+}
+
+// Extinction at voxel (x, y, z), flat index `at`: of the surfaces that cross the edges to its
+// neighbours, whose area on an edge is their normal's component along it.
 static inline float extinction_at(__global const VOXEL *voxels, __global const float2 *table,
                                   const Grid *grid, int x, int y, int z, size_t at) {
-    const int row = grid->voxels.x, slice = row * grid->voxels.y;
-    const float here = voxels[at];
-    const float next_x = x + 1 < grid->voxels.x ? (float)voxels[at + 1] : here;
-    const float next_y = y + 1 < grid->voxels.y ? (float)voxels[at + row] : here;
-    const float next_z = z + 1 < grid->voxels.z ? (float)voxels[at + slice] : here;
-    float depth_x = 0.0f, depth_y = 0.0f, depth_z = 0.0f;
-    for (int s = 0; s <= grid->last_entry; ++s) {
-        const float2 surface = table[s];
-        const int below = here < surface.x;
-        depth_x += below != (next_x < surface.x) ? surface.y : 0.0f;
-        depth_y += below != (next_y < surface.x) ? surface.y : 0.0f;
-        depth_z += below != (next_z < surface.x) ? surface.y : 0.0f;
+    Line lines[3];
+    lines_at(voxels, grid, x, y, z, at, lines);
+    if (lines[0].here < grid->least) return 0.0f;
+    const float edge[3] = {grid->edge.x, grid->edge.y, grid->edge.z};
+    float square = 0.0f, squares[3];
+    UNROLL(a, 3) {
+        const float slope = 0.5f * slope2(&lines[a]) * grid->domain_scale * edge[a];
+        squares[a] = slope * slope;
+        square += squares[a];
     }
-    if (depth_x + depth_y + depth_z == 0.0f) return 0.0f;
-    const float gx = fabs(next_x - here) * grid->domain_scale * grid->edge.x;
-    const float gy = fabs(next_y - here) * grid->domain_scale * grid->edge.y;
-    const float gz = fabs(next_z - here) * grid->domain_scale * grid->edge.z;
-    const float across = depth_x * gx * grid->edge.x + depth_y * gy * grid->edge.y +
-                         depth_z * gz * grid->edge.z;
-    return across * rsqrt(MAX(gx * gx + gy * gy + gz * gz, 1e-30f));
+    float sum = 0.0f;
+    UNROLL(a, 3) {
+        const Line *v = &lines[a];
+        UNROLL(side, 2) {
+            if (!(side ? v->has_after : v->has_before)) continue;
+            const float next = side ? v->after : v->before;
+            const float depth = crossed(table, grid->last_entry, v->here, next);
+            if (depth == 0.0f) continue;
+            const float rise = fabs(next - v->here) * grid->domain_scale * edge[a];
+            const float steep = MAX(square - squares[a], 0.0f) + rise * rise;
+            sum += depth * edge[a] * rise * rsqrt(MAX(steep, 1e-30f));
+        }
+    }
+    return sum;
 }
 #else
 static inline float interpolate_entry(__global const float2 *row, int j, float f) {
@@ -98,13 +144,10 @@ static inline float extinction_at(__global const VOXEL *voxels, __global const f
 #if KIND != BY_GRADIENT
     return interpolate_entry(table, j, f);
 #else
-    const int row = grid->voxels.x, slice = row * grid->voxels.y;
-    const float dx = (float)voxels[x + 1 < grid->voxels.x ? at + 1 : at] - voxels[x ? at - 1 : at];
-    const float dy =
-        (float)voxels[y + 1 < grid->voxels.y ? at + row : at] - voxels[y ? at - row : at];
-    const float dz =
-        (float)voxels[z + 1 < grid->voxels.z ? at + slice : at] - voxels[z ? at - slice : at];
-    const float4 g = dx * grid->gradient[0] + dy * grid->gradient[1] + dz * grid->gradient[2];
+    Line lines[3];
+    lines_at(voxels, grid, x, y, z, at, lines);
+    const float4 g = slope2(&lines[0]) * grid->gradient[0] + slope2(&lines[1]) * grid->gradient[1] +
+                     slope2(&lines[2]) * grid->gradient[2];
     const float height = MIN(sqrt(g.x * g.x + g.y * g.y + g.z * g.z), (float)grid->last_row);
     const int r = MIN((int)height, grid->last_row - 1);
     __global const float2 *below = table + r * (grid->last_entry + 1);

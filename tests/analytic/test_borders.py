@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.support.fixtures import slow
 from volspec.basis import SpectralBasis
 from volspec.pipeline import raycast
 from volspec.raycast import Camera, Directional, LightGroup, RaycastSpec
@@ -83,3 +84,33 @@ def test_the_gradient_of_a_ramp_counts_whole_at_its_ends():
     camera = Camera((-50, 3.5, 3.5), (3.5, 3.5, 3.5), height_mm=4)
     _, image = shades(Volume(ramp), steep, camera, (5, 5), step_mm=0.02)
     np.testing.assert_allclose(image.alpha[2, 2], 1 - 0.9**7, atol=1e-3)
+
+
+@pytest.mark.parametrize("tilt_deg", [0, slow(45), 75])
+@pytest.mark.parametrize("spacing", [(1, 1, 1), slow((0.7, 0.7, 3)), (1, 1, 20), (3, 1, 1)])
+@pytest.mark.parametrize("physical", [False, True])
+def test_an_opaque_floor_is_in_full_light(physical, spacing, tilt_deg):
+    floor = np.zeros((14, 32, 32), np.float32)
+    floor[:5] = 100
+    volume = Volume(floor, spacing_mm=spacing)
+    x, y, z = volume.corners_mm.mean(axis=0)
+    camera = Camera((x, y - 1, z + 500), (x, y, 0), (0, 1, 0), height_mm=8)
+    tilt = np.radians(tilt_deg)
+    light = np.array([0.6 * np.sin(tilt), 0.8 * np.sin(tilt), np.cos(tilt)])
+    shade, _ = shades(
+        volume, level(80), camera, (9, 9), groups=sun(light, shadows=True), physical_light=physical
+    )
+    np.testing.assert_allclose(shade / light[2], 1.0, atol=0.02)
+
+
+def test_a_ball_of_an_isosurface_is_as_bright_from_opposite_sides():
+    grid = np.moveaxis(np.indices((32, 32, 32)), 0, -1) - 15.5
+    volume = Volume((100 - np.linalg.norm(grid, axis=-1)).astype(np.float32))
+    light = LightGroup("l", (Directional((0, 0, 1), frame="camera", shadows=True),))
+    means = []
+    for azimuth, elevation in ((135, 35.264), (-45, -35.264)):
+        camera = Camera.orbit(volume, azimuth_deg=azimuth, elevation_deg=elevation)
+        means.append(
+            shades(volume, level(92), camera, groups=(light,), physical_light=True)[0].mean()
+        )
+    np.testing.assert_allclose(means[0], means[1], rtol=2e-3)

@@ -53,8 +53,9 @@ SHADOW_BIAS, OCCLUSION_BIAS = 1.0, 0.5
 PHYSICAL_BIAS = 1.5
 MOST_CELLS = 512
 DIRECTIONS = 24
-# In cells: distance in front of surfaces, along the normal, at which light is read; nodes within
-# and behind them are dark. Without a gradient (in homogeneous media) the distance falls to 0.
+# In cells or larger voxels: distance in front of surfaces, along the normal, at which light is
+# read; nodes within and behind them are dark. Without a gradient (in homogeneous media) the
+# distance falls to 0.
 LIFT = 2.0
 # In smallest spacings: voxels closer than this to a cut count as inside, in float32 and float64.
 CUT_TOLERANCE = 1e-3
@@ -74,7 +75,7 @@ class LightGrid:
     cell_mm: float  # length of a light ray's step: a cell along the longest axis
     per_index: Vector  # nodes per voxel: a grid position is index * per_index + LIGHT_MARGIN
     grid_from_world: NDArray[np.float64]  # (4, 4)
-    physical: bool = False  # read where samples are, not in front of surfaces
+    physical: bool = False  # matter is read where samples are, not in front of it
 
     @classmethod
     def for_spec(cls, volume: Volume, spec: RaycastSpec) -> LightGrid:
@@ -149,10 +150,15 @@ class LightGrid:
         across = world_from_grid @ (corners * (np.array(self.shape_xyz) + 1)).T
         return math.ceil(np.linalg.norm(across, axis=0).max() / self.cell_mm) + 1
 
-    @property
-    def lift_mm(self) -> float:
-        """Distance in front of surfaces at which light is read: `LIFT` cells, or larger voxels."""
-        return 0.0 if self.physical else LIFT * self.cell_mm * max(1.0, *self.per_index)
+    def lift_mm(self, table: Tables) -> float:
+        """Return the distance in front of surfaces at which light is read, as `LIFT` says.
+
+        Where light is physical, matter is read where it is, and isosurfaces, which have no depth to
+        shade themselves in, as ever.
+        """
+        if self.physical and not isinstance(table, SurfaceTable):
+            return 0.0
+        return LIFT * self.cell_mm * max(1.0, *self.per_index)
 
     @property
     def shadow_bias(self) -> float:
@@ -163,6 +169,15 @@ class LightGrid:
     def occlusion_bias(self) -> float:
         """Distance from nodes at which rays of ambient occlusion begin, in cells."""
         return PHYSICAL_BIAS if self.physical else OCCLUSION_BIAS
+
+    def lattice(self, volume: Volume) -> tuple[int, ...]:
+        """Return the numbers along x, y, z of a volume's voxels, or of nodes if there are more.
+
+        Light that is physical needs the extinction of values between voxels, not of their mean: in
+        thick slices, that of the next voxel reaches too far.
+        """
+        inner = (n - 2 * LIGHT_MARGIN if self.physical else 0 for n in self.shape_xyz)
+        return tuple(map(max, volume.shape_xyz, inner))
 
     def positions(self) -> NDArray[np.float64]:
         """(nodes, 3) places of the nodes in the world, mm, x fastest."""
@@ -222,6 +237,36 @@ def light_layers(spec: RaycastSpec, volume: Volume, camera: Camera) -> tuple[Lig
             radius = source.radius_mm or float(np.linalg.norm(sides)) / 10
             found.append(LightLayer(number, "occlusion", radius_mm=radius))
     return tuple(found)
+
+
+def interpolated(
+    values: NDArray[Any],
+    voxels: Sequence[int],
+    lattice: Sequence[int],
+    first: Sequence[int] = (0, 0, 0),
+    labels: bool = False,
+) -> tuple[NDArray[Any], list[int]]:
+    """Return values (Z, Y, X) at the points of a denser lattice between the same ends; of labels
+    the nearest. They begin at voxel ``first`` of all ``voxels``; returned is also that of the
+    lattice. Numbers are along x, y, z.
+    """
+    begin = list(first)
+    for a, (count, dense) in enumerate(zip(voxels, lattice, strict=True)):
+        if dense == count:
+            continue
+        axis, step = 2 - a, (count - 1) / (dense - 1)
+        last = values.shape[axis] - 1
+        begin[a] = math.ceil(first[a] / step - CUT_TOLERANCE)
+        end = math.floor((first[a] + last) / step + CUT_TOLERANCE)
+        at = np.clip(np.arange(begin[a], end + 1) * step - first[a], 0, last)
+        if labels:
+            values = values.take(np.floor(at + 0.5).astype(int), axis)
+            continue
+        j = np.minimum(at.astype(int), last - 1)
+        low, high = (values.take(each, axis).astype(np.float32) for each in (j, j + 1))
+        f = (at - j).astype(np.float32).reshape([-1 if b == axis else 1 for b in range(3)])
+        values = low + f * (high - low)
+    return values, begin
 
 
 # (K, 3) points in mm -> (K,) fraction of a source's light.
@@ -337,6 +382,7 @@ _GRID = Struct(
         ("int4", "nodes, voxels", "number of them along x, y, z"),
         ("int4", "low, high", "crop: first voxel inside, first one beyond"),
         ("float", "domain_low, domain_scale", "value of entry 0, entries per value"),
+        ("float", "least", "voxels below are missing"),
         ("int", "last_entry, last_row", "of the table; of surfaces the last"),
         ("int", "plane_count", ""),
         ("int", "adds", "1: the extinction is added to what is there"),
@@ -563,18 +609,25 @@ class LightVolume:
         x, y, z = grid.shape_xyz
         padded = (x + 2 * self._lanes) * (y + 2) * (z + 2)
         self._require(padded * 4, "a light volume", grid)
-        axes = zip(volume.shape_xyz, grid.shape_xyz, strict=True)
-        spans = np.concatenate([_spans(count, nodes) for count, nodes in axes])
+        lattice = grid.lattice(volume)
+        spans = np.concatenate(list(map(_spans, lattice, grid.shape_xyz)))
         constants, rows, kind = _constants(volume, tables[0], spec, grid)
         constants["adds"] = added_to is not None
-        if box is not None:
-            voxels = self._compute.upload(box.values, share=True)
-            first = np.array(box.first[::-1])
+        dtype = volume.values.dtype
+        is_temporary = box is not None or lattice != volume.shape_xyz
+        if is_temporary:
+            given = box or VoxelBox(volume.values, (0, 0, 0), (0, 0, 0), volume.values.shape)
+            values, begin = interpolated(
+                given.values, volume.shape_xyz, lattice, given.first[::-1], kind == _BY_LABEL
+            )
+            voxels, dtype = self._compute.upload(values, share=True), values.dtype
+            first = np.array(begin)
             for axis, nodes in enumerate(np.split(spans, np.cumsum(grid.shape_xyz)[:2])):
                 nodes["first"] -= first[axis]
-            constants["voxels"][:3] = box.values.shape[::-1]
-            constants["low"][:3] = np.maximum(constants["low"][:3], box.low[::-1]) - first
-            constants["high"][:3] = np.minimum(constants["high"][:3], box.high[::-1]) - first
+            constants["voxels"][:3] = values.shape[::-1]
+            low, high = (_on_lattice(each, volume, lattice) for each in (given.low, given.high))
+            constants["low"][:3] = np.maximum(constants["low"][:3], low) - first
+            constants["high"][:3] = np.minimum(constants["high"][:3], high) - first
             constants["planes"][:, 3] += constants["planes"][:, :3] @ first
         sigma = added_to or self._compute.output(padded * 4)
         upload = self._compute.upload
@@ -582,11 +635,14 @@ class LightVolume:
         if volume.name in self._masks:
             codes, mask = self._masks[volume.name]
             rows, curves = _by_row(tables, grid)
-            kind, by_label = _BY_MASK, (codes, upload(curves), mask)
+            kind, mask = _BY_MASK, mask.copy()
+            for row in ("index_x", "index_y", "index_z"):
+                mask[row][:3] /= _per_voxel(volume, lattice)
+            by_label = codes, upload(curves), mask
         arguments = (voxels, upload(spans), upload(rows), constants, sigma, *by_label)
-        self._launch("extinction", padded, arguments, kind, volume)
-        if box is not None:
-            self._compute.queue.finish()  # it reads the box's own memory
+        self._launch("extinction", padded, arguments, kind, dtype)
+        if is_temporary:
+            self._compute.queue.finish()  # it reads memory that is given back
         return sigma
 
     def _fill_layer(
@@ -647,7 +703,7 @@ class LightVolume:
         buffer, grid, layers = self.layers(table, spec, camera, clear, split)
         struct["light_x"], struct["light_y"], struct["light_z"] = grid.shape_xyz
         struct["light_scale"][:3] = grid.per_index
-        struct["light_lift"] = grid.lift_mm / min(self.volume.spacing_mm)
+        struct["light_lift"] = grid.lift_mm(table) / min(self.volume.spacing_mm)
         numbers = [-1] * len(numbered_sources(spec))
         for number, layer in enumerate(layers):
             numbers[layer.source] = number
@@ -702,13 +758,12 @@ class LightVolume:
         items: int,
         arguments: tuple[Any, ...],
         kind: int = _BY_VALUE,
-        volume: Volume | None = None,
+        dtype: np.dtype[Any] | None = None,
     ) -> None:
-        values = (volume or self.volume).values
         constants: dict[str, Any] = {
             "LANES": self._lanes,
             "KIND": kind,
-            "VOXEL": C_TYPES[values.dtype.name],
+            "VOXEL": C_TYPES[(dtype or self.volume.values.dtype).name],
             "MIXED": MIXED,
         }
         text = prelude(constants, "opencl") + "".join(each.declaration for each in STRUCTS)
@@ -766,20 +821,38 @@ def _steps(
     return rows
 
 
+def _per_voxel(volume: Volume, lattice: Sequence[int]) -> NDArray[np.float64]:
+    """Return (3,) points of a lattice per voxel, along x, y, z."""
+    return np.asarray((np.array(lattice) - 1) / (np.array(volume.shape_xyz) - 1))
+
+
+def _on_lattice(
+    voxel: Sequence[int], volume: Volume, lattice: Sequence[int]
+) -> NDArray[np.float64]:
+    """Return the first points (x, y, z) of a lattice that are at voxels (z, y, x) or beyond."""
+    at = np.array(voxel[::-1])
+    found = np.ceil(at * _per_voxel(volume, lattice) - CUT_TOLERANCE)
+    return np.asarray(np.where(at == volume.shape_xyz, lattice, found))
+
+
 def _constants(
     volume: Volume, table: Table, spec: RaycastSpec, grid: LightGrid
 ) -> tuple[NDArray[np.void], NDArray[np.float32], int]:
     """Return the struct `_GRID`, the kernel's table and its KIND."""
     constants = np.zeros((), _GRID.dtype)
-    constants["nodes"][:3], constants["voxels"][:3] = grid.shape_xyz, volume.shape_xyz
-    constants["edge"][:3] = grid.cell_mm / np.array(volume.spacing_mm)
-    top = np.array(volume.shape_xyz)
-    crop = np.array(spec.crop_voxels or [(0, n - 1) for n in top])
+    top = grid.lattice(volume)
+    per_voxel = _per_voxel(volume, top)
+    constants["nodes"][:3], constants["voxels"][:3] = grid.shape_xyz, top
+    constants["least"] = volume.least_present
+    constants["edge"][:3] = grid.cell_mm / np.array(volume.spacing_mm) * per_voxel
+    crop = np.array(spec.crop_voxels or [(0, n - 1) for n in volume.shape_xyz])
+    crop = crop * per_voxel[:, None]
     constants["low"][:3] = np.clip(np.ceil(crop[:, 0] - CUT_TOLERANCE), 0, top)
     constants["high"][:3] = np.clip(np.floor(crop[:, 1] + CUT_TOLERANCE) + 1, 0, top)
     for row, plane in zip(constants["planes"], spec.clip_planes, strict=False):
         normal = np.array(plane.normal) / min(volume.spacing_mm)
         row[:] = normal @ volume.world_from_index[:3]
+        row[:3] /= per_voxel
         row[3] += CUT_TOLERANCE - normal @ plane.point_mm
     constants["plane_count"] = len(spec.clip_planes)
     if isinstance(table, SurfaceTable):
@@ -832,5 +905,6 @@ def _with_table(
         return rows.astype(np.float32), _BY_VALUE
     constants["last_row"] = len(rows) - 1
     per_row = (len(rows) - 1) / table.gradient_top / 2
-    constants["gradient"][:, :3] = volume.index_from_world[:3, :3] * per_row
+    per_voxel = _per_voxel(volume, grid.lattice(volume))[:, None]
+    constants["gradient"][:3, :3] = volume.index_from_world[:3, :3] * per_voxel * per_row
     return rows.astype(np.float32), _BY_GRADIENT

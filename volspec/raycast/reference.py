@@ -23,7 +23,7 @@ Twins: ``kernels/raycast.cl``, those named below, and ``kernels/light_volume.cl`
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -42,6 +42,7 @@ from volspec.raycast.light_volume import (
     Clear,
     LightGrid,
     extinction_per_mm,
+    interpolated,
     light_layers,
     material_tables,
     sphere_directions,
@@ -56,6 +57,7 @@ from volspec.raycast.sampling import (
     Rays,
     Sampler,
     classify,
+    differences,
     find_entry,
     interpolate,
     make_rays,
@@ -182,7 +184,7 @@ class _March:
         if not isinstance(table, FieldTables):
             self.sampler = Sampler(volume, table, spec)
         self.arrives = arrives
-        self.lift_mm = LightGrid.for_spec(volume, spec).lift_mm
+        self.lift_mm = LightGrid.for_spec(volume, spec).lift_mm(table)
         self.normals = spec.shaded or bool(self.arrives)
         self.step = spec.step_of(volume)
         count = len(rays.near)
@@ -642,33 +644,55 @@ def extinction(volume: Volume, table: Tables, spec: RaycastSpec, grid: LightGrid
         total = np.zeros(grid.shape_xyz[::-1])
         for name in table.tables:
             field, own = volume.by_name[name], spec.for_field(name)
-            sigma = _masked_extinction(volume, table, name)
+            of = partial(_masked_extinction, volume=volume, table=table, name=name)
             if field.has_lattice_of(volume):
-                total += _on_nodes(sigma, field, own, grid)
+                total += _on_nodes(of, field, own, grid)
                 continue
             other = grid.alike(field)
             uncropped = replace(own, crop_voxels=None)
-            found = grid.resampled(_on_nodes(sigma, field, uncropped, other), other)
+            found = grid.resampled(_on_nodes(of, field, uncropped, other), other)
             total += grid.inside_crop(spec) * found
         return total
     if isinstance(table, SurfaceTable):
-        return _on_nodes(_surface_extinction(volume, table), volume, spec, grid)
-    return _on_nodes(_table_extinction(volume, table), volume, spec, grid)
+        return _on_nodes(partial(_surface_extinction, table=table), volume, spec, grid)
+    labels = table.labels
+    return _on_nodes(partial(_table_extinction, table=table), volume, spec, grid, labels)
 
 
-def _on_nodes(sigma: Array, volume: Volume, spec: RaycastSpec, grid: LightGrid) -> Array:
+def _on_nodes(
+    extinction_of: Callable[[Volume], Array],
+    volume: Volume,
+    spec: RaycastSpec,
+    grid: LightGrid,
+    labels: bool = False,
+) -> Array:
     """Return (nz, ny, nx), the mean of voxels (Z, Y, X) that are not cut away."""
-    sigma = np.where(_visible_mask(volume, spec), sigma, 0.0)
+    lattice = grid.lattice(volume)
+    voxels, dense = np.array(volume.shape_xyz) - 1, np.array(lattice) - 1
+    if lattice != volume.shape_xyz:
+        values, _ = interpolated(volume.values, volume.shape_xyz, lattice, labels=labels)
+        if volume.missing is not None:
+            values = np.where(values < volume.least_present, volume.missing, values)
+        matrix = volume.world_from_index @ np.diag([*(voxels / dense), 1.0])
+        volume = replace(volume, values=values, spacing_mm=None, world_from_index=matrix, fields=())  # type: ignore[arg-type]
+        if spec.crop_voxels is not None:
+            crop = np.array(spec.crop_voxels) * (dense / voxels)[:, None]
+            spec = replace(spec, crop_voxels=tuple(map(tuple, crop)))
+    sigma = np.where(_visible_mask(volume, spec), extinction_of(volume), 0.0)
     x, y, z = (_weights(n, c) for n, c in zip(volume.shape_xyz, grid.shape_xyz, strict=True))
     return np.einsum("zk,kji,yj,xi->zyx", z, sigma, y, x, optimize=True)
 
 
-def _masked_extinction(volume: Volume, table: FieldTables, name: str) -> Array:
+def _masked_extinction(field: Volume, volume: Volume, table: FieldTables, name: str) -> Array:
     """Return (Z, Y, X) σ of a field's voxels, each by the row of its mask that is nearest."""
-    field, own, mask = volume.by_name[name], table.tables[name], table.masks.get(name)
+    own, mask = table.tables[name], table.masks.get(name)
     if mask is None:
         return _table_extinction(field, own)
-    rows = MaskLattice.of(volume, name, mask).nearest_to_voxels()
+    z, y, x = np.indices(field.values.shape)
+    world = np.stack([x, y, z], axis=-1) @ field.world_from_index[:3, :3].T
+    index = volume.by_name[name].index_from_world
+    at = (world + field.world_from_index[:3, 3]) @ index[:3, :3].T + index[:3, 3]
+    rows = MaskLattice.of(volume, name, mask).nearest(at)
     each = [_table_extinction(field, one) for one in table.rows(name)]
     return np.asarray(np.take_along_axis(np.stack(each), rows[None].astype(int), axis=0)[0])
 
@@ -700,33 +724,40 @@ def _table_extinction(volume: Volume, table: TransferTable) -> Array:
 
 def _gradient(volume: Volume) -> Array:
     """Return (Z, Y, X) gradient magnitudes at voxels, value per mm, equal to those along rays."""
-    padded = np.pad(volume.values.astype(np.float64), 1, mode="edge")
-    inner = slice(1, -1)
-    z = (padded[2:, inner, inner] - padded[:-2, inner, inner]) / 2
-    y = (padded[inner, 2:, inner] - padded[inner, :-2, inner]) / 2
-    x = (padded[inner, inner, 2:] - padded[inner, inner, :-2]) / 2
-    world = np.stack([x, y, z], axis=-1) @ volume.index_from_world[:3, :3]
-    return np.linalg.norm(world, axis=-1)
+    values = volume.values.astype(np.float64)
+    slopes = differences(values, values >= volume.least_present)
+    return np.asarray(
+        np.linalg.norm(np.moveaxis(slopes, 0, -1) @ volume.index_from_world[:3, :3], axis=-1)
+    )
 
 
 def _surface_extinction(volume: Volume, table: SurfaceTable) -> Array:
     """Return (Z, Y, X) σ of voxels: −log(1 − opacity) times surface area per volume.
 
     If a level lies between a voxel and the next along an axis, a surface crosses the edge, weighted
-    by its normal's component along the axis: the sum over all edges is its area.
+    by its normal's component along the axis: the sum over all edges is its area. Each end of an
+    edge has the part by which the surface is nearer to it.
     """
     values = volume.values.astype(np.float64)
+    present = values >= volume.least_present
+    slopes = differences(values, present) / np.reshape(volume.spacing_mm, (3, 1, 1, 1))
+    square = (slopes**2).sum(axis=0)
     sigma = np.zeros(values.shape)
-    rises = []
-    for axis, spacing in zip((2, 1, 0), volume.spacing_mm, strict=True):
-        rises.append(np.diff(values, axis=axis, append=values.take([-1], axis)) / spacing)
-    steepness = np.sqrt(sum(rise**2 for rise in rises))
-    for level, opacity in zip(table.values.astype(np.float32), table.opacity, strict=True):
-        below = values < level
-        for axis, spacing, rise in zip((2, 1, 0), volume.spacing_mm, rises, strict=True):
-            crossed = np.diff(below, axis=axis, append=below.take([-1], axis))
-            area = np.abs(rise[crossed]) / steepness[crossed]
-            sigma[crossed] += area * extinction_per_mm(opacity, spacing)
+    for axis, spacing, slope in zip((2, 1, 0), volume.spacing_mm, slopes, strict=True):
+        across = np.maximum(square - slope**2, 0.0)  # of the other axes
+        ends = [
+            tuple(each if a == axis else slice(None) for a in range(3))
+            for each in (slice(None, -1), slice(1, None))
+        ]
+        for one, other in (ends, ends[::-1]):
+            here, following = values[one], values[other]
+            rise = np.abs(following - here) / spacing
+            steepness = np.sqrt(np.maximum(across[one] + rise**2, 1e-30))
+            for level, opacity in zip(table.values.astype(np.float32), table.opacity, strict=True):
+                crossed = present[one] & present[other] & ((here < level) != (following < level))
+                apart = np.where(crossed, following - here, 1.0)
+                part = np.where(crossed, 1.0 - (level - here) / apart, 0.0)
+                sigma[one] += part * rise / steepness * extinction_per_mm(opacity, spacing)
     return sigma
 
 
