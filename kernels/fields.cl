@@ -49,6 +49,17 @@ static inline floatN extinction_of(floatN opacity) {
     return SELECT(MASK(pass == 1.0f), opacity, minus_log(MAX(pass, MIX_OPAQUE)) * ratio);
 }
 
+#if LIT && !ALIGNED
+// Take a field's own cut where it is behind the frame's.
+static inline void later_cut(const Rays *own, Rays *r) {
+    const intN later = MASK(own->cut > r->cut);
+    r->cut = SELECT(later, own->cut, r->cut);
+    r->cut_nx = SELECT(later, own->cut_nx, r->cut_nx);
+    r->cut_ny = SELECT(later, own->cut_ny, r->cut_ny);
+    r->cut_nz = SELECT(later, own->cut_nz, r->cut_nz);
+}
+#endif
+
 #if MASKED
 // Give a field's settings the table of a row; samples and gradients do not depend on it.
 static inline void take_table(Cast *cast, const Curve *curve) {
@@ -287,8 +298,12 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
                 if (!seen[f] || !ANY(MASK(alpha[f][s] > 0.0f))) continue;
                 const floatN part = SELECT(MASK(parts[f] == sum), visible, per_part * parts[f]);
                 floatN shading[GROUPS], highlight[GROUPS];
-                shade(frame, sources, light_volume, &r, middle[f][s], nx[f][s], ny[f][s], nz[f][s],
-                      part, shading, highlight);
+                Rays from = r;
+#if LIT && !ALIGNED
+                later_cut(&rays[f], &from);
+#endif
+                shade(frame, sources, light_volume, &from, middle[f][s], nx[f][s], ny[f][s],
+                      nz[f][s], part, shading, highlight);
 #if MASKED
                 if (rows[f][s].count == 1) {
                     const Curve curve = curves[masks[f].curves + rows[f][s].row[0]];

@@ -180,6 +180,7 @@ class _March:
     ) -> None:
         self.volume, self.table, self.camera = volume, table, camera
         self.spec, self.rays = spec, rays
+        self.cut_rays = rays  # whose cuts the samples lie behind
         self.sampler: Any = None  # of several fields, each has its own
         if not isinstance(table, FieldTables):
             self.sampler = Sampler(volume, table, spec)
@@ -278,7 +279,7 @@ class _March:
             point,
             self.rays.direction[live],
             gradient if self.normals else None,
-            self.rays.above_cut(live, along, self.lift_mm),
+            self.cut_rays.above_cut(live, along, self.lift_mm),
         )
 
     def add_alpha(self, live: Index, along: Array, alpha: Array) -> None:
@@ -418,13 +419,24 @@ class _Fields(_March):
         weight = self.transmittance[live] * (1 - passed)
         total = np.maximum(sum(part[0] for part in parts), 1e-300)
         along = np.zeros(len(live))
-        for extinction, middle, gradient, reflectance in parts:
+        for name, (extinction, middle, gradient, reflectance) in zip(
+            self.samplers, parts, strict=True
+        ):
+            self.cut_rays = self._later_cuts(name)
             part = weight * extinction / total
             light = self.light(live, middle, self.point(live, middle), gradient, reflectance)
             self.colour[live] += part[:, None, None] * light
             along += part * middle
         self.add_alpha(live, along / np.maximum(weight, 1e-300), weight)
         self.transmittance[live] -= weight
+
+    def _later_cuts(self, name: str) -> Rays:
+        """Return the rays with the cuts of a field's own, where these are behind the frame's."""
+        own = self.rays_of[name]
+        later = own.cut_mm > self.rays.cut_mm
+        normal = np.where(later[:, None], own.cut_normal, self.rays.cut_normal)
+        cut_mm = np.maximum(own.cut_mm, self.rays.cut_mm)
+        return replace(self.rays, cut_mm=cut_mm, cut_normal=normal)
 
     def _classify(self, name: str, point: Array, gradient: Array | None) -> tuple[Array, Array]:
         """Return a field's (R,) opacity of a step and (R, M) reflectance."""
@@ -493,11 +505,11 @@ class _Surfaces(_March):
 
     def step_rays(self, live: Index, begin: Array, end: Array) -> None:
         table, stop = self.table, self.spec.least_transmittance
-        ends = [self.point(live, at) for at in (begin, end)]
-        front, back = map(self.sampler.value, ends)
+        points = [self.point(live, at) for at in (begin, end)]
+        front, back = map(self.sampler.value, points)
         rising = back > front
         # Missing voxels end a surface and make none.
-        there = np.all([self.sampler.is_present(each) for each in ends], axis=0)
+        there = np.all([self.sampler.is_present(each) for each in points], axis=0)
         for s in range(len(table.values)):
             which = np.where(rising, s, len(table.values) - 1 - s)
             level = table.values[which]
@@ -676,8 +688,8 @@ def _on_nodes(
         matrix = volume.world_from_index @ np.diag([*(voxels / dense), 1.0])
         volume = replace(volume, values=values, spacing_mm=None, world_from_index=matrix, fields=())  # type: ignore[arg-type]
         if spec.crop_voxels is not None:
-            crop = np.array(spec.crop_voxels) * (dense / voxels)[:, None]
-            spec = replace(spec, crop_voxels=tuple(map(tuple, crop)))
+            i, j, k = (np.array(spec.crop_voxels) * (dense / voxels)[:, None]).tolist()
+            spec = replace(spec, crop_voxels=(tuple(i), tuple(j), tuple(k)))
     sigma = np.where(_visible_mask(volume, spec), extinction_of(volume), 0.0)
     x, y, z = (_weights(n, c) for n, c in zip(volume.shape_xyz, grid.shape_xyz, strict=True))
     return np.einsum("zk,kji,yj,xi->zyx", z, sigma, y, x, optimize=True)
