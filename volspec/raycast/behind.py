@@ -42,7 +42,8 @@ class OpacityCaster:
     """Parts of the sources' light that the volume is taken to let pass; its own if None."""
 
     @property
-    def _flat(self) -> RaycastSpec:
+    def flat(self) -> RaycastSpec:
+        """The settings with light from all sides."""
         flat = replace(self.spec, ambient=1.0, diffuse=0.0, specular=0.0)
         return replace(flat, groups=HEADLIT, half=False)
 
@@ -51,13 +52,13 @@ class OpacityCaster:
         """Value that is equal for equal opacities."""
         filters = self.table.filters if isinstance(self.table, TransferTable) else None
         passed = None if filters is None else filters.tobytes()
-        return self._flat, passed, *opacity_key(self.table)
+        return self.flat, passed, *opacity_key(self.table)
 
     def __call__(
         self, camera: Camera, size: tuple[int, int]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the opacity (H, W) that a camera sees, and its expected distance, mm."""
-        cast = self.caster.cast(self.table, camera, size, self._flat)
+        cast = self.caster.cast(self.table, camera, size, self.flat)
         return cast.alpha, cast.depth_mm
 
     def arrivals(self, camera: Camera, clear: Clear) -> Mapping[int, Arrives]:
@@ -75,6 +76,7 @@ class BehindImage(NamedTuple):
     depth_mm: NDArray[np.float32] | None = None  # (H, W); None if it is not that of the picture
     first_mm: NDArray[np.float32] | None = None  # (H, W); None if it is depth_mm
     part: tuple[slice, slice] = (slice(None), slice(None))
+    lost: NDArray[np.float32] | None = None  # (H, W, M) kept of each channel; None if alpha
 
 
 class Behind(Protocol):
@@ -186,20 +188,45 @@ class Surfaces:
         if not self.behind:
             return front
         opaque, sheets = self._pictures(casts)
-        self._put_edges(casts, opaque, cast)
-        rest = [BehindImage(*each) for each in casts]
+        lost = [
+            self._lost(each, span_mm)
+            for each, (_, span_mm) in zip(casts, self.spans(None), strict=True)
+        ]
+        self._put_edges(casts, lost, opaque, cast)
+        rest = [BehindImage(*each, lost=own) for each, own in zip(casts, lost, strict=True)]
         if not self._projected:
             rest = [layer for pair in zip(sheets, rest[1:], strict=True) for layer in pair]
         elif sheets:
             front, rest = nothing(front.coefficients.shape, front.coefficients.dtype), sheets + rest
+            lost = [front.alpha[..., None]]
         else:
             rest = []
         for layer in (*rest, *opaque):
-            put_behind(front, layer)
+            put_behind(front, layer, lost[0])
         return front
 
+    def _lost(self, cast: Result, span_mm: NDArray[np.float32] | None) -> NDArray[np.float32]:
+        """Return (H, W, M) the part of each channel that a cast keeps from what is behind it.
+
+        Without spectral absorption it is (H, W, 1), alpha itself. With it, matter reflects as much
+        as it keeps: the picture of white matter in light from all sides, which is cast once more.
+        """
+        table = self.opacity.table
+        if not isinstance(table, TransferTable) or table.filters is None:
+            return cast.alpha[..., None]
+        flat = replace(self.opacity.flat, layers=0)
+        caster = self.opacity.caster
+        white = caster.cast(
+            all_white(table), self.camera, self.size, flat, None, None, None, span_mm
+        )
+        return np.asarray(white.coefficients)
+
     def _put_edges(
-        self, casts: Sequence[Result], opaque: Sequence[BehindImage], cast: SpanCast
+        self,
+        casts: Sequence[Result],
+        lost: Sequence[NDArray[np.float32]],
+        opaque: Sequence[BehindImage],
+        cast: SpanCast,
     ) -> None:
         """Put the pixels that surfaces cover only in part into the casts, out of the pictures.
 
@@ -229,14 +256,15 @@ class Surfaces:
             span_mm = np.zeros((*self.size[::-1], 2), np.float32)
             span_mm[part][here, 0] = begin_mm
             span_mm[part][here, 1] = np.where(passes, depth_mm, end_mm)
-            further = [each[part][here] for each in cast(span_mm)]
+            found = cast(span_mm)
+            further = [each[part][here] for each in (*found, self._lost(found, span_mm))]
 
             for k, result in enumerate(casts):
                 some = reaches == k
                 rows = tuple(index[some] for index in np.nonzero(here))
                 surface = picture.channels[rows], picture.alpha[rows], depth_mm[some]
-                views, rest = [each[part] for each in result], [each[some] for each in further]
-                _put_edge(views, rows, rest, surface, passes[some])
+                views = [each[part] for each in (*result, lost[k])]
+                _put_edge(views, rows, [each[some] for each in further], surface, passes[some])
             picture.channels[here], picture.alpha[here] = 0.0, 0.0
 
     def solid(self, slots: Sequence[Slot], cancel: Cancel | None = None) -> Solid:
@@ -335,31 +363,37 @@ def _put_edge(
 
     Parameters
     ----------
-    views : arrays of a `Result`
+    views : arrays of a `Result`, and what they keep of each channel
         Changed in place.
     rows : tuple of arrays
         Indices of the pixels.
-    further : arrays (K, …) of a `Result`
+    further : arrays (K, …) as ``views``
         The pixels up to the surface if the cast ``passes`` (K,) it, else all of their way.
     surface : channels (K, L·M), alpha and depth in mm (K,)
     """
     mesh_channels, mesh_alpha, mesh_mm = surface
     cast, other = _weighted(*(view[rows] for view in views)), _weighted(*further)
+    channels, alpha, depth_mm, first_mm, lost = views
+    width = lost.shape[-1]
     mesh = np.zeros_like(other)
-    mesh[:, -2 - mesh_channels.shape[1] : -2] = mesh_channels
-    mesh[:, -2:] = np.column_stack([mesh_alpha, mesh_alpha * mesh_mm])
+    mesh[:, -2 - width :] = mesh_alpha[:, None]
+    mesh[:, -1] *= mesh_mm
+    mesh[:, -2 - width - mesh_channels.shape[1] : -2 - width] = mesh_channels
     before = np.where(passes[:, None], other, cast)
     whole = np.where(passes[:, None], cast, other)
-    seen = 1.0 - before[:, -2:-1]
+    through = 1.0 - before[:, -2 - width : -2]
+    seen = np.empty_like(before)
+    seen[:, :-2] = np.tile(through, (before.shape[1] - 2) // width)
+    seen[:, -2:] = 1.0 - before[:, -2:-1]
     total = before + seen * mesh + (1.0 - mesh_alpha[:, None]) * (whole - before)
 
-    channels, alpha, depth_mm, first_mm = views
     most = np.finfo(channels.dtype).max
-    channels[rows] = np.clip(total[:, :-2], -most, most)
+    channels[rows] = np.clip(total[:, : -2 - width], -most, most)
     alpha[rows] = total[:, -2].clip(0.0, 1.0)
+    lost[rows] = total[:, -2 - width : -2].clip(0.0, 1.0)
     far, there = np.full(len(total), np.inf, np.float32), total[:, -2] > 0.0
     depth_mm[rows] = np.divide(total[:, -1], total[:, -2], out=far, where=there)
-    seen_mm = np.where(seen[:, 0] * mesh_alpha > 0.0, mesh_mm, np.inf)
+    seen_mm = np.where(seen[:, -1] * mesh_alpha > 0.0, mesh_mm, np.inf)
     first_mm[rows] = np.minimum.reduce([first_mm[rows], further[3], seen_mm])
 
 
@@ -368,10 +402,26 @@ def _weighted(
     alpha: NDArray[np.float32],
     depth_mm: NDArray[np.float32],
     _: NDArray[np.float32],
+    lost: NDArray[np.float32],
 ) -> NDArray[np.float32]:
-    """Return what adds up when composited, (K, L·M + 2): channels, alpha, and depth times alpha."""
+    """Return what adds up when composited, (K, L·M + M + 2): channels, what of each is lost, alpha,
+    and depth times alpha.
+    """
     weighted = np.multiply(alpha, depth_mm, out=np.zeros_like(alpha), where=alpha > 0.0)
-    return np.column_stack([channels, alpha, weighted]).astype(np.float32)
+    return np.column_stack([channels, lost, alpha, weighted]).astype(np.float32)
+
+
+def all_white(table: TransferTable) -> TransferTable:
+    """Return a table of the same filters, whose matter is white.
+
+    >>> table = TransferTable((0, 1), [0.5, 0.5], [[0.2], [0.1]], reference_step_mm=1)
+    >>> all_white(table).coefficients.tolist()
+    [[1.0], [1.0]]
+    """
+    weights = np.ones((*table.material_weights.shape[:-1], 1))
+    left = None if table.left is None else table.left._replace(material_weights=weights)
+    ones = np.ones((1, table.size))
+    return replace(table, material_weights=weights, channels=ones, left=left)
 
 
 def nothing(shape: tuple[int, ...], dtype: DTypeLike) -> Result:
@@ -390,23 +440,30 @@ def _all_passes(starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArr
     return np.ones(len(starts))
 
 
-def put_behind(front: Result, other: BehindImage) -> None:
-    """Composite another picture behind one, which is changed in place."""
+def put_behind(front: Result, other: BehindImage, lost: NDArray[np.float32] | None = None) -> None:
+    """Composite another picture behind one, which is changed in place.
+
+    ``lost`` (H, W, M) is what the front keeps of each channel, which is changed, too: with spectral
+    absorption alpha is its mean. Without, it is alpha.
+    """
     coefficients, alpha, depth_mm, first_mm = (each[other.part] for each in front)
     own = coefficients[..., coefficients.shape[2] - other.channels.shape[2] :]
-    through = 1.0 - alpha
+    kept = alpha[..., None] if lost is None else lost[other.part]
+    width = kept.shape[2]
+    through, before = 1.0 - kept, alpha.copy()
+    seen = through if width == 1 else np.tile(through, own.shape[2] // width)
     # A lamp that is seen may be brighter than half-float can store.
     most = np.finfo(own.dtype).max
-    np.clip(own + through[..., None] * other.channels, -most, most, out=own, casting="same_kind")
-    added = through * other.alpha
-    alpha += added
+    np.clip(own + seen * other.channels, -most, most, out=own, casting="same_kind")
+    kept += through * (other.alpha[..., None] if other.lost is None else other.lost)
+    alpha[...] = kept[..., 0] if width == 1 else kept.mean(axis=2)
     if other.depth_mm is None:
         return
+    added = alpha - before
     there = (added > 0.0) & np.isfinite(other.depth_mm)
     part, found = added[there], alpha[there]
-    before = found - part
-    own_mm = np.where(before > 0.0, depth_mm[there], 0.0)
-    depth_mm[there] = (before * own_mm + part * other.depth_mm[there]) / found
+    own_mm = np.where(before[there] > 0.0, depth_mm[there], 0.0)
+    depth_mm[there] = (before[there] * own_mm + part * other.depth_mm[there]) / found
     other_first_mm = other.depth_mm if other.first_mm is None else other.first_mm
     first_mm[there] = np.minimum(first_mm[there], other_first_mm[there])
 
