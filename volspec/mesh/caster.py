@@ -257,6 +257,8 @@ class MeshCaster:
         # Width of a pixel, and its growth by distance.
         beam = (0.0, pixel_mm / field.distance) if field.perspective else (pixel_mm, 0.0)
         window, views = self._look(camera, size)
+        # What sheets let pass to the next, at each of a pixel's points: they share a silhouette.
+        through = np.ones((len(views[0].along_mm), POINTS), np.float32)
         found = []
         for number, (seen, end_mm) in enumerate(zip(views, ends_mm, strict=False)):
             ends = end_mm[window.part].ravel()
@@ -268,7 +270,14 @@ class MeshCaster:
             places = further_points(edges, window.width) + (window.left, window.top)
             further = self._see_all(number, *world_rays(camera, *size, places))
             sent, _ = self._send_all(further, np.repeat(ends[edges], POINTS), light, beam)
-            channels[edges] = sent.reshape(len(edges), POINTS, channels.shape[1]).mean(axis=1)
+            by_point = sent.reshape(len(edges), POINTS, channels.shape[1])
+            passes = through[edges]
+            seen_part = passes / np.maximum(passes.mean(axis=1, keepdims=True), 1e-30)
+            channels[edges] = (seen_part[:, :, None] * by_point).mean(axis=1)
+            if number > 0:
+                alpha = np.repeat(channels[:, -1:], POINTS, axis=1)
+                alpha[edges] = by_point[..., -1]
+                through *= 1.0 - alpha
             picture = channels.reshape(window.height, window.width, channels.shape[1])
             # Where a pixel's middle sees nothing, its nearest point is where the surface is.
             along = seen.along_mm.astype(np.float32)

@@ -106,18 +106,22 @@ class Lighting:
                 continue
             cosine = np.einsum("kc,kc->k", seen.normals, towards)
             if isinstance(source, Directional | Point) and source.shadows:
-                passed = self._passed(raised, cosine, towards, source)
+                # In front of the side that faces the source.
+                side = np.where(cosine < 0.0, -1.0, 1.0)[:, None]
+                start = seen.points_mm + side * (raised - seen.points_mm)
+                passed = self._passed(start, towards, source)
                 sees[:, number] = passed > 0.0
                 light = light * passed
             if not spec.shaded:
                 factor[:, group] += light * spec.diffuse
                 continue
-            lit = light * spec.diffuse * np.maximum(cosine, 0.0)
+            # Two-sided, as isosurfaces are.
+            lit = light * spec.diffuse * np.abs(cosine)
             factor[:, group] += lit
             half = towards - seen.directions
             half = half / np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-6)
-            n_dot_h = np.clip(np.einsum("kc,kc->k", seen.normals, half), 0.0, 1.0)
-            shine = light * spec.specular * (cosine > 0) * n_dot_h**spec.shininess
+            n_dot_h = np.minimum(np.abs(np.einsum("kc,kc->k", seen.normals, half)), 1.0)
+            shine = light * spec.specular * n_dot_h**spec.shininess
             added[:, group] += shine[:, None] * self.basis.white
             if grating is not None:
                 assert isinstance(self.basis, SpectralBasis)
@@ -125,22 +129,18 @@ class Lighting:
                 rows, reflected = grating.reflectance(
                     self.basis.grid, seen.points_mm, seen.normals, q
                 )
-                added[rows, group] += lit[rows, None] * self.basis.analyse(reflected)
+                front = np.where(cosine[rows] > 0.0, lit[rows], 0.0)[:, None]
+                added[rows, group] += front * self.basis.analyse(reflected)
         return Shading(factor, added, sees)
 
-    def _passed(
-        self, points: Array, cosine: Array, towards: Array, source: Directional | Point
-    ) -> Array:
-        """Return the part (K,) of a source's light that meshes let pass; 0 below the horizon."""
-        facing = np.flatnonzero(cosine > 0.0)
+    def _passed(self, points: Array, towards: Array, source: Directional | Point) -> Array:
+        """Return the part (K,) of a source's light that meshes let pass."""
         if isinstance(source, Point):
             place = self.camera.place_mm(source.position_mm, source.frame)
             ends = np.broadcast_to(place, towards.shape)
         else:
             ends = points + FAR * towards
-        found = np.zeros(len(points))
-        found[facing] = self.clear(points[facing], ends[facing])
-        return found
+        return self.clear(points, ends)
 
     def _open(self, points: Array, normals: Array, radius_mm: float | None) -> Array:
         """Return the part (K,) of the hemisphere, by its cosine, that no mesh closes."""
