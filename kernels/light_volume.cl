@@ -159,6 +159,14 @@ static inline float extinction_at(__global const VOXEL *voxels, __global const f
 }
 #endif
 
+// The weight of voxel `index` in a node's span along an axis.
+static inline float weight_of(const Span *span, int index) {
+    const int n = index - span->first;
+    const float first = n == 0 ? span->of_first : 1.0f;
+    const float last = n == span->count - 1 ? span->of_last : 1.0f;
+    return (span->weight + (float)n * span->slope) * first * last;
+}
+
 __kernel void extinction(__global const VOXEL *restrict voxels, __global const Span *restrict spans,
                          __global const float2 *restrict table, const Grid grid,
                          __global float *restrict sigma
@@ -201,10 +209,9 @@ __kernel void extinction(__global const VOXEL *restrict voxels, __global const S
 #else
                     const float here = extinction_at(voxels, table, &grid, x, y, z, start + x);
 #endif
-                    line += (across.weight + (float)(x - across.first) * across.slope) * here;
+                    line += weight_of(&across, x) * here;
                 }
-                sum += (deep.weight + (float)k * deep.slope) *
-                       (down.weight + (float)j * down.slope) * line;
+                sum += weight_of(&deep, z) * weight_of(&down, y) * line;
             }
         }
     }

@@ -363,7 +363,11 @@ _LOCAL = 64
 # A node's voxels along one axis.
 _SPAN = Struct(
     "Span",
-    (("int", "first, count", ""), ("float", "weight, slope", "voxel n weighs weight + n slope")),
+    (
+        ("int", "first, count", ""),
+        ("float", "weight, slope", "voxel n weighs weight + n slope"),
+        ("float", "of_first, of_last", "part of that: 1, or 1/2 of a voxel between two nodes"),
+    ),
 )
 # A step along a direction, the same for all nodes: its cell of the grid, counted from the node.
 _STEP = Struct(
@@ -777,22 +781,28 @@ def _float4s(*threes: NDArray[np.float64]) -> list[NDArray[np.float32]]:
 
 
 def _spans(voxels: int, nodes: int) -> NDArray[np.void]:
-    """Return each node's voxels along an axis: the nearest ones, or the two around the node.
+    """Return each node's voxels along an axis: the nearest ones, or the two around denser nodes.
 
-    Those of the margin have none.
+    A voxel in the middle between two nodes is half of each. Those of the margin have none.
     """
     nodes -= 2 * LIGHT_MARGIN
     spans = np.zeros(nodes, _SPAN.dtype)
-    # In integers, so that halves round the same way everywhere.
-    nearest = (2 * np.arange(voxels) * (nodes - 1) + voxels - 1) // (2 * (voxels - 1))
-    spans["first"] = np.searchsorted(nearest, np.arange(nodes))
-    spans["count"] = np.bincount(nearest, minlength=nodes)
-    spans["weight"] = 1 / np.maximum(spans["count"], 1)
-    empty = np.flatnonzero(spans["count"] == 0)
-    at = empty * (voxels - 1) / (nodes - 1)
-    first = np.minimum(at.astype(int), voxels - 2)
-    spans["first"][empty], spans["count"][empty] = first, 2
-    spans["weight"][empty], spans["slope"][empty] = 1 - (at - first), 2 * (at - first) - 1
+    spans["of_first"] = spans["of_last"] = 1.0
+    number = np.arange(nodes)
+    if nodes >= voxels:
+        at = number * (voxels - 1) / (nodes - 1)
+        first = np.minimum(at.astype(int), voxels - 2)
+        spans["first"], spans["count"] = first, 2
+        spans["weight"], spans["slope"] = 1 - (at - first), 2 * (at - first) - 1
+        return np.pad(spans, LIGHT_MARGIN)
+    # In integers, so that halves are found everywhere.
+    places = 2 * np.arange(voxels) * (nodes - 1) + voxels - 1
+    nearest, rest = np.divmod(places, 2 * (voxels - 1))
+    first, end = (np.searchsorted(nearest, number, side) for side in ("left", "right"))
+    halves = np.append(rest == 0, False)
+    spans["first"], spans["count"] = first, end - first + halves[end]
+    spans["of_first"][halves[first]] = spans["of_last"][halves[end]] = 0.5
+    spans["weight"] = 1 / (end - first - 0.5 * halves[first] + 0.5 * halves[end])
     return np.pad(spans, LIGHT_MARGIN)
 
 

@@ -11,7 +11,8 @@ body therefore has exactly Beer-Lambert's transmittance along any ray. Front to 
 
 The light volume holds transmittances T towards a light from the nodes of a coarse grid:
 
-    σ(node) = mean of −log(1 − opacity(v)) / reference step over the voxels nearest to it
+    σ(node) = mean of −log(1 − opacity(v)) / reference step over the voxels nearest to it, or
+              between them where nodes are denser
     T(node) = exp(−∫ σ ds) towards the light
     open(node) = min(1, 2 · mean of T over the sphere)
 
@@ -791,16 +792,19 @@ def _visible_mask(volume: Volume, spec: RaycastSpec) -> NDArray[np.bool_]:
 
 
 def _weights(voxels: int, nodes: int) -> Array:
-    """Return (nodes, voxels), the weight of each voxel along an axis for each node."""
+    """Return (nodes, voxels), the weight of each voxel along an axis for each node.
+
+    Nodes have the mean of the voxels nearest to them, of which one in the middle between two is
+    half of each; denser nodes are interpolated.
+    """
     nodes -= 2 * LIGHT_MARGIN
-    nearest = np.floor(np.arange(voxels) * (nodes - 1) / (voxels - 1) + 0.5).astype(int)
-    weights = np.zeros((nodes, voxels))
-    weights[nearest, np.arange(voxels)] = 1 / np.bincount(nearest)[nearest]
-    # A node that is nearest to no voxel lies between two.
-    for node in np.flatnonzero(~weights.any(axis=1)):
-        at = node * (voxels - 1) / (nodes - 1)
-        j = min(int(at), voxels - 2)
-        weights[node, j], weights[node, j + 1] = 1 - (at - j), at - j
+    if nodes >= voxels:
+        apart = np.arange(nodes)[:, None] * (voxels - 1) / (nodes - 1) - np.arange(voxels)
+        weights = np.maximum(1 - np.abs(apart), 0)
+    else:
+        apart = np.abs(np.arange(nodes)[:, None] - np.arange(voxels) * (nodes - 1) / (voxels - 1))
+        weights = np.where(np.isclose(apart, 0.5), 0.5, apart < 0.5)
+        weights /= weights.sum(axis=1, keepdims=True)
     return np.pad(weights, ((LIGHT_MARGIN, LIGHT_MARGIN), (0, 0)))
 
 
