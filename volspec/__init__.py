@@ -6,8 +6,9 @@ and their modules are those of ``__init__.pyi``, which type checkers and editors
 
 from __future__ import annotations
 
+import copyreg
 import sys
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 from typing import Any
 
 import lazy_loader
@@ -32,6 +33,14 @@ class _Package(ModuleType):
 
 
 sys.modules[__name__].__class__ = _Package
+
+
+def _read_only(items: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+    return MappingProxyType(items)
+
+
+# Read-only mappings are attributes of many frozen objects; Python can neither pickle nor copy them.
+copyreg.pickle(MappingProxyType, lambda mapping: (_read_only, (dict(mapping),)))
 
 __getattr__ = renamed(
     __name__,

@@ -10,7 +10,7 @@ import subprocess
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,6 +97,7 @@ class TriangleRays:
                 code="unsupported",
             ) from None
         self.corners = corners
+        self._given = corners, what, instead
         a, b, c = corners.transpose(1, 0, 2)
         self._across = np.cross(b - a, c - a)
         points = corners.reshape(-1, 3)
@@ -105,6 +106,13 @@ class TriangleRays:
         self.offset = _OFFSET * float(np.ptp(points, axis=0).max())
         self._scene = EmbreeScene(robust=True)
         TriangleMesh(self._scene, np.float32(corners - self._middle))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {key: value for key, value in vars(self).items() if key != "_scene"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        TriangleRays.__init__(self, *self._given)
 
     def first(self, origins: Array, directions: Array) -> NDArray[np.intp]:
         """(M,) triangles that rays hit first; -1 for none."""

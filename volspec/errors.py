@@ -8,11 +8,12 @@ programs need not parse English.
 
 from __future__ import annotations
 
+import copyreg
 import difflib
 import re
 import unicodedata
 from collections.abc import Iterable
-from typing import Literal, Self, get_args
+from typing import Any, Literal, Self, get_args
 
 from volspec._deprecated import renamed
 
@@ -83,6 +84,10 @@ class VolspecError(Exception):
         self.problem, self.remedy = problem, remedy
         self.code = self.code if code is None else code
         self.field, self.given = field, given
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Without the constructor, whose parameters differ in subclasses.
+        return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
 
     @classmethod
     def refused(cls, field: str, given: object, remedy: str, code: Code | None = None) -> Self:

@@ -1,7 +1,10 @@
 """``[[field]]``: files, channels, matrices and weights, and what is refused."""
 
+import pickle
+from copy import copy, deepcopy
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -169,6 +172,24 @@ def test_a_scene_s_mask_is_cast_as_in_python(masked):
     mask = vs.Mask("organs", {1: liver, 7: liver, 2: None})
     own = {"": made.transfer.functions[""]}
     is_cast_as(made, made.volume(), vs.FieldFunctions(own, masks={"": mask}))
+
+
+def pickled(given: Any) -> Any:
+    return pickle.loads(pickle.dumps(given))
+
+
+@pytest.mark.parametrize("again", [pickled, deepcopy, copy])
+def test_scenes_and_their_errors_are_pickled_and_copied(masked, again):
+    made = vs.Scene.load(masked)
+    other = again(made)
+    assert again(made.transfer).masks[""].functions.keys() == {"liver", 7, 2}
+    assert str(other.transfer) == str(made.transfer) and repr(other.file) == repr(made.file)
+    assert np.array_equal(cast(other).coefficients, cast(made).coefficients)
+    masked.write_text("volume = 1")
+    with pytest.raises(SceneError) as caught:
+        vs.Scene.load(masked)
+    assert str(again(caught.value)) == str(caught.value)
+    assert again(caught.value).code == caught.value.code
 
 
 def test_masks_are_written_and_read_back(masked):

@@ -1,5 +1,6 @@
 """``[room]``: its light on a volume, its lamps' spectra, its walls behind, shadows, refusals."""
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -113,6 +114,12 @@ def test_the_groups_of_the_cast_are_the_room_s_light(scene, image):
     assert first.name == "ambient" and walls.name == "walls: lamp"
     assert "from lamp" in [group.name for group in directed]
     assert image.groups["walls: lamp"] == 0.0 and image.alpha.min() == 1.0
+
+
+@pytest.mark.not_quick
+def test_a_pickled_scene_has_its_room(scene, image):
+    again = pickle.loads(pickle.dumps(scene)).render()
+    assert np.array_equal(again.coefficients, image.coefficients)
 
 
 @pytest.mark.not_quick

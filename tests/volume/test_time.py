@@ -1,5 +1,7 @@
 """Time steps: files of several and files of one each, one range for all, gaps and faults."""
 
+import pickle
+from copy import copy, deepcopy
 from functools import partial
 from pathlib import Path
 
@@ -81,6 +83,15 @@ def test_files_by_a_pattern_are_steps_in_the_order_of_their_numbers(beat):
         series[4]
 
 
+def test_series_and_their_steps_are_pickled_and_copied(beat):
+    for series in (vs.load_series(beat / "beat*.nrrd"), Series(steps())):
+        for again in (pickle.loads(pickle.dumps(series)), deepcopy(series), copy(series)):
+            assert np.array_equal([each.values for each in again], steps())
+            step = pickle.loads(pickle.dumps(again[1]))
+            assert step.range == (0.0, 180.0) and step.is_step_of(again[0])
+            assert not step.values.flags.writeable
+
+
 def test_a_4d_file_is_a_series_and_a_step_of_it_a_volume(tmp_path):
     stack = [[each, each // 2] for each in steps()]
     path = tmp_path / "heart.ome.tif"
@@ -89,7 +100,7 @@ def test_a_4d_file_is_a_series_and_a_step_of_it_a_volume(tmp_path):
     assert step_addresses(str(path)) == tuple(f"{path}?time={k}" for k in range(4))
     volume, series = open_volume(str(path))
     assert volume.by_name.keys() == {str(path), "b"}
-    assert series[3].fields[0].range == (0.0, 90.0)
+    assert series[3].fields[0].range == (0.0, 90.0) and series[0].range == (0.0, 180.0)
     assert open_volume(f"{path}?time=2")[1] is None
     assert np.array_equal(load_at(str(path), 2, 4, {}).values, steps()[2])
 

@@ -112,8 +112,8 @@ class SpectralImage:
         object.__setattr__(self, "notes", read_only_notes(self.notes, "spectral image"))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # A read-only view of a dictionary cannot be pickled.
-        return SpectralImage, (self.values, self.wavelengths_nm, self.kind, dict(self.notes))
+        # A pickled array can be written to.
+        return SpectralImage, (self.values, self.wavelengths_nm, self.kind, self.notes)
 
     def __repr__(self) -> str:
         (width, height), w = self.size, self.wavelengths_nm

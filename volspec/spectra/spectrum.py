@@ -99,8 +99,8 @@ class Spectrum:
             )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # A read-only view of a dictionary cannot be pickled.
-        own = self.wavelengths_nm, self.values, self.name, dict(self.notes), self.fluorescence
+        # A pickled array can be written to.
+        own = self.wavelengths_nm, self.values, self.name, self.notes, self.fluorescence
         return Spectrum, own
 
     @property

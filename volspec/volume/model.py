@@ -131,9 +131,11 @@ class Volume:
         object.__setattr__(self, "typical_range", self._typical_range())
         object.__setattr__(self, "fields", checked_fields(self))
 
-    def __reduce__(self) -> tuple[type[Volume], tuple[Any, ...]]:
-        given = [getattr(self, each.name) for each in dataclasses.fields(self) if each.init]
-        return Volume, tuple(dict(v) if isinstance(v, MappingProxyType) else v for v in given)
+    def __setstate__(self, state: list[Any]) -> None:
+        for each, value in zip(dataclasses.fields(self), state, strict=True):
+            object.__setattr__(self, each.name, value)
+        for array in (self.values, self.world_from_index):  # a pickled array can be written to
+            array.flags.writeable = False
 
     def __repr__(self) -> str:
         x, y, z = self.shape_xyz

@@ -86,7 +86,7 @@ class Series(Sequence[Volume]):
         failed: VolumeError | OSError | None = None
         first: Volume | None = None
         for step, name in zip(steps, named, strict=True):
-            load = step if callable(step) else lambda volume=step: volume
+            load = step if callable(step) else partial(_itself, step)
             try:
                 volume = Volume.of(load())
             except (VolumeError, OSError) as error:
@@ -113,6 +113,13 @@ class Series(Sequence[Volume]):
         self.nbytes = sum(
             each.values.size * self._alike[name][0].itemsize for name, each in first.by_role.items()
         )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle and copy without the steps that can be read again."""
+        return self.__dict__ | {"_kept": OrderedDict(), "_lock": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__ |= state | {"_lock": threading.Lock()}
 
     def __len__(self) -> int:
         return len(self._loads)
@@ -168,6 +175,10 @@ class Series(Sequence[Volume]):
         self._kept[number] = volume
         while len(self._kept) > 1 and sum(map(_nbytes, self._kept.values())) > self._kept_bytes:
             self._kept.popitem(last=False)
+
+
+def _itself(volume: Volume) -> Volume:
+    return volume
 
 
 def _nbytes(volume: Volume) -> int:
