@@ -1,11 +1,15 @@
-"""Command lines of child processes that import this process's modules."""
+"""Child processes: command lines that import this process's modules, and forks."""
 
 from __future__ import annotations
 
 import json
+import os
 import signal
 import sys
 from contextlib import suppress
+from functools import cache
+
+from volspec.errors import DeviceError
 
 _PATHS = "import json, sys; sys.path[:] = json.loads(sys.argv[1])\n"
 
@@ -25,3 +29,19 @@ def exit_cause(returncode: int) -> str:
     with suppress(ValueError):
         return signal.Signals(-returncode).name
     return f"exit code {returncode:#x}"
+
+
+@cache
+def _first_process(_library: str) -> int:
+    """Return the process that was the first to use a library, which forked ones inherit."""
+    return os.getpid()
+
+
+def require_own_process(library: str, error: type[DeviceError]) -> None:
+    """Raise an error if a library is in use since before a fork: its threads are not here."""
+    if _first_process(library) != os.getpid():
+        raise error(
+            f"{library}: this process was forked from one that uses it, whose threads it lacks",
+            "start processes by multiprocessing.get_context('spawn'), an executor's mp_context",
+            code="state",
+        )

@@ -15,12 +15,16 @@ import pytest
 
 from tests.support.errors import raises
 from tests.support.fixtures import Patch
+from tests.support.patience import in_fork
+from tests.support.raycasts import cube, even_gold
 from volspec import doctor
 from volspec._gpu import devices, memory, opencl, sources
 from volspec._gpu.devices import DeviceInfo, choose_device
 from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import Source
 from volspec.errors import OpenCLError, ShapeError
+from volspec.pipeline import Raycaster, raycast
+from volspec.raycast import Camera
 
 FIRST = "__kernel void f(__global const uchar *x, __global int *y) { y[0] = x[0] + x[%d]; }\n"
 
@@ -262,3 +266,18 @@ def test_doctor_shows_the_device_of_the_variable(monkeypatch):
     found = doctor.examine()
     assert found.casts_on is None and not found.healthy
     assert any("'nonsense'" in problem for problem in found.problems)
+
+
+def test_a_fork_is_told_to_spawn_unless_it_casts_nothing(compute):
+    ball, transfer = cube(4), even_gold(0.5)
+    caster, camera = Raycaster(ball), Camera.orbit(ball)
+    for cast in (
+        Compute.open,
+        lambda: Raycaster(ball),
+        lambda: raycast(ball, transfer, camera, (8, 8), caster=caster),
+        lambda: compute.upload(np.zeros(4)),
+    ):
+        error = in_fork(cast)
+        assert (type(error), error.code) == (OpenCLError, "state")
+        assert "multiprocessing.get_context('spawn')" in error.remedy
+    assert in_fork(lambda: cube(3, 2.0).range) == (2.0, 2.0)

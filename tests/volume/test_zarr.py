@@ -13,6 +13,7 @@ import tensorstore
 import zarr
 
 from tests.support.errors import advised_address, raises, warns
+from tests.support.patience import in_fork
 from tests.support.volumes import load_silently
 from volspec.errors import DeviceError, VolumeError
 from volspec.volume import Volume, load_series, load_volume, volume_choices
@@ -64,6 +65,12 @@ def test_micrometres_become_millimetres(tmp_path, version):
     assert volume.values.dtype == np.uint16 and np.array_equal(volume.values, VALUES)
     assert volume.spacing_mm == pytest.approx((0.0005, 0.0005, 0.002))
     assert volume.world_from_index[:3, 3] == pytest.approx([0.03, 0.02, 0.01])
+
+
+def test_a_fork_is_told_to_spawn(tmp_path):
+    load_silently(path := write(tmp_path / "v.zarr"))
+    error = in_fork(lambda: load_silently(path))
+    assert (type(error), error.code) == (DeviceError, "state") and "'spawn'" in error.remedy
 
 
 def test_a_level_is_chosen(tmp_path):

@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from volspec._cache import cache_rows, cached_rows
-from volspec._child import child_command, exit_cause
+from volspec._child import child_command, exit_cause, require_own_process
 from volspec._files import ensure_writable_caches
 from volspec.errors import OpenCLError, nearest, one_line, quoted
 
@@ -182,8 +182,10 @@ def unusable_error(meant: list[int], found: list[DeviceInfo]) -> OpenCLError:
 def all_devices() -> list[cl.Device]:
     """Return pyopencl's devices: GPUs, then CPUs, the newest driver first.
 
-    The loader's own order is that of the files in its folder.
+    The loader's own order is that of the files in its folder. Raises OpenCLError in a process that
+    was forked from one that has called this.
     """
+    require_own_process("OpenCL", OpenCLError)
     ensure_writable_caches()
     try:
         import pyopencl as cl

@@ -16,6 +16,7 @@ from weakref import WeakKeyDictionary
 
 from numpy.typing import NDArray
 
+from volspec._child import require_own_process
 from volspec._gpu.devices import (
     BUILD_VARIABLE,
     DEVICE_VARIABLE,
@@ -85,11 +86,16 @@ class Compute:
             ) from error
         return cls(context, queue, transfers, describe(device), index, sharing)
 
+    def require_own_process(self) -> None:
+        """Raise OpenCLError in a process that was forked after the device was opened."""
+        require_own_process("OpenCL", OpenCLError)
+
     def kernel(self, source: Source, name: str, options: Sequence[str] = OPTIONS) -> cl.Kernel:
         """Return a program's kernel, cached (the last `MOST_KERNELS`) or built now.
 
         Raises OpenCLError, with the compiler's first error and its line, if the build fails.
         """
+        self.require_own_process()
         key = (source.text, name, tuple(options))
         found = self._kernels.pop(key, None)
         if found is None:
@@ -210,6 +216,7 @@ class Compute:
     ) -> cl.Buffer:
         import pyopencl as cl
 
+        self.require_own_process()
         limit = self.info.max_allocation_bytes
         try:
             if nbytes > limit:
@@ -236,6 +243,7 @@ class Compute:
         """
         import pyopencl as cl
 
+        self.require_own_process()
         if after is None:
             self.queue.finish()
         events = after and [after]

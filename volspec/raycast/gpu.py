@@ -288,7 +288,7 @@ class Raycaster:
         # Of fields that were cast together: by name, and as cast.
         self._uploaded = {volume.name: self._own}
         self._together: _Together | None = None
-        self._lock: threading.RLock = like._lock if like else threading.RLock()
+        self._shared_lock: threading.RLock = like._shared_lock if like else threading.RLock()
         self._casting = False
         self._levels: dict[int, LevelCaster] = {}
         self._integral: bool | None = None  # True if float values are labels
@@ -318,6 +318,12 @@ class Raycaster:
     def compute(self) -> Compute:
         """The device's context, in which kernels are built and buffers made."""
         return self._compute
+
+    @property
+    def _lock(self) -> threading.RLock:
+        """Lock of casts; OpenCLError in a forked process, where it may be held for ever."""
+        self._compute.require_own_process()
+        return self._shared_lock
 
     @property
     def sharing(self) -> Sharing | None:

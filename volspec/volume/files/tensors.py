@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._child import require_own_process
 from volspec.errors import DeviceError, one_line
 
 # Beginnings of its errors if a store does not answer, or only with errors of its own.
@@ -38,7 +39,12 @@ Index = tuple[int | slice, ...] | EllipsisType
 
 
 def import_zarr(path: Path) -> Any:
-    """Return the zarr library. Raises DeviceError if it, or TensorStore, is not installed."""
+    """Return the zarr library.
+
+    Raises DeviceError if it, or TensorStore, is not installed, or this process is a fork of one
+    that reads by them, which TensorStore would end.
+    """
+    require_own_process("TensorStore", DeviceError)
     try:
         import zarr
 
@@ -89,6 +95,7 @@ class Tensor:
         """
         import tensorstore
 
+        require_own_process("TensorStore", DeviceError)
         # In one batch, the index of a file is read once, and what is near in it at once.
         with tensorstore.Batch() as batch:
             reading = [self._array[index].read(batch=batch) for index in indices]
