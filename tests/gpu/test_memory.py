@@ -60,9 +60,10 @@ def test_other_lights_and_viewings_take_no_memory(grey, backend):
 
 
 @pytest.mark.slow
-def test_relighters_that_were_closed_take_no_memory(grey, backend):
+@pytest.mark.parametrize("end", [Relighter.close, lambda _: gc.collect()])
+def test_relighters_that_were_closed_or_collected_take_no_memory(grey, backend, end):
     # A context that is made for each leaves 900 blocks in moderngl 5.13.
-    assert blocks_left_by(lambda _: Relighter(grey, backend).close(), 4) < 100
+    assert blocks_left_by(lambda _: end(Relighter(grey, backend)), 4) < 100
 
 
 @pytest.mark.slow

@@ -1,18 +1,22 @@
 """Promises of a Relighter, on a coefficient image of a small hand-made basis."""
 
+import gc
 import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from unittest.mock import Mock
 
+import moderngl
 import numpy as np
 import pytest
 
 from tests.support.errors import raises, refuses, warns
+from tests.support.patience import in_fork
 from tests.support.relighting import COARSE, GRID, RAW, box_basis, cast, gl_or_skip
 from volspec._gpu import opengl
 from volspec._gpu.opengl import headless_context
@@ -138,6 +142,36 @@ def test_several_relighters_work_at_once_and_in_any_thread():
     assert np.array_equal(frames[0], first)
     assert np.array_equal(one.frame(A), first)
     one.close()
+
+
+def test_threads_share_a_relighter():
+    lights = A, D65
+    with gl_or_skip(cast()) as relighter, ThreadPoolExecutor(4) as threads:
+        wanted = [relighter.frame(each) for each in lights]
+        frames = list(threads.map(lambda n: relighter.frame(lights[n % 2]), range(200)))
+    assert all(np.array_equal(frame, wanted[n % 2]) for n, frame in enumerate(frames))
+
+
+@pytest.mark.parametrize("lent", [False, True])
+def test_what_a_collected_relighter_made_is_released_when_the_next_is_made(context, lent):
+    given = {"context": context if lent else None}
+    texture = gl_or_skip(cast(), **given)._engine._texture
+    gc.collect()
+    gl_or_skip(cast(), **given).close()
+    assert isinstance(texture.mglo, moderngl.InvalidObject)
+
+
+def test_a_fork_relights_with_numpy_and_not_with_a_relighter_of_before():
+    with gl_or_skip(cast()) as relighter:
+        error = in_fork(lambda: relighter.frame(A))
+        assert (type(error), error.code) == (OpenGLError, "state") and "'spawn'" in error.remedy
+        assert in_fork(relighter.close) is None
+
+    def fallback() -> str:
+        with warns("'spawn'"):
+            return Relighter(cast()).backend
+
+    assert in_fork(fallback) == "numpy"
 
 
 def test_a_context_is_lent_to_one_relighter_at_a_time():

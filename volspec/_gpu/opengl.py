@@ -9,11 +9,14 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
+from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from volspec._child import require_own_process
 from volspec._gpu.sources import Source
 from volspec.errors import OpenGLError, one_line
 
@@ -43,8 +46,9 @@ def headless_context() -> moderngl.Context:
     """Make an OpenGL 3.3 core context without a window, current on this thread.
 
     The caller must release it. Raises OpenGLError with the remedy if moderngl, the system's OpenGL
-    or a driver is missing.
+    or a driver is missing, or the process was forked from one that has called this.
     """
+    require_own_process("OpenGL", OpenGLError)
     library = _moderngl()
     failures = []
     for settings in _ways():
@@ -89,6 +93,48 @@ def _idle_contexts() -> list[tuple[moderngl.Context, int]]:
     for a page of pictures.
     """
     return []
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Allocation:
+    """Resources of a context, and the context itself unless a caller ``lent`` it."""
+
+    context: moderngl.Context
+    handle: int  # its `egl_handle`
+    lent: bool
+    resources: list[Any] = field(default_factory=list)
+
+    def release(self) -> None:
+        """Release the resources, the last first, and give our own context back."""
+        try:
+            with made_current(self.context, self.handle):
+                while self.resources:
+                    self.resources.pop().release()
+        except ContextLost:  # and all in it: the names may now be another library's objects
+            self.resources.clear()
+        else:
+            if not self.lent:
+                give_back_context(self.context, self.handle)
+
+
+@cache
+def abandoned() -> deque[Allocation]:
+    """Return what garbage collection leaves to `release_abandoned`.
+
+    It runs on any thread, in the middle of calls to other contexts.
+    """
+    return deque()
+
+
+def release_abandoned(context: moderngl.Context | None = None) -> None:
+    """Release what is `abandoned` in our own contexts, and in one lent on this thread."""
+    for _ in range(len(waiting := abandoned())):
+        with suppress(IndexError):  # taken by another thread
+            allocation = waiting.popleft()
+            if allocation.lent and allocation.context is not context:
+                waiting.append(allocation)
+            else:
+                allocation.release()
 
 
 def lend_context() -> tuple[moderngl.Context, int]:
@@ -146,6 +192,7 @@ def made_current(context: moderngl.Context, handle: int) -> Iterator[None]:
     VTK terminates the process's shared EGL display when it opens its first window. Making an older
     context current then fails without an error, and every call would go to VTK's own context.
     """
+    require_own_process("OpenGL", ContextLost)
     if handle and egl_handle() == handle:  # already current: leaving it would flush
         yield
         return

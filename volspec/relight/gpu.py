@@ -7,6 +7,7 @@ The coefficients are uploaded once. A light change sends three numbers per chann
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any, cast
@@ -15,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._gpu.opengl import (
-    ContextLost,
+    Allocation,
+    abandoned,
     describe,
     egl_handle,
-    give_back_context,
     lend_context,
     made_current,
+    release_abandoned,
 )
 from volspec._gpu.sharing import Sharing, context_name, current
 from volspec.appearance.adaptation_grid import ViewTransformGrid
@@ -84,14 +86,18 @@ class GLEngine:
         lut_cache: LutCache | None = None,
         packed: PackedLayers | None = None,
     ) -> None:
-        self._owned = context is None
+        lent = context is not None
+        release_abandoned(context)
         if context is None:
             self._context, self._handle = lend_context()
         else:
             self._context = context
             with context:
                 self._handle = egl_handle()
-        self._resources: list[Any] = []
+        self._made = Allocation(self._context, self._handle, lent)
+        # If it is not closed. At the end of the process the driver ends, too.
+        self._unclosed = weakref.finalize(self, abandoned().append, self._made)
+        self._unclosed.atexit = False
         # The latest viewing and white, their transform, and its LUT once baked.
         self._latest: tuple[LutKey, ViewTransform, LutTransform | None] | None = None
         self._by_lut = lut3d
@@ -173,7 +179,7 @@ class GLEngine:
         self._programs.program("relight", form, screen_for_viewing(Viewing()))
 
     def _own(self, resource: Any) -> Any:
-        self._resources.append(resource)
+        self._made.resources.append(resource)
         return resource
 
     def _current(self) -> AbstractContextManager[None]:
@@ -227,6 +233,7 @@ class GLEngine:
         with self._current():
             if self._recomposer is None or not self._recomposer.fits(packed):
                 if self._recomposer is not None:
+                    self._made.resources.remove(self._recomposer)
                     self._recomposer.release()
                     self._recomposer = None
                 made = Recomposer(self._context, packed, (self._width, self._height))
@@ -241,7 +248,7 @@ class GLEngine:
                         code="size",
                         field="OpenGL",
                     ) from error
-                self._recomposer = made
+                self._recomposer = self._own(made)
         yield
         steps = self._recomposer.load(packed, self._texture)
         going_on = True
@@ -410,16 +417,5 @@ class GLEngine:
 
     def close(self) -> None:
         """Release all resources; a second call does nothing."""
-        try:
-            with self._current():
-                if self._recomposer is not None:
-                    self._recomposer.release()
-                for resource in reversed(self._resources):
-                    resource.release()
-        except ContextLost:
-            pass  # lost with the context; the names may now be another library's objects
-        else:
-            if self._owned:
-                give_back_context(self._context, self._handle)
-        self._resources.clear()
-        self._owned = False
+        if self._unclosed.detach():
+            self._made.release()

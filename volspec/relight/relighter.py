@@ -7,14 +7,18 @@ Uses OpenGL if a context can be made, else NumPy with a warning.
 
 from __future__ import annotations
 
+import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sized
+from contextlib import contextmanager
 from dataclasses import replace
+from functools import wraps
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Self, TypeVar
 
 import numpy as np
 
+from volspec._child import require_own_process
 from volspec._deprecated import renamed_attribute, renamed_keyword
 from volspec._gpu.opengl import ContextLost
 from volspec._gpu.sharing import Sharing
@@ -46,6 +50,8 @@ from volspec.spectra.spectrum import Spectrum
 if TYPE_CHECKING:
     from volspec.raycast.image import CoefficientImage
 
+P = ParamSpec("P")
+R = TypeVar("R")
 BACKENDS = ("gl", "numpy")
 
 
@@ -62,8 +68,24 @@ def pixel_type(dtype: Any) -> type:
     return kind
 
 
+def _in_turn(
+    method: Callable[Concatenate[Relighter, P], R],
+) -> Callable[Concatenate[Relighter, P], R]:
+    """Let one thread at a time call a method of an open Relighter."""
+
+    @wraps(method)
+    def call(self: Relighter, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        with self._turn():
+            return method(self, *args, **kwargs)
+
+    return call
+
+
 class Relighter:
     """Relighting of one coefficient image: frames for any lights; a context manager.
+
+    Threads may share it and draw in turn. Its memory is released by `close`, or after it was
+    garbage collected when the next one is made.
 
     Parameters
     ----------
@@ -147,6 +169,7 @@ class Relighter:
                 "Relighter.lut_cache", lut_cache, "expected LutCache or None", "type"
             )
         self._closed = False
+        self._lock = threading.RLock()
         self._lut3d = lut3d
         self._lut_cache = LutCache() if lut_cache is None else lut_cache
         self._lent = context is not None
@@ -159,7 +182,7 @@ class Relighter:
         except OpenGLError as error:
             if backend == "gl":
                 raise
-            warnings.warn(f"relighting with NumPy, slowly: {error}", VolspecWarning, stacklevel=2)
+            warnings.warn(f"relighting with NumPy, slowly: {error}", VolspecWarning, stacklevel=3)
             self._engine = CpuEngine(coefficients, alpha)
 
     @property
@@ -173,6 +196,7 @@ class Relighter:
         height, width = self._image.alpha.shape
         return width, height
 
+    @_in_turn
     def place(self, shape: Shape, groups: Sized, sharing: Sharing | None) -> SharedLayers | None:
         """Return the buffer for a cast that is about to begin, to be given to `update` afterwards.
 
@@ -180,7 +204,6 @@ class Relighter:
         None without `Raycaster.sharing`. Raises OpenCLError if the Raycaster shares another OpenGL
         context than the Relighter's.
         """
-        self._require_open()
         require_fit(shape, groups, self._image)
         if sharing is None:
             return None
@@ -193,6 +216,7 @@ class Relighter:
             )
         return self._engine.place(sharing)
 
+    @_in_turn
     def update(
         self,
         image: CoefficientImage,
@@ -215,7 +239,6 @@ class Relighter:
         RelightError, ShapeError
             If the Relighter is closed, or size, channel count or number of groups differ.
         """
-        self._require_open()
         shape = coefficient_shape(image)
         require_fit(shape, image.groups, self._image)
         if isinstance(place, PackedLayers):
@@ -241,6 +264,7 @@ class Relighter:
 
         self._on_engine(put)
 
+    @_in_turn
     def frame(
         self,
         light: Spectrum | LightRig,
@@ -279,11 +303,11 @@ class Relighter:
         VolspecWarning
             Once per light, if the mode does not hold its colours (`volspec.relight.advice`).
         """
-        self._require_open()
         kind = pixel_type(dtype)
         lit, viewing, grid = self._lit(light, RelightSpec.of(spec))
         return self._on_engine(lambda engine: engine.render(lit, viewing, kind, grid))
 
+    @_in_turn
     def draw(
         self,
         light: Spectrum | LightRig,
@@ -309,7 +333,6 @@ class Relighter:
         RelightError, ViewingError, SpectrumError
             As in `frame`; also if the Relighter draws with NumPy.
         """
-        self._require_open()
         if isinstance(self._engine, CpuEngine):
             raise RelightError(
                 "NumPy has no device on which to leave a picture",
@@ -322,6 +345,7 @@ class Relighter:
 
     missing_table = renamed_attribute("missing_lut")
 
+    @_in_turn
     def missing_lut(
         self, light: Spectrum | LightRig, spec: RelightSpec | Viewing | None = None
     ) -> LutKey | None:
@@ -331,7 +355,6 @@ class Relighter:
         `LutCache.texels` of the Relighter's ``lut_cache``, on any thread. Arguments and errors are
         as in `frame`.
         """
-        self._require_open()
         settings = RelightSpec.of(spec)
         if isinstance(self._engine, CpuEngine) or not needs_host_lut(settings.viewing.model):
             return None
@@ -347,18 +370,20 @@ class Relighter:
         against: Against | None = None,
     ) -> ErrorMap:
         """Return CIEDE2000 from the picture with full bands, as `error_map` does."""
-        self._require_open()
-        return error_map(self._shown(), light, mode, backdrop, every, against)
+        with self._turn():
+            image = self._shown()
+        return error_map(image, light, mode, backdrop, every, against)
 
+    @_in_turn
     def set_reflectances(self, reflectances: Mapping[str, Spectrum]) -> None:
         """Set materials' reflectances without a new cast; the next frame shows them.
 
         Errors as `CoefficientImage.with_reflectances`; RelightError if the Relighter is closed.
         """
-        self._require_open()
         self._image = self._image.with_reflectances(reflectances)
         self._edits |= reflectances
 
+    @_in_turn
     def set_opacities(
         self,
         scales: Mapping[str, float],
@@ -385,7 +410,6 @@ class Relighter:
         RelightError
             If the Relighter is closed.
         """
-        self._require_open()
         depth = DepthEffects() if depth is None else depth
         if packed is None and (dict(scales), depth) == (self._opacities, self._depth):
             return
@@ -404,9 +428,14 @@ class Relighter:
 
         Errors as `set_opacities`.
         """
-        self._require_open()
         if isinstance(self._engine, GLEngine):
-            yield from self._engine.load_opacity(packed)
+            steps = self._engine.load_opacity(packed)
+            while self._advance(steps):
+                yield
+
+    @_in_turn
+    def _advance(self, steps: Iterator[None]) -> bool:
+        return next(steps, self) is not self
 
     def _put_opacities(
         self, engine: GLEngine | CpuEngine, packed: PackedOpacity | None = None
@@ -444,7 +473,7 @@ class Relighter:
         """Return the illumination, the measured viewing, and the grid of view transforms."""
         lit = Illumination.of(self._image.basis, light, spec, self._image.groups)
         rig = LightRig.of(light)
-        warn_of_lights(self._image.basis, rig, spec.mode, self._advised, stacklevel=4)
+        warn_of_lights(self._image.basis, rig, spec.mode, self._advised, stacklevel=5)
         image = self._shown() if lit.viewing.is_measured else self._image
         return lit, *self._meter.measure_viewing(image, lit)
 
@@ -466,13 +495,22 @@ class Relighter:
 
     def close(self) -> None:
         """Release the GPU's memory; a second call does nothing."""
-        if not self._closed:
-            self._closed = True
-            self._engine.close()
+        with self._lock:
+            if not self._closed:
+                self._closed = True
+                self._engine.close()
 
-    def _require_open(self) -> None:
-        if self._closed:
-            raise RelightError("already closed", "make another", code="state", field="Relighter")
+    @contextmanager
+    def _turn(self) -> Iterator[None]:
+        """Keep other threads out; raise RelightError if it is closed."""
+        if isinstance(self._engine, GLEngine):
+            require_own_process("OpenGL", OpenGLError)
+        with self._lock:
+            if self._closed:
+                raise RelightError(
+                    "already closed", "make another", code="state", field="Relighter"
+                )
+            yield
 
     def __enter__(self) -> Self:
         return self
