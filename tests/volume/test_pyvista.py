@@ -114,6 +114,32 @@ def test_indices_begin_at_those_of_the_extent(tmp_path, cells):
         assert np.allclose(volume.world_from_index[:3, 3], first)
 
 
+@pytest.mark.parametrize("cells", [False, True])
+@pytest.mark.parametrize("hidden", ["point_data", "cell_data"])
+def test_hidden_points_and_cells_are_missing(tmp_path, cells, hidden):
+    """The lowest layer of points is hidden, or the lowest of cells, and with it what it ends."""
+    grid = pyvista.ImageData(dimensions=(6, 5, 4))
+    layer, bit = (30, 2) if hidden == "point_data" else (20, 32)
+    ghosts = np.zeros(grid.n_points if hidden == "point_data" else grid.n_cells, np.uint8)
+    ghosts[:layer] = bit
+    getattr(grid, hidden)["vtkGhostType"] = ghosts
+    getattr(grid, "cell_data" if cells else "point_data")["v"] = np.arange(60.0 if cells else 120.0)
+    with warns("voxels are"):
+        volume = vs.Volume.from_pyvista(grid)
+    with warns("voxels are"):
+        loaded = vs.load_volume(saved(grid, tmp_path, "v.vti"))
+    assert np.array_equal(volume.values, loaded.values) and loaded.missing == volume.missing
+    assert (volume.values == volume.missing).all(axis=(1, 2)).tolist()[:2] == [True, False]
+    assert volume.range[0] == (20.0 if cells else 30.0)
+
+
+def test_a_hidden_cell_with_no_hidden_point_is_warned_of():
+    grid = shifted()
+    grid.cell_data["vtkGhostType"] = np.where(np.arange(60) == 30, 32, 0).astype(np.uint8)
+    with warns("1 hidden cells"):
+        assert vs.Volume.from_pyvista(grid, "v").missing is None
+
+
 @pytest.mark.parametrize("suffix", [".vti", ".vtk"])
 def test_components_are_channels_next_to_other_arrays(tmp_path, suffix):
     grid = shifted()
@@ -375,6 +401,16 @@ def two_volumes(plotter: pyvista.Plotter) -> pyvista.Plotter:
     plotter.add_mesh(pyvista.Sphere(), name="ball")
     plotter.add_volume(pyvista.MultiBlock([block(), even()]), name="ct")
     return plotter
+
+
+def test_missing_voxels_of_a_plotter_stay_missing(plot):
+    grid, plotter = even(), plot()
+    grid.point_data["vtkGhostType"] = np.where(np.arange(grid.n_points) < 3, 2, 0).astype(np.uint8)
+    grid.set_active_scalars("values")
+    plotter.add_volume(grid, show_scalar_bar=False)
+    with warns("3 of 1728 voxels"):
+        volume = vs.from_plotter(plotter).volume
+    assert volume.range == (0.5, 1.0) and np.count_nonzero(volume.values == volume.missing) == 3
 
 
 def test_one_of_several_volumes_is_taken_by_its_name(plot):

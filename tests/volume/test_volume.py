@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 import pyvista
+from dask.array import from_array
 
-from tests.support.errors import raises, warns
+from tests.support.errors import raises, refuses, warns
 from volspec.errors import VolspecWarning, VolumeError
 from volspec.volume import Volume
 from volspec.volume.labels import Label
@@ -65,6 +66,18 @@ def test_an_array_that_needs_no_conversion_is_shared_and_read_only_here():
     assert not volume.values.flags.writeable
     volume.to_pyvista().point_data["values"][:] = 99  # VTK knows no read-only arrays
     assert volume.values.max() == given.max() == 26
+
+
+@pytest.mark.parametrize("kind", ["?", "u1", "i2", "i8", "f4", "f8"])
+@pytest.mark.parametrize("give", [np.ma.asarray, list, lambda m: from_array(m, chunks=2)])
+def test_masked_voxels_are_missing(kind, give):
+    mask = np.arange(24).reshape(2, 3, 4) < 5
+    masked = np.ma.masked_array(np.where(mask, 0, 1).astype(kind), mask)
+    with warns("5 of 24 voxels"):
+        volume = Volume(give(masked))
+    assert volume.range == (1, 1) and np.array_equal(volume.values == volume.missing, mask)
+    assert Volume(np.ma.masked_array(np.ones((2, 2, 2), "u1"))).values.dtype == np.uint8
+    refuses(lambda: Volume(np.ma.masked_all((2, 2, 2))), "range ", VolumeError)
 
 
 def test_nan_and_infinities_are_missing_voxels():

@@ -113,7 +113,7 @@ def from_plotter(
     grid = volume_from_pyvista(pyvista.wrap(mapper.GetInputDataObject(0, 0)), name=label)
     world_from_grid = _matrix(actor.GetMatrix())
     world = world_from_grid @ grid.world_from_index
-    placed = Volume(grid.values, world_from_index=world, name=label)
+    placed = replace(grid, spacing_mm=None, world_from_index=world)  # type: ignore[arg-type]
     # VTK's unit distances are measured before it stretches the volume.
     stretch = abs(float(np.linalg.det(world_from_grid[:3, :3]))) ** (1 / 3)
     transfer = transfer_from_vtk(settings, stretch, basis, label)

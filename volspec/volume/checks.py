@@ -63,7 +63,12 @@ def checked_values(
 
 def _real_array(given: ArrayLike, name: str) -> NDArray[Any]:
     try:
-        values = np.asarray(given)
+        if isinstance(given, list | tuple) and any(map(np.ma.isMaskedArray, given)):
+            given = np.ma.stack(given)
+        if np.ma.isMaskedArray(getattr(given, "_meta", None)):  # Dask's
+            given = given.compute()  # type: ignore[union-attr]
+        values = np.asanyarray(given)
+        masked, values = np.ma.getmask(values), np.asarray(values)
     except (TypeError, ValueError) as error:
         raise VolumeError(
             f"{name}: {type(given).__name__} is not an array ({one_line(error)}); "
@@ -89,7 +94,16 @@ def _real_array(given: ArrayLike, name: str) -> NDArray[Any]:
             "has at least two along each axis, was a single slice given?",
             code="shape",
         )
-    return values
+    return with_nan(values, masked)
+
+
+def with_nan(values: NDArray[Any], masked: NDArray[np.bool_] | np.bool_) -> NDArray[Any]:
+    """Return values with NaN where they are masked, as floats that hold them, if any is.
+
+    >>> with_nan(np.array([1, 2], np.int16), np.array([True, False]))
+    array([nan,  2.], dtype=float32)
+    """
+    return np.where(masked, np.float32(np.nan), values) if masked.any() else values
 
 
 def _convert(values: NDArray[Any], name: str) -> NDArray[Any]:
@@ -133,7 +147,9 @@ def _replace_non_finite(
     high = float(values.max(where=finite, initial=-np.inf))
     count = values.size - np.count_nonzero(finite)
     missing = missing_value(low, high)
-    _warn(f"{name}: {count} of {values.size} voxels are NaN or infinite; they are transparent")
+    _warn(
+        f"{name}: {count} of {values.size} voxels are NaN, infinite or masked; they are transparent"
+    )
     return np.where(finite, values, np.float32(missing)), low, high, missing
 
 

@@ -55,12 +55,12 @@ class Volume:
     values : (Z, Y, X) array
         NumPy, xarray or Zarr; uint8, uint16, int16 and float32 are used without conversion. Wider
         integers become the smallest of these integer types that can represent all values, other
-        types float32 (int8 becomes int16). NaN and infinities are missing voxels, which are
-        transparent; there is a warning, and they hold the value ``missing``. An array that needs
-        no conversion is shared and read-only here: do not change it while the volume is in use,
-        or pass a copy. An xarray ``DataArray`` with dimensions x, y and z is transposed to
-        (Z, Y, X); its coordinates, in millimetres, define the geometry if neither of the next two
-        parameters is given.
+        types float32 (int8 becomes int16). NaN, infinities and what a ``numpy.ma`` array masks are
+        missing voxels, which are transparent; there is a warning, and they hold the value
+        ``missing``. An array that needs no conversion is shared and read-only here: do not change
+        it while the volume is in use, or pass a copy. An xarray ``DataArray`` with dimensions x, y
+        and z is transposed to (Z, Y, X); its coordinates, in millimetres, define the geometry if
+        neither of the next two parameters is given.
     spacing_mm : (x, y, z), optional
         Distance between neighbouring voxel centres; positive. Default: from ``world_from_index``,
         or 1 mm.
@@ -436,6 +436,8 @@ class Volume:
     @classmethod
     def from_pyvista(cls, grid: pyvista.ImageData, scalars: str | None = None) -> Volume:
         """Convert a pyvista ``ImageData``: its point scalars, or cell scalars if it has no others.
+
+        Hidden points and cells (``vtkGhostType``) are missing voxels.
 
         Raises
         ------

@@ -6,12 +6,15 @@ Cell scalars are used if a grid has no point scalars; their lattice is that of t
 from __future__ import annotations
 
 import shlex
+import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from volspec.errors import VolumeError
+from volspec.errors import VolspecWarning, VolumeError
+from volspec.volume.checks import with_nan
 from volspec.volume.model import Volume
 
 if TYPE_CHECKING:
@@ -21,6 +24,8 @@ if TYPE_CHECKING:
 
 # Greatest deviation of a rectilinear grid's steps from their mean, as a fraction: rounding.
 _EVEN = 1e-3
+# VTK's array of marks, and its bits of hidden points and of hidden cells.
+_GHOSTS, _HIDDEN = "vtkGhostType", (2, 32)
 
 
 def volume_from_pyvista(
@@ -32,7 +37,9 @@ def volume_from_pyvista(
 
     Raises VolumeError if ``grid`` is not one, or its array is missing or has several components.
     """
-    values, world = values_and_lattice(grid, scalars, None, name, None)
+    values, world, remarks = values_and_lattice(grid, scalars, None, name, None)
+    for remark in remarks:
+        warnings.warn(remark, VolspecWarning, stacklevel=3)
     return Volume(values, world_from_index=world, name=name)
 
 
@@ -42,14 +49,15 @@ def values_and_lattice(
     component: int | None,
     name: str,
     query: Query | None,
-) -> tuple[NDArray[Any], NDArray[np.float64]]:
-    """Return a grid's scalars (Z, Y, X), not copied, and its world_from_index (4, 4).
+) -> tuple[NDArray[Any], NDArray[np.float64], list[str]]:
+    """Return a grid's scalars (Z, Y, X), its world_from_index (4, 4), and warnings.
 
-    A spacing of the query replaces steps that are zero, and makes uneven ones even.
+    Scalars are not copied unless some are hidden, which become NaN. A spacing of the query replaces
+    steps that are zero, and makes uneven ones even.
     """
     data, is_cells = _arrays(grid, name, query)
-    available = list(data.keys())
-    chosen = scalars or data.active_scalars_name or available[0]
+    available, own, active = list(data.keys()), _own(data), data.active_scalars_name
+    chosen = scalars or (active if active in own else own[0])
     if chosen not in available:
         raise VolumeError(
             f"{name}: no scalars {chosen!r}; the grid has {available}", code="unknown"
@@ -89,7 +97,35 @@ def values_and_lattice(
         world[:3, 3] += world[:3, :3].sum(axis=1) / 2
     if array.ndim > 1:
         array = array.reshape(len(array), -1)[:, component]
-    return array.reshape(shape[::-1]), world
+    hidden, remarks = _hidden(grid, is_cells, name)
+    return with_nan(array.reshape(shape[::-1]), hidden), world, remarks
+
+
+def _hidden(grid: Any, is_cells: bool, name: str) -> tuple[NDArray[np.bool_] | np.bool_, list[str]]:
+    """Return True for cells, or points, (Z, Y, X) that the grid hides, and warnings of others.
+
+    A cell is hidden with any of its points, a point with all of its cells.
+    """
+    counts = np.array(grid.dimensions[::-1])
+    flags = [grid.point_data.get(_GHOSTS), grid.cell_data.get(_GHOSTS)]
+    points, cells = (
+        np.zeros(shape, bool) if each is None else (np.asarray(each) & bit).reshape(shape) > 0
+        for each, bit, shape in zip(flags, _HIDDEN, (counts, counts - 1), strict=True)
+    )
+    if not (points.any() or cells.any()):
+        return np.False_, []
+    if is_cells:
+        return cells | _corners(points).any(axis=(3, 4, 5)), []
+    points = points | _corners(np.pad(cells, 1, constant_values=True)).all(axis=(3, 4, 5))
+    count = np.count_nonzero(cells & ~_corners(points).any(axis=(3, 4, 5)))
+    shown = f"{name}: {count} hidden cells are shown, as none of their points is hidden"
+    remark = f"{shown}; grid.point_data_to_cell_data() gives values to cells"
+    return points, [remark] if count else []
+
+
+def _corners(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the (2, 2, 2) flags at the corners of each cell between some points."""
+    return sliding_window_view(flags, (2, 2, 2))
 
 
 def _resample(query: Query | None) -> str:
@@ -115,13 +151,18 @@ def _arrays(grid: Any, name: str, query: Query | None) -> tuple[Any, bool]:
         )
     if kind not in ("ImageData", "RectilinearGrid"):
         raise VolumeError(f"{name}: is a {kind}", _resample(query), code="type")
-    is_cells = not len(grid.point_data)
+    is_cells = not _own(grid.point_data)
     data = grid.cell_data if is_cells else grid.point_data
-    if not len(data):
+    if not _own(data):
         raise VolumeError(
             f"{name}: holds no array", "save one with its grid, as point data", code="shape"
         )
     return data, is_cells
+
+
+def _own(data: Any) -> list[str]:
+    """Return the names of arrays other than VTK's own."""
+    return [key for key in data.keys() if not key.startswith("vtk")]  # noqa: SIM118
 
 
 def scalar_names(grid: Any, name: str, query: Query) -> list[tuple[str, int | None]]:

@@ -64,10 +64,11 @@ def read_vtk(query: Query) -> Reading:
     what = "channels (arrays and components)"
     number = query.index("channel", len(names), what, names)
     query.end_choices()
-    values, world = values_and_lattice(grid, *fields[number], str(query.path), query)
+    name = str(query.path)
+    values, world, remarks = values_and_lattice(grid, *fields[number], name, query)
     channel = Channel(names[number]) if len(names) > 1 else None
     metadata = Metadata(assumed=(NO_UNIT,))
-    return Reading(values, world_from_index=world, channel=channel, metadata=metadata)
+    return Reading(values, None, world, remarks, None, channel, metadata)
 
 
 def _grid(query: Query) -> Any:
