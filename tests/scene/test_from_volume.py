@@ -16,7 +16,7 @@ from volspec.pipeline import raycast, relight
 from volspec.raycast.camera import Orbit
 from volspec.scene import Scene
 from volspec.spectra import light, write_spectrum
-from volspec.volume import phantom
+from volspec.volume import Series, phantom
 from volspec.volume.metadata import NO_SPACING
 
 LAYOUT = "?shape=16x16x16&dtype=float32&spacing=1,1,4"
@@ -46,6 +46,19 @@ def test_a_faint_body_around_a_dense_core_is_in_the_frame(tmp_path):
     alpha = Scene.from_volume(tmp_path / "body.npy").render(size=(64, 64)).alpha
     border = np.concatenate([alpha[0], alpha[-1], alpha[:, 0], alpha[:, -1]])
     assert border.max() < 0.02 and alpha[20:44, 20:44].min() > 0.2
+
+
+@pytest.mark.not_quick
+def test_volumes_arrays_and_series_have_scenes_that_need_no_file(ball, tmp_path):
+    wanted = Scene.from_volume(ball).render(size=(16, 16)).alpha
+    volume = phantom.ball(16)
+    for given in (volume, volume.values, volume.to_pyvista(), replace(volume, name="")):
+        scene = Scene.from_volume(given)
+        assert np.array_equal(scene.render(size=(16, 16)).alpha, wanted)
+    twice = Scene.from_volume(Series([volume, volume.values / 2]))
+    assert (twice.step_count(), len(twice.opened()[1])) == (2, 2)
+    done = twice.export(tmp_path / "out", size=(16, 16), play={"frames": 2}, lights=["D65"])
+    assert (done.frames, done.casts) == (2, 2)
 
 
 @pytest.mark.not_quick

@@ -17,6 +17,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from volspec._deprecated import renamed_keyword
 from volspec._parse import parse_json
@@ -204,7 +205,7 @@ class Scene:
     @classmethod
     def from_volume(
         cls,
-        path: str | os.PathLike[str],
+        path: str | os.PathLike[str] | Volume | Series | ArrayLike,
         *,
         preset: str | None = None,
         lights: Sequence[str] = (),
@@ -218,7 +219,8 @@ class Scene:
         ----------
         path : path
             A volume or a series, as for `volspec.load_volume` and `volspec.load_series`; the
-            scene's paths are relative to its folder.
+            scene's paths are relative to its folder. Or a Volume, an array (Z, Y, X), a pyvista
+            ``ImageData`` or a Series, of which a saved scene has no more than the name.
         preset : str, optional
             Name of a transfer function in ``data/presets.toml``, or labels; default: labels if
             the volume has some, a colour per field if it has several, else soft-hard.
@@ -248,7 +250,13 @@ class Scene:
         >>> [light.name for light in scene.lights], scene.file.transfer.kind
         (['A'], 'surfaces')
         """
-        address = locate_volume(os.fspath(path))
+        given: Volume | Series | None = None
+        if isinstance(path, Series):
+            given = series = path
+        elif not isinstance(path, str | os.PathLike):
+            given = volume = Volume.of(path)
+        name = given.name or "volume" if given is not None else os.fspath(path)  # type: ignore[arg-type]
+        address = locate_volume(name)
         if volume is None and series is None:
             volume, series = open_volume(address)
         steps: Sequence[Volume] = series or ()
@@ -264,6 +272,8 @@ class Scene:
         file = volume_file(address, steps, look, lights, camera)
         scene = cls(file, volume_path(address))
         scene._series = series
+        if given is not None:
+            scene._names = replace(scene._names, given=given)
         scene.file = framed(file, volume, shown_mm(steps, scene.transfer, scene.raycast))
         return scene
 

@@ -59,7 +59,8 @@ class Resolver:
     """Looks up the names in a file; errors name the file, the table and the row.
 
     Paths are relative to the folder of ``path``; ``known`` are spectra that are not on disk
-    yet. With ``faults``, errors are collected there, and names that fail are left out.
+    yet, ``given`` is the volume if it is no file. With ``faults``, errors are collected there, and
+    names that fail are left out.
     """
 
     file: SceneFile
@@ -67,6 +68,7 @@ class Resolver:
     known: Mapping[str, Spectrum] = field(default_factory=dict)
     faults: list[str] | None = None
     read: dict[int, Mesh] = field(default_factory=dict)
+    given: Volume | Series | None = None
 
     @contextmanager
     def at(self, field: str) -> Iterator[None]:
@@ -321,8 +323,11 @@ class Resolver:
             box_mm = table.box_mm
             corners = self._mesh_box() if box_mm is None else np.transpose(box_mm)
             return Volume.empty(*corners), None
+        if isinstance(self.given, Series):
+            return self.given[table.step], self.given
         with self._reading():
-            found = volume_or_steps(locate_volume(table.file, self.path.parent))
+            address = locate_volume(table.file, self.path.parent)
+            found = volume_or_steps(address) if self.given is None else self.given
         with self._reading():
             require_step(table.file, table.step, 1 if isinstance(found, Volume) else len(found))
         if isinstance(found, Volume):
@@ -341,8 +346,8 @@ class Resolver:
     def steps(self) -> tuple[str, ...]:
         """Return the addresses of the volume's time steps; one if it is not a series."""
         table = self.file.volume
-        if table.file == EMPTY:
-            return (EMPTY,)
+        if table.file == EMPTY or self.given is not None:
+            return (table.file,) * (len(self.given) if isinstance(self.given, Series) else 1)
         with self._reading():
             return step_addresses(locate_volume(table.file, self.path.parent))
 
