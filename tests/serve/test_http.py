@@ -1,10 +1,12 @@
 """Refusals of the server: token, cookie, names, paths, methods, parameters, ports."""
 
+import asyncio
 import re
 import socket
 import subprocess
 import sys
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
@@ -147,6 +149,22 @@ def test_every_answer_forbids_what_it_does_not_need(client):
 def test_wrong_parameters_are_named(client, words, named):
     answer = client.view(**words)
     assert answer.status == 400 and named in answer.line and len(answer.body) < 300
+
+
+def test_it_answers_while_a_notebook_s_cell_waits(ball_scene):
+    async def cell() -> None:
+        made = scene_server("127.0.0.1", 0)
+        made.open(ball_scene)
+
+        def ask() -> None:
+            statuses.append(Client(made).enter().status)
+            made.stop()
+
+        made.run(Thread(target=ask).start)
+
+    statuses: list[int] = []
+    asyncio.run(cell())
+    assert statuses == [303]
 
 
 def test_the_extra_is_named_if_it_is_missing(monkeypatch):

@@ -15,6 +15,7 @@ import secrets
 import signal
 import socket
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from hmac import compare_digest
@@ -124,21 +125,33 @@ class SceneServer:
     def run(self, ready: Callable[[], object] = lambda: None) -> None:
         """Answer requests until `stop` is called or the process is interrupted, then close.
 
+        In a running event loop, as cells of notebooks are, a thread answers while this waits.
+
         Parameters
         ----------
         ready : function, optional
             Called as soon as requests are answered and an interrupt ends it.
         """
         try:
-            asyncio.run(self._answer(ready))
+            if not _is_in_loop():
+                asyncio.run(self._answer(ready))
+                return
+            with ThreadPoolExecutor(1) as thread:
+                answered = thread.submit(asyncio.run, self._answer(ready))
+                try:
+                    answered.result()
+                except KeyboardInterrupt:
+                    self.stop()
         finally:
             self.close()
 
     def stop(self) -> None:
         """End `run`; may be called from any thread."""
-        if self._loop is not None:
-            with suppress(RuntimeError):  # it has ended
-                self._loop.call_soon_threadsafe(self._stopped.set)
+        if self._loop is None:
+            self._stopped.set()
+            return
+        with suppress(RuntimeError):  # it has ended
+            self._loop.call_soon_threadsafe(self._stopped.set)
 
     def close(self) -> None:
         """Cancel casts and close the socket; can be repeated."""
@@ -319,6 +332,15 @@ class _View(_Guarded):
 def _equal(given: bytes, secret: str) -> bool:
     """Compare in constant time."""
     return compare_digest(given, secret.encode())
+
+
+def _is_in_loop() -> bool:
+    """Return True in a running event loop."""
+    try:
+        asyncio.get_running_loop()
+    except RuntimeError:
+        return False
+    return True
 
 
 def _is_wildcard(host: str) -> bool:
