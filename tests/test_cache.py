@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from tests.export.test_files_whole import left_by_a_kill
+from tests.support.errors import warns
 from tests.support.fixtures import Patch
-from volspec import _cache
+from volspec import _cache, _files
 
 ARRAYS = {
     "values": np.random.default_rng(1).standard_normal((3, 5)),
@@ -89,6 +90,23 @@ def test_a_folder_that_cannot_be_written_costs_only_time(folder, monkeypatch, fu
     for _ in range(2):
         assert same(_cache.cached_arrays("group/name", "maker", lambda: ARRAYS))
     assert list((folder / "group").iterdir()) == []
+
+
+@pytest.mark.parametrize("fault", ["full", "caches", "caches/pocl", "caches/volspec", "programs"])
+def test_caches_that_cannot_be_written_are_temporary(tmp_path, monkeypatch, fault):
+    variables = {"XDG_CACHE_HOME": "caches", "POCL_CACHE_DIR": "programs", "MPLCONFIGDIR": "."}
+    for variable, name in variables.items():
+        monkeypatch.setenv(variable, str(tmp_path / name))
+    if fault == "full":
+        monkeypatch.setattr("shutil.disk_usage", lambda folder: (2**30, 2**30, 0))
+    else:
+        (tmp_path / fault).parent.mkdir(exist_ok=True)
+        (tmp_path / fault).write_text("a file instead of the folder")
+    variable = "POCL_CACHE_DIR" if fault == "programs" else "XDG_CACHE_HOME"
+    with warns("caches are temporary", f"set {variable}"):
+        _files.ensure_writable_caches.__wrapped__()
+    assert tmp_path not in Path(os.environ["XDG_CACHE_HOME"]).parents
+    assert os.access(os.environ["XDG_CACHE_HOME"], os.W_OK) and "POCL_CACHE_DIR" not in os.environ
 
 
 def test_a_failed_computation_is_not_cached(folder):

@@ -35,6 +35,8 @@ _MOST_COMPARED = 5000
 _DEAD_S = 86400.0
 # Endings that belong together.
 _DOUBLE = (".nii.gz", ".ome.tif", ".ome.tiff", ".ome.zarr", ".zarr.zip", ".volspec.json")
+# Folders of the libraries and ours in the user's cache; and the bytes that programs may take.
+_CACHES, _LEAST_FREE_BYTES = ("pocl", "pyopencl", "pytools", "volspec"), 16 << 20
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 # Step between corrected modification times.
 _STEP_NS = 1_000_000
@@ -95,32 +97,45 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
 def ensure_writable_caches() -> None:
     """Use temporary folders for caches in this process if the user's cannot be written.
 
-    Those of PoCL, pyopencl and Matplotlib, too: without one, PoCL finds no device, pyopencl raises
-    an error and Matplotlib prints warnings.
+    Those of PoCL, pyopencl and Matplotlib, too: without one, PoCL finds no device or ends the
+    process, pyopencl raises an error and Matplotlib prints warnings.
     """
     from platformdirs import user_cache_path, user_config_path  # here: takes time at every start
 
     with suppress(OSError):
-        if not _can_write(user_cache_path()):
-            folder = tempfile.mkdtemp(prefix="volspec-")
-            atexit.register(shutil.rmtree, folder, ignore_errors=True)
-            warnings.warn(
-                f"{user_cache_path()}: cannot be written, so caches are temporary and every start "
-                "is slow; set XDG_CACHE_HOME to a folder that can be written",
-                VolspecWarning,
-                stacklevel=2,
-            )
-            os.environ["XDG_CACHE_HOME"] = folder
-        if "MPLCONFIGDIR" not in os.environ and not _can_write(user_config_path("matplotlib")):
+        caches, programs = user_cache_path(), os.environ.get("POCL_CACHE_DIR")
+        present = (caches / name for name in _CACHES if os.path.lexists(caches / name))
+        variables = dict.fromkeys((caches, *present), "XDG_CACHE_HOME")
+        if programs:
+            variables[Path(programs)] = "POCL_CACHE_DIR"
+        for folder, variable in variables.items():
+            if cause := write_fault(folder):
+                temporary = tempfile.mkdtemp(prefix="volspec-")
+                atexit.register(shutil.rmtree, temporary, ignore_errors=True)
+                warnings.warn(
+                    f"{folder}: cannot be written ({cause}), so caches are temporary and every "
+                    f"start is slow; set {variable} to a folder that can be written",
+                    VolspecWarning,
+                    stacklevel=2,
+                )
+                os.environ["XDG_CACHE_HOME"] = temporary
+                os.environ.pop("POCL_CACHE_DIR", None)
+                break
+        if "MPLCONFIGDIR" not in os.environ and write_fault(user_config_path("matplotlib")):
             os.environ["MPLCONFIGDIR"] = str(user_cache_path("matplotlib"))
 
 
-def _can_write(folder: Path) -> bool:
+def write_fault(folder: Path) -> str:
+    """Return why a cache cannot be written in a folder, which is made; empty if it can."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return False
-    return os.access(folder, os.W_OK)
+        with tempfile.TemporaryFile(dir=folder, buffering=0) as probe:
+            probe.write(bytes(4096))
+        total, _, free = shutil.disk_usage(folder)
+    except OSError as error:
+        return error.strerror or str(error)
+    is_full = total and free < _LEAST_FREE_BYTES  # some file systems report none at all
+    return f"{free >> 20} MiB are free" if is_full else ""
 
 
 def clear_unfinished(folder: Path) -> None:

@@ -82,12 +82,14 @@ def test_a_device_is_the_same_with_other_memory():
         ((OLD,), {}, "pocl-opencl-icd.*conda-forge.*volspec.intel"),
         ((OLD,), {"no_linker": True}, "libc6-dev"),
         ((OLD,), {"flags": "-Dfloat=half"}, f"^unset {devices.BUILD_VARIABLE}$"),
+        ((OLD,), {"programs": __file__}, "set POCL_CACHE_DIR"),
     ],
-    ids=["by name", "none works", "no linker", "flags"],
+    ids=["by name", "none works", "no linker", "flags", "no cache"],
 )
 def test_if_none_that_is_meant_works_the_error_has_each_fault_and_the_remedy(
-    put_devices, monkeypatch, known, how, remedy
+    put_devices, monkeypatch, tmp_path, known, how, remedy
 ):
+    monkeypatch.setenv("POCL_CACHE_DIR", how.get("programs", str(tmp_path)))
     monkeypatch.setattr(devices, "_missing_linker", lambda: how.get("no_linker", False))
     monkeypatch.setenv(devices.BUILD_VARIABLE, how.get("flags", ""))
     tries = put_devices(*known, faults={OLD.driver: NO_TARGET})

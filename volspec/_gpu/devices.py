@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING
 
 from volspec._cache import cache_rows, cached_rows
 from volspec._child import child_command, exit_cause, require_own_process
-from volspec._files import ensure_writable_caches
+from volspec._files import ensure_writable_caches, write_fault
 from volspec.errors import OpenCLError, nearest, one_line, quoted
 
 if TYPE_CHECKING:
@@ -108,14 +108,17 @@ def cache_folder() -> Path:
 
 def no_device_error() -> OpenCLError:
     """Return the error for a machine without a device: nothing is installed, or PoCL failed."""
-    folder, way = cache_folder(), remedy([])
-    existing = next((path for path in (folder, *folder.parents) if path.exists()), folder)
-    if not (existing.is_dir() and os.access(existing, os.W_OK)):
-        way = (
-            f"PoCL cannot write compiled programs to {folder}, set POCL_CACHE_DIR to a folder that "
-            "can be written"
+    return OpenCLError("no OpenCL device found", _cache_remedy() or remedy([]), code="missing")
+
+
+def _cache_remedy() -> str:
+    """Return what to do if PoCL cannot write compiled programs; empty if it can."""
+    if cause := write_fault(cache_folder()):
+        return (
+            f"PoCL cannot write programs to {cache_folder()} ({cause}), set POCL_CACHE_DIR to a "
+            "folder that can be written"
         )
-    return OpenCLError("no OpenCL device found", way, code="missing")
+    return ""
 
 
 def devices() -> list[DeviceInfo]:
@@ -175,7 +178,8 @@ def unusable_error(meant: list[int], found: list[DeviceInfo]) -> OpenCLError:
     if len(meant) < len(found):
         way = f"choose another device with {DEVICE_VARIABLE}; see volspec doctor"
         return OpenCLError(f"OpenCL: {faults}", way, code="unsupported")
-    way = f"unset {BUILD_VARIABLE}" if os.environ.get(BUILD_VARIABLE) else remedy(found)
+    way = f"unset {BUILD_VARIABLE}" if os.environ.get(BUILD_VARIABLE) else ""
+    way = way or _cache_remedy() or remedy(found)
     return OpenCLError(f"OpenCL: no device can run a kernel. {faults}", way, code="unsupported")
 
 
