@@ -141,7 +141,7 @@ def test_the_viewer_s_floors_import_only_from_below():
         ("tensorstore", ("volume/files/tensors.py",)),
         ("dask", ("raycast/distributed.py",)),
         ("distributed", ("raycast/distributed.py",)),
-        ("tornado", ("export/serve/http.py",)),
+        ("tornado", ("export/serve/connections.py", "export/serve/http.py")),
         ("OpenEXR", ("_exr.py",)),
         (
             "matplotlib",

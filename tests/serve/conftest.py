@@ -88,7 +88,7 @@ class Client:
 
 @contextmanager
 def serving(scene: Scene, host: str = "127.0.0.1", **how: Any) -> Iterator[Any]:
-    server = scene_server(host, 0)
+    server = scene_server(host, 0, insecure=True)
     try:
         server.open(scene, **how)
     except BaseException:

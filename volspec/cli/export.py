@@ -41,7 +41,6 @@ from volspec.cli.shell import (
     as_written,
     bar,
     counted,
-    note,
     note_everyday,
     say,
 )
@@ -427,14 +426,16 @@ def serve(
     memory: Memory = None,
     host: str = "127.0.0.1",
     port: Annotated[int, Parameter(converter=as_written, validator=_check_port)] = 8765,
+    insecure: Annotated[bool, Parameter(negative="")] = False,
     title: str | None = None,
     device: Device = None,
 ) -> None:
     """Serve a scene or a volume to a browser, which relights it and moves its camera.
 
     The volume stays on this machine: a picture's channels go to the browser once per view, and
-    lights change there. The printed address holds a token, without which nothing is answered. From
-    another machine, connect by `ssh -L 8765:localhost:8765 THIS_MACHINE` and open the address.
+    lights change there. The printed address holds a token, without which nothing is answered; one
+    browser uses it up, and the next address is printed. From another machine, connect by
+    `ssh -L 8765:localhost:8765 THIS_MACHINE` and open the address.
 
     Example: `volspec serve engine.toml`
 
@@ -448,10 +449,11 @@ def serve(
     size
         WIDTHxHEIGHT in pixels, instead of the scene's.
     host
-        Address that it listens at; 0.0.0.0 is all of this machine's, whose traffic is not
-        encrypted.
+        Address that it listens at; 0.0.0.0 is all of this machine's, with --insecure.
     port
         Port that it listens at; 0 is any that is free.
+    insecure
+        Let other machines connect, though they send and receive without encryption.
     title
         Title, instead of the scene's.
     """
@@ -459,12 +461,9 @@ def serve(
     from volspec.export.serve import scene_server
 
     try:
-        server = scene_server(host, port)
+        server = scene_server(host, port, insecure=insecure)
     except InputError as error:
         raise error.at(f"--{error.field}") from error
-    if not server.is_private:
-        tunnel = f"ssh -L {server.port}:localhost:{server.port} THIS_MACHINE"
-        note(f"--host {host}: traffic is not encrypted; leave it out, and connect by {tunnel}")
     try:
         with bar(left=True) as tell:
             tell("load the scene", 0)
@@ -482,7 +481,7 @@ def serve(
                 progress=lambda share: tell("cast", share),
             )
         with suppress(KeyboardInterrupt):
-            server.run(lambda: print(f"{server.address}  (Ctrl-C ends it)", flush=True))
+            server.run(lambda: print(f"{server.address}  (once; Ctrl-C ends it)", flush=True))
     finally:
         server.close()
 

@@ -19,7 +19,7 @@ __all__ = ["scene_server"]
 HOST, PORT = "127.0.0.1", 8765
 
 
-def scene_server(host: str = HOST, port: int = PORT) -> SceneServer:
+def scene_server(host: str = HOST, port: int = PORT, *, insecure: bool = False) -> SceneServer:
     """Return a server that listens at an address, and as yet has no scene.
 
     Parameters
@@ -28,13 +28,15 @@ def scene_server(host: str = HOST, port: int = PORT) -> SceneServer:
         Name or number of the machine's address; by default only this machine can connect.
     port : int
         0 to 65535; 0 is any that is free.
+    insecure : bool
+        Allow an address of other machines, though nothing is encrypted.
 
     Raises
     ------
     DeviceError
         If the extra ``serve`` is not installed.
     InputError
-        If there is no such address, or the port cannot be used.
+        If there is no such address, the port cannot be used, or other machines could connect.
 
     Examples
     --------
@@ -54,4 +56,4 @@ def scene_server(host: str = HOST, port: int = PORT) -> SceneServer:
             'pip install "volspec[serve]"',
             code="unsupported",
         ) from error
-    return SceneServer(host, port)
+    return SceneServer(host, port, insecure)

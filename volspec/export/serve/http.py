@@ -1,9 +1,9 @@
 """HTTP of a served scene: who may ask, what they may ask for, and what every answer says.
 
-    browser -> [http] -> CastQueue -> SceneViews
+    browser -> LimitedServer -> [http] -> CastQueue -> SceneViews
 
-Two routes exist: the page, and a view. Everything else is refused with one line of text. Only
-`scene_server` imports this module, because it needs tornado.
+Two routes exist: the page, and a view. Everything else is refused with one line of text.
+Only `scene_server` imports this module, because it needs tornado.
 """
 
 from __future__ import annotations
@@ -22,11 +22,13 @@ from hmac import compare_digest
 from typing import Any
 from urllib.parse import urlsplit
 
-from tornado.httpserver import HTTPServer
+from tornado.ioloop import IOLoop
+from tornado.iostream import IOStream
 from tornado.web import Application, HTTPError, RequestHandler
 
-from volspec.errors import CastCancelled, InputError, VolspecError, one_line
+from volspec.errors import CastCancelled, InputError, VolspecError, one_line, quoted
 from volspec.export.page import PageSpec, page_policy
+from volspec.export.serve.connections import LimitedServer
 from volspec.export.serve.views import CastQueue, PendingCast, SceneViews, ViewRequest
 from volspec.raycast.row_batches import Progress
 from volspec.scene import Scene
@@ -35,7 +37,8 @@ from volspec.volume import Volume
 
 # Names of this machine, also at the near end of a tunnel, whose port may be another one.
 _OWN_NAMES = {"localhost", "127.0.0.1", "::1"}
-_MAX_HEADER_BYTES, _MAX_BODY_BYTES, _IDLE_S = 16_384, 4096, 600
+_MAX_WAITING = 1024  # connections that are not accepted yet
+_ENTER = "open the address that volspec serve printed last"
 _HEADERS = {
     "Content-Type": "text/plain; charset=utf-8",
     "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
@@ -52,14 +55,17 @@ class SceneServer:
 
     Parameters
     ----------
-    host, port
+    host, port, insecure
         As for `scene_server`, and so are the errors.
     """
 
-    def __init__(self, host: str, port: int) -> None:
-        self._host, self._socket = host, _listen(host, port)
-        self._port: int = self._socket.getsockname()[1]
+    def __init__(self, host: str, port: int, insecure: bool = False) -> None:
+        self._host, self._socket = host, _listen(host, port, insecure)
+        address = self._socket.getsockname()
+        self._port: int = address[1]
+        self._is_private = _is_loopback(address)
         self._token = secrets.token_urlsafe(24)
+        self._ready: Callable[[], object] = lambda: None
         self._queue: CastQueue | None = None
         self._site: _Site | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -67,7 +73,7 @@ class SceneServer:
 
     @property
     def address(self) -> str:
-        """Address that opens the page, with the token."""
+        """Address that opens the page, with a token, which changes once a browser has used it."""
         host = socket.gethostname() if _is_wildcard(self._host) else self._host
         name = f"[{host}]" if ":" in host else host
         return f"http://{name}:{self._port}/?token={self._token}"
@@ -80,11 +86,7 @@ class SceneServer:
     @property
     def is_private(self) -> bool:
         """True if only this machine can connect."""
-        if self._host.lower() == "localhost":
-            return True
-        with suppress(ValueError):
-            return ipaddress.ip_address(self._host).is_loopback
-        return False
+        return self._is_private
 
     def open(
         self,
@@ -120,7 +122,7 @@ class SceneServer:
         own = {*_OWN_NAMES, self._host.lower(), socket.gethostname().lower()}
         names = None if _is_wildcard(self._host) else frozenset(own)
         cookie = f"volspec-{self._port}", secrets.token_urlsafe(24)
-        self._site = _Site(html, self._queue, self._token, cookie, names)
+        self._site = _Site(html, self._queue, self._use_token, cookie, names)
 
     def run(self, ready: Callable[[], object] = lambda: None) -> None:
         """Answer requests until `stop` is called or the process is interrupted, then close.
@@ -130,14 +132,16 @@ class SceneServer:
         Parameters
         ----------
         ready : function, optional
-            Called as soon as requests are answered and an interrupt ends it.
+            Called as soon as requests are answered and an interrupt ends it, and again at every
+            new `address`.
         """
+        self._ready = ready
         try:
             if not _is_in_loop():
-                asyncio.run(self._answer(ready))
+                asyncio.run(self._answer())
                 return
             with ThreadPoolExecutor(1) as thread:
-                answered = thread.submit(asyncio.run, self._answer(ready))
+                answered = thread.submit(asyncio.run, self._answer())
                 try:
                     answered.result()
                 except KeyboardInterrupt:
@@ -159,7 +163,15 @@ class SceneServer:
         if self._queue is not None:
             self._queue.close()
 
-    async def _answer(self, ready: Callable[[], object]) -> None:
+    def _use_token(self, given: bytes) -> bool:
+        """Return True for the token of `address`, which then becomes another one."""
+        if not _equal(given, self._token):
+            return False
+        self._token = secrets.token_urlsafe(24)
+        self._ready()
+        return True
+
+    async def _answer(self) -> None:
         if self._site is None:
             raise InputError("serve: no scene is open", "call open first", code="state")
         self._loop = asyncio.get_running_loop()
@@ -170,22 +182,18 @@ class SceneServer:
             default_handler_args=given,
             log_function=lambda handler: None,
         )
-        server = HTTPServer(
-            app,
-            max_header_size=_MAX_HEADER_BYTES,
-            max_body_size=_MAX_BODY_BYTES,
-            idle_connection_timeout=_IDLE_S,
-        )
-        server.add_socket(self._socket)
+        server = LimitedServer(app)
+        app.settings["authenticate"] = server.authenticate
+        server.accept_from(self._socket)
         # asyncio's own handler may miss an interrupt that comes just before the loop waits.
         # Windows has no other, and other threads get no signals.
         with suppress(NotImplementedError, RuntimeError, ValueError):
             self._loop.add_signal_handler(signal.SIGINT, self._stopped.set)
         try:
-            ready()
+            self._ready()
             await self._stopped.wait()
         finally:
-            server.stop()
+            IOLoop.current().remove_handler(self._socket)
             await server.close_all_connections()
 
 
@@ -195,7 +203,7 @@ class _Site:
 
     html: str
     queue: CastQueue
-    token: str
+    use_token: Callable[[bytes], bool]
     cookie: tuple[str, str]  # name, which the port makes unique on a machine, and value
     names: frozenset[str] | None  # that a Host header may give; None: any
 
@@ -212,6 +220,7 @@ class _Guarded(RequestHandler):
     """Handler that answers only requests of this page, with its cookie."""
 
     SUPPORTED_METHODS = ("GET", "HEAD")
+    _is_authenticated = False
 
     def initialize(self, site: _Site) -> None:
         self.site = site
@@ -223,13 +232,24 @@ class _Guarded(RequestHandler):
 
     def prepare(self) -> None:
         self._require_host()
+        if not self._has_cookie():
+            raise _Refused(403, f"this page needs a token; {_ENTER}")
+        self._authenticate()
+
+    def _has_cookie(self) -> bool:
         name, secret = self.site.cookie
         # A cookie of another server on this machine may hold anything.
         given = self.request.cookies[name].value if name in self.request.cookies else ""
-        if not _equal(given.encode(), secret):
-            raise _Refused(
-                403, "this page needs a token; open the address that volspec serve printed"
-            )
+        return _equal(given.encode(), secret)
+
+    def _authenticate(self) -> None:
+        self._is_authenticated = True
+        self.settings["authenticate"](self._stream)
+
+    @property
+    def _stream(self) -> IOStream:
+        connection: Any = self.request.connection
+        return connection.stream
 
     def _require_host(self) -> None:
         """Refuse names under which other sites could reach this server [DNS rebinding]."""
@@ -240,10 +260,15 @@ class _Guarded(RequestHandler):
         if self.site.names is not None and name not in self.site.names:
             # Without the known names, as the asking site could read them.
             problem = f"{host!r:.60} is no name of this server"
-            raise _Refused(403, f"{problem}; open the address that volspec serve printed")
+            raise _Refused(403, f"{problem}; {_ENTER}")
 
     def compute_etag(self) -> None:
         """None: nothing is stored."""
+
+    def log_exception(self, typ: Any, value: Any, tb: Any) -> None:
+        """Log only what is no refusal, as anybody can ask for those."""
+        if not isinstance(value, HTTPError):
+            super().log_exception(typ, value, tb)
 
     def write_error(self, status_code: int, **kwargs: Any) -> None:
         error = kwargs["exc_info"][1] if "exc_info" in kwargs else None
@@ -254,7 +279,13 @@ class _Guarded(RequestHandler):
             text = f"method {self.request.method} is not supported; use GET"
         else:
             text = f"the request failed: {one_line(error or self._reason)}"
+        if not self._is_authenticated:
+            self.set_header("Connection", "close")
         self.finish(f"{one_line(text)}\n")
+
+    def on_finish(self) -> None:
+        if not self._is_authenticated:
+            self._stream.close()
 
 
 class _Nothing(_Guarded):
@@ -270,14 +301,17 @@ class _Page(_Guarded):
 
     def prepare(self) -> None:
         tokens = self.request.query_arguments.get("token")
-        if tokens is None:
+        # Programs that look at links ask for heads, and must not use the token up.
+        if tokens is None or self.request.method == "HEAD":
             super().prepare()
             return
         self._require_host()
-        if not _equal(tokens[-1], self.site.token):
-            raise _Refused(403, "the token is wrong; open the address that volspec serve printed")
-        # Without a path, the cookie is for this one, also behind a proxy that adds to it.
-        self.set_cookie(*self.site.cookie, path="", httponly=True, samesite="Strict")
+        if not self._has_cookie():
+            if not self.site.use_token(tokens[-1]):
+                raise _Refused(403, f"the token is wrong, or was used before; {_ENTER}")
+            # Without a path, the cookie is for this one, also behind a proxy that adds to it.
+            self.set_cookie(*self.site.cookie, path="", httponly=True, samesite="Strict")
+        self._authenticate()
         self.set_status(303)
         self.set_header("Location", "./")
         self.finish()
@@ -300,8 +334,10 @@ class _View(_Guarded):
         super().prepare()
         headers = self.request.headers
         own_site = headers.get("Sec-Fetch-Site", "same-origin") in ("same-origin", "none")
-        origin = headers.get("Origin")
-        if not own_site or (origin and urlsplit(origin).netloc != headers.get("Host")):
+        origin, authority = headers.get("Origin"), None
+        with suppress(ValueError):
+            authority = urlsplit(origin or "").netloc
+        if not own_site or (origin and authority != headers.get("Host")):
             raise _Refused(403, "another site asked for this view; open the page itself")
 
     async def get(self) -> None:
@@ -343,6 +379,10 @@ def _is_in_loop() -> bool:
     return True
 
 
+def _is_loopback(address: tuple[Any, ...]) -> bool:
+    return ipaddress.ip_address(address[0]).is_loopback
+
+
 def _is_wildcard(host: str) -> bool:
     """Return True if a host is all addresses of the machine."""
     with suppress(ValueError):
@@ -350,7 +390,7 @@ def _is_wildcard(host: str) -> bool:
     return not host
 
 
-def _listen(host: str, port: int) -> socket.socket:
+def _listen(host: str, port: int, insecure: bool) -> socket.socket:
     """Return a socket that listens at an address. Raises InputError if it cannot."""
     if not 0 <= port <= 65535:  # the system would take its lower bits
         raise InputError.refused("port", port, "give 0 to 65535", "range")
@@ -360,7 +400,16 @@ def _listen(host: str, port: int) -> socket.socket:
         )
         # Of a name's addresses, that of IPv4, which "localhost" means in tunnels.
         family, _, _, _, address = min(found, key=lambda each: each[0] != socket.AF_INET)
-        made = socket.create_server(address, family=family)
+        if not (insecure or _is_loopback(address)):
+            tunnel = f"ssh -L {port or 'PORT'}:localhost:{port or 'PORT'} THIS_MACHINE"
+            raise InputError(
+                f"{quoted(host)} lets other machines connect, and the traffic is not encrypted",
+                f"leave it out and connect by {tunnel}, or add --insecure (Python: insecure=True)",
+                code="conflict",
+                field="host",
+                given=host,
+            )
+        made = socket.create_server(address, family=family, backlog=_MAX_WAITING)
     except OSError as error:
         if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
             remedy = "give one of this machine's addresses, such as 127.0.0.1"
