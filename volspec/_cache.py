@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from platformdirs import user_cache_path
 
-from volspec._files import clear_unfinished, keep_newest, write_whole
+from volspec._files import clear_unfinished, keep_newest, make_private, write_whole
 from volspec.errors import InputError
 
 Arrays = dict[str, NDArray[Any]]
@@ -64,8 +64,10 @@ def cache_rows(name: str, rows: Mapping[str, Any]) -> None:
     """Add facts to a file of the cache, as JSON; of more than `_MOST_ROWS`, the oldest go."""
     kept = {key: row for key, row in cached_rows(name).items() if key not in rows}
     newest = dict([*kept.items(), *rows.items()][-_MOST_ROWS:])
-    with suppress(OSError, InputError), write_whole(cache_folder() / name) as temporary:
-        temporary.write_text(json.dumps(newest, indent=1), encoding="utf-8")
+    with suppress(OSError, InputError):
+        make_private(cache_folder())
+        with write_whole(cache_folder() / name) as temporary:
+            temporary.write_text(json.dumps(newest, indent=1), encoding="utf-8")
 
 
 def _read(file: Path, maker: str) -> Arrays | None:
@@ -84,6 +86,7 @@ def _read(file: Path, maker: str) -> Arrays | None:
 
 
 def _write(file: Path, maker: str, arrays: Arrays) -> None:
+    make_private(file.parent)
     members: dict[str, Any] = {"maker": maker, "keys": list(arrays), **arrays}
     with write_whole(file) as temporary:
         np.savez(temporary, **members)

@@ -128,7 +128,7 @@ def ensure_writable_caches() -> None:
 def write_fault(folder: Path) -> str:
     """Return why a cache cannot be written in a folder, which is made; empty if it can."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        make_private(folder)
         with tempfile.TemporaryFile(dir=folder, buffering=0) as probe:
             probe.write(bytes(4096))
         total, _, free = shutil.disk_usage(folder)
@@ -136,6 +136,13 @@ def write_fault(folder: Path) -> str:
         return error.strerror or str(error)
     is_full = total and free < _LEAST_FREE_BYTES  # some file systems report none at all
     return f"{free >> 20} MiB are free" if is_full else ""
+
+
+def make_private(folder: Path) -> None:
+    """Make a folder that only its owner can open, and so those above it that are missing."""
+    if not folder.parent.exists():
+        make_private(folder.parent)
+    folder.mkdir(mode=0o700, exist_ok=True)
 
 
 def clear_unfinished(folder: Path) -> None:

@@ -18,6 +18,7 @@ import pytest
 from tests.support.errors import raises
 from tests.support.viewer import assert_same_tables, opened
 from tests.viewer._states import restored, save_ball, worked_on
+from volspec import _cache
 from volspec.errors import Code
 from volspec.scene import Scene
 from volspec.spectra import PAPERS_GRID
@@ -36,7 +37,13 @@ from volspec.viewer.work.session import (
     save_session,
     session_from_state,
 )
-from volspec.viewer.work.session_store import EVERY_S, MOST_SESSIONS, REST_S, SessionStore
+from volspec.viewer.work.session_store import (
+    EVERY_S,
+    MOST_SESSIONS,
+    REST_S,
+    RecentFiles,
+    SessionStore,
+)
 from volspec.volume import phantom
 
 
@@ -215,6 +222,19 @@ def begun(folder: Path) -> tuple[ViewState, SessionStore]:
 
 def turned(state: ViewState, share: float = 0.1) -> ViewState:
     return camera.orbit(state, share, 0.0)
+
+
+def test_folders_of_sessions_and_caches_are_private(tmp_path, monkeypatch):
+    monkeypatch.setattr(_cache, "cache_folder", lambda: tmp_path / "home" / "cache")
+    state = opened(tmp_path)
+    store = SessionStore(tmp_path / "home" / "state")
+    store.begin(state)
+    store.save(turned(state))
+    RecentFiles(tmp_path / "home" / "recent").add("v.nrrd")
+    _cache.cache_rows("rows.json", {"a": 1})
+    _cache.cached_arrays("of/arrays", "1", lambda: {"a": np.zeros(1)})
+    made = [path for path in (tmp_path / "home").rglob("*") if path.is_dir()]
+    assert {path.stat().st_mode & 0o777 for path in made} == {0o700} and len(made) == 6
 
 
 def test_nothing_is_kept_where_nothing_was_changed(tmp_path):

@@ -20,6 +20,7 @@ from volspec._files import (
     is_remote,
     keep_newest,
     lock_file_handle,
+    make_private,
     newest_first,
     write_whole,
 )
@@ -88,8 +89,10 @@ class RecentFiles:
         self._write([])
 
     def _write(self, paths: list[str]) -> None:
-        with suppress(InputError, OSError), write_whole(self._file) as temporary:
-            temporary.write_text(json.dumps(paths, indent=1), encoding="utf-8")
+        with suppress(InputError, OSError):
+            make_private(self._file.parent)
+            with write_whole(self._file) as temporary:
+                temporary.write_text(json.dumps(paths, indent=1), encoding="utf-8")
 
 
 MOST_SESSIONS = 10
@@ -179,6 +182,8 @@ class SessionStore:
                 name = f"{stamp}-{os.getpid()}-{file_stem(state.document.title)[:40]}{SUFFIX}"
                 self._own = self._folder / name
             self._running.begin(self._own.name)
+            with suppress(OSError):  # which saving reports
+                make_private(self._folder)
             save_session(state, self._own)
             self._saved, self._written = _without_window(state), number
             keep_newest(self._own, f"*{SUFFIX}", MOST_SESSIONS)
@@ -239,7 +244,7 @@ class Running:
         self.end()
         path = self._folder / name
         try:
-            self._folder.mkdir(parents=True, exist_ok=True)
+            make_private(self._folder)
             handle = os.open(path, os.O_RDWR | os.O_CREAT)
         except OSError:
             return
