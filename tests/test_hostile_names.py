@@ -46,6 +46,7 @@ HOSTILE = (
     "\x00\x1b]0;hurt\x07\x7f\x85\u2028",
     "[red]hurt[/red] [link=http://hurt]x[/link] :skull:",
     "$\\frac{1}{",
+    '<b>hurt</b><img src="/hurt.png">&lt;a href="hurt"&gt;@hurt;',
     "größer 骨 😀",
 )
 SHARES = {"key": 0.7, "sky [hurt] {": 0.3}
@@ -72,6 +73,7 @@ def test_real_tcl_reads_nuke_s_group_and_runs_no_name():
     knobs = [each[3] for each in knobs if each[0] == "7"]
     assert len(knobs) == len(HOSTILE) * len(SHARES)
     assert knobs[0] == "(hurt): key" and knobs[-1] == "größer 骨 😀: sky (hurt) ("
+    assert not set("".join(knobs)) & set('[]{}<>&"\\$@')
     # Nuke evaluates labels, expressions and file names once more.
     for each in words:
         for word in each[1:]:

@@ -138,7 +138,7 @@ def test_nuke_s_group_has_a_knob_for_each_weight(tmp_path):
     assert bare.count("{") == bare.count("}") and bare.count('"') % 2 == 0
     assert f' file "{tmp_path.as_posix()}/' + r'a \{\$c.exr"' in text
     knobs = re.findall(r'addUserKnob \{7 (weight\d) l "((?:\\.|[^"])*)"', text)
-    lamps = ("day", r"fluorescent (\"\$x\")", "evening")
+    lamps = ("day", "fluorescent ('_x')", "evening")
     assert [label for _, label in knobs] == [
         f"{lamp}: {group}" for lamp in lamps for group in SHARES
     ]

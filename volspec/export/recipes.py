@@ -22,6 +22,8 @@ from volspec.raycast.layered import BEND, MOST_EXPONENT, Slot
 from volspec.raycast.lights import OCCLUSION_GAIN
 
 SUFFIXES = (".py", ".nk")
+# Tcl's brackets, braces, quotes and variables; HTML's tags and entities; @ for icons.
+_IN_LABELS = str.maketrans('{}[]<>\\"$&@', "()()()/'_+_")
 _DIGITS = 9  # significant digits in expressions, as in a header
 
 
@@ -312,9 +314,8 @@ def _label(recipe: Recipe, light: str, group: str) -> str:
 
 
 def _plain_label(text: str) -> str:
-    """Return a knob's label without brackets, which Nuke evaluates even in quotes."""
-    # Braces count even inside quotes.
-    return visible(" ".join(text.split())).translate(str.maketrans("{}[]\\", "()()/"))
+    """Return a knob's label without what Nuke evaluates, even in quotes, and marks of HTML."""
+    return visible(" ".join(text.split())).translate(_IN_LABELS)
 
 
 def _nuke_path(image: Path) -> str:
