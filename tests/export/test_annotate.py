@@ -10,6 +10,7 @@ from PIL import Image
 
 from tests.support.images import image
 from volspec.basis import SpectralBasis
+from volspec.errors import VolspecWarning
 from volspec.export import tiles
 from volspec.export.annotate import (
     MarkedPicture,
@@ -123,6 +124,16 @@ def test_annotations_are_where_their_points_are(size):
         near = picture[y - 1 : y + 2, x - 1 : x + 2]  # lines of small pictures are thin
         assert near.min(axis=-1).max() > 200
     assert (picture[0] == 128).all() and (picture == 0).any()
+
+
+def test_an_annotation_that_is_cut_is_named():
+    long = Annotation(points_mm=POINTS, text="y" * 80)
+    with pytest.warns(VolspecWarning, match=r"\[\[annotation\]\] 'y+"):
+        narrow = marked((512, 512), annotations=[long])
+    wide = marked((1500, 512), annotations=[long])
+    assert (narrow[:, -1] != 128).any() and (wide[:, -1] == 128).all()
+    svg = annotation_svg([long], CAMERA, (512, 512))
+    assert f">{long.caption}<" in svg, "the number follows the text"
 
 
 def test_an_annotation_behind_the_camera_is_not_drawn():

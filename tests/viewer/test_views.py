@@ -359,9 +359,10 @@ def test_a_tool_annotates_and_stays_in_use(state, tool, caption):
 
 def test_texts_and_rows_are_edited(state):
     new = picked(picked(state, "label"), "distance")
-    new = measure.rename(measure.rename(new, 0, "  aortic\nvalve "), 1, "width")
+    new = measure.rename(measure.rename(new, 0, "  aortic\nvalve ").state, 1, "width").state
     assert [each.caption for each in new.annotations] == ["aortic valve", "width 5 mm"]
-    assert measure.rename(new, 0, " ") is new  # a label has a text
+    for refused in (" ", "x" * 81):  # a label has a text
+        assert measure.rename(new, 0, refused)[:1] == (new,) and measure.rename(new, 0, refused)[1]
     assert measure.remove(new, 0).annotations == new.annotations[1:]
     assert measure.remove(new, 5) is new
     assert measure.remove_all(new).annotations == ()

@@ -7,6 +7,7 @@ Sizes follow the picture's, so that marks are legible in any. Colours are displa
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from volspec.appearance.gamut_mapping import screen_for_viewing
 from volspec.appearance.scene_to_display import view_transform
 from volspec.basis import Basis
+from volspec.errors import VolspecWarning, quoted
 from volspec.export.contact_sheet import printable
 from volspec.raycast import Camera
 from volspec.raycast.projection import (
@@ -55,7 +57,7 @@ _SWATCH, _ROW = 18.0, 28.0
 # its point and above it a label is.
 _DOT, _LINE, _ROOM, _LEADER = 4.0, 1.1, 6.0, 28.0
 _WHITE, _BLACK = (255, 255, 255, 255), (0, 0, 0, 255)
-_MOST_LETTERS = 80
+_MOST_LETTERS = 100  # of an annotation 80, and its number
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,6 +86,7 @@ class MarkedPicture:
 
 def picture_marks(marks: Sequence[Mark], picture: MarkedPicture) -> list[Patch]:
     """Return the patches of a picture: its annotations, and marks of ``[export] annotate``."""
+    warn_of_cut(picture.annotations, picture.camera, picture.size)
     paint = _Painter(picture)
     patches = [patch for each in picture.annotations for patch in paint.annotation(each)]
     top = paint.margin
@@ -182,6 +185,23 @@ def annotation_svg(annotations: Sequence[Annotation], camera: Camera, size: tupl
             f'stroke-width="{2 * _OUTLINE * unit:.1f}">{caption}</text>'
         )
     return "".join(found)
+
+
+def warn_of_cut(annotations: Sequence[Annotation], camera: Camera, size: tuple[int, int]) -> None:
+    """Warn of annotations that begin within a picture and end beyond its right edge."""
+    unit, projection = _unit(size), Projection(camera, (0, 0, *size))
+    for each in annotations:
+        if (placed := _placed(each, projection, unit)) is None:
+            continue
+        start = float(placed.caption[0]) + _ROOM * unit
+        wide = _font(round(_TEXT * unit)).getlength(printable(each.caption, _MOST_LETTERS))
+        if 0 <= start < size[0] < start + wide:
+            warnings.warn(
+                f"[[annotation]] {quoted(each.caption)}: is cut at the edge of a picture of "
+                f"{size[0]} x {size[1]}; shorten its text, move its points, or make it wider",
+                VolspecWarning,
+                stacklevel=2,
+            )
 
 
 def _unit(size: tuple[int, int]) -> float:

@@ -29,7 +29,7 @@ from volspec._files import require_suffix, write_whole
 from volspec.basis import MaterialBasis
 from volspec.errors import ImageError, ShapeError, VolspecWarning
 from volspec.export.animation import turntable_cameras
-from volspec.export.annotate import annotation_svg
+from volspec.export.annotate import annotation_svg, warn_of_cut
 from volspec.export.page import payload
 from volspec.export.page.packing import PackedLayers, layer_bytes, pack_layers, pack_view
 from volspec.export.tiles import part_of
@@ -350,6 +350,7 @@ def scene_views(
                 progress=progress and part_of(progress, done / total, 1 / total),
                 behind=behind,
             )
+            warn_of_cut(scene.file.annotation, camera, pixels)
             marks = annotation_svg(scene.file.annotation, camera, pixels)
             depth = scene.file.depth if spec.layers else DepthEffects()
             yield PageView(image, 360.0 * i / count, marks, step, opacities, depth)

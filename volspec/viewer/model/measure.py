@@ -55,12 +55,18 @@ def pick(state: ViewState, point_mm: Vector) -> ViewState:
     return replace(with_interface(state, tool_points=()), annotations=(*state.annotations, made))
 
 
-@edit
+@refusable
 def rename(state: ViewState, index: int, text: str) -> ViewState:
-    """Set an annotation's text; a label keeps its own if the new one is empty."""
+    """Set an annotation's text; it keeps its own if the new one is too long, or a label's empty."""
     if not 0 <= index < len(state.annotations):
         return state
-    made = replace(state.annotations[index], text=" ".join(text.split())[:MOST_LETTERS])
+    text = " ".join(text.split())
+    if len(text) > MOST_LETTERS:
+        raise InputError(
+            f"An annotation has up to {MOST_LETTERS} letters, not {len(text)}; shorten it",
+            code="size",
+        )
+    made = replace(state.annotations[index], text=text)
     rest = state.annotations
     return replace(state, annotations=(*rest[:index], made, *rest[index + 1 :]))
 

@@ -10,6 +10,7 @@ from volspec.raycast.projection import Projection
 from volspec.scene.annotation import Annotation, place_annotation
 from volspec.settings import Vector
 from volspec.viewer.model import measure
+from volspec.viewer.model.edit import bind
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import CLICK_FRAMES, UiContext
 from volspec.viewer.ui.mouse import Area
@@ -137,4 +138,4 @@ def _row(state: ViewState, each: Annotation, ui: UiContext, i: int) -> ViewState
         imgui.align_text_to_frame_padding()
         imgui.text(number)
         imgui.same_line(room + imgui.get_style().window_padding.x)
-    return measure.rename(state, i, text) if changed else state
+    return ui.edited(state, bind(measure.rename, i, text)) if changed else state
