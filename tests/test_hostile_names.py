@@ -179,6 +179,7 @@ def test_a_terminal_shows_marks_in_names_and_obeys_none():
     assert "\x1b]" not in said and "💀" not in said and "\x1b[31m" not in said
 
 
+@pytest.mark.filterwarnings("ignore:text. no installed font")
 def test_figures_draw_names_as_they_are_spelt():
     from matplotlib.figure import Figure
 

@@ -16,8 +16,9 @@ ROOT = Path(__file__).resolve().parent.parent / "volspec"
 
 # A module imports only from its left (docs/decisions/0002 puts the pipeline before the scene).
 LAYERS = (
-    *("_deprecated", "errors", "_files", "_cache", "_child", "_parse", "_toml", "settings", "_exr"),
-    *("_gpu", "_triangles", "spectra", "appearance", "_figures", "basis", "palette", "room"),
+    *("_deprecated", "errors", "_files", "_cache", "_child", "_parse", "_text", "_toml"),
+    *("settings", "_exr", "_gpu", "_triangles", "spectra", "appearance", "_figures", "basis"),
+    *("palette", "room"),
     *("volume", "transfer", "raycast", "mesh", "relight", "pipeline", "scene", "wizard", "export"),
     *("doctor", "viewer", "cli"),
 )
@@ -146,7 +147,7 @@ def test_the_viewer_s_floors_import_only_from_below():
         (
             "matplotlib",
             (
-                *("_figures.py", "basis/figure.py", "basis/light_figure.py"),
+                *("_figures.py", "_text.py", "basis/figure.py", "basis/light_figure.py"),
                 *("basis/reflectance_figure.py", "palette/figure.py", "relight/error_map.py"),
             ),
         ),

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._files import write_whole
+from volspec._text import text_runs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,17 +54,25 @@ def inch_axes(figure: Figure, left: float, bottom: float, width: float, height: 
 
 
 def write(on: Axes | Figure, x: float, y: float, words: str, **style: Any) -> Text:
-    """Add text as one literal line: no mathtext, and a box for characters that the font lacks."""
-    drawn = "".join(c if _in_font(c) else "\N{WHITE SQUARE}" for c in " ".join(words.split()))
-    return on.text(x, y, drawn, parse_math=False, **style)
+    """Add text as one literal line without mathtext; a box for letters that no font has."""
+    from matplotlib.font_manager import FontProperties, findfont, get_font
+
+    runs = text_runs(words)
+    drawn = "".join(run for run, _ in runs)
+    families = [_family(font) for font in dict.fromkeys(font for _, font in runs)]
+    own = get_font(findfont(FontProperties(family=families[0], weight=style.get("weight"))))
+    if not all(own.get_char_index(ord(c)) for c in drawn):
+        style.pop("weight", None)  # in which some letters, and most other fonts, do not exist
+    return on.text(x, y, drawn, parse_math=False, family=families, **style)
 
 
 @cache
-def _in_font(character: str) -> bool:
-    from matplotlib.font_manager import FontProperties, findfont, get_font
+def _family(font: Path) -> str:
+    """Return the name by which matplotlib finds a font."""
+    from matplotlib.font_manager import fontManager, get_font
 
-    fonts = (get_font(findfont(FontProperties(weight=w))) for w in ("normal", "bold"))
-    return all(font.get_char_index(ord(character)) for font in fonts)
+    fontManager.addfont(font)
+    return get_font(font).family_name
 
 
 def shorten(text: Text, width_in: float) -> None:

@@ -76,8 +76,9 @@ def test_the_scale_says_which_colour_is_which_error(monkeypatch):
 
     def noted(draw: ImageDraw.ImageDraw, xy: tuple, text: str, *rest: Any, **more: Any) -> None:
         if text.replace(".", "").isdigit():
-            assert more["anchor"] == "lm", "the middle of a number is next to its colour"
-            written[text] = xy[1]
+            assert rest[2] == "ls", "a number's baseline; its middle is next to its colour"
+            ascent, descent = rest[1].getmetrics()
+            written[text] = xy[1] - (ascent - descent) / 2
         plain(draw, xy, text, *rest, **more)
 
     monkeypatch.setattr(ImageDraw.ImageDraw, "text", noted)

@@ -28,7 +28,6 @@ from volspec.viewer.model.choices import RawLayout, Undecided, address_with, gue
 from volspec.viewer.model.document import demo
 from volspec.viewer.model.paths import Listing, PathRequest, dropped_path, folder_places, list_paths
 from volspec.viewer.ui.dialogs import initial_path
-from volspec.viewer.ui.widgets import find_cjk_font
 from volspec.viewer.work import background, outputs, screenshot
 from volspec.viewer.work.documents import open_document, open_path
 from volspec.viewer.work.probe import Reading
@@ -409,15 +408,6 @@ def warned(act: Callable[[], object]) -> str:
         act()
     (warning,) = caught
     return str(warning.message)
-
-
-def test_a_font_with_chinese_letters_is_found_by_its_name(tmp_path):
-    inner = tmp_path / "truetype" / "wqy"
-    inner.mkdir(parents=True)
-    assert find_cjk_font([str(tmp_path), "/nowhere"]) is None
-    for path in (inner / "wqy-zenhei.ttc", tmp_path / "malgun.ttf", tmp_path / "other.ttf"):
-        path.touch()
-    assert find_cjk_font(["/nowhere", str(tmp_path)]) == tmp_path / "malgun.ttf"
 
 
 SHAPE = (40, 64, 48)  # x, y, z

@@ -7,21 +7,21 @@ Sizes follow the picture's, so that marks are legible in any. Colours are displa
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from html import escape
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._text import TextLine, fit_text, printable
 from volspec.appearance.gamut_mapping import screen_for_viewing
 from volspec.appearance.scene_to_display import view_transform
 from volspec.basis import Basis
 from volspec.errors import VolspecWarning, quoted
-from volspec.export.contact_sheet import printable
 from volspec.raycast import Camera
 from volspec.raycast.projection import (
     Projection,
@@ -90,11 +90,13 @@ def picture_marks(marks: Sequence[Mark], picture: MarkedPicture) -> list[Patch]:
     paint = _Painter(picture)
     patches = [patch for each in picture.annotations for patch in paint.annotation(each)]
     top = paint.margin
+    taken = 2 * (_CORNER * paint.unit if "orientation" in marks else paint.margin)
+    room = picture.size[0] - taken
     if "title" in marks and picture.title:
-        patches.append(paint.text(picture.title, paint.margin, top, _TITLE))
+        patches.append(paint.text(picture.title, paint.margin, top, _TITLE, room))
         top += 1.3 * _TITLE * paint.unit
     if "light" in marks and picture.light:
-        patches.append(paint.text(picture.light, paint.margin, top, _TEXT))
+        patches.append(paint.text(picture.light, paint.margin, top, _TEXT, room))
         top += 1.3 * _TEXT * paint.unit
     if "orientation" in marks:
         patches.append(paint.cube())
@@ -194,7 +196,7 @@ def warn_of_cut(annotations: Sequence[Annotation], camera: Camera, size: tuple[i
         if (placed := _placed(each, projection, unit)) is None:
             continue
         start = float(placed.caption[0]) + _ROOM * unit
-        wide = _font(round(_TEXT * unit)).getlength(printable(each.caption, _MOST_LETTERS))
+        wide = TextLine.of(printable(each.caption, _MOST_LETTERS), round(_TEXT * unit)).width
         if 0 <= start < size[0] < start + wide:
             warnings.warn(
                 f"[[annotation]] {quoted(each.caption)}: is cut at the edge of a picture of "
@@ -219,18 +221,18 @@ class _Painter:
         self.margin = _MARGIN * self.unit
         self._projection = Projection(picture.camera, (0, 0, width, height))
 
-    def text(self, text: str, x: float, y: float, size: float, right: bool = False) -> Patch:
-        """Return an outlined line of text; ``x`` is its left end, or its right one."""
+    def text(self, text: str, x: float, y: float, size: float, room: float = math.inf) -> Patch:
+        """Return an outlined line of text, from its upper left; shortened to fit into a width."""
         from PIL import Image, ImageDraw
 
-        text, font = printable(text, _MOST_LETTERS), _font(round(size * self.unit))
+        line = fit_text(printable(text, _MOST_LETTERS), round(size * self.unit), room)
         outline = max(round(_OUTLINE * self.unit), 1)
-        left, _, end, bottom = font.getbbox(text or " ", stroke_width=outline)
-        canvas = Image.new("RGBA", (int(end - left) + 1, int(bottom) + 1))
+        left, top, end, bottom = line.box(outline)
+        canvas = Image.new("RGBA", (end - left, bottom - top))
         drawn = ImageDraw.Draw(canvas)
-        drawn.text((-left, 0), text, _BLACK, font, stroke_width=outline, stroke_fill=_BLACK)
-        drawn.text((-left, 0), text, _WHITE, font)
-        return _patch(canvas, x - canvas.width if right else x, y)
+        line.draw(drawn, -left, -top, _BLACK, outline)
+        line.draw(drawn, -left, -top, _WHITE)
+        return _patch(canvas, x, y + top)
 
     def scale_bar(self) -> list[Patch]:
         """Return the bar in the lower right corner, and its length above it."""
@@ -268,7 +270,6 @@ class _Painter:
         middle = _FINE * side / 2
         canvas = Image.new("RGBA", (_FINE * side, _FINE * side))
         draw = ImageDraw.Draw(canvas)
-        font = _font(round(0.62 * fine))
         patient = is_patient(picture.volume, picture.patient)
         for face, corners, towards in cube_faces(picture.camera):
             grey = round(255 * (_SHADE[0] + _SHADE[1] * towards))
@@ -276,8 +277,9 @@ class _Painter:
             draw.polygon(ring, (grey, grey, grey, 255), (20, 20, 20, 255), round(fine * 0.04))
             if towards >= _ASKEW:
                 (ax, ay), (cx, cy) = ring[0], ring[2]
-                place = (ax + cx) / 2, (ay + cy) / 2
-                draw.text(place, cube_label(face, patient), (5, 5, 5, 255), font, anchor="mm")
+                label = TextLine.of(cube_label(face, patient), round(0.52 * fine))
+                x, y = (ax + cx - label.width) / 2, (ay + cy - label.height) / 2
+                label.draw(draw, x, y, (5, 5, 5, 255))
         small = canvas.resize((side, side), Image.Resampling.BOX)
         x = picture.size[0] - _CORNER * self.unit - side / 2
         return _patch(small, x, _CORNER * self.unit - side / 2)
@@ -343,13 +345,6 @@ class _Painter:
         colours = np.zeros((side + 2, side + 2, 3), np.float32)
         colours[1:-1, 1:-1] = self._picture.materials[name]
         return Patch(round(x) - 1, round(y) - 1, colours, np.ones(colours.shape[:2], np.float32))
-
-
-@lru_cache(maxsize=8)
-def _font(size: int) -> Any:
-    from PIL import ImageFont
-
-    return ImageFont.load_default(max(size, 1))
 
 
 def _patch(canvas: Image.Image, x: float, y: float) -> Patch:

@@ -5,14 +5,14 @@ frames -> [contact_sheet] -> a picture
 
 from __future__ import annotations
 
-import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._text import fit_text, printable
 from volspec.appearance.spaces import spectrum_colours
 from volspec.errors import ShapeError
 from volspec.spectra import Spectrum
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 _PAPER, _INK, _FAINT = (24, 24, 26), (236, 236, 236), (150, 150, 154)
 _MARGIN = 36
 _PLOT = 84
-_UNPRINTABLE = ("Cf", "Cc", "Cs")  # Unicode categories
+# The most letters of a text, and the least width of a column's label in pixels.
+_LETTERS, _LEAST_LABEL = 240, 40
 _PLOTTED_NM = (400.0, 700.0)
 # Greatest height of a picture in tile widths; taller pictures become narrower.
 _TALLEST = 3
@@ -124,15 +125,16 @@ def contact_sheet(
     height, width = columns[0].frames[0].shape[:2]
     grid = _Grid(tile, fitted_size((width, height), tile), 12, 0, 44, _MARGIN + 48, _PLOT + 66)
     sheet = grid.blank(len(columns), len(rows))
-    draw, name_font, small_font = _titled(sheet, title, _MARGIN - 6, (30, 24, 17))
+    _write(sheet, (_MARGIN, _MARGIN - 6), title, _INK, 28, sheet.width - 2 * _MARGIN)
     for j, row in enumerate(rows):
-        draw.text((_MARGIN, grid.place(0, j)[1] + 14), row, _INK, small_font)
+        _write(sheet, (_MARGIN, grid.place(0, j)[1] + 14), row, _INK, 15, tile)
     for i, column in enumerate(columns):
         x, y = grid.place(i, 0)[0], grid.top
         sheet.paste(spectrum_plot(column.light, tile, _PLOT), (x, y))
-        draw.text((x, y + _PLOT + 8), column.name, _INK, name_font)
-        name_width = draw.textlength(column.name, name_font)
-        draw.text((x + name_width + 12, y + _PLOT + 14), column.label, _FAINT, small_font)
+        taken = 12 + _write(sheet, (x, y + _PLOT + 8), column.name, _INK, 22, tile)
+        if tile - taken > _LEAST_LABEL:
+            place = round(x + taken), y + _PLOT + 15
+            _write(sheet, place, column.label, _FAINT, 15, tile - taken)
         for j, frame in enumerate(column.frames):
             grid.paste(sheet, frame, i, j)
     return np.asarray(sheet)
@@ -146,23 +148,30 @@ def comparison_sheet(
     grid = _Grid(tile, fitted_size((width, height), tile), 14, 14, 62, _MARGIN + 46)
     columns = min(columns, len(tiles))
     sheet = grid.blank(columns, -(-len(tiles) // columns))
-    draw, name_font, small_font = _titled(sheet, title, _MARGIN - 8, (28, 22, 15))
+    _write(sheet, (_MARGIN, _MARGIN - 8), title, _INK, 26, sheet.width - 2 * _MARGIN)
     for i, each in enumerate(tiles):
         row, column = divmod(i, columns)
         x, y = grid.place(column, row)
-        draw.text((x, y + 6), each.name, _INK, name_font)
-        draw.text((x, y + 34), each.note, _FAINT, small_font)
+        _write(sheet, (x, y + 6), each.name, _INK, 20, tile)
+        _write(sheet, (x, y + 35), each.note, _FAINT, 14, tile)
         grid.paste(sheet, each.frame, column, row)
     return np.asarray(sheet)
 
 
-def _titled(sheet: Image.Image, title: str, y: int, sizes: Sequence[int]) -> tuple[Any, Any, Any]:
-    """Write the title; return the drawing and the fonts of names and notes."""
-    from PIL import ImageDraw, ImageFont
+def _write(
+    sheet: Image.Image,
+    place: tuple[int, int],
+    text: str,
+    ink: tuple[int, int, int],
+    size: int,
+    width: float,
+) -> float:
+    """Write a line of text, cut to a width; return its own."""
+    from PIL import ImageDraw
 
-    draw, fonts = ImageDraw.Draw(sheet), [ImageFont.load_default(size) for size in sizes]
-    draw.text((_MARGIN, y), title, _INK, fonts[0])
-    return draw, fonts[1], fonts[2]
+    line = fit_text(printable(text, _LETTERS), size, width)
+    line.draw(ImageDraw.Draw(sheet), *place, ink)
+    return line.width
 
 
 def fitted_size(size: tuple[int, int], tile: int) -> tuple[int, int]:
@@ -193,14 +202,3 @@ def spectrum_plot(light: Spectrum, width: int, height: int) -> Image.Image:
     draw.line(curve, _INK, _OVERSAMPLING * 2, joint="curve")
     draw.line([(0, size[1] - 1), (size[0], size[1] - 1)], _FAINT, _OVERSAMPLING)
     return picture.resize((width, height), Image.Resampling.LANCZOS)
-
-
-def printable(text: str, most: int = 60) -> str:
-    """Return one line without control characters and direction marks, cut if it is too long.
-
-    >>> printable("a\\u202eb\\nc"), printable("x" * 9, 4)
-    ('ab c', 'xxx…')
-    """
-    letters = (c for c in " ".join(text.split()) if unicodedata.category(c) not in _UNPRINTABLE)
-    line = "".join(letters)
-    return line if len(line) <= most else f"{line[: most - 1]}…"

@@ -22,12 +22,11 @@ from volspec.export.contact_sheet import (
     comparison_sheet,
     contact_sheet,
     fitted_size,
-    printable,
 )
 from volspec.export.exr import PRIMARIES, white_adaptation
 from volspec.export.frames import read_frame, write_frame
 from volspec.export.plan import Plan
-from volspec.scene import NamedLight, Scene
+from volspec.scene import Scene
 from volspec.scene.export import ExportSpec
 
 if TYPE_CHECKING:
@@ -40,10 +39,6 @@ _ROWS, _FRAMES, _COLUMNS = 4, 24, 6
 _SPECTRA = 10
 # Chequers behind transparent frames: two greys, and the side of a square.
 _CHEQUERS, _CHEQUER_SIDE = (104, 122), 16
-# Approximate widths of letters in titles, names and labels, in pixels.
-_TITLE_LETTER, _NAME_LETTER, _LABEL_LETTER = 17, 14, 9
-# Shorter labels are left out.
-_LEAST_LABEL = 4
 
 
 def write_overview(
@@ -54,7 +49,7 @@ def write_overview(
     Up to ten lights with frames of their own become columns under their spectra; otherwise frames
     follow each other in rows.
     """
-    title = printable(scene.file.title or scene.path.stem)
+    title = scene.file.title or scene.path.stem
     times = plan.shots[-1].time_index + 1
     many = f"{len(frames)} frame{'s' if len(frames) > 1 else ''}"
     if plan.lights and len(plan.lights) <= _SPECTRA:
@@ -62,13 +57,13 @@ def write_overview(
         shown = _sample_indices(times, _ROWS)
         columns = [
             SheetColumn(
-                *_captions(light, tile),
+                light.name,
+                light.label if light.label != light.name else "",
                 light.spectrum,
                 [read_picture(frames[i * times + at], tile, table) for at in shown],
             )
             for i, light in enumerate(plan.lights)
         ]
-        title = printable(title, len(columns) * tile // _TITLE_LETTER)
         rows = [f"frame {at}" if times > 1 else many for at in shown]
         sheet = contact_sheet(title, rows, columns, tile)
     else:
@@ -76,7 +71,7 @@ def write_overview(
         at_most = _FRAMES if not plan.lights or times > 1 else len(frames)
         tiles = [
             SheetTile(
-                printable(plan.shots[i].light, 28),
+                plan.shots[i].light,
                 f"frame {plan.shots[i].time_index}" if times > 1 else "",
                 read_picture(frames[i], tile, table),
             )
@@ -84,14 +79,6 @@ def write_overview(
         ]
         sheet = comparison_sheet(f"{title}: {many}", tiles, _COLUMNS, tile)
     write_frame(path, sheet, {"Title": title})
-
-
-def _captions(light: NamedLight, width: int) -> tuple[str, str]:
-    """Return a light's name and label, cut to the width."""
-    name = printable(light.name, width // _NAME_LETTER)
-    room = (width - len(name) * _NAME_LETTER) // _LABEL_LETTER
-    label = light.label if light.label != light.name else ""
-    return name, printable(label, room) if room > _LEAST_LABEL else ""
 
 
 def _sample_indices(count: int, most: int) -> list[int]:

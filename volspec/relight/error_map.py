@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._text import TextLine, fit_text, printable
 from volspec.appearance.difference import SYMBOLS, Difference, distance, uniform
 from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.basis.display import DEFAULT_MODE, Mode, visible_white
@@ -43,7 +44,7 @@ _COVERED = 0.05  # opacity from which a pixel counts in the statistics
 _ROWS, _PIXELS = 64, 2**14  # at a time: CIEDE2000 needs about forty temporaries
 _BAR, _MARGIN, _TEXT = 18, 14, 62  # width of the scale's parts right of the map, pixels
 _LEAST, _CAPTION = (540, 148), 58  # make five numbers and two lines legible
-_PAPER, _INK = (24, 24, 26), (236, 236, 236)
+_PAPER, _INK, _TYPE = (24, 24, 26), (236, 236, 236), 13
 _TOPS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
 
 
@@ -106,8 +107,8 @@ class ErrorMap:
         ``top`` is the CIEDE2000 at the scale's upper end, by default `top`; set one to compare
         maps. The image is larger if the map is too small for its text.
         """
-        from matplotlib import colormaps, get_data_path
-        from PIL import Image, ImageDraw, ImageFont
+        from matplotlib import colormaps
+        from PIL import Image, ImageDraw
 
         top = self._checked_top(top)
         height, width = self.delta_e.shape
@@ -116,21 +117,19 @@ class ErrorMap:
         sheet = Image.new("RGB", size, _PAPER)
         sheet.paste(Image.fromarray(self.heat(top)), (0, 0))
         draw = ImageDraw.Draw(sheet)
-        font = ImageFont.truetype(f"{get_data_path()}/fonts/ttf/DejaVuSans.ttf", 13)
         x, low, high = width + _MARGIN, tall - 12, 36
         for y in range(high, low + 1):
             share = np.sqrt((low - y) / (low - high))
             colour = tuple(round(255 * c) for c in colormaps["inferno"](share)[:3])
             draw.line([(x, y), (x + _BAR, y)], colour)
-        draw.text((x, 8), SYMBOLS[self.difference], _INK, font)
+        TextLine.of(SYMBOLS[self.difference], _TYPE).draw(draw, x, 8, _INK)
         for share in (0, 0.25, 0.5, 0.75, 1):
             y = low - share * (low - high)
-            draw.text((x + _BAR + 6, y), f"{share * top:.3g}", _INK, font, anchor="lm")
+            number = TextLine.of(f"{share * top:.3g}", _TYPE)
+            number.draw(draw, x + _BAR + 6, y - number.height / 2, _INK)
         title, figures = self._caption()
-        while draw.textlength(title, font) > size[0] - 20 and len(title) > 2:
-            title = title[:-2] + "…"
-        draw.text((10, tall + 10), title, _INK, font)
-        draw.text((10, tall + 31), figures, _INK, font)
+        fit_text(printable(title, 240), _TYPE, size[0] - 20).draw(draw, 10, tall + 10, _INK)
+        TextLine.of(figures, _TYPE).draw(draw, 10, tall + 31, _INK)
         return np.asarray(sheet)
 
     def _caption(self) -> tuple[str, str]:

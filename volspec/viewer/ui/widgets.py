@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 import textwrap
+import unicodedata
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
@@ -15,7 +16,8 @@ from typing import Any
 import imgui_bundle
 from imgui_bundle import imgui
 
-from volspec.export.contact_sheet import printable
+from volspec._text import printable, text_runs
+from volspec.errors import VolspecWarning, quoted
 from volspec.settings import descriptions
 from volspec.viewer.model.commands import format_key
 from volspec.viewer.model.edit import Command
@@ -36,40 +38,30 @@ WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 _MOST_LETTERS = 240
 
 
-_FONT_FOLDERS = (
-    *("/usr/share/fonts", "/usr/local/share/fonts", "~/.local/share/fonts", "~/.fonts"),
-    *("/System/Library/Fonts", "/Library/Fonts", "C:/Windows/Fonts"),
-)
-_CJK_FONTS = (
-    *("NotoSansCJK-Regular.ttc", "NotoSansCJKsc-Regular.otf", "SourceHanSans-Regular.ttc"),
-    *("PingFang.ttc", "Hiragino Sans GB.ttc", "msyh.ttc", "YuGothR.ttc", "malgun.ttf"),
-    *("wqy-microhei.ttc", "wqy-zenhei.ttc", "DroidSansFallbackFull.ttf", "DroidSansFallback.ttf"),
-)
-
-
 def load_font(imgui: Any) -> None:
-    """Load the font that comes with imgui-bundle; imgui's own is used if there is no such file.
-
-    Chinese, Japanese and Korean letters are those of a font of the system's, if it has one.
-    """
-    fonts = imgui.get_io().fonts
+    """Load the font that comes with imgui-bundle; imgui's own is used if there is no such file."""
     file = Path(imgui_bundle.__file__).parent / "assets" / "fonts" / "Roboto" / "Roboto-Regular.ttf"
     if file.exists():
-        fonts.add_font_from_file_ttf(str(file), FONT_SIZE)
-        more = imgui.ImFontConfig()
-        more.merge_mode = True
-        if (wide := find_cjk_font(_FONT_FOLDERS)) is not None:
-            fonts.add_font_from_file_ttf(str(wide), FONT_SIZE, more)
+        imgui.get_io().fonts.add_font_from_file_ttf(str(file), FONT_SIZE)
 
 
-def find_cjk_font(folders: Iterable[str]) -> Path | None:
-    """Return the best known font with Chinese, Japanese and Korean letters in some folders."""
-    found: dict[str, Path] = {}
-    for folder in folders:
-        for root, _, names in os.walk(os.path.expanduser(folder)):
-            for name in set(_CJK_FONTS).intersection(names):
-                found.setdefault(name, Path(root, name))
-    return next((found[name] for name in _CJK_FONTS if name in found), None)
+@lru_cache(maxsize=512)
+def load_letters(text: str) -> None:
+    """Add the installed fonts that have letters of a text which the window's font lacks."""
+    if text.isascii() or imgui.get_current_context() is None:
+        return
+    fonts = imgui.get_io().fonts
+    lacking = "".join(c for c in text if not fonts.fonts[0].is_glyph_in_font(ord(c)))
+    more = imgui.ImFontConfig()
+    more.merge_mode = True
+    for font in {font for _, font in text_runs(lacking)}:
+        fonts.add_font_from_file_ttf(str(font), FONT_SIZE, more)
+    if any(unicodedata.bidirectional(c) in ("R", "AL") for c in lacking):
+        warnings.warn(
+            f"the window shows {quoted(text)} from left to right; saved pictures show it right",
+            VolspecWarning,
+            stacklevel=2,
+        )
 
 
 def set_sizes(imgui: Any, implot: Any) -> None:
@@ -169,7 +161,9 @@ def as_one_line(text: str) -> str:
     >>> as_one_line("north\\nwindow\\t\\x07"), as_one_line("a##b")
     ('north window', 'a# #b')
     """
-    return whole_label(printable(text, _MOST_LETTERS).strip())
+    line = whole_label(printable(text, _MOST_LETTERS).strip())
+    load_letters(line)
+    return line
 
 
 def whole_label(text: str) -> str:
