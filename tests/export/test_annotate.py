@@ -1,5 +1,6 @@
 """Marks in saved pictures: the bar's length, their place, and what they leave as it was."""
 
+from dataclasses import replace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -21,12 +22,12 @@ from volspec.export.annotate import (
 )
 from volspec.pipeline import relight
 from volspec.raycast import Camera
-from volspec.raycast.projection import Projection, length_mm
+from volspec.raycast.projection import Projection, length_mm, length_text, scale_text
 from volspec.relight import LightRig, RelightSpec
-from volspec.scene.annotation import Annotation
+from volspec.scene.annotation import Annotation, measured_length
 from volspec.scene.export import MARKS
 from volspec.spectra import light, reflectance
-from volspec.volume import phantom
+from volspec.volume import Metadata, phantom
 
 VOLUME = phantom.ball(16)
 CAMERA = Camera.orbit(VOLUME, azimuth_deg=20.0)
@@ -47,6 +48,21 @@ def test_a_scale_bar_has_the_length_that_it_names(size):
     mm_per_px = Projection(CAMERA, (0, 0, *size)).mm_per_px
     wanted = length_mm(mm_per_px, max(min(0.25 * size[0], 180 * max(min(size) / 720, 0.6)), 1))
     assert rows.max() == pytest.approx(wanted / mm_per_px, abs=0.5)
+
+
+def test_lengths_of_all_sizes_are_legible_numbers_of_their_unit():
+    sizes = {"km": 6, "m": 3, "cm": 1, "mm": 0, "µm": -3, "nm": -6, "pm": -9, "fm": -12}
+    for mm in 2.0 * 10.0 ** np.arange(-12, 14):
+        for text in (length_text(mm), measured_length(mm)):
+            number, unit = text.replace(",", "").split()
+            assert float(number) * 10.0 ** sizes[unit] == pytest.approx(mm)
+            assert "e" not in number and float(number) >= 0.1
+
+
+def test_a_scale_bar_says_that_lengths_are_assumed():
+    guessed = replace(VOLUME, metadata=Metadata(assumed=("slices 4 mm apart",)))
+    assert scale_text(5.0, guessed) != scale_text(5.0, VOLUME) == "5 mm"
+    assert scale_text(5.0, guessed.with_spacing((1, 1, 4))) == "5 mm"
 
 
 @pytest.mark.parametrize(

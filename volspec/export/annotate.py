@@ -29,7 +29,7 @@ from volspec.raycast.projection import (
     cube_label,
     is_patient,
     length_mm,
-    length_text,
+    scale_text,
 )
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
@@ -254,7 +254,7 @@ class _Painter:
                 dark |= np.roll(padded, (dy, dx), (0, 1))
         colours = np.repeat(padded[..., None], 3, axis=2).astype(np.float32)
         bar = Patch(right - long - edge, bottom - end - edge, colours, dark.astype(np.float32))
-        text = length_text(mm)
+        text = scale_text(mm, self._picture.volume)
         label = self.text(text, 0.0, 0.0, _TEXT)
         h, w = label.alpha.shape
         x = min(right - (long + w) / 2, width - w - 1)

@@ -18,6 +18,16 @@ Place = tuple[float, float]
 Area = tuple[float, float, float, float]
 # The near plane, as a fraction of the target's distance.
 NEAR = 1e-3
+_UNITS_MM = {
+    "km": 1e6,
+    "m": 1e3,
+    "cm": 10.0,
+    "mm": 1.0,
+    "µm": 1e-3,
+    "nm": 1e-6,
+    "pm": 1e-9,
+    "fm": 1e-12,
+}
 # A line foreshortened to this fraction counts as pointing at the camera.
 _END_ON = 0.05
 
@@ -182,12 +192,18 @@ def length_mm(mm_per_px: float, longest_px: float) -> float:
     return max(length for length in lengths if length <= most * (1 + 1e-9))
 
 
-def length_text(mm: float) -> str:
-    """Return a length with its unit.
+def length_text(mm: float, digits: int = 6) -> str:
+    """Return a length in the unit that suits it, from fm to km.
 
-    >>> [length_text(mm) for mm in (0.02, 5.0, 50.0, 2000.0, 2e-5)]
-    ['20 µm', '5 mm', '5 cm', '2 m', '0.02 µm']
+    >>> [length_text(mm) for mm in (2e-5, 0.02, 5.0, 50.0, 2000.0, 1e6, 5e12)]
+    ['20 nm', '20 µm', '5 mm', '5 cm', '2 m', '1 km', '5,000,000 km']
     """
-    units = ((1000.0, "m"), (10.0, "cm"), (1.0, "mm"))
-    size, unit = next((each for each in units if mm >= each[0]), (1e-3, "µm"))
-    return f"{mm / size:.6g} {unit}"
+    suiting = (unit for unit, size in _UNITS_MM.items() if mm > 0.999999 * size)
+    unit = next(suiting, "fm")
+    number = float(f"{mm / _UNITS_MM[unit]:.{digits}g}")
+    return f"{number:,.0f} {unit}" if number >= 10_000.0 else f"{number:.{digits}g} {unit}"
+
+
+def scale_text(mm: float, volume: Volume) -> str:
+    """Return the text of a scale bar: its length, and if the volume's lengths are assumed."""
+    return length_text(mm) + " (assumed)" * bool(volume.metadata.assumed_lengths)

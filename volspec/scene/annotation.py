@@ -16,14 +16,12 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from volspec.errors import SceneError
-from volspec.raycast.projection import Place, Projection
+from volspec.raycast.projection import Place, Projection, length_text
 from volspec.settings import Unit, Vector, settings
 
 # Numbers of points: of a label, of a distance, of an angle at the second point.
 LABEL, DISTANCE, ANGLE = 1, 2, 3
 MOST_LETTERS = 80
-# Significant digits of lengths.
-_DIGITS = 4
 
 
 @settings(SceneError)
@@ -108,10 +106,9 @@ def place_annotation(
 
 
 def measured_length(mm: float) -> str:
-    """Return a measured length in millimetres, or micrometres if it is small.
+    """Return a measured length in millimetres, or in the unit that suits a small or large one.
 
     >>> measured_length(123.456), measured_length(0.02345), measured_length(1234.56)
     ('123.5 mm', '23.45 µm', '1235 mm')
     """
-    size, unit = (mm, "mm") if mm >= 0.1 or mm == 0 else (mm * 1e3, "µm")
-    return f"{size:.{_DIGITS}g} {unit}" if size < 10**_DIGITS else f"{size:.0f} {unit}"
+    return f"{mm:.4g} mm" if mm == 0 or 0.1 <= mm < 9999 else length_text(mm, 4)

@@ -44,13 +44,18 @@ class Metadata:
         """True if the values are stated to be Hounsfield units."""
         return self.unit == HU
 
+    @property
+    def assumed_lengths(self) -> tuple[str, ...]:
+        """Assumptions on lengths."""
+        return tuple(each for each in self.assumed if " mm" in each or " µm" in each)
+
     def given(self, unit: str | None, has_spacing: bool) -> Metadata:
         """Return this with what an address states: a unit of the values, and a spacing in mm.
 
         >>> Metadata(assumed=(NO_SPACING,)).given("HU", True)
         Metadata(modality='', unit='HU', is_patient=False, assumed=())
         """
-        lengths = (NO_SPACING, NO_UNIT) if has_spacing else ()
+        lengths = self.assumed_lengths if has_spacing else ()
         assumed = tuple(each for each in self.assumed if each not in lengths)
         return replace(self, unit=self.unit if unit is None else unit, assumed=assumed)
 

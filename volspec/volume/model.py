@@ -311,7 +311,7 @@ class Volume:
             If a number is not positive.
         """
         spacing, _ = checked_geometry(spacing_mm, None, self.name)
-        pyramid = self.pyramid
+        pyramid, stated = self.pyramid, self.metadata.given(None, True)
         if pyramid is not None:
             finest = self.at_level(0).spacing_mm
             pyramid = pyramid.with_spacing(np.divide(spacing, finest).tolist())
@@ -321,6 +321,7 @@ class Volume:
                 spacing_mm=None,  # type: ignore[arg-type]
                 world_from_index=world,
                 pyramid=pyramid,
+                metadata=stated,
             )
         world = self.world_from_index.copy()
         world[:3, :3] *= np.asarray(spacing) / np.asarray(self.spacing_mm)
@@ -328,7 +329,9 @@ class Volume:
             each.with_spacing(spacing) if each.has_lattice_of(self) else each
             for each in self.fields
         ]
-        return replace(self, spacing_mm=spacing, world_from_index=world, fields=tuple(fields))
+        return replace(
+            self, spacing_mm=spacing, world_from_index=world, fields=tuple(fields), metadata=stated
+        )
 
     def downsampled(self, factor: int, *, labels: bool = False) -> Volume:
         """Return this volume with one voxel, of the same type, for every block of factor³.

@@ -12,7 +12,7 @@ from volspec.raycast.projection import (
     cube_label,
     is_patient,
     length_mm,
-    length_text,
+    scale_text,
 )
 from volspec.relight.error_map import ErrorMap
 from volspec.viewer.model.light_rows import Rows, lit_names
@@ -56,7 +56,7 @@ def draw_scale(state: ViewState, ui: UiContext) -> None:
     long = mm / projection.mm_per_px
     right, low = x + width - ui.px(_MARGIN), y + height - ui.px(_MARGIN)
     left, tick = right - long, ui.px(_TICK)
-    text = length_text(mm)
+    text = scale_text(mm, state.document.volume)
     size = imgui.calc_text_size(text)
     line, shade = pack_colour(WHITE, 0.9), pack_colour(BLACK, 0.55)
     strokes = (
