@@ -114,8 +114,8 @@ def export(
     Parameters
     ----------
     output
-        A folder; or a film, `.mp4` or `.webm` (need `volspec[video]`) or `.gif`. Of a batch, a
-        folder of folders, or a pattern such as `films/{name}.mp4`.
+        A folder; or a film, `.gif` or (needs `volspec[video]`) `.mp4`, `.webm`, `.mov`, `.webp`
+        or `.apng`. Of a batch, a folder of folders, or a pattern such as `films/{name}.mp4`.
     light
         Name of a light of the scene to export, or all; for a volume: a light such as D65 or
         planck:3200; repeatable. Default: all lights, but with --turntable and --play the first.
@@ -139,7 +139,7 @@ def export(
     spectral
         With exr: write a spectrum for every pixel.
     transparent
-        Omit the backdrop and store opacity in the files.
+        Omit the backdrop and store opacity in the files, also of films but `.mp4` and `.gif`.
     annotate
         Marks in the pictures: scale, orientation, title, light or materials (with their colours),
         or all; repeatable.

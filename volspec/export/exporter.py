@@ -25,7 +25,7 @@ from volspec._deprecated import renamed_keyword
 from volspec._files import exclusive_folder, require_writable, require_writable_folder
 from volspec.errors import CastCancelled, InputError, ViewingError, VolspecError, VolspecWarning
 from volspec.export.annotate import Patch, paint
-from volspec.export.film import SUFFIXES, check_film, write_film
+from volspec.export.film import EVEN, SUFFIXES, check_film, write_film
 from volspec.export.frame_files import (
     Array,
     FrameFiles,
@@ -54,8 +54,8 @@ Made = TypeVar("Made")
 CasterOf = Callable[[list[Shot]], TileCaster]
 
 # Suffixes that are not a folder's, nor are names close to them, such as ".mp5".
-_OTHER_FILMS = (".mov", ".avi", ".mkv", ".m4v", ".mpg", ".mpeg", ".wmv", ".flv", ".3gp", ".ogv")
-_PICTURES = (".png", ".avif", ".apng", ".exr", ".jpg", ".jpeg", ".webp", ".tif", ".tiff")
+_OTHER_FILMS = (".avi", ".mkv", ".m4v", ".mpg", ".mpeg", ".wmv", ".flv", ".3gp", ".ogv")
+_PICTURES = (".png", ".avif", ".exr", ".jpg", ".jpeg", ".tif", ".tiff")
 _CLOSE = 0.75
 # Casts that a cluster has begun before the one that is waited for has ended.
 _AHEAD = 1
@@ -123,9 +123,9 @@ def export(
     ----------
     scene : Scene
     output : path
-        A folder; or a film, ``.mp4``, ``.webm`` or ``.gif``.
+        A folder; or a film, ``.mp4``, ``.webm``, ``.mov``, ``.webp``, ``.apng`` or ``.gif``.
     size : (width, height), optional
-        Size instead of the scene's; up to 65536. The scene's own is made even for a film.
+        Size instead of the scene's; up to 65536. The scene's own is made even for MP4 and WebM.
     overwrite : bool
         Whether to replace another scene's export in the folder.
     device : str, optional
@@ -158,7 +158,8 @@ def export(
         _require_folder_name(target)
     (require_writable if is_film else require_writable_folder)(target)
     own = scene.file.output.width, scene.file.output.height
-    pixels = _checked_size(size or (even_size(own) if is_film else own))
+    is_even = target.suffix.lower() in EVEN
+    pixels = _checked_size(size or (even_size(own) if is_even else own))
     progress("read the volume", 0.0)
     plays = table.play is not None if plan is None else plan.plays
     series = (series or scene.series()) if plays else None
@@ -233,7 +234,7 @@ def _require_folder_name(target: Path) -> None:
 
 
 def even_size(size: tuple[int, int]) -> tuple[int, int]:
-    """Return a size with even sides, which films need; an odd one loses a row or column.
+    """Return a size with even sides, which most films need; an odd one loses a row or column.
 
     >>> even_size((929, 673)), even_size((1, 2))
     ((928, 672), (2, 2))

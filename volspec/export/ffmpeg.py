@@ -22,7 +22,7 @@ def ffmpeg() -> str:
         found = str(get_ffmpeg_exe())
     except (ImportError, RuntimeError) as error:
         raise DeviceError(
-            "export: .mp4, .webm and .avif need ffmpeg, which is not installed",
+            "export: films and .avif need ffmpeg, which is not installed",
             "pip install 'volspec[video]', or name a .gif or a folder of PNG",
             code="unsupported",
         ) from error

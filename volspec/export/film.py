@@ -1,4 +1,4 @@
-"""Encode finished frames as films: MP4, WebM or GIF, tagged with their colour space.
+"""Encode finished frames as films, opaque or transparent, tagged with their colour space.
 
     frames on disk -> [film]
 
@@ -16,7 +16,7 @@ import math
 import subprocess
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import IO
@@ -31,7 +31,6 @@ from volspec.export.ffmpeg import ffmpeg
 from volspec.export.frames import read_frame
 from volspec.scene.export import ExportSpec
 
-SUFFIXES = (".mp4", ".webm", ".gif")
 # ffmpeg's names of a space's primaries and curve; films in other spaces cannot be tagged.
 _TAGS = {
     "sRGB": ("bt709", "iec61966-2-1"),
@@ -41,12 +40,33 @@ _TAGS = {
 # Bytes must not depend on the machine's number of cores or its clock.
 _THREADS = "4"
 _BITEXACT = "-map_metadata -1 -fflags +bitexact -flags:v +bitexact"
-_CODECS = {
-    ".mp4": "-c:v libx264 -preset medium -crf 16 -pix_fmt yuv420p -movflags +faststart",
-    ".webm": "-c:v libvpx-vp9 -crf 22 -b:v 0 -pix_fmt yuv420p",
+# ffmpeg's words for an opaque film, and for a transparent one if the format can be.
+_CODECS: Mapping[str, tuple[str, ...]] = {
+    ".mp4": ("-c:v libx264 -preset medium -crf 16 -pix_fmt yuv420p -movflags +faststart",),
+    ".webm": (
+        "-c:v libvpx-vp9 -crf 22 -b:v 0 -pix_fmt yuv420p",
+        "-c:v libvpx-vp9 -crf 22 -b:v 0 -pix_fmt yuva420p -auto-alt-ref 0",
+    ),
+    ".mov": (
+        "-c:v prores_ks -profile:v 4444 -vendor apl0 -pix_fmt yuv444p10le",
+        "-c:v prores_ks -profile:v 4444 -vendor apl0 -pix_fmt yuva444p10le",
+    ),
+    ".webp": (
+        "-c:v libwebp_anim -lossless 1 -loop 0 -pix_fmt bgra",
+        "-c:v libwebp_anim -lossless 1 -loop 0 -pix_fmt bgra",
+    ),
+    ".apng": (
+        "-c:v apng -pred mixed -plays 0 -pix_fmt rgb24",
+        "-c:v apng -pred mixed -plays 0 -pix_fmt rgba",
+    ),
 }
+SUFFIXES = (*_CODECS, ".gif")
+TRANSPARENT = tuple(suffix for suffix, words in _CODECS.items() if len(words) > 1)
+_SRGB_ONLY = (".webp", ".apng", ".gif")
+# Formats whose chroma is shared by four pixels, so that sides are even.
+EVEN = (".mp4", ".webm")
 # GIF counts in hundredths of a second, and players slow down frames shorter than two of them.
-_GIF_TICKS, _LEAST_TICKS = 100, 2
+_GIF_TICKS, _LEAST_TICKS, _MOST_TICKS = 100, 2, 2**16 - 1
 # Numbers sampled from all frames together for a GIF's palette.
 _PALETTE_NUMBERS = 3_000_000
 Progress = Callable[[float], object]
@@ -60,23 +80,30 @@ def check_film(path: Path, table: ExportSpec, space: ColourSpace) -> None:
             "give a folder, or leave hdr out",
             code="conflict",
         )
-    if table.format != "png" or table.transparent or table.bits != 8:
+    if table.format != "png" or table.bits != 8:
         file = f"{table.bits}-bit PNG" if table.format == "png" else f'format = "{table.format}"'
-        what = "transparent ones" if table.transparent else file
         raise InputError(
-            f"{path}: films have opaque 8-bit frames, but [export] requests {what}",
+            f"{path}: films have 8-bit frames, but [export] requests {file}",
             "give a folder for these",
             code="conflict",
         )
-    if path.suffix.lower() != ".gif" and not _is_tagged(space):
+    suffix = path.suffix.lower()
+    if table.transparent and suffix not in TRANSPARENT:
+        raise InputError(
+            f"{path}: {suffix} has no opacity, but [export] requests transparent frames",
+            f"name a film {', '.join(TRANSPARENT[:-1])} or {TRANSPARENT[-1]}, or a folder",
+            code="conflict",
+        )
+    if suffix in _SRGB_ONLY and space != SPACES["sRGB"]:
+        problem = f"{path}: {suffix} is sRGB, not {space.name!r}"
+        raise InputError(problem, "name a film .mp4, .webm or .mov", code="unsupported")
+    if not _is_tagged(space):
         raise InputError(
             f"{path}: films cannot be tagged with the display space {space.name!r}",
             f"use {', '.join(_TAGS)}, or give a folder",
             code="unsupported",
         )
-    if path.suffix.lower() == ".gif" and space != SPACES["sRGB"]:
-        raise InputError(f"{path}: GIF is sRGB, not {space.name!r}", "use .mp4", code="unsupported")
-    if path.suffix.lower() != ".gif":
+    if suffix in _CODECS:
         ffmpeg()
 
 
@@ -89,14 +116,16 @@ def write_film(
 ) -> None:
     """Encode PNG frames of equal size at a constant rate; the film appears when it is complete.
 
-    Odd sides get one more row or column, as MP4 and WebM subsample chroma.
+    It is transparent if they are. Odd sides of MP4 and WebM, which subsample chroma, get one more
+    row or column.
     """
     suffix = path.suffix.lower()
     if suffix == ".gif":
         _write_gif(path, frames, fps, progress)
         return
-    height, width = _pixels(frames[0]).shape[:2]
-    padded = width + width % 2, height + height % 2
+    height, width, channels = _pixels(frames[0]).shape
+    even = suffix in EVEN
+    padded = width + even * (width % 2), height + even * (height % 2)
     if padded != (width, height):
         warnings.warn(
             f"{path}: {suffix[1:]} cannot have odd sides, {width}x{height}; the edge is repeated "
@@ -108,16 +137,17 @@ def write_film(
         command = [
             ffmpeg(),
             *f"-y -nostdin -loglevel error -threads {_THREADS}".split(),
-            *f"-f rawvideo -pix_fmt rgb24 -s {padded[0]}x{padded[1]}".split(),
-            *f"-framerate {fps:.6f} -i - -an".split(),
-            *_filters(space),
-            *f"{_CODECS[suffix]} -threads {_THREADS} {_BITEXACT}".split(),
+            *f"-f rawvideo -pix_fmt rgb{'a' if channels == 4 else '24'}".split(),
+            *f"-s {padded[0]}x{padded[1]} -framerate {fps:.9g} -i - -an".split(),
+            *([] if suffix in _SRGB_ONLY else _filters(space)),
+            *f"{_CODECS[suffix][channels == 4]} -threads {_THREADS} {_BITEXACT}".split(),
+            *("-f", suffix[1:]),
             str(temporary),
         ]
         coder = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=log, stderr=log)
         assert coder.stdin is not None
         try:
-            _feed(coder.stdin, frames, padded, progress)
+            _feed(coder.stdin, frames, padded, suffix not in _SRGB_ONLY, progress)
         except BaseException:
             coder.kill()
             raise
@@ -136,12 +166,16 @@ def write_film(
 
 
 def _feed(
-    pipe: IO[bytes], frames: Sequence[Path], size: tuple[int, int], progress: Progress
+    pipe: IO[bytes],
+    frames: Sequence[Path],
+    size: tuple[int, int],
+    is_lossy: bool,
+    progress: Progress,
 ) -> None:
     """Write frames to ffmpeg; if it ends early, its exit code shows that."""
     with suppress(BrokenPipeError):
         for i, frame in enumerate(frames, start=1):
-            pixels = _pixels(frame)
+            pixels = _filled(_pixels(frame)) if is_lossy else _pixels(frame)
             height, width = pixels.shape[:2]
             edges = ((0, size[1] - height), (0, size[0] - width), (0, 0))
             pipe.write(np.pad(pixels, edges, mode="edge").tobytes())
@@ -149,7 +183,19 @@ def _feed(
 
 
 def _pixels(path: Path) -> NDArray[np.uint8]:
-    return np.asarray(read_frame(path).convert("RGB"))
+    picture = read_frame(path)
+    return np.asarray(picture if picture.mode == "RGBA" else picture.convert("RGB"))
+
+
+def _filled(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Give transparent pixels the nearest colour: a codec would mix their black into edges."""
+    from scipy.ndimage import distance_transform_edt
+
+    if pixels.shape[2] == 3 or not pixels[..., 3].any():
+        return pixels
+    clear = pixels[..., 3] == 0
+    near = distance_transform_edt(clear, return_distances=False, return_indices=True)
+    return np.dstack([pixels[..., :3][tuple(near)], pixels[..., 3]])
 
 
 def _write_gif(path: Path, frames: Sequence[Path], fps: float, progress: Progress) -> None:
@@ -176,7 +222,7 @@ def _write_gif(path: Path, frames: Sequence[Path], fps: float, progress: Progres
 
 def _gif_ticks(path: Path, fps: float) -> int:
     """Return the time of a frame in hundredths of a second, as GIF counts it."""
-    ticks = max(_LEAST_TICKS, round(_GIF_TICKS / fps))
+    ticks = min(max(_LEAST_TICKS, round(_GIF_TICKS / fps)), _MOST_TICKS)
     rate = _GIF_TICKS / ticks
     if abs(rate - fps) > 1e-6 * fps:
         warnings.warn(

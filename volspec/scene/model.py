@@ -507,7 +507,7 @@ class Scene:
         Parameters
         ----------
         output : path
-            A folder; or a film, ``.mp4``, ``.webm`` or ``.gif``.
+            A folder; or a film, ``.mp4``, ``.webm``, ``.mov``, ``.webp``, ``.apng`` or ``.gif``.
         size, overwrite, device, progress, volume, caster
             See `volspec.export.exporter.export`.
         **changes

@@ -150,7 +150,7 @@ class FilmDialog(_OutputDialog):
         self.file = replace(self.file, to=to)
         imgui.pop_item_width()
         if len(self._kinds) < len(FILM_KINDS):
-            wrap_text(".mp4 and .webm need ffmpeg: pip install 'volspec[video]'", _DIM)
+            wrap_text("Other films need ffmpeg: pip install 'volspec[video]'", _DIM)
         saved, closed = self._end("film ok", state, to, self.file.suffix, ui)
         if not closed:
             ui.preview, ui.plays = self._preview, self._plays
