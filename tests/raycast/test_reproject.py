@@ -80,6 +80,21 @@ def test_a_nearby_view_is_that_of_a_cast(caster, image, reprojector, view):
         assert rms(shown, new) < 0.4 * rms(image, new)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("mm", [2.0**-40, 2.0**40])
+def test_views_and_lenses_do_not_depend_on_the_unit_of_length(mm):
+    pictures = []
+    for unit in (1.0, mm):
+        volume = Volume(balls().values, (unit,) * 3)
+        spec = replace(FLAT, step_mm=0.25 * unit)
+        curve = replace(function(), reference_step_mm=unit)
+        made = raycast(volume, curve, turned(volume, 30, 10), SIZE, spec)
+        lens = DepthEffects(focus_mm=80 * unit, aperture_mm=20 * unit, near_mm=70 * unit)
+        views = Reprojector(made).view(turned(volume, 35, 13)), made.recompose({}, lens)
+        pictures.append(np.array([each.coefficients for each in views]))
+    assert np.abs(np.subtract(*pictures)).max() < 1e-5
+
+
 def test_a_slab_keeps_its_opacity_at_any_distance_and_turn():
     """Depths add to what the medium has along the new rays, as Beer and Lambert say."""
     volume = cube(9)

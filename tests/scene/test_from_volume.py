@@ -48,6 +48,22 @@ def test_a_faint_body_around_a_dense_core_is_in_the_frame(tmp_path):
     assert border.max() < 0.02 and alpha[20:44, 20:44].min() > 0.2
 
 
+@pytest.mark.parametrize(("value", "mm"), [(2.0**-133, 2.0**-40), (2.0**120, 2.0**40)])
+def test_a_volume_s_scene_is_the_same_in_other_units(tmp_path, value, mm):
+    """But for the preset's points, which are rounded to three digits, and so the target."""
+    pictures, scenes = [], []
+    for by, unit in ((1.0, 1.0), (value, mm)):
+        (phantom.ball(16).values * np.float32(by)).tofile(tmp_path / "ball.raw")
+        spacing = f"{unit!r},{unit!r},{2 * unit!r}"
+        raw = f"{tmp_path}/ball.raw?shape=16x16x16&dtype=float32&spacing={spacing}"
+        scene = Scene.from_volume(raw)
+        points = [point.value / by for point in scene.file.transfer.points]
+        scenes.append([*points, *np.divide(scene.file.camera.target_mm, unit)])
+        pictures.append(scene.casting(step_mm=unit / 2).render(size=(48, 48)).alpha)
+    assert scenes[0] == pytest.approx(scenes[1], abs=2e-3)
+    assert pictures[0].max() > 0.9 and np.abs(np.subtract(*pictures)).mean() < 2e-3
+
+
 @pytest.mark.not_quick
 def test_volumes_arrays_and_series_have_scenes_that_need_no_file(ball, tmp_path):
     wanted = Scene.from_volume(ball).render(size=(16, 16)).alpha

@@ -52,6 +52,24 @@ def test_a_step_at_an_end_holds_beyond_it():
     assert (table.opacity[:2] == [0.3, 1]).all() and table.left_limits.opacity[1] == 0.3
 
 
+@pytest.mark.parametrize("scale", [1e-300, 1e-40, 1e-9, 1.0, 1e30])
+def test_a_step_at_the_only_value_is_there_at_any_scale(scale):
+    table = function((scale, 0.0, "steel"), (scale, 1.0, "copper")).bake(1.0)
+    (low, high), opacity = table.domain, table.opacity
+    assert low < scale < high and np.linspace(low, high, len(opacity))[1] == scale
+    assert (opacity[:2] == [0, 1]).all() and opacity.min(initial=1, where=opacity > 0) == 1
+
+
+@pytest.mark.parametrize("scale", [1e-12, 2.0**-80, 1e-4, 1e12, 2.0**80])
+def test_tables_of_scaled_points_are_the_same(scale):
+    points = [(0.0, 0.0, "steel"), (1234.0, 0.5, "steel"), (4000.0, 1.0, "copper")]
+    one, other = (function(*((v * k, *look) for v, *look in points)) for k in (1.0, scale))
+    here, there = one.bake(1.0), other.bake(1.0)
+    assert there.domain == (0.0, 4000.0 * scale) and here.opacity.shape == (2001,)
+    if scale not in (2.0**-80, 2.0**80):  # which are no decimals
+        assert np.allclose(here.opacity, there.opacity, atol=1e-12)
+
+
 def test_narrow_peaks_are_not_missed():
     peak = [(0, 0, "steel"), (1000, 0, "steel"), (1010, 1, "steel"), (1020, 0, "steel")]
     table = function(*peak, (65535, 0, "steel")).bake(1.0)

@@ -14,13 +14,22 @@ from volspec.basis import SpectralBasis
 from volspec.errors import InputError, SceneError, ViewingError
 from volspec.raycast import ClipPlane, Directional, LightGroup, Point
 from volspec.relight import LightRig, RelightSpec
+from volspec.scene import Scene
 from volspec.scene.specs import MeshSpec
 from volspec.spectra import Spectrum, light
 from volspec.viewer.model import camera, fields, light_rows, lights, transfer_edits
 from volspec.viewer.model.scene_file import export_scene, scene_from_state
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.transfer_parts import list_parts
 from volspec.viewer.work.script import export_python, script_from_state
-from volspec.viewer.work.session import SUFFIX, SessionError, save_session
+from volspec.viewer.work.session import (
+    SUFFIX,
+    SessionError,
+    read_session,
+    restore_state,
+    save_session,
+)
+from volspec.volume import phantom
 
 
 @pytest.fixture
@@ -36,6 +45,27 @@ def test_every_kind_of_transfer_function_comes_back(tmp_path, kind):
     other = replace(state, transfer=replace(state.transfer))
     assert scene_from_state(other).transfer == scene_from_state(state).transfer
     assert_same_tables(read_scene(export_scene(other, tmp_path / "again.toml")), other)
+
+
+@pytest.mark.parametrize(("span", "offset"), [(1e-40, 0.0), (1e-9, 0.0), (1.0, 1e6), (1e30, 0.0)])
+def test_points_move_and_come_back_at_any_range_of_values(tmp_path, span, offset):
+    """Also in a volume far from the origin: nothing is rounded to a number of digits."""
+    np.save(tmp_path / "ball.npy", phantom.ball(16).values * np.float32(span) + np.float32(offset))
+    scene = Scene.from_volume(tmp_path / "ball.npy")
+    state = read_scene(scene.save(tmp_path / "ball.toml"))
+    low, high = state.document.volume.range
+    assert state.document.data[""].joint.counts[:, 1:].any()
+    opaque = (low + high) / 2 + 0.0123456789 * (high - low)
+    moved = transfer_edits.set_limits(state, low + 0.1 * (high - low), opaque)
+    moved = transfer_edits.move_point(moved, 1, low + 0.12 * (high - low), 0.3)
+    target = 1e9 + np.array(state.document.volume.corners_mm.mean(axis=0)) / 3
+    moved = replace(moved, view=replace(moved.view, target_mm=tuple(target.tolist())))
+    again = read_scene(export_scene(moved, tmp_path / "again.toml"))
+    assert again.transfer.points == moved.transfer.points != state.transfer.points
+    assert list_parts(moved.transfer)[1].values == (low + 0.12 * (high - low),)
+    assert again.view.target_mm == moved.view.target_mm
+    saved = read_session(save_session(moved, tmp_path / f"moved{SUFFIX}"))
+    assert restore_state(saved, cast=False).transfer.points == moved.transfer.points
 
 
 @pytest.mark.not_quick

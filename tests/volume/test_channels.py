@@ -114,6 +114,9 @@ def test_limits_are_those_of_the_file_or_of_the_histogram(values):
     assert channel_limits(stated) == (200.0, 900.0)
     low, high = channel_limits(vs.Volume(values[0], channel=Channel(limits=(5e4, 6e4))))
     assert 90 <= low < high and high > 2000
+    # Far from 0, where the range is in the last of a number's digits.
+    low, high = channel_limits(vs.Volume((values[0] / 1000 + 1e6).astype(np.float32)))
+    assert 1e6 < low < high and high > 1e6 + 1
 
 
 def test_imagej_s_colours_and_limits_are_read(values, tmp_path):

@@ -185,7 +185,8 @@ def test_parts_are_chosen_and_missing_ones_named(tmp_path):
 
 
 def uneven() -> pyvista.RectilinearGrid:
-    grid = pyvista.RectilinearGrid(np.array([0.0, 1, 3, 4]), np.arange(3.0), np.arange(5.0))
+    places = np.array([0.0, 1, 3, 4]), np.arange(3.0), np.arange(5.0)
+    grid = pyvista.RectilinearGrid(*(1e-9 * each for each in places))
     grid.point_data["v"] = np.arange(60)
     return grid
 

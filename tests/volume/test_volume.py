@@ -214,7 +214,10 @@ UNEVEN: Any = ([0, 1, 3], [1, 1, 1], ["a", "b", "c"], [0, np.nan, 2], [0, 1, np.
 Row = tuple[Callable[[], object], str] | tuple[Callable[[], object], str, str]
 REFUSED: list[Row] = [
     (lambda: Volume(CUBE, world_from_index=np.ones((4, 4))), "range"),
-    (lambda: Volume(CUBE, spacing_mm=(1, 1, 2), world_from_index=np.eye(4)), "conflict"),
+    *(
+        (lambda mm=mm: Volume(CUBE, (mm, mm, 2 * mm), np.diag([mm, mm, mm, 1])), "conflict")
+        for mm in (1.0, 1e-9)
+    ),
     *(
         (lambda s=s: Volume(CUBE, spacing_mm=s, name="scan"), "type", "scan: spacing_mm")
         for s in SPACINGS

@@ -413,7 +413,8 @@ def _composite_focused(
 
     def blur(distance: Array) -> Array:
         """Return the signed circle of confusion at distances along the rays, in pixels."""
-        return np.clip(blur_px * (1 - focus / np.maximum(distance * axis, 1e-6)), -most, most)
+        nearness = focus / np.maximum(distance * axis, 1e-9 * focus)
+        return np.clip(blur_px * (1 - nearness), -most, most)
 
     ends = [(blur(slab.begin), blur(slab.end)) for slab in slabs]
     shown = [slab.tau > 0 for slab in slabs]

@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 _HAZE, _SEEN = 0.02, 0.25
 # Fraction of the picture's sides that a fitted view fills.
 _FILLS = 0.85
+# Radii of the volume that points are at least apart, to be framed.
+_LEAST_FRAMED = 1e-12
 _ITERATIONS = 4
 Bounds = tuple[float, float]
 Crop = tuple[Bounds, Bounds, Bounds]
@@ -52,14 +54,15 @@ def fit_points(view: OrbitT, volume: Volume, points_mm: Array, aspect: float) ->
     x, y, z = (points - middle).T
     tall = _FILLS * math.tan(math.radians(view.fov_deg) / 2)
     wide = tall * aspect
+    radius = radius_mm(volume)
+    least = _LEAST_FRAMED * radius
     if view.orthographic:
         height = max(2 * float(y.max()), 2 * float(x.max()) / aspect) / _FILLS
-        zoom = 2 * radius_mm(volume) / max(height, 1e-12)
-        return _framed(view, zoom, middle @ axes)
-    distance = max(_span_within(x, z, wide)[0], _span_within(y, z, tall)[0], 1e-12)
+        return _framed(view, 2 * radius / max(height, least), middle @ axes)
+    distance = max(_span_within(x, z, wide)[0], _span_within(y, z, tall)[0], least)
     shift = [_centre_from(along, z, distance, slope) for along, slope in ((x, wide), (y, tall))]
     sine = math.sin(math.radians(view.fov_deg) / 2)
-    return _framed(view, radius_mm(volume) / (distance * sine), (middle + [*shift, 0.0]) @ axes)
+    return _framed(view, radius / (distance * sine), (middle + [*shift, 0.0]) @ axes)
 
 
 def _framed(view: OrbitT, zoom: float, target_mm: Array) -> OrbitT:
@@ -178,7 +181,7 @@ def _visible_voxels(values: NDArray[np.generic], table: Table) -> tuple[NDArray[
     sides = (np.atleast_2d(side.opacity) for side in (table, table.left_limits))
     opacity = np.concatenate(list(sides)).max(axis=0)
     low, high = table.domain
-    at = np.rint((values.astype(np.float32) - low) * ((len(opacity) - 1) / (high - low)))
+    at = np.rint((values.astype(np.float64) - low) / (high - low) * (len(opacity) - 1))
     shown = opacity > _HAZE * opacity.max()
     if table.labels:
         shown = np.append(shown, False)

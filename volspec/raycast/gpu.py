@@ -59,7 +59,44 @@ from volspec.volume import Volume
 # Pixels of each of the three pictures by which a step is chosen.
 PROBE = 48, 48
 
+# Magnitudes below and above which values are scaled on the device, and by what: of others, sums and
+# reciprocals are normal numbers of float32.
+LEAST_MAGNITUDE, MOST_MAGNITUDE, SCALE = 2.0**-80, 2.0**100, 2.0**100
+
 OneTable = TypeVar("OneTable", bound=Table)
+
+
+def device_scale(volume: Volume) -> float:
+    """Return the power of two by which a field's values are multiplied on a device."""
+    magnitude = max(map(abs, volume.range))
+    if volume.pyramid is not None or LEAST_MAGNITUDE <= magnitude <= MOST_MAGNITUDE:
+        return 1.0  # levels are read as they are stored
+    return SCALE if magnitude < LEAST_MAGNITUDE else 1 / SCALE
+
+
+def scaled_table(table: Tables, volume: Volume) -> Tables:
+    """Return a volume's table for values as they are on a device; itself if they are unchanged."""
+
+    def scaled(one: OneTable, name: str) -> OneTable:
+        scale = device_scale(volume.by_name[name])
+        if scale == 1.0:
+            return one
+        if isinstance(one, SurfaceTable):
+            return replace(one, values=one.values * scale)
+        assert isinstance(one, TransferTable)
+        low, high = one.domain
+        top = None if one.gradient_top is None else one.gradient_top * scale
+        return replace(one, domain=(low * scale, high * scale), gradient_top=top)
+
+    if not isinstance(table, FieldTables):
+        return scaled(table, volume.name)
+    if all(device_scale(volume.by_name[name]) == 1.0 for name in table.tables):
+        return table
+    masks = {
+        name: replace(mask, rows=tuple(scaled(row, name) for row in mask.rows))
+        for name, mask in table.masks.items()
+    }
+    return FieldTables({name: scaled(one, name) for name, one in table.tables.items()}, masks)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,6 +113,7 @@ class _Field:
     @classmethod
     def of(cls, compute: Compute, volume: Volume) -> _Field:
         """Upload a field, on CPUs without a copy. Raises OpenCLError if there is no room."""
+        volume = volume if (scale := device_scale(volume)) == 1.0 else volume.scaled(scale)
         values = volume.values
         if values.size > np.iinfo(np.uint32).max:
             raise OpenCLError(
@@ -297,7 +335,8 @@ class Raycaster:
         self._known: _Known = (
             like._known if like and volume.is_step_of(like.volume) else _Known(None)
         )
-        self._lights = LightVolume(self._compute, volume, self._own.unpadded)
+        self._scaled: tuple[Tables, Tables] | None = None  # the last table, and for the device
+        self._lights = LightVolume(self._compute, self._own.volume, self._own.unpadded)
 
     @property
     def device(self) -> str:
@@ -504,6 +543,7 @@ class Raycaster:
         rows: NDArray[np.float32] | None,
     ) -> Result:
         width, height = checked_size(size)
+        table = self._on_device(table)
         self._check_labels(table)
         check_reach(self.volume, camera, spec)
         if table.size > MAX_CHANNELS:
@@ -528,13 +568,13 @@ class Raycaster:
         view = camera, size
         if isinstance(table, FieldTables):
             together = self._cast_together(table)
-            several = FieldCast.of(self.volume, table, spec, together.frame)
+            several = FieldCast.of(self._own.volume, table, spec, together.frame)
             frame, spec = several.frame, several.spec
             first = next(iter(table.tables.values()))
             struct = kernel_arguments.cast_struct(frame, first, *view, spec.for_field(None))
         else:
             spec = spec.naming_fields(self.volume).for_field(self.volume.name)
-            together, several, frame = None, None, self.volume
+            together, several, frame = None, None, self._own.volume
             struct = kernel_arguments.cast_struct(frame, table, *view, spec)
             self._own.set_buffers(struct)
         slots = [] if rows is None else shadow_slots(spec)
@@ -613,9 +653,10 @@ class Raycaster:
         """
         spec = spec.for_lattice(self.volume)
         with self._lock:
+            table = self._on_device(table)
             lights = self._lights_of(table)
             if isinstance(table, FieldTables):
-                spec = FieldCast.of(self.volume, table, spec, lights.volume).spec
+                spec = FieldCast.of(self._own.volume, table, spec, lights.volume).spec
             else:
                 spec = spec.naming_fields(self.volume).for_field(self.volume.name)
             return lights.arrivals(table, spec, camera, clear)
@@ -626,7 +667,14 @@ class Raycaster:
         """Return `arrivals` past depths at half, the whole, and each material alone at half."""
         spec = spec.for_lattice(self.volume).naming_fields(self.volume).for_field(self.volume.name)
         with self._lock:
+            table = self._on_device(table)
             return self._lights_of(table).split_arrivals(table, spec, camera, clear)
+
+    def _on_device(self, table: Tables) -> Tables:
+        """Return a table for values as they are on the device; the last one is cached."""
+        if self._scaled is None or self._scaled[0] is not table:
+            self._scaled = table, scaled_table(table, self.volume)
+        return self._scaled[1]
 
     def _cast_together(self, table: FieldTables) -> _Together:
         """Return the fields of tables on the device; the last are cached."""
@@ -640,7 +688,7 @@ class Raycaster:
                     self._uploaded[each.name] = _Field.of(self._compute, each)
             dtype = common_dtype(volumes)
             fields = {name: self._uploaded[name].stored(self._compute, dtype) for name in names}
-            frame = frame_around(self.volume, names)
+            frame = frame_around(self._own.volume, names)
             voxels = {name: (field.volume, field.unpadded) for name, field in fields.items()}
             masks = known or _Masks.of(self._compute, self.volume, table)
             by_field = {name: (masks.codes, masks.struct(name)) for name in masks.lattices}

@@ -160,6 +160,12 @@ def place_unit(volume: Volume, chosen: bool | None) -> str:
     return "mm LPS" if is_patient(volume, chosen) else "mm"
 
 
+def place_text(volume: Volume, place_mm: NDArray[np.float64]) -> str:
+    """Return coordinates as text, of which those of neighbouring voxels differ."""
+    decimals = max(1, -math.floor(math.log10(min(volume.spacing_mm))))
+    return "  ".join(f"{mm:.{decimals}f}" for mm in place_mm)
+
+
 def side_deg(side: str, volume: Volume, chosen: bool | None = None) -> tuple[float, float]:
     """Return azimuth and elevation of the camera at a side; a patient's left is their own.
 

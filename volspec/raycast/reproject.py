@@ -184,7 +184,7 @@ class Warp:
 
 
 def _buckets_per_mm(depths: tuple[float, float]) -> float:
-    return BUCKETS / max(depths[1] - depths[0], 1e-6)
+    return BUCKETS / ((depths[1] - depths[0]) or 1.0)
 
 
 class Points(NamedTuple):

@@ -295,7 +295,7 @@ def mix_as_written(mix: Mix) -> str | dict[str, float]:
 
 
 def _seen_points(points: Sequence[PointSpec]) -> Iterator[tuple[float, Mapping[str, float]]]:
-    span = max(points[-1].value - points[0].value, 1e-12)
+    span = points[-1].value - points[0].value or 1.0
     for point in points:  # a sharp step covers no range of values, yet is visible
         yield point.opacity * span / len(points), point.material_weights
     for left, right in pairwise(points):

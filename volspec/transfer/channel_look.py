@@ -18,7 +18,7 @@ from volspec.spectra.datasets import Observer
 from volspec.transfer.fields import OWN, FieldFunctions
 from volspec.transfer.label_look import mix_text, smits_weights
 from volspec.transfer.model import TransferFunction
-from volspec.transfer.presets import histogram_of, step_mm
+from volspec.transfer.presets import histogram_of, rounded, step_mm
 from volspec.volume import Volume
 from volspec.volume.channels import Channel, unique_titles
 
@@ -47,7 +47,6 @@ _IN_ORDER: tuple[Colour, ...] = (
 _QUANTILES = 0.75, 0.999
 # Opacity of the reference step at limits, and where it is in between.
 _FULL, _MIDDLE, _MIDDLE_OPACITY = 0.3, 0.4, 0.05
-_DIGITS = 4
 
 
 def channel_functions(
@@ -66,7 +65,7 @@ def channel_functions(
         texts[material] = mix_text(smits_weights(channel_colour(field.channel, number)))
         role = name
         low, high = channel_limits(field, (step.by_role[role] for step in steps))
-        middle = _rounded(low + _MIDDLE * (high - low))
+        middle = rounded(low + _MIDDLE * (high - low), high - low)
         points[name] = [
             (low, 0.0, material),
             (middle, _MIDDLE_OPACITY, material),
@@ -109,8 +108,4 @@ def channel_limits(field: Volume, steps: Iterable[Volume] | None = None) -> tupl
     low, high = (edges[np.searchsorted(below, q * below[-1]) + 1] for q in _QUANTILES)
     if high <= low:
         low = least
-    return _rounded(low), _rounded(high)
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.{_DIGITS}g}")
+    return rounded(low, high - low), rounded(high, high - low)

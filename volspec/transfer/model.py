@@ -31,10 +31,8 @@ _WHO = "TransferFunction"
 _SIZES, _SIZES_WITH_GRADIENT, _ROWS = (1024, 65536), (1024, 4096), (64, 256)
 # Points this near an entry, in entries, are on it.
 _ON_ENTRY = 1e-6
-# Of points that have a common measure.
-_DECIMALS = 4
-# Digits of a span from which on its points are scaled, to be whole numbers of 64 bits.
-_LONGEST = 12
+# Digits of points, below the span's first, in which a common measure is looked for.
+_DIGITS = 8
 # Of other points: the longest table by the shortest, and an opacity that nobody sees.
 _MOST_LONGER, _UNSEEN = 6, 2e-5
 
@@ -159,7 +157,7 @@ class TransferFunction:
             factors = np.interp(np.linspace(0, top, rows), gradients, of_gradients)
         low, high = values[0], values[-1]
         if low == high:  # a single value, but a table needs two ends
-            low, high = low - 0.5, high + 0.5
+            high = low + (abs(low) or 1.0)
         limits = _SIZES if factors is None else _SIZES_WITH_GRADIENT
         if size is None:
             size = _table_size("points", values, weights[:, :1], low, limits)
@@ -257,13 +255,12 @@ def _table_size(what: str, points: Array, curve: Array, low: float, limits: tupl
             stacklevel=3,
         )
     least, most = int(np.clip(np.ceil(4 * span / gaps[i]), limits[0] - 1, limits[1] - 1)), limits[1]
-    # Whole numbers, or decimals, have a common measure; in tiny and huge spans, of their decade.
-    exponent = math.floor(math.log10(span))
-    decade = 10.0 ** (max(0, -exponent - _DECIMALS) - max(0, exponent - _LONGEST))
-    for decimals in range(_DECIMALS + 1):
-        scaled = (points - low) * decade * 10.0**decimals
+    # Whole numbers, or decimals, have a common measure.
+    decade = 10.0 ** max(math.floor(math.log10(span)), -300)  # less has no reciprocal
+    for digits in range(_DIGITS):
+        scaled = (points - low) / decade * 10.0**digits
         whole = np.rint(scaled)
-        if np.abs(scaled - whole).max() < 1e-9 * scaled[-1] + 1e-12:
+        if np.abs(scaled - whole).max() < 1e-9 * scaled[-1]:
             cells = int(whole[-1]) // int(np.gcd.reduce(whole.astype(np.int64)))
             times = min(-(-least // cells), (most - 1) // cells)
             if times > 0:

@@ -114,7 +114,7 @@ def sorted_presets(volume: Volume) -> list[Preset]:
 def value_span(volume: Volume) -> tuple[float, float]:
     """Return a volume's typical range, widened a little if all values are the same."""
     low, high = volume.typical_range
-    half = max(0.5, 1e-6 * abs(low))
+    half = abs(low) / 2 or 0.5
     return (low, high) if high > low else (low - half, high + half)
 
 
@@ -202,10 +202,9 @@ def preset_points(
     """Return (value, opacity, material) of a preset's points, within a volume's range."""
     low, high = value_span(volume)
     marks = _marks(volume, counts)
-    digits = 3 - math.floor(math.log10(high - low))
     made = [
-        (_rounded(np.interp(hu, _MARKS_HU, marks), digits, low, high), opacity, material)
-        for material, (_, points) in preset.parts.items()
+        (min(max(rounded(np.interp(hu, _MARKS_HU, marks), high - low), low), high), opacity, name)
+        for name, (_, points) in preset.parts.items()
         for hu, opacity in points
     ]
     if volume.range[1] > high and not preset.surfaces:  # values that fill are above: transparent
@@ -213,9 +212,9 @@ def preset_points(
     return made
 
 
-def _rounded(value: float, digits: int, low: float, high: float) -> float:
-    """Return a value within a range, rounded for people who read it in a scene."""
-    return min(max(round(float(value), digits), low), high)
+def rounded(value: float, span: float) -> float:
+    """Return a value of a range that spans so much, rounded for people who read it in a scene."""
+    return round(float(value), 3 - math.floor(math.log10(span))) if span else value
 
 
 def _marks(volume: Volume, counts: NDArray[np.float64]) -> tuple[float, ...]:

@@ -237,10 +237,10 @@ def checked_geometry(
                 code="range",
                 given=world,
             )
-        if spacing is not None and not np.allclose(lengths, spacing_array, rtol=1e-4):
+        if spacing is not None and not np.allclose(lengths, spacing_array, 1e-4, 0):
             raise VolumeError(
                 f"{name}: spacing {tuple(spacing_array.tolist())} mm and world_from_index "
-                f"(columns {lengths.round(6).tolist()} mm) disagree; give one of them",
+                f"(columns {lengths.tolist()} mm) disagree; give one of them",
                 code="conflict",
             )
         spacing_array = lengths

@@ -338,7 +338,7 @@ def _attributes(
     """Return the metadata of the group."""
     world = source.world_from_index
     spacing = np.linalg.norm(world[:3, :3], axis=0)
-    is_straight = np.allclose(np.diag(spacing), world[:3, :3])
+    is_straight = np.allclose(np.eye(3), world[:3, :3] / spacing)
     origin = world[:3, 3] if is_straight else np.zeros(3)
     datasets = []
     for number in range(len(shapes)):

@@ -226,6 +226,16 @@ class Volume:
         index = [(i, j, k, 1.0) for k in (0, z - 1) for j in (0, y - 1) for i in (0, x - 1)]
         return (np.array(index) @ finest.world_from_index.T)[:, :3]
 
+    def scaled(self, factor: float) -> Volume:
+        """Return the field with float values multiplied by a power of two; further fields stay."""
+        low, high, least, most = (each * factor for each in (*self.range, *self.typical_range))
+        values, missing = self.values * np.float32(factor), None
+        if self.missing is not None:  # float32 may have had no room for it
+            missing = missing_value(low, high)
+            values[self.values == self.missing] = missing
+        changes = {"missing": missing, "range": (low, high), "typical_range": (least, most)}
+        return self._changed(values=values, **changes)
+
     def at_level(self, number: int) -> Volume:
         """Return the lattice of a level of the pyramid, 0 the finest: its values are not there."""
         assert self.pyramid is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -71,17 +72,19 @@ class VolumeSummary:
         if self.steps > 1:
             table.add_row("time steps", f"{self.steps}; below, the first")
         if self.channels:
-            ranges = (f"{name} {low:g} … {high:g}" for name, (low, high) in self.channels.items())
+            ranges = (f"{name} {range_text(*ends)}" for name, ends in self.channels.items())
             table.add_row("channels", "; ".join(ranges) + "; below, the first")
-        table.add_row("range", f"{self.range[0]:g} … {self.range[1]:g}, mean {self.mean:.4g}")
+        mean = value_format(*self.range, 4) % self.mean
+        table.add_row("range", f"{range_text(*self.range)}, mean {mean}")
         if self.missing:
             table.add_row("missing", f"{self.missing:,} voxels are NaN or infinite: transparent")
         if self.labels:
             table.add_row("labels", self._label_text())
         most = max(count for _, _, count in self.histogram)
+        value = value_format(*self.range, 6)
         for low, high, count in self.histogram:
             length = round(_BAR * np.log1p(count) / np.log1p(most))
-            table.add_row(f"{low:g} … {high:g}", "█" * length + f" {count:,}")
+            table.add_row(f"{value % low} … {value % high}", "█" * length + f" {count:,}")
         table.caption = "histogram bars: logarithmic"
         if self.level is not None:
             sides = " × ".join(map(str, self.level))
@@ -94,6 +97,22 @@ class VolumeSummary:
         listed = named or [str(number) for number in self.labels]
         more = ", …" if len(listed) > _MOST_LISTED else ""
         return f"{len(self.labels)}: {', '.join(listed[:_MOST_LISTED])}{more}"
+
+
+def value_format(low: float, high: float, digits: int = 5) -> str:
+    """Return a printf format of values in a range, with digits of the range however far from 0.
+
+    >>> [value_format(*ends) % ends[1] for ends in ((0, 1.5), (1e6, 1e6 + 1.25), (0, 1e-40))]
+    ['1.5', '1000001.25', '1e-40']
+    """
+    far = max(abs(low), abs(high)) / ((high - low) or math.inf)
+    return f"%.{digits + min(round(math.log10(max(far, 1.0))), 10)}g"
+
+
+def range_text(low: float, high: float) -> str:
+    """Return the ends of a range as text."""
+    value = value_format(low, high, 6)
+    return f"{value % low} … {value % high}"
 
 
 def _lengths(lengths_mm: tuple[float, float, float]) -> str:

@@ -189,7 +189,7 @@ def _mean_steps(grid: Any, name: str, query: Query | None) -> NDArray[np.float64
     means = np.ones(3)
     for axis, places in enumerate((grid.x, grid.y, grid.z)):
         steps = np.diff(np.asarray(places, np.float64))
-        is_even = steps.size == 0 or np.allclose(steps, steps.mean(), rtol=_EVEN)
+        is_even = steps.size == 0 or np.allclose(steps, steps.mean(), _EVEN, 0)
         if not is_even and (query is None or query.spacing_mm is None):
             raise VolumeError(
                 f"{name}: is a RectilinearGrid of uneven spacing, {steps.min():.4g} to "

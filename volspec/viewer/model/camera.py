@@ -59,7 +59,7 @@ def pan(state: ViewState, across: float, down: float) -> ViewState:
     centre = volume.corners_mm.mean(axis=0)
     far = np.asarray(camera.target_mm) + tall * (down * up - across * right) - centre
     most = _FURTHEST * radius_mm(volume)
-    far *= min(1.0, most / max(float(np.linalg.norm(far)), 1e-12))
+    far *= min(1.0, most / (float(np.linalg.norm(far)) or most))
     return _with_view(state, target_mm=vector(centre + far))
 
 

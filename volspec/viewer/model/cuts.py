@@ -102,7 +102,7 @@ def outline_mm(point: Array, normal: Array, corners: Array) -> Array:
         return np.empty((0, 3))
     ring = np.array(cuts)
     spokes = ring - ring.mean(axis=0)
-    across = spokes[0] / max(float(np.linalg.norm(spokes[0])), 1e-12)
+    across = spokes[0] / (float(np.linalg.norm(spokes[0])) or 1.0)
     order = np.argsort(np.arctan2(spokes @ np.cross(normal, across), spokes @ across))
     return np.asarray(ring[order])
 

@@ -68,7 +68,7 @@ class JointHistogram:
             return cls(np.zeros(_JOINT_BINS[::-1]), 1.0)
         top = float(np.quantile(gradients, _SHOWN)) or 1.0
         low, high = span
-        fractions = (here - low) / max(high - low, 1e-30)
+        fractions = (here - low) / ((high - low) or 1.0)
         columns, rows = _JOINT_BINS
         column = np.minimum((fractions * columns).astype(np.intp), columns - 1)
         row = np.minimum((gradients / top * rows).astype(np.intp), rows - 1)

@@ -48,6 +48,8 @@ from volspec.viewer.model.state import ViewState
 # A folder without files: relative names must not be found in the working directory by chance.
 NOWHERE = "/"
 T = TypeVar("T")
+# Settings of values and places, which may differ little and be far from 0.
+_FAR = "value", "values", "position_mm", "target_mm", "point_mm", "points_mm"
 # Name of a light that combines several others.
 _MIX = "mix"
 
@@ -149,8 +151,22 @@ def as_typed(value: T) -> T:
         typed = {key: as_typed(each) for key, each in value.items()}
     elif is_settings(type(value)):
         made: Any = value
-        typed = replace(made, **{f.name: as_typed(getattr(value, f.name)) for f in fields(made)})
+        written = {f.name: _in_full if f.name in _FAR else as_typed for f in fields(made)}
+        typed = replace(made, **{k: to(getattr(value, k)) for k, to in written.items()})
     return typed
+
+
+def _in_full(value: Any) -> Any:
+    """Return numbers with all their digits; those of sliders, float32 of few digits, with these.
+
+    >>> _in_full((0.8500000238418579, 1000000.0312345, 1e-40))
+    (0.85, 1000000.0312345, 1e-40)
+    """
+    if isinstance(value, tuple):
+        return tuple(map(_in_full, value))
+    few = float(f"{value or 0.0:.6g}")
+    with np.errstate(over="ignore"):
+        return few if float(np.float32(few)) == value else value
 
 
 def same_spectrum(one: Spectrum, other: Spectrum) -> bool:

@@ -155,7 +155,7 @@ def direction_letters(direction: NDArray[np.float64], patient: bool) -> str:
     ['R', 'SP']
     """
     names = PATIENT if patient else AXES
-    parts = direction / max(float(np.linalg.norm(direction)), 1e-12)
+    parts = direction / (float(np.linalg.norm(direction)) or 1.0)
     order = np.argsort(-np.abs(parts), kind="stable")
     leaning = [i for i in order[: 2 if patient else 1] if abs(parts[i]) > _LEANS]
     return "".join(names[i][int(parts[i] > 0)] for i in leaning)

@@ -195,7 +195,7 @@ def _with_looks(
 
 def value_gap(rows: Sequence[Point]) -> float:
     """Return the least distance between the values of points or surfaces."""
-    return _GAP * max(rows[-1][0] - rows[0][0], 1e-6)
+    return _GAP * (rows[-1][0] - rows[0][0])
 
 
 def limit_between(places: Sequence[float], index: int, to: float, gap: float) -> float:

@@ -9,6 +9,7 @@ from volspec.viewer.model.field_looks import FieldLook
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.widgets import as_one_line, lit_button, shorten, text_width
+from volspec.volume.summary import value_format
 
 _FLAGS = imgui.TableFlags_.sizing_fixed_fit
 
@@ -37,10 +38,10 @@ def _limits(state: ViewState, ui: UiContext) -> ViewState:
     low, high = transfer_parts.limits(state.transfer)
     first, last = fields.data(state).volume.typical_range
     step = (last - first) / 500
-    decimals = "%.0f" if step > 0.05 else "%.4g"
+    form = "%.0f" if step > 0.05 else value_format(first, last)
     imgui.set_next_item_width(-text_width("Limits") - imgui.get_style().item_inner_spacing.x)
     moved, low, high = imgui.drag_float_range2(
-        "Limits", low, high, step, first, last, decimals, decimals, imgui.SliderFlags_.always_clamp
+        "Limits", low, high, step, first, last, form, form, imgui.SliderFlags_.always_clamp
     )
     ui.note("field limits", "Contrast limits: the values between which the field's curve lies")
     return transfer_edits.set_limits(state, low, high) if moved else state

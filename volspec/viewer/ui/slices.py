@@ -6,7 +6,7 @@ import numpy as np
 from imgui_bundle import imgui
 
 from volspec.raycast.framing import crop_bounds, world_mm
-from volspec.raycast.projection import is_patient, place_unit
+from volspec.raycast.projection import is_patient, place_text, place_unit
 from volspec.viewer.model import slices
 from volspec.viewer.model.slices import PLANES, Layout, voxel_number
 from volspec.viewer.model.state import ViewState
@@ -14,6 +14,7 @@ from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.cuts import SLICE_COLOURS
 from volspec.viewer.ui.widgets import BLACK, WHITE, pack_colour, text_width
 from volspec.viewer.work.slice_pictures import SlicePictures
+from volspec.volume.summary import value_format
 
 Area = tuple[float, float, float, float]
 # Pixels at 96 dpi: the least height for all slices, the least side of one, and letters' distance
@@ -71,10 +72,10 @@ def crossing_text(state: ViewState) -> str:
     """Return the value and the place at which the slices cross, as text."""
     volume, at = state.document.volume, state.interface.slices.at
     i, j, k = (voxel_number(volume, axis, at[axis]) for axis in range(3))
-    x, y, z = world_mm(volume, np.array([i, j, k], dtype=np.float64))
-    value = float(volume.nan_if_missing(volume.values[k, j, i]))
+    place = world_mm(volume, np.array([i, j, k], dtype=np.float64))
+    value = value_format(*volume.range) % volume.nan_if_missing(volume.values[k, j, i])
     unit = place_unit(volume, state.interface.overlays.patient)
-    return f"{value:.5g}  at  {x:.1f}  {y:.1f}  {z:.1f} {unit}"
+    return f"{value}  at  {place_text(volume, place)} {unit}"
 
 
 def _steady_width() -> float:

@@ -38,6 +38,7 @@ from volspec.viewer.ui.widgets import (
     wrap_text,
 )
 from volspec.viewer.work import css_colours
+from volspec.volume.summary import value_format
 
 _HINT = "Another: gold, skin, steelblue, #c08040, FILE.csv"
 _ROWS = 8
@@ -223,7 +224,8 @@ def draw_value(state: ViewState, ui: UiContext, what: str) -> ViewState:
     wide = (imgui.get_content_region_avail().x - ui.px(_REMOVE) - 2 * ui.px(6)) / 2
     imgui.set_next_item_width(wide)
     step = (high - low) / 500
-    moved, value = imgui.drag_float("##value", now, step, low, high, "value %.5g", _CLAMP)
+    words = f"value {value_format(low, high)}"
+    moved, value = imgui.drag_float("##value", now, step, low, high, words, _CLAMP)
     ui.note("part value", f"{what} {index + 1} of {len(parts)}. Double-click to type")
     if moved:
         new = transfer_edits.move_point(new, index, value, parts[index].opacity)

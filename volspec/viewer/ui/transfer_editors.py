@@ -19,6 +19,7 @@ from volspec.viewer.ui import transfer_detail, transfer_plot
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.transfer_plot import Handle, HandleEdits, ink, set_axis
 from volspec.viewer.ui.widgets import ACCENT, pack_colour
+from volspec.volume.summary import value_format
 
 # Margins beyond either end of the axes.
 _MARGIN, _ABOVE = 0.02, 0.12
@@ -83,7 +84,7 @@ def _opacities(state: ViewState, curve: TransferFunction | None, ui: UiContext) 
     implot.pop_plot_clip_rect()
     parts, colours = list_parts(state.transfer), transfer_plot.part_colours(state)
     handles = [
-        Handle(_place(part), _words(part), colour)
+        Handle(_place(part), _words(part, value_format(*span)), colour)
         for part, colour in zip(parts, colours, strict=True)
     ]
     chosen = transfer_detail.chosen_part(state)
@@ -125,9 +126,9 @@ def _stems(state: ViewState, ui: UiContext) -> None:
         draw_list.add_line(foot, head, pack_colour(colour), ui.px(3))
 
 
-def _words(part: Part) -> str:
-    value, mix = part.values[0], transfer_detail.mix_text(part.mix)
-    return f"value {value:.5g}\nopacity {part.opacity:.3g}\n{mix}"
+def _words(part: Part, form: str) -> str:
+    value, mix = form % part.values[0], transfer_detail.mix_text(part.mix)
+    return f"value {value}\nopacity {part.opacity:.3g}\n{mix}"
 
 
 def _place(part: Part) -> tuple[float, float]:
@@ -310,11 +311,11 @@ def _numbers(state: ViewState, ui: UiContext) -> ViewState:
     index = transfer_detail.chosen_part(state)
     region = transfer.regions[index]
     low, high = presets.value_span(fields.data(state).volume)
-    new = state
+    new, form = state, value_format(low, high)
     wide = imgui.get_content_region_avail().x / 2 - ui.px(5)
     imgui.set_next_item_width(wide)
     moved, *values = imgui.drag_float_range2(
-        "##values", *region.values, (high - low) / 500, 0.0, 0.0, "≥ %.4g", "≤ %.4g"
+        "##values", *region.values, (high - low) / 500, 0.0, 0.0, f"≥ {form}", f"≤ {form}"
     )
     ui.note("region values", "Range of values")
     if moved:

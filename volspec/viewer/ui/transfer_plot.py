@@ -25,6 +25,7 @@ from volspec.viewer.model.transfer_parts import list_parts
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import Colour, adapting_transform, as_colour, fill_box
 from volspec.viewer.ui.widgets import ACCENT, pack_colour
+from volspec.volume.summary import value_format
 
 Array = NDArray[np.float64]
 LIT = "Under the lights that are on, to an eye adapted to them"
@@ -152,7 +153,8 @@ def set_values_axis(state: ViewState, margin: float) -> None:
     room = margin * (high - low)
     set_axis(implot.ImAxis_.x1, low - room, high + room, implot.AxisFlags_.no_grid_lines)
     unit = fields.data(state).volume.metadata.unit
-    implot.setup_axis_format(implot.ImAxis_.x1, f"%g {unit.replace('%', '%%')}".rstrip())
+    form = f"{value_format(low, high)} {unit.replace('%', '%%')}".rstrip()
+    implot.setup_axis_format(implot.ImAxis_.x1, form)
 
 
 def note_area(ui: UiContext, name: str) -> None:

@@ -5,7 +5,6 @@ CoefficientImage, light -> [probe] -> Reading
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -16,13 +15,14 @@ from volspec.appearance.models import APPEARANCE_MODELS
 from volspec.appearance.scene_to_display import forward_for
 from volspec.errors import VolspecError
 from volspec.raycast import Camera, CoefficientImage
-from volspec.raycast.projection import place_unit
+from volspec.raycast.projection import place_text, place_unit
 from volspec.relight import Illumination, LightRig, RelightSpec
 from volspec.relight.error_map import error_map
 from volspec.spectra import SpectralGrid, Spectrum
 from volspec.transfer import Transfer
 from volspec.viewer.work.pictures import crop
 from volspec.volume import Volume
+from volspec.volume.summary import value_format
 
 Array = NDArray[np.float64]
 
@@ -170,10 +170,9 @@ def _hit_rows(
         if field.labels:
             yield field.title if volume.fields else "Label", _label_at(field, camera, place)
         elif (value := value_at(field, place)) is not None:
-            yield field.title if volume.fields else "Value", f"{value:.6g}"
-    # Neighbouring voxels differ.
-    decimals = max(1, -math.floor(math.log10(min(volume.spacing_mm))))
-    yield place_unit(volume, patient), _format(place, decimals)
+            text = value_format(*field.range, 6) % value
+            yield field.title if volume.fields else "Value", text
+    yield place_unit(volume, patient), place_text(volume, place)
 
 
 def _label_at(volume: Volume, camera: Camera, place: Array) -> str:
@@ -199,5 +198,5 @@ def _error_row(
     yield "Colour error", f"ΔE00 {float(found.delta_e[0, 0]):.2f}"
 
 
-def _format(values: Array, decimals: int = 1) -> str:
-    return "  ".join(f"{value:.{decimals}f}" for value in values)
+def _format(values: Array) -> str:
+    return "  ".join(f"{value:.1f}" for value in values)

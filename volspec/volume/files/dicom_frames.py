@@ -120,7 +120,7 @@ class Slice:
             (self.size, self.components) == (other.size, other.components)
             and np.allclose(self.directions, other.directions, atol=2e-3)
             and len(self.pixel_mm) == len(other.pixel_mm)
-            and np.allclose(self.pixel_mm, other.pixel_mm, rtol=1e-3)
+            and np.allclose(self.pixel_mm, other.pixel_mm, 1e-3, 0)
         )
 
 
