@@ -20,6 +20,7 @@ from volspec.export.annotate import (
     paint,
     picture_marks,
 )
+from volspec.export.value_bars import value_bars
 from volspec.pipeline import relight
 from volspec.raycast import Camera
 from volspec.raycast.projection import Projection, length_mm, length_text, scale_text
@@ -27,7 +28,8 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.scene.annotation import Annotation, measured_length
 from volspec.scene.export import MARKS
 from volspec.spectra import light, reflectance
-from volspec.volume import Metadata, phantom
+from volspec.transfer import FieldFunctions, Isosurfaces, TransferFunction
+from volspec.volume import Metadata, Volume, phantom
 
 VOLUME = phantom.ball(16)
 CAMERA = Camera.orbit(VOLUME, azimuth_deg=20.0)
@@ -106,6 +108,23 @@ def test_material_colours_are_those_of_a_frame_of_a_flat_material():
         rig = LightRig((light(name),))
         found = material_colours({"gold": gold}, basis, rig, seen, {"": 1.0})
         assert 255 * found["gold"] == pytest.approx(frame[0, 0].astype(float), abs=3)
+
+
+def test_value_bars_have_the_colours_of_values_and_name_their_field():
+    basis, rig = SpectralBasis.load("general-7"), LightRig((light("A"),))
+    metals = {name: reflectance(name) for name in ("gold", "copper")}
+    curve = TransferFunction([(1, 0, "gold"), (2, 0.1, "gold"), (4, 0.2, "copper")], metals, basis)
+    ramp = np.linspace(0, 5, 64, dtype=np.float32).reshape(4, 4, 4)
+    volts = Volume(ramp, name="U", metadata=Metadata(unit="V"))
+    levels = Isosurfaces([(2.0, 1.0, "gold")], metals, basis)
+    how = basis, rig, RelightSpec(), {"": 1.0}
+    (bar,) = value_bars(curve, Volume(ramp), *how)
+    own = material_colours(metals, *how)
+    assert (bar.low, bar.high) == pytest.approx((1, 4), abs=0.01) and bar.ticks() == [1, 2, 3, 4]
+    np.testing.assert_allclose(bar.colours[[1, -1]], [own["gold"], own["copper"]], atol=0.02)
+    both = FieldFunctions({"": curve, "U": curve})
+    titles = [each.title for each in value_bars(both, Volume(ramp, name="I", fields=[volts]), *how)]
+    assert titles == ["I", "U · V"] and not value_bars(levels, Volume(ramp), *how)
 
 
 def test_transparent_pictures_get_opaque_marks():

@@ -40,6 +40,7 @@ from volspec.volume import Volume
 if TYPE_CHECKING:
     from PIL import Image
 
+    from volspec.export.value_bars import ValueBar
     from volspec.scene.export import Mark
 
 Codes = TypeVar("Codes", bound=NDArray[Any])
@@ -82,6 +83,7 @@ class MarkedPicture:
     materials: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)  # codes 0 to 1
     patient: bool | None = None  # name directions by the patient's body; None: the volume decides
     annotations: Sequence[Annotation] = ()
+    values: Sequence[ValueBar] = ()
 
 
 def picture_marks(marks: Sequence[Mark], picture: MarkedPicture) -> list[Patch]:
@@ -104,6 +106,8 @@ def picture_marks(marks: Sequence[Mark], picture: MarkedPicture) -> list[Patch]:
         patches += paint.scale_bar()
     if "materials" in marks:
         patches += paint.legend(top)
+    if "values" in marks:
+        patches += paint.value_bars()
     return patches
 
 
@@ -339,6 +343,36 @@ class _Painter:
                 patches.append(self._swatch(name, x, y + (row - swatch) / 2, swatch))
                 x += 1.5 * swatch
             patches.append(self.text(name, x, y, _TEXT))
+        return patches
+
+    def value_bars(self) -> list[Patch]:
+        """Return a bar for each field above the middle of the lower edge, with its numbers."""
+        width, height = self._picture.size
+        thick, edge = round(_SWATCH * self.unit), max(round(_OUTLINE * self.unit / 2), 1)
+        patches, bottom = [], height - self.margin
+        for bar in reversed(self._picture.values):
+            labels = [(v, self.text(f"{v:.6g}", 0.0, 0.0, _TEXT)) for v in bar.ticks()]
+            long = max(round(_BAR * width), 2)
+            left, top = round((width - long) / 2), round(bottom - thick - _ROW * self.unit)
+            colours = bar.colours[np.arange(long) * len(bar.colours) // long]
+            seen = np.isfinite(colours).all(axis=1)
+            framed = np.zeros((thick + 2 * edge, long + 2 * edge, 4), np.float32)
+            framed[..., 3] = 1.0
+            inner = framed[edge:-edge, edge:-edge]
+            inner[..., :3], inner[..., 3] = np.nan_to_num(colours), seen
+            patches.append(Patch(left - edge, top - edge, framed[..., :3], framed[..., 3]))
+            free = -np.inf
+            for value, label in labels:
+                x = left + long * (value - bar.low) / (bar.high - bar.low)
+                start = x - label.alpha.shape[1] / 2
+                if start > free:  # numbers that would touch are left out
+                    patches.append(replace(label, x=round(start), y=round(top + thick)))
+                    free = start + label.alpha.shape[1]
+            bottom = top - 0.5 * _ROW * self.unit
+            if bar.title:
+                title = self.text(bar.title, left, top - _ROW * self.unit, _TEXT, long)
+                patches.append(title)
+                bottom -= _ROW * self.unit
         return patches
 
     def _swatch(self, name: str, x: float, y: float, side: int) -> Patch:

@@ -34,6 +34,7 @@ from volspec.export.plan import Shot, export_lights
 from volspec.export.png import PngWriter
 from volspec.export.spectral import SpectralIllumination
 from volspec.export.tiles import row_strips
+from volspec.export.value_bars import value_bars
 from volspec.raycast import CoefficientImage
 from volspec.relight import Relighter
 from volspec.relight.hdr import hdr_frame
@@ -252,6 +253,9 @@ class FrameFiles:
         picture = MarkedPicture(
             *(self.size, shot.camera, volume, scene.file.title, shot.light, colours),
             annotations=annotations,
+            values=value_bars(scene.transfer, volume, scene.basis, shot.rig, shot.spec, shares)
+            if "values" in marks
+            else (),
         )
         return picture_marks(marks, picture)
 

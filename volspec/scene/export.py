@@ -78,7 +78,7 @@ class Play:
     """Number of times that the series is played."""
 
 
-Mark = Literal["scale", "orientation", "title", "light", "materials"]
+Mark = Literal["scale", "orientation", "title", "light", "materials", "values"]
 MARKS: tuple[Mark, ...] = get_args(Mark)
 
 
@@ -123,7 +123,8 @@ class ExportSpec:
     sheet: bool = True
     """Write a contact sheet next to the frames."""
     annotate: Annotated[tuple[Mark, ...], Field(strict=False)] = ()
-    """PNG and films: marks in the picture: scale, orientation, title, light, materials."""
+    """PNG and films: marks in the picture: scale, orientation, title, light, materials, and values,
+    a bar of their colours, with numbers and their unit."""
     stereo: Stereo | None = None
     """PNG and films: both eyes' pictures in one, of one cast with [raycast] layers, otherwise of
     two casts."""

@@ -270,6 +270,7 @@ _MARK_LABELS: dict[Mark, str] = {
     "title": "Title",
     "light": "Light",
     "materials": "Legend of materials",
+    "values": "Bar of values",
 }
 
 

@@ -24,6 +24,7 @@ from volspec.export.annotate import (
     paint,
     picture_marks,
 )
+from volspec.export.value_bars import value_bars
 from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.raycast.pace import WHOLE
@@ -101,6 +102,9 @@ def _marks(state: ViewState, shot: Shot) -> list[Patch]:
         material_colours(materials, transfer.basis, rig, spec, shares),
         state.interface.overlays.patient,
         annotations,
+        value_bars(state.transfer, volume, transfer.basis, rig, spec, shares)
+        if "values" in marks
+        else (),
     )
     return picture_marks(marks, picture)
 

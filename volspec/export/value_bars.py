@@ -1,0 +1,109 @@
+"""Bars of the colours that a field's values have under a light, with numbers.
+
+transfer functions, light -> [value_bars] -> annotate
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.export.annotate import material_colours
+from volspec.spectra import Spectrum
+from volspec.transfer import FieldFunctions, TransferFunction
+from volspec.transfer.mixes import used_materials, weight_matrix
+from volspec.volume import Volume
+
+if TYPE_CHECKING:
+    from volspec.basis import Basis
+    from volspec.relight import LightRig, RelightSpec
+
+_COLOURS = 64
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ValueBar:
+    """Colours of the values from ``low`` to ``high``, between which a field is seen."""
+
+    title: str  # the field, of several, and the unit
+    low: float
+    high: float
+    colours: NDArray[np.float64]  # (N, 3) display codes 0 to 1; those of transparent values are NaN
+
+    def ticks(self, most: int = 5) -> list[float]:
+        """Return up to ``most`` round values within the bar.
+
+        >>> ValueBar("", -1000, 3000, np.zeros((2, 3))).ticks()
+        [-1000.0, 0.0, 1000.0, 2000.0, 3000.0]
+        """
+        span = self.high - self.low
+        power = 10.0 ** math.floor(math.log10(span / most))
+        step = next(s * power for s in (1, 2, 5, 10, 20) if span / (s * power) <= most - 1 + 1e-9)
+        first, last = math.ceil(self.low / step - 1e-9), math.floor(self.high / step + 1e-9)
+        return [round(n * step, 12 - math.floor(math.log10(step))) for n in range(first, last + 1)]
+
+
+def value_bars(
+    transfer: Any,
+    volume: Volume,
+    basis: Basis,
+    rig: LightRig,
+    spec: RelightSpec,
+    shares: Mapping[str, float],
+) -> Sequence[ValueBar]:
+    """Return a bar for each field that has a curve over its values; labels and levels have none.
+
+    Parameters
+    ----------
+    transfer : Transfers
+    volume : Volume
+        Its fields' ranges and units are those of the bars.
+    basis, rig, spec, shares
+        As `volspec.export.annotate.material_colours`.
+    """
+    functions: Mapping[str, Any] = {"": transfer}
+    if isinstance(transfer, FieldFunctions):
+        functions = {name: transfer.functions[name] for name in transfer.shown}
+    colours_of = partial(material_colours, basis=basis, rig=rig, spec=spec, shares=shares)
+    bars = []
+    for name, function in functions.items():
+        if not isinstance(function, TransferFunction):
+            continue
+        field = volume.by_name[name or volume.name]
+        table = function.bake(volume.smallest_mm)
+        at = np.linspace(*table.domain, table.opacity.shape[-1])
+        least, most = field.range
+        opaque = np.max(np.atleast_2d(table.opacity), axis=0) > 0
+        shown = np.flatnonzero(opaque & (at >= least) & (at <= most))
+        if len(shown) < 2:
+            continue
+        # From the last entry that is transparent.
+        low, high = at[max(shown[0] - 1, 0)], at[min(shown[-1] + 1, len(at) - 1)]
+        low, high = max(float(low), least), min(float(high), most)
+        values = np.linspace(low, high, _COLOURS)
+        points, _, mixes = zip(*function.points, strict=True)
+        names = used_materials(mixes)
+        weights = table.material_weights.reshape(-1, len(at), table.channels.shape[0])[-1]
+        if len(names) > basis.size:  # the table's are channels
+            points_at, weights = np.array(points), weight_matrix(mixes, names)
+        else:
+            points_at = at
+        grid = basis.grid
+        spectra = np.stack([function.materials[each].on(grid).values for each in names])
+        mixed = np.stack([np.interp(values, points_at, each) for each in weights.T], axis=1)
+        named = {
+            str(number): Spectrum(grid.wavelengths_nm, row)
+            for number, row in enumerate(mixed @ spectra)
+        }
+        colours = np.stack([*colours_of(named).values()])
+        colours[np.interp(values, at, opaque.astype(float)) <= 0] = np.nan
+        title = field.channel.name or field.name if len(functions) > 1 else ""
+        label = " · ".join(filter(None, (title, field.metadata.unit)))
+        bars.append(ValueBar(label, low, high, colours))
+    return bars
