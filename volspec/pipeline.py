@@ -160,8 +160,9 @@ def raycast(
     if into is not None:
         width, height = checked_size(size)
         shape = height, width, len(spec.groups) * table.size
-        # What is behind is added on the host.
-        slot = into.place(shape, spec.groups, None if behind else level.sharing)
+        # What is behind, and the light of further fields, is added on the host.
+        on_host = behind or spec.add_fields
+        slot = into.place(shape, spec.groups, None if on_host else level.sharing)
     opacity = OpacityCaster(level, table, spec)
     surfaces = Surfaces.of(behind, camera, checked_size(size), opacity)
     layers, cast_part = None, level.cast

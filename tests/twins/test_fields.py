@@ -69,6 +69,7 @@ OPENED = replace(PLANE, fields=("",))
     [
         ("abc", LIT, 8),
         *(slow("abc", LIT, lanes) for lanes in (1, 4, 16)),
+        ("abc", {"add_fields": True, "crop_voxels": ((3, 20), (2, 18), (0, 15))}, 8),
         slow("ab", {}, None),
         slow("abc", {"crop_voxels": ((3, 20), (2, 18), (0, 15)), "jitter": 1.0}, None),
         slow("c", {"clip_planes": (PLANE,)}, None),
@@ -77,6 +78,7 @@ OPENED = replace(PLANE, fields=("",))
     ],
     ids=[
         *(f"shadows-{lanes}" for lanes in (8, 1, 4, 16)),
+        "added",
         *("one lattice", "crop", "one, cut", "cut apart, two lattices", "cut apart"),
     ],
 )
@@ -157,6 +159,31 @@ def test_two_lattices_differ_from_one_by_no_more_than_a_halved_step():
         return float(np.sqrt((difference**2).mean()))
 
     assert rms(two - one) < 2 * rms(halved - one)
+
+
+@pytest.mark.parametrize("half", [False, slow(True)])
+def test_light_of_fields_that_add_is_the_sum_of_each_alone(fields, half):
+    volume = fields["a"].with_fields([fields["b"]])
+    spec = RaycastSpec(step_mm=0.4, groups=SHADOWS, light_cells=20, half=half)
+    added = vs.raycast(volume, BOTH, view(volume), SIZE, replace(spec, add_fields=True))
+    one, other = (
+        vs.raycast(volume, FieldFunctions({name: function(name)}), view(volume), SIZE, spec)
+        for name in "ab"
+    )
+    total = np.float32(one.coefficients) + other.coefficients
+    np.testing.assert_allclose(added.coefficients, total, atol=2e-3 if half else 1e-6)
+    np.testing.assert_allclose(1 - added.alpha, (1 - one.alpha) * (1 - other.alpha), atol=1e-6)
+
+
+def test_a_plane_that_names_every_field_is_lit_as_one_that_names_none(fields):
+    volume = fields["a"].with_fields([fields["c"]])
+    transfer = FieldFunctions({name: function(name) for name in "ac"})
+    spec = RaycastSpec(step_mm=0.4, **LIT)
+    all_cut, named = (
+        vs.raycast(volume, transfer, view(volume), SIZE, replace(spec, clip_planes=(plane,)))
+        for plane in (PLANE, replace(PLANE, fields=("", "c")))
+    )
+    np.testing.assert_allclose(all_cut.coefficients, named.coefficients, atol=2e-5)
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ from volspec.raycast.layered import Slot, Solid, nearest_known, ratio
 from volspec.raycast.light_volume import Arrives, Clear
 from volspec.raycast.lights import HEADLIT, Ambient
 from volspec.raycast.out_of_core import LevelCaster
-from volspec.raycast.row_batches import Cancel, Progress, Result
+from volspec.raycast.row_batches import Cancel, Progress, Result, part_of
 from volspec.raycast.sampling import world_rays
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import Tables, TransferTable
@@ -176,7 +176,7 @@ class Surfaces:
         begin = np.zeros_like(self.stop_mm)
         for number, end in enumerate((*ends, self.stop_mm)):
             end = np.minimum(end, self.stop_mm)
-            yield _part(progress, number, len(ends) + 1), np.stack([begin, end], axis=2)
+            yield part_of(progress, number, len(ends) + 1), np.stack([begin, end], axis=2)
             begin = end
 
     def composite(self, casts: Sequence[Result], cast: SpanCast) -> Result:
@@ -466,10 +466,3 @@ def put_behind(front: Result, other: BehindImage, lost: NDArray[np.float32] | No
     depth_mm[there] = (before[there] * own_mm + part * other.depth_mm[there]) / found
     other_first_mm = other.depth_mm if other.first_mm is None else other.first_mm
     first_mm[there] = np.minimum(first_mm[there], other_first_mm[there])
-
-
-def _part(progress: Progress | None, number: int, count: int) -> Progress | None:
-    """Return the progress of one of several casts."""
-    if progress is None or count == 1:
-        return progress
-    return lambda fraction: progress((number + fraction) / count)

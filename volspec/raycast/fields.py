@@ -5,7 +5,7 @@ volume, tables by field -> [fields] -> raycast
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from volspec.errors import RaycastError
+from volspec.raycast.row_batches import Result
 from volspec.raycast.spec import MAX_STEPS, RaycastSpec
 from volspec.transfer import FieldTables, TransferTable
 from volspec.volume import Volume
@@ -75,6 +76,26 @@ class FieldCast:
             )
             spec = replace(spec, crop_voxels=(x, y, z))
         return cls(tables.tables, frame, spec, own)
+
+
+def add_pictures(pictures: Sequence[Result]) -> Result:
+    """Return the sum of fields' pictures, each cast alone; they are changed in place.
+
+    C = Σ C_f, α = 1 − Π (1 − α_f); depths are means by α_f, and the nearest hit.
+    """
+    first, *others = pictures
+    coefficients, alpha, depth_mm, first_mm = first
+    most = np.finfo(coefficients.dtype).max
+    weight = alpha.copy()
+    for channels, own, away_mm, hit_mm in others:
+        coefficients[...] = np.clip(np.float32(coefficients) + channels, -most, most)
+        alpha += own * (1.0 - alpha)
+        seen, whole = own > 0.0, weight + own
+        near = np.where(weight > 0.0, depth_mm, 0.0)[seen] * weight[seen]
+        depth_mm[seen] = (near + own[seen] * away_mm[seen]) / whole[seen]
+        np.minimum(first_mm, hit_mm, out=first_mm)
+        weight = whole
+    return first
 
 
 def frame_around(volume: Volume, names: Iterable[str]) -> Volume:

@@ -30,7 +30,7 @@ from volspec.raycast.bricks import (
 from volspec.raycast.camera import Camera
 from volspec.raycast.checks import check_callable, checked_size
 from volspec.raycast.distributed import Cluster, is_cluster
-from volspec.raycast.fields import FieldCast, common_dtype, frame_around
+from volspec.raycast.fields import FieldCast, add_pictures, common_dtype, frame_around
 from volspec.raycast.kernel_arguments import check_reach
 from volspec.raycast.layer_casts import shadow_slots
 from volspec.raycast.light_volume import Arrives, Clear, LightVolume, split_width
@@ -40,7 +40,7 @@ from volspec.raycast.out_of_core import LevelCaster, level_for
 from volspec.raycast.packets import TILES, Packet, choose_packet
 from volspec.raycast.programs import GROUPS, cast_kernel
 from volspec.raycast.quality import SHORTEST, Picture, Target, choose_step
-from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result, RowBatches
+from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result, RowBatches, part_of
 from volspec.raycast.spec import MAX_STEPS, RaycastSpec, diagonal_mm
 from volspec.transfer import (
     MAX_CHANNELS,
@@ -490,6 +490,14 @@ class Raycaster:
         check_callable("raycast: cancel", cancel)
         spec = spec.for_lattice(self.volume)
         with self.locked():
+            if spec.add_fields and isinstance(table, FieldTables):
+                every = table.apart()
+                rest = cancel, None, span_mm, clear, layers
+                pictures = [
+                    self._cast(each, camera, size, spec, part_of(progress, n, len(every)), *rest)
+                    for n, each in enumerate(every)
+                ]
+                return add_pictures(pictures)
             return self._cast(
                 *(table, camera, size, spec, progress, cancel, receiver, span_mm, clear, layers)
             )

@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.raycast.camera import Camera
-from volspec.raycast.fields import FieldCast
+from volspec.raycast.fields import FieldCast, add_pictures
 from volspec.raycast.kernel_arguments import ITERATIONS, LIGHT_MARGIN, MIX_OPAQUE, check_reach
 from volspec.raycast.layer_casts import shadow_slots
 from volspec.raycast.layer_stream import LayerStream, Samples, SampleStream, Shadow
@@ -99,19 +99,23 @@ def cast(
     distance from the camera, and first_mm, the distance of the first hit, both inf in empty pixels.
     """
     check_reach(volume, camera, spec)
+    if spec.add_fields and isinstance(table, FieldTables):
+        alone, rest = replace(spec, add_fields=False), (span_mm, clear)
+        each: Any = [cast(volume, one, camera, size, alone, *rest) for one in table.apart()]
+        return tuple(add_pictures(each))  # type: ignore[return-value]
 
     def clipped_rays(volume: Volume, spec: RaycastSpec) -> Rays:
         return _within(make_rays(volume, camera, size, spec), span_mm)
 
-    cast: _March
+    march: _March
     if isinstance(table, FieldTables):
         several = FieldCast.of(volume, table, spec)
         frame, spec = several.frame, several.spec
         rays = clipped_rays(frame, spec.for_field(None))
         arrives = arrivals(frame, table, spec, camera, clear)
-        cast = _Fields(frame, table, camera, spec, rays, arrives)
-        cast.rays_of = {
-            name: cast.cropped(clipped_rays(frame.by_name[name], several.own[name]))
+        march = _Fields(frame, table, camera, spec, rays, arrives)
+        march.rays_of = {
+            name: march.cropped(clipped_rays(frame.by_name[name], several.own[name]))
             for name in table.tables
         }
     else:
@@ -126,9 +130,9 @@ def cast(
         elif table.filters is not None:
             kind = _Filtered
         arrives = arrivals(volume, table, spec, camera, clear)
-        cast = kind(volume, table, camera, spec, clipped_rays(volume, spec), arrives)
-    cast.march()
-    return cast.picture(size)
+        march = kind(volume, table, camera, spec, clipped_rays(volume, spec), arrives)
+    march.march()
+    return march.picture(size)
 
 
 def cast_layers(

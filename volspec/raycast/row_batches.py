@@ -160,3 +160,10 @@ class RowBatches:
                 self._clipped |= bool(into.max(initial=0.0) > _LARGEST_HALF)
                 np.clip(into, -_LARGEST_HALF, _LARGEST_HALF, out=into)
                 array[band.lines] = into
+
+
+def part_of(progress: Progress | None, number: int, count: int) -> Progress | None:
+    """Return the progress of one of several casts."""
+    if progress is None or count == 1:
+        return progress
+    return lambda fraction: progress((number + fraction) / count)

@@ -142,6 +142,9 @@ class RaycastSpec:
     """Shadows and occlusion as rays through the voxels give them: the light volume has a node for
     each voxel, up to 512 along an axis, instead of ``light_cells``, and is read where samples are,
     not in front of surfaces, which are darker so where they are rough."""
+    add_fields: bool = False
+    """The light of several fields adds, as in fluorescence: each is cast by itself, and none
+    absorbs or hides another's. Where green and magenta are both seen it is white."""
     half: bool = False
     """Store the picture's channels as float16: half the memory, three digits."""
     first_opacity: Opacity = 0.1

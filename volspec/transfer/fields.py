@@ -300,6 +300,14 @@ class FieldTables:
         }
         return FieldTables(tables, masks)
 
+    def apart(self) -> list[FieldTables]:
+        """Return the tables of each field alone."""
+        masks = self.masks
+        return [
+            FieldTables({name: own}, {name: masks[name]} if name in masks else {})
+            for name, own in self.tables.items()
+        ]
+
     @property
     def _first(self) -> TransferTable:
         return next(iter(self.tables.values()))

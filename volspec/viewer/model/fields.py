@@ -128,6 +128,12 @@ def solo(state: ViewState, number: int) -> ViewState:
     return replace(state, fields=tuple(looks))
 
 
+@edit
+def toggle_adding(state: ViewState) -> ViewState:
+    """Let the light of fields add, as in fluorescence, or let them absorb and hide each other."""
+    return replace(state, shading=replace(state.shading, add_fields=not state.shading.add_fields))
+
+
 def is_alone(state: ViewState, number: int) -> bool:
     """Return True if one field is shown alone."""
     return [i for i, look in enumerate(state.fields) if look.shown] == [number]

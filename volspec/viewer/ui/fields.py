@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
+from volspec.raycast import RaycastSpec
 from volspec.viewer.model import fields, transfer_edits, transfer_parts
 from volspec.viewer.model.field_looks import FieldLook
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.widgets import as_one_line, lit_button, shorten, text_width
+from volspec.viewer.ui.widgets import (
+    as_one_line,
+    describe_field,
+    lit_button,
+    shorten,
+    text_width,
+)
 from volspec.volume.summary import value_format
 
 _FLAGS = imgui.TableFlags_.sizing_fixed_fit
@@ -30,6 +37,9 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
         new = _row(new, ui, number, look)
         imgui.pop_id()
     imgui.end_table()
+    flipped, _ = imgui.checkbox("Add light", new.shading.add_fields)
+    ui.note("add fields", describe_field(RaycastSpec, "add_fields"))
+    new = fields.toggle_adding(new) if flipped else new
     return _limits(new, ui)
 
 
