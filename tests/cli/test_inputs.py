@@ -10,7 +10,7 @@ import pytest
 from tests.support.commands import call
 from tests.support.errors import raises
 from tests.support.fixtures import Patch
-from volspec.cli.inputs import open_scene
+from volspec.cli.inputs import Job, jobs, open_scene
 from volspec.errors import InputError
 from volspec.export.frames import read_frame_text
 from volspec.raycast import CoefficientImage
@@ -79,12 +79,26 @@ def test_a_scene_takes_a_camera_too(scans):
 
 
 @pytest.mark.parametrize(
-    "inputs", [["scans"], ["scans/*.npy"], ["scans/a.npy", "scans/b.npy"]], ids=repr
+    "inputs",
+    [
+        *(["scans"], ["scans/*.npy"], ["scans/a.npy", "scans/b.npy"], ["scans/?.npy"]),
+        *(["scans/[ab].npy?spacing=1,1,2"], ["scans/?.npy?spacing=1,1,2"]),
+    ],
+    ids=repr,
 )
 def test_a_batch_has_an_output_for_each_input(scans, inputs, capsys):
     assert call("render", *inputs, "-o", "out", *SIZE) == 0
     assert sorted(path.name for path in Path("out").iterdir()) == ["a.exr", "b.exr"]
     assert capsys.readouterr().out.splitlines()[-1] == "2 of 2 inputs done"
+
+
+def test_a_question_mark_begins_options_of_what_there_is(scans):
+    out = Path("out")
+    for address in ("scans/a.npy?size=3", "engine?level", "https://host/[v].zarr?time=2"):
+        assert jobs([address], out) == [Job(address, out)]
+    for address in ("scans/z?.npy", "scans/*.nrrd?spacing=1,1,2"):
+        with raises(InputError, "not-found"):
+            jobs([address], out)
 
 
 def test_a_pattern_names_the_outputs_of_a_batch(scans):

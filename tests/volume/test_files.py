@@ -165,6 +165,7 @@ REFUSED: list[tuple[str, bytes | None, str] | tuple[str, bytes | None, str, str]
     ("v.nrd", None, "not-found", "'v.nrrd'"),
     ("brian.nrrd", None, "not-found", "'brain.nii.gz'"),
     ("z.nrrd", None, "not-found"),
+    ("z?.nrrd", None, "not-found", "z?.nrrd"),
     ("v.nrrd?label=t.txt", None, "unknown", "'labels'"),
     ("v.nii?tme=0", None, "unknown", "'time'"),
     ("v.vti?dims=3", None, "unknown", "spacing, labels"),

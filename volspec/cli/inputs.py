@@ -278,14 +278,19 @@ def _stem(path: Path) -> str:
 
 def _expanded(text: str) -> list[str]:
     """Return the files that a pattern or a folder means; anything else is itself."""
-    if any(mark in text for mark in "*[") and not Path(text).exists():
-        found = sorted(glob.glob(text))
-        if not found:
-            raise InputError(f"{text}: no file matches; check the pattern", code="not-found")
-        return found
+    from volspec._files import is_remote
     from volspec._triangles import is_mesh_file
+    from volspec.volume.bundled import bundled_volume
     from volspec.volume.formats import WHOLE_SUFFIXES
 
+    # A question mark begins options, KEY=VALUE, or is any letter of a name.
+    pattern, *options = re.split(r"(?=\?\w+=)", text, maxsplit=1)
+    if re.search(r"[*?[]", pattern) and not (is_remote(text) or Path(text).exists()):
+        if found := sorted(glob.glob(pattern)):
+            return ["".join((file, *options)) for file in found]
+        name = pattern.partition("?")[0]
+        if re.search(r"[*[]", pattern) or not (Path(name).exists() or bundled_volume(name)):
+            raise InputError(f"{text}: no file matches; check the pattern", code="not-found")
     folder = Path(text)
     if not folder.is_dir():
         return [text]

@@ -192,8 +192,9 @@ def view(
 
     known = file is None or is_pattern(file) or Path(file.partition("?")[0]).exists()
     if not known and file is not None:
+        name, _, options = file.partition("?")
         raise InputError(
-            f"{file.partition('?')[0]}: no such file; check the path", code="not-found"
+            f"{name if '=' in options else file}: no such file; check the path", code="not-found"
         )
     if memory is not None and (file is None or file.lower().endswith((".toml", ".exr"))):
         remedy = f"write ?memory={memory} after [volume] file, or give the volume"

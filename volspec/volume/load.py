@@ -411,7 +411,7 @@ def _format(query: Query) -> formats.Format:
     path = query.path
     if query.is_remote:
         return formats.OME_ZARR
-    _require_readable(path)
+    _require_readable(query)
     if path.is_dir():
         return _folder_format(path)
     if not path.is_file():
@@ -442,8 +442,9 @@ def _format(query: Query) -> formats.Format:
     return found
 
 
-def _require_readable(path: Path) -> None:
+def _require_readable(query: Query) -> None:
     """Refuse a file or folder that does not exist, or that the user may not read."""
+    path = query.path
     try:
         exists = path.exists()
         readable = os.access(path, os.R_OK | os.X_OK if path.is_dir() else os.R_OK)
@@ -452,8 +453,11 @@ def _require_readable(path: Path) -> None:
     if not exists and path.is_symlink():
         require_contents(path)
     if not exists:
-        guess = nearest_file(path, _NEVER_VOLUMES)
-        raise VolumeError(f"{path}: no such file", f"{guess}check the path", code="not-found")
+        remedy = f"{nearest_file(path, _NEVER_VOLUMES)}check the path"
+        if plain := [key for key, value in query.options.items() if not value]:
+            path = Path(f"{path}?{plain[0]}")
+            remedy = "give one file, as ? begins options, KEY=VALUE"
+        raise VolumeError(f"{path}: no such file", remedy, code="not-found")
     if not readable:
         raise VolumeError(
             f"{path}: no permission to read it; change its permissions (chmod u+r), or copy it as "
