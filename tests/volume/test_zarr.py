@@ -174,11 +174,19 @@ def test_arrays_without_a_picture_are_volumes(tmp_path, form):
     assert np.array_equal(other.values, VALUES + 1)
 
 
-def test_a_conversion_repeats_what_its_source_states(tmp_path):
-    stated = Metadata("CT", "HU", True, (NO_UNIT,))
-    convert(level_of(Volume(VALUES)), tmp_path / "v.zarr", metadata=stated)
-    assert load_volume(tmp_path / "v.zarr").metadata == stated
-    assert load_volume(f"{tmp_path / 'v.zarr'}?memory=4kB").metadata == stated
+@pytest.mark.filterwarnings("ignore:.*more than memory may take")
+@pytest.mark.parametrize("stated", [Metadata("CT", "HU", True, (NO_UNIT,)), Metadata(), None])
+def test_what_a_store_states_is_the_same_in_memory_and_beyond(tmp_path, stated):
+    """A conversion repeats what its source states; a store of another program has no patient."""
+    values = np.arange(64**3, dtype=np.uint16).reshape((64,) * 3)
+    path = tmp_path / "v.zarr"
+    if stated is None:
+        write(path, values)
+    else:
+        convert(level_of(Volume(values)), path, metadata=stated)
+    whole, large = load_volume(path), load_volume(f"{path}?memory=300kB")
+    assert (whole.pyramid is None, large.pyramid is None) == (True, False)
+    assert whole.metadata == large.metadata == large.finest.metadata == (stated or Metadata())
 
 
 def write_n5(path: Path, values: np.ndarray, **stated: Any) -> Path:
