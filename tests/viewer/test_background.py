@@ -27,6 +27,7 @@ from volspec.raycast import CoefficientImage, RaycastSpec
 from volspec.raycast.pace import DIVISORS, WHOLE, Pace, Pass
 from volspec.relight import programs as programs_of_gl
 from volspec.spectra import light
+from volspec.transfer import FieldFunctions
 from volspec.viewer.model import lighting
 from volspec.viewer.model.lighting_aim import list_sources
 from volspec.viewer.model.materials import with_material_basis
@@ -427,9 +428,10 @@ def test_programs_are_built_by_a_child_that_ends_with_the_viewer(state, tmp_path
     volume = state.document.volume
     volume = replace(volume, labels={1: Label("bone")}, fields=(replace(volume, name="PET"),))
     document = replace(state.document, volume=volume, caster=Raycaster(volume))
+    transfer = FieldFunctions({"": state.transfer, "PET": state.transfer})
     builder = ahead.ProgramBuilder(lambda: None)
-    builder.request((job(replace(state, document=document), 1), Viewing()))
+    builder.request((job(replace(state, document=document, transfer=transfer), 1), Viewing()))
     # PoCL renames folders meanwhile, which `walk` forgives.
-    wait_until(lambda: any("raycast.so" in files for _, _, files in os.walk(tmp_path)))
+    wait_until(lambda: any("fields.so" in files for _, _, files in os.walk(tmp_path)))
     builder.close()
     assert not builder.busy

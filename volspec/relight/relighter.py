@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sized
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import wraps
 from types import TracebackType
@@ -495,10 +495,9 @@ class Relighter:
 
     def close(self) -> None:
         """Release the GPU's memory; a second call does nothing."""
-        with self._lock:
-            if not self._closed:
-                self._closed = True
-                self._engine.close()
+        with suppress(RelightError, OpenGLError), self._turn():  # closed, or from before a fork
+            self._closed = True
+            self._engine.close()
 
     @contextmanager
     def _turn(self) -> Iterator[None]:
