@@ -1,4 +1,5 @@
 # The public names and their modules; lazy_loader, type checkers and editors read them.
+from ._confine import confined as confined
 from .appearance import Display as Display, Viewing as Viewing
 from .basis import (
     MaterialBasis as MaterialBasis,

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from volspec._confine import require_inside
 from volspec._files import captured_output, nearest_file, write_whole
 from volspec.errors import InputError
 
@@ -106,6 +107,7 @@ def _require_held(
 
 def _require_file(name: str, error: type[InputError], missing: str) -> None:
     """Refuse missing files, folders and the like, which OpenEXR would report as truncated."""
+    require_inside(name, error)
     try:
         Path(name).open("rb").close()
     except FileNotFoundError:

@@ -23,6 +23,7 @@ from pathlib import Path
 from secrets import token_hex
 from typing import IO
 
+from volspec._confine import require_target_inside
 from volspec.errors import ImageError, InputError, VolspecWarning, nearest
 
 # An unfinished file is next to its target, with a file that is locked while the writer runs:
@@ -474,6 +475,7 @@ def _output(path: str | os.PathLike[str]) -> Path:
         raise InputError(
             f"{named}: cannot write there: {error.strerror}", code="unwritable"
         ) from error
+    require_target_inside(named, target)
     if is_folder:
         raise InputError(f"{named}: is a folder; give a file name", code="unwritable")
     if is_other:

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+from volspec._confine import require_inside
 from volspec._files import nearest_file
 from volspec.errors import InputError, quoted
 
@@ -101,6 +102,7 @@ def read_text(path: str | os.PathLike[str], error: type[InputError], what: str) 
     file in the message, such as ``"a scene file (.toml)"``.
     """
     name = os.fspath(path)
+    require_inside(path, error)
     try:
         return Path(path).read_text(encoding="utf-8-sig")
     except FileNotFoundError:

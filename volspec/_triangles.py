@@ -11,11 +11,14 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec._child import child_command
+from volspec._confine import confined_folder, require_inside
+from volspec._parse import parse_json
 from volspec.errors import DeviceError, InputError, nearest
 
 if TYPE_CHECKING:
@@ -172,8 +175,10 @@ def read_triangles(path: Path, refused: type[InputError]) -> pyvista.PolyData:
         guess = nearest(path.suffix.lower(), FILES)
         problem = f"{path}: not a known format of meshes"
         raise refused(problem, f"{guess}known are {known}", code="unsupported")
+    require_inside(path, refused)
     if not path.exists():
         raise refused(f"{path}: no such file", "check the path", code="not-found")
+    _require_parts_inside(path, refused)
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder, "surface.vtp")
         command = [*child_command(_READER), str(path.absolute()), str(made)]
@@ -187,6 +192,26 @@ def read_triangles(path: Path, refused: type[InputError]) -> pyvista.PolyData:
     else:
         problem = f"cannot be read as {path.suffix.lower()}: damaged, or of another format"
     raise refused(f"{path}: {problem}", "save it again where it was made", code="damaged")
+
+
+def _require_parts_inside(path: Path, refused: type[InputError]) -> None:
+    """Raise ``refused`` if a glTF file names files that must not be opened; others name none."""
+    if confined_folder() is None or path.suffix.lower() not in (".gltf", ".glb"):
+        return
+    data = path.read_bytes()
+    if data[:4] == b"glTF":
+        data = data[20 : 20 + int.from_bytes(data[12:16], "little")]
+    try:
+        tables = parse_json(data.decode("utf-8-sig"))
+        rows = [*tables.get("buffers", ()), *tables.get("images", ())]
+        named = [row["uri"] for row in rows if "uri" in row]
+        for uri in (each for each in named if not each.startswith("data:")):
+            for name in (uri, unquote(uri)):
+                require_inside(path.parent / name, refused)
+    except (ValueError, TypeError, AttributeError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise refused(f"{path}: is damaged", "save it again", code="damaged") from error
 
 
 def frames(normals: Array) -> tuple[Array, Array]:

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._confine import require_inside
 from volspec.appearance.constants import BRADFORD_FROM_XYZ
 from volspec.appearance.spaces import ColourSpace, Transfer, sRGB_CURVE
 from volspec.errors import ViewingError
@@ -73,6 +74,7 @@ def read_profile(path: str | Path) -> ColourSpace:
 
 def _read(path: Path) -> bytes:
     """Read a profile's bytes; `read_profile` adds the file to errors from here on down."""
+    require_inside(path, ViewingError)
     try:
         data = path.read_bytes()
     except FileNotFoundError:

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from volspec._confine import require_inside
 from volspec._files import require_suffix, write_whole
 from volspec._gpu.sources import asset
 from volspec._parse import parse_json
@@ -132,6 +133,7 @@ def _path(name_or_path: str | os.PathLike[str]) -> Path:
         )
     path = Path(name_or_path)
     if path.suffix.lower() == ".json" or path.name != str(name_or_path):
+        require_inside(path, BasisError)
         return path
     shipped = shipped_names()
     if path.suffix and not path.exists() and path.name not in shipped:

@@ -18,7 +18,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from typing import Annotated, Any, NoReturn, get_args
 
 from cyclopts import (
@@ -46,12 +46,15 @@ from rich.table import Table
 from rich.text import Text
 
 from volspec import __version__
+from volspec._confine import confined
 from volspec._files import ensure_writable_caches
 from volspec.errors import InputError, VolspecError, VolspecWarning, nearest, one_line, visible
 
 app = App(
     name="volspec",
-    help="Swap the light on a volume: cast once with spectral materials, relight for ever.",
+    help="Swap the light on a volume: cast once with spectral materials, relight for ever.\n\n"
+    "With `--confined FOLDER`, any command opens only files below that folder, and no URLs: for "
+    "scenes of others.",
     version=__version__,
     help_format="markdown",
     suppress_keyboard_interrupt=False,
@@ -334,11 +337,13 @@ def _run(words: list[str]) -> None:
     debug = "--debug" in words
     _print_what_can_be()
     words = [word for word in words if word != "--debug"]
+    folder = _confined_to(words)
     warnings.showwarning = _show_warning
     ensure_writable_caches()
     try:
         try:
-            app(words, console=Terminal(), exit_on_error=False, print_error=False)
+            with nullcontext() if folder is None else confined(folder):
+                app(words, console=Terminal(), exit_on_error=False, print_error=False)
         finally:
             print(end="", flush=True)  # now, as at exit it is too late to report a closed pipe
     except (CoercionError, ValidationError) as error:
@@ -359,6 +364,20 @@ def _run(words: list[str]) -> None:
         raise _failure(_said(error), 1) from error
     except KeyboardInterrupt:
         raise _failure("interrupted; no output is half-written", 130) from None
+
+
+def _confined_to(words: list[str]) -> str | None:
+    """Take ``--confined FOLDER`` out of a command's words; return the folder, None without one."""
+    for number, word in enumerate(words):
+        name, mark, folder = word.partition("=")
+        if name != "--confined":
+            continue
+        taken = words[number : number + (1 if mark else 2)]
+        del words[number : number + len(taken)]
+        if not (folder := folder if mark else "".join(taken[1:])):
+            raise _failure("--confined has no value; give the folder of the scenes", 2)
+        return folder
+    return None
 
 
 def show_names(names: Sequence[str], search: str, what: str, as_json: bool) -> None:

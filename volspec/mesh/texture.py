@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._cache import cached_arrays
+from volspec._confine import require_inside
 from volspec._files import captured_output
 from volspec._gpu.opencl import Compute
 from volspec._gpu.prelude import prelude
@@ -188,6 +189,7 @@ def _read(path: Path) -> NDArray[Any]:
             f"known: {', '.join(_FORMATS)}",
             code="unsupported",
         )
+    require_inside(path, MeshError)
     if not path.exists():
         raise MeshError(f"{path}: no such file", "check the path", code="not-found")
     _require_whole(path)

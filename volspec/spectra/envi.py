@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._confine import require_inside
 from volspec.errors import Code, SpectrumError, quoted
 from volspec.spectra.samples import QUANTITY, Sample, SampleSet
 from volspec.spectra.spectrum import Kind
@@ -219,6 +220,7 @@ class EnviFile:
         tried = [base.with_name(base.name + each) for each in _DATA]
         tried += [base.with_name(base.name + each.upper()) for each in _DATA[1:]]
         if found := next((path for path in tried if path.is_file()), None):
+            require_inside(found, SpectrumError)
             return found
         raise SpectrumError(
             f"{self.path}: there is no file {base.name}, {base.name}.img, .dat, .raw, .bin, .bsq, "

@@ -16,6 +16,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._confine import require_inside
 from volspec._files import require_suffix, write_whole
 from volspec._parse import parse_xml
 from volspec.errors import SpectrumError, nearest, quoted
@@ -164,6 +165,7 @@ def choose_name(
 
 def file_content(path: str | os.PathLike[str]) -> bytes:
     """Return the bytes of a file; raise SpectrumError if it cannot be read or is too large."""
+    require_inside(path_text(path), SpectrumError)
     try:
         size = Path(path_text(path)).stat().st_size
         if size > _MOST_BYTES:

@@ -34,6 +34,11 @@ def bundled_volume(name: str) -> Path | None:
     return found if found.is_file() else None
 
 
+def is_bundled(path: Path) -> bool:
+    """Return True for the file of a bundled volume."""
+    return path in [bundled_volume(name) for name in (*_ASSETS, *_OF_PYVISTA)]
+
+
 def locate_volume(address: str, folder: str | os.PathLike[str] = "") -> str:
     """Return where a volume's address leads, given relative to a folder.
 

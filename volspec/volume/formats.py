@@ -69,7 +69,7 @@ class Format:
 
 # No library, but in a child process all the same, with limits of time and memory.
 _OURS = "zlib"
-_HDF5 = (0, b"\x89HDF\r\n\x1a\n")
+HDF5 = (0, b"\x89HDF\r\n\x1a\n")
 _NIFTI = ((344, b"n+1\0"), (344, b"ni1\0"), (4, b"n+2\0"), (4, b"ni2\0"))
 DICOM = Format(
     *("DICOM", DICOM_SUFFIXES, read_series, "pydicom.pixels", ((128, b"DICM"),)),
@@ -128,13 +128,19 @@ FORMATS = (
         note="ImageJ, OME-TIFF, BigTIFF: units, channels, times, several stacks",
     ),
     Format(
-        *("HDF5", (".h5", ".hdf5", ".he5", ".hdf", ".nxs", ".emd"), read_hdf5, "h5py", (_HDF5,)),
+        *(
+            "HDF5",
+            (".h5", ".hdf5", ".he5", ".hdf", ".nxs", ".emd"),
+            read_hdf5,
+            "h5py",
+            (HDF5,),
+        ),
         hdf5_stack,
         extra="hdf5",
         note="axes and sizes of ilastik, NeXus, BigDataViewer, element_size_um",
     ),
     Format(
-        *("MINC", (".mnc",), neuro.read_neuro, "nibabel", (_HDF5, (0, b"CDF\1"))),
+        *("MINC", (".mnc",), neuro.read_neuro, "nibabel", (HDF5, (0, b"CDF\1"))),
         note="1 and 2; a patient's axes",
     ),
     Format(
@@ -162,7 +168,7 @@ FORMATS = (
         note="spacing and origin",
     ),
     Format(
-        *("Imaris", (".ims",), read_imaris, "h5py", (_HDF5,), imaris_stack),
+        *("Imaris", (".ims",), read_imaris, "h5py", (HDF5,), imaris_stack),
         extra="hdf5",
         note="places, channels, times, levels",
     ),
@@ -173,7 +179,7 @@ FORMATS = (
     Format("VTI", (".vti", ".pvti"), read_vtk, "pyvista", note="points or cells, vectors, pieces"),
     Format("VTR", (".vtr", ".pvtr"), read_vtk, "pyvista", note="of even spacing"),
     Format("VTM", (".vtm", ".vtmb"), read_vtk, "pyvista", note="a block of several"),
-    Format("VTKHDF", (".vtkhdf",), read_vtk, "pyvista", (_HDF5,), note="image data"),
+    Format("VTKHDF", (".vtkhdf",), read_vtk, "pyvista", (HDF5,), note="image data"),
     Format("VTK", (".vtk",), read_vtk, "pyvista", ((0, b"# vtk DataFile"),), note="legacy files"),
     Format(".npy", (".npy",), read_npy, "", ((0, b"\x93NUMPY"),), note="of three axes"),
     Format(".npz", (".npz",), read_npz, note="one of its arrays"),

@@ -18,13 +18,15 @@ from pathlib import Path
 
 import numpy as np
 
+from volspec._confine import require_links_inside
 from volspec._files import nearest_file
 from volspec.errors import VolspecWarning, VolumeError, quoted
 from volspec.volume import formats
-from volspec.volume.bundled import locate_volume
+from volspec.volume.bundled import is_bundled, locate_volume
 from volspec.volume.channels import ALL, Channel, unique_titles
 from volspec.volume.files.dicom import series_folders
 from volspec.volume.files.dicom_headers import dicom_files
+from volspec.volume.files.hdf5 import require_parts_inside
 from volspec.volume.files.label_tables import labels_beside, merge_labels, read_label_table
 from volspec.volume.files.omezarr import is_zarr
 from volspec.volume.files.presence import GZIP, require_contents, require_slices
@@ -372,10 +374,14 @@ def _query(path: str | os.PathLike[str]) -> tuple[Query, str]:
             given=path,
         )
     query = Query.of(locate_volume(os.fspath(path)))
+    if not is_bundled(query.path):
+        require_links_inside(query.path, VolumeError)
     found = _format(query)
     if query.path.is_dir() and found in (formats.DICOM, formats.SLICES):
         for folder in series_folders(query.path) or (query.path,):
             require_slices(folder, formats.SLICE_SUFFIXES)
+    if formats.HDF5 in found.magic:
+        require_parts_inside(query.path)
     if found.library in _UTF_8:
         _require_utf_8(query.path)
     return query, found.library

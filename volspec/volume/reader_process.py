@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from volspec import errors
 from volspec._child import child_command, exit_cause
+from volspec._confine import confine, confined_folder, require_inside
 from volspec.errors import DeviceError, VolspecError, VolumeError, one_line
 from volspec.volume.channels import Channel
 from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored, path_of
@@ -179,6 +180,7 @@ class _ReaderProcess:
             "options": query.options,
             "memory_bytes": query.memory_bytes,
             "folder": folder,
+            "confined": confined_folder(),
             "choices": None if query.choices is None else [],
         }
         try:
@@ -274,6 +276,7 @@ def serve(read: Callable[[Query], Reading], reader_library: Callable[[Query], st
         answers.write(json.dumps(message, default=str).encode() + b"\n")
         answers.flush()
 
+    sys.addaudithook(_refuse_outside)
     requests: SimpleQueue[bytes] = SimpleQueue()
     threading.Thread(target=_listen, args=(requests,), daemon=True).start()
     with suppress(Empty):
@@ -281,6 +284,7 @@ def serve(read: Callable[[Query], Reading], reader_library: Callable[[Query], st
             given = json.loads(line)
             with suppress(OSError, TypeError):
                 os.chdir(given["folder"])
+            confine(given["confined"])
             path = path_of(given["path"])
             size = path.stat().st_size if path.is_file() else 0
             folder = _folder_bytes(path)
@@ -300,6 +304,17 @@ def serve(read: Callable[[Query], Reading], reader_library: Callable[[Query], st
             if memory is not None:
                 requests.get()  # the parent has mapped it
                 os.close(memory)
+
+
+# Files that the interpreter and libraries open for themselves.
+_FOLDERS = filter(None, (*sys.path, sys.prefix, sys.base_prefix, "/proc", "/sys"))
+_OWN = (os.devnull, *(f"{folder}/" for folder in _FOLDERS))
+
+
+def _refuse_outside(event: str, given: tuple[Any, ...]) -> None:
+    """Refuse files outside of the process's folder, of a library that opens more than one."""
+    if event == "open" and isinstance(given[0], str) and not given[0].startswith(_OWN):
+        require_inside(given[0], VolumeError)
 
 
 def _answer(query: Query, read: Callable[[Query], Reading]) -> tuple[dict[str, Any], int | None]:

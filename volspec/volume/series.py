@@ -22,6 +22,7 @@ from typing import Any, overload
 
 import numpy as np
 
+from volspec._confine import require_inside
 from volspec.errors import VolspecError, VolspecWarning, VolumeError, one_line
 from volspec.volume.files.query import Choice
 from volspec.volume.files.slices import missing_numbers
@@ -316,6 +317,7 @@ def step_addresses(address: str) -> tuple[str, ...]:
     """
     path, mark, options = address.partition("?")
     if is_pattern(address):
+        require_inside(path, VolumeError)
         found = sorted(glob.glob(path), key=_in_order)
         if not found:
             raise VolumeError(

@@ -17,6 +17,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from volspec._confine import is_inside, require_links_inside
 from volspec._parse import parse_xml
 from volspec.errors import VolumeError
 from volspec.volume.files.query import Query
@@ -65,7 +66,7 @@ def choose_view(query: Query, views: Mapping[tuple[str, str], str]) -> tuple[str
     data, project = query.path, Project(query.path)
     others = sorted(islice(data.parent.glob("*.xml"), _MOST_PROJECTS))
     for path in (data.with_suffix(".xml"), *others):
-        candidate = _read(path) if path.is_file() else None
+        candidate = _read(path) if path.is_file() and is_inside(path) else None
         if candidate is not None and candidate.data.resolve() == data.resolve():
             project = candidate
             break
@@ -92,6 +93,7 @@ def data_of(path: Path) -> Path:
             "Resave as HDF5)",
             code="unsupported",
         )
+    require_links_inside(project.data, VolumeError)
     if not project.data.exists():
         raise VolumeError(
             f"{path}: its voxels are in {project.data}, which is not there",

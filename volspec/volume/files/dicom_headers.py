@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from volspec._confine import is_inside
 from volspec.errors import VolumeError
 from volspec.volume.files.dicom_frames import DEFLATED, Slice, frames_of, lenient, text_of
 
@@ -69,6 +70,7 @@ def dicom_files(folder: Path) -> list[Path]:
         if not path.name.startswith(".")
         and not path.name.upper().startswith("DICOMDIR")  # the table of contents of a CD
         and path.is_file()
+        and is_inside(path)
         and (path.name.lower().endswith(SUFFIXES) or is_dicom(path))
     )
 

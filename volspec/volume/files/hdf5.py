@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._confine import confined_folder, require_inside
 from volspec.errors import DeviceError, VolumeError, one_line
 from volspec.volume.checks import checked_geometry
 from volspec.volume.files.bdv import Size, choose_view, data_of
@@ -118,6 +119,49 @@ def if_larger(query: Query, levels_of: Callable[[Query], Stack]) -> Stack | None
     return None if stack.levels[0].nbytes <= query.most_bytes else stack
 
 
+def require_parts_inside(path: Path) -> None:
+    """Raise VolumeError if a file of HDF5 leads to others that must not be opened."""
+    if confined_folder() is None:
+        return
+    with suppress(ImportError):
+        import h5py
+
+        if not h5py.is_hdf5(path):
+            return
+    with opened(Query(path)) as file:
+        for name in _parts(file):
+            require_inside(path.parent / name, VolumeError)
+            for folder in (Path(), path.resolve().parent):  # where HDF5 looks, too
+                if (folder / name).exists():
+                    require_inside(folder / name, VolumeError)
+
+
+def _parts(file: Any) -> Iterator[str]:
+    """Yield the files in which a file has links, virtual or raw data."""
+    import h5py
+
+    groups, seen = [file], set()
+    while groups:
+        group = groups.pop()
+        for name in group:
+            link = group.get(name, getlink=True)
+            if isinstance(link, h5py.ExternalLink):
+                yield link.filename
+            if not isinstance(link, h5py.HardLink):  # what a soft link leads to has another
+                continue
+            each = group[name]
+            address = h5py.h5o.get_info(each.id).addr
+            if address in seen:
+                continue
+            seen.add(address)
+            if isinstance(each, h5py.Group):
+                groups.append(each)
+            elif isinstance(each, h5py.Dataset):
+                yield from (part[0] for part in each.external or ())
+                sources = each.virtual_sources() if each.is_virtual else ()
+                yield from {source.file_name for source in sources}
+
+
 def read_hdf5(query: Query) -> Reading:
     """Read a dataset, or one time step and one channel of it."""
     query.allow("dataset", "time", "channel", "spacing")
@@ -131,13 +175,20 @@ def hdf5_stack(query: Query) -> Stack | None:
 
 def read_project(query: Query) -> Reading:
     """Read the HDF5 or N5 of a BigDataViewer project."""
-    query = replace(query, path=data_of(query.path))
+    query = _of_project(query)
     return read_ome_zarr(query) if query.path.is_dir() else read_hdf5(query)
+
+
+def _of_project(query: Query) -> Query:
+    path = data_of(query.path)
+    if not path.is_dir():
+        require_parts_inside(path)
+    return replace(query, path=path)
 
 
 def project_stack(query: Query) -> Stack | None:
     """Return the levels of a project's voxels that are larger than memory; else None."""
-    query = replace(query, path=data_of(query.path))
+    query = _of_project(query)
     return ome_zarr_stack(query) if query.path.is_dir() else hdf5_stack(query)
 
 

@@ -17,6 +17,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from volspec._confine import require_inside
 from volspec._parse import parse_xml
 from volspec.errors import VolumeError
 from volspec.volume.labels import Label, Labels
@@ -40,6 +41,7 @@ def read_label_table(path: Path) -> dict[int, Label]:
 
     Raises VolumeError if the file is missing, or none of the known tables.
     """
+    require_inside(path, VolumeError)
     try:
         if not path.is_file():
             raise VolumeError(f"{path}: no such file; check labels=", code="not-found")

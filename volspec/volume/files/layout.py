@@ -21,6 +21,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._confine import require_inside
 from volspec.errors import VolumeError, quoted
 from volspec.volume.files.presence import require_contents
 from volspec.volume.files.query import Query, Stored
@@ -203,7 +204,8 @@ def data_files(path: Path, names: Sequence[str]) -> tuple[Path, ...]:
 
 
 def require_data(path: Path, data: Path) -> None:
-    """Refuse a header whose file of voxels is not there."""
+    """Refuse a header whose file of voxels is not there, or must not be opened."""
+    require_inside(data, VolumeError)
     if not (data.is_file() or data.is_symlink()):
         raise VolumeError(
             f"{path}: its voxels are in {data.name}, which is not there",

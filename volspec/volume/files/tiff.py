@@ -14,10 +14,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._confine import require_inside
 from volspec.errors import Code, VolumeError
 from volspec.volume.channels import unique_titles
 from volspec.volume.files.lattice import stack_slices
@@ -114,15 +116,25 @@ def _opened(path: Path) -> Any:
     from tifffile import TiffFile
 
     tiff = TiffFile(path)
+    _require_parts_inside(path, ome_root(tiff))
     if tiff.is_shaped and len(tiff.series) > 1 and all(len(s.pages) == 1 for s in tiff.series):
         tiff.close()
         return TiffFile(path, is_shaped=False)
     if (companion := _companion(tiff)) is not None and companion.is_file():
         tiff.close()
+        require_inside(companion, VolumeError)
         if companion.name.lower().endswith(SUFFIXES):
-            return TiffFile(companion)
-        return TiffFile(path, omexml=companion.read_text(encoding="utf-8"))
+            tiff = TiffFile(companion)
+        else:
+            tiff = TiffFile(path, omexml=companion.read_text(encoding="utf-8"))
+        _require_parts_inside(path, ome_root(tiff))
     return tiff
+
+
+def _require_parts_inside(path: Path, root: Element) -> None:
+    """Raise VolumeError if an OME-XML names a file of planes that must not be opened."""
+    for each in root.iterfind(".//{*}UUID"):
+        require_inside(path.parent / each.get("FileName", ""), VolumeError)
 
 
 def _companion(tiff: Any) -> Path | None:
