@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 from rich.text import Text
 
+from volspec._confine import require_inside
 from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import Observer
 from volspec.cli.shell import Json, Terminal, app, as_written, bar, print_json, say, show_names
@@ -248,6 +249,7 @@ def _pixels(path: Path) -> NDArray[np.uint8]:
     import numpy as np
     from PIL import Image, ImageOps, UnidentifiedImageError
 
+    require_inside(path, ImageError)
     try:
         with Image.open(path) as stored:
             upright = ImageOps.exif_transpose(stored)
