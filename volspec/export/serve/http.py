@@ -168,7 +168,8 @@ class SceneServer:
         if not _equal(given, self._token):
             return False
         self._token = secrets.token_urlsafe(24)
-        self._ready()
+        with suppress(OSError):  # nobody reads what it prints
+            self._ready()
         return True
 
     async def _answer(self) -> None:
