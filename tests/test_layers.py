@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parent.parent / "volspec"
 
 # A module imports only from its left (docs/decisions/0002 puts the pipeline before the scene).
 LAYERS = (
-    *("_deprecated", "errors", "_confine", "_files", "_cache", "_child", "_parse", "_text"),
-    *("_toml", "settings", "_exr", "_gpu", "_triangles", "spectra", "appearance", "_figures"),
+    *("_deprecated", "errors", "_confine", "_files", "_cache", "_child", "_parse", "_toml"),
+    *("settings", "_exr", "_text", "_gpu", "_triangles", "spectra", "appearance", "_figures"),
     *("basis", "palette", "room"),
     *("volume", "transfer", "raycast", "mesh", "relight", "pipeline", "scene", "wizard", "export"),
     *("doctor", "viewer", "cli"),

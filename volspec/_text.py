@@ -200,7 +200,8 @@ def _opened(font: Path) -> Any:
         opened = FT2Font(str(font))
     except (OSError, RuntimeError):
         return None
-    return opened if opened.scalable and "last" not in opened.family_name.lower() else None
+    is_last = opened.family_name.lstrip(".").startswith("Last")
+    return opened if opened.scalable and not is_last else None
 
 
 @lru_cache(maxsize=32)

@@ -13,11 +13,11 @@ from scipy.ndimage import gaussian_filter
 from tests.support.errors import raises
 from volspec.errors import InputError, SceneError, VolumeError
 from volspec.pipeline import raycast, relight
-from volspec.raycast.camera import Orbit
+from volspec.raycast.camera import Orbit, slice_view
 from volspec.scene import Scene
 from volspec.spectra import light, write_spectrum
-from volspec.volume import Series, phantom
-from volspec.volume.metadata import NO_SPACING
+from volspec.volume import Metadata, Series, Volume, phantom
+from volspec.volume.metadata import NO_SPACING, ONE_SLICE
 
 LAYOUT = "?shape=16x16x16&dtype=float32&spacing=1,1,4"
 
@@ -35,6 +35,25 @@ def test_a_scene_notes_what_was_assumed_of_its_volume(ball):
     assert Scene.from_volume(ball).file.volume.assumed == (NO_SPACING,)
     stated = Scene.from_volume(f"{ball.with_suffix('.raw')}{LAYOUT}")
     assert stated.file.volume.assumed == ()
+
+
+@pytest.mark.parametrize("is_patient", [False, True])
+@pytest.mark.parametrize(
+    ("axis", "right", "up"),
+    [(2, (1, 0, 0), (0, -1, 0)), (1, (1, 0, 0), (0, 0, 1)), (0, (0, 1, 0), (0, 0, 1))],
+)
+def test_a_single_slice_is_looked_at_straight_and_upright(axis, right, up, is_patient):
+    values = np.arange(30.0).reshape(np.insert([5, 6], 2 - axis, 1)).repeat(2, 2 - axis)
+    flip = np.diag([1.0, -1, 1, 1]) if is_patient else np.eye(4)  # a patient is upright anyhow
+    stated = Metadata(assumed=(ONE_SLICE,), is_patient=is_patient)
+    volume = Volume(values, world_from_index=flip, metadata=stated)
+    across, upwards, _ = slice_view(volume).camera(volume).frame()
+    assert np.allclose([across, upwards], [right, up]) and slice_view(phantom.ball(4)) is None
+
+
+def test_a_scene_of_a_picture_looks_straight_at_it(ball):
+    np.save(ball, phantom.ball(16).values[8])
+    assert Scene.from_volume(ball).file.camera.up == (0.0, -1.0, 0.0)
 
 
 def test_a_faint_body_around_a_dense_core_is_in_the_frame(tmp_path):

@@ -72,7 +72,7 @@ def damage(file: Path, kind: str) -> None:
         ("", "?a=1", "unknown"),
         ("spacing", "?dataset=t0/cells", "range"),
         ("cut", "?dataset=series&time=0", "damaged"),
-        ("table", "", "shape"),
+        ("table", "", "range"),
     ],
 )
 def test_what_is_no_volume_is_refused(kind, options, code, file):

@@ -298,6 +298,12 @@ def test_slices_of_several_stacks_are_refused_unless_a_spacing_is_given(tmp_path
     assert load_silently(f"{path}?spacing=1,1,2").spacing_mm == pytest.approx((1, 1, 2))
 
 
+def test_a_single_slice_is_as_deep_as_it_is_thick(tmp_path):
+    volume = load_silently(write_places(tmp_path, 7.0, SliceThickness=3))
+    assert [np.array_equal(each, VALUES[0]) for each in volume.values] == [True, True]
+    assert volume.spacing_mm == (*SPACING, 3) and volume.world_from_index[2, 3] == 5.5
+
+
 @pytest.mark.parametrize(
     ("tags", "word"),
     [
@@ -485,7 +491,6 @@ MPEG = {"syntax": uid.MPEG2MPML, "PixelData": b"\xfe\xff\x00\xe0\0\0\0\0\xfe\xff
 LONG = np.concatenate([VALUES, VALUES + 1])
 REFUSED: list[tuple[Callable[[Path], object], str, str, str]] = [
     (lambda folder: None, "", "not-found", ""),
-    (lambda folder: write_places(folder, 0), "", "shape", ""),
     (lambda folder: write_places(folder, 0, 1, values=COLOURED, **RGB), "", "shape", ""),
     (lambda folder: write_places(folder, 1, 1), "", "duplicate", ""),
     (lambda folder: (folder / "a.dcm").write_bytes(b"hello" * 99), "", "damaged", "a.dcm"),
@@ -499,7 +504,6 @@ REFUSED: list[tuple[Callable[[Path], object], str, str, str]] = [
     (lambda folder: write_part(write_series(folder), "73.dcm", -1), "", "missing", "73.dcm"),
     # A slice between others.
     (lambda folder: write_part(write_series(folder, LONG), "33.dcm", 200), "", "missing", "1 of 8"),
-    (lambda f: write_part(write_places(f, 0), "a.dcm", 200, "0.dcm"), "", "shape", "1 of 2"),
     (lambda folder: localizer(write_series(folder)), "?series=9", "shape", "3 slices"),
     (lambda folder: localizer(write_places(folder, 0)), "", "shape", ""),
     (with_a_gap, "", "missing", ""),

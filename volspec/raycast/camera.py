@@ -17,6 +17,7 @@ from volspec.errors import CameraError
 from volspec.raycast.checks import Direction, unit
 from volspec.settings import Finite, Positive, Unit, Vector, settings
 from volspec.volume import Volume
+from volspec.volume.metadata import ONE_SLICE
 
 # Components of a direction this near to 0 or ±1 are rounding errors.
 _ASKEW = 1e-15
@@ -231,6 +232,29 @@ def level_axes(up: Vector) -> tuple[NDArray[np.float64], ...]:
         front = np.array([-1.0, 0.0, 0.0])
     front /= np.linalg.norm(front)
     return np.cross(axis, front), front, axis
+
+
+def slice_view(volume: Volume) -> Orbit | None:
+    """Return the view straight at a volume of one slice, upright; None of any other volume.
+
+    The first row is at the top, except of slices along z. A patient is upright: axial slices are
+    seen from the feet, coronal ones from the front, sagittal ones from the left.
+    """
+    if ONE_SLICE not in volume.metadata.assumed:
+        return None
+    steps = volume.world_from_index[:3, :3] / volume.spacing_mm
+    axis = next(k for k in (2, 1, 0) if volume.shape_xyz[k] == 2)
+    x, y, z = frame = np.eye(3) if volume.metadata.is_patient else steps.T
+    plane = int(np.abs(frame @ steps[:, axis]).argmax())
+    right, up = ((y, z), (x, z), (x, -y))[plane]
+    normal = steps[:, axis]
+    back = normal if normal @ np.cross(right, up) > 0 else -normal
+    rows = np.delete(steps, axis, axis=1).T
+    top = max((*rows, *-rows), key=lambda row: float(row @ up))
+    side, front, _ = level_axes(tuple(top))
+    azimuth = math.degrees(math.atan2(back @ side, back @ front))
+    i, j, k = (top.round(12) + 0.0).tolist()
+    return Orbit(round(azimuth, 9), 0.0, orthographic=True, up=(i, j, k))
 
 
 def _snapped(direction: NDArray[np.float64]) -> NDArray[np.float64]:

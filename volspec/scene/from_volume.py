@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from volspec._files import is_remote
 from volspec.errors import SceneError
-from volspec.raycast.camera import Orbit, radius_mm
+from volspec.raycast.camera import Orbit, radius_mm, slice_view
 from volspec.raycast.framing import fit_points
 from volspec.scene.file import SceneFile
 from volspec.scene.specs import BasisSpec, CameraSpec
@@ -77,7 +77,8 @@ def volume_file(
         In `volspec.light`'s notation, with files relative to the current folder; default: daylight,
         tungsten, fluorescent, sodium, and two whites of LEDs.
     camera : Orbit, optional
-        Direction, field of view and projection; default: the default of scenes.
+        Direction, field of view and projection; default: the default of scenes, or straight at a
+        single slice.
     """
     transfer: Transfers
     volume = steps[0]
@@ -103,6 +104,7 @@ def volume_file(
     else:
         tables["transfer"] = plain(TransferSpec.of(transfer))
     # On the voxel steps of labels, highlights are noise.
+    camera = camera or slice_view(volume)
     return _new_file(tables, path, materials, 0.3 if preset else 0.0, lights, camera)
 
 

@@ -82,7 +82,9 @@ def _real_array(given: ArrayLike, name: str) -> NDArray[Any]:
     if values.ndim != 3:
         remedy = "choose one channel or time step, such as array[0]"
         if values.ndim < 3:
-            remedy = "give all slices, as numpy.stack(slices)"
+            remedy = (
+                "give all slices, as numpy.stack(slices), or one twice: numpy.stack([array] * 2)"
+            )
         raise VolumeError(
             f"{name}: the array has shape {values.shape}",
             f"a volume has three axes (Z, Y, X): {remedy}",
@@ -91,7 +93,10 @@ def _real_array(given: ArrayLike, name: str) -> NDArray[Any]:
     if min(values.shape) < 2:
         raise VolumeError(
             f"{name}: is {' × '.join(map(str, values.shape[::-1]))} voxels (x × y × z); a volume "
-            "has at least two along each axis, was a single slice given?",
+            "has at least two along each axis",
+            f"give one slice twice: numpy.repeat(array, 2, axis={values.shape.index(1)})"
+            if 1 in values.shape
+            else "was the right array given?",
             code="shape",
         )
     return with_nan(values, masked)

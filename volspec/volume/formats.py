@@ -128,6 +128,12 @@ FORMATS = (
         note="ImageJ, OME-TIFF, BigTIFF: units, channels, times, several stacks",
     ),
     Format(
+        *("pictures", tuple(s for k in PICTURES if k != "TIFF" for s in PICTURES[k]), read_stack),
+        "tifffile",
+        whole=False,
+        note="PNG, BMP, JPEG or JPEG 2000: one slice",
+    ),
+    Format(
         *(
             "HDF5",
             (".h5", ".hdf5", ".he5", ".hdf", ".nxs", ".emd"),

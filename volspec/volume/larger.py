@@ -39,7 +39,8 @@ _RAW_CHUNK = 16, 128
 def stored_stack(query: Query, reading: Reading) -> Stack | None:
     """Return uncompressed voxels that are larger than memory as a level; else None."""
     values = reading.values
-    if not isinstance(values, Stored) or values.nbytes <= query.most_bytes:
+    is_stored = isinstance(values, Stored) and len(values.shape) == 3
+    if not is_stored or values.nbytes <= query.most_bytes:
         return None
     given = reading.spacing_mm, reading.world_from_index
     spacing, world = checked_geometry(*given, str(query.path))

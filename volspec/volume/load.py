@@ -28,6 +28,7 @@ from volspec.volume.files.dicom import series_folders
 from volspec.volume.files.dicom_headers import dicom_files
 from volspec.volume.files.hdf5 import require_parts_inside
 from volspec.volume.files.label_tables import labels_beside, merge_labels, read_label_table
+from volspec.volume.files.lattice import with_depth
 from volspec.volume.files.omezarr import is_zarr
 from volspec.volume.files.presence import GZIP, require_contents, require_slices
 from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored
@@ -58,9 +59,7 @@ _ADVICE: dict[tuple[str, ...], str] = {
         "is a microscope's format; save it as OME-TIFF in Fiji (File, Import, Bio-Formats), or as "
         "OME-Zarr with bioformats2raw"
     ),
-    (".png", ".jpg", ".jpeg", ".bmp", ".jp2", ".gif", ".webp"): (
-        "is one picture; a volume is a folder of slices (TIFF, PNG, BMP or JPEG): give the folder"
-    ),
+    (".gif", ".webp"): "is a picture of a kind that is not read; save it as PNG or TIFF",
     (".zip", ".rar", ".7z", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".zst"): (
         "is packed; unpack it first, then give the file or the folder in it"
     ),
@@ -104,7 +103,7 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
         - a TIFF file, with ImageJ's and OME-TIFF's spacing: ``?spacing= channel= time=``, and
           ``series=N`` if there are several stacks, ``axes=ZYX`` if its axes have no names; or a
           folder of TIFF, PNG, BMP, JPEG or JPEG 2000 pictures in the order of the numbers in their
-          names (``z2`` before ``z10``), which may number channels and times, too;
+          names (``z2`` before ``z10``), which may number channels and times, too; or one of these;
         - an HDF5 file, ``.h5 .hdf5 .he5 .nxs``: ``?dataset= time= channel= spacing=``; a dataset
           has the axes that ilastik, NeXus or BigDataViewer (``.xml``) state, else (Z, Y, X) or
           (T, Z, Y, X), and its spacing is ``element_size_um`` or theirs. Also Imaris' ``.ims``.
@@ -115,6 +114,8 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
         - a microscope's ``.czi .lif .nd2 .oib .oif``: ``?series= channel= time=``. Needs
           ``volspec[micro]``;
         - the name of a bundled volume, if no file has it: ``engine``, ``head`` or ``frog``.
+
+    A single slice is repeated behind itself, which is one of its `Metadata.assumed`.
 
     A volume that takes more memory than ``memory=2GiB`` (OME-Zarr: by default 2 GiB; uncompressed
     files: half of what is free) is not read as a whole: a coarse level is, and casts read what
@@ -227,6 +228,7 @@ def _read_field(query: Query, library: str, name: str, remarks: list[str]) -> Vo
     if isinstance(values, Stored):
         query.reserve(values.shape, np.dtype(values.dtype).itemsize)
         values = values.read()
+    values, reading = with_depth(values, reading, query)
     certain = query.labels is not None or reading.labels is not None
     values, numbers = renumbered(values, certain)
     volume = Volume(

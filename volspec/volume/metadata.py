@@ -14,6 +14,8 @@ NO_SPACING = "voxels 1 mm apart"
 """Assumption about a file that states no distances."""
 NO_UNIT = "lengths in mm"
 """Assumption about a file that states distances without their unit."""
+ONE_SLICE, NO_DEPTH = "one slice, repeated behind itself", "as deep as a pixel"
+"""Assumptions about a file of one slice, and about one that states no thickness of it."""
 HU = "HU"
 """Unit of a CT's rescaled values."""
 
@@ -55,7 +57,7 @@ class Metadata:
         >>> Metadata(assumed=(NO_SPACING,)).given("HU", True)
         Metadata(modality='', unit='HU', is_patient=False, assumed=())
         """
-        lengths = self.assumed_lengths if has_spacing else ()
+        lengths = (*self.assumed_lengths, NO_DEPTH) if has_spacing else ()
         assumed = tuple(each for each in self.assumed if each not in lengths)
         return replace(self, unit=self.unit if unit is None else unit, assumed=assumed)
 

@@ -69,11 +69,7 @@ def values_and_lattice(
             f"a volume has one: grid['one'] = grid[{chosen!r}][:, 0] makes scalars 'one'",
             code="shape",
         )
-    shape = tuple(n - is_cells for n in grid.dimensions)
-    if min(shape) < 2:
-        raise VolumeError(
-            f"{name}: {'x'.join(map(str, shape))} points; a volume is 3-D", code="shape"
-        )
+    shape = tuple(max(n - is_cells, 1) for n in grid.dimensions)
     given = None if query is None else query.spacing_mm
     if type(grid).__name__ == "RectilinearGrid":
         directions, first = np.eye(3), np.zeros(3)

@@ -228,7 +228,7 @@ def _read_stack(requested: list[Slice], query: Query, remarks: list[str]) -> Rea
         with captured_output([]):
             values = stack_slices(stack, read_values)
         at = np.array([each.origin_mm for each in stack if each.origin_mm is not None])
-        if query.spacing_mm is None and len(at) and (uneven := unevenness(at)):
+        if query.spacing_mm is None and len(at) > 1 and (uneven := unevenness(at)):
             remarks.append(f"{query.path}: {uneven}")
     if first.origin_mm is not None and not first.in_patient:
         remarks.append(
@@ -294,14 +294,10 @@ def _largest_stack(series: list[Slice], query: Query, remarks: list[str]) -> lis
             _advice(most[0], "put each stack into a folder of its own"),
             code="conflict",
         )
-    if len(most) < 2:
-        columns, rows = most[0].size
+    if others and len(most) < 2:
         raise VolumeError(
             f"{query.path}: the {len(series)} slices of its series differ in size or orientation, "
-            "as a localizer's do, and do not stack; give another series"
-            if others
-            else f"{query.path}: a single slice ({columns}x{rows}) is not a volume; give the "
-            "folder that holds all slices of the series",
+            "as a localizer's do, and do not stack; give another series",
             code="shape",
         )
     if others:
@@ -327,7 +323,7 @@ def _places(stack: list[Slice], query: Query) -> list[list[Slice]]:
             code="conflict",
         )
     groups = group_slices(np.array([each.origin_mm for each in stack]), stack[0].directions[:, 2])
-    if len(groups) == 1:
+    if len(groups) == 1 < len(stack):
         raise VolumeError(
             f"{query.path}: all {len(stack)} slices lie at the same place; a volume needs slices "
             "at two places or more",
@@ -355,6 +351,8 @@ def _at_one_time(places: list[list[Slice]], query: Query) -> list[Slice]:
 def _step_mm(stack: list[Slice], query: Query, guesses: dict[str, str]) -> NDArray[np.float64]:
     """Return the (3,) step from slice to slice."""
     first = stack[0]
+    if len(stack) == 1:
+        return first.directions[:, 2] * (first.apart_mm or 0.0)
     if first.origin_mm is None:
         apart = first.apart_mm or 1.0
         what = (
@@ -387,10 +385,13 @@ def _read_segments(
         )
     query.end_choices()
     at = np.array([place[0].origin_mm for place in places])
-    apart = np.linalg.norm(at - at[0], axis=1)
-    usual = np.diff(apart)
-    number = np.rint(apart / np.median(usual[usual < 1.5 * usual.min()]))
-    step = (at[-1] - at[0]) / number[-1]
+    if len(at) == 1:
+        number, step = np.zeros(1), first.directions[:, 2] * (first.apart_mm or 0.0)
+    else:
+        apart = np.linalg.norm(at - at[0], axis=1)
+        usual = np.diff(apart)
+        number = np.rint(apart / np.median(usual[usual < 1.5 * usual.min()]))
+        step = (at[-1] - at[0]) / number[-1]
     if np.abs(at[0] + number[:, None] * step - at).max() > _JITTER * np.linalg.norm(step):
         raise VolumeError(
             f"{query.path}: its segments lie on slices at uneven distances; resample it to a "

@@ -42,14 +42,14 @@ from volspec.volume.files.omezarr import (
     read_ome_zarr,
     selected_index,
 )
-from volspec.volume.files.query import Query, Reading
+from volspec.volume.files.query import OneSlice, Query, Reading
 from volspec.volume.metadata import NO_SPACING, NO_UNIT, Metadata
 from volspec.volume.pyramid import Level, Stack
 
 # Voxels along z and y of a chunk of a dataset without chunks.
 _ROWS = 16, 128
 # Names of axes by the number of a dataset's, if it states none.
-_AXES = {3: "zyx", 4: "tzyx"}
+_AXES = {2: "zyx", 3: "zyx", 4: "tzyx"}  # a picture is read as one slice
 _CELLS = re.compile(r"t(\d+)/s(\d+)/(\d+)/cells")
 
 
@@ -217,7 +217,9 @@ def _selected(query: Query) -> Stack:
         else:
             name = query.array_named({name: each.shape for name, each in found.items()})
         _require_sources(query, found[name])
-        dataset, axes = Dataset(query.path, file, name), _axes(found[name])
+        dataset: Any = Dataset(query.path, file, name)
+        axes = _axes(found[name])
+        dataset = OneSlice(dataset) if len(dataset.shape) == 2 else dataset
         size = size or _voxel_size(query, found[name], axes)
     unit_mm = mm_per_unit(size[1]) if size else None
     assumed = () if unit_mm else (NO_UNIT,) if size else (NO_SPACING,)
@@ -271,7 +273,8 @@ def _datasets(file: Any, broken: dict[str, str]) -> dict[str, Any]:
                 found[place + name] = each
 
     search(file, "")
-    return found
+    deep = {name: each for name, each in found.items() if each.ndim > 2}
+    return deep or found
 
 
 def _axes(dataset: Any) -> str:

@@ -9,13 +9,15 @@ map expresses without resampling.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import VolumeError
-from volspec.volume.files.query import Query
+from volspec.volume.files.query import Query, Reading
+from volspec.volume.metadata import NO_DEPTH, ONE_SLICE
 
 # Fractions of the median distance: a wider or narrower gap is not jitter, but means that slices are
 # missing or belong to another stack.
@@ -53,6 +55,36 @@ def affine(columns: ArrayLike, origin: ArrayLike) -> NDArray[np.float64]:
     world[:3, :3] = columns
     world[:3, 3] = origin
     return world
+
+
+def with_depth(
+    values: NDArray[Any], reading: Reading, query: Query
+) -> tuple[NDArray[Any], Reading]:
+    """Repeat the only slice of a file behind itself, since rays need two; return others as is.
+
+    Its two voxels are half a step before and behind its place. Values may be (Y, X), and the third
+    column of the map 0: the step is then that of a pixel.
+    """
+    values = values[None] if values.ndim == 2 else values
+    if values.ndim != 3 or min(values.shape) != 1 or sorted(values.shape)[1] < 2:
+        return values, reading
+    world, assumed = reading.world_from_index, (*reading.metadata.assumed, ONE_SLICE)
+    world = np.diag([*(reading.spacing_mm or np.ones(3)), 1.0]) if world is None else world.copy()
+    if not world[:3, 2].any():
+        across, down = world[:3, :2].T
+        normal = np.cross(across, down)
+        pixel_mm = np.linalg.norm(world[:3, :2], axis=0).min()
+        world[:3, 2] = pixel_mm * normal / (np.linalg.norm(normal) or 1.0)
+        assumed = (*assumed, NO_DEPTH)
+    axis = values.shape.index(1)
+    step = world[:3, 2 - axis]
+    given = 1.0
+    if query.spacing_mm is not None:
+        given = query.spacing_mm[2 - axis] / float(np.linalg.norm(step))
+    world[:3, 3] -= given * step / 2
+    metadata = replace(reading.metadata, assumed=assumed)
+    reading = replace(reading, spacing_mm=None, world_from_index=world, metadata=metadata)
+    return np.repeat(values, 2, axis), reading
 
 
 def group_slices(at_mm: NDArray[np.float64], normal: NDArray[np.float64]) -> list[list[int]]:

@@ -160,10 +160,10 @@ def choose_axes(
     """Return the index that the query selects along each axis that is not of space.
 
     ``roles`` are those axes with their option, ``time`` or ``channel``; ``step_s`` is the time
-    between steps. Raises VolumeError unless three axes of two voxels or more are of space.
+    between steps. Raises VolumeError unless three axes, or two of a picture, are of space.
     """
     space = [count for axis, count in enumerate(shape) if axis not in roles]
-    if len(space) != 3 or len(shape) > 5:
+    if len(space) not in (2, 3) or len(shape) > 5:
         raise VolumeError(
             f"{query.path}: is {len(shape)}-D ({'x'.join(map(str, shape))})",
             "a volume is 3-D: give a file of all slices, or a folder of slices"

@@ -151,7 +151,9 @@ def _world_from_index(
     if spacing is None:
         spacing, assumed = np.ones(axes), (NO_SPACING,)
     start = np.zeros(axes) if origin is None else origin
-    world = affine(directions * spacing[:3] * mm, start[:3] * mm) if axes >= 3 else np.eye(4)
+    columns, first, of = np.zeros((3, 3)), np.zeros(3), min(axes, 3)
+    columns[:of, :of], first[:of] = directions[:of, :of] * spacing[:3] * mm, start[:3] * mm
+    world = affine(columns, first)
     if not np.isfinite(world).all():
         raise damaged(path, "its directions or its origin hold no numbers")
     letters = fields.get("AnatomicalOrientation", "").strip("? ")

@@ -79,7 +79,7 @@ def read_micro(query: Query) -> Reading:
             ) from error
     x, y, z = (um / 1e3 if (um := image.um.get(axis)) and um > 0 else None for axis in "XYZ")
     remarks: list[str] = []
-    spacing, metadata = resolve_spacing((x, y or x, z), query, remarks)
+    spacing, metadata = resolve_spacing((x, y or x, z), query, remarks, len(values))
     named = Channel(next(iter(image.channels[channel:]), ""))
     return Reading(values, spacing, None, remarks, None, named, metadata)
 

@@ -75,6 +75,8 @@ def _world_from_index(
     with np.errstate(divide="ignore", invalid="ignore"):
         spacing = cell / counts * _ANGSTROM_MM
     assumed: tuple[str, ...] = ()
+    if header.nz == 1 and not (np.isfinite(spacing[2]) and spacing[2] > 0):
+        spacing[2] = spacing[0]
     if not (np.isfinite(spacing).all() and (spacing > 0).all()):
         spacing, assumed = np.ones(3), (NO_SPACING,)
         if query.spacing_mm is None:

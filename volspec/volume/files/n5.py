@@ -118,10 +118,12 @@ def named_axes(query: Query, shape: Sequence[int], names: Sequence[str], usual: 
         names = query.options["axes"]
     elif count == 3 and not are_axes(names, 3) and not {*"tc"} & {*names}:
         names = [name for name in usual if name in "xyz"]
-    if count < 3:
+    if count == 2:
+        return [name for name in usual if name in "xy"]
+    if count < 2:
         raise VolumeError(
             f"{query.path}: is an array of {count} axes ({' × '.join(map(str, shape))}); a volume "
-            "has three (x, y, z), was a single slice given?",
+            "has three (x, y, z)",
             code="shape",
         )
     if not are_axes(names, count):

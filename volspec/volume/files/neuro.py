@@ -316,7 +316,9 @@ def _spaced(header: Any, unit_mm: float = 1.0) -> NDArray[np.float64]:
     """Return the map of a header without an orientation; 0 and what is no number count as 1."""
     zooms = np.abs(np.array(header.get_zooms()[:3], np.float64))
     zooms = np.where((zooms > 0) & np.isfinite(zooms), zooms, 1.0)
-    return affine(np.diag(zooms * unit_mm), (0.0, 0.0, 0.0))
+    sides = np.zeros(3)  # the third of a picture is not stated
+    sides[: len(zooms)] = zooms * unit_mm
+    return affine(np.diag(sides), (0.0, 0.0, 0.0))
 
 
 def _labels(opened: _Opened) -> Labels | None:

@@ -122,9 +122,9 @@ class _Header:
             numbers = np.array([float(word) for word in text.strip("() ").split(",")])
         except ValueError as error:
             raise damaged(self.path, f"its vector is {quoted(text)}") from error
-        if len(numbers) < 3:
+        if len(numbers) < 2:
             raise VolumeError(f"{self.path}: its space is {len(numbers)}-D, not 3-D", code="shape")
-        return None if np.isnan(numbers).all() else numbers[:3]
+        return None if np.isnan(numbers).all() else np.append(numbers, 0.0)[:3]
 
 
 def _text(line: bytes) -> str:
@@ -146,7 +146,7 @@ def read_nrrd(query: Query) -> Reading:
     roles = _roles(header, axes)
     space = [axis for axis in range(axes) if axis not in roles]
     world, metadata = None, Metadata()
-    if len(space) == 3:
+    if len(space) in (2, 3):
         world, metadata = _world_from_index(header, shape, space, query)
     remarks: list[str] = []
     values: Stored | NDArray[Any]
@@ -266,8 +266,11 @@ def _world_from_index(
     if directions:
         columns = np.stack([d for a in space if (d := directions[a]) is not None], axis=1)
         units = header.units("spaceunits", 3)
+        if len(space) == 2 and np.isnan(units).all():
+            units = np.resize(header.units("spaceunits", 2), 3)
         mm = np.nan_to_num(units, nan=1.0)
         columns, start = columns * mm[:, None], (np.zeros(3) if start is None else start) * mm
+        columns = np.pad(columns, ((0, 0), (0, 3 - len(space))))
     else:
         spacing, first, assumed = _spacing(header, shape)
         bad = [not (np.isfinite(spacing[axis]) and spacing[axis]) for axis in space]
@@ -283,8 +286,10 @@ def _world_from_index(
         spacing[[axis for axis, wrong in zip(space, bad, strict=True) if wrong]] = 1.0
         units = header.units("units", axes)[space]
         mm = np.nan_to_num(units, nan=1.0)
-        columns = np.diag(spacing[space] * mm)
-        start = (first[space] if start is None else start) * mm
+        columns, own = np.zeros((3, 3)), np.zeros(3)
+        np.fill_diagonal(columns[: len(space)], spacing[space] * mm)
+        own[: len(space)] = first[space] * mm
+        start = own if start is None else start * np.resize(mm, 3)
     if not assumed and np.isnan(units).any():
         assumed = (NO_UNIT,)
     world = affine(columns, np.where(np.isnan(start), 0.0, start))

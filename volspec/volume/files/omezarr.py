@@ -29,7 +29,7 @@ from volspec.volume.channels import Channel
 from volspec.volume.files.label_tables import labels_in_zarr
 from volspec.volume.files.lattice import affine, mm_per_unit, spacing_text
 from volspec.volume.files.n5 import Axes, is_n5, named_axes, open_n5
-from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading
+from volspec.volume.files.query import Choice, ChoicesListed, OneSlice, Query, Reading
 from volspec.volume.files.tensors import fast_array, import_zarr
 from volspec.volume.labels import Labels
 from volspec.volume.metadata import NO_SPACING, NO_UNIT, Metadata
@@ -339,6 +339,9 @@ def _picture(
 ) -> _Picture:
     """Return arrays as the levels of a picture, with their maps from index to axes' units."""
     names = [str(axis["name"]).lower() for axis in axes]
+    if "z" not in names and "y" in names:  # a picture: one slice of unknown depth
+        names, axes = ["z", *names], [axes[names.index("y")], *axes]
+        arrays = [(OneSlice(array), np.pad(matrix, ((1, 0), (1, 0)))) for array, matrix in arrays]
     if missing := [name for name in _SPACE if name not in names]:
         raise VolumeError(
             f"{query.path}: has no axis {missing[0]} (its axes are {', '.join(names)}); a volume "
@@ -372,7 +375,7 @@ def _array_in(group: Any, query: Query) -> str:
     def search(inner: Any, place: str, depth: int) -> None:
         for name, node in inner.members():
             if hasattr(node, "shape"):
-                if node.ndim >= 3 and node.dtype.kind in "buif":
+                if node.ndim >= 2 and node.dtype.kind in "buif":
                     found[place + name] = node.shape
             elif _pictures(node):
                 raise VolumeError(
@@ -391,7 +394,8 @@ def _array_in(group: Any, query: Query) -> str:
             "of three axes; give the folder of one",
             code="unsupported",
         )
-    return query.array_named(found)
+    deep = {name: shape for name, shape in found.items() if len(shape) > 2}
+    return query.array_named(deep or found)
 
 
 def _multiscale(group: Any, query: Query) -> _Picture:

@@ -155,15 +155,20 @@ def picture_values(path: Path) -> NDArray[Any]:
 
 
 def resolve_spacing(
-    stated: tuple[float | None, ...], query: Query, remarks: list[str]
+    stated: tuple[float | None, ...], query: Query, remarks: list[str], slices: int
 ) -> tuple[tuple[float, float, float], Metadata]:
-    """Return the query's spacing, else the stated one; remark on what is assumed in its gaps."""
+    """Return the query's spacing, else the stated one; remark on what is assumed in its gaps.
+
+    That of a single slice is 0 along z if it is not stated.
+    """
     x, y, z = stated
     if query.spacing_mm is not None:
         return query.spacing_mm, Metadata()
     if x is None or y is None:
         spacing = 1.0, 1.0, 1.0
         why, assumed = "states no spacing, 1 mm is assumed", NO_SPACING
+    elif z is None and slices == 1:
+        return (x, y, 0.0), Metadata()
     elif z is None:
         spacing = x, y, x
         why = (

@@ -379,11 +379,24 @@ class Stored:
         return np.ndarray(self.shape, self.dtype, memory)
 
 
+class OneSlice:
+    """Array without an axis of slices, as one with a first axis for a single slice."""
+
+    def __init__(self, array: Any) -> None:
+        self._array, self.root = array, getattr(array, "root", None)
+        self.shape, self.dtype = (1, *array.shape), array.dtype
+        self.chunks = array.chunks and (1, *array.chunks)
+
+    def __getitem__(self, index: tuple[int | slice, ...]) -> NDArray[Any]:
+        values: NDArray[Any] = np.asarray(self._array[index[1:]])[None][index[0]]
+        return values
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
     """Voxels as stored in a file, and their lattice; `Volume` converts or refuses them."""
 
-    values: NDArray[Any] | Stored  # (Z, Y, X), of any type and number of axes
+    values: NDArray[Any] | Stored  # (Z, Y, X), of any type and number of axes; (Y, X): one slice
     spacing_mm: tuple[float, float, float] | None = None
     world_from_index: NDArray[np.float64] | None = None
     remarks: Sequence[str] = ()  # warnings for the caller of `load_volume`

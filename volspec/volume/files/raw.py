@@ -63,7 +63,7 @@ def read_npy(query: Query) -> Reading:
                 "these",
                 code="type",
             )
-        if len(shape) != 3:
+        if len(shape) not in (2, 3):
             size = " x ".join(map(str, shape)) or "one number"
             remedy = "save all slices in one array: numpy.save('v.npy', numpy.stack(slices))"
             if len(shape) > 3:
@@ -97,9 +97,10 @@ def read_npz(query: Query) -> Reading:
         found = {
             name: (shape, dtype)
             for name, (shape, _, dtype) in headers.items()
-            if len(shape) == 3 and dtype.kind in "buif"
+            if len(shape) in (2, 3) and dtype.kind in "buif"
         }
-        if not found:
+        deep = {name: each for name, each in found.items() if len(each[0]) == 3}
+        if not (found := deep or found):
             raise VolumeError(
                 f"{path}: holds no array of numbers with three axes (Z, Y, X), only "
                 f"{', '.join(headers) or 'none'}",
@@ -197,7 +198,7 @@ def read_raw(query: Query) -> Reading:
             code="range",
             given=offset,
         )
-    if len(shape) != 3 or min(shape) < 1:
+    if len(shape) not in (2, 3) or min(shape) < 1:
         raise VolumeError(
             f"{path}: shape={options['shape']} is not three positive counts; give those along x, "
             f"y and z, as in {_example(replace(query, options={}))}",
@@ -207,7 +208,7 @@ def read_raw(query: Query) -> Reading:
     expected = math.prod(shape) * dtype.itemsize
     held = path.stat().st_size - offset
     if held < expected:
-        width, height, _ = shape
+        width, height = shape[:2]
         slices, rest = divmod(max(held, 0), width * height * dtype.itemsize)
         remedy = "compare shape, dtype and offset with the file's source, or copy the file again"
         if slices and not rest:

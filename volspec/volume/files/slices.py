@@ -109,15 +109,16 @@ def pictures_in(folder: Path) -> list[Path]:
     return max(_by_format(folder).values(), key=len, default=[])
 
 
-def _by_format(folder: Path) -> dict[str, list[Path]]:
-    """Return a folder's pictures by format; a single one is a slice only if it is TIFF."""
-    files = [p for p in folder.iterdir() if not p.name.startswith(".") and p.is_file()]
+def _by_format(path: Path) -> dict[str, list[Path]]:
+    """Return a picture by its format, or those of a folder, of which one alone may be TIFF."""
+    every, least = (path.iterdir(), 1) if path.is_dir() else ([path], 0)
+    files = [p for p in every if not p.name.startswith(".") and p.is_file()]
     files.sort(key=lambda path: _natural_key(path.name))
     found = {
         kind: [path for path in files if path.name.lower().endswith(endings)]
         for kind, endings in PICTURES.items()
     }
-    return {kind: files for kind, files in found.items() if len(files) > (kind != "TIFF")}
+    return {kind: files for kind, files in found.items() if len(files) > (kind != "TIFF" and least)}
 
 
 def missing_numbers(names: Sequence[str]) -> str:
@@ -157,12 +158,6 @@ def _slices(query: Query) -> Slices:
     query.allow("time", "channel")
     path, kinds = query.path, _by_format(query.path)
     kind, files = max(kinds.items(), key=lambda item: len(item[1]))
-    if len(files) == 1:
-        raise VolumeError(
-            f"{path}: holds one picture, {files[0].name}, but a volume has several slices; "
-            "give all of them, or a multi-page TIFF file itself",
-            code="shape",
-        )
     parts, of_names = _parts_of_names(files)
     remarks = [f"{path}: {remark}" for remark in of_names]
     if len(kinds) > 1:
@@ -190,7 +185,7 @@ def _slices(query: Query) -> Slices:
     return Slices(
         *(path, (len(rows), *first.shape[:2]), first.dtype),
         partial(_read_files, [file for file, _ in rows], first.shape, sample),
-        *resolve_spacing(stated, query, remarks),
+        *resolve_spacing(stated, query, remarks, len(rows)),
         Channel(name) if name and samples == 1 else None,
         remarks,
     )

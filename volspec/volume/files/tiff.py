@@ -72,13 +72,16 @@ def _slices(query: Query) -> Slices:
                 f"{path}: {companion.name}, which states its axes and spacing, is missing; copy it "
                 "to the same folder"
             )
+        if "C" in stack.axes and not (stack.through or tiff.is_ome):
+            slices = query.example(axes=stack.axes.replace("C", "Z"))
+            remarks.append(f"{path}: is a picture of channels; if these are slices, read {slices}")
         shape = _complete_slices(stack, path, remarks), sizes["Y"], sizes["X"]
         stated = stated_spacing_mm(tiff, series.keyframe, series)
         channels = stated_channels(tiff, series, sizes.get("C", 1))
     own = Query(path, query.options)
     return Slices(
         *(path, shape, series.dtype, partial(_read_pages, own)),
-        *resolve_spacing(stated, query, remarks),
+        *resolve_spacing(stated, query, remarks, shape[0]),
         channels[stack.at.get("C", 0)] if channels else None,
         remarks,
         whole=() if stack.has_pages else series.shape,
@@ -96,7 +99,8 @@ def _read_pages(query: Query, numbers: Sequence[int]) -> NDArray[Any]:
                 if stack.is_run
                 else series.asarray()
             )
-            return np.asarray(_picked(whole, axes, stack.at, (stack.through, *"YX"))[numbers])
+            picked = _picked(whole, axes, stack.at, (*stack.through, *"YX"))
+            return np.asarray((picked if stack.through else picked[None])[numbers])
         count = len(stack.leading)
 
         def read(k: int) -> NDArray[Any]:
@@ -150,7 +154,7 @@ class _Selection(NamedTuple):
     series: Any
     axes: str
     sizes: dict[str, int]  # length of each axis
-    through: str  # axis of the slices
+    through: str  # axis of the slices; empty of one picture
     at: Mapping[str, int]  # index along the other axes but Y and X
     leading: str  # axes along which pages follow
     is_run: bool  # it is one block of bytes, even if ImageJ lists only its first page
@@ -180,15 +184,8 @@ def _series(tiff: Any, query: Query) -> tuple[Any, str]:
     """Return the stack that the query selects, with its axes; labels and previews are none."""
     given = query.options.get("axes", "").upper()
     found = [(s, given if len(given) == len(s.axes) else s.axes) for s in tiff.series]
-    if len(found) != 1:
-        found = [(series, axes) for series, axes in found if {*axes} - {*_OF_PICTURES}]
-    if not found:
-        sizes = ", ".join(_size(series) for series in tiff.series[:_MOST_LISTED])
-        raise VolumeError(
-            f"{query.path}: holds {len(tiff.series)} pictures ({sizes}), of which none is a stack "
-            "of slices; save the slices as one stack",
-            code="conflict",
-        )
+    stacks = [(series, axes) for series, axes in found if {*axes} - {*_OF_PICTURES}]
+    found = stacks or found
     titles = unique_titles([series.name or "stack" for series, _ in found])
     names = [f"{title} ({_size(series)})" for title, (series, _) in zip(titles, found, strict=True)]
     series, axes = found[query.index("series", len(found), "stacks", names)]
@@ -210,7 +207,7 @@ def _size(series: Any) -> str:
 
 
 def _slice_axis(series: Any, axes: str, query: Query) -> str:
-    """Return the axis along which slices are stacked."""
+    """Return the axis along which slices are stacked; none of a single picture."""
     others = [axis for axis in axes if axis not in _OF_PICTURES]
     if len({*axes}) == len(axes) and _SLICES in others and {*others} <= {_SLICES, _TIME}:
         return _SLICES
@@ -221,15 +218,11 @@ def _slice_axis(series: Any, axes: str, query: Query) -> str:
         likely = [axis if axis in _AXES else next(free, axis) for axis in axes[::-1]]
         why = f"holds {_size(series)} values, and does not state which axis has the slices"
         remedy = f"name its axes, as in {query.example(axes=''.join(likely[::-1]))}"
-    elif "C" in axes:
-        why = f"is a picture of {series.shape[axes.index('C')]} channels ({_size(series)})"
-        remedy = f"if these are slices, read it as {query.example(axes=axes.replace('C', 'Z'))}"
     elif series.shape[axes.index("S")] > 4 if "S" in axes else False:
         why = f"is a picture of {series.shape[axes.index('S')]} samples a pixel ({_size(series)})"
         remedy = f"if these are slices, read it as {query.example(axes=axes.replace('S', 'Z'))}"
     else:
-        why = f"is a single picture ({_size(series)}), a volume needs several slices"
-        remedy = f"give the folder that holds them, {query.path.absolute().parent}"
+        return ""
     raise VolumeError(f"{query.path}: {why}", remedy, code="shape")
 
 
@@ -239,14 +232,14 @@ def _complete_slices(stack: _Selection, path: Path, remarks: list[str]) -> int:
     A slice is complete with all channels of which the file has any page at that time.
     """
     series, through, at, leading = stack.series, stack.through, stack.at, stack.leading
-    count = stack.sizes[through]
+    count = stack.sizes.get(through, 1)
     there = np.array([page is not None for page in series.pages])
     if there.all():
         return count
     there = there.reshape(series.shape[: len(leading)])
     time = {axis: k for axis, k in at.items() if axis == _TIME}
     others = [axis for axis in leading if axis != through and axis not in time]
-    every = _picked(there, leading, time, (through, *others)).reshape(count, -1)
+    every = _picked(there, leading, time, (*through, *others)).reshape(count, -1)
     complete = every[:, every.any(axis=0)].all(axis=1)
     first = count if complete.all() else int(complete.argmin())
     remedy = "if they are in other files, copy these to the same folder"
