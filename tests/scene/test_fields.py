@@ -209,7 +209,7 @@ def test_masks_are_written_and_read_back(masked):
     [
         ('"liver"', '"lever"', "transfer.label[0].label: 'organs' has no label 'lever'"),
         ('mask = "organs"', 'mask = "organ"', "has no field 'organ'; did you mean 'organs'?"),
-        ("label = 2", "label = 70000", "transfer.label[1].label"),
+        ("label = 2", "label = -7", "transfer.label[1].label"),
         ("label = 2", "label = 7", "transfer.label[1].label: 7 is given twice"),
         ("label = 2", "values = [3, 3]", "transfer.label[1].values"),
         ("label = 2", "label = 2\nvalues = [3, 4]", "transfer.label[1].label: given with values"),

@@ -8,12 +8,14 @@ import pytest
 
 import volspec as vs
 from tests.support.errors import raises
+from tests.support.raycasts import METAL_BASIS, METALS
 from tests.volume.test_labels import blocks
 from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
 from volspec.basis import MaterialBasis
-from volspec.errors import SpectrumError, VolumeError
+from volspec.errors import SpectrumError, TransferError, VolumeError
 from volspec.spectra import DEFAULT_GRID
 from volspec.transfer import LabelFunction, label_look
+from volspec.transfer.missing import MaskLabels, bake_for_volume
 from volspec.volume.labels import Label
 
 
@@ -59,6 +61,35 @@ def test_a_segmentation_opens_with_labels_and_its_scene_keeps_them(tmp_path):
     assert again.render(size=(48, 32)).alpha.max() > 0.9
     soft = vs.Scene.from_volume(tmp_path / "v.npy", preset="soft-hard")
     assert soft.file.transfer.kind == "points"
+
+
+@pytest.mark.not_quick
+def test_a_scene_s_labels_have_the_numbers_of_the_file(tmp_path):
+    """Also in masks of another volume, by number or name."""
+    np.save(tmp_path / "v.npy", blocks([997, 614454277, 70000], dtype=np.uint32))
+    (tmp_path / "v.txt").write_text("997 root\n70000 CH\n614454277 SCs\n")
+    scene = vs.Scene.from_volume(tmp_path / "v.npy")
+    again = vs.Scene.load(scene.save(tmp_path / "v.toml"))
+    assert [row.label for row in again.file.transfer.labels] == [997, 70000, 614454277]
+    # As of labels that need no other numbers.
+    np.save(tmp_path / "few.npy", blocks([1, 3, 2], dtype=np.uint16))
+    few = vs.Scene.from_volume(tmp_path / "few.npy")
+    one, other = (each.casting(step_mm=0.5).render(size=(40, 24)).alpha for each in (again, few))
+    assert np.array_equal(one, other) and one.max() > 0.9
+    function = again.transfer
+    assert isinstance(function, LabelFunction)
+    alone = replace(function, hidden=frozenset({997, 70000})).bake(1.0, again.volume().numbers)
+    assert alone.opacity.tolist() == [0, 0, 0, 0.9]
+    labels = MaskLabels.of("", again.volume())
+    assert [labels.add(each) for each in ("CH", 614454277)] == [(2, 3), (3, 4)]
+    assert not labels.reaches(*labels.add(8))
+
+
+def test_great_labels_of_values_that_are_no_labels_are_refused():
+    volume = vs.Volume(blocks([1, 70000], dtype=np.float32))
+    function = LabelFunction({70000: (1.0, "gold")}, METALS, METAL_BASIS)
+    with raises(TransferError, "range", "LabelFunction.labels"):
+        bake_for_volume(function, volume)
 
 
 def test_labels_can_be_asked_for(tmp_path):

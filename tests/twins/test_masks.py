@@ -205,7 +205,6 @@ OTHER = TransferFunction([(0, 1.0, "gold")], METALS, vs.SpectralBasis.load("gene
         ),
         (of_label((3, 3)), "range Mask.functions[(3, 3)]"),
         (of_label(-1), "range Mask.functions[-1]"),
-        (of_label(65536), "range Mask.functions[65536]"),
         (of_label(1.5), "type Mask.functions[1.5]"),
         (of_label(True), "type Mask.functions[True]"),
         (lambda ct, mask: Mask("organs", {1: "gold"}), "type Mask.functions[1]"),

@@ -1,11 +1,14 @@
 """Labels of segmentations: which volumes hold them, and their names and colours."""
 
 import gzip
+import pickle
 import struct
+import warnings
 
 import numpy as np
 import pytest
 import SimpleITK as sitk
+from scipy.ndimage import gaussian_filter
 
 from tests.support.errors import raises, warns
 from tests.support.volumes import load_silently, nifti
@@ -14,6 +17,7 @@ from volspec.errors import VolumeError
 from volspec.volume import Volume, load_volume
 from volspec.volume.files.label_tables import read_label_table
 from volspec.volume.labels import Label
+from volspec.volume.summary import summarise
 
 RED = (1.0, 0.0, 0.0)
 
@@ -55,15 +59,87 @@ def test_label_maps_are_told_from_measurements(tmp_path, case):
     assert len(load_silently(tmp_path / "v.npy").labels) == count
 
 
+GREAT = 720575940379283
+
+
 @pytest.mark.parametrize("dtype", [np.uint32, np.int64, np.float64])
-def test_an_atlas_s_great_numbers_become_small_ones_with_their_names(tmp_path, dtype):
-    np.save(tmp_path / "v.npy", blocks([997, 614454277, 70000], dtype=dtype))
-    labels = load_silently(tmp_path / "v.npy").labels
-    assert {n: each.name for n, each in labels.items()} == {1: "997", 2: "70000", 3: "614454277"}
-    (tmp_path / "v.txt").write_text("997 root 1 2 3\n614454277 SCs 255 0 0\n")
+def test_an_atlas_s_great_numbers_are_those_of_its_labels(tmp_path, dtype):
+    """Voxels hold consecutive ones."""
+    most = 614454277 if dtype == np.uint32 else GREAT
+    np.save(tmp_path / "v.npy", blocks([997, most, 70000], dtype=dtype))
+    volume = load_silently(tmp_path / "v.npy")
+    assert volume.labels == {997: Label(), 70000: Label(), most: Label()}
+    assert volume.numbers == (0, 997, 70000, most) and volume.values.dtype == np.uint16
+    assert np.array_equal(volume.stated(volume.values), np.load(tmp_path / "v.npy"))
+    assert [volume.value_of(number) for number in (997, most, 5)] == [1, 3, 9]
+    assert summarise(volume).labels == {997: "", 70000: "", most: ""}
+    (tmp_path / "v.txt").write_text(f"997 root 1 2 3\n70000 CH 4 5 6\n{most} SCs 255 0 0\n")
     labels = load_volume(f"{tmp_path}/v.npy?labels=v.txt").labels
-    assert [each.name for each in labels.values()] == ["root", "70000", "SCs"]
-    assert labels[3].colour == RED
+    assert [each.name for each in labels.values()] == ["root", "CH", "SCs"]
+    assert labels[most].colour == RED
+
+
+@pytest.mark.parametrize("ending", ["nii.gz", "nrrd", "tif", "mha"])
+def test_great_numbers_are_read_from_any_file(tmp_path, ending):
+    values, path = blocks([5, 614454277, 70000], dtype=np.int32), tmp_path / f"v.{ending}"
+    sitk.WriteImage(sitk.GetImageFromArray(values), str(path))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a spacing that TIFF does not state
+        assert [*load_volume(path).labels] == [5, 70000, 614454277]
+
+
+def test_an_array_with_its_labels_has_their_numbers():
+    values = blocks([997, 614454277], dtype=np.uint32)
+    volume = Volume(values, labels={614454277: Label("SCs")})
+    assert volume.numbers == (0, 997, 614454277)
+    again = pickle.loads(pickle.dumps(volume.downsampled(2, labels=True)))
+    assert again.numbers == volume.numbers and again.labels == volume.labels
+
+
+def cells(count: int, side: int, first: int = 1) -> np.ndarray:
+    """Touching balls of radius 3 in random places, with consecutive numbers."""
+    ball = sum(np.square(np.mgrid[-3:4, -3:4, -3:4])) < 9
+    values = np.zeros((side,) * 3, np.uint32)
+    places = np.random.default_rng(0).integers(0, side - 7, (count, 3))
+    for number, (z, y, x) in enumerate(places, first):
+        part = values[z : z + 7, y : y + 7, x : x + 7]
+        part[ball & (part == 0)] = number
+    return values
+
+
+def grains(count: int) -> np.ndarray:
+    """Cubes of two voxels, with numbers in random order and background between them."""
+    numbers = np.zeros((52, 52, 52), np.uint32)
+    numbers[:, ::2].flat[:count] = np.random.default_rng(0).permutation(count) + 1
+    return np.kron(numbers, np.ones((2, 2, 2), np.uint32))
+
+
+def test_any_number_of_cells_are_labels_and_enlarged_scans_are_none(tmp_path):
+    for values in (cells(1500, 64), cells(1500, 64, 600_000_000)):
+        np.save(tmp_path / "v.npy", values)
+        assert len(load_silently(tmp_path / "v.npy").labels) == len(np.unique(values)) - 1 > 1300
+    smooth = gaussian_filter(np.random.default_rng(1).random((20, 20, 20)), 2)
+    scan = np.rint((smooth - smooth.min()) * 5e5).astype(np.uint16)
+    np.save(tmp_path / "v.npy", np.kron(scan, np.ones((4, 4, 4), np.uint16)))
+    with warns("?labels=FILE"):
+        assert not load_volume(tmp_path / "v.npy").labels
+
+
+@pytest.mark.parametrize(
+    ("values", "query", "why"),
+    [
+        (blocks([-1, 1, 2], dtype=np.int16), "", "down to -1"),
+        (blocks([-1, 614454277, 2], dtype=np.int32), "", "down to -1"),
+        (grains(70_000), "", "70001 numbers are more than 65535"),
+        (blocks([7, 614454277, 2], dtype=np.uint32), "?memory=1KiB", "coarser level"),
+    ],
+)
+def test_labels_that_cannot_be_shown_as_such_are_remarked_on(tmp_path, values, query, why):
+    np.save(tmp_path / "v.npy", values)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        assert not load_volume(f"{tmp_path}/v.npy{query}").labels
+    assert sum(why in str(each.message) for each in caught) == 1
 
 
 TABLES = {

@@ -135,6 +135,21 @@ def test_types_and_missing_voxels_are_alike_in_all_steps():
     assert first.values.dtype == np.uint8  # as it was
 
 
+def test_steps_have_the_labels_of_all_and_numbers_of_their_own():
+    """Cells come and go."""
+    values = np.zeros((4, 4, 8), np.uint32)
+    values[:2, :, :4], values[2:, :, :4] = 70_001, 5
+    later = np.where(values == 5, 600_000_000, values)
+    steps = [
+        vs.Volume(each, labels={n: Label() for n in ids})
+        for each, ids in ((values, (5, 70_001)), (later, (70_001, 600_000_000)))
+    ]
+    series = Series(steps)
+    assert [list(step.labels) for step in series] == 2 * [[5, 70_001, 600_000_000]]
+    assert [step.numbers for step in series] == [(0, 5, 70_001), (0, 70_001, 600_000_000)]
+    assert not series[0].is_step_of(series[1])
+
+
 def test_steps_beyond_the_room_are_read_again():
     read: list[int] = []
 

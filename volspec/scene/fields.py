@@ -140,7 +140,7 @@ def with_fields(
             with at(f"{table}.label[{number}].label"):
                 bands = [labels.add(label) for label in by_label.labels]
             if step[0] == 0 and not any(labels.reaches(*band) for band in bands):
-                least, most = labels.field.range
+                least, most = labels.field.stated(labels.field.range)
                 warnings.warn(
                     f"{table}.label[{number}]: no voxel of {labels.field.name!r} "
                     f"({least:g} … {most:g}) has {', '.join(map(repr, by_label.labels))}",

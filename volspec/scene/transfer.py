@@ -83,7 +83,7 @@ class LabelSpec(LookSpec):
 
     row_keys: ClassVar = ("label",)
     label: Annotated[int, Field(examples=[1])]
-    """0 to 65535; labels left out are transparent."""
+    """Its number in the file, from 0; labels left out are transparent."""
     name: str = ""
     """Such as liver, for lists of labels."""
     visible: bool = True
@@ -182,11 +182,12 @@ class TransferSpec:
         if self.reference_step_mm is not None and self.surfaces is not None:
             raise fault("reference_step_mm", "surfaces have no thickness", "leave it out")
         self._check_mask()
-        numbers = [row.label for row in self.labels or ()]
-        twice = next((i for i, n in enumerate(numbers) if n in numbers[:i]), None)
-        if twice is not None:
-            problem = f"{numbers[twice]} is given twice"
-            raise fault(f"labels[{twice}].label", problem, "leave out one", "duplicate")
+        numbers: set[int] = set()
+        for i, row in enumerate(self.labels or ()):
+            if row.label in numbers:
+                problem = f"{row.label} is given twice"
+                raise fault(f"labels[{i}].label", problem, "leave out one", "duplicate")
+            numbers.add(row.label)
 
     def _check_mask(self) -> None:
         if self.mask is not None and self.points is None:

@@ -27,7 +27,7 @@ class LabelFunction:
     Parameters
     ----------
     labels : {label: (opacity, material or {material: weight})}
-        Whole numbers from 0 to 65535; omitted labels are transparent.
+        Whole numbers from 0; omitted labels are transparent.
     materials, basis, reference_step_mm
         As in `TransferFunction`.
     names : {label: name}, optional
@@ -79,10 +79,10 @@ class LabelFunction:
 
     def _checked(self, label: Any, look: Any) -> tuple[int, tuple[float, Mix]]:
         is_whole = isinstance(label, int | np.integer) and not isinstance(label, bool)
-        if not is_whole or not 0 <= label <= MAX_LABEL:
+        if not is_whole or label < 0:
             raise TransferError(
                 f"label {label!r:.20} is {'out of range' if is_whole else 'not a whole number'}",
-                f"give 0 to {MAX_LABEL}",
+                "give 0 or more",
                 code="range" if is_whole else "type",
                 field="LabelFunction.labels",
                 given=label,
@@ -95,25 +95,29 @@ class LabelFunction:
     def __repr__(self) -> str:
         return f"LabelFunction({len(self.labels)} labels, {', '.join(self.materials)})"
 
-    def bake(self, smallest_spacing_mm: float) -> TransferTable:
+    def bake(self, smallest_spacing_mm: float, numbers: Sequence[int] = ()) -> TransferTable:
         """Make a table with one entry per label, up to the greatest; see `TransferFunction.bake`.
 
-        Weights of transparent entries are 0.
+        Weights of transparent entries are 0. If voxels hold other values than the labels' numbers,
+        ``numbers`` are these by value (`Volume.numbers`).
         """
+        values = {number: value for value, number in enumerate(numbers)}
+        values = values or {label: label for label in self.labels if label <= MAX_LABEL}
         # Labels that are switched off add no materials, as these would slow the cast.
         visible = [
             label
             for label, (opacity, _) in self.labels.items()
-            if opacity > 0 and label not in self.hidden
+            if opacity > 0 and label not in self.hidden and label in values
         ]
         baked = visible or list(self.labels)[:1]
         rows, channels = mixes.weights_and_channels(
             [self.labels[label][1] for label in baked], self.materials, self.basis
         )
-        last = max(1, *self.labels)
+        last = max(values.values(), default=1) or 1
         opacity, weights = np.zeros(last + 1), np.zeros((last + 1, rows.shape[1]))
-        opacity[visible] = [self.labels[label][0] for label in visible]
-        weights[visible] = rows[: len(visible)]
+        at = [values[label] for label in visible]
+        opacity[at] = [self.labels[label][0] for label in visible]
+        weights[at] = rows[: len(visible)]
         return TransferTable(
             domain=(0.0, float(last)),
             opacity=opacity,

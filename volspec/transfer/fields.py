@@ -33,7 +33,7 @@ from volspec.basis import Basis
 from volspec.errors import Code, TransferError, nearest
 from volspec.spectra import Spectrum
 from volspec.transfer.model import TransferFunction
-from volspec.transfer.table import MAX_LABEL, Entries, TransferTable
+from volspec.transfer.table import Entries, TransferTable
 from volspec.volume.channels import MAX_FIELDS
 
 _WHO = "FieldFunctions"
@@ -61,8 +61,8 @@ class Mask:
     Raises
     ------
     TransferError
-        If there is no function or too many, one is of another kind, a label is not 0 to 65535, or a
-        band is empty.
+        If there is no function or too many, one is of another kind, a label is below 0, or a band
+        is empty.
     """
 
     field: str
@@ -81,8 +81,8 @@ class Mask:
                     raise TransferError.refused(where, label, "give a band (from, to)", "range")
             elif not isinstance(label, str):
                 whole = isinstance(label, int | np.integer) and not isinstance(label, bool)
-                if not (whole and 0 <= label <= MAX_LABEL):
-                    remedy = f"give a label's name, or its number from 0 to {MAX_LABEL}"
+                if not (whole and label >= 0):
+                    remedy = "give a label's name, or its number from 0"
                     code: Code = "range" if whole else "type"
                     raise TransferError.refused(where, label, remedy, code)
                 label = int(label)

@@ -33,8 +33,6 @@ from volspec.volume.labels import Labels, find_labels
 
 MOST_OWN_MATERIALS = 24
 """Most labels with a material each."""
-MOST_LABELS = 1024
-"""Most values of a volume that are shown as labels unless it says that they are."""
 LABELS = "labels"
 """Name of this look, among those of presets."""
 _OPACITY = 0.9
@@ -51,12 +49,6 @@ def with_labels(volume: Volume) -> Volume:
     Raises VolumeError if the values are not whole numbers from 0.
     """
     labels = find_labels(volume.values, volume.range, volume.labels, certain=True)
-    if len(labels) > MOST_LABELS:
-        raise VolumeError(
-            f"{volume.name}: has {len(labels)} values, at most {MOST_LABELS} are shown as labels",
-            "give another preset",
-            code="size",
-        )
     if not labels:
         raise VolumeError(
             f"{volume.name}: its values are not whole numbers from 0 to 65535, as labels are",

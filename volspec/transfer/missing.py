@@ -152,9 +152,10 @@ class MaskLabels:
                 code="type",
             )
         if not isinstance(label, str):
-            if not 0 <= label <= MAX_LABEL:
-                raise TransferError.refused("", label, f"give 0 to {MAX_LABEL}", "range")
-            return label, label + 1
+            if label < 0:
+                raise TransferError.refused("", label, "give 0 or more", "range")
+            value = field.value_of(label)
+            return value, value + 1
         stated = {number: each for number, each in field.labels.items() if each.name}
         names = {name: number for number, name in unique_names(stated).items()}
         if label not in names:
@@ -166,7 +167,8 @@ class MaskLabels:
                 f"{nearest(label, names)}{known}; or give its number",
                 code="unknown",
             )
-        return names[label], names[label] + 1
+        value = field.value_of(names[label])
+        return value, value + 1
 
 
 def _bake_row(
@@ -200,11 +202,26 @@ def _rows_between(
 
 
 def _bake(transfer: _Transfer, volume: Volume) -> TransferTable | SurfaceTable:
+    if isinstance(transfer, LabelFunction):
+        _require_values(transfer, volume)
+        return transfer.bake(volume.smallest_mm, volume.numbers)
     table = transfer.bake(volume.smallest_mm)
-    # Labels below 0 are transparent anyway.
-    if volume.missing is None or isinstance(table, SurfaceTable) or table.labels:
+    if volume.missing is None or isinstance(table, SurfaceTable):
         return table
     return transparent_below(table, volume.range[0])
+
+
+def _require_values(transfer: LabelFunction, volume: Volume) -> None:
+    """Refuse labels that voxels have, but cannot be cast as they are."""
+    most = max(transfer.labels)
+    if not volume.numbers and MAX_LABEL < most <= volume.range[1]:
+        raise TransferError(
+            f"label {most} of {volume.name} is above {MAX_LABEL}",
+            "make the volume with its labels, Volume(values, labels={number: Label(name), …})",
+            code="range",
+            field="LabelFunction.labels",
+            given=most,
+        )
 
 
 def transparent_below(table: TransferTable, least: float) -> TransferTable:

@@ -9,17 +9,19 @@ voxel.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-# Greatest label, as in a transfer table.
+# Greatest value of a voxel that is a label, as in a transfer table.
 _MOST = 65535
-# Most labels without a statement; more are measurements, or instances that nobody names.
-_MOST_UNSTATED = 1024
+# More labels than these lie in one place each, as cells do: their mean extent is less than this
+# fraction of the longest side, and this one of their borders is with the background. Scans that
+# were enlarged without interpolation have less background.
+_CELLS, _EXTENT, _BACKGROUND = 1024, 0.5, 0.2
 # Fraction of neighbouring voxels, not both background, with the same value. Label maps of 1 or 2 mm
 # have 0.57 to 0.9 of them, scans 0 to 0.25.
 _SAME = 0.45
@@ -47,53 +49,86 @@ Labels = Mapping[int, Label]
 
 
 def find_labels(
-    values: NDArray[Any], span: tuple[float, float], names: Labels, certain: bool
+    values: NDArray[Any],
+    span: tuple[float, float],
+    names: Labels,
+    certain: bool,
+    ids: Sequence[int] = (),
 ) -> dict[int, Label]:
     """Return the labels of a volume without the background; empty if it holds none.
 
-    The values' ``span`` is (least, greatest). ``names`` are those of the header or tables;
-    ``certain`` says that one of them states that the values are labels. Otherwise they are if
-    they look like it, or if nearly all of them have a name.
+    The values' ``span`` is (least, greatest); ``ids`` are the labels' numbers by value, if they
+    were `renumbered`. ``names`` are those of the header or tables; ``certain`` says that one of
+    them states that the values are labels. Otherwise they are if they look like it, or if nearly
+    all of them have a name.
     """
-    alike = certain or looks_like_labels(values, span)
+    alike = certain or bool(ids) or looks_like_labels(values, span)
     if span[1] < 1 or not (alike or names) or not are_whole(values, span):
         return {}
-    numbers = [number for number in label_numbers(values) if number]
+    numbers = [ids[value] if ids else value for value in label_numbers(values) if value]
     named = sum(number in names and names[number].name != "" for number in numbers)
-    is_named = len(numbers) > 1 and named >= NAMED * len(numbers)
-    if not (certain or is_named or (alike and len(numbers) <= _MOST_UNSTATED)):
+    if not alike and not (len(numbers) > 1 and named >= NAMED * len(numbers)):
         return {}
     return {number: names.get(number, Label()) for number in numbers}
 
 
-def renumbered(values: NDArray[Any], certain: bool) -> tuple[NDArray[Any], list[int]]:
-    """Return labels of which some are above 65535 with consecutive numbers instead, and theirs.
+def renumbered(values: NDArray[Any], certain: bool) -> tuple[NDArray[Any], tuple[int, ...]]:
+    """Return labels of which some are above 65535 as consecutive values, and their numbers.
 
-    Numbers are those of an atlas, such as Allen's. Other values are returned as they are, without
-    numbers; so are measurements, unless ``certain`` says that the values are labels.
+    These are by value. Other values are returned as they are, without numbers; so are measurements,
+    unless ``certain`` says that the values are labels.
 
     >>> ids = np.kron([[[0, 0, 70000], [0, 997, 614454272]]] * 2, np.ones((4, 4, 4), np.uint32))
     >>> found, numbers = renumbered(ids, False)
     >>> numbers, found.dtype.name, int(found.max())
-    ([0, 997, 70000, 614454272], 'uint16', 3)
+    ((0, 997, 70000, 614454272), 'uint16', 3)
     """
     if values.ndim != 3 or values.dtype.kind not in "uif" or values.dtype.itemsize < 4:
-        return values, []
+        return values, ()
     some = values[:: max(1, len(values) // 8)]  # mostly enough to see that they are no labels
     if values.dtype.kind == "f" and not (some == np.rint(some)).all():
-        return values, []
+        return values, ()
     if not (values.size and values.max() > _MOST and values.min() >= 0):
-        return values, []
+        return values, ()
     numbers: NDArray[Any] = np.zeros(1, values.dtype)
     for layer in values:
         numbers = np.union1d(numbers, layer)
         whole = values.dtype.kind in "ui" or bool((layer == np.rint(layer)).all())
-        if not whole or len(numbers) > (_MOST if certain else _MOST_UNSTATED):
-            return values, []
+        if not whole or len(numbers) > _MOST + 1:
+            return values, ()
     found = np.stack([np.searchsorted(numbers, layer) for layer in values]).astype(np.uint16)
     if not certain and not looks_like_labels(found, (0.0, float(found.max()))):
-        return values, []
-    return found, [int(number) for number in numbers]
+        return values, ()
+    return found, tuple(int(number) for number in numbers)
+
+
+def why_no_labels(
+    values: NDArray[Any], span: tuple[float, float], certain: bool, larger: bool = False
+) -> str:
+    """Return what keeps whole numbers from being labels that look like it, or are as is certain.
+
+    Empty if nothing does, or they do not look like it. ``larger`` says that the values are of a
+    volume that is larger than memory.
+
+    >>> why_no_labels(np.kron([[[-1, 0], [1, 2]]] * 2, np.ones((8, 8, 8), int)), (-1, 2), False)
+    'numbers go down to -1; make those 0'
+    """
+    low, high = span
+    some = np.maximum(values[:: max(1, len(values) // 8)], low)  # missing voxels are below
+    if (some != np.rint(some)).any():
+        return ""
+    ranks: NDArray[Any] = some - min(low, 0.0)
+    if high > _MOST:
+        ranks = np.unique(some, return_inverse=True)[1].reshape(some.shape)
+    if not (certain or looks_like_labels(ranks, (float(ranks.min()), float(ranks.max())), False)):
+        return ""
+    if low < 0:
+        return f"numbers go down to {low:g}; make those 0"
+    if high > _MOST and larger:
+        return f"numbers go up to {high:.0f}, above {_MOST} only in memory; take a coarser level"
+    if high > _MOST and (kinds := len(np.unique(values))) > _MOST:
+        return f"{kinds} numbers are more than {_MOST}; crop it, or merge some"
+    return "many numbers may be measured, too; if they are labels, give their table, ?labels=FILE"
 
 
 def are_whole(values: NDArray[Any], span: tuple[float, float]) -> bool:
@@ -112,16 +147,18 @@ def label_numbers(values: NDArray[Any]) -> list[int]:
     return [int(number) for number in np.flatnonzero(counts)]
 
 
-def looks_like_labels(values: NDArray[Any], span: tuple[float, float]) -> bool:
+def looks_like_labels(
+    values: NDArray[Any], span: tuple[float, float], background: bool = True
+) -> bool:
     """Return True if whole numbers are labels rather than measurements, judged from a sample.
 
-    Two values are a mask or a phantom, not labels.
+    Two values are a mask or a phantom, not labels. Very many need a ``background`` between them.
 
     >>> blocks = np.kron([[[0, 0, 1], [0, 2, 3]]] * 2, np.ones((4, 4, 4), np.uint8))
     >>> looks_like_labels(blocks, (0, 3)), looks_like_labels(100 * blocks, (0, 300))
     (True, False)
     """
-    if span[0] != 0:
+    if span[0] not in (0, 1):  # 1 without a background
         return False
     every = max(1, -(-values.size // _SAMPLES))
     layers = values[:: min(every, max(1, len(values) // 8))]
@@ -134,5 +171,24 @@ def looks_like_labels(values: NDArray[Any], span: tuple[float, float]) -> bool:
     if kinds < 2 or (kinds < _DENSE * span[1] and kinds < _MANY):
         return False
     borders = apart[apart > 0]
+    if kinds > _CELLS:
+        outer = np.count_nonzero(matter & ((left == 0) | (right == 0)))
+        if _mean_extent(layers) > _EXTENT or (background and outer < _BACKGROUND * len(borders)):
+            return False
     by_one = np.count_nonzero(borders == 1)
     return kinds < _ORDERED_FROM or bool(by_one < _BY_ONE * len(borders))
+
+
+def _mean_extent(values: NDArray[Any]) -> float:
+    """Return the extent of all voxels of a value along the longest axis, a fraction of its length.
+
+    It is the mean over the voxels that are not 0.
+    """
+    along = np.moveaxis(values, int(np.argmax(values.shape)), 0)
+    flat, places = along.ravel(), np.repeat(np.arange(len(along)), along[0].size)
+    order = np.flatnonzero(flat)[np.argsort(flat[flat != 0], kind="stable")]
+    starts = np.flatnonzero(np.diff(flat[order], prepend=0))
+    places = places[order]
+    extents = np.maximum.reduceat(places, starts) - np.minimum.reduceat(places, starts)
+    counts = np.diff(np.append(starts, len(order)))
+    return float((extents * counts).sum() / counts.sum() / len(along))

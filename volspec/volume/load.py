@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import shlex
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -33,7 +33,7 @@ from volspec.volume.files.omezarr import is_zarr
 from volspec.volume.files.presence import GZIP, require_contents, require_slices
 from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored
 from volspec.volume.files.slices import pictures_in
-from volspec.volume.labels import NAMED, Label, Labels, find_labels, renumbered
+from volspec.volume.labels import NAMED, Labels, find_labels, renumbered, why_no_labels
 from volspec.volume.larger import level_of, read_coarsest, stored_stack
 from volspec.volume.metadata import Metadata
 from volspec.volume.model import Volume
@@ -238,10 +238,11 @@ def _read_field(query: Query, library: str, name: str, remarks: list[str]) -> Vo
         name=name,
         channel=reading.channel or Channel(),
         metadata=query.completed(reading.metadata),
+        numbers=numbers,
     )
     if query.spacing_mm is not None:
         volume = volume.with_spacing(query.spacing_mm)
-    return _with_labels(volume, query, reading.labels, remarks, numbers)
+    return _with_labels(volume, query, reading.labels, remarks)
 
 
 def _larger(query: Query) -> Stack | None:
@@ -274,45 +275,40 @@ def open_level(path: str | os.PathLike[str]) -> tuple[Level, str, Labels, Metada
             f"choose it with {query.example(channel='0')}",
             code="missing",
         )
-    return level_of(volume), query.path.name, dict(volume.labels), volume.metadata
+    labels = dict(volume.labels)
+    if volume.numbers:  # of which a volume that is larger than memory has only the names
+        numbered = {n: replace(each, name=f"{n} {each.name}".strip()) for n, each in labels.items()}
+        labels = {volume.value_of(n): each for n, each in numbered.items()}
+    return level_of(volume), query.path.name, labels, volume.metadata
 
 
 def _with_labels(
-    volume: Volume,
-    query: Query,
-    in_header: Labels | None,
-    remarks: list[str],
-    ids: Sequence[int] = (),
+    volume: Volume, query: Query, in_header: Labels | None, remarks: list[str]
 ) -> Volume:
-    """Add the labels of a segmentation, from a given table, the header, or tables next to it.
-
-    ``ids`` are those that labels had before they were `renumbered`.
-    """
+    """Add the labels of a segmentation, from a given table, the header, or tables next to it."""
     path, named = query.path, query.labels
     given = {} if named is None else read_label_table(path.parent / named)
     beside: Mapping[Path, Labels] = {} if query.is_remote else labels_beside(path)
     tables = {path.parent / named: given} if named is not None else beside
     names: Labels = in_header or {} if named is None else {}
-    if ids:  # a label without a name has its number as one
-        given, names = _of_numbers(given, ids), _of_numbers(names, ids)
-        tables = {table: _of_numbers(rows, ids) for table, rows in tables.items()}
     for table in tables.values():
         names = merge_labels(names, table)
-    if ids:
-        unnamed = {n: Label(str(number)) for n, number in enumerate(ids) if n}
-        names = merge_labels(names, unnamed)
-    certain = named is not None or in_header is not None or bool(ids)
-    labels = find_labels(volume.values, volume.range, names, certain)
+    certain = named is not None or in_header is not None
+    labels = find_labels(volume.values, volume.range, names, certain, volume.numbers)
+    larger = volume.pyramid is not None
+    why = "" if labels else why_no_labels(volume.values, volume.range, certain, larger)
     if named is not None and not labels:
         raise VolumeError(
-            f"{path}: its values are no labels, which are whole numbers from 0 to 65535; leave out "
-            "labels=",
+            f"{path}: its values are no labels: {why or 'they are not whole numbers'}",
+            "or leave out labels=",
             code="conflict",
         )
+    if why:
+        remarks.append(f"{path}: is shown as values, not as labels, as its {why}")
     if named is not None and not labels.keys() & given.keys():
         numbers = [str(number) for number in sorted(given) if number]
         listed = ", ".join(numbers[:_MOST_NUMBERS]) + ", …" * (len(numbers) > _MOST_NUMBERS)
-        low, high = volume.range
+        low, high = volume.stated(volume.range)
         raise VolumeError(
             f"{named}: none of its numbers ({listed or 0}) is a value of {path.name} "
             f"({low:g} … {high:g}); is it the table of another volume?",
@@ -321,11 +317,6 @@ def _with_labels(
         )
     remarks += _partial_table(path, labels, tables)
     return replace(volume, labels=labels) if labels else volume
-
-
-def _of_numbers(table: Labels, numbers: Sequence[int]) -> dict[int, Label]:
-    """Return a table of labels by their new numbers."""
-    return {n: table[number] for n, number in enumerate(numbers) if number in table}
 
 
 def _partial_table(path: Path, labels: Labels, tables: Mapping[Path, Labels]) -> list[str]:

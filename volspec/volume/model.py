@@ -12,6 +12,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import operator
+from bisect import bisect_left
 from collections.abc import Callable, Iterable
 from copy import copy
 from dataclasses import dataclass, field, replace
@@ -30,7 +31,7 @@ from volspec.volume.checks import (
     checked_values,
     missing_value,
 )
-from volspec.volume.labels import Labels
+from volspec.volume.labels import Labels, renumbered
 from volspec.volume.metadata import Metadata
 from volspec.volume.sample import typical_range
 
@@ -74,7 +75,10 @@ class Volume:
         values of another volume.
     labels : {number: Label}, optional
         Labels of a segmentation with names and colours, without the background; empty if the
-        values are not labels.
+        values are not labels. If some are above 65535, voxels hold consecutive numbers instead.
+    numbers : sequence of int, optional
+        The labels' own numbers, by the value that voxels hold instead. Given only with the values
+        of another volume.
     channel : Channel, optional
         What a microscope's file says of the channel, such as its colour.
     fields : sequence of Volume, optional
@@ -107,6 +111,7 @@ class Volume:
     name: str = "volume"
     missing: float | None = None
     labels: Labels = field(default_factory=dict)
+    numbers: tuple[int, ...] = ()
     channel: Channel = field(default_factory=Channel)
     fields: tuple[Volume, ...] = ()
     pyramid: Pyramid | None = None
@@ -116,6 +121,9 @@ class Volume:
 
     def __post_init__(self) -> None:
         given, lattice = array_and_lattice(self.values, self.name)
+        if self.labels and not self.numbers:
+            given, numbers = renumbered(np.asarray(given), certain=True)
+            object.__setattr__(self, "numbers", numbers)
         values, span, missing = checked_values(given, self.name, self.missing)
         if self.pyramid is not None:
             span, missing = self.pyramid.range, self.pyramid.missing
@@ -204,6 +212,25 @@ class Volume:
         """Return some of the values, with NaN for missing voxels."""
         return values if self.missing is None else np.where(values == self.missing, np.nan, values)
 
+    def stated(self, values: ArrayLike) -> NDArray[Any]:
+        """Return some of the values as they were given: numbers of labels, if voxels hold others.
+
+        >>> from volspec.volume.labels import Label
+        >>> atlas = Volume(np.full((2, 2, 2), 614454277), labels={614454277: Label("SCs")})
+        >>> atlas.range, atlas.stated(atlas.range).tolist()
+        ((1.0, 1.0), [614454277, 614454277])
+        """
+        voxels = np.asarray(values)
+        return np.asarray(self.numbers)[voxels.astype(np.intp)] if self.numbers else voxels
+
+    def value_of(self, number: int) -> int:
+        """Return the value of the voxels of a label's number; one of none if there are none."""
+        if not self.numbers:
+            return number
+        value = bisect_left(self.numbers, number)
+        known = value < len(self.numbers) and self.numbers[value] == number
+        return value if known else len(self.numbers) + number
+
     @property
     def least_present(self) -> float:
         """Value below which voxels, and values interpolated with them, are missing; −inf if none.
@@ -282,13 +309,14 @@ class Volume:
         high: float,
         missing: bool,
         typical: tuple[float, float],
+        labels: Labels,
     ) -> Volume:
-        """Return this volume as a time step, with the name, type and ranges of all.
+        """Return this volume as a time step, with the name, type, ranges and labels of all.
 
         ``missing`` is True if some step has missing voxels, which then have one value in all.
 
         >>> step = Volume(np.eye(2)[None].repeat(2, 0))
-        >>> step.of_series("beat", np.dtype("f4"), 0, 9, False, (0, 9)).range
+        >>> step.of_series("beat", np.dtype("f4"), 0, 9, False, (0, 9), {}).range
         (0, 9)
         """
         values = self.values.astype(dtype, copy=False)
@@ -297,15 +325,15 @@ class Volume:
             values = np.where(values == self.missing, np.float32(below), values)
         values.flags.writeable = False
         changes = {"missing": below, "range": (low, high), "typical_range": typical}
-        return self._changed(name=name, values=values, **changes)
+        return self._changed(name=name, values=values, labels=labels, **changes)
 
     def is_step_of(self, other: Volume) -> bool:
         """Return True if two volumes may be steps of one series: only their values differ."""
         if self.by_role.keys() != other.by_role.keys():
             return False
         return all(
-            (one.name, one.range, one.missing, one.labels)
-            == (two.name, two.range, two.missing, two.labels)
+            (one.name, one.range, one.missing, one.labels, one.numbers)
+            == (two.name, two.range, two.missing, two.labels, two.numbers)
             and one.has_lattice_of(two)
             for one, two in zip(self.by_role.values(), other.by_role.values(), strict=True)
         )

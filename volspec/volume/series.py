@@ -18,6 +18,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, overload
 
 import numpy as np
@@ -26,6 +27,7 @@ from volspec._confine import require_inside
 from volspec.errors import VolspecError, VolspecWarning, VolumeError, one_line
 from volspec.volume.files.query import Choice
 from volspec.volume.files.slices import missing_numbers
+from volspec.volume.labels import Labels
 from volspec.volume.load import load_step, load_volume, volume_choices
 from volspec.volume.model import Volume
 
@@ -37,6 +39,8 @@ KEPT_BYTES = 2 << 30
 Load = Callable[[], Volume]
 Known = dict[str, Volume | tuple[str, ...]]
 """A volume, or the addresses of a series' steps, by address."""
+# Type, least and greatest value, True if some are missing, typical range and labels of all steps.
+_Alike = tuple[np.dtype[Any], float, float, bool, tuple[float, float], Labels]
 
 
 class Series(Sequence[Volume]):
@@ -81,7 +85,7 @@ class Series(Sequence[Volume]):
         self._kept: OrderedDict[int, Volume] = OrderedDict()
         self._kept_bytes = kept_bytes
         self._lock = threading.Lock()
-        self._alike: dict[str, tuple[np.dtype[Any], float, float, bool, tuple[float, float]]] = {}
+        self._alike: dict[str, _Alike] = {}
         self._loads: list[Load] = []
         self.names: tuple[str, ...] = ()
         failed: VolumeError | OSError | None = None
@@ -156,14 +160,15 @@ class Series(Sequence[Volume]):
         """Take a step's type and range into those of all, field by field."""
         for name, field in volume.by_role.items():
             (low, high), missing = field.range, field.missing is not None
-            dtype, typical = field.values.dtype, field.typical_range
+            dtype, typical, labels = field.values.dtype, field.typical_range, field.labels
             if (known := self._alike.get(name)) is not None:
                 low, high = min(low, known[1]), max(high, known[2])
                 dtype = np.result_type(dtype, known[0])
                 dtype = dtype if dtype.itemsize <= 2 else np.dtype(np.float32)
                 missing |= known[3]
                 typical = min(typical[0], known[4][0]), max(typical[1], known[4][1])
-            self._alike[name] = dtype, low, high, missing, typical
+                labels = MappingProxyType(dict(sorted({**labels, **known[5]}.items())))
+            self._alike[name] = dtype, low, high, missing, typical, labels
 
     def _as_others(self, volume: Volume) -> Volume:
         """Return a step with the type and range of all."""

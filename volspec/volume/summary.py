@@ -74,14 +74,14 @@ class VolumeSummary:
         if self.channels:
             ranges = (f"{name} {range_text(*ends)}" for name, ends in self.channels.items())
             table.add_row("channels", "; ".join(ranges) + "; below, the first")
-        mean = value_format(*self.range, 4) % self.mean
-        table.add_row("range", f"{range_text(*self.range)}, mean {mean}")
+        (low, high), mean = self.range, value_format(*self.range, 4) % self.mean
+        value = "%.0f" if self.labels else value_format(low, high, 6)
+        table.add_row("range", f"{value % low} … {value % high}, mean {mean}")
         if self.missing:
             table.add_row("missing", f"{self.missing:,} voxels are NaN or infinite: transparent")
         if self.labels:
             table.add_row("labels", self._label_text())
         most = max(count for _, _, count in self.histogram)
-        value = value_format(*self.range, 6)
         for low, high, count in self.histogram:
             length = round(_BAR * np.log1p(count) / np.log1p(most))
             table.add_row(f"{value % low} … {value % high}", "█" * length + f" {count:,}")
@@ -155,6 +155,7 @@ def summarise(volume: Volume, steps: int = 1) -> VolumeSummary:
         edges = np.unique(np.linspace(low, high + 1, _BINS + 1).round())
     counts, edges = np.histogram(present, bins=edges)
     ends = edges[1:] - 1 if volume.values.dtype.kind in "ui" else edges[1:]
+    bins = zip(volume.stated(edges[:-1]), volume.stated(ends), counts, strict=True)
     finest = volume.finest
     spacing = finest.spacing_mm
     x, y, z = ((n - 1) * s for n, s in zip(finest.shape_xyz, spacing, strict=True))
@@ -170,12 +171,10 @@ def summarise(volume: Volume, steps: int = 1) -> VolumeSummary:
         orientation=(finest.world_from_index[:3, :3] / np.asarray(spacing) + 0.0).tolist(),
         directions=_directions(finest),
         metadata=volume.metadata,
-        range=(low, high),
+        range=(float(volume.stated(low)), float(volume.stated(high))),
         mean=float(present.mean(dtype=np.float64)),
         missing=volume.values.size - present.size,
-        histogram=[
-            (float(a), float(b), int(n)) for a, b, n in zip(edges[:-1], ends, counts, strict=True)
-        ],
+        histogram=[(float(a), float(b), int(n)) for a, b, n in bins],
         labels={number: label.name for number, label in volume.labels.items()},
         channels=_channels(volume),
         steps=steps,

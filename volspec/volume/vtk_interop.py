@@ -208,5 +208,5 @@ def volume_to_pyvista(volume: Volume) -> pyvista.ImageData:
     )
     grid.direction_matrix = world[:3, :3] / np.asarray(volume.spacing_mm)
     # A copy, since VTK writes to arrays that NumPy marks as read-only.
-    grid.point_data["values"] = volume.nan_if_missing(volume.values).flatten()
+    grid.point_data["values"] = volume.stated(volume.nan_if_missing(volume.values)).flatten()
     return grid

@@ -182,7 +182,7 @@ def _users(transfer: Transfer) -> Mapping[str, list[str]]:
     users: dict[str, list[str]] = {}
     for number, part in enumerate(list_parts(transfer), 1):
         for name in used_materials([part.mix]):
-            users.setdefault(name, []).append(f"{part.values[0]:g}" if labels else f"{number}")
+            users.setdefault(name, []).append(f"{part.values[0] if labels else number}")
     return users
 
 

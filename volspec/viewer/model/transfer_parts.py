@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, Literal
 
 from volspec.transfer import (
-    MAX_LABEL,
     MAX_SURFACES,
     Isosurfaces,
     LabelFunction,
@@ -21,7 +21,6 @@ from volspec.transfer import (
     TransferFunction2D,
 )
 from volspec.transfer.mixes import Mix, Point, mix_weights
-from volspec.viewer.model.view import clamp
 
 Kind = Literal["points", "regions", "surfaces", "labels"]
 # By type: its kind, which is also the field that holds its parts.
@@ -42,8 +41,6 @@ _WIDTHS = (1e-3, 4.0)
 _GAP = 1e-3
 # The size of a new region, as a fraction of either axis.
 _NEW = 0.15
-# Labels are listed one by one.
-MOST_LABELS = 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +52,8 @@ class Part:
     mix: Mapping[str, float]
 
 
+# Called for each row of a list in every frame.
+@lru_cache(maxsize=8)
 def list_parts(transfer: Transfer) -> tuple[Part, ...]:
     """Return all parts, in their order."""
     if isinstance(transfer, TransferFunction2D):
@@ -214,8 +213,8 @@ def gradient_top(curve: TransferFunction, top: float) -> float:
 
 def add_label(labels: LabelFunction, value: float, opacity: float) -> Transfer:
     """Add a label with the material of the last one."""
-    label = round(clamp(value, 0, MAX_LABEL))
-    if label in labels.labels or len(labels.labels) >= MOST_LABELS:
+    label = round(max(value, 0))
+    if label in labels.labels:
         return labels
     mix = list(labels.labels.values())[-1][1]
     return with_parts(labels, {**labels.labels, label: (opacity, mix)})

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import chain, count
+
 from imgui_bundle import imgui
 
-from volspec.transfer import MAX_LABEL, LabelFunction
+from volspec.transfer import LabelFunction
 from volspec.viewer.model import labels, transfer_edits
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import transfer_detail
@@ -44,9 +46,10 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
         imgui.text_disabled("No matches")
         return new
     if imgui.button("Add label"):
-        unlisted = (label for label in range(1, MAX_LABEL + 2) if label not in function.labels)
-        new = transfer_edits.add_point(new, next(unlisted), 0.5)
-    ui.note("add label", "Adds the lowest number that is not listed")
+        every = chain(sorted(state.document.volume.labels), count(1))
+        unlisted = next(label for label in every if label not in function.labels)
+        new = transfer_edits.add_point(new, unlisted, 0.5)
+    ui.note("add label", "Adds the lowest number of the volume's that is not listed, or a new one")
     return new
 
 

@@ -73,7 +73,8 @@ def crossing_text(state: ViewState) -> str:
     volume, at = state.document.volume, state.interface.slices.at
     i, j, k = (voxel_number(volume, axis, at[axis]) for axis in range(3))
     place = world_mm(volume, np.array([i, j, k], dtype=np.float64))
-    value = value_format(*volume.range) % volume.nan_if_missing(volume.values[k, j, i])
+    here = volume.nan_if_missing(volume.values[k, j, i])
+    value = str(volume.stated(here)) if volume.numbers else value_format(*volume.range) % here
     unit = place_unit(volume, state.interface.overlays.patient)
     return f"{value}  at  {place_text(volume, place)} {unit}"
 

@@ -181,7 +181,7 @@ def _label_at(volume: Volume, camera: Camera, place: Array) -> str:
     away = place - camera.position_mm if camera.height_mm is None else forward
     step = min(volume.spacing_mm) / 2 * away / np.linalg.norm(away)
     behind = (value_at(volume, place + i * step) for i in range(4))
-    number = next((int(value) for value in behind if value), 0)
+    number = next((int(volume.stated(value)) for value in behind if value and value == value), 0)
     label = volume.labels.get(number)
     return f"{number}  {label.name}".rstrip() if label else f"{number}"
 
