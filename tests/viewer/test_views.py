@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import astuple, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tests.support.viewer import read_scene, run_command
 from tests.viewer._states import of_volume
+from volspec.export.tiles import WindowCamera
 from volspec.raycast import ClipPlane
 from volspec.raycast.framing import fit_view, shown_mm
 from volspec.raycast.projection import Projection, cube_faces, cube_label, length_mm
@@ -55,10 +56,16 @@ def place(seen: Projection, point: NDArray[np.float64]) -> tuple[float, float]:
     return float(x), float(y)
 
 
+@pytest.mark.parametrize("tile", [{}, {"whole": (3000, 2000), "corner": (900, 70)}])
 @pytest.mark.parametrize("view", VIEWS)
-def test_points_are_placed_where_the_raycaster_sees_them(state, view):
-    """A point on a pixel's ray is drawn at that pixel's middle, half a pixel from its corner."""
+def test_points_are_placed_where_the_raycaster_sees_them(state, view, tile):
+    """A point on a pixel's ray is drawn at that pixel's middle, half a pixel from its corner.
+
+    Also in a tile of a larger picture.
+    """
     camera = view.camera(state.document.volume)
+    if tile:
+        camera = WindowCamera(*astuple(camera), shift=0.1, **tile)
     seen, rays = Projection(camera, AREA), camera.ray_field(800, 600)
     for x, y, depth in ((0, 0, 0.7), (399, 299, 1.3), (731, 120, 1.0)):
         offset = (x - rays.middle[0]) * rays.across + (y - rays.middle[1]) * rays.down

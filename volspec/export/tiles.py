@@ -44,7 +44,7 @@ class WindowCamera(ShiftedCamera):
     whole: tuple[int, int] = (1, 1)  # rays of the larger picture
     corner: tuple[int, int] = (0, 0)  # first ray of the window in the larger picture
 
-    def ray_field(self, width: int, height: int) -> RayField:
+    def ray_field(self, width: float, height: float) -> RayField:
         """Return the rays of the window; its size is not used."""
         field = ShiftedCamera.ray_field(self, *self.whole)
         x, y = field.middle
@@ -165,7 +165,8 @@ class TileCaster:
             part_progress = part_of(progress, i / len(windows), 1 / len(windows))
             with warnings.catch_warnings():
                 if part != whole or len(windows) > 1:  # a single window may be empty
-                    warnings.filterwarnings("ignore", ".*the picture is empty", VolspecWarning)
+                    for what in ("the picture is empty", "nothing of it", "is outside the view"):
+                        warnings.filterwarnings("ignore", f".*{what}", VolspecWarning)
                 size = n * window.width, n * window.height
                 image = self.cast(transfer, window_camera, size, part_progress)
             gaps |= {key: text for key, text in image.notes.items() if key == GAPS}

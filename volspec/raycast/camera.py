@@ -205,7 +205,7 @@ class Camera:
             return np.asarray(position)
         return np.asarray(self.position_mm) + self.to_world(position)
 
-    def ray_field(self, width: int, height: int) -> RayField:
+    def ray_field(self, width: float, height: float) -> RayField:
         """Return the rays of a picture of ``width`` by ``height`` pixels."""
         right, up, forward = self.frame()
         tall = self.height_mm or 2 * self.distance_mm * math.tan(math.radians(self.fov_deg) / 2)

@@ -46,14 +46,13 @@ class Projection:
 
     def __post_init__(self) -> None:
         camera, (x, y, width, height) = self.camera, self.area
-        half = camera.distance_mm * math.tan(math.radians(camera.fov_deg) / 2)
-        mm_per_px = (camera.height_mm or 2 * half) / max(height, 1)
-        right, up, forward = camera.frame()
-        depth = forward / camera.distance_mm if camera.height_mm is None else np.zeros(3)
-        columns = np.stack([right / mm_per_px, -up / mm_per_px, depth], axis=1)
-        object.__setattr__(self, "mm_per_px", mm_per_px)
+        # The picture may be shifted, or a part of a larger one.
+        rays = camera.ray_field(width, max(height, 1))
+        across, down = (way / rays.pitch_mm**2 for way in (rays.across, rays.down))
+        columns = np.stack([across, down, rays.forward * rays.nearness], axis=1)
+        object.__setattr__(self, "mm_per_px", rays.pitch_mm)
         object.__setattr__(self, "_window_from_world", columns)
-        object.__setattr__(self, "_middle", np.array([x + width / 2, y + height / 2]))
+        object.__setattr__(self, "_middle", np.add(rays.middle, (x + 0.5, y + 0.5)))
 
     def _homogeneous(self, offsets: NDArray[np.float64], place: float) -> NDArray[np.float64]:
         """(…, 3) right, down, divisor of offsets from the target (directions: ``place`` 0)."""

@@ -273,7 +273,7 @@ class ShiftedCamera(Camera):
     shift: float = 0.0
     """Way of the middle of the view to the right in the picture, by the picture's height."""
 
-    def ray_field(self, width: int, height: int) -> RayField:
+    def ray_field(self, width: float, height: float) -> RayField:
         """Return the rays of a picture."""
         field = Camera.ray_field(self, width, height)
         x, y = field.middle
