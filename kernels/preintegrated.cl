@@ -105,7 +105,11 @@ __kernel void preintegrated(__global const VOXEL *restrict voxels,
         // 1 − e^−τ has no digits left for a faint τ.
         const floatN faint = tau * (1.0f - 0.5f * tau * (1.0f - tau * 0.33333333f));
         floatN alpha = SELECT(MASK(tau < 0.004f), faint, 1.0f - exp_minus(tau));
-        alpha = SELECT(m.live & in_part(&r, 0.5f * (e.begin + e.end)), alpha, (floatN)(0.0f));
+        intN here = m.live & in_part(&r, 0.5f * (e.begin + e.end));
+#if MISSING
+        here &= e.has_front & e.has_back;  // no values lie between one and a missing one
+#endif
+        alpha = SELECT(here, alpha, (floatN)(0.0f));
         if (ANY(MASK(alpha > 0.0f))) {
             const floatN visible = g.transmittance * alpha, middle = 0.5f * (e.begin + e.end);
             floatL shading[GROUPS];

@@ -77,6 +77,17 @@ def test_missing_voxels_neither_bend_normals_nor_make_walls():
     np.testing.assert_allclose(image.first_mm[image.alpha > 0.99], middle_mm, atol=0.1)
 
 
+@pytest.mark.filterwarnings("ignore:.*(NaN|picture is empty)")
+def test_preintegration_makes_up_no_values_towards_missing_voxels():
+    values = np.full((24, 24, 24), 2.0, np.float32)
+    values[0, 0, 0], values[:, :, 12:] = 1.0, np.nan  # the range begins at 1, out of view
+    points = [(1.1, 0.0, "white"), (1.2, 1.0, "white"), (1.3, 0.0, "white")]
+    camera = Camera((-50, 14, 17), (12, 12, 12), height_mm=6)
+    curve = TransferFunction(points, WHITE, BASIS)
+    _, image = shades(Volume(values), curve, camera, preintegrated=True, step_mm=0.3)
+    assert not image.alpha.any()
+
+
 def test_the_gradient_of_a_ramp_counts_whole_at_its_ends():
     ramp = np.broadcast_to(np.arange(8) * 10.0, (8, 8, 8)).astype(np.float32)
     points = [(-1, 0.1, "white"), (200, 0.1, "white")]

@@ -495,9 +495,11 @@ class _Preintegrated(_March):
     """The transfer function integrated between a step's ends; twin: preintegrated.cl."""
 
     def step_rays(self, live: Index, begin: Array, end: Array) -> None:
-        front, back = (self.sampler.value(self.point(live, at)) for at in (begin, end))
-        means = segment_means(self.table, self.step, front, back)
+        points = [self.point(live, at) for at in (begin, end)]
+        means = segment_means(self.table, self.step, *map(self.sampler.value, points))
         alpha = -np.expm1(-means[:, 0] * (end - begin) / self.step)
+        # No values lie between one and a missing one.
+        alpha *= np.all([self.sampler.is_present(each) for each in points], axis=0)
         reflectance = means[:, 1:] / np.maximum(means[:, :1], 1e-30) @ self.table.channels
         middle = 0.5 * (begin + end)
         point = self.point(live, middle)
