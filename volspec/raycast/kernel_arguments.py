@@ -103,8 +103,8 @@ KINDS = {Ambient: 0, Headlight: 1, Directional: 2, Point: 3}
 LOG_OPAQUE = -1e30
 # Error of opacities of a step between entries up to which these are taken as linear.
 MOST_BENT = 1e-5
-# Iterations of false position that place an isosurface within its step.
-ITERATIONS = 2
+# Iterations of false position that place an isosurface within its cell.
+ITERATIONS = 6
 # Transmittance of a step below which extinctions mix as if it were this.
 MIX_OPAQUE = 1e-4
 # Weight of the voxels that there are in a sample, above which it has no part of missing ones.

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from volspec.raycast.camera import Camera
 from volspec.raycast.fields import FieldCast, add_pictures
-from volspec.raycast.kernel_arguments import ITERATIONS, LIGHT_MARGIN, MIX_OPAQUE, check_reach
+from volspec.raycast.kernel_arguments import LIGHT_MARGIN, MIX_OPAQUE, check_reach
 from volspec.raycast.layer_casts import shadow_slots
 from volspec.raycast.layer_stream import LayerStream, Samples, SampleStream, Shadow
 from volspec.raycast.light_volume import (
@@ -508,43 +508,78 @@ class _Preintegrated(_March):
 
 
 class _Surfaces(_March):
-    """Isosurfaces between a step's ends; twin: surfaces.cl."""
+    """Isosurfaces, cell by cell, in which values along a ray are cubics; twin: surfaces.cl."""
 
     def step_rays(self, live: Index, begin: Array, end: Array) -> None:
-        table, stop = self.table, self.spec.least_transmittance
-        points = [self.point(live, at) for at in (begin, end)]
-        front, back = map(self.sampler.value, points)
-        rising = back > front
-        # Missing voxels end a surface and make none.
-        there = np.all([self.sampler.is_present(each) for each in points], axis=0)
+        while live.size:
+            leave = np.minimum(self._next_face(live, begin), end)
+            at = begin[:, None] + (leave - begin)[:, None] * (np.arange(4) / 3)
+            values = [self.sampler.value(self.point(live, each)) for each in at.T]
+            cubic = np.linalg.inv(np.vander(np.arange(4) / 3)) @ values  # highest power first
+            knots = [np.zeros(len(live)), *_extrema(cubic), np.ones(len(live))]
+            inner = (np.polyval(cubic, knot) for knot in knots[1:3])
+            knots_values = [values[0], *inner, values[3]]
+            # Missing voxels end a surface and make none.
+            whole = self.sampler.is_present(self.point(live, 0.5 * (begin + leave)))
+            for u, w, front, back in zip(
+                knots, knots[1:], knots_values, knots_values[1:], strict=False
+            ):
+                pieces = u, w, front, np.where(whole, back, front)
+                self._cross(live, begin, leave - begin, cubic, *pieces)
+            more = leave < end
+            live, begin, end = live[more], leave[more], end[more]
+
+    def _next_face(self, live: Index, at: Array) -> Array:
+        """Return the distance at which rays leave the cells in which they go on at ``at`` mm."""
+        along, start = self.rays.along[live], self.rays.start[live]
+        place = start + at[:, None] * along
+        face = np.where(along > 0, np.floor(place) + 1, np.ceil(place) - 1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            leave = (face - start) / along
+            leave = np.where(leave > at[:, None], leave, leave + 1 / np.abs(along))
+        return np.where(along == 0, np.inf, leave).min(axis=1)
+
+    def _cross(
+        self,
+        live: Index,
+        begin: Array,
+        length: Array,
+        cubic: Array,
+        u: Array,
+        w: Array,
+        front: Array,
+        back: Array,
+    ) -> None:
+        """Composite the crossings of a monotone piece, from u to w of cells' parts 0…1."""
+        table, rising = self.table, back > front
         for s in range(len(table.values)):
             which = np.where(rising, s, len(table.values) - 1 - s)
             level = table.values[which]
-            met = there & ((front < level) != (back < level)) & (self.transmittance[live] > stop)
+            left = self.transmittance[live] > self.spec.least_transmittance
+            met = ((front < level) != (back < level)) & left
             if not met.any():
                 continue
-            rays, which = live[met], which[met]
-            ends = begin[met], end[met], front[met], back[met]
-            along = self._find_crossing(rays, *ends, level[met])
+            rays, which, low, high = live[met], which[met], u[met], w[met]
+            for _ in range(40):
+                middle = 0.5 * (low + high)
+                value = np.polyval(cubic[:, met], middle)
+                before = (value < level[met]) == (front[met] < level[met])
+                low, high = np.where(before, middle, low), np.where(before, high, middle)
+            along = begin[met] + low * length[met]
             point = self.point(rays, along)
             gradient = self.sampler.gradient(point) if self.normals else None
             reflectance = (table.material_weights @ table.channels)[which]
             self.composite(rays, along, point, gradient, table.opacity[which], reflectance)
 
-    def _find_crossing(
-        self, rays: Index, near: Array, far: Array, front: Array, back: Array, level: Array
-    ) -> Array:
-        """Find the point at which the value equals the level, by `ITERATIONS` of false position."""
-        along = near + (level - front) / (back - front) * (far - near)
-        for _ in range(ITERATIONS):
-            value = self.sampler.value(self.point(rays, along))
-            before = (value < level) == (front < level)
-            near, front = np.where(before, along, near), np.where(before, value, front)
-            far, back = np.where(before, far, along), np.where(before, back, value)
-            rise = back - front
-            fraction = (level - front) / np.where(rise == 0, 1, rise)
-            along = np.where(rise == 0, near, near + fraction * (far - near))
-        return along
+
+def _extrema(cubic: Array) -> list[Array]:
+    """Return the two places between 0 and 1 at which cubics (4, R) turn; 0 if they do not."""
+    a, b, c = cubic[2], cubic[1], cubic[0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = np.sqrt(b * b - 3 * a * c)
+        q = -b - np.where(b < 0, -root, root)
+        found = [np.where((u > 0) & (u < 1), u, 0.0) for u in (q / (3 * c), a / q)]
+    return [np.minimum(*found), np.maximum(*found)]
 
 
 class _Projection(_March):
