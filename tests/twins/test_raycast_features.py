@@ -9,7 +9,7 @@ import pytest
 
 import volspec as vs
 from tests.support.fixtures import slow, slow_each
-from tests.support.raycasts import FLAT, fog, ramp, turned
+from tests.support.raycasts import FLAT, fog, ramp, soft_ball, turned
 from tests.twins.test_raycast import assert_alike
 from volspec.raycast import reference
 from volspec.raycast.row_batches import Result
@@ -17,6 +17,7 @@ from volspec.transfer import SurfaceTable, TransferTable
 from volspec.transfer.missing import transparent_below
 
 SKY = vs.LightGroup("sky", (vs.Ambient(),))
+SUN = vs.Directional((1, 0.5, 1), shadows=True)
 KEY = vs.LightGroup("key", (vs.Directional((1, 2, 1), frame="camera"), vs.Headlight(0.2)))
 POINTS = vs.Point((140, 10, 200), falloff_mm=150), vs.Point((-30, 20, 10), "camera")
 LAMP = vs.LightGroup("lamp", POINTS)
@@ -134,6 +135,17 @@ def test_first_hit_is_where_the_opacity_passes_its_threshold():
 def test_projections_match_reference(matches, tables, mode, lanes):
     table = replace(tables[lanes], domain=(0.0, 255.0))
     matches(vs.RaycastSpec(mode=mode, groups=(SKY, KEY)), lanes, table=table, plateaus=True)
+
+
+@pytest.mark.parametrize("lanes", [8, slow(1)])
+def test_an_eye_at_a_corner_or_on_a_cut_is_inside(lanes):
+    """No light is read above the face or plane that the eye is on."""
+    volume, groups = soft_ball(16), (replace(KEY, sources=(SUN, vs.Ambient(occlusion=True))),)
+    cut = vs.ClipPlane((0, 0, 4), (0, 0, 1))
+    for eye, planes in (((0, 0, 0), ()), ((15, 0, 7), ()), ((3, 3, 4), (cut,))):
+        camera = vs.Camera(eye, (7.5, 7.5, 8), fov_deg=70)
+        spec = vs.RaycastSpec(groups=groups, light_cells=16, step_mm=0.5, clip_planes=planes)
+        assert_alike(volume, ramp(0.4), camera, spec, lanes=lanes, tolerance=3e-4)
 
 
 SURFACES = SurfaceTable(

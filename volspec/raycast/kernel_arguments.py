@@ -109,6 +109,9 @@ ITERATIONS = 6
 MIX_OPAQUE = 1e-4
 # Weight of the voxels that there are in a sample, above which it has no part of missing ones.
 PRESENT = 1 - 1e-5
+# In smallest spacings: voxels and eyes closer than this to a cut count as inside, in float32 and
+# float64.
+CUT_TOLERANCE = 1e-3
 # Nodes of the light volume around the volume, so that light can be read in front of its faces.
 LIGHT_MARGIN = 2
 
@@ -469,6 +472,7 @@ def light_constants(spec: RaycastSpec, lit: bool) -> dict[str, Any]:
         "SHARP": int(shaded and spec.specular > 0 and spec.shininess > 63),
         "LIT": int(lit),
         "LIGHT_MARGIN": float(LIGHT_MARGIN),
+        "CUT_TOLERANCE": CUT_TOLERANCE,
         "NORMALS": int(shaded or lit),
         "MAX_PLANES": MAX_PLANES,
         "NEAR_LAMP": NEAR_LAMP,

@@ -35,7 +35,13 @@ from volspec._gpu.prelude import C_TYPES, Struct, prelude
 from volspec._gpu.sources import assemble
 from volspec.raycast.camera import Camera
 from volspec.raycast.checks import Vector
-from volspec.raycast.kernel_arguments import CURVE, LIGHT_MARGIN, MASK, numbered_sources
+from volspec.raycast.kernel_arguments import (
+    CURVE,
+    CUT_TOLERANCE,
+    LIGHT_MARGIN,
+    MASK,
+    numbered_sources,
+)
 from volspec.raycast.lights import OCCLUSION_GAIN, Ambient, Directional, Point
 from volspec.raycast.masks import MIXED
 from volspec.raycast.sampling import trilinear
@@ -57,8 +63,6 @@ DIRECTIONS = 24
 # read; nodes within and behind them are dark. Without a gradient (in homogeneous media) the
 # distance falls to 0.
 LIFT = 2.0
-# In smallest spacings: voxels closer than this to a cut count as inside, in float32 and float64.
-CUT_TOLERANCE = 1e-3
 # Of depths with ``split``: at the whole, what is dark is rounded to 0.
 HALF = 0.5
 # In mm: as far as directional lights are away.

@@ -34,11 +34,15 @@ from numpy.typing import NDArray
 
 from volspec.raycast.camera import Camera
 from volspec.raycast.fields import FieldCast, add_pictures
-from volspec.raycast.kernel_arguments import LIGHT_MARGIN, MIX_OPAQUE, check_reach
+from volspec.raycast.kernel_arguments import (
+    CUT_TOLERANCE,
+    LIGHT_MARGIN,
+    MIX_OPAQUE,
+    check_reach,
+)
 from volspec.raycast.layer_casts import shadow_slots
 from volspec.raycast.layer_stream import LayerStream, Samples, SampleStream, Shadow
 from volspec.raycast.light_volume import (
-    CUT_TOLERANCE,
     HALF,
     Clear,
     LightGrid,

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from volspec.raycast.camera import Camera
 from volspec.raycast.kernel_arguments import (
+    CUT_TOLERANCE,
     PRESENT,
     gradient_scale,
     needs_powers,
@@ -76,6 +77,7 @@ def make_rays(volume: Volume, camera: Camera, size: tuple[int, int], spec: Rayca
         near = np.where(enters, meet, near)
         far = np.where(toward < 0, np.minimum(far, meet), far)
         near = np.where((toward == 0) & (inside < 0), np.inf, near)
+    cut[near <= CUT_TOLERANCE * min(volume.spacing_mm)] = 0.0  # the eye is on it
     normal = cut @ matrix[:3, :3]
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     cut_mm = near.copy()
