@@ -2,8 +2,8 @@
 //
 //     C = opacity(v) · Σ light · s(v),  v = max or mean of the values at the steps' middles
 //
-// Nothing is shaded: n · l = 1 for every source. NumPy twin: volspec/raycast/reference.py
-// (_Projection).
+// A sample with a part of a missing voxel does not count. Nothing is shaded:
+// n · l = 1 for every source. NumPy twin: volspec/raycast/reference.py (_Projection).
 //
 // Launch and arguments: as raycast.cl, but
 //         brick_codes  VOXEL per brick: its greatest value, which MAXIMUM uses to skip bricks
@@ -38,7 +38,6 @@ __kernel void projection(__global const VOXEL *restrict voxels,
     if (pixel.x >= cast.width || pixel.y >= cast.height) return;
     const Rays r = make_rays(&cast, spans, pixel);
     March m = start_march(&cast, &r);
-    intN meets = m.live;
     floatN sum = 0.0f, length = 0.0f, best = -INFINITE, best_at = 0.0f;
 #if PARTS
     floatL one, other;
@@ -76,25 +75,34 @@ __kernel void projection(__global const VOXEL *restrict voxels,
         const floatN end = MIN(CONVERT_FLOAT(m.k + 1) * cast.step, r.far);
         const floatN middle = 0.5f * (begin + end);
         const Sample f = sample_at(&cast, voxels, opacity, &r, middle);
+        intN counts = m.live & in_part(&r, middle);
+#if MISSING
+        counts &= is_present(&cast, &f);
+#endif
 #if MAXIMUM
-        const intN more = m.live & in_part(&r, middle) & MASK(f.value > best);
+        const intN more = counts & MASK(f.value > best);
         best = SELECT(more, f.value, best);
         best_at = SELECT(more, middle, best_at);
 #else
-        const floatN clipped = SELECT(m.live & in_part(&r, middle), end - begin, (floatN)(0.0f));
-        sum += clipped * f.value;
+        const floatN clipped = SELECT(counts, end - begin, (floatN)(0.0f));
+        sum += clipped * SELECT(counts, f.value, (floatN)(0.0f));
         length += clipped;
 #endif
         m.k += 1;
         m.live &= MASK(m.k < m.k_end);
     }
+    // Whether a ray that touches an edge meets anything is rounding.
+    intN meets = MASK(r.far - r.near > CUT_TOLERANCE);
+#if MAXIMUM
+    meets &= MASK(best > -INFINITE);
+#else
+    meets &= MASK(length > 0.0f);
+#endif
 #if PARTS
 #if MAXIMUM
-    meets = MASK(best > -INFINITE);
     one.v = best;
     other.v = best_at;
 #else
-    meets = MASK(length > 0.0f);
     one.v = sum;
     other.v = length;
 #endif

@@ -152,6 +152,18 @@ def test_projections_of_a_linear_field_are_known(mode):
         assert under.max() < np.linalg.norm(slope) * spec.step_of(volume) / 2 + 1e-5
 
 
+def test_a_mean_projection_is_that_of_the_cells_without_missing_voxels():
+    """Along z: three cells of 1 to 4, then two of 5 to 7; a voxel alone has no cell."""
+    values = np.array([1, 2, 3, 4, np.nan, np.inf, 5, 6, 7, np.nan, 2, np.nan])
+    with pytest.warns(match="transparent"):
+        volume = vs.Volume(np.tile(values[:, None, None], (1, 5, 5)))
+    table = TransferTable((0.0, 8.0), np.linspace(0, 1, 256), np.ones((256, 1)), 1.0)
+    spec = replace(WHOLE, mode="average", step_mm=1 / 64)
+    alpha = vs.Raycaster(volume).cast(table, along_z(volume), (5, 5), spec).alpha
+    # A step at either end of both runs counts as a whole, or not.
+    assert np.abs(8 * alpha - (3 * 2.5 + 2 * 6) / 5).max() < 0.03
+
+
 @pytest.mark.slow
 def test_a_table_of_gradients_reads_the_gradient_of_the_world():
     """A linear field has one gradient, on any lattice: a body of one opacity.

@@ -9,7 +9,7 @@ import pytest
 
 import volspec as vs
 from tests.support.fixtures import slow, slow_each
-from tests.support.raycasts import FLAT, fog, ramp, soft_ball, turned
+from tests.support.raycasts import FLAT, fog, metal_function, ramp, soft_ball, turned
 from tests.twins.test_raycast import assert_alike
 from volspec.raycast import reference
 from volspec.raycast.row_batches import Result
@@ -18,6 +18,7 @@ from volspec.transfer.missing import transparent_below
 
 SKY = vs.LightGroup("sky", (vs.Ambient(),))
 SUN = vs.Directional((1, 0.5, 1), shadows=True)
+METAL_RAMP = metal_function((0.5, 0.2, "copper"), (1.5, 0.9, "gold"))
 KEY = vs.LightGroup("key", (vs.Directional((1, 2, 1), frame="camera"), vs.Headlight(0.2)))
 POINTS = vs.Point((140, 10, 200), falloff_mm=150), vs.Point((-30, 20, 10), "camera")
 LAMP = vs.LightGroup("lamp", POINTS)
@@ -146,6 +147,34 @@ def test_an_eye_at_a_corner_or_on_a_cut_is_inside(lanes):
         camera = vs.Camera(eye, (7.5, 7.5, 8), fov_deg=70)
         spec = vs.RaycastSpec(groups=groups, light_cells=16, step_mm=0.5, clip_planes=planes)
         assert_alike(volume, ramp(0.4), camera, spec, lanes=lanes, tolerance=3e-4)
+
+
+@pytest.mark.parametrize("mode", ["average", slow("maximum")])
+def test_projections_leave_out_rays_that_touch_an_edge(mode):
+    """The first and last columns are the box's edges, seen along its diagonal."""
+    volume = vs.Volume(np.random.default_rng(0).uniform(0.3, 1, (9, 9, 9)).astype(np.float32))
+    for azimuth_deg in (45, 135):
+        camera = turned(volume, azimuth_deg, 0, orthographic=True)
+        camera = replace(camera, height_mm=8 * np.sqrt(2) * 17 / 16)
+        spec = vs.RaycastSpec(mode=mode, step_mm=0.5)
+        ours = assert_alike(volume, ramp(0.9), camera, spec, (17, 17), plateaus=True)
+        assert not ours.alpha[:, [0, -1]].any() and ours.alpha[4:-4, 1:-1].all()
+
+
+@pytest.mark.parametrize("mode", ["average", slow("maximum")])
+def test_projections_leave_out_missing_voxels(mode):
+    """Inner and outer ones; a ray that meets only cells with them is empty."""
+    _, y, x = np.mgrid[:16, :16, :16] - 7.5
+    values = np.where(x**2 + y**2 < 49, 1 + 0.05 * x, np.nan).astype(np.float32)
+    values[8, 5:8, 6] = np.nan
+    with pytest.warns(match="transparent"):
+        volume = vs.Volume(values)
+    table = vs.Raycaster(volume).bake(METAL_RAMP)
+    camera = turned(volume, 40, 25, zoom=1.5)
+    spec = vs.RaycastSpec(mode=mode, step_mm=0.3)
+    ours = assert_alike(volume, table, camera, spec, plateaus=True)
+    seen = ours.alpha > 0
+    assert seen.any() and not seen.all() and ours.alpha[seen].min() > 0.3
 
 
 SURFACES = SurfaceTable(

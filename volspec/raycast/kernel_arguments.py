@@ -109,8 +109,8 @@ ITERATIONS = 6
 MIX_OPAQUE = 1e-4
 # Weight of the voxels that there are in a sample, above which it has no part of missing ones.
 PRESENT = 1 - 1e-5
-# In smallest spacings: voxels and eyes closer than this to a cut count as inside, in float32 and
-# float64.
+# In smallest spacings: voxels and eyes closer than this to a cut count as inside, and projections
+# leave out rays that are shorter, in float32 and float64.
 CUT_TOLERANCE = 1e-3
 # Nodes of the light volume around the volume, so that light can be read in front of its faces.
 LIGHT_MARGIN = 2

@@ -587,14 +587,18 @@ def _extrema(cubic: Array) -> list[Array]:
 
 
 class _Projection(_March):
-    """The greatest or the mean value along a ray; twin: projection.cl."""
+    """The greatest or the mean value along a ray, of cells without missing voxels.
+
+    Twin: projection.cl.
+    """
 
     def march(self) -> None:
         count = len(self.rays.near)
         self.best, self.place = np.full(count, -np.inf), np.zeros(count)
         self.sum, self.length = np.zeros(count), np.zeros(count)
         super().march()
-        rays = np.flatnonzero(self.rays.near < self.rays.far)
+        touched = self.rays.far - self.rays.near <= CUT_TOLERANCE * min(self.volume.spacing_mm)
+        rays = np.flatnonzero((self.length > 0) & ~touched)
         value, place = self.best[rays], self.place[rays]
         if self.spec.mode == "average":
             value = self.sum[rays] / self.length[rays]
@@ -610,12 +614,15 @@ class _Projection(_March):
 
     def step_rays(self, live: Index, begin: Array, end: Array) -> None:
         middle = 0.5 * (begin + end)
-        value = self.sampler.value(self.point(live, middle))
+        point = self.point(live, middle)
+        value, present = self.sampler.value(point), self.sampler.is_present(point)
+        live, value, middle = live[present], value[present], middle[present]
         more = live[value > self.best[live]]
         self.place[more] = middle[value > self.best[live]]
         self.best[more] = value[value > self.best[live]]
-        self.sum[live] += (end - begin) * value
-        self.length[live] += end - begin
+        length = (end - begin)[present]
+        self.sum[live] += length * value
+        self.length[live] += length
 
 
 def layers(
