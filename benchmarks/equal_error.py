@@ -106,7 +106,7 @@ def curves(scene: BenchScene, kind: str, caster: Raycaster, runs: int = 5) -> Cu
     camera = parallel(scene.camera)
 
     def grey(spec: RaycastSpec) -> Array:
-        spec = caster.with_step(table, spec)
+        spec = caster.with_step(table, camera, (SIDE, SIDE), spec)
         picture = caster.cast(table, camera, (SIDE, SIDE), spec).coefficients[..., 0]
         return picture.astype(np.float64)
 

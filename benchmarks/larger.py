@@ -99,7 +99,7 @@ def visible_bytes(caster: Raycaster, camera: Camera, spec: RaycastSpec) -> float
     if not isinstance(level, LevelCaster):
         return math.nan
     table = caster.bake(sponge_look())
-    spec = level.with_step(table, spec).for_lattice(level.volume)
+    spec = level.with_step(table, camera, SIZE, spec).for_lattice(level.volume)
     blocks = level.visible_blocks(table, spec)
     assert blocks is not None
     seen = np.zeros_like(blocks)

@@ -203,7 +203,7 @@ def times(
     caster: Raycaster, table: TransferTable, camera: Camera, spec: RaycastSpec
 ) -> tuple[float, float]:
     """Return a cast's time with layers by those without: of whole rays, and of rays that end."""
-    spec = caster.with_step(table, spec)
+    spec = caster.with_step(table, camera, TIMED, spec)
     rows = empty_rows(table, TIMED, spec)
 
     def layered() -> None:

@@ -155,7 +155,7 @@ def raycast(
     level = caster.at(camera, size, spec)
     if spec.layers:
         _check_layers(spec, table, transfer, level, behind)
-    spec = level.with_step(table, spec, cancel)
+    spec = level.with_step(table, camera, checked_size(size), spec, cancel)
     slot = None
     if into is not None:
         width, height = checked_size(size)
@@ -337,7 +337,8 @@ def absorption_error(
             "take one on the default grid",
             code="size",
         )
-    spec = caster.with_step(caster.bake(transfer), spec or RaycastSpec())
+    table = caster.bake(transfer)
+    spec = caster.with_step(table, camera, checked_size(size), spec or RaycastSpec())
     images = [
         raycast(caster.volume, each, camera, size, spec, caster=caster)
         for each in (transfer, replace(transfer, basis=bands))

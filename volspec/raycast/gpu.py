@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,6 @@ from volspec.raycast.fields import FieldCast, add_pictures, common_dtype, frame_
 from volspec.raycast.kernel_arguments import check_reach
 from volspec.raycast.layer_casts import shadow_slots
 from volspec.raycast.light_volume import Arrives, Clear, LightVolume, split_width
-from volspec.raycast.lights import Ambient, Headlight, LightGroup
 from volspec.raycast.masks import MaskLattice
 from volspec.raycast.out_of_core import LevelCaster, level_for
 from volspec.raycast.packets import TILES, Packet, choose_packet
@@ -56,9 +55,8 @@ from volspec.transfer.missing import bake_for_volume
 from volspec.transfer.opacities import scale_opacities
 from volspec.volume import Volume
 
-# Pixels of each of the three pictures by which a step is chosen.
-PROBE = 48, 48
-
+# Step of isosurfaces, in smallest spacings: how far rays go before they look for empty bricks.
+SURFACE_STEP = 2.0
 # Magnitudes below and above which values are scaled on the device, and by what: of others, sums and
 # reciprocals are normal numbers of float32.
 LEAST_MAGNITUDE, MOST_MAGNITUDE, SCALE = 2.0**-80, 2.0**100, 2.0**100
@@ -331,7 +329,7 @@ class Raycaster:
         self._levels: dict[int, LevelCaster] = {}
         self._integral: bool | None = None  # True if float values are labels
         self._brick_codes: tuple[tuple[Any, ...], Any] | None = None
-        self._chosen: dict[Target, tuple[tuple[Any, ...], float]] = {}
+        self._chosen: dict[Target, tuple[tuple[Any, ...], Tables, float]] = {}
         self._known: _Known = (
             like._known if like and volume.is_step_of(like.volume) else _Known(None)
         )
@@ -387,10 +385,12 @@ class Raycaster:
     def with_step(
         self,
         table: Tables,
+        camera: Camera,
+        size: tuple[int, int],
         spec: RaycastSpec,
         cancel: Cancel | None = None,
     ) -> RaycastSpec:
-        """Return settings with the step that their quality asks for; its last is cached.
+        """Return settings with the step that their quality asks for in a picture; cached.
 
         Parameters and errors are those of `cast`.
 
@@ -403,40 +403,35 @@ class Raycaster:
         if spec.step_mm is not None:
             return spec
         unit, across = self.volume.finest_mm, diagonal_mm(self.volume)
-        sources = (Ambient(), Headlight()) if spec.shaded else (Ambient(),)
-        groups = (LightGroup("light", sources),)
-        plain = replace(spec, groups=groups, half=False, jitter=0.0)
-        grey = _grey(table)
-        key = plain, *opacity_key(table), *_weights_key(grey)
-        known, step_mm = self._chosen.get(spec.target, (None, 0.0))
-        if known != key:
-            cameras = [
-                Camera.orbit(self.volume, azimuth_deg=33.0, elevation_deg=22.0, up=tuple(up))
-                for up in np.eye(3)
-            ]
+        if isinstance(table, SurfaceTable):  # no step misses a surface
+            return replace(spec, step_mm=min(SURFACE_STEP * unit, across))
+        groups = tuple(group.without_shadows() for group in spec.groups)
+        plain = replace(spec, groups=groups, half=False, jitter=0.0, layers=0)
+        key = plain, camera, size
+        known_key, known_table, step_mm = self._chosen.get(spec.target, (None, None, 0.0))
+        if known_key != key or known_table is not table:
+            strengths = np.array(list(spec.strengths().values()))
+            white = np.sqrt(np.mean(strengths**2) * np.mean(table.white**2)) or 1.0
+            shortest = across / MAX_STEPS / unit
 
-            def probe(step: float) -> Picture:
-                stepped = replace(plain, step_mm=step * unit)
-                casts = [
-                    self.cast(grey, camera, PROBE, stepped, cancel=cancel) for camera in cameras
-                ]
-                return Picture(
-                    np.concatenate([each.coefficients for each in casts]),
-                    np.concatenate([each.alpha for each in casts]),
-                )
+            def trial(step: float, size: tuple[int, int]) -> Picture:
+                stepped = replace(plain, step_mm=max(step, shortest) * unit)
+                found = self.cast(table, camera, size, stepped, cancel=cancel)
+                return Picture(found.coefficients / white, found.alpha)
 
             error, longest = spec.target
             target = Target(error, min(longest, across / unit))
-            chosen = choose_step(probe, target, max(SHORTEST, across / MAX_STEPS / unit))
+            chosen = choose_step(trial, size, target, max(SHORTEST, shortest))
             if chosen.error > error:
                 warnings.warn(
                     f"{self.volume.name}: quality {spec.quality} asks for an error of {error:g}; "
-                    f"the shortest step, {chosen.step:.3g} of a voxel, leaves {chosen.error:.1g}",
+                    f"the shortest step, {chosen.step:.3g} of a voxel, leaves {chosen.error:.1g}; "
+                    "gentler slopes or a shorter step_mm leave less",
                     VolspecWarning,
                     stacklevel=3,
                 )
             step_mm = chosen.step * unit
-            self._chosen[spec.target] = key, step_mm
+            self._chosen[spec.target] = key, table, step_mm
         return replace(spec, step_mm=step_mm)
 
     def cast(
@@ -756,35 +751,3 @@ def opacity_key(table: Tables) -> tuple[Any, ...]:
         return table.values.tobytes(), table.opacity.tobytes()
     scale = table.domain, table.labels, table.reference_step_mm, table.gradient_top
     return *scale, table.opacity.tobytes(), table.left_limits.opacity.tobytes()
-
-
-def _weights_key(table: Tables) -> tuple[bytes, ...]:
-    """Return what is equal for tables of equal material weights."""
-    each = table.every if isinstance(table, FieldTables) else (table,)
-    return tuple(one.material_weights.tobytes() for one in each)
-
-
-def _grey(table: Tables) -> Tables:
-    """Return a table in greys, of which neighbouring materials have different ones.
-
-    Errors in it are alike in every basis.
-    """
-    if isinstance(table, FieldTables):
-        return table.changed(_grey_table)
-    return _grey_table(table)
-
-
-def _grey_table(table: OneTable) -> OneTable:
-    count, channels = table.channels.shape
-    greys = np.where(np.arange(count) % 2, 0.3, 0.9)
-    made = replace(table, channels=np.tile(greys[:, None], channels), white=np.ones(channels))
-    if not isinstance(made, TransferTable) or made.filters is None:
-        return made
-
-    def grey(filters: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.tile(filters.mean(axis=1, keepdims=True), channels)
-
-    left = made.left
-    if left is not None and left.filters is not None:
-        left = left._replace(filters=grey(left.filters))
-    return replace(made, filters=grey(made.filters), left=left)

@@ -8,7 +8,7 @@ spectrum and weight when the picture is relit.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
@@ -146,6 +146,16 @@ class LightGroup:
         Field(strict=False, min_length=1, examples=[[{"kind": "headlight"}]]),
     ]
     """Light sources: ambient, headlight, directional or point."""
+
+    def without_shadows(self) -> LightGroup:
+        """Return the group without shadows and occlusion."""
+        return replace(self, sources=tuple(_without_shadow(each) for each in self.sources))
+
+
+def _without_shadow(source: Source) -> Source:
+    if isinstance(source, Ambient):
+        return replace(source, occlusion=False)
+    return source if isinstance(source, Headlight) else replace(source, shadows=False)
 
 
 # One layer, as in a viewer without lights of its own.

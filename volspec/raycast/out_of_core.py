@@ -105,14 +105,19 @@ class LevelCaster:
         return self.base.bake(transfer, opacities)
 
     def with_step(
-        self, table: Tables, spec: RaycastSpec, cancel: Cancel | None = None
+        self,
+        table: Tables,
+        camera: Camera,
+        size: tuple[int, int],
+        spec: RaycastSpec,
+        cancel: Cancel | None = None,
     ) -> RaycastSpec:
-        """Return settings with the step that their quality asks for.
+        """Return settings with the step that their quality asks for in a picture.
 
         It is chosen by casts of the coarsest level, in voxels, and taken in those of this one.
         """
         if spec.step_mm is None:
-            chosen = self.base.with_step(table, spec, cancel).step_mm
+            chosen = self.base.with_step(table, camera, size, spec, cancel).step_mm
             assert chosen is not None
             of_voxel = chosen / self.base.volume.finest_mm
             spec = replace(spec, step_mm=of_voxel * self.volume.finest_mm)

@@ -76,9 +76,10 @@ class RaycastSpec:
         Hint("fast, balanced, exact, or an error of 1e-6 to 0.1", whole=True),
     ] = "balanced"
     """Error that a picture may have: fast, balanced, exact, or a number. It is the root mean square
-    over the channels of what is seen, where 1 is a white surface: 0.02, 0.005 and 0.0005. By trial
-    casts of few rays, the step becomes as long as it allows, up to 2, 1 and 0.5 of the volume's
-    smallest spacings; rays end when what is behind can add no more."""
+    over the channels of what is seen, where 1 is a white surface that faces all lights: 0.02, 0.005
+    and 0.0005. By trial casts of few of the picture's rays, the step becomes as long as it allows,
+    from 2, 1 and 0.5 of the volume's smallest spacings down to 1/16, with a warning if that leaves
+    more; rays end when what is behind can add no more. Isosurfaces are met at any step."""
     step_mm: Annotated[Positive, Unit("mm")] | None = None
     """Distance between samples; by quality if left out."""
     ambient: Weight = 0.3
