@@ -459,6 +459,16 @@ def test_a_layout_is_compared_with_the_size_of_its_file():
 
 
 @pytest.mark.not_quick
+def test_values_over_decades_may_be_shown_by_their_logarithms(tmp_path):
+    np.save(tmp_path / "v.npy", 10 ** (9 * phantom.ball(12).values - 3))
+    for query, chosen in (("", "linear"), ("?scale=log", "log")):
+        (choice,) = open_document(f"{tmp_path}/v.npy{query}").choices
+        assert (choice.key, choice.chosen) == ("scale", chosen)
+    np.save(tmp_path / "v.npy", phantom.ball(12).values)
+    assert open_document(f"{tmp_path}/v.npy").choices == ()
+
+
+@pytest.mark.not_quick
 def test_what_is_ambiguous_is_asked(tmp_path):
     tifffile = pytest.importorskip("tifffile", reason="tifffile is not installed")
     ball = (phantom.ball(12).values * 1000).astype(np.uint16)

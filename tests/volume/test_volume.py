@@ -13,8 +13,9 @@ from dask.array import from_array
 
 from tests.support.errors import raises, refuses, warns
 from volspec.errors import VolspecWarning, VolumeError
-from volspec.volume import Volume
+from volspec.volume import Volume, load_volume
 from volspec.volume.labels import Label
+from volspec.volume.summary import summarise, value_form, value_text
 
 
 def test_a_pickled_volume_is_the_same():
@@ -91,6 +92,26 @@ def test_nan_and_infinities_are_missing_voxels():
     assert half.missing is None and half.range[0] >= 2  # no block lacks half of its voxels
     back = volume.to_pyvista().point_data["values"]
     assert np.count_nonzero(np.isnan(back)) == 3 and Volume(np.ones((2, 2, 2))).missing is None
+
+
+def test_values_over_decades_are_logarithms_and_texts_the_file_s(tmp_path):
+    """Also beyond float32; what is not above 0 is missing."""
+    values = 10.0 ** np.linspace(-60, 60, 4 * 5 * 6).reshape(4, 5, 6)
+    values[0, 0, :3] = 0, -1, np.nan
+    np.save(tmp_path / "v.npy", values)
+    with warns("3 of 120 voxels"):
+        volume = load_volume(f"{tmp_path}/v.npy?scale=log&unit=HU")
+    assert np.allclose(volume.values.flat[3:], np.log10(values.flat[3:]), atol=1e-5)
+    assert volume.missing is not None and (volume.values.flat[:3] == volume.missing).all()
+    assert not volume.metadata.in_hounsfield
+    assert np.allclose(volume.stated(volume.range), [values[0, 0, 3], 1e60], rtol=1e-4)
+    told = summarise(volume)
+    assert told.range == pytest.approx((values[0, 0, 3], 1e60), rel=1e-4) and told.missing == 3
+    assert told.mean == pytest.approx(np.nanmean(values, where=values > 0), rel=1e-4)
+    assert (value_form(volume) % 2.5, value_text(volume, 2.5)) == ("10^2.5", "316.23")
+    for query, code in (("scale=lag", "unknown"), ("scale=log&memory=100", "unsupported")):
+        with raises(VolumeError, code):
+            load_volume(f"{tmp_path}/v.npy?{query}")
 
 
 def test_integers_that_float32_cannot_hold_are_warned_about():

@@ -10,9 +10,10 @@ References
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 MAX_FIELDS = 8
@@ -32,6 +33,13 @@ class Channel:
     excitation_nm: float | None = None
     emission_nm: float | None = None
     limits: Limits | None = None  # values that are shown black and full
+
+    def on_log_scale(self) -> Channel:
+        """Return the channel with the logarithms of its limits, if they have some."""
+        if self.limits is None or self.limits[0] <= 0:
+            return replace(self, limits=None)
+        low, high = self.limits
+        return replace(self, limits=(math.log10(low), math.log10(high)))
 
     @classmethod
     def of_ome(cls, attributes: Mapping[str, str]) -> Channel:

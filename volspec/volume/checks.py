@@ -158,6 +158,25 @@ def _replace_non_finite(
     return np.where(finite, values, np.float32(missing)), low, high, missing
 
 
+def logarithms(values: NDArray[Any], name: str) -> tuple[NDArray[Any], float | None, str]:
+    """Return decimal logarithms of values, the value of those without one, and a remark on these.
+
+    Raises VolumeError if none is above 0.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        logs = np.log10(_real_array(values, name)).astype(np.float32)
+    there = np.isfinite(logs)
+    if there.all():
+        return logs, None, ""
+    if not there.any():
+        raise VolumeError(f"{name}: no value is above 0", "leave out scale=log", code="range")
+    low, high = (float(end(logs[there])) for end in (np.min, np.max))
+    logs[~there] = missing = missing_value(low, high)
+    count = there.size - np.count_nonzero(there)
+    why = "are not above 0 and have no logarithm; they are transparent"
+    return logs, missing, f"{name}: {count} of {there.size} voxels {why}"
+
+
 def missing_value(low: float, high: float) -> float:
     """Return the value of missing voxels where the others lie within a range.
 

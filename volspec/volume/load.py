@@ -24,6 +24,7 @@ from volspec.errors import VolspecWarning, VolumeError, quoted
 from volspec.volume import formats
 from volspec.volume.bundled import is_bundled, locate_volume
 from volspec.volume.channels import ALL, Channel, unique_titles
+from volspec.volume.checks import logarithms
 from volspec.volume.files.dicom import series_folders
 from volspec.volume.files.dicom_headers import dicom_files
 from volspec.volume.files.hdf5 import require_parts_inside
@@ -81,7 +82,8 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     slices as even; ``channel=N`` and ``time=N`` count from 0. Without ``channel=``, all channels up
     to eight are read: the first, and the others as its `Volume.fields`. ``labels=FILE`` names a
     table of labels, relative to the volume's folder, and so makes the values labels; without it,
-    tables next to the volume with its name are read, and labels are recognised.
+    tables next to the volume with its name are read, and labels are recognised. ``scale=log`` shows
+    the decimal logarithms of values over decades: points of a transfer function are of these.
 
     Parameters
     ----------
@@ -216,13 +218,15 @@ def _read_channels(
 
 def _read_field(query: Query, library: str, name: str, remarks: list[str]) -> Volume:
     """Read the field that an address selects, and add remarks on it."""
-    if (stack := _larger(query)) is not None:
+    reading = None
+    if (stack := _larger(query)) is None:
+        reading = read_in_child(query) if library else read_here(query)
+        stack = stored_stack(query, reading)
+    if stack is not None:
+        _require_linear(query)
         volume = read_coarsest(query, name, stack, remarks)
         return _with_labels(volume, query, stack.labels, remarks)
-    reading = read_in_child(query) if library else read_here(query)
-    if (stack := stored_stack(query, reading)) is not None:
-        volume = read_coarsest(query, name, stack, remarks)
-        return _with_labels(volume, query, stack.labels, remarks)
+    assert reading is not None
     remarks += reading.remarks
     values = reading.values
     if isinstance(values, Stored):
@@ -230,19 +234,37 @@ def _read_field(query: Query, library: str, name: str, remarks: list[str]) -> Vo
         values = values.read()
     values, reading = with_depth(values, reading, query)
     certain = query.labels is not None or reading.labels is not None
-    values, numbers = renumbered(values, certain)
+    channel, missing = reading.channel or Channel(), None
+    numbers: tuple[int, ...] = ()
+    if query.is_log:
+        values, missing, remark = logarithms(values, name)
+        remarks += filter(None, [remark])
+        channel = channel.on_log_scale()
+    else:
+        values, numbers = renumbered(values, certain)
     volume = Volume(
         values,
         spacing_mm=reading.spacing_mm,  # type: ignore[arg-type]
         world_from_index=reading.world_from_index,  # type: ignore[arg-type]
         name=name,
-        channel=reading.channel or Channel(),
+        channel=channel,
         metadata=query.completed(reading.metadata),
+        missing=missing,
         numbers=numbers,
     )
     if query.spacing_mm is not None:
         volume = volume.with_spacing(query.spacing_mm)
     return _with_labels(volume, query, reading.labels, remarks)
+
+
+def _require_linear(query: Query) -> None:
+    """Refuse logarithms of what is read in parts."""
+    if query.is_log:
+        raise VolumeError(
+            f"{query.path}: is read in parts, of which no logarithms are taken",
+            "leave out scale=log; to show it, give a coarser level or more memory=",
+            code="unsupported",
+        )
 
 
 def _larger(query: Query) -> Stack | None:
@@ -258,6 +280,7 @@ def open_level(path: str | os.PathLike[str]) -> tuple[Level, str, Labels, Metada
     """
     query, library = _query(path)
     query = replace(query, memory_bytes=query.memory_bytes or _CONVERTED_BYTES)
+    _require_linear(query)
     stack = _larger(query)
     if stack is None and not library:
         stack = stored_stack(query, read_here(query))

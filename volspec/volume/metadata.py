@@ -34,17 +34,21 @@ class Metadata:
         True if the world's axes lead to a patient's left, back and head (LPS).
     assumed : tuple of str
         What was taken because the file does not say it, such as `NO_SPACING`.
+    is_log : bool
+        True if voxels hold the decimal logarithms of the file's values, and so do transfer
+        functions: 2 is 100. Between voxels these are interpolated.
     """
 
     modality: str = ""
     unit: str = ""
     is_patient: bool = False
     assumed: tuple[str, ...] = ()
+    is_log: bool = False
 
     @property
     def in_hounsfield(self) -> bool:
         """True if the values are stated to be Hounsfield units."""
-        return self.unit == HU
+        return self.unit == HU and not self.is_log
 
     @property
     def assumed_lengths(self) -> tuple[str, ...]:
@@ -55,7 +59,7 @@ class Metadata:
         """Return this with what an address states: a unit of the values, and a spacing in mm.
 
         >>> Metadata(assumed=(NO_SPACING,)).given("HU", True)
-        Metadata(modality='', unit='HU', is_patient=False, assumed=())
+        Metadata(modality='', unit='HU', is_patient=False, assumed=(), is_log=False)
         """
         lengths = (*self.assumed_lengths, NO_DEPTH) if has_spacing else ()
         assumed = tuple(each for each in self.assumed if each not in lengths)
@@ -68,5 +72,6 @@ class Metadata:
         CT, values in HU; assumed: lengths in mm
         """
         stated = [self.modality, f"values in {self.unit}" if self.unit else ""]
+        stated += ["logarithms are shown"] if self.is_log else []
         assumed = f"assumed: {', '.join(self.assumed)}" if self.assumed else ""
         return "; ".join(filter(None, (", ".join(filter(None, stated)), assumed)))

@@ -213,7 +213,7 @@ class Volume:
         return values if self.missing is None else np.where(values == self.missing, np.nan, values)
 
     def stated(self, values: ArrayLike) -> NDArray[Any]:
-        """Return some of the values as they were given: numbers of labels, if voxels hold others.
+        """Return some of the values as given, if voxels hold other numbers of labels or logarithms.
 
         >>> from volspec.volume.labels import Label
         >>> atlas = Volume(np.full((2, 2, 2), 614454277), labels={614454277: Label("SCs")})
@@ -221,6 +221,8 @@ class Volume:
         ((1.0, 1.0), [614454277, 614454277])
         """
         voxels = np.asarray(values)
+        if self.metadata.is_log:
+            return np.asarray(10.0 ** voxels.astype(np.float64))
         return np.asarray(self.numbers)[voxels.astype(np.intp)] if self.numbers else voxels
 
     def value_of(self, number: int) -> int:

@@ -78,7 +78,8 @@ class VolumeSummary:
         value = "%.0f" if self.labels else value_format(low, high, 6)
         table.add_row("range", f"{value % low} … {value % high}, mean {mean}")
         if self.missing:
-            table.add_row("missing", f"{self.missing:,} voxels are NaN or infinite: transparent")
+            why = "have no logarithm" if self.metadata.is_log else "are NaN or infinite"
+            table.add_row("missing", f"{self.missing:,} voxels {why}: transparent")
         if self.labels:
             table.add_row("labels", self._label_text())
         most = max(count for _, _, count in self.histogram)
@@ -107,6 +108,20 @@ def value_format(low: float, high: float, digits: int = 5) -> str:
     """
     far = max(abs(low), abs(high)) / ((high - low) or math.inf)
     return f"%.{digits + min(round(math.log10(max(far, 1.0))), 10)}g"
+
+
+def value_form(volume: Volume, digits: int = 5) -> str:
+    """Return a printf format of a volume's voxels; of logarithms, as powers."""
+    power = "10^" if volume.metadata.is_log else ""
+    return power + value_format(*volume.typical_range, digits)
+
+
+def value_text(volume: Volume, value: float, digits: int = 5) -> str:
+    """Return a voxel's value as text, as it was given."""
+    if volume.numbers:
+        return str(volume.stated(value))
+    low, high = volume.stated(volume.range).tolist()
+    return value_format(low, high, digits) % volume.stated(value)
 
 
 def range_text(low: float, high: float) -> str:
@@ -172,7 +187,7 @@ def summarise(volume: Volume, steps: int = 1) -> VolumeSummary:
         directions=_directions(finest),
         metadata=volume.metadata,
         range=(float(volume.stated(low)), float(volume.stated(high))),
-        mean=float(present.mean(dtype=np.float64)),
+        mean=float(np.mean(volume.stated(present), dtype=np.float64)),
         missing=volume.values.size - present.size,
         histogram=[(float(a), float(b), int(n)) for a, b, n in bins],
         labels={number: label.name for number, label in volume.labels.items()},

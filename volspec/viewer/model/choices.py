@@ -14,10 +14,21 @@ from urllib.parse import parse_qsl, urlencode
 import numpy as np
 
 from volspec.viewer.model.paths import size_text
-from volspec.volume import Choice
+from volspec.volume import Choice, Volume
+from volspec.volume.files.query import SCALES
 
 # By the key of a choice.
-TITLES = {"series": "Series", "level": "Resolution", "channel": "Channel", "time": "Time"}
+TITLES = {
+    "series": "Series",
+    "level": "Resolution",
+    "channel": "Channel",
+    "time": "Time",
+    "scale": "Values",
+}
+# Factor by which values over decades exceed their median.
+_DECADES = 1000.0
+# Voxels along each axis that are looked at.
+_LOOKED_AT = 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +48,18 @@ def address_with(path: str, values: Mapping[str, str]) -> str:
     file, _, query = path.partition("?")
     options = dict(parse_qsl(query, keep_blank_values=True)) | dict(values)
     return f"{file}?{urlencode(options, safe=',.<>|')}"
+
+
+def scale_choice(volume: Volume) -> tuple[Choice, ...]:
+    """Return the choice between values and their logarithms, if they are over decades."""
+    is_log = volume.metadata.is_log
+    if not is_log:
+        every = tuple(slice(None, None, -(-n // _LOOKED_AT)) for n in volume.values.shape)
+        above = volume.values[every][volume.values[every] > 0]
+        wide = above.size > 0 and _DECADES * float(np.median(above)) < volume.range[1]
+        if not wide or volume.range[0] < 0 or volume.pyramid is not None or volume.labels:
+            return ()
+    return (Choice("scale", SCALES, ("as they are", "logarithmic"), SCALES[is_log]),)
 
 
 def value_text(choice: Choice, number: int) -> str:

@@ -16,7 +16,7 @@ from volspec.viewer.ui.widgets import (
     shorten,
     text_width,
 )
-from volspec.volume.summary import value_format
+from volspec.volume.summary import value_form
 
 _FLAGS = imgui.TableFlags_.sizing_fixed_fit
 
@@ -46,9 +46,10 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
 def _limits(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the contrast limits of the chosen field."""
     low, high = transfer_parts.limits(state.transfer)
-    first, last = fields.data(state).volume.typical_range
+    volume = fields.data(state).volume
+    first, last = volume.typical_range
     step = (last - first) / 500
-    form = "%.0f" if step > 0.05 else value_format(first, last)
+    form = "%.0f" if step > 0.05 else value_form(volume)
     imgui.set_next_item_width(-text_width("Limits") - imgui.get_style().item_inner_spacing.x)
     moved, low, high = imgui.drag_float_range2(
         "Limits", low, high, step, first, last, form, form, imgui.SliderFlags_.always_clamp

@@ -14,7 +14,7 @@ from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.cuts import SLICE_COLOURS
 from volspec.viewer.ui.widgets import BLACK, WHITE, pack_colour, text_width
 from volspec.viewer.work.slice_pictures import SlicePictures
-from volspec.volume.summary import value_format
+from volspec.volume.summary import value_text
 
 Area = tuple[float, float, float, float]
 # Pixels at 96 dpi: the least height for all slices, the least side of one, and letters' distance
@@ -73,8 +73,7 @@ def crossing_text(state: ViewState) -> str:
     volume, at = state.document.volume, state.interface.slices.at
     i, j, k = (voxel_number(volume, axis, at[axis]) for axis in range(3))
     place = world_mm(volume, np.array([i, j, k], dtype=np.float64))
-    here = volume.nan_if_missing(volume.values[k, j, i])
-    value = str(volume.stated(here)) if volume.numbers else value_format(*volume.range) % here
+    value = value_text(volume, float(volume.nan_if_missing(volume.values[k, j, i])))
     unit = place_unit(volume, state.interface.overlays.patient)
     return f"{value}  at  {place_text(volume, place)} {unit}"
 

@@ -38,7 +38,7 @@ from volspec.viewer.ui.widgets import (
     wrap_text,
 )
 from volspec.viewer.work import css_colours
-from volspec.volume.summary import value_format
+from volspec.volume.summary import value_form
 
 _HINT = "Another: gold, skin, steelblue, #c08040, FILE.csv"
 _ROWS = 8
@@ -220,11 +220,12 @@ def height_above(lines: int, ui: UiContext, least: float = 115, below: float = 0
 def draw_value(state: ViewState, ui: UiContext, what: str) -> ViewState:
     """Draw the chosen part's value and opacity and the button that removes it in one line."""
     index, parts, new = chosen_part(state), list_parts(state.transfer), state
-    now, (low, high) = parts[index].values[0], presets.value_span(fields.data(state).volume)
+    now, volume = parts[index].values[0], fields.data(state).volume
+    low, high = presets.value_span(volume)
     wide = (imgui.get_content_region_avail().x - ui.px(_REMOVE) - 2 * ui.px(6)) / 2
     imgui.set_next_item_width(wide)
     step = (high - low) / 500
-    words = f"value {value_format(low, high)}"
+    words = f"value {value_form(volume)}"
     moved, value = imgui.drag_float("##value", now, step, low, high, words, _CLAMP)
     ui.note("part value", f"{what} {index + 1} of {len(parts)}. Double-click to type")
     if moved:

@@ -19,7 +19,7 @@ from volspec.viewer.ui import transfer_detail, transfer_plot
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.transfer_plot import Handle, HandleEdits, ink, set_axis
 from volspec.viewer.ui.widgets import ACCENT, pack_colour
-from volspec.volume.summary import value_format
+from volspec.volume.summary import value_form
 
 # Margins beyond either end of the axes.
 _MARGIN, _ABOVE = 0.02, 0.12
@@ -83,8 +83,9 @@ def _opacities(state: ViewState, curve: TransferFunction | None, ui: UiContext) 
         _stems(state, ui)
     implot.pop_plot_clip_rect()
     parts, colours = list_parts(state.transfer), transfer_plot.part_colours(state)
+    form = value_form(fields.data(state).volume)
     handles = [
-        Handle(_place(part), _words(part, value_format(*span)), colour)
+        Handle(_place(part), _words(part, form), colour)
         for part, colour in zip(parts, colours, strict=True)
     ]
     chosen = transfer_detail.chosen_part(state)
@@ -311,7 +312,7 @@ def _numbers(state: ViewState, ui: UiContext) -> ViewState:
     index = transfer_detail.chosen_part(state)
     region = transfer.regions[index]
     low, high = presets.value_span(fields.data(state).volume)
-    new, form = state, value_format(low, high)
+    new, form = state, value_form(fields.data(state).volume)
     wide = imgui.get_content_region_avail().x / 2 - ui.px(5)
     imgui.set_next_item_width(wide)
     moved, *values = imgui.drag_float_range2(

@@ -25,7 +25,7 @@ from volspec.viewer.model.transfer_parts import list_parts
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import Colour, adapting_transform, as_colour, fill_box
 from volspec.viewer.ui.widgets import ACCENT, pack_colour
-from volspec.volume.summary import value_format
+from volspec.volume.summary import value_form
 
 Array = NDArray[np.float64]
 LIT = "Under the lights that are on, to an eye adapted to them"
@@ -153,7 +153,7 @@ def set_values_axis(state: ViewState, margin: float) -> None:
     room = margin * (high - low)
     set_axis(implot.ImAxis_.x1, low - room, high + room, implot.AxisFlags_.no_grid_lines)
     unit = fields.data(state).volume.metadata.unit
-    form = f"{value_format(low, high)} {unit.replace('%', '%%')}".rstrip()
+    form = f"{value_form(fields.data(state).volume)} {unit.replace('%', '%%')}".rstrip()
     implot.setup_axis_format(implot.ImAxis_.x1, form)
 
 

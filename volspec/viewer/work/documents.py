@@ -21,7 +21,7 @@ from volspec.pipeline import Raycaster
 from volspec.scene import Scene
 from volspec.scene.specs import MeshSpec
 from volspec.spectra import reflectance_names
-from volspec.viewer.model.choices import Undecided, address_with
+from volspec.viewer.model.choices import Undecided, address_with, scale_choice
 from volspec.viewer.model.document import Document, demo
 from volspec.viewer.model.light_rows import brightest_row
 from volspec.viewer.model.meshes import row_for
@@ -34,7 +34,7 @@ from volspec.viewer.work.demonstrations import demonstration_at
 from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.session import SUFFIX, BrokenSession, restore_state
 from volspec.viewer.work.session_store import RecentFiles, SessionStore, state_folder
-from volspec.volume import Choice, volume_choices
+from volspec.volume import Choice, Volume, volume_choices
 from volspec.volume.series import open_volume
 
 
@@ -59,7 +59,7 @@ def open_document(
     else:
         volume, series = open_volume(path)
         if choices is None:
-            choices = list_choices(path)
+            choices = list_choices(path, volume)
         scene = Scene.from_volume(path, volume=volume, series=series)
     # Loaded ahead, as presets would have to wait for the names.
     threading.Thread(target=reflectance_names, daemon=True).start()
@@ -67,18 +67,19 @@ def open_document(
     return Document.of(scene, volume, caster, fault, series).with_choices(choices)
 
 
-def list_choices(path: str) -> tuple[Choice, ...]:
+def list_choices(path: str, volume: Volume) -> tuple[Choice, ...]:
     """Return what the address of a volume leaves open; nothing if it cannot be read.
 
     A file without options was read whole; only a folder may hold more, as levels.
     """
+    scale = scale_choice(volume)
     if "?" not in path and not (os.path.isdir(path) or is_remote(path)):
-        return ()
+        return scale
     try:
         # Time steps are shown by the series, or the one that is asked for alone.
-        return tuple(each for each in volume_choices(path) if each.key != "time")
+        return tuple(each for each in volume_choices(path) if each.key != "time") + scale
     except VolspecError:
-        return ()
+        return scale
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -294,7 +295,7 @@ class DocumentService:
                 found = replace(state, document=document)
                 return Opened(found, instead_of=state.document)
             found = ViewState.first(document, state.size)
-            view = found.view if key == "series" else state.view
+            view = found.view if key in ("series", "scale") else state.view
             lights = {name: getattr(state, name) for name in ("lights", "relight", "saved_lights")}
             return Opened(replace(found, view=view, **lights))
 
@@ -317,7 +318,7 @@ class DocumentService:
                 raise self._store.broken(path, error) from error
             document = state.document
             if document.source is not None and not document.source.lower().endswith(".toml"):
-                document = document.with_choices(list_choices(document.source))
+                document = document.with_choices(list_choices(document.source, document.volume))
             shown = None if self._store.holds(path) else str(path)
             return Opened(replace(state, document=document), shown, path)
 

@@ -22,7 +22,7 @@ from volspec.spectra import SpectralGrid, Spectrum
 from volspec.transfer import Transfer
 from volspec.viewer.work.pictures import crop
 from volspec.volume import Volume
-from volspec.volume.summary import value_format
+from volspec.volume.summary import value_text
 
 Array = NDArray[np.float64]
 
@@ -170,7 +170,7 @@ def _hit_rows(
         if field.labels:
             yield field.title if volume.fields else "Label", _label_at(field, camera, place)
         elif (value := value_at(field, place)) is not None:
-            text = value_format(*field.range, 6) % value
+            text = value_text(field, value, 6)
             yield field.title if volume.fields else "Value", text
     yield place_unit(volume, patient), place_text(volume, place)
 

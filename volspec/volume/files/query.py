@@ -12,7 +12,7 @@ import mmap
 import re
 import shlex
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 from urllib.parse import unquote
@@ -27,6 +27,8 @@ from volspec.volume.channels import ALL, MAX_FIELDS, Channel
 from volspec.volume.labels import Labels
 from volspec.volume.metadata import Metadata
 
+SCALES = "linear", "log"
+"""Values of ``scale=``."""
 # Most arrays that a message lists.
 _MOST_LISTED = 8
 _BYTES = re.compile(r"(\d+(?:\.\d*)?)\s*([KMGT]?)(i?)B?", re.IGNORECASE)
@@ -71,6 +73,7 @@ class Query:
     labels: str | None = None  # ``labels=``, a table for volumes of any format
     memory_bytes: int | None = None  # ``memory=``, most bytes of voxels in memory
     unit: str | None = None  # ``unit=`` of the values, such as HU
+    is_log: bool = False  # ``scale=log``, voxels hold the decimal logarithms of the file's values
 
     @classmethod
     def of(cls, text: str) -> Query:
@@ -100,8 +103,12 @@ class Query:
         if labels == "":
             raise VolumeError(f"{path}: labels= is empty; give a file", code="missing")
         memory, unit = options.pop("memory", None), options.pop("unit", None)
-        nbytes = bytes_of(memory, path)
-        return cls(path_of(path), options, labels=labels, memory_bytes=nbytes, unit=unit)
+        nbytes, scale = bytes_of(memory, path), options.pop("scale", "linear")
+        if scale not in SCALES:
+            remedy = f"give scale={SCALES[1]}, or leave it out"
+            raise VolumeError.refused(f"{path}: scale", scale, remedy, "unknown")
+        found = cls(path_of(path), options, labels=labels, memory_bytes=nbytes, unit=unit)
+        return replace(found, is_log=scale == SCALES[1])
 
     @property
     def is_remote(self) -> bool:
@@ -120,13 +127,14 @@ class Query:
         "'a b/v.nii?time=2&channel=0'"
         """
         every = {"labels": self.labels, "unit": self.unit}
+        every["scale"] = SCALES[1] if self.is_log else None
         given = self.options | {k: v for k, v in every.items() if v is not None} | options
         coded = {k: v.replace("%", "%25").replace("&", "%26") for k, v in given.items()}
         return shlex.quote(f"{self.path}?" + "&".join(f"{k}={v}" for k, v in coded.items()))
 
     def allow(self, *known: str) -> None:
         """Refuse options other than ``known``, and those that every volume takes."""
-        known = tuple(dict.fromkeys((*known, "spacing", "labels", "unit")))
+        known = tuple(dict.fromkeys((*known, "spacing", "labels", "unit", "scale")))
         if unknown := sorted(set(self.options) - set(known)):
             raise VolumeError(
                 f"{self.path}: unknown option {unknown[0]!r}",
@@ -160,8 +168,9 @@ class Query:
         return x, y, z
 
     def completed(self, stated: Metadata) -> Metadata:
-        """Return a file's statements with those of the address: ``unit=`` and ``spacing=``."""
-        return stated.given(self.unit, self.spacing_mm is not None)
+        """Return a file's statements with the address': ``unit=``, ``spacing=`` and ``scale=``."""
+        given = stated.given(self.unit, self.spacing_mm is not None)
+        return replace(given, is_log=self.is_log)
 
     def index(self, key: str, count: int, what: str, names: Sequence[str] = ()) -> int:
         """Return the index chosen by an option such as ``channel=N`` or ``time=N``, counted from 0.
