@@ -51,7 +51,7 @@ def info(volume: str, /, *, json: Json = False) -> None:
         `FILE.raw?shape=256x256x110&dtype=uint8&spacing=1,1,1`. Details follow a question mark:
         `FOLDER?series=3`, `FILE.tif?spacing=0.65,0.65,2`,
         `channel=`, `time=`, `level=`; `labels=FILE` names a table of a segmentation's labels,
-        `unit=HU` the unit of values that the file leaves out.
+        `unit=HU` the unit of values that the file leaves out, `scale=log` takes their logarithms.
     """
     from volspec.volume.series import open_volume
     from volspec.volume.summary import summarise

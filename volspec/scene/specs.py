@@ -148,7 +148,7 @@ class VolumeSpec:
     FILE.raw?shape=256x256x110&dtype=uint8, or a folder: DICOM (?series=3 selects one of several),
     slices of TIFF, PNG, BMP or JPEG, OME-Zarr; of time steps and channels ?time=2&channel=0;
     ?labels=FILE is a table of a segmentation's labels, ?unit=HU the unit of values that a file
-    leaves out; or the name of a bundled volume: engine, head, frog; or empty, around meshes.
+    leaves out, ?scale=log takes their logarithms; or the name of a bundled volume: engine, head, frog; or empty, around meshes.
     Without ?time= a file of several time steps is a series, and so are files of one step each:
     beat/*.nrrd."""
     step: Annotated[int, Field(ge=0)] = 0
