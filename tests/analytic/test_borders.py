@@ -78,13 +78,14 @@ def test_missing_voxels_neither_bend_normals_nor_make_walls():
 
 
 @pytest.mark.filterwarnings("ignore:.*(NaN|picture is empty)")
-def test_preintegration_makes_up_no_values_towards_missing_voxels():
+@pytest.mark.parametrize("preintegrated", [True, False])
+def test_no_values_are_made_up_towards_missing_voxels(preintegrated):
     values = np.full((24, 24, 24), 2.0, np.float32)
-    values[0, 0, 0], values[:, :, 12:] = 1.0, np.nan  # the range begins at 1, out of view
+    values[0, 0, 0], values[::4, ::4, 4::4] = 1.0, np.nan  # the range begins at 1, out of view
     points = [(1.1, 0.0, "white"), (1.2, 1.0, "white"), (1.3, 0.0, "white")]
     camera = Camera((-50, 14, 17), (12, 12, 12), height_mm=6)
-    curve = TransferFunction(points, WHITE, BASIS)
-    _, image = shades(Volume(values), curve, camera, preintegrated=True, step_mm=0.3)
+    curve, how = TransferFunction(points, WHITE, BASIS), {"preintegrated": preintegrated}
+    _, image = shades(Volume(values), curve, camera, step_mm=0.3, **how)
     assert not image.alpha.any()
 
 
