@@ -351,7 +351,7 @@ class _Painter:
         thick, edge = round(_SWATCH * self.unit), max(round(_OUTLINE * self.unit / 2), 1)
         patches, bottom = [], height - self.margin
         for bar in reversed(self._picture.values):
-            labels = [(v, self.text(f"{v:.6g}", 0.0, 0.0, _TEXT)) for v in bar.ticks()]
+            labels = [(v, self.text(bar.number(v), 0.0, 0.0, _TEXT)) for v in bar.ticks()]
             long = max(round(_BAR * width), 2)
             left, top = round((width - long) / 2), round(bottom - thick - _ROW * self.unit)
             colours = bar.colours[np.arange(long) * len(bar.colours) // long]

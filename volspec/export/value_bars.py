@@ -35,6 +35,11 @@ class ValueBar:
     low: float
     high: float
     colours: NDArray[np.float64]  # (N, 3) display codes 0 to 1; those of transparent values are NaN
+    is_log: bool = False  # its values are decimal logarithms of the numbers to be shown
+
+    def number(self, value: float) -> str:
+        """Return a value as people read it."""
+        return f"{10.0**value if self.is_log else value:.6g}"
 
     def ticks(self, most: int = 5) -> list[float]:
         """Return up to ``most`` round values within the bar.
@@ -105,5 +110,5 @@ def value_bars(
         colours[np.interp(values, at, opaque.astype(float)) <= 0] = np.nan
         title = field.channel.name or field.name if len(functions) > 1 else ""
         label = " · ".join(filter(None, (title, field.metadata.unit)))
-        bars.append(ValueBar(label, low, high, colours))
+        bars.append(ValueBar(label, low, high, colours, field.metadata.is_log))
     return bars

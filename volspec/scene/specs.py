@@ -148,9 +148,9 @@ class VolumeSpec:
     FILE.raw?shape=256x256x110&dtype=uint8, or a folder: DICOM (?series=3 selects one of several),
     slices of TIFF, PNG, BMP or JPEG, OME-Zarr; of time steps and channels ?time=2&channel=0;
     ?labels=FILE is a table of a segmentation's labels, ?unit=HU the unit of values that a file
-    leaves out, ?scale=log takes their logarithms; or the name of a bundled volume: engine, head, frog; or empty, around meshes.
-    Without ?time= a file of several time steps is a series, and so are files of one step each:
-    beat/*.nrrd."""
+    leaves out, ?scale=log takes their logarithms; or the name of a bundled volume: engine, head,
+    frog; or empty, around meshes. Without ?time= a file of several time steps is a series, and so
+    are files of one step each: beat/*.nrrd."""
     step: Annotated[int, Field(ge=0)] = 0
     """Time step of a series that is shown, from 0."""
     fps: Annotated[float, Field(gt=0, le=240, allow_inf_nan=False)] = 10.0
