@@ -119,6 +119,8 @@ def test_tables_of_gradients_are_64_rows_or_more_for_close_points():
     assert rows((0, 0), (40, 0), (41, 1)) == 165
     with pytest.warns(VolspecWarning):
         assert rows((0, 0), (400, 0), (401, 1)) == 256
+    # Below its first point a curve is level: a kink, in any unit.
+    assert rows((2, 0), (20, 1)) == rows((2 / 3e4, 0), (20 / 3e4, 1)) == 71
 
 
 def test_filters_are_mixed_by_weights_and_free_of_opacity():

@@ -240,8 +240,10 @@ def _places(values: Array, low: float, high: float, size: int) -> Array:
 def _table_size(what: str, points: Array, curve: Array, low: float, limits: tuple[int, int]) -> int:
     """Return the number of entries: at least four between the closest points, and on the points.
 
-    ``curve`` is (P, C), the table's values at the points.
+    ``curve`` is (P, C), the table's values at the points; from ``low`` to the first it is level.
     """
+    if low < points[0]:
+        points, curve = np.insert(points, 0, low), np.insert(curve, 0, curve[0], axis=0)
     gaps = np.diff(points, prepend=low)
     if not (gaps > 0).any():
         return limits[0]
