@@ -3,9 +3,9 @@
 #   make quick   values only (spectra, appearance, basis, scene …): after every save
 #   make test    linters, and all that the README promises, on every stage
 #   make trust   everything else: further cases (`make test-more`, which CI runs, too),
-#                random order, every basis against full spectra, other systems and
-#                versions, ten minutes in the viewer, fuzzed readers, killed writers,
-#                memory over 20 scenes
+#                random order, 2,000 pairs of scenes that look alike, every basis against
+#                full spectra, other systems and versions, ten minutes in the viewer, fuzzed
+#                readers, killed writers, memory over 20 scenes
 #   make bench   comparisons with peers, each figure with its target
 #   make gallery docs/gallery/raycast.md, cast again
 PYTHON ?= python3
@@ -72,6 +72,7 @@ gallery: $(VENV)/.installed
 
 trust: test-more
 	for seed in 1 2 3; do $(PYTEST) -m 'not slow' -p randomly --randomly-seed=$$seed || exit 1; done
+	RELATIONS=100:230 $(PYTEST) -m slow tests/raycast/test_relations.py
 	$(BIN)/python -m benchmarks.basis
 	$(BIN)/mypy --platform win32
 	$(BIN)/mypy --platform darwin

@@ -45,7 +45,7 @@ Pair = tuple[Any, ...] | None
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What is cast; ``back_mm`` is how much farther away the camera is than its pair's."""
+    """A picture's parts; ``back_mm`` is how much farther the camera is than its pair's."""
 
     kind: str
     light: str
@@ -408,10 +408,13 @@ def padded_by_transparent_voxels(scene: Scene, rng: Rng) -> Pair:
 
 
 def padded_by_missing_voxels(scene: Scene, rng: Rng) -> Pair:
-    """Cropped a little inside the border, where float32 may have a part of what is missing."""
+    """Cropped inside the border, where float32 may have a part of what is missing.
+
+    Light is read up to four cells in front of a cut, and two beyond a volume are known.
+    """
     if scene.kind in (*JOINT, "labels"):
         return None
-    box = tuple((0.0005, n - 1.0005) for n in scene.volume.shape_xyz)
+    box = tuple((2.5, n - 3.5) for n in scene.volume.shape_xyz)
     inner = even(scene).spec_of(crop_voxels=scene.spec.crop_voxels or box)
     return inner, padded(inner, rng.integers(1, 5, (3, 2)), np.nan)
 
@@ -428,7 +431,7 @@ def cropped_by_planes(scene: Scene, rng: Rng) -> Pair:
 
 
 def cropped_as_an_array(scene: Scene, rng: Rng) -> Pair:
-    """With one voxel more around, as slopes are of neighbours; the range scales the floor."""
+    """Pair with one voxel more around, as slopes are of neighbours; the range scales the floor."""
     if scene.spec.crop_voxels is None or scene.kind in JOINT:
         return None
     whole, box = even(scene).spec_of(flat_gradient=0.0), np.array(scene.spec.crop_voxels)
