@@ -9,7 +9,8 @@ import pytest
 
 TESTS = Path(__file__).resolve().parent
 FILES = sorted(TESTS.rglob("*.py"))
-# 48,000, and what 30 formats of files take with their neighbours: units, axes, writers, damage.
+# 48,000, and 30 formats of files with their neighbours (units, axes, writers, damage), borders,
+# scales, scripts, forks, sockets, and random pairs of scenes that must give one picture.
 MAX_LINES = 51_700
 # Refusals are gathered in one table a module.
 REFUSAL, MAX_REFUSALS = re.compile(r"\b(raises|refuses)\(|refus"), 0.12
