@@ -216,7 +216,7 @@ REFUSED: list[tuple[Callable[[], object], str, str]] = [
     (lambda: function((0, np.nan, "steel")), "range", "points[0].opacity"),
     (lambda: function((0, "much", "steel")), "type", "points[0].opacity"),
     (lambda: function((0, True, "steel")), "type", "points[0].opacity"),
-    (lambda: function((np.inf, 0.5, "steel")), "range", "points[0].value"),
+    (lambda: function((1e39, 0.5, "steel")), "range", "points[0].value"),
     (lambda: function((5, 0.5, "steel"), (4, 0.5, "steel")), "range", "points[1].value"),
     (lambda: function((0, 0.5)), "type", "points[0]"),
     (lambda: material("coper"), "unknown", "points[0].material"),

@@ -130,7 +130,7 @@ def region(**change: Any) -> Region:
     [
         (lambda: region(values=(5, 1)), "range Region.values"),
         (lambda: region(values=(5, 5)), "range Region.values"),
-        (lambda: region(values=(5, math.inf)), "range Region.values"),
+        (lambda: region(values=(5, 1e39)), "range Region.values"),
         (lambda: region(values=5), "type Region.values"),
         (lambda: region(values=(1, "5")), "type Region.values[1]"),
         (lambda: region(gradients=(-1, 5)), "range Region.gradients"),

@@ -161,12 +161,16 @@ def _require_known(field: str, name: str, materials: Mapping[str, Spectrum]) -> 
         )
 
 
+MAX_VALUE = float(np.finfo(np.float32).max)
+"""Greatest value, as of voxels."""
+
+
 def checked_point(field: str, given: Any, materials: Mapping[str, Spectrum]) -> Point:
     """Return (value, opacity, {material: weight}) for (value, opacity, material or mix)."""
     value, opacity, mix = checked_parts(field, given, "(value, opacity, material or mix)")
     value = checked_number(f"{field}.value", value)
-    if not math.isfinite(value):
-        raise TransferError.refused(f"{field}.value", value, "give a finite number", "range")
+    if not abs(value) <= MAX_VALUE:
+        raise TransferError.refused(f"{field}.value", value, "give a number of float32", "range")
     opacity = checked_fraction(f"{field}.opacity", opacity)
     return value, opacity, checked_mix(f"{field}.material", mix, materials)
 

@@ -66,9 +66,9 @@ class Region:
 
     def __post_init__(self) -> None:
         low, high = _checked_bounds("values", self.values)
-        if not (math.isfinite(low) and math.isfinite(high)):
+        if max(abs(low), abs(high)) > mixes.MAX_VALUE:
             raise TransferError.refused(
-                "Region.values", self.values, "give finite numbers", "range"
+                "Region.values", self.values, "give numbers of float32", "range"
             )
         bottom, top = _checked_bounds("gradients", self.gradients)
         if bottom < 0:

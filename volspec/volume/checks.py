@@ -173,7 +173,7 @@ def logarithms(values: NDArray[Any], name: str) -> tuple[NDArray[Any], float | N
     low, high = (float(end(logs[there])) for end in (np.min, np.max))
     logs[~there] = missing = missing_value(low, high)
     count = there.size - np.count_nonzero(there)
-    why = "are not above 0 and have no logarithm; they are transparent"
+    why = "have no logarithm, as they are not above 0, or not finite; they are transparent"
     return logs, missing, f"{name}: {count} of {there.size} voxels {why}"
 
 
