@@ -25,8 +25,8 @@ NO_ROOM = "With the materials of the meshes there would be too many; nothing was
 # A mesh that nobody sees is not shown instead.
 LEAST_OPACITY = 0.01
 # Millimetres of a file's unit, and of a shape.
-UNITS_MM = 1e-6, 1e6
-FURTHEST_MM = 1e6
+UNITS_MM = 1e-12, 1e12
+FURTHEST_MM = 1e15
 
 
 @edit
