@@ -33,6 +33,8 @@ _DENSE, _MANY = 0.25, 24
 _ORDERED_FROM, _BY_ONE = 8, 0.6
 # Fraction of the values that a table names, if it is the volume's.
 NAMED = 0.9
+# Least number below 0 of what some programs leave without a label; scans go further down.
+_UNASSIGNED = -9
 # Voxels sampled for these tests.
 _SAMPLES = 1 << 21
 
@@ -115,7 +117,7 @@ def why_no_labels(
     """
     low, high = span
     some = np.maximum(values[:: max(1, len(values) // 8)], low)  # missing voxels are below
-    if (some != np.rint(some)).any():
+    if (some != np.rint(some)).any() or (low < _UNASSIGNED and not certain):
         return ""
     ranks: NDArray[Any] = some - min(low, 0.0)
     if high > _MOST:
