@@ -57,7 +57,8 @@ def write(on: Axes | Figure, x: float, y: float, words: str, **style: Any) -> Te
     """Add text as one literal line without mathtext; a box for letters that no font has."""
     from matplotlib.font_manager import FontProperties, findfont, get_font
 
-    runs = text_runs(words)
+    if not (runs := text_runs(words)):
+        return on.text(x, y, "", **style)
     drawn = "".join(run for run, _ in runs)
     families = [_family(font) for font in dict.fromkeys(font for _, font in runs)]
     own = get_font(findfont(FontProperties(family=families[0], weight=style.get("weight"))))

@@ -81,7 +81,7 @@ def test_every_setting_of_a_cast_can_be_given(folder):
         "preintegrated": False, "adaptive": 0.01, "crop_voxels": [[1, 9], [2, 8], [3, 7.5]],
         "clip_planes": [{"point_mm": [5, 5, 5], "normal": [1, 0, 2]}], "light_cells": 40,
         "half": True, "level": 2, "first_opacity": 0.3, "quality": "fast", "physical_light": True,
-        "layers": 0, "opacities": {"block": 0.5},
+        "layers": 0, "opacities": {"block": 0.5}, "add_fields": True,
     }  # fmt: skip
     assert set(asked) == table
     rows = "\n".join(f"{key} = {_toml(value)}" for key, value in asked.items())

@@ -49,6 +49,7 @@ def test_few_labels_have_a_material_each_and_many_share_eight():
     assert len(function.labels) == 117 and len(function.materials) <= 8 and function.basis.size <= 9
 
 
+@pytest.mark.filterwarnings("ignore:.*quality")
 @pytest.mark.not_quick
 def test_a_segmentation_opens_with_labels_and_its_scene_keeps_them(tmp_path):
     np.save(tmp_path / "v.npy", blocks([1, 2, 5]))

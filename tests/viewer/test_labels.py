@@ -42,6 +42,7 @@ def test_a_segmentation_opens_with_its_labels(state):
     assert not function.hidden and {opacity for opacity, _ in function.labels.values()} == {0.9}
 
 
+@pytest.mark.filterwarnings("ignore:.*quality")
 def test_the_probe_names_the_label_behind_its_boundary(state):
     (done,) = casts_of(job_of(state, (60, 60), WHOLE))
     y, x = np.nonzero(done.image.alpha > 0.5)

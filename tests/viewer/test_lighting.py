@@ -251,6 +251,7 @@ def test_every_setting_of_a_cast_can_be_edited():
     """All but the device's, layers, and those that have a panel of their own."""
     edited = {name.partition("_")[2] for name in vars(quality) if "_" in name}
     others = {"groups", "crop_voxels", "clip_planes", "tile_ms", "layers", "opacities"}
+    others.add("add_fields")
     names = {"mode": "projection", "step_mm": "step", "preintegrated": "preintegration"}
     for field in set(RaycastSpec.__dataclass_fields__) - others:
         assert names.get(field, field) in edited, field

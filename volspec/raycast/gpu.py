@@ -67,7 +67,11 @@ OneTable = TypeVar("OneTable", bound=Table)
 def device_scale(volume: Volume) -> float:
     """Return the power of two by which a field's values are multiplied on a device."""
     magnitude = max(map(abs, volume.range))
-    if volume.pyramid is not None or LEAST_MAGNITUDE <= magnitude <= MOST_MAGNITUDE:
+    if (
+        volume.pyramid is not None
+        or magnitude == 0.0
+        or LEAST_MAGNITUDE <= magnitude <= MOST_MAGNITUDE
+    ):
         return 1.0  # levels are read as they are stored
     return SCALE if magnitude < LEAST_MAGNITUDE else 1 / SCALE
 
@@ -77,7 +81,7 @@ def scaled_table(table: Tables, volume: Volume) -> Tables:
 
     def scaled(one: OneTable, name: str) -> OneTable:
         scale = device_scale(volume.by_name[name])
-        if scale == 1.0:
+        if scale == 1.0 or (isinstance(one, TransferTable) and one.labels):
             return one
         if isinstance(one, SurfaceTable):
             return replace(one, values=one.values * scale)
@@ -111,14 +115,14 @@ class _Field:
     @classmethod
     def of(cls, compute: Compute, volume: Volume) -> _Field:
         """Upload a field, on CPUs without a copy. Raises OpenCLError if there is no room."""
-        volume = volume if (scale := device_scale(volume)) == 1.0 else volume.scaled(scale)
-        values = volume.values
-        if values.size > np.iinfo(np.uint32).max:
+        if volume.values.size > np.iinfo(np.uint32).max:
             raise OpenCLError(
-                f"{volume.name}: {values.size / 2**30:.1f} Gi voxels",
+                f"{volume.name}: {volume.values.size / 2**30:.1f} Gi voxels",
                 "at most 4 Gi can be cast, take volume.downsampled(2)",
                 code="size",
             )
+        volume = volume if (scale := device_scale(volume)) == 1.0 else volume.scaled(scale)
+        values = volume.values
         if not compute.info.is_cpu:
             compute.require(values.nbytes, volume.name, "take volume.downsampled(2)")
         unpadded = compute.upload(values, share=True)

@@ -160,7 +160,9 @@ def cast_struct(
     _set_table(cast, table, volume, spec, step)
     # Of smallest spacings of the volume, in units.
     cast["gradient_scale"] *= min(volume.spacing_mm) / unit
-    cast["least"] = volume.least_present - float(cast["domain_low"])
+    # Finite: what is beyond the volume is −∞, and below it.
+    lowest = float(np.finfo(np.float32).min)
+    cast["least"] = max(volume.least_present - float(cast["domain_low"]), lowest)
     return cast
 
 

@@ -185,7 +185,7 @@ class Sampler:
         """
         gradient = np.stack([trilinear(each, point) for each in self._slopes], axis=1)
         present = trilinear(self._present.astype(np.float64), point)
-        gradient /= np.maximum(present, 1e-30)[:, None]
+        gradient /= np.where(present > 0, present, 1.0)[:, None]
         return self._scale * gradient @ self._world
 
     def label(self, point: Array) -> NDArray[np.int64]:
