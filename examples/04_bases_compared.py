@@ -23,10 +23,15 @@ def frame_Lab(name: str, image: vs.CoefficientImage, spec: vs.RelightSpec) -> np
     return cielab(space.decode(frame / 255.0) @ space.XYZ_from_RGB.T, space.white_XYZ)
 
 
-path = "data/scenes/engine.toml"
-scene = vs.Scene.load(path, {"method": "materials"})
-exact = frame_Lab("exact", scene.render(size=(192, 192)), scene.relight)
-images = {n: vs.Scene.load(path, {"size": n}).render(size=(192, 192)) for n in (3, 5, 7)}
+def cast(**basis: object) -> vs.CoefficientImage:
+    made = vs.Scene.load("data/scenes/engine.toml", basis)
+    # All in the same step, which is otherwise chosen for each picture.
+    return made.render(size=(192, 192), spec=replace(made.raycast, step_mm=0.5))
+
+
+scene = vs.Scene.load("data/scenes/engine.toml")
+exact = frame_Lab("exact", cast(method="materials"), scene.relight)
+images = {n: cast(size=n) for n in (3, 5, 7)}
 for mode in ("componentwise", "fitted"):
     for size, image in images.items():
         found = frame_Lab(f"{mode}-{size}", image, replace(scene.relight, mode=mode))

@@ -182,6 +182,7 @@ def test_a_scene_shows_a_step_and_exports_all(beat):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*quality balanced asks for an error of")  # hard edges
 def test_a_scene_made_for_a_series_fits_all_steps(tmp_path):
     """The first step may be empty; the camera frames what the last one shows."""
     steps_of = [np.zeros((12, 12, 12), np.uint8), *steps(3)]
