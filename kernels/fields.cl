@@ -50,13 +50,14 @@ static inline floatN extinction_of(floatN opacity) {
 }
 
 #if LIT && !ALIGNED
-// Take a field's own cut where it is behind the frame's.
-static inline void later_cut(const Rays *own, Rays *r) {
-    const intN later = MASK(own->cut > r->cut);
-    r->cut = SELECT(later, own->cut, r->cut);
-    r->cut_nx = SELECT(later, own->cut_nx, r->cut_nx);
-    r->cut_ny = SELECT(later, own->cut_ny, r->cut_ny);
-    r->cut_nz = SELECT(later, own->cut_nz, r->cut_nz);
+// The frame's rays, with a field's own cut where it is behind theirs.
+static inline Rays later_cut(const Rays *own, Rays r) {
+    const intN later = MASK(own->cut > r.cut);
+    r.cut = SELECT(later, own->cut, r.cut);
+    r.cut_nx = SELECT(later, own->cut_nx, r.cut_nx);
+    r.cut_ny = SELECT(later, own->cut_ny, r.cut_ny);
+    r.cut_nz = SELECT(later, own->cut_nz, r.cut_nz);
+    return r;
 }
 #endif
 
@@ -298,11 +299,12 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
                 if (!seen[f] || !ANY(MASK(alpha[f][s] > 0.0f))) continue;
                 const floatN part = SELECT(MASK(parts[f] == sum), visible, per_part * parts[f]);
                 floatN shading[GROUPS], highlight[GROUPS];
-                Rays from = r;
 #if LIT && !ALIGNED
-                later_cut(&rays[f], &from);
+                const Rays own = later_cut(&rays[f], r), *from = &own;
+#else
+                const Rays *from = &r;
 #endif
-                shade(frame, sources, light_volume, &from, middle[f][s], nx[f][s], ny[f][s],
+                shade(frame, sources, light_volume, from, middle[f][s], nx[f][s], ny[f][s],
                       nz[f][s], part, shading, highlight);
 #if MASKED
                 if (rows[f][s].count == 1) {

@@ -77,7 +77,7 @@ __kernel void projection(__global const VOXEL *restrict voxels,
         const Sample f = sample_at(&cast, voxels, opacity, &r, middle);
         intN counts = m.live & in_part(&r, middle);
 #if MISSING
-        counts &= is_present(&cast, &f);
+        counts &= f.present;
 #endif
 #if MAXIMUM
         const intN more = counts & MASK(f.value > best);

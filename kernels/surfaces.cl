@@ -49,7 +49,7 @@ static inline Cubic cubic_through(floatN v0, floatN v1, floatN v2, floatN v3) {
 // The extrema between 0 and 1, in order; 0 in place of one that is not there.
 static inline void extrema(const Cubic *f, floatN *first, floatN *second) {
     const floatN square = f->b * f->b - 3.0f * f->a * f->c;
-    const floatN root = square * inverse_root(MAX(square, 1e-30f));
+    const floatN root = square * inverse_root(MAX(square, 1e-37f));
     const floatN q = -f->b - SELECT(MASK(f->b < 0.0f), -root, root);
     const floatN one = q / (3.0f * f->c), other = f->a / q;
     const intN real = MASK(square > 0.0f);
@@ -140,7 +140,7 @@ __kernel void surfaces(__global const VOXEL *restrict voxels,
         intN whole = (intN)(-1);
 #if MISSING
         // Missing voxels end a surface and make none.
-        whole = is_present(&cast, &f);
+        whole = f.present;
         near &= whole;
 #endif
         if (ANY(near & m.live)) {

@@ -404,8 +404,9 @@ def _weighted(
     _: NDArray[np.float32],
     lost: NDArray[np.float32],
 ) -> NDArray[np.float32]:
-    """Return what adds up when composited, (K, L·M + M + 2): channels, what of each is lost, alpha,
-    and depth times alpha.
+    """Return what adds up when composited, (K, L·M + M + 2).
+
+    These are the channels, what of each is lost, alpha, and depth times alpha.
     """
     weighted = np.multiply(alpha, depth_mm, out=np.zeros_like(alpha), where=alpha > 0.0)
     return np.column_stack([channels, lost, alpha, weighted]).astype(np.float32)

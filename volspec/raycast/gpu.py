@@ -7,6 +7,7 @@ The twin is ``volspec/raycast/reference.py``.
 
 from __future__ import annotations
 
+import math
 import threading
 import warnings
 from collections.abc import Iterator, Mapping
@@ -57,23 +58,19 @@ from volspec.volume import Volume
 
 # Step of isosurfaces, in smallest spacings: how far rays go before they look for empty bricks.
 SURFACE_STEP = 2.0
-# Magnitudes below and above which values are scaled on the device, and by what: of others, sums and
-# reciprocals are normal numbers of float32.
-LEAST_MAGNITUDE, MOST_MAGNITUDE, SCALE = 2.0**-80, 2.0**100, 2.0**100
+# Binary exponents of the magnitudes that are cast as they are: squares of their differences are
+# normal numbers of float32. Others are scaled to about 1 on the device.
+EXPONENTS = range(-40, 51)
 
 OneTable = TypeVar("OneTable", bound=Table)
 
 
 def device_scale(volume: Volume) -> float:
     """Return the power of two by which a field's values are multiplied on a device."""
-    magnitude = max(map(abs, volume.range))
-    if (
-        volume.pyramid is not None
-        or magnitude == 0.0
-        or LEAST_MAGNITUDE <= magnitude <= MOST_MAGNITUDE
-    ):
+    _, exponent = math.frexp(max(map(abs, volume.range)))
+    if volume.pyramid is not None or exponent in EXPONENTS:
         return 1.0  # levels are read as they are stored
-    return SCALE if magnitude < LEAST_MAGNITUDE else 1 / SCALE
+    return 2.0 ** min(-exponent, 126)
 
 
 def scaled_table(table: Tables, volume: Volume) -> Tables:

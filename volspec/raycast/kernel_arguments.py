@@ -65,7 +65,7 @@ CAST = Struct(
         ("float", "power", "step by the reference step of opacities"),
         ("float", "first_opacity", "at which a ray counts as having hit something"),
         ("float", "gradient_scale", "central difference -> fraction of the volume's range"),
-        ("float", "least", "samples below are of missing voxels, with MISSING; less domain_low"),
+        ("float", "least", "voxels below are missing, with MISSING; of floats less domain_low"),
         ("float", "gradient_floor_squared", "in those fractions; shading fades below it"),
         ("int", "width, height, channels", "of the picture"),
         ("int", "row, slice", "elements from one voxel row, one slice to the next"),
@@ -162,7 +162,8 @@ def cast_struct(
     cast["gradient_scale"] *= min(volume.spacing_mm) / unit
     # Finite: what is beyond the volume is −∞, and below it.
     lowest = float(np.finfo(np.float32).min)
-    cast["least"] = max(volume.least_present - float(cast["domain_low"]), lowest)
+    low = float(cast["domain_low"]) if volume.values.dtype.kind == "f" else 0.0
+    cast["least"] = max(volume.least_present - low, lowest)
     return cast
 
 

@@ -65,7 +65,7 @@ DIRECTIONS = 24
 LIFT = 2.0
 # Of depths with ``split``: at the whole, what is dark is rounded to 0.
 HALF = 0.5
-# In mm: as far as directional lights are away.
+# In mm or cells, whichever is longer: as far as directional lights are away.
 FAR = 1e7
 # (K, 3) starts, ends -> (K,): nothing opaque is between them.
 Clear = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[Any]]
@@ -250,9 +250,10 @@ def interpolated(
     first: Sequence[int] = (0, 0, 0),
     labels: bool = False,
 ) -> tuple[NDArray[Any], list[int]]:
-    """Return values (Z, Y, X) at the points of a denser lattice between the same ends; of labels
-    the nearest. They begin at voxel ``first`` of all ``voxels``; returned is also that of the
-    lattice. Numbers are along x, y, z.
+    """Return values (Z, Y, X) at the points of a denser lattice, and where they begin in it.
+
+    Both lattices have the same ends; of labels it is the nearest. The values begin at voxel
+    ``first`` of all ``voxels``. Numbers are along x, y, z.
     """
     begin = list(first)
     for a, (count, dense) in enumerate(zip(voxels, lattice, strict=True)):
@@ -290,7 +291,7 @@ def arriving(
     met = np.asarray(((at >= 0.0) & (at <= last)).all(axis=1))
     if layer.kind != "occlusion" and not met.all():
         out = np.flatnonzero(~met)
-        to = np.array(layer.vector) if layer.kind == "point" else FAR * np.array(layer.vector)
+        to = np.array(layer.vector) if layer.kind == "point" else _far(layer, grid)
         to = to + (points[out] if layer.kind == "directional" else 0.0)
         way = to @ matrix[:3, :3].T + matrix[:3, 3] - at[out]
         way = np.where(way == 0.0, 1e-30, way)
@@ -303,13 +304,18 @@ def arriving(
     return np.where(met, found, 1.0)
 
 
+def _far(layer: LightLayer, grid: LightGrid) -> NDArray[np.float64]:
+    """Return the way (3,) in mm to a directional light."""
+    return FAR * max(grid.cell_mm, 1.0) * np.array(layer.vector)
+
+
 def unblocked_part(layer: LightLayer, grid: LightGrid, clear: Clear) -> NDArray[np.float64]:
     """Return the part (nodes,) of a source's light that surfaces let pass to each node."""
     nodes = grid.positions()
     if layer.kind == "point":
         return clear(nodes, np.broadcast_to(layer.vector, nodes.shape)).astype(np.float64)
     if layer.kind == "directional":
-        return clear(nodes, nodes + FAR * np.array(layer.vector)).astype(np.float64)
+        return clear(nodes, nodes + _far(layer, grid)).astype(np.float64)
     free = [clear(nodes, nodes + layer.radius_mm * way) for way in sphere_directions()]
     return np.asarray(np.minimum(OCCLUSION_GAIN * np.mean(free, axis=0), 1.0))
 

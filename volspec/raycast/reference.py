@@ -56,6 +56,7 @@ from volspec.raycast.light_volume import (
 from volspec.raycast.lights import OCCLUSION_GAIN
 from volspec.raycast.masks import MaskLattice
 from volspec.raycast.sampling import (
+    TINY,
     Array,
     Arrives,
     Index,
@@ -396,6 +397,7 @@ class _Fields(_March):
         return replace(rays, near=near, far=far)
 
     def march(self) -> None:
+        self.later_cuts = {name: self._later_cuts(own) for name, own in self.rays_of.items()}
         each = list(self.rays_of.values())
         meets = [r.near < r.far for r in each]
         near = np.min([np.where(m, r.near, np.inf) for r, m in zip(each, meets, strict=True)], 0)
@@ -426,22 +428,21 @@ class _Fields(_March):
             extinction = -np.log1p(-np.minimum(alpha, 1 - MIX_OPAQUE))
             parts.append((extinction, middle, gradient, reflectance))
         weight = self.transmittance[live] * (1 - passed)
-        total = np.maximum(sum(part[0] for part in parts), 1e-300)
+        total = np.maximum(sum(part[0] for part in parts), TINY)
         along = np.zeros(len(live))
         for name, (extinction, middle, gradient, reflectance) in zip(
             self.samplers, parts, strict=True
         ):
-            self.cut_rays = self._later_cuts(name)
+            self.cut_rays = self.later_cuts[name]
             part = weight * extinction / total
             light = self.light(live, middle, self.point(live, middle), gradient, reflectance)
             self.colour[live] += part[:, None, None] * light
             along += part * middle
-        self.add_alpha(live, along / np.maximum(weight, 1e-300), weight)
+        self.add_alpha(live, along / np.maximum(weight, TINY), weight)
         self.transmittance[live] -= weight
 
-    def _later_cuts(self, name: str) -> Rays:
+    def _later_cuts(self, own: Rays) -> Rays:
         """Return the rays with the cuts of a field's own, where these are behind the frame's."""
-        own = self.rays_of[name]
         later = own.cut_mm > self.rays.cut_mm
         normal = np.where(later[:, None], own.cut_normal, self.rays.cut_normal)
         cut_mm = np.maximum(own.cut_mm, self.rays.cut_mm)
@@ -459,7 +460,7 @@ class _Fields(_March):
         total = extinction.sum(axis=1)
         # A row alone is as opaque as it says.
         alone = weights.max(axis=1) > 1 - 1e-9
-        parts = np.where(alone[:, None], weights, extinction / np.maximum(total, 1e-300)[:, None])
+        parts = np.where(alone[:, None], weights, extinction / np.maximum(total, TINY)[:, None])
         mixed = np.where(alone, (weights * opacity).sum(axis=1), -np.expm1(-total))
         return mixed, (parts[:, :, None] * reflectance).sum(axis=1)
 
@@ -504,7 +505,7 @@ class _Preintegrated(_March):
         alpha = -np.expm1(-means[:, 0] * (end - begin) / self.step)
         # No values lie between one and a missing one.
         alpha *= np.all([self.sampler.is_present(each) for each in points], axis=0)
-        reflectance = means[:, 1:] / np.maximum(means[:, :1], 1e-30) @ self.table.channels
+        reflectance = means[:, 1:] / np.maximum(means[:, :1], TINY) @ self.table.channels
         middle = 0.5 * (begin + end)
         point = self.point(live, middle)
         gradient = self.sampler.gradient(point) if self.normals else None
@@ -817,7 +818,7 @@ def _surface_extinction(volume: Volume, table: SurfaceTable) -> Array:
         for one, other in (ends, ends[::-1]):
             here, following = values[one], values[other]
             rise = np.abs(following - here) / spacing
-            steepness = np.sqrt(np.maximum(across[one] + rise**2, 1e-30))
+            steepness = np.sqrt(np.maximum(across[one] + rise**2, TINY))
             for level, opacity in zip(table.values.astype(np.float32), table.opacity, strict=True):
                 crossed = present[one] & present[other] & ((here < level) != (following < level))
                 apart = np.where(crossed, following - here, 1.0)
@@ -878,7 +879,7 @@ def _towards(sigma: Array, grid: LightGrid, light_mm: Array) -> Array:
     offset = grid.grid_from_world[:3, :3] @ light_mm + grid.grid_from_world[:3, 3] - nodes
     world = offset @ np.linalg.inv(grid.grid_from_world[:3, :3]).T
     cells = np.linalg.norm(world, axis=1, keepdims=True) / grid.cell_mm
-    step = offset / np.maximum(cells, 1e-30)
+    step = offset / np.maximum(cells, TINY)
     depth = np.zeros(len(nodes))
     for k in range(grid.diagonal_steps):
         begin = grid.shadow_bias + k

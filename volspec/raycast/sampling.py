@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 # (R, 3) index -> (R,) fraction of a source's light that arrives there.
 Arrives = Callable[[Array], Array]
+# Least divisor: of 0, which nothing sees.
+TINY = float(np.finfo(np.float64).tiny)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +81,7 @@ def make_rays(volume: Volume, camera: Camera, size: tuple[int, int], spec: Rayca
         near = np.where((toward == 0) & (inside < 0), np.inf, near)
     cut[near <= CUT_TOLERANCE * min(volume.spacing_mm)] = 0.0  # the eye is on it
     normal = cut @ matrix[:3, :3]
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), TINY)
     cut_mm = near.copy()
     gone = near >= far
     near, far = np.where(gone, 0.0, near), np.where(gone, 0.0, far)
@@ -156,7 +158,7 @@ class Sampler:
         self._scale = gradient_scale(table, volume, spec)
         self._world = volume.index_from_world[:3, :3] * min(volume.spacing_mm)
         # Value per mm -> fraction of the range per smallest spacing, the unit of gradients.
-        self.fraction_per_mm = max(spec.gradient_scale(volume) * min(volume.spacing_mm), 1e-30)
+        self.fraction_per_mm = max(spec.gradient_scale(volume) * min(volume.spacing_mm), TINY)
 
     def value(self, point: Array) -> Array:
         """Return (R,) values at (R, 3) index positions; next to missing voxels, theirs or less."""
@@ -317,7 +319,7 @@ def shade_by_source(
     if gradient is not None:
         square = (gradient**2).sum(axis=1)
         confidence = square / (square + spec.gradient_floor_squared)
-        normal = gradient / np.sqrt(np.maximum(square, 1e-30))[:, None]
+        normal = gradient / np.sqrt(np.maximum(square, TINY))[:, None]
     for number, (group, source) in enumerate(numbered_sources(spec)):
         towards, light = source_at(camera, source, world, direction)
         in_front = None
@@ -358,7 +360,7 @@ def source_at(
     if source.falloff_mm is not None:
         squared = source.falloff_mm**2
         light = light * squared / np.maximum(away**2, NEAR_LAMP**2 * squared)
-    return towards / np.maximum(away, 1e-12)[:, None], light
+    return towards / np.maximum(away, TINY)[:, None], light
 
 
 def classify(
