@@ -408,13 +408,10 @@ def padded_by_transparent_voxels(scene: Scene, rng: Rng) -> Pair:
 
 
 def padded_by_missing_voxels(scene: Scene, rng: Rng) -> Pair:
-    """Cropped inside the border, where float32 may have a part of what is missing.
-
-    Light is read up to four cells in front of a cut, and two beyond a volume are known.
-    """
+    """Cropped inside the border, where float32 may have a part of what is missing."""
     if scene.kind in (*JOINT, "labels"):
         return None
-    box = tuple((2.5, n - 3.5) for n in scene.volume.shape_xyz)
+    box = tuple((0.0005, n - 1.0005) for n in scene.volume.shape_xyz)
     inner = even(scene).spec_of(crop_voxels=scene.spec.crop_voxels or box)
     return inner, padded(inner, rng.integers(1, 5, (3, 2)), np.nan)
 

@@ -112,8 +112,9 @@ PRESENT = 1 - 1e-5
 # In smallest spacings: voxels and eyes closer than this to a cut count as inside, and projections
 # leave out rays that are shorter, in float32 and float64.
 CUT_TOLERANCE = 1e-3
-# Nodes of the light volume around the volume, so that light can be read in front of its faces.
-LIGHT_MARGIN = 2
+# Nodes of the light volume around the volume: light is read up to two cells in front of a surface,
+# which may be two in front of a face.
+LIGHT_MARGIN = 4
 
 
 def cast_struct(

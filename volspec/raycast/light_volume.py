@@ -95,7 +95,7 @@ class LightGrid:
         """Make a grid of ``cells`` nodes along the longest side, equally dense along the others.
 
         >>> LightGrid.of(Volume(np.zeros((5, 9, 17), np.uint8)), 9).shape_xyz
-        (13, 9, 8)
+        (17, 13, 12)
         """
         voxels = np.array(volume.shape_xyz)
         sides = (voxels - 1) * np.array(volume.spacing_mm)
