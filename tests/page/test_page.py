@@ -20,7 +20,8 @@ from volspec.appearance.adaptation import ADAPTATIONS
 from volspec.appearance.models import ciecam02
 from volspec.appearance.scene_to_display import CLOSED
 from volspec.basis import SpectralBasis
-from volspec.export.page import PageSpec, PageView, write_page
+from volspec.export.page import PageSpec, PageView, scene_bars, write_page
+from volspec.export.value_bars import value_bars
 from volspec.raycast import CoefficientImage
 from volspec.relight import Illumination, Relighter
 from volspec.relight.error_map import error_map
@@ -144,6 +145,38 @@ def test_two_settings_stand_on_the_sides_of_the_divide(engine_page, desktop):
     quarter = got.shape[1] // 4
     assert mean_difference(got[:, :quarter], left[:, :quarter]) <= EIGHT
     assert mean_difference(got[:, quarter:], right[:, quarter:]) <= EIGHT
+
+
+def test_bars_of_values_have_the_exports_colours_and_numbers(written, engine_scene, engine_image):
+    scene, volume = engine_scene.exporting(annotate=["values"]), engine_scene.volume()
+    (bar,), how = scene_bars(scene, volume), (scene.relight, scene.raycast.shares())
+    assert scene_bars(engine_scene, volume) == ()
+    gap = np.where(np.arange(64)[:, None] == 9, np.nan, bar.colours)
+    views = [PageView(engine_image, values=[bar, replace(bar, title="I · V", colours=gap)])]
+    page = written(views, scene.lights, scene.relight)
+    codes = """[...document.querySelectorAll('#values canvas')].map((each) => (
+        [...each.getContext('2d').getImageData(0, 0, 64, each.height).data]))"""
+
+    def are_shown(*lamps: int) -> bool:
+        shown = np.array(page.page.evaluate(codes)).reshape(2, -1, 64, 4)
+        rows = (
+            value_bars(scene.transfer, volume, scene.basis, scene.lights[lamp].rig, *how)[0].colours
+            for lamp in lamps
+        )
+        wanted = 255 * np.stack([*rows])
+        opaque = shown[..., 3] == 255
+        if len(shown[0]) != len(wanted) or np.any(opaque[:, :, 9] != [[True], [False]]):
+            return False
+        return bool(np.abs(shown[..., :3] - wanted)[opaque].max() <= 2)
+
+    words = " ".join(page.page.locator("#values").inner_text().split())
+    assert words == "100 150 200 250 I · V 100 150 200 250"
+    for lamp in (1, 3):
+        page.show(**{"a.weights": only(lamp)})
+        page.eventually(lambda lamp=lamp: are_shown(lamp), f"the bars under light {lamp}")
+    page.show(compare=1, **{"a.weights": only(1), "b.weights": only(3)})
+    page.eventually(lambda: are_shown(1, 3), "both sides' bars")
+    assert page.complaints == []
 
 
 def test_the_error_map_has_the_desktops_figures(written):

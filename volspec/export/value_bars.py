@@ -1,14 +1,14 @@
 """Bars of the colours that a field's values have under a light, with numbers.
 
 transfer functions, light -> [value_bars] -> annotate
+transfer functions, basis -> [value_bars] -> page
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from volspec.relight import LightRig, RelightSpec
 
 _COLOURS = 64
+# From (N, K) weights of materials, and these.
+_ColoursOf = Callable[[NDArray[np.float64], Mapping[str, Spectrum]], NDArray[np.float64]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,7 +36,8 @@ class ValueBar:
     title: str  # the field, of several, and the unit
     low: float
     high: float
-    colours: NDArray[np.float64]  # (N, 3) display codes 0 to 1; those of transparent values are NaN
+    # (N, 3) display codes 0 to 1 or (N, m) channels of a basis; of transparent values, NaN
+    colours: NDArray[np.float64]
     is_log: bool = False  # its values are decimal logarithms of the numbers to be shown
 
     def number(self, value: float) -> str:
@@ -72,10 +75,29 @@ def value_bars(
     basis, rig, spec, shares
         As `volspec.export.annotate.material_colours`.
     """
+
+    def colours_of(
+        weights: NDArray[np.float64], materials: Mapping[str, Spectrum]
+    ) -> NDArray[np.float64]:
+        grid = basis.grid
+        mixed = weights @ np.stack([each.on(grid).values for each in materials.values()])
+        named = {str(i): Spectrum(grid.wavelengths_nm, row) for i, row in enumerate(mixed)}
+        return np.stack([*material_colours(named, basis, rig, spec, shares).values()])
+
+    return _bars(transfer, volume, basis, colours_of)
+
+
+def channel_bars(transfer: Any, volume: Volume, basis: Basis) -> Sequence[ValueBar]:
+    """Return the bars of `value_bars` with channels of a basis as colours, for any light."""
+    return _bars(transfer, volume, basis, lambda w, own: w @ basis.channels_for_materials(own))
+
+
+def _bars(
+    transfer: Any, volume: Volume, basis: Basis, colours_of: _ColoursOf
+) -> Sequence[ValueBar]:
     functions: Mapping[str, Any] = {"": transfer}
     if isinstance(transfer, FieldFunctions):
         functions = {name: transfer.functions[name] for name in transfer.shown}
-    colours_of = partial(material_colours, basis=basis, rig=rig, spec=spec, shares=shares)
     bars = []
     for name, function in functions.items():
         if not isinstance(function, TransferFunction):
@@ -99,14 +121,8 @@ def value_bars(
             points_at, weights = np.array(points), weight_matrix(mixes, names)
         else:
             points_at = at
-        grid = basis.grid
-        spectra = np.stack([function.materials[each].on(grid).values for each in names])
         mixed = np.stack([np.interp(values, points_at, each) for each in weights.T], axis=1)
-        named = {
-            str(number): Spectrum(grid.wavelengths_nm, row)
-            for number, row in enumerate(mixed @ spectra)
-        }
-        colours = np.stack([*colours_of(named).values()])
+        colours = colours_of(mixed, {each: function.materials[each] for each in names})
         colours[np.interp(values, at, opaque.astype(float)) <= 0] = np.nan
         title = field.channel.name or field.name if len(functions) > 1 else ""
         label = " · ".join(filter(None, (title, field.metadata.unit)))

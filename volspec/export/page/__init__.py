@@ -12,6 +12,7 @@ from volspec.export.page.build import (
     layers_size,
     page_html,
     page_policy,
+    scene_bars,
     scene_views,
     write_page,
 )
@@ -27,6 +28,7 @@ __all__ = [
     "pack_view",
     "page_html",
     "page_policy",
+    "scene_bars",
     "scene_views",
     "write_page",
 ]

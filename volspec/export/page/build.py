@@ -33,6 +33,7 @@ from volspec.export.annotate import annotation_svg, warn_of_cut
 from volspec.export.page import payload
 from volspec.export.page.packing import PackedLayers, layer_bytes, pack_layers, pack_view
 from volspec.export.tiles import part_of
+from volspec.export.value_bars import ValueBar, channel_bars
 from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.raycast.layered import OpacityLayers
@@ -59,8 +60,8 @@ _WEB = Path(__file__).parent / "web"
 # weights, model and surround (docs/architecture.md). tests/page/test_twins.py compares the copies.
 _SCRIPTS = (
     "algebra illumination conditions view_transform looks channels relight recompose nearby "
-    "lighting state elements spectrum dial lights opacity depth viewing errors probe stage share "
-    "widget camera main"
+    "lighting state elements spectrum dial lights opacity depth viewing values errors probe stage "
+    "share widget camera main"
 )
 _POLICY = (
     "default-src 'none'; script-src 'sha256-{script}'; style-src 'sha256-{style}'; "
@@ -108,6 +109,8 @@ class PageView:
         cast with layers.
     depth : DepthEffects
         Cuts, fog and focus when the page is opened, likewise.
+    values : sequence of ValueBar
+        Bars below the page's pictures, of its first view: `channel_bars`.
     """
 
     image: CoefficientImage
@@ -116,6 +119,7 @@ class PageView:
     step: int = 0
     opacities: Mapping[str, float] = field(default_factory=dict)
     depth: DepthEffects = field(default_factory=DepthEffects)
+    values: Sequence[ValueBar] = ()
 
 
 def layers_size(pictures: int, layers: int, size: tuple[int, int]) -> str:
@@ -220,12 +224,13 @@ def page_html(
     if not lights:
         raise ImageError.refused("page.lights", lights, "give at least one", "missing")
     first: CoefficientImage | None = None
+    bars: Sequence[ValueBar] = ()
     opacity: PackedLayers | None = None
     scales: list[float] = []
     effects = DepthEffects()
     blocks, packed_views, marks = [], [], []
     for i, view in enumerate(views):
-        first = first or view.image
+        first, bars = first or view.image, bars if first else view.values
         if i == 0 and not served and first.opacity_layers is not None:
             scales = first.opacity_scales(view.opacities)
             opacity = _packed_layers(first, first.opacity_layers)
@@ -269,6 +274,7 @@ def page_html(
         "opacity": payload.opacity_numbers(opacity, first, effects),
         **payload.page_viewing(relight_spec.viewing),
         "models": payload.models(),
+        "values": payload.bar_numbers(bars, first.basis, first.groups),
         "heat": payload.heat_colours(),
         "constants": payload.constants(),
         "shader": payload.shaders(channels, height, opacity),
@@ -353,7 +359,14 @@ def scene_views(
             warn_of_cut(scene.file.annotation, camera, pixels)
             marks = annotation_svg(scene.file.annotation, camera, pixels)
             depth = scene.file.depth if spec.layers else DepthEffects()
-            yield PageView(image, 360.0 * i / count, marks, step, opacities, depth)
+            values = scene_bars(scene, shown.volume)
+            yield PageView(image, 360.0 * i / count, marks, step, opacities, depth, values)
+
+
+def scene_bars(scene: Scene, volume: Volume) -> Sequence[ValueBar]:
+    """Return the bars of a scene's pages; none unless ``[export] annotate`` has ``"values"``."""
+    asked = "values" in scene.file.export.annotate
+    return channel_bars(scene.transfer, volume, scene.basis) if asked else ()
 
 
 def script() -> str:

@@ -9,7 +9,7 @@ model and surround. Models without a closed form are left out.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,8 @@ from volspec.basis import MODES, MaterialBasis, SpectralBasis
 from volspec.basis.display import Mode
 from volspec.basis.materials import Basis
 from volspec.errors import ViewingError, VolspecWarning
-from volspec.export.page.packing import PackedLayers
+from volspec.export.page.packing import PackedLayers, pack_view
+from volspec.export.value_bars import ValueBar
 from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.relight import ErrorMap, LightRig, RelightSpec
 from volspec.relight.advice import mode_advice
@@ -47,6 +48,7 @@ from volspec.spectra.spectrum import light_power
 
 _GLSL = "300 es"
 _HEATS = 129
+_BAR_BITS = 12
 # Constants of volspec.appearance.constants used by web/*.js.
 _CONSTANTS = """
     CAT02_FROM_XYZ CAT16_FROM_XYZ HPE_FROM_XYZ HPE_FROM_CAT02
@@ -269,6 +271,35 @@ def shaders(channels: int, height: int, opacity: PackedLayers | None = None) -> 
         display = prelude({"SIMULATE": 0, **SPACES["sRGB"].shader_constants()}, "glsl")
         made["stereo.frag"] = assemble("shaders/stereo.frag", display, glsl_version=_GLSL).text
     return made
+
+
+def bar_numbers(
+    bars: Sequence[ValueBar], basis: Basis, groups: Mapping[str, float]
+) -> dict[str, Any] | None:
+    """Return numbers of value bars, and their colours as a picture of one row; None without any."""
+    if not bars:
+        return None
+    channels = np.concatenate([bar.colours for bar in bars])[None]
+    opaque = np.isfinite(channels).all(axis=-1).astype(np.float32)
+    lit = np.concatenate([part * np.nan_to_num(channels) for part in groups.values()], axis=-1)
+    strip = CoefficientImage(lit.astype(np.float32), opaque, opaque, basis, groups=groups)
+    packed = pack_view(strip, _BAR_BITS)
+    return {
+        "text": packed.text,
+        "bits": _BAR_BITS,
+        **packed.numbers(),
+        "bars": [
+            {
+                "title": bar.title,
+                "ends": [bar.number(bar.low), bar.number(bar.high)],
+                "ticks": [
+                    [(value - bar.low) / (bar.high - bar.low), bar.number(value)]
+                    for value in bar.ticks()
+                ],
+            }
+            for bar in bars
+        ],
+    }
 
 
 def heat_colours() -> list[list[int]]:

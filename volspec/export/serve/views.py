@@ -22,7 +22,14 @@ import numpy as np
 
 from volspec.errors import CastCancelled, InputError, quoted
 from volspec.export.annotate import annotation_svg
-from volspec.export.page import PageSpec, PageView, ServedCamera, pack_view, page_html
+from volspec.export.page import (
+    PageSpec,
+    PageView,
+    ServedCamera,
+    pack_view,
+    page_html,
+    scene_bars,
+)
 from volspec.pipeline import GAPS, Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage
 from volspec.raycast.camera import Orbit, level_axes, radius_mm
@@ -151,7 +158,8 @@ class SceneViews:
             first != WHOLE,
             image.notes.get(GAPS, ""),
         )
-        view = PageView(image, marks=self._marks(camera))
+        bars = scene_bars(self.scene, self.volume)
+        view = PageView(image, marks=self._marks(camera), values=bars)
         return page_html([view], lights, self.scene.relight, spec, served)
 
     def message(self, request: ViewRequest, cancel: Cancel | None = None) -> bytes:

@@ -305,7 +305,7 @@ class App {
     this.stage = new Stage(this);
     fillHeatScale(this.page);
     this.panels = [
-      lightsPanel, opacityPanel, depthPanel, viewingPanel, errorsPanel, probePanel, comparing, labels,
+      lightsPanel, opacityPanel, depthPanel, viewingPanel, valuesPanel, errorsPanel, probePanel, comparing, labels,
     ].map((panel) => panel(this));
     captioning();
     sharing(this);
@@ -319,7 +319,7 @@ class App {
     canvas.addEventListener('webglcontextrestored', () => {
       this.relighter.forget();
       [this.recomposer, this.nearby, this.stereo].forEach((each) => each?.forget());
-      this.swatches = null;
+      this.swatches = this.bars = null;
       this.forget();
       this.refresh();
     });

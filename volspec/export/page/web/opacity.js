@@ -32,9 +32,9 @@ function opacityPanel(app) {
   const colourLater = whenQuiet(() => {
     const { relighter } = app, look = app.look(), light = app.lit(look);
     if (relighter.gl.isContextLost()) return;
-    app.swatches ??= new Swatches(relighter);
-    const colours = app.swatches.colours(light && drawingOf(app.page, light, look));
-    rows.forEach((row, k) => row.colour(colours[k]));
+    app.swatches ??= new Swatches(relighter, rows.length, materialTexels(app.page));
+    const codes = app.swatches.codes(light && drawingOf(app.page, light, look));
+    rows.forEach((row, k) => row.colour(`rgb(${codes.slice(4 * k, 4 * k + 3).join(' ')})`));
   }, 60);
   let coloured = null;
   return () => {
@@ -82,24 +82,28 @@ function materialRow(name, present, set) {
   return { item, refresh, colour: (css) => { swatch.style.background = css; } };
 }
 
-// Colours of the materials, fully lit, drawn by the picture's own shader.
+// Texels of the materials, fully lit, in a row.
+function materialTexels({ opacity, channels, groups }) {
+  const count = opacity.materials.length;
+  const texels = new Uint16Array(4 * count * Math.ceil(channels.count / 4));
+  const put = (k, channel, value) => {
+    texels[4 * ((channel >> 2) * count + k) + (channel & 3)] = halfOf(value);
+  };
+  for (let k = 0; k < count; k++) {
+    Object.values(groups).forEach((share, g) => put(k, g * (count + 1) + k, share));
+    put(k, channels.count - 1, 1);
+  }
+  return texels;
+}
+
+// Colours of a row of texels, drawn by the picture's own shader.
 class Swatches {
-  constructor(relighter) {
-    const { gl, page: { opacity, channels, groups } } = relighter;
+  constructor(relighter, count, texels) {
+    const { gl, page: { channels } } = relighter;
     this.relighter = relighter;
-    const count = opacity.materials.length, slices = Math.ceil(channels.count / 4);
     // The shader finds the topmost row of a picture of its own height.
     this.size = [count, channels.height];
-    const texels = new Uint16Array(4 * slices * count * channels.height);
-    const put = (k, channel, value) => {
-      const slice = channel >> 2, place = slice * count * channels.height + k;
-      texels[4 * place + (channel & 3)] = halfOf(value);
-    };
-    for (let k = 0; k < count; k++) {
-      Object.values(groups).forEach((share, g) => put(k, g * (count + 1) + k, share));
-      put(k, channels.count - 1, 1);
-    }
-    this.texture = relighter.array(gl.RGBA16F, [...this.size, slices], texels);
+    this.texture = relighter.array(gl.RGBA16F, [count, 1, texels.length / (4 * count)], texels);
     const buffer = gl.createRenderbuffer();
     gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
     gl.renderbufferStorage(gl.RENDERBUFFER, gl.RGBA8, ...this.size);
@@ -110,8 +114,8 @@ class Swatches {
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
-  // CSS colours; black without light.
-  colours(drawing) {
+  // RGBA codes; black without light.
+  codes(drawing) {
     const { relighter, relighter: { gl }, size: [count, height] } = this;
     const codes = new Uint8Array(4 * count);
     if (drawing) {
@@ -123,7 +127,6 @@ class Swatches {
       gl.readPixels(0, height - 1, count, 1, gl.RGBA, gl.UNSIGNED_BYTE, codes);
       gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     }
-    return Array.from(
-      { length: count }, (_, k) => `rgb(${[...codes.slice(4 * k, 4 * k + 3)].join(' ')})`);
+    return codes;
   }
 }
