@@ -18,6 +18,7 @@ from tests.support.images import image, named_lights
 from volspec.appearance.spaces import SPACES
 from volspec.basis import SpectralBasis
 from volspec.export.page import PageSpec, PageView, write_page
+from volspec.export.value_bars import ValueBar
 from volspec.spectra import reflectance
 
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22a", "wcag22aa", "best-practice"]
@@ -40,8 +41,9 @@ def balls(tmp_path_factory: pytest.TempPathFactory) -> Path:
     lights = [
         replace(each, label=f"lamp {each.name}") for each in named_lights(["D65", "A", "FL2"])
     ]
+    bars = [ValueBar("Ball · mV", -1.5, 9e4, np.ones((64, 5)))]
     path = tmp_path_factory.mktemp("access") / "balls.html"
-    views = [PageView(ball, 10.0 * i) for i in range(36)]
+    views = [PageView(ball, 10.0 * i, values=bars) for i in range(36)]
     write_page(path, views, lights, spec=PageSpec("Ball", "Copper from all sides"))
     return path
 

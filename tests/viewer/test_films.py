@@ -20,7 +20,7 @@ from tests.viewer._states import frame_of
 from volspec.errors import CastCancelled, ViewingError, VolumeError
 from volspec.pipeline import Raycaster
 from volspec.scene import Scene
-from volspec.scene.export import MARKS
+from volspec.scene.export import MARKS, ExportSpec
 from volspec.viewer.model import light_rows, light_states
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.film import (
@@ -162,10 +162,13 @@ def test_a_film_that_is_cancelled_leaves_nothing(tmp_path):
 
 
 def test_a_page_has_the_views_and_the_lights_of_the_window(tmp_path):
-    path = save_page(opened(tmp_path), PageFile(2, "A ball", SMALL), Progress("", "page"))
+    state = opened(tmp_path)
+    file = replace(state.document.saved()[0], export=ExportSpec(annotate=("values",)))
+    state = replace(state, document=replace(state.document, file=file))
+    path = save_page(state, PageFile(2, "A ball", SMALL), Progress("", "page"))
     text = path.read_text(encoding="utf-8")
     assert "<title>A ball" in text and text.count('"azimuth_deg":') == 2
-    assert '"daylight"' in text and '"tungsten"' in text
+    assert all(f'"{word}"' in text for word in ("daylight", "tungsten", "ticks"))
 
 
 @pytest.mark.slow

@@ -124,7 +124,7 @@ class ExportSpec:
     """Write a contact sheet next to the frames."""
     annotate: Annotated[tuple[Mark, ...], Field(strict=False)] = ()
     """PNG and films: marks in the picture: scale, orientation, title, light, materials, and values,
-    a bar of their colours, with numbers and their unit."""
+    a bar of their colours, with numbers and their unit, also in pages."""
     stereo: Stereo | None = None
     """PNG and films: both eyes' pictures in one, of one cast with [raycast] layers, otherwise of
     two casts."""

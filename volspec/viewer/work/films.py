@@ -112,7 +112,8 @@ def film_plan(state: ViewState, film: Film) -> Plan:
 def save_page(state: ViewState, file: PageFile, progress: Progress) -> Path:
     """Cast a state's views and write them as a web page; return its path."""
     path, state = file.to.new_path(state.document, ".html"), solved(state)
-    scene, size = _scene(state, ExportSpec(), file.title), file.size.pixels(state.size)
+    marks, size = state.document.saved()[0].export.annotate, file.size.pixels(state.size)
+    scene = _scene(state, ExportSpec(annotate=marks), file.title)
 
     def report(share: float) -> None:
         progress.report(share)

@@ -40,7 +40,7 @@ function valueBar({ title, ends, ticks }, count) {
     label.style.left = `${100 * at}%`;
     return label;
   });
-  const caption = el('figcaption', {}, el('bdi', {}, title), el('span'));
+  const caption = el('figcaption', { title }, el('bdi', {}, title), el('span'));
   const row = el('div', { class: 'ticks', 'aria-hidden': 'true' }, ...numbers);
   // Numbers that would touch are left out.
   new ResizeObserver(() => {
