@@ -151,6 +151,7 @@ def raycast(
             raise RaycastError(problem, remedy, code="conflict", field="raycast: behind")
     if volume.pyramid is not None:
         volume.pyramid.retry()
+    behind = [part for each in behind if (part := each.within(volume, spec)) is not None]
     table = caster.bake(transfer, spec.opacities)
     level = caster.at(camera, size, spec)
     if spec.layers:
@@ -175,7 +176,7 @@ def raycast(
         for part, span_mm in surfaces.spans(progress)
     ]
     if volume.is_empty and not behind:
-        why = "the picture is empty: no mesh is shown; set shown = true for one"
+        why = "the picture is empty: no mesh is shown, or cuts leave nothing of them"
         warnings.warn(why, VolspecWarning, stacklevel=2)
     elif not (
         any(cast.alpha.any() for cast in casts)

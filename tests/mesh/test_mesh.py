@@ -261,6 +261,40 @@ def test_depth_is_that_of_a_voxelised_surface():
     assert (seen ^ true).sum() < 0.1 * np.sqrt(seen.sum()) * 4  # pixels of the silhouette
 
 
+@pytest.mark.filterwarnings("ignore:.*(nothing of it is seen|the picture is empty)")
+def test_meshes_are_cut_with_the_volume_if_asked():
+    """Areas, insides and looks: cut by planes of no field, and by a crop's sides in the volume."""
+    volume, transfer = vs.Volume(np.zeros((33, 33, 33), np.uint8), (2, 2, 2)), ball()[1]
+    # From z = 32; the middle of the volume.
+    camera = replace(ABOVE, position_mm=(32.0, 32.0, 300.0), target_mm=(32.0, 32.0, 32.0))
+    half = {"white": [1, 0], "red": [0, 1]}
+    whole = replace(plane(32.0, 20.0), material=half).placed((32.0, 32.0, 0.0))
+    cut, above = replace(whole, cut=True), vs.ClipPlane((26.5, 0.0, 0.0), (3.0, 0.0, 0.0))
+
+    def seen(*meshes: vs.Mesh, **cuts: Any) -> vs.CoefficientImage:
+        casters = [vs.MeshCaster(meshes, WHITE, BASIS)]
+        spec = replace(LIT, **cuts)
+        return vs.raycast(volume, transfer, camera, SIZE, spec, behind=casters)
+
+    assert seen(cut).alpha.sum() == seen(whole, clip_planes=[above]).alpha.sum() == 1600
+    found = seen(cut, clip_planes=[above])
+    assert found.alpha.sum() == pytest.approx(40 * 25.5) and found.alpha[32, :26].max() == 0.0
+    assert found.coefficients[50, 50] == pytest.approx(seen(whole).coefficients[50, 50], abs=1e-6)
+    assert found.coefficients[14, 30] == pytest.approx(seen(whole).coefficients[14, 30], abs=1e-6)
+    of_field = replace(above, fields=("",))
+    box = (0.0, 20.25), (0.0, 32.0), (0.0, 32.0)  # to x = 40.5
+    assert seen(cut, clip_planes=[of_field], crop_voxels=box).alpha.sum() == pytest.approx(
+        40 * 28.5
+    )
+    assert seen(cut, clip_planes=[replace(above, point_mm=(90.0, 0.0, 0.0))]).alpha.max() == 0.0
+    # An open ball shows its inside, in its own shadow.
+    ball_of = replace(sphere(), cut=True).placed((32.0, 32.0, 32.0))
+    low = seen(ball_of, clip_planes=[vs.ClipPlane((0.0, 0.0, 32.0), (0.0, 0.0, -1.0))])
+    assert low.depth_mm[32, 32] == pytest.approx(288.0, abs=0.1)
+    both = seen(ball_of, plane(20.0).placed((32.0, 32.0, 0.0)), clip_planes=[above])
+    assert both.alpha.min() == 1.0 and np.isfinite(both.coefficients).all()
+
+
 @pytest.mark.parametrize("suffix", ["ply", *slow_each("stl", "obj", "vtp")])
 def test_files_are_read_with_smooth_edges(tmp_path, suffix):
     fine, path = pyvista.Sphere(radius=2.0), tmp_path / f"ball.{suffix}"

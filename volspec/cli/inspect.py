@@ -221,9 +221,10 @@ def mitsuba(
         remedy = f"{nearest(light, lights)}known: {', '.join(lights)}"
         raise InputError(problem, remedy, code="unknown", given=light)
     volume = found.volume()
-    caster = found.meshes(volume)
+    meshes = found.meshes(volume)
+    caster = None if meshes is None else meshes.within(volume, found.raycast)
     if caster is None:
-        shows = "shows none of its meshes" if found.file.mesh else "has no [[mesh]]"
+        shows = "shows nothing of its meshes" if found.file.mesh else "has no [[mesh]]"
         problem = f"{file}: {shows}, and Mitsuba has no transfer functions for a volume"
         remedy = "show one" if found.file.mesh else "add a [[mesh]]"
         raise SceneError(problem, remedy, code="missing")

@@ -38,6 +38,7 @@ from volspec.raycast.projection import NEAR, Projection
 from volspec.raycast.sampling import world_rays
 from volspec.raycast.spec import RaycastSpec
 from volspec.spectra import Spectrum
+from volspec.volume import Volume
 
 Array = NDArray[np.float64]
 Size = tuple[int, int]
@@ -154,6 +155,8 @@ class MeshCaster:
         self._extent = float(np.linalg.norm(np.ptp(np.concatenate(self._boxes), axis=0)))
         # What the last camera sees, opaque and then sheets; also that of `painted` ones.
         self._views: dict[tuple[Camera, Size], tuple[_Window, list[Seen]]] = {}
+        # What the last planes left; likewise.
+        self._within: dict[bytes, MeshCaster | None] = {}
         if like is not None and same_surfaces(self.meshes, like.meshes):
             opacities = [mesh.opacity for mesh in like.meshes]
             if [opacity < 1.0 for opacity in opacities] == [mesh.opacity < 1.0 for mesh in meshes]:
@@ -167,7 +170,7 @@ class MeshCaster:
                 remedy = "use a spectral basis"
                 problem = f"{mesh.name}: a basis of materials cannot store what gratings diffract"
                 raise MeshError(problem, remedy, code="conflict")
-        self.basis, self._paints = basis, []
+        self.basis, self._spectra, self._paints = basis, materials, []
         for number, mesh in enumerate(self.meshes):
             spectra = [materials.get(name) for name in mesh.materials]
             key = (
@@ -203,6 +206,21 @@ class MeshCaster:
         found = [each for each in self.meshes if each.opacity < 1.0]
         return f"{found[0].name} of opacity {found[0].opacity:g}" if found else ""
 
+    def within(self, volume: Volume | None, spec: RaycastSpec) -> MeshCaster | None:
+        """Return what cuts leave of meshes with ``cut``, as `volspec.raycast.behind.Behind`."""
+        planes = spec.world_planes(volume)
+        if not len(planes) or not any(mesh.cut for mesh in self.meshes):
+            return self
+        key = planes.tobytes()
+        if key not in self._within:
+            parts = [mesh.within(planes) if mesh.cut else mesh for mesh in self.meshes]
+            left = [part for part in parts if part is not None]
+            self._within.clear()
+            made = MeshCaster(left, self._spectra, self.basis, self) if left else None
+            self._within[key] = made
+        found = self._within[key]
+        return None if found is None else found.painted(self._spectra, self.basis)
+
     def depths_mm(self, camera: Camera, size: Size) -> list[NDArray[np.float32]]:
         """Return (H, W) distances, as `volspec.raycast.behind.Behind`."""
         window, views = self._look(camera, size)
@@ -225,9 +243,10 @@ class MeshCaster:
         shape = height, width, len(spec.groups) * self.basis.size
         found = nothing(shape, np.float16 if spec.half else np.float32)
         far = np.broadcast_to(np.float32(np.inf), (height, width))
-        opaque, *sheets = self._pictures(camera, size, spec, {}, repeat(far))
-        for picture in (*sheets, opaque):
-            put_behind(found, picture)
+        if (cut := self.within(None, spec)) is not None:
+            opaque, *sheets = cut._pictures(camera, size, spec, {}, repeat(far))
+            for picture in (*sheets, opaque):
+                put_behind(found, picture)
         return CoefficientImage(
             *found[:3],
             self.basis,

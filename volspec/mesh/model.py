@@ -63,6 +63,8 @@ class Mesh:
         Lines that diffract light.
     name : str
         For messages.
+    cut : bool
+        Cut by the planes and the crop that cut the volume, instead of whole; it is hollow there.
 
     Raises
     ------
@@ -91,6 +93,7 @@ class Mesh:
     opacity: float = 1.0
     mirror: float = 0.0
     grating: Grating | None = None
+    cut: bool = False
 
     def __repr__(self) -> str:
         count = len(self.triangles)
@@ -313,6 +316,48 @@ class Mesh:
         grating = None if self.grating is None else self.grating.placed(scale, rotation, move)
         points = scale * self.points_mm @ rotation.T + move
         return replace(self, points_mm=points, normals=normals, grating=grating)
+
+    def within(self, planes: Array) -> Mesh | None:
+        """Return what lies on the positive side of planes (P, 4); None if nothing does.
+
+        A point p, mm, does if n · p ≥ d for a plane (n, d).
+        """
+        if (self.points_mm @ planes[:, :3].T >= planes[:, 3]).all():
+            return self
+        # Imported late: few meshes are cut.
+        import pyvista
+
+        faces = pyvista.PolyData.from_regular_faces(self.points_mm, self.triangles)
+        looks = {"normals": self.normals, "uv": self.uv}
+        if isinstance(self.material, Mapping):
+            looks |= {f"of {name}": np.asarray(share) for name, share in self.material.items()}
+        elif isinstance(self.material, np.ndarray):
+            looks["colours"] = self.material
+        for name, array in looks.items():
+            if array is not None:
+                at_points = len(array) == len(self.points_mm)
+                (faces.point_data if at_points else faces.cell_data)[name] = array
+        for *normal, offset in planes:
+            origin = offset * np.array(normal) / np.dot(normal, normal)
+            faces = faces.clip(normal, origin=origin, invert=False).triangulate()
+            if faces.n_cells == 0:
+                return None
+        corners = faces.regular_faces
+        whole = self._has_area(np.asarray(faces.points)[corners])
+        if not whole.any():
+            return None
+
+        def clipped(name: str) -> Array:
+            own = faces.point_data.get(name)
+            return np.asarray(faces.cell_data[name][whole] if own is None else own)
+
+        made: dict[str, Any] = {n: clipped(n) for n in ("normals", "uv") if looks[n] is not None}
+        if isinstance(self.material, Mapping):
+            made["material"] = {name: clipped(f"of {name}") for name in self.material}
+        elif isinstance(self.material, np.ndarray):
+            made["material"] = clipped("colours")
+        points = np.asarray(faces.points)
+        return replace(self, points_mm=points, triangles=corners[whole], **made)
 
 
 def _colours_of(faces: pyvista.PolyData) -> NDArray[Any] | None:

@@ -26,6 +26,7 @@ from volspec.raycast.row_batches import Cancel, Progress, Result, part_of
 from volspec.raycast.sampling import world_rays
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import Tables, TransferTable
+from volspec.volume import Volume
 
 SpanCast = Callable[[NDArray[np.float32]], Result]
 """Cast of a volume along parts (H, W, 2) of the pixels' rays, mm: their begin and end."""
@@ -86,6 +87,10 @@ class Behind(Protocol):
     def clear(self) -> Clear | None:
         """Return the light they let pass, as for `Raycaster.cast`; None if all."""
         return None
+
+    def within(self, volume: Volume, spec: RaycastSpec) -> Behind | None:
+        """Return what the planes and the crop leave of them; None if nothing."""
+        return self
 
     @property
     def basis(self) -> Basis | None:

@@ -271,6 +271,23 @@ class RaycastSpec:
             )
         return self.step_mm
 
+    def world_planes(self, volume: Volume | None) -> NDArray[np.float64]:
+        """Return all cuts that are not of single fields, (P, 4) normals and offsets in mm.
+
+        A point p stays if n · p ≥ d. Of a volume's crop it is the sides within it.
+        """
+        given = [np.array(plane.normal) for plane in self.clip_planes if not plane.fields]
+        points = [np.array(plane.point_mm) for plane in self.clip_planes if not plane.fields]
+        found = [[*n, n @ point] for n, point in zip(given, points, strict=True)]
+        if volume is not None and self.crop_voxels is not None:
+            rows = volume.index_from_world[:3]
+            for row, (low, high), n in zip(rows, self.crop_voxels, volume.shape_xyz, strict=True):
+                if low > 0.0:
+                    found.append([*row[:3], low - row[3]])
+                if high < n - 1:
+                    found.append([*-row[:3], row[3] - high])
+        return np.reshape(found, (-1, 4)).astype(np.float64)
+
     def kept(self, volume: Volume) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the least and greatest index (x, y, z) that the crop leaves of a volume.
 

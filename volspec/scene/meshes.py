@@ -52,7 +52,7 @@ class MeshCache:
         look = mesh.material
         if row.material is not None and (mesh.materials or not row.own_colours):
             look = row.material
-        return replace(mesh, material=look, opacity=row.opacity)
+        return replace(mesh, material=look, opacity=row.opacity, cut=row.cut)
 
     def caster(
         self, rows: Sequence[MeshSpec], materials: Mapping[str, Spectrum], basis: Basis
@@ -80,9 +80,9 @@ class MeshCache:
 
 
 def _place(row: MeshSpec) -> str:
-    """Return a key of the surface in its place: all of a row but its material and opacity."""
+    """Return a key of the surface in its place: all of a row but its look and cut."""
     material = None if row.material is None else "any"
-    return repr(replace(row, material=material, opacity=1.0, shown=True))
+    return repr(replace(row, material=material, opacity=1.0, shown=True, cut=False))
 
 
 def _surface(row: MeshSpec) -> str:

@@ -289,6 +289,8 @@ class MeshSpec:
     """Lines that diffract light, such as a disc's: {spacing_um = 1.6}."""
     shown: bool = True
     """False leaves it out: it is not seen and casts no shadow."""
+    cut: bool = False
+    """Cut by the clip planes and the crop, as the volume is, and hollow there."""
 
     def __post_init__(self) -> None:
         if (self.file is None) == (self.shape is None):
@@ -352,7 +354,9 @@ class MeshSpec:
     def placed(self, mesh: Mesh) -> Mesh:
         """Return a surface as `read` gives it in its place."""
         scale = self.unit_mm if self.shape is None else self.size_mm
-        looks = replace(mesh, opacity=self.opacity, mirror=self.mirror, grating=self.grating)
+        looks = replace(
+            mesh, opacity=self.opacity, mirror=self.mirror, grating=self.grating, cut=self.cut
+        )
         return looks.placed(self.move_mm, self.turn_deg, scale)
 
 

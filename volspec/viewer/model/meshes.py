@@ -36,6 +36,12 @@ def set_shown(state: ViewState, index: int, shown: bool) -> ViewState:
 
 
 @edit
+def set_cut(state: ViewState, index: int, cut: bool) -> ViewState:
+    """Let the volume's planes and crop cut a mesh, or leave it whole."""
+    return _changed(state, index, cut=bool(cut))
+
+
+@edit
 def set_opacity(state: ViewState, index: int, opacity: float) -> ViewState:
     """Set a mesh's opacity."""
     return _changed(state, index, opacity=clamp(opacity, LEAST_OPACITY, 1.0))

@@ -74,7 +74,9 @@ def _place(state: ViewState, ui: UiContext) -> ViewState:
         for axis in range(3):
             if moved and after[axis] != before[axis]:
                 new = change(new, index, axis, after[axis])
-    return new
+    changed, cut = imgui.checkbox("Cut with the volume", row.cut)
+    ui.note("mesh cut", describe_field(MeshSpec, "cut"))
+    return meshes.set_cut(new, index, cut) if changed else new
 
 
 def _row(state: ViewState, ui: UiContext, index: int, row: MeshSpec) -> ViewState:
