@@ -153,6 +153,13 @@ def raycast(
         volume.pyramid.retry()
     behind = [part for each in behind if (part := each.within(volume, spec)) is not None]
     table = caster.bake(transfer, spec.opacities)
+    see_through = next(filter(None, (each.translucent for each in behind)), "")
+    if spec.add_fields and isinstance(table, FieldTables) and see_through:
+        raise RaycastError(
+            f"add_fields: {see_through} is between the parts of fields that do not hide each other",
+            "give it opacity 1, or set add_fields = false",
+            code="conflict",
+        )
     level = caster.at(camera, size, spec)
     if spec.layers:
         _check_layers(spec, table, transfer, level, behind)

@@ -220,6 +220,12 @@ OTHER = TransferFunction(CURVES["b"], METALS, vs.SpectralBasis.load("general-5")
 STEEL: Any = vs.Isosurfaces([(80, 1.0, "gold")], METALS, METAL_BASIS)
 
 
+def with_a_sheet(a: Volume, b: Volume) -> vs.CoefficientImage:
+    sheet = vs.Mesh([[0, 0, 0], [9, 0, 0], [0, 9, 0]], [[0, 1, 2]], "gold", opacity=0.5)
+    meshes, spec = vs.MeshCaster([sheet], METALS, METAL_BASIS), RaycastSpec(add_fields=True)
+    return vs.raycast(a.with_fields([b]), BOTH, view(a), SIZE, spec, behind=[meshes])
+
+
 @pytest.mark.parametrize(
     ("make", "fault"),
     [
@@ -236,6 +242,7 @@ STEEL: Any = vs.Isosurfaces([(80, 1.0, "gold")], METALS, METAL_BASIS)
         (shown(BOTH, adaptive=0.01), "conflict RaycastSpec.adaptive"),
         (shown(BOTH, clip_planes=(OF_NO_FIELD,)), "range RaycastSpec.clip_planes[0].fields"),
         (shown(BOTH, far=True), "range "),
+        (with_a_sheet, "conflict "),
     ],
 )
 def test_what_does_not_fit_together_is_refused(fields, make, fault):
