@@ -231,6 +231,30 @@ def test_layers_packed_beforehand_are_taken_and_other_numbers_of_them_too():
     np.testing.assert_allclose(frame, expected, atol=2e-4)
 
 
+@pytest.mark.parametrize("calls", ["", "l", "s", "ls", "sl", "lsl", "lfs"])
+@pytest.mark.parametrize("depth", [DepthEffects(), DepthEffects(far_mm=100.6)], ids=["", "cut"])
+def test_the_next_picture_has_the_opacities_and_depth_of_the_one_before(calls, depth):
+    """Whatever is called after `update`: load layers, set the same, draw a frame."""
+    first = deep(1, True)
+    layers = replace(first.opacity_layers, tau=np.float16(0.3) * first.opacity_layers.tau)
+    second = replace(first, opacity_layers=layers)
+    wanted = {"gold": 0.6}, None, depth
+    with gl_or_skip(first) as relighter:
+        relighter.set_opacities(*wanted)
+        relighter.update(second)
+        for call in calls:
+            if call == "l":
+                for _ in relighter.load_opacities(PackedOpacity.of(second.opacity_layers)):
+                    pass
+            elif call == "s":
+                relighter.set_opacities(*wanted)
+            else:
+                relighter.frame(rig(second))
+        found = relighter.frame(rig(second), dtype=np.float32)
+    expected = twin_frame(second.recompose({"gold": 0.6}, depth))
+    np.testing.assert_allclose(found, expected, atol=1e-2)
+
+
 def test_what_a_device_does_not_take_is_refused_and_the_picture_stays(backend, monkeypatch):
     image = layered(4, 1)
     with relighter_of(image, backend) as relighter:

@@ -154,6 +154,8 @@ class Relighter:
         self._depth = DepthEffects()
         # The engine has the recomposed image instead of the image.
         self._is_uploaded = False
+        # The engine lacks the present opacities and depth, or has drawn them of other layers.
+        self._is_stale = False
         # The image with opacities and depth that were set, and those.
         self._recomposed: (
             tuple[tuple[CoefficientImage, dict[str, float], DepthEffects], CoefficientImage] | None
@@ -259,10 +261,9 @@ class Relighter:
             else:
                 engine.upload(*float32_arrays(image))
             self._is_uploaded = False
-            if self._opacities or self._depth.changes:
-                self._put_opacities(engine)
 
         self._on_engine(put)
+        self._is_stale = self._is_changed
 
     @_in_turn
     def frame(
@@ -411,7 +412,8 @@ class Relighter:
             If the Relighter is closed.
         """
         depth = DepthEffects() if depth is None else depth
-        if packed is None and (dict(scales), depth) == (self._opacities, self._depth):
+        same = (dict(scales), depth) == (self._opacities, self._depth)
+        if packed is None and same and not self._is_stale:
             return
         self._image.opacity_scales(scales)
         depth.blur_px(self._image.size[1], self._image.fov_deg)
@@ -431,15 +433,22 @@ class Relighter:
         if isinstance(self._engine, GLEngine):
             steps = self._engine.load_opacity(packed)
             while self._advance(steps):
+                self._is_stale = self._is_changed
                 yield
 
     @_in_turn
     def _advance(self, steps: Iterator[None]) -> bool:
         return next(steps, self) is not self
 
+    @property
+    def _is_changed(self) -> bool:
+        """True if the picture is not drawn as it was cast."""
+        return bool(self._opacities) or self._depth.changes
+
     def _put_opacities(
         self, engine: GLEngine | CpuEngine, packed: PackedOpacity | None = None
     ) -> None:
+        self._is_stale = False
         factors, deep = self._image.opacity_scales(self._opacities), self._depth.changes
         if isinstance(engine, CpuEngine) or self._depth.focus_mm is not None:
             engine.upload(*float32_arrays(self._shown()))
@@ -471,6 +480,8 @@ class Relighter:
         self, light: Spectrum | LightRig, spec: RelightSpec
     ) -> tuple[Illumination, Viewing, ViewTransformGrid | None]:
         """Return the illumination, the measured viewing, and the grid of view transforms."""
+        if self._is_stale:
+            self._on_engine(self._put_opacities)
         lit = Illumination.of(self._image.basis, light, spec, self._image.groups)
         rig = LightRig.of(light)
         warn_of_lights(self._image.basis, rig, spec.mode, self._advised, stacklevel=5)
@@ -489,7 +500,7 @@ class Relighter:
                 *float32_arrays(self._image), None, self._lut3d, self._lut_cache
             )
             self._is_uploaded = False
-            if self._opacities or self._depth.changes:
+            if self._is_changed:
                 self._put_opacities(self._engine)
             return call(self._engine)
 
