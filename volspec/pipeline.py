@@ -205,7 +205,7 @@ def raycast(
         ),
     )
     notes = {
-        "volume": volume.name,
+        "volume": volume.file_name,
         "camera": repr(camera),
         "raycast": repr(spec),
         "device": caster.device,

@@ -1,6 +1,7 @@
 """Exported frames: pixels of relighting one cast, in any file and size; blank ones are reported."""
 
 import re
+import shutil
 import warnings
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from volspec.export.exr import PRIMARIES, white_adaptation
 from volspec.export.frames import BlankFrames
 from volspec.pipeline import Relighter
 from volspec.scene import Scene
+from volspec.spectra import light, write_spectrum
 
 
 def codes(path: Path) -> np.ndarray:
@@ -45,6 +47,24 @@ def test_every_light_is_relit_from_one_cast(scene, tmp_path):
     text = read_frame_text(tmp_path / "out" / "lamp.png")
     assert text["Title"] == "Ball" and text["light"] == "lamp"
     assert {"camera", "transfer", "viewing", "relight", "raycast", "volume"} <= set(text)
+
+
+def test_two_folders_give_the_same_bytes_without_their_paths(tmp_path, ball_folder):
+    """Volume and light by absolute names, in PNG, OpenEXR, coefficients and the manifest."""
+    for place in ("PATIENT", "other"):
+        folder = tmp_path / place
+        shutil.copytree(ball_folder, folder)
+        write_spectrum(light("A"), folder / "lamp.csv")
+        own = Scene.from_volume(folder / "ball.npy", lights=[str(folder / "lamp.csv")])
+        assert [each.name for each in own.lights] == ["lamp.csv"]
+        for kind in ("png", "exr", "coefficients"):
+            own.export(tmp_path / f"{place}-{kind}", format=kind, size=(16, 12))
+    made = [
+        [path.read_bytes() for path in sorted(tmp_path.glob(f"{place}-*/*"))]
+        for place in ("PATIENT", "other")
+    ]
+    assert made[0] == made[1] and len(made[0]) >= 6
+    assert not any(str(tmp_path).encode() in each for each in made[0])
 
 
 def test_a_turntable_has_a_folder_for_each_light(scene, tmp_path):

@@ -294,6 +294,7 @@ def write_comparison(
     from volspec.raycast import CoefficientImage
     from volspec.relight import RelightSpec
     from volspec.spectra import light
+    from volspec.spectra.lights import sent_name
 
     require_image(image, "cast it first: volspec render {file} -o IMAGE.exr")
     require_suffix(output, "pictures", ".png")
@@ -313,13 +314,13 @@ def write_comparison(
         tiles = [
             SheetTile(look.model, NOTES[look.model], relighter.frame(lamp, look)) for look in looks
         ]
-    words = [f"{image.stem} under {white}", f"{viewing.illuminance_lux:g} lx"]
+    words = [f"{image.stem} under {sent_name(white)}", f"{viewing.illuminance_lux:g} lx"]
     if viewing.L_A is not None:
         words[1] = f"L_A {viewing.L_A:g} cd/m²"
     space = looks[0].display.colours
     words += [each for each in (options.preset, space.name) if each not in (None, "sRGB")]
     sheet = comparison_sheet(", ".join(words), tiles, columns=4)
-    notes = {"light": white, "Software": f"volspec {__version__}"}
+    notes = {"light": sent_name(white), "Software": f"volspec {__version__}"}
     write_frame(output, sheet, notes, space)
     say(output)
 

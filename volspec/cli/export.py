@@ -150,6 +150,7 @@ def export(
     """
     from volspec.scene.export import MARKS
     from volspec.settings import plain
+    from volspec.spectra.lights import sent_names
 
     incomplete: list[str] = []
 
@@ -187,7 +188,8 @@ def export(
         one = moves and not (
             light or own.lights or fades or (format or own.format) == "coefficients"
         )
-        changes["lights"] = names[:1] if one else names if light == [_ALL] else light
+        asked = light if volume is None or light is None else sent_names(light)
+        changes["lights"] = names[:1] if one else names if light == [_ALL] else asked
         if unknown := [name for name in changes["lights"] or () if name not in names]:
             page = shlex.join(["volspec", "page", job.address, "-l", unknown[0], "-o", "PAGE.html"])
             guess = nearest(unknown[0], names)
@@ -379,6 +381,7 @@ def _page_lights(
     """
     from volspec.relight import LightRig
     from volspec.scene.lights import NamedLight, require_lux
+    from volspec.spectra.lights import sent_name
 
     require_lux(scene.lights, scene.relight, address)
     lights = list(scene.lights)
@@ -392,15 +395,18 @@ def _page_lights(
             code="conflict",
         )
     for text in extra:
+        name = sent_name(text)
         note_everyday(text)
         if (room := scene.room) is not None:
             names = dict.fromkeys(room.response.names, 1.0)
             lamps = LightRig.of(read_setting(text, names, scene.basis.grid))
-            lights.append(NamedLight(text, text, *room.rig(room.spectra(lamps))))
+            lights.append(
+                NamedLight(sent_name(text), sent_name(text), *room.rig(room.spectra(lamps)))
+            )
             continue
         rig = LightRig.of(read_setting(text, shares, scene.basis.grid))
         shown = rig.facing(shares).mixed(scene.basis.grid)
-        lights.append(NamedLight(text, text, shown, rig))
+        lights.append(NamedLight(name, name, shown, rig))
     return lights
 
 

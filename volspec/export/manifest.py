@@ -45,14 +45,19 @@ def fingerprint(scene: Scene, volumes: Iterable[Volume], settings: dict[str, Any
             digest.update(values.data.cast("B"))
             digest.update(np.ascontiguousarray(each.world_from_index, np.float64).data.cast("B"))
             labels = {str(number): label.name for number, label in each.labels.items()}
-            shapes.append([each.name, str(values.dtype), values.shape, labels])
+            shapes.append([each.file_name, str(values.dtype), values.shape, labels])
     lights = [spectrum for light in scene.lights for spectrum in light.rig.lights]
     for spectrum in [*scene.materials.values(), *filters.values(), *lights]:
         digest.update(np.stack([spectrum.wavelengths_nm, spectrum.values]).tobytes())
     for mesh in scene.surfaces():
         digest.update(mesh.digest())
     file = plain(scene.file)
-    file.get("volume", {}).pop("file", None)  # values count, not the path
+    # Values count, not paths.
+    for name in ("volume", "field", "material", "light", "mesh"):
+        rows = file.get(name, [])
+        for row in rows if isinstance(rows, list) else [rows]:
+            for path in ("file", "reflectance", "spectrum", "texture", "shares"):
+                row.pop(path, None)
     file.pop("export", None)  # settings
     facts = {
         "volspec": __version__,

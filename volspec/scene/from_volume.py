@@ -24,7 +24,7 @@ from volspec.scene.specs import BasisSpec, CameraSpec
 from volspec.scene.transfer import TransferSpec
 from volspec.settings import plain, read_table
 from volspec.spectra import DEFAULT_GRID
-from volspec.spectra.lights import rebase_light
+from volspec.spectra.lights import rebase_light, sent_names
 from volspec.transfer import FieldFunctions, Transfers
 from volspec.transfer.channel_look import channel_functions
 from volspec.transfer.fields import OWN
@@ -137,7 +137,10 @@ def _new_file(
 ) -> SceneFile:
     """Return a file with ``tables``, titled as the file that it is for."""
     # Files of lights are relative to the current folder, the scene's paths to that file's.
-    given = {name: (rebase_light(name, Path.cwd(), path.parent), "") for name in lights}
+    given = {
+        name: (rebase_light(text, Path.cwd(), path.parent), "")
+        for name, text in zip(sent_names(lights), lights, strict=True)
+    }
     rows = given or LIGHTS
     document: dict[str, Any] = {
         "title": path.name,

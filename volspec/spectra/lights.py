@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, reduce
 from operator import add
@@ -159,6 +159,23 @@ def rebase_light(text: str, folder: Path, to: Path) -> str:
         name if weight == 1.0 else f"{name}*{weight!r}"
         for name, (_, weight) in zip(names, terms, strict=True)
     )
+
+
+def sent_name(text: str) -> str:
+    """Return a light's name for what is meant to be sent: without the folders of its files.
+
+    >>> sent_name("key=/home/me/lamp.csv#2; fill=my lamps/a.spd*0.5+D65")
+    'key=lamp.csv#2; fill=a.spd*0.5+D65'
+    """
+    return re.sub(r"(^|[=;+])[^=;+]*[/\\](?=[^=;+/\\]*\.\w)", r"\1", text)
+
+
+def sent_names(texts: Sequence[str]) -> list[str]:
+    """Return names as `sent_name`, but where two would be the same as they are."""
+    short = [sent_name(text) for text in texts]
+    return [
+        each if short.count(each) == 1 else text for each, text in zip(short, texts, strict=True)
+    ]
 
 
 def light_set(name: str, grid: SpectralGrid = DEFAULT_GRID) -> list[Spectrum]:

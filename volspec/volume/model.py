@@ -175,7 +175,13 @@ class Volume:
     @property
     def title(self) -> str:
         """Name for people: that of its channel, or its own without folders."""
-        return self.channel.name or self.name.replace("\\", "/").rpartition("/")[2]
+        return self.channel.name or self.file_name
+
+    @property
+    def file_name(self) -> str:
+        """Its own name without folders, for what is meant to be sent."""
+        place, mark, query = self.name.replace("\\", "/").partition("?")
+        return place.rpartition("/")[2] + mark + query
 
     @property
     def by_name(self) -> dict[str, Volume]:
