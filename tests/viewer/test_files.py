@@ -24,17 +24,34 @@ from volspec.export.frames import read_frame_text
 from volspec.raycast.checks import MAX_SIDE
 from volspec.scene import Scene
 from volspec.viewer.app import Options, view
-from volspec.viewer.model.choices import RawLayout, Undecided, address_with, guess_layouts
+from volspec.viewer.model.choices import (
+    USES,
+    Dropped,
+    RawLayout,
+    Undecided,
+    address_with,
+    guess_layouts,
+)
 from volspec.viewer.model.document import demo
-from volspec.viewer.model.paths import Listing, PathRequest, dropped_path, folder_places, list_paths
-from volspec.viewer.ui.dialogs import initial_path
+from volspec.viewer.model.paths import (
+    Listing,
+    PathRequest,
+    dropped_documents,
+    dropped_meshes,
+    folder_places,
+    list_paths,
+)
+from volspec.viewer.model.scene_file import export_scene
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.dialogs import REQUESTS, initial_path
 from volspec.viewer.work import background, outputs, screenshot
 from volspec.viewer.work.documents import open_document, open_path
 from volspec.viewer.work.probe import Reading
 from volspec.viewer.work.script import export_python, script_from_state
-from volspec.viewer.work.session import SUFFIX
+from volspec.viewer.work.session import SUFFIX, read_session, restore_state, save_session
 from volspec.viewer.work.session_store import MOST_FILES, STATE_VARIABLE, RecentFiles, state_folder
 from volspec.volume import Choice, load_volume, phantom
+from volspec.volume.series import series_address
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -94,11 +111,60 @@ def test_scripts_call_spectra_by_name_where_those_give_the_same_numbers(tmp_path
     assert max(map(len, lines)) <= 88
 
 
-def test_dropped_files_mean_one_scene_or_one_volume():
-    assert dropped_path(["/a/x.nrrd"]) == "/a/x.nrrd"
-    assert dropped_path(["/a/x.raw", "/a/x.mhd"]) == "/a/x.mhd"
-    assert dropped_path([f"/a/stack/{i}.tif" for i in range(9)]) == "/a/stack"
-    assert dropped_path(["/a/1.dcm", "/a/2.DCM"]) == "/a/1.dcm"  # one file represents its series
+@pytest.mark.parametrize(
+    ("paths", "documents"),
+    [
+        ("/a/x.nrrd", "/a/x.nrrd"),
+        ("/a/x.raw /a/x.mhd", "/a/x.mhd"),
+        ("/a/1.tif /a/2.tif /a/3.tif", "/a"),
+        ("/a/1.dcm /a/2.DCM /b/1.dcm", "/a/1.dcm /b/1.dcm"),  # one file represents its series
+        ("/a/1.tif /a/x.png", "/a/1.tif /a/x.png"),
+        ("x.toml x.nrrd", "x.toml"),
+        ("x.toml x.nrrd y.nrrd", "x.toml x.nrrd y.nrrd"),
+        ("x.obj x.mtl x.tif", ""),
+        ("x.obj x.nrrd y.hdr y.img lamp.csv", "x.nrrd y.hdr"),
+    ],
+)
+def test_dropped_files_mean_scenes_and_volumes(paths, documents):
+    assert dropped_documents(paths.split()) == tuple(documents.split())
+    assert dropped_meshes(paths.split()) == ("x.obj",) * ("obj" in paths)
+
+
+def test_what_dropped_files_cannot_be_is_said_with_a_name():
+    def problems(*paths: str) -> list[str]:
+        return [Dropped(paths).problem(use) for use in USES]
+
+    assert problems("/a/x.nrrd", "/a/y.nrrd") == ["", "", ""]
+    assert problems("/a/x.nrrd", "/b/y.nrrd")[1].startswith("y.nrrd is in another folder")
+    assert problems("x.nrrd", "y.toml") == ["y.toml is a scene, not a volume"] * 2 + [""]
+    assert "at most 8" in problems(*(f"{i}.nrrd" for i in range(9)))[0]
+    assert Dropped(("b10.nii", "b9.nii")).ordered("steps") == ("b9.nii", "b10.nii")
+
+
+def test_dropped_volumes_are_saved_as_one_scene(tmp_path):
+    for name in ("a.npy", "b1.npy", "b3.npy"):
+        save_ball(tmp_path, name=name)
+    np.save(tmp_path / "seg.npy", (phantom.ball(16).values * 3.4).astype(np.uint8))
+    seg, a, b, c = (str(tmp_path / f"{name}.npy") for name in ("seg", "a", "b1", "b3"))
+    (tmp_path / "in").mkdir()
+    for path, fields, title, count in (
+        (seg, (a, b), "a.npy + seg.npy + b1.npy", 1),
+        (series_address((c, b)), (), "b*.npy", 2),
+        (series_address((c, a)), (), "b3.npy|a.npy", 2),
+    ):
+        state = ViewState.first(open_document(path, fields=fields), (8, 8))
+        scene = Scene.load(export_scene(state, tmp_path / "in" / "it.toml"))
+        volume, _ = scene.opened()
+        assert (state.document.title, scene.file.title) == (title, title)
+        assert scene.step_count() == count
+        assert volume.by_role.keys() == state.document.volume.by_role.keys()
+        assert all(
+            np.array_equal(one.values, state.document.volume.by_role[name].values)
+            for name, one in volume.by_role.items()
+        )
+        again = restore_state(read_session(save_session(state, tmp_path / f"{count}{SUFFIX}")))
+        assert again.document.field_files == state.document.field_files
+        assert Path(initial_path(REQUESTS["export-scene"], state.document)).stem in "ab3"
 
 
 def test_a_path_is_completed_as_far_as_its_neighbours_agree(tmp_path):
@@ -299,9 +365,6 @@ _READING = Reading((("XYZ", "1 2 3"),), *[cast(Any, None)] * 3)
 @pytest.mark.parametrize(
     ("kind", "expected", "call"),
     [
-        (InputError, "conflict", lambda _: dropped_path(["/a/x.nrrd", "/a/y.nrrd"])),
-        (InputError, "conflict", lambda _: dropped_path(["/a/1.tif", "/b/2.tif"])),
-        (InputError, "conflict", lambda _: dropped_path(["/a/1.tif", "/a/x.png"])),
         (InputError, "unwritable", lambda d: outputs.Destination(str(d.path)).new_path(d, ".png")),
         (InputError, "unwritable", lambda d: outputs.Destination("/proc/new").new_path(d, ".png")),
         (OpenGLError, "unsupported", lambda _: view(Options())),

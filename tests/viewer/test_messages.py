@@ -36,7 +36,7 @@ from volspec.viewer.model.light_rows import MOST_ROWS, LightRow, LightState, lux
 from volspec.viewer.model.light_states import MOST_STATES
 from volspec.viewer.model.palette_table import colour_table
 from volspec.viewer.model.palette_targets import STAY
-from volspec.viewer.model.paths import check_name, dropped_path
+from volspec.viewer.model.paths import check_name
 from volspec.viewer.model.scene_file import scene_from_state
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_convert import conversion_losses
@@ -50,6 +50,7 @@ from volspec.viewer.ui.palette_panel import summary
 from volspec.viewer.work.outputs import Progress
 from volspec.viewer.work.screenshot import copy_values, render_frame
 from volspec.viewer.work.script import script_from_state
+from volspec.volume.series import series_address
 
 pytestmark = pytest.mark.not_quick
 
@@ -179,7 +180,7 @@ def _errors(state: ViewState) -> Iterator[str]:
     """Messages of refused files, notations and copies."""
     dark = replace(state, lights=(replace(state.lights[0], weight=0.0),))
     for call in (
-        lambda: dropped_path(["/a/x.nrrd", "/b/y.nrrd"]),
+        lambda: series_address(["/a/x.nrrd", "/b/y.nrrd"]),
         lambda: check_name("/a/caf\udce9.npy"),
         lambda: scene_from_state(state),
         lambda: script_from_state(state),

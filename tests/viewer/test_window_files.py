@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -168,6 +169,43 @@ def test_steps_play_and_raw_layouts_are_chosen_from_lists(tmp_path):
         robot.rest()
         robot.key("ctrl+q")
         assert robot.ends() == 0
+
+
+@pytest.mark.slow
+def test_files_dropped_together_are_what_is_answered(ball, tmp_path):
+    small = save_ball(tmp_path, 8, "small.npy").as_uri()
+    one, two = (save_ball(tmp_path, name=name).as_uri() for name in ("a.npy", "b.npy"))
+
+    def dropped(*uris: str, use: str = "", key: str = "") -> float:
+        """Drop files, answer the question by mouse or by a key; return the time before."""
+        before = ball.rest()
+        ball.drop(*uris)
+        ball.rest()
+        if use:
+            ball.click(f"use {use}", "use ok")
+        else:
+            ball.keys(key)
+        return before
+
+    before = dropped(one, two, key="Escape")
+    ball.rest()
+    assert ball.since(before, "open", "error", "cast") == []
+    assert ball.event("open", dropped(one, two, key="Return"))["title"] == "a.npy + b.npy"
+    before = ball.rest()
+    ball.keys("ctrl+s", "Return")
+    saved = Path(ball.event("export-scene", before)["path"])
+    scene = tomllib.loads(saved.read_text(encoding="utf-8"))
+    assert (scene["volume"]["file"], scene["field"][0]["file"]) == ("a.npy", "b.npy")
+    # Of other shapes: refused, and nothing changes.
+    message = ball.event("error", before := dropped(one, small, use="steps"))["message"]
+    assert "small.npy: has another lattice" in message and not ball.since(before, "open")
+    assert ball.event("open", dropped(one, two, use="steps"))["title"] == "a.npy|b.npy"
+    # One that cannot be opened does not keep the next one.
+    (tmp_path / "bad.npy").write_text("no numbers", encoding="utf-8")
+    before = dropped(one, (tmp_path / "bad.npy").as_uri(), small, use="each")
+    ball.wait_for(lambda row: row.get("title") == "small.npy", before)
+    events = [row.get("title", "bad") for row in ball.since(before, "open", "error")]
+    assert events == ["a.npy", "bad", "small.npy"]
 
 
 @pytest.mark.slow

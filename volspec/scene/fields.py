@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,6 +17,7 @@ from pydantic import Field
 
 from volspec.basis import Basis
 from volspec.errors import SceneError, VolspecWarning, VolumeError, nearest
+from volspec.raycast.fields import frame_around
 from volspec.scene.specs import fault
 from volspec.scene.transfer import TransferSpec
 from volspec.settings import Hint, Name, Unit, Vector, settings
@@ -26,6 +27,8 @@ from volspec.transfer.fields import OWN, Label
 from volspec.transfer.missing import MaskLabels
 from volspec.volume import Volume
 from volspec.volume.bundled import locate_volume
+from volspec.volume.channels import unique_titles
+from volspec.volume.load import load_volume
 from volspec.volume.series import Known, load_at
 
 At = Callable[[str], AbstractContextManager[None]]
@@ -100,6 +103,53 @@ class FieldSpec:
             labels = bool(field.labels) or self.transfer is None
             field = field.downsampled(self.downsample, labels=labels)
         return replace(field, name=self.name)
+
+
+def open_fields(paths: Sequence[str]) -> tuple[Volume, dict[str, str]]:
+    """Read volumes as the fields of the first without labels; return it, and files by field name.
+
+    The volume's own name is ``""``.
+
+    Raises VolumeError if one cannot be read, or all are labels; RaycastError if one is too far away
+    to be cast with the others.
+
+    Warns
+    -----
+    VolspecWarning
+        If one lies outside of the first.
+    """
+    volumes = [load_volume(path) for path in paths]
+    own = next((number for number, each in enumerate(volumes) if not each.labels), None)
+    if own is None:
+        raise VolumeError(
+            f"{paths[0]}: has labels, as all others",
+            "add a volume of values, or open them one after the other",
+            code="conflict",
+        )
+    volume = volumes[own]
+    names = unique_titles([Path(path).name for path in paths])
+    files = {"": paths[own]}
+    for number, (name, path, field) in enumerate(zip(names, paths, volumes, strict=True)):
+        if number == own:
+            continue
+        files[name] = path
+        volume = volume.with_fields((*volume.fields, replace(field, name=name)))
+        if not _overlap(volume, field):
+            warnings.warn(
+                f"{path}: lies outside of {paths[own]}; if they are to overlap, save the scene and "
+                "give `matrix` in [[field]]",
+                VolspecWarning,
+                stacklevel=2,
+            )
+    frame_around(volume, volume.by_name)
+    return volume, files
+
+
+def _overlap(one: Volume, two: Volume) -> bool:
+    """Return True if the boxes around two volumes overlap."""
+    corners = one.corners_mm, two.corners_mm
+    low = np.max([each.min(axis=0) for each in corners], axis=0)
+    return bool((low <= np.min([each.max(axis=0) for each in corners], axis=0)).all())
 
 
 def with_fields(

@@ -95,7 +95,7 @@ def channel_colour(channel: Channel, number: int) -> Colour:
 
 
 def channel_limits(field: Volume, steps: Iterable[Volume] | None = None) -> tuple[float, float]:
-    """Return the values between which a field is shown: stated, or by its histogram.
+    """Return the values between which a field is shown: stated, or by its labels or histogram.
 
     ``steps`` are the field at all time steps.
     """
@@ -103,6 +103,8 @@ def channel_limits(field: Volume, steps: Iterable[Volume] | None = None) -> tupl
     stated = field.channel.limits
     if stated is not None and stated[0] < most and stated[1] > least:
         return stated
+    if numbers := [number for number in field.labels if number]:
+        return min(numbers) - 0.5, float(min(numbers))
     below = np.cumsum(histogram_of([field] if steps is None else steps))
     edges = np.linspace(least, most, len(below) + 1)
     low, high = (edges[np.searchsorted(below, q * below[-1]) + 1] for q in _QUANTILES)

@@ -33,6 +33,8 @@ from volspec.volume.model import Volume
 
 PATTERN = "*"
 """Part of an address in place of any text in the names of files."""
+JOINER = "|"
+"""Part of an address between the names of files in one folder: ``before.nrrd|after.nrrd``."""
 KEPT_BYTES = 2 << 30
 """Bytes of steps that stay in memory by default."""
 
@@ -225,7 +227,8 @@ def load_series(path: str | os.PathLike[str], *, kept_bytes: int = KEPT_BYTES) -
     ----------
     path : str or path
         A file of several time steps, as for `volspec.load_volume` without ``time=``; or files of
-        one step each, by a pattern: ``beat/*.nrrd``, in the order of the numbers in their names.
+        one step each, by a pattern: ``beat/*.nrrd``, in the order of the numbers in their names;
+        or by their names, ``visits/before.nrrd|after.nrrd``, in this order.
         Options follow a question mark: ``beat/*.nrrd?spacing=1,1,2``.
     kept_bytes : int
         Bytes of voxels that stay in memory; other steps are read again when they are needed.
@@ -323,6 +326,11 @@ def step_addresses(address: str) -> tuple[str, ...]:
     path, mark, options = address.partition("?")
     if is_pattern(address):
         require_inside(path, VolumeError)
+        if JOINER in path:
+            folder, names = os.path.split(path)
+            return tuple(
+                f"{os.path.join(folder, name)}{mark}{options}" for name in names.split(JOINER)
+            )
         found = sorted(glob.glob(path), key=_in_order)
         if not found:
             raise VolumeError(
@@ -341,13 +349,61 @@ def step_addresses(address: str) -> tuple[str, ...]:
 
 
 def is_pattern(address: str) -> bool:
-    """Return True if an address is a pattern of files, and not the name of one.
+    """Return True if an address is a pattern of files, or their names, and not the name of one.
 
-    >>> is_pattern("beat/*.nrrd?spacing=1,1,1"), is_pattern("heart.nii")
-    (True, False)
+    >>> [is_pattern(each) for each in ("beat/*.nrrd?spacing=1,1,1", "a.nii|b.nii", "heart.nii")]
+    [True, True, False]
     """
     path = address.partition("?")[0]
-    return PATTERN in path and not Path(path).exists()
+    return (PATTERN in path or JOINER in path) and not Path(path).exists()
+
+
+def order_steps(paths: Sequence[str]) -> tuple[str, ...]:
+    """Return files in the order of the numbers in their names; as given if more differs.
+
+    >>> order_steps(["beat10.nii", "beat9.nii"]), order_steps(["before.nii", "after.nii"])
+    (('beat9.nii', 'beat10.nii'), ('before.nii', 'after.nii'))
+    """
+    return tuple(sorted(paths, key=_in_order) if differ_in_numbers(paths) else paths)
+
+
+def series_address(paths: Sequence[str]) -> str:
+    """Return the address of the series of some files, in the order of `order_steps`.
+
+    A pattern if the names differ in numbers alone and it fits no other file, else the names.
+
+    Raises VolumeError if these are in several folders, or have a letter of addresses.
+
+    >>> series_address(["visits/before.nii", "visits/after.nii"])
+    'visits/before.nii|after.nii'
+    """
+    paths = order_steps(paths)
+    if differ_in_numbers(paths):
+        parts = zip(*(re.split(r"(\d+)", path) for path in paths), strict=True)
+        pattern = "".join(part[0] if len(set(part)) == 1 else PATTERN for part in parts)
+        if tuple(sorted(glob.glob(pattern), key=_in_order)) == paths:
+            return pattern
+    folder = os.path.dirname(paths[0])
+    names = [os.path.basename(path) for path in paths]
+    for path, name in zip(paths, names, strict=True):
+        if os.path.dirname(path) != folder:
+            raise VolumeError(
+                f"{name} is in another folder than {names[0]}",
+                "move the steps into one folder",
+                code="conflict",
+            )
+        if any(each in name for each in (PATTERN, JOINER, "?")):
+            raise VolumeError(f"{name} has {PATTERN}, {JOINER} or ?", "rename it", code="conflict")
+    return os.path.join(folder, JOINER.join(names))
+
+
+def differ_in_numbers(paths: Sequence[str]) -> bool:
+    """Return True if paths differ in numbers alone.
+
+    >>> differ_in_numbers(["beat10.nii", "beat9.nii"])
+    True
+    """
+    return len({re.sub(r"\d+", "0", path) for path in paths}) == 1
 
 
 def _in_order(name: str) -> list[int | str]:

@@ -6,6 +6,7 @@ volume_choices -> [choices] -> dialog, status line -> address
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,9 +14,12 @@ from urllib.parse import parse_qsl, urlencode
 
 import numpy as np
 
+from volspec.errors import VolumeError, one_line
 from volspec.viewer.model.paths import size_text
 from volspec.volume import Choice, Volume
+from volspec.volume.channels import MAX_FIELDS
 from volspec.volume.files.query import SCALES
+from volspec.volume.series import differ_in_numbers, order_steps, series_address
 
 # By the key of a choice.
 TITLES = {
@@ -37,6 +41,52 @@ class Undecided:
 
     path: str
     choices: tuple[Choice, ...]
+
+
+USES = {
+    "fields": ("Fields of one scene", "At their places in one space, a colour each"),
+    "steps": ("Steps of a time series", "In the order above; all in one look"),
+    "each": ("One after the other", "The last stays open; File › Open recent has all"),
+}
+"""What files that were dropped together may be, with a remark."""
+_OTHERS = {".toml": "a scene", ".json": "a session", ".exr": "a cast image"}
+
+
+@dataclass(frozen=True, slots=True)
+class Dropped:
+    """Volumes and scenes that were dropped together, of which to choose a use.
+
+    Meshes that were dropped with them are added to what is opened.
+    """
+
+    paths: tuple[str, ...]
+    meshes: tuple[str, ...] = ()
+
+    def ordered(self, use: str) -> tuple[str, ...]:
+        """Return the paths in the order in which a use takes them."""
+        return order_steps(self.paths) if use == "steps" else self.paths
+
+    @property
+    def likely(self) -> str:
+        """The use to propose: steps if the names differ in numbers alone, else fields."""
+        return "steps" if differ_in_numbers(self.paths) else "fields"
+
+    def problem(self, use: str) -> str:
+        """Return why a use is impossible, as far as names show; empty if it may be possible."""
+        if use == "each":
+            return ""
+        for path in self.paths:
+            name, ending = os.path.basename(path), os.path.splitext(path)[1].lower()
+            if ending in _OTHERS:
+                return f"{name} is {_OTHERS[ending]}, not a volume"
+        if use == "fields" and len(self.paths) > MAX_FIELDS:
+            return f"There are {len(self.paths)} files; a scene has at most {MAX_FIELDS} fields"
+        try:
+            if use == "steps":
+                series_address(self.paths)
+        except VolumeError as error:
+            return one_line(error)
+        return ""
 
 
 def address_with(path: str, values: Mapping[str, str]) -> str:

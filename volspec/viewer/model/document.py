@@ -10,6 +10,7 @@ References
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, fields, replace
@@ -36,6 +37,7 @@ from volspec.viewer.model.field_looks import FieldLook, field_looks
 from volspec.viewer.model.light_rows import Rows, rows_from_scene
 from volspec.viewer.model.view import View
 from volspec.volume import Choice, Series, Volume
+from volspec.volume.series import PATTERN
 
 if TYPE_CHECKING:
     from volspec.raycast.behind import Behind
@@ -233,11 +235,18 @@ class Document:
         return f"{self.path.parent / self.file.volume.file}"
 
     @property
+    def field_files(self) -> tuple[str, ...]:
+        """Paths of the further fields' files."""
+        rows = () if self.file is None else self.file.field
+        return tuple(os.path.join(self.folder, row.file) for row in rows if row.file)
+
+    @property
     def own_folder(self) -> Path | None:
         """Folder of the opened file; None for bundled scenes, next to which nothing is saved."""
         if (source := self.source) is None:
             return None
-        folder = Path(source.partition("?")[0]).absolute().parent
+        folders = Path(source.partition("?")[0]).absolute().parents
+        folder = next(each for each in folders if PATTERN not in each.name)
         return None if folder.is_relative_to(demo().parents[1]) else folder
 
     @property

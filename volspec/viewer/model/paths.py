@@ -17,46 +17,52 @@ from volspec._triangles import MESHES
 from volspec.errors import InputError
 from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
 from volspec.volume.files.dicom_headers import is_dicom
-from volspec.volume.files.pages import PICTURES
+from volspec.volume.files.pages import PICTURES, is_stack
 
 # Slices: one DICOM file means its series, pictures mean their folder.
 _PICTURES = tuple(PICTURES.values())
 MOST_ROWS = 2000
 # Files that belong to meshes: materials, buffers, textures.
-_OF_MESHES = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".bmp", *PICTURES["TIFF"])
+_OF_MESHES = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".bmp")
+# Headers, and the data that they name.
+_HEADERS = (".nhdr", ".mhd", ".hdr", ".head", ".par")
+_DATA = (".raw", ".zraw", ".raw.gz", ".img", ".img.gz", ".brik", ".brik.gz", ".rec", ".bin")
+SPECTRA = (".csv", ".spd", ".spdx", ".ies", ".ldt")
 
 
-def dropped_path(paths: Sequence[str]) -> str:
-    """Return the one scene or volume that files dropped together belong to.
+def dropped_documents(paths: Sequence[str]) -> tuple[str, ...]:
+    """Return the scenes and volumes among files dropped together, in their order.
 
-    Raises InputError if they belong to several.
+    A header takes its data with it, slices of one folder are a volume, and a scene means its one
+    volume.
+
+    >>> dropped_documents(("a.mhd", "a.zraw", "b.nrrd", "tile.ply", "lamp.csv"))
+    ('a.mhd', 'b.nrrd')
     """
+    meshes = dropped_meshes(paths)
+    rest = [path for path in paths if path not in meshes]
+    if meshes and _all_end(rest, (*_OF_MESHES, *PICTURES["TIFF"])):
+        return ()
     if len(paths) == 1:
-        return paths[0]
-    # A header and its data, such as .nhdr and .raw or .mhd and .zraw.
-    headers = [path for path in paths if path.lower().endswith((".nhdr", ".mhd", ".toml"))]
-    if len(headers) == 1:
-        return headers[0]
-    if len({os.path.dirname(path) for path in paths}) == 1:
-        if _all_end(paths, DICOM_SUFFIXES):
-            return paths[0]
-        if any(_all_end(paths, endings) for endings in _PICTURES):
-            return os.path.dirname(paths[0])
-    raise InputError(
-        f"{len(paths)} files were dropped; drop one scene or volume, or the folder of its slices",
-        code="conflict",
-    )
+        return tuple(paths)
+    one_folder = len({os.path.dirname(path) for path in paths}) == 1
+    if one_folder and any(_all_end(paths, each) for each in _PICTURES) and not is_stack(paths[0]):
+        return (os.path.dirname(paths[0]),)
+    headed = any(_all_end([path], _HEADERS) for path in rest)
+    parts = (*SPECTRA, *(_OF_MESHES if meshes else ()), *(_DATA if headed else ()))
+    found: dict[str, str] = {}
+    for path in rest:
+        if not _all_end([path], parts):
+            is_slice = _all_end([path], DICOM_SUFFIXES)
+            found.setdefault(os.path.dirname(path) if is_slice else path, path)
+    documents = tuple(found.values())
+    scenes = tuple(path for path in documents if _all_end([path], (".toml",)))
+    return scenes if len(scenes) == 1 and len(documents) == 2 else documents
 
 
 def dropped_meshes(paths: Sequence[str]) -> tuple[str, ...]:
-    """Return the meshes among files dropped together; none if they are something else.
-
-    >>> dropped_meshes(("a.obj", "a.mtl", "B.STL")), dropped_meshes(("a.obj", "ball.nrrd"))
-    (('a.obj', 'B.STL'), ())
-    """
-    found = tuple(path for path in paths if _all_end([path], MESHES))
-    rest = [path for path in paths if path not in found]
-    return found if _all_end(rest, _OF_MESHES) else ()
+    """Return the meshes among files dropped together."""
+    return tuple(path for path in paths if _all_end([path], MESHES))
 
 
 def relative_path(path: str, folder: str) -> str:

@@ -15,6 +15,8 @@ from volspec.viewer.model.choices import (
     DTYPES,
     ORDERS,
     TITLES,
+    USES,
+    Dropped,
     RawLayout,
     Undecided,
     address_with,
@@ -93,6 +95,57 @@ class ChoiceDialog:
                 double |= pressed and imgui.is_mouse_double_clicked(0)
         imgui.end_child()
         return double
+
+
+class DropDialog:
+    """The files that were dropped together, and what they may be."""
+
+    def __init__(self, dropped: Dropped) -> None:
+        self.dropped = dropped
+        self._problems = {use: dropped.problem(use) for use in USES}
+        uses = sorted(USES, key=lambda use: use != dropped.likely)
+        self._use = next(use for use in uses if not self._problems[use])
+        self._opens = True
+
+    def draw(self, ui: UiContext) -> str | None:
+        """Draw the dialog; return the chosen use, empty if none, None while it is open."""
+        opens, self._opens = self._opens, False
+        paths = self.dropped.ordered(self._use)
+        title = f"{len(paths)} files were dropped: choose what they are###dropped"
+        if not begin_dialog(title, opens, ui, 560):
+            return ""
+        tall = min(len(paths), _ROWS) * imgui.get_text_line_height_with_spacing()
+        if imgui.begin_child("dropped files", (0, tall)):
+            for number in shown_rows(len(paths)):
+                imgui.text(as_one_line(f"  {number + 1}  {os.path.basename(paths[number])}"))
+        imgui.end_child()
+        imgui.separator()
+        for use, (name, remark) in USES.items():
+            problem = self._problems[use]
+            imgui.begin_disabled(bool(problem))
+            pressed = imgui.radio_button(name, use == self._use)
+            ui.note(f"use {use}")
+            if opens and use == self._use:
+                imgui.set_item_default_focus()
+            # By keyboard, the choice follows the focus.
+            if pressed or (imgui.is_item_focused() and imgui.get_io().nav_visible):
+                self._use = use
+            imgui.end_disabled()
+            imgui.indent(imgui.get_frame_height_with_spacing())
+            wrap_text(problem or remark, imgui.Col_.text_disabled)
+            imgui.unindent(imgui.get_frame_height_with_spacing())
+        imgui.spacing()
+        imgui.set_cursor_pos_x(buttons_left(ui))
+        accepted, cancelled = dialog_buttons("Open", "use ok", ui)
+        answer: str | None = None
+        if cancelled or imgui.is_key_pressed(imgui.Key.escape, False):
+            answer = ""
+        elif accepted or imgui.is_key_pressed(imgui.Key.enter, False):
+            answer = self._use
+        if answer is not None:
+            imgui.close_current_popup()
+        imgui.end_popup()
+        return answer
 
 
 class _RawPart:

@@ -33,6 +33,7 @@ from volspec.viewer.ui.widgets import as_one_line, shown_rows, text_width, wrap_
 from volspec.viewer.work.session import SUFFIX
 from volspec.viewer.work.session_store import RecentFile
 from volspec.volume.formats import VOLUME_SUFFIXES
+from volspec.volume.series import JOINER, PATTERN
 
 _W = imgui.WindowFlags_
 DIALOG_FLAGS = (
@@ -446,7 +447,7 @@ def initial_path(
     if document is not None and document.own_folder is None:
         folder = usual
     name = opened.name if opened is not None else "engine.toml"
-    stem = plain_stem(name)
+    stem = plain_stem(name.partition(JOINER)[0].replace(PATTERN, "")) or "series"
     if name.lower().endswith(".toml") or (folder / f"{stem}{request.suffixes[0]}").exists():
         stem += "-view"
     return os.fspath(folder / f"{stem}{request.suffixes[0]}")

@@ -11,10 +11,10 @@ from pathlib import Path
 from volspec.errors import VolspecError
 from volspec.viewer.model import meshes
 from volspec.viewer.model.history import History
-from volspec.viewer.model.paths import PathRequest, dropped_meshes
+from volspec.viewer.model.paths import PathRequest, dropped_documents, dropped_meshes
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.choice_dialog import ChoiceDialog
+from volspec.viewer.ui.choice_dialog import ChoiceDialog, DropDialog
 from volspec.viewer.ui.context import Request, Search, UiContext
 from volspec.viewer.ui.dialogs import REQUESTS, FileDialogs
 from volspec.viewer.ui.output_dialogs import (
@@ -63,6 +63,7 @@ class FileCommands:
         self._progress: Progress | None = None
         self._state: ViewState | None = None
         self._choice: ChoiceDialog | None = None
+        self._drop: DropDialog | None = None
         self._meshes: list[ReadMeshes] = []  # to be added
         self._commands: dict[str, Callable[[ViewState], None]] = {
             "reload": self.documents.reload,
@@ -113,8 +114,8 @@ class FileCommands:
             self._commands[name](state)
 
     def drop(self, paths: tuple[str, ...], state: ViewState | None) -> None:
-        """Add the meshes, or open the scene or the volume, that was dropped."""
-        if found := dropped_meshes(paths):
+        """Add the meshes, or open the scene or the volume, that was dropped; see `Dropped`."""
+        if not dropped_documents(paths) and (found := dropped_meshes(paths)):
             self._read_meshes(found, state)
         else:
             self.documents.drop(paths)
@@ -165,6 +166,8 @@ class FileCommands:
                 self._notice.show(f"The {progress.kind} was cancelled")
             elif outcome.kind == "open":
                 found = self.documents.finish_open(outcome, first)
+                if found is not None and (meshes := self.documents.take_meshes()):
+                    self._read_meshes(meshes, found.state)
             elif outcome.error:
                 self._notice.show_error(outcome.error)
             elif isinstance(outcome.result, ReadMeshes):
@@ -191,10 +194,16 @@ class FileCommands:
             self._choice = ChoiceDialog(undecided)
         if self._choice is not None and (address := self._choice.draw(self._ui)) is not None:
             self._choice = None
-            if address:
-                self.documents.open(address)
-            elif state is None:
+            self.documents.decide(address)
+            if state is None and not address:
                 self.documents.problem = "Nothing was chosen to open"
+        if (dropped := self.documents.dropped) is not None:
+            self.documents.dropped = None
+            self._drop = DropDialog(dropped)
+        if self._drop is not None and (use := self._drop.draw(self._ui)) is not None:
+            if use:
+                self.documents.use(self._drop.dropped, use)
+            self._drop = None
         if state is not None:
             if self._picture.draw(state, self._ui):
                 self._save_picture(state)

@@ -16,16 +16,23 @@ from pathlib import Path
 
 from volspec._files import is_remote
 from volspec._triangles import is_mesh_file
-from volspec.errors import InputError, VolspecError, VolumeError, one_line
+from volspec.errors import VolspecError, VolumeError, one_line
 from volspec.pipeline import Raycaster
 from volspec.scene import Scene
+from volspec.scene.fields import open_fields
 from volspec.scene.specs import MeshSpec
 from volspec.spectra import reflectance_names
-from volspec.viewer.model.choices import Undecided, address_with, scale_choice
+from volspec.viewer.model.choices import Dropped, Undecided, address_with, scale_choice
 from volspec.viewer.model.document import Document, demo
 from volspec.viewer.model.light_rows import brightest_row
 from volspec.viewer.model.meshes import row_for
-from volspec.viewer.model.paths import check_name, dropped_path
+from volspec.viewer.model.paths import (
+    SPECTRA,
+    check_name,
+    dropped_documents,
+    dropped_meshes,
+    relative_path,
+)
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.background import Outcome, Tasks
 from volspec.viewer.work.cast_images import is_cast_image, open_image
@@ -35,15 +42,19 @@ from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.session import SUFFIX, BrokenSession, restore_state
 from volspec.viewer.work.session_store import RecentFiles, SessionStore, state_folder
 from volspec.volume import Choice, Volume, volume_choices
-from volspec.volume.series import open_volume
+from volspec.volume.series import open_volume, series_address
 
 
 def open_document(
-    path: str | None, device: str | None = None, choices: tuple[Choice, ...] | None = None
+    path: str | None,
+    device: str | None = None,
+    choices: tuple[Choice, ...] | None = None,
+    fields: tuple[str, ...] = (),
 ) -> Document:
     """Open a scene, a cast image, or a volume with a scene made for it; None opens the demo.
 
-    The ``choices`` of a volume's address are listed if they are not given.
+    The ``choices`` of a volume's address are listed if they are not given; ``fields`` are files of
+    the volume's further fields.
 
     Raises VolspecError if the file cannot be read, or a device is named that cannot cast.
     """
@@ -56,6 +67,9 @@ def open_document(
     if path is None or is_mesh or path.lower().endswith(".toml"):
         scene = Scene.from_mesh(opened) if is_mesh else Scene.load(opened)
         (volume, series), choices = scene.opened(), ()
+    elif fields:
+        scene, volume = _scene_of_fields((path, *fields))
+        series, choices = None, ()
     else:
         volume, series = open_volume(path)
         if choices is None:
@@ -65,6 +79,22 @@ def open_document(
     threading.Thread(target=reflectance_names, daemon=True).start()
     caster, fault = make_caster(volume, device)
     return Document.of(scene, volume, caster, fault, series).with_choices(choices)
+
+
+def _scene_of_fields(paths: tuple[str, ...]) -> tuple[Scene, Volume]:
+    """Return a scene made for volumes in one space, and the volume with the others as fields."""
+    for path in paths:
+        check_name(path)
+    volume, files = open_fields(paths)
+    scene = Scene.from_volume(files[""], volume=volume)
+    folder = str(scene.path.parent)
+    rows = tuple(
+        replace(row, file=relative_path(files[row.name], folder)) if row.name in files else row
+        for row in scene.file.field
+    )
+    title = " + ".join([scene.file.title, *(row.name for row in rows if row.file)])
+    scene.file = replace(scene.file, title=title, field=rows)
+    return scene, volume
 
 
 def list_choices(path: str, volume: Volume) -> tuple[Choice, ...]:
@@ -158,6 +188,9 @@ class DocumentService:
         self._opening = ""  # the message while a file is being opened
         self.recent = self._recent.rows()
         self.undecided: Undecided | None = None  # an address of which to choose what to open
+        self.dropped: Dropped | None = None  # files of which to choose what they are
+        self.meshes: tuple[str, ...] = ()  # to be added to what is being opened
+        self._next: tuple[str, ...] = ()  # to be opened after that
         self.problem = ""  # why nothing is open yet
 
     def open(self, path: str | None, notify: bool = True) -> None:
@@ -165,6 +198,10 @@ class DocumentService:
 
         `finish_open` returns it later. If ``notify`` is False, the current message stays.
         """
+        self._next = self.meshes = ()
+        self._open(path, notify)
+
+    def _open(self, path: str | None, notify: bool = True) -> None:
         if path is not None and path.lower().endswith(SUFFIX):
             self.resume(Path(path))
             return
@@ -173,11 +210,51 @@ class DocumentService:
         self._tasks.start("open", lambda: open_path(path, self._device))
 
     def drop(self, paths: tuple[str, ...]) -> None:
-        """Open the scene or the volume that was dropped."""
-        try:
-            self.open(dropped_path(paths))
-        except InputError as error:
-            self._notice.show_error(str(error))
+        """Open the scene or the volume that was dropped; of several, ask for their use."""
+        found, meshes = dropped_documents(paths), dropped_meshes(paths)
+        if left := [path for path in paths if path not in found and path.lower().endswith(SPECTRA)]:
+            names = ", ".join(Path(path).name for path in left)
+            self._notice.show_warning(f"{names}: neither a volume nor a scene, left out")
+        if len(found) > 1:
+            self.dropped = Dropped(found, meshes)
+        elif found:
+            self.open(found[0])
+            self.meshes = meshes
+
+    def use(self, dropped: Dropped, use: str) -> None:
+        """Open files that were dropped together: as fields, as steps, or one after the other."""
+        paths = dropped.ordered(use)
+        if use == "fields":
+            self._next = ()
+            self._show_opening(f"Opening {len(paths)} fields …")
+
+            def opened() -> Opened:
+                document = open_document(paths[0], self._device, fields=paths[1:])
+                return Opened(ViewState.first(document, (0, 0)))
+
+            self._tasks.start("open", opened)
+        elif use == "steps":
+            self.open(series_address(paths))
+        else:
+            self.open(paths[0])
+            self._next = paths[1:]
+        self.meshes = dropped.meshes
+
+    def decide(self, address: str) -> None:
+        """Open the address that was chosen; if it is empty, go on with the next file, if any."""
+        if address:
+            self._open(address)
+        else:
+            self._open_next()
+
+    def _open_next(self) -> bool:
+        """Open the next of the files to be opened one after the other; return False if none is."""
+        if not self._next:
+            return False
+        path, *rest = self._next
+        self._next = tuple(rest)
+        self._open(path)
+        return True
 
     def resume_last(self, path: str | None) -> None:
         """Restore the last session; without one, open the file, the most recent one or the demo."""
@@ -202,7 +279,10 @@ class DocumentService:
             opened: Opened = outcome.result
             self.problem = ""
             return opened
-        if first:
+        if self._next:
+            self._notice.show_error(outcome.error)
+            self._open_next()
+        elif first:
             # In the terminal, too, where the command was typed.
             print(f"volspec: {one_line(outcome.error)}", file=sys.stderr)
             self._open_fallback(outcome.error)
@@ -230,6 +310,14 @@ class DocumentService:
             volume = opened.state.document.volume
             if volume.metadata.assumed and not self._notice.text:
                 self._notice.show(f"{volume.title}: {volume.metadata}")
+        self._open_next()
+
+    def take_meshes(self) -> tuple[str, ...]:
+        """Return the meshes to be added to what was opened last, once."""
+        if self._next:
+            return ()
+        meshes, self.meshes = self.meshes, ()
+        return meshes
 
     def tick(self, state: ViewState, now: float, moves: bool) -> None:
         """Save the session if it is due and nothing is moving that this could disturb."""
@@ -261,11 +349,11 @@ class DocumentService:
 
     def reload(self, state: ViewState) -> None:
         """Read the open file again; only the view and the window stay."""
-        path = state.document.source
+        path, fields = state.document.source, state.document.field_files
         self._show_opening("Reading the file again; only the view stays …")
 
         def again() -> Opened:
-            found = ViewState.first(open_document(path, self._device), (0, 0))
+            found = ViewState.first(open_document(path, self._device, fields=fields), (0, 0))
             return Opened(replace(found, view=state.view), path)
 
         self._tasks.start("open", again)
@@ -317,8 +405,9 @@ class DocumentService:
             except BrokenSession as error:
                 raise self._store.broken(path, error) from error
             document = state.document
-            if document.source is not None and not document.source.lower().endswith(".toml"):
-                document = document.with_choices(list_choices(document.source, document.volume))
+            source = document.source
+            if source and not source.lower().endswith(".toml") and not document.field_files:
+                document = document.with_choices(list_choices(source, document.volume))
             shown = None if self._store.holds(path) else str(path)
             return Opened(replace(state, document=document), shown, path)
 

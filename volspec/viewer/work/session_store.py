@@ -29,6 +29,7 @@ from volspec.errors import InputError
 from volspec.export.frames import file_stem
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.session import SUFFIX, BrokenSession, Session, read_session, save_session
+from volspec.volume.series import is_pattern
 
 STATE_VARIABLE = "VOLSPEC_STATE"
 MOST_FILES = 10
@@ -73,7 +74,10 @@ class RecentFiles:
             return ()
         paths = [path for path in data if isinstance(path, str)] if isinstance(data, list) else []
         return tuple(
-            RecentFile(path, is_remote(path) or os.path.exists(path.partition("?")[0]))
+            RecentFile(
+                path,
+                is_remote(path) or is_pattern(path) or os.path.exists(path.partition("?")[0]),
+            )
             for path in paths[:MOST_FILES]
         )
 

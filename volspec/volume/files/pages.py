@@ -22,7 +22,7 @@ import math
 import re
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from logging.handlers import BufferingHandler
 from pathlib import Path
 from typing import Any
@@ -94,6 +94,15 @@ def picture_errors(path: Path) -> Iterator[None]:
 
 def _lacks_codec(error: Exception) -> bool:
     return isinstance(error, ImportError) or "imagecodecs" in str(error)
+
+
+def is_stack(path: str) -> bool:
+    """Return True for a TIFF of several pages, which is no slice; False if it cannot be read."""
+    from tifffile import TiffFile
+
+    with suppress(VolspecError), picture_errors(Path(path)), TiffFile(path) as tiff:
+        return len(tiff.pages) > 1
+    return False
 
 
 def page_values(page: Any) -> NDArray[Any]:
