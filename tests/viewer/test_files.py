@@ -162,6 +162,8 @@ def test_dropped_volumes_are_saved_as_one_scene(tmp_path):
             np.array_equal(one.values, state.document.volume.by_role[name].values)
             for name, one in volume.by_role.items()
         )
+        document = open_document(state.document.source, fields=state.document.field_files)
+        assert document.title == title
         again = restore_state(read_session(save_session(state, tmp_path / f"{count}{SUFFIX}")))
         assert again.document.field_files == state.document.field_files
         assert Path(initial_path(REQUESTS["export-scene"], state.document)).stem in "ab3"

@@ -176,21 +176,21 @@ def test_files_dropped_together_are_what_is_answered(ball, tmp_path):
     small = save_ball(tmp_path, 8, "small.npy").as_uri()
     one, two = (save_ball(tmp_path, name=name).as_uri() for name in ("a.npy", "b.npy"))
 
-    def dropped(*uris: str, use: str = "", key: str = "") -> float:
-        """Drop files, answer the question by mouse or by a key; return the time before."""
+    def dropped(*uris: str, use: str = "", keys: str = "") -> float:
+        """Drop files, answer the question by mouse or by keys; return the time before."""
         before = ball.rest()
         ball.drop(*uris)
         ball.rest()
         if use:
             ball.click(f"use {use}", "use ok")
         else:
-            ball.keys(key)
+            ball.keys(*keys.split())
         return before
 
-    before = dropped(one, two, key="Escape")
+    before = dropped(one, two, keys="Down Escape")
     ball.rest()
     assert ball.since(before, "open", "error", "cast") == []
-    assert ball.event("open", dropped(one, two, key="Return"))["title"] == "a.npy + b.npy"
+    assert ball.event("open", dropped(one, two, keys="Return"))["title"] == "a.npy + b.npy"
     before = ball.rest()
     ball.keys("ctrl+s", "Return")
     saved = Path(ball.event("export-scene", before)["path"])
@@ -199,7 +199,7 @@ def test_files_dropped_together_are_what_is_answered(ball, tmp_path):
     # Of other shapes: refused, and nothing changes.
     message = ball.event("error", before := dropped(one, small, use="steps"))["message"]
     assert "small.npy: has another lattice" in message and not ball.since(before, "open")
-    assert ball.event("open", dropped(one, two, use="steps"))["title"] == "a.npy|b.npy"
+    assert ball.event("open", dropped(one, two, keys="Down Return"))["title"] == "a.npy|b.npy"
     # One that cannot be opened does not keep the next one.
     (tmp_path / "bad.npy").write_text("no numbers", encoding="utf-8")
     before = dropped(one, (tmp_path / "bad.npy").as_uri(), small, use="each")

@@ -326,8 +326,8 @@ def step_addresses(address: str) -> tuple[str, ...]:
     path, mark, options = address.partition("?")
     if is_pattern(address):
         require_inside(path, VolumeError)
-        if JOINER in path:
-            folder, names = os.path.split(path)
+        folder, names = os.path.split(path)
+        if JOINER in names:
             return tuple(
                 f"{os.path.join(folder, name)}{mark}{options}" for name in names.split(JOINER)
             )
@@ -355,7 +355,8 @@ def is_pattern(address: str) -> bool:
     [True, True, False]
     """
     path = address.partition("?")[0]
-    return (PATTERN in path or JOINER in path) and not Path(path).exists()
+    several = PATTERN in path or JOINER in os.path.basename(path)
+    return several and not Path(path).exists()
 
 
 def order_steps(paths: Sequence[str]) -> tuple[str, ...]:

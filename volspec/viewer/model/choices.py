@@ -9,7 +9,7 @@ import math
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from urllib.parse import parse_qsl, urlencode
 
 import numpy as np
@@ -45,7 +45,7 @@ class Undecided:
 
 USES = {
     "fields": ("Fields of one scene", "At their places in one space, a colour each"),
-    "steps": ("Steps of a time series", "In the order above; all in one look"),
+    "steps": ("Steps of a time series", "All on one lattice, with one look"),
     "each": ("One after the other", "The last stays open; File › Open recent has all"),
 }
 """What files that were dropped together may be, with a remark."""
@@ -66,10 +66,21 @@ class Dropped:
         """Return the paths in the order in which a use takes them."""
         return order_steps(self.paths) if use == "steps" else self.paths
 
+    def moved_up(self, path: str) -> Dropped:
+        """Return the files with one before its predecessor.
+
+        >>> Dropped(("before.nii", "after.nii")).moved_up("after.nii").paths
+        ('after.nii', 'before.nii')
+        """
+        at = self.paths.index(path)
+        above = max(at - 1, 0)
+        rest = self.paths[:at] + self.paths[at + 1 :]
+        return replace(self, paths=(*rest[:above], path, *rest[above:]))
+
     @property
-    def likely(self) -> str:
-        """The use to propose: steps if the names differ in numbers alone, else fields."""
-        return "steps" if differ_in_numbers(self.paths) else "fields"
+    def numbered(self) -> bool:
+        """True if the names differ in numbers alone: these order steps, and propose that use."""
+        return differ_in_numbers(self.paths)
 
     def problem(self, use: str) -> str:
         """Return why a use is impossible, as far as names show; empty if it may be possible."""

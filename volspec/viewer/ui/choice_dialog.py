@@ -103,7 +103,7 @@ class DropDialog:
     def __init__(self, dropped: Dropped) -> None:
         self.dropped = dropped
         self._problems = {use: dropped.problem(use) for use in USES}
-        uses = sorted(USES, key=lambda use: use != dropped.likely)
+        uses = sorted(USES, key=lambda use: use != "steps" or not dropped.numbered)
         self._use = next(use for use in uses if not self._problems[use])
         self._opens = True
 
@@ -117,8 +117,14 @@ class DropDialog:
         tall = min(len(paths), _ROWS) * imgui.get_text_line_height_with_spacing()
         if imgui.begin_child("dropped files", (0, tall)):
             for number in shown_rows(len(paths)):
-                imgui.text(as_one_line(f"  {number + 1}  {os.path.basename(paths[number])}"))
+                name = as_one_line(os.path.basename(paths[number]))
+                if imgui.selectable(f"  {number + 1}  {name}##{number}", False, _ROW)[0]:
+                    self.dropped = self.dropped.moved_up(paths[number])
+                ui.note(f"dropped {number}", paths[number])
         imgui.end_child()
+        by_number = self._use == "steps" and self.dropped.numbered
+        order = "In the order of the numbers in their names"
+        imgui.text_disabled(order if by_number else "A click on a file moves it up")
         imgui.separator()
         for use, (name, remark) in USES.items():
             problem = self._problems[use]

@@ -11,7 +11,7 @@ from pathlib import Path
 from volspec.errors import VolspecError
 from volspec.viewer.model import meshes
 from volspec.viewer.model.history import History
-from volspec.viewer.model.paths import PathRequest, dropped_documents, dropped_meshes
+from volspec.viewer.model.paths import PathRequest
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.choice_dialog import ChoiceDialog, DropDialog
@@ -114,11 +114,9 @@ class FileCommands:
             self._commands[name](state)
 
     def drop(self, paths: tuple[str, ...], state: ViewState | None) -> None:
-        """Add the meshes, or open the scene or the volume, that was dropped; see `Dropped`."""
-        if not dropped_documents(paths) and (found := dropped_meshes(paths)):
-            self._read_meshes(found, state)
-        else:
-            self.documents.drop(paths)
+        """Add the meshes, or open the scenes or volumes, that were dropped."""
+        if meshes := self.documents.drop(paths):
+            self._read_meshes(meshes, state)
 
     def _read_meshes(self, paths: tuple[str, ...], state: ViewState | None) -> None:
         names = ", ".join(Path(path).name for path in paths)

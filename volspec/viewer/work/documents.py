@@ -42,7 +42,7 @@ from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.session import SUFFIX, BrokenSession, restore_state
 from volspec.viewer.work.session_store import RecentFiles, SessionStore, state_folder
 from volspec.volume import Choice, Volume, volume_choices
-from volspec.volume.series import open_volume, series_address
+from volspec.volume.series import JOINER, open_volume, series_address, step_addresses
 
 
 def open_document(
@@ -72,6 +72,13 @@ def open_document(
         series, choices = None, ()
     else:
         volume, series = open_volume(path)
+        if series is not None and len(series) == 1 and JOINER in path:
+            unread = ", ".join(each for each in step_addresses(path) if each not in series.names)
+            raise VolumeError(
+                f"{unread}: cannot be a time step after {series.names[0]}",
+                "open it alone for the reason",
+                code="missing",
+            )
         if choices is None:
             choices = list_choices(path, volume)
         scene = Scene.from_volume(path, volume=volume, series=series)
@@ -189,7 +196,7 @@ class DocumentService:
         self.recent = self._recent.rows()
         self.undecided: Undecided | None = None  # an address of which to choose what to open
         self.dropped: Dropped | None = None  # files of which to choose what they are
-        self.meshes: tuple[str, ...] = ()  # to be added to what is being opened
+        self._meshes: tuple[str, ...] = ()  # to be added to what is being opened
         self._next: tuple[str, ...] = ()  # to be opened after that
         self.problem = ""  # why nothing is open yet
 
@@ -198,19 +205,22 @@ class DocumentService:
 
         `finish_open` returns it later. If ``notify`` is False, the current message stays.
         """
-        self._next = self.meshes = ()
+        self._next = self._meshes = ()
         self._open(path, notify)
 
     def _open(self, path: str | None, notify: bool = True) -> None:
         if path is not None and path.lower().endswith(SUFFIX):
-            self.resume(Path(path))
+            self._resume(Path(path))
             return
         if notify:
             self._show_opening(f"Opening {path or 'the demo'} …")
         self._tasks.start("open", lambda: open_path(path, self._device))
 
-    def drop(self, paths: tuple[str, ...]) -> None:
-        """Open the scene or the volume that was dropped; of several, ask for their use."""
+    def drop(self, paths: tuple[str, ...]) -> tuple[str, ...]:
+        """Open the scene or the volume that was dropped; of several, ask for their use.
+
+        Return meshes that were dropped without one, to be added to the open document.
+        """
         found, meshes = dropped_documents(paths), dropped_meshes(paths)
         if left := [path for path in paths if path not in found and path.lower().endswith(SPECTRA)]:
             names = ", ".join(Path(path).name for path in left)
@@ -219,13 +229,14 @@ class DocumentService:
             self.dropped = Dropped(found, meshes)
         elif found:
             self.open(found[0])
-            self.meshes = meshes
+            self._meshes = meshes
+        return () if found else meshes
 
     def use(self, dropped: Dropped, use: str) -> None:
         """Open files that were dropped together: as fields, as steps, or one after the other."""
         paths = dropped.ordered(use)
         if use == "fields":
-            self._next = ()
+            self._next = self._meshes = ()
             self._show_opening(f"Opening {len(paths)} fields …")
 
             def opened() -> Opened:
@@ -238,7 +249,7 @@ class DocumentService:
         else:
             self.open(paths[0])
             self._next = paths[1:]
-        self.meshes = dropped.meshes
+        self._meshes = dropped.meshes
 
     def decide(self, address: str) -> None:
         """Open the address that was chosen; if it is empty, go on with the next file, if any."""
@@ -247,14 +258,12 @@ class DocumentService:
         else:
             self._open_next()
 
-    def _open_next(self) -> bool:
-        """Open the next of the files to be opened one after the other; return False if none is."""
-        if not self._next:
-            return False
-        path, *rest = self._next
-        self._next = tuple(rest)
-        self._open(path)
-        return True
+    def _open_next(self) -> None:
+        """Open the next of the files to be opened one after the other, if any."""
+        if self._next:
+            path, *rest = self._next
+            self._next = tuple(rest)
+            self._open(path)
 
     def resume_last(self, path: str | None) -> None:
         """Restore the last session; without one, open the file, the most recent one or the demo."""
@@ -282,7 +291,9 @@ class DocumentService:
         if self._next:
             self._notice.show_error(outcome.error)
             self._open_next()
-        elif first:
+            return None
+        self._meshes = ()
+        if first:
             # In the terminal, too, where the command was typed.
             print(f"volspec: {one_line(outcome.error)}", file=sys.stderr)
             self._open_fallback(outcome.error)
@@ -316,7 +327,7 @@ class DocumentService:
         """Return the meshes to be added to what was opened last, once."""
         if self._next:
             return ()
-        meshes, self.meshes = self.meshes, ()
+        meshes, self._meshes = self._meshes, ()
         return meshes
 
     def tick(self, state: ViewState, now: float, moves: bool) -> None:
@@ -396,7 +407,10 @@ class DocumentService:
 
     def resume(self, path: Path) -> None:
         """Start restoring the session in a file."""
+        self._next = self._meshes = ()
+        self._resume(path)
 
+    def _resume(self, path: Path) -> None:
         def restored() -> Opened:
             check_name(path)
             session = self._store.read(path)
