@@ -1,5 +1,6 @@
 """HDR pictures: luminances through the appearance model, PNG and AVIF, what is refused."""
 
+import io
 import struct
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from PIL import Image
 
 from tests.export.conftest import ffmpeg
 from tests.export.test_export_png import chunks
+from tests.support.browser import chromium, missing
 from tests.support.commands import GENERAL
 from tests.support.errors import raises
 from tests.support.images import image, read_codes
@@ -110,7 +112,12 @@ def test_png_has_code_points_and_the_display_s_peak(tmp_path, transfer, curve):
     numbers = struct.unpack(">8H2I", found[b"mDCV"])
     # Rec. 2020's primaries and D65 in steps of 0.00002; 1000 cd/m² in steps of 0.0001.
     assert numbers == (35400, 14600, 8500, 39850, 6550, 2300, 15635, 16450, 10_000_000, 0)
+    # MaxCLL and MaxFALL, of all pixels' greatest.
+    greatest = Hdr(transfer).luminances(codes / 65535.0).max(axis=-1)
+    light = np.array(struct.unpack(">2I", found[b"cLLI"])) / 1e4
+    assert light == pytest.approx([greatest.max(), greatest.mean()], abs=1e-4)
     names = list(found)
+    assert names.index(b"cLLI") < names.index(b"IDAT")
     assert max(names.index(b"cICP"), names.index(b"mDCV")) < names.index(b"IDAT")
     assert not {b"sRGB", b"iCCP"} & set(found)
     assert np.array_equal(SimpleITK.GetArrayFromImage(SimpleITK.ReadImage(str(path))), codes)
@@ -140,10 +147,41 @@ def test_avif_has_its_bits_curve_and_codes(tmp_path, transfer, bits, curve):
     assert struct.unpack(">HHHB", data[at : at + 7]) == (9, curve, 9, 0x80)
     at = data.index(b"pixi") + 8
     assert data[at : at + 4] == bytes([3, bits, bits, bits])
+    greatest = Hdr(transfer).luminances(pixels / 65535.0).max(axis=-1)
+    light = struct.unpack(">2H", data[data.index(b"clli") + 4 :][:4])
+    assert light == pytest.approx([greatest.max(), greatest.mean()], abs=1.0)
+    assert (
+        f"MaxCLL={light[0]}, MaxFALL={light[1]}" in ffmpeg("-i", path, check=False).stderr.decode()
+    )
     wanted = YCbCr_codes(pixels, bits)
     assert np.array_equal(decoded(path, (63, 41), bits), wanted), "lossless"
     with Image.open(path) as read:
         assert read.size == (63, 41)
+
+
+def test_a_browser_shows_a_picture_without_highlights_as_its_sdr_frame(tmp_path):
+    """On an SDR display: it does not dim what says that it is no brighter than white."""
+    if why := missing():
+        pytest.skip(why)
+    codes = np.linspace(0.1, 1.0, 48)[:, None, None] * [1.0, 0.8, 0.6] * np.ones((1, 64, 1))
+    space = SPACES["sRGB"]
+    write_frame(tmp_path / "sdr.png", to_uint16(codes))
+    names = ["sdr.png"]
+    for curve in ("PQ", "HLG"):
+        shown = to_uint16(Hdr(curve).codes(space.decode(codes) @ space.XYZ_from_RGB.T))
+        for ending in ("png", "avif"):
+            names.append(f"{curve}.{ending}")
+            write_frame(tmp_path / names[-1], shown, space=Hdr(curve))
+    style = "body { margin: 0 } img { display: block }"
+    page = f"<style>{style}</style>" + "".join(f"<img src={name}>" for name in names)
+    (tmp_path / "page.html").write_text(page, encoding="utf-8")
+    with chromium() as browser:
+        window = browser.new_page(viewport={"width": 64, "height": 48 * len(names)})
+        window.goto((tmp_path / "page.html").as_uri())
+        seen = np.asarray(Image.open(io.BytesIO(window.screenshot())).convert("RGB")).astype(int)
+    sdr, *others = seen.reshape(len(names), 48, 64, 3)
+    assert np.abs(sdr - codes * 255.0).max() <= 1.0
+    assert max(np.abs(each - sdr).max() for each in others) <= 2
 
 
 def test_write_frame_makes_avif_of_hdr_only(tmp_path):

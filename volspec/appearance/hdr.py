@@ -9,6 +9,7 @@ References
 ----------
 [1] Recommendation ITU-R BT.2100-2 (2018): tables 4 (PQ, the curve of SMPTE ST 2084) and 5 (HLG).
 [2] Report ITU-R BT.2408-7 (2023): HDR reference white, 203 cd/m², 58 % PQ, 75 % HLG.
+[3] CTA-861.3-A (2015): MaxCLL and MaxFALL.
 """
 
 from __future__ import annotations
@@ -85,6 +86,26 @@ def hlg_decode(code: ArrayLike) -> Array:
     return np.where(x <= 0.5, x**2 / 3.0, (np.exp((x - _C) / _A) + _B) / 12.0)
 
 
+class ContentLight:
+    """Luminances of a picture [3]: its greatest, and the mean of its pixels' greatest, cd/m²."""
+
+    def __init__(self) -> None:
+        self.most_cd_m2 = self._sum = 0.0
+        self._pixels = 0
+
+    def add(self, codes: NDArray[np.uint16], hdr: Hdr) -> None:
+        """Add pixels (..., 3) of 16 bits."""
+        greatest = hdr.luminances(codes / 65535.0).max(axis=-1)
+        self.most_cd_m2 = max(self.most_cd_m2, float(greatest.max(initial=0.0)))
+        self._sum += float(greatest.sum())
+        self._pixels += greatest.size
+
+    @property
+    def mean_cd_m2(self) -> float:
+        """The mean; 0 without any pixel."""
+        return self._sum / max(self._pixels, 1)
+
+
 @settings(ViewingError)
 @dataclass(frozen=True, slots=True)
 class Hdr:
@@ -153,6 +174,15 @@ class Hdr:
         scene = hlg_decode(given)
         Y = scene @ _LUMA
         return scene * (self.peak_cd_m2 * Y[..., None] ** (self._system_gamma - 1.0))
+
+    def mastering_display(self) -> tuple[NDArray[np.int_], int]:
+        """Return (4, 2) x, y of its red, green, blue and white, and its peak.
+
+        In the units of files: 0.00002 and 0.0001 cd/m².
+        """
+        space = SPACES["Rec. 2020"]
+        xy = np.rint(np.array([*space.primaries_xy, space.white_xy]) * 50_000.0)
+        return xy.astype(int), round(self.peak_cd_m2 * 10_000.0)
 
     @property
     def _system_gamma(self) -> float:

@@ -10,19 +10,23 @@ References
 [1] AV1 Image File Format (AVIF), version 1.1.0, AOMedia: colr box, nclx.
 [2] Recommendation ITU-T H.273: code points of primaries, transfer functions and matrices.
 [3] Recommendation ITU-R BT.2100-2: Y'CbCr with constants 0.2627 and 0.0593.
+[4] ISO/IEC 14496-12:2022, 12.1.5 and 12.1.6: mdcv and clli; 8.11: meta, iloc, iprp.
 """
 
 from __future__ import annotations
 
+import math
+import struct
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.hdr import Hdr
+from volspec.appearance.hdr import ContentLight, Hdr
 from volspec.errors import InputError
 from volspec.export.ffmpeg import ffmpeg
 
@@ -41,10 +45,12 @@ class AvifWriter:
         ffmpeg()  # before the frame is made
         self._file, self._size, self._bits, self._hdr = file, size, bits, hdr
         self._rows: list[NDArray[Any]] = []
+        self._light = ContentLight()
 
     def rows(self, pixels: NDArray[Any]) -> None:
         """Append (R, W, 3) rows of uint16."""
         self._rows.append(pixels)
+        self._light.add(pixels, self._hdr)
 
     def close(self) -> None:
         """Encode the picture; the file stays open."""
@@ -71,7 +77,48 @@ class AvifWriter:
                     "its AV1 encoder, libaom, is needed; or write .png",
                     code="unwritable",
                 )
-            self._file.write(path.read_bytes())
+            self._file.write(_with_properties(path.read_bytes(), self._properties()))
+
+    def _properties(self) -> list[bytes]:
+        """Return the boxes of the display's colours and of how bright the picture is [4]."""
+        (red, green, blue, white), peak = self._hdr.mastering_display()
+        colours = struct.pack(">8H2I", *green, *blue, *red, *white, peak, 0)
+        light = (math.ceil(each) for each in (self._light.most_cd_m2, self._light.mean_cd_m2))
+        return [_box(b"mdcv", colours), _box(b"clli", struct.pack(">2H", *light))]
+
+
+def _box(kind: bytes, content: bytes) -> bytes:
+    return struct.pack(">I4s", 8 + len(content), kind) + content
+
+
+def _with_properties(data: bytes, added: Sequence[bytes]) -> bytes:
+    """Return an AVIF of one item, as ffmpeg writes it, with more properties; itself if it differs.
+
+    The boxes around them grow, and the item's data are moved by as much.
+    """
+    at = {kind: data.find(kind) - 4 for kind in (b"meta", b"iloc", b"iprp", b"ipco", b"ipma")}
+    # Versions 0: offsets and lengths of 4 bytes, one item, one extent; one row of associations.
+    heads = {b"iloc": b"\0\0\0\0D\0\0\1", b"ipma": b"\0\0\0\0\0\0\0\1"}
+    if any(data[at[kind] + 8 :][:8] != head for kind, head in heads.items()):
+        return data
+    sizes = {kind: struct.unpack_from(">I", data, place)[0] for kind, place in at.items()}
+    first, place, end = 1, at[b"ipco"] + 8, at[b"ipco"] + sizes[b"ipco"]
+    while place < end:
+        place += struct.unpack_from(">I", data, place)[0]
+        first += 1
+    properties, count_at, offset_at = b"".join(added), at[b"ipma"] + 18, at[b"iloc"] + 22
+    total = len(properties) + len(added)
+    grown = dict.fromkeys((b"meta", b"iprp"), total)
+    grown |= {b"ipco": len(properties), b"ipma": len(added)}
+    made = bytearray(data)
+    for kind, more in grown.items():
+        struct.pack_into(">I", made, at[kind], sizes[kind] + more)
+    struct.pack_into(">I", made, offset_at, struct.unpack_from(">I", data, offset_at)[0] + total)
+    made[count_at] += len(added)
+    behind = count_at + 1 + data[count_at]
+    made[behind:behind] = bytes(range(first, first + len(added)))
+    made[end:end] = properties
+    return bytes(made)
 
 
 def YCbCr_codes(pixels: NDArray[np.uint16], bits: int) -> NDArray[np.uint16]:

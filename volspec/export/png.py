@@ -8,7 +8,7 @@ may be larger than memory.
 References
 ----------
 [1] Portable Network Graphics (PNG) Specification, third edition, W3C 2025: 5 datastream, 9
-    filtering, 11.3 ancillary chunks (cICP, mDCV, iCCP, sRGB, iTXt).
+    filtering, 11.3 ancillary chunks (cICP, mDCV, cLLI, iCCP, sRGB, iTXt).
 [2] Recommendation ITU-T H.273: code points of primaries and transfer functions.
 [3] ICC.1:2022, profile version 4: 7.2 header, 8.3 display profiles, 9.2 tags, 10.18
     parametricCurveType; annex E, Bradford adaptation to the connection space's D50.
@@ -24,7 +24,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance.hdr import Hdr
+from volspec.appearance.hdr import ContentLight, Hdr
 from volspec.appearance.profile import D50_XYZ, D50_from_white
 from volspec.appearance.spaces import SPACES, ColourSpace
 
@@ -59,11 +59,15 @@ class PngWriter:
         self._wide = bits == 16
         self._step = channels * bits // 8
         self._before = np.zeros((1, size[0] * self._step), np.uint8)
+        self._hdr, self._light = space if isinstance(space, Hdr) else None, ContentLight()
         file.write(_SIGNATURE)
         self._chunk(b"IHDR", struct.pack(">IIBBBBB", *size, bits, _COLOUR_TYPES[channels], 0, 0, 0))
         if isinstance(space, Hdr):
             self._chunk(b"cICP", bytes((*_HDR_POINTS[space.transfer], 0, 1)))
-            self._chunk(b"mDCV", _mastering_display(space))
+            xy, peak = space.mastering_display()
+            self._chunk(b"mDCV", struct.pack(">8H2I", *xy.ravel(), peak, 0))
+            self._light_at = file.tell()
+            self._put_light()
         elif space == SPACES["sRGB"]:
             self._chunk(b"sRGB", b"\0")  # perceptual intent, IEC 61966-2-1
         else:
@@ -75,6 +79,8 @@ class PngWriter:
 
     def rows(self, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
         """Append (R, W, C) rows of the writer's bit depth."""
+        if self._hdr is not None:
+            self._light.add(pixels[..., :3], self._hdr)
         kind = ">u2" if self._wide else "u1"
         lines = np.ascontiguousarray(pixels, kind).view(np.uint8).reshape(len(pixels), -1)
         block = max(1, _BLOCK_BYTES // lines.shape[1])
@@ -89,6 +95,16 @@ class PngWriter:
         """End the datastream; the file stays open."""
         self._chunk(b"IDAT", self._zip.flush())
         self._chunk(b"IEND", b"")
+        if self._hdr is not None:
+            end = self._file.tell()
+            self._file.seek(self._light_at)
+            self._put_light()
+            self._file.seek(end)
+
+    def _put_light(self) -> None:
+        """Write how bright the picture is, in 0.0001 cd/m²; again when all of it is known."""
+        numbers = self._light.most_cd_m2, self._light.mean_cd_m2
+        self._chunk(b"cLLI", struct.pack(">2I", *(round(1e4 * each) for each in numbers)))
 
     def _chunk(self, name: bytes, data: bytes) -> None:
         self._file.write(struct.pack(">I", len(data)) + name + data)
@@ -115,16 +131,6 @@ def _paeth(
     to_a, to_b, to_c = np.abs(b - c), np.abs(a - c), np.abs(a + b - 2 * c)
     nearest = np.where(to_b <= to_c, up, corner)
     return np.where((to_a <= to_b) & (to_a <= to_c), left, nearest)
-
-
-def _mastering_display(hdr: Hdr) -> bytes:
-    """Encode the display's volume of colours: primaries, white, and luminances from 0 to its peak.
-
-    Chromaticities are in units of 0.00002, luminances of 0.0001 cd/m².
-    """
-    space = SPACES["Rec. 2020"]
-    xy = np.rint(np.array([*space.primaries_xy, space.white_xy]) * 50_000.0).astype(int)
-    return struct.pack(">8H2I", *xy.ravel(), round(hdr.peak_cd_m2 * 10_000.0), 0)
 
 
 def _fixed(values: ArrayLike) -> bytes:
