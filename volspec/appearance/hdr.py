@@ -15,7 +15,7 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -93,7 +93,7 @@ class ContentLight:
         self.most_cd_m2 = self._sum = 0.0
         self._pixels = 0
 
-    def add(self, codes: NDArray[np.uint16], hdr: Hdr) -> None:
+    def add(self, codes: NDArray[Any], hdr: Hdr) -> None:
         """Add pixels (..., 3) of 16 bits."""
         greatest = hdr.luminances(codes / 65535.0).max(axis=-1)
         self.most_cd_m2 = max(self.most_cd_m2, float(greatest.max(initial=0.0)))

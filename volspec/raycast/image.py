@@ -285,6 +285,15 @@ class CoefficientImage:
         except DeviceError:
             raise NotImplementedError from None  # lets IPython display the text
 
+    def _display_(self) -> Any:
+        """Return what marimo displays: `volspec.notebook`, or text if it is missing."""
+        import volspec
+
+        try:
+            return volspec.notebook(self)
+        except DeviceError:
+            return repr(self)
+
     @property
     def size(self) -> tuple[int, int]:
         """Size as (width, height) in pixels."""

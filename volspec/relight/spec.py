@@ -88,15 +88,16 @@ class LightRig:
 
     @classmethod
     def of(cls, light: Spectrum | LightRig) -> LightRig:
-        """Return a light as a rig; a rig unchanged."""
-        if isinstance(light, LightRig):
-            return light
+        """Return a light as a rig; a rig, or one of a scene's lights, which has one, unchanged."""
+        rig = getattr(light, "rig", light)
+        if isinstance(rig, LightRig):
+            return rig
         if isinstance(light, Spectrum):
             return cls((light,))
         raise ViewingError.refused(
             "relight.light",
             light,
-            "expected a Spectrum, such as volspec.light('D65'), or a LightRig",
+            "expected a Spectrum, such as volspec.light('D65'), a LightRig or one of scene.lights",
             "type",
         )
 

@@ -126,6 +126,18 @@ class NamedLight:
     spectrum: Spectrum
     rig: LightRig
 
+    def __repr__(self) -> str:
+        lux = self.rig.illuminance_lux
+        words = [self.name, self.label, "" if lux is None else f"{sum(lux):g} lx"]
+        return f"NamedLight({', '.join(word for word in words if word)})"
+
+
+class Lights(list[NamedLight]):
+    """Light settings of a scene, which are printed one on each line."""
+
+    def __repr__(self) -> str:
+        return "\n".join(map(repr, self)) or "[]"
+
 
 def rows_by_name(rows: Sequence[LightSpec]) -> dict[str, list[LightSpec]]:
     """Return the rows of each setting, in the order of the file."""

@@ -34,6 +34,7 @@ from volspec.scene.basis import ChosenBasis, choose_basis, grid_of, retrained, w
 from volspec.scene.fields import scene_transfer
 from volspec.scene.file import SceneFile, scene_data, scene_file
 from volspec.scene.from_volume import framed, mesh_file, of_own_colours, volume_file, volume_path
+from volspec.scene.lights import Lights
 from volspec.scene.resolve import Resolver
 from volspec.scene.specs import CameraSpec
 from volspec.scene.writing import write_scene
@@ -151,7 +152,7 @@ class Scene:
         filters = names.reflectances("filter", grid)
         self.room = names.room(grid) if room is None else room
         self.raycast = file.cast if self.room is None else self.room.cast(file.cast)
-        self.lights = names.lights(grid, self.raycast, self.room)
+        self.lights = Lights(names.lights(grid, self.raycast, self.room))
         with names.at("basis"):
             spectra = names.spectra(self.lights, self.materials, filters, self.room)
             if shipped:

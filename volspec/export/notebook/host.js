@@ -19,6 +19,8 @@ function frameOf(page) {
 
 function render({ model, el }) {
   el.style.position = 'relative';
+  // Where ipywidgets' Layout, which replaces it, is not applied.
+  el.style.height ||= '600px';
   // The visible frame and the newest: the same once the newest is loaded.
   let frame = null, newest = null, port = null, hearing = false;
   // Send only changes: other settings may be older than the page's own.
