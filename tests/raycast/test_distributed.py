@@ -4,6 +4,7 @@ import os
 import signal
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -58,6 +59,9 @@ def test_the_picture_is_that_of_one_machine(engine, caster, spec):
     assert np.abs(whole.alpha - far.alpha).max() < 2e-4
     seen = whole.alpha > 0.01
     assert np.allclose(whole.depth_mm[seen], far.depth_mm[seen], atol=2e-2)
+    assert np.array_equal(np.isfinite(whole.first_mm), np.isfinite(far.first_mm))
+    hit = np.isfinite(whole.first_mm)
+    assert np.abs(whole.first_mm[hit] - far.first_mm[hit]).max() < 1e-3
     assert told == sorted(told) and told[-1] == 1.0
 
 
@@ -69,7 +73,8 @@ def test_a_killed_worker_changes_nothing(engine, caster, monkeypatch):
     own = distributed.ClusterCaster._wait
 
     def wait(*given: object) -> None:
-        os.kill(killed, signal.SIGKILL)  # all parts are with the workers
+        with suppress(ProcessLookupError):  # killed before
+            os.kill(killed, signal.SIGKILL)  # all parts are with the workers
         own(*given)
 
     monkeypatch.setattr(distributed.ClusterCaster, "_wait", wait)

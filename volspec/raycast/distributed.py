@@ -50,6 +50,8 @@ if TYPE_CHECKING:
 _TASKS_PER_THREAD = 6
 # How often a task is repeated if it fails, as by a file system that is away for a moment.
 _RETRIES = 2
+# Of transmittances in float32.
+_ROUNDING = 1e-6
 # Seconds until a scheduler has to have answered.
 _PATIENCE_S = 10.0
 # Environment of a worker of one thread: of PoCL, by its versions, and of Zarr.
@@ -79,11 +81,10 @@ class PartialPicture:
         cls, picture: PartPicture, parts: Sequence[Part], gaps: dict[Chunk, str]
     ) -> PartialPicture:
         """Return the rectangle of a picture that its parts cover."""
-        corners = np.array([part.rect for part in parts])
-        (x0, y0), (x1, y1) = corners[:, :2].min(axis=0), corners[:, 2:].max(axis=0)
-        view = slice(y0, y1), slice(x0, x1)
+        rect = _rect_of(parts)
+        view = _view(rect)
         return cls(
-            (int(x0), int(y0), int(x1), int(y1)),
+            rect,
             np.ascontiguousarray(picture.coefficients[view]),
             np.ascontiguousarray(picture.alpha[view]),
             np.ascontiguousarray(picture.depth[view]),
@@ -130,6 +131,16 @@ class PartialPicture:
             through * back.through,
             front.gaps | back.gaps,
         )
+
+
+def _rect_of(parts: Sequence[Part]) -> Rect:
+    corners = np.array([part.rect for part in parts])
+    return *corners[:, :2].min(axis=0).tolist(), *corners[:, 2:].max(axis=0).tolist()
+
+
+def _view(rect: Rect) -> tuple[slice, slice]:
+    x0, y0, x1, y1 = rect
+    return slice(y0, y1), slice(x0, x1)
 
 
 def over(front: PartialPicture, back: PartialPicture) -> PartialPicture:
@@ -197,9 +208,16 @@ def _caster(source: Source) -> LevelCaster:
 
 
 def cast_parts(
-    job: Job, parts: Sequence[Part], sigma: NDArray[np.float32] | None
+    job: Job,
+    parts: Sequence[Part],
+    sigma: NDArray[np.float32] | None,
+    before: NDArray[np.float32] | None = None,
 ) -> PartialPicture:
-    """Cast a run of parts in a worker; ``sigma`` is the extinction of the light volume."""
+    """Cast a run of parts in a worker.
+
+    ``sigma`` is the extinction of the light volume, ``before`` (H, W) the transmittance of what is
+    in front of them; 1 if left out.
+    """
     caster = _caster(job.source)
     pyramid = caster.volume.pyramid
     assert pyramid is not None
@@ -209,10 +227,23 @@ def cast_parts(
             caster.lights.set_extinction(sigma, job.table, job.spec)
         given = job.table, job.camera, job.size, job.spec
         picture = PartPicture.of(caster, *given, None, None)
+        if before is not None:
+            picture.through[...] = 0.0
+            picture.through[_view(_rect_of(parts))] = before
         for loaded in caster.stream(job.table, job.spec, parts, picture.sees):
             if loaded is not None:
                 picture.add(loaded, None)
     return PartialPicture.of(picture, parts, dict(pyramid.gaps))
+
+
+def first_hits(job: Job, parts: Sequence[Part], before: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return `PartialPicture.first` of parts behind others, which leave a transmittance (H, W)."""
+    return cast_parts(job, parts, None, before).first
+
+
+def through_of(picture: PartialPicture) -> NDArray[np.float32]:
+    """Return the transmittance of a partial picture."""
+    return picture.through
 
 
 def extinction_of(job: Job, parts: Sequence[Part]) -> NDArray[np.float32]:
@@ -279,7 +310,8 @@ class ClusterCaster(LevelCaster):
         if light_layers(spec, self.volume, camera):
             boxes = runs(self.light_parts(table), tasks)
             sigma = self._tree(added, [self._submit(extinction_of, job, run) for run in boxes])
-        leaves = [self._submit(cast_parts, job, run, sigma) for run in runs(parts, tasks)]
+        each = runs(parts, tasks)
+        leaves = [self._submit(cast_parts, job, run, sigma) for run in each]
         root = self._tree(over, leaves)
         assert root is not None
         self._wait(leaves, root, progress, cancel)
@@ -288,7 +320,39 @@ class ClusterCaster(LevelCaster):
         width, height = size
         whole = picture.on((0, 0, width, height))
         unit = min(self.volume.spacing_mm)
+        groups = tuple(group.without_shadows() for group in spec.groups)
+        dark = Job(self._source, table, camera, size, replace(spec, groups=groups))
+        self._gather_first(whole.first, dark, each, leaves, cancel)
         return finished(whole.coefficients, whole.alpha, whole.depth, whole.first, unit, spec.half)
+
+    def _gather_first(
+        self,
+        first: NDArray[np.float32],
+        job: Job,
+        each: Sequence[Sequence[Part]],
+        leaves: Sequence[Future],
+        cancel: Cancel | None,
+    ) -> None:
+        """Find the first hits that need opacity of several tasks, which are later in their own."""
+        passed = np.ones(first.shape, np.float32)
+        enough, job_there = job.spec.first_opacity, None
+        through = [self._submit(through_of, leaf) for leaf in leaves]
+        again = []
+        for parts, future in zip(each, through, strict=True):
+            self._wait([future], future, None, cancel)
+            view = _view(_rect_of(parts))
+            before = passed[view].copy()
+            passed[view] *= future.result()
+            reached = (1.0 - before < enough + _ROUNDING) & (
+                1.0 - passed[view] > enough - _ROUNDING
+            )
+            if (reached & (before < 1.0)).any():
+                job_there = job_there or self._submit(_itself, job)
+                rest = np.where(reached, before, np.float32(0.0))
+                again.append((view, self._submit(first_hits, job_there, parts, rest)))
+        for view, future in again:
+            self._wait([future], future, None, cancel)
+            np.minimum(first[view], future.result(), out=first[view])
 
     def _submit(self, function: Any, *arguments: Any) -> Future:
         return self._client.submit(function, *arguments, pure=False, retries=_RETRIES)
