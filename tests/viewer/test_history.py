@@ -33,8 +33,8 @@ from volspec.viewer.model import (
 from volspec.viewer.model.commands import COMMANDS
 from volspec.viewer.model.edit import after
 from volspec.viewer.model.history import MOST_STEPS, STAGES, Difference, History
-from volspec.viewer.model.palette_targets import LIGHT, DesignTargets, PaletteState
-from volspec.viewer.model.state import Interface, ViewState
+from volspec.viewer.model.palette_targets import LIGHT, DesignTargets, PaletteState, Pick
+from volspec.viewer.model.state import Interface, Slices, ViewState
 from volspec.viewer.ui import inputs
 from volspec.viewer.ui.context import LightsPanelState
 from volspec.viewer.ui.inputs import Input
@@ -212,9 +212,15 @@ def test_undo_of_a_kept_mix_chooses_the_light_that_was_chosen(state):
 
 
 def test_another_file_chooses_its_shining_light_and_keeps_the_window(state):
-    before = replace(state, size=(40, 30), interface=Interface(dark=False, light=3))
+    """What means a place or a value of the last volume, such as a distance begun, is gone."""
+    own = {"tool": "distance", "tool_points": ((1.0, 2.0, 3.0),), "mesh": 2, "source": 1}
+    slices = Slices((0.1, 0.2, 0.3), lit=False, greys=(0.2, 0.4))
+    interface = Interface(dark=False, light=3, slices=slices, pick=Pick(use="copper"), **own)
+    before = replace(state, size=(40, 30), interface=interface)
     new = Opened(under(state, 2)).after(before).state
-    assert new.interface.light == 2 and not new.interface.dark and new.size == (40, 30)
+    assert new.size == (40, 30)
+    kept = Interface(dark=False, light=2, slices=Slices(lit=False), tool="distance")
+    assert new.interface == kept
     session = Opened(lights.choose(state, 1), session=Path("x")).after(before).state
     assert session.interface.light == 1 and session.interface.dark
 

@@ -75,6 +75,12 @@ class Interface:
     mesh: int = 0  # the mesh whose place is shown
     part: int = 0  # the point, region, surface or label whose details are shown
 
+    def for_another(self, light: int) -> Interface:
+        """Return this for another document: without places, values and choices of the last one."""
+        slices = Slices(lit=self.slices.lit)
+        own = {"slices": slices, "pick": Pick(), "tool_points": (), "source": 0, "mesh": 0}
+        return replace(self, light=light, part=0, **own)  # type: ignore[arg-type]
+
 
 @dataclass(frozen=True, slots=True)
 class ViewState:

@@ -140,7 +140,7 @@ class Opened:
             return replace(self, state=replace(before, document=self.state.document))
         interface = self.state.interface
         if self.session is None:
-            interface = replace(before.interface, light=brightest_row(self.state.lights))
+            interface = before.interface.for_another(brightest_row(self.state.lights))
         return replace(self, state=replace(self.state, size=before.size, interface=interface))
 
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from volspec.appearance.lut3d import LutCache, LutKey, needs_host_lut
+from volspec.basis.materials import Basis
 from volspec.errors import LutCancelled, RelightError, VolspecError, one_line
 from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.raycast.layered import OpacityLayers
@@ -252,6 +253,8 @@ class Screen:
         # The picture recomposed with them, to be read, and the one that was asked for.
         self._recomposed: tuple[Recomposed, CoefficientImage] | None = None
         self._asked_for: Recomposed | None = None
+        # The picture with a focus in other reflectances, with what it is of.
+        self._repainted: tuple[tuple[CoefficientImage, Basis], CoefficientImage] | None = None
         self._loading: Iterator[None] | None = None  # of layers
         self._recomposing = Tasks(wake)
         self._resting = RestWorker(wake)
@@ -422,8 +425,16 @@ class Screen:
     @property
     def _focused(self) -> CoefficientImage | None:
         """The picture with a focus, if it is shown."""
-        rest = self.pictures.rest
-        return None if rest is None or rest.stereo else rest.images[0]
+        rest, shown = self.pictures.rest, self.pictures.image
+        if rest is None or rest.stereo:
+            return None
+        image = rest.images[0]
+        if shown is None or shown.basis is image.basis:
+            return image
+        key = image, shown.basis
+        if self._repainted is None or self._repainted[0] != key:
+            self._repainted = key, replace(image, basis=shown.basis)
+        return self._repainted[1]
 
     @property
     def _shows_both(self) -> bool:
