@@ -53,8 +53,10 @@ def _load_raw(path: Path) -> None:
 
 def _here(path: Path) -> None:
     """Read a file in this process, so that its reader's coverage is seen."""
-    values = read_here(Query(path)).values
+    query = Query(path)
+    values = read_here(query).values
     if isinstance(values, Stored):
+        query.reserve(values.shape, values.dtype.itemsize)  # as the program that is to read them
         values.read()
 
 
