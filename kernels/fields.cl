@@ -313,6 +313,9 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
                             &entry[f][s], shading);
                 } else {
                     Sample sample;  // of which curves take the value alone
+#if MISSING
+                    sample.present = -1;
+#endif
                     sample.value = value[f][s];
                     reflect_rows(&g, material_weights, &casts[f], curves + masks[f].curves,
                                  opacity, &sample, &rows[f][s], shading);

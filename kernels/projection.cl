@@ -119,6 +119,9 @@ __kernel void projection(__global const VOXEL *restrict voxels,
     Accumulator g;
     clear(&g, 1.0f);
     Sample shown;
+#if MISSING
+    shown.present = -1;
+#endif
     shown.value = SELECT(meets, best, (floatN)(0.0f));
     const Entry entry = classify(&cast, opacity, &shown);
     const floatN visible = SELECT(meets, entry.opacity, (floatN)(0.0f));

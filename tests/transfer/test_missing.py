@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import volspec as vs
-from tests.support.fixtures import slow_each
+from tests.support.fixtures import slow, slow_each
 from tests.support.transfers import BASIS, MATERIALS
 from volspec.transfer.missing import bake_for_volume, transparent_below
 from volspec.transfer.table import TransferTable
@@ -32,12 +32,15 @@ CURVE = vs.TransferFunction([(0.0, 0.9, NAME), (4.0, 0.9, NAME)], MATERIALS, BAS
 @pytest.mark.parametrize(
     "settings", [{}, {"preintegrated": True}, *slow_each({"mode": "maximum"}, {"mode": "average"})]
 )
-def test_missing_voxels_are_transparent_whatever_the_curve(settings):
+@pytest.mark.parametrize("first", [0.0, -1e4, slow(-1e8)])
+def test_missing_voxels_are_transparent_whatever_the_curve(settings, first):
+    """Also one that shows what they hold, which is below -1000."""
     volume = half_missing()
+    curve = vs.TransferFunction([(first, 0.9, NAME), (4.0, 0.9, NAME)], MATERIALS, BASIS)
     camera = vs.Camera.orbit(volume, azimuth_deg=0, elevation_deg=0)
     whole = vs.Volume(volume.values.clip(1, 3))
     rows, all_rows = (
-        vs.raycast(each, CURVE, camera, (64, 64), vs.RaycastSpec(**settings)).alpha.max(axis=1)
+        vs.raycast(each, curve, camera, (64, 64), vs.RaycastSpec(**settings)).alpha.max(axis=1)
         for each in (volume, whole)
     )
     seen = np.flatnonzero(rows > 0.5)

@@ -170,6 +170,8 @@ class Sampler:
 
     def is_present(self, point: Array) -> NDArray[np.bool_]:
         """Return (R,) True for samples of which no missing voxel is a part."""
+        if self._least == -np.inf:
+            return np.ones(len(point), np.bool_)
         return trilinear(self._present.astype(np.float64), point) > PRESENT
 
     @cached_property
@@ -366,7 +368,14 @@ def source_at(
 def classify(
     table: TransferTable, sampler: Sampler, point: Array, gradient: Array | None, step_mm: float
 ) -> tuple[Array, Array]:
-    """Return (R,) opacity of a step and (R, M) reflectance of samples."""
+    """Return (R,) opacity of a step and (R, M) reflectance of samples; missing ones have none."""
+    opacity, reflectance = _classify(table, sampler, point, gradient, step_mm)
+    return np.where(sampler.is_present(point), opacity, 0.0), reflectance
+
+
+def _classify(
+    table: TransferTable, sampler: Sampler, point: Array, gradient: Array | None, step_mm: float
+) -> tuple[Array, Array]:
     value = sampler.value(point)
     if table.labels:
         channels = np.vstack([table.coefficients, np.zeros(table.size)])
