@@ -25,6 +25,7 @@ from volspec.viewer.model import (
     light_rows,
     light_states,
     lights,
+    measure,
     palette_edits,
     room,
     slices,
@@ -249,6 +250,31 @@ def test_a_run_of_notches_or_steps_is_one_gesture():
         assert steps([(0.0, wheel), (0.1, between), (0.2, wheel)]) == count
 
 
+@pytest.mark.parametrize("tool", measure.TOOLS)
+def test_annotations_are_steps_with_the_text_typed_into_them(state, tool):
+    gestures, history = Gestures(), History(state)
+
+    def go(change: Any, given: Input, writes: bool = False) -> ViewState:
+        nonlocal history
+        gestures.take(given, 0.0, writes)
+        history = history.then(after(change, history.present).state, gestures.number)
+        return history.present
+
+    press, key = Input("press", button="left"), Input("key", key="b")
+    turned = go(lambda s: measure.start(camera.orbit(s, 0.1, 0.0), tool), key)
+    for number in range(measure.TOOLS[tool]):
+        go(lambda s, x=float(number): measure.pick(s, (x, x * x, 0.0)), press)
+    for text in ("a", "ab"):
+        added = go(lambda s, text=text: measure.rename(s, 0, text), key, writes=True)
+    go(lambda s: measure.rename(s, 0, "c"), press)
+    removed = go(measure.remove_all, key)
+    back = [history := history.undo() for _ in range(4)]
+    texts = [[each.text for each in step.present.annotations] for step in back]
+    assert not removed.annotations and texts == [["c"], ["ab"], [], []]
+    assert [step.present.view == turned.view for step in back] == [True, True, True, False]
+    assert history.redo().redo().present.annotations == added.annotations
+
+
 @pytest.mark.parametrize(
     ("what", "change"),
     [
@@ -259,6 +285,7 @@ def test_a_run_of_notches_or_steps_is_one_gesture():
         ("light states", light_states.save),
         ("transfer function", lambda s: transfer_edits.shift(s, 0.1)),
         ("cuts", lambda s: cuts.move_crop(s, 0, 0.3)),
+        ("annotations", lambda s: measure.pick(measure.start(s, "label"), (0.0, 0.0, 0.0))),
         ("shading", lambda s: replace(s, shading=replace(s.shading, ambient=0.7))),
         ("palette", lambda s: palette_edits.toggle_constant(s, 1)),
     ],

@@ -42,6 +42,8 @@ STAGES: dict[str, Stage] = {
     "thickness": "cast",
     "unthickened": "frame",
 }
+# Fields that undo brings back though the picture is not lit again for them.
+_STEPS = frozenset({"saved_lights", "annotations"})
 MOST_STEPS = 200
 _ORDER: tuple[Stage, ...] = ("cast", "recompose", "relight", "frame")
 # Names of changes; the first match is used.
@@ -104,7 +106,7 @@ class Difference:
         The window's size and settings are none, nor is another time step of the document.
         """
         stage = self._stage_of(self.fields - {"size", "document"})
-        return stage not in (None, "frame") or "saved_lights" in self.fields
+        return stage not in (None, "frame") or not self.fields.isdisjoint(_STEPS)
 
     @property
     def name(self) -> str:

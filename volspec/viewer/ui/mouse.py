@@ -59,9 +59,12 @@ class Gestures:
         self._run: tuple[str, str] | None = None
         self._last_s = 0.0
 
-    def take(self, given: Input, now: float) -> None:
-        """Count an input at a time in seconds."""
-        if given.name not in ("press", "wheel", "key"):
+    def take(self, given: Input, now: float, writes: bool = False) -> None:
+        """Count an input at a time in seconds.
+
+        While the user ``writes`` a text, its letters are of the gesture that began it.
+        """
+        if given.name not in ("press", "wheel", "key") or (writes and given.name == "key"):
             return
         run = _run_of(given)
         goes_on = run is not None and run == self._run and now - self._last_s < RUN_S
@@ -207,7 +210,8 @@ class Mouse:
             self._down.add(given.button)
         elif given.name == "release":
             self._down.discard(given.button)
-        self.gestures.take(given, time.perf_counter())
+        writes = imgui.get_io().want_text_input
+        self.gestures.take(given, time.perf_counter(), writes)
         if given.name in ("press", "release", "move"):
             self._at = given.x, given.y
 
