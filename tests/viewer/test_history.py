@@ -213,7 +213,7 @@ def test_undo_of_a_kept_mix_chooses_the_light_that_was_chosen(state):
 
 
 def test_another_file_chooses_its_shining_light_and_keeps_the_window(state):
-    """What means a place or a value of the last volume, such as a distance begun, is gone."""
+    """Places and values of the last volume, such as a distance begun, are gone."""
     own = {"tool": "distance", "tool_points": ((1.0, 2.0, 3.0),), "mesh": 2, "source": 1}
     slices = Slices((0.1, 0.2, 0.3), lit=False, greys=(0.2, 0.4))
     interface = Interface(dark=False, light=3, slices=slices, pick=Pick(use="copper"), **own)

@@ -18,7 +18,7 @@ from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.raycast.pace import WHOLE, Pass
 from volspec.relight.stereo import Stereo, StereoViews
 from volspec.scene.specs import MeshSpec
-from volspec.viewer.model import camera, depth, opacities
+from volspec.viewer.model import camera, depth, opacities, quality
 from volspec.viewer.model.edit import after, with_interface
 from volspec.viewer.model.history import Difference, History, without_cast
 from volspec.viewer.model.quality import cast_spec, opacity_scales
@@ -74,9 +74,9 @@ def test_scales_are_clamped_kept_by_name_and_reset(ball):
 def test_the_first_scale_makes_materials_the_channels(state):
     assert not isinstance(state.transfer.basis, MaterialBasis)
     faded = opacities.set_opacity(state, "copper", 0.5)
-    assert isinstance(faded.transfer.basis, MaterialBasis) and not opacities.can_layer(state)
-    assert opacities.can_layer(faded)
-    assert not opacities.can_layer(replace(faded, shading=replace(faded.shading, mode="maximum")))
+    assert isinstance(faded.transfer.basis, MaterialBasis) and not quality.can_layer(state)
+    assert quality.can_layer(faded)
+    assert not quality.can_layer(replace(faded, shading=replace(faded.shading, mode="maximum")))
 
 
 @pytest.mark.slow  # tests of meshes cast their layers, too
@@ -85,9 +85,9 @@ def test_meshes_are_the_last_layer_and_do_not_fade(ball):
     names = opacities.names(ball)
     mesh = MeshSpec(shape="sphere", size_mm=3.0, material=names[0])
     state = replace(ball, meshes=(mesh,))
-    assert opacities.can_layer(state) and opacities.is_in_volume(state, names[0])
-    assert not opacities.can_layer(replace(state, meshes=(replace(mesh, opacity=0.5),)))
-    assert opacities.can_layer(replace(state, meshes=(replace(mesh, opacity=0.5, shown=False),)))
+    assert quality.can_layer(state) and opacities.is_in_volume(state, names[0])
+    assert not quality.can_layer(replace(state, meshes=(replace(mesh, opacity=0.5),)))
+    assert quality.can_layer(replace(state, meshes=(replace(mesh, opacity=0.5, shown=False),)))
     only = replace(mesh, material="silk")
     assert not opacities.is_in_volume(replace(ball, meshes=(only,)), "silk")
     (done,) = casts(state, LAYERED, meshes=state.meshes)
@@ -375,7 +375,7 @@ def test_cuts_at_the_ends_are_none(ball):
 def test_a_cast_image_with_layers_is_faded_and_saved(ball, tmp_path, layered):
     layered.image.save(tmp_path / "ball.exr")
     state = ViewState.first(open_document(str(tmp_path / "ball.exr")), (300, 300))
-    assert opacities.can_layer(state)
+    assert quality.can_layer(state)
     scheduler = CastScheduler(lambda: None)
     scheduler.change(state, 0.0, held=False)
     (done,) = take_until(scheduler.take, lambda _: not scheduler.busy)
@@ -445,7 +445,7 @@ def test_pictures_next_to_each_other_fit_the_window(screen, ball, layered):
 
 def test_stereo_is_switched(state):
     on = in_stereo(state, "anaglyph")
-    assert opacities.can_layer(on) and depth.shown_stereo(on) == "anaglyph"
+    assert quality.can_layer(on) and depth.shown_stereo(on) == "anaglyph"
     assert in_stereo(on, "side-by-side").interface.stereo == "side-by-side"
     assert in_stereo(on, "anaglyph").interface.stereo == ""
     assert depth.shown_stereo(with_interface(on, error_map=True)) == ""

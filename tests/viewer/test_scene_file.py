@@ -8,8 +8,15 @@ import numpy as np
 import pytest
 
 from tests.support.errors import refuses
-from tests.support.viewer import SCENES, assert_same_picture, assert_same_tables, opened, read_scene
-from tests.viewer._states import under
+from tests.support.viewer import (
+    SCENES,
+    assert_same_picture,
+    assert_same_tables,
+    opened,
+    read_scene,
+    run_command,
+)
+from tests.viewer._states import frame_of, restored, under
 from volspec.basis import SpectralBasis
 from volspec.errors import InputError, SceneError, ViewingError
 from volspec.raycast import ClipPlane, Directional, LightGroup, Point
@@ -17,7 +24,7 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.scene import Scene
 from volspec.scene.specs import MeshSpec
 from volspec.spectra import Spectrum, light
-from volspec.viewer.model import camera, fields, light_rows, lights, transfer_edits
+from volspec.viewer.model import camera, depth, fields, light_rows, lights, transfer_edits
 from volspec.viewer.model.scene_file import export_scene, scene_from_state
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import list_parts
@@ -234,3 +241,34 @@ def test_masks_stay_through_edits_of_other_things(tmp_path):
     fewer = replace(bare, materials={"copper": bare.materials["copper"]})
     kept, why = fields.with_all_fields(state, replace(state, transfer=fewer))
     assert not why and set(kept.transfer.materials) == {"copper", "grey"}
+
+
+@pytest.mark.parametrize(
+    ("command", "lost"),
+    [
+        ("projection-maximum", "cut by distance, focus"),
+        ("preintegration", "cut by distance, focus"),
+        ("transfer-surfaces", "cut by distance, focus"),
+        ("projection", "focus"),
+    ],
+)
+def test_effects_that_a_picture_cannot_have_wait(state, tmp_path, command, lost):
+    least, most = depth.limits_mm(state)
+    middle = (least + most) / 2
+    own = depth.set_focus(depth.set_cut(replace(state, size=(48, 36)), middle, most), least)
+    layered = read_scene(export_scene(own, tmp_path / "layered.toml"))
+    own = replace(own, document=layered.document, shading=layered.shading)
+    changed = run_command(own, command).state
+    assert (depth.left_out(own), depth.left_out(changed)) == ("", lost)
+    again = read_scene(export_scene(changed, tmp_path / "again.toml"))
+    shown = frame_of(changed)
+    assert np.abs(frame_of(again, changed.size) - shown).max() <= 1
+    assert np.abs(frame_of(own) - shown).max() > 1
+    assert depth.left_out(again) == ""
+    script = script_from_state(changed)
+    assert ("focus_mm" in script, "near_mm" in script) == (False, lost == "focus")
+    kept = restored(changed, tmp_path)
+    assert kept.depth == own.depth
+    if command != "transfer-surfaces":
+        back = run_command(kept, command.replace("maximum", "composite")).state
+        assert back.shading == own.shading and depth.focused_depth(back) == own.depth

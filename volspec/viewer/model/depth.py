@@ -11,7 +11,7 @@ from typing import Literal
 
 from volspec.basis import MaterialBasis
 from volspec.errors import InputError
-from volspec.raycast import CoefficientImage, DepthEffects
+from volspec.raycast import CoefficientImage, DepthEffects, RaycastSpec
 from volspec.raycast.camera import radius_mm
 from volspec.raycast.depth import F_NUMBER, axis_cosine
 from volspec.raycast.layered import MAX_MATERIALS
@@ -19,6 +19,7 @@ from volspec.relight.stereo import Layout
 from volspec.viewer.model import opacities
 from volspec.viewer.model.edit import Command, bind, edit, refusable, with_interface
 from volspec.viewer.model.materials import with_material_basis
+from volspec.viewer.model.quality import LAYERS, can_layer, cast_spec
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
@@ -42,7 +43,7 @@ def can_be_set(state: ViewState) -> bool:
     """Return True if the picture can have these effects, also if first its basis changes."""
     spectral = not isinstance(state.transfer.basis, MaterialBasis)
     others = state.fields or state.meshes or state.room or state.document.image is not None
-    return opacities.can_layer(state) or (
+    return can_layer(state) or (
         spectral and not others and 0 < len(opacities.names(state)) <= MAX_MATERIALS
     )
 
@@ -54,7 +55,25 @@ def shown_depth(state: ViewState) -> DepthEffects:
 
 def focused_depth(state: ViewState) -> DepthEffects:
     """Return the effects that the window shows once nothing moves."""
-    return state.depth if opacities.can_layer(state) else DepthEffects()
+    if not can_layer(state):
+        return DepthEffects()
+    if can_focus(state):
+        return state.depth
+    return replace(state.depth, focus_mm=None, aperture_mm=None)
+
+
+def picture_spec(state: ViewState) -> RaycastSpec:
+    """Return the settings of a picture's cast, with layers if it has effects of depth."""
+    spec = cast_spec(state)
+    return replace(spec, layers=spec.layers or LAYERS) if focused_depth(state).changes else spec
+
+
+def left_out(state: ViewState) -> str:
+    """Return the effects that the state has, but its picture cannot have; empty if none."""
+    shown, own, cut = focused_depth(state), state.depth, "cut by distance"
+    names = {"near_mm": cut, "far_mm": cut, "fog_mm": "fog", "focus_mm": "focus"}
+    lost = (name for key, name in names.items() if getattr(own, key) != getattr(shown, key))
+    return ", ".join(dict.fromkeys(lost))
 
 
 def can_focus(state: ViewState) -> bool:
@@ -140,7 +159,7 @@ def _with(state: ViewState, depth: DepthEffects) -> ViewState:
 
 def shown_stereo(state: ViewState) -> Layout | Literal[""]:
     """Return the layout of both eyes' pictures; empty if one is shown."""
-    shown = opacities.can_layer(state) and not state.interface.error_map
+    shown = can_layer(state) and not state.interface.error_map
     return state.interface.stereo if shown else ""
 
 

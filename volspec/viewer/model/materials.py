@@ -31,7 +31,6 @@ from volspec.transfer import (
 from volspec.transfer.mixes import used_materials
 from volspec.viewer.model.edit import edit, refusable
 from volspec.viewer.model.light_rows import unused_name
-from volspec.viewer.model.scene_file import same_spectrum
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import list_parts, with_mix
 
@@ -256,6 +255,14 @@ def same_channels(one: object, other: object) -> bool:
         return False
     same = one.grid == other.grid and one.observer_deg == other.observer_deg
     return same and list(one.materials) == list(other.materials)
+
+
+def same_spectrum(one: Spectrum, other: Spectrum) -> bool:
+    """Return True if two spectra are equal to the last bit."""
+    return one is other or (
+        np.array_equal(one.wavelengths_nm, other.wavelengths_nm)
+        and np.array_equal(one.values, other.values)
+    )
 
 
 def can_be_exact(transfer: Transfer) -> bool:

@@ -1,4 +1,4 @@
-"""Opacities of the materials: edits, and whether layers of a cast can show them.
+"""Opacities of the materials: edits.
 
 panel -> [opacities] -> RaycastSpec.opacities -> recompose, or a cast
 """
@@ -8,8 +8,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from volspec.basis import MaterialBasis
-from volspec.raycast.layered import MAX_MATERIALS
-from volspec.transfer import TransferFunction, TransferFunction2D
 from volspec.transfer.mixes import used_materials
 from volspec.viewer.model.edit import Command, bind, edit
 from volspec.viewer.model.materials import can_be_exact, with_material_basis
@@ -41,23 +39,6 @@ def is_in_volume(state: ViewState, name: str) -> bool:
     if state.document.image is not None or not any(name in row.used for row in state.meshes):
         return True
     return name in used_materials(part.mix for part in list_parts(state.transfer))
-
-
-def can_layer(state: ViewState) -> bool:
-    """Return True if a cast of the state can have layers of opacity."""
-    document, spec = state.document, state.shading
-    if document.image is not None:
-        return document.image.opacity_layers is not None
-    return (
-        isinstance(state.transfer, TransferFunction | TransferFunction2D)
-        and isinstance(state.transfer.basis, MaterialBasis)
-        and 0 < len(names(state)) <= MAX_MATERIALS
-        and not (state.fields or state.room)
-        and all(row.opacity == 1.0 for row in state.meshes if row.shown)
-        and document.volume.pyramid is None
-        and spec.mode == "composite"
-        and not spec.preintegrated
-    )
 
 
 @edit

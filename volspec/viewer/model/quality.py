@@ -11,9 +11,10 @@ from typing import Any, get_args
 from volspec.basis import MaterialBasis
 from volspec.errors import InputError
 from volspec.raycast import RaycastSpec
+from volspec.raycast.layered import MAX_MATERIALS
 from volspec.raycast.quality import Quality
 from volspec.raycast.spec import MAX_STEPS, MODES, diagonal_mm
-from volspec.transfer import Isosurfaces, TransferFunction, presets
+from volspec.transfer import Isosurfaces, TransferFunction, TransferFunction2D, presets
 from volspec.viewer.model.edit import Command, Edited, bind, edit, refusable
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
@@ -55,6 +56,24 @@ LAYERS = 8
 """Layers of a cast whose settings name none."""
 
 
+def can_layer(state: ViewState) -> bool:
+    """Return True if a cast of the state can have layers of opacity."""
+    document, spec, transfer = state.document, state.shading, state.transfer
+    if document.image is not None:
+        return document.image.opacity_layers is not None
+    projects = spec.mode != "composite" or spec.preintegrated
+    return (
+        isinstance(transfer, TransferFunction | TransferFunction2D)
+        and isinstance(transfer.basis, MaterialBasis)
+        and 0 < len(transfer.basis.materials) <= MAX_MATERIALS
+        and not (isinstance(transfer, TransferFunction) and transfer.filters)
+        and not (state.fields or state.room)
+        and all(row.opacity == 1.0 and spec.layers != 1 for row in state.meshes if row.shown)
+        and document.volume.pyramid is None
+        and not (projects and can_project(state))
+    )
+
+
 def opacity_scales(state: ViewState) -> dict[str, float]:
     """Return the scales of opacities other than 1, of materials that are channels."""
     basis, given = state.transfer.basis, state.shading.opacities
@@ -63,13 +82,15 @@ def opacity_scales(state: ViewState) -> dict[str, float]:
 
 
 def cast_spec(state: ViewState) -> RaycastSpec:
-    """Return the settings of a state's cast, without those that its transfer function forbids.
+    """Return the settings of a state's cast, without those that the picture cannot have.
 
     The state keeps them for the next transfer function.
     """
     spec = state.shading
     if spec.opacities:
         spec = replace(spec, opacities=opacity_scales(state))
+    if spec.layers and not can_layer(state):
+        spec = replace(spec, layers=0)
     if not can_project(state):
         spec = replace(spec, mode="composite", preintegrated=False)
     return spec if _can_lengthen_steps(state) else replace(spec, adaptive=0.0)
@@ -113,9 +134,11 @@ def set_projection(state: ViewState, mode: str) -> ViewState:
         return state
     if known != "composite":
         require_curve(state, f"Projection: {known}")
-    # Pre-integration has no meaning with the others; it comes back with composite.
-    own = known == "composite" and state.document.shading.preintegrated
-    return _change(state, mode=known, preintegrated=own and can_project(state))
+    # Pre-integration and layers have no meaning with the others; they come back with composite.
+    own = known == "composite"
+    given = state.document.shading
+    smooth = own and given.preintegrated and can_project(state)
+    return _change(state, mode=known, preintegrated=smooth, layers=given.layers if own else 0)
 
 
 def project(state: ViewState, mode: str) -> Edited:
@@ -140,8 +163,8 @@ def toggle_preintegration(state: ViewState) -> ViewState:
     on = not state.shading.preintegrated
     if on:
         require_curve(state, "Pre-integration")
-        return _change(state, preintegrated=True, mode="composite")
-    return _change(state, preintegrated=False)
+        return _change(state, preintegrated=True, mode="composite", layers=0)
+    return _change(state, preintegrated=False, layers=state.document.shading.layers)
 
 
 def require_curve(state: ViewState, what: str) -> None:

@@ -42,7 +42,8 @@ from volspec.spectra.datasets import colour_matching_functions
 from volspec.transfer import Transfer, TransferFunction
 from volspec.transfer.fields import OWN
 from volspec.viewer.model import light_rows
-from volspec.viewer.model.quality import LAYERS, cast_spec
+from volspec.viewer.model.depth import focused_depth, picture_spec
+from volspec.viewer.model.materials import same_spectrum
 from volspec.viewer.model.state import ViewState
 
 # A folder without files: relative names must not be found in the working directory by chance.
@@ -169,14 +170,6 @@ def _in_full(value: Any) -> Any:
         return few if float(np.float32(few)) == value else value
 
 
-def same_spectrum(one: Spectrum, other: Spectrum) -> bool:
-    """Return True if two spectra are equal to the last bit."""
-    return one is other or (
-        np.array_equal(one.wavelengths_nm, other.wavelengths_nm)
-        and np.array_equal(one.values, other.values)
-    )
-
-
 def export_scene(state: ViewState, path: str | os.PathLike[str]) -> Path:
     """Write a state as a ``.toml``; a basis that the file cannot reproduce is written next to it.
 
@@ -201,8 +194,8 @@ def scene_from_state(state: ViewState) -> SceneFile:
 
     Relative file names start from the open file's folder.
 
-    Raises SceneError if the document has no file, or no file can represent the state: no light is
-    on, or the backdrop is a spectrum.
+    It lacks `depth.left_out`. Raises SceneError if the document has no file, or no file can
+    represent the state: no light is on, or the backdrop is a spectrum.
     """
     document, (file, _) = state.document, state.document.saved()
     if document.image is not None:
@@ -224,9 +217,7 @@ def scene_from_state(state: ViewState) -> SceneFile:
             code="unsupported",
             field="viewing.backdrop",
         )
-    shading = cast_spec(state)
-    if state.depth.changes and not shading.layers:
-        shading = replace(shading, layers=LAYERS)
+    shading = picture_spec(state)
     groups, room = file.group, file.room
     if state.room is not None:
         exact = isinstance(state.transfer.basis, MaterialBasis)  # without channels for walls
@@ -234,6 +225,9 @@ def scene_from_state(state: ViewState) -> SceneFile:
     elif (file.group or HEADLIT) != shading.groups:
         groups = () if shading.groups == HEADLIT else as_typed(shading.groups)
     width, height = even_size(state.size)
+    keys = file.keyframe
+    if not shading.layers:
+        keys = tuple(replace(key, depth=None) for key in keys)
     same_view = state.view == document.view
     same_cast, same_viewing = shading == document.shading, state.relight == document.relight
     return replace(
@@ -248,7 +242,8 @@ def scene_from_state(state: ViewState) -> SceneFile:
         room=room,
         light=tuple(_light_tables(state, file)),
         viewing=file.viewing if same_viewing else as_typed(state.relight),
-        depth=state.depth,
+        depth=focused_depth(state),
+        keyframe=keys,
         output=OutputSpec(width, height),
         annotation=as_typed(state.annotations),
         mesh=file.mesh if state.meshes == file.mesh else as_typed(state.meshes),

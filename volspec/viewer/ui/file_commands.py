@@ -10,6 +10,7 @@ from pathlib import Path
 
 from volspec.errors import VolspecError
 from volspec.viewer.model import meshes
+from volspec.viewer.model.depth import left_out
 from volspec.viewer.model.history import History
 from volspec.viewer.model.paths import PathRequest
 from volspec.viewer.model.scene_file import export_scene
@@ -62,6 +63,7 @@ class FileCommands:
         self._film, self._page = FilmDialog(sides), PageDialog(sides)
         self._progress: Progress | None = None
         self._state: ViewState | None = None
+        self._left_out = ""  # of the scene that is being written, in words
         self._choice: ChoiceDialog | None = None
         self._drop: DropDialog | None = None
         self._meshes: list[ReadMeshes] = []  # to be added
@@ -173,7 +175,8 @@ class FileCommands:
             elif outcome.kind != "session":
                 event = "screenshot" if outcome.kind == "picture" else outcome.kind
                 self._notice.trace.note(event, path=str(outcome.result))
-                self._notice.show(f"Saved {outcome.result}")
+                lost = self._left_out if outcome.kind == "export-scene" else ""
+                self._notice.show(f"Saved {outcome.result}{lost}")
         return bool(outcomes), found
 
     def close(self, state: ViewState | None, faulty: bool) -> None:
@@ -229,6 +232,9 @@ class FileCommands:
                 "export-python": export_python,
                 "save-session": save_session,
             }[request.kind]
+            if request.kind == "export-scene":
+                lost = left_out(state)
+                self._left_out = f", without what this picture cannot have: {lost}" if lost else ""
             self._tasks.start(request.kind, lambda: write(state, path), writes=True)
 
     def _save_picture(self, state: ViewState) -> None:

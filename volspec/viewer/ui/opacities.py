@@ -5,7 +5,7 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from volspec.viewer.model import depth, opacities
-from volspec.viewer.model.quality import opacity_scales
+from volspec.viewer.model.quality import can_layer, opacity_scales
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.transfer_plot import LIT, material_colours, swatch
@@ -30,7 +30,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
     if not shown:
         wrap_text(opacities.NEEDED, imgui.Col_.text_disabled)
         return state
-    ui.layers_wanted = opacities.can_layer(state)
+    ui.layers_wanted = can_layer(state)
     if imgui.begin_table("opacities", 4, _FLAGS):
         fixed, stretch = imgui.TableColumnFlags_.width_fixed, imgui.TableColumnFlags_.width_stretch
         imgui.table_setup_column("eye", fixed, ui.px(50))

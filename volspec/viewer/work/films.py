@@ -19,10 +19,10 @@ from volspec.export.plan import Plan, Shot
 from volspec.pipeline import Raycaster
 from volspec.scene import Scene
 from volspec.scene.export import ExportSpec, Mark
+from volspec.viewer.model.depth import focused_depth
 from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.film import Film, film_steps, frame_state
 from volspec.viewer.model.light_rows import light_rig, lit_names
-from volspec.viewer.model.opacities import can_layer
 from volspec.viewer.model.quality import opacity_scales
 from volspec.viewer.model.room import shown_spec, solved
 from volspec.viewer.model.scene_file import scene_from_state
@@ -107,8 +107,8 @@ def film_plan(state: ViewState, film: Film) -> Plan:
             raise ViewingError("No light is on, so there is no film to save", code="missing")
         camera = now.view.camera(volume)
         names, spec = lit_names(now.lights), shown_spec(now)
-        own = Shot(f"{i:04d}", i, camera, transfer, names, rig, spec, step, opacity_scales(now))
-        shots.append(replace(own, depth=now.depth) if can_layer(now) else own)
+        own = transfer, names, rig, spec, step, opacity_scales(now), focused_depth(now)
+        shots.append(Shot(f"{i:04d}", i, camera, *own))
     return Plan(tuple(shots), ())
 
 

@@ -6,7 +6,7 @@ state, Shot -> [screenshot] -> PNG
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,12 +26,12 @@ from volspec.export.annotate import (
 )
 from volspec.export.value_bars import value_bars
 from volspec.pipeline import Raycaster, Relighter, raycast
-from volspec.raycast import CoefficientImage, DepthEffects
+from volspec.raycast import CoefficientImage
 from volspec.raycast.pace import WHOLE
 from volspec.scene.export import Mark
+from volspec.viewer.model.depth import focused_depth, picture_spec
 from volspec.viewer.model.light_rows import light_rig, lit_names
-from volspec.viewer.model.opacities import can_layer
-from volspec.viewer.model.quality import LAYERS, cast_spec, opacity_scales
+from volspec.viewer.model.quality import opacity_scales
 from volspec.viewer.model.room import has_walls, shown_spec, solved
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.outputs import (
@@ -121,7 +121,7 @@ def render_frame(state: ViewState, size: tuple[int, int], progress: Progress) ->
     if image is None:
         image = with_own_caster(state.document, partial(_cast, state, size, progress))
     elif (scales := opacity_scales(state)) or state.depth.changes:
-        image = image.recompose(scales, state.depth)
+        image = image.recompose(scales, focused_depth(state))
     progress.check()
     other = light_rig(state.other, state.room) if state.other else None
     # In a context of this thread's own: many pixels take longer than the window may wait.
@@ -140,10 +140,9 @@ def _cast(
 ) -> CoefficientImage:
     volume = state.document.volume
     camera = state.view.camera(volume)
-    spec = WHOLE.spec(cast_spec(state), volume)
-    depth = state.depth if can_layer(state) else DepthEffects()
-    if depth.changes:
-        spec = replace(spec, layers=spec.layers or LAYERS)
+    spec, depth = picture_spec(state), focused_depth(state)
+    if not depth.changes:
+        spec = WHOLE.spec(spec, volume)
     what = volume, state.transfer, camera, size, spec
     room = state.room
     seen = room is not None and has_walls(state)

@@ -27,13 +27,10 @@ from volspec.scene.transfer import mix_as_written
 from volspec.settings import default_of
 from volspec.spectra import DEFAULT_GRID, Spectrum, light, reflectance
 from volspec.transfer import Transfer
+from volspec.viewer.model.depth import focused_depth, picture_spec
 from volspec.viewer.model.light_rows import light_rig
-from volspec.viewer.model.quality import cast_spec
-from volspec.viewer.model.scene_file import (
-    NOWHERE,
-    is_shipped,
-    same_spectrum,
-)
+from volspec.viewer.model.materials import same_spectrum
+from volspec.viewer.model.scene_file import NOWHERE, is_shipped
 from volspec.viewer.model.state import ViewState
 
 _WIDTH = 88
@@ -94,7 +91,7 @@ def script_from_state(state: ViewState, basis_file: str = "basis.json") -> str:
         raise ViewingError(problem, code="missing")
     code = _Code(_spectrum_names(state, file))
     title = f"{document.title}, from volspec {volspec.__version__}"
-    space = state.relight.viewing.display.space
+    space, depth = state.relight.viewing.display.space, focused_depth(state)
     arguments = "volume", "transfer", "camera", f"size={state.size}", "spec=spec"
     lines = [
         f"volume = {_volume(file, path, document.series is not None)}",
@@ -102,11 +99,12 @@ def script_from_state(state: ViewState, basis_file: str = "basis.json") -> str:
         f"basis = {_basis(state.transfer, basis_file)}",
         f"transfer = {code.transfer(state.transfer)}",
         f"camera = {_call('vs.Camera.orbit', ['volume', *code.changed_fields(state.view, 0)], 0)}",
-        f"spec = {code.of(cast_spec(state))}",
+        f"spec = {code.of(picture_spec(state))}",
         f"rig = {code.of(rig)}",
         f"relight_spec = {code.of(state.relight)}",
         "",
         _call("image = vs.raycast", arguments, 0),
+        *([f"image = image.recompose({{}}, {code.of(depth)})"] if depth.changes else []),
         "with vs.Relighter(image) as relighter:",
         "    frame = relighter.frame(rig, relight_spec)",
         f'vs.write_frame("{file_stem(document.title)}.png", frame, space={code.of(space)})',
