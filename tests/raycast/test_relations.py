@@ -7,16 +7,21 @@ import os
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, replace
 from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import pytest
+import pyvista
+import tomlkit
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
 from tests.support.pyramids import in_parts_of, pyramid_of
 from tests.support.raycasts import METAL_BASIS, METALS
+from tools.phantom_sheet import WRITERS
 from volspec.basis import SpectralBasis
 from volspec.export.tiles import WindowCamera
 from volspec.mesh.caster import MeshCaster
@@ -24,6 +29,17 @@ from volspec.mesh.model import Mesh
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Ambient, Camera, ClipPlane, Directional, Headlight, LightGroup, Point
 from volspec.raycast import RaycastSpec as Spec
+from volspec.raycast.lights import HEADLIT
+from volspec.relight import LightRig, RelightSpec
+from volspec.relight.illumination import Illumination
+from volspec.room.mesh import SIDES
+from volspec.scene import Scene as Stored
+from volspec.scene.file import scene_file
+from volspec.scene.lights import LightSpec
+from volspec.scene.room import SceneRoom
+from volspec.scene.specs import CameraSpec, RoomSpec
+from volspec.scene.transfer import MaskLabelSpec, TransferSpec
+from volspec.settings import plain
 from volspec.spectra import reflectance
 from volspec.transfer import FieldFunctions, Isosurfaces, LabelFunction, Mask, Region
 from volspec.transfer import TransferFunction as Curve
@@ -56,6 +72,9 @@ class Scene:
     meshes: tuple[Mesh, ...] = ()
     size: tuple[int, int] = SIZE
     back_mm: float = 0.0
+    device: str | None = None
+    behind: tuple[Any, ...] = ()
+    rig: LightRig | None = None
 
     @property
     def lit(self) -> bool:
@@ -70,14 +89,20 @@ class Scene:
 
     @lru_cache(1)  # noqa: B019 - the first of many pairs
     def cast(self) -> Picture:
-        """Return channels of all groups together, alpha, and depth times alpha in voxels."""
+        """Return channels, or in a room the logarithm of XYZ, alpha, and its depth in voxels."""
         behind = (MeshCaster(self.meshes, METALS, self.transfer.basis),) if self.meshes else ()
-        caster = Raycaster(self.volume, lanes=LANES)
+        caster = Raycaster(self.volume, device=self.device, lanes=LANES)
         given = self.volume, self.transfer, self.camera, self.size, self.spec
-        image = raycast(*given, behind=behind, caster=caster)
+        image = raycast(*given, behind=behind + self.behind, caster=caster)
+        if caster.cluster:
+            caster.cluster.close()
         alpha = image.alpha[..., None]
         groups = image.coefficients.reshape(*image.alpha.shape, len(self.spec.groups), -1)
-        depth = np.where(alpha > 0, image.depth_mm[..., None] - self.back_mm, 0.0)
+        if self.rig:
+            lit = Illumination.of(image.basis, self.rig, RelightSpec(), image.groups)
+            groups = np.log1p(lit.scene_XYZ(image.coefficients, image.alpha)[:, :, None] / 100)
+        depth = image.depth_mm[..., None]  # infinite where a room alone is seen
+        depth = np.where(np.isfinite(depth), depth - self.back_mm, 0.0)
         finest = min(each.smallest_mm for each in self.volume.by_name.values())
         return [groups.sum(axis=2), alpha, alpha * depth / finest]
 
@@ -105,9 +130,8 @@ def seen_by(kind: str, rng: Rng, volume: Volume) -> tuple[Volume, Any]:
     if kind == "regions":
         low = float(rng.uniform(0.25, 0.4))
         first = Region((low, low + 0.31), (0.021, 0.32), 0.5, "gold")
-        return volume, Regions(
-            [first, Region((low + 0.23, 0.93), (0.052, np.inf), 0.7, "copper")], *made
-        )
+        last = Region((low + 0.23, 0.93), (0.052, np.inf), 0.7, "copper")
+        return volume, Regions([first, last], *made)
     if kind == "surfaces":
         return volume, Isosurfaces([(0.45, 0.5, "gold"), (0.6, 0.9, "copper")], *made)
     if kind == "labels":
@@ -157,43 +181,33 @@ def scene_of(seed: int) -> Scene:
         step_mm=rng.uniform(0.4, 1) * min(volume.spacing_mm),
         alpha_stop=1.0,  # others end rays a sample earlier or later, by rounding
         flat_gradient=float(rng.choice([0, 0.02])),
-        ambient=0.3,
-        diffuse=0.0 if light == "ambient" else 0.7,
-        specular=0.0 if light == "ambient" else 0.2,
         shininess=8,
+        light_cells=16,
+        **{"diffuse": 0.0, "specular": 0.0} if light == "ambient" else {"specular": 0.2},
         mode=kind if kind in PROJECTIONS else "composite",
         preintegrated=kind == "preintegrated",
         jitter=float(rng.choice([0, 0, 1])),
         groups=(LightGroup("all", sources),),
-        light_cells=16,
         physical_light=light == "physical",
     )
     cut = rng.random()
     if cut < 0.25:
         normal = vector(rng.normal(size=3))
-        spec = replace(
-            spec, clip_planes=(ClipPlane(vector(middle - np.multiply(2, normal)), normal),)
-        )
+        plane = ClipPlane(vector(middle - np.multiply(2, normal)), normal)
+        spec = replace(spec, clip_planes=(plane,))
     elif cut < 0.5:
         box = np.stack([rng.uniform(2, 4, 3), last - rng.uniform(2, 4, 3)], axis=1)
         spec = replace(spec, crop_voxels=tuple(map(vector, box)))
     view, up = rng.choice(["perspective", "parallel", "inside"]), vector(rng.normal(size=3))
-    camera = Camera.orbit(
-        volume, azimuth_deg=rng.uniform(0, 360), elevation_deg=rng.uniform(-80, 80), up=up,
-        zoom=1.3, orthographic=view == "parallel",
-    )  # fmt: skip
+    angles = {"azimuth_deg": rng.uniform(0, 360), "elevation_deg": rng.uniform(-80, 80)}
+    camera = Camera.orbit(volume, **angles, up=up, zoom=1.3, orthographic=view == "parallel")
     if view == "inside":
         camera = Camera(vector(middle + 0.5), camera.position_mm, up, fov_deg=80.0)
     points = rng.uniform(0.1, 0.9, (2, 3, 3)) * last @ volume.world_from_index[:3, :3].T
     points, opacity = points + volume.world_from_index[:3, 3], float(rng.choice([0, 0, 1, 0.4]))
-    meshes = tuple(
-        Mesh(corner, [[0, 1, 2]], name, name=name, opacity=opacity)
-        for corner, name in zip(points if opacity else (), METALS, strict=False)
-    )
+    rows = zip(points if opacity else (), METALS, strict=False)
+    meshes = tuple(Mesh(at, [[0, 1, 2]], name, name=name, opacity=opacity) for at, name in rows)
     return Scene(kind, light, volume, transfer, camera, spec, meshes)
-
-
-# Changes of a scene.
 
 
 def of_functions(transfer: Any, change: Callable[[Any], Any]) -> Any:
@@ -225,7 +239,6 @@ def with_field(scene: Scene, name: str, volume: Volume, transfer: Any) -> Scene:
 
 
 def together(scene: Scene) -> FieldFunctions:
-    """Return functions by field."""
     given = scene.transfer
     return given if isinstance(given, FieldFunctions) else FieldFunctions({"": given})
 
@@ -241,9 +254,8 @@ def moved(scene: Scene, linear: Array, offset: Any = 0.0) -> Scene:
 
     def source(given: Any) -> Any:
         if isinstance(given, Directional):
-            way = (
-                linear @ given.towards if given.frame == "world" else given.towards * np.array(hand)
-            )
+            of_camera = given.frame == "camera"
+            way = np.multiply(given.towards, hand) if of_camera else linear @ given.towards
             return replace(given, towards=vector(way))
         if isinstance(given, Point):
             position = place(given.position_mm)
@@ -287,17 +299,10 @@ def revalued(given: Any, factor: float, more: float, slope: float | None = None)
     if isinstance(given, Isosurfaces):
         return replace(given, surfaces=[(to(v), *rest) for v, *rest in given.surfaces])
     if isinstance(given, Regions):
-        return replace(
-            given,
-            regions=[
-                replace(
-                    r,
-                    values=vector(sorted(map(to, r.values))),
-                    gradients=vector(np.multiply(slope, r.gradients)),
-                )
-                for r in given.regions
-            ],
-        )
+        values = [vector(sorted(map(to, r.values))) for r in given.regions]
+        steep = [vector(np.multiply(slope, r.gradients)) for r in given.regions]
+        rows = zip(given.regions, values, steep, strict=True)
+        return replace(given, regions=[replace(r, values=v, gradients=g) for r, v, g in rows])
     if isinstance(given, Curve):
         points = sorted([(to(v), *rest) for v, *rest in given.points], key=lambda p: p[0])
         steep = given.gradient_opacity and [(g * slope, f) for g, f in given.gradient_opacity]
@@ -306,11 +311,9 @@ def revalued(given: Any, factor: float, more: float, slope: float | None = None)
 
 
 def values_times(scene: Scene, factor: float, more: float) -> Scene:
-    def change(values: Array, world: Array) -> tuple[Array, Array]:
-        return (values * factor + more if values.dtype.kind == "f" else values), world
-
     transfer = of_functions(scene.transfer, lambda given: revalued(given, factor, more))
-    return replace(of_fields(scene, change), transfer=transfer)
+    made = of_fields(scene, lambda v, w: (v * factor + more if v.dtype.kind == "f" else v, w))
+    return replace(made, transfer=transfer)
 
 
 def padded(scene: Scene, ends: Array, value: float) -> Scene:
@@ -318,10 +321,8 @@ def padded(scene: Scene, ends: Array, value: float) -> Scene:
 
     def change(values: Array, world: Array) -> tuple[Array, Array]:
         values = np.pad(values, np.maximum(ends, 0)[::-1], constant_values=value)
-        z, y, x = (
-            slice(max(-a, 0), n - max(-b, 0))
-            for (a, b), n in zip(ends[::-1], values.shape, strict=True)
-        )
+        sides = zip(ends[::-1], values.shape, strict=True)
+        z, y, x = (slice(max(-a, 0), n - max(-b, 0)) for (a, b), n in sides)
         shift = np.eye(4)
         shift[:3, 3] = -ends[:, 0]
         return values[z, y, x], world @ shift
@@ -341,16 +342,10 @@ def even(scene: Scene) -> Scene:
     return made.spec_of(light_cells=max(made.volume.shape_xyz))
 
 
-# Relations.
-
-
 def axes(scene: Scene, rng: Rng) -> Pair:
     """Axes of arrays in another order and direction, in the same world."""
-    order, flips, last = (
-        rng.permutation(3),
-        rng.random(3) < 0.5,
-        np.array(scene.volume.shape_xyz) - 1,
-    )
+    order, flips = rng.permutation(3), rng.random(3) < 0.5
+    last = np.array(scene.volume.shape_xyz) - 1
 
     def change(values: Array, world: Array) -> tuple[Array, Array]:
         matrix = np.eye(4)
@@ -369,10 +364,8 @@ def axes(scene: Scene, rng: Rng) -> Pair:
 def turned(scene: Scene, rng: Rng) -> Pair:
     if scene.spherical:
         return None
-    seed = int(rng.integers(1 << 30))
-    return scene, moved(
-        scene, Rotation.random(random_state=seed).as_matrix(), rng.uniform(-30, 30, 3)
-    )
+    turn = Rotation.random(random_state=int(rng.integers(1 << 30))).as_matrix()
+    return scene, moved(scene, turn, rng.uniform(-30, 30, 3))
 
 
 def mirrored(scene: Scene, rng: Rng) -> Pair:
@@ -458,12 +451,8 @@ def in_two_of_other_values(scene: Scene, rng: Rng) -> Pair:
         return None
     given = together(scene)
     own = given.functions[""]
-    low, high = (
-        replace(
-            own, points=[(v, o * keep, m) for (v, o, m), keep in zip(own.points, kept, strict=True)]
-        )
-        for kept in ((1, 1, 1, 0, 0), (0, 0, 0, 1, 1))
-    )
+    halves = [[(v, o * (n < 3), m), (v, o * (n >= 3), m)] for n, (v, o, m) in enumerate(own.points)]
+    low, high = (replace(own, points=points) for points in zip(*halves, strict=True))
     made = replace(given, functions={**given.functions, "": low, "twin": high})
     return scene, with_field(scene, "twin", scene.volume, made)
 
@@ -498,9 +487,8 @@ def with_another_own_field(scene: Scene, rng: Rng) -> Pair:
 
 
 def in_layers(scene: Scene, rng: Rng) -> Pair:
-    if scene.kind not in ("curve", "labels", "gradient", "regions"):
-        return None
-    if any(each.opacity < 1 for each in scene.meshes):  # refused
+    clear = any(each.opacity < 1 for each in scene.meshes)
+    if clear or scene.kind not in ("curve", "labels", "gradient", "regions"):  # refused
         return None
     return scene, scene.spec_of(layers=8, opacities={"gold": 1.0})
 
@@ -576,16 +564,13 @@ def as_a_mesh(scene: Scene, rng: Rng) -> Pair:
     middle, normal = scene.volume.corners_mm.mean(axis=0), rng.normal(size=3)
 
     def linear(values: Array, world: Array) -> tuple[Array, Array]:
-        z, y, x = np.indices(values.shape)
-        return (
-            np.stack([x, y, z], axis=-1) @ world[:3, :3].T + world[:3, 3] - middle
-        ) @ normal, world
+        xyz = np.moveaxis(np.indices(values.shape)[::-1], 0, -1)
+        return (xyz @ world[:3, :3].T + world[:3, 3] - middle) @ normal, world
 
     side = min(np.multiply(scene.volume.spacing_mm, scene.volume.shape_xyz))
     normal /= np.linalg.norm(normal)
     across = np.linalg.svd(normal[None])[2][1:] * side
-    position = middle + side * normal + 0.4 * across[0]
-    height = scene.camera.height_mm and side / 6
+    position, height = middle + side * normal + 0.4 * across[0], scene.camera.height_mm and side / 6
     camera = Camera(vector(position), vector(middle), vector(across[1]), 10.0, height)
     spec = replace(scene.spec, flat_gradient=0.0, crop_voxels=None, clip_planes=())
     made = replace(of_fields(scene, linear), camera=camera, spec=spec, meshes=())
@@ -603,25 +588,145 @@ def part_by_part(scene: Scene, rng: Rng) -> Pair:
     return scene, replace(scene, volume=big).spec_of(level=0)
 
 
-RELATIONS: dict[str, Callable[[Scene, Rng], Pair]] = {
-    each.__name__: each
-    for each in (
-        *(axes, turned, mirrored, scaled, in_other_values, with_an_offset, turned_over),
-        *(padded_by_transparent_voxels, padded_by_missing_voxels, cropped_by_planes),
-        *(cropped_as_an_array, cut_by_idle_planes, in_two_of_less_extinction),
-        *(in_two_of_other_values, with_a_transparent_field, with_a_mask_of_equal_functions),
-        *(with_another_own_field, in_layers, with_groups_of_lights, with_half_lights_twice),
-        *(in_another_order, in_a_window, from_along_the_view, with_one_mesh_of_both, as_a_mesh),
-        part_by_part,
-    )
-}
+@lru_cache
+def cluster() -> str:
+    from distributed import LocalCluster  # in a second
+
+    made = LocalCluster(n_workers=1, processes=False, dashboard_address="127.0.0.1:0")
+    return made.scheduler_address
+
+
+def on_a_cluster(scene: Scene, rng: Rng) -> Pair:
+    if scene.kind in PROJECTIONS:  # refused, as meshes are
+        return None
+    pair = part_by_part(replace(scene, meshes=()), rng)
+    return pair and (pair[0], replace(pair[1], device=cluster()))
+
+
+def in_tables(given: Any, name: str = "") -> dict[str, Any]:
+    """Return the table of a transfer function, or of a field's; none if it has none."""
+    if not isinstance(given, FieldFunctions):
+        return {"transfer": plain(TransferSpec.of(given))}
+    if name not in given.functions:
+        return {}
+    table = plain(TransferSpec.of(given.functions[name])) | {"weight": given.weights.get(name, 1)}
+    if mask := given.masks.get(name):
+        points = {k: f and TransferSpec.of(f).points for k, f in mask.functions.items()}
+        rows = [plain(MaskLabelSpec(k, None, own, own is not None)) for k, own in points.items()]
+        table |= {"mask": mask.field, "label": rows}
+    return {"transfer": table}
+
+
+def as_a_file(scene: Scene, rng: Rng) -> Pair:
+    """Volume, fields, meshes and settings, written again in another folder and read there."""
+    camera, rows, looks, filtered = plain(scene.camera), [], [], scene.kind == "filters"
+    if camera.pop("height_mm", None):
+        orbit = CameraSpec(*rng.uniform(-80, 80, 2).tolist(), orthographic=True, up=camera["up"])
+        scene, camera = replace(scene, camera=orbit.camera(scene.volume)), plain(orbit)
+    if scene.kind == "mask":  # whose functions have one step
+        to = of_functions(scene.transfer, lambda f: f and replace(f, reference_step_mm=1.3))
+        scene = replace(scene, transfer=to)
+    keys = ("name", "reflectance", "filter")[: 2 + filtered]
+    with TemporaryDirectory() as name:
+        first, last = Path(name, "scene.toml"), Path(name, "a", "b", "scene.toml")
+        last.parent.mkdir(parents=True)
+        for each in scene.volume.by_name.values():
+            file = f"{each.name}{rng.choice(['.nrrd', '.mha', '.nii.gz'])}"
+            values = each.nan_if_missing(each.values)
+            WRITERS["MetaImage"][1](first.with_name(file), values, each.world_from_index)
+            table = in_tables(scene.transfer, each.name.removeprefix("own"))
+            rows.append({"name": each.name, "file": file} | table)
+        for mesh in scene.meshes:
+            surface = pyvista.PolyData.from_regular_faces(mesh.points_mm, mesh.triangles)
+            surface.save(first.with_name(file := f"{mesh.name}.ply"))
+            looks.append({"file": file, "material": mesh.material, "opacity": mesh.opacity})
+        tables = {
+            "version": 2, "camera": camera, "light": [{"name": "day", "spectrum": "D65"}],
+            "volume": {"file": rows[0]["file"]}, "transfer": rows[0]["transfer"],
+            "field": rows[1:], "material": [dict.fromkeys(keys, each) for each in METALS],
+            "basis": {"name": SPECTRAL.name} if filtered else {"method": "materials"},
+            "raycast": plain(replace(scene.spec, groups=HEADLIT)),
+            "group": plain(scene.spec.groups), "mesh": looks,
+        }  # fmt: skip
+        Stored.load(Stored(scene_file(tables, first), first).save()).save(last)
+        read = Stored.load(last)
+        volume = read.volume()
+        made = replace(scene, volume=volume, transfer=read.transfer, spec=read.raycast, meshes=())
+        return scene, replace(made, camera=read.camera(volume), behind=read.behind(volume))
+
+
+def room_of(seed: int, turned: bool = False, factor: float = 1.0, parts: int = 1) -> Any:
+    """Return a room's file and a place in it: turned by 90°, larger, or with a lamp in parts."""
+    rng, order = np.random.default_rng(seed), [1, 0, 2] if turned else [0, 1, 2]
+    sides = ("front", "back", "right", "left", "floor", "ceiling") if turned else SIDES
+    size, (azimuth, height, turn) = factor * rng.uniform(2.5, 5, 3), rng.uniform(5, 70, 3).tolist()
+
+    def ends(*points: tuple[float, float, float]) -> Array:  # in fractions of the room
+        found = np.array(points) * (1, 1 - 2 * turned, 1) + (0, turned, 0)
+        return np.sort(found * size, axis=0)[:, order]
+
+    paints = rng.choice(["grey:0.5", "#f0d9b5", "#4060c0", "grey:0.8", "copper"], 7).tolist()
+    rows, side = zip([*sides, "table"], paints, strict=True), int(rng.integers(6))
+    low, high = np.delete(ends((0.2, 0.3, 0.25), (0.5, 0.8, 0.6)), order[side // 2], axis=1)
+    window = {"on": sides[side], "place_m": vector([*low, *high - low]), "lux": 4000.0}
+    bulb = {"position_m": vector(ends((0.2, 0.1, 0.8))[0]), "lumen": 4000 * factor**2 / parts}
+    azimuth += (270, 90, 0, 180, 0, 0)[side] + 90 * turned  # through most windows
+    turns = {"azimuth_deg": azimuth, "elevation_deg": height}
+    lamp = bulb if rng.random() < 0.5 else turns | {"lux": 4000 / parts}
+    lights = enumerate([*[lamp | {"spectrum": "A"}] * parts, window | {"spectrum": "D65"}])
+    (middle,), (low, high) = ends((0.5, 0.5, 0.6)), ends((0.6, 0.1, 0.0), (0.9, 0.25, 0.3))
+    return {
+        "size_m": vector(size[order]),
+        "surface": [{"name": each, "reflectance": paint} for each, paint in rows],
+        "light": [{"name": f"lamp {number}"} | row for number, row in lights],
+        "box": [{"name": "table", "low_m": vector(low), "high_m": vector(high)}],
+    }, RoomSpec(
+        file="room.toml", position_m=vector(middle), scale=5 * factor, directions=1, patches=1000,
+        turn_deg=turn + 90 * turned,
+    )  # fmt: skip
+
+
+def in_room(scene: Scene, room: dict[str, Any], place: RoomSpec) -> Scene:
+    with TemporaryDirectory() as name:
+        Path(name, place.file).write_text(tomlkit.dumps(room))
+        made = SceneRoom.of(place, Path(name), SPECTRAL.grid, scene.camera.up)
+    transfer = of_functions(scene.transfer, lambda f: f and replace(f, basis=SPECTRAL))
+    rig = made.light([LightSpec(name="own", spectrum="room")], {}).rig
+    behind = (made.behind(scene.volume, SPECTRAL),)
+    return replace(scene, transfer=transfer, spec=made.cast(scene.spec), behind=behind, rig=rig)
+
+
+def in_a_larger_room_of_more_lamps(scene: Scene, rng: Rng) -> Pair:
+    """Larger by a power of 2, as the volume is there, and rows in another order."""
+    if scene.kind not in ("curve", "labels", "surfaces"):  # programs for rooms are large
+        return None
+    seed = int(rng.integers(1 << 30))
+    room, place = room_of(seed, False, 2.0 ** rng.integers(-3, 4), 2)
+    room |= {key: room[key][::-1] for key in ("surface", "light")}
+    return in_room(scene, *room_of(seed)), in_room(scene, room, place)
+
+
+def in_a_turned_room(scene: Scene, rng: Rng) -> Pair:
+    """Form factors are of other rays then, by which light is less than 0.01 off."""
+    if scene.kind not in ("curve", "labels", "surfaces"):
+        return None
+    seed, scene = int(rng.integers(1 << 30)), replace(scene, light="shadows")
+    return in_room(scene, *room_of(seed)), in_room(scene, *room_of(seed, True))
+
+
+RELATIONS: dict[str, Callable[[Scene, Rng], Pair]] = {each.__name__: each for each in (
+    axes, turned, mirrored, scaled, in_other_values, with_an_offset, turned_over,
+    padded_by_transparent_voxels, padded_by_missing_voxels, cropped_by_planes, cropped_as_an_array,
+    cut_by_idle_planes, in_two_of_less_extinction, in_two_of_other_values,
+    with_a_transparent_field, with_a_mask_of_equal_functions, with_another_own_field, in_layers,
+    with_groups_of_lights, with_half_lights_twice, in_another_order, in_a_window,
+    from_along_the_view, with_one_mesh_of_both, as_a_mesh, part_by_part, on_a_cluster, as_a_file,
+    in_a_larger_room_of_more_lamps, in_a_turned_room,
+)}  # fmt: skip
 
 
 def fault(name: str, seed: int) -> str | None:
-    """Return how the pictures of a relation differ for a seed; empty if they do not.
-
-    None if the scene has no such pair.
-    """
+    """Return how a relation's pictures differ: empty if they do not, None if there is no pair."""
     scene = scene_of(seed)
     pair = RELATIONS[name](scene, np.random.default_rng([seed, *name.encode()]))
     if pair is None:
@@ -630,9 +735,9 @@ def fault(name: str, seed: int) -> str | None:
     views += [lambda array: array] * (2 - len(views))
     pairs = zip(map(views[0], one.cast()), map(views[1], other.cast()), strict=True)
     colour, alpha, depth = (np.abs(a - b).max(axis=2) for a, b in pairs)
-    off, most = np.maximum(colour, alpha), LIT if scene.lit else TOLERANCE
-    allowed = OFF if scene.lit or other.volume.missing is not None else 0.0
-    if (off > most).mean() <= allowed and (depth > 0.02).mean() <= allowed:
+    off, most = np.maximum(colour, alpha), LIT if one.lit else TOLERANCE
+    allowed = OFF if one.lit or other.volume.missing is not None else 0.0
+    if (~(off <= most)).mean() <= allowed and (~(depth <= 0.02)).mean() <= allowed:
         return ""
     return f"{name}, seed {seed} ({scene.kind}, {scene.light}): {off.max():.2g}, {depth.max():.2g}"
 
@@ -645,7 +750,8 @@ def _small_parts(monkeypatch):
 @pytest.mark.filterwarnings("ignore::volspec.errors.VolspecWarning")
 @pytest.mark.parametrize("seed", [1, 2, 7])
 def test_a_few_pairs_give_one_picture(seed):
-    few = ("axes", "scaled", "turned_over", "cut_by_idle_planes", "in_a_window")
+    few = ["axes", "scaled", "turned_over", "cut_by_idle_planes", "in_a_window"]
+    few += ["as_a_file"] * (seed == 2)  # one without meshes, of which each is read in a second
     assert not [*filter(None, (fault(name, seed) for name in few))]
 
 
