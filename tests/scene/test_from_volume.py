@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from tests.support.errors import raises
+from tests.support.errors import raises, warns
 from volspec.errors import InputError, SceneError, VolumeError
 from volspec.pipeline import raycast, relight
 from volspec.raycast.camera import Orbit, slice_view
@@ -90,6 +90,8 @@ def test_volumes_arrays_and_series_have_scenes_that_need_no_file(ball, tmp_path)
     for given in (volume, volume.values, volume.to_pyvista(), replace(volume, name="")):
         scene = Scene.from_volume(given)
         assert np.array_equal(scene.render(size=(16, 16)).alpha, wanted)
+    with warns("its volume 'volume' is no file"):
+        scene.save(tmp_path / "scene.toml")
     twice = Scene.from_volume(Series([volume, volume.values / 2]))
     assert (twice.step_count(), len(twice.opened()[1])) == (2, 2)
     done = twice.export(tmp_path / "out", size=(16, 16), play={"frames": 2}, lights=["D65"])
@@ -164,6 +166,17 @@ def test_a_saved_scene_s_numbers_are_short(ball):
     path = Scene.from_volume(ball).save(ball.parent / "ball.toml")
     numbers = [word.strip("[],") for word in path.read_text().split() if word[:1].isdigit()]
     assert max(map(len, numbers)) <= 8
+
+
+def test_labels_beyond_64_bits_are_cast_and_refused_in_a_scene_s_file(tmp_path):
+    values = np.zeros((4, 4, 4), np.uint64)
+    values[1:3, 1:3, 1:3] = 2**63 + 5
+    np.save(tmp_path / "u.npy", values)
+    (tmp_path / "t.txt").write_text(f"{2**63 + 5} big 0 255 0\n", encoding="utf-8")
+    scene = Scene.from_volume(f"{tmp_path}/u.npy?labels={tmp_path}/t.txt")
+    assert scene.volume().by_role[""].labels[2**63 + 5].name == "big"
+    with raises(SceneError, "range"):
+        scene.save(tmp_path / "u.toml")
 
 
 def test_paths_are_relative_to_the_volume_s_folder(ball, monkeypatch):

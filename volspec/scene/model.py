@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import asdict, fields, replace
@@ -23,7 +24,7 @@ from volspec._deprecated import renamed_keyword
 from volspec._parse import parse_json
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.basis.base import require_reflective
-from volspec.errors import ImageError, MeshError, SceneError, visible
+from volspec.errors import ImageError, MeshError, SceneError, VolspecWarning, visible
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, DepthEffects, RaycastSpec
 from volspec.raycast.camera import Orbit
@@ -338,8 +339,19 @@ class Scene:
         Returns
         -------
         path
+
+        Warns
+        -----
+        VolspecWarning
+            If the volume was given as an array, which no file has.
         """
-        return write_scene(self.file, self.path if path is None else path, self)
+        made = write_scene(self.file, self.path if path is None else path, self)
+        own = self.file.volume.file
+        if self._names.given is not None and not volume_path(f"{self.folder / own}").exists():
+            remedy = "save the array, such as with numpy.save, and name that file in [volume]"
+            text = f"{made}: its volume {own!r} is no file, and the scene cannot be loaded"
+            warnings.warn(f"{text}; {remedy}", VolspecWarning, stacklevel=2)
+        return made
 
     @property
     def known(self) -> Mapping[str, Spectrum]:

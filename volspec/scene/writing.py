@@ -89,11 +89,11 @@ def write_scene(file: SceneFile, path: str | os.PathLike[str], like: Scene | Non
     text = _from_scratch(file) if text is None else text
     try:
         scene_file(parse_toml(text), target)
-    except SceneError as error:
+    except (SceneError, ValueError) as error:  # of TOML, such as a label's number beyond 64 bits
         problem = str(error).removeprefix(f"{target}: ")
         raise SceneError(
             f"{target}: not written, as it would not be a scene: {problem}",
-            code=error.code,
+            code=error.code if isinstance(error, SceneError) else "range",
         ) from error
     with write_whole(target) as temporary:
         temporary.write_text(text, encoding="utf-8", newline=ends)

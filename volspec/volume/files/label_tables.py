@@ -27,14 +27,14 @@ SUFFIXES = (".ctbl", ".txt", ".lut", ".tsv", ".json", ".label")
 _MOST_BYTES = 1 << 24
 # Number, red, green, blue, opacity, visibility, mesh visibility, "name".
 _SNAP = re.compile(
-    r'\s*(\d{1,19})\s+(\d{1,9})\s+(\d{1,9})\s+(\d{1,9})\s+[\d.]+\s+[01]\s+[01]\s+"(.*)"\s*'
+    r'\s*(\d{1,20})\s+(\d{1,9})\s+(\d{1,9})\s+(\d{1,9})\s+[\d.]+\s+[01]\s+[01]\s+"(.*)"\s*'
 )
 # Number, name (with spaces at most if colours follow), red, green, blue, opacity.
 _NAME_COLOUR = re.compile(
-    r"\s*(\d{1,19})\s+(.+?)\s+(\d{1,9})\s+(\d{1,9})\s+(\d{1,9})(?:\s+\d+)?\s*"
+    r"\s*(\d{1,20})\s+(.+?)\s+(\d{1,9})\s+(\d{1,9})\s+(\d{1,9})(?:\s+\d+)?\s*"
 )
 # Number, name without spaces, another number.
-_NAME = re.compile(r"\s*(\d{1,19})\s+(\S+)(?:\s+\d+)?\s*")
+_NAME = re.compile(r"\s*(\d{1,20})\s+(\S+)(?:\s+\d+)?\s*")
 _HEX = re.compile(r"#[0-9a-fA-F]{6}")
 
 
