@@ -56,7 +56,7 @@ def _here(path: Path) -> None:
     query = Query(path)
     values = read_here(query).values
     if isinstance(values, Stored):
-        query.reserve(values.shape, values.dtype.itemsize)  # as the program that is to read them
+        query.reserve(values.shape, np.dtype(values.dtype).itemsize)  # as the program does
         values.read()
 
 
