@@ -89,13 +89,14 @@ def hlg_decode(code: ArrayLike) -> Array:
 class ContentLight:
     """Luminances of a picture [3]: its greatest, and the mean of its pixels' greatest, cd/m²."""
 
-    def __init__(self) -> None:
+    def __init__(self, hdr: Hdr) -> None:
+        self._hdr = hdr
         self.most_cd_m2 = self._sum = 0.0
         self._pixels = 0
 
-    def add(self, codes: NDArray[Any], hdr: Hdr) -> None:
+    def add(self, codes: NDArray[Any]) -> None:
         """Add pixels (..., 3) of 16 bits."""
-        greatest = hdr.luminances(codes / 65535.0).max(axis=-1)
+        greatest = self._hdr.luminances(codes / 65535.0).max(axis=-1)
         self.most_cd_m2 = max(self.most_cd_m2, float(greatest.max(initial=0.0)))
         self._sum += float(greatest.sum())
         self._pixels += greatest.size

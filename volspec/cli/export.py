@@ -400,9 +400,7 @@ def _page_lights(
         if (room := scene.room) is not None:
             names = dict.fromkeys(room.response.names, 1.0)
             lamps = LightRig.of(read_setting(text, names, scene.basis.grid))
-            lights.append(
-                NamedLight(sent_name(text), sent_name(text), *room.rig(room.spectra(lamps)))
-            )
+            lights.append(NamedLight(name, name, *room.rig(room.spectra(lamps))))
             continue
         rig = LightRig.of(read_setting(text, shares, scene.basis.grid))
         shown = rig.facing(shares).mixed(scene.basis.grid)

@@ -131,7 +131,7 @@ def relight(
     from volspec.raycast import DepthEffects
     from volspec.relight.hdr import hdr_frame
     from volspec.scene import stored_depth, stored_relight_spec
-    from volspec.spectra.lights import sent_name, sent_names
+    from volspec.spectra.lights import sent_names
 
     require_image(
         image,
@@ -146,7 +146,8 @@ def relight(
         option = DEPTH_OPTIONS[min(given)]
         raise InputError(f"{option} with --stereo: leave one out", code="conflict")
     _check_kind(output, spectral, viewing, model, errors, shown)
-    stems = [f"-{file_stem(name)}" if len(light) > 1 else "" for name in sent_names(light)]
+    names = sent_names(light)
+    stems = [f"-{file_stem(name)}" if len(light) > 1 else "" for name in names]
     paths = [output.with_name(f"{output.stem}{stem}{output.suffix}") for stem in stems]
     if len({str(path).lower() for path in paths}) < len(paths):
         raise ImageError(f"{output}: two lights would be written to one file; give one at a time")
@@ -192,7 +193,7 @@ def relight(
     if spectral:
         with in_options():
             stored = stored.with_reflectances(changes) if changes else stored
-        named = dict(zip(light, lamps, strict=True))
+        named = dict(zip(names, lamps, strict=True))
         _write_spectra(stored, named, spec, paths)
         _tell_of_lux(image, scene, viewing, spec)
         return
@@ -206,7 +207,8 @@ def relight(
                 for each in relighters:
                     each.set_reflectances(changes)
                 edited = stored.with_reflectances(changes)
-        for text, lamp, path, error_path in zip(light, lamps, paths, maps, strict=True):
+        each_light = zip(light, names, lamps, paths, maps, strict=True)
+        for text, name, lamp, path, error_path in each_light:
             with in_options():
                 if eyes:
                     left, right = (each.frame(lamp, spec) for each in relighters)
@@ -215,7 +217,7 @@ def relight(
                     frame = relighter.frame(lamp, spec)
                 else:
                     frame = to_uint16(hdr_frame(edited, lamp, spec, shown))
-            notes = {"light": sent_name(text), "Software": f"volspec {__version__}"}
+            notes = {"light": name, "Software": f"volspec {__version__}"}
             if eyes:
                 notes["stereo"] = eyes.layout
             write_frame(path, frame, notes, shown or spec.viewing.display.space)
@@ -224,7 +226,7 @@ def relight(
             note_everyday(text)
             if errors:
                 off = _error_map(layered, changes, scales, lamp, spec)
-                write_frame(error_path, off.image(), {"light": sent_name(text), "shows": str(off)})
+                write_frame(error_path, off.image(), {"light": name, "shows": str(off)})
                 say(f"{error_path}: {off}")
     blanks.warn()
     _tell_of_lux(image, scene, viewing, spec)
@@ -303,10 +305,9 @@ def _write_spectra(
 ) -> None:
     """Write a spectral frame for each light."""
     from volspec.export.spectral import write_spectral_frame
-    from volspec.spectra.lights import sent_name
 
-    for (text, lamp), path in zip(lights.items(), paths, strict=True):
-        notes = {"light": sent_name(text), "mode": spec.mode, "Software": f"volspec {__version__}"}
+    for (name, lamp), path in zip(lights.items(), paths, strict=True):
+        notes = {"light": name, "mode": spec.mode, "Software": f"volspec {__version__}"}
         write_spectral_frame(path, image, lamp, spec, notes)
         say(path)
 

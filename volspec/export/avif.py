@@ -45,12 +45,12 @@ class AvifWriter:
         ffmpeg()  # before the frame is made
         self._file, self._size, self._bits, self._hdr = file, size, bits, hdr
         self._rows: list[NDArray[Any]] = []
-        self._light = ContentLight()
+        self._light = ContentLight(hdr)
 
     def rows(self, pixels: NDArray[Any]) -> None:
         """Append (R, W, 3) rows of uint16."""
         self._rows.append(pixels)
-        self._light.add(pixels, self._hdr)
+        self._light.add(pixels)
 
     def close(self) -> None:
         """Encode the picture; the file stays open."""

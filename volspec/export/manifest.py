@@ -15,6 +15,7 @@ import os
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -26,9 +27,13 @@ from volspec._parse import parse_json
 from volspec.errors import InputError
 from volspec.scene import Scene
 from volspec.settings import plain
+from volspec.spectra.lights import sent_name
 from volspec.volume import Volume
 
 NAME = "export.json"
+# Tables whose rows name files, and by which keys; of these, folders do not count.
+_WITH_FILES = "field", "material", "light", "mesh"
+_FILES = "file", "reflectance", "filter", "spectrum", "texture"
 
 
 def fingerprint(scene: Scene, volumes: Iterable[Volume], settings: dict[str, Any]) -> str:
@@ -52,12 +57,12 @@ def fingerprint(scene: Scene, volumes: Iterable[Volume], settings: dict[str, Any
     for mesh in scene.surfaces():
         digest.update(mesh.digest())
     file = plain(scene.file)
-    # Values count, not paths.
-    for name in ("volume", "field", "material", "light", "mesh"):
-        rows = file.get(name, [])
-        for row in rows if isinstance(rows, list) else [rows]:
-            for path in ("file", "reflectance", "spectrum", "texture", "shares"):
-                row.pop(path, None)
+    file.get("volume", {}).pop("file", None)  # values count, not the path
+    for row in chain.from_iterable(file.get(name, []) for name in _WITH_FILES):
+        names = {key: row[key] for key in _FILES if isinstance(row.get(key), str)}
+        row |= {key: sent_name(text) for key, text in names.items()}
+        if shares := row.get("shares"):
+            row["shares"] = {name: sent_name(text) for name, text in shares.items()}
     file.pop("export", None)  # settings
     facts = {
         "volspec": __version__,

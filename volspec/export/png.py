@@ -59,7 +59,7 @@ class PngWriter:
         self._wide = bits == 16
         self._step = channels * bits // 8
         self._before = np.zeros((1, size[0] * self._step), np.uint8)
-        self._hdr, self._light = space if isinstance(space, Hdr) else None, ContentLight()
+        self._light = ContentLight(space) if isinstance(space, Hdr) else None
         file.write(_SIGNATURE)
         self._chunk(b"IHDR", struct.pack(">IIBBBBB", *size, bits, _COLOUR_TYPES[channels], 0, 0, 0))
         if isinstance(space, Hdr):
@@ -67,7 +67,7 @@ class PngWriter:
             xy, peak = space.mastering_display()
             self._chunk(b"mDCV", struct.pack(">8H2I", *xy.ravel(), peak, 0))
             self._light_at = file.tell()
-            self._put_light()
+            self._put_light(0.0, 0.0)  # until all rows are known
         elif space == SPACES["sRGB"]:
             self._chunk(b"sRGB", b"\0")  # perceptual intent, IEC 61966-2-1
         else:
@@ -79,8 +79,8 @@ class PngWriter:
 
     def rows(self, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
         """Append (R, W, C) rows of the writer's bit depth."""
-        if self._hdr is not None:
-            self._light.add(pixels[..., :3], self._hdr)
+        if self._light is not None:
+            self._light.add(pixels[..., :3])
         kind = ">u2" if self._wide else "u1"
         lines = np.ascontiguousarray(pixels, kind).view(np.uint8).reshape(len(pixels), -1)
         block = max(1, _BLOCK_BYTES // lines.shape[1])
@@ -95,16 +95,15 @@ class PngWriter:
         """End the datastream; the file stays open."""
         self._chunk(b"IDAT", self._zip.flush())
         self._chunk(b"IEND", b"")
-        if self._hdr is not None:
+        if self._light is not None:
             end = self._file.tell()
             self._file.seek(self._light_at)
-            self._put_light()
+            self._put_light(self._light.most_cd_m2, self._light.mean_cd_m2)
             self._file.seek(end)
 
-    def _put_light(self) -> None:
-        """Write how bright the picture is, in 0.0001 cd/m²; again when all of it is known."""
-        numbers = self._light.most_cd_m2, self._light.mean_cd_m2
-        self._chunk(b"cLLI", struct.pack(">2I", *(round(1e4 * each) for each in numbers)))
+    def _put_light(self, *cd_m2: float) -> None:
+        """Write how bright the picture is: its greatest luminance, and the mean."""
+        self._chunk(b"cLLI", struct.pack(">2I", *(round(1e4 * each) for each in cd_m2)))
 
     def _chunk(self, name: bytes, data: bytes) -> None:
         self._file.write(struct.pack(">I", len(data)) + name + data)

@@ -33,7 +33,7 @@ from volspec.errors import CastCancelled, DeviceError, RaycastError, one_line
 from volspec.raycast.camera import Camera
 from volspec.raycast.light_volume import Clear, light_layers
 from volspec.raycast.out_of_core import LevelCaster, PartPicture, finished
-from volspec.raycast.parts import Part, Rect
+from volspec.raycast.parts import Part, Rect, view_of
 from volspec.raycast.row_batches import Cancel, Progress, Result
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import Table
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 _TASKS_PER_THREAD = 6
 # How often a task is repeated if it fails, as by a file system that is away for a moment.
 _RETRIES = 2
-# Of transmittances in float32.
+# Of transmittances, 0 to 1, in float32.
 _ROUNDING = 1e-6
 # Seconds until a scheduler has to have answered.
 _PATIENCE_S = 10.0
@@ -82,7 +82,7 @@ class PartialPicture:
     ) -> PartialPicture:
         """Return the rectangle of a picture that its parts cover."""
         rect = _rect_of(parts)
-        view = _view(rect)
+        view = view_of(rect)
         return cls(
             rect,
             np.ascontiguousarray(picture.coefficients[view]),
@@ -136,11 +136,6 @@ class PartialPicture:
 def _rect_of(parts: Sequence[Part]) -> Rect:
     corners = np.array([part.rect for part in parts])
     return *corners[:, :2].min(axis=0).tolist(), *corners[:, 2:].max(axis=0).tolist()
-
-
-def _view(rect: Rect) -> tuple[slice, slice]:
-    x0, y0, x1, y1 = rect
-    return slice(y0, y1), slice(x0, x1)
 
 
 def over(front: PartialPicture, back: PartialPicture) -> PartialPicture:
@@ -229,7 +224,7 @@ def cast_parts(
         picture = PartPicture.of(caster, *given, None, None)
         if before is not None:
             picture.through[...] = 0.0
-            picture.through[_view(_rect_of(parts))] = before
+            picture.through[view_of(_rect_of(parts))] = before
         for loaded in caster.stream(job.table, job.spec, parts, picture.sees):
             if loaded is not None:
                 picture.add(loaded, None)
@@ -340,13 +335,12 @@ class ClusterCaster(LevelCaster):
         again = []
         for parts, future in zip(each, through, strict=True):
             self._wait([future], future, None, cancel)
-            view = _view(_rect_of(parts))
+            view = view_of(_rect_of(parts))
             before = passed[view].copy()
             passed[view] *= future.result()
-            reached = (1.0 - before < enough + _ROUNDING) & (
-                1.0 - passed[view] > enough - _ROUNDING
-            )
-            if (reached & (before < 1.0)).any():
+            reached = (before < 1.0) & (1.0 - before < enough + _ROUNDING)
+            reached &= 1.0 - passed[view] > enough - _ROUNDING
+            if reached.any():
                 job_there = job_there or self._submit(_itself, job)
                 rest = np.where(reached, before, np.float32(0.0))
                 again.append((view, self._submit(first_hits, job_there, parts, rest)))

@@ -37,6 +37,7 @@ from volspec.raycast.parts import (
     reach,
     read_by,
     sides_for,
+    view_of,
 )
 from volspec.raycast.programs import GROUPS, cast_kernel
 from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result, RowBatches
@@ -525,7 +526,7 @@ class PartPicture:
             self._mark(gap, part.rect)
 
     def _composite(self, loaded: LoadedPart, codes: NDArray[Any], cancel: Cancel | None) -> None:
-        view = _view(loaded.part.rect)
+        view = view_of(loaded.part.rect)
         through = self.caster.base.compute.upload(np.ascontiguousarray(self.through[view]))
         adds = self._cast(loaded, codes, through, cancel)
         self.coefficients[view] += adds.coefficients
@@ -536,7 +537,7 @@ class PartPicture:
         np.minimum(self.first[view], adds.first_mm, out=self.first[view])
 
     def _project(self, loaded: LoadedPart, codes: NDArray[Any], cancel: Cancel | None) -> None:
-        view, compute = _view(loaded.part.rect), self.caster.base.compute
+        view, compute = view_of(loaded.part.rect), self.caster.base.compute
         assert self.so_far is not None
         so_far = np.ascontiguousarray(self.so_far[view])
         buffer = compute.output(so_far.nbytes, so_far, filled=True)
@@ -555,7 +556,7 @@ class PartPicture:
         part, spec = loaded.part, self.spec
         compute, base = self.caster.base.compute, self.caster.base
         x0, y0, x1, y1 = part.rect
-        view = _view(part.rect)
+        view = view_of(part.rect)
         shape = y1 - y0, x1 - x0
         struct = self.struct.copy()
         self._place(struct, loaded)
@@ -634,12 +635,6 @@ class PartPicture:
         unit = min(self.caster.volume.spacing_mm)
         arrays = self.coefficients, self.alpha, self.depth, self.first
         return finished(*arrays, unit, self.spec.half)
-
-
-def _view(rect: Rect) -> tuple[slice, slice]:
-    """Return the index of a rectangle of a picture."""
-    x0, y0, x1, y1 = rect
-    return slice(y0, y1), slice(x0, x1)
 
 
 def finished(

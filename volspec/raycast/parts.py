@@ -36,6 +36,12 @@ Rect = tuple[int, int, int, int]
 """Columns and rows (x0, y0, x1, y1) of a picture, the last ones not included."""
 
 
+def view_of(rect: Rect) -> tuple[slice, slice]:
+    """Return the index of a rectangle of a picture."""
+    x0, y0, x1, y1 = rect
+    return slice(y0, y1), slice(x0, x1)
+
+
 @dataclass(frozen=True, slots=True)
 class Part:
     """Box of a level's cells, and the part of the picture that it may cover.

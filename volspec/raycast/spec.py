@@ -276,9 +276,11 @@ class RaycastSpec:
 
         A point p stays if n · p ≥ d. Of a volume's crop it is the sides within it.
         """
-        given = [np.array(plane.normal) for plane in self.clip_planes if not plane.fields]
-        points = [np.array(plane.point_mm) for plane in self.clip_planes if not plane.fields]
-        found = [[*n, n @ point] for n, point in zip(given, points, strict=True)]
+        found = [
+            [*plane.normal, np.dot(plane.normal, plane.point_mm)]
+            for plane in self.clip_planes
+            if not plane.fields
+        ]
         if volume is not None and self.crop_voxels is not None:
             rows = volume.index_from_world[:3]
             for row, (low, high), n in zip(rows, self.crop_voxels, volume.shape_xyz, strict=True):

@@ -89,7 +89,7 @@ def write_scene(file: SceneFile, path: str | os.PathLike[str], like: Scene | Non
     text = _from_scratch(file) if text is None else text
     try:
         scene_file(parse_toml(text), target)
-    except (SceneError, ValueError) as error:  # of TOML, such as a label's number beyond 64 bits
+    except ValueError as error:  # SceneError, or TOML's, such as a label's number beyond 64 bits
         problem = str(error).removeprefix(f"{target}: ")
         raise SceneError(
             f"{target}: not written, as it would not be a scene: {problem}",

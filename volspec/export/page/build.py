@@ -333,6 +333,7 @@ def scene_views(
         volume = series[0]
     volume = caster.volume if caster else volume or scene.volume()
     own, behind = caster or Raycaster(volume, device=device), scene.behind(volume)
+    bars = scene_bars(scene, volume)
     pixels = size or (scene.file.output.width, scene.file.output.height)
     cameras = turntable_cameras(scene, volume, Turntable(frames=count))
     total = count * steps
@@ -359,8 +360,7 @@ def scene_views(
             warn_of_cut(scene.file.annotation, camera, pixels)
             marks = annotation_svg(scene.file.annotation, camera, pixels)
             depth = scene.file.depth if spec.layers else DepthEffects()
-            values = scene_bars(scene, shown.volume)
-            yield PageView(image, 360.0 * i / count, marks, step, opacities, depth, values)
+            yield PageView(image, 360.0 * i / count, marks, step, opacities, depth, bars)
 
 
 def scene_bars(scene: Scene, volume: Volume) -> Sequence[ValueBar]:

@@ -48,7 +48,7 @@ USES = {
     "steps": ("Steps of a time series", "All on one lattice, with one look"),
     "each": ("One after the other", "The last stays open; File › Open recent has all"),
 }
-"""What files that were dropped together may be, with a remark."""
+"""Uses of files that were dropped together: title and description."""
 _OTHERS = {".toml": "a scene", ".json": "a session", ".exr": "a cast image"}
 
 

@@ -78,8 +78,8 @@ class Interface:
     def for_another(self, light: int) -> Interface:
         """Return this for another document: without places, values and choices of the last one."""
         slices = Slices(lit=self.slices.lit)
-        own = {"slices": slices, "pick": Pick(), "tool_points": (), "source": 0, "mesh": 0}
-        return replace(self, light=light, part=0, **own)  # type: ignore[arg-type]
+        chosen = replace(self, light=light, source=0, mesh=0, part=0)
+        return replace(chosen, slices=slices, pick=Pick(), tool_points=())
 
 
 @dataclass(frozen=True, slots=True)

@@ -305,7 +305,8 @@ class App {
     this.stage = new Stage(this);
     fillHeatScale(this.page);
     this.panels = [
-      lightsPanel, opacityPanel, depthPanel, viewingPanel, valuesPanel, errorsPanel, probePanel, comparing, labels,
+      lightsPanel, opacityPanel, depthPanel, viewingPanel, valuesPanel, errorsPanel, probePanel,
+      comparing, labels,
     ].map((panel) => panel(this));
     captioning();
     sharing(this);
