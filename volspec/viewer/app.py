@@ -96,12 +96,14 @@ def view(options: Options) -> None:
                 # The file is read while the window opens.
                 tasks.start("open", lambda: open_path(path, options.device))
             with closing(Window("volspec", options.size)) as window:
-                _App(options, trace, tasks, window, warned).run()
+                App(options, trace, tasks, window, warned).run()
     finally:
         sys.setswitchinterval(turn)
 
 
-class _App:
+class App:
+    """The viewer in a window, until that is closed."""
+
     def __init__(
         self, options: Options, trace: Trace, tasks: Tasks, window: Window, warned: WarningQueue
     ) -> None:
@@ -161,42 +163,49 @@ class _App:
             if self._ui.start and self._window.usable:
                 self._draw([])  # first, also if the demonstration is read already
             while not self._window.closing:
-                waited, patience = time.perf_counter(), self._patience()
-                inputs = self._window.wait(patience)
-                began = time.perf_counter()
-                news = self._take()
-                if not self._window.usable:
-                    time.sleep(_BUSY_S)
-                    continue
-                if inputs:
-                    self._still = began + _STILL_S
-                elif self._still is not None and began >= self._still:
-                    self._still, news = None, True
-                if inputs or news:
-                    self._settle = max(self._settle, _SETTLE)
-                if self._settle > 0 or self._notice.text:
-                    self._settle -= 1
-                    self._draw(inputs)
-                ended = time.perf_counter()
-                if not self._steps.playing:  # each step is cast once, coarsely
-                    self._scheduler.tick(ended, self._mouse.held)
-                if self._history is not None:
-                    self._screen.tick(self._history.present, ended, self._mouse.held)
-                    self._steps.tick(self._history.present, self._screen.document, ended)
-                    self._file_commands.documents.tick(self._history.present, ended, self._moves)
-                self._meter.note_wait(began - waited - patience, time.perf_counter() - began)
-                self._rest()
+                self.cycle()
         finally:
-            faulty = isinstance(sys.exception(), Exception)
-            self._file_commands.close(self._present, faulty)
-            self._designs.close()
-            self._renditions.close()
-            self._steps.close()
-            self._scheduler.close()
-            self._thumbnails.close()
-            self._screen.close()
+            self.close(isinstance(sys.exception(), Exception))
         if self._history is None and self._file_commands.documents.problem:
             raise InputError(self._file_commands.documents.problem, code="impossible")
+
+    def cycle(self) -> None:
+        """Wait for input or results, use them, and draw a frame if something has changed."""
+        waited, patience = time.perf_counter(), self._patience()
+        inputs = self._window.wait(patience)
+        began = time.perf_counter()
+        news = self._take()
+        if not self._window.usable:
+            time.sleep(_BUSY_S)
+            return
+        if inputs:
+            self._still = began + _STILL_S
+        elif self._still is not None and began >= self._still:
+            self._still, news = None, True
+        if inputs or news:
+            self._settle = max(self._settle, _SETTLE)
+        if self._settle > 0 or self._notice.text:
+            self._settle -= 1
+            self._draw(inputs)
+        ended = time.perf_counter()
+        if not self._steps.playing:  # each step is cast once, coarsely
+            self._scheduler.tick(ended, self._mouse.held)
+        if self._history is not None:
+            self._screen.tick(self._history.present, ended, self._mouse.held)
+            self._steps.tick(self._history.present, self._screen.document, ended)
+            self._file_commands.documents.tick(self._history.present, ended, self._moves)
+        self._meter.note_wait(began - waited - patience, time.perf_counter() - began)
+        self._rest()
+
+    def close(self, faulty: bool) -> None:
+        """End all threads, and save the session."""
+        self._file_commands.close(self._present, faulty)
+        self._designs.close()
+        self._renditions.close()
+        self._steps.close()
+        self._scheduler.close()
+        self._thumbnails.close()
+        self._screen.close()
 
     def _patience(self) -> float:
         if self._settle > 0:
