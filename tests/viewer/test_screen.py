@@ -298,6 +298,11 @@ def test_a_picture_relit_in_bands_is_one_relight_of_all_their_time(tmp_path):
         frame(9 * SLOW_MS, whole=False)
         frame(None)
         assert meter.bands == 1
+        # The times are of one document, and so is that of a relight that has not ended.
+        meter.note_relight(Relit(cast(Any, SimpleNamespace(elapsed=1.0)), 0.0), True, True, True)
+        meter.forget()
+        frame(None)
+        assert [*meter.ms] == ["frame"]
     rows = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
     said = [(row["ms"], row["whole"]) for row in rows if row["event"] == "relight"]
     assert said == [(pytest.approx(45.0), True), (pytest.approx(15.0), True), (162.0, False)]

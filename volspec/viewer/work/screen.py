@@ -71,6 +71,10 @@ class Meter:
         self._ended: bool | None = None  # True if a whole picture ends here, False for a part
         self._areas: dict[str, tuple[int, int, int, int]] = {}
 
+    def forget(self) -> None:
+        """Forget the times, and that of a relight in progress, which belong to another document."""
+        self.ms, self.fps, self._relit, self._ended = {}, 0.0, None, None
+
     def note_relight(self, relit: Relit | None, first: bool, ends: bool, whole: bool) -> None:
         """Note that a picture, or a band of it, is being relit; its time arrives a frame later.
 
@@ -462,6 +466,7 @@ class Screen:
         """Stop showing the picture, which belongs to another document."""
         self._cast = self._walls = self._layered = self._recomposed = None
         self.whole, self.fault = False, ""
+        self._meter.forget()
 
     def mark_stale(self) -> None:
         """Mark the picture as stale: it no longer shows the state's light."""
