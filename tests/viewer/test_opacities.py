@@ -280,6 +280,7 @@ def test_values_under_the_mouse_are_those_of_the_recomposed_picture(screen, ball
     with screen.pictures._context:  # a window's stays current
         screen.probe(faded, (0.5, 0.5), held=False)
     shown = np.array(dict(screen.under_mouse.rows)["RGB"].split(), int)
+    assert screen.under_mouse.rows[0] == ("Picture", "estimated from layers")
     assert_codes(shown, recomposed(layered.image, faded)[SIZE[1] // 2, SIZE[0] // 2])
     assert screen.image.opacity_layers is None
 
@@ -296,7 +297,7 @@ def test_opacities_that_layers_show_wrongly_are_cast(screen, ball, monkeypatch, 
         drawn(screen, faded)
         screen.tick(faded, 0.0, held=False)
         wait_until(screen.take_recomposed)
-        assert screen.visibly_off == off
+        assert (screen.wants_cast(), screen.wants_cast()) == (off, False)
     scheduler.cast_opacities(faded)
     (done,) = take_until(scheduler.take, lambda _: not scheduler.busy)
     scheduler.close()
@@ -459,10 +460,11 @@ def test_images_of_other_spaces_are_mixed_as_by_the_library(screen, ball, layere
 
 
 @pytest.mark.slow
-def test_a_slider_is_dragged_without_a_cast(window, tmp_path):
+def test_a_slider_is_cast_when_it_is_released(window, tmp_path):
     window.open(small_engine(tmp_path))
     window.front("opacity")
     window.click("opacity eye block")  # the first makes the materials channels
     before = window.rest()
     window.steps([window.at("opacity block", share) for share in (0.1, 0.3, 0.6)], "relight")
-    assert window.since(before, "cast", "error") == []
+    (cast,) = window.since(before, "cast", "error")
+    assert cast["event"] == "cast" and cast["t"] > window.since(before, "release")[-1]["t"]

@@ -82,6 +82,11 @@ class ErrorMap:
         return float(np.percentile(self._counted, 95))
 
     @property
+    def p999(self) -> float:
+        """99.9th percentile of the covered pixels: the worst of a thousand."""
+        return float(np.percentile(self._counted, 99.9))
+
+    @property
     def max(self) -> float:
         """Largest value among the covered pixels."""
         return float(self._counted.max())

@@ -192,6 +192,8 @@ class App:
             self._scheduler.tick(ended, self._mouse.held)
         if self._history is not None:
             self._screen.tick(self._history.present, ended, self._mouse.held)
+            if not (self._moves or self._scheduler.busy) and self._screen.wants_cast():
+                self._scheduler.cast_opacities(self._history.present)
             self._steps.tick(self._history.present, self._screen.document, ended)
             self._file_commands.documents.tick(self._history.present, ended, self._moves)
         self._meter.note_wait(began - waited - patience, time.perf_counter() - began)
@@ -262,11 +264,7 @@ class App:
         if self._history is not None:
             news |= self._screen.update_error_map(self._history.present, self._mouse.held)
         news |= self._screen.take_tables() | self._screen.take_rest()
-        if self._screen.take_recomposed():
-            news = True
-            if self._screen.visibly_off and self._history is not None:
-                self._scheduler.cast_opacities(self._history.present)
-        news |= self._renditions.take()
+        news |= self._screen.take_recomposed() | self._renditions.take()
         if pictures and self._steps.playing:
             # Steps leave the layout as it is; more frames would take the casts' time.
             self._settle, pictures = max(self._settle, 1), False

@@ -254,7 +254,7 @@ class CastScheduler:
 
     def cast_opacities(self, state: ViewState) -> None:
         """Cast the opacities of a state whose layers show them visibly wrong."""
-        if not self.busy and state.document.image is None:
+        if state.document.image is None:
             self._request(state, (WHOLE,))
 
     def follow(self, state: ViewState) -> None:

@@ -49,10 +49,12 @@ def read(
     pixel: tuple[int, int],
     code: tuple[int, int, int],
     patient: bool | None = None,
+    estimated: bool = False,
 ) -> Reading:
     """Read the values of a pixel (x, y), displayed with an 8-bit ``code`` (R, G, B).
 
-    Without a volume there are no voxel and place; for ``patient`` see `is_patient`.
+    Without a volume there are no voxel and place; for ``patient`` see `is_patient`. An
+    ``estimated`` picture, of layers with other opacities than they were cast with, says so.
 
     Raises ViewingError or SpectrumError if the light has no power.
     """
@@ -60,6 +62,7 @@ def read(
     lit = Illumination.of(image.basis, rig, spec, image.groups)
     XYZ = lit.scene_XYZ(image.coefficients[y, x], image.alpha[y, x])
     rows = [
+        *((("Picture", "estimated from layers"),) if estimated else ()),
         *(() if volume is None else _hit_rows(image, camera, volume, pixel, patient)),
         ("RGB", "  ".join(map(str, code))),
         ("XYZ", _format(XYZ)),

@@ -22,7 +22,7 @@ from volspec.errors import LutCancelled, RelightError, VolspecError, one_line
 from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.raycast.layered import OpacityLayers
 from volspec.relight import LightRig, RelightSpec
-from volspec.relight.error_map import ErrorMap, error_map, opacity_error
+from volspec.relight.error_map import ErrorMap, error_map
 from volspec.relight.stereo import Stereo
 from volspec.settings import Vector
 from volspec.viewer.model.depth import focused_depth, shown_depth, shown_stereo
@@ -221,9 +221,10 @@ class TableWorker(LatestWorker[tuple[LutKey, ...], str]):
             yield ""
 
 
-# Pixels by which the error of other opacities is estimated, and from which mean CIEDE2000 on they
-# are cast.
-_ESTIMATED, VISIBLE = 20_000, 0.5
+# Pixels by which the error of other opacities is estimated, and the 99.9th percentile, CIEDE2000,
+# from which on they are cast. An estimate is a mean of what may be lost: three times as much, about
+# 2 codes of 255, is lost in the worst pixel of a thousand.
+_ESTIMATED, VISIBLE = 20_000, 0.2
 # The longest time that a table's notice is shown; it disappears when the table is ready.
 _TABLE_S = 60.0
 _DARK = "No light is on; turn one on in the Lights panel"
@@ -256,14 +257,14 @@ class Screen:
         self._depth = DepthEffects()  # likewise
         # The picture recomposed with them, to be read, and the one that was asked for.
         self._recomposed: tuple[Recomposed, CoefficientImage] | None = None
-        self._asked_for: Recomposed | None = None
+        self._asked_for: tuple[Any, ...] | None = None
         # The picture with a focus in other reflectances, with what it is of.
         self._repainted: tuple[tuple[CoefficientImage, Basis], CoefficientImage] | None = None
         self._loading: Iterator[None] | None = None  # of layers
         self._recomposing = Tasks(wake)
         self._resting = RestWorker(wake)
         self._rest_wanted: RestJob | None = None
-        self.visibly_off = False  # a cast with these opacities would look different
+        self._off: Recomposed | None = None  # of which a cast would look different
         self._blank = False  # nothing is visible in it
         self._shape = (0, 0)  # size of the cast whose picture is shown
         self._relit = self._coarse = self._drawing = self._hurries = False
@@ -325,6 +326,7 @@ class Screen:
             return
         # The packed layers are in a texture now.
         self._cast, self.fault = replace(done, packed=None, opacity=None), ""
+        self._asked_for = None
         self._scales = wanted if layered else dict(done.job.shading.opacities)
         self._depth = depth if layered else DepthEffects()
         self._walls, self._wanted = done.walls, None
@@ -390,34 +392,47 @@ class Screen:
 
     def _read_opacities(self, state: ViewState) -> None:
         """Start to recompose the picture, to be read, and to estimate its error."""
-        image, scales, depth = self.pictures.image, self._scales, self._depth
+        image, key = self.pictures.image, self._made_of
         rig, spec = light_rig(state.lights, state.room), shown_spec(state)
-        if image is None or image.opacity_layers is None or rig is None:
+        asked = key, state.lights, shown_stereo(state)
+        if image is None or key is None or rig is None or self._asked_for == asked:
             return
-        if not (scales or depth.changes):
-            return
-        key = image.opacity_layers, scales, depth
-        if self._asked_for == key:
-            return
-        self._asked_for = key
+        self._asked_for = asked
+        _, scales, depth = key
         every = max(1, round((image.alpha.size / _ESTIMATED) ** 0.5))
 
         def made() -> tuple[Recomposed, CoefficientImage, float]:
             error = 0.0
-            if scales and not depth.changes:
-                error = opacity_error(image, scales, rig, spec.mode, spec.backdrop, every)
+            if scales and not (depth.changes or asked[-1]):  # which only layers show
+                found = error_map(
+                    *(image, rig, spec.mode, spec.backdrop, every), against="cast", opacities=scales
+                )
+                error = found.p999
             return key, image.recompose(scales, depth), error
 
         self._recomposing.start("picture", made)
 
+    @property
+    def _made_of(self) -> Recomposed | None:
+        """Layers, scales and effects that make the picture; None if it is shown as it was cast."""
+        image, scales, depth = self.pictures.image, self._scales, self._depth
+        if image is None or image.opacity_layers is None or not (scales or depth.changes):
+            return None
+        return image.opacity_layers, scales, depth
+
+    def wants_cast(self) -> bool:
+        """Return True, once, if a cast with the opacities that are shown would look different."""
+        wants = self._off is not None and self._off == self._made_of
+        self._off = None if wants else self._off
+        return wants
+
     def _seen(self) -> CoefficientImage | None:
         """Return the picture with its opacities, to be read; None until it is recomposed."""
-        image, scales, depth = self.pictures.image, self._scales, self._depth
+        image, key = self.pictures.image, self._made_of
         if self._focused is not None:
             return self._focused
-        if image is None or image.opacity_layers is None or not (scales or depth.changes):
+        if image is None or key is None:
             return image
-        key = image.opacity_layers, scales, depth
         if self._recomposed is None or self._recomposed[0] != key:
             return None
         found = self._recomposed[1]
@@ -447,18 +462,14 @@ class Screen:
 
     def take_recomposed(self) -> bool:
         """Take the recomposed picture, to be read, and its error; return True if there is one."""
-        self.visibly_off, outcomes = False, self._recomposing.take()
+        outcomes = self._recomposing.take()
         for outcome in outcomes:
             if outcome.result is None:
                 self._notice.show(outcome.error, kind="error")
                 continue
             key, image, error = outcome.result
             self._recomposed = key, image
-            shown = self.pictures.image
-            is_shown = shown is not None and key == (
-                *(shown.opacity_layers, self._scales, self._depth),
-            )
-            self.visibly_off = is_shown and error > VISIBLE
+            self._off = key if error > VISIBLE else None
             self._notice.trace.note("opacity-error", None, delta_e=error)
         return bool(outcomes)
 
@@ -675,8 +686,12 @@ class Screen:
             code = self.pictures.code(*pixel)
             camera, document = cast.job.camera, cast.job.document
             volume = document.volume if document.image is None else None
+            made_of = self._made_of
+            estimated = made_of is not None and bool(made_of[1])
             try:
-                self._reading = read(image, camera, volume, rig, spec, pixel, code, patient)
+                self._reading = read(
+                    *(image, camera, volume, rig, spec, pixel, code, patient, estimated)
+                )
             except VolspecError:  # reported when it was relit
                 self._reading = None
         return self._reading
