@@ -17,7 +17,7 @@ from tests.support.errors import refuses
 from tests.support.fixtures import Patch, slow
 from tests.support.images import read_codes
 from tests.support.patience import PATIENCE_S
-from tests.support.viewer import SCENES, assert_same_tables, opened, run_command
+from tests.support.viewer import SCENES, assert_same_tables, opened, picture, run_command
 from tests.viewer._states import frame_of, save_ball, seen, under, worked_on
 from volspec.errors import ImageError, InputError, OpenGLError, VolspecWarning, VolumeError
 from volspec.export.frames import read_frame_text
@@ -141,6 +141,7 @@ def test_what_dropped_files_cannot_be_is_said_with_a_name():
     assert Dropped(("b10.nii", "b9.nii")).ordered("steps") == ("b9.nii", "b10.nii")
 
 
+@pytest.mark.not_quick
 def test_dropped_volumes_are_saved_as_one_scene(tmp_path):
     for name in ("a.npy", "b1.npy", "b3.npy"):
         save_ball(tmp_path, name=name)
@@ -152,7 +153,8 @@ def test_dropped_volumes_are_saved_as_one_scene(tmp_path):
         (series_address((c, b)), (), "b*.npy", 2),
         (series_address((c, a)), (), "b3.npy|a.npy", 2),
     ):
-        state = ViewState.first(open_document(path, fields=fields), (8, 8))
+        state = ViewState.first(open_document(path, fields=fields), (40, 30))
+        assert np.abs(frame_of(state) - np.rint(255 * picture(state))).max() <= 1  # of all fields
         scene = Scene.load(export_scene(state, tmp_path / "in" / "it.toml"))
         volume, _ = scene.opened()
         assert (state.document.title, scene.file.title) == (title, title)

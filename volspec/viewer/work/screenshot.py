@@ -30,6 +30,7 @@ from volspec.raycast import CoefficientImage
 from volspec.raycast.pace import WHOLE
 from volspec.scene.export import Mark
 from volspec.viewer.model.depth import focused_depth, picture_spec
+from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.light_rows import light_rig, lit_names
 from volspec.viewer.model.quality import opacity_scales
 from volspec.viewer.model.room import has_walls, shown_spec, solved
@@ -143,7 +144,7 @@ def _cast(
     spec, depth = picture_spec(state), focused_depth(state)
     if not depth.changes:
         spec = WHOLE.spec(spec, volume)
-    what = volume, state.transfer, camera, size, spec
+    what = volume, shown_transfer(state), camera, size, spec
     room = state.room
     seen = room is not None and has_walls(state)
     behind = room.behind(volume, state.transfer.basis) if room and seen else None
