@@ -298,13 +298,14 @@ def test_where_things_are_remembered_can_be_said(monkeypatch):
     assert state_folder().name == "volspec"
 
 
-def test_pictures_have_even_sides_or_the_size_that_was_asked_for():
+def test_pictures_are_as_shown_and_films_have_even_sides():
     shown = (301, 200)
+    assert outputs.PictureSize(even=True).pixels(shown) == (300, 200)
     sizes = {
         preset: outputs.PictureSize(preset, (99, 77)).pixels(shown) for preset in outputs.PRESETS
     }
     assert (
-        sizes[outputs.SHOWN] == (300, 200)
+        sizes[outputs.SHOWN] == shown
         and sizes[outputs.TWICE] == (602, 400)
         and sizes[outputs.CUSTOM] == (99, 77)
     )

@@ -15,7 +15,7 @@ from PIL import Image
 from tests.support.errors import raises
 from tests.support.images import read_codes
 from tests.support.patience import wait_until
-from tests.support.viewer import opened, take_until
+from tests.support.viewer import opened, run_command, take_until
 from tests.viewer._states import frame_of
 from volspec.errors import CastCancelled, ViewingError, VolumeError
 from volspec.pipeline import Raycaster
@@ -108,10 +108,12 @@ def filmed(state: ViewState, *given: Any, **more: Any) -> Path:
     return save_film(state, FilmFile(*given, **more), Progress("", "film"))
 
 
-@pytest.mark.parametrize("is_cut", [False, True])
-def test_the_frames_of_a_film_are_the_pictures_of_its_preview(tmp_path, is_cut):
+@pytest.mark.parametrize("kind", ["plain", "cut", "anaglyph"])
+def test_the_frames_of_a_film_are_the_pictures_of_its_preview(tmp_path, kind):
     state = replace(opened(tmp_path), size=(40, 30))
-    if is_cut:
+    if kind == "anaglyph":
+        state = run_command(state, "stereo-anaglyph").state
+    if kind == "cut":
         least, most = depth.limits_mm(state)
         faded = opacities.set_opacity(state, "copper", 0.5)
         state = depth.set_cut(faded, (least + most) / 2, most)
@@ -128,7 +130,9 @@ def test_the_frames_of_a_film_are_the_pictures_of_its_preview(tmp_path, is_cut):
     frames = filmed(state, Film(seconds=0.5, fps=8.0), FRAMES, SMALL, whole)
     scene = Scene.load(export_scene(state, tmp_path / "again.toml"))
     first = scene.lights[0].name
-    made = scene.export(tmp_path / "cli", turntable={"frames": 4}, lights=[first], size=(40, 30))
+    more = {"stereo": {"layout": kind}} if kind == "anaglyph" else {}
+    turn = {"turntable": {"frames": 4}, "lights": [first], "size": (40, 30)}
+    made = scene.export(tmp_path / "cli", **turn, **more)
     for i, name in enumerate(made.files[:4]):
         ours, theirs = map(codes_of, (frames / f"000{i}.png", made.output / name))
         assert np.abs(ours - theirs).max() <= 1

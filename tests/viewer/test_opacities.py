@@ -22,7 +22,7 @@ from volspec.viewer.model import camera, depth, opacities, quality
 from volspec.viewer.model.edit import after, with_interface
 from volspec.viewer.model.history import Difference, History, without_cast
 from volspec.viewer.model.quality import cast_spec, opacity_scales
-from volspec.viewer.model.scene_file import export_scene
+from volspec.viewer.model.scene_file import export_scene, left_out
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work import screen as work_screen
 from volspec.viewer.work.casts import CastDone, CastScheduler
@@ -414,10 +414,12 @@ def test_the_window_shows_both_eyes_with_lights_opacities_and_fog(screen, ball, 
     both = rested(screen, state)
     assert_codes(both, both_eyes(image, state), most=2)
     assert np.abs(both - plain).max() > 5
+    assert_codes(both, frame_of(state), most=2)
     other = replace(state, lights=state.lights[::-1])
     assert_codes(drawn(screen, other), both_eyes(image, other), most=2)
     faded = depth.set_fog(opacities.set_opacity(state, "grey", 0.3), 1.0)
     assert_codes(rested(screen, faded), both_eyes(image, faded), most=2)
+    assert (np.abs(drawn(screen, faded) - frame_of(faded)) > 3).mean() < 0.02
     assert not screen.side_by_side
     # Other opacities are shown at once, in one picture until the mouse is released.
     more = opacities.set_opacity(ball, "grey", 0.2)
@@ -434,7 +436,9 @@ def test_pictures_next_to_each_other_fit_the_window(screen, ball, layered):
     screen.take(layered, ball)
     state = in_stereo(ball, "side-by-side")
     both = rested(screen, state)
-    assert both.shape == (SIZE[1] // 2, SIZE[0], 3) and screen.side_by_side
+    saved, shown = frame_of(state), (SIZE[1] // 2, SIZE[0], 3)
+    assert both.shape == saved.shape == shown and screen.side_by_side
+    assert np.abs(both - saved).mean() < 2
     assert_codes(both, both_eyes(layered.image, state, (SIZE[0] // 2, SIZE[1] // 2)))
     painted = screen.painted_picture((10, 20, 4 * SIZE[0], 4 * SIZE[1]), state)
     assert painted.to == (10, 20 + SIZE[1], 10 + 4 * SIZE[0], 20 + 3 * SIZE[1])
@@ -447,6 +451,7 @@ def test_pictures_next_to_each_other_fit_the_window(screen, ball, layered):
 def test_stereo_is_switched(state):
     on = in_stereo(state, "anaglyph")
     assert quality.can_layer(on) and depth.shown_stereo(on) == "anaglyph"
+    assert left_out(on) == "stereo" and not left_out(state)
     assert in_stereo(on, "side-by-side").interface.stereo == "side-by-side"
     assert in_stereo(on, "anaglyph").interface.stereo == ""
     assert depth.shown_stereo(with_interface(on, error_map=True)) == ""

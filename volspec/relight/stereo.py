@@ -117,6 +117,11 @@ class Stereo:
         width, height = size
         return (2 * width, height) if self.layout in _PAIRS else size
 
+    def eye_size(self, size: tuple[int, int]) -> tuple[int, int]:
+        """Return width and height of one eye's picture, if both are shown in the room of one."""
+        width, height = (max(1, side // (1 + (self.layout in _PAIRS))) for side in size)
+        return width, height
+
     def combine(
         self,
         left: NDArray[Any],

@@ -62,10 +62,15 @@ def focused_depth(state: ViewState) -> DepthEffects:
     return replace(state.depth, focus_mm=None, aperture_mm=None)
 
 
+def picture_depth(state: ViewState) -> DepthEffects:
+    """Return the effects of a saved picture: those shown at rest, of both eyes without a focus."""
+    return shown_depth(state) if shown_stereo(state) else focused_depth(state)
+
+
 def picture_spec(state: ViewState) -> RaycastSpec:
-    """Return the settings of a picture's cast, with layers if it has effects of depth."""
-    spec = cast_spec(state)
-    return replace(spec, layers=spec.layers or LAYERS) if focused_depth(state).changes else spec
+    """Return the settings of a picture's cast, with layers for effects of depth and both eyes."""
+    spec, layered = cast_spec(state), focused_depth(state).changes or shown_stereo(state)
+    return replace(spec, layers=spec.layers or LAYERS) if layered else spec
 
 
 def left_out(state: ViewState) -> str:

@@ -41,8 +41,7 @@ from volspec.spectra import Spectrum, light, reflectance
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.transfer import Transfer, TransferFunction
 from volspec.transfer.fields import OWN
-from volspec.viewer.model import light_rows
-from volspec.viewer.model.depth import focused_depth, picture_spec
+from volspec.viewer.model import depth, light_rows
 from volspec.viewer.model.materials import same_spectrum
 from volspec.viewer.model.state import ViewState
 
@@ -189,12 +188,18 @@ def export_scene(state: ViewState, path: str | os.PathLike[str]) -> Path:
     return write_scene(file, target, like)
 
 
+def left_out(state: ViewState) -> str:
+    """Return what the window has, but a scene, a script or a page of it has not; empty if none."""
+    lost = depth.left_out(state), depth.shown_stereo(state) and "stereo"
+    return ", ".join(filter(None, lost))
+
+
 def scene_from_state(state: ViewState) -> SceneFile:
     """Return a scene file that shows the same picture as the state.
 
     Relative file names start from the open file's folder.
 
-    It lacks `depth.left_out`. Raises SceneError if the document has no file, or no file can
+    It lacks `left_out`. Raises SceneError if the document has no file, or no file can
     represent the state: no light is on, or the backdrop is a spectrum.
     """
     document, (file, _) = state.document, state.document.saved()
@@ -217,7 +222,7 @@ def scene_from_state(state: ViewState) -> SceneFile:
             code="unsupported",
             field="viewing.backdrop",
         )
-    shading = picture_spec(state)
+    shading = depth.picture_spec(state)
     groups, room = file.group, file.room
     if state.room is not None:
         exact = isinstance(state.transfer.basis, MaterialBasis)  # without channels for walls
@@ -242,7 +247,7 @@ def scene_from_state(state: ViewState) -> SceneFile:
         room=room,
         light=tuple(_light_tables(state, file)),
         viewing=file.viewing if same_viewing else as_typed(state.relight),
-        depth=focused_depth(state),
+        depth=depth.focused_depth(state),
         keyframe=keys,
         output=OutputSpec(width, height),
         annotation=as_typed(state.annotations),

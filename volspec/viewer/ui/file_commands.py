@@ -6,14 +6,14 @@ command -> [file_commands] -> documents | tasks -> scene, script, session, PNG
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from volspec.errors import VolspecError
 from volspec.viewer.model import meshes
-from volspec.viewer.model.depth import left_out
 from volspec.viewer.model.history import History
 from volspec.viewer.model.paths import PathRequest
-from volspec.viewer.model.scene_file import export_scene
+from volspec.viewer.model.scene_file import export_scene, left_out
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.choice_dialog import ChoiceDialog, DropDialog
 from volspec.viewer.ui.context import Request, Search, UiContext
@@ -60,10 +60,10 @@ class FileCommands:
         self.documents = DocumentService(tasks, notice, device)
         sides = PictureSize() if size is None else PictureSize(CUSTOM, size)
         self._dialogs, self._picture = FileDialogs(), PictureDialog(Shot(sides))
-        self._film, self._page = FilmDialog(sides), PageDialog(sides)
+        self._film, self._page = FilmDialog(replace(sides, even=True)), PageDialog(sides)
         self._progress: Progress | None = None
         self._state: ViewState | None = None
-        self._left_out = ""  # of the scene that is being written, in words
+        self._left_out: dict[str, str] = {}  # of files that are being written, by kind, in words
         self._choice: ChoiceDialog | None = None
         self._drop: DropDialog | None = None
         self._meshes: list[ReadMeshes] = []  # to be added
@@ -81,7 +81,7 @@ class FileCommands:
             "cancel": lambda _: self._cancel(),
             "clear-messages": lambda _: notice.clear(),
             "clear-recent": lambda _: self.documents.clear_recent(),
-            "copy-picture": lambda _: self._copy(lambda: copy_shown(pictures)),
+            "copy-picture": lambda state: self._copy(lambda: copy_shown(pictures, state)),
             "copy-values": lambda _: self._copy(lambda: copy_values(ui.results.under_mouse)),
             "commands": lambda _: self._toggle_palette(),
             "rename-light": self._rename_light,
@@ -175,8 +175,8 @@ class FileCommands:
             elif outcome.kind != "session":
                 event = "screenshot" if outcome.kind == "picture" else outcome.kind
                 self._notice.trace.note(event, path=str(outcome.result))
-                lost = self._left_out if outcome.kind == "export-scene" else ""
-                self._notice.show(f"Saved {outcome.result}{lost}")
+                lost = self._left_out.get(outcome.kind)
+                self._notice.show(f"Saved {outcome.result}{f', without {lost}' if lost else ''}")
         return bool(outcomes), found
 
     def close(self, state: ViewState | None, faulty: bool) -> None:
@@ -232,9 +232,8 @@ class FileCommands:
                 "export-python": export_python,
                 "save-session": save_session,
             }[request.kind]
-            if request.kind == "export-scene":
-                lost = left_out(state)
-                self._left_out = f", without what this picture cannot have: {lost}" if lost else ""
+            if request.kind != "save-session":
+                self._left_out[request.kind] = left_out(state)
             self._tasks.start(request.kind, lambda: write(state, path), writes=True)
 
     def _save_picture(self, state: ViewState) -> None:
@@ -251,14 +250,16 @@ class FileCommands:
     def _save_page(self, state: ViewState) -> None:
         file = self._page.file
         what = f"Page of {file.views} views" if file.views > 1 else "Web page"
-        self._make("page", what, lambda progress: save_page(state, file, progress))
+        lost = left_out(state)
+        self._make("page", what, lambda progress: save_page(state, file, progress), lost)
 
-    def _make(self, kind: str, what: str, make: Callable[[Progress], Path]) -> None:
+    def _make(self, kind: str, what: str, make: Callable[[Progress], Path], lost: str = "") -> None:
         """Start making a file in the background, unless another one is being made."""
         if self._progress is not None:
             self._notice.show_warning(f"A {self._progress.kind} is being made; wait or cancel it")
             return
         progress = self._progress = Progress(what, kind)
+        self._left_out[kind] = lost
         # `close` waits for it, too: a thread in native code must not outlive the interpreter.
         self._tasks.start(kind, lambda: make(progress), writes=True)
 

@@ -11,15 +11,16 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from volspec.errors import DeviceError, ViewingError
-from volspec.export.exporter import export
+from volspec.export.exporter import even_size, export
 from volspec.export.ffmpeg import ffmpeg
 from volspec.export.film import SUFFIXES
 from volspec.export.page import PageSpec, scene_views, write_page
 from volspec.export.plan import Plan, Shot
 from volspec.pipeline import Raycaster
+from volspec.relight.stereo import Stereo
 from volspec.scene import Scene
 from volspec.scene.export import ExportSpec, Mark
-from volspec.viewer.model.depth import focused_depth
+from volspec.viewer.model.depth import picture_depth, shown_stereo
 from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.film import Film, film_steps, frame_state
 from volspec.viewer.model.light_rows import light_rig, lit_names
@@ -45,7 +46,7 @@ class FilmFile:
 
     film: Film = field(default_factory=Film)
     kind: str = ".mp4"  # one of `FILM_KINDS`
-    size: PictureSize = field(default_factory=PictureSize)
+    size: PictureSize = field(default_factory=lambda: PictureSize(even=True))
     to: Destination = field(default_factory=Destination)
     marks: tuple[Mark, ...] = ()
     title: str = ""  # in the picture; empty for the document's
@@ -80,7 +81,10 @@ def save_film(state: ViewState, file: FilmFile, progress: Progress) -> Path:
     """Cast, relight and encode a film, off the window's thread; return its path."""
     path, state = file.to.new_path(state.document, file.suffix), solved(state)
     plan, size = film_plan(state, file.film), file.size.pixels(state.size)
-    table = ExportSpec(fps=file.film.fps, sheet=False, annotate=file.marks)
+    layout = shown_stereo(state)
+    stereo = Stereo(layout) if layout else None
+    size = even_size(stereo.eye_size(size)) if stereo else size
+    table = ExportSpec(fps=file.film.fps, sheet=False, annotate=file.marks, stereo=stereo)
     scene = _scene(state, table, file.title)
 
     def report(step: str, share: float) -> None:
@@ -107,7 +111,7 @@ def film_plan(state: ViewState, film: Film) -> Plan:
             raise ViewingError("No light is on, so there is no film to save", code="missing")
         camera = now.view.camera(volume)
         names, spec = lit_names(now.lights), shown_spec(now)
-        own = transfer, names, rig, spec, step, opacity_scales(now), focused_depth(now)
+        own = transfer, names, rig, spec, step, opacity_scales(now), picture_depth(now)
         shots.append(Shot(f"{i:04d}", i, camera, *own))
     return Plan(tuple(shots), ())
 

@@ -79,9 +79,7 @@ class RestJob:
     @property
     def size(self) -> tuple[int, int]:
         """Width and height of a picture: half of those that are next to each other."""
-        wider = self.stereo.frame_size((1, 1))[0] if self.stereo else 1
-        width, height = (max(1, side // wider) for side in self.image.size)
-        return width, height
+        return self.stereo.eye_size(self.image.size) if self.stereo else self.image.size
 
     def same(self, other: RestJob | None) -> bool:
         """Return True if another job makes the same pictures."""

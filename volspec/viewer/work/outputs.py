@@ -34,10 +34,11 @@ PRESETS = (SHOWN, TWICE, *_SIZES, CUSTOM)
 
 @dataclass(frozen=True, slots=True)
 class PictureSize:
-    """Size of a picture or film in pixels; even unless it is given in numbers."""
+    """Size of a picture in pixels, or of a film: ``even`` unless it is given in numbers."""
 
     preset: str = SHOWN
     custom: tuple[int, int] = (1280, 720)  # width and height, for the last of `PRESETS`
+    even: bool = False
 
     def pixels(self, shown: tuple[int, int]) -> tuple[int, int]:
         """Return width and height; ``shown`` is the size in the window."""
@@ -46,7 +47,7 @@ class PictureSize:
             return width, height
         times = 2 if self.preset == TWICE else 1
         own = shown[0] * times, shown[1] * times
-        width, height = even_size(_SIZES.get(self.preset, own))
+        width, height = _SIZES.get(self.preset, even_size(own) if self.even else own)
         return min(width, MAX_SIDE), min(height, MAX_SIDE)
 
 

@@ -28,8 +28,9 @@ from volspec.export.value_bars import value_bars
 from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast import CoefficientImage
 from volspec.raycast.pace import WHOLE
+from volspec.relight.stereo import Stereo
 from volspec.scene.export import Mark
-from volspec.viewer.model.depth import focused_depth, picture_spec
+from volspec.viewer.model.depth import picture_depth, picture_spec, shown_stereo
 from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.light_rows import light_rig, lit_names
 from volspec.viewer.model.quality import opacity_scales
@@ -62,7 +63,8 @@ class Shot:
         """Return the marks of a state's picture."""
         if self.marks is not None:
             return self.marks
-        return ("scale",) if state.interface.overlays.scale else ()
+        shown = state.interface.overlays.scale and shown_stereo(state) != "side-by-side"
+        return ("scale",) if shown else ()
 
 
 def megabytes(size: tuple[int, int], channels: int) -> float:
@@ -75,14 +77,14 @@ def megabytes(size: tuple[int, int], channels: int) -> float:
 def save_picture(state: ViewState, shot: Shot, progress: Progress) -> Path:
     """Cast, relight and write a picture, off the window's thread; return its path."""
     path, state = shot.to.new_path(state.document, ".png"), solved(state)
-    frame = render_frame(state, shot.size.pixels(state.size), progress)
-    frame = paint(frame, _marks(state, shot))
+    size = shot.size.pixels(state.size)
+    frame = render_frame(state, size, progress, partial(_marks, state, shot))
     notes = {"scene": state.document.title, "Software": f"volspec {__version__}"}
     write_frame(path, frame, notes, state.relight.viewing.display.space)
     return path
 
 
-def _marks(state: ViewState, shot: Shot) -> list[Patch]:
+def _marks(state: ViewState, shot: Shot, seen: CoefficientImage) -> list[Patch]:
     """Return the marks of a picture; their colours are those on the left of a divide."""
     rig, spec = light_rig(state.lights, state.room), shown_spec(state)
     volume, image = state.document.volume, state.document.image
@@ -95,8 +97,8 @@ def _marks(state: ViewState, shot: Shot) -> list[Patch]:
     transfer, shares = state.transfer, state.shading.shares()
     materials = transfer.materials if "materials" in marks else {}
     picture = MarkedPicture(
-        shot.size.pixels(state.size) if image is None else image.size,
-        state.view.camera(volume),
+        seen.size,
+        seen.camera or state.view.camera(volume),
         volume,
         shot.title.strip() or short_title(state.document),
         lit_names(state.lights),
@@ -110,30 +112,46 @@ def _marks(state: ViewState, shot: Shot) -> list[Patch]:
     return picture_marks(marks, picture)
 
 
-def render_frame(state: ViewState, size: tuple[int, int], progress: Progress) -> NDArray[np.uint8]:
-    """Render a state at a size, (H, W, 3), with both sides of the divide.
+def render_frame(
+    state: ViewState,
+    size: tuple[int, int],
+    progress: Progress,
+    marks: Callable[[CoefficientImage], list[Patch]] = lambda _: [],
+) -> NDArray[np.uint8]:
+    """Render a state at a size, (H, W, 3), as it is shown: both sides of the divide, both eyes.
 
-    A cast image has a size of its own.
+    A cast image has a size of its own. Each eye's picture has its ``marks``.
     """
     rig, spec = light_rig(state.lights, state.room), shown_spec(state)
     if rig is None:
         raise ViewingError("No light is on, so there is no picture to save", code="missing")
-    image = state.document.image
+    image, scales, depth = state.document.image, opacity_scales(state), picture_depth(state)
+    layout = shown_stereo(state)
+    stereo = Stereo(layout) if layout else None
     if image is None:
-        image = with_own_caster(state.document, partial(_cast, state, size, progress))
-    elif (scales := opacity_scales(state)) or state.depth.changes:
-        image = image.recompose(scales, focused_depth(state))
+        size = stereo.eye_size(size) if stereo else size
+        image, scales = with_own_caster(state.document, partial(_cast, state, size, progress)), {}
     progress.check()
     other = light_rig(state.other, state.room) if state.other else None
-    # In a context of this thread's own: many pixels take longer than the window may wait.
-    with Relighter(image) as relighter:
-        frame: NDArray[np.uint8] = relighter.frame(rig, spec)
-        if other is not None:
-            left = round(state.divide * frame.shape[1])
-            frame = frame.copy()
-            frame[:, left:] = relighter.frame(other, spec)[:, left:]
-    progress.check()
-    return frame
+    views: tuple[CoefficientImage, ...] = (image,)
+    if stereo:
+        views = stereo.views(image, scales, depth)
+    elif scales or depth.changes:
+        views = (image.recompose(scales, depth),)
+    frames = []
+    for view in views:
+        # In a context of this thread's own: many pixels take longer than the window may wait.
+        with Relighter(view) as relighter:
+            frame: NDArray[np.uint8] = relighter.frame(rig, spec)
+            if other is not None:
+                left = round(state.divide * frame.shape[1])
+                frame = frame.copy()
+                frame[:, left:] = relighter.frame(other, spec)[:, left:]
+        frames.append(paint(frame, marks(view)))
+        progress.check()
+    if stereo is None:
+        return frames[0]
+    return stereo.combine(frames[0], frames[1], spec.viewing.display.space)
 
 
 def _cast(
@@ -141,8 +159,8 @@ def _cast(
 ) -> CoefficientImage:
     volume = state.document.volume
     camera = state.view.camera(volume)
-    spec, depth = picture_spec(state), focused_depth(state)
-    if not depth.changes:
+    spec = picture_spec(state)
+    if not (shown_stereo(state) or picture_depth(state).changes):
         spec = WHOLE.spec(spec, volume)
     what = volume, shown_transfer(state), camera, size, spec
     room = state.room
@@ -150,14 +168,13 @@ def _cast(
     behind = room.behind(volume, state.transfer.basis) if room and seen else None
     surfaces = state.document.surfaces(state.meshes, state.transfer)
     try:
-        image = raycast(
+        return raycast(
             *what,
             progress=progress.report,
             cancel=lambda: progress.ended,
             caster=caster,
             behind=surfaces if behind is None else (*surfaces, behind),
         )
-        return image.recompose({}, depth) if depth.changes else image
     except CastCancelled:
         progress.check()
         raise
@@ -167,11 +184,17 @@ class ClipboardError(DeviceError):
     """There is no clipboard, it refuses the data, or there is nothing to copy."""
 
 
-def copy_shown(pictures: Pictures) -> str:
-    """Copy the picture that is shown, for as long as the program runs; return a message."""
-    if not pictures.framebuffer:
+def copy_shown(pictures: Pictures, state: ViewState) -> str:
+    """Copy the picture that is shown, for as long as the program runs; return a message.
+
+    It has the window's marks, which pictures next to each other and coarse ones do without.
+    """
+    image = pictures.image
+    if image is None or not pictures.framebuffer:
         raise ClipboardError("There is no picture to copy yet", code="missing")
     frame = pictures.pixels()
+    if pictures.size == image.size:
+        frame = paint(frame, _marks(state, Shot(), image))
     height, width, _ = frame.shape
     data = np.dstack([frame, np.full((height, width), 255, np.uint8)]).tobytes()
     _copy("picture", lambda clipboard: clipboard.copy_image(data, width, height))
