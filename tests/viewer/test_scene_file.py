@@ -25,7 +25,7 @@ from volspec.scene import Scene
 from volspec.scene.specs import MeshSpec
 from volspec.spectra import Spectrum, light
 from volspec.viewer.model import camera, depth, fields, light_rows, lights, transfer_edits
-from volspec.viewer.model.scene_file import export_scene, scene_from_state
+from volspec.viewer.model.scene_file import export_scene, left_out, scene_from_state
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import list_parts
 from volspec.viewer.work.script import export_python, script_from_state
@@ -265,6 +265,8 @@ def test_effects_that_a_picture_cannot_have_wait(state, tmp_path, command, lost)
     assert np.abs(frame_of(again, changed.size) - shown).max() <= 1
     assert np.abs(frame_of(own) - shown).max() > 1
     assert depth.left_out(again) == ""
+    both = replace(again, other=under(again, 1).lights)
+    assert left_out(both) == f"{both.lights[1].name} right of the divide"
     script = script_from_state(changed)
     assert ("focus_mm" in script, "near_mm" in script) == (False, lost == "focus")
     kept = restored(changed, tmp_path)

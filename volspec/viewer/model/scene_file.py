@@ -188,9 +188,14 @@ def export_scene(state: ViewState, path: str | os.PathLike[str]) -> Path:
     return write_scene(file, target, like)
 
 
+def compared(state: ViewState) -> str:
+    """Return the lights that are compared with, which only pictures and sessions have, in words."""
+    return f"{light_rows.lit_names(state.other)} right of the divide" if state.other else ""
+
+
 def left_out(state: ViewState) -> str:
     """Return what the window has, but a scene, a script or a page of it has not; empty if none."""
-    lost = depth.left_out(state), depth.shown_stereo(state) and "stereo"
+    lost = depth.left_out(state), depth.shown_stereo(state) and "stereo", compared(state)
     return ", ".join(filter(None, lost))
 
 

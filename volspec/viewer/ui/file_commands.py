@@ -11,9 +11,10 @@ from pathlib import Path
 
 from volspec.errors import VolspecError
 from volspec.viewer.model import meshes
+from volspec.viewer.model.film import AS_SHOWN
 from volspec.viewer.model.history import History
 from volspec.viewer.model.paths import PathRequest
-from volspec.viewer.model.scene_file import export_scene, left_out
+from volspec.viewer.model.scene_file import compared, export_scene, left_out
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.choice_dialog import ChoiceDialog, DropDialog
 from volspec.viewer.ui.context import Request, Search, UiContext
@@ -245,7 +246,8 @@ class FileCommands:
     def _save_film(self, state: ViewState) -> None:
         file = self._film.file
         what = f"Film of {file.film.frames} frames"
-        self._make("film", what, lambda progress: save_film(state, file, progress))
+        lost = compared(state) if file.film.lights == AS_SHOWN else ""
+        self._make("film", what, lambda progress: save_film(state, file, progress), lost)
 
     def _save_page(self, state: ViewState) -> None:
         file = self._page.file

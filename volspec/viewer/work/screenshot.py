@@ -101,7 +101,7 @@ def _marks(state: ViewState, shot: Shot, seen: CoefficientImage) -> list[Patch]:
         seen.camera or state.view.camera(volume),
         volume,
         shot.title.strip() or short_title(state.document),
-        lit_names(state.lights),
+        " | ".join(map(lit_names, filter(None, (state.lights, state.other)))),
         material_colours(materials, transfer.basis, rig, spec, shares),
         state.interface.overlays.patient,
         annotations,
