@@ -23,6 +23,7 @@ from volspec.relight import Illumination
 from volspec.relight.error_map import error_map
 from volspec.spectra import colour_matching_functions
 from volspec.viewer.model import light_rows
+from volspec.viewer.model.camera import orbit
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.window import Window
 from volspec.viewer.work import probe
@@ -111,6 +112,7 @@ def test_the_last_frame_shows_the_values_of_its_picture(slow, state):
     """A coarse picture rests under the mouse, the whole one comes in bands, then nothing more."""
     bright = done(state, 1)
     coarse = replace(bright.image, coefficients=0.5 * bright.image.coefficients)
+    turned = orbit(state, 0.2, 0.1)
     for ended in (replace(bright, image=coarse, made=Pass(2)), bright):
         slow.take(ended, state)
         frames, news = [slow.under_mouse], True
@@ -119,6 +121,7 @@ def test_the_last_frame_shows_the_values_of_its_picture(slow, state):
             drawn = slow.relight(under(state, 0), held=False)
             news = slow.probe(under(state, 0), (0.5, 0.5), held=False) or drawn
         assert frames[-1] is slow.under_mouse is not None
+        assert slow.refines(state) == (ended is not bright) and not slow.refines(turned)
         code = slow.pictures.code(SIZE[0] // 2, SIZE[1] // 2)
         assert dict(frames[-1].rows)["RGB"] == "  ".join(map(str, code))
 

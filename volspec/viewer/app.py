@@ -144,6 +144,7 @@ class App:
         self._dark: bool | None = None
         self._settle = _SETTLE
         self._early: list[Input] = []  # dropped before anything is open
+        self._clicks: list[tuple[str, tuple[float, float]]] = []  # into a picture that is coarse
         self._still: float | None = None  # when the mouse will have been still for _STILL_S
         self._rested = False
 
@@ -274,6 +275,7 @@ class App:
         before = self._present
         self._warned.forget()
         self._steps.forget()
+        self._clicks = []
         opened = opened.after(before)
         self._file_commands.documents.begin(opened, before)
         self._history = History(opened.state)
@@ -459,9 +461,21 @@ class App:
                 state = self._ui.run(state, BY_KEY[given.key])
         state = self._mouse.apply(state, inputs, area)
         if self._mouse.clicked is not None:
-            state = self._click(state, *self._mouse.clicked)
+            self._clicks.append(self._mouse.clicked)
+        if self._clicks and self._measures_later(state):
+            self._notice.show("The point is set once the picture is whole", SHORT_SECONDS)
+        else:
+            for clicked in self._clicks:
+                state = self._click(state, *clicked)
+            self._clicks = []
         self._focus_text()
         return self._docks.panels(state, self._ui)
+
+    def _measures_later(self, state: ViewState) -> bool:
+        """Return True if a finer picture, with other places, is awaited; a label is typed now."""
+        works = self._scheduler.busy or self._screen.busy
+        measures = state.interface.tool in ("distance", "angle")
+        return measures and works and self._screen.refines(state)
 
     def _click(self, state: ViewState, button: str, place: tuple[float, float]) -> ViewState:
         """Return the state after a click into the picture, which opens a menu or picks a point."""

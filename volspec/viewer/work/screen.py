@@ -696,6 +696,13 @@ class Screen:
                 self._reading = None
         return self._reading
 
+    def refines(self, state: ViewState) -> bool:
+        """Return True if the picture is of the state's view, and coarse or not recomposed yet."""
+        cast = self._cast
+        if cast is None or cast.job.camera != state.view.camera(cast.job.document.volume):
+            return False
+        return not self.whole or cast.made.steps != "own" or self._seen() is None
+
     def point_mm(self, place: tuple[float, float]) -> Vector | None:
         """Return the first hit at a place of the picture in the world; None if there is none."""
         image, cast = self._seen() or self.pictures.image, self._cast
