@@ -10,8 +10,9 @@ import pytest
 TESTS = Path(__file__).resolve().parent
 FILES = sorted(TESTS.rglob("*.py"))
 # 48,000, and 30 formats of files with their neighbours (units, axes, writers, damage), borders,
-# scales, scripts, forks, sockets, and random pairs of scenes that must give one picture.
-MAX_LINES = 52_100
+# scales, scripts, forks, sockets, random pairs of scenes that must give one picture; settings of
+# the viewer by writers, and random walks through them.
+MAX_LINES = 52_700
 # Refusals are gathered in one table a module.
 REFUSAL, MAX_REFUSALS = re.compile(r"\b(raises|refuses)\(|refus"), 0.12
 # A clock, a pause, or a limit in seconds. Waits that only end a hang take PATIENCE_S.
@@ -24,6 +25,7 @@ CLOCKS = {
     "export/test_files_whole.py": "times of files",
     "fuzz/test_fuzz.py": "a clock that the test turns",
     "support/costs.py": "measures tests",
+    "support/headless.py": "lets threads work",
     "support/patience.py": "ends hangs",
     "support/window.py": "the present as a time of the viewer's trace",
     "test_budgets.py": "names them",

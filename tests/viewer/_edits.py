@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from pkgutil import iter_modules
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from hypothesis import strategies as st
 
@@ -61,6 +61,11 @@ def with_arguments(
     for kind in _types(name):
         if kind is int:
             given.append(next(which))
+        elif kind is bool:
+            given.append(next(some) > 0)
+        elif get_origin(kind) is Literal:
+            choices = get_args(kind)
+            given.append(choices[next(which) % len(choices)])
         elif kind is str:
             given.append(word)
         elif get_origin(kind) is tuple:

@@ -98,7 +98,7 @@ def test_a_change_costs_the_stage_that_reads_it(state, monkeypatch):
 
 
 # What edits say with one of these texts; others are names of materials.
-_TEXTS = (
+TEXTS = (
     *("gold", "copper", "silver", "HP1", "sky", "FL2", "A", "maximum", "fast", "#804020", "dim"),
     *("colour", "light", "RGB", "CAM16", "picture", "scene", "dim room", "Display P3", "reduce"),
     *("tritan", "longpass:500", "exact", "absolute", "distance"),
@@ -139,7 +139,7 @@ def cut(state: ViewState) -> ViewState:
 @pytest.mark.parametrize("name", edits_of(*MODULES))
 def test_every_edit_does_something_and_none_of_lights_casts(cut, name):
     indices = (3 if name == "lights.set_kelvin" else 1), 0
-    edits = [with_arguments(name, (0.3, 0.4) * 2, indices, text) for text in _TEXTS]
+    edits = [with_arguments(name, (0.3, 0.4) * 2, indices, text) for text in TEXTS]
     costs = {Difference.between(cut, edit(cut)).stage for edit in edits}
     assert (costs == {None}) == (name in _IDLE)
     assert "cast" not in costs or name.partition(".")[0] not in _UNCAST

@@ -33,7 +33,7 @@ from volspec.viewer.work.notify import SHORT_SECONDS, Notice
 from volspec.viewer.work.outputs import CUSTOM, PictureSize, Progress
 from volspec.viewer.work.pictures import Pictures
 from volspec.viewer.work.screenshot import Shot, copy_shown, copy_values, save_picture
-from volspec.viewer.work.script import export_python
+from volspec.viewer.work.script import export_python, script_lacks
 from volspec.viewer.work.session import save_session
 from volspec.viewer.work.steps import Steps
 
@@ -234,7 +234,8 @@ class FileCommands:
                 "save-session": save_session,
             }[request.kind]
             if request.kind != "save-session":
-                self._left_out[request.kind] = left_out(state)
+                lacks = script_lacks if request.kind == "export-python" else left_out
+                self._left_out[request.kind] = lacks(state)
             self._tasks.start(request.kind, lambda: write(state, path), writes=True)
 
     def _save_picture(self, state: ViewState) -> None:

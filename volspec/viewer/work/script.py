@@ -30,7 +30,7 @@ from volspec.transfer import Transfer
 from volspec.viewer.model.depth import focused_depth, picture_spec
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.materials import same_spectrum
-from volspec.viewer.model.scene_file import NOWHERE, is_shipped
+from volspec.viewer.model.scene_file import NOWHERE, is_shipped, left_out
 from volspec.viewer.model.state import ViewState
 
 _WIDTH = 88
@@ -53,6 +53,11 @@ def export_python(state: ViewState, path: str | os.PathLike[str]) -> Path:
     with write_whole(target) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return target
+
+
+def script_lacks(state: ViewState) -> str:
+    """Return what the window has, but its script has not, in words; empty if none."""
+    return ", ".join(filter(None, (left_out(state), "annotations" if state.annotations else "")))
 
 
 def script_from_state(state: ViewState, basis_file: str = "basis.json") -> str:
