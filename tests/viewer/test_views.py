@@ -18,6 +18,7 @@ from volspec.raycast.projection import Projection, cube_faces, cube_label, lengt
 from volspec.scene import Scene
 from volspec.viewer.model import camera, cuts, measure, slices, transfer_edits
 from volspec.viewer.model.commands import BY_KEY
+from volspec.viewer.model.edit import with_interface
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import HALF, View, cube_middle, face_at
 from volspec.viewer.ui.mouse import DRAGS, WHEELS
@@ -362,6 +363,9 @@ def test_a_tool_annotates_and_stays_in_use(state, tool, caption):
     assert new.interface.tool == tool and new.interface.tool_points == ()
     assert measure.hint(measure.stop(new)) == ""
     assert len(picked(new, tool).annotations) == 2
+    # A session that was edited may have too many points.
+    many = with_interface(new, tool_points=(POINTS[0],) * 3)
+    assert measure.hint(many) and len(measure.pick(many, POINTS[1]).state.annotations) == 2
 
 
 def test_texts_and_rows_are_edited(state):

@@ -46,7 +46,7 @@ def pick(state: ViewState, point_mm: Vector) -> ViewState:
     needed = TOOLS.get(state.interface.tool)
     if needed is None:
         return state
-    points = (*state.interface.tool_points, point_mm)
+    points = (*state.interface.tool_points[: needed - 1], point_mm)
     if len(points) < needed:
         return with_interface(state, tool_points=points)
     if len(state.annotations) >= MOST:
@@ -88,7 +88,9 @@ def remove_all(state: ViewState) -> ViewState:
 
 def hint(state: ViewState) -> str:
     """Return what to click next; empty if no tool is in use."""
-    tool, picked = state.interface.tool, len(state.interface.tool_points)
+    tool = state.interface.tool
+    # A session may have points of another tool.
+    picked = min(len(state.interface.tool_points), TOOLS.get(tool, 1) - 1)
     if not tool:
         return ""
     if tool == "label":
