@@ -139,6 +139,8 @@ def test_an_empty_picture_says_so_and_a_fault_its_reason(slow, state):
     slow.take(CastDone(other, WHOLE, 0.0, error="no device; see volspec doctor"), state)
     assert slow.painted_picture(AREA, state) is None
     assert slow.missing_message(state, None) == slow.fault == "no device; see volspec doctor"
+    slow.forget()
+    assert slow.ready and not slow.relight(state, held=False) and not slow.pictures.framebuffer
 
 
 def test_a_picture_keeps_its_shape_until_another_is_drawn(slow, state):

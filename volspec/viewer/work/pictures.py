@@ -146,6 +146,10 @@ class Pictures:
         self._half = self._half_image = self._walls = None
         self.current = False
 
+    def forget(self) -> None:
+        """Show, copy and draw nothing until the next picture, which is of another document."""
+        self._shown = self.image = self.rest = self._frame = self._frame_of = None
+
     def take_layers(
         self, image: CoefficientImage, packed: PackedLayers | None, opacity: PackedOpacity | None
     ) -> Iterator[None]:

@@ -477,6 +477,7 @@ class Screen:
         """Stop showing the picture, which belongs to another document."""
         self._cast = self._walls = self._layered = self._recomposed = None
         self.whole, self.fault = False, ""
+        self.pictures.forget()
         self._meter.forget()
 
     def mark_stale(self) -> None:
