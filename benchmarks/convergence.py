@@ -4,9 +4,10 @@ RMS and maximum error of the channels against a very fine step, without jitter o
 termination; the order is log2 of the error ratio when the step is halved. The table goes into
 ``docs/benchmarks.md``.
 
-``python -m benchmarks.convergence --quality`` prints, for 40 scenes with thin walls, small things,
-details and isosurfaces, the error of each quality by what it promises, and the step in voxels; and
-how many are above 1.2 without a warning. Words after it choose scenes by their names.
+``python -m benchmarks.convergence --quality`` prints, for 43 scenes with thin walls, small things,
+details, flat bodies along an axis and isosurfaces, the error of each quality by what it promises,
+and the step in voxels; and how many are above 1.2 without a warning. Words after it choose scenes
+by their names.
 """
 
 from __future__ import annotations
@@ -206,6 +207,7 @@ CROP = RaycastSpec(crop_voxels=((20, 150), (30, 200), (20, 90)))
 FLAT, LONG = RaycastSpec(ambient=1, diffuse=0), RaycastSpec(preintegrated=True)
 MOST, MEAN = RaycastSpec(mode="maximum"), RaycastSpec(mode="average")
 ALONG = {"azimuth_deg": 70, "elevation_deg": 10, "orthographic": True}
+FACING = {"azimuth_deg": 90, "elevation_deg": 0, "orthographic": True}
 NEAR = {"azimuth_deg": 80, "zoom": 8, "target_mm": (43.5, 31.5, 31.5)}
 ENGINE = {"azimuth_deg": 148, "elevation_deg": 32, "up": (0, 0, -1)}
 
@@ -241,6 +243,9 @@ CASES: dict[str, Case] = {
     "slab and shell": (detail, THIN, {}, PLAIN),
     "sheet": (lambda: sheet(1.5), HARD, ALONG, PLAIN),
     "tilted thin sheet": (lambda: sheet(1.0, 0.4), HARD, ALONG, PLAIN),
+    "flat, along an axis": (lambda: sheet(3.6), SOFT, FACING, PLAIN),
+    "flat, hard edge, along an axis": (lambda: sheet(5.4), HARD, FACING, PLAIN),
+    "flat, black to white, along it": (lambda: sheet(5.4), TWO_TONE, FACING, PLAIN),
     "beads": (beads, HARD, {}, PLAIN),
     "beads, far away": (beads, SOFT, {"zoom": 0.3}, PLAIN),
     "ball, hard edge": (edge, HARD, {}, PLAIN),

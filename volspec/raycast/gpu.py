@@ -407,17 +407,24 @@ class Raycaster:
         if isinstance(table, SurfaceTable):  # no step misses a surface
             return replace(spec, step_mm=min(SURFACE_STEP * unit, across))
         groups = tuple(group.without_shadows() for group in spec.groups)
-        plain = replace(spec, groups=groups, half=False, jitter=0.0, layers=0)
+        plain = replace(spec, groups=groups, half=False, seed=0, layers=0)
         key = plain, camera, size
         known_key, known_table, step_mm = self._chosen.get(spec.target, (None, None, 0.0))
         if known_key != key or known_table is not table:
             strengths = np.array(list(spec.strengths().values()))
             white = np.sqrt(np.mean(strengths**2) * np.mean(table.white**2)) or 1.0
             shortest = across / MAX_STEPS / unit
+            # Edges along rows or columns, rolled, meet pixels at all places.
+            right, up, _ = camera.frame()
+            rolled = replace(camera, up=tuple(up + 0.1 * right))
+            reference = replace(plain, jitter=1.0, seed=1)
+            if spec.alpha_stop is None:  # what rays lose as they end counts, too
+                reference = replace(reference, alpha_stop=1.0 - spec.target.error / 8)
 
-            def trial(step: float, size: tuple[int, int]) -> Picture:
-                stepped = replace(plain, step_mm=max(step, shortest) * unit)
-                found = self.cast(table, camera, size, stepped, cancel=cancel)
+            def trial(step: float, size: tuple[int, int], is_reference: bool) -> Picture:
+                kind = reference if is_reference else plain
+                stepped = replace(kind, step_mm=max(step, shortest) * unit)
+                found = self.cast(table, rolled, size, stepped, cancel=cancel)
                 return Picture(found.coefficients / white, found.alpha)
 
             error, longest = spec.target

@@ -2,10 +2,12 @@
 
     volume, table, camera, RaycastSpec.quality -> [quality] -> step_mm -> cast
 
-A step's error is the difference of its picture and that of a shorter step, and what that one leaves
-itself: errors of neighbouring steps are alike in part, and by that part they fall when steps are
-halved. Steps are halved until the error is below the target; of those between the last two, the
-longest that meets it in a cast is taken. Isosurfaces have no such error: no step misses them.
+A step's error is the difference of its picture and a reference: a cast with half the step, whose
+rays are shifted by random parts of it. Unshifted, rays that all meet a flat body at the same part
+of a step would agree by chance. What shifts do not even out, such as a greatest value that samples
+miss, the reference has itself in part; by that part errors fall when steps are halved. Steps are
+halved until the error is below the target; of those between the last two, the longest that meets it
+in a cast is taken. Isosurfaces have no such error: no step misses them.
 """
 
 from __future__ import annotations
@@ -87,7 +89,7 @@ def target_of(quality: Quality | float) -> Target:
 
 
 def choose_step(
-    cast: Callable[[float, Size], Picture],
+    cast: Callable[[float, Size, bool], Picture],
     size: Size,
     target: Target,
     shortest: float = SHORTEST,
@@ -97,7 +99,8 @@ def choose_step(
     Parameters
     ----------
     cast : callable
-        Casts with a step in smallest spacings, in fewer pixels; a white surface has coefficient 1.
+        Casts with a step in smallest spacings, in fewer pixels, as a reference if True; a white
+        surface has coefficient 1.
     size : (width, height)
         Pixels of the whole picture.
     target : Target
@@ -105,12 +108,11 @@ def choose_step(
         In smallest spacings.
     """
     picture, few = cache(cast), _few_of(size, _PIXELS)
-    if (seen := picture(target.longest, few).seen) < _MANY_SEEN:
+    if (seen := picture(0.5 * target.longest, few, True).seen) < _MANY_SEEN:
         few = _few_of(size, _PIXELS * _MANY_SEEN // max(seen, _MANY_SEEN // 64))
-    chosen = _choose(lambda step: picture(step, few), target, shortest)
+    chosen = _choose(picture, few, target, shortest)
     if chosen.pixels < _MANY_WRONG and few != size:
-        few = _few_of(size, 4 * math.prod(few))
-        chosen = _choose(lambda step: picture(step, few), target, shortest)
+        chosen = _choose(picture, _few_of(size, 4 * math.prod(few)), target, shortest)
     return chosen
 
 
@@ -121,14 +123,22 @@ def _few_of(size: Size, count: int) -> Size:
     return width, height
 
 
-def _choose(picture: Callable[[float], Picture], target: Target, shortest: float) -> Chosen:
+def _choose(
+    cast: Callable[[float, Size, bool], Picture], size: Size, target: Target, shortest: float
+) -> Chosen:
+    def picture(step: float) -> Picture:
+        return cast(step, size, False)
+
+    def reference(step: float) -> Picture:
+        return cast(step, size, True)
+
     step = target.longest
     while True:
-        error, pixels = _difference(picture(step), picture(0.5 * step))
+        error, pixels = _difference(picture(step), reference(0.5 * step))
         alike = 0.0
         if error <= target.error and (step < target.longest or error > _SURELY * target.error):
             top = min(2.0 * step, target.longest)
-            alike = _part_alike(*(picture(top * part) for part in (1.0, 0.5, 0.25)))
+            alike = _part_alike(picture(top), reference(0.5 * top), reference(0.25 * top))
             error /= 1.0 - alike
         if error <= target.error or step < 2.0 * shortest:
             break
@@ -136,7 +146,7 @@ def _choose(picture: Callable[[float], Picture], target: Target, shortest: float
     if error <= target.error and step < target.longest:
         for part in range(_PARTS - 1, 0, -1):
             longer = step * 2.0 ** (part / _PARTS)
-            left, count = _difference(picture(longer), picture(0.5 * step))
+            left, count = _difference(picture(longer), reference(0.5 * step))
             left /= 1.0 - alike ** (1.0 + part / _PARTS)
             if left <= target.error:
                 return Chosen(longer, left, count)
@@ -144,7 +154,7 @@ def _choose(picture: Callable[[float], Picture], target: Target, shortest: float
 
 
 def _part_alike(longest: Picture, middle: Picture, shortest: Picture) -> float:
-    """Return the part of an error that stays when the step is halved, of three such steps."""
+    """Return the part of an error that stays when the step is halved, of a step and references."""
     whole, more = (_squares(longest, other).mean() for other in (middle, shortest))
     return float(np.clip(math.sqrt(more / max(whole, 1e-24)) - 1.0, 0.0, _MOST_ALIKE))
 
