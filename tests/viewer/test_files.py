@@ -102,6 +102,26 @@ def test_a_document_knows_what_opens_it_again(tmp_path):
     assert replace(document, path=demo()).source is None
 
 
+def test_scripts_and_sessions_next_to_their_data_name_no_folder(tmp_path):
+    """They can be sent together, and are the same bytes wherever they were made."""
+    written = []
+    for name in "ab":
+        (tmp_path / name).mkdir()
+        state = opened(tmp_path / name)
+        script = export_python(state, tmp_path / name / "it.py")
+        session = save_session(state, tmp_path / name / f"it{SUFFIX}")
+        written.append(script.read_bytes() + session.read_bytes())
+    assert written[0] == written[1] and os.fspath(tmp_path).encode() not in written[0]
+    moved = (tmp_path / "b").rename(tmp_path / "c")
+    assert restore_state(read_session(moved / session.name), cast=False).document.path == (
+        moved / "ball.toml"
+    )
+    text = (moved / script.name).read_text(encoding="utf-8")
+    names: dict[str, Any] = {"__file__": str(moved / script.name)}
+    exec(compile(text[: text.index("materials = ")], "script", "exec"), names)
+    assert names["volume"].shape_xyz == (12, 12, 12)
+
+
 def test_scripts_call_spectra_by_name_where_those_give_the_same_numbers(tmp_path):
     text = script_from_state(opened(tmp_path))
     assert re.findall(r'vs\.light\("(.*?)"', text) == ["D65"]

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import volspec
-from volspec._files import require_suffix, write_whole
+from volspec._files import is_remote, name_below, require_suffix, write_whole
 from volspec.basis import MaterialBasis
 from volspec.errors import SceneError, SpectrumError, ViewingError
 from volspec.export.frames import file_stem
@@ -47,7 +47,7 @@ def export_python(state: ViewState, path: str | os.PathLike[str]) -> Path:
     """
     target = require_suffix(path, "scripts", ".py")
     basis_file = target.with_suffix(".basis.json")
-    text = script_from_state(state, basis_file.name)
+    text = script_from_state(state, basis_file.name, target.absolute().parent)
     if f"with_name({python_text(basis_file.name)})" in text:
         state.transfer.basis.save(basis_file)
     with write_whole(target) as temporary:
@@ -60,9 +60,12 @@ def script_lacks(state: ViewState) -> str:
     return ", ".join(filter(None, (left_out(state), "annotations" if state.annotations else "")))
 
 
-def script_from_state(state: ViewState, basis_file: str = "basis.json") -> str:
+def script_from_state(
+    state: ViewState, basis_file: str = "basis.json", folder: Path | None = None
+) -> str:
     """Return the script, which loads a basis that is not shipped from a file next to it.
 
+    A volume in or below the script's ``folder`` is named from there, so that both can be moved.
     The document must have a file, and a light must be on.
     """
     document, rig = state.document, light_rig(state.lights)
@@ -99,7 +102,7 @@ def script_from_state(state: ViewState, basis_file: str = "basis.json") -> str:
     space, depth = state.relight.viewing.display.space, focused_depth(state)
     arguments = "volume", "transfer", "camera", f"size={state.size}", "spec=spec"
     lines = [
-        f"volume = {_volume(file, path, document.series is not None)}",
+        f"volume = {_volume(file, path, document.series is not None, folder)}",
         f"materials = {code.of(dict(state.transfer.materials))}",
         f"basis = {_basis(state.transfer, basis_file)}",
         f"transfer = {code.transfer(state.transfer)}",
@@ -129,14 +132,16 @@ def _spectrum_names(state: ViewState, file: SceneFile) -> dict[str, str]:
     return names | {text: "reflectance" for text in given if isinstance(text, str)}
 
 
-def _volume(file: SceneFile, scene: Path, is_series: bool) -> str:
-    """Return the call that loads a scene's volume, from any folder."""
+def _volume(file: SceneFile, scene: Path, is_series: bool, folder: Path | None) -> str:
+    """Return the call that loads a scene's volume, from any working folder."""
     table = file.volume
-    name, _, query = table.file.partition("?")
-    path = os.path.normpath(scene.parent / name) + (f"?{query}" if query else "")
-    text = f"vs.load_volume({python_text(path)})"
-    if is_series:
-        text = f"vs.load_series({python_text(path)})[{table.step}]"
+    name, mark, query = table.file.partition("?")
+    path = name if is_remote(name) else os.path.normpath(scene.parent / name)
+    below = None if folder is None else name_below(path, folder)
+    text = python_text((below or path) + mark + query)
+    if below is not None:
+        text = f"Path(__file__).parent / {text}"
+    text = f"vs.load_series({text})[{table.step}]" if is_series else f"vs.load_volume({text})"
     if table.spacing_mm is not None:
         text += f".with_spacing({table.spacing_mm})"
     if table.downsample != 1:

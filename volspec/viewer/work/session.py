@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from volspec._files import write_whole
+from volspec._files import name_below, write_whole
 from volspec._parse import parse_json, read_text
 from volspec.errors import InputError, SceneError, one_line, quoted
 from volspec.scene.file import SceneFile, migrate
@@ -121,9 +121,11 @@ def save_session(state: ViewState, path: str | os.PathLike[str]) -> Path:
         problem = f"{target}: sessions are JSON; name it FILE{SUFFIX}"
         raise SessionError(problem, code="unsupported")
     data = session_from_state(state).data
-    # Finds the scene if both are moved together.
+    folder = target.absolute().parent
+    # Finds the scene if both are moved together; below the session, they are sent together, too.
     with suppress(ValueError):  # on another drive
-        data["relative_path"] = os.path.relpath(data["path"], target.absolute().parent)
+        data["relative_path"] = os.path.relpath(data["path"], folder)
+    data["path"] = name_below(data["path"], folder) or data["path"]
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":"))
     with write_whole(target) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -161,9 +163,10 @@ def read_session(path: str | os.PathLike[str]) -> Session:
         if not isinstance(data.get(key), kind):
             raise BrokenSession(f"{name}: field {key!r} is missing or wrong; was it edited?")
     relative = data.get("relative_path")
-    nearby = Path(path).absolute().parent / str(relative or "")
+    folder = Path(path).absolute().parent
+    nearby = folder / str(relative or "")
     # A volume may be a folder.
-    return Session(nearby if relative and os.path.exists(nearby) else Path(data["path"]), data)
+    return Session(nearby if relative and os.path.exists(nearby) else folder / data["path"], data)
 
 
 def _migrate(part: Any, fields: Mapping[str, str], classes: Mapping[str, str]) -> Any:
@@ -202,7 +205,8 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
     if is_cast_image(os.fspath(session.path)):
         return ViewState(open_image(os.fspath(session.path)), **of_state)
     name, mark, query = file.volume.file.partition("?")
-    if name == data["path"]:  # of a bare volume, which may have been moved with its session
+    # Of a bare volume, which may have been moved with its session.
+    if name == data["path"] and os.path.isabs(name):
         moved = replace(file.volume, file=f"{session.path}{mark}{query}")
         file = replace(file, volume=moved)
     names = Resolver(file, session.path)
