@@ -14,17 +14,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from tests.export.conftest import Make
 from tests.support.errors import raises
 from tests.support.fixtures import Patch
 from tests.support.images import image
 from volspec.basis import MaterialBasis
-from volspec.errors import ImageError, SceneError
+from volspec.errors import ImageError, SceneError, VolumeError
 from volspec.export import napari
 from volspec.pipeline import relight
 from volspec.relight import LightRig
 from volspec.spectra import light, reflectance
+from volspec.volume import Volume
 
 
 class Signal:
@@ -151,3 +153,26 @@ def test_the_manifest_names_functions_that_are_there():
         assert callable(getattr(import_module(module), name))
     ids = re.findall(r"id: (\S+)", text)
     assert ids == re.findall(r"command: (\S+)", text) == ["volspec.read", "volspec.lights"]
+
+
+def test_a_layer_is_a_volume_where_napari_has_it():
+    """napari maps (z, y, x) indices to its world, here turned by 90 degrees in the plane."""
+    world = np.array([[2.0, 0, 0], [0, 0, -0.5], [0, 1, 0]])
+
+    def layer(values: NDArray[Any], **more: Any) -> SimpleNamespace:
+        given = {"data": values, "ndim": values.ndim, "name": "cells", "units": ("um",) * 3}
+        place = {"data_to_world": lambda index: world @ np.asarray(index) + (10, 20, 30)}
+        return SimpleNamespace(**given, **place, **more)
+
+    values = np.arange(24.0, dtype=np.float32).reshape(2, 3, 4)
+    volume = Volume.of(layer(values))
+    np.testing.assert_array_equal(volume.values, values)
+    for x, y, z in ((0, 0, 0), (3, 1, 1)):
+        mm = 1e-3 * (world @ (z, y, x) + (10, 20, 30))[::-1]
+        np.testing.assert_allclose((volume.world_from_index @ (x, y, z, 1))[:3], mm)
+    finest = layer(values, multiscale=True)
+    finest.data = [values, values[:, ::2, ::2]]
+    assert Volume.from_layer(finest).shape_xyz == (4, 3, 2)
+    for other in (layer(values, rgb=True), layer(values[0]), layer(values[None])):
+        with raises(VolumeError, "type"):
+            Volume.of(other)

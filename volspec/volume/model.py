@@ -448,7 +448,7 @@ class Volume:
 
     @classmethod
     def of(cls, given: Volume | pyvista.ImageData | ArrayLike) -> Volume:
-        """Return a given volume itself, or make one of a pyvista ``ImageData`` or array (Z, Y, X).
+        """Return a given volume, or make one of a pyvista grid, napari layer or array (Z, Y, X).
 
         An array's spacing is 1 mm, unless it is an xarray ``DataArray`` with coordinates.
         """
@@ -456,6 +456,8 @@ class Volume:
             return given
         if hasattr(given, "point_data"):
             return cls.from_pyvista(given)
+        if hasattr(given, "data_to_world"):
+            return cls.from_layer(given)
         return cls(given)  # type: ignore[arg-type]
 
     @classmethod
@@ -496,6 +498,34 @@ class Volume:
         from volspec.volume.vtk_interop import volume_from_pyvista
 
         return volume_from_pyvista(grid, scalars)
+
+    @classmethod
+    def from_layer(cls, layer: Any) -> Volume:
+        """Convert a napari layer of an image or labels with three axes, placed as napari has it.
+
+        Of a multiscale layer the finest level is taken. Units other than pixels become millimetres.
+
+        Raises
+        ------
+        VolumeError
+            If the layer is of another kind, or has more axes or colours.
+        """
+        from volspec.volume.files.lattice import mm_per_unit  # which makes volumes
+
+        data = layer.data[0] if getattr(layer, "multiscale", False) else layer.data
+        if getattr(layer, "rgb", False) or not 3 == layer.ndim == np.ndim(data):
+            raise VolumeError(
+                f"{layer.name}: is a napari layer {type(layer).__name__} of {np.shape(data)}",
+                "give an Image or Labels of three axes, such as a channel's or a time step's",
+                code="type",
+            )
+        mm = np.array([mm_per_unit(str(unit)) or 1.0 for unit in layer.units])
+        start, *ends = (np.array(layer.data_to_world(each)) for each in np.eye(4, 3, -1))
+        world = np.eye(4)
+        # From (z, y, x) to (x, y, z).
+        world[:3, :3] = (mm * (ends - start)).T[::-1, ::-1]
+        world[:3, 3] = (mm * start)[::-1]
+        return cls(np.asarray(data), world_from_index=world, name=str(layer.name))
 
     def to_pyvista(self) -> pyvista.ImageData:
         """Return a pyvista ``ImageData`` with a copy of the values as point scalars "values"."""

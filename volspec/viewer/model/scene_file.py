@@ -20,7 +20,6 @@ from volspec._files import require_suffix
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.basis.storage import shipped_names
 from volspec.errors import SceneError, SpectrumError
-from volspec.export.exporter import even_size
 from volspec.raycast.lights import HEADLIT
 from volspec.scene import Scene, SceneFile
 from volspec.scene.basis import grid_of
@@ -234,7 +233,6 @@ def scene_from_state(state: ViewState) -> SceneFile:
         room = replace(state.room.spec, walls=state.room.spec.walls and not exact)
     elif (file.group or HEADLIT) != shading.groups:
         groups = () if shading.groups == HEADLIT else as_typed(shading.groups)
-    width, height = even_size(state.size)
     keys = file.keyframe
     if not shading.layers:
         keys = tuple(replace(key, depth=None) for key in keys)
@@ -254,7 +252,7 @@ def scene_from_state(state: ViewState) -> SceneFile:
         viewing=file.viewing if same_viewing else as_typed(state.relight),
         depth=depth.focused_depth(state),
         keyframe=keys,
-        output=OutputSpec(width, height),
+        output=OutputSpec(*state.size),
         annotation=as_typed(state.annotations),
         mesh=file.mesh if state.meshes == file.mesh else as_typed(state.meshes),
     )
