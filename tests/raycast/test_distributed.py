@@ -16,7 +16,7 @@ from tests.support.fixtures import slow
 from tests.support.pyramids import stored
 from tests.support.window import ENGINE
 from tests.twins.test_parts import LIT, VEIL
-from volspec.errors import DeviceError, RaycastError
+from volspec.errors import DeviceError, RaycastError, VolumeError
 from volspec.export.exporter import export
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, RaycastSpec, distributed
@@ -104,6 +104,19 @@ def test_frames_of_an_export_are_cast_side_by_side(caster, tmp_path, monkeypatch
         pictures = [Image.open(tmp_path / each / name) for each in ("far", "near")]
         far, whole = (np.asarray(each.convert("RGB"), int) for each in pictures)
         assert np.abs(far - whole).max() <= 1
+
+
+def test_too_little_memory_is_refused_as_on_one_machine(engine, caster, tmp_path, monkeypatch):
+    small = stored(engine, tmp_path, "300KiB")
+    given = small, VEIL, Camera.orbit(engine), (700, 700), SPEC
+    texts = []
+    for cluster in (None, caster.cluster):
+        own = Raycaster(small)
+        monkeypatch.setattr(own, "_cluster", cluster)
+        with raises(VolumeError, "size") as caught:
+            raycast(*given, caster=own)
+        texts.append(str(caught.value))
+    assert texts[0] == texts[1]
 
 
 def test_threads_share_one_connection(monkeypatch):

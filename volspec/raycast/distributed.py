@@ -29,7 +29,7 @@ from uuid import uuid4
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.errors import CastCancelled, DeviceError, RaycastError, one_line
+from volspec.errors import CastCancelled, DeviceError, RaycastError, VolspecError, one_line
 from volspec.raycast.camera import Camera
 from volspec.raycast.light_volume import Clear, light_layers
 from volspec.raycast.out_of_core import LevelCaster, PartPicture, finished
@@ -295,6 +295,7 @@ class ClusterCaster(LevelCaster):
                 f"leave out {wrong[1]}, or the cluster",
                 code="unsupported",
             )
+        self.reserve(parts)  # refused as on one machine
         if not parts:
             return super()._cast_parts(
                 table, camera, size, spec, parts, progress, cancel, span_mm, clear
@@ -394,7 +395,7 @@ class ClusterCaster(LevelCaster):
         if root.status != "finished":
             failed = next((leaf for leaf in leaves if leaf.status == "error"), root)
             error = failed.exception()
-            if isinstance(error, RaycastError):
+            if isinstance(error, VolspecError):
                 raise error
             remedy = "see the log of the workers"
             if self._client.cluster is not None:  # on this machine, without logs

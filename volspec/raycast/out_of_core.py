@@ -238,7 +238,7 @@ class LevelCaster:
         CastCancelled
             If ``cancel`` returned True.
         """
-        self._reserve(parts)
+        self.reserve(parts)
         needed = [[Chunk(self._number, *number) for number in part.chunks] for part in parts]
         self._pyramid.cache.announce(needed)
         gap = transparent_value(table, self._pyramid.range)
@@ -299,8 +299,8 @@ class LevelCaster:
         )
         return LoadedPart(part, values, low, high, gaps)
 
-    def _reserve(self, parts: Sequence[Part]) -> None:
-        """Give the cache what parts in use leave of the budget."""
+    def reserve(self, parts: Sequence[Part]) -> None:
+        """Give the cache what parts in use leave of the budget; VolumeError if that is none."""
         pyramid, level = self._pyramid, self._level
         largest = max((part.voxels for part in parts), default=0) * pyramid.dtype.itemsize
         left = pyramid.memory_bytes - self._needed(largest, pyramid.memory_bytes)
