@@ -46,6 +46,7 @@ from volspec.scene.export import ExportSpec
 from volspec.scene.specs import MeshSpec
 from volspec.spectra import light, reflectance
 from volspec.viewer.model import depth, light_parts, lights, meshes, opacities, transfer_edits
+from volspec.viewer.model.depth import focused_depth
 from volspec.viewer.model.edit import Edited
 from volspec.viewer.model.film import Film
 from volspec.viewer.model.light_rows import LightRow
@@ -63,6 +64,8 @@ Edit = Callable[[ViewState], ViewState | Edited]
 SIZE = 64, 48
 BARS = 47  # the menu and the status line, in pixels
 MOST_CODES = 2
+# Of a page's lens, which has fewer points: .6 of CIEDE2000 in the mean (tests/page/test_depth.py).
+MOST_LENS_CODES = 12
 
 _HEAD = """
 version = 2
@@ -533,11 +536,12 @@ class Cell(NamedTuple):
 
     codes: int | None
     words: tuple[str, ...]
+    most: int = MOST_CODES
 
     @property
     def agrees(self) -> bool:
         """True if the picture is the window's, or a line says what is not."""
-        return (self.codes is not None and self.codes <= MOST_CODES) or bool(self.words)
+        return (self.codes is not None and self.codes <= self.most) or bool(self.words)
 
 
 def tried(
@@ -569,7 +573,9 @@ def tried(
         wanted = like.get(name)
         assert wanted is not None, f"{name} has a picture, but the window has none"
         assert codes.shape == wanted.shape, (name, codes.shape, wanted.shape)
-        found[name] = Cell(int(abs(codes - wanted).max()), words)
+        lens = name == "page" and focused_depth(state).focus_mm is not None
+        most = MOST_LENS_CODES if lens else MOST_CODES
+        found[name] = Cell(int(abs(codes - wanted).max()), words, most)
     return found
 
 

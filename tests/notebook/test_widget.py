@@ -5,6 +5,7 @@ import io
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -120,6 +121,23 @@ def test_another_image_keeps_the_settings(widget, colours):
     assert widget.get_state("_page")["_page"] != before
     assert dict(widget.weights)["A"] == 1.0 and widget.probe is None
     assert widget.frame().shape == (16, 64, 3)
+
+
+def test_a_cell_run_again_closes_the_widgets_of_its_last_run(colours, monkeypatch):
+    from volspec.export.notebook import widget as module
+
+    def ran(cell: str, run: str) -> Any:
+        parent = {"metadata": {"cellId": cell}, "header": {"msg_id": run}}
+        kernel = SimpleNamespace(get_parent=lambda: parent)
+        monkeypatch.setattr(module, "get_ipython", lambda: SimpleNamespace(kernel=kernel))
+        return vs.notebook(colours, ["D65"])
+
+    first, of_same_run, of_another = ran("a", "1"), ran("a", "1"), ran("b", "2")
+    assert all(each.model_id for each in (first, of_same_run, of_another))
+    again = ran("a", "3")
+    assert again.model_id and of_another.model_id
+    assert first.comm is None and of_same_run.comm is None
+    assert first.frame().shape == again.frame().shape
 
 
 def test_opacities_are_the_picture_s_the_probe_s_and_the_page_s():

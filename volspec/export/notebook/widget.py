@@ -14,12 +14,14 @@ import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
+from weakref import WeakSet
 
 import anywidget
 import ipywidgets
 import numpy as np
 import traitlets
+from IPython import get_ipython
 
 from volspec.appearance import Viewing
 from volspec.appearance.surround import is_finite
@@ -51,6 +53,13 @@ class _Checked(traitlets.TraitType):
 
     def validate(self, widget: RelightWidget, value: object) -> Any:
         return getattr(widget, f"_checked_{self.name}")(value)
+
+
+def _running_cell() -> tuple[str, str]:
+    """Return the identities of the cell that runs and of this run; empty outside of JupyterLab."""
+    parent: Any = getattr(getattr(get_ipython(), "kernel", None), "get_parent", dict)()
+    cell = parent.get("metadata", {}).get("cellId", "")
+    return cell, parent.get("header", {}).get("msg_id", "")
 
 
 class RelightWidget(anywidget.AnyWidget):
@@ -93,6 +102,9 @@ class RelightWidget(anywidget.AnyWidget):
         viewing.
     """
 
+    _run = ""  # of the cell that made it
+    # Widgets by the cell that made them.
+    _of_cells: ClassVar[dict[str, WeakSet[RelightWidget]]] = {}
     _esm = Path(__file__).parent / "host.js"
     _page = traitlets.Unicode().tag(sync=True)
     _room = traitlets.Dict().tag(sync=True)
@@ -138,6 +150,13 @@ class RelightWidget(anywidget.AnyWidget):
             level=relight_spec.level,
             layout=ipywidgets.Layout(height=_HEIGHT),
         )
+        cell, run = _running_cell()
+        # Else each run would leave a page in the kernel, and in a notebook that is saved with them.
+        for other in [each for each in RelightWidget._of_cells.get(cell, ()) if each._run != run]:
+            other.close()
+        self._run = run
+        if cell:
+            RelightWidget._of_cells.setdefault(cell, WeakSet()).add(self)
 
     @property
     def lights(self) -> tuple[NamedLight, ...]:
