@@ -194,7 +194,8 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
         }
         if (!ANY(live)) break;
 
-        floatN middle[FIELDS][STEPS], alpha[FIELDS][STEPS];
+        floatN middle[FIELDS][STEPS], alpha[FIELDS][STEPS], passes[STEPS];  // whole steps, all
+        UNROLL(s, STEPS) passes[s] = 1.0f;
         floatN nx[FIELDS][STEPS], ny[FIELDS][STEPS], nz[FIELDS][STEPS];
 #if MASKED
         RowList rows[FIELDS][STEPS];
@@ -242,6 +243,7 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
                 const floatN opaque = entry[f][s].opacity;
 #endif
                 alpha[f][s] = SELECT(due, opaque, (floatN)(0.0f));
+                passes[s] *= 1.0f - alpha[f][s];
                 seen[f] |= ANY(MASK(alpha[f][s] > 0.0f));
             }
             transparent[f] = !seen[f];
@@ -294,6 +296,7 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
                 sum += parts[f];
             }
             const floatN per_part = visible / MAX(sum, 1e-30f);
+            const floatN away = lift_at(frame, minus_log(MAX(passes[s], 1e-30f)));
             floatN along = 0.0f;
             for (int f = 0; f < FIELDS; ++f) {
                 if (!seen[f] || !ANY(MASK(alpha[f][s] > 0.0f))) continue;
@@ -305,7 +308,7 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
                 const Rays *from = &r;
 #endif
                 shade(frame, sources, light_volume, from, middle[f][s], nx[f][s], ny[f][s],
-                      nz[f][s], part, shading, highlight);
+                      nz[f][s], away, part, shading, highlight);
 #if MASKED
                 if (rows[f][s].count == 1) {
                     const Curve curve = curves[masks[f].curves + rows[f][s].row[0]];

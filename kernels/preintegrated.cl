@@ -83,7 +83,7 @@ __kernel void preintegrated(__global const VOXEL *restrict voxels,
         count = SELECT(MASK(m.k + m.stride <= m.next_brick), m.stride, 1);
 #endif
         read_ends(&cast, voxels, opacity, &r, &m, count, &e);
-        floatL front, back, depth_of_step;
+        floatL front, back, depth_of_step, most;  // of the step, its mean or at an end
         WeightRow mean[LANES];
         front.v = (e.front - cast.domain_rest) * cast.domain_scale;
         back.v = (e.back - cast.domain_rest) * cast.domain_scale;
@@ -93,10 +93,14 @@ __kernel void preintegrated(__global const VOXEL *restrict voxels,
                 const Integral a = integral_at(material_weights, entries, front.s[l]);
                 const Integral b = integral_at(material_weights, entries, back.s[l]);
                 UNROLL(v, VECTORS) mean[l].v[v] = growth(&a, &b, v) / (floatV)(apart);
+                const WeightRow *at_a = (const WeightRow *)a.rate;
+                const WeightRow *at_b = (const WeightRow *)b.rate;
+                most.s[l] = MAX(at_a->s[WEIGHTS - 1], at_b->s[WEIGHTS - 1]);
             } else {
                 const float middle = 0.5f * (front.s[l] + back.s[l]);
                 const Integral there = integral_at(material_weights, entries, middle);
                 UNROLL(v, VECTORS) mean[l].v[v] = there.rate[v];
+                most.s[l] = 0.0f;
             }
             depth_of_step.s[l] = mean[l].s[WEIGHTS - 1];
         }
@@ -112,9 +116,11 @@ __kernel void preintegrated(__global const VOXEL *restrict voxels,
         alpha = SELECT(here, alpha, (floatN)(0.0f));
         if (ANY(MASK(alpha > 0.0f))) {
             const floatN visible = g.transmittance * alpha, middle = 0.5f * (e.begin + e.end);
+            // A step into opaque matter is a surface, of whichever mean.
+            const floatN away = lift_at(&cast, MAX(MAX(most.v, depth_of_step.v), 0.0f));
             floatL shading[GROUPS];
-            add_shaded(&cast, voxels, opacity, sources, light_volume, &r, middle, visible, &g,
-                       shading);
+            add_shaded(&cast, voxels, opacity, sources, light_volume, &r, middle, away, visible,
+                       &g, shading);
             m.live &= MASK(g.transmittance > cast.min_transmittance);
             // c holds τ s: divided by τ it is s.
             const floatN per_depth = 1.0f / MAX(depth_of_step.v, 1e-30f);

@@ -127,8 +127,8 @@ __kernel void projection(__global const VOXEL *restrict voxels,
     const floatN visible = SELECT(meets, entry.opacity, (floatN)(0.0f));
     const floatN unshaded = 0.0f;
     floatN shading[GROUPS], highlight[GROUPS];
-    shade(&cast, sources, light_volume, &r, best_at, unshaded, unshaded, unshaded, visible, shading,
-          highlight);
+    shade(&cast, sources, light_volume, &r, best_at, unshaded, unshaded, unshaded, unshaded, visible,
+          shading, highlight);
     reflect(&g, material_weights, &cast, &shown, &entry, shading);
     add_alpha(&cast, &g, visible, best_at);
     write_picture(&cast, &g, &r, pixel, first_tile * TILE_HEIGHT, channels, coefficients_out,

@@ -152,13 +152,14 @@ __kernel void raycast(__global const VOXEL *restrict voxels,
                 const floatN shorter = opacity_along(entry[s].opacity, log_step, fraction[s]);
                 alpha[s] = SELECT(clipped, shorter, alpha[s]);
             }
+            const floatN away = lift_at(&cast, depth_of_matter(opacity, &f[s], &entry[s]));
             floatN shading[GROUPS], highlight[GROUPS];
 #if FILTERED
             // Each channel is weighted by its own loss, in accumulate_filtered.
             const floatN unweighted = SELECT(opaque, (floatN)(1.0f), (floatN)(0.0f));
             const floatN length = SELECT(opaque, fraction[s], (floatN)(0.0f));
-            shade(&cast, sources, light_volume, &r, middle[s], nx[s], ny[s], nz[s], unweighted,
-                  shading, highlight);
+            shade(&cast, sources, light_volume, &r, middle[s], nx[s], ny[s], nz[s], away,
+                  unweighted, shading, highlight);
             reflect_filtered(&g, material_weights, filters, &cast, &entry[s], shading, highlight,
                              length);
             add_alpha(&cast, &g, g.transmittance - mean_transmittance(&g), middle[s]);
@@ -166,11 +167,11 @@ __kernel void raycast(__global const VOXEL *restrict voxels,
             const floatN unweighted = SELECT(opaque, (floatN)(1.0f), (floatN)(0.0f));
 #if SLOTS
             Unshadowed bare;
-            shade(&cast, sources, light_volume, &r, middle[s], nx[s], ny[s], nz[s], unweighted,
-                  &bare, shading, highlight);
+            shade(&cast, sources, light_volume, &r, middle[s], nx[s], ny[s], nz[s], away,
+                  unweighted, &bare, shading, highlight);
 #else
-            shade(&cast, sources, light_volume, &r, middle[s], nx[s], ny[s], nz[s], unweighted,
-                  shading, highlight);
+            shade(&cast, sources, light_volume, &r, middle[s], nx[s], ny[s], nz[s], away,
+                  unweighted, shading, highlight);
 #endif
             // The picture ends where it would without layers.
             const floatN visible = SELECT(reached, g.transmittance * alpha[s], (floatN)(0.0f));
@@ -189,8 +190,8 @@ __kernel void raycast(__global const VOXEL *restrict voxels,
 #endif
 #else
             const floatN visible = g.transmittance * alpha[s];
-            shade(&cast, sources, light_volume, &r, middle[s], nx[s], ny[s], nz[s], visible,
-                  shading, highlight);
+            shade(&cast, sources, light_volume, &r, middle[s], nx[s], ny[s], nz[s], away,
+                  visible, shading, highlight);
             reflect(&g, material_weights, &cast, &f[s], &entry[s], shading);
             UNROLL(group, GROUPS) g.highlight[group] += highlight[group];
             add_alpha(&cast, &g, visible, middle[s]);

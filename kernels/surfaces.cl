@@ -170,8 +170,8 @@ __kernel void surfaces(__global const VOXEL *restrict voxels,
                     const floatN u = find_crossing(&cubic, from, front, to, back, level);
                     const floatN along = at + SELECT(met, u, (floatN)(0.5f)) * (leave - at);
                     floatL shading[GROUPS];
-                    add_shaded(&cast, voxels, opacity, sources, light_volume, &r, along, visible,
-                               &g, shading);
+                    add_shaded(&cast, voxels, opacity, sources, light_volume, &r, along,
+                               cast.light_lift, visible, &g, shading);
                     m.live &= MASK(g.transmittance > cast.min_transmittance);
                     intL surface;
                     surface.v = SELECT(rising, (intN)(s), (intN)(SURFACES - 1 - s));

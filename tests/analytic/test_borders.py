@@ -6,9 +6,9 @@ import pytest
 from tests.support.fixtures import slow
 from volspec.basis import SpectralBasis
 from volspec.pipeline import raycast
-from volspec.raycast import Camera, Directional, LightGroup, RaycastSpec
+from volspec.raycast import Ambient, Camera, Directional, LightGroup, RaycastSpec
 from volspec.spectra import reflectance
-from volspec.transfer import Isosurfaces, TransferFunction
+from volspec.transfer import Isosurfaces, LabelFunction, TransferFunction
 from volspec.volume import Volume
 
 BASIS = SpectralBasis.load("general-7")
@@ -101,18 +101,26 @@ def test_the_gradient_of_a_ramp_counts_whole_at_its_ends():
 @pytest.mark.parametrize("tilt_deg", [0, slow(45), 75])
 @pytest.mark.parametrize("spacing", [(1, 1, 1), slow((0.7, 0.7, 3)), (1, 1, 20), (3, 1, 1)])
 @pytest.mark.parametrize("physical", [False, True])
-def test_an_opaque_floor_is_in_full_light(physical, spacing, tilt_deg):
-    floor = np.zeros((14, 32, 32), np.float32)
+@pytest.mark.parametrize("kind", ["level", "curve", "labels", slow("preintegrated")])
+def test_an_opaque_floor_is_in_full_light(kind, physical, spacing, tilt_deg):
+    floor = np.zeros((14, 32, 32), np.uint8)
     floor[:5] = 100
+    step = [(0, 0, "white"), (80, 0, "white"), (80, 1, "white"), (100, 1, "white")]
+    labels = LabelFunction({100: (1, "white")}, WHITE, BASIS)
+    curve = TransferFunction(step, WHITE, BASIS)
+    transfer = {"level": level(80), "labels": labels}.get(kind, curve)
     volume = Volume(floor, spacing_mm=spacing)
     x, y, z = volume.corners_mm.mean(axis=0)
     camera = Camera((x, y - 1, z + 500), (x, y, 0), (0, 1, 0), height_mm=8)
     tilt = np.radians(tilt_deg)
     light = np.array([0.6 * np.sin(tilt), 0.8 * np.sin(tilt), np.cos(tilt)])
-    shade, _ = shades(
-        volume, level(80), camera, (9, 9), groups=sun(light, shadows=True), physical_light=physical
-    )
+    how = {"physical_light": physical, "preintegrated": kind == "preintegrated"}
+    given = volume, transfer, camera, (9, 9)
+    shade, _ = shades(*given, groups=sun(light, shadows=True), **how)
     np.testing.assert_allclose(shade / light[2], 1.0, atol=0.02)
+    sky = (LightGroup("sky", (Ambient(occlusion=True, radius_mm=10),)),)
+    shade, _ = shades(*given, groups=sky, **how, ambient=1.0)
+    np.testing.assert_allclose(shade, 1.0, atol=0.02)
 
 
 def test_a_ball_of_an_isosurface_is_as_bright_from_opposite_sides():

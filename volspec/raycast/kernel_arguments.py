@@ -112,8 +112,8 @@ PRESENT = 1 - 1e-5
 # In smallest spacings: voxels and eyes closer than this to a cut count as inside, and projections
 # leave out rays that are shorter, in float32 and float64.
 CUT_TOLERANCE = 1e-3
-# Nodes of the light volume around the volume: light is read up to two cells in front of a surface,
-# which may be two in front of a face.
+# Nodes of the light volume around the volume: light is read two or three cells in front of a
+# surface, which may be two in front of a face.
 LIGHT_MARGIN = 4
 
 

@@ -63,6 +63,8 @@ DIRECTIONS = 24
 # read; nodes within and behind them are dark. Without a gradient (in homogeneous media) the
 # distance falls to 0.
 LIFT = 2.0
+# In cells: the same where light is physical, in front of opaque matter.
+PHYSICAL_LIFT = 3.0
 # Of depths with ``split``: at the whole, what is dark is rounded to 0.
 HALF = 0.5
 # In mm or cells, whichever is longer: as far as directional lights are away.
@@ -79,7 +81,7 @@ class LightGrid:
     cell_mm: float  # length of a light ray's step: a cell along the longest axis
     per_index: Vector  # nodes per voxel: a grid position is index * per_index + LIGHT_MARGIN
     grid_from_world: NDArray[np.float64]  # (4, 4)
-    physical: bool = False  # matter is read where samples are, not in front of it
+    physical: bool = False  # in matter that is not opaque, light is read where samples are
 
     @classmethod
     def for_spec(cls, volume: Volume, spec: RaycastSpec) -> LightGrid:
@@ -157,11 +159,10 @@ class LightGrid:
     def lift_mm(self, table: Tables) -> float:
         """Return the distance in front of surfaces at which light is read, as `LIFT` says.
 
-        Where light is physical, matter is read where it is, and isosurfaces, which have no depth to
-        shade themselves in, as ever.
+        Where light is physical it is that of opaque matter, and of isosurfaces as ever.
         """
         if self.physical and not isinstance(table, SurfaceTable):
-            return 0.0
+            return PHYSICAL_LIFT * self.cell_mm
         return LIFT * self.cell_mm * max(1.0, *self.per_index)
 
     @property

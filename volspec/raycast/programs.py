@@ -92,6 +92,7 @@ def cast_kernel(
         "VOXEL_SIGNED": int(dtype.kind == "i"),
         **program.constants,
         **kernel_arguments.light_constants(spec, lit),
+        "PHYSICAL": int(lit and spec.physical_light and program.name != "surfaces"),
     }
     if layers:
         constants |= {

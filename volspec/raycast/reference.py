@@ -67,6 +67,7 @@ from volspec.raycast.sampling import (
     find_entry,
     interpolate,
     make_rays,
+    opacity_of_matter,
     shade,
     shade_by_source,
     trilinear,
@@ -196,6 +197,8 @@ class _March:
             self.sampler = Sampler(volume, table, spec)
         self.arrives = arrives
         self.lift_mm = LightGrid.for_spec(volume, spec).lift_mm(table)
+        # Of a step in the matter at each ray's sample, by which physical light is lifted.
+        self.matter = np.zeros(len(rays.near))
         self.normals = spec.shaded or bool(self.arrives)
         self.step = spec.step_of(volume)
         count = len(rays.near)
@@ -241,6 +244,8 @@ class _March:
         shaded = self.normals or self.table.gradient_top is not None
         gradient = self.sampler.gradient(point) if shaded else None
         opacity, reflectance = classify(self.table, self.sampler, point, gradient, self.step)
+        matter = opacity_of_matter(self.table, self.sampler, point, opacity, self.step)
+        self.matter[live] = matter
         alpha = 1 - (1 - opacity) ** ((end - begin) / self.step)
         self.composite(live, middle, point, gradient, alpha, reflectance)
 
@@ -281,16 +286,26 @@ class _March:
 
     def shading(self, live: Index, along: Array, point: Array, gradient: Array | None) -> Any:
         """Return the arguments of `shade_by_source` for samples."""
-        return (
-            self.volume,
-            self.camera,
-            self.spec,
-            self.lift_mm,
-            point,
-            self.rays.direction[live],
-            gradient if self.normals else None,
-            self.cut_rays.above_cut(live, along, self.lift_mm),
-        )
+        lift, direction = np.full(len(live), self.lift_mm), self.rays.direction[live]
+        gradient = gradient if self.normals else None
+        by_matter = self.spec.physical_light and not isinstance(self.table, SurfaceTable)
+        if by_matter:
+            per_step = min(self.volume.spacing_mm) / self.step
+            lift *= (1 - (1 - self.matter[live]) ** per_step) ** 16
+        away = self.cut_rays.above_cut(live, along, lift)
+        if by_matter:
+            # Opaque matter that is cut is seen in the first step.
+            stride = (2.001 if self.spec.adaptive else 0.501) * self.step
+            first = max(min(self.volume.spacing_mm), stride)
+            away[self.cut_rays.below_cut(live, along) >= first] = 0.0
+        if by_matter and gradient is not None:
+            square = (gradient**2).sum(axis=1)
+            lift *= np.sqrt(square) / (square + self.spec.gradient_floor_squared)
+            eye = np.where((gradient * direction).sum(axis=1) > 0, -1.0, 1.0)
+            away += (eye * lift)[:, None] * gradient
+        lift_mm = 0.0 if by_matter else self.lift_mm
+        given = self.volume, self.camera, self.spec, lift_mm
+        return *given, point, direction, gradient, away
 
     def add_alpha(self, live: Index, along: Array, alpha: Array) -> None:
         """Sum alpha and depth, and find the first hit."""
@@ -415,7 +430,7 @@ class _Fields(_March):
             k[live] += 1
 
     def step_rays(self, live: Index, begin: Array, end: Array) -> None:
-        passed, parts = np.ones(len(live)), []
+        passed, parts, passes = np.ones(len(live)), [], np.ones(len(live))
         for name, sampler in self.samplers.items():
             rays = self.rays_of[name]
             first, last = np.maximum(begin, rays.near[live]), np.minimum(end, rays.far[live])
@@ -425,8 +440,10 @@ class _Fields(_March):
             opacity, reflectance = self._classify(name, point, gradient)
             alpha = 1 - (1 - opacity) ** (np.maximum(last - first, 0.0) / self.step)
             passed *= 1 - alpha
+            passes *= np.where(last > first, 1 - opacity, 1.0)
             extinction = -np.log1p(-np.minimum(alpha, 1 - MIX_OPAQUE))
             parts.append((extinction, middle, gradient, reflectance))
+        self.matter[live] = 1 - passes
         weight = self.transmittance[live] * (1 - passed)
         total = np.maximum(sum(part[0] for part in parts), TINY)
         along = np.zeros(len(live))
@@ -481,7 +498,8 @@ class _Filtered(_March):
         middle = 0.5 * (begin + end)
         point = self.point(live, middle)
         gradient = self.sampler.gradient(point) if self.normals else None
-        _, reflectance = classify(self.table, self.sampler, point, gradient, self.step)
+        opacity, reflectance = classify(self.table, self.sampler, point, gradient, self.step)
+        self.matter[live] = opacity
         entries = [
             side.step_transmittance(self.step) for side in (self.table, self.table.left_limits)
         ]
@@ -501,7 +519,11 @@ class _Preintegrated(_March):
 
     def step_rays(self, live: Index, begin: Array, end: Array) -> None:
         points = [self.point(live, at) for at in (begin, end)]
-        means = segment_means(self.table, self.step, *map(self.sampler.value, points))
+        ends = [self.sampler.value(each) for each in points]
+        means = segment_means(self.table, self.step, *ends)
+        # A step into opaque matter is a surface, of whichever mean.
+        depths = [segment_means(self.table, self.step, end, end)[:, 0] for end in ends]
+        self.matter[live] = -np.expm1(-np.max([means[:, 0], *depths], axis=0))
         alpha = -np.expm1(-means[:, 0] * (end - begin) / self.step)
         # No values lie between one and a missing one.
         alpha *= np.all([self.sampler.is_present(each) for each in points], axis=0)

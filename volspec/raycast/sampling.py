@@ -53,11 +53,15 @@ class Rays:
     cut_mm: Array
     cut_normal: Array
 
-    def above_cut(self, rays: Index, along: Array, height_mm: float) -> Array:
+    def above_cut(self, rays: Index, along: Array, height_mm: Array) -> Array:
         """Return the way (R, 3), mm, from points at ``along`` mm up to a height above their cut."""
+        height = np.maximum(height_mm - self.below_cut(rays, along), 0.0)
+        return height[:, None] * self.cut_normal[rays]
+
+    def below_cut(self, rays: Index, along: Array) -> Array:
+        """Return the depth (R,), mm, of points at ``along`` mm below their cut."""
         slope = -(self.cut_normal[rays] * self.direction[rays]).sum(axis=1)
-        depth = (along - self.cut_mm[rays]) * slope
-        return np.maximum(height_mm - depth, 0.0)[:, None] * self.cut_normal[rays]
+        return (along - self.cut_mm[rays]) * slope
 
 
 def make_rays(volume: Volume, camera: Camera, size: tuple[int, int], spec: RaycastSpec) -> Rays:
@@ -268,7 +272,7 @@ def shade(
     point: Array,
     direction: Array,
     gradient: Array | None,
-    above_cut: Array,
+    away: Array,
 ) -> tuple[Array, Array]:
     """Shade samples by group: factors of the reflectance, and white highlights to add, (R, L).
 
@@ -277,9 +281,7 @@ def shade(
     """
     factor = np.zeros((len(point), len(spec.groups)))
     highlight = np.zeros_like(factor)
-    for each in shade_by_source(
-        volume, camera, spec, lift_mm, point, direction, gradient, above_cut
-    ):
+    for each in shade_by_source(volume, camera, spec, lift_mm, point, direction, gradient, away):
         lights = each.factor, each.highlight
         if each.number in arrives:
             assert each.in_front is not None
@@ -309,11 +311,11 @@ def shade_by_source(
     point: Array,
     direction: Array,
     gradient: Array | None,
-    above_cut: Array,
+    away: Array,
 ) -> Iterator[SourceShade]:
     """Yield the unshadowed shade of samples by every source.
 
-    Shadows are read ``lift_mm`` in front of surfaces and ``above_cut`` (R, 3), mm, away.
+    Shadows are read ``lift_mm`` in front of surfaces and ``away`` (R, 3), mm, from there.
     ``point`` (R, 3) is in index space, ``direction`` the ray's unit vector in the world;
     ``gradient`` is None if nothing is shaded or shadowed.
     """
@@ -328,7 +330,7 @@ def shade_by_source(
         if gradient is not None:
             n_dot_l = (normal * towards).sum(axis=1)
             side = np.where(n_dot_l < 0, -1.0, 1.0) * confidence * lift_mm
-            lift = side[:, None] * normal + above_cut
+            lift = side[:, None] * normal + away
             in_front = point + lift @ volume.index_from_world[:3, :3].T
         highlight = np.zeros(len(point))
         if isinstance(source, Ambient):
@@ -404,6 +406,15 @@ def _classify(
         lerp(interpolate(each, low, f), interpolate(each, high, f), g) for each in flat
     )
     return step_opacity, reflectance
+
+
+def opacity_of_matter(
+    table: TransferTable, sampler: Sampler, point: Array, opacity: Array, step_mm: float
+) -> Array:
+    """Return (R,) opacity of a step in the matter at samples: the labels', else as it is there."""
+    if not table.labels:
+        return opacity
+    return np.append(table.step_opacity(step_mm), 0.0)[sampler.label(point)]
 
 
 def find_entry(table: TransferTable, value: Array) -> tuple[Index, Array]:

@@ -142,7 +142,7 @@ class RaycastSpec:
     physical_light: bool = False
     """Shadows and occlusion as rays through the voxels give them: the light volume has a node for
     each voxel, up to 512 along an axis, instead of ``light_cells``, and is read where samples are,
-    which makes rough surfaces darker, and not in front of them; in front of isosurfaces as ever."""
+    which makes rough surfaces darker; in front of opaque matter and of isosurfaces."""
     add_fields: bool = False
     """The light of several fields adds, as in fluorescence: each is cast by itself, and none
     absorbs or hides another's. Where green and magenta are both seen it is white."""
