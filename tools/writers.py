@@ -57,6 +57,9 @@ from volspec.viewer.work.outputs import Destination, Progress
 from volspec.viewer.work.screenshot import Shot, copy_shown, save_picture
 from volspec.viewer.work.script import export_python
 from volspec.viewer.work.session import SUFFIX, read_session, restore_state, save_session
+from volspec.volume import Volume
+from volspec.volume.convert import convert
+from volspec.volume.larger import level_of
 
 Codes = NDArray[np.int_]
 Edit = Callable[[ViewState], ViewState | Edited]
@@ -120,6 +123,7 @@ DOCUMENTS = {
     "labels": ("labels.npy", _LABELS, _GENERAL, "", ""),
     "two fields": ("balls.npy", _POINTS, _GENERAL, _FIELD, "add_fields = true"),
     "time steps": ("step*.npy", _POINTS, _EXACT, "", ""),
+    "larger than memory": ("large.zarr?memory=100KiB", _POINTS, _GENERAL, "", ""),
 }
 
 
@@ -137,6 +141,8 @@ def write_documents(folder: Path) -> dict[str, Path]:
         ("labels", ((near > 0.5) + 2 * (far > 0.5)).clip(0, 2).astype(np.uint8)),
     ):
         np.save(folder / f"{name}.npy", data)
+    large = Volume(np.kron(values, np.ones((3, 3, 3), np.float32)))
+    convert(level_of(large), folder / "large.zarr", name="large")
     for name, parts in DOCUMENTS.items():
         (folder / f"{name}.toml").write_text(_HEAD % parts, encoding="utf-8")
     return {name: folder / f"{name}.toml" for name in DOCUMENTS}
@@ -404,6 +410,7 @@ CONTEXTS: dict[str, tuple[str, Edit]] = {
     "labels": ("labels", _nothing),
     "two fields": ("two fields", _nothing),
     "time steps": ("time steps", _nothing),
+    "larger than memory": ("larger than memory", _nothing),
 }
 
 

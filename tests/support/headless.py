@@ -147,7 +147,11 @@ class HeadlessViewer:
 
     def cycle(self) -> bool:
         """Let the viewer's loop run once; return True if it rests."""
-        self.app.cycle()
+        try:
+            self.app.cycle()
+        except BaseException:
+            imgui.end_frame()
+            raise
         return self.app._rested
 
     def _next(self, own: Callable[..., ViewState], state: ViewState, *rest: Any) -> ViewState:

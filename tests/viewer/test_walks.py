@@ -4,8 +4,11 @@ At rest the window's picture is what writers write and what a fresh start shows.
 """
 
 import os
+from collections.abc import Iterator
+from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any
+from tempfile import mkdtemp
+from typing import ClassVar
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -20,6 +23,8 @@ from hypothesis.stateful import (
 from tests.viewer._edits import MODULES, Drawn, drawn
 from tests.viewer.test_history import TEXTS
 from tools.writers import BARS, DOCUMENTS, SIZE, Studio, opened, studio, tried, without_panels
+from volspec.viewer.model.commands import COMMANDS as ALL
+from volspec.viewer.ui.inputs import Input
 
 pytestmark = [
     pytest.mark.not_quick,
@@ -29,26 +34,44 @@ pytestmark = [
 NAMES = sorted(DOCUMENTS)
 WRITERS = "S", "copied", "fresh start", "export", "film", "session"
 WAITS = st.sampled_from((0, 1, 1, 3, 8))
-# One viewer for all walks of this process, as it takes half a second to start.
-_OPEN: dict[str, Any] = {}
+PLACES = st.tuples(st.integers(0, SIZE[0]), st.integers(0, SIZE[1] + BARS))
+BUTTONS = st.sampled_from(("left", "middle", "right"))
+# Edits; others ask for files, or end the viewer.
+COMMANDS = [each.name for each in ALL if each.change is not None] + ["loop", "reload"]
 
 
-@pytest.fixture(scope="module")
-def desk(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    with studio(tmp_path_factory.mktemp("walks")) as (made, paths):
-        _OPEN.update(studio=made, paths=paths)
-        yield made
-    _OPEN.clear()
+class Desk:
+    """One viewer for all walks, as it takes half a second to start; another after a failure."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._stack, self.failed = folder, ExitStack(), True
+        self.paths: dict[str, Path] = {}
+
+    def studio(self) -> Studio:
+        """Return the viewer of the next walk, which fails until its end."""
+        if self.failed:
+            with suppress(Exception):
+                self.close()
+            self._studio, self.paths = self._stack.enter_context(
+                studio(Path(mkdtemp(dir=self._folder)))
+            )
+        self.failed = True
+        return self._studio
+
+    def close(self) -> None:
+        """End the viewer."""
+        self._stack.close()
 
 
 class Walk(RuleBasedStateMachine):
     """The viewer, to which anything is done while it works."""
 
+    desk: ClassVar[Desk]
+
     def __init__(self) -> None:
         super().__init__()
-        self.studio: Studio = _OPEN["studio"]
-        self.paths: dict[str, Path] = _OPEN["paths"]
-        self.viewer = self.studio.viewer
+        self.studio = self.desk.studio()
+        self.paths, self.viewer = self.desk.paths, self.studio.viewer
 
     def cycles(self, count: int) -> None:
         for _ in range(count):
@@ -78,6 +101,25 @@ class Walk(RuleBasedStateMachine):
         self.viewer.resize((width, height + BARS))
         self.cycles(wait)
 
+    @rule(name=st.sampled_from(COMMANDS), wait=WAITS)
+    def command(self, name: str, wait: int) -> None:
+        self.viewer.run(name)
+        self.cycles(wait)
+
+    @rule(places=st.lists(PLACES, min_size=2, max_size=5), button=BUTTONS, wait=WAITS)
+    def drag(self, places: list[tuple[int, int]], button: str, wait: int) -> None:
+        """Drag, and let the window be resized in the middle of it."""
+        press = Input("press", *places[0], button=button)
+        self.viewer.give(press)
+        for place in places:
+            self.viewer.give(Input("move", *place))
+            self.cycles(1)
+        if wait == 3:
+            self.viewer.resize((SIZE[0] + 6, SIZE[1] + BARS))
+            self.cycles(1)
+        self.viewer.give(Input("release", *places[-1], button=button))
+        self.cycles(wait)
+
     @rule(wait=WAITS)
     def play(self, wait: int) -> None:
         self.viewer.run("play")
@@ -94,6 +136,15 @@ class Walk(RuleBasedStateMachine):
         cells = tried(self.studio, viewer.state, WRITERS)
         wrong = {name: cell for name, cell in cells.items() if not cell.agrees}
         assert not wrong, wrong
+        self.desk.failed = False
+
+
+@pytest.fixture
+def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Desk]:
+    made = Desk(tmp_path)
+    monkeypatch.setattr(Walk, "desk", made, raising=False)
+    yield made
+    made.close()
 
 
 @pytest.mark.parametrize(
