@@ -165,12 +165,8 @@ class Sampler:
         self.fraction_per_mm = max(spec.gradient_scale(volume) * min(volume.spacing_mm), TINY)
 
     def value(self, point: Array) -> Array:
-        """Return (R,) values at (R, 3) index positions; next to missing voxels, theirs or less."""
-        values = trilinear(self._values, point)
-        if self._least == -np.inf:
-            return values
-        # No values lie between those of voxels and a missing one.
-        return np.where(self.is_present(point), values, np.minimum(values, self._least))
+        """Return (R,) values at (R, 3) index positions."""
+        return trilinear(self._values, point)
 
     def is_present(self, point: Array) -> NDArray[np.bool_]:
         """Return (R,) True for samples of which no missing voxel is a part."""
