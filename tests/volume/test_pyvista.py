@@ -131,6 +131,10 @@ def test_hidden_points_and_cells_are_missing(tmp_path, cells, hidden):
     assert np.array_equal(volume.values, loaded.values) and loaded.missing == volume.missing
     assert (volume.values == volume.missing).all(axis=(1, 2)).tolist()[:2] == [True, False]
     assert volume.range[0] == (20.0 if cells else 30.0)
+    ghosts[:] = bit
+    getattr(grid, hidden)["vtkGhostType"] = ghosts
+    with raises(VolumeError, "empty"):
+        vs.Volume.from_pyvista(grid)
 
 
 def test_a_hidden_cell_with_no_hidden_point_is_warned_of():

@@ -110,6 +110,13 @@ def _hidden(grid: Any, is_cells: bool, name: str) -> tuple[NDArray[np.bool_] | n
     )
     if not (points.any() or cells.any()):
         return np.False_, []
+    if points.all() or cells.all():
+        which = "cell" if cells.all() else "point"
+        raise VolumeError(
+            f"{name}: all of its {which}s are hidden ({_GHOSTS})",
+            f"del grid.{which}_data[{_GHOSTS!r}] shows them",
+            code="empty",
+        )
     if is_cells:
         return cells | _corners(points).any(axis=(3, 4, 5)), []
     points = points | _corners(np.pad(cells, 1, constant_values=True)).all(axis=(3, 4, 5))
