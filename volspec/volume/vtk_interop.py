@@ -115,7 +115,7 @@ def _hidden(grid: Any, is_cells: bool, name: str) -> tuple[NDArray[np.bool_] | n
         raise VolumeError(
             f"{name}: all of its {which}s are hidden ({_GHOSTS})",
             f"del grid.{which}_data[{_GHOSTS!r}] shows them",
-            code="empty",
+            code="missing",
         )
     if is_cells:
         return cells | _corners(points).any(axis=(3, 4, 5)), []
