@@ -148,7 +148,7 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Desk]:
 
 
 @pytest.mark.parametrize(
-    ("walks", "steps"), [(5, 12), pytest.param(60, 30, marks=pytest.mark.slow)]
+    ("walks", "steps"), [(3, 12), pytest.param(60, 30, marks=pytest.mark.slow)]
 )
 def test_what_is_shown_at_rest_is_what_is_written(desk, walks, steps):
     walks = int(os.environ.get("WALKS", walks))

@@ -252,7 +252,7 @@ def scene_from_state(state: ViewState) -> SceneFile:
         viewing=file.viewing if same_viewing else as_typed(state.relight),
         depth=depth.focused_depth(state),
         keyframe=keys,
-        output=OutputSpec(*state.size),
+        output=OutputSpec(*(max(side, 1) for side in state.size)),
         annotation=as_typed(state.annotations),
         mesh=file.mesh if state.meshes == file.mesh else as_typed(state.meshes),
     )
