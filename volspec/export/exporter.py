@@ -363,7 +363,11 @@ class FrameMaker:
             casts = [s[i : i + _OPEN_FILES] for s in casts for i in range(0, len(s), _OPEN_FILES)]
         meter = _ProgressMeter(casts, progress)
         behind = scene.behind(casters.volume)
-        shared = self._is_layered(plan)
+        shared, baked = self._is_layered(plan), dict[str, float]()
+        if shared and not _opacities_change(plan):
+            # Nearer to a cast than layers that are scaled afterwards.
+            baked = dict(plan.shots[0].opacities)
+            casts = [[replace(shot, opacities={}) for shot in shots] for shots in casts]
         has_layers = shared or (only_cast and self._in_one_window)
         layers = scene.raycast.layers if has_layers else 0
         width, height = self.files.size
@@ -377,7 +381,7 @@ class FrameMaker:
                 raise InputError(problem, remedy, code="size")
 
         def caster_of(shots: list[Shot]) -> TileCaster:
-            opacities = {} if shared else dict(shots[0].opacities)
+            opacities = baked if shared else dict(shots[0].opacities)
             spec = replace(scene.raycast, layers=layers, opacities=opacities)
             return TileCaster(casters.at(shots[0].step), spec, notes, behind)
 
@@ -405,7 +409,7 @@ class FrameMaker:
         if plan.deep:
             return True
         table = self.files.table
-        changes = len({tuple(shot.opacities.items()) for shot in plan.shots}) > 1
+        changes = _opacities_change(plan)
         layers = self.files.scene.raycast.layers and table.format != "coefficients"
         return bool((changes or table.stereo) and layers and self._in_one_window)
 
@@ -571,6 +575,11 @@ def _by_eye(shot: Shot, source: FrameSource) -> Shot:
     camera = source.image.camera
     assert camera is not None
     return replace(shot, camera=camera)
+
+
+def _opacities_change(plan: Plan) -> bool:
+    """Return True if the shots of a plan have different opacities."""
+    return len({tuple(shot.opacities.items()) for shot in plan.shots}) > 1
 
 
 def _shown(image: CoefficientImage, shot: Shot) -> CoefficientImage:
