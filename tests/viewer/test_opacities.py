@@ -224,10 +224,10 @@ def assert_recomposes(before: ViewState, new: ViewState, name: str) -> None:
 def test_a_picture_with_layers_shows_opacities_at_once(screen, ball):
     plain, layered = casts(ball, WHOLE, LAYERED)
     screen.take(plain, ball)
-    assert not screen.recomposes()
+    assert not screen.recomposes(ball)
     before = drawn(screen, ball)
     screen.take(layered, ball)
-    assert screen.recomposes() and layered.image is not None
+    assert screen.recomposes(ball) and layered.image is not None
     np.testing.assert_array_equal(drawn(screen, ball), before)
     for scale in (0.2, 2.0, 0.0, 1.0):
         faded = opacities.set_opacity(ball, "grey", scale)
@@ -239,7 +239,7 @@ def test_a_picture_with_layers_shows_opacities_at_once(screen, ball):
     assert drawn(screen, faded, held=True).shape == (SIZE[1] // 2, SIZE[0] // 2, 3)
     assert_codes(drawn(screen, faded), recomposed(layered.image, faded))
     screen.forget_layers()
-    assert not screen.recomposes()
+    assert not screen.recomposes(faded)
 
 
 def test_a_cast_stays_until_its_opacities_change(screen, ball):
@@ -254,7 +254,7 @@ def test_a_cast_stays_until_its_opacities_change(screen, ball):
     while screen.loading:
         screen.tick(faded, 0.0, held=True)
         steps += 1
-    assert steps > 3 and screen.recomposes()
+    assert steps > 3 and screen.recomposes(faded)
     np.testing.assert_array_equal(drawn(screen, faded), exact)
     more = opacities.set_opacity(ball, "grey", 0.2)
     assert_codes(drawn(screen, more), recomposed(layered.image, more))
@@ -262,7 +262,7 @@ def test_a_cast_stays_until_its_opacities_change(screen, ball):
     late = CastDone(layered.job, LAYERED, 0.0, layered.image, opacity=layered.opacity)
     screen.forget_layers()
     screen.take(late, more, newest=False)
-    assert not screen.recomposes()
+    assert not screen.recomposes(more)
 
 
 def test_values_under_the_mouse_are_those_of_the_recomposed_picture(screen, ball, layered):
@@ -303,7 +303,7 @@ def test_opacities_that_layers_show_wrongly_are_cast(screen, ball, monkeypatch, 
     scheduler.close()
     assert done.job.shading.opacities == opacity_scales(faded)
     screen.take(done, faded, scheduler.is_newest(done))
-    assert done.image.opacity_layers is None and screen.recomposes()
+    assert done.image.opacity_layers is None and screen.recomposes(faded)
     assert_codes(drawn(screen, faded), relit(done.image, faded))
     # The next change is recomposed again.
     more = opacities.set_opacity(faded, "copper", 0.4)

@@ -25,19 +25,19 @@ class Pass(NamedTuple):
         for which nothing is estimated first. None if a picture is reprojected from layers.
     layers : int
         Layers of opacity; the picture is as without them.
+    baked : bool
+        Layers have the opacities of the settings; otherwise the transfer function's own.
     """
 
     divisor: int
     steps: Literal["own", "fast", "voxel", "none"] = "own"
     layers: int = 0
+    baked: bool = False
 
     def spec(self, own: RaycastSpec, volume: Volume) -> RaycastSpec:
-        """Return the pass's settings; of a volume larger than memory, on the way, what is in it.
-
-        Layers are cast of the transfer function's own opacities.
-        """
+        """Return the pass's settings; of a volume larger than memory, on the way, what is in it."""
         if own.layers != self.layers or (self.layers and own.opacities):
-            opacities = {} if self.layers else own.opacities
+            opacities = {} if self.layers and not self.baked else own.opacities
             own = replace(own, layers=self.layers, opacities=opacities)
         if self.layers:
             own = replace(own, tile_ms=min(own.tile_ms, _LAYERS_TILE_MS))

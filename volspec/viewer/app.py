@@ -537,7 +537,7 @@ class App:
     def _update(self, change: Difference, now: float) -> None:
         """Start what a change needs: a cast, or a relight."""
         self._shown = change.new
-        recomposes = change.stage == "recompose" and self._screen.recomposes()
+        recomposes = change.stage == "recompose" and self._screen.recomposes(change.new)
         if recomposes:
             self._scheduler.follow(change.new)
         elif change.stage in ("cast", "recompose"):

@@ -23,6 +23,7 @@ from volspec.relight.layers import PackedLayers
 from volspec.relight.recompose import PackedOpacity
 from volspec.scene.specs import MeshSpec
 from volspec.transfer import Transfers
+from volspec.viewer.model.depth import picture_depth, shown_stereo
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.quality import LAYERS, cast_spec
@@ -139,7 +140,10 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
             # In this thread, as it would cost the window's thread 20 to 40 ms.
             done = replace(done, image=image, packed=PackedLayers.of(image))
             if image.opacity_layers is not None:
-                nearby = NearbyViews.of(image, job.document.caster, job.scales)
+                # Views are made of layers with the transfer function's own opacities.
+                nearby = None
+                if not (made.baked and job.scales):
+                    nearby = NearbyViews.of(image, job.document.caster, job.scales)
                 opacity = PackedOpacity.of(image.opacity_layers)
                 done = replace(done, opacity=opacity, nearby=nearby)
         except CastCancelled:
@@ -253,9 +257,11 @@ class CastScheduler:
             self._request(self._wanted, (Pass(1, layers=layers),))
 
     def cast_opacities(self, state: ViewState) -> None:
-        """Cast the opacities of a state whose layers show them visibly wrong."""
+        """Cast the opacities of a state whose layers show them visibly wrong, or may."""
         if state.document.image is None:
-            self._request(state, (WHOLE,))
+            layered = picture_depth(state).changes or shown_stereo(state)
+            layers = Pass(1, layers=state.shading.layers or LAYERS, baked=True)
+            self._request(state, (layers if layered else WHOLE,))
 
     def follow(self, state: ViewState) -> None:
         """Take a state that differs from the last in what needs no cast, for later ones."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -235,6 +235,16 @@ Area = tuple[int, int, int, int]
 Recomposed = tuple[OpacityLayers, dict[str, float], DepthEffects]
 
 
+def _baked(layered: CastDone) -> Mapping[str, float]:
+    """Return the scales of opacities that a picture's layers were cast with."""
+    return layered.job.shading.opacities if layered.made.baked else {}
+
+
+def _can_show(layered: CastDone, scales: Mapping[str, float]) -> bool:
+    """Return True unless a picture's layers lack a material that is to be seen."""
+    return all(scales.get(n, 1.0) == 0.0 for n, scale in _baked(layered).items() if scale == 0.0)
+
+
 class Screen:
     """Relights the last cast when something has changed."""
 
@@ -308,17 +318,20 @@ class Screen:
         if done.image is None or state is None or not done.job.document.is_of(state.document):
             return
         layered = newest and done.image.opacity_layers is not None
+        if layered and not _can_show(done, opacity_scales(state)):
+            return  # it hides what is shown again by now
         self._rest_wanted = None
         try:
             wanted, depth = opacity_scales(state), shown_depth(state)
             if layered:
                 layers = self._layers(done)
-                if self.whole and (self._scales, self._depth) == (wanted, depth):
+                cast = self.whole and not done.made.baked
+                if cast and (self._scales, self._depth) == (wanted, depth):
                     self._loading = layers
                     return  # the picture is a cast with these opacities
                 for _ in layers:
                     pass
-                self.pictures.recompose(wanted, depth)
+                self.pictures.recompose(self._of_layers(wanted), depth)
             else:
                 self.pictures.show(done.image, done.packed)
         except VolspecError as error:
@@ -367,11 +380,17 @@ class Screen:
         """True while layers are uploaded, a step at each `tick`."""
         return self._loading is not None
 
-    def recomposes(self) -> bool:
-        """Return True if other opacities are shown without a cast; ends an upload of layers."""
+    def recomposes(self, state: ViewState) -> bool:
+        """Return True if a state is shown without a cast; ends an upload of layers."""
         while self._loading is not None:
             self._load()
-        return self._layered is not None
+        return self._layered is not None and _can_show(self._layered, opacity_scales(state))
+
+    def _of_layers(self, scales: Mapping[str, float]) -> dict[str, float]:
+        """Return scales of opacities as those of the layers, which may have some baked in."""
+        baked = {} if self._layered is None else _baked(self._layered)
+        of = {name: scales.get(name, 1.0) / (baked.get(name) or 1.0) for name in {*scales, *baked}}
+        return {name: scale for name, scale in of.items() if scale != 1.0 and baked.get(name) != 0}
 
     def forget_layers(self) -> None:
         """Recompose no more: a change needs a cast."""
@@ -383,7 +402,7 @@ class Screen:
         if self._layered is None or (wanted, depth) == (self._scales, self._depth):
             return
         try:
-            self.pictures.recompose(wanted, depth)
+            self.pictures.recompose(self._of_layers(wanted), depth)
         except VolspecError as error:  # as long as the state has them
             self._notice.show(one_line(error), kind="error")
         else:
@@ -403,7 +422,9 @@ class Screen:
 
         def made() -> tuple[Recomposed, CoefficientImage, float]:
             error = 0.0
-            if scales and not (depth.changes or asked[-1]):  # which only layers show
+            if scales and (depth.changes or asked[-1]):  # which other layers show
+                error = math.inf
+            elif scales:
                 found = error_map(
                     *(image, rig, spec.mode, spec.backdrop, every), against="cast", opacities=scales
                 )
@@ -415,7 +436,7 @@ class Screen:
     @property
     def _made_of(self) -> Recomposed | None:
         """Layers, scales and effects that make the picture; None if it is shown as it was cast."""
-        image, scales, depth = self.pictures.image, self._scales, self._depth
+        image, scales, depth = self.pictures.image, self._of_layers(self._scales), self._depth
         if image is None or image.opacity_layers is None or not (scales or depth.changes):
             return None
         return image.opacity_layers, scales, depth
@@ -572,11 +593,12 @@ class Screen:
         layout, depth = shown_stereo(state), focused_depth(state)
         if self._layered is None or self._layered.image is None or self.loading:
             return None
+        scales = self._of_layers(self._scales)
         if layout:
-            return RestJob(self._layered.image, Stereo(layout), self._scales, self._depth)
+            return RestJob(self._layered.image, Stereo(layout), scales, self._depth)
         if depth.focus_mm is None:
             return None
-        return RestJob(self._layered.image, None, self._scales, depth)
+        return RestJob(self._layered.image, None, scales, depth)
 
     def _want_rest(self, state: ViewState) -> None:
         """Start to make both eyes' pictures, or a focus, with the picture's opacities."""
