@@ -164,7 +164,8 @@ def test_frames_are_those_of_the_library(deep, tmp_path):
     assert (exported.frames, exported.casts) == (2, 1)
     stereo = scene.file.export.stereo
     assert stereo == Stereo("anaglyph", eyes_deg=4)
-    views = stereo.views(scene.render(), {"gold": 0.3}, scene.file.depth)
+    # No frame has another opacity, so that the layers are cast with it.
+    views = stereo.views(scene.casting(opacities={"gold": 0.3}).render(), {}, scene.file.depth)
     own = stereo.combine(*(relight(v, scene.lights[0].rig, scene.relight) for v in views))
     assert np.abs(frame(tmp_path, "day/0001.png") - own).max() <= 2
 

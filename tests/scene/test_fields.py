@@ -12,7 +12,7 @@ import pytest
 import volspec as vs
 from tests.support.errors import raises, warns
 from tests.support.scenes import scene_text
-from volspec.errors import SceneError
+from volspec.errors import InputError, SceneError
 from volspec.export.plan import check_scene
 from volspec.scene.writing import write_scene
 
@@ -154,6 +154,8 @@ def test_what_a_cast_refuses_is_found_by_the_check(folder, keys, raycast, words)
     (folder / "scene.toml").write_text(head + FIELD.format(keys=keys, own=""))
     (fault,) = check_scene(folder / "scene.toml").errors
     assert words in fault and "scene.toml" in fault
+    with raises(InputError):
+        vs.Scene.load(folder / "scene.toml").render()
 
 
 def test_a_field_that_is_missing_is_named(folder):

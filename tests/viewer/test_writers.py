@@ -23,6 +23,7 @@ from tools.writers import (
     tried,
 )
 from volspec.errors import VolspecError
+from volspec.viewer.model import opacities
 from volspec.viewer.model.state import ViewState
 
 pytestmark = [
@@ -91,6 +92,37 @@ def test_a_field_of_the_state_is_tried_or_not_in_pictures(state):
 @pytest.mark.parametrize("group", range(GROUPS))
 def test_many_settings_at_once_are_one_picture(desk, group):
     check(desk, "a curve", grouped(base_state(desk))[group])
+
+
+def test_a_faded_material_is_cut_as_it_is_saved(desk):
+    """Once nothing moves: layers that were cast without the fade are 12 codes off at the cut."""
+    made, _ = desk
+    base = base_state(desk)
+    cut = applied(EDITS["depth.near_mm"], base)
+    for scale in (0.35, 0.0, 0.5):
+        cells = tried(made, opacities.set_opacity(cut, "grey", scale), ("S", "copied", "export"))
+        assert all(cell.agrees for cell in cells.values()), (scale, cells)
+
+
+def test_several_fields_refuse_projections_in_a_line(desk):
+    made, paths = desk
+    state = opened(made, paths["two fields"])
+    for command in ("projection-maximum", "preintegration"):
+        made.viewer.run(command)
+        made.viewer.rest()
+        assert made.viewer.state.shading == state.shading
+        assert "several fields" in made.viewer.message
+
+
+def test_a_picture_without_a_scene_s_lens_says_so_when_it_opens(desk):
+    made, paths = desk
+    text = paths["curve"].read_text(encoding="utf-8")
+    path = paths["curve"].with_name("parallel.toml")
+    lens = "[camera]\northographic = true\n[depth]\nfocus_mm = 20\n[[light]]"
+    text = text.replace("[[light]]", lens, 1).replace("[raycast]", "[raycast]\nlayers = 4")
+    path.write_text(text, encoding="utf-8")
+    made.viewer.open(path)
+    assert any("focus" in each.text for each in made.viewer.app._notice.messages)
 
 
 @pytest.mark.parametrize("group", [0, *map(slow, range(1, GROUPS))])

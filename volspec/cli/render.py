@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -30,6 +31,7 @@ from volspec.cli.inputs import (
 from volspec.cli.shell import Device, Json, Terminal, app, bar, print_json
 from volspec.cli.viewing import in_options
 from volspec.errors import InputError
+from volspec.export.animation import located_in
 
 if TYPE_CHECKING:
     from volspec.scene import Scene
@@ -121,7 +123,8 @@ def render(
             incomplete.append(job.address)
         if job.output.suffix.lower() == ".png":
             first, depth = scene.lights[0], scene.file.depth
-            image = image.recompose({}, depth) if depth.changes else image
+            with located_in(scene, "[depth]"):
+                image = image.recompose({}, depth) if depth.changes else image
             frame = relight(image, first.rig, scene.relight)
             notes = {"light": first.name, "Software": f"volspec {__version__}"}
             write_frame(job.output, frame, notes, scene.relight.viewing.display.space)
@@ -144,7 +147,11 @@ def _flat(scene: Scene, layers: int | None, output: Path) -> Scene:
             f"--layers {layers}: {output} is a picture, which has none; name it .exr",
             code="conflict",
         )
-    return scene if scene.file.depth.changes else scene.casting(layers=0)
+    if scene.file.depth.changes:
+        return scene
+    scene = copy(scene)
+    scene.file = replace(scene.file, keyframe=())  # of an export, and maybe in depth
+    return scene.casting(layers=0)
 
 
 @app.command

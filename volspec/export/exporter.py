@@ -175,6 +175,9 @@ def export(
     # Until a film is done, its frames are in a folder next to it.
     path = target.with_name(f"{target.name}.frames") if is_film else target
     has_sheet = table.sheet and not is_film
+    if table.format == "exr" and scene.file.annotation:
+        text = f"{scene.path}: annotations are in PNG and films; EXR frames are without them"
+        warnings.warn(text, VolspecWarning, stacklevel=3)
     files = tuple(f"{shot.stem}{table.suffix}" for shot in plan.shots)
     files += ("sheet.png",) if has_sheet else ()
     volumes = [volume] if series is None else series

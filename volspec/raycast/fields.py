@@ -47,21 +47,9 @@ class FieldCast:
     ) -> FieldCast:
         """Return the cast of a volume's fields; ``frame`` is from `frame_around`, if known.
 
-        Raises RaycastError if a setting is for one field alone, or a plane cuts an unknown one.
+        Raises RaycastError as `RaycastSpec.check_fields` does, or if a plane cuts an unknown field.
         """
-        for name, given in (
-            ("mode", spec.mode != "composite"),
-            ("preintegrated", spec.preintegrated),
-            ("adaptive", spec.adaptive > 0),
-        ):
-            if given:
-                raise RaycastError(
-                    f"{name} does not work with several fields",
-                    "leave it out, or show one field",
-                    code="conflict",
-                    field=f"RaycastSpec.{name}",
-                    given=getattr(spec, name),
-                )
+        spec.check_fields()
         frame = frame or frame_around(volume, tables.tables)
         # Every field takes the volume's steps.
         spec = replace(spec.naming_fields(volume), step_mm=spec.step_of(volume))

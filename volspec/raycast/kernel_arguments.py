@@ -279,6 +279,7 @@ class Program:
     @classmethod
     def _of_fields(cls, table: FieldTables, spec: RaycastSpec, step_mm: float) -> Program:
         """Return the program for several fields, whose tables follow one another."""
+        spec.check_fields()
         each = table.every
         powers = any(needs_powers(one) for one in each)
         programs = [cls.of(one, spec, step_mm, powers=powers) for one in each]

@@ -243,6 +243,22 @@ class RaycastSpec:
             return dict.fromkeys(strength, 1 / len(strength))
         return {name: value / total for name, value in strength.items()}
 
+    def check_fields(self) -> None:
+        """Raise RaycastError if a setting is for one field alone."""
+        for name, given in (
+            ("mode", self.mode != "composite"),
+            ("preintegrated", self.preintegrated),
+            ("adaptive", self.adaptive > 0),
+        ):
+            if given:
+                raise RaycastError(
+                    f"{name} does not work with several fields or a mask",
+                    "leave it out, or show one field",
+                    code="conflict",
+                    field=f"RaycastSpec.{name}",
+                    given=getattr(self, name),
+                )
+
     def step_of(self, volume: Volume) -> float:
         """Return the step in millimetres for a volume; by default half of its finest spacing.
 

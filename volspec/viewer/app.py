@@ -18,7 +18,7 @@ from imgui_bundle import imgui, implot
 from volspec.errors import InputError
 from volspec.viewer.model import fields, measure, meshes, room
 from volspec.viewer.model.commands import BY_KEY, MENUS
-from volspec.viewer.model.depth import focused_depth, shown_stereo
+from volspec.viewer.model.depth import focused_depth, left_out, shown_stereo
 from volspec.viewer.model.edit import bind
 from volspec.viewer.model.effects import EFFECT
 from volspec.viewer.model.history import Difference, History, without_cast
@@ -283,6 +283,8 @@ class App:
         title = opened.state.document.title
         self._window.name(f"{as_one_line(title)} – volspec")
         self._trace.note("open", title=title)
+        if lost := left_out(opened.state):
+            self._notice.show_warning(f"{title}: this picture cannot have its {lost}")
 
     def _draw(self, inputs: list[Input]) -> None:
         started = time.perf_counter()

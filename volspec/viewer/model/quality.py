@@ -41,12 +41,15 @@ def can_project(state: ViewState) -> bool:
         isinstance(transfer, TransferFunction)
         and transfer.gradient_opacity is None
         and not transfer.filters
+        and not state.fields
     )
 
 
 def _can_lengthen_steps(state: ViewState) -> bool:
     """Return True if the transfer function allows adaptive steps."""
     transfer = state.transfer
+    if state.fields:
+        return False
     if isinstance(transfer, TransferFunction):
         return not transfer.filters
     return not isinstance(transfer, Isosurfaces)
@@ -169,6 +172,12 @@ def toggle_preintegration(state: ViewState) -> ViewState:
 
 def require_curve(state: ViewState, what: str) -> None:
     """Raise InputError unless the transfer function allows projections and pre-integration."""
+    if state.fields:
+        raise InputError(
+            f"{what} does not work with several fields or a mask",
+            "open the volume alone for it",
+            code="conflict",
+        )
     if not can_project(state):
         raise InputError(
             f"{what} needs a curve, without opacity by gradient and without filters",

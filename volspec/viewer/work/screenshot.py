@@ -128,6 +128,8 @@ def render_frame(
     image, scales, depth = state.document.image, opacity_scales(state), picture_depth(state)
     layout = shown_stereo(state)
     stereo = Stereo(layout) if layout else None
+    # An anaglyph's marks are drawn once, as in the window, not with each eye's parallax.
+    overlaid = stereo is not None and stereo.eye_size(size) == size
     if image is None:
         size = stereo.eye_size(size) if stereo else size
         image, scales = with_own_caster(state.document, partial(_cast, state, size, progress)), {}
@@ -147,11 +149,12 @@ def render_frame(
                 left = round(state.divide * frame.shape[1])
                 frame = frame.copy()
                 frame[:, left:] = relighter.frame(other, spec)[:, left:]
-        frames.append(paint(frame, marks(view)))
+        frames.append(paint(frame, [] if overlaid else marks(view)))
         progress.check()
     if stereo is None:
         return frames[0]
-    return stereo.combine(frames[0], frames[1], spec.viewing.display.space)
+    both = stereo.combine(frames[0], frames[1], spec.viewing.display.space)
+    return paint(both, marks(image)) if overlaid else both
 
 
 def _cast(

@@ -210,7 +210,16 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
         moved = replace(file.volume, file=f"{session.path}{mark}{query}")
         file = replace(file, volume=moved)
     names = Resolver(file, session.path)
-    volume, series = names.opened()
+    try:
+        volume, series = names.opened()
+    except InputError as error:
+        if error.code != "not-found" or session.path.suffix.lower() == ".toml":
+            raise
+        raise SessionError(
+            f"{session.path}: the session's volume is not there",
+            "put it there, or the session next to it",
+            code="not-found",
+        ) from error
     room = painted = names.room(of_document["transfer"].basis.grid)
     if room is not None:
         painted = room.with_paint(_paint(data))
