@@ -421,14 +421,10 @@ class Studio:
     folder: Path
     viewer: HeadlessViewer
     page: Any = None
-    number: int = 0
 
     def new_folder(self) -> Path:
         """Return an empty folder."""
-        self.number += 1
-        made = self.folder / f"out{self.number}"
-        made.mkdir()
-        return made
+        return Path(tempfile.mkdtemp(dir=self.folder))
 
 
 def _read(path: Path) -> Codes:
