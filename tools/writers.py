@@ -45,6 +45,7 @@ from volspec.scene.annotation import Annotation
 from volspec.scene.export import ExportSpec
 from volspec.scene.specs import MeshSpec
 from volspec.spectra import light, reflectance
+from volspec.transfer import TransferFunction
 from volspec.viewer.model import depth, light_parts, lights, meshes, opacities, transfer_edits
 from volspec.viewer.model.depth import focused_depth
 from volspec.viewer.model.edit import Edited
@@ -236,6 +237,8 @@ def _general(state: ViewState) -> ViewState:
 
 def _with_filter(state: ViewState) -> ViewState:
     curve: Any = _general(state).transfer
+    if not isinstance(curve, TransferFunction):
+        return state
     filters = {"copper": reflectance("bandpass:600/200")}
     return replace(state, transfer=replace(curve, filters=filters))
 
@@ -289,7 +292,11 @@ EDITS: dict[str, Edit] = {
         lambda state: lights.set_weight(lights.set_kelvin(state, 2, 2500.0), 2, 0.9),
     ),
     "lights.rig": lambda state: light_parts.respell(state, 0, 0, "FL2"),
-    "relight.mode": chain(_general, _set(relight__mode="componentwise")),
+    "relight.mode": chain(
+        _general,
+        lambda state: light_parts.respell(state, 0, 0, "HP1"),
+        _set(relight__mode="componentwise"),
+    ),
     "relight.backdrop": _set(relight__backdrop=0.6),
     "relight.level": chain(
         lambda state: light_parts.set_lux(state, 0, 400.0), _set(relight__level="absolute")
@@ -311,7 +318,7 @@ EDITS: dict[str, Edit] = {
     ),
     "relight.viewing.exposure": _set(relight__viewing__exposure=1.7),
     "relight.viewing.adapting": _PICTURE_EYE,
-    "relight.viewing.fov_deg": chain(_PICTURE_EYE, _set(relight__viewing__fov_deg=90.0)),
+    "relight.viewing.fov_deg": chain(_PICTURE_EYE, _set(relight__viewing__fov_deg=5.0)),
     "relight.viewing.hunt": chain(_HUNT, _set(relight__viewing__hunt=HuntSettings(N_b=20.0))),
     "relight.viewing.nayatani": _set(
         relight__viewing__model="Nayatani95",

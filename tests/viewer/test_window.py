@@ -282,9 +282,7 @@ def test_a_volume_s_saved_scene_exports_the_picture_shown(window, tmp_path):
     assert 'file = "ball.nii.gz"' in text and 'reflectance = "Vrhel/' in text
     assert max(map(len, re.findall(r"[\d.]+", text))) <= 9
     scene = Scene.load(saved)
-    # Films want sides of even numbers.
-    sides = tuple(side // 2 * 2 for side in window.area("picture")[2:])
-    assert (scene.file.output.width, scene.file.output.height) == sides
+    assert (scene.file.output.width, scene.file.output.height) == window.area("picture")[2:]
     made = scene.exporting(annotate=["scale"]).export(  # as a picture has what the screen shows
         tmp_path / "frames", lights=[scene.lights[0].name], sheet=False, size=(160, 120)
     )
