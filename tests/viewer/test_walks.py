@@ -13,12 +13,8 @@ from typing import ClassVar
 import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
-from hypothesis.stateful import (
-    RuleBasedStateMachine,
-    initialize,
-    rule,
-    run_state_machine_as_test,
-)
+from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
+from hypothesis.stateful import run_state_machine_as_test as run_walks
 
 from tests.viewer._edits import MODULES, Drawn, drawn
 from tests.viewer.test_history import TEXTS
@@ -152,7 +148,7 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Desk]:
 )
 def test_what_is_shown_at_rest_is_what_is_written(desk, walks, steps):
     walks = int(os.environ.get("WALKS", walks))
-    run_state_machine_as_test(
+    run_walks(
         Walk,
         settings=settings(
             max_examples=walks,
