@@ -301,8 +301,10 @@ class LevelCaster:
 
     def reserve(self, parts: Sequence[Part]) -> None:
         """Give the cache what parts in use leave of the budget; VolumeError if that is none."""
+        if not parts:  # nothing is visible, and nothing read
+            return
         pyramid, level = self._pyramid, self._level
-        largest = max((part.voxels for part in parts), default=0) * pyramid.dtype.itemsize
+        largest = max(part.voxels for part in parts) * pyramid.dtype.itemsize
         left = pyramid.memory_bytes - self._needed(largest, pyramid.memory_bytes)
         if left < 0:
             least = math.ceil(self._least_bytes(parts[0].margin) / 2**20 * 10) / 10
