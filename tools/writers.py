@@ -47,7 +47,7 @@ from volspec.scene.specs import MeshSpec
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import depth, light_parts, lights, meshes, opacities, transfer_edits
-from volspec.viewer.model.depth import focused_depth
+from volspec.viewer.model.depth import focused_depth, shown_stereo
 from volspec.viewer.model.edit import Edited
 from volspec.viewer.model.film import Film
 from volspec.viewer.model.light_rows import LightRow
@@ -70,6 +70,8 @@ BARS = 47  # the menu and the status line, in pixels
 MOST_CODES = 2
 # Of a page's lens, which has fewer points: .6 of CIEDE2000 in the mean (tests/page/test_depth.py).
 MOST_LENS_CODES = 12
+# Of eyes next to each other, which a file has cast at their size, and the window reprojects to it.
+MOST_PAIR_CODES = 24
 
 _HEAD = """
 version = 2
@@ -584,7 +586,8 @@ def tried(
         assert wanted is not None, f"{name} has a picture, but the window has none"
         assert codes.shape == wanted.shape, (name, codes.shape, wanted.shape)
         lens = name == "page" and focused_depth(state).focus_mm is not None
-        most = MOST_LENS_CODES if lens else MOST_CODES
+        pair = name in ("S", "session", "film") and shown_stereo(state) == "side-by-side"
+        most = MOST_LENS_CODES if lens else MOST_PAIR_CODES if pair else MOST_CODES
         found[name] = Cell(int(abs(codes - wanted).max()), words, most)
     return found
 
