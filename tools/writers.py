@@ -14,7 +14,8 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, chdir, contextmanager, suppress
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,7 +29,7 @@ from PIL.Image import Resampling
 
 from tests.support.browser import chromium, missing, saved_picture
 from tests.support.headless import HeadlessViewer
-from tests.support.viewer import read_scene, run_command
+from tests.support.viewer import HEAD, read_scene, run_command
 from volspec._exr import read_exr
 from volspec.appearance.display import colour_space
 from volspec.appearance.spec import HuntSettings, NayataniSettings
@@ -73,34 +74,6 @@ MOST_LENS_CODES = 12
 # Of eyes next to each other, which a file has cast at their size, and the window reprojects to it.
 MOST_PAIR_CODES = 24
 
-_HEAD = """
-version = 2
-title = "two balls"
-[volume]
-file = "%s"
-[[material]]
-name = "copper"
-reflectance = "copper"
-[[material]]
-name = "grey"
-reflectance = "grey:0.5"
-[transfer]
-%s
-[basis]
-%s
-%s
-[raycast]
-%s
-[[light]]
-name = "day"
-label = "daylight"
-spectrum = "D65"
-[[light]]
-name = "tungsten"
-spectrum = "A"
-[viewing]
-backdrop = 0.1
-"""
 _POINTS = """points = [
     { value = 0.2, opacity = 0.0, material = "copper" },
     { value = 0.5, opacity = 0.2, material = "copper" },
@@ -118,15 +91,15 @@ _LABELS = """labels = [
     { label = 1, opacity = 0.3, material = "copper" },
     { label = 2, opacity = 1.0, material = "grey" },
 ]"""
-_ROOM = '[room]\nfile = "room.toml"\nposition_m = [2.0, 2.5, 1.0]\npatches = 100'
 _EXACT, _GENERAL = 'method = "materials"', 'name = "general-5"'
+# File, transfer function, basis and further tables.
 DOCUMENTS = {
-    "curve": ("balls.npy", _POINTS, _EXACT, "", ""),
-    "general basis": ("balls.npy", _POINTS, _GENERAL, "", ""),
-    "labels": ("labels.npy", _LABELS, _GENERAL, "", ""),
-    "two fields": ("balls.npy", _POINTS, _GENERAL, _FIELD, "add_fields = true"),
-    "time steps": ("step*.npy", _POINTS, _EXACT, "", ""),
-    "larger than memory": ("large.zarr?memory=100KiB", _POINTS, _GENERAL, "", ""),
+    "curve": ("balls.npy", _POINTS, _EXACT, ""),
+    "general basis": ("balls.npy", _POINTS, _GENERAL, ""),
+    "labels": ("labels.npy", _LABELS, _GENERAL, ""),
+    "two fields": ("balls.npy", _POINTS, _GENERAL, _FIELD + "\n[raycast]\nadd_fields = true\n"),
+    "time steps": ("step*.npy", _POINTS, _EXACT, ""),
+    "larger than memory": ("large.zarr?memory=4MiB", _POINTS, _GENERAL, ""),
 }
 
 
@@ -144,10 +117,11 @@ def write_documents(folder: Path) -> dict[str, Path]:
         ("labels", ((near > 0.5) + 2 * (far > 0.5)).clip(0, 2).astype(np.uint8)),
     ):
         np.save(folder / f"{name}.npy", data)
-    large = Volume(np.kron(values, np.ones((3, 3, 3), np.float32)))
+    large = Volume(np.kron(values, np.ones((8, 8, 8), np.float32)))
     convert(level_of(large), folder / "large.zarr", name="large")
-    for name, parts in DOCUMENTS.items():
-        (folder / f"{name}.toml").write_text(_HEAD % parts, encoding="utf-8")
+    for name, (file, transfer, basis, more) in DOCUMENTS.items():
+        text = HEAD.replace("ball.npy", file) % (transfer, basis) + more
+        (folder / f"{name}.toml").write_text(text, encoding="utf-8")
     return {name: folder / f"{name}.toml" for name in DOCUMENTS}
 
 
@@ -191,7 +165,7 @@ def chain(*edits: Edit) -> Edit:
     return edit
 
 
-def _depth(near: float | None = None, **values: Any) -> Edit:
+def _depth(**values: Any) -> Edit:
     """Return an edit of effects of depth; distances are parts of the volume's depth."""
 
     def edit(state: ViewState) -> ViewState:
@@ -301,7 +275,8 @@ EDITS: dict[str, Edit] = {
     ),
     "relight.backdrop": _set(relight__backdrop=0.6),
     "relight.level": chain(
-        lambda state: light_parts.set_lux(state, 0, 400.0), _set(relight__level="absolute")
+        *(partial(light_parts.set_lux, index=number, lux=400.0) for number in range(4)),
+        _set(relight__level="absolute"),
     ),
     "relight.filter": _set(relight__filter="longpass:550"),
     "relight.viewing.model": _set(relight__viewing__model="CAM16", relight__viewing__D=0.2),
@@ -380,18 +355,15 @@ NOT_IN_PICTURES = {
 }
 
 
-def paths_of(value: Any, within: str = "") -> Iterator[str]:
-    """Yield the paths of a state's fields; those of specs field by field.
+_SPECS = {"view", "shading", "relight", "relight.viewing", "relight.viewing.display", "depth"}
 
-    >>> list(paths_of(DepthEffectsOf := __import__("volspec").raycast.DepthEffects()))[:2]
-    ['focus_mm', 'aperture_mm']
-    """
+
+def paths_of(value: Any, within: str = "") -> Iterator[str]:
+    """Yield the paths of a state's fields; those of specs field by field."""
     for each in fields(value):
-        own, path = getattr(value, each.name), f"{within}{each.name}"
-        if (is_dataclass(own) and path in ("view", "shading", "relight", "depth")) or (
-            path in ("relight.viewing", "relight.viewing.display")
-        ):
-            yield from paths_of(own, f"{path}.")
+        path = f"{within}{each.name}"
+        if path in _SPECS:
+            yield from paths_of(getattr(value, each.name), f"{path}.")
         elif each.init:
             yield path
 
@@ -575,6 +547,8 @@ def tried(
             try:
                 codes = WRITERS[name](*given)
             except VolspecError as refused:
+                told = [one_line(refused) in each.text for each in viewer.app._notice.messages]
+                assert name != "S" or shown is None or any(told), f"the window shows: {refused}"
                 found[name] = Cell(None, (one_line(refused),))
                 continue
         words = tuple(

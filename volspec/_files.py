@@ -433,18 +433,6 @@ def plain_stem(name: str) -> str:
     return name[: -len(double)] if double else os.path.splitext(name)[0]
 
 
-def name_below(path: str | os.PathLike[str], folder: Path) -> str | None:
-    """Return a path's name from a folder that it lies in or below; None elsewhere.
-
-    >>> name_below("/data/ct/head.nrrd", Path("/data")), name_below("/ct.nrrd", Path("/data"))
-    ('ct/head.nrrd', None)
-    """
-    try:
-        return Path(path).relative_to(folder).as_posix()
-    except ValueError:
-        return None
-
-
 def require_suffix(
     path: str | os.PathLike[str], what: str, *suffixes: str, error: type[InputError] = ImageError
 ) -> Path:

@@ -77,6 +77,13 @@ def relative_path(path: str, folder: str) -> str:
         return file.as_posix()
 
 
+def name_below(path: str, folder: str) -> str | None:
+    """Return a path relative to a folder that it lies in or below; None elsewhere."""
+    name = relative_path(path, folder)
+    outside = is_remote(name) or os.path.isabs(name) or Path(name).parts[:1] == ("..",)
+    return None if outside else name
+
+
 def _all_end(paths: Sequence[str], endings: tuple[str, ...]) -> bool:
     return all(path.lower().endswith(endings) for path in paths)
 

@@ -491,7 +491,8 @@ class Screen:
             key, image, error = outcome.result
             self._recomposed = key, image
             self._off = key if error > VISIBLE else None
-            self._notice.trace.note("opacity-error", None, delta_e=error)
+            if math.isfinite(error):  # else the layers lack a fade, and are cast with it
+                self._notice.trace.note("opacity-error", None, delta_e=error)
         return bool(outcomes)
 
     def forget(self) -> None:

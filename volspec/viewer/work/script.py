@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import volspec
-from volspec._files import is_remote, name_below, require_suffix, write_whole
+from volspec._files import is_remote, require_suffix, write_whole
 from volspec.basis import MaterialBasis
 from volspec.errors import SceneError, SpectrumError, ViewingError
 from volspec.export.frames import file_stem
@@ -30,6 +30,7 @@ from volspec.transfer import Transfer
 from volspec.viewer.model.depth import focused_depth, picture_spec
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.materials import same_spectrum
+from volspec.viewer.model.paths import name_below
 from volspec.viewer.model.scene_file import NOWHERE, is_shipped, left_out
 from volspec.viewer.model.state import ViewState
 
@@ -137,7 +138,7 @@ def _volume(file: SceneFile, scene: Path, is_series: bool, folder: Path | None) 
     table = file.volume
     name, mark, query = table.file.partition("?")
     path = name if is_remote(name) else os.path.normpath(scene.parent / name)
-    below = None if folder is None else name_below(path, folder)
+    below = None if folder is None else name_below(path, str(folder))
     text = python_text((below or path) + mark + query)
     if below is not None:
         text = f"Path(__file__).parent / {text}"

@@ -11,13 +11,12 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from volspec._files import name_below, write_whole
+from volspec._files import write_whole
 from volspec._parse import parse_json, read_text
 from volspec.errors import InputError, SceneError, one_line, quoted
 from volspec.scene.file import SceneFile, migrate
@@ -25,6 +24,7 @@ from volspec.scene.meshes import MeshCache
 from volspec.scene.resolve import Resolver
 from volspec.settings import plain, read_table
 from volspec.viewer.model.document import Document, shown_step
+from volspec.viewer.model.paths import name_below, relative_path
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.cast_images import is_cast_image, open_image
 from volspec.viewer.work.casts import make_caster
@@ -123,9 +123,8 @@ def save_session(state: ViewState, path: str | os.PathLike[str]) -> Path:
     data = session_from_state(state).data
     folder = target.absolute().parent
     # Finds the scene if both are moved together; below the session, they are sent together, too.
-    with suppress(ValueError):  # on another drive
-        data["relative_path"] = os.path.relpath(data["path"], folder)
-    data["path"] = name_below(data["path"], folder) or data["path"]
+    data["relative_path"] = relative_path(data["path"], str(folder))
+    data["path"] = name_below(data["path"], str(folder)) or data["path"]
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":"))
     with write_whole(target) as temporary:
         temporary.write_text(text, encoding="utf-8")
