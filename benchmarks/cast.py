@@ -16,12 +16,13 @@ import numpy as np
 from benchmarks.measure import Comparison, Figure, commit, compare, in_turn
 from benchmarks.scenes import SPECS, BenchScene, bench_scene, bench_scenes
 from benchmarks.vtk_peer import ALPHA_STOP, Points, VtkPeer, fixed_point, gpu_mapper
+from volspec._checks import Vector
 from volspec._gpu.sources import asset
 from volspec.basis import SpectralBasis
+from volspec.image import CoefficientImage
 from volspec.pipeline import Raycaster, Relighter, raycast
-from volspec.raycast import Ambient, CoefficientImage, Directional, LightGroup, RaycastSpec
+from volspec.raycast import Ambient, Directional, LightGroup, RaycastSpec
 from volspec.raycast.bricks import BRICK, brick_codes, brick_ranges
-from volspec.raycast.checks import Vector
 from volspec.scene import Scene
 from volspec.spectra import Spectrum, light_set, reflectance_set
 from volspec.transfer import TransferFunction

@@ -22,8 +22,8 @@ from volspec.appearance.spaces import decode_sRGB
 from volspec.appearance.spec import Viewing
 from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.basis.report import basis_report
+from volspec.image import CoefficientImage
 from volspec.pipeline import Relighter
-from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
 from volspec.spectra import (

@@ -26,8 +26,9 @@ from scipy.ndimage import gaussian_filter
 from benchmarks.measure import PAGE, replaced
 from benchmarks.scenes import bench_scene
 from volspec.basis import SpectralBasis
+from volspec.camera import Camera
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import Ambient, Camera, Directional, LightGroup, RaycastSpec
+from volspec.raycast import Ambient, Directional, LightGroup, RaycastSpec
 from volspec.raycast.quality import TARGETS
 from volspec.spectra import reflectance
 from volspec.transfer import Isosurfaces, LabelFunction, TransferFunction, TransferTable

@@ -40,14 +40,15 @@ from benchmarks.measure import replaced
 from benchmarks.scenes import Points
 from volspec._gpu.sources import asset
 from volspec.basis import MaterialBasis
+from volspec.camera import Camera
+from volspec.image import CoefficientImage
+from volspec.image.depth import DepthEffects, axis_cosine
+from volspec.image.layers import OpacityLayers, sample_tau
 from volspec.mesh.caster import MeshCaster
 from volspec.mesh.shapes import shape_mesh
 from volspec.pipeline import Raycaster, raycast, relight
-from volspec.raycast import Camera, CoefficientImage, RaycastSpec, reference
-from volspec.raycast.depth import DepthEffects, axis_cosine
-from volspec.raycast.layer_casts import empty_rows
-from volspec.raycast.layer_stream import LayerStream, Samples
-from volspec.raycast.layered import OpacityLayers, sample_tau
+from volspec.raycast import RaycastSpec, reference
+from volspec.raycast.layer_stream import LayerStream, Samples, empty_rows
 from volspec.scene import Scene
 from volspec.spectra import light
 from volspec.transfer import TransferFunction, TransferTable

@@ -32,8 +32,10 @@ from benchmarks.memory import Ledger, resident
 from volspec._gpu.sources import asset
 from volspec.appearance.lut3d import needs_host_lut
 from volspec.appearance.spec import MODELS, SURROUNDS, Viewing
+from volspec.camera import Camera
+from volspec.image import CoefficientImage
 from volspec.pipeline import Raycaster, Relighter, raycast
-from volspec.raycast import Camera, ClipPlane, CoefficientImage
+from volspec.raycast import ClipPlane
 from volspec.relight import LightRig, RelightSpec
 from volspec.scene import Scene
 from volspec.spectra import SpectralGrid, Spectrum

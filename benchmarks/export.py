@@ -79,12 +79,12 @@ def once(scene: Scene, size: tuple[int, int]) -> tuple[np.ndarray, float, bool]:
 
         def export(number: int) -> None:
             with mock.patch.object(frame_files, "encode", lambda *_: b""):
-                scene.export(folder / str(number), **settings)
+                export(scene, folder / str(number), **settings)
 
         export(-1)
         scene.render(volume, caster=caster, size=size)
         times = np.array([[taken(partial(export, run)), taken(cast_each)] for run in range(_RUNS)])
-        encoded = taken(lambda: scene.export(folder / "frames", **settings))
+        encoded = taken(lambda: export(scene, folder / "frames", **settings))
         there = sorted((folder / "frames").glob("*.png"))
         pictures = [np.asarray(Image.open(path)) for path in there]
         same = all(map(np.array_equal, pictures, (frames[name] for name in sorted(frames))))

@@ -83,7 +83,7 @@ def _parts(stored: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
 @cache
 def _image() -> Any:
     from volspec.basis import SpectralBasis
-    from volspec.raycast import CoefficientImage
+    from volspec.image import CoefficientImage
 
     basis = SpectralBasis.load("general-5")
     shape = _PIXELS, _PIXELS, len(_GROUPS) * basis.size
@@ -123,7 +123,7 @@ def _read_image(path: Path) -> None:
     """Load an image, and make the scripts for other programs."""
     from volspec.export.compositing import Recipe
     from volspec.export.recipes import blender_script, nuke_group
-    from volspec.raycast import CoefficientImage
+    from volspec.image import CoefficientImage
     from volspec.scene import stored_relight_spec
 
     stored_relight_spec(CoefficientImage.load(path))

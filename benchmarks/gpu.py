@@ -23,8 +23,8 @@ from volspec._gpu.devices import POCL, all_devices, choose_device, devices
 from volspec._gpu.opengl import headless_context
 from volspec._gpu.sharing import sharing_fault
 from volspec._gpu.sources import asset
+from volspec.camera import Camera
 from volspec.pipeline import Raycaster, Relighter, raycast
-from volspec.raycast import Camera
 from volspec.scene import Scene
 
 FULL_HD = (1920, 1080)

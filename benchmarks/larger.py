@@ -24,13 +24,15 @@ from benchmarks import large
 from benchmarks.measure import Figure, report
 from benchmarks.scenes import BUILD, bench_scene
 from volspec.basis import SpectralBasis
+from volspec.camera import Camera
+from volspec.image import CoefficientImage
+from volspec.large.convert import convert
+from volspec.large.level_caster import LevelCaster
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import Camera, CoefficientImage, RaycastSpec
-from volspec.raycast.out_of_core import LevelCaster
+from volspec.raycast import RaycastSpec
 from volspec.spectra import reflectance
 from volspec.transfer import TransferFunction
 from volspec.volume import Volume, load_volume
-from volspec.volume.convert import convert
 from volspec.volume.larger import level_of
 from volspec.volume.load import open_level
 from volspec.volume.pyramid import BLOCK, Level

@@ -28,8 +28,9 @@ from volspec._gpu.sources import asset
 from volspec.basis import MaterialBasis
 from volspec.export.compositing import Recipe, save_for_compositors
 from volspec.export.deep import save_deep
+from volspec.image import CoefficientImage
 from volspec.pipeline import raycast
-from volspec.raycast import CoefficientImage, reference
+from volspec.raycast import reference
 from volspec.raycast.layer_stream import LayerStream
 from volspec.relight import difference_map, error_map, opacity_error
 from volspec.scene import Scene

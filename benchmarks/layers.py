@@ -46,11 +46,12 @@ from benchmarks.measure import Figure, in_turn, replaced
 from benchmarks.scaled_casts import Frozen, ScaledLights, Truth
 from volspec._gpu.sources import asset
 from volspec.basis import MaterialBasis
+from volspec.camera import Camera
+from volspec.image import CoefficientImage
+from volspec.image.layers import OpacityLayers, Slot
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import Camera, CoefficientImage, RaycastSpec, reference
-from volspec.raycast.layer_casts import empty_rows, shadow_slots
-from volspec.raycast.layer_stream import LayerStream
-from volspec.raycast.layered import OpacityLayers, Slot
+from volspec.raycast import RaycastSpec, reference
+from volspec.raycast.layer_stream import LayerStream, empty_rows, shadow_slots
 from volspec.relight import relight
 from volspec.scene import Scene
 from volspec.spectra import light

@@ -22,8 +22,8 @@ import pyopencl as cl
 from benchmarks.cast import SIZE, STOPPED
 from benchmarks.measure import Figure
 from benchmarks.scenes import bench_scene
+from volspec.camera import Camera
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import Camera
 from volspec.volume import Volume
 
 ASKED = 30

@@ -13,7 +13,7 @@ from volspec._gpu.opengl import compile_program, headless_context
 from volspec._gpu.prelude import prelude
 from volspec._gpu.sources import Source, assemble, asset
 from volspec.appearance.transforms import LinearTransform
-from volspec.raycast import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.relight.gpu import GLEngine
 from volspec.relight.illumination import Illumination
 from volspec.relight.layers import layer_count, pack_layers

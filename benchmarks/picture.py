@@ -21,9 +21,10 @@ from benchmarks.cast import SIZE
 from benchmarks.measure import Figure
 from benchmarks.scenes import BenchScene, bench_scene
 from benchmarks.vtk_peer import ALPHA_STOP, fixed_point
+from volspec.camera import Camera
 from volspec.export import write_frame
 from volspec.pipeline import Raycaster
-from volspec.raycast import Camera, RaycastSpec
+from volspec.raycast import RaycastSpec
 from volspec.transfer import TransferTable
 
 GREY = 0.8

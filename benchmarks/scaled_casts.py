@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._gpu.opencl import Compute
-from volspec.raycast import Camera, RaycastSpec, reference
+from volspec.camera import Camera
+from volspec.image.layers import sample_tau
+from volspec.raycast import RaycastSpec, reference
 from volspec.raycast.kernel_arguments import LIGHT_MARGIN
 from volspec.raycast.layer_stream import LayerStream, Samples, Shadow
-from volspec.raycast.layered import sample_tau
 from volspec.raycast.light_volume import LightGrid, LightVolume, light_layers, split_width
 from volspec.raycast.sampling import Arrives, cell
 from volspec.transfer import TransferTable

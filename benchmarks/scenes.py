@@ -21,7 +21,8 @@ import numpy as np
 
 from volspec._gpu.sources import asset
 from volspec.basis import SpectralBasis
-from volspec.raycast import Camera, RaycastSpec
+from volspec.camera import Camera
+from volspec.raycast import RaycastSpec
 from volspec.scene import Scene
 from volspec.spectra import reflectance
 from volspec.transfer import TransferFunction

@@ -27,10 +27,12 @@ from benchmarks.measure import Figure, in_turn, replaced
 from benchmarks.scenes import Points
 from volspec._gpu.sources import asset
 from volspec.basis import MaterialBasis
+from volspec.camera import Camera
+from volspec.image import CoefficientImage
+from volspec.image.reproject import PARTS, Reprojector, Warp, reproject_reference
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import Camera, CoefficientImage, RaycastSpec
+from volspec.raycast import RaycastSpec
 from volspec.raycast.lights import Ambient, Directional, LightGroup
-from volspec.raycast.reproject import PARTS, Reprojector, Warp, reproject_reference
 from volspec.relight import relight
 from volspec.relight.stereo import Stereo
 from volspec.scene import Scene

@@ -25,7 +25,8 @@ from vtkmodules.vtkRenderingCore import (
 from vtkmodules.vtkRenderingVolume import vtkFixedPointVolumeRayCastMapper
 from vtkmodules.vtkRenderingVolumeOpenGL2 import vtkOpenGLGPUVolumeRayCastMapper
 
-from volspec.raycast import Camera, RaycastSpec
+from volspec.camera import Camera
+from volspec.raycast import RaycastSpec
 from volspec.volume import Volume
 
 # No warning about a missing display: VTK then draws through EGL.

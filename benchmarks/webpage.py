@@ -28,8 +28,8 @@ from tests.support.browser import (
 from tests.support.raycasts import leaned
 from volspec._gpu.sources import asset
 from volspec.export.page import PageSpec, PageView, scene_views, write_page
+from volspec.image import CoefficientImage, DepthEffects
 from volspec.pipeline import raycast
-from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.relight import Relighter, relight
 from volspec.scene import Scene
 from volspec.volume import Volume

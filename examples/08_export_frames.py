@@ -8,5 +8,5 @@ import volspec as vs
 
 scene = vs.Scene.load("data/scenes/engine.toml")
 for _ in range(2):
-    exported = scene.export("08-frames", size=(160, 160), turntable={"frames": 4})
+    exported = vs.export(scene, "08-frames", size=(160, 160), turntable={"frames": 4})
     print(exported)

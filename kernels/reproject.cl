@@ -13,7 +13,7 @@
 // A layer is up to MOST_PARTS points, one a PART pixels, evenly spaced half-way to its neighbours:
 // borders of layers jump between pixels, which one point a layer shows when turned.
 //
-// NumPy twin: volspec/raycast/reproject.py (reproject_reference).
+// NumPy twin: volspec/image/reproject.py (reproject_reference).
 //
 // Launch: arrange 1-D, one work-item per block; twice, as points are stored behind one another:
 // first it counts (`store` 0, `cells` int[BUCKETS][blocks] 0), then it stores (1, and `cells` the

@@ -9,7 +9,7 @@
 //
 //     white_g += fog_light_g T (F(d_i) - F(d_j))    between layers i and j, to the cut's far end.
 //
-// NumPy twin: volspec/raycast/layered.py (OpacityLayers.recompose), image.py (recompose), and
+// NumPy twin: volspec/image/layers.py (OpacityLayers.recompose), image.py (recompose), and
 // depth.py with DEPTH.
 //
 // Reads   layers, scales and, with DEPTH, cuts and fog: include/opacity.glsl.

@@ -7,7 +7,7 @@
 // depth grows by (w / w')², as the area of what a pixel covers shrinks. Through a part of a lens, what
 // is out of focus is as wide as the circle that the part makes of a point.
 //
-// NumPy twin: volspec/raycast/reproject.py (Warp.places); kernel: kernels/reproject.cl.
+// NumPy twin: volspec/image/reproject.py (Warp.places); kernel: kernels/reproject.cl.
 //
 // Reads   point      28 bits of layer · width · height + pixel, row by row; from there on two of the
 //                    layer's points less one, and two of this point's number.

@@ -1,7 +1,7 @@
 // Channels of a splatted view, as relight.frag reads them, from three to a slice; and the fog that
 // is behind all layers.
 //
-// NumPy twin: volspec/raycast/depth.py (fog_behind).
+// NumPy twin: volspec/image/depth.py (fog_behind).
 //
 // Reads   splatted    slices of shaders/splat.frag's sums.
 //         cuts and fog: include/opacity.glsl, with DEPTH.

@@ -16,6 +16,7 @@ from volspec.appearance.models.hunt import HuntSettings
 from volspec.appearance.models.nayatani95 import NayataniSettings
 from volspec.appearance.spaces import ColourSpace, Transfer
 from volspec.export.page.build import PageSpec
+from volspec.image import DepthEffects
 from volspec.mesh.grating import Grating
 from volspec.palette.model import Apart
 from volspec.palette.tables import (
@@ -28,7 +29,6 @@ from volspec.palette.tables import (
 from volspec.raycast import (
     Ambient,
     ClipPlane,
-    DepthEffects,
     Directional,
     Headlight,
     LightGroup,

@@ -39,6 +39,7 @@ from volspec.export.contact_sheet import _MARGIN
 from volspec.export.exporter import export
 from volspec.export.exr import PRIMARIES, white_adaptation
 from volspec.export.overview import _TILE
+from volspec.large.convert import convert
 from volspec.raycast import ClipPlane, Directional, LightGroup
 from volspec.relight import LightRig
 from volspec.scene import Scene
@@ -60,7 +61,6 @@ from volspec.viewer.work.screenshot import Shot, copy_shown, save_picture
 from volspec.viewer.work.script import export_python
 from volspec.viewer.work.session import SUFFIX, read_session, restore_state, save_session
 from volspec.volume import Volume
-from volspec.volume.convert import convert
 from volspec.volume.larger import level_of
 
 Codes = NDArray[np.int_]

@@ -6,6 +6,7 @@ from .basis import (
     SpectralBasis as SpectralBasis,
     load_basis as load_basis,
 )
+from .camera import Camera as Camera
 from .errors import (
     CastCancelled as CastCancelled,
     DeviceError as DeviceError,
@@ -17,6 +18,7 @@ from .export import write_frame as write_frame
 from .export.exporter import Exported as Exported, export as export
 from .export.mitsuba import save_mitsuba as save_mitsuba
 from .export.notebook import notebook as notebook
+from .image import CoefficientImage as CoefficientImage, DepthEffects as DepthEffects
 from .mesh.caster import MeshCaster as MeshCaster, cast_meshes as cast_meshes
 from .mesh.grating import Grating as Grating
 from .mesh.model import Mesh as Mesh
@@ -45,10 +47,7 @@ from .pipeline import (
 )
 from .raycast import (
     Ambient as Ambient,
-    Camera as Camera,
     ClipPlane as ClipPlane,
-    CoefficientImage as CoefficientImage,
-    DepthEffects as DepthEffects,
     Directional as Directional,
     Headlight as Headlight,
     LightGroup as LightGroup,

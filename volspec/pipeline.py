@@ -17,22 +17,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._checks import MAX_SIDE, check_callable, checked_size, whole
 from volspec.basis import SpectralBasis
+from volspec.camera import Camera
+from volspec.camera.projection import Projection
 from volspec.errors import RaycastError, VolspecWarning, quoted
-from volspec.raycast import Camera, CoefficientImage, RaycastSpec
-from volspec.raycast.behind import Behind, OpacityCaster, Surfaces
-from volspec.raycast.checks import MAX_SIDE, check_callable, checked_size, whole
-from volspec.raycast.gpu import Raycaster
-from volspec.raycast.layer_casts import (
+from volspec.image import CoefficientImage
+from volspec.image.layers import OpacityLayers
+from volspec.large import Raycaster
+from volspec.raycast import RaycastSpec
+from volspec.raycast.layer_stream import (
     check_layers,
     empty_rows,
     materials_without_opacity,
     refuse_layers,
     shadow_slots,
 )
-from volspec.raycast.layered import OpacityLayers
-from volspec.raycast.projection import Projection
 from volspec.raycast.row_batches import Cancel, Progress
+from volspec.raycast.surfaces import Behind, OpacityCaster, Surfaces
 from volspec.relight import ErrorMap, LightRig, Relighter, difference_map, relight
 from volspec.spectra import Spectrum
 from volspec.transfer import (
@@ -386,7 +388,7 @@ def _check_layers(
     behind: Sequence[Behind],
 ) -> None:
     """Refuse what cannot be cast in layers of opacity, and warn of materials that lack it."""
-    check_layers(spec, table, transfer.basis, behind)
+    check_layers(spec, table, transfer.basis, [each.translucent for each in behind])
     if not isinstance(level, Raycaster):
         refuse_layers(
             spec,

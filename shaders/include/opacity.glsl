@@ -5,7 +5,7 @@
 //
 //     1 - v + v p,   p = min(1, gain (1 + Σ s_k (exp(b E_k) - 1))^(-1/b))
 //
-// NumPy twins: volspec/raycast/layered.py (OpacityLayers.lit); depth.py (extents, _slabs) with DEPTH.
+// NumPy twins: volspec/image/layers.py (OpacityLayers.lit); depth.py (extents, _slabs) with DEPTH.
 //
 // Reads   layers    texture array of RGBA, TEXELS slices a layer, near to far: τ of up to four
 //                   materials; for each light group their shades, and the highlight after them;

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from tests.support.fixtures import slow
 from tests.support.raycasts import FLAT, WHOLE, chords_mm, cube, fog, turned
-from volspec.raycast import Camera, RaycastSpec, reference
-from volspec.raycast.gpu import Raycaster
+from volspec.camera import Camera
+from volspec.large import Raycaster
+from volspec.raycast import RaycastSpec, reference
 from volspec.transfer import TransferTable
 from volspec.volume import Volume, phantom
 

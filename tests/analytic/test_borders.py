@@ -5,8 +5,9 @@ import pytest
 
 from tests.support.fixtures import slow
 from volspec.basis import SpectralBasis
+from volspec.camera import Camera
 from volspec.pipeline import raycast
-from volspec.raycast import Ambient, Camera, Directional, LightGroup, RaycastSpec
+from volspec.raycast import Ambient, Directional, LightGroup, RaycastSpec
 from volspec.spectra import reflectance
 from volspec.transfer import Isosurfaces, LabelFunction, TransferFunction
 from volspec.volume import Volume

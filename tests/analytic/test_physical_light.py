@@ -9,8 +9,9 @@ import pytest
 from benchmarks.scenes import bench_scene
 from tests.support import brute_force
 from tests.support.fixtures import slow
+from volspec.camera import Camera
 from volspec.pipeline import Raycaster
-from volspec.raycast import Ambient, Camera, Directional, LightGroup, RaycastSpec
+from volspec.raycast import Ambient, Directional, LightGroup, RaycastSpec
 from volspec.transfer import TransferTable
 from volspec.volume import Volume
 

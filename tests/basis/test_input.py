@@ -19,7 +19,7 @@ from volspec.basis.make import fit_library, fit_shipped
 from volspec.basis.report import basis_report
 from volspec.basis.report_table import error_table
 from volspec.errors import BasisError, ImageError, SpectrumError, TransferError
-from volspec.raycast import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.relight import Relighter
 from volspec.spectra import (
     DEFAULT_GRID,

@@ -8,9 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from volspec.basis import MaterialBasis, load_basis
+from volspec.camera import Camera
+from volspec.image import CoefficientImage
+from volspec.large import Raycaster
 from volspec.pipeline import Relighter, raycast
-from volspec.raycast import Camera, CoefficientImage, RaycastSpec
-from volspec.raycast.gpu import Raycaster
+from volspec.raycast import RaycastSpec
 from volspec.spectra import SpectralGrid, Spectrum, XYZ_from_spectra, light, reflectance, white_XYZ
 from volspec.transfer import TransferFunction
 from volspec.volume import phantom

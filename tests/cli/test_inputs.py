@@ -13,7 +13,7 @@ from tests.support.fixtures import Patch
 from volspec.cli.inputs import Job, jobs, open_scene
 from volspec.errors import InputError
 from volspec.export.frames import read_frame_text
-from volspec.raycast import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.scene import Scene
 from volspec.volume import phantom
 

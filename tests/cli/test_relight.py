@@ -30,8 +30,8 @@ from volspec.errors import SceneError
 from volspec.export import read_frame_text
 from volspec.export.compositing import Recipe, save_for_compositors
 from volspec.export.png import icc_profile
+from volspec.image import CoefficientImage
 from volspec.pipeline import Relighter
-from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec, error_map, relight
 from volspec.settings import read_table
 from volspec.spectra import SpectralImage, light, reflectance

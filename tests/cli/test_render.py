@@ -15,8 +15,8 @@ from tests.support.patience import PATIENCE_S
 from tests.support.scenes import BALL, DAY, SMALL, write_scene_text
 from volspec.errors import OpenCLError
 from volspec.export.frames import read_frame_text
-from volspec.raycast import CoefficientImage
-from volspec.raycast.gpu import Raycaster
+from volspec.image import CoefficientImage
+from volspec.large import Raycaster
 
 MATERIAL_BASIS = '[basis]\nmethod = "materials"\n'
 GROUPS = """[[group]]

@@ -13,8 +13,8 @@ from volspec.appearance import Viewing
 from volspec.appearance.spaces import SPACES
 from volspec.basis import Basis, MaterialBasis
 from volspec.export.compositing import Recipe, save_for_compositors
-from volspec.raycast import CoefficientImage
-from volspec.raycast.layered import OpacityLayers
+from volspec.image import CoefficientImage
+from volspec.image.layers import OpacityLayers
 from volspec.relight import LightRig, RelightSpec, relight
 from volspec.spectra import light
 

@@ -11,6 +11,8 @@ from PIL import Image
 
 from tests.support.images import image
 from volspec.basis import SpectralBasis
+from volspec.camera import Camera
+from volspec.camera.projection import Projection, length_mm, length_text, scale_text
 from volspec.errors import VolspecWarning
 from volspec.export import tiles
 from volspec.export.annotate import (
@@ -20,10 +22,9 @@ from volspec.export.annotate import (
     paint,
     picture_marks,
 )
+from volspec.export.exporter import export
 from volspec.export.value_bars import value_bars
 from volspec.pipeline import relight
-from volspec.raycast import Camera
-from volspec.raycast.projection import Projection, length_mm, length_text, scale_text
 from volspec.relight import LightRig, RelightSpec
 from volspec.scene.annotation import Annotation, measured_length
 from volspec.scene.export import MARKS
@@ -131,10 +132,10 @@ def test_transparent_pictures_get_opaque_marks():
 
 def test_strips_of_a_large_picture_have_the_marks_of_the_whole(scene, tmp_path, monkeypatch):
     settings: dict[str, Any] = {"lights": ["day"], "size": (200, 256), "annotate": MARKS}
-    scene().export(tmp_path / "whole", **settings)
+    export(scene(), tmp_path / "whole", **settings)
     monkeypatch.setattr(tiles, "STRIP_BYTES", 200 * 64 * 4 * 8)
-    scene().export(tmp_path / "strips", **settings)
-    plain = scene().export(tmp_path / "plain", **settings | {"annotate": ()})
+    export(scene(), tmp_path / "strips", **settings)
+    plain = export(scene(), tmp_path / "plain", **settings | {"annotate": ()})
     whole, strips, bare = (
         np.asarray(Image.open(tmp_path / name / plain.files[0]))
         for name in ("whole", "strips", "plain")

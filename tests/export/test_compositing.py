@@ -26,7 +26,7 @@ from volspec.errors import ImageError, InputError
 from volspec.export.compositing import Recipe
 from volspec.export.recipes import write_recipe
 from volspec.export.spectral import write_spectral_frame
-from volspec.raycast import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.relight import LightRig, RelightSpec, relight
 from volspec.relight.illumination import Illumination
 from volspec.spectra import light

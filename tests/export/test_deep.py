@@ -15,11 +15,12 @@ from tests.raycast.test_layered import SIZE, SPEC, function
 from tests.support.commands import call
 from tests.support.errors import raises
 from tests.support.raycasts import soft_ball
+from volspec.camera import Camera
 from volspec.errors import ImageError
 from volspec.export.compositing import Recipe, save_for_compositors
 from volspec.export.deep import DeepSamples, save_deep
+from volspec.image import CoefficientImage
 from volspec.pipeline import raycast
-from volspec.raycast import Camera, CoefficientImage
 from volspec.spectra import light
 
 STATES = ({}, {"copper": 0.3}, {"copper": 0}, {"gold": 4, "copper": 0.7})

@@ -13,9 +13,10 @@ from tests.support.commands import call
 from tests.support.errors import raises
 from tests.support.images import read_codes
 from volspec.errors import InputError, SceneError, VolspecWarning
+from volspec.export.exporter import export
 from volspec.export.frames import read_frame_text
 from volspec.export.plan import check_scene
-from volspec.raycast import CoefficientImage, DepthEffects
+from volspec.image import CoefficientImage, DepthEffects
 from volspec.relight import relight
 from volspec.relight.stereo import Stereo, expected_depth_mm
 from volspec.scene import stored_depth, stored_relight_spec
@@ -51,7 +52,7 @@ def frame(folder: Path, name: str = "day.png") -> NDArray[np.int_]:
 
 def test_a_focus_pull_is_cast_once(deep, tmp_path):
     """You should see a ball that is blurred, then less, then more."""
-    exported = deep(PULL.replace("[depth]", "[depth]\nfog_mm = 500")).export(tmp_path)
+    exported = export(deep(PULL.replace("[depth]", "[depth]\nfog_mm = 500")), tmp_path)
     assert (exported.frames, exported.casts) == (3, 1)
     frames = {frame(tmp_path, name).tobytes() for name in exported.files if "/" in name}
     assert len(frames) == 3
@@ -59,7 +60,7 @@ def test_a_focus_pull_is_cast_once(deep, tmp_path):
 
 def test_frames_and_pictures_have_the_scene_s_depth(deep, tmp_path):
     scene = deep(CUT)
-    scene.export(tmp_path)
+    export(scene, tmp_path)
     image, lamp, shown = scene.render(), scene.lights[0].rig, frame(tmp_path)
     own = relight(image.recompose({}, scene.file.depth), lamp, scene.relight)
     assert np.abs(shown - own).max() <= 1
@@ -71,19 +72,19 @@ def test_frames_of_which_a_cut_leaves_nothing_are_named_in_one_warning(deep, tmp
     text = PULL.replace("depth = { focus_mm = 30 }", away).replace('["day"]', '["day", "lamp"]')
     text = text.replace("focus_mm = 120, near_mm = 1", "near_mm = 0, far_mm = 1.5")
     with pytest.warns(VolspecWarning, match="leave nothing to be seen in .*, and 5 more;") as told:
-        deep(text).export(tmp_path / "away")
+        export(deep(text), tmp_path / "away")
     assert len(told) == 1
 
 
 def test_coefficient_images_have_it_as_well(deep, tmp_path):
     scene = deep('[depth]\nfar_mm = 1\n[export]\nformat = "coefficients"\n')
-    image = CoefficientImage.load(tmp_path / scene.export(tmp_path).files[0])  # all of it is cut
+    image = CoefficientImage.load(tmp_path / export(scene, tmp_path).files[0])  # all of it is cut
     assert not image.alpha.any() and image.opacity_layers is None
 
 
 def test_coefficient_images_without_it_are_those_of_render(deep, tmp_path):
     scene = deep('[export]\nformat = "coefficients"\n')
-    scene.export(tmp_path)
+    export(scene, tmp_path)
     assert call("render", scene.path, "-o", tmp_path / "ball.exr") == 0
     assert (tmp_path / "cast.exr").read_bytes() == (tmp_path / "ball.exr").read_bytes()
     assert CoefficientImage.load(tmp_path / "cast.exr").opacity_layers is not None
@@ -137,7 +138,7 @@ KEY = "[[keyframe]]\ntime_s = 0\ndepth = {{ {} }}".format
 )
 def test_a_depth_that_cannot_be_is_refused(scene, tmp_path, said, more, text):
     with raises(SceneError, *said.split()):
-        scene(more, text=text).export(tmp_path / "none")
+        export(scene(more, text=text), tmp_path / "none")
 
 
 EYES = '[export]\nlights = ["day"]\nstereo = { layout = "side-by-side", eyes_deg = 4 }\n'
@@ -146,8 +147,8 @@ WIDE, SIZE = EYES.replace("eyes_deg = 4", "eyes_deg = 4, convergence_mm = 60"), 
 
 def test_eyes_of_one_cast_are_near_those_of_two(deep, tmp_path):
     """Measured: a tenth of what the eyes differ by."""
-    assert deep(WIDE).export(tmp_path / "one", size=SIZE).casts == 1
-    assert deep(WIDE, text=FLAT).export(tmp_path / "two", size=SIZE).casts == 2
+    assert export(deep(WIDE), tmp_path / "one", size=SIZE).casts == 1
+    assert export(deep(WIDE, text=FLAT), tmp_path / "two", size=SIZE).casts == 2
     one, two = frame(tmp_path / "one"), frame(tmp_path / "two")
     assert one.shape == two.shape == (72, 192, 3)
     left, right = np.hsplit(two, 2)
@@ -160,7 +161,7 @@ def test_frames_are_those_of_the_library(deep, tmp_path):
         EYES.replace("side-by-side", "anaglyph") + "[depth]\nfog_mm = 400\nnear_mm = 50\n"
         "[[keyframe]]\ntime_s = 0\n[[keyframe]]\ntime_s = 0.04\nopacities = { gold = 0.3 }\n"
     )
-    exported = scene.export(tmp_path)
+    exported = export(scene, tmp_path)
     assert (exported.frames, exported.casts) == (2, 1)
     stereo = scene.file.export.stereo
     assert stereo == Stereo("anaglyph", eyes_deg=4)
@@ -172,8 +173,8 @@ def test_frames_are_those_of_the_library(deep, tmp_path):
 
 def test_cast_eyes_may_have_several_rays_a_pixel_16_bits_and_marks(scene, tmp_path):
     settings = {"samples": 2, "bits": 16, "annotate": ["title"], "sheet": False}
-    scene(EYES).export(tmp_path / "fine", size=SIZE, **settings)
-    scene(EYES).export(tmp_path / "coarse", size=SIZE)
+    export(scene(EYES), tmp_path / "fine", size=SIZE, **settings)
+    export(scene(EYES), tmp_path / "coarse", size=SIZE)
     fine, plain = read_codes(tmp_path / "fine" / "day.png"), frame(tmp_path / "coarse")
     assert fine.shape == plain.shape
     off = np.abs((fine >> 8 if fine.dtype == np.uint16 else fine).astype(int) - plain)
@@ -183,7 +184,7 @@ def test_cast_eyes_may_have_several_rays_a_pixel_16_bits_and_marks(scene, tmp_pa
 
 def test_a_turntable_converges_where_it_is_told(scene, tmp_path):
     made = scene(WIDE.replace("= 60", "= 70") + "turntable = { frames = 2 }\n")
-    exported = made.export(tmp_path / "turn.gif")
+    exported = export(made, tmp_path / "turn.gif")
     assert (exported.frames, exported.casts) == (2, 4)
     image = made.render()
     assert image.camera is not None and abs(expected_depth_mm(image) - 70) > 1
@@ -205,4 +206,4 @@ def test_a_turntable_converges_where_it_is_told(scene, tmp_path):
 )
 def test_files_and_sizes_without_a_pair_are_refused(deep, tmp_path, more, size, code):
     with raises(InputError, code):
-        deep(f"{EYES}{more}\n").export(tmp_path / "none", size=size)
+        export(deep(f"{EYES}{more}\n"), tmp_path / "none", size=size)

@@ -14,6 +14,7 @@ from tests.support.fixtures import slow
 from volspec.appearance.spaces import SPACES
 from volspec.errors import DeviceError, InputError, VolspecWarning
 from volspec.export import film
+from volspec.export.exporter import export
 from volspec.export.film import write_film
 
 pytest.importorskip("imageio_ffmpeg")
@@ -43,10 +44,10 @@ def test_a_film_has_the_frames_colours_and_says_what_they_are(scene, tmp_path, s
     made, film = scene(), tmp_path / f"ball{suffix}"
     settings = {"size": (64, 48), "lights": ["lamp"], "turntable": {"frames": 3}}
     left_by_a_kill(film)
-    done = made.export(film, **settings)
+    done = export(made, film, **settings)
     assert (done.frames, done.files) == (3, (film.name,))
     assert list(tmp_path.iterdir()) == [film], "the frames of a film are gone with it"
-    made.export(tmp_path / "frames", **settings)
+    export(made, tmp_path / "frames", **settings)
     expected = np.asarray(Image.open(tmp_path / "frames" / "lamp" / "0000.png")).astype(int)
     shown = codes_of(film, (64, 48))[0, ..., :3]
     # Chroma is shared by four pixels; the mean reveals a wrong matrix, range or curve.
@@ -58,7 +59,7 @@ def test_a_film_has_the_frames_colours_and_says_what_they_are(scene, tmp_path, s
         assert "bt709/bt709/iec61966-2-1" in said and "tv," in said
         assert ("yuv444p12" if suffix == ".mov" else "yuv420p") in said
     first = film.read_bytes()
-    made.export(film, **settings)
+    export(made, film, **settings)
     assert film.read_bytes() == first
 
 
@@ -71,8 +72,8 @@ def test_transparent_frames_become_a_transparent_film(suffix, shade, opacity, sc
     made, film = scene(), tmp_path / f"ball{suffix}"
     size = (64, 48) if suffix == ".webm" else (63, 47)
     settings = {"size": size, "lights": ["day"], "transparent": True, "turntable": {"frames": 3}}
-    made.export(film, **settings)
-    made.export(tmp_path / "frames", **settings)
+    export(made, film, **settings)
+    export(made, tmp_path / "frames", **settings)
     paths = sorted((tmp_path / "frames").rglob("0*.png"))
     expected, shown = np.stack([np.asarray(Image.open(p)) for p in paths]), codes_of(film, size)
     assert 0 < (expected[..., 3] == 0).mean() < 1 and shown.shape == expected.shape
@@ -83,20 +84,20 @@ def test_transparent_frames_become_a_transparent_film(suffix, shade, opacity, sc
 
 def test_odd_sides_get_an_edge_more_and_a_note(scene, tmp_path):
     with pytest.warns(VolspecWarning):
-        scene().export(tmp_path / "b.mp4", size=(63, 47), sweep={"frames": 2})
+        export(scene(), tmp_path / "b.mp4", size=(63, 47), sweep={"frames": 2})
     assert "64x48" in probe(tmp_path / "b.mp4")
 
 
 @pytest.mark.parametrize(("suffix", "size"), [(".mp4", "32x24"), (".gif", "33x24")])
 def test_a_scene_s_odd_size_is_made_even_where_pixels_share_chroma(suffix, size, scene, tmp_path):
     made = scene(text=SCENE.replace("width = 32", "width = 33"))
-    made.export(tmp_path / f"b{suffix}", sweep={"frames": 2})
+    export(made, tmp_path / f"b{suffix}", sweep={"frames": 2})
     assert size in probe(tmp_path / f"b{suffix}")
 
 
 def test_wide_primaries_are_told(scene, tmp_path):
     made = scene('[viewing.display]\nspace = "Display P3"\n')
-    made.export(tmp_path / "b.mp4", sweep={"frames": 2})
+    export(made, tmp_path / "b.mp4", sweep={"frames": 2})
     assert "bt709/smpte432/iec61966-2-1" in probe(tmp_path / "b.mp4")
 
 
@@ -127,7 +128,7 @@ def test_what_no_film_can_hold_is_refused_first(scene, tmp_path, name, settings)
     wide = "sweep" in settings
     made = scene('[viewing.display]\nspace = "Display P3"\n' if wide else "")
     with raises(InputError, "unsupported" if wide else "conflict"):
-        made.export(tmp_path / name, **settings)
+        export(made, tmp_path / name, **settings)
 
 
 @pytest.mark.parametrize("program", ["", "/no/such/program", sys.executable])
@@ -140,5 +141,5 @@ def test_an_ffmpeg_that_there_is_not_is_told_before_the_frames_are_made(
     else:
         monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with raises(DeviceError, "unsupported"):
-        scene().export(tmp_path / "ball.mp4")
+        export(scene(), tmp_path / "ball.mp4")
     assert list(tmp_path.iterdir()) == []

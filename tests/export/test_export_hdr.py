@@ -22,6 +22,7 @@ from volspec.appearance.spaces import SPACES
 from volspec.appearance.spec import MODELS, PER_PIXEL
 from volspec.errors import ImageError, SceneError, ViewingError
 from volspec.export.avif import AvifWriter, YCbCr_codes
+from volspec.export.exporter import export
 from volspec.export.frames import encode, to_uint16, write_frame
 from volspec.relight import LightRig, Relighter, RelightSpec
 from volspec.relight.hdr import hdr_frame, with_lux
@@ -199,12 +200,12 @@ def with_lights(scene: Any, export: str) -> Scene:
 
 
 def test_an_export_writes_hdr_frames_and_a_sheet(scene, tmp_path):
-    made = with_lights(scene, "hdr = { peak_cd_m2 = 600 }").export(tmp_path / "f")
+    made = export(with_lights(scene, "hdr = { peak_cd_m2 = 600 }"), tmp_path / "f")
     assert made.files == ("sun.png", "sheet.png")
     found = chunks((tmp_path / "f/sun.png").read_bytes())
     assert found[b"cICP"] == bytes([9, 16, 0, 1]) and found[b"IHDR"][8] == 16
     # The backdrop of 0.2 is the grey of an sRGB frame, not PQ's.
-    assert with_lights(scene, "").export(tmp_path / "g").files == made.files
+    assert export(with_lights(scene, ""), tmp_path / "g").files == made.files
     sheet, plain = (read_codes(tmp_path / name / "sheet.png").astype(int) for name in "fg")
     assert np.abs(sheet - plain).max() <= 6
 
@@ -212,11 +213,11 @@ def test_an_export_writes_hdr_frames_and_a_sheet(scene, tmp_path):
 def test_an_export_writes_avif_of_12_bits(scene, tmp_path):
     pytest.importorskip("imageio_ffmpeg")
     table = 'format = "avif"\nbits = 12\nhdr = { transfer = "HLG" }\nsheet = false'
-    made = with_lights(scene, table).export(tmp_path / "f")
+    made = export(with_lights(scene, table), tmp_path / "f")
     assert made.files == ("sun.avif",)
     data = (tmp_path / "f/sun.avif").read_bytes()
     assert data[data.index(b"pixi") + 9] == 12
-    again = with_lights(scene, table).export(tmp_path / "f")
+    again = export(with_lights(scene, table), tmp_path / "f")
     assert (again.frames, again.made) == (1, 0)
 
 

@@ -17,8 +17,9 @@ from volspec.appearance.spaces import SPACES
 from volspec.basis.display import MODES
 from volspec.export import tiles
 from volspec.export.compositing import Recipe
+from volspec.export.exporter import export
 from volspec.export.spectral import SpectralIllumination, write_spectral_frame
-from volspec.raycast import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
 from volspec.spectra import SpectralImage, light, reflectance
@@ -30,7 +31,7 @@ SPECTRAL = {"format": "exr", "spectral": True}
 
 def test_spectral_frames_are_those_that_relight_writes(scene, tmp_path):
     made = scene("[viewing]\nbackdrop = 0.3\nexposure = 1.5\n")
-    done = made.export(tmp_path / "out", **SPECTRAL, turntable={"frames": 2}, lights=["tube"])
+    done = export(made, tmp_path / "out", **SPECTRAL, turntable={"frames": 2}, lights=["tube"])
     assert done.files == ("tube/0000.exr", "tube/0001.exr", "sheet.png")
     lamp = made.lights[2].rig
     spec = RelightSpec(made.relight.viewing, mode="exact", backdrop=0.3)
@@ -47,9 +48,9 @@ def test_spectral_frames_are_those_that_relight_writes(scene, tmp_path):
 def test_spectral_frames_grow_strip_by_strip_and_need_no_eye(scene, tmp_path, monkeypatch):
     made = scene('[viewing]\nadapting = "pixel"\n')
     settings = {**SPECTRAL, "lights": ["day", "lamp"], "size": (8, 160), "sheet": False}
-    made.export(tmp_path / "whole", **settings)
+    export(made, tmp_path / "whole", **settings)
     monkeypatch.setattr(tiles, "STRIP_SIDE", 128)
-    done = made.export(tmp_path / "strips", **settings)
+    done = export(made, tmp_path / "strips", **settings)
     assert (done.made, done.casts) == (2, 1)
     whole, strips = (opened(tmp_path / name / "lamp.exr")[1] for name in ("whole", "strips"))
     for name in whole:
@@ -59,7 +60,7 @@ def test_spectral_frames_grow_strip_by_strip_and_need_no_eye(scene, tmp_path, mo
 
 def test_coefficients_are_the_image_that_render_writes_once_a_camera(scene, tmp_path):
     made = scene()
-    done = made.export(tmp_path / "one", format="coefficients")
+    done = export(made, tmp_path / "one", format="coefficients")
     assert done.files == ("cast.exr", "sheet.png") and (done.made, done.casts) == (1, 1)
     assert call("render", made.path, "-o", tmp_path / "own.exr") == 0
     assert (tmp_path / "one" / "cast.exr").read_bytes() == (tmp_path / "own.exr").read_bytes()
@@ -79,7 +80,7 @@ def test_coefficients_of_keyframes_keep_the_numbers_of_its_frames(scene, tmp_pat
         f"viewing = {{ exposure = {exposure} }}\n"
         for time, day, exposure in ((0, 1, 1), (2, 0, 4))
     )
-    done = scene(f"{keys}[export]\nfps = 1\n").export(tmp_path, **COEFFICIENTS)
+    done = export(scene(f"{keys}[export]\nfps = 1\n"), tmp_path, **COEFFICIENTS)
     assert done.files == ("cast/0000.exr", "cast/0001.exr", "cast/0002.exr") and done.casts == 1
     first, _, last = (Recipe.load(tmp_path / name) for name in done.files)
     assert list(first.lights) == ["day", "lamp", "tube"]
@@ -94,12 +95,12 @@ def test_large_coefficients_are_put_together_of_windows_with_their_depth(
     own = made.render(size=(200, 150))
     monkeypatch.setattr(tiles, "CAST_BYTES", 4 * 7 * 64 * 100)
     monkeypatch.setattr(tiles, "STRIP_SIDE", 128)
-    made.export(tmp_path / "1", **COEFFICIENTS, size=(200, 150))
+    export(made, tmp_path / "1", **COEFFICIENTS, size=(200, 150))
     image = CoefficientImage.load(tmp_path / "1" / "cast.exr")
     for name in ("coefficients", "alpha", "depth_mm", "first_mm"):
         assert np.array_equal(getattr(image, name), getattr(own, name)), name
     assert image.notes == own.notes and image.fov_deg == own.fov_deg
-    made.export(tmp_path / "2", **COEFFICIENTS, size=(100, 75), samples=2)
+    export(made, tmp_path / "2", **COEFFICIENTS, size=(100, 75), samples=2)
     small = CoefficientImage.load(tmp_path / "2" / "cast.exr")
     mean = own.coefficients.reshape(75, 2, 100, 2, 7).mean(axis=(1, 3))
     # The rays are the same, of a picture twice as large; float32 sums of four.

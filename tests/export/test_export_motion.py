@@ -9,11 +9,12 @@ from PIL import Image
 from tests.export.conftest import METALS, Make
 from tests.support.errors import raises, refuses
 from tests.support.fixtures import slow
+from volspec.camera import Camera
 from volspec.errors import SceneError, ViewingError
 from volspec.export import animation
+from volspec.export.exporter import export
 from volspec.export.plan import Plan, mix_lights, plan_export, sweep_weights
 from volspec.pipeline import relight
-from volspec.raycast import Camera
 from volspec.relight import LightRig
 from volspec.relight.spec import mixed_rig
 from volspec.scene import Scene, write_scene
@@ -375,7 +376,7 @@ def test_a_material_fades_with_layers_from_one_cast(scene, tmp_path, layers, cas
     made = fading(scene, layers).exporting(fps=2, lights=["lamp"])
     shots = plan(made).shots
     assert [shot.opacities["gold"] for shot in shots] == [1.0, 0.5, 0.0]
-    done = made.export(tmp_path, sheet=False)
+    done = export(made, tmp_path, sheet=False)
     assert (done.made, done.casts) == (3, casts)
     lamp = next(each.rig for each in made.lights if each.name == "lamp")
     for shot, file in zip(shots, done.files, strict=True):

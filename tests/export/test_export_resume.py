@@ -19,6 +19,7 @@ from tests.support.errors import raises, refuses
 from tests.support.fixtures import Patch, slow
 from volspec._files import exclusive_folder
 from volspec.errors import InputError
+from volspec.export.exporter import export
 
 SETTINGS = {"turntable": {"frames": 4}, "lights": ["day", "lamp"]}
 # An export that kills itself, as the kernel would, at a share of its work.
@@ -44,7 +45,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 @pytest.mark.parametrize("share", [slow(0.2), 0.97])
 def test_a_killed_export_goes_on_and_leaves_the_same_bytes(scene, tmp_path, share):
     made, folder = scene(), tmp_path / "killed"
-    made.export(tmp_path / "whole", **SETTINGS)
+    export(made, tmp_path / "whole", **SETTINGS)
     expected = contents(tmp_path / "whole")
     words = [sys.executable, "-c", KILLED, str(made.path), str(folder), str(share)]
     assert subprocess.run(words, check=False).returncode == -signal.SIGKILL
@@ -54,13 +55,13 @@ def test_a_killed_export_goes_on_and_leaves_the_same_bytes(scene, tmp_path, shar
         assert data == expected[path], "what is there is whole"
     assert "sheet.png" not in there
     left_by_a_kill(folder / "day" / "0003.png")
-    done = made.export(folder, **SETTINGS)
+    done = export(made, folder, **SETTINGS)
     assert done.made == 8 - len(there) and contents(folder) == expected
 
 
 def test_the_same_scene_gives_the_same_bytes_and_is_made_once(scene, tmp_path):
     def made_and_cast(name: str) -> tuple[int, int]:
-        done = scene().export(tmp_path / name, format="exr", transparent=True)
+        done = export(scene(), tmp_path / name, format="exr", transparent=True)
         return done.made, done.casts
 
     assert made_and_cast("a") == made_and_cast("b") == (3, 1)
@@ -72,17 +73,17 @@ def test_the_same_scene_gives_the_same_bytes_and_is_made_once(scene, tmp_path):
 
 
 def test_a_frame_of_another_size_than_it_had_is_made_anew(scene, tmp_path):
-    scene().export(tmp_path, lights=["day", "lamp"])
+    export(scene(), tmp_path, lights=["day", "lamp"])
     whole = contents(tmp_path)
     for name in ("lamp.png", "sheet.png"):
         (tmp_path / name).write_bytes(whole[name][: len(whole[name]) // 2])
-    again = scene().export(tmp_path, lights=["day", "lamp"])
+    again = export(scene(), tmp_path, lights=["day", "lamp"])
     assert again.made == 1 and contents(tmp_path) == whole
     manifest = json.loads(whole["export.json"])
     assert manifest["sizes"] == {name: len(whole[name]) for name in manifest["files"]}
     del manifest["sizes"]  # as of before they were kept
     (tmp_path / "export.json").write_text(json.dumps(manifest))
-    assert scene().export(tmp_path, lights=["day", "lamp"]).made == 0
+    assert export(scene(), tmp_path, lights=["day", "lamp"]).made == 0
 
 
 OWN = '[[light]]\nname = "own"\nspectrum = "lamp.csv"\n'
@@ -101,25 +102,25 @@ def test_a_folder_of_another_scene_is_refused_unless_told(
     ball_folder, scene, tmp_path, before, after
 ):
     (ball_folder / "lamp.csv").write_text("380,1\n780,1\n")
-    scene(before).export(tmp_path, lights=["day", "tube"])
+    export(scene(before), tmp_path, lights=["day", "tube"])
     (tmp_path / "mine.txt").write_text("stays")
     there = contents(tmp_path)
     (ball_folder / "lamp.csv").write_text("380,1\n780,2\n")
     other = scene(after)
-    refuses(lambda: other.export(tmp_path, lights=["lamp"]), "conflict", InputError)
+    refuses(lambda: export(other, tmp_path, lights=["lamp"]), "conflict", InputError)
     assert contents(tmp_path) == there
-    other.export(tmp_path, lights=["lamp"], overwrite=True)
+    export(other, tmp_path, lights=["lamp"], overwrite=True)
     assert set(contents(tmp_path)) == {"lamp.png", "sheet.png", "export.json", "mine.txt"}
 
 
 def test_folders_of_others_are_not_written_into(scene, tmp_path):
     (tmp_path / "lamp.png").write_bytes(b"mine")
-    refuses(lambda: scene().export(tmp_path), "duplicate", InputError)
+    refuses(lambda: export(scene(), tmp_path), "duplicate", InputError)
     assert contents(tmp_path) == {"lamp.png": b"mine"}
     (tmp_path / "export.json").write_text("{")
-    refuses(lambda: scene().export(tmp_path), "duplicate", InputError)
+    refuses(lambda: export(scene(), tmp_path), "duplicate", InputError)
     with exclusive_folder(tmp_path / "busy"), raises(InputError, "state"):
-        scene().export(tmp_path / "busy")
+        export(scene(), tmp_path / "busy")
 
 
 def test_a_manifest_that_leads_elsewhere_deletes_nothing_there(scene, tmp_path):
@@ -128,7 +129,7 @@ def test_a_manifest_that_leads_elsewhere_deletes_nothing_there(scene, tmp_path):
     victim.write_bytes(b"mine")
     manifest = {"fingerprint": "other", "files": ["../victim.png", str(victim), 7]}
     (folder / "export.json").write_text(json.dumps(manifest))
-    scene().export(folder, lights=["day"], overwrite=True)
+    export(scene(), folder, lights=["day"], overwrite=True)
     assert victim.read_bytes() == b"mine"
 
 
@@ -151,11 +152,11 @@ def full_disk(monkeypatch: Patch, method: str = "write_bytes", room: int = 0) ->
 def test_a_full_disk_leaves_what_is_done_and_says_so_in_a_line(scene, tmp_path, monkeypatch):
     made = scene()
     with full_disk(monkeypatch, room=3):
-        made.export(tmp_path / "out", **SETTINGS)
+        export(made, tmp_path / "out", **SETTINGS)
     there = contents(tmp_path / "out")
     assert len(there) == 4 and "export.json" in there  # three frames and no half one
-    made.export(tmp_path / "out", **SETTINGS)
-    made.export(tmp_path / "whole", **SETTINGS)
+    export(made, tmp_path / "out", **SETTINGS)
+    export(made, tmp_path / "whole", **SETTINGS)
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
 
 
@@ -164,12 +165,12 @@ def test_a_disk_full_from_the_start_has_no_folder_left_on_it(scene, tmp_path, mo
     made = scene()
     for method in ("write_bytes", "write_text"):  # the frames; the manifest
         with full_disk(monkeypatch, method):
-            made.export(tmp_path / name, **SETTINGS)
+            export(made, tmp_path / name, **SETTINGS)
         assert list(tmp_path.iterdir()) == []
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes.txt").touch()
     with full_disk(monkeypatch, "write_text"):
-        made.export(tmp_path / "mine", **SETTINGS)
+        export(made, tmp_path / "mine", **SETTINGS)
     assert [each.name for each in (tmp_path / "mine").iterdir()] == ["notes.txt"]
 
 
@@ -178,7 +179,7 @@ def test_a_folder_that_cannot_be_is_refused_before_the_cast(scene, tmp_path):
     # Names of other endings are in the command's transcripts.
     for path, code in (("file", "type"), ("file/below", "unwritable")):
         with raises(InputError, code):
-            scene().export(tmp_path / path)
+            export(scene(), tmp_path / path)
     assert [each.name for each in tmp_path.iterdir()] == ["file"]
 
 
@@ -186,6 +187,6 @@ def test_scenes_and_lights_of_any_name_are_exported(scene, tmp_path):
     hostile = "</script>\"'\u202e\u2066 .."
     text = SCENE.replace('"Ball"', f"'''{hostile}'''")
     text = text.replace('"day"', json.dumps(hostile, ensure_ascii=False))
-    done = scene(text=text, name="hostile \u202e.toml").export(tmp_path / "out")
+    done = export(scene(text=text, name="hostile \u202e.toml"), tmp_path / "out")
     assert all(name.isprintable() and "/" not in name for name in done.files)
     assert len({(tmp_path / "out" / name).resolve().parent for name in done.files}) == 1

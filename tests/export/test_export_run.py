@@ -16,6 +16,7 @@ from volspec._exr import read_exr
 from volspec.appearance.spaces import SPACES
 from volspec.errors import ImageError, InputError, VolspecWarning
 from volspec.export import exporter, read_frame_text, tiles
+from volspec.export.exporter import export
 from volspec.export.exr import PRIMARIES, white_adaptation
 from volspec.export.frames import BlankFrames
 from volspec.pipeline import Relighter
@@ -39,7 +40,7 @@ def relit(scene: Scene, light: int, **cast: object) -> np.ndarray:
 
 def test_every_light_is_relit_from_one_cast(scene, tmp_path):
     made = scene()
-    done = made.export(tmp_path / "out")
+    done = export(made, tmp_path / "out")
     assert (done.frames, done.made, done.casts) == (3, 3, 1)
     assert done.files == ("day.png", "lamp.png", "tube.png", "sheet.png")
     for i, name in enumerate(done.files[:3]):
@@ -58,7 +59,7 @@ def test_two_folders_give_the_same_bytes_without_their_paths(tmp_path, ball_fold
         own = Scene.from_volume(folder / "ball.npy", lights=[str(folder / "lamp.csv")])
         assert [each.name for each in own.lights] == ["lamp.csv"]
         for kind in ("png", "exr", "coefficients"):
-            own.export(tmp_path / f"{place}-{kind}", format=kind, size=(16, 12))
+            export(own, tmp_path / f"{place}-{kind}", format=kind, size=(16, 12))
     made = [
         [path.read_bytes() for path in sorted(tmp_path.glob(f"{place}-*/*"))]
         for place in ("PATIENT", "other")
@@ -69,7 +70,7 @@ def test_two_folders_give_the_same_bytes_without_their_paths(tmp_path, ball_fold
 
 def test_a_turntable_has_a_folder_for_each_light(scene, tmp_path):
     made = scene()
-    done = made.export(tmp_path, turntable={"frames": 2}, lights=["tube", "day"], sheet=False)
+    done = export(made, tmp_path, turntable={"frames": 2}, lights=["tube", "day"], sheet=False)
     assert done.files == ("tube/0000.png", "tube/0001.png", "day/0000.png", "day/0001.png")
     assert done.casts == 2
     assert np.array_equal(codes(tmp_path / "tube" / "0000.png"), relit(made, 2))
@@ -77,11 +78,11 @@ def test_a_turntable_has_a_folder_for_each_light(scene, tmp_path):
 
 def test_windows_and_strips_make_the_picture_of_one_cast(scene, tmp_path, monkeypatch):
     settings = {"size": (200, 150), "bits": 16, "lights": ["lamp"]}
-    scene().export(tmp_path / "whole", **settings)
+    export(scene(), tmp_path / "whole", **settings)
     monkeypatch.setattr(tiles, "CAST_BYTES", 4 * 7 * 64 * 100)
-    scene().export(tmp_path / "windows", **settings)
+    export(scene(), tmp_path / "windows", **settings)
     monkeypatch.setattr(tiles, "STRIP_SIDE", 128)
-    scene().export(tmp_path / "strips", **settings)
+    export(scene(), tmp_path / "strips", **settings)
     canvas = tiles.Canvas((200, 150), 1, 7)
     assert [len(strip) for strip in canvas.strips()] == [2, 2]
     assert len(canvas.windows(canvas.strips()[0][0])) > 1
@@ -98,7 +99,7 @@ def test_an_empty_picture_is_told_however_it_is_cut(limit, value, scene, tmp_pat
     made = scene("[camera]\ntarget_mm = [900, 0, 0]\n")
     monkeypatch.setattr(tiles, limit, value)
     with pytest.warns(VolspecWarning) as caught:
-        made.export(tmp_path, size=(200, 150), lights=["lamp"], sheet=False)
+        export(made, tmp_path, size=(200, 150), lights=["lamp"], sheet=False)
     assert ["empty" in str(each.message) for each in caught] == [True]
 
 
@@ -118,7 +119,7 @@ def test_every_size_is_cut_into_windows_that_cover_it_once():
 def test_more_rays_a_pixel_are_averaged_as_light_not_as_codes(scene, tmp_path):
     settings = {"lights": ["lamp"], "format": "exr", "shows": "scene"}
     for n in (1, 2):
-        scene().export(tmp_path / str(n), **settings, size=(64 // n, 48 // n), samples=n)
+        export(scene(), tmp_path / str(n), **settings, size=(64 // n, 48 // n), samples=n)
     fine, mixed = (linear(tmp_path / str(n) / "lamp.exr") for n in (1, 2))
     mean = fine.reshape(24, 2, 32, 2, 3).mean(axis=(1, 3))
     # Half floats have 11 bits, both pictures are rounded to them.
@@ -128,8 +129,8 @@ def test_more_rays_a_pixel_are_averaged_as_light_not_as_codes(scene, tmp_path):
 def test_opacity_and_backdrop_put_together_are_the_opaque_picture(scene, tmp_path):
     made = scene("[viewing]\nbackdrop = 0.3\n")
     settings = {"format": "exr", "shows": "scene", "lights": ["day"], "size": (64, 48)}
-    made.export(tmp_path / "opaque", **settings)
-    made.export(tmp_path / "clear", **settings, transparent=True)
+    export(made, tmp_path / "opaque", **settings)
+    export(made, tmp_path / "clear", **settings, transparent=True)
     opaque, clear = linear(tmp_path / "opaque" / "day.exr"), linear(tmp_path / "clear" / "day.exr")
     alpha = clear[..., 3:]
     assert alpha.min() == 0 and alpha.max() > 0.9
@@ -140,7 +141,7 @@ def test_opacity_and_backdrop_put_together_are_the_opaque_picture(scene, tmp_pat
 
 
 def test_a_transparent_png_has_the_surfaces_own_colour(scene, tmp_path):
-    scene().export(tmp_path, lights=["day"], transparent=True, size=(64, 48))
+    export(scene(), tmp_path, lights=["day"], transparent=True, size=(64, 48))
     pixels = codes(tmp_path / "day.png")
     assert pixels.shape == (48, 64, 4) and (pixels[pixels[..., 3] == 0] == 0).all()
     edge = pixels[(pixels[..., 3] > 20) & (pixels[..., 3] < 120)]
@@ -150,7 +151,7 @@ def test_a_transparent_png_has_the_surfaces_own_colour(scene, tmp_path):
 
 def test_display_light_in_exr_is_the_codes_decoded(scene, tmp_path):
     made = scene()
-    made.export(tmp_path / "exr", lights=["lamp"], format="exr")
+    export(made, tmp_path / "exr", lights=["lamp"], format="exr")
     expected = SPACES["sRGB"].decode(relit(made, 1) / 255)
     # A code is half a step off, an eighth of its value in the dark.
     assert linear(tmp_path / "exr" / "lamp.exr") == pytest.approx(expected, abs=5e-3)
@@ -162,7 +163,7 @@ def test_white_is_white_in_all_primaries(name, scene, tmp_path):
     for space in (SPACES["sRGB"], SPACES["DCI-P3"]):
         white = to.RGB_from_XYZ @ white_adaptation(space, to) @ space.white_XYZ
         assert white == pytest.approx([1, 1, 1], abs=1e-12)
-    scene().export(tmp_path, lights=["day"], format="exr", primaries=name, size=(8, 8))
+    export(scene(), tmp_path, lights=["day"], format="exr", primaries=name, size=(8, 8))
     header, _ = read_exr(tmp_path / "day.exr", ImageError)
     chromaticities = [v for xy in (*to.primaries_xy, to.white_xy) for v in xy]
     assert header["chromaticities"] == pytest.approx(chromaticities, rel=1e-6)
@@ -189,10 +190,10 @@ def test_an_eye_adapts_to_the_whole_picture_in_parts_and_without_backdrop(
 ):
     made = scene(f"[viewing]\n{measured}\nbackdrop = {backdrop}\n")
     settings = {"lights": ["lamp"], "size": (200, 150)}
-    made.export(tmp_path / "whole", **settings)
-    made.export(tmp_path / "clear", **settings, transparent=True)
+    export(made, tmp_path / "whole", **settings)
+    export(made, tmp_path / "clear", **settings, transparent=True)
     monkeypatch.setattr(tiles, "STRIP_SIDE", 128)
-    made.export(tmp_path / "strips", **settings)
+    export(made, tmp_path / "strips", **settings)
     whole, strips, clear = (tmp_path / name / "lamp.png" for name in ("whole", "strips", "clear"))
     shown = codes(whole).astype(int)
     assert np.abs(codes(strips) - shown).max() <= 1
@@ -208,17 +209,17 @@ def test_an_eye_adapts_to_the_whole_picture_in_parts_and_without_backdrop(
 def test_sheets_of_very_tall_and_very_wide_frames_stay_small(size, lights, scene, tmp_path):
     row = '[[light]]\nname = "{}"\nspectrum = "D65"\n'
     more = "".join(row.format(i) for i in range(lights - 3))
-    scene(more).export(tmp_path, size=size)
+    export(scene(more), tmp_path, size=size)
     with Image.open(tmp_path / "sheet.png") as sheet:
         assert max(sheet.size) < 4000
 
 
 def test_many_frames_of_many_strips_are_made_in_batches(scene, tmp_path, monkeypatch):
     made, settings = scene(), {"size": (8, 160), "sheet": False}
-    made.export(tmp_path / "whole", **settings)
+    export(made, tmp_path / "whole", **settings)
     monkeypatch.setattr(tiles, "STRIP_SIDE", 128)
     monkeypatch.setattr(exporter, "_OPEN_FILES", 2)
-    done = made.export(tmp_path / "strips", **settings)
+    done = export(made, tmp_path / "strips", **settings)
     assert (done.made, done.casts) == (3, 2)
     for name in done.files:
         assert np.array_equal(codes(tmp_path / "strips" / name), codes(tmp_path / "whole" / name))
@@ -243,7 +244,7 @@ def test_a_setting_that_is_none_is_refused_before_anything_is_made(
 ):
     made = scene('[viewing]\nadapting = "pixel"\n' if "transparent" in settings else "")
     with raises(InputError, code, field):
-        made.export(tmp_path / "out", **settings)
+        export(made, tmp_path / "out", **settings)
     assert not (tmp_path / "out").exists()
 
 
@@ -293,22 +294,27 @@ illuminance_lux = {}
 def test_absurd_lux_are_told_whatever_the_file(settings, scene, tmp_path):
     for lux, problem in ((1e-9, "black"), (1e12, "clipped")):
         with pytest.warns(VolspecWarning) as caught:
-            scene(LUX.format(lux)).export(
-                tmp_path / problem, lights=["lit"], sheet=False, size=(8, 6), **settings
+            export(
+                scene(LUX.format(lux)),
+                tmp_path / problem,
+                lights=["lit"],
+                sheet=False,
+                size=(8, 6),
+                **settings,
             )
         assert problem in str(caught[0].message)
 
 
 def test_a_bright_picture_is_not_told(scene, tmp_path):
     """Warnings are errors here; at 3000 lx, three times the viewing's, highlights are clipped."""
-    scene(LUX.format(3000)).export(tmp_path, lights=["lit"], sheet=False)
+    export(scene(LUX.format(3000)), tmp_path, lights=["lit"], sheet=False)
 
 
 def test_many_frames_and_their_strips_are_one_warning(scene, tmp_path, monkeypatch):
     monkeypatch.setattr(tiles, "STRIP_SIDE", 64)
     made = scene(LUX.format(1e-9))
     with pytest.warns(VolspecWarning) as caught:
-        made.export(tmp_path, lights=["lit"], turntable={"frames": 3}, size=(90, 80), sheet=False)
+        export(made, tmp_path, lights=["lit"], turntable={"frames": 3}, size=(90, 80), sheet=False)
     (only,) = caught
     assert {"lit/0000.png", "black", "2"} <= set(str(only.message).split())
 

@@ -17,8 +17,8 @@ import volspec as vs
 from tests.support.images import image
 from volspec._gpu.opencl import MOST_KERNELS
 from volspec._gpu.sources import asset
+from volspec.image import CoefficientImage
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, Relighter, RelightSpec
 from volspec.scene import Scene
 

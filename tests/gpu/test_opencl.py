@@ -22,9 +22,9 @@ from volspec._gpu import devices, memory, opencl, sources
 from volspec._gpu.devices import DeviceInfo, choose_device
 from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import Source
+from volspec.camera import Camera
 from volspec.errors import OpenCLError, ShapeError
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import Camera
 
 FIRST = "__kernel void f(__global const uchar *x, __global int *y) { y[0] = x[0] + x[%d]; }\n"
 

@@ -21,7 +21,7 @@ from volspec._files import exclusive_folder, write_whole
 from volspec._gpu import opengl
 from volspec.basis import SpectralBasis
 from volspec.errors import InputError, OpenGLError
-from volspec.raycast import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.relight import Relighter
 from volspec.spectra import light
 

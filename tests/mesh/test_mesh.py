@@ -392,9 +392,9 @@ def test_a_mesh_s_file_becomes_a_scene(folder):
 
 
 def exported_again(folder: Path) -> None:
-    loaded(folder, ALONE).export(folder / "out", size=(16, 16))
+    vs.export(loaded(folder, ALONE), folder / "out", size=(16, 16))
     pyvista.Cube().save(folder / "core.ply")
-    loaded(folder, ALONE).export(folder / "out", size=(16, 16))
+    vs.export(loaded(folder, ALONE), folder / "out", size=(16, 16))
 
 
 @pytest.mark.slow

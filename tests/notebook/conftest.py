@@ -5,7 +5,7 @@ import pytest
 
 from tests.support.images import image
 from volspec.basis import SpectralBasis
-from volspec.raycast import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.spectra import reflectance
 
 # A side, in colours and in pixels.

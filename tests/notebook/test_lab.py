@@ -16,8 +16,8 @@ from tests.support.browser import mean_difference, missing
 from tests.support.images import some_rows
 from tests.support.patience import wait_until
 from volspec.appearance import Viewing
+from volspec.image import CoefficientImage
 from volspec.pipeline import relight
-from volspec.raycast import CoefficientImage
 from volspec.spectra import light
 
 # Eight bits a channel, and the display's rounding: 0.1 to 0.2 on the engine.

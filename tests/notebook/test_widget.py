@@ -18,8 +18,8 @@ from tests.support.images import named_lights, some_rows
 from tests.twins.test_recompose import layered
 from volspec.appearance import Display, Viewing
 from volspec.errors import DeviceError, InputError, VolspecWarning
+from volspec.image import CoefficientImage
 from volspec.pipeline import relight
-from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
 
 pytest.importorskip("anywidget")

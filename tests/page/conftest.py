@@ -15,7 +15,7 @@ from tests.support.browser import chromium, missing, saved_picture
 from tests.support.patience import PATIENCE_S, wait_until
 from volspec._gpu.sources import asset
 from volspec.export.page import write_page
-from volspec.raycast import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.scene import Scene
 
 VIEWPORT = {"width": 900, "height": 640}

@@ -13,11 +13,12 @@ from tests.support.browser import mean_difference
 from tests.support.fixtures import slow
 from tests.support.raycasts import leaned
 from volspec._gpu.sources import asset
+from volspec.camera import Camera
 from volspec.export.page import PageView, scene_views
+from volspec.image import CoefficientImage, DepthEffects
 from volspec.mesh.caster import MeshCaster
 from volspec.mesh.shapes import shape_mesh
 from volspec.pipeline import raycast
-from volspec.raycast import Camera, CoefficientImage, DepthEffects
 from volspec.relight import relight
 from volspec.relight.stereo import Stereo
 from volspec.scene import Scene

@@ -10,7 +10,7 @@ from PIL import Image
 
 from tests.support.fixtures import slow
 from volspec.export.page import PageView, write_page
-from volspec.raycast import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.scene import Scene
 
 # By the page's clock whole pictures take so many milliseconds, and all else no time. The last

@@ -20,8 +20,8 @@ from volspec._gpu.sources import asset
 from volspec.errors import ImageError
 from volspec.export.page import PageView, build, page_html, scene_views, write_page
 from volspec.export.page.packing import pack_layers
-from volspec.raycast import CoefficientImage
-from volspec.raycast.layered import residual_share
+from volspec.image import CoefficientImage
+from volspec.image.layers import residual_share
 from volspec.relight import relight
 from volspec.scene import Scene
 from volspec.scene.lights import NamedLight

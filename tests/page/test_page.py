@@ -22,7 +22,7 @@ from volspec.appearance.scene_to_display import CLOSED
 from volspec.basis import SpectralBasis
 from volspec.export.page import PageSpec, PageView, scene_bars, write_page
 from volspec.export.value_bars import value_bars
-from volspec.raycast import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.relight import Illumination, Relighter
 from volspec.relight.error_map import error_map
 from volspec.scene import Scene

@@ -11,12 +11,14 @@ import pytest
 from tests.support.errors import refuses, warns
 from tests.support.raycasts import METAL_BASIS, METALS, WHOLE, cube, even_gold
 from volspec.basis import SpectralBasis
+from volspec.camera import Camera
+from volspec.image import CoefficientImage
+from volspec.image.depth import DepthEffects, axis_cosine, extents, mean_position
+from volspec.image.layers import OpacityLayers
 from volspec.mesh import shapes
 from volspec.mesh.caster import MeshCaster
 from volspec.pipeline import raycast
-from volspec.raycast import Camera, ClipPlane, CoefficientImage
-from volspec.raycast.depth import DepthEffects, axis_cosine, extents, mean_position
-from volspec.raycast.layered import OpacityLayers
+from volspec.raycast import ClipPlane
 
 GROUPS = {"key": 0.75, "fill": 0.25}
 FOV = 30.0

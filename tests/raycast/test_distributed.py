@@ -16,11 +16,13 @@ from tests.support.fixtures import slow
 from tests.support.pyramids import stored
 from tests.support.window import ENGINE
 from tests.twins.test_parts import LIT, VEIL
+from volspec.camera import Camera
 from volspec.errors import DeviceError, RaycastError, VolumeError
 from volspec.export.exporter import export
+from volspec.large import cluster as distributed
+from volspec.large.cluster import PartialPicture
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import Camera, RaycastSpec, distributed
-from volspec.raycast.distributed import PartialPicture
+from volspec.raycast import RaycastSpec
 from volspec.scene import Scene
 from volspec.volume import Volume, load_volume
 
@@ -112,7 +114,7 @@ def test_too_little_memory_is_refused_as_on_one_machine(engine, caster, tmp_path
     texts = []
     for cluster in (None, caster.cluster):
         own = Raycaster(small)
-        monkeypatch.setattr(own, "_cluster", cluster)
+        monkeypatch.setattr(own, "cluster", cluster)
         with raises(VolumeError, "size") as caught:
             raycast(*given, caster=own)
         texts.append(str(caught.value))

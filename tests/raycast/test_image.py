@@ -18,7 +18,7 @@ from volspec._exr import write_exr
 from volspec._files import write_whole
 from volspec.basis import SpectralBasis
 from volspec.errors import ImageError
-from volspec.raycast import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.scene import stored_relight_spec
 
 

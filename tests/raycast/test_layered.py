@@ -25,11 +25,13 @@ from tests.support.raycasts import (
     soft_ball,
 )
 from volspec.basis import MaterialBasis, SpectralBasis
+from volspec.camera import Camera
 from volspec.errors import ImageError, VolspecWarning
+from volspec.image import CoefficientImage
+from volspec.image.layers import OpacityLayers, shadow_of_means, transmittance
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import Camera, CoefficientImage, LightGroup, RaycastSpec
+from volspec.raycast import LightGroup, RaycastSpec
 from volspec.raycast.layer_stream import LayerStream, Samples
-from volspec.raycast.layered import OpacityLayers, shadow_of_means, transmittance
 from volspec.raycast.lights import Ambient, Directional, Headlight, Point
 from volspec.raycast.row_batches import Result
 from volspec.spectra import reflectance

@@ -13,9 +13,9 @@ from tests.support.raycasts import soft_ball
 from tests.twins.test_layers import assert_layers_alike, blend, noise
 from volspec.errors import CastCancelled, RaycastError
 from volspec.export.deep import DeepSamples
+from volspec.image.depth import extents
+from volspec.image.reproject import Reprojector
 from volspec.mesh import shapes
-from volspec.raycast.depth import extents
-from volspec.raycast.reproject import Reprojector
 from volspec.relight import error_map
 
 pytest.importorskip("embreex")

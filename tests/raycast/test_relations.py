@@ -23,11 +23,12 @@ from tests.support.pyramids import in_parts_of, pyramid_of
 from tests.support.raycasts import METAL_BASIS, METALS
 from tools.phantom_sheet import WRITERS
 from volspec.basis import SpectralBasis
+from volspec.camera import Camera
 from volspec.export.tiles import WindowCamera
 from volspec.mesh.caster import MeshCaster
 from volspec.mesh.model import Mesh
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import Ambient, Camera, ClipPlane, Directional, Headlight, LightGroup, Point
+from volspec.raycast import Ambient, ClipPlane, Directional, Headlight, LightGroup, Point
 from volspec.raycast import RaycastSpec as Spec
 from volspec.raycast.lights import HEADLIT
 from volspec.relight import LightRig, RelightSpec

@@ -9,10 +9,12 @@ from tests.raycast.test_layered import function
 from tests.support.errors import refuses, warns
 from tests.support.fixtures import slow
 from tests.support.raycasts import along_z, cube, edit_exr, even_gold, turned
+from volspec.camera import Camera
+from volspec.image import CoefficientImage
+from volspec.image.depth import DepthEffects, fog_behind, layers_in_depth
+from volspec.image.reproject import Reprojector, reproject
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import Ambient, Camera, CoefficientImage, LightGroup, RaycastSpec
-from volspec.raycast.depth import DepthEffects, fog_behind, layers_in_depth
-from volspec.raycast.reproject import Reprojector, reproject
+from volspec.raycast import Ambient, LightGroup, RaycastSpec
 from volspec.relight import relight
 from volspec.relight.stereo import Stereo, expected_depth_mm
 from volspec.spectra import light

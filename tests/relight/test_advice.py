@@ -7,8 +7,8 @@ import pytest
 
 from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.errors import VolspecWarning
+from volspec.image import CoefficientImage
 from volspec.pipeline import Relighter
-from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import light, reflectance
 

@@ -12,8 +12,8 @@ from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.basis.display import DEFAULT_MODE
 from volspec.basis.report import basis_report
+from volspec.image import CoefficientImage
 from volspec.pipeline import Relighter
-from volspec.raycast import CoefficientImage
 from volspec.relight import ErrorMap, LightRig, error_map
 from volspec.spectra import light, reflectance, reflectance_set, white_XYZ
 

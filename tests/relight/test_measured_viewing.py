@@ -24,7 +24,7 @@ from volspec.appearance.models.nayatani95 import NayataniSettings
 from volspec.appearance.models.numeric import nearest_inverse
 from volspec.appearance.spec import MODELS, PER_PIXEL
 from volspec.errors import ViewingError
-from volspec.raycast.image import CoefficientImage
+from volspec.image.model import CoefficientImage
 from volspec.relight import Illumination, LightRig, Relighter, RelightSpec, relight
 from volspec.relight.measured_viewing import ViewingMeter
 from volspec.scene import Scene, stored_relight_spec

@@ -11,8 +11,9 @@ from tests.support.commands import call
 from tests.support.errors import warns
 from tests.support.fixtures import slow
 from tests.support.raycasts import METALS, WHOLE, along_z, cube, even_gold, soft_ball
+from volspec.image import CoefficientImage
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import CoefficientImage, LightGroup
+from volspec.raycast import LightGroup
 from volspec.raycast.lights import Ambient, Directional, Headlight
 from volspec.relight import LightRig, difference_map, error_map
 from volspec.relight.error_map import opacity_error

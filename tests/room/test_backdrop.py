@@ -8,8 +8,8 @@ import pytest
 from tests.room.test_response import two_lights
 from volspec.basis import SpectralBasis
 from volspec.room import Eye
-from volspec.room.backdrop import LitMesh, room_colours
 from volspec.room.eye import picture_XYZ, pixel_rays
+from volspec.room.wall_colours import LitMesh, room_colours
 from volspec.spectra import DEFAULT_GRID, colour_matching_functions
 
 EYE = Eye(position_m=(0.4, 0.4, 1.8), target_m=(2.0, 2.4, 0.8), fov_deg=60.0)

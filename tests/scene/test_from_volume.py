@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from tests.support.errors import raises, warns
+from volspec.camera.camera import Orbit, slice_view
 from volspec.errors import InputError, SceneError, VolumeError
+from volspec.export.exporter import export
 from volspec.pipeline import raycast, relight
-from volspec.raycast.camera import Orbit, slice_view
 from volspec.scene import Scene
 from volspec.spectra import light, write_spectrum
 from volspec.volume import Metadata, Series, Volume, phantom
@@ -94,7 +95,7 @@ def test_volumes_arrays_and_series_have_scenes_that_need_no_file(ball, tmp_path)
         scene.save(tmp_path / "scene.toml")
     twice = Scene.from_volume(Series([volume, volume.values / 2]))
     assert (twice.step_count(), len(twice.opened()[1])) == (2, 2)
-    done = twice.export(tmp_path / "out", size=(16, 16), play={"frames": 2}, lights=["D65"])
+    done = export(twice, tmp_path / "out", size=(16, 16), play={"frames": 2}, lights=["D65"])
     assert (done.frames, done.casts) == (2, 2)
 
 

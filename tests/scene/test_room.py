@@ -13,11 +13,11 @@ from tests.support.errors import raises
 from tests.support.scenes import scene_text
 from volspec.errors import SceneError
 from volspec.pipeline import Raycaster
-from volspec.raycast.behind import Behind, OpacityCaster
+from volspec.raycast.surfaces import Behind, OpacityCaster
 from volspec.relight.illumination import Illumination
 from volspec.room import load_room
+from volspec.room.walls import Placement, ShadowMap
 from volspec.scene import Scene
-from volspec.scene.backdrop import Placement, ShadowMap
 from volspec.scene.file import scene_data, scene_file
 from volspec.scene.room import _digest
 from volspec.scene.writing import rebased

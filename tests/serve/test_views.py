@@ -14,12 +14,12 @@ import pytest
 from tests.serve.conftest import entered
 from tests.support.patience import PATIENCE_S, wait_until
 from tests.support.pyramids import stored
+from volspec.camera.camera import Orbit
 from volspec.errors import CastCancelled, OpenCLError, RaycastError
 from volspec.export.page import pack_view
 from volspec.export.serve import views as served_views
 from volspec.export.serve.views import CastQueue, SceneViews, ViewRequest, scene_orbit
 from volspec.pipeline import raycast
-from volspec.raycast.camera import Orbit
 from volspec.scene import Scene
 from volspec.scene.specs import CameraSpec
 from volspec.volume import phantom

@@ -13,9 +13,10 @@ from tests.support.fixtures import slow
 from tests.support.scenes import scene_text, write_scene_text
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis import Basis, MaterialBasis, SpectralBasis, basis_from_dict
+from volspec.camera import Camera
 from volspec.errors import BasisError, SceneError, SpectrumError, VolspecWarning
 from volspec.export.spectral import SpectralIllumination
-from volspec.raycast import Camera, RaycastSpec, reference
+from volspec.raycast import RaycastSpec, reference
 from volspec.relight import Illumination, Relighter, RelightSpec
 from volspec.scene import Scene
 from volspec.spectra import (

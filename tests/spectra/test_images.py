@@ -13,7 +13,7 @@ from tests.spectra._files import fails, saved
 from volspec import _exr as exr
 from volspec.basis import SpectralBasis
 from volspec.errors import ImageError, SpectrumError, VolspecWarning
-from volspec.raycast import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.relight import relight
 from volspec.spectra import (
     SpectralGrid,

@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.raycast import Camera, RaycastSpec, reference
+from volspec.camera import Camera
+from volspec.raycast import RaycastSpec, reference
 from volspec.raycast.light_volume import (
     LightLayer,
     extinction_per_mm,

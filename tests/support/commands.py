@@ -15,7 +15,7 @@ from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.cli import main
 from volspec.errors import VolspecError
 from volspec.export.compositing import Recipe, save_for_compositors
-from volspec.raycast import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.spectra import DEFAULT_GRID, SpectralImage, light, reflectance, reflectance_set
 from volspec.volume import phantom
 

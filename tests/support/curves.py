@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.raycast import Camera, RaycastSpec
+from volspec.camera import Camera
+from volspec.raycast import RaycastSpec
 from volspec.raycast.sampling import Sampler, make_rays
 from volspec.transfer import TransferFunction
 from volspec.volume import Volume

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.basis import Basis
 from volspec.export.frames import read_frame
-from volspec.raycast import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.relight import LightRig
 from volspec.scene.lights import NamedLight
 from volspec.spectra import light

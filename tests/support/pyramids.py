@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from volspec.raycast import out_of_core
+from volspec.large import level_caster as out_of_core
+from volspec.large.convert import convert
 from volspec.volume import Volume, load_volume
-from volspec.volume.convert import convert
 from volspec.volume.larger import level_of
 from volspec.volume.pyramid import BLOCK, Level, Pyramid, block_ranges
 

@@ -10,8 +10,9 @@ import numpy as np
 
 from volspec._gpu.opencl import Compute
 from volspec.basis import MaterialBasis
-from volspec.raycast import Camera, RaycastSpec, packets, reference
-from volspec.raycast.gpu import Raycaster
+from volspec.camera import Camera
+from volspec.large import Raycaster
+from volspec.raycast import RaycastSpec, packets, reference
 from volspec.raycast.row_batches import Result
 from volspec.raycast.sampling import world_rays
 from volspec.spectra import reflectance

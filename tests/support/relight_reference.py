@@ -16,7 +16,7 @@ from colour.appearance import InductionFactors_CIECAM02
 from numpy.typing import NDArray
 
 from volspec.appearance.spec import Viewing, surround_at
-from volspec.raycast.image import CoefficientImage
+from volspec.image.model import CoefficientImage
 from volspec.relight import Illumination, LightRig, RelightSpec
 from volspec.relight.measured_viewing import ViewingMeter
 from volspec.spectra import Spectrum

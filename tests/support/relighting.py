@@ -16,7 +16,7 @@ from volspec.appearance.spaces import (
 )
 from volspec.basis import Basis, SpectralBasis
 from volspec.errors import OpenGLError
-from volspec.raycast.image import CoefficientImage
+from volspec.image.model import CoefficientImage
 from volspec.relight import Illumination, Relighter, programs
 from volspec.relight.gpu import GLEngine
 from volspec.relight.reference import CpuEngine

@@ -9,9 +9,10 @@ import pytest
 from tests.support.errors import raises
 from tests.support.fixtures import slow_each
 from volspec.basis import MaterialBasis, SpectralBasis
+from volspec.camera import Camera
 from volspec.errors import RaycastError, TransferError
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import Camera, RaycastSpec
+from volspec.raycast import RaycastSpec
 from volspec.spectra import reflectance
 from volspec.transfer import Isosurfaces, SurfaceTable, TransferFunction
 from volspec.transfer.opacities import scale_opacities

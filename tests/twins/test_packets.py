@@ -7,8 +7,9 @@ from tests.support.raycasts import carries_16_rays
 from volspec import _cache
 from volspec._gpu import devices
 from volspec._gpu.devices import DeviceInfo
-from volspec.raycast import Camera, RaycastSpec, packets
-from volspec.raycast.gpu import Raycaster
+from volspec.camera import Camera
+from volspec.large import Raycaster
+from volspec.raycast import RaycastSpec, packets
 from volspec.raycast.packets import SAFE, Packet, choose_packet
 from volspec.volume import Volume
 

@@ -7,8 +7,9 @@ import pytest
 
 from tests.support.fixtures import slow, slow_each
 from tests.support.raycasts import FLAT, fog, oblique_world
-from volspec.raycast import Camera, RaycastSpec, reference
-from volspec.raycast.gpu import Raycaster
+from volspec.camera import Camera
+from volspec.large import Raycaster
+from volspec.raycast import RaycastSpec, reference
 from volspec.raycast.row_batches import Result
 from volspec.transfer import SurfaceTable, TransferTable
 from volspec.volume import Volume, load_volume, phantom

@@ -15,18 +15,12 @@ from tests.support.raycasts import FLAT, METAL_BASIS, METALS, metal_function, ra
 from tests.twins.test_raycast import TOLERANCE
 from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import Source, asset
+from volspec.camera import Camera
 from volspec.errors import OpenCLError
+from volspec.large import Raycaster
 from volspec.pipeline import raycast
-from volspec.raycast import (
-    Ambient,
-    Camera,
-    Directional,
-    LightGroup,
-    RaycastSpec,
-    light_volume,
-    reference,
-)
-from volspec.raycast.gpu import TILES, Raycaster
+from volspec.raycast import Ambient, Directional, LightGroup, RaycastSpec, light_volume, reference
+from volspec.raycast.gpu import TILES
 from volspec.raycast.kernel_arguments import CAST
 from volspec.transfer import (
     FieldFunctions,

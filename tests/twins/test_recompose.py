@@ -12,8 +12,8 @@ from tests.support.fixtures import slow, slow_each
 from tests.support.relighting import gl_or_skip
 from volspec.basis import MaterialBasis
 from volspec.errors import ImageError, OpenGLError
-from volspec.raycast import CoefficientImage, DepthEffects
-from volspec.raycast.layered import OpacityLayers
+from volspec.image import CoefficientImage, DepthEffects
+from volspec.image.layers import OpacityLayers
 from volspec.relight import LightRig, Relighter, recompose
 from volspec.relight.recompose import PackedOpacity
 from volspec.spectra import light, reflectance

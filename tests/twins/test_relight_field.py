@@ -11,7 +11,7 @@ from tests.support.relighting import COARSE, assert_drawn_alike_by_webgl_2, box_
 from volspec.appearance import Display, Viewing, view_transform
 from volspec.appearance.adaptation_grid import ViewTransformGrid
 from volspec.appearance.spec import PER_PIXEL
-from volspec.raycast.image import CoefficientImage
+from volspec.image.model import CoefficientImage
 from volspec.relight import Relighter, RelightSpec, relight
 from volspec.spectra import PAPERS_GRID, light
 from volspec.spectra.photometry import white_XYZ

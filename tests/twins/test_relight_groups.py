@@ -12,7 +12,7 @@ from tests.support.relighting import COARSE, RAW, assert_close, box_basis, gl_or
 from volspec.appearance.spaces import to_uint8
 from volspec.basis import MODES, Basis, MaterialBasis
 from volspec.errors import OpenGLError, ShapeError
-from volspec.raycast.image import CoefficientImage
+from volspec.image.model import CoefficientImage
 from volspec.relight import LightRig, Relighter, RelightSpec, relight
 from volspec.relight import gpu as gpu_module
 from volspec.spectra import light, reflectance

@@ -17,7 +17,7 @@ from volspec.appearance.spaces import (
     sRGB_WHITE_XYZ,
 )
 from volspec.basis import SpectralBasis
-from volspec.raycast.image import CoefficientImage
+from volspec.image.model import CoefficientImage
 from volspec.relight import LightRig, Relighter, RelightSpec, relight
 from volspec.spectra import Spectrum, colour_matching_functions, light, reflectance
 

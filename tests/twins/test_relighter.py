@@ -24,7 +24,7 @@ from volspec.appearance import Viewing, lut3d
 from volspec.appearance.lut3d import MOST_LUTS, Lut3D, LutCache, LutKey
 from volspec.appearance.spaces import decode_sRGB
 from volspec.errors import LutCancelled, OpenGLError, ShapeError, ViewingError
-from volspec.raycast.image import CoefficientImage
+from volspec.image.model import CoefficientImage
 from volspec.relight import Illumination, LightRig, Relighter, RelightSpec, relight
 from volspec.relight import gpu as gpu_module
 from volspec.relight import programs as programs_module

@@ -7,9 +7,10 @@ import pytest
 
 from tests.support.fixtures import slow, slow_each
 from tests.support.raycasts import METAL_BASIS, METALS
-from volspec.raycast import Camera, CoefficientImage
-from volspec.raycast.layered import OpacityLayers
-from volspec.raycast.reproject import Reprojector, Warp, reproject_reference
+from volspec.camera import Camera
+from volspec.image import CoefficientImage
+from volspec.image.layers import OpacityLayers
+from volspec.image.reproject import Reprojector, Warp, reproject_reference
 from volspec.relight.stereo import ShiftedCamera
 
 # Measured 2e-6, but for points so close to the border of a slice of depth that float32 puts them

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec.image import CoefficientImage
 from volspec.palette import Apart
 from volspec.pipeline import relight
-from volspec.raycast import ClipPlane, CoefficientImage, Directional, LightGroup
+from volspec.raycast import ClipPlane, Directional, LightGroup
 from volspec.raycast.pace import Pass
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum, light

@@ -22,8 +22,9 @@ from volspec._gpu.sources import Source
 from volspec.appearance import Viewing
 from volspec.basis import SpectralBasis
 from volspec.errors import CastCancelled, RaycastError
+from volspec.image import CoefficientImage
 from volspec.pipeline import Raycaster, Relighter
-from volspec.raycast import CoefficientImage, RaycastSpec
+from volspec.raycast import RaycastSpec
 from volspec.raycast.pace import DIVISORS, WHOLE, Pace, Pass
 from volspec.relight import programs as programs_of_gl
 from volspec.spectra import light

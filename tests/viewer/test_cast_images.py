@@ -8,8 +8,8 @@ import pytest
 
 from tests.support.viewer import opened
 from tests.viewer._states import casts_of, frame_of, job_of, relit, restored, under
+from volspec.image import CoefficientImage
 from volspec.pipeline import raycast
-from volspec.raycast import CoefficientImage
 from volspec.raycast.pace import WHOLE, Pass
 from volspec.viewer.model import camera, transfer_edits
 from volspec.viewer.model.history import without_cast

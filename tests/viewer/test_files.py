@@ -19,9 +19,9 @@ from tests.support.images import read_codes
 from tests.support.patience import PATIENCE_S
 from tests.support.viewer import SCENES, assert_same_tables, opened, picture, run_command
 from tests.viewer._states import frame_of, save_ball, seen, under, worked_on
+from volspec._checks import MAX_SIDE
 from volspec.errors import ImageError, InputError, OpenGLError, VolspecWarning, VolumeError
 from volspec.export.frames import read_frame_text
-from volspec.raycast.checks import MAX_SIDE
 from volspec.scene import Scene
 from volspec.viewer.app import Options, view
 from volspec.viewer.model.choices import (

@@ -18,6 +18,7 @@ from tests.support.patience import wait_until
 from tests.support.viewer import opened, run_command, take_until
 from tests.viewer._states import frame_of
 from volspec.errors import CastCancelled, ViewingError, VolumeError
+from volspec.export.exporter import export
 from volspec.pipeline import Raycaster
 from volspec.scene import Scene
 from volspec.scene.export import MARKS, ExportSpec
@@ -132,7 +133,7 @@ def test_the_frames_of_a_film_are_the_pictures_of_its_preview(tmp_path, kind):
     first = scene.lights[0].name
     more = {"stereo": {"layout": kind}} if kind == "anaglyph" else {}
     turn = {"turntable": {"frames": 4}, "lights": [first], "size": (40, 30)}
-    made = scene.export(tmp_path / "cli", **turn, **more)
+    made = export(scene, tmp_path / "cli", **turn, **more)
     for i, name in enumerate(made.files[:4]):
         ours, theirs = map(codes_of, (frames / f"000{i}.png", made.output / name))
         assert np.abs(ours - theirs).max() <= 1

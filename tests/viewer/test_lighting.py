@@ -17,8 +17,8 @@ from tests.support.viewer import (
 )
 from tests.support.window import small_engine
 from tests.viewer._edits import drawn
+from volspec.camera.projection import Projection
 from volspec.raycast import Ambient, Directional, LightGroup, Point, RaycastSpec
-from volspec.raycast.projection import Projection
 from volspec.spectra import light
 from volspec.viewer.model import lighting, lighting_aim, lights, quality
 from volspec.viewer.model.cuts import Handle

@@ -13,8 +13,8 @@ from tests.support.viewer import opened, take_until
 from tests.support.window import small_engine
 from tests.viewer._states import casts_of, frame_of, job_of, relit, seen
 from volspec.basis import MaterialBasis
+from volspec.image import CoefficientImage, DepthEffects
 from volspec.pipeline import Raycaster
-from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.raycast.pace import WHOLE, Pass
 from volspec.relight.stereo import Stereo, StereoViews
 from volspec.scene.specs import MeshSpec

@@ -16,9 +16,11 @@ from tests.support.fixtures import Patch
 from tests.support.patience import PATIENCE_S, wait_until
 from tests.viewer._states import job_of, of_volume, seen, under
 from volspec.appearance import lut3d
+from volspec.camera import Camera
 from volspec.errors import RelightError, ViewingError
+from volspec.image import CoefficientImage
 from volspec.pipeline import raycast
-from volspec.raycast import Camera, CoefficientImage, Headlight, LightGroup
+from volspec.raycast import Headlight, LightGroup
 from volspec.relight import Illumination
 from volspec.relight.error_map import error_map
 from volspec.spectra import colour_matching_functions

@@ -9,8 +9,9 @@ import pytest
 from tests.support.viewer import KINDS, of_kind
 from tests.viewer._states import of_volume, relit
 from volspec.basis import MaterialBasis
-from volspec.raycast import CoefficientImage, RaycastSpec
-from volspec.raycast.projection import is_patient
+from volspec.camera.projection import is_patient
+from volspec.image import CoefficientImage
+from volspec.raycast import RaycastSpec
 from volspec.relight import LightRig
 from volspec.spectra import light, reflectance
 from volspec.transfer import MAX_LABEL, FieldFunctions, Mask, TransferFunction

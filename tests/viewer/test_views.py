@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from tests.support.viewer import read_scene, run_command
 from tests.viewer._states import of_volume
+from volspec.camera.projection import Projection, cube_faces, cube_label, length_mm
 from volspec.export.tiles import WindowCamera
 from volspec.raycast import ClipPlane
 from volspec.raycast.framing import fit_view, shown_mm
-from volspec.raycast.projection import Projection, cube_faces, cube_label, length_mm
 from volspec.scene import Scene
 from volspec.viewer.model import camera, cuts, measure, slices, transfer_edits
 from volspec.viewer.model.commands import BY_KEY

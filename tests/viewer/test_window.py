@@ -13,6 +13,7 @@ from tests.support.images import read_codes
 from tests.support.window import Robot, small_engine
 from tests.viewer._states import save_ball
 from volspec._gpu.devices import POCL, devices
+from volspec.export.exporter import export
 from volspec.scene import Scene
 from volspec.volume import phantom
 
@@ -283,8 +284,12 @@ def test_a_volume_s_saved_scene_exports_the_picture_shown(window, tmp_path):
     assert max(map(len, re.findall(r"[\d.]+", text))) <= 9
     scene = Scene.load(saved)
     assert (scene.file.output.width, scene.file.output.height) == window.area("picture")[2:]
-    made = scene.exporting(annotate=["scale"]).export(  # as a picture has what the screen shows
-        tmp_path / "frames", lights=[scene.lights[0].name], sheet=False, size=(160, 120)
+    made = export(
+        scene.exporting(annotate=["scale"]),  # as a picture has what the screen shows
+        tmp_path / "frames",
+        lights=[scene.lights[0].name],
+        sheet=False,
+        size=(160, 120),
     )
     frame = read_codes(made.output / made.files[0]).astype(int)
     assert seen.std() > 5 and np.abs(frame - seen).max() <= 1

@@ -8,7 +8,7 @@ import pytest
 
 from tests.support.volumes import load_silently
 from tools.phantom_sheet import ORIENTATIONS, WRITERS, phantom, reoriented
-from volspec.raycast.projection import side_deg
+from volspec.camera.projection import side_deg
 
 # Places (N, 3) in LPS, in mm, all over the phantom.
 INDEX = np.stack(np.meshgrid(*(range(0, n, 3) for n in (48, 40, 34))), axis=-1).reshape(-1, 3)

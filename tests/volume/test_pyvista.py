@@ -20,8 +20,8 @@ from tests.support.fixtures import slow_each
 from volspec.appearance import spaces
 from volspec.appearance.spaces import sRGB_CURVE
 from volspec.basis import SpectralBasis
+from volspec.camera import Camera
 from volspec.errors import CameraError, RaycastError, RelightError, TransferError, VolumeError
-from volspec.raycast import Camera
 from volspec.transfer.vtk_interop import transfer_from_vtk
 from volspec.volume import volume_choices
 from volspec.volume.metadata import NO_UNIT

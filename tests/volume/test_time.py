@@ -167,12 +167,12 @@ def test_a_scene_shows_a_step_and_exports_all(beat):
     made_of = scene(beat, "volume.step = 2")
     assert made_of.step_count() == 4 and made_of.volume().values.max() == 140
     lights = {"lights": ["day"], "sheet": False}
-    made = made_of.export(beat / "frames", play={"loops": 2}, **lights)
+    made = vs.export(made_of, beat / "frames", play={"loops": 2}, **lights)
     assert made.frames == 8 and made.casts == 4
     frames = [(made.output / name).read_bytes() for name in made.files]
     assert frames[:4] == frames[4:] and len(set(frames)) == 4
     for count in (6, 0):
-        turned = made_of.export(beat / "turn", turntable={"frames": 6}, play={}, **lights)
+        turned = vs.export(made_of, beat / "turn", turntable={"frames": 6}, play={}, **lights)
         assert (turned.frames, turned.casts, turned.made) == (6, 6 * bool(count), count)
     own, as_step = (
         vs.raycast(volume, made_of.transfer, made_of.camera(volume), (24, 20), made_of.raycast)
@@ -201,14 +201,14 @@ def test_a_scene_made_for_a_series_fits_all_steps(tmp_path):
 
 def test_a_frame_is_the_picture_of_its_step_whichever_was_cast_before(beat):
     series, settings = scene(beat), {"lights": ["day"], "sheet": False}
-    made = series.export(beat / "frames", play={}, **settings)
-    alone = scene(beat, "volume.step = 3").export(beat / "alone", **settings)
+    made = vs.export(series, beat / "frames", play={}, **settings)
+    alone = vs.export(scene(beat, "volume.step = 3"), beat / "alone", **settings)
     frame = (made.output / made.files[3]).read_bytes()
     own = read_frame(alone.output / alone.files[0])
     assert np.array_equal(read_frame(made.output / made.files[3]), own)
     for name in made.files[1:]:
         (made.output / name).unlink()
-    assert series.export(made.output, play={}, **settings).made == 3
+    assert vs.export(series, made.output, play={}, **settings).made == 3
     assert frame == (made.output / made.files[3]).read_bytes()
 
 
@@ -251,7 +251,11 @@ def four_steps(folder: Path) -> str:
         (lambda beat: load_at(four_steps(beat), 2, 3, {}), VolumeError, "shape"),
         (lambda beat: vs.load_series(f"{four_steps(beat)}?time=2"), VolumeError, "missing"),
         (lambda beat: step_addresses(f"{beat}/none*.nrrd"), VolumeError, "not-found"),
-        (lambda beat: scene(beat, file="beat8.nrrd").export(beat, play={}), SceneError, "conflict"),
+        (
+            lambda beat: vs.export(scene(beat, file="beat8.nrrd"), beat, play={}),
+            SceneError,
+            "conflict",
+        ),
         (lambda beat: scene(beat, "volume.step = 4").volume(), SceneError, "range"),
         (lambda beat: scene(beat, TWO_COUNTS), SceneError, "conflict"),
         (lambda beat: scene(beat, UNEVEN).series(), SceneError, "shape"),

@@ -13,6 +13,7 @@ from pathlib import Path
 from PIL import Image
 
 from tools.gallery.studio import ROOT, engine_scene
+from volspec.export.exporter import export
 
 FOLDER = ROOT / "docs" / "images"
 LIGHTS = ["D65", "A", "FL2", "HP1"]
@@ -25,12 +26,20 @@ def main() -> None:
     scene = engine_scene()
     turn = {"frames": FRAMES}
     film = FOLDER / "engine.mp4"
-    scene.export(
-        film, size=(720, 560), turntable=turn, sweep=turn, lights=LIGHTS, samples=2, overwrite=True
+    export(
+        scene,
+        film,
+        size=(720, 560),
+        turntable=turn,
+        sweep=turn,
+        lights=LIGHTS,
+        samples=2,
+        overwrite=True,
     )
     print(f"{film.name}: {film.stat().st_size / 1000:.0f} kB")
     with tempfile.TemporaryDirectory() as folder:
-        made = scene.export(
+        made = export(
+            scene,
             *(Path(folder) / "frames",),
             size=_SMALL,
             turntable={"frames": FRAMES // 2},

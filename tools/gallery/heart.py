@@ -22,6 +22,7 @@ from tests.support.browser import chromium
 from tools.gallery.film import save_loop
 from tools.gallery.studio import ROOT
 from tools.gallery.webpage import save, screens, strip
+from volspec.export.exporter import export
 from volspec.export.page import PageSpec, scene_views, write_page
 from volspec.scene import Scene
 
@@ -288,7 +289,8 @@ def main() -> None:
 
 def film(scene: Scene, folder: Path) -> list[Image.Image]:
     """Return the frames of three beats, while each light fades into the next."""
-    made = scene.export(
+    made = export(
+        scene,
         folder,
         size=(440, 440),
         play={"loops": 3},

@@ -21,11 +21,12 @@ from PIL import Image
 
 from tests.support.pyramids import pyramid_of
 from tools.gallery.studio import ROOT
+from volspec.camera import Camera
+from volspec.large import level_caster as out_of_core
+from volspec.large.convert import convert
 from volspec.pipeline import raycast, relight
-from volspec.raycast import Camera, out_of_core
 from volspec.scene import Scene
 from volspec.volume import load_volume
-from volspec.volume.convert import convert
 from volspec.volume.larger import level_of
 
 FOLDER = ROOT / "docs" / "images"

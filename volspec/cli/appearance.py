@@ -290,8 +290,8 @@ def write_comparison(
     from volspec.appearance.spec import MODELS
     from volspec.export.contact_sheet import SheetTile, comparison_sheet
     from volspec.export.frames import write_frame
+    from volspec.image import CoefficientImage
     from volspec.pipeline import Relighter
-    from volspec.raycast import CoefficientImage
     from volspec.relight import RelightSpec
     from volspec.spectra import light
     from volspec.spectra.lights import sent_name

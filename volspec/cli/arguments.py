@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from volspec.raycast import CoefficientImage
+    from volspec.image import CoefficientImage
     from volspec.relight import LightRig
     from volspec.spectra import SpectralGrid, Spectrum
 

@@ -168,7 +168,7 @@ def _case(
 ) -> _Case:
     """Return the basis for a subject and settings, with the subject's lights and materials."""
     from volspec.basis import load_basis
-    from volspec.raycast import CoefficientImage
+    from volspec.image import CoefficientImage
 
     suffix = "" if subject is None else Path(subject).suffix.lower()
     if "method" in asked:

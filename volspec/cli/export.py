@@ -148,6 +148,7 @@ def export(
     overwrite
         Replace files that an export of another scene left in the folder.
     """
+    from volspec.export.exporter import export as export_scene
     from volspec.scene.export import MARKS
     from volspec.settings import plain
     from volspec.spectra.lights import sent_names
@@ -206,7 +207,8 @@ def export(
         with in_options(options):
             scene = scene.exporting(**given)
             tell("load the scene", 1)
-            made = scene.export(
+            made = export_scene(
+                scene,
                 job.output,
                 size=sides(size) if size else None,
                 overwrite=overwrite,
@@ -538,7 +540,7 @@ def compositing(
     from volspec.export.compositing import Recipe, save_for_compositors
     from volspec.export.deep import save_deep
     from volspec.export.recipes import SUFFIXES, write_recipe
-    from volspec.raycast import CoefficientImage
+    from volspec.image import CoefficientImage
     from volspec.scene import stored_relight_spec
 
     require_image(image, "cast it first: volspec render {file} -o IMAGE.exr")

@@ -22,7 +22,7 @@ from volspec.cli.viewing import in_options
 from volspec.errors import InputError, VolspecError, one_line
 
 if TYPE_CHECKING:
-    from volspec.raycast.camera import Orbit
+    from volspec.camera.camera import Orbit
     from volspec.scene import Scene
     from volspec.volume import Volume
 
@@ -178,7 +178,7 @@ def with_quality(scene: Scene, quality: str | None) -> Scene:
 
 def _camera(camera: str) -> str | Orbit:
     """Return the name of a side, or the orbit of azimuth and elevation."""
-    from volspec.raycast.camera import OF_PATIENT, SIDES, Orbit
+    from volspec.camera.camera import OF_PATIENT, SIDES, Orbit
 
     if camera.lower() in (*SIDES, *OF_PATIENT):
         return camera.lower()
@@ -195,8 +195,8 @@ def _camera(camera: str) -> str | Orbit:
 
 def _orbit(camera: str | Orbit, read: Callable[[], Volume]) -> Orbit:
     """Return the orbit of a side, for which the volume is read; an orbit stays."""
-    from volspec.raycast.camera import OF_PATIENT, Orbit
-    from volspec.raycast.projection import side_deg
+    from volspec.camera.camera import OF_PATIENT, Orbit
+    from volspec.camera.projection import side_deg
 
     if not isinstance(camera, str):
         return camera

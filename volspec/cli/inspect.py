@@ -89,7 +89,7 @@ def convert(volume: str, /, *, output: Annotated[Path, Parameter(name=["--output
         The folder to write; its name ends in .zarr.
     """
     from volspec._files import require_suffix
-    from volspec.volume.convert import convert as write
+    from volspec.large.convert import convert as write
     from volspec.volume.files.omezarr import ZIP_SUFFIXES
     from volspec.volume.load import open_level
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from volspec.appearance.hdr import Hdr
-    from volspec.raycast import CoefficientImage
+    from volspec.image import CoefficientImage
     from volspec.relight import ErrorMap, LightRig, RelightSpec
     from volspec.spectra import SpectralGrid, Spectrum
 
@@ -127,8 +127,8 @@ def relight(
         appearance model is applied, so of the viewing options only `--exposure` and `--lux` count.
     """
     from volspec.export.frames import BlankFrames, file_stem, to_uint16, write_frame
+    from volspec.image import DepthEffects
     from volspec.pipeline import Relighter
-    from volspec.raycast import DepthEffects
     from volspec.relight.hdr import hdr_frame
     from volspec.scene import stored_depth, stored_relight_spec
     from volspec.spectra.lights import sent_names
@@ -353,7 +353,7 @@ def _check_kind(
 def _picture(path: Path, basis: str | None, taken_under: str | None) -> CoefficientImage:
     """Return a coefficient image, or a spectral picture projected onto a basis."""
     from volspec.basis import SpectralBasis
-    from volspec.raycast import CoefficientImage
+    from volspec.image import CoefficientImage
     from volspec.spectra import SpectralImage, light
 
     if basis is None:

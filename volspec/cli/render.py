@@ -216,7 +216,7 @@ def view(
 
 def _sides(option: str, given: str) -> tuple[int, int]:
     """Return width and height, up to the largest picture size."""
-    from volspec.raycast.checks import MAX_SIDE
+    from volspec._checks import MAX_SIDE
 
     both = sides(given)
     if max(both) > MAX_SIDE:

@@ -23,7 +23,7 @@ from volspec.errors import InputError, SpectrumError
 if TYPE_CHECKING:
     from volspec.appearance import Viewing, ViewingConditions
     from volspec.appearance.hdr import Hdr
-    from volspec.raycast import CoefficientImage, DepthEffects
+    from volspec.image import CoefficientImage, DepthEffects
     from volspec.relight import RelightSpec
     from volspec.relight.stereo import Stereo
 
@@ -386,7 +386,7 @@ class DepthOptions:
         """Return an image recomposed with {material: scale} and `effects`, if there are any."""
         import numpy as np
 
-        from volspec.raycast import CoefficientImage
+        from volspec.image import CoefficientImage
 
         effects = self.effects(scene)
         if not (scales or effects.changes or self.surface):

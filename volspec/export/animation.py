@@ -23,6 +23,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from volspec._checks import Vector, unit
+from volspec.camera import Camera
+from volspec.camera.camera import Orbit
 from volspec.errors import (
     CameraError,
     ImageError,
@@ -31,9 +34,7 @@ from volspec.errors import (
     TransferError,
     ViewingError,
 )
-from volspec.raycast import Camera, DepthEffects
-from volspec.raycast.camera import Orbit
-from volspec.raycast.checks import Vector, unit
+from volspec.image import DepthEffects
 from volspec.raycast.kernel_arguments import check_reach
 from volspec.relight import RelightSpec
 from volspec.scene import Scene

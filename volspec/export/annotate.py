@@ -21,9 +21,8 @@ from volspec._text import TextLine, fit_text, printable
 from volspec.appearance.gamut_mapping import screen_for_viewing
 from volspec.appearance.scene_to_display import view_transform
 from volspec.basis import Basis
-from volspec.errors import VolspecWarning, quoted
-from volspec.raycast import Camera
-from volspec.raycast.projection import (
+from volspec.camera import Camera
+from volspec.camera.projection import (
     Projection,
     cube_faces,
     cube_label,
@@ -31,6 +30,7 @@ from volspec.raycast.projection import (
     length_mm,
     scale_text,
 )
+from volspec.errors import VolspecWarning, quoted
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
 from volspec.scene.annotation import Annotation, PlacedAnnotation, place_annotation

@@ -32,10 +32,9 @@ from volspec.basis.display import visible_white
 from volspec.errors import ImageError, ViewingError, quoted
 from volspec.export.exr import PRIMARIES
 from volspec.export.spectral import flat_white_scale
-from volspec.raycast import CoefficientImage
-from volspec.raycast.image_file import SOLID_VERSION, channel_names, plain_names, stored_slots
-from volspec.raycast.layered import Slot
-from volspec.raycast.spec import MAX_LAYERS
+from volspec.image import CoefficientImage
+from volspec.image.file import SOLID_VERSION, channel_names, plain_names, stored_slots
+from volspec.image.layers import MAX_LAYERS, Slot
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
 from volspec.scene import NamedLight, Scene

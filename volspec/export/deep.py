@@ -4,7 +4,7 @@
 
 A used layer of a pixel is a deep sample, near to far: ``Z``, ``ZBack``, ``A``, ``R``, ``G`` and
 ``B`` under the first light, and the coefficients ``key.c00.V``, …, all premultiplied by the
-sample's own ``A``. Samples are slabs, as those of `volspec.raycast.depth`, that do not overlap.
+sample's own ``A``. Samples are slabs, as those of `volspec.image.depth`, that do not overlap.
 Flattened by over they are the recomposed picture: what both differ by, the residual at scale 1
 included, is spread over a pixel's samples in proportion, and a ray that ended early has no samples
 behind its end.
@@ -25,9 +25,9 @@ from volspec._files import require_suffix
 from volspec.errors import ImageError
 from volspec.export.compositing import Recipe
 from volspec.export.exr import PRIMARIES
-from volspec.raycast import CoefficientImage
-from volspec.raycast.depth import axis_cosine, extents
-from volspec.raycast.image_file import channel_names
+from volspec.image import CoefficientImage
+from volspec.image.depth import axis_cosine, extents
+from volspec.image.file import channel_names
 
 _CLEAR = 2.0**-24  # alpha of a sample that half floats do not show
 _MOST_DEPTH = 16.0  # optical depth of an opaque pixel

@@ -17,7 +17,7 @@ from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -40,8 +40,8 @@ from volspec.export.manifest import ExportFolder, fingerprint
 from volspec.export.overview import write_overview
 from volspec.export.plan import Plan, Shot, plan_export
 from volspec.export.tiles import Canvas, TileCaster, Window, part_of
+from volspec.image import CoefficientImage
 from volspec.pipeline import GAPS, Raycaster
-from volspec.raycast import CoefficientImage
 from volspec.relight.stereo import expected_depth_mm
 from volspec.scene import Scene
 from volspec.scene.model import cast_notes
@@ -113,8 +113,9 @@ def export(
     caster: Raycaster | None = None,
     plan: Plan | None = None,
     series: Series | None = None,
+    **changes: Any,
 ) -> Exported:
-    """Export the frames of a scene's ``[export]``.
+    """Export the frames of a scene's ``[export]``; see docs/export.md.
 
     Frames that the folder already has are kept: an export that was killed resumes, and the result
     has the same bytes.
@@ -141,15 +142,18 @@ def export(
         Frames instead of those of ``[export]``, in its files' format.
     series : Series, optional
         The scene's time steps, if they are already open.
+    **changes
+        Keys of ``[export]`` instead of the file's, such as ``turntable={"frames": 36}``.
 
     Raises
     ------
     InputError
-        If the output cannot be written or belongs to another scene; if a number is out of range.
+        If a setting is wrong, or the output cannot be written or belongs to another scene.
     DeviceError
         If there is no device, or no ffmpeg for a film.
     """
     progress = progress or (lambda step, fraction: None)
+    scene = scene.exporting(**changes) if changes else scene
     target, table = Path(output), scene.file.export
     is_film = target.suffix.lower() in SUFFIXES
     if is_film:

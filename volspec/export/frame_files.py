@@ -35,7 +35,7 @@ from volspec.export.png import PngWriter
 from volspec.export.spectral import SpectralIllumination
 from volspec.export.tiles import row_strips
 from volspec.export.value_bars import value_bars
-from volspec.raycast import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.relight import Relighter
 from volspec.relight.hdr import hdr_frame
 from volspec.relight.illumination import Illumination

@@ -27,14 +27,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
+from volspec._checks import checked_size
 from volspec._files import require_suffix, require_writable, write_whole
 from volspec.appearance.spaces import SPACES, sRGB_CURVE
+from volspec.camera import Camera
 from volspec.errors import MeshError, SpectrumError, VolspecWarning, nearest
 from volspec.export.png import PngWriter
 from volspec.mesh.model import Mesh
 from volspec.mesh.texture import Texture
-from volspec.raycast import Ambient, Camera, Directional, Point, RaycastSpec
-from volspec.raycast.checks import checked_size
+from volspec.raycast import Ambient, Directional, Point, RaycastSpec
 from volspec.raycast.lights import Headlight, Source
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum

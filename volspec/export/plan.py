@@ -19,15 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.appearance.scene_to_display import view_transform
+from volspec.camera import Camera
 from volspec.errors import InputError, SceneError
 from volspec.export import animation
 from volspec.export.animation import FrameState
 from volspec.export.frames import distinct_stems
-from volspec.raycast import Camera, DepthEffects
-from volspec.raycast.behind import Behind
+from volspec.image import DepthEffects
 from volspec.raycast.fields import FieldCast
 from volspec.raycast.kernel_arguments import check_reach
-from volspec.raycast.layer_casts import check_layers
+from volspec.raycast.layer_stream import check_layers
+from volspec.raycast.surfaces import Behind
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.hdr import check_hdr
 from volspec.relight.illumination import Illumination
@@ -387,7 +388,8 @@ def _require_castable(scene: Scene, volume: Volume, behind: Sequence[Behind]) ->
         else:
             scene.raycast.naming_fields(volume)
         if scene.raycast.layers:
-            check_layers(scene.raycast, tables, scene.basis, behind)
+            translucent = [each.translucent for each in behind]
+            check_layers(scene.raycast, tables, scene.basis, translucent)
     except InputError as error:
         raise error.within(f"{scene.path}: [raycast]", SceneError) from error
 

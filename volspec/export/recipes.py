@@ -17,9 +17,8 @@ from volspec._files import write_whole
 from volspec._gpu.sources import asset
 from volspec.errors import ImageError, visible
 from volspec.export.compositing import Recipe
-from volspec.raycast.image_file import CASTS, layer_names
-from volspec.raycast.layered import BEND, MOST_EXPONENT, Slot
-from volspec.raycast.lights import OCCLUSION_GAIN
+from volspec.image.file import CASTS, layer_names
+from volspec.image.layers import BEND, MOST_EXPONENT, OCCLUSION_GAIN, Slot
 
 SUFFIXES = (".py", ".nk")
 # Tcl's brackets, braces, quotes and variables; HTML's tags and entities; @ for icons.

@@ -28,8 +28,8 @@ from volspec.basis import Basis, SpectralBasis
 from volspec.export.exr import PRIMARIES, ExrBands, ExrHeader, ExrWriter, encoding_threads
 from volspec.export.frames import row_file
 from volspec.export.tiles import row_strips
-from volspec.raycast import CoefficientImage
-from volspec.raycast.image_file import ONE_GROUP
+from volspec.image import CoefficientImage
+from volspec.image.file import ONE_GROUP
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
 from volspec.spectra import SpectralGrid, Spectrum

@@ -16,13 +16,15 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._checks import MAX_SIDE
+from volspec.camera import Camera
+from volspec.camera.camera import RayField
 from volspec.errors import VolspecWarning
+from volspec.image import CoefficientImage
 from volspec.pipeline import GAPS, Raycaster, raycast
-from volspec.raycast import Camera, CoefficientImage, RaycastSpec
-from volspec.raycast.behind import Behind
-from volspec.raycast.camera import RayField
-from volspec.raycast.checks import MAX_SIDE
+from volspec.raycast import RaycastSpec
 from volspec.raycast.row_batches import Progress
+from volspec.raycast.surfaces import Behind
 from volspec.relight.stereo import ShiftedCamera
 from volspec.transfer import Transfers
 

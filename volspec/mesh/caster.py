@@ -22,21 +22,28 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._checks import checked_size
 from volspec.basis import Basis, SpectralBasis
+from volspec.camera.camera import Camera
+from volspec.camera.projection import NEAR, Projection
 from volspec.errors import MeshError, VolspecWarning
+from volspec.image.model import CoefficientImage
 from volspec.mesh.model import Mesh
 from volspec.mesh.paint import Paint, mesh_paint
 from volspec.mesh.shading import Lighting, Seen
 from volspec.mesh.surfaces import MOST_SHEETS, Surfaces, passed, same_surfaces
-from volspec.raycast.behind import BehindImage, OpacityCaster, nothing, put_behind
-from volspec.raycast.camera import Camera
-from volspec.raycast.checks import checked_size
-from volspec.raycast.edges import POINTS, further_points, next_to
-from volspec.raycast.image import CoefficientImage
 from volspec.raycast.light_volume import Arrives, Clear
-from volspec.raycast.projection import NEAR, Projection
 from volspec.raycast.sampling import world_rays
 from volspec.raycast.spec import RaycastSpec
+from volspec.raycast.surfaces import (
+    POINTS,
+    BehindImage,
+    OpacityCaster,
+    further_points,
+    next_to,
+    nothing,
+    put_behind,
+)
 from volspec.spectra import Spectrum
 from volspec.volume import Volume
 
@@ -197,17 +204,17 @@ class MeshCaster:
 
     @property
     def materials(self) -> list[str]:
-        """Return the meshes' materials, as `volspec.raycast.behind.Behind`."""
+        """Return the meshes' materials, as `volspec.raycast.surfaces.Behind`."""
         return [name for mesh in self.meshes for name in mesh.materials]
 
     @property
     def translucent(self) -> str:
-        """Return the first translucent mesh, as `volspec.raycast.behind.Behind`."""
+        """Return the first translucent mesh, as `volspec.raycast.surfaces.Behind`."""
         found = [each for each in self.meshes if each.opacity < 1.0]
         return f"{found[0].name} of opacity {found[0].opacity:g}" if found else ""
 
     def within(self, volume: Volume | None, spec: RaycastSpec) -> MeshCaster | None:
-        """Return what cuts leave of meshes with ``cut``, as `volspec.raycast.behind.Behind`."""
+        """Return what cuts leave of meshes with ``cut``, as `volspec.raycast.surfaces.Behind`."""
         planes = spec.world_planes(volume)
         if not len(planes) or not any(mesh.cut for mesh in self.meshes):
             return self
@@ -222,7 +229,7 @@ class MeshCaster:
         return None if found is None else found.painted(self._spectra, self.basis)
 
     def depths_mm(self, camera: Camera, size: Size) -> list[NDArray[np.float32]]:
-        """Return (H, W) distances, as `volspec.raycast.behind.Behind`."""
+        """Return (H, W) distances, as `volspec.raycast.surfaces.Behind`."""
         window, views = self._look(camera, size)
         return [window.framed(seen.along_mm, size) for seen in views]
 
@@ -233,7 +240,7 @@ class MeshCaster:
         opacity: OpacityCaster,
         ends_mm: Sequence[NDArray[np.float32]],
     ) -> list[BehindImage]:
-        """Return pictures of the meshes, as `volspec.raycast.behind.Behind`."""
+        """Return pictures of the meshes, as `volspec.raycast.surfaces.Behind`."""
         arrives = opacity.arrivals(camera, self.clear)
         return self._pictures(camera, size, opacity.spec, arrives, ends_mm)
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from volspec._triangles import cosine_directions
 from volspec.basis import Basis, SpectralBasis
+from volspec.camera.camera import Camera
 from volspec.mesh.grating import Grating
-from volspec.raycast.camera import Camera
 from volspec.raycast.kernel_arguments import numbered_sources
 from volspec.raycast.light_volume import FAR, Arrives, Clear
 from volspec.raycast.lights import Ambient, Directional, Point, Source

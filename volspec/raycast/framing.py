@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.raycast.camera import Orbit, radius_mm
+from volspec.camera.camera import Orbit, radius_mm
 from volspec.raycast.light_volume import extinction_per_mm
 from volspec.raycast.masks import MaskLattice
 from volspec.raycast.spec import RaycastSpec

@@ -18,9 +18,11 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._checks import check_callable, checked_size
 from volspec._deprecated import renamed_attribute
 from volspec._gpu.opencl import Compute
 from volspec._gpu.sharing import Sharing
+from volspec.camera.camera import Camera
 from volspec.errors import OpenCLError, RaycastError, VolspecWarning
 from volspec.raycast import kernel_arguments
 from volspec.raycast.bricks import (
@@ -28,15 +30,11 @@ from volspec.raycast.bricks import (
     brick_ranges,
     masked_brick_codes,
 )
-from volspec.raycast.camera import Camera
-from volspec.raycast.checks import check_callable, checked_size
-from volspec.raycast.distributed import Cluster, is_cluster
 from volspec.raycast.fields import FieldCast, add_pictures, common_dtype, frame_around
 from volspec.raycast.kernel_arguments import check_reach
-from volspec.raycast.layer_casts import shadow_slots
+from volspec.raycast.layer_stream import shadow_slots
 from volspec.raycast.light_volume import Arrives, Clear, LightVolume, split_width
 from volspec.raycast.masks import MaskLattice
-from volspec.raycast.out_of_core import LevelCaster, level_for
 from volspec.raycast.packets import TILES, Packet, choose_packet
 from volspec.raycast.programs import GROUPS, cast_kernel
 from volspec.raycast.quality import SHORTEST, Picture, Target, choose_step
@@ -245,16 +243,14 @@ class _Known:
     baked: tuple[Transfers, dict[str, float], Tables] | None
 
 
-class Raycaster:
+class VolumeCaster:
     """A volume on an OpenCL device, ready to be cast; threads may share it and cast in turn.
 
     Parameters
     ----------
     volume : Volume
     device : str, optional
-        Part of a device's name; the first GPU, else the first CPU, if left out. Or the address of
-        a Dask cluster, ``tcp://HOST:PORT`` or ``local:N`` for N workers on this machine, who cast
-        the finer levels of a volume that is larger than memory.
+        Part of a device's name; the first GPU, else the first CPU, if left out.
     lanes : int, optional
         Rays marched together by a work-item: 1, 4, 8 or 16.
     packet : Packet, optional
@@ -263,7 +259,7 @@ class Raycaster:
     context : moderngl.Context, optional
         Current on the thread that casts. The device then shares its memory, and
         ``raycast(into=…)`` passes pictures to a Relighter of the same context without the host.
-    like : Raycaster, optional
+    like : VolumeCaster, optional
         A caster of another volume, whose device, programs and packet this one shares; they cast in
         turn. Two steps of a series, which have one lattice and range, share tables, too. The other
         parameters are then left out.
@@ -283,7 +279,7 @@ class Raycaster:
         lanes: int | None = None,
         packet: Packet | None = None,
         context: Any = None,
-        like: Raycaster | None = None,
+        like: VolumeCaster | None = None,
     ) -> None:
         if not isinstance(volume, Volume):
             raise RaycastError.refused("Raycaster: volume", volume, "give a volspec.Volume", "type")
@@ -307,18 +303,6 @@ class Raycaster:
                     code="conflict",
                 )
             packet = like.packet
-        self._cluster: Cluster | None = like._cluster if like else None
-        if device is not None and is_cluster(device):
-            if volume.pyramid is None:
-                raise RaycastError(
-                    f"device {device}: a cluster casts what is larger than memory, which holds "
-                    f"{volume.name}",
-                    "leave it out, or give less memory than the voxels take, such as "
-                    f"--memory {max(volume.values.nbytes // 2**21, 1)}MiB",
-                    code="conflict",
-                    given=device,
-                )
-            self._cluster, device = Cluster(device), None
         self._compute: Compute = like._compute if like else Compute.open(device, context)
         self.packet: Packet = packet or choose_packet(self._compute.index)
         self._own = _Field.of(self._compute, volume)
@@ -327,7 +311,6 @@ class Raycaster:
         self._together: _Together | None = None
         self._shared_lock: threading.RLock = like._shared_lock if like else threading.RLock()
         self._casting = False
-        self._levels: dict[int, LevelCaster] = {}
         self._integral: bool | None = None  # True if float values are labels
         self._brick_codes: tuple[tuple[Any, ...], Any] | None = None
         self._chosen: dict[Target, tuple[tuple[Any, ...], Tables, float]] = {}
@@ -346,11 +329,6 @@ class Raycaster:
     def device_index(self) -> str:
         """Number of the device, by which it can be opened."""
         return str(self._compute.index)
-
-    @property
-    def cluster(self) -> Cluster | None:
-        """The cluster that casts finer levels; None without one."""
-        return self._cluster
 
     @property
     def compute(self) -> Compute:
@@ -478,7 +456,7 @@ class Raycaster:
             What surfaces keep from the volume: the part of light that passes between two points,
             (K, 3) starts and ends in mm -> (K,).
         layers : (H, W, L, N) float32, optional
-            Filled with `RaycastSpec.layers`, N as `volspec.raycast.layered.row_size`, of the
+            Filled with `RaycastSpec.layers`, N as `volspec.image.layers.row_size`, of the
             table's materials. Without it they are not cast.
 
         Raises
@@ -520,25 +498,6 @@ class Raycaster:
                 yield
             finally:
                 self._casting = False
-
-    def at(
-        self, camera: Camera, size: tuple[int, int], spec: RaycastSpec
-    ) -> Raycaster | LevelCaster:
-        """Return the caster of the level of detail that a picture needs.
-
-        It is this one, unless the volume is larger than memory; arguments are those of `cast`.
-        """
-        if self.volume.pyramid is None:
-            return self
-        number = level_for(self.volume, camera, size, spec)
-        if number == len(self.volume.pyramid.levels) - 1:
-            return self
-        if number not in self._levels:
-            # One at a time: each has a light volume.
-            cluster = self._cluster
-            made = LevelCaster(self, number) if cluster is None else cluster.caster(self, number)
-            self._levels = {number: made}
-        return self._levels[number]
 
     def _cast(
         self,

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._gpu.prelude import Struct
+from volspec.camera.camera import Camera
 from volspec.errors import CameraError, InputError, RaycastError
-from volspec.raycast.camera import Camera
 from volspec.raycast.lights import NEAR_LAMP, Ambient, Directional, Headlight, Point, Source
 from volspec.raycast.masks import MIXED, MaskLattice
 from volspec.raycast.spec import MAX_PLANES, RaycastSpec, diagonal_mm

@@ -30,11 +30,12 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._checks import Vector
 from volspec._gpu.opencl import Compute
 from volspec._gpu.prelude import C_TYPES, Struct, prelude
 from volspec._gpu.sources import assemble
-from volspec.raycast.camera import Camera
-from volspec.raycast.checks import Vector
+from volspec.camera.camera import Camera
+from volspec.image.layers import OCCLUSION_GAIN
 from volspec.raycast.kernel_arguments import (
     CURVE,
     CUT_TOLERANCE,
@@ -42,7 +43,7 @@ from volspec.raycast.kernel_arguments import (
     MASK,
     numbered_sources,
 )
-from volspec.raycast.lights import OCCLUSION_GAIN, Ambient, Directional, Point
+from volspec.raycast.lights import Ambient, Directional, Point
 from volspec.raycast.masks import MIXED
 from volspec.raycast.sampling import trilinear
 from volspec.raycast.spec import MAX_PLANES, RaycastSpec

@@ -13,16 +13,13 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
 
+from volspec._checks import Direction, Weight
 from volspec.errors import InputError, RaycastError
-from volspec.raycast.checks import Direction, Weight
 from volspec.settings import Hint, Positive, Unit, Vector, kind_of, settings
 
 Frame = Literal["world", "camera"]
 # Within this fraction of its falloff distance, a lamp gets no brighter.
 NEAR_LAMP = 0.1
-# Factor of the mean transmittance over the sphere: a point on a flat wall sees half of it, which
-# counts as all of the ambient light.
-OCCLUSION_GAIN = 2.0
 MAX_GROUPS = 8
 MAX_SOURCES = 16
 MAX_NAME = 64

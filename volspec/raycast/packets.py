@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import time
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 
@@ -23,14 +21,12 @@ from volspec._gpu.devices import DeviceInfo, device_key, devices
 
 # Shapes by lanes, (width, height) in pixels; lanes.clh numbers the lanes row by row.
 TILES = {1: (1, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
-_FILE, _TIMEOUT_S, _RUNS = "packets.json", 120.0, 7
-# Runtimes round differently; a wrong picture differs by more.
-_SAME = 1e-4
+_FILE, _TIMEOUT_S = "packets.json", 120.0
 # A later candidate has to take this much less time.
 _GAIN = 0.97
 _TRIAL = """
 import sys
-from volspec.raycast.packets import measure
+from volspec.raycast.packet_trial import measure
 for name, ms in measure(*sys.argv[2:]):
     print(name, ms, flush=True)
 """
@@ -97,39 +93,3 @@ def _try(index: int, known: list[Packet]) -> dict[Packet, float]:
         return {}
     rows = [line.rpartition(" ") for line in output.splitlines() if line.startswith("{")]
     return {Packet(**json.loads(name)): float(ms) for name, _, ms in rows}
-
-
-def measure(index: str, *names: str) -> Iterator[tuple[str, float]]:
-    """Yield packets, as JSON, with the CPU time of a small cast, ms; in a process of its own.
-
-    Those that differ from the first one's picture are left out.
-    """
-    # Imported late: they import this module.
-    from volspec.basis import SpectralBasis
-    from volspec.raycast.camera import Camera
-    from volspec.raycast.gpu import Raycaster
-    from volspec.raycast.spec import RaycastSpec
-    from volspec.spectra import DEFAULT_GRID, Spectrum
-    from volspec.transfer import TransferFunction
-    from volspec.volume import Volume, phantom
-
-    ball = Volume((255 * phantom.ball(96).values).astype(np.uint8))
-    white = {"white": Spectrum(DEFAULT_GRID.wavelengths_nm, np.ones(DEFAULT_GRID.size))}
-    basis = SpectralBasis.load("general-7")
-    transfer = TransferFunction([(0, 0.0, "white"), (255, 0.05, "white")], white, basis)
-    camera, spec = Camera.orbit(ball), RaycastSpec(ambient=1.0, diffuse=0.0)
-    first = None
-    for name in names:
-        packet = Packet(**json.loads(name))
-        caster = Raycaster(ball, device=index, packet=packet)
-        table = caster.bake(transfer)
-        found = caster.cast(table, camera, (256, 256), spec).coefficients
-        first = found if first is None else first
-        if np.abs(found - first).max() > _SAME:
-            continue
-        times = []
-        for _ in range(_RUNS):
-            start = time.process_time()
-            caster.cast(table, camera, (256, 256), spec)
-            times.append(time.process_time() - start)
-        yield name, 1e3 * min(times)

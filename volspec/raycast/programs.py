@@ -13,10 +13,10 @@ import numpy as np
 from volspec._gpu.opencl import Compute
 from volspec._gpu.prelude import C_TYPES, prelude
 from volspec._gpu.sources import assemble
+from volspec.image.layers import LEAST_TAU, MOST_LAYER_TAU, MOST_TAU, Slot
 from volspec.raycast import kernel_arguments
 from volspec.raycast.bricks import BRICK, STRIDES
 from volspec.raycast.layer_stream import LIGHT_MASS, LIT_COST, MADE_COST, least_mass
-from volspec.raycast.layered import LEAST_TAU, MOST_LAYER_TAU, MOST_TAU, Slot
 from volspec.raycast.packets import TILES, Packet
 from volspec.raycast.spec import RaycastSpec
 

@@ -32,7 +32,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.raycast.camera import Camera
+from volspec.camera.camera import Camera
+from volspec.image.layers import OCCLUSION_GAIN
 from volspec.raycast.fields import FieldCast, add_pictures
 from volspec.raycast.kernel_arguments import (
     CUT_TOLERANCE,
@@ -40,8 +41,7 @@ from volspec.raycast.kernel_arguments import (
     MIX_OPAQUE,
     check_reach,
 )
-from volspec.raycast.layer_casts import shadow_slots
-from volspec.raycast.layer_stream import LayerStream, Samples, SampleStream, Shadow
+from volspec.raycast.layer_stream import LayerStream, Samples, SampleStream, Shadow, shadow_slots
 from volspec.raycast.light_volume import (
     HALF,
     Clear,
@@ -53,7 +53,6 @@ from volspec.raycast.light_volume import (
     sphere_directions,
     unblocked_part,
 )
-from volspec.raycast.lights import OCCLUSION_GAIN
 from volspec.raycast.masks import MaskLattice
 from volspec.raycast.sampling import (
     TINY,

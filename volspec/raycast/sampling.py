@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.raycast.camera import Camera
+from volspec.camera.camera import Camera
 from volspec.raycast.kernel_arguments import (
     CUT_TOLERANCE,
     PRESENT,

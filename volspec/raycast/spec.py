@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field
 
+from volspec._checks import Direction, Weight
 from volspec.errors import InputError, RaycastError, nearest
-from volspec.raycast.checks import Direction, Weight
+from volspec.image.layers import MAX_LAYERS
 from volspec.raycast.lights import HEADLIT, MAX_GROUPS, MAX_SOURCES, Ambient, LightGroup, as_tuple
 from volspec.raycast.quality import Quality, Target, target_of
 from volspec.settings import (
@@ -31,7 +32,6 @@ MODES: tuple[Mode, ...] = get_args(Mode)
 MAX_PLANES = 6
 # More samples per ray than this are due to a mistaken step.
 MAX_STEPS = 1 << 17
-MAX_LAYERS = 16
 Opacity = Annotated[float, Field(gt=0, le=1)]
 
 

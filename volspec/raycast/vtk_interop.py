@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.basis import Basis
+from volspec.camera.camera import Camera
 from volspec.errors import CameraError, RaycastError, VolspecWarning, nearest, quoted
-from volspec.raycast.camera import Camera
 from volspec.raycast.spec import ClipPlane, Mode, RaycastSpec
 from volspec.transfer import TransferFunction
 from volspec.transfer.vtk_interop import transfer_from_vtk

@@ -32,7 +32,7 @@ from volspec.spectra.spectrum import Spectrum
 
 if TYPE_CHECKING:
     from volspec.basis import Basis
-    from volspec.raycast.image import CoefficientImage
+    from volspec.image.model import CoefficientImage
 
 Against = Literal["bands", "exact", "cast"]
 AGAINST: tuple[Against, ...] = get_args(Against)

@@ -26,7 +26,7 @@ from volspec.spectra.photometry import illuminance_lux
 from volspec.spectra.spectrum import Spectrum, light_power
 
 if TYPE_CHECKING:
-    from volspec.raycast.image import CoefficientImage
+    from volspec.image.model import CoefficientImage
     from volspec.spectra import SpectralGrid
 
 # Rows at a time, so that a large picture needs no more memory than its codes.

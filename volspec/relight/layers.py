@@ -25,7 +25,7 @@ from volspec._gpu.sources import assemble
 from volspec.errors import RelightError, ShapeError
 
 if TYPE_CHECKING:
-    from volspec.raycast.image import CoefficientImage
+    from volspec.image.model import CoefficientImage
 
 Pixels32 = NDArray[np.float32]
 Shape = tuple[int, ...]

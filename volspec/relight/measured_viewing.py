@@ -39,7 +39,7 @@ from volspec.relight.illumination import Illumination
 from volspec.relight.layers import clamp_finite
 
 if TYPE_CHECKING:
-    from volspec.raycast.image import CoefficientImage
+    from volspec.image.model import CoefficientImage
 
 Array = NDArray[np.float64]
 

@@ -33,10 +33,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.raycast.layered import residual_share
+from volspec.image.layers import residual_share
 
 if TYPE_CHECKING:
-    from volspec.raycast.layered import OpacityLayers
+    from volspec.image.layers import OpacityLayers
 
 Pixels = NDArray[np.float32]
 

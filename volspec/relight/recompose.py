@@ -19,19 +19,19 @@ from volspec._gpu.opengl import compile_program, describe
 from volspec._gpu.prelude import prelude
 from volspec._gpu.sources import assemble
 from volspec.errors import OpenGLError
-from volspec.raycast.depth import DepthEffects, extents
-from volspec.raycast.layered import (
+from volspec.image.depth import DepthEffects, extents
+from volspec.image.layers import (
     BEND,
     MOST_EXPONENT,
+    OCCLUSION_GAIN,
     OpacityLayers,
     Slot,
     residual_share,
 )
-from volspec.raycast.lights import OCCLUSION_GAIN
 from volspec.relight.layers import layer_count
 
 if TYPE_CHECKING:
-    from volspec.raycast.image import CoefficientImage
+    from volspec.image.model import CoefficientImage
 
 _GLSL = "330 core"
 # Targets of one draw; every device has at least four.
@@ -89,7 +89,7 @@ def are_filled(used: NDArray[np.bool_], solid: bool) -> bool:
 def layer_extents(layers: OpacityLayers) -> tuple[NDArray[Any], float]:
     """Return (H, W, L, 2) where layers begin, beyond the nearest, and their widths; and its place.
 
-    All are millimetres along the rays; `volspec.raycast.depth.extents` says of what slabs.
+    All are millimetres along the rays; `volspec.image.depth.extents` says of what slabs.
     """
     both = np.zeros((*layers.tau.shape[:3], 2), np.float32)
     nearest = math.inf

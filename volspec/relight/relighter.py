@@ -28,7 +28,7 @@ from volspec.appearance.spec import Viewing
 from volspec.basis import MaterialBasis
 from volspec.basis.display import DEFAULT_MODE, Mode
 from volspec.errors import OpenCLError, OpenGLError, RelightError, VolspecWarning, nearest
-from volspec.raycast.depth import DepthEffects
+from volspec.image.depth import DepthEffects
 from volspec.relight.advice import warn_of_lights
 from volspec.relight.error_map import Against, ErrorMap, error_map
 from volspec.relight.gpu import GLEngine
@@ -48,7 +48,7 @@ from volspec.relight.spec import LightRig, Pixels, RelightSpec
 from volspec.spectra.spectrum import Spectrum
 
 if TYPE_CHECKING:
-    from volspec.raycast.image import CoefficientImage
+    from volspec.image.model import CoefficientImage
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -117,7 +117,7 @@ class Relighter:
     Grey under tungsten, for an eye that adapts and as plain XYZ:
 
     >>> from volspec.basis import SpectralBasis
-    >>> from volspec.raycast.image import CoefficientImage
+    >>> from volspec.image.model import CoefficientImage
     >>> from volspec.spectra import light
     >>> grey, opaque = np.full((1, 1, 7), 0.5, np.float32), np.ones((1, 1), np.float32)
     >>> image = CoefficientImage(grey, opaque, opaque, SpectralBasis.load("general-7"))

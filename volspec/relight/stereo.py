@@ -35,11 +35,11 @@ from volspec._gpu.prelude import prelude
 from volspec._gpu.sources import assemble
 from volspec.appearance.display import colour_space
 from volspec.appearance.spaces import ColourSpace
+from volspec.camera.camera import Camera, RayField
 from volspec.errors import ImageError
-from volspec.raycast.camera import Camera, RayField
-from volspec.raycast.depth import DepthEffects, fog_behind, layers_in_depth
-from volspec.raycast.image import CoefficientImage
-from volspec.raycast.reproject import Reprojector
+from volspec.image.depth import DepthEffects, fog_behind, layers_in_depth
+from volspec.image.model import CoefficientImage
+from volspec.image.reproject import Reprojector
 from volspec.settings import Positive, Unit, settings
 
 Layout = Literal["side-by-side", "crossed", "anaglyph", "half-colour"]

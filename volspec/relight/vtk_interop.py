@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from volspec._checks import positive
 from volspec.errors import RelightError
-from volspec.raycast.checks import positive
 from volspec.raycast.vtk_interop import plotter_camera, require_open
 from volspec.relight.spec import Pixels
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from volspec.camera.projection import Place, Projection, length_text
 from volspec.errors import SceneError
-from volspec.raycast.projection import Place, Projection, length_text
 from volspec.settings import Unit, Vector, settings
 
 # Numbers of points: of a label, of a distance, of an angle at the second point.

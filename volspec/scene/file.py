@@ -17,7 +17,8 @@ from pydantic import Field
 from volspec._parse import parse_toml, read_text, toml_remedy
 from volspec.basis.storage import GRID_ENDINGS, shipped_names
 from volspec.errors import RaycastError, SceneError, nearest
-from volspec.raycast import DepthEffects, LightGroup, RaycastSpec
+from volspec.image import DepthEffects
+from volspec.raycast import LightGroup, RaycastSpec
 from volspec.raycast.lights import HEADLIT
 from volspec.relight import RelightSpec
 from volspec.scene.annotation import Annotation

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._files import is_remote
+from volspec.camera.camera import Orbit, radius_mm, slice_view
 from volspec.errors import SceneError
-from volspec.raycast.camera import Orbit, radius_mm, slice_view
 from volspec.raycast.framing import fit_points
 from volspec.scene.file import SceneFile
 from volspec.scene.specs import BasisSpec, CameraSpec

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import asdict, fields, replace
 from pathlib import Path
@@ -20,14 +20,15 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from volspec._deprecated import renamed_keyword
 from volspec._parse import parse_json
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.basis.base import require_reflective
+from volspec.camera import Camera
+from volspec.camera.camera import Orbit
 from volspec.errors import ImageError, MeshError, SceneError, VolspecWarning, visible
+from volspec.image import CoefficientImage, DepthEffects
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import Camera, CoefficientImage, DepthEffects, RaycastSpec
-from volspec.raycast.camera import Orbit
+from volspec.raycast import RaycastSpec
 from volspec.raycast.framing import shown_mm
 from volspec.raycast.row_batches import Cancel, Progress
 from volspec.relight import RelightSpec
@@ -48,10 +49,9 @@ from volspec.volume.bundled import locate_volume
 from volspec.volume.series import KEPT_BYTES, Series, open_volume
 
 if TYPE_CHECKING:
-    from volspec.export.exporter import Exported
     from volspec.mesh.caster import MeshCaster
     from volspec.mesh.model import Mesh
-    from volspec.raycast.behind import Behind
+    from volspec.raycast.surfaces import Behind
     from volspec.scene.room import SceneRoom
 
 Spec = TypeVar("Spec")
@@ -501,52 +501,3 @@ class Scene:
         scene.raycast = replace(self.raycast, **changes)
         scene.file = replace(self.file, raycast=replace(self.file.raycast, **changes))
         return scene
-
-    @renamed_keyword(tell="progress")
-    def export(
-        self,
-        output: str | os.PathLike[str],
-        *,
-        size: tuple[int, int] | None = None,
-        overwrite: bool = False,
-        device: str | None = None,
-        progress: Callable[[str, float], object] | None = None,
-        volume: Volume | None = None,
-        caster: Raycaster | None = None,
-        **changes: Any,
-    ) -> Exported:
-        """Export re-lit frames, or a film; see docs/export.md.
-
-        Parameters
-        ----------
-        output : path
-            A folder; or a film, ``.mp4``, ``.webm``, ``.mov``, ``.webp``, ``.apng`` or ``.gif``.
-        size, overwrite, device, progress, volume, caster
-            See `volspec.export.exporter.export`.
-        **changes
-            Keys of ``[export]`` instead of the file's, such as ``turntable={"frames": 36}``.
-
-        Returns
-        -------
-        Exported
-
-        Raises
-        ------
-        InputError
-            If a setting is wrong, or the output cannot be written or belongs to another scene.
-        DeviceError
-            If there is no device, or no ffmpeg for a film.
-        """
-        # Imported late: exports are made from scenes; this method is only a shortcut to them.
-        from volspec.export.exporter import export
-
-        return export(
-            self.exporting(**changes) if changes else self,
-            output,
-            size=size,
-            overwrite=overwrite,
-            device=device,
-            progress=progress,
-            volume=volume,
-            caster=caster,
-        )

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 from volspec.appearance.spec import Viewing
 from volspec.appearance.surround import MOST_BACKGROUND
 from volspec.basis import Basis, MaterialBasis
+from volspec.camera.camera import level_axes
 from volspec.errors import InputError, RoomError, SceneError, SpectrumError, nearest
 from volspec.raycast import LightGroup, RaycastSpec
-from volspec.raycast.camera import level_axes
 from volspec.raycast.lights import MAX_GROUPS, MAX_NAME, Ambient, Directional, Headlight, Source
 from volspec.relight import LightRig
 from volspec.room.eye import cone_luminances
@@ -37,7 +37,7 @@ from volspec.room.quantities import lux_from_irradiance
 from volspec.room.radiosity import require_inside, solve_room
 from volspec.room.response import RoomResponse, unknown_light
 from volspec.room.specimen import SpecimenLight
-from volspec.scene.backdrop import Backdrop, Placement
+from volspec.room.walls import Backdrop, Placement
 from volspec.scene.lights import LightSpec, NamedLight
 from volspec.scene.specs import ROOM_LIGHT, CameraSpec, RoomSpec, given_light
 from volspec.settings import Vector

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
+from volspec.camera.camera import Orbit
 from volspec.errors import Code, SceneError, SpectrumError
 from volspec.mesh import Shape
 from volspec.mesh.grating import Grating
-from volspec.raycast.camera import Orbit
 from volspec.settings import (
     Box,
     Finite,

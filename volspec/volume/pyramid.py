@@ -1,6 +1,6 @@
 """Volumes larger than memory: the levels of detail of a stored array, read chunk by chunk.
 
-    file -> [pyramid] -> Volume.pyramid -> raycast (volspec.raycast.out_of_core)
+    file -> [pyramid] -> Volume.pyramid -> raycast (volspec.large.level_caster)
 
 A `Volume` with a pyramid holds its coarsest level in memory, by which it is framed, sliced and
 previewed; casts read the finer ones.

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from volspec.appearance import Viewing
 from volspec.errors import DeviceError, ImageError, quoted
 from volspec.export.notebook.settings import LightLike, initial_spec, named_lights
-from volspec.raycast import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.scene.lights import NamedLight
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from volspec.appearance.scene_to_display import CLOSED, forward_for
 from volspec.appearance.spec import SURROUND_RATIOS
 from volspec.errors import ImageError, SpectrumError, ViewingError, quoted
 from volspec.export.page import payload
-from volspec.raycast import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.relight import Illumination, LightRig, RelightSpec
 from volspec.relight.spec import mixed_rig
 from volspec.scene import stored_relight_spec

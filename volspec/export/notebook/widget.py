@@ -36,8 +36,8 @@ from volspec.export.notebook.settings import (
     weighted_rig,
 )
 from volspec.export.page import PageSpec, PageView, page_html, payload
+from volspec.image import CoefficientImage
 from volspec.pipeline import relight
-from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.relighter import pixel_type
 from volspec.relight.spec import Pixels

@@ -34,9 +34,9 @@ from volspec.export.page import payload
 from volspec.export.page.packing import PackedLayers, layer_bytes, pack_layers, pack_view
 from volspec.export.tiles import part_of
 from volspec.export.value_bars import ValueBar, channel_bars
+from volspec.image import CoefficientImage, DepthEffects
+from volspec.image.layers import OpacityLayers
 from volspec.pipeline import Raycaster, Relighter, raycast
-from volspec.raycast import CoefficientImage, DepthEffects
-from volspec.raycast.layered import OpacityLayers
 from volspec.raycast.row_batches import Progress
 from volspec.relight import RelightSpec
 from volspec.relight.error_map import full_band_basis

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.raycast import CoefficientImage
-from volspec.raycast.layered import OpacityLayers, Slot
+from volspec.image import CoefficientImage
+from volspec.image.layers import OpacityLayers, Slot
 from volspec.relight.layers import clamp_finite
 from volspec.relight.recompose import (
     are_filled,

@@ -33,7 +33,7 @@ from volspec.basis.materials import Basis
 from volspec.errors import ViewingError, VolspecWarning
 from volspec.export.page.packing import PackedLayers, pack_view
 from volspec.export.value_bars import ValueBar
-from volspec.raycast import CoefficientImage, DepthEffects
+from volspec.image import CoefficientImage, DepthEffects
 from volspec.relight import ErrorMap, LightRig, RelightSpec
 from volspec.relight.advice import mode_advice
 from volspec.relight.layers import layer_count

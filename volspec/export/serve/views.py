@@ -20,6 +20,9 @@ from typing import Any, Self
 
 import numpy as np
 
+from volspec._checks import checked_size
+from volspec.camera import Camera
+from volspec.camera.camera import Orbit, level_axes, radius_mm
 from volspec.errors import CastCancelled, InputError, quoted
 from volspec.export.annotate import annotation_svg
 from volspec.export.page import (
@@ -30,10 +33,8 @@ from volspec.export.page import (
     page_html,
     scene_bars,
 )
+from volspec.image import CoefficientImage
 from volspec.pipeline import GAPS, Raycaster, raycast
-from volspec.raycast import Camera, CoefficientImage
-from volspec.raycast.camera import Orbit, level_axes, radius_mm
-from volspec.raycast.checks import checked_size
 from volspec.raycast.pace import WHOLE, Pace, Pass
 from volspec.raycast.row_batches import Cancel, Progress
 from volspec.scene import Scene

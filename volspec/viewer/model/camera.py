@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from volspec.raycast.camera import radius_mm
+from volspec.camera.camera import radius_mm
+from volspec.camera.projection import face_normal, side_deg
 from volspec.raycast.framing import ZOOMS, fit_view
-from volspec.raycast.projection import face_normal, side_deg
 from volspec.viewer.model.cuts import overlay_command
 from volspec.viewer.model.edit import Change, Command, bind, edit
 from volspec.viewer.model.state import ViewState

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec.camera.camera import radius_mm
+from volspec.camera.projection import Place, Projection
 from volspec.errors import InputError
 from volspec.raycast import ClipPlane, RaycastSpec
-from volspec.raycast.camera import radius_mm
 from volspec.raycast.framing import LEAST_CROP, Crop, crop_bounds, world_mm
-from volspec.raycast.projection import Place, Projection
 from volspec.raycast.spec import MAX_PLANES
 from volspec.settings import Vector
 from volspec.viewer.model.edit import Change, Command, Edited, bind, edit, refusable, with_interface

@@ -10,11 +10,12 @@ from dataclasses import replace
 from typing import Literal
 
 from volspec.basis import MaterialBasis
+from volspec.camera.camera import radius_mm
 from volspec.errors import InputError
-from volspec.raycast import CoefficientImage, DepthEffects, RaycastSpec
-from volspec.raycast.camera import radius_mm
-from volspec.raycast.depth import F_NUMBER, axis_cosine
-from volspec.raycast.layered import MAX_MATERIALS
+from volspec.image import CoefficientImage, DepthEffects
+from volspec.image.depth import F_NUMBER, axis_cosine
+from volspec.image.layers import MAX_MATERIALS
+from volspec.raycast import RaycastSpec
 from volspec.relight.stereo import Layout
 from volspec.viewer.model import opacities
 from volspec.viewer.model.edit import Command, bind, edit, refusable, with_interface

@@ -21,10 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._gpu.sources import asset
+from volspec.camera.camera import Orbit
 from volspec.errors import SceneError
+from volspec.image import CoefficientImage, DepthEffects
 from volspec.pipeline import Raycaster
-from volspec.raycast import CoefficientImage, DepthEffects, RaycastSpec
-from volspec.raycast.camera import Orbit
+from volspec.raycast import RaycastSpec
 from volspec.relight import RelightSpec
 from volspec.scene import Scene
 from volspec.scene.file import SceneFile
@@ -40,7 +41,7 @@ from volspec.volume import Choice, Series, Volume
 from volspec.volume.series import PATTERN
 
 if TYPE_CHECKING:
-    from volspec.raycast.behind import Behind
+    from volspec.raycast.surfaces import Behind
     from volspec.scene.room import SceneRoom
 
 Samples = tuple[NDArray[np.float64], NDArray[np.float64]]

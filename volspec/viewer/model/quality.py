@@ -10,8 +10,8 @@ from typing import Any, get_args
 
 from volspec.basis import MaterialBasis
 from volspec.errors import InputError
+from volspec.image.layers import MAX_MATERIALS
 from volspec.raycast import RaycastSpec
-from volspec.raycast.layered import MAX_MATERIALS
 from volspec.raycast.quality import Quality
 from volspec.raycast.spec import MAX_STEPS, MODES, diagonal_mm
 from volspec.transfer import Isosurfaces, TransferFunction, TransferFunction2D, presets

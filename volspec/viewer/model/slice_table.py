@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.basis import Basis
-from volspec.raycast import CoefficientImage, RaycastSpec
+from volspec.image import CoefficientImage
+from volspec.raycast import RaycastSpec
 from volspec.raycast.light_volume import extinction_per_mm
 from volspec.raycast.masks import MaskLattice
 from volspec.transfer import (

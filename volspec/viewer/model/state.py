@@ -8,7 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
-from volspec.raycast import DepthEffects, RaycastSpec
+from volspec.image import DepthEffects
+from volspec.raycast import RaycastSpec
 from volspec.relight import RelightSpec
 from volspec.relight.stereo import Layout
 from volspec.scene.annotation import Annotation

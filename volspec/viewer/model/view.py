@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec.camera import Camera
+from volspec.camera.camera import Orbit, radius_mm
+from volspec.camera.projection import Place, Projection, cube_faces
 from volspec.errors import CameraError
-from volspec.raycast import Camera
-from volspec.raycast.camera import Orbit, radius_mm
 from volspec.raycast.framing import ZOOMS
-from volspec.raycast.projection import Place, Projection, cube_faces
 from volspec.settings import Vector, settings
 from volspec.volume import Volume
 

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 from imgui_bundle import imgui
 
-from volspec.raycast import CoefficientImage
-from volspec.raycast.projection import Projection
+from volspec.camera.projection import Projection
+from volspec.image import CoefficientImage
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.edit import Change, Command, after
 from volspec.viewer.model.light_rows import Rows

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import imgui
 
+from volspec.camera.camera import radius_mm
+from volspec.camera.projection import Place, Projection
 from volspec.raycast import ClipPlane
-from volspec.raycast.camera import radius_mm
 from volspec.raycast.framing import crop_bounds, world_mm
-from volspec.raycast.projection import Place, Projection
 from volspec.raycast.spec import MAX_PLANES
 from volspec.viewer.model import cuts
 from volspec.viewer.model.slices import outline_index

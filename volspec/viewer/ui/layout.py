@@ -7,7 +7,7 @@ from dataclasses import replace
 from imgui_bundle import imgui
 
 from volspec.basis import MaterialBasis
-from volspec.raycast import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.viewer.model.commands import has_panel
 from volspec.viewer.model.opacities import PANEL as OPACITY
 from volspec.viewer.model.room import PANEL

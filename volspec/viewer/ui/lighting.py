@@ -7,8 +7,8 @@ from functools import lru_cache, partial
 
 from imgui_bundle import imgui
 
+from volspec.camera.camera import radius_mm
 from volspec.raycast import Ambient, Directional, Headlight, Point
-from volspec.raycast.camera import radius_mm
 from volspec.raycast.lights import Source
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from imgui_bundle import imgui
 
-from volspec.raycast.projection import Projection
+from volspec.camera.projection import Projection
 from volspec.scene.annotation import Annotation, place_annotation
 from volspec.settings import Vector
 from volspec.viewer.model import measure

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from imgui_bundle import imgui
 
+from volspec._checks import MAX_SIDE
 from volspec.errors import InputError, one_line
 from volspec.export.page import MOST_VIEWS
-from volspec.raycast.checks import MAX_SIDE
 from volspec.scene.export import Mark
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.film import (

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from imgui_bundle import imgui
 
-from volspec.raycast.projection import (
+from volspec.camera.projection import (
     cube_faces,
     cube_label,
     is_patient,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import imgui
 
+from volspec.camera.projection import is_patient, place_text, place_unit
 from volspec.raycast.framing import crop_bounds, world_mm
-from volspec.raycast.projection import is_patient, place_text, place_unit
 from volspec.viewer.model import slices
 from volspec.viewer.model.slices import PLANES, Layout, voxel_number
 from volspec.viewer.model.state import ViewState

@@ -27,9 +27,10 @@ from numpy.typing import NDArray
 from volspec._child import child_command
 from volspec.appearance import Viewing
 from volspec.appearance.lut3d import needs_host_lut
+from volspec.camera import Camera
 from volspec.errors import VolspecError
 from volspec.pipeline import Raycaster
-from volspec.raycast import Ambient, Camera, Directional, LightGroup, Point, RaycastSpec
+from volspec.raycast import Ambient, Directional, LightGroup, Point, RaycastSpec
 from volspec.raycast.packets import Packet
 from volspec.raycast.row_batches import Result
 from volspec.relight import Illumination

@@ -11,7 +11,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from volspec.basis import Basis, MaterialBasis
-from volspec.raycast import Ambient, CoefficientImage, LightGroup
+from volspec.image import CoefficientImage
+from volspec.raycast import Ambient, LightGroup
 from volspec.scene import Scene
 from volspec.scene.model import stored_depth, stored_relight_spec
 from volspec.spectra import reflectance

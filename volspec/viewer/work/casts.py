@@ -15,9 +15,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from volspec.basis import Basis
+from volspec.camera import Camera
 from volspec.errors import CastCancelled, OpenCLError, VolspecError, VolspecWarning, one_line
+from volspec.image import CoefficientImage
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import Camera, CoefficientImage, RaycastSpec
+from volspec.raycast import RaycastSpec
 from volspec.raycast.pace import WHOLE, Pace, Pass
 from volspec.relight.layers import PackedLayers
 from volspec.relight.recompose import PackedOpacity
@@ -36,7 +38,7 @@ from volspec.viewer.work.room import Walls, WhiteWalls
 from volspec.volume import Volume
 
 if TYPE_CHECKING:
-    from volspec.scene.backdrop import Backdrop
+    from volspec.room.walls import Backdrop
     from volspec.scene.room import SceneRoom
 
 

@@ -13,10 +13,11 @@ from typing import Self
 
 import numpy as np
 
+from volspec.camera import Camera
 from volspec.errors import VolspecError, one_line
+from volspec.image import CoefficientImage, DepthEffects
+from volspec.image.reproject import Reprojector
 from volspec.pipeline import Raycaster
-from volspec.raycast import Camera, CoefficientImage, DepthEffects
-from volspec.raycast.reproject import Reprojector
 from volspec.relight.layers import PackedLayers
 from volspec.relight.stereo import Stereo, StereoViews
 from volspec.viewer.work.background import LatestWorker

@@ -19,8 +19,8 @@ from OpenGL import GL
 from volspec.appearance.display import colour_space
 from volspec.appearance.lut3d import LutCache, LutKey, needs_host_lut
 from volspec.basis import Basis, MaterialBasis
+from volspec.image import CoefficientImage, DepthEffects
 from volspec.pipeline import Relighter
-from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.layers import PackedLayers
 from volspec.relight.recompose import PackedOpacity
@@ -29,7 +29,7 @@ from volspec.viewer.model.materials import same_channels
 from volspec.viewer.work.room import Walls
 
 if TYPE_CHECKING:
-    from volspec.scene.backdrop import SeenRoom
+    from volspec.room.walls import SeenRoom
     from volspec.scene.room import SceneRoom
 
 # mallopt(3): blocks of this size or more get their own mapping; so much freed memory is kept.

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from volspec.appearance.models import APPEARANCE_MODELS
 from volspec.appearance.scene_to_display import forward_for
+from volspec.camera import Camera
+from volspec.camera.projection import place_text, place_unit
 from volspec.errors import VolspecError
-from volspec.raycast import Camera, CoefficientImage
-from volspec.raycast.projection import place_text, place_unit
+from volspec.image import CoefficientImage
 from volspec.relight import Illumination, LightRig, RelightSpec
 from volspec.relight.error_map import error_map
 from volspec.spectra import SpectralGrid, Spectrum

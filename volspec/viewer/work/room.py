@@ -16,14 +16,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec.camera import Camera
 from volspec.errors import VolspecError, one_line
-from volspec.raycast import Camera, CoefficientImage
-from volspec.raycast.behind import Behind, BehindImage, OpacityCaster
+from volspec.image import CoefficientImage
+from volspec.raycast.surfaces import Behind, BehindImage, OpacityCaster
 from volspec.relight.layers import PackedLayers
 from volspec.viewer.work.background import LatestWorker
 
 if TYPE_CHECKING:
-    from volspec.scene.backdrop import Backdrop
+    from volspec.room.walls import Backdrop
     from volspec.scene.room import SceneRoom
 
 Layers = NDArray[np.float32]
@@ -64,7 +65,7 @@ class WhiteWalls(Behind):
     _cast: tuple[Camera, OpacityCaster] | None = None
 
     def depths_mm(self, camera: Camera, size: tuple[int, int]) -> list[Layers]:
-        """Return where rays end, as `volspec.raycast.behind.Behind`."""
+        """Return where rays end, as `volspec.raycast.surfaces.Behind`."""
         return self.backdrop.depths_mm(camera, size)
 
     def pictures(

@@ -19,8 +19,8 @@ import numpy as np
 from volspec.appearance.lut3d import LutCache, LutKey, needs_host_lut
 from volspec.basis.materials import Basis
 from volspec.errors import LutCancelled, RelightError, VolspecError, one_line
-from volspec.raycast import CoefficientImage, DepthEffects
-from volspec.raycast.layered import OpacityLayers
+from volspec.image import CoefficientImage, DepthEffects
+from volspec.image.layers import OpacityLayers
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.error_map import ErrorMap, error_map
 from volspec.relight.stereo import Stereo

@@ -25,8 +25,8 @@ from volspec.export.annotate import (
     picture_marks,
 )
 from volspec.export.value_bars import value_bars
+from volspec.image import CoefficientImage
 from volspec.pipeline import Raycaster, Relighter, raycast
-from volspec.raycast import CoefficientImage
 from volspec.raycast.pace import WHOLE
 from volspec.relight.stereo import Stereo
 from volspec.scene.export import Mark

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import ViewingError, VolspecError
+from volspec.image import CoefficientImage
 from volspec.pipeline import Relighter
-from volspec.raycast import CoefficientImage
 from volspec.transfer import LabelFunction
 from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.light_rows import light_rig

@@ -3,7 +3,7 @@
 //
 //     codes of layers, turn -> shaders/splat.vert -> half floats for relight.frag
 //
-// Twin of volspec/raycast/reproject.py; eyes and anaglyphs of volspec/relight/stereo.py.
+// Twin of volspec/image/reproject.py; eyes and anaglyphs of volspec/relight/stereo.py.
 
 // Greatest turn, in degrees; and slices of depth in which points are sorted. Deep layers are up to so
 // many points, one every so many pixels: their borders jump between pixels, which one point shows.

@@ -4,7 +4,7 @@
 //
 // Twin of volspec/relight/recompose.py.
 
-// How much of what the layers lack at scale 1 is added: volspec/raycast/layered.py.
+// How much of what the layers lack at scale 1 is added: volspec/image/layers.py.
 const residualShare = (scales, fades) => (
   Math.sqrt(Math.min(1, ...scales.filter((_, k) => fades[k]))));
 

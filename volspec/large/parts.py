@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec.camera.camera import Camera
+from volspec.camera.projection import NEAR, Projection
 from volspec.raycast.bricks import BRICK
-from volspec.raycast.camera import Camera
-from volspec.raycast.projection import NEAR, Projection
 from volspec.raycast.spec import RaycastSpec
 from volspec.volume import Volume
 from volspec.volume.pyramid import BLOCK, Box, Index, Level

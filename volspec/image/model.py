@@ -2,7 +2,7 @@
 
     volume -> transfer -> [raycast] -> relight -> appearance
 
-Its OpenEXR file: `volspec.raycast.image_file`.
+Its OpenEXR file: `volspec.image.file`.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from volspec._checks import number
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
+from volspec.camera.camera import Camera
 from volspec.errors import DeviceError, ImageError, ShapeError, nearest, quoted
-from volspec.raycast.camera import Camera
-from volspec.raycast.checks import number
-from volspec.raycast.depth import DepthEffects, recompose_in_depth
-from volspec.raycast.image_file import ONE_GROUP, checked_groups, read_image, write_image
-from volspec.raycast.layered import OpacityLayers, checked_scales, residual_share, warn_of_absent
+from volspec.image.depth import DepthEffects, recompose_in_depth
+from volspec.image.file import ONE_GROUP, checked_groups, read_image, write_image
+from volspec.image.layers import OpacityLayers, checked_scales, residual_share, warn_of_absent
 from volspec.spectra import SpectralGrid, SpectralImage, Spectrum
 from volspec.spectra.spectrum import light_power
 

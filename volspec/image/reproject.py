@@ -24,14 +24,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._checks import checked_size, whole
 from volspec._gpu.opencl import Compute
 from volspec._gpu.prelude import Struct, prelude
 from volspec._gpu.sources import assemble
+from volspec.camera.camera import Camera, RayField
 from volspec.errors import ImageError
-from volspec.raycast.camera import Camera, RayField
-from volspec.raycast.checks import checked_size, whole
-from volspec.raycast.image import CoefficientImage
-from volspec.raycast.layered import OpacityLayers
+from volspec.image.layers import OpacityLayers
+from volspec.image.model import CoefficientImage
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from volspec._checks import Direction, unit
 from volspec.errors import CameraError
-from volspec.raycast.checks import Direction, unit
 from volspec.settings import Finite, Positive, Unit, Vector, settings
 from volspec.volume import Volume
 from volspec.volume.metadata import ONE_SLICE

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.raycast.camera import SIDES, Camera
+from volspec.camera.camera import SIDES, Camera
 from volspec.volume import Volume
 
 Place = tuple[float, float]

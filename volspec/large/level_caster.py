@@ -14,21 +14,16 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._checks import checked_size
 from volspec._gpu.sharing import Sharing
+from volspec.camera.camera import Camera
 from volspec.errors import CastCancelled, RaycastError, VolspecWarning, VolumeError
-from volspec.raycast import kernel_arguments
-from volspec.raycast.bricks import BRICK, brick_codes, brick_ranges, visible_by_table
-from volspec.raycast.camera import Camera
-from volspec.raycast.checks import checked_size
-from volspec.raycast.kernel_arguments import check_reach
-from volspec.raycast.light_volume import Arrives, Clear, LightVolume, VoxelBox
-from volspec.raycast.packets import TILES
-from volspec.raycast.parts import (
+from volspec.large.parts import (
     Part,
     Rect,
     covered,
@@ -39,6 +34,12 @@ from volspec.raycast.parts import (
     sides_for,
     view_of,
 )
+from volspec.raycast import kernel_arguments
+from volspec.raycast.bricks import BRICK, brick_codes, brick_ranges, visible_by_table
+from volspec.raycast.gpu import VolumeCaster
+from volspec.raycast.kernel_arguments import check_reach
+from volspec.raycast.light_volume import Arrives, Clear, LightVolume, VoxelBox
+from volspec.raycast.packets import TILES
 from volspec.raycast.programs import GROUPS, cast_kernel
 from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result, RowBatches
 from volspec.raycast.sampling import clip_rays, world_rays
@@ -46,9 +47,6 @@ from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import FieldTables, SurfaceTable, Table, Tables, Transfers, TransferTable
 from volspec.volume import Volume
 from volspec.volume.pyramid import COARSE_BYTES, Box, Chunk, Level, common, size_text
-
-if TYPE_CHECKING:
-    from volspec.raycast.gpu import Raycaster
 
 # Pixels of a part's first launch; launches grow from there.
 _FIRST_PIXELS = 1 << 16
@@ -68,11 +66,13 @@ class LoadedPart:
 
 
 class LevelCaster:
-    """Casts a level of a volume's pyramid; made by `Raycaster.at`, whose interface it has.
+    """Casts a level of a volume's pyramid; made by `Raycaster.at`.
+
+    Its interface is that of a `VolumeCaster`.
 
     Parameters
     ----------
-    base : Raycaster
+    base : VolumeCaster
         Of the volume: its device, tables and coarsest level are used.
     number : int
         Of the level, 0 for the finest.
@@ -80,7 +80,7 @@ class LevelCaster:
         Read the next part while one is cast, in a thread of its own.
     """
 
-    def __init__(self, base: Raycaster, number: int, *, reads_ahead: bool = True) -> None:
+    def __init__(self, base: VolumeCaster, number: int, *, reads_ahead: bool = True) -> None:
         pyramid = base.volume.pyramid
         assert pyramid is not None
         self.base, self.reads_ahead = base, reads_ahead
@@ -102,7 +102,7 @@ class LevelCaster:
         return None
 
     def bake(self, transfer: Transfers, opacities: Mapping[str, float] | None = None) -> Tables:
-        """Bake a transfer function into a table, as `Raycaster.bake`."""
+        """Bake a transfer function into a table, as `VolumeCaster.bake`."""
         return self.base.bake(transfer, opacities)
 
     def with_step(
@@ -137,7 +137,7 @@ class LevelCaster:
         span_mm: NDArray[np.float32] | None = None,
         clear: Clear | None = None,
     ) -> Result:
-        """Cast a picture; arguments and errors are those of `Raycaster.cast`.
+        """Cast a picture; arguments and errors are those of `VolumeCaster.cast`.
 
         Chunks that cannot be read are left out, marked in the picture, and warned of.
         """
@@ -344,7 +344,7 @@ class LevelCaster:
     def arrivals(
         self, table: Tables, spec: RaycastSpec, camera: Camera, clear: Clear
     ) -> dict[int, Arrives]:
-        """Return the part of each source's light that the volume lets pass; see `Raycaster`."""
+        """Return the part of each source's light that the volume lets pass; see `VolumeCaster`."""
         with self.base.locked():
             return self.lights.arrivals(table, spec.for_lattice(self.volume), camera, clear)
 

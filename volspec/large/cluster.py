@@ -29,11 +29,12 @@ from uuid import uuid4
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec.camera.camera import Camera
 from volspec.errors import CastCancelled, DeviceError, RaycastError, VolspecError, one_line
-from volspec.raycast.camera import Camera
+from volspec.large.level_caster import LevelCaster, PartPicture, finished
+from volspec.large.parts import Part, Rect, view_of
+from volspec.raycast.gpu import VolumeCaster
 from volspec.raycast.light_volume import Clear, light_layers
-from volspec.raycast.out_of_core import LevelCaster, PartPicture, finished
-from volspec.raycast.parts import Part, Rect, view_of
 from volspec.raycast.row_batches import Cancel, Progress, Result
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import Table
@@ -42,8 +43,6 @@ from volspec.volume.pyramid import Chunk, Level, Pyramid
 
 if TYPE_CHECKING:
     from distributed import Client, Future, WorkerPlugin
-
-    from volspec.raycast.gpu import Raycaster
 
 # Tasks per thread of the cluster: enough that none waits long for the last, and few enough that
 # pictures stay cheap next to casts.
@@ -185,7 +184,6 @@ class Job:
 def _caster(source: Source) -> LevelCaster:
     """Return the caster of a level in this process; the last is cached, with what it read."""
     import volspec
-    from volspec.raycast.gpu import Raycaster
 
     if source.version != volspec.__version__:
         raise RaycastError(
@@ -199,7 +197,7 @@ def _caster(source: Source) -> LevelCaster:
         last.array, world_from_index=last.world_from_index, name=pyramid.name, pyramid=pyramid
     )
     # A worker has one core.
-    return LevelCaster(Raycaster(volume), source.number, reads_ahead=False)
+    return LevelCaster(VolumeCaster(volume), source.number, reads_ahead=False)
 
 
 def cast_parts(
@@ -261,7 +259,7 @@ class ClusterCaster(LevelCaster):
     fails; DeviceError if there is none.
     """
 
-    def __init__(self, base: Raycaster, number: int, client: Client) -> None:
+    def __init__(self, base: VolumeCaster, number: int, client: Client) -> None:
         super().__init__(base, number)
         self._client = client
         self._source = Source.of(self._pyramid, number)
@@ -482,7 +480,7 @@ class Cluster:
             self._end()
             self._client = None
 
-    def caster(self, base: Raycaster, number: int) -> ClusterCaster:
+    def caster(self, base: VolumeCaster, number: int) -> ClusterCaster:
         """Return a caster of a level. Raises DeviceError if no scheduler answers."""
         return ClusterCaster(base, number, self.client)
 

@@ -25,15 +25,21 @@ from scipy.sparse import csr_array
 
 from volspec._triangles import frames
 from volspec.basis import SpectralBasis
-from volspec.raycast import Camera
-from volspec.raycast.behind import Behind, BehindImage, OpacityCaster
-from volspec.raycast.camera import level_axes
-from volspec.raycast.edges import further_points, mean_of_points, next_to
-from volspec.raycast.projection import Projection
+from volspec.camera import Camera
+from volspec.camera.camera import level_axes
+from volspec.camera.projection import Projection
 from volspec.raycast.sampling import world_rays
-from volspec.room.backdrop import LitMesh, Seen, room_colours
+from volspec.raycast.surfaces import (
+    Behind,
+    BehindImage,
+    OpacityCaster,
+    further_points,
+    mean_of_points,
+    next_to,
+)
 from volspec.room.form_factors import sobol
 from volspec.room.response import RoomResponse
+from volspec.room.wall_colours import LitMesh, Seen, room_colours
 from volspec.settings import Vector
 
 Array = NDArray[np.float64]
@@ -200,7 +206,7 @@ class Backdrop(Behind):
         opacity: OpacityCaster,
         ends_mm: Sequence[NDArray[np.float32]],
     ) -> list[BehindImage]:
-        """Return the room, as `volspec.raycast.behind.Behind`; it is seen to its end."""
+        """Return the room, as `volspec.raycast.surfaces.Behind`; it is seen to its end."""
         layers = self.layers(camera, size, opacity)
         return [BehindImage(layers, np.ones(layers.shape[:2], np.float32))]
 
@@ -228,7 +234,7 @@ class Backdrop(Behind):
         return self._shown
 
     def depths_mm(self, camera: Camera, size: Size) -> list[NDArray[np.float32]]:
-        """Return the distances of the room's surfaces, as `volspec.raycast.behind.Behind`."""
+        """Return the distances of the room's surfaces, as `volspec.raycast.surfaces.Behind`."""
         view = self._look(camera, size)
         origins, directions = world_rays(camera, *size)
         count = len(origins)

@@ -47,13 +47,12 @@ from volspec._files import require_suffix
 from volspec._parse import parse_json
 from volspec.appearance.spaces import SPACES
 from volspec.basis import Basis, MaterialBasis, basis_from_dict
+from volspec.camera.camera import Camera
 from volspec.errors import ImageError, ShapeError, VolspecError
-from volspec.raycast.camera import Camera
-from volspec.raycast.layered import OpacityLayers, Slot
-from volspec.raycast.spec import MAX_LAYERS
+from volspec.image.layers import MAX_LAYERS, OpacityLayers, Slot
 
 if TYPE_CHECKING:
-    from volspec.raycast.image import CoefficientImage
+    from volspec.image.model import CoefficientImage
 
 ONE_GROUP: Mapping[str, float] = MappingProxyType({"light": 1.0})
 """The light groups of an image whose lights are not controlled separately."""

@@ -12,17 +12,17 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
+from scipy.sparse import csr_array
 
 from volspec.basis import Basis
+from volspec.camera.camera import Camera
 from volspec.errors import CastCancelled
-from volspec.raycast.camera import Camera
-from volspec.raycast.gpu import Raycaster, opacity_key
+from volspec.image.layers import Slot, Solid, nearest_known, ratio
+from volspec.raycast.gpu import VolumeCaster, opacity_key
 from volspec.raycast.kernel_arguments import numbered_sources
-from volspec.raycast.layered import Slot, Solid, nearest_known, ratio
 from volspec.raycast.light_volume import Arrives, Clear
 from volspec.raycast.lights import HEADLIT, Ambient
-from volspec.raycast.out_of_core import LevelCaster
-from volspec.raycast.row_batches import Cancel, Progress, Result, part_of
+from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result, part_of
 from volspec.raycast.sampling import world_rays
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import Tables, TransferTable
@@ -31,12 +31,39 @@ from volspec.volume import Volume
 SpanCast = Callable[[NDArray[np.float32]], Result]
 """Cast of a volume along parts (H, W, 2) of the pixels' rays, mm: their begin and end."""
 
+# Places in such a pixel, in pixels from its middle.
+_IN_PIXEL = np.array([(-1.0, -3.0), (3.0, -1.0), (1.0, 3.0), (-3.0, 1.0)]) / 8.0
+POINTS = len(_IN_PIXEL)
+"""Further points of each such pixel."""
+
+
+class PictureCaster(Protocol):
+    """Caster of a volume, or of a level of detail; see `VolumeCaster`."""
+
+    def cast(
+        self,
+        table: Tables,
+        camera: Camera,
+        size: tuple[int, int],
+        spec: RaycastSpec,
+        progress: Progress | None = None,
+        cancel: Cancel | None = None,
+        receiver: Receiver | None = None,
+        span_mm: NDArray[np.float32] | None = None,
+    ) -> Result:
+        """Cast a picture."""
+
+    def arrivals(
+        self, table: Tables, spec: RaycastSpec, camera: Camera, clear: Clear
+    ) -> Mapping[int, Arrives]:
+        """Return the part of each source's light that the volume lets pass."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OpacityCaster:
     """Casts of a volume's opacity alone, such as from a light: its shadow."""
 
-    caster: Raycaster | LevelCaster
+    caster: PictureCaster
     table: Tables
     spec: RaycastSpec
     arrives: Mapping[int, Arrives] | None = None
@@ -63,7 +90,7 @@ class OpacityCaster:
         return cast.alpha, cast.depth_mm
 
     def arrivals(self, camera: Camera, clear: Clear) -> Mapping[int, Arrives]:
-        """Return the part of each source's light that the volume lets pass; see `Raycaster`."""
+        """Return the part of each source's light that the volume lets pass; see `VolumeCaster`."""
         if self.arrives is not None:
             return self.arrives
         return self.caster.arrivals(self.table, self.spec, camera, clear)
@@ -85,7 +112,7 @@ class Behind(Protocol):
 
     @property
     def clear(self) -> Clear | None:
-        """Return the light they let pass, as for `Raycaster.cast`; None if all."""
+        """Return the light they let pass, as for `VolumeCaster.cast`; None if all."""
         return None
 
     def within(self, volume: Volume, spec: RaycastSpec) -> Behind | None:
@@ -156,7 +183,7 @@ class Surfaces:
 
     @property
     def clear(self) -> Clear | None:
-        """Light that the surfaces let pass, as for `Raycaster.cast`."""
+        """Light that the surfaces let pass, as for `VolumeCaster.cast`."""
         return next((each.clear for each in self.behind if each.clear is not None), None)
 
     @property
@@ -285,7 +312,7 @@ class Surfaces:
         there = lit.alpha > 0.0
         if not slots or not there.any():
             return Solid(*lit[:3], {})
-        assert isinstance(self.opacity.caster, Raycaster)
+        assert isinstance(self.opacity.caster, VolumeCaster)
         given = self.opacity.table, self.opacity.spec, self.camera, self.clear or _all_passes
         split = self.opacity.caster.split_arrivals(*given)
         shape = (*there.shape, len(self.opacity.spec.groups), -1)
@@ -472,3 +499,34 @@ def put_behind(front: Result, other: BehindImage, lost: NDArray[np.float32] | No
     depth_mm[there] = (before[there] * own_mm + part * other.depth_mm[there]) / found
     other_first_mm = other.depth_mm if other.first_mm is None else other.first_mm
     first_mm[there] = np.minimum(first_mm[there], other_first_mm[there])
+
+
+def next_to(across: NDArray[np.bool_], down: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return the numbers of pixels that differ from a neighbour.
+
+    ``across`` (H, W - 1) and ``down`` (H - 1, W) are True between those that do.
+    """
+    found = np.zeros((across.shape[0], down.shape[1]), np.bool_)
+    found[:, 1:] |= across
+    found[:, :-1] |= across
+    found[1:] |= down
+    found[:-1] |= down
+    return np.flatnonzero(found)
+
+
+def further_points(pixels: NDArray[np.intp], width: int) -> NDArray[np.float64]:
+    """Return (4 E, 2) places, x and y in pixels, in E pixels."""
+    middles = np.stack([pixels % width, pixels // width], axis=1)
+    return (middles[:, None] + _IN_PIXEL).reshape(-1, 2)
+
+
+def mean_of_points(pixels: NDArray[np.intp], count: int) -> csr_array:
+    """Return weights (count, count + 4 E): of a pixel's middle, or of its further points."""
+    numbers = np.full(count, 1)
+    numbers[pixels] = POINTS
+    ends = np.concatenate([[0], np.cumsum(numbers)])
+    columns = np.repeat(np.arange(count), numbers)
+    first = ends[pixels][:, None] + np.arange(POINTS)
+    columns[first] = count + np.arange(first.size).reshape(first.shape)
+    weights = np.repeat(1.0 / numbers, numbers).astype(np.float32)
+    return csr_array((weights, columns, ends), shape=(count, count + POINTS * len(pixels)))

@@ -37,11 +37,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import ImageError, ShapeError
-from volspec.raycast.layered import MOST_TAU, OpacityLayers, Recomposed
+from volspec.image.layers import MOST_TAU, OpacityLayers, Recomposed
 from volspec.settings import Fraction, NotNegative, Positive, Unit, settings
 
 if TYPE_CHECKING:
-    from volspec.raycast.image import CoefficientImage
+    from volspec.image.model import CoefficientImage
 
 Array = NDArray[np.float32]
 Index = NDArray[np.intp]

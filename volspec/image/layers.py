@@ -42,6 +42,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._checks import number
 from volspec.basis import MaterialBasis
 from volspec.errors import (
     ImageError,
@@ -50,12 +51,14 @@ from volspec.errors import (
     nearest,
     quoted,
 )
-from volspec.raycast.checks import number
-from volspec.raycast.lights import OCCLUSION_GAIN
-from volspec.raycast.spec import MAX_LAYERS
 
 Array = NDArray[np.float64]
 
+MAX_LAYERS = 16
+"""Layers of an image."""
+OCCLUSION_GAIN = 2.0
+"""Factor of the mean transmittance over the sphere: a point on a flat wall sees half of it, which
+counts as all of the ambient light."""
 MAX_MATERIALS = 4
 """Materials of an image with layers."""
 MOST_TAU = 64.0
