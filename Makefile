@@ -30,7 +30,7 @@ INSTALL = { $(PIP) uv && $(BIN)/uv pip install --quiet --python $(BIN)/python --
 unexport PYTHONDONTWRITEBYTECODE
 
 $(VENV)/.installed: pyproject.toml | $(BIN)/python
-	@$(call INSTALL,.)
+	@$(call INSTALL,.[all])
 	@tools/system-packages.sh $(BIN)/python
 	@touch $@
 

@@ -8,15 +8,30 @@ import tomllib
 from collections import defaultdict
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
+
+from volspec import _extras
+from volspec._extras import EXTRAS
+from volspec.errors import DeviceError
 
 ROOT = Path(__file__).resolve().parent.parent / "volspec"
 
 # A module imports only from its left (docs/decisions/0002 puts the pipeline before the scene).
 LAYERS = (
-    *("_deprecated", "errors", "_confine", "_files", "_cache", "_child", "_parse", "_toml"),
+    *(
+        "_deprecated",
+        "errors",
+        "_extras",
+        "_confine",
+        "_files",
+        "_cache",
+        "_child",
+        "_parse",
+        "_toml",
+    ),
     *("settings", "_checks", "_exr", "_text", "_gpu", "_triangles", "spectra", "appearance"),
     *("_figures", "basis", "palette", "volume", "transfer", "camera", "image", "raycast", "mesh"),
     *("room", "large", "relight", "pipeline", "scene", "wizard", "export"),
@@ -218,3 +233,48 @@ def test_a_wheel_carries_what_a_checkout_has_beside_the_package():
     }
     assert asked == {"kernels", "shaders", "data"}
     assert {source: f"volspec/_assets/{source}" for source in asked} == included
+
+
+# Modules that required packages bring: those that pyproject.toml does not name.
+BROUGHT = {
+    "rich": "cyclopts",
+    "platformdirs": "pyopencl",
+    "annotated_types": "pydantic",
+    "pydantic_core": "pydantic",
+}
+# Programs into which volspec is loaded, or which a name asks for.
+HOSTS = {"IPython", "ipywidgets", "traitlets", "vtkmodules", "napari", "xarray"}
+
+
+def test_every_import_is_required_or_an_extra_s():
+    project = tomllib.loads((ROOT.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+    def names(requirements):
+        return {re.split(r"[<>=;\[ ]", each)[0].lower().replace("_", "-") for each in requirements}
+
+    optional = project["optional-dependencies"]
+    packages = packages_distributions()
+    required = names(project["dependencies"])
+    for extra, modules in EXTRAS.items():
+        needs = names(optional[extra])
+        for module in modules:
+            homes = {each.lower().replace("_", "-") for each in packages[module]}
+            assert homes & needs or module in {"aiohttp", "distributed", "imageio_ffmpeg"}, (
+                extra,
+                module,
+            )
+    optional_modules = {module for modules in EXTRAS.values() for module in modules}
+    for path in ROOT.rglob("*.py"):
+        for module in {name.split(".")[0] for name, _ in imports(path)} - sys.stdlib_module_names:
+            homes = {module.lower(), *map(str.lower, packages.get(module, []))}
+            known = module in {"volspec", *optional_modules, *BROUGHT, *HOSTS} or homes & required
+            assert known, f"{path.relative_to(ROOT)} imports {module}"
+    assert len(required) <= 18  # what a library and its commands need, and nothing of the window's
+
+
+def test_a_missing_extra_is_one_line_with_its_command(monkeypatch):
+    monkeypatch.setattr(_extras, "is_installed", lambda module: module != "pyvista")
+    with pytest.raises(DeviceError) as caught:
+        _extras.require_extra("vtk", "a.vti")
+    assert str(caught.value) == 'a.vti: pyvista is not installed; pip install "volspec[vtk]"'
+    _extras.require_extra("mrc", "a.mrc")

@@ -26,7 +26,7 @@ SYSTEMS = {
     "Windows x86-64": "x86_64-pc-windows-msvc",
 }
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
-EXTRAS = "test,video,notebook,zarr"
+EXTRAS = "test"
 # Together, these use every requirement.
 TESTS = (
     *("test_layers", "test_cli", "test_cli_basis", "test_scene", "test_scene_schema"),

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from volspec._child import child_command
 from volspec._confine import confined_folder, require_inside
+from volspec._extras import require_extra
 from volspec._parse import parse_json
-from volspec.errors import DeviceError, InputError, nearest
+from volspec.errors import InputError, nearest
 
 if TYPE_CHECKING:
     import pyvista
@@ -94,11 +95,8 @@ class TriangleRays:
             from embreex.mesh_construction import TriangleMesh  # type: ignore[import-untyped]  # has no types
             from embreex.rtcore_scene import EmbreeScene  # type: ignore[import-untyped]  # has no types
         except ImportError:
-            raise DeviceError(
-                f"{what} need embreex, which has no wheel for this system",
-                instead,
-                code="unsupported",
-            ) from None
+            require_extra("rooms", what, f"where it has no wheel, {instead}")
+            raise
         self.corners = corners
         self._given = corners, what, instead
         a, b, c = corners.transpose(1, 0, 2)
@@ -168,6 +166,7 @@ def read_triangles(path: Path, refused: type[InputError]) -> pyvista.PolyData:
 
     Raises ``refused`` if the file is missing, of another format, or has no triangles.
     """
+    require_extra("vtk", str(path))
     import pyvista
 
     if path.suffix.lower() not in FILES:

@@ -9,10 +9,11 @@ from __future__ import annotations
 import os
 import platform
 from dataclasses import asdict, dataclass
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, packages_distributions, version
 from typing import TYPE_CHECKING, Any
 
 from volspec import __version__
+from volspec._extras import EXTRAS, install_command
 from volspec._gpu import devices as opencl_devices
 from volspec._gpu.devices import DeviceInfo, try_all
 from volspec.errors import DeviceError, OpenCLError, OpenGLError
@@ -22,19 +23,24 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 _PACKAGES = (
-    *("numpy", "scipy", "pyopencl", "pocl-binary-distribution", "moderngl", "pyvista"),
-    *("pydicom", "nibabel", "colour-science", "OpenEXR", "imageio"),
+    *("numpy", "scipy", "pyopencl", "pocl-binary-distribution", "moderngl", "pydicom"),
+    *("nibabel", "colour-science", "OpenEXR"),
 )
 _NOT_HERE = "not here"
-# Features by the package's extras: the extra's name, and the distributions that it needs.
-_EXTRAS = {
-    "notebooks": ("notebook", ("anywidget",)),
-    "OME-Zarr": ("zarr", ("zarr", "tensorstore")),
-    "HDF5": ("hdf5", ("h5py",)),
-    "microscopes": ("micro", ("pylibCZIrw", "liffile", "nd2", "oiffile")),
-    "URLs": ("remote", ("universal_pathlib", "aiohttp")),
-    "several machines": ("cluster", ("distributed",)),
-    "pages from a server": ("serve", ("tornado",)),
+# Features by the package's extra.
+_FEATURES = {
+    "the window": "viewer",
+    "VTK, meshes": "vtk",
+    "rays of meshes, rooms": "rooms",
+    "compressed DICOM": "dicom",
+    "MRC": "mrc",
+    "notebooks": "notebook",
+    "OME-Zarr": "zarr",
+    "HDF5": "hdf5",
+    "microscopes": "micro",
+    "URLs": "remote",
+    "several machines": "cluster",
+    "pages from a server": "serve",
 }
 
 
@@ -153,11 +159,11 @@ def examine() -> Examination:
 def _extras() -> dict[str, str]:
     """Return optional features: their versions, or the command that installs them."""
     found = {"films": _ffmpeg() or _remedy("video")}
-    for what, (extra, packages) in _EXTRAS.items():
-        try:
-            found[what] = ", ".join(f"{package} {version(package)}" for package in packages)
-        except PackageNotFoundError:
-            found[what] = _remedy(extra)
+    by_module = packages_distributions()
+    for what, extra in _FEATURES.items():
+        packages = [by_module.get(module, [""])[0] for module in EXTRAS[extra]]
+        every = ", ".join(f"{package} {version(package)}" for package in packages if package)
+        found[what] = every if all(packages) else _remedy(extra)
     return found
 
 
@@ -177,4 +183,4 @@ def _ffmpeg() -> str | None:
 
 
 def _remedy(extra: str) -> str:
-    return f"{_NOT_HERE}: pip install 'volspec[{extra}]'"
+    return f"{_NOT_HERE}: {install_command(extra)}"

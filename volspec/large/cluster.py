@@ -21,7 +21,6 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from importlib.util import find_spec
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
@@ -29,6 +28,7 @@ from uuid import uuid4
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._extras import require_extra
 from volspec.camera.camera import Camera
 from volspec.errors import CastCancelled, DeviceError, RaycastError, VolspecError, one_line
 from volspec.large.level_caster import LevelCaster, PartPicture, finished
@@ -459,11 +459,7 @@ class Cluster:
                 code="syntax",
                 given=address,
             )
-        if find_spec("distributed") is None:
-            raise DeviceError(
-                f'device {address}: a cluster needs Dask; pip install "volspec[cluster]"',
-                code="unsupported",
-            )
+        require_extra("cluster", f"device {address}")
 
     @property
     def client(self) -> Client:

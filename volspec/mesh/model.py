@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from volspec._extras import require_extra
 from volspec._triangles import read_triangles
 from volspec.appearance.spaces import sRGB_CURVE
 from volspec.errors import Code, MeshError, VolspecWarning, quoted
@@ -324,7 +325,7 @@ class Mesh:
         """
         if (self.points_mm @ planes[:, :3].T >= planes[:, 3]).all():
             return self
-        # Imported late: few meshes are cut.
+        require_extra("vtk", f"a cut of mesh {self.name!r}")
         import pyvista
 
         faces = pyvista.PolyData.from_regular_faces(self.points_mm, self.triangles)

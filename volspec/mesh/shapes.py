@@ -10,6 +10,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._extras import require_extra
 from volspec.errors import MeshError, nearest
 from volspec.mesh import Shape
 from volspec.mesh.model import Mesh
@@ -107,6 +108,7 @@ def _sphere() -> Parts:
 
 
 def _triad() -> Parts:
+    require_extra("vtk", "the triad")
     import pyvista
 
     parts, count = [], 0

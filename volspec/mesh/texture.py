@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from volspec._cache import cached_arrays
 from volspec._confine import require_inside
+from volspec._extras import require_extra
 from volspec._files import captured_output
 from volspec._gpu.opencl import Compute
 from volspec._gpu.prelude import prelude
@@ -181,6 +182,7 @@ class Texture:
 
 def _read(path: Path) -> NDArray[Any]:
     """Return an image file's texels (H, W) or (H, W, channels)."""
+    require_extra("vtk", str(path))
     import pyvista
 
     if path.suffix.lower() not in _FORMATS:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._extras import require_extra
 from volspec.basis import Basis
 from volspec.camera.camera import Camera
 from volspec.errors import CameraError, RaycastError, VolspecWarning, nearest, quoted
@@ -96,6 +97,7 @@ def from_plotter(
     >>> image.size
     (64, 48)
     """
+    require_extra("vtk", "a plotter of pyvista's")
     import pyvista
 
     require_open(plotter)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from volspec._checks import positive
+from volspec._extras import require_extra
 from volspec.errors import RelightError
 from volspec.raycast.vtk_interop import plotter_camera, require_open
 from volspec.relight.spec import Pixels
@@ -34,6 +35,7 @@ def to_texture(frame: Pixels) -> pyvista.Texture:
     RelightError
         If ``frame`` has another shape or type, or NaN.
     """
+    require_extra("vtk", "pyvista's picture")
     import pyvista
 
     codes = np.asarray(frame)
@@ -70,6 +72,7 @@ def picture_plane(plotter: pyvista.Plotter, distance: float | None = None) -> py
     CameraError
         If the camera shears or shifts its picture.
     """
+    require_extra("vtk", "pyvista's picture")
     import pyvista
 
     require_open(plotter)

@@ -19,10 +19,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import psutil
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array, diags_array
 
+from volspec._gpu.memory import host_free_bytes
 from volspec._triangles import cosine_directions
 from volspec.errors import RoomError
 from volspec.room.direct import direct_irradiance
@@ -177,7 +177,7 @@ def solve_room(
     look_around(room)
     per_patch = int(np.clip(rays // max(patches, 1), *_RAYS_OF_PATCH))
     per_patch = 1 << per_patch.bit_length() - 1
-    needed, free = _BYTES * patches * per_patch // 2, psutil.virtual_memory().available
+    needed, free = _BYTES * patches * per_patch // 2, host_free_bytes()
     if needed > free:
         raise RoomError(
             f"{patches} patches take up to {needed / 2**30:.3g} GiB, and {free / 2**30:.3g} GiB "

@@ -10,7 +10,10 @@
 To add a panel, see docs/architecture.md.
 """
 
-import OpenGL
+from volspec._extras import require_extra
+
+require_extra("viewer", "the viewer")
+import OpenGL  # noqa: E402
 
 # PyOpenGL checks for errors after every call, which takes longer than the call itself, unless that
 # is switched off before PyOpenGL is first imported, by imgui's backend.

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from volspec._extras import require_extra
 from volspec.errors import VolspecWarning, VolumeError
 from volspec.volume.checks import with_nan
 from volspec.volume.model import Volume
@@ -206,6 +207,7 @@ def _mean_steps(grid: Any, name: str, query: Query | None) -> NDArray[np.float64
 
 def volume_to_pyvista(volume: Volume) -> pyvista.ImageData:
     """Return a pyvista ``ImageData`` with a copy of the values as point scalars ``"values"``."""
+    require_extra("vtk", "pyvista's grid")
     import pyvista
 
     world = volume.world_from_index

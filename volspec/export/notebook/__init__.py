@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from volspec._extras import require_extra
 from volspec.appearance import Viewing
-from volspec.errors import DeviceError, ImageError, quoted
+from volspec.errors import ImageError, quoted
 from volspec.export.notebook.settings import LightLike, initial_spec, named_lights
 from volspec.image import CoefficientImage
 from volspec.scene.lights import NamedLight
@@ -56,15 +57,8 @@ def notebook(
             field="notebook.image",
             given=image,
         )
-    try:
-        from volspec.export.notebook.widget import RelightWidget
-    except ModuleNotFoundError as error:
-        if error.name not in ("anywidget", "ipywidgets", "traitlets"):
-            raise
-        raise DeviceError(
-            f"notebook: {error.name} is not installed",
-            "pip install 'volspec[notebook]'",
-            code="unsupported",
-        ) from error
+    require_extra("notebook", "notebook")
+    from volspec.export.notebook.widget import RelightWidget
+
     named = named_lights(lights, image)
     return RelightWidget(image, named, initial_spec(image, named, viewing))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from volspec.errors import DeviceError
+from volspec._extras import require_extra
 
 if TYPE_CHECKING:
     from volspec.export.serve.http import SceneServer
@@ -46,14 +46,7 @@ def scene_server(host: str = HOST, port: int = PORT, *, insecure: bool = False) 
     ('http://127.0.0.1:', True)
     >>> server.close()
     """
-    try:
-        from volspec.export.serve.http import SceneServer
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != "tornado":
-            raise
-        raise DeviceError(
-            "serve: tornado is not installed",
-            'pip install "volspec[serve]"',
-            code="unsupported",
-        ) from error
+    require_extra("serve", "serve")
+    from volspec.export.serve.http import SceneServer
+
     return SceneServer(host, port, insecure)

@@ -27,6 +27,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._extras import install_command
 from volspec.errors import VolumeError
 from volspec.volume.labels import Label
 from volspec.volume.metadata import HU
@@ -371,8 +372,7 @@ def _stored_values(one: Slice) -> NDArray[Any]:
             f"{file.path}: its pixels are compressed as {syntax.name}, which needs a decoder"
             if is_unknown
             else f"{file.path}: its pixels ({syntax.name}) are damaged or truncated",
-            "export it uncompressed, or try pip install pylibjpeg pylibjpeg-openjpeg "
-            "pylibjpeg-libjpeg"
+            f"{install_command('dicom')}, or export it uncompressed"
             if is_unknown
             else "copy it again, or take it out of the folder",
             code="unsupported" if is_unknown else "damaged",

@@ -29,7 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._confine import confined_folder, require_inside
-from volspec.errors import DeviceError, VolumeError, one_line
+from volspec._extras import require_extra
+from volspec.errors import VolumeError, one_line
 from volspec.volume.checks import checked_geometry
 from volspec.volume.files.bdv import Size, choose_view, data_of
 from volspec.volume.files.lattice import mm_per_unit
@@ -80,16 +81,12 @@ class Dataset:
 @contextmanager
 def opened(query: Query) -> Iterator[Any]:
     """Open a file by h5py; the error of a damaged one becomes one line."""
-    try:
-        import h5py
+    require_extra("hdf5", str(query.path))
+    import h5py
 
+    try:
         with h5py.File(query.path, "r") as file:
             yield file
-    except ImportError as error:
-        raise DeviceError(
-            f'{query.path}: is an HDF5 file, which needs h5py; pip install "volspec[hdf5]"',
-            code="unsupported",
-        ) from error
     except VolumeError:
         raise
     except DAMAGE as error:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from volspec._extras import require_extra
 from volspec.errors import VolumeError, one_line
 from volspec.volume.files.lattice import affine
 from volspec.volume.files.query import Query, Reading, Stored
@@ -25,9 +26,10 @@ _HEADER = 1024
 
 def read_mrc(query: Query) -> Reading:
     """Read a map, or one volume of a stack."""
+    path = query.path
+    require_extra("mrc", str(path))
     import mrcfile
 
-    path = query.path
     query.allow("time")
     try:
         with mrcfile.open(path, "r", permissive=True, header_only=True) as file:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._child import require_own_process
+from volspec._extras import require_extra
 from volspec.errors import DeviceError, one_line
 
 # Beginnings of its errors if a store does not answer, or only with errors of its own.
@@ -45,14 +46,10 @@ def import_zarr(path: Path) -> Any:
     that reads by them, which TensorStore would end.
     """
     require_own_process("TensorStore", DeviceError)
-    try:
-        import zarr
+    require_extra("zarr", str(path))
+    import zarr
 
-        import_module("tensorstore")  # used by each `Tensor`
-    except ImportError as error:
-        raise DeviceError(
-            f'{path}: needs zarr and TensorStore; pip install "volspec[zarr]"', code="unsupported"
-        ) from error
+    import_module("tensorstore")  # used by each `Tensor`
     return zarr
 
 

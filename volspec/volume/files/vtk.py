@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 from xml.parsers import expat
 
+from volspec._extras import require_extra
 from volspec.errors import VolumeError
 from volspec.volume.channels import Channel
 from volspec.volume.files.layout import TRUNCATED, damaged, data_files
@@ -73,6 +74,7 @@ def read_vtk(query: Query) -> Reading:
 
 def _grid(query: Query) -> Any:
     """Read a file with pyvista, whose errors become one line."""
+    require_extra("vtk", str(query.path))
     import pyvista
     from pyvista.core.utilities.observers import VtkErrorCatcher
     from vtkmodules.vtkCommonCore import vtkLogger, vtkObject
