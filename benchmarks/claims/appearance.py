@@ -28,13 +28,13 @@ from volspec.appearance import Display, Viewing, ViewingConditions, view_transfo
 from volspec.appearance.adaptation import adapt, nonlinear
 from volspec.appearance.adaptation_grid import AdaptationGrid, pixels_from_nodes
 from volspec.appearance.deficiency import simulation
+from volspec.appearance.display import preset
 from volspec.appearance.gamut_mapping import DisplayGamut, Screen, reduce_chroma
 from volspec.appearance.lut3d import Lut3D, LutSpace
 from volspec.appearance.measured import measured_conditions
 from volspec.appearance.models import APPEARANCE_MODELS, cam, model
 from volspec.appearance.models.cam import CamConditions
 from volspec.appearance.models.numeric import invert
-from volspec.appearance.presets import preset
 from volspec.appearance.spaces import SPACES, ColourSpace, Transfer
 from volspec.relight import Illumination, Relighter, RelightSpec
 from volspec.relight.measured_viewing import ViewingMeter

@@ -7,10 +7,10 @@ import pytest
 
 from tests.appearance._models import CONDITIONS, A, colours
 from volspec.appearance import Viewing, ViewingConditions, constants, view_transform
+from volspec.appearance.display import PRESETS, preset
 from volspec.appearance.measured import adapting_fields, measured_conditions
 from volspec.appearance.models.cam import CamConditions, CamTransform, forward, inverse
 from volspec.appearance.models.cielab import cielab, cielab_derivative
-from volspec.appearance.presets import PRESETS, preset
 from volspec.appearance.spaces import SPACES
 
 SOME = ("room under A", "television", "cinema")

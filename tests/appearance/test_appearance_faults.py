@@ -8,14 +8,13 @@ from tests.support.errors import raises, refuses
 from volspec.appearance import Display, Viewing, ViewingConditions
 from volspec.appearance.adaptation import ADAPTATIONS, adapt, adaptation, outside
 from volspec.appearance.difference import distance, uniform
-from volspec.appearance.display import colour_space
+from volspec.appearance.display import colour_space, preset
 from volspec.appearance.gamut_mapping import DisplayGamut
 from volspec.appearance.hdr import Hdr
 from volspec.appearance.measured import measured_conditions
 from volspec.appearance.models import APPEARANCE_MODELS, hunt, model, nayatani95
 from volspec.appearance.models.cam import CamConditions
 from volspec.appearance.models.cielab import XYZ_from_cielab, cielab
-from volspec.appearance.presets import preset
 from volspec.appearance.spaces import SPACES, ColourSpace, Transfer
 from volspec.errors import InputError, SceneError
 from volspec.settings import read_table

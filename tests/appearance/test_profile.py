@@ -13,7 +13,7 @@ from PIL import Image, ImageCms
 
 from tests.support.errors import raises, refuses
 from volspec import Display
-from volspec.appearance.presets import PRESETS, preset
+from volspec.appearance.display import PRESETS, preset
 from volspec.appearance.profile import read_profile
 from volspec.appearance.spaces import SPACES, ColourSpace, Transfer
 from volspec.errors import SceneError, ViewingError

@@ -13,10 +13,10 @@ from PIL import Image
 from tests.support.commands import call, figures, write_image
 from volspec.appearance import ViewingConditions
 from volspec.appearance.adaptation import adapt
+from volspec.appearance.display import preset
 from volspec.appearance.models import APPEARANCE_MODELS, model
 from volspec.appearance.models.hunt import HuntSettings
 from volspec.appearance.models.nayatani95 import NayataniSettings
-from volspec.appearance.presets import preset
 from volspec.appearance.spaces import SPACES
 from volspec.cli.viewing import ModelOptions
 from volspec.export.png import icc_profile

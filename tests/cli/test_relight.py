@@ -22,7 +22,7 @@ from tests.support.commands import (
 from tests.support.commands import call as command
 from tests.support.fixtures import Capture
 from volspec.appearance import Viewing
-from volspec.appearance.presets import preset
+from volspec.appearance.display import preset
 from volspec.appearance.spaces import SPACES
 from volspec.basis import SpectralBasis
 from volspec.cli.viewing import PictureOptions

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.support.fixtures import slow_each
 from tests.support.scenes import comments, lines, read
-from volspec.appearance.presets import PRESETS
+from volspec.appearance.display import PRESETS
 from volspec.appearance.spaces import SPACES as COLOUR_SPACES
 from volspec.appearance.spec import MODELS, SURROUNDS
 from volspec.scene import Scene, SceneFile, write_scene

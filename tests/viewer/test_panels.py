@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.support.patience import wait_until
 from tests.viewer._states import seen
-from volspec.appearance.presets import PRESETS
+from volspec.appearance.display import PRESETS
 from volspec.appearance.rendition import light_figures
 from volspec.appearance.spec import MODELS
 from volspec.relight import LightRig, RelightSpec

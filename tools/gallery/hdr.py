@@ -12,8 +12,8 @@ import numpy as np
 import volspec as vs
 from tools.gallery.rooms import IMAGES, save
 from tools.gallery.studio import ROOT
+from volspec.appearance.display import preset
 from volspec.appearance.hdr import Hdr
-from volspec.appearance.presets import preset
 from volspec.appearance.spaces import SPACES, encode_sRGB
 from volspec.export.frames import to_uint16
 from volspec.relight.hdr import hdr_frame

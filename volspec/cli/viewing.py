@@ -96,7 +96,7 @@ class SceneOptions:
         Raises InputError if two options conflict, a name is unknown or a number is out of range.
         """
         from volspec.appearance import Viewing, ViewingConditions
-        from volspec.appearance.presets import preset
+        from volspec.appearance.display import preset
 
         default = Viewing()
         self.require_one_degree()
@@ -209,8 +209,7 @@ class PictureOptions(SceneOptions):
         and backdrop, if the command has them; None is not given. Raises InputError if two
         options conflict, or one has no effect or is out of range.
         """
-        from volspec.appearance.display import ROOM
-        from volspec.appearance.presets import preset
+        from volspec.appearance.display import ROOM, preset
 
         self.require_one_degree()
         if spec.level == "relative":  # at "absolute" lights are also compared with the lux

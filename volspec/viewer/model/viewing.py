@@ -11,8 +11,7 @@ from typing import Any
 
 from volspec.appearance import Viewing
 from volspec.appearance.deficiency import DEFICIENCIES
-from volspec.appearance.display import GAMUTS
-from volspec.appearance.presets import PRESETS
+from volspec.appearance.display import GAMUTS, PRESETS
 from volspec.appearance.spaces import SPACES
 from volspec.appearance.spec import ADAPTING, MODELS, PER_PIXEL, SURROUNDS
 from volspec.basis import MODES

@@ -15,8 +15,7 @@ from types import MappingProxyType
 from imgui_bundle import imgui
 
 from volspec.appearance.deficiency import DEFICIENCIES, VISION
-from volspec.appearance.display import GAMUTS
-from volspec.appearance.presets import PRESETS
+from volspec.appearance.display import GAMUTS, PRESETS
 from volspec.appearance.spaces import SPACES
 from volspec.appearance.spec import MODELS, SURROUNDS
 from volspec.spectra.library import EVERYDAY, describe_light, library_names

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 from imgui_bundle import imgui
 
 from volspec.appearance.deficiency import VISION
-from volspec.appearance.display import GAMUTS, Display
-from volspec.appearance.presets import PRESETS
+from volspec.appearance.display import GAMUTS, PRESETS, Display
 from volspec.appearance.spaces import SPACES, ColourSpace
 from volspec.appearance.spec import ADAPTING, MODELS, PER_PIXEL, SURROUNDS, Viewing
 from volspec.basis import MODES
