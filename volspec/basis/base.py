@@ -1,6 +1,6 @@
-"""Base class of bases: colours of channels, report, file; and checks of a basis' data.
+"""Base class of bases: colours of channels, file; and checks of a basis' data.
 
-    [base] -> SpectralBasis, MaterialBasis
+    [base] -> report -> SpectralBasis, MaterialBasis
 
 Of either kind, the pipeline uses only this, `white`, `channels_for_materials`, `synthesise` and
 `fingerprint`.
@@ -11,9 +11,9 @@ from __future__ import annotations
 import os
 import unicodedata
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Self, cast
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,18 +26,17 @@ from volspec.spectra.datasets import Observer, check_observer
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.spectrum import Spectrum, real_array, reflectance_values
 
-if TYPE_CHECKING:
-    from volspec.basis.materials import Basis
-    from volspec.basis.model import SpectralBasis
-    from volspec.basis.report import BasisReport
-
 
 class StoredBasis(ABC):
-    """Channels, with their colours, errors and JSON file."""
+    """Channels, with their colours and JSON file."""
 
     __slots__ = ()
 
     name: str
+    method: str
+    grid: SpectralGrid
+    trained_on: str
+    observer_deg: Observer
 
     channels_of = renamed_attribute("channels_for_materials")
     color_matrix = renamed_attribute("colour_matrix")
@@ -47,6 +46,11 @@ class StoredBasis(ABC):
     @abstractmethod
     def size(self) -> int:
         """Number of channels, m."""
+
+    @property
+    @abstractmethod
+    def fingerprint(self) -> str:
+        """Short hash of the numbers; unchanged by save and load."""
 
     @abstractmethod
     def colour_matrix(
@@ -66,13 +70,38 @@ class StoredBasis(ABC):
         return self.synthesise(coefficients) * power
 
     @abstractmethod
+    def _numbers(self) -> dict[str, Any]:
+        """Return the fields of `to_dict` that only this kind of basis has."""
+
     def to_dict(self) -> dict[str, Any]:
         """Return JSON types with a format version; numbers keep every digit."""
+        words = {} if self.method == storage.MATERIALS else {"trained_on": self.trained_on}
+        return {
+            "format": storage.FORMAT,
+            "version": storage.FORMAT_VERSION,
+            "name": self.name,
+            "method": self.method,
+            **words,
+            "fingerprint": self.fingerprint,
+            "observer_deg": self.observer_deg,
+            "grid_nm": [self.grid.start_nm, self.grid.stop_nm, self.grid.step_nm],
+            **self._numbers(),
+        }
 
     @classmethod
     @abstractmethod
     def from_dict(cls, data: dict[str, Any]) -> Self:
         """Invert `to_dict`."""
+
+    def _require_unedited(self, data: Mapping[str, Any]) -> None:
+        """Raise BasisError if the fingerprint does not match; the first files had none."""
+        stored = data.get("fingerprint", self.fingerprint)
+        if stored != self.fingerprint:
+            raise BasisError(
+                f"its numbers, grid and observer have the fingerprint {self.fingerprint}, but it "
+                f"says {stored!r:.40}: were the numbers edited? Fit it again",
+                code="damaged",
+            )
 
     def xyz(self, coefficients: ArrayLike, light: Spectrum) -> NDArray[Any]:
         """Return the colour of reflectance coefficients under a light, in the default mode.
@@ -95,28 +124,6 @@ class StoredBasis(ABC):
             the grid.
         """
         return require_channels(self, coefficients) @ self.colour_matrix(light).T
-
-    def report(
-        self,
-        lights: Sequence[Spectrum] | None = None,
-        reflectances: Sequence[Spectrum] | ArrayLike | None = None,
-    ) -> BasisReport:
-        """Return CIEDE2000 errors against full spectra; see `volspec.basis.report.basis_report`.
-
-        Defaults: the 26 smooth lights on the 84 held-out samples, or on the basis' materials.
-
-        Examples
-        --------
-        >>> from volspec.basis import SpectralBasis
-        >>> from volspec.spectra import light, reflectance
-        >>> samples = [reflectance("gold"), reflectance("CES/5")]
-        >>> table = SpectralBasis.load("general-7").report([light("D65"), light("A")], samples)
-        >>> table.fitted.max < 0.1 < table.rgb_product.max
-        True
-        """
-        from volspec.basis.report import basis_report
-
-        return basis_report(cast("Basis", self), lights, reflectances)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a .json file, whole or not at all.
@@ -180,29 +187,30 @@ def require_grid_and_observer(grid: Any, observer_deg: Any, label: str) -> Obser
         return check_observer(observer_deg)
 
 
-def require_matrices(basis: SpectralBasis) -> dict[str, Array]:
+def require_matrices(
+    matrices: Mapping[str, ArrayLike], grid: SpectralGrid, label: str
+) -> dict[str, Array]:
     """Return A, B and D by field name: read-only float64 copies that match.
 
     Raises BasisError if shapes do not match, a value is not finite, flat white changes, or A B is
     not I.
     """
-    label = f"basis {basis.name!r}"
     found: dict[str, Array] = {}
-    for field in ("analysis", "synthesis", "XYZ_from_channels"):
+    for field, matrix in matrices.items():
         try:
-            array = real_array(getattr(basis, field), field)
+            array = real_array(matrix, field)
         except SpectrumError:
             raise BasisError(f"{label}: {field} is not an array of numbers", code="type") from None
         if array.ndim != 2 or not np.isfinite(array).all():
             raise BasisError(f"{label}: {field} is not a matrix of finite numbers", code="range")
         array.flags.writeable = False
         found[field] = array
-    m, N = found["analysis"].shape[0], basis.grid.size
+    m, N = found["analysis"].shape[0], grid.size
     for field, expected in zip(found, ((m, N), (N, m), (3, m)), strict=True):
         shape = found[field].shape
         if shape != expected or m < 1:
             raise BasisError(
-                f"{label}: {field} has shape {shape}, expected {expected} on {basis.grid}",
+                f"{label}: {field} has shape {shape}, expected {expected} on {grid}",
                 code="shape",
             )
     off = float(np.abs(found["analysis"].sum(1) - 1).max())
@@ -227,21 +235,20 @@ def round_trip_loss(A: Array, B: Array) -> float:
     return float(np.abs(A @ B - np.eye(len(A))).max())
 
 
-def require_samples(basis: SpectralBasis) -> Array | None:
+def require_samples(given: ArrayLike | None, grid: SpectralGrid, label: str) -> Array | None:
     """Return a read-only copy of a basis' samples, (K, N) reflectances; None without any.
 
     Raises BasisError if they are something else.
     """
-    if basis.samples is None:
+    if given is None:
         return None
-    label = f"basis {basis.name!r}: samples"
     with basis_errors(label):
-        samples = real_array(basis.samples, label)
+        samples = real_array(given, label)
         if samples.size == 0:
-            samples = np.zeros((0, basis.grid.size))
+            samples = np.zeros((0, grid.size))
         if samples.ndim != 2:
             raise BasisError.refused(label, samples.shape, "give (K, N) reflectances", "shape")
-        samples = reflectance_values(samples, basis.grid, label)
+        samples = reflectance_values(samples, grid, label)
     samples.flags.writeable = False
     return samples
 

@@ -17,8 +17,8 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -27,7 +27,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.basis import display, storage
 from volspec.basis.base import (
-    StoredBasis,
     basis_errors,
     require_channels,
     require_grid_and_observer,
@@ -35,6 +34,7 @@ from volspec.basis.base import (
     require_text,
 )
 from volspec.basis.model import SpectralBasis
+from volspec.basis.report import ReportedBasis
 from volspec.errors import BasisError, nearest
 from volspec.spectra.datasets import Observer, colour_matching_functions
 from volspec.spectra.fluorescence import Fluorescence
@@ -52,7 +52,7 @@ METHOD = storage.MATERIALS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MaterialBasis(StoredBasis):
+class MaterialBasis(ReportedBasis):
     """K materials as channels, and a channel of white for highlights.
 
     Materials may be fluorescent; no other basis shows what they emit.
@@ -89,6 +89,11 @@ class MaterialBasis(StoredBasis):
     name: str = METHOD
     grid: SpectralGrid = DEFAULT_GRID
     observer_deg: Observer = 2
+    method: str = field(default=METHOD, init=False)
+    trained_on: str = field(init=False)
+    """Names of the materials."""
+
+    multiplies = False
 
     def __post_init__(self) -> None:
         require_materials(self.materials, "material basis")
@@ -102,19 +107,10 @@ class MaterialBasis(StoredBasis):
         object.__setattr__(self, "observer_deg", observer_deg)
         rows = {name: self._resample(name, s) for name, s in self.materials.items()}
         object.__setattr__(self, "materials", MappingProxyType(rows))
+        object.__setattr__(self, "trained_on", ", ".join(rows))
 
     def __repr__(self) -> str:
         return f"MaterialBasis({', '.join(self.materials)})"
-
-    @property
-    def method(self) -> str:
-        """``"materials"``."""
-        return METHOD
-
-    @property
-    def trained_on(self) -> str:
-        """Names of the materials."""
-        return ", ".join(self.materials)
 
     @property
     def size(self) -> int:
@@ -150,6 +146,28 @@ class MaterialBasis(StoredBasis):
                     code="conflict",
                 )
         return np.eye(self.size)[[own.index(name) for name in materials]]
+
+    def surface_channels(self, surfaces: Sequence[Spectrum]) -> Array:
+        """Return (L, K + 1) channels of reflectances that are among the materials.
+
+        Raises BasisError if one is not.
+        """
+        found = []
+        for surface in surfaces:
+            on_grid = surface.on(self.grid)
+            match = [k for k, each in enumerate(self.materials.values()) if alike(each, on_grid)]
+            if not match:
+                raise BasisError(
+                    f"report: {surface.name} is not a material of basis {self.name!r}, which holds "
+                    f"{', '.join(self.materials)}; it has no channels for others",
+                    code="unknown",
+                )
+            found.append(match[0])
+        return np.eye(self.size)[found]
+
+    def test_surfaces(self, grid: SpectralGrid) -> tuple[list[Spectrum], list[str]]:
+        """Return the materials and their names."""
+        return list(self.materials.values()), list(self.materials)
 
     def synthesise(self, coefficients: ArrayLike) -> Array:
         """Convert (..., K + 1) channels to (..., N) spectra: the mixture itself."""
@@ -204,13 +222,12 @@ class MaterialBasis(StoredBasis):
                 )
         return replace(self, materials={**self.materials, **changes})
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return JSON types with a format version; numbers keep every digit."""
+    def _numbers(self) -> dict[str, Any]:
         rows = {name: spectrum.values.tolist() for name, spectrum in self.materials.items()}
         numbers: dict[str, Any] = {"materials": rows}
         if emitting := {k: s.fluorescence for k, s in self.materials.items() if s.fluorescence}:
             numbers["fluorescence"] = {k: each.matrix.tolist() for k, each in emitting.items()}
-        return storage.to_dict(self, numbers)
+        return numbers
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> MaterialBasis:
@@ -255,7 +272,7 @@ class MaterialBasis(StoredBasis):
                 for name, values in data["materials"].items()
             }
         basis = cls(rows, data["name"], head["grid"], head["observer_deg"])
-        storage.require_unedited(basis, data)
+        basis._require_unedited(data)
         return basis
 
     @property

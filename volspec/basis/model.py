@@ -18,15 +18,15 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec._deprecated import renamed_attribute
-from volspec.basis import display, samples, storage
+from volspec.basis import display, storage
 from volspec.basis.base import (
-    StoredBasis,
     require_channels,
     require_grid_and_observer,
     require_materials,
@@ -35,18 +35,23 @@ from volspec.basis.base import (
     require_samples,
     require_text,
 )
+from volspec.basis.report import ReportedBasis
 from volspec.errors import BasisError
 from volspec.spectra.datasets import Observer, colour_matching_functions
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
+from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
+from volspec.spectra.reflectances import reflectance_set
 from volspec.spectra.spectrum import Spectrum, light_power, stack
 
 Spectra = Spectrum | Sequence[Spectrum] | ArrayLike
 
 _MATRICES = ("analysis", "synthesis", "XYZ_from_channels")
+# Weight of the library's training set next to a basis' own samples.
+_LIBRARY_WEIGHT = 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SpectralBasis(StoredBasis):
+class SpectralBasis(ReportedBasis):
     """Analysis, synthesis and display matrices of one basis; read-only.
 
     Parameters
@@ -97,9 +102,11 @@ class SpectralBasis(StoredBasis):
             self.grid, self.observer_deg, f"basis {self.name!r}"
         )
         object.__setattr__(self, "observer_deg", observer_deg)
-        for field, matrix in require_matrices(self).items():
+        given, label = {name: getattr(self, name) for name in _MATRICES}, f"basis {self.name!r}"
+        for field, matrix in require_matrices(given, self.grid, label).items():
             object.__setattr__(self, field, matrix)
-        object.__setattr__(self, "samples", require_samples(self))
+        samples = require_samples(self.samples, self.grid, f"{label}: samples")
+        object.__setattr__(self, "samples", samples)
 
     def __repr__(self) -> str:
         bands = f"{self.grid.size} bands"
@@ -134,6 +141,10 @@ class SpectralBasis(StoredBasis):
             If a spectrum does not cover the grid or an array has another length.
         """
         return stack(spectra, self.grid) @ self.analysis.T
+
+    def surface_channels(self, surfaces: Sequence[Spectrum]) -> NDArray[np.float64]:
+        """Return (K, m) channels of reflectances, analysed."""
+        return self.analyse(surfaces)
 
     def channels_for_materials(self, materials: Mapping[str, Spectrum]) -> NDArray[np.float64]:
         """Return (K, m) channels of a transfer function's materials, in the mapping's order.
@@ -237,7 +248,7 @@ class SpectralBasis(StoredBasis):
         BasisError, SpectrumError
             If the basis has no samples; see `display_matrix`.
         """
-        return samples.fitted_matrix(self, light_power(light, self.grid).tobytes())
+        return _fitted_matrix(self, light_power(light, self.grid).tobytes())
 
     def with_samples(self, spectra: Iterable[Spectrum]) -> SpectralBasis:
         """Return the basis with other samples; one of an earlier version, without any, stays.
@@ -350,12 +361,11 @@ class SpectralBasis(StoredBasis):
             observer_deg=observer_deg,
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return JSON types with a format version; numbers keep every digit."""
+    def _numbers(self) -> dict[str, Any]:
         numbers = {name: getattr(self, name).tolist() for name in _MATRICES}
         if self.samples is not None:
             numbers["samples"] = self.samples.tolist()
-        return storage.to_dict(self, numbers)
+        return numbers
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> SpectralBasis:
@@ -376,7 +386,7 @@ class SpectralBasis(StoredBasis):
         head = storage.head_from_dict(data, names)
         values = {name: data[name] for name in names}
         basis = cls(**head, **values, samples=data.get("samples"))
-        storage.require_unedited(basis, data)
+        basis._require_unedited(data)
         return basis
 
     @property
@@ -394,3 +404,34 @@ class SpectralBasis(StoredBasis):
     @property
     def _Q(self) -> NDArray[np.float64]:
         return colour_matching_functions(self.grid, self.observer_deg)
+
+
+@lru_cache(maxsize=32)
+def training_reflectances(grid: SpectralGrid) -> NDArray[np.float64]:
+    return reflectance_set("training", grid)
+
+
+# Lights of a session: a slider moves their weights, not their matrices.
+@lru_cache(maxsize=64)
+def _fitted_matrix(basis: SpectralBasis, power: bytes) -> NDArray[np.float64]:
+    """Return `SpectralBasis.fitted_matrix` under a light of (N,) power, as bytes; cached."""
+    if basis.samples is None:
+        raise BasisError(
+            f"basis {basis.name!r} has no samples to fit a light's matrix to; fit the basis again",
+            code="missing",
+        )
+    light = Spectrum(basis.grid.wavelengths_nm, np.frombuffer(power))
+    own, library = basis.samples, training_reflectances(basis.grid)
+    S = np.concatenate([own, library])
+    others = _LIBRARY_WEIGHT if len(own) else 1.0
+    weights = np.repeat([1.0, others], [len(own), len(library)])
+    weights /= np.repeat([max(len(own), 1), len(library)], [len(own), len(library)])
+    matrix = display.fitted_matrix(
+        basis.analyse(S),
+        XYZ_from_spectra(light, S, basis.observer_deg),
+        weights,
+        white_XYZ(light, basis.observer_deg),
+        basis.light_matrix(light),
+    )
+    matrix.flags.writeable = False
+    return matrix

@@ -1,16 +1,16 @@
 """A basis as JSON: in ``data/bases``, a user's file or a coefficient image's header.
 
-SpectralBasis <-> [storage] <-> JSON
+StoredBasis <-> [storage] <-> JSON
 """
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from volspec._confine import require_inside
 from volspec._files import require_suffix, write_whole
@@ -18,10 +18,6 @@ from volspec._gpu.sources import asset
 from volspec._parse import parse_json
 from volspec.errors import BasisError, SpectrumError, nearest
 from volspec.spectra.grid import DEFAULT_GRID, PAPERS_GRID, SpectralGrid
-
-if TYPE_CHECKING:
-    from volspec.basis.materials import MaterialBasis
-    from volspec.basis.model import SpectralBasis
 
 FORMAT = "volspec-basis"
 FORMAT_VERSION = 1
@@ -35,37 +31,9 @@ _Basis = TypeVar("_Basis")
 _LONGEST_LABEL = 200
 
 
-def to_dict(basis: SpectralBasis | MaterialBasis, numbers: Mapping[str, Any]) -> dict[str, Any]:
-    """Convert to JSON types; Python writes floats so that they are read back to the last bit."""
-    grid = basis.grid
-    words = {} if basis.method == MATERIALS else {"trained_on": basis.trained_on}
-    return {
-        "format": FORMAT,
-        "version": FORMAT_VERSION,
-        "name": basis.name,
-        "method": basis.method,
-        **words,
-        "fingerprint": basis.fingerprint,
-        "observer_deg": basis.observer_deg,
-        "grid_nm": [grid.start_nm, grid.stop_nm, grid.step_nm],
-        **numbers,
-    }
-
-
 def is_material_basis(data: Any) -> bool:
     """Return True if a dictionary describes a `MaterialBasis`."""
     return isinstance(data, dict) and data.get("method") == MATERIALS
-
-
-def require_unedited(basis: SpectralBasis | MaterialBasis, data: Mapping[str, Any]) -> None:
-    """Raise BasisError if the fingerprint does not match; the first files had none."""
-    stored = data.get("fingerprint", basis.fingerprint)
-    if stored != basis.fingerprint:
-        raise BasisError(
-            f"its numbers, grid and observer have the fingerprint {basis.fingerprint}, but it "
-            f"says {stored!r:.40}: were the numbers edited? Fit it again",
-            code="damaged",
-        )
 
 
 def head_from_dict(data: Any, names: Sequence[str]) -> dict[str, Any]:
