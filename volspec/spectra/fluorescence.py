@@ -19,7 +19,7 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,11 +27,27 @@ from numpy.typing import ArrayLike, NDArray
 from volspec.errors import SpectrumError
 from volspec.spectra.grid import SpectralGrid
 
-if TYPE_CHECKING:
-    from volspec.spectra.spectrum import Spectrum
-
 Array = NDArray[np.float64]
 _ROUNDING = 1e-6
+
+
+class Sampled(Protocol):
+    """Values by wavelength, as of a `Spectrum`."""
+
+    @property
+    def name(self) -> str:
+        """Name for messages."""
+
+    @property
+    def grid(self) -> SpectralGrid:
+        """Grid of the samples."""
+
+    @property
+    def values(self) -> Array:
+        """(L,) samples."""
+
+    def on(self, grid: SpectralGrid) -> Sampled:
+        """Return band means on another grid."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,7 +113,7 @@ class Fluorescence:
 
     @classmethod
     def of(
-        cls, excitation: Spectrum, emission: Spectrum, quantum_yield: float, absorptance: float = 1
+        cls, excitation: Sampled, emission: Sampled, quantum_yield: float, absorptance: float = 1
     ) -> Fluorescence:
         """Return the fluorescence of one fluorophore, a matrix of rank one.
 
