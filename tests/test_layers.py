@@ -143,7 +143,7 @@ def test_the_viewer_s_floors_import_only_from_below():
         (
             "pyvista",
             (
-                *("volume/vtk_interop.py", "volume/model.py", "volume/files/vtk.py"),
+                *("volume/model.py", "volume/files/vtk.py", "volume/files/vtk_grid.py"),
                 *("raycast/vtk_interop.py", "relight/vtk_interop.py", "_triangles.py"),
                 *("mesh/model.py", "mesh/shapes.py", "mesh/texture.py"),
             ),

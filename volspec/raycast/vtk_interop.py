@@ -24,7 +24,7 @@ from volspec.raycast.spec import ClipPlane, Mode, RaycastSpec
 from volspec.transfer import TransferFunction
 from volspec.transfer.vtk_interop import transfer_from_vtk
 from volspec.volume import Volume
-from volspec.volume.vtk_interop import volume_from_pyvista
+from volspec.volume.files.vtk_grid import volume_fields
 
 if TYPE_CHECKING:
     import pyvista
@@ -112,10 +112,9 @@ def from_plotter(
             f"add it with blending={' or '.join(map(repr, _MODES))}",
             code="unsupported",
         )
-    grid = volume_from_pyvista(pyvista.wrap(mapper.GetInputDataObject(0, 0)), name=label)
+    grid = volume_fields(pyvista.wrap(mapper.GetInputDataObject(0, 0)), name=label)
     world_from_grid = _matrix(actor.GetMatrix())
-    world = world_from_grid @ grid.world_from_index
-    placed = replace(grid, spacing_mm=None, world_from_index=world)  # type: ignore[arg-type]
+    placed = Volume(**grid | {"world_from_index": world_from_grid @ grid["world_from_index"]})
     # VTK's unit distances are measured before it stretches the volume.
     stretch = abs(float(np.linalg.det(world_from_grid[:3, :3]))) ** (1 / 3)
     transfer = transfer_from_vtk(settings, stretch, basis, label)

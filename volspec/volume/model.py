@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from volspec._extras import require_extra
 from volspec.errors import VolumeError
 from volspec.volume.channels import Channel
 from volspec.volume.checks import (
@@ -31,6 +32,8 @@ from volspec.volume.checks import (
     checked_values,
     missing_value,
 )
+from volspec.volume.files.lattice import mm_per_unit
+from volspec.volume.files.vtk_grid import volume_fields
 from volspec.volume.labels import Labels, renumbered
 from volspec.volume.metadata import Metadata
 from volspec.volume.sample import typical_range
@@ -495,9 +498,7 @@ class Volume:
         VolumeError
             If ``grid`` is not one, has no such array, or the array has several components.
         """
-        from volspec.volume.vtk_interop import volume_from_pyvista
-
-        return volume_from_pyvista(grid, scalars)
+        return cls(**volume_fields(grid, scalars))
 
     @classmethod
     def from_layer(cls, layer: Any) -> Volume:
@@ -510,8 +511,6 @@ class Volume:
         VolumeError
             If the layer is of another kind, or has more axes or colours.
         """
-        from volspec.volume.files.lattice import mm_per_unit  # which makes volumes
-
         data = layer.data[0] if getattr(layer, "multiscale", False) else layer.data
         if getattr(layer, "rgb", False) or not 3 == layer.ndim == np.ndim(data):
             raise VolumeError(
@@ -529,9 +528,15 @@ class Volume:
 
     def to_pyvista(self) -> pyvista.ImageData:
         """Return a pyvista ``ImageData`` with a copy of the values as point scalars "values"."""
-        from volspec.volume.vtk_interop import volume_to_pyvista
+        require_extra("vtk", "to_pyvista")
+        import pyvista
 
-        return volume_to_pyvista(self)
+        world, spacing_mm = self.world_from_index, self.spacing_mm
+        grid = pyvista.ImageData(dimensions=self.shape_xyz, spacing=spacing_mm, origin=world[:3, 3])
+        grid.direction_matrix = world[:3, :3] / np.asarray(spacing_mm)
+        # A copy, since VTK writes to arrays that NumPy marks as read-only.
+        grid.point_data["values"] = self.stated(self.nan_if_missing(self.values)).flatten()
+        return grid
 
 
 def checked_fields(volume: Volume) -> tuple[Volume, ...]:

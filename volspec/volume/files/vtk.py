@@ -29,8 +29,8 @@ from volspec.errors import VolumeError
 from volspec.volume.channels import Channel
 from volspec.volume.files.layout import TRUNCATED, damaged, data_files
 from volspec.volume.files.query import Query, Reading
+from volspec.volume.files.vtk_grid import scalar_names, values_and_lattice
 from volspec.volume.metadata import NO_UNIT, Metadata
-from volspec.volume.vtk_interop import scalar_names, values_and_lattice
 
 # Bits of the legacy format's types; vtkIdType is stored as int.
 _LEGACY_BITS = {

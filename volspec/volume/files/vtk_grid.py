@@ -1,4 +1,4 @@
-"""Convert volumes to and from pyvista (VTK).
+"""Scalars and lattices of pyvista's (VTK's) grids.
 
 Cell scalars are used if a grid has no point scalars; their lattice is that of the cell centres.
 """
@@ -13,10 +13,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from volspec._extras import require_extra
 from volspec.errors import VolspecWarning, VolumeError
 from volspec.volume.checks import with_nan
-from volspec.volume.model import Volume
 
 if TYPE_CHECKING:
     import pyvista
@@ -29,10 +27,10 @@ _EVEN = 1e-3
 _GHOSTS, _HIDDEN = "vtkGhostType", (2, 32)
 
 
-def volume_from_pyvista(
+def volume_fields(
     grid: pyvista.ImageData, scalars: str | None = None, *, name: str = "pyvista grid"
-) -> Volume:
-    """Convert a pyvista ``ImageData``: its scalars, spacing, origin, extent and direction.
+) -> dict[str, Any]:
+    """Return what a `Volume` takes of an ``ImageData``: values, lattice and name.
 
     A ``RectilinearGrid`` may be given instead if its planes are evenly spaced.
 
@@ -41,7 +39,7 @@ def volume_from_pyvista(
     values, world, remarks = values_and_lattice(grid, scalars, None, name, None)
     for remark in remarks:
         warnings.warn(remark, VolspecWarning, stacklevel=3)
-    return Volume(values, world_from_index=world, name=name)
+    return {"values": values, "world_from_index": world, "name": name}
 
 
 def values_and_lattice(
@@ -203,19 +201,3 @@ def _mean_steps(grid: Any, name: str, query: Query | None) -> NDArray[np.float64
             )
         means[axis] = steps.mean() if steps.size else 1.0
     return means
-
-
-def volume_to_pyvista(volume: Volume) -> pyvista.ImageData:
-    """Return a pyvista ``ImageData`` with a copy of the values as point scalars ``"values"``."""
-    require_extra("vtk", "pyvista's grid")
-    import pyvista
-
-    world = volume.world_from_index
-    assert world is not None and volume.spacing_mm is not None
-    grid = pyvista.ImageData(
-        dimensions=volume.shape_xyz, spacing=volume.spacing_mm, origin=world[:3, 3]
-    )
-    grid.direction_matrix = world[:3, :3] / np.asarray(volume.spacing_mm)
-    # A copy, since VTK writes to arrays that NumPy marks as read-only.
-    grid.point_data["values"] = volume.stated(volume.nan_if_missing(volume.values)).flatten()
-    return grid
