@@ -2,16 +2,16 @@
 
 from volspec.palette.advice import suggestions
 from volspec.palette.file import load_palette
-from volspec.palette.model import Apart, Cell, Criteria, Palette
-from volspec.palette.optimisation import Design, design, fitted_exposure
-from volspec.palette.report import (
+from volspec.palette.measures import (
     ApartReport,
     CellReport,
-    DesignReport,
     MetamerReport,
     ObserverReport,
     SpectrumReport,
 )
+from volspec.palette.model import Apart, Cell, Criteria, Palette
+from volspec.palette.optimisation import Design, design, fitted_exposure
+from volspec.palette.report import DesignReport
 from volspec.palette.storage import save_palette
 from volspec.palette.variables import PaletteSpectrum
 

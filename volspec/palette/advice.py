@@ -1,6 +1,6 @@
 """Suggest changes to a palette: each is tried, and reported with the figures it achieves.
 
-design, report -> [advice]
+design, measures -> [advice] -> report
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from volspec.errors import InputError
+from volspec.palette.measures import CellReport, DesignMeasures
 from volspec.palette.model import Cell, Palette, Place, hexadecimal
 from volspec.palette.optimisation import Design, design
-from volspec.palette.report import CellReport, DesignReport
 from volspec.palette.variables import PaletteSpectrum
 
 VISIBLE = 1.0
@@ -47,7 +47,7 @@ def suggestions(design: Design) -> tuple[str, ...]:
     >>> vs.suggestions(vs.design(vs.load_palette("data/palettes/figure-2.toml")))
     ()
     """
-    palette, now = design.state.palette, DesignReport.of(design)
+    palette, now = design.state.palette, DesignMeasures.measured(design)
     if now.max <= VISIBLE:
         return ()
     found = list(_with_iterations(palette, now))
@@ -57,9 +57,9 @@ def suggestions(design: Design) -> tuple[str, ...]:
     return (*found, *_with_exposure(palette, now))
 
 
-def _report(palette: Palette) -> DesignReport | None:
+def _report(palette: Palette) -> DesignMeasures | None:
     try:
-        return DesignReport.of(design(palette, again=True))
+        return DesignMeasures.measured(design(palette, again=True))
     except InputError:  # a trial may be impossible, or start from a light without luminance
         return None
 
@@ -70,7 +70,7 @@ def _helps(before: float, after: float | None) -> bool:
     return after < (1.0 - _LEAST_FRACTION) * before and before - after > _LEAST_dE
 
 
-def _with_iterations(palette: Palette, now: DesignReport) -> Iterator[str]:
+def _with_iterations(palette: Palette, now: DesignMeasures) -> Iterator[str]:
     rounds = palette.criteria.rounds
     longer = replace(palette.criteria, rounds=rounds + _MORE_ITERATIONS)
     after = _report(replace(palette, criteria=longer))
@@ -81,7 +81,7 @@ def _with_iterations(palette: Palette, now: DesignReport) -> Iterator[str]:
         )
 
 
-def _with_exposure(palette: Palette, now: DesignReport) -> Iterator[str]:
+def _with_exposure(palette: Palette, now: DesignMeasures) -> Iterator[str]:
     bright = [s.name for s in now.spectra if s.kind == "reflectance" and s.at_upper]
     if not bright:
         return
@@ -94,7 +94,7 @@ def _with_exposure(palette: Palette, now: DesignReport) -> Iterator[str]:
         )
 
 
-def _for_cell(made: Design, now: DesignReport, cell: CellReport) -> Iterator[str]:
+def _for_cell(made: Design, now: DesignMeasures, cell: CellReport) -> Iterator[str]:
     palette = made.state.palette
     where, error = f"({cell.reflectance}, {cell.light})", cell.error or 0.0
     if nearest := _nearest_if_out_of_reach(made.palette, cell):
@@ -119,7 +119,7 @@ def _for_cell(made: Design, now: DesignReport, cell: CellReport) -> Iterator[str
     yield from _without_cell(palette, now, cell.place, where)
 
 
-def _without_cell(palette: Palette, now: DesignReport, place: Place, where: str) -> Iterator[str]:
+def _without_cell(palette: Palette, now: DesignMeasures, place: Place, where: str) -> Iterator[str]:
     cells: dict[Place, Cell] = {at: cell for at, cell in palette.cells.items() if at != place}
     after = _report(replace(palette, cells=cells)) if cells else None
     if after and _helps(
@@ -128,7 +128,7 @@ def _without_cell(palette: Palette, now: DesignReport, place: Place, where: str)
         yield f"{where}: without it, the others' mean ΔE falls from {before:.2f} to {then:.2f}"
 
 
-def _mean_of_others(report: DesignReport, place: Place) -> float:
+def _mean_of_others(report: DesignMeasures, place: Place) -> float:
     errors = [c.error for c in report.cells if c.error is not None and c.place != place]
     return float(np.mean(errors)) if errors else 0.0
 

@@ -37,9 +37,10 @@ from volspec._files import require_suffix
 from volspec.appearance.deficiency import DEFICIENCIES, Simulation, simulation
 from volspec.appearance.difference import SYMBOLS
 from volspec.appearance.spaces import ColourSpace, spectrum_colours
+from volspec.palette.measures import CellReport
 from volspec.palette.model import Palette
 from volspec.palette.optimisation import Design
-from volspec.palette.report import CellReport, DesignReport
+from volspec.palette.report import DesignReport
 from volspec.spectra import SpectralGrid
 
 if TYPE_CHECKING:

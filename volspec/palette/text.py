@@ -1,13 +1,12 @@
 """Render a design's report for a terminal: a matrix of colours, metamers, bounds, suggestions.
 
-DesignReport -> [text] -> rich
+measures -> [text] -> report, rich
 """
 
 from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 from rich.console import Console, Group, RenderableType
 from rich.table import Table
@@ -15,11 +14,9 @@ from rich.text import Text
 
 from volspec.appearance.deficiency import VISION
 from volspec.appearance.difference import SYMBOLS
+from volspec.palette.measures import ApartReport, CellReport, DesignMeasures, MetamerReport
 from volspec.palette.model import hexadecimal
 from volspec.palette.variables import mixture_text
-
-if TYPE_CHECKING:
-    from volspec.palette.report import ApartReport, CellReport, DesignReport, MetamerReport
 
 # With more lights than this there is no room for codes and differences.
 _MOST_WITH_CODES = 6
@@ -28,7 +25,7 @@ _MOST_NAMED = 4
 _WIDTH = 100
 
 
-def plain_text(report: DesignReport) -> str:
+def plain_text(report: DesignMeasures) -> str:
     """Return the report as text, without colours."""
     sink = io.StringIO()
     Console(file=sink, width=_WIDTH, color_system=None, highlight=False).print(
@@ -37,7 +34,7 @@ def plain_text(report: DesignReport) -> str:
     return "\n".join(line.rstrip() for line in sink.getvalue().splitlines())
 
 
-def render(report: DesignReport, *, colours: bool) -> Group:
+def render(report: DesignMeasures, *, colours: bool) -> Group:
     """Return the report as rich renderables, with swatches if ``colours``."""
     blocks: list[RenderableType] = [_matrix(report, colours), Text("")]
     if report.apart:
@@ -52,7 +49,7 @@ def render(report: DesignReport, *, colours: bool) -> Group:
     return Group(*blocks)
 
 
-def _matrix(report: DesignReport, colours: bool) -> Table:
+def _matrix(report: DesignMeasures, colours: bool) -> Table:
     """Reflectances as rows, lights as columns: the obtained colour and its difference."""
     columns = list(dict.fromkeys(cell.light for cell in report.cells))
     codes = len(columns) <= _MOST_WITH_CODES
@@ -85,7 +82,7 @@ def _cell(cell: CellReport, codes: bool, colours: bool) -> Text:
     return text
 
 
-def _lines(report: DesignReport) -> Iterator[Text]:
+def _lines(report: DesignMeasures) -> Iterator[Text]:
     yield Text.assemble(
         (f"{SYMBOLS[report.difference]} ", "dim"),
         f"mean {report.mean:.2f}, largest {report.max:.2f}; exposure {report.exposure:g}",

@@ -22,8 +22,8 @@ from volspec.palette import (
     Palette,
     PaletteSpectrum,
 )
+from volspec.palette.measures import apart_reports, report_cells
 from volspec.palette.model import Place
-from volspec.palette.report import apart_reports, report_cells
 from volspec.palette.state import State
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import SpectralGrid, Spectrum

@@ -18,7 +18,7 @@ from volspec.appearance.rendition import (
     metamerism,
 )
 from volspec.errors import VolspecError
-from volspec.palette.report import ALIKE
+from volspec.palette.measures import ALIKE
 from volspec.relight import LightRig
 from volspec.spectra import SpectralGrid, Spectrum, light
 from volspec.spectra.spectrum import extended_band_means
