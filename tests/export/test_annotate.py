@@ -15,15 +15,9 @@ from volspec.camera import Camera
 from volspec.camera.projection import Projection, length_mm, length_text, scale_text
 from volspec.errors import VolspecWarning
 from volspec.export import tiles
-from volspec.export.annotate import (
-    MarkedPicture,
-    annotation_svg,
-    material_colours,
-    paint,
-    picture_marks,
-)
+from volspec.export.annotate import MarkedPicture, annotation_svg, paint, picture_marks
 from volspec.export.exporter import export
-from volspec.export.value_bars import value_bars
+from volspec.export.value_bars import material_colours, value_bars
 from volspec.pipeline import relight
 from volspec.relight import LightRig, RelightSpec
 from volspec.scene.annotation import Annotation, measured_length

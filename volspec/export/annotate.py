@@ -18,9 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._text import TextLine, fit_text, printable
-from volspec.appearance.gamut_mapping import screen_for_viewing
-from volspec.appearance.scene_to_display import view_transform
-from volspec.basis import Basis
 from volspec.camera import Camera
 from volspec.camera.projection import (
     Projection,
@@ -31,16 +28,13 @@ from volspec.camera.projection import (
     scale_text,
 )
 from volspec.errors import VolspecWarning, quoted
-from volspec.relight import LightRig, RelightSpec
-from volspec.relight.illumination import Illumination
+from volspec.export.value_bars import ValueBar
 from volspec.scene.annotation import Annotation, PlacedAnnotation, place_annotation
-from volspec.spectra import Spectrum, XYZ_from_spectra
 from volspec.volume import Volume
 
 if TYPE_CHECKING:
     from PIL import Image
 
-    from volspec.export.value_bars import ValueBar
     from volspec.scene.export import Mark
 
 Codes = TypeVar("Codes", bound=NDArray[Any])
@@ -109,26 +103,6 @@ def picture_marks(marks: Sequence[Mark], picture: MarkedPicture) -> list[Patch]:
     if "values" in marks:
         patches += paint.value_bars()
     return patches
-
-
-def material_colours(
-    materials: Mapping[str, Spectrum],
-    basis: Basis,
-    rig: LightRig,
-    spec: RelightSpec,
-    shares: Mapping[str, float],
-) -> dict[str, NDArray[np.float64]]:
-    """Return the display codes, 0 to 1, of flat materials that face every source of a light."""
-    if not materials:
-        return {}
-    lit = Illumination.of(basis, rig, spec, shares)
-    mixed = rig.facing(shares).mixed(basis.grid)
-    # Single colours have no picture in which adaptation could be measured.
-    viewing = replace(lit.viewing, adapting="given", fov_deg=None)
-    XYZ = [XYZ_from_spectra(mixed, each, basis.observer_deg) for each in materials.values()]
-    seen = view_transform(viewing, lit.white_XYZ).apply(lit.gain * np.array(XYZ)[None])
-    codes = np.clip(screen_for_viewing(viewing).codes(seen, 0)[0], 0.0, 1.0)
-    return dict(zip(materials, codes, strict=True))
 
 
 def paint(pixels: Codes, patches: Sequence[Patch], top: int = 0) -> Codes:

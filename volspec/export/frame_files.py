@@ -25,7 +25,7 @@ from volspec.appearance.hdr import Hdr
 from volspec.appearance.spaces import ColourSpace, to_uint8
 from volspec.errors import ViewingError
 from volspec.export import exr
-from volspec.export.annotate import MarkedPicture, Patch, material_colours, picture_marks
+from volspec.export.annotate import MarkedPicture, Patch, picture_marks
 from volspec.export.avif import AvifWriter
 from volspec.export.compositing import save_for_compositors, scene_recipe
 from volspec.export.frames import encode, row_file, to_uint16
@@ -34,7 +34,7 @@ from volspec.export.plan import Shot, export_lights
 from volspec.export.png import PngWriter
 from volspec.export.spectral import SpectralIllumination
 from volspec.export.tiles import row_strips
-from volspec.export.value_bars import value_bars
+from volspec.export.value_bars import material_colours, value_bars
 from volspec.image import CoefficientImage
 from volspec.relight import Relighter
 from volspec.relight.hdr import hdr_frame

@@ -1,4 +1,4 @@
-"""Bars of the colours that a field's values have under a light, with numbers.
+"""Colours of materials under a light, and bars of those of a field's values, with numbers.
 
 transfer functions, light -> [value_bars] -> annotate
 transfer functions, basis -> [value_bars] -> page
@@ -8,21 +8,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.export.annotate import material_colours
-from volspec.spectra import Spectrum
+from volspec.appearance.gamut_mapping import screen_for_viewing
+from volspec.appearance.scene_to_display import view_transform
+from volspec.basis import Basis
+from volspec.relight import LightRig, RelightSpec
+from volspec.relight.illumination import Illumination
+from volspec.spectra import Spectrum, XYZ_from_spectra
 from volspec.transfer import FieldFunctions, TransferFunction
 from volspec.transfer.mixes import used_materials, weight_matrix
 from volspec.volume import Volume
-
-if TYPE_CHECKING:
-    from volspec.basis import Basis
-    from volspec.relight import LightRig, RelightSpec
 
 _COLOURS = 64
 # From (N, K) weights of materials, and these.
@@ -57,6 +57,26 @@ class ValueBar:
         return [round(n * step, 12 - math.floor(math.log10(step))) for n in range(first, last + 1)]
 
 
+def material_colours(
+    materials: Mapping[str, Spectrum],
+    basis: Basis,
+    rig: LightRig,
+    spec: RelightSpec,
+    shares: Mapping[str, float],
+) -> dict[str, NDArray[np.float64]]:
+    """Return the display codes, 0 to 1, of flat materials that face every source of a light."""
+    if not materials:
+        return {}
+    lit = Illumination.of(basis, rig, spec, shares)
+    mixed = rig.facing(shares).mixed(basis.grid)
+    # Single colours have no picture in which adaptation could be measured.
+    viewing = replace(lit.viewing, adapting="given", fov_deg=None)
+    XYZ = [XYZ_from_spectra(mixed, each, basis.observer_deg) for each in materials.values()]
+    seen = view_transform(viewing, lit.white_XYZ).apply(lit.gain * np.array(XYZ)[None])
+    codes = np.clip(screen_for_viewing(viewing).codes(seen, 0)[0], 0.0, 1.0)
+    return dict(zip(materials, codes, strict=True))
+
+
 def value_bars(
     transfer: Any,
     volume: Volume,
@@ -73,7 +93,7 @@ def value_bars(
     volume : Volume
         Its fields' ranges and units are those of the bars.
     basis, rig, spec, shares
-        As `volspec.export.annotate.material_colours`.
+        As `material_colours`.
     """
 
     def colours_of(

@@ -17,14 +17,8 @@ from numpy.typing import NDArray
 from volspec import __version__
 from volspec.errors import CastCancelled, DeviceError, ViewingError
 from volspec.export import write_frame
-from volspec.export.annotate import (
-    MarkedPicture,
-    Patch,
-    material_colours,
-    paint,
-    picture_marks,
-)
-from volspec.export.value_bars import value_bars
+from volspec.export.annotate import MarkedPicture, Patch, paint, picture_marks
+from volspec.export.value_bars import material_colours, value_bars
 from volspec.image import CoefficientImage
 from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast.pace import WHOLE
