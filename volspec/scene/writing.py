@@ -14,7 +14,7 @@ from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from volspec._files import line_end, require_suffix, write_whole
 from volspec._parse import parse_toml
@@ -25,13 +25,10 @@ from volspec.scene.file import SceneFile, migrate, scene_file, scene_text
 from volspec.scene.lights import LightSpec
 from volspec.scene.specs import EMPTY, MaterialSpec, SpectrumNumbers
 from volspec.settings import classes_in, hints, item_hint, plain
+from volspec.spectra import Spectrum
 from volspec.spectra.files import rebase_address, rebase_path
 from volspec.spectra.lights import rebase_light
 from volspec.volume.bundled import bundled_volume
-
-if TYPE_CHECKING:
-    from volspec.scene.model import Scene
-    from volspec.spectra import Spectrum
 
 # Tables that get a header of their own, like the file's top-level tables; others are inline.
 _HEADED = ("display", "reflectance", "filter", "spectrum")
@@ -39,7 +36,18 @@ _HEADED = ("display", "reflectance", "filter", "spectrum")
 _SCHEMA = re.compile(r"(?:#.*\n)*?#:schema[ \t]+(?!\w+://)(\S+)")
 
 
-def write_scene(file: SceneFile, path: str | os.PathLike[str], like: Scene | None = None) -> Path:
+class Origin(Protocol):
+    """A `Scene` that a file was made from."""
+
+    path: Path
+    folder: Path
+
+    @property
+    def known(self) -> Mapping[str, Spectrum]:
+        """Spectra that are not on disk yet."""
+
+
+def write_scene(file: SceneFile, path: str | os.PathLike[str], like: Origin | None = None) -> Path:
     """Write a scene's file atomically; it loads into the same tables again.
 
     Parameters
