@@ -15,7 +15,7 @@ from volspec._gpu.sources import asset
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.appearance.spaces import decode_sRGB, encode_sRGB, linear_sRGB_from_XYZ
 from volspec.basis import Basis, MaterialBasis
-from volspec.image.file import ONE_GROUP
+from volspec.image.fields import ONE_GROUP
 from volspec.raycast import RaycastSpec
 from volspec.raycast.lights import HEADLIT, Ambient, Directional, Headlight, LightGroup
 from volspec.relight import LightRig, RelightSpec

@@ -29,7 +29,7 @@ from volspec.export.exr import PRIMARIES, ExrBands, ExrHeader, ExrWriter, encodi
 from volspec.export.frames import row_file
 from volspec.export.tiles import row_strips
 from volspec.image import CoefficientImage
-from volspec.image.file import ONE_GROUP
+from volspec.image.fields import ONE_GROUP
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
 from volspec.spectra import SpectralGrid, Spectrum

@@ -31,18 +31,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import ImageError, ShapeError
+from volspec.image.fields import ImageFields
 from volspec.image.layers import MOST_TAU, OpacityLayers, Recomposed
 from volspec.settings import Fraction, NotNegative, Positive, Unit, settings
 
-if TYPE_CHECKING:
-    from volspec.image.model import CoefficientImage
-
+Image = TypeVar("Image", bound=ImageFields)
 Array = NDArray[np.float32]
 Index = NDArray[np.intp]
 
@@ -139,10 +138,10 @@ class _Slab(NamedTuple):
 
 
 def recompose_in_depth(
-    image: CoefficientImage,
+    image: ImageFields,
     scales: Sequence[float],
     effects: DepthEffects,
-    surface: CoefficientImage | None,
+    surface: ImageFields | None,
 ) -> Recomposed:
     """Composite an image's layers with the K materials' optical depths scaled, and effects.
 
@@ -178,9 +177,7 @@ def recompose_in_depth(
     return Recomposed(channels, seen.alpha, seen.depth_mm)
 
 
-def layers_in_depth(
-    image: CoefficientImage, scales: Sequence[float], effects: DepthEffects
-) -> CoefficientImage:
+def layers_in_depth(image: Image, scales: Sequence[float], effects: DepthEffects) -> Image:
     """Return an image whose layers are cut and in fog, for views nearby.
 
     ``scales`` of the K materials decide how deep what is left of a layer is, and its shadows. What
@@ -218,7 +215,7 @@ def layers_in_depth(
     return replace(image, opacity_layers=own)
 
 
-def fog_behind(view: CoefficientImage, effects: DepthEffects) -> CoefficientImage:
+def fog_behind(view: Image, effects: DepthEffects) -> Image:
     """Return a view of layers with the fog that is behind all of them, up to the far cut."""
     assert view.camera is not None
     cosine = view.camera.ray_field(*view.size).cosines(*view.size).astype(np.float32)
@@ -288,7 +285,7 @@ def _slabs(
     scales: Sequence[float],
     pixels: Index,
     cut: tuple[Array, Array],
-    surface: CoefficientImage | None,
+    surface: ImageFields | None,
 ) -> Iterator[_Slab]:
     """Yield the slabs of layers between two distances, near to far, and of a surface.
 
@@ -535,7 +532,7 @@ def _box_blur(slice_: Array, size: float) -> Array:
     return slice_
 
 
-def _check_surface(image: CoefficientImage, surface: CoefficientImage | None) -> None:
+def _check_surface(image: ImageFields, surface: ImageFields | None) -> None:
     """Refuse a surface that is not of the image's picture."""
     if surface is None:
         return

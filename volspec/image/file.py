@@ -1,6 +1,6 @@
-"""The OpenEXR file of a coefficient image, readable by compositors, and its light groups.
+"""The OpenEXR file of a coefficient image, readable by compositors.
 
-    CoefficientImage -> [image_file] -> CoefficientImage | Blender, Nuke, …
+    CoefficientImage -> [file] -> CoefficientImage | Blender, Nuke, …
 
 Every channel of the basis is one float or half channel, ``key.c00.V``, ``key.c01.V``, …: the light
 group is the layer. ``A`` is the opacity, ``Z`` the depth and ``first.Z`` the first hit, both in
@@ -27,7 +27,6 @@ and the first hit ``ZFirst``.
 from __future__ import annotations
 
 import json
-import math
 import os
 import re
 import unicodedata
@@ -35,8 +34,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from itertools import compress
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import quote
 
 import numpy as np
@@ -49,49 +47,11 @@ from volspec.appearance.spaces import SPACES
 from volspec.basis import Basis, MaterialBasis, basis_from_dict
 from volspec.camera.camera import Camera
 from volspec.errors import ImageError, ShapeError, VolspecError
+from volspec.image.fields import ONE_GROUP, ImageFields, checked_groups
 from volspec.image.layers import MAX_LAYERS, OpacityLayers, Slot
 
-if TYPE_CHECKING:
-    from volspec.image.model import CoefficientImage
-
-ONE_GROUP: Mapping[str, float] = MappingProxyType({"light": 1.0})
-"""The light groups of an image whose lights are not controlled separately."""
-_SUM_ERROR = 1e-6
 # Blender truncates names longer than 63 characters, channel included.
 _LONGEST_NAME = 40
-
-
-def checked_groups(groups: Mapping[str, float]) -> dict[str, float]:
-    """Return a copy of light groups, {name: fraction of the light}, or raise ImageError."""
-    if not (isinstance(groups, Mapping) and groups):
-        raise ImageError.refused(
-            "coefficient image: groups", groups, "give {name: fraction}, at least one", "missing"
-        )
-    fractions = {}
-    for name, fraction in groups.items():
-        if not (isinstance(name, str) and name.strip()):
-            raise ImageError.refused(
-                "coefficient image: name of a group", name, "give text", "type"
-            )
-        if isinstance(fraction, bool) or not isinstance(fraction, int | float | np.number):
-            fraction = math.nan
-        if not 0 <= fraction <= 1 + _SUM_ERROR:
-            raise ImageError.refused(
-                f"coefficient image: groups[{name!r}]",
-                groups[name],
-                "give a fraction of the light, 0…1",
-                "range",
-            )
-        fractions[name] = float(fraction)
-    if abs(sum(fractions.values()) - 1) > _SUM_ERROR:
-        raise ImageError(
-            f"light groups {', '.join(fractions)} sum to {sum(fractions.values()):g}",
-            "they must sum to 1, as RaycastSpec.shares() does",
-            code="range",
-            field="coefficient image: groups",
-            given=groups,
-        )
-    return fractions
 
 
 def channel_names(groups: Mapping[str, float], size: int) -> list[str]:
@@ -182,7 +142,7 @@ _ALPHA_ERROR = 1e-3  # rounding of alpha by a compositor
 
 def write_image(
     path: str | os.PathLike[str],
-    image: CoefficientImage,
+    image: ImageFields,
     preview: ArrayLike | None,
     texts: Mapping[str, str],
 ) -> None:
@@ -289,9 +249,7 @@ def read_image(path: str | os.PathLike[str]) -> dict[str, Any]:
     }
 
 
-def _layer_channels(
-    image: CoefficientImage, layers: OpacityLayers, slots: Sequence[Slot]
-) -> Channels:
+def _layer_channels(image: ImageFields, layers: OpacityLayers, slots: Sequence[Slot]) -> Channels:
     """Return the channels of layers of opacity."""
     assert isinstance(image.basis, MaterialBasis)
     height, width = image.alpha.shape

@@ -9,20 +9,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec._checks import number
-from volspec.basis import Basis, MaterialBasis, SpectralBasis
-from volspec.camera.camera import Camera
+from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.errors import DeviceError, ImageError, ShapeError, nearest, quoted
 from volspec.image.depth import DepthEffects, recompose_in_depth
-from volspec.image.file import ONE_GROUP, checked_groups, read_image, write_image
-from volspec.image.layers import OpacityLayers, checked_scales, residual_share, warn_of_absent
+from volspec.image.fields import ImageFields
+from volspec.image.file import read_image, write_image
+from volspec.image.layers import checked_scales, residual_share, warn_of_absent
 from volspec.spectra import SpectralGrid, SpectralImage, Spectrum
 from volspec.spectra.spectrum import light_power
 
@@ -31,8 +30,7 @@ NO_SCALES: Mapping[str, float] = MappingProxyType({})
 _NOISE, _LARGEST_REFLECTANCE = 0.1, 10.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CoefficientImage:
+class CoefficientImage(ImageFields):
     """Reflection under flat white light, channel by channel, for each light group.
 
     Parameters
@@ -81,16 +79,7 @@ class CoefficientImage:
     True
     """
 
-    coefficients: NDArray[Any]
-    alpha: NDArray[np.float32]
-    depth_mm: NDArray[np.float32]
-    basis: Basis
-    notes: Mapping[str, str] = field(default_factory=dict)
-    groups: Mapping[str, float] = field(default_factory=lambda: dict(ONE_GROUP))
-    first_mm: NDArray[np.float32] | None = None
-    fov_deg: float | None = None
-    camera: Camera | None = None
-    opacity_layers: OpacityLayers | None = None
+    __slots__ = ()
 
     def __repr__(self) -> str:
         width, height = self.size
@@ -98,62 +87,6 @@ class CoefficientImage:
         layers = self.opacity_layers
         deep = "" if layers is None else f", {layers.count} layers of opacity"
         return f"CoefficientImage({width}x{height}, {self.basis.size} channels{each}{deep})"
-
-    def __post_init__(self) -> None:
-        groups = checked_groups(self.groups)
-        object.__setattr__(self, "groups", groups)
-        shape, size = np.shape(self.coefficients), self.basis.size
-        if len(shape) != 3 or shape[2] != len(groups) * size:
-            per_group = f" for each of {len(groups)} light groups" if len(groups) > 1 else ""
-            raise ShapeError(
-                f"shape {shape}, the basis {self.basis.name!r} has {size} channels{per_group}",
-                f"expected (H, W, {len(groups) * size})",
-                field="coefficient image: coefficients",
-            )
-        kind = getattr(self.coefficients, "dtype", type(self.coefficients).__name__)
-        if kind not in (np.float32, np.float16):
-            raise ImageError(
-                f"type {kind}",
-                "give float32 or float16, such as coefficients.astype('float32')",
-                code="type",
-                field="coefficient image: coefficients",
-            )
-        for name in ("alpha", "depth_mm", "first_mm"):
-            array = getattr(self, name)
-            if np.shape(array) != shape[:2] and not (name == "first_mm" and array is None):
-                raise ShapeError(
-                    f"shape {np.shape(array)}",
-                    f"expected {shape[:2]}",
-                    field=f"coefficient image: {name}",
-                )
-        if self.opacity_layers is not None:
-            self._check_layers(self.opacity_layers)
-        if self.fov_deg is not None:
-            fov_deg = number("coefficient image: fov_deg", self.fov_deg, ImageError)
-            if not 0.0 < fov_deg < 180.0:
-                raise ImageError.refused(
-                    "coefficient image: fov_deg",
-                    fov_deg,
-                    "expected degrees above 0 and below 180, or None without perspective",
-                    "range",
-                )
-
-    def _check_layers(self, layers: OpacityLayers) -> None:
-        if not isinstance(self.basis, MaterialBasis):
-            raise ImageError(
-                f"coefficient image: opacity layers are of materials, basis {self.basis.name!r} "
-                f"is {self.basis.method}",
-                "give a MaterialBasis, or leave them out",
-                code="conflict",
-            )
-        materials, groups = len(self.basis.materials), len(self.groups)
-        wanted = (*np.shape(self.coefficients)[:2], layers.count, materials)
-        if layers.tau.shape != wanted or layers.groups != groups:
-            raise ShapeError(
-                f"tau has shape {layers.tau.shape} and gloss {layers.gloss.shape}",
-                f"expected {wanted} and {(*wanted[:3], groups)}",
-                field="coefficient image: opacity_layers",
-            )
 
     def layer(self, group: str) -> NDArray[Any]:
         """Return (H, W, M) the channels of one light group: a view.
@@ -293,12 +226,6 @@ class CoefficientImage:
             return volspec.notebook(self)
         except DeviceError:
             return repr(self)
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Size as (width, height) in pixels."""
-        height, width = self.alpha.shape
-        return width, height
 
     @classmethod
     def from_spectral_image(

@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.spec import Viewing
 from volspec.errors import ShapeError, ViewingError
-from volspec.image.file import ONE_GROUP
+from volspec.image.fields import ONE_GROUP
 from volspec.relight.spec import LightRig, RelightSpec
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.photometry import XYZ_from_spectra, light_level, luminous_mean, white_XYZ
