@@ -19,7 +19,8 @@ from volspec.viewer.model.light_rows import LightRow, light_rig, only_row
 from volspec.viewer.model.palette_targets import DesignTargets, PaletteState
 from volspec.viewer.model.quality import cast_spec
 from volspec.viewer.model.state import Interface, ViewState
-from volspec.viewer.work.casts import CastDone, CastJob, CastWorker
+from volspec.viewer.work.cast_job import CastDone, CastJob
+from volspec.viewer.work.casts import CastWorker
 from volspec.viewer.work.outputs import Progress
 from volspec.viewer.work.screenshot import render_frame
 from volspec.viewer.work.session import SUFFIX, read_session, restore_state, save_session

@@ -37,7 +37,8 @@ from volspec.viewer.ui import file_commands
 from volspec.viewer.ui.context import Request, UiContext
 from volspec.viewer.work import ahead, documents
 from volspec.viewer.work.background import LatestWorker, Tasks
-from volspec.viewer.work.casts import CastDone, CastJob, CastWorker
+from volspec.viewer.work.cast_job import CastDone, CastJob
+from volspec.viewer.work.casts import CastWorker
 from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.outputs import Progress
 from volspec.viewer.work.screenshot import render_frame

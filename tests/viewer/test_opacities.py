@@ -25,7 +25,8 @@ from volspec.viewer.model.quality import cast_spec, opacity_scales
 from volspec.viewer.model.scene_file import export_scene, left_out
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work import screen as work_screen
-from volspec.viewer.work.casts import CastDone, CastScheduler
+from volspec.viewer.work.cast_job import CastDone
+from volspec.viewer.work.casts import CastScheduler
 from volspec.viewer.work.documents import open_document
 from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.screen import Meter, Screen

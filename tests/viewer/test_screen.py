@@ -30,7 +30,8 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.window import Window
 from volspec.viewer.work import probe
 from volspec.viewer.work.background import Tasks
-from volspec.viewer.work.casts import WHOLE, CastDone, Pass
+from volspec.viewer.work.cast_job import CastDone, Pass
+from volspec.viewer.work.casts import WHOLE
 from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.pictures import Relit
 from volspec.viewer.work.screen import SLOW_MS, ErrorMapTexture, Meter, Screen, TableWorker

@@ -40,7 +40,7 @@ from volspec.viewer.work.background import LatestWorker, lower_priority
 from volspec.volume import Volume
 
 if TYPE_CHECKING:
-    from volspec.viewer.work.casts import CastJob
+    from volspec.viewer.work.cast_job import CastJob
 
 # No power of two, for which llvmpipe compiles shaders of their own.
 _SIZE = 19, 17

@@ -11,30 +11,25 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from volspec.basis import Basis
-from volspec.camera import Camera
 from volspec.errors import CastCancelled, OpenCLError, VolspecError, VolspecWarning, one_line
-from volspec.image import CoefficientImage
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import RaycastSpec
 from volspec.raycast.pace import WHOLE, Pace, Pass
 from volspec.relight.layers import PackedLayers
 from volspec.relight.recompose import PackedOpacity
-from volspec.scene.specs import MeshSpec
-from volspec.transfer import Transfers
 from volspec.viewer.model.depth import picture_depth, shown_stereo
-from volspec.viewer.model.document import Document
 from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.quality import LAYERS, cast_spec
 from volspec.viewer.model.room import has_walls
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.ahead import ProgramBuilder
 from volspec.viewer.work.background import LatestWorker, lower_priority
+from volspec.viewer.work.cast_job import CastDone, CastJob
 from volspec.viewer.work.nearby import NearbyViews
-from volspec.viewer.work.room import Walls, WhiteWalls
+from volspec.viewer.work.room import WhiteWalls
 from volspec.volume import Volume
 
 if TYPE_CHECKING:
@@ -56,41 +51,6 @@ def make_caster(volume: Volume, device: str | None) -> tuple[Raycaster | None, s
             raise
         warnings.warn(one_line(error), VolspecWarning, stacklevel=2)
         return None, one_line(error)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CastJob:
-    """A picture to be cast."""
-
-    document: Document
-    transfer: Transfers
-    camera: Camera
-    shading: RaycastSpec
-    size: tuple[int, int]  # width and height of the whole picture
-    passes: tuple[Pass, ...]
-    room: SceneRoom | None = None  # to be seen behind the volume
-    meshes: tuple[MeshSpec, ...] = ()  # to be seen in and around it
-    nearby: NearbyViews | None = None  # to be seen first
-
-    @property
-    def scales(self) -> dict[str, float]:
-        """Scales of the opacities."""
-        return dict(self.shading.opacities)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CastDone:
-    """Result of a pass: an image, an error's message, or neither if it was cancelled."""
-
-    job: CastJob
-    made: Pass
-    ms: float
-    image: CoefficientImage | None = None
-    error: str = ""
-    packed: PackedLayers | None = None
-    opacity: PackedOpacity | None = None  # of an image with layers
-    walls: Walls | None = None  # of a room behind the volume
-    nearby: NearbyViews | None = None  # of an image with layers
 
 
 class CastWorker(LatestWorker[CastJob, CastDone]):

@@ -33,7 +33,7 @@ from volspec.viewer.model.room import has_walls, shown_spec
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import vector
 from volspec.viewer.work.background import LatestWorker, Tasks
-from volspec.viewer.work.casts import CastDone
+from volspec.viewer.work.cast_job import CastDone
 from volspec.viewer.work.nearby import RestJob, RestWorker
 from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.pictures import Painted, Pictures, Relit
