@@ -54,6 +54,7 @@ from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationE
 from pydantic.fields import FieldInfo
 from pydantic_core import ArgsKwargs, PydanticCustomError, core_schema
 
+from volspec._toml import toml_text
 from volspec.errors import Code, InputError, nearest
 
 Spec = TypeVar("Spec")
@@ -584,8 +585,6 @@ class _Fault:
         table = "[[{}]]" if _holds_many(self.hint) else "[{}]"
         if "." not in self.field and (classes_in(self.hint) or _holds_many(self.hint)):
             return f"add {table.format(self.key)}"
-        from volspec._toml import toml_text
-
         given = get_args(self.hint)[1:] if get_origin(self.hint) is Annotated else ()
         shown = [
             mark.examples[0] for mark in given if isinstance(mark, FieldInfo) and mark.examples

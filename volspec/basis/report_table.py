@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, astuple, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from rich.table import Table
 from rich.text import Text
 
 from volspec.basis.display import DEFAULT_MODE
+from volspec.basis.materials import Basis
 from volspec.basis.report import (
     ADAPTATION,
     WAYS,
@@ -28,9 +29,6 @@ from volspec.errors import BasisError
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.lights import light_set
 from volspec.spectra.spectrum import Spectrum
-
-if TYPE_CHECKING:
-    from volspec.basis.materials import Basis
 
 CLASSES = ("smooth", "spiky")
 """Classes of the library's lights."""

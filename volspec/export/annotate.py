@@ -30,12 +30,11 @@ from volspec.camera.projection import (
 from volspec.errors import VolspecWarning, quoted
 from volspec.export.value_bars import ValueBar
 from volspec.scene.annotation import Annotation, PlacedAnnotation, place_annotation
+from volspec.scene.export import Mark
 from volspec.volume import Volume
 
 if TYPE_CHECKING:
     from PIL import Image
-
-    from volspec.scene.export import Mark
 
 Codes = TypeVar("Codes", bound=NDArray[Any])
 # Sizes are given for this height of a picture, and grow with it down to the least factor.

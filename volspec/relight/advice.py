@@ -10,19 +10,15 @@ from __future__ import annotations
 
 import warnings
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from volspec.basis import SpectralBasis
+from volspec.basis import Basis, SpectralBasis
 from volspec.basis.display import Mode
 from volspec.basis.samples import sample_errors
 from volspec.errors import VolspecWarning
 from volspec.relight.spec import LightRig
 from volspec.spectra.spectrum import Spectrum, light_power
-
-if TYPE_CHECKING:
-    from volspec.basis import Basis
 
 # Mean CIEDE2000 from which a light is beyond a mode, and the part of it that a cure leaves.
 _BEYOND, _CURED = 1.0, 0.5

@@ -14,25 +14,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec._text import TextLine, fit_text, printable
 from volspec.appearance.difference import SYMBOLS, Difference, distance, uniform
-from volspec.basis import MaterialBasis, SpectralBasis
+from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.basis.display import DEFAULT_MODE, Mode, visible_white
 from volspec.basis.samples import through_samples
 from volspec.errors import ShapeError, ViewingError
+from volspec.image.model import CoefficientImage
 from volspec.relight.illumination import Illumination
 from volspec.relight.opacity_error import opacity_deviation, with_neighbours
 from volspec.relight.spec import LightRig, RelightSpec
 from volspec.spectra.spectrum import Spectrum
-
-if TYPE_CHECKING:
-    from volspec.basis import Basis
-    from volspec.image.model import CoefficientImage
 
 Against = Literal["bands", "exact", "cast"]
 AGAINST: tuple[Against, ...] = get_args(Against)

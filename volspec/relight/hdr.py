@@ -9,7 +9,6 @@ times of it.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +17,14 @@ from volspec.appearance.hdr import Hdr
 from volspec.appearance.scene_to_display import view_transform
 from volspec.appearance.transforms import ViewTransform
 from volspec.errors import ViewingError
+from volspec.image.model import CoefficientImage
 from volspec.relight.advice import warn_of_lights
 from volspec.relight.illumination import Illumination
 from volspec.relight.measured_viewing import ViewingMeter
 from volspec.relight.spec import LightRig, RelightSpec
+from volspec.spectra import SpectralGrid
 from volspec.spectra.photometry import illuminance_lux
 from volspec.spectra.spectrum import Spectrum, light_power
-
-if TYPE_CHECKING:
-    from volspec.image.model import CoefficientImage
-    from volspec.spectra import SpectralGrid
 
 # Rows at a time, so that a large picture needs no more memory than its codes.
 _ROWS = 64

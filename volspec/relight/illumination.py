@@ -22,21 +22,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.spec import Viewing
+from volspec.basis import Basis
 from volspec.errors import ShapeError, ViewingError
 from volspec.image.fields import ONE_GROUP
 from volspec.relight.spec import LightRig, RelightSpec
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.photometry import XYZ_from_spectra, light_level, luminous_mean, white_XYZ
 from volspec.spectra.spectrum import Spectrum
-
-if TYPE_CHECKING:
-    from volspec.basis import Basis
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Iterator, Sized
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +23,7 @@ from volspec._gpu.prelude import prelude
 from volspec._gpu.sharing import Sharing
 from volspec._gpu.sources import assemble
 from volspec.errors import RelightError, ShapeError
-
-if TYPE_CHECKING:
-    from volspec.image.model import CoefficientImage
+from volspec.image.model import CoefficientImage
 
 Pixels32 = NDArray[np.float32]
 Shape = tuple[int, ...]

@@ -22,7 +22,6 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,11 +34,9 @@ from volspec.appearance.adaptation_grid import (
 )
 from volspec.appearance.spec import AdoptedWhite, Viewing
 from volspec.errors import ViewingError
+from volspec.image.model import CoefficientImage
 from volspec.relight.illumination import Illumination
 from volspec.relight.layers import clamp_finite
-
-if TYPE_CHECKING:
-    from volspec.image.model import CoefficientImage
 
 Array = NDArray[np.float64]
 

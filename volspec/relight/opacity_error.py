@@ -28,15 +28,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.image.layers import residual_share
-
-if TYPE_CHECKING:
-    from volspec.image.layers import OpacityLayers
+from volspec.image.layers import OpacityLayers, residual_share
 
 Pixels = NDArray[np.float32]
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,10 +28,8 @@ from volspec.image.layers import (
     Slot,
     residual_share,
 )
+from volspec.image.model import CoefficientImage
 from volspec.relight.layers import layer_count
-
-if TYPE_CHECKING:
-    from volspec.image.model import CoefficientImage
 
 _GLSL = "330 core"
 # Targets of one draw; every device has at least four.

@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import wraps
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Self, TypeVar
+from typing import Any, Concatenate, ParamSpec, Self, TypeVar
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from volspec.basis import MaterialBasis
 from volspec.basis.display import DEFAULT_MODE, Mode
 from volspec.errors import OpenCLError, OpenGLError, RelightError, VolspecWarning, nearest
 from volspec.image.depth import DepthEffects
+from volspec.image.model import CoefficientImage
 from volspec.relight.advice import warn_of_lights
 from volspec.relight.error_map import Against, ErrorMap, error_map
 from volspec.relight.gpu import GLEngine
@@ -46,9 +47,6 @@ from volspec.relight.recompose import PackedOpacity, depth_uniforms
 from volspec.relight.reference import CpuEngine
 from volspec.relight.spec import LightRig, Pixels, RelightSpec
 from volspec.spectra.spectrum import Spectrum
-
-if TYPE_CHECKING:
-    from volspec.image.model import CoefficientImage
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -36,12 +36,11 @@ from volspec.volume.files.lattice import mm_per_unit
 from volspec.volume.files.vtk_grid import volume_fields
 from volspec.volume.labels import Labels, renumbered
 from volspec.volume.metadata import Metadata
+from volspec.volume.pyramid import Pyramid
 from volspec.volume.sample import typical_range
 
 if TYPE_CHECKING:
     import pyvista
-
-    from volspec.volume.pyramid import Pyramid
 
 # Voxels along each axis that are looked at for the typical range.
 _LOOKED_AT = 40

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from volspec.errors import VolspecWarning, VolumeError
 from volspec.volume.checks import with_nan
+from volspec.volume.files.query import Query
 
 if TYPE_CHECKING:
     import pyvista
-
-    from volspec.volume.files.query import Query
 
 # Greatest deviation of a rectilinear grid's steps from their mean, as a fraction: rounding.
 _EVEN = 1e-3
