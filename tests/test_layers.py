@@ -66,19 +66,19 @@ def layer(path: Path) -> str:
 
 
 @cache
-def own_imports(path: Path) -> list[tuple[Path, bool]]:
-    """(file of the project, whether at module level) of every import in a file."""
+def own_imports(path: Path) -> list[Path]:
+    """Files of the project that a file imports, inside functions and for types too."""
     found = []
-    for node, at_top in statements(path):
-        module = getattr(node, "module", None) or ""
-        if module.split(".")[0] != "volspec":
-            continue
+    for node, _ in statements(path):
+        module = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
         for alias in node.names:
-            parts = *module.split(".")[1:], alias.name
+            root, *parts = f"{module}{alias.name}".split(".")
+            if root != "volspec":
+                continue
             for place in (ROOT.joinpath(*parts), ROOT.joinpath(*parts[:-1])):
                 files = place.with_suffix(".py"), place / "__init__.py"
                 if is_there := [file for file in files if file.exists()]:
-                    found.append((is_there[0], at_top))
+                    found.append(is_there[0])
                     break
     return found
 
@@ -95,19 +95,13 @@ def test_modules_import_only_from_their_left():
 
 
 def test_no_package_s_parts_import_each_other_in_a_circle():
-    """Parts are a package's files and folders; imports inside functions do not count."""
+    """Parts are a package's files and folders, at every depth; an import counts anywhere."""
     for package in {path.parent for path in MODULES}:
         parts: dict[str, set[str]] = defaultdict(set)
         for path in package.rglob("*.py"):
             part = path.relative_to(package).parts[0]
-            if part == "__init__.py":
-                continue
-            inside = (
-                to.relative_to(package).parts[0]
-                for to, at_top in own_imports(path)
-                if at_top and to.is_relative_to(package)
-            )
-            parts[part] |= set(inside) - {part, "__init__.py"}
+            inside = (to for to in own_imports(path) if to.is_relative_to(package))
+            parts[part] |= {to.relative_to(package).parts[0] for to in inside} - {part}
         try:
             TopologicalSorter(parts).prepare()
         except CycleError as error:
@@ -125,7 +119,7 @@ def test_the_viewer_s_floors_import_only_from_below():
         floor = path.relative_to(viewer).parts[0]
         if floor not in FLOORS:
             continue
-        for to, _ in own_imports(path):
+        for to in own_imports(path):
             above = to.is_relative_to(viewer) and to.relative_to(viewer).parts[0]
             if above and (above not in FLOORS or FLOORS.index(above) > FLOORS.index(floor)):
                 climbs.append(f"{path.relative_to(viewer)} imports {to.relative_to(viewer)}")
