@@ -181,7 +181,7 @@ def test_it_answers_while_a_notebook_s_cell_waits(ball_scene):
 
 
 def test_the_extra_is_named_if_it_is_missing(monkeypatch):
-    monkeypatch.delitem(sys.modules, "volspec.export.serve.http")
+    monkeypatch.delitem(sys.modules, "volspec.export.serve.http", raising=False)
     monkeypatch.setitem(sys.modules, "tornado", None)
     with raises(DeviceError, "unsupported") as refused:
         scene_server()
