@@ -21,17 +21,7 @@ ROOT = Path(__file__).resolve().parent.parent / "volspec"
 
 # A module imports only from its left (docs/decisions/0002 puts the pipeline before the scene).
 LAYERS = (
-    *(
-        "_deprecated",
-        "errors",
-        "_extras",
-        "_confine",
-        "_files",
-        "_cache",
-        "_child",
-        "_parse",
-        "_toml",
-    ),
+    *("errors", "_extras", "_confine", "_files", "_cache", "_child", "_parse", "_toml"),
     *("settings", "_checks", "_exr", "_text", "_gpu", "_triangles", "spectra", "appearance"),
     *("_figures", "basis", "palette", "volume", "transfer", "camera", "image", "raycast", "mesh"),
     *("room", "large", "relight", "pipeline", "scene", "wizard", "export"),

@@ -13,11 +13,9 @@ from typing import Any
 
 import lazy_loader
 
-from volspec._deprecated import renamed
-
 __version__ = "0.1.0"
 
-_import_name, __dir__, _names = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, _names = lazy_loader.attach_stub(__name__, __file__)
 __all__ = ["__version__", *_names]
 
 
@@ -41,12 +39,3 @@ def _read_only(items: dict[Any, Any]) -> MappingProxyType[Any, Any]:
 
 # Read-only mappings are attributes of many frozen objects; Python can neither pickle nor copy them.
 copyreg.pickle(MappingProxyType, lambda mapping: (_read_only, (dict(mapping),)))
-
-__getattr__ = renamed(
-    __name__,
-    {
-        "reflectance_of": "reflectance_from_colour",
-        "reflectances_of": "reflectances_from_colours",
-    },
-    otherwise=_import_name,
-)

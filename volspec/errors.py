@@ -15,8 +15,6 @@ import unicodedata
 from collections.abc import Iterable
 from typing import Any, Literal, Self, get_args
 
-from volspec._deprecated import renamed
-
 Code = Literal[
     "conflict",  # two inputs contradict each other
     "damaged",  # a file's contents contradict its format
@@ -290,6 +288,3 @@ def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
         return ""
     rest = ", ".join(guesses[:-1])
     return f"did you mean {rest} or {guesses[-1]}? " if rest else f"did you mean {guesses[-1]}? "
-
-
-__getattr__ = renamed(__name__, {"TableCancelled": "LutCancelled"})

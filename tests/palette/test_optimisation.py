@@ -18,7 +18,7 @@ from tests.support.palettes import (
     surface,
 )
 from volspec.appearance import Viewing
-from volspec.palette import Cell, Criteria, Design, Palette, PaletteSpectrum, design
+from volspec.palette import Cell, Criteria, Design, Palette, design
 from volspec.palette.optimisation import Phase, true_cost
 from volspec.palette.quadratic_program import Block, Term, solve
 from volspec.palette.state import State
@@ -107,13 +107,6 @@ def test_more_iterations_are_never_worse(palette):
     designs = (design(replace(palette, criteria=Criteria(rounds=n))) for n in (1, 2, 4, 8))
     costs = [true_cost(made.state) for made in designs]
     assert costs == sorted(costs, reverse=True)
-
-
-def test_open_is_a_deprecated_name_of_free():
-    with pytest.warns(DeprecationWarning):
-        old = PaletteSpectrum("s", open=True)  # no field
-    with pytest.warns(DeprecationWarning):
-        assert old.free and old.open
 
 
 def box(size: int, low: float = 0.0, high: float = 1.0) -> Block:

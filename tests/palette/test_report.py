@@ -194,12 +194,6 @@ def test_it_reads_as_text_and_as_json(flames):
     assert data["mean"] == pytest.approx(np.mean(flames.errors))
 
 
-def test_advice_is_a_deprecated_keyword():
-    made = design(palette_of({("s", "D65"): Cell(colour=GREY)}))
-    with pytest.warns(DeprecationWarning):
-        assert DesignReport.of(made, advice=True) == advised(made)
-
-
 def test_a_report_may_count_differences_in_cam16_ucs(flames, sodium):
     report = DesignReport.of(sodium, difference="CAM16-UCS")
     for cell, usual in zip(report.cells, flames.cells, strict=True):

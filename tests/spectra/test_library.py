@@ -4,9 +4,6 @@ import colour
 import numpy as np
 import pytest
 
-import volspec
-import volspec.spectra as spectra
-from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.spectra import (
     DEFAULT_GRID,
     SpectralGrid,
@@ -170,22 +167,3 @@ def test_the_held_out_sets_repeat_nothing_of_the_others():
         grey = [r.std(axis=1) <= 0.1 * r.mean(axis=1) for r in (fresh, known)]
         angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
         assert angle[~np.outer(*grey)].min() > 1, name
-
-
-@pytest.mark.parametrize(
-    ("home", "old", "new"),
-    [
-        (volspec, "reflectance_of", "reflectance_from_colour"),
-        (volspec, "reflectances_of", "reflectances_from_colours"),
-        (spectra, "XYZ_of", "XYZ_from_spectra"),
-        (spectra, "color_matching_functions", "colour_matching_functions"),
-        (SpectralBasis, "analyze", "analyse"),
-        (SpectralBasis, "color_matrix", "colour_matrix"),
-        (MaterialBasis, "synthesize", "synthesise"),
-        (MaterialBasis, "channels_of", "channels_for_materials"),
-    ],
-)
-def test_old_names_answer_with_a_warning(home, old, new):
-    with pytest.warns(DeprecationWarning) as caught:
-        assert getattr(home, old) == getattr(home, new)
-    assert new in str(caught[0].message)

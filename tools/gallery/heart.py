@@ -36,7 +36,7 @@ FOLDER = ROOT / "docs" / "images"
 STEPS, SIDE, MM = 20, 96, 1.35
 _BYTES = 1_200_000
 _SCENE = """
-version = 1
+version = 2
 title = "A beating heart"
 
 [volume]
@@ -79,6 +79,7 @@ points = [
 
 [basis]
 method = "materials"
+grid_nm = [400, 700, 10]
 
 [raycast]
 ambient = 0.3
@@ -110,6 +111,7 @@ elevation_deg = 8
 zoom = 1.75
 
 [viewing]
+mode = "componentwise"
 backdrop = 0.01
 exposure = 1.5
 """

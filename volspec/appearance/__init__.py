@@ -5,7 +5,6 @@
 Scene XYZ under the scene's light become the XYZ of equal appearance on the display.
 """
 
-from volspec._deprecated import renamed
 from volspec.appearance.scene_to_display import view_transform
 from volspec.appearance.spec import (
     SURROUNDS,
@@ -25,5 +24,3 @@ __all__ = [
     "surround_at",
     "view_transform",
 ]
-
-__getattr__ = renamed(__name__, {"passage_of": "view_transform"})

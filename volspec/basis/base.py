@@ -18,7 +18,6 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec._deprecated import renamed_attribute
 from volspec.basis import storage
 from volspec.basis.display import DEFAULT_MODE
 from volspec.errors import BasisError, SpectrumError
@@ -37,10 +36,6 @@ class StoredBasis(ABC):
     grid: SpectralGrid
     trained_on: str
     observer_deg: Observer
-
-    channels_of = renamed_attribute("channels_for_materials")
-    color_matrix = renamed_attribute("colour_matrix")
-    synthesize = renamed_attribute("synthesise")
 
     @property
     @abstractmethod

@@ -24,7 +24,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec._deprecated import renamed_attribute
 from volspec.basis import display, storage
 from volspec.basis.base import (
     require_channels,
@@ -92,8 +91,6 @@ class SpectralBasis(ReportedBasis):
     trained_on: str = ""
     observer_deg: Observer = 2
     samples: NDArray[np.float64] | None = None
-
-    analyze = renamed_attribute("analyse")
 
     def __post_init__(self) -> None:
         for field in ("name", "method", "trained_on"):

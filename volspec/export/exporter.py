@@ -21,7 +21,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from volspec._deprecated import renamed_keyword
 from volspec._files import exclusive_folder, require_writable, require_writable_folder
 from volspec.errors import CastCancelled, InputError, ViewingError, VolspecError, VolspecWarning
 from volspec.export.annotate import Patch, paint
@@ -100,7 +99,6 @@ class Exported:
     gaps: str = ""
 
 
-@renamed_keyword(tell="progress")
 def export(
     scene: Scene,
     output: str | os.PathLike[str],

@@ -5,11 +5,9 @@ design -> measures, advice, text -> [report] -> figure, JSON
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 
 from volspec.appearance.difference import Difference
-from volspec.palette.advice import suggestions as advice_on
 from volspec.palette.measures import DesignMeasures
 from volspec.palette.optimisation import Design
 from volspec.palette.text import plain_text
@@ -44,7 +42,6 @@ class DesignReport(DesignMeasures):
         suggestions: Sequence[str] = (),
         *,
         difference: Difference = "CIEDE2000",
-        advice: bool | None = None,
     ) -> DesignReport:
         """Measure a design.
 
@@ -55,14 +52,7 @@ class DesignReport(DesignMeasures):
             `volspec.suggestions` of the design, to be part of the report.
         difference : {"CIEDE2000", "CAM16-UCS"}
             Measure of the errors and of the metamers; suggestions always use CIEDE2000.
-        advice : bool, optional
-            Deprecated: True finds the suggestions.
         """
-        if advice is not None:
-            message = "DesignReport.of(advice=) is now suggestions=volspec.suggestions(design)"
-            warnings.warn(message, DeprecationWarning, stacklevel=2)
-        if advice:
-            suggestions = advice_on(design)
         return cls.measured(design, suggestions, difference)
 
     def __str__(self) -> str:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._deprecated import renamed_attribute, renamed_keyword
 from volspec.errors import Code, PaletteError, SpectrumError
 from volspec.spectra import SpectralGrid, Spectrum, colour_matching_functions
 from volspec.spectra.spectrum import light_power, reflectance_values, stack
@@ -134,12 +133,9 @@ class PaletteSpectrum:
         lux = weights * (colour_matching_functions(grid)[1] @ lamps)
         return tuple((lux / lux.sum()).tolist())
 
-    open = renamed_attribute("free")
-
 
 # The keyword `open` is accepted for one version;
 # a generated constructor has no place for a decorator.
-PaletteSpectrum.__init__ = renamed_keyword(open="free")(PaletteSpectrum.__init__)  # type: ignore[method-assign]
 
 
 def mixture_text(shares: Mapping[str, float]) -> str:

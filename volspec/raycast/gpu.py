@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._checks import check_callable, checked_size
-from volspec._deprecated import renamed_attribute
 from volspec._gpu.opencl import Compute
 from volspec._gpu.sharing import Sharing
 from volspec.camera.camera import Camera
@@ -358,8 +357,6 @@ class VolumeCaster:
             table = scale_opacities(table, transfer.basis, scales)
             baked = self._known.baked = transfer, scales, table
         return baked[2]
-
-    table_of = renamed_attribute("bake")
 
     def with_step(
         self,

@@ -19,7 +19,6 @@ from typing import Any, Concatenate, ParamSpec, Self, TypeVar
 import numpy as np
 
 from volspec._child import require_own_process
-from volspec._deprecated import renamed_attribute, renamed_keyword
 from volspec._gpu.opengl import ContextLost
 from volspec._gpu.sharing import Sharing
 from volspec.appearance.adaptation_grid import ViewTransformGrid
@@ -126,7 +125,6 @@ class Relighter:
     [246, 172, 96]
     """
 
-    @renamed_keyword(table="lut3d", tables="lut_cache")
     def __init__(
         self,
         image: CoefficientImage,
@@ -341,8 +339,6 @@ class Relighter:
             )
         lit, viewing, grid = self._lit(light, RelightSpec.of(spec))
         return self._engine.draw(lit, viewing, np.uint8, grid, within)
-
-    missing_table = renamed_attribute("missing_lut")
 
     @_in_turn
     def missing_lut(

@@ -1,11 +1,8 @@
 """Scene files: everything a picture needs, in one TOML file."""
 
-from volspec._deprecated import renamed
 from volspec.scene.file import SceneFile
 from volspec.scene.lights import NamedLight
 from volspec.scene.model import Scene, stored_depth, stored_relight_spec
 from volspec.scene.writing import write_scene
-
-__getattr__ = renamed(__name__, {"viewing_of": "stored_relight_spec"})
 
 __all__ = ["NamedLight", "Scene", "SceneFile", "stored_depth", "stored_relight_spec", "write_scene"]

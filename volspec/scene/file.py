@@ -6,16 +6,14 @@ TOML -> [file] -> SceneFile -> Scene
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from volspec._parse import parse_toml, read_text, toml_remedy
-from volspec.basis.storage import GRID_ENDINGS, shipped_names
 from volspec.errors import RaycastError, SceneError, nearest
 from volspec.image import DepthEffects
 from volspec.raycast import LightGroup, RaycastSpec
@@ -37,41 +35,10 @@ from volspec.scene.specs import (
 )
 from volspec.scene.transfer import TransferSpec
 from volspec.settings import FileFaults, plain, row_names, settings, try_table
-from volspec.spectra.grid import PAPERS_GRID
 from volspec.transfer import MAX_FIELDS
 
-Migration = Callable[[MutableMapping[str, Any]], None]
-"""Function that changes a file's tables in place, so that it also works on tomlkit documents."""
-FIRST = 1
-"""Version of a file without ``version``: files of the first release have no such key."""
-
-
-def _keep_first_bands(data: MutableMapping[str, Any]) -> None:
-    """Keep the 31 bands and the componentwise product, which version 1 had by default."""
-    viewing, basis = (data.setdefault(table, {}) for table in ("viewing", "basis"))
-    if isinstance(viewing, MutableMapping):
-        viewing.setdefault("mode", "componentwise")
-    if isinstance(basis, MutableMapping):
-        name, old = basis.get("name"), GRID_ENDINGS[PAPERS_GRID]
-        if f"{name}{old}" in shipped_names():
-            basis["name"] = f"{name}{old}"
-        elif name is None and not any(".toml#" in text for text in _spectra(data)):
-            bands = PAPERS_GRID.start_nm, PAPERS_GRID.stop_nm, PAPERS_GRID.step_nm
-            basis.setdefault("grid_nm", list(bands))
-
-
-def _spectra(data: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the names of a file's spectra, among them those from palettes, which have a grid."""
-    for table in ("material", "light"):
-        rows = data.get(table)
-        for row in rows if isinstance(rows, list) else ():
-            if isinstance(row, Mapping):
-                yield from (each for each in row.values() if isinstance(each, str))
-
-
-MIGRATIONS: Mapping[int, Migration] = MappingProxyType({1: _keep_first_bands})
-"""Migration from each version to the next. A new key with a default needs no new version; only
-a change after which older files would be refused, or mean something else, does."""
+VERSION = 2
+"""Version of the file's format."""
 
 
 @settings(SceneError)
@@ -79,9 +46,8 @@ a change after which older files would be refused, or mean something else, does.
 class SceneFile:
     """Everything a picture needs; paths are relative to the file."""
 
-    version: Annotated[int, Field(ge=FIRST)] = FIRST
-    """Version of the file format. A file without it has the defaults of version 1: 31 bands and
-    componentwise colours."""
+    version: Literal[2] = VERSION
+    """Version of the file's format."""
     title: str = ""
     """Caption; stored in the image."""
     volume: VolumeSpec = field(default_factory=VolumeSpec)
@@ -121,8 +87,6 @@ class SceneFile:
     """Further fields in the volume's space."""
 
     def __post_init__(self) -> None:
-        # Its settings mean what they do in the newest version, whatever file they were read from.
-        object.__setattr__(self, "version", newest())
         for kind, names in (
             ("material", [row.name for row in self.material]),
             ("group", [row.name for row in self.group]),
@@ -212,9 +176,9 @@ def scene_text(path: str | os.PathLike[str]) -> str:
 
 
 def scene_data(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return the tables of a scene's file in the newest version, not checked yet.
+    """Return the tables of a scene's file, not checked yet.
 
-    Raises SceneError if it cannot be read, is not TOML or has a later version.
+    Raises SceneError if it cannot be read, is not TOML or has another version.
     """
     text = scene_text(path)
     try:
@@ -222,7 +186,7 @@ def scene_data(path: str | os.PathLike[str]) -> dict[str, Any]:
         if "volume" not in data and ("size_m" in data or "surface" in data):
             remedy = f"run volspec room {os.fspath(path)}, or name it as file in a scene's [room]"
             raise SceneError("is a room, not a scene", remedy, code="type")
-        migrate(data)
+        check_version(data)
     except SceneError as error:
         raise SceneFaults(path, [error]) from None
     except ValueError as error:
@@ -254,25 +218,14 @@ def _without(tables: Mapping[str, Any]) -> list[SceneError]:
     return [fault(k, "missing", f"add [{k}]", "missing") for k in wanted if k not in tables]
 
 
-def newest() -> int:
-    """Return the version that is written, and the latest that can be read."""
-    return max(MIGRATIONS, default=FIRST - 1) + 1
-
-
-def migrate(data: MutableMapping[str, Any]) -> None:
-    """Bring a file's tables to the newest version, in place.
-
-    Raises SceneError if its version is invalid, or belongs to a later volspec.
-    """
-    version = data.get("version", FIRST)
-    if not isinstance(version, int) or isinstance(version, bool) or version < FIRST:
-        raise SceneError.refused("version", version, f"give a whole number from {FIRST}", "range")
-    if version > newest():
-        remedy = f"this volspec reads up to {newest()}; install a later one"
-        raise SceneError.refused("version", version, remedy, "unsupported")
-    for step in range(version, newest()):
-        MIGRATIONS[step](data)
-        data["version"] = step + 1
+def check_version(data: Mapping[str, Any]) -> None:
+    """Raise SceneError unless a file's tables are of `VERSION`, which may be left out."""
+    version = data.get("version", VERSION)
+    if type(version) is not int or version != VERSION:
+        later = isinstance(version, int) and version > VERSION
+        remedy = "install a later volspec" if later else f"write version = {VERSION}"
+        text = f"this volspec reads {VERSION}; {remedy}"
+        raise SceneError.refused("version", version, text, "unsupported" if later else "range")
 
 
 def _twice(names: Sequence[Any]) -> int | None:

@@ -21,7 +21,7 @@ from volspec._parse import parse_toml
 from volspec._toml import bind_comments, set_key, toml_item
 from volspec.appearance.profile import is_profile
 from volspec.errors import SceneError, SpectrumError
-from volspec.scene.file import SceneFile, migrate, scene_file, scene_text
+from volspec.scene.file import SceneFile, scene_file, scene_text
 from volspec.scene.lights import LightSpec
 from volspec.scene.specs import EMPTY, MaterialSpec, SpectrumNumbers
 from volspec.settings import classes_in, hints, item_hint, plain
@@ -209,7 +209,6 @@ def _edited_once(
     import tomlkit
 
     document: Any = tomlkit.parse(text if text.endswith("\n") else f"{text}\n")
-    migrate(document)
     stated = document.unwrap()
     before = plain(scene_file(stated, source)) if keeps else stated
     bind_comments(document)

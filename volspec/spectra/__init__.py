@@ -1,6 +1,5 @@
 """Light and matter as functions of wavelength: grid, spectrum, photometry, files, library."""
 
-from volspec._deprecated import renamed
 from volspec.spectra.construct import reflectance_from_colour, reflectances_from_colours
 from volspec.spectra.construct.base import BaseSpectra, MadeReflectances, base_spectra
 from volspec.spectra.datasets import colour_matching_functions
@@ -47,13 +46,3 @@ __all__ = [
     "white_XYZ",
     "write_spectrum",
 ]
-
-__getattr__ = renamed(
-    __name__,
-    {
-        "XYZ_of": "XYZ_from_spectra",
-        "color_matching_functions": "colour_matching_functions",
-        "reflectance_of": "reflectance_from_colour",
-        "reflectances_of": "reflectances_from_colours",
-    },
-)

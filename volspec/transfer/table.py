@@ -25,7 +25,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec._deprecated import renamed_attribute
 from volspec.errors import ShapeError, TransferError
 
 Rows = NDArray[np.float32]
@@ -111,7 +110,6 @@ class TransferTable:
     filters: NDArray[np.float64] | None = None
     labels: bool = False
     left: Entries | None = None
-    shares = renamed_attribute("material_weights")
 
     def __post_init__(self) -> None:
         low, high = self.domain
@@ -221,7 +219,6 @@ class SurfaceTable:
     # None as in TransferTable.
     channels: NDArray[np.float64] = None  # type: ignore[assignment]
     white: NDArray[np.float64] = None  # type: ignore[assignment]
-    shares = renamed_attribute("material_weights")
 
     def __post_init__(self) -> None:
         values, opacity = _set_array(self, "values"), _set_array(self, "opacity")

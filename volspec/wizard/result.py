@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._deprecated import renamed_attribute
 from volspec._files import require_suffix, require_writable
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.appearance.scene_to_display import view_transform
@@ -149,8 +148,6 @@ class Redesigned:
             If the files cannot be written there.
         """
         return _write(self.scene, self.design, self.changes, Path(path))
-
-    reached = renamed_attribute("evaluations")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from volspec._deprecated import renamed
 from volspec.appearance.models import cielab, hellwig2022, hunt, nayatani95, rlab, zcam
 from volspec.appearance.models.base import Appearance, Model
 from volspec.appearance.models.cam import cam16, ciecam02
@@ -35,6 +34,3 @@ def model(name: str) -> Model:
             "unknown",
         )
     return APPEARANCE_MODELS[name]
-
-
-__getattr__ = renamed(__name__, {"MODELS": "APPEARANCE_MODELS"})

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import base64
 import io
-import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -172,12 +171,6 @@ class RelightWidget(anywidget.AnyWidget):
     def relight_spec(self) -> RelightSpec:
         """Settings of the picture besides its light."""
         return RelightSpec(self.viewing, self.mode, self.backdrop, self.level)
-
-    @property
-    def seen(self) -> RelightSpec:
-        """Old name of `relight_spec`, for one version."""
-        warnings.warn("RelightWidget.seen is now relight_spec", DeprecationWarning, stacklevel=2)
-        return self.relight_spec
 
     def frame(self, dtype: Any = np.uint8) -> Pixels:
         """Relight on the desktop with the same settings; black if every light is off.

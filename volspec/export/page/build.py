@@ -24,7 +24,6 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from volspec import __version__
-from volspec._deprecated import renamed_keyword
 from volspec._files import require_suffix, write_whole
 from volspec.basis import MaterialBasis
 from volspec.errors import ImageError, ShapeError, VolspecWarning
@@ -153,7 +152,6 @@ class ServedCamera:
     notice: str = ""
 
 
-@renamed_keyword(seen="relight_spec")
 def write_page(
     path: str | os.PathLike[str],
     views: Iterable[PageView],
@@ -190,7 +188,6 @@ def write_page(
     return len(data)
 
 
-@renamed_keyword(seen="relight_spec")
 def page_html(
     views: Iterable[PageView],
     lights: Sequence[NamedLight],

@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from typing import Any
 from volspec._files import write_whole
 from volspec._parse import parse_json, read_text
 from volspec.errors import InputError, SceneError, one_line, quoted
-from volspec.scene.file import SceneFile, migrate
+from volspec.scene.file import SceneFile
 from volspec.scene.meshes import MeshCache
 from volspec.scene.resolve import Resolver
 from volspec.settings import plain, read_table
@@ -28,25 +27,11 @@ from volspec.viewer.model.paths import name_below, relative_path
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.cast_images import is_cast_image, open_image
 from volspec.viewer.work.casts import make_caster
-from volspec.viewer.work.session_codec import KIND, Reader, ValueFault, Writer
+from volspec.viewer.work.session_codec import Reader, ValueFault, Writer
 
 FORMAT = "volspec-session"
 VERSION = 3
 SUFFIX = ".volspec.json"
-# By version: the names of fields and classes that the next version renamed.
-_FIELDS = {
-    1: {
-        "seen": "relight",
-        "kept": "saved_lights",
-        "board": "palette",
-        "thin": "unthickened",
-        "wishes": "targets",
-        "answered": "designed_for",
-        "anew": "from_scratch",
-    },
-    2: {"aids": "overlays", "open": "free", "beside": "relative_path"},
-}
-_CLASSES = {1: {"Board": "PaletteState", "Wishes": "DesignTargets"}, 2: {"Aids": "Overlays"}}
 # Fields of a document that are read, made or measured again.
 _REMADE = (
     "volume",
@@ -134,7 +119,7 @@ def save_session(state: ViewState, path: str | os.PathLike[str]) -> Path:
 def read_session(path: str | os.PathLike[str]) -> Session:
     """Read a session's file, without its scene and volume.
 
-    Raises SessionError if it is missing, not a session, or of a later version.
+    Raises SessionError if it is missing, not a session, or of another version.
     """
     name, text = os.fspath(path), read_text(path, SessionError, f"a session (FILE{SUFFIX})")
     try:
@@ -146,17 +131,14 @@ def read_session(path: str | os.PathLike[str]) -> Session:
         raise BrokenSession(problem, field="format")
     version = data.get("version")
     if type(version) is not int or version < 1:
-        problem = f"{name}: version is {quoted(version)}; expected a number from 1"
+        problem = f"{name}: version is {quoted(version)}; expected {VERSION}"
         raise BrokenSession(problem, code="type", given=version)
-    if version > VERSION:
+    if version != VERSION:
+        remedy = "install a later volspec" if version > VERSION else "open its scene instead"
         raise SessionError(
-            f"{name}: version {version} is later than {VERSION}; install a later volspec",
+            f"{name}: version {version}; this volspec reads {VERSION}, {remedy}",
             code="unsupported",
         )
-    file = data.pop("file", None)  # the scene's tables have names of their own
-    for old in range(version, VERSION):
-        data = _migrate(data, _FIELDS[old], _CLASSES[old])
-    data["file"] = file
     kinds = {"path": str, "file": dict, "document": dict, "state": dict, "objects": list}
     for key, kind in kinds.items():
         if not isinstance(data.get(key), kind):
@@ -168,18 +150,6 @@ def read_session(path: str | os.PathLike[str]) -> Session:
     return Session(nearby if relative and os.path.exists(nearby) else folder / data["path"], data)
 
 
-def _migrate(part: Any, fields: Mapping[str, str], classes: Mapping[str, str]) -> Any:
-    """Rename the fields and classes in a part of a file."""
-    if isinstance(part, list):
-        return [_migrate(each, fields, classes) for each in part]
-    if not isinstance(part, dict) or "method" in part:  # a basis, which names materials
-        return part
-    new = {fields.get(key, key): _migrate(each, fields, classes) for key, each in part.items()}
-    if KIND in new:
-        new[KIND] = classes.get(str(new[KIND]), new[KIND])
-    return new
-
-
 def restore_state(session: Session, device: str | None = None, cast: bool = True) -> ViewState:
     """Return a session's state, with its volume read again, and with a caster if ``cast``.
 
@@ -188,13 +158,10 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
     """
     data = session.data
     try:
-        tables = deepcopy(data["file"])
-        migrate(tables)
-        file = read_table(SceneFile, tables, SceneError, Path(session.path).parent)
+        file = read_table(SceneFile, data["file"], SceneError, Path(session.path).parent)
         reader = Reader(data["objects"])
         of_document = reader.field_values(Document, data["document"], but=_REMADE)
         of_state = reader.field_values(ViewState, data["state"], but=_PASSING)
-        of_state.setdefault("meshes", file.mesh)  # a session without them
     except SceneError as error:
         raise BrokenSession(f"session: file: {error}", code="damaged") from error
     except (ValueFault, TypeError) as error:
