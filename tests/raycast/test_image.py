@@ -6,7 +6,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 import numpy as np
 import OpenEXR
@@ -14,7 +13,6 @@ import pytest
 
 from tests.support.errors import raises, refuses
 from tests.support.raycasts import edit_exr
-from volspec._exr import write_exr
 from volspec._files import write_whole
 from volspec.basis import SpectralBasis
 from volspec.errors import ImageError
@@ -145,32 +143,6 @@ def test_light_groups_are_layers_of_the_file(image, tmp_path):
     halves = {f"{layer}.c{k:02d}.V": np.float16 for layer in LAYERS for k in range(7)}
     assert channels == halves | dict.fromkeys(("A", "Z", "first.Z"), np.float32)
     assert max(map(len, channels)) < 64
-
-
-def load_old(image: CoefficientImage, path: Path, layers: list[str], **header: object) -> Any:
-    """Write an image as before format 3, and load it."""
-    names = [f"{layer}coefficients.{k:02d}" for layer in layers for k in range(7)]
-    channels = {name: image.coefficients[..., k] for k, name in enumerate(names)}
-    channels |= {"A": image.alpha, "Z": image.depth_mm}
-    if image.first_mm is not None:
-        channels["ZFirst"] = image.first_mm
-    texts = {"basis": json.dumps(image.basis.to_dict()), **header}
-    write_exr(path, {f"volspec:{n}": text for n, text in texts.items()}, channels, ImageError)
-    return CoefficientImage.load(path)
-
-
-def test_images_of_formats_1_and_2_load_with_their_groups(image, tmp_path):
-    made, path = grouped(image), tmp_path / "old.exr"
-    names = [quote(name, safe="").replace(".", "%2E").replace("~", "%7E") for name in ODD]
-    header = {"format": 2, "groups": json.dumps(ODD), "fov_deg": "30.0"}
-    again = load_old(made, path, [f"{layer}." for layer in names], **header)
-    assert list(again.groups.items()) == list(ODD.items()) and again.fov_deg == 30
-    assert np.array_equal(again.coefficients, made.coefficients)
-    assert np.array_equal(again.first_mm, made.first_mm)
-    assert load_old(image, path, [""], format=2, groups='{"key": 1.0}').groups == {"key": 1.0}
-    first = load_old(image, path, [""], format=1)
-    assert first.groups == {"light": 1.0} and first.first_mm is None
-    assert np.array_equal(first.layer("light"), image.coefficients)
 
 
 def test_a_preview_and_texts_are_saved_for_others(image, tmp_path):

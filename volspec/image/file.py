@@ -19,9 +19,6 @@ the material ``block`` and the light group ``key``. If lights have shadows, laye
 header's ``volspec:layers`` holds their version, number, groups with shadows, and the materials that
 fade, if not all do; in version 3 the last layer is of surfaces (`OpacityLayers.solid`). Programs
 that do not know them read the image without.
-
-Up to format 2 channels were called ``key.coefficients.00``, of a single group ``coefficients.00``,
-and the first hit ``ZFirst``.
 """
 
 from __future__ import annotations
@@ -35,7 +32,6 @@ from contextlib import contextmanager
 from dataclasses import asdict, replace
 from itertools import compress
 from typing import Any
-from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -47,7 +43,7 @@ from volspec.appearance.spaces import SPACES
 from volspec.basis import Basis, MaterialBasis, basis_from_dict
 from volspec.camera.camera import Camera
 from volspec.errors import ImageError, ShapeError, VolspecError
-from volspec.image.fields import ONE_GROUP, ImageFields, checked_groups
+from volspec.image.fields import ImageFields, checked_groups
 from volspec.image.layers import MAX_LAYERS, OpacityLayers, Slot
 
 # Blender truncates names longer than 63 characters, channel included.
@@ -97,12 +93,6 @@ def layer_names(
     ]
 
 
-def old_channel_names(groups: Mapping[str, float], size: int) -> list[str]:
-    """Return the channels' names in files of format 1 and 2."""
-    layers = [f"{_encoded_name(group)}." for group in groups] if len(groups) > 1 else [""]
-    return [f"{layer}coefficients.{k:02d}" for layer in layers for k in range(size)]
-
-
 def plain_names(names: Iterable[str]) -> list[str]:
     """Return a name for files of each name, no two alike."""
     found: list[str] = []
@@ -124,13 +114,7 @@ def _plain_name(group: str) -> str:
     return plain if plain[:1].isalpha() else f"g{plain}"
 
 
-def _encoded_name(group: str) -> str:
-    """Return a name percent-encoded except letters, digits, _ and -: a dot would split it."""
-    return quote(group, safe="", errors="surrogatepass").replace(".", "%2E").replace("~", "%7E")
-
-
 FORMAT = 3
-_READ = (1, 2, FORMAT)  # images of format 1 have one light group
 # Attributes of the header, after "volspec:".
 _OWN = ("format", "basis", "groups", "notes", "fov_deg", "camera", "layers")
 # Without shadows, with, and with a last layer of surfaces.
@@ -215,9 +199,9 @@ def read_image(path: str | os.PathLike[str]) -> dict[str, Any]:
             "`volspec render` makes them, and a spectral picture needs --basis",
             code="unsupported",
         )
-    if (version := header.get("volspec:format")) not in _READ:
+    if (version := header.get("volspec:format")) != FORMAT:
         raise ImageError(
-            f"{name}: format {version}, this volspec reads {', '.join(map(str, _READ))}",
+            f"{name}: format {version}, this volspec reads {FORMAT}",
             "render the scene again",
             code="unsupported",
         )
@@ -225,11 +209,10 @@ def read_image(path: str | os.PathLike[str]) -> dict[str, Any]:
         basis = basis_from_dict(parse_json(header["volspec:basis"]))
         notes = dict(parse_json(header.get("volspec:notes", "{}")))
     with _refusing(f"{name}: its light groups are refused"):
-        stored = ONE_GROUP if version == 1 else parse_json(header["volspec:groups"])
+        stored = parse_json(header["volspec:groups"])
         groups = checked_groups(stored)
-    names = channel_names if version == FORMAT else old_channel_names
-    coefficients, alpha = _checked_pixels(name, pixels, names(groups, basis.size))
-    first = pixels.get("first.Z" if version == FORMAT else "ZFirst")
+    coefficients, alpha = _checked_pixels(name, pixels, channel_names(groups, basis.size))
+    first = pixels.get("first.Z")
     with _refusing(f"{name}: its volspec:fov_deg is refused"):
         fov_deg = parse_json(header.get("volspec:fov_deg", "null"))
     with _refusing(f"{name}: its volspec:camera is refused"):
