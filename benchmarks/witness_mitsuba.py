@@ -3,7 +3,7 @@
     python -m benchmarks.witness_mitsuba       these figures alone; also writes them to the page
 
 A textured sphere and a plane, lit by a directional and a point light, are cast by volspec, and
-rendered by Mitsuba's variant ``scalar_spectral`` from the files of `volspec.save_mitsuba`: the same
+rendered by Mitsuba's variant ``scalar_spectral`` from the files of `save_mitsuba`: the same
 linear XYZ is wanted, at the same scale. Without Mitsuba (``pip install mitsuba``) the rows say so.
 """
 
@@ -20,6 +20,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 import volspec as vs
 from benchmarks.measure import PAGE, Figure, replaced, report
+from benchmarks.mitsuba_scene import save_mitsuba
 from volspec.relight.illumination import Illumination
 from volspec.room import Room, box, irradiance_from_lux, panel, solve_room
 from volspec.spectra import colour_matching_functions, light, reflectance
@@ -123,7 +124,7 @@ def rendered(mi: Any, spectrum: vs.Spectrum, spec: vs.RaycastSpec) -> Array:
         path = Path(folder) / "scene.xml"
         for group in spec.groups:
             rig = vs.LightRig((spectrum,), groups=(group.name,))
-            vs.save_mitsuba(path, meshes(), MATERIALS, CAMERA, rig, SIZE, spec)
+            save_mitsuba(path, meshes(), MATERIALS, CAMERA, rig, SIZE, spec)
             scene = mi.load_file(str(path), samples=str(SAMPLES), pixel_format="xyz")
             found += np.array(mi.render(scene, seed=1))
     return found

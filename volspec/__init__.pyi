@@ -16,7 +16,6 @@ from .errors import (
 )
 from .export import write_frame as write_frame
 from .export.exporter import Exported as Exported, export as export
-from .export.mitsuba import save_mitsuba as save_mitsuba
 from .export.notebook import notebook as notebook
 from .image import CoefficientImage as CoefficientImage, DepthEffects as DepthEffects
 from .mesh.caster import MeshCaster as MeshCaster, cast_meshes as cast_meshes

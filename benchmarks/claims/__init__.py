@@ -43,7 +43,6 @@ bases.md :: <!-- products --> :: python -m benchmarks.basis --keep :: tests/test
 bases.md :: <!-- others --> :: python -m benchmarks.basis --keep :: tests/test_claims.py
 benchmarks.md :: <!-- figures --> :: python -m benchmarks --keep :: tests/test_benchmarks.py
 compositing.md :: under every light: CIEDE2000 below .0001. :: python -m pytest tests/export/test_compositing.py -k blender
-export.md :: 0.2 % under daylight and tungsten :: python -m benchmarks.witness_mitsuba :: tests/export/test_mitsuba.py
 gallery/layers.md :: The figures are their difference: CIEDE2000 of :: python -m tools.gallery :: tests/test_gallery.py
 layers.md :: turns cameras by 2, 5 and 10° to either side :: python -m benchmarks.views :: tests/raycast/test_reproject.py
 models.md :: $ volspec appearance 40 35 10 --white A :: volspec appearance :: tests/test_claims.py

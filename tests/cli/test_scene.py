@@ -3,7 +3,6 @@
 import json
 from functools import partial
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -48,19 +47,6 @@ def test_figures_are_json(good, capsys):
     assert (found["path"], found["ok"], found["errors"]) == (str(good), True, [])
     assert (found["materials"], found["lights"], found["room_error"]) == (2, 1, None)
     assert (found["volume"], found["basis"]) == ([10, 11, 12], "general-7")
-
-
-def test_surfaces_are_written_for_mitsuba(good, capsys):
-    mesh = '[[mesh]]\nshape = "plane"\nsize_mm = 9.0\nmaterial = "core"\n'
-    sun = '[[group]]\nname = "sun"\nsources = [{ kind = "directional", towards = [0, 0, 1], '
-    scene = written(good.with_name("mesh.toml"), f"{SCENE}{sun}shadows = true }}]\n{mesh}")
-    target = good.with_name("mesh.xml")
-    assert call("mitsuba", scene, "-o", target) == 0
-    assert capsys.readouterr().out.startswith(f"{target}: 1 surface under ")
-    root = ElementTree.parse(target).getroot()
-    assert [each.get("type") for each in root.findall("emitter")] == ["directional"]
-    assert call("mitsuba", good, "-o", target) == 1
-    assert call("mitsuba", scene, "-o", target, "--light", "moon") == 1
 
 
 def test_the_schema_is_the_one_that_ships(capsys):

@@ -12,7 +12,7 @@ from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import RELIGHT, Lights, require_scene
 from volspec.cli.inputs import CameraOption, Preset, open_scene
 from volspec.cli.shell import Json, Terminal, app, bar, counted, print_json, say
-from volspec.errors import InputError, SceneError, nearest, one_line
+from volspec.errors import InputError, SceneError, one_line
 
 if TYPE_CHECKING:
     from volspec.export.plan import Checked
@@ -185,57 +185,6 @@ def new(
         )
     made, _ = open_scene(volume, preset, light, camera)
     say(f"{made.save(output)}: now try volspec view {shlex.quote(str(output))}")
-
-
-@scene.command
-def mitsuba(
-    file: Path,
-    /,
-    *,
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    light: str | None = None,
-) -> None:
-    """Write the meshes of a scene, with camera, lights and spectra, as a scene for Mitsuba 3.
-
-    The volume and a room are left out. `mitsuba -m scalar_spectral FILE.xml` renders it.
-
-    Example: `volspec scene mitsuba implant.toml -o implant.xml --light D65`
-
-    Parameters
-    ----------
-    file
-        A scene file.
-    output
-        The `.xml` file to write; a folder next to it has meshes, textures and spectra.
-    light
-        Name of a light of the scene. Default: the first.
-    """
-    from volspec.export.mitsuba import save_mitsuba
-    from volspec.scene import Scene
-    from volspec.scene.specs import EMPTY
-
-    found = Scene.load(file)
-    lights = {each.name: each for each in found.lights}
-    if light is not None and light not in lights:
-        problem = f"--light: no [[light]] of {file} is named {light!r}"
-        remedy = f"{nearest(light, lights)}known: {', '.join(lights)}"
-        raise InputError(problem, remedy, code="unknown", given=light)
-    volume = found.volume()
-    meshes = found.meshes(volume)
-    caster = None if meshes is None else meshes.within(volume, found.raycast)
-    if caster is None:
-        shows = "shows nothing of its meshes" if found.file.mesh else "has no [[mesh]]"
-        problem = f"{file}: {shows}, and Mitsuba has no transfer functions for a volume"
-        remedy = "show one" if found.file.mesh else "add a [[mesh]]"
-        raise SceneError(problem, remedy, code="missing")
-    size = found.file.output.width, found.file.output.height
-    lit = found.lights[0] if light is None else lights[light]
-    view = found.camera(volume), lit.rig, size, found.raycast
-    made = save_mitsuba(output, caster.meshes, found.materials, *view)
-    room = "" if found.room is None else " and the room"
-    count = counted(len(caster.meshes), "surface")
-    left_out = "" if found.file.volume.file == EMPTY else ", without the volume"
-    say(f"{made}: {count} under {lit.name}{left_out}{room}")
 
 
 @scene.command

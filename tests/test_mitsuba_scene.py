@@ -11,6 +11,7 @@ import pyvista
 from PIL import Image
 
 import volspec as vs
+from benchmarks.mitsuba_scene import save_mitsuba
 from tests.support.errors import raises
 from volspec.errors import VolspecWarning
 
@@ -34,7 +35,7 @@ def plane(material: str | vs.Texture = "white", z: float = 0.0) -> vs.Mesh:
 def save(path: Path, *meshes: vs.Mesh, **changes: Any) -> ElementTree.Element:
     """Save to a file, and return its root with the folder's name filled in."""
     given = {"camera": CAMERA, "light": vs.light("A"), "size": (64, 48), "spec": SPEC, **changes}
-    vs.save_mitsuba(path, meshes, MATERIALS, **given)
+    save_mitsuba(path, meshes, MATERIALS, **given)
     text = path.read_text(encoding="utf-8")
     root = ElementTree.fromstring(text)
     folder = root.find("default[@name='files']").get("value")

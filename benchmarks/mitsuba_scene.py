@@ -1,6 +1,6 @@
 """Write a scene of meshes for Mitsuba 3, with spectra.
 
-    meshes, materials, camera, lights -> [mitsuba] -> NAME.xml, NAME-1a2b3c4d/*.ply, *.spd, *.png
+    meshes, materials, camera, lights -> [mitsuba_scene] -> NAME.xml, NAME-*/*.ply, *.spd, *.png
 
 A pixel's radiance under Mitsuba's spectral variants is the light's spectrum times the coefficients
 of a cast. Spectra on a grid are written as steps, since a band's value is its mean.
@@ -108,7 +108,7 @@ def save_mitsuba(
     >>> copper, camera = {"copper": vs.reflectance("copper")}, vs.Camera((0, -60, 20), (0, 0, 0))
     >>> sun = vs.LightGroup("sun", (vs.Directional((1, -1, 1), shadows=True),))
     >>> spec = vs.RaycastSpec(groups=(sun,))
-    >>> vs.save_mitsuba("out/ball.xml", [ball], copper, camera, vs.light("A"), (64, 64), spec)
+    >>> save_mitsuba("out/ball.xml", [ball], copper, camera, vs.light("A"), (64, 64), spec)
     PosixPath('out/ball.xml')
     """
     target = require_suffix(path, "scenes for Mitsuba", ".xml", error=MeshError)
