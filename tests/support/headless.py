@@ -172,6 +172,15 @@ class HeadlessViewer:
         """Run a command by its name, as a menu does."""
         self.edit(lambda state: self.app._ui.run(state, command))
 
+    def request(self, name: str) -> None:
+        """Ask the viewer for what is no command, as a bar of its own does."""
+
+        def ask(state: ViewState) -> ViewState:
+            self.app._ui.request(name)
+            return state
+
+        self.edit(ask)
+
     def step(self, back: bool) -> None:
         """Undo or redo a step."""
         self.run("undo" if back else "redo")

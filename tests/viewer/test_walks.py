@@ -33,7 +33,7 @@ WAITS = st.sampled_from((0, 1, 1, 3, 8))
 PLACES = st.tuples(st.integers(0, SIZE[0]), st.integers(0, SIZE[1] + BARS))
 BUTTONS = st.sampled_from(("left", "middle", "right"))
 # Edits; others ask for files, or end the viewer.
-COMMANDS = [each.name for each in ALL if each.change is not None] + ["loop", "reload"]
+COMMANDS = [each.name for each in ALL if each.change is not None] + ["reload"]
 
 
 class Desk:
@@ -116,9 +116,11 @@ class Walk(RuleBasedStateMachine):
         self.viewer.give(Input("release", *places[-1], button=button))
         self.cycles(wait)
 
-    @rule(wait=WAITS)
-    def play(self, wait: int) -> None:
+    @rule(loop=st.booleans(), wait=WAITS)
+    def play(self, loop: bool, wait: int) -> None:
         self.viewer.run("play")
+        if loop:
+            self.viewer.request("loop")
         self.cycles(wait)
 
     def teardown(self) -> None:
