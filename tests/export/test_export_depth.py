@@ -18,6 +18,7 @@ from volspec.export.frames import read_frame_text
 from volspec.export.plan import check_scene
 from volspec.image import CoefficientImage, DepthEffects
 from volspec.relight import relight
+from volspec.relight.look import Look
 from volspec.relight.stereo import Stereo, expected_depth_mm
 from volspec.scene import stored_depth, stored_relight_spec
 from volspec.spectra import light
@@ -166,8 +167,8 @@ def test_frames_are_those_of_the_library(deep, tmp_path):
     stereo = scene.file.export.stereo
     assert stereo == Stereo("anaglyph", eyes_deg=4)
     # No frame has another opacity, so that the layers are cast with it.
-    views = stereo.views(scene.casting(opacities={"gold": 0.3}).render(), {}, scene.file.depth)
-    own = stereo.combine(*(relight(v, scene.lights[0].rig, scene.relight) for v in views))
+    look = Look(scene.relight, depth=scene.file.depth, stereo=stereo)
+    own = relight(scene.casting(opacities={"gold": 0.3}).render(), scene.lights[0].rig, look)
     assert np.abs(frame(tmp_path, "day/0001.png") - own).max() <= 2
 
 

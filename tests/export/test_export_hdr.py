@@ -18,17 +18,21 @@ from tests.support.errors import raises
 from tests.support.images import image, read_codes
 from volspec.appearance import Display, Viewing
 from volspec.appearance.hdr import Hdr
-from volspec.appearance.spaces import SPACES
+from volspec.appearance.spaces import SPACES, to_uint16
 from volspec.appearance.spec import MODELS, PER_PIXEL
 from volspec.errors import ImageError, SceneError, ViewingError
 from volspec.export.avif import AvifWriter, YCbCr_codes
 from volspec.export.exporter import export
-from volspec.export.frames import encode, to_uint16, write_frame
-from volspec.relight import LightRig, Relighter, RelightSpec
+from volspec.export.frames import encode, write_frame
+from volspec.image import DepthEffects
+from volspec.relight import LightRig, Relighter, RelightSpec, relight
 from volspec.relight.hdr import hdr_frame, with_lux
+from volspec.relight.look import Look
+from volspec.relight.stereo import Stereo
 from volspec.scene import Scene
 from volspec.spectra import light, reflectance_set
 
+SHARP = DepthEffects(focus_mm=9.0)
 LIT = LightRig((light("A"),), illuminance_lux=(500.0,))
 ROOM = Display(L_A=40.0, surround="dim")
 
@@ -80,7 +84,7 @@ def test_with_no_model_and_the_scene_s_own_white_luminances_are_the_scene_s():
     """500 lx on white are 159.2 cd/m²: shown as they are."""
     hdr = Hdr(white_cd_m2=500.0 / np.pi, peak_cd_m2=4000.0)
     spec = RelightSpec(Viewing(model="none", illuminance_lux=500.0), level="absolute")
-    seen = luminance(hdr_frame(steps(), LIT, spec, hdr), hdr)[0]
+    seen = luminance(relight(steps(), LIT, Look(spec, hdr=hdr), np.float32), hdr)[0]
     np.testing.assert_allclose(seen, 500.0 / np.pi * np.array([0, 0.2, 1.0, 2.5]), atol=0.05)
     # A second lamp as bright adds its light.
     both = LightRig((light("A"),), illuminance_lux=(1000.0,))
@@ -222,7 +226,7 @@ def test_an_export_writes_avif_of_12_bits(scene, tmp_path):
 
 
 def shown_on(display: Display, rig: Any = LIT) -> object:
-    return hdr_frame(steps(), rig, RelightSpec(Viewing(display=display)), Hdr())
+    return relight(steps(), rig, Look(RelightSpec(Viewing(display=display)), hdr=Hdr()))
 
 
 @pytest.mark.parametrize(
@@ -231,6 +235,8 @@ def shown_on(display: Display, rig: Any = LIT) -> object:
         (lambda *_: shown_on(ROOM, light("A")), ViewingError, "illuminance_lux"),
         (lambda *_: shown_on(Display(gamut="reduce")), ViewingError, "gamut"),
         (lambda *_: shown_on(Display(mark=True)), ViewingError, "mark"),
+        (lambda *_: Look(hdr=Hdr(), stereo=Stereo()), ImageError, "hdr"),
+        (lambda *_: Look(depth=SHARP, stereo=Stereo()), ImageError, "focus_mm"),
         (lambda path, _: write_frame(path, ramp(8, 8)), ImageError, None),
         (lambda path, _: write_frame(path, ramp(8, 8) > 0, space=Hdr()), ImageError, None),
         # The command's transcripts have the others.

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from tests.support.errors import raises
-from volspec.appearance.spaces import SPACES
+from volspec.appearance.spaces import SPACES, to_uint16
 from volspec.errors import InputError
 from volspec.export.frames import (
     distinct_stems,
@@ -19,7 +19,6 @@ from volspec.export.frames import (
     read_frame,
     read_frame_text,
     row_file,
-    to_uint16,
     write_frame,
 )
 from volspec.export.png import PngWriter

@@ -15,6 +15,7 @@ from volspec.errors import ImageError, OpenGLError
 from volspec.image import CoefficientImage, DepthEffects
 from volspec.image.layers import OpacityLayers
 from volspec.relight import LightRig, Relighter, recompose
+from volspec.relight.look import Look
 from volspec.relight.recompose import PackedOpacity
 from volspec.spectra import light, reflectance
 
@@ -95,8 +96,7 @@ def both_frames(
     frames = []
     for relighter in (gl_or_skip(image), Relighter(image, "numpy")):
         with relighter:
-            relighter.set_opacities(scales, **how)
-            frames.append(relighter.frame(rig(image), dtype=np.float32))
+            frames.append(relighter.frame(rig(image), Look(opacities=scales, **how), np.float32))
     return frames
 
 
@@ -164,10 +164,8 @@ def test_scales_of_1_draw_the_cast_s_picture_bit_for_bit(backend):
     image = layered(3, 2)
     with relighter_of(image, backend) as relighter:
         before = relighter.frame(rig(image), dtype=np.float32)
-        relighter.set_opacities({"gold": 0.2})
-        other = relighter.frame(rig(image), dtype=np.float32)
-        relighter.set_opacities({})
-        after = relighter.frame(rig(image), dtype=np.float32)
+        other = relighter.frame(rig(image), Look(opacities={"gold": 0.2}), np.float32)
+        after = relighter.frame(rig(image), Look(), np.float32)
     assert np.abs(other - before).max() > 0.01
     np.testing.assert_array_equal(after, before)
 

@@ -15,6 +15,7 @@ from volspec.errors import OpenGLError, ShapeError
 from volspec.image.model import CoefficientImage
 from volspec.relight import LightRig, Relighter, RelightSpec, relight
 from volspec.relight import gpu as gpu_module
+from volspec.relight.look import Look
 from volspec.spectra import light, reflectance
 
 pytestmark = COARSE
@@ -92,8 +93,8 @@ def test_reflectances_are_edited_in_every_group(backend):
     image, iron = cast(basis=MaterialBasis(paints)), {"gold": reflectance("iron")}
     with Relighter(image, backend) as relighter:
         before = relighter.frame(RIG, RAW)
-        relighter.set_reflectances(iron)
-        after = relighter.frame(RIG, RAW)
+        after = relighter.frame(RIG, Look(RelightSpec(RAW), iron))
+        assert np.array_equal(before, relighter.frame(RIG, Look(RelightSpec(RAW))))
     assert not np.array_equal(before, after)
     changed = replace(image, basis=image.basis.with_reflectances(iron))
     assert np.array_equal(after, relight(changed, RIG, RAW, backend=backend))

@@ -306,6 +306,12 @@ def to_uint8(encoded: ArrayLike) -> NDArray[np.uint8]:
     return np.rint(np.clip(np.asarray(encoded), 0.0, 1.0) * 255.0).astype(np.uint8)
 
 
+def to_uint16(encoded: ArrayLike) -> NDArray[np.uint16]:
+    """Round codes 0 to 1 to 16 bits; NaN becomes black."""
+    codes = np.nan_to_num(np.asarray(encoded), nan=0.0)
+    return np.rint(np.clip(codes, 0.0, 1.0) * 65535.0).astype(np.uint16)
+
+
 _VISIBLE = SpectralGrid(360.0, 830.0, 2.0)
 
 

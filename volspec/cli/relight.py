@@ -126,7 +126,8 @@ def relight(
         `S0.380,000000nm`, …, or the bands of its basis, and red, green, blue as a preview. No
         appearance model is applied, so of the viewing options only `--exposure` and `--lux` count.
     """
-    from volspec.export.frames import BlankFrames, file_stem, to_uint16, write_frame
+    from volspec.appearance.spaces import to_uint16
+    from volspec.export.frames import BlankFrames, file_stem, write_frame
     from volspec.image import DepthEffects
     from volspec.pipeline import Relighter
     from volspec.relight.hdr import hdr_frame

@@ -22,13 +22,13 @@ from volspec._exr import to_half
 from volspec._files import write_whole
 from volspec.appearance.display import colour_space
 from volspec.appearance.hdr import Hdr
-from volspec.appearance.spaces import ColourSpace, to_uint8
+from volspec.appearance.spaces import ColourSpace, to_uint8, to_uint16
 from volspec.errors import ViewingError
 from volspec.export import exr
 from volspec.export.annotate import MarkedPicture, Patch, picture_marks
 from volspec.export.avif import AvifWriter
 from volspec.export.compositing import save_for_compositors, scene_recipe
-from volspec.export.frames import encode, row_file, to_uint16
+from volspec.export.frames import encode, row_file
 from volspec.export.manifest import ExportFolder
 from volspec.export.plan import Shot, export_lights
 from volspec.export.png import PngWriter

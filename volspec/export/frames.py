@@ -130,11 +130,6 @@ def row_file(path: str | os.PathLike[str], make: Callable[[BinaryIO], Writer]) -
         writer.close()
 
 
-def to_uint16(codes: NDArray[Any]) -> NDArray[np.uint16]:
-    """Round codes 0 to 1 to 16 bits; NaN becomes black."""
-    return np.rint(np.clip(np.nan_to_num(codes, nan=0.0), 0.0, 1.0) * 65535.0).astype(np.uint16)
-
-
 def read_frame(path: Path) -> Image.Image:
     """Read a frame's picture; `InputError` if the file is damaged."""
     from PIL import Image

@@ -23,15 +23,23 @@ from volspec._gpu.opengl import ContextLost
 from volspec._gpu.sharing import Sharing
 from volspec.appearance.adaptation_grid import ViewTransformGrid
 from volspec.appearance.lut3d import LutCache, LutKey, needs_host_lut
+from volspec.appearance.spaces import to_uint16
 from volspec.appearance.spec import Viewing
-from volspec.basis import MaterialBasis
 from volspec.basis.display import DEFAULT_MODE, Mode
-from volspec.errors import OpenCLError, OpenGLError, RelightError, VolspecWarning, nearest
+from volspec.errors import (
+    ImageError,
+    OpenCLError,
+    OpenGLError,
+    RelightError,
+    VolspecWarning,
+    nearest,
+)
 from volspec.image.depth import DepthEffects
 from volspec.image.model import CoefficientImage
 from volspec.relight.advice import warn_of_lights
 from volspec.relight.error_map import Against, ErrorMap, error_map
 from volspec.relight.gpu import GLEngine
+from volspec.relight.hdr import hdr_frame
 from volspec.relight.illumination import Illumination
 from volspec.relight.layers import (
     PackedLayers,
@@ -41,6 +49,7 @@ from volspec.relight.layers import (
     float32_arrays,
     require_fit,
 )
+from volspec.relight.look import Look
 from volspec.relight.measured_viewing import ViewingMeter
 from volspec.relight.recompose import PackedOpacity, depth_uniforms
 from volspec.relight.reference import CpuEngine
@@ -144,18 +153,14 @@ class Relighter:
         coefficients, alpha = float32_arrays(image)
         if packed is not None:
             packed.require(*coefficients.shape)
-        self._image = image
-        self._edits: dict[str, Spectrum] = {}
-        self._opacities: dict[str, float] = {}
-        self._depth = DepthEffects()
+        self._cast = self._image = image  # as it was cast, and in the look's reflectances
+        self._look = Look()
         # The engine has the recomposed image instead of the image.
         self._is_uploaded = False
         # The engine lacks the present opacities and depth, or has drawn them of other layers.
         self._is_stale = False
-        # The image with opacities and depth that were set, and those.
-        self._recomposed: (
-            tuple[tuple[CoefficientImage, dict[str, float], DepthEffects], CoefficientImage] | None
-        ) = None
+        # The image with the look's opacities and depth, and what it is of.
+        self._recomposed: tuple[tuple[object, ...], CoefficientImage] | None = None
         self._advised: set[str] = set()
         self._meter = ViewingMeter()
         if lut3d not in (None, True, False):
@@ -241,15 +246,9 @@ class Relighter:
         require_fit(shape, image.groups, self._image)
         if isinstance(place, PackedLayers):
             place.require(*shape)
-        if isinstance(image.basis, MaterialBasis):
-            edits = {k: v for k, v in self._edits.items() if k in image.basis.materials}
-            image = replace(image, basis=image.basis.with_reflectances(edits))
-        self._image = image
-        if image.opacity_layers is None or not isinstance(image.basis, MaterialBasis):
-            self._opacities, self._depth = {}, DepthEffects()
-        else:
-            known = image.basis.materials
-            self._opacities = {k: v for k, v in self._opacities.items() if k in known}
+        look = self._look.fitting(image)
+        shown = image.with_reflectances(look.reflectances) if look.reflectances else image
+        self._cast, self._image, self._look = image, shown, look
 
         def put(engine: GLEngine | CpuEngine) -> None:
             if place is not None and isinstance(engine, GLEngine):
@@ -265,7 +264,7 @@ class Relighter:
     def frame(
         self,
         light: Spectrum | LightRig,
-        spec: RelightSpec | Viewing | None = None,
+        spec: Look | RelightSpec | Viewing | None = None,
         dtype: Any = np.uint8,
     ) -> Pixels:
         """Return the picture under a light.
@@ -273,22 +272,25 @@ class Relighter:
         Parameters
         ----------
         light : Spectrum or LightRig
-        spec : RelightSpec or Viewing, optional
-            Viewing, mode, backdrop and level; a `Viewing` leaves the others at their defaults. The
-            default viewing is CIECAM02 to an sRGB display. If its ``adapting`` is not ``"given"``,
-            conditions are measured in this picture.
+        spec : Look, RelightSpec or Viewing, optional
+            A `Look` of one eye; or viewing, mode, backdrop and level, with the last look's rest.
+            A `Viewing` leaves the others at their defaults. The default viewing is CIECAM02 to an
+            sRGB display. If its ``adapting`` is not ``"given"``, conditions are measured in this
+            picture.
         dtype : numpy.uint8 or numpy.float32
-            8-bit codes, or codes 0 to 1 before rounding.
+            8-bit codes, 16 bits of a look's ``hdr``; or codes 0 to 1 before rounding.
 
         Returns
         -------
-        (H, W, 3) uint8 or float32
+        (H, W, 3) uint8, uint16 or float32
             Codes of the viewing's display, sRGB by default; row 0 at the top.
 
         Raises
         ------
         RelightError
-            If the Relighter is closed, or the dtype is not one of these.
+            If the Relighter is closed, the dtype is not one of these, or the look has two eyes.
+        ImageError, BasisError, OpenGLError
+            As `set_reflectances` and `set_opacities`, of a look.
         ViewingError
             If an argument is out of range, a light shines from a group that the image lacks, or the
             field of view for measuring is unknown.
@@ -300,15 +302,18 @@ class Relighter:
         VolspecWarning
             Once per light, if the mode does not hold its colours (`volspec.relight.advice`).
         """
-        kind = pixel_type(dtype)
-        lit, viewing, grid = self._lit(light, RelightSpec.of(spec))
+        kind, look = pixel_type(dtype), self._take(spec)
+        if look.hdr is not None:
+            codes = hdr_frame(self._shown(), light, look.relight, look.hdr)
+            return codes if kind is np.float32 else to_uint16(codes)
+        lit, viewing, grid = self._lit(light, look.relight)
         return self._on_engine(lambda engine: engine.render(lit, viewing, kind, grid))
 
     @_in_turn
     def draw(
         self,
         light: Spectrum | LightRig,
-        spec: RelightSpec | Viewing | None = None,
+        spec: Look | RelightSpec | Viewing | None = None,
         within: tuple[int, int, int, int] | None = None,
     ) -> Any:
         """Draw the picture of `frame` and leave it on the device, for the owner of the context.
@@ -337,12 +342,12 @@ class Relighter:
                 code="unsupported",
                 field="relight",
             )
-        lit, viewing, grid = self._lit(light, RelightSpec.of(spec))
+        lit, viewing, grid = self._lit(light, self._take(spec).relight)
         return self._engine.draw(lit, viewing, np.uint8, grid, within)
 
     @_in_turn
     def missing_lut(
-        self, light: Spectrum | LightRig, spec: RelightSpec | Viewing | None = None
+        self, light: Spectrum | LightRig, spec: Look | RelightSpec | Viewing | None = None
     ) -> LutKey | None:
         """Return the key of the LUT that the host must bake before the next frame, or None.
 
@@ -350,7 +355,7 @@ class Relighter:
         `LutCache.texels` of the Relighter's ``lut_cache``, on any thread. Arguments and errors are
         as in `frame`.
         """
-        settings = RelightSpec.of(spec)
+        settings = self._take(spec).relight
         if isinstance(self._engine, CpuEngine) or not needs_host_lut(settings.viewing.model):
             return None
         lit, viewing, _ = self._lit(light, settings)
@@ -375,8 +380,8 @@ class Relighter:
 
         Errors as `CoefficientImage.with_reflectances`; RelightError if the Relighter is closed.
         """
-        self._image = self._image.with_reflectances(reflectances)
-        self._edits |= reflectances
+        edits = {**self._look.reflectances, **reflectances}
+        self._take(replace(self._look, reflectances=edits))
 
     @_in_turn
     def set_opacities(
@@ -405,19 +410,40 @@ class Relighter:
         RelightError
             If the Relighter is closed.
         """
-        depth = DepthEffects() if depth is None else depth
-        same = (dict(scales), depth) == (self._opacities, self._depth)
-        if packed is None and same and not self._is_stale:
-            return
-        self._image.opacity_scales(scales)
-        depth.blur_px(self._image.size[1], self._image.fov_deg)
-        before = self._opacities, self._depth
-        self._opacities, self._depth = dict(scales), depth
+        look = replace(self._look, opacities=dict(scales), depth=depth or DepthEffects())
+        self._take(look, packed)
+
+    def _take(
+        self, spec: Look | RelightSpec | Viewing | None, packed: PackedOpacity | None = None
+    ) -> Look:
+        """Take a look's reflectances, opacities and depth for the next frames; return the look.
+
+        Other settings keep those of the last look.
+        """
+        if not isinstance(spec, Look):
+            return replace(self._look, relight=RelightSpec.of(spec), hdr=None)
+        look, before = spec, (self._look, self._image)
+        if look.stereo is not None:
+            raise RelightError(
+                "has two eyes, and a Relighter draws one",
+                "use relight(image, light, look), or a Relighter for each of look.views(image)",
+                code="unsupported",
+                field="relight: look",
+            )
+        if look.reflectances != self._look.reflectances:
+            self._image = self._cast.with_reflectances(look.reflectances)
+        same = (look.opacities, look.depth) == (self._look.opacities, self._look.depth)
         try:
-            self._on_engine(lambda engine: self._put_opacities(engine, packed))
-        except OpenGLError:
-            self._opacities, self._depth = before
+            if packed is not None or not same:
+                self._image.opacity_scales(look.opacities)
+                look.depth.blur_px(self._image.size[1], self._image.fov_deg)
+                self._look = look
+                self._on_engine(lambda engine: self._put_opacities(engine, packed))
+        except (ImageError, OpenGLError):
+            self._look, self._image = before
             raise
+        self._look = look
+        return look
 
     def load_opacities(self, packed: PackedOpacity) -> Iterator[None]:
         """Upload the image's layers before `set_opacities` does, in steps of few milliseconds.
@@ -437,14 +463,15 @@ class Relighter:
     @property
     def _is_changed(self) -> bool:
         """True if the picture is not drawn as it was cast."""
-        return bool(self._opacities) or self._depth.changes
+        return bool(self._look.opacities) or self._look.depth.changes
 
     def _put_opacities(
         self, engine: GLEngine | CpuEngine, packed: PackedOpacity | None = None
     ) -> None:
         self._is_stale = False
-        factors, deep = self._image.opacity_scales(self._opacities), self._depth.changes
-        if isinstance(engine, CpuEngine) or self._depth.focus_mm is not None:
+        depth, deep = self._look.depth, self._look.depth.changes
+        factors = self._image.opacity_scales(self._look.opacities)
+        if isinstance(engine, CpuEngine) or depth.focus_mm is not None:
             engine.upload(*float32_arrays(self._shown()))
             self._is_uploaded = True
             return
@@ -459,15 +486,16 @@ class Relighter:
                     packed = PackedOpacity.of(layers, deep)
                 for _ in engine.load_opacity(packed):
                     pass
-            engine.recompose(factors, depth_uniforms(self._depth, self._image) if deep else None)
+            engine.recompose(factors, depth_uniforms(depth, self._image) if deep else None)
 
     def _shown(self) -> CoefficientImage:
         """Return the image with its present opacities and depth."""
-        if all(scale == 1 for scale in self._opacities.values()) and not self._depth.changes:
+        opacities, depth = self._look.opacities, self._look.depth
+        if all(scale == 1 for scale in opacities.values()) and not depth.changes:
             return self._image
-        key = self._image, self._opacities, self._depth
+        key = self._image, opacities, depth
         if self._recomposed is None or self._recomposed[0] != key:
-            self._recomposed = key, self._image.recompose(self._opacities, self._depth)
+            self._recomposed = key, self._image.recompose(opacities, depth)
         return self._recomposed[1]
 
     def _lit(
@@ -531,18 +559,22 @@ class Relighter:
 def relight(
     image: CoefficientImage,
     light: Spectrum | LightRig,
-    spec: RelightSpec | Viewing | None = None,
+    spec: Look | RelightSpec | Viewing | None = None,
     dtype: Any = np.uint8,
     backend: str | None = None,
 ) -> Pixels:
     """Relight a coefficient image once; for several lights, a `Relighter` uploads only once.
 
-    Parameters and errors are those of `Relighter` and `Relighter.frame`.
+    Parameters and errors are those of `Relighter` and `Relighter.frame`; a `Look` may have two
+    eyes, and its errors are those of `Look.views`.
 
     Returns
     -------
-    (H, W, 3) uint8 or float32
+    (H, W, 3) uint8, uint16 or float32
         Codes of the viewing's display, sRGB by default; row 0 at the top.
     """
-    with Relighter(image, backend) as relighter:
-        return relighter.frame(light, spec, dtype)
+    look, frames = Look.of(spec), []
+    for view in look.views(image):
+        with Relighter(view, backend) as relighter:
+            frames.append(relighter.frame(light, look.of_view, dtype))
+    return look.combine(frames)

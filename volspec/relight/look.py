@@ -1,0 +1,121 @@
+"""A look: everything that follows a cast, as one value.
+
+coefficient image -> [look] -> its picture, or one for each eye -> relight -> frame
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from numpy.typing import NDArray
+
+from volspec._gpu.opencl import Compute
+from volspec.appearance.hdr import Hdr
+from volspec.appearance.spec import Viewing
+from volspec.basis import MaterialBasis
+from volspec.errors import ImageError
+from volspec.image.depth import DepthEffects
+from volspec.image.model import CoefficientImage
+from volspec.relight.spec import RelightSpec
+from volspec.relight.stereo import Stereo
+from volspec.spectra.spectrum import Spectrum
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """Settings of the pictures of one cast: materials, depth, eyes, viewing and display.
+
+    Raises
+    ------
+    ImageError
+        If two settings exclude each other: ``stereo`` and ``hdr``, or ``stereo`` and a focus.
+    """
+
+    relight: RelightSpec = field(default_factory=RelightSpec)
+    """Viewing, mode, backdrop and level."""
+    reflectances: Mapping[str, Spectrum] = field(default_factory=dict)
+    """Reflectances of some materials, as of `CoefficientImage.with_reflectances`."""
+    opacities: Mapping[str, float] = field(default_factory=dict)
+    """Scales of materials' optical depths, as of `CoefficientImage.recompose`."""
+    depth: DepthEffects = field(default_factory=DepthEffects)
+    """Focus, fog and cuts."""
+    stereo: Stereo | None = None
+    """Both eyes; one picture if left out."""
+    hdr: Hdr | None = None
+    """Display of high dynamic range; the viewing's display if left out."""
+
+    def __post_init__(self) -> None:
+        others = {"hdr": self.hdr, "focus_mm": self.depth.focus_mm}
+        self._without_stereo({name: each for name, each in others.items() if each is not None})
+
+    def _without_stereo(self, others: Mapping[str, object]) -> None:
+        if self.stereo is not None and others:
+            name, problem = next(iter(others)), "does not work with stereo"
+            raise ImageError(problem, "leave one out", code="conflict", field=name)
+
+    @classmethod
+    def of(cls, look: Look | RelightSpec | Viewing | None) -> Look:
+        """Return settings as a look; a `RelightSpec` leaves the others at their defaults."""
+        return look if isinstance(look, Look) else cls(RelightSpec.of(look))
+
+    def fitting(self, image: CoefficientImage) -> Look:
+        """Return the look without what an image cannot have: other materials, and depth."""
+        known = image.basis.materials if isinstance(image.basis, MaterialBasis) else {}
+        layered = image.opacity_layers is not None
+        return replace(
+            self,
+            reflectances={k: v for k, v in self.reflectances.items() if k in known},
+            opacities={k: v for k, v in self.opacities.items() if k in known and layered},
+            depth=self.depth if layered else DepthEffects(),
+            stereo=self.stereo if layered else None,
+        )
+
+    def views(
+        self,
+        image: CoefficientImage,
+        surface: CoefficientImage | None = None,
+        compute: Compute | None = None,
+    ) -> tuple[CoefficientImage, ...]:
+        """Return the image in this look, or what the left and the right eye see of it.
+
+        Parameters
+        ----------
+        image : CoefficientImage
+            As cast; with layers if opacities, depth or eyes are to change.
+        surface : CoefficientImage, optional
+            Opaque surfaces at their depth, as of `CoefficientImage.recompose`; not for two eyes.
+        compute : Compute, optional
+            An open OpenCL device, which moves the layers to both eyes.
+
+        Returns
+        -------
+        tuple of CoefficientImage
+            Their frames, under the look `of_view`, are joined by `combine`.
+
+        Raises
+        ------
+        ImageError, BasisError, ShapeError
+            As `CoefficientImage.with_reflectances` and `recompose`, and `Reprojector`.
+        """
+        if self.reflectances:
+            image = image.with_reflectances(self.reflectances)
+        if self.stereo is not None:
+            self._without_stereo({} if surface is None else {"surface": surface})
+            return self.stereo.views(image, self.opacities, self.depth, compute)
+        if self.opacities or self.depth.changes or surface is not None:
+            image = image.recompose(self.opacities, self.depth, surface)
+        return (image,)
+
+    @property
+    def of_view(self) -> Look:
+        """Look of one of the `views`: viewing and display alone."""
+        return Look(self.relight, hdr=self.hdr)
+
+    def combine(self, frames: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        """Return the frames of the `views` as one: display codes (H, W, 3)."""
+        if self.stereo is None:
+            return frames[0]
+        left, right = frames
+        return self.stereo.combine(left, right, self.relight.viewing.display.space)
