@@ -20,7 +20,7 @@ from volspec.image import CoefficientImage, DepthEffects
 from volspec.relight import relight
 from volspec.relight.look import Look
 from volspec.relight.stereo import Stereo, expected_depth_mm
-from volspec.scene import stored_depth, stored_relight_spec
+from volspec.scene import stored_look
 from volspec.spectra import light
 
 DEEP = METALS + "[raycast]\nlayers = 4\n"
@@ -95,7 +95,7 @@ def test_an_image_is_relit_with_the_depth_of_its_scene(deep, tmp_path, capsys):
     scene, image = deep("[depth]\nnear_mm = 50\n"), tmp_path / "ball.exr"
     assert call("render", scene.path, "-o", image) == 0
     cast, words = CoefficientImage.load(image), ("relight", image, "--light", "A", "-o")
-    assert stored_depth(cast) == scene.file.depth
+    assert stored_look(cast).depth == scene.file.depth
     for options, effects in (
         ((), DepthEffects(near_mm=50)),
         (("--near", "0"), DepthEffects()),
@@ -103,7 +103,7 @@ def test_an_image_is_relit_with_the_depth_of_its_scene(deep, tmp_path, capsys):
         (("--far", "off", "--fog", "off"), DepthEffects(near_mm=50)),
     ):
         assert call(*words, tmp_path / "ball.png", *options) == 0
-        wanted = relight(cast.recompose({}, effects), light("A"), stored_relight_spec(cast))
+        wanted = relight(cast.recompose({}, effects), light("A"), stored_look(cast).relight)
         assert np.abs(frame(tmp_path, "ball.png") - wanted).max() <= 1
     eyes = ("--stereo", "anaglyph", "--focus", "off", "--near", "0")
     assert call(*words, tmp_path / "eyes.png", *eyes) == 0

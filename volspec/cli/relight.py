@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 
     from volspec.appearance.hdr import Hdr
     from volspec.image import CoefficientImage
-    from volspec.relight import ErrorMap, LightRig, RelightSpec
+    from volspec.relight import LightRig, RelightSpec
+    from volspec.relight.error_map import Against
+    from volspec.relight.look import Look
     from volspec.spectra import SpectralGrid, Spectrum
 
 _VIEWING, _HDR, _STEREO = PictureOptions(), HdrOptions(), StereoOptions()
@@ -126,12 +128,7 @@ def relight(
         `S0.380,000000nm`, …, or the bands of its basis, and red, green, blue as a preview. No
         appearance model is applied, so of the viewing options only `--exposure` and `--lux` count.
     """
-    from volspec.appearance.spaces import to_uint16
-    from volspec.export.frames import BlankFrames, file_stem, write_frame
-    from volspec.image import DepthEffects
-    from volspec.pipeline import Relighter
-    from volspec.relight.hdr import hdr_frame
-    from volspec.scene import stored_depth, stored_relight_spec
+    from volspec.relight.look import Look
     from volspec.spectra.lights import sent_names
 
     require_image(
@@ -139,98 +136,176 @@ def relight(
         "relight it: volspec export {file} -o FOLDER; or cast it first: volspec render "
         "{file} -o IMAGE.exr",
     )
-    shown, eyes = hdr.display(), stereo.spec()
-    if eyes and (spectral or errors or shown):
-        option = "spectral" if spectral else "errors" if errors else "hdr"
-        raise InputError(f"--{option} with --stereo: leave one out", code="conflict")
-    if eyes and (given := {"focus_mm", "aperture_mm", "surface"} & {*depth.given_values}):
-        option = DEPTH_OPTIONS[min(given)]
-        raise InputError(f"{option} with --stereo: leave one out", code="conflict")
-    _check_kind(output, spectral, viewing, model, errors, shown)
-    names = sent_names(light)
-    stems = [f"-{file_stem(name)}" if len(light) > 1 else "" for name in names]
+    display, eyes = hdr.display(), stereo.spec()
+    asked = {"spectral": spectral or None, "errors": errors or None, "hdr": display, "model": model}
+    _check_options(output, asked | asdict(viewing), depth.given_values, eyes is not None)
+    paths = _paths(image, output, names := sent_names(light), errors)
+    stored, scales = _picture(image, basis, taken_under), read_opacities(opacity or ())
+    scene = _scene_look(image, stored, errors, eyes is not None)
+    effects = depth.effects(scene.depth)
+    lamps = [read_image_setting(image, text, stored) for text in light]
+    if display is not None:
+        lamps = _lit(lamps, viewing.lux, stored)
+    own_mode = mode or ("exact" if spectral else None)
+    spec = viewing.onto(scene.relight, model=model, mode=own_mode, backdrop=backdrop)
+    spec = spec.for_lights(lamps)
+    if changes := _reflectances(reflectance or (), stored.basis.grid):
+        with in_options():
+            stored = stored.with_reflectances(changes)
+    look = Look(spec, opacities=scales, depth=effects, stereo=eyes, hdr=display)
+    views = _views(image, stored, look, depth.surface)
+    frames = [*map(_Frame, light, names, lamps, paths)]
+    if spectral:
+        _write_spectra(views[0], frames, spec)
+    else:
+        _write_frames(views, look, frames, stored if errors else None)
+    _tell_of_lux(image, scene.relight, viewing, spec)
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """Frame to write: its light as it was given, by name and as a spectrum or rig; its file."""
+
+    text: str
+    name: str
+    light: Spectrum | LightRig
+    path: Path
+
+
+def _check_options(
+    output: Path, asked: Mapping[str, Any], depth: Mapping[str, Any], stereo: bool
+) -> None:
+    """Refuse an output of the wrong kind, and options that exclude each other.
+
+    ``asked`` are options by name, None if left out; ``depth`` those of depth that are given.
+    """
+    if stereo:
+        others = [f"--{name}" for name in ("spectral", "errors", "hdr") if asked[name]]
+        others += [DEPTH_OPTIONS[n] for n in ("aperture_mm", "focus_mm", "surface") if n in depth]
+        if others:
+            raise InputError(f"{others[0]} with --stereo: leave one out", code="conflict")
+    if asked["errors"] and depth:
+        raise InputError(
+            f"--errors is of opacities and lights, not of depth; leave out it, or "
+            f"{DEPTH_OPTIONS[min(depth)]}",
+            code="conflict",
+        )
+    if asked["spectral"]:
+        require_suffix(output, "spectral pictures", ".exr")
+        for name, value in asked.items():
+            if value is not None and name not in ("spectral", "exposure", "lux"):
+                option = name if name[0].isupper() else name.replace("_", "-")
+                raise InputError(
+                    f"--{option} with --spectral: does not affect spectra; leave it out",
+                    code="conflict",
+                )
+        return
+    suffix = output.suffix.lower()
+    if suffix == ".exr":
+        raise ImageError(
+            f"{output}: frames are PNG files; name it .png, or add --spectral for a spectrum "
+            "in every pixel"
+        )
+    if asked["hdr"] is None and suffix == ".avif":
+        raise ImageError(f"{output}: AVIF is for high dynamic range; add --hdr PQ, or name it .png")
+    require_suffix(output, "frames", ".png", *([".avif"] if asked["hdr"] else []))
+    if asked["hdr"] is not None and asked["space"] is not None:
+        raise InputError(
+            f"--space {asked['space']} with --hdr, whose space is Rec. 2100; leave one out",
+            code="conflict",
+        )
+
+
+def _paths(image: Path, output: Path, names: Sequence[str], errors: bool) -> list[Path]:
+    """Return the file of each light; refuse those that cannot be written."""
+    from volspec.export.frames import file_stem
+
+    stems = [f"-{file_stem(name)}" if len(names) > 1 else "" for name in names]
     paths = [output.with_name(f"{output.stem}{stem}{output.suffix}") for stem in stems]
     if len({str(path).lower() for path in paths}) < len(paths):
         raise ImageError(f"{output}: two lights would be written to one file; give one at a time")
-    maps = [path.with_name(f"{path.stem}-errors.png") for path in paths]
-    for path in [*paths, *(maps if errors else [])]:
+    for path in [*paths, *(map(_errors_path, paths) if errors else ())]:
         require_writable(path)
         if path.resolve() == image.resolve():
             raise ImageError(f"{path}: is the input image; name another file")
-    stored = _picture(image, basis, taken_under)
-    layered, scales = stored, read_opacities(opacity or ())
-    # Errors are of opacities and lights alone, and eyes have no lens.
-    own = DepthEffects()
-    if stored.opacity_layers is not None:
-        with errors_of_file(image):
-            own = stored_depth(stored)
-    if errors and own.changes:
-        note("--errors: frame and map are without the [depth] of the image's scene")
-        own = DepthEffects()
-    if eyes and own.focus_mm is not None:
-        note("--stereo: the focus of the image's scene is left out")
-        own = replace(own, focus_mm=None, aperture_mm=None)
-    with in_options(), errors_of_file(image, only="unsupported"):  # without layers
-        views = (
-            [*eyes.views(stored, scales, depth.effects(own))]
-            if eyes
-            else [depth.onto(stored, scales, own)]
-        )
-    stored = views[0]
-    if errors and (asked := depth.given_values):
-        raise InputError(
-            f"--errors is of opacities and lights, not of depth; leave out it, or "
-            f"{DEPTH_OPTIONS[min(asked)]}",
-            code="conflict",
-        )
+    return paths
+
+
+def _errors_path(path: Path) -> Path:
+    return path.with_name(f"{path.stem}-errors.png")
+
+
+def _scene_look(image: Path, stored: CoefficientImage, errors: bool, stereo: bool) -> Look:
+    """Return the look of an image's scene.
+
+    Errors are of opacities and lights alone, and eyes have no lens.
+    """
+    from volspec.image import DepthEffects
+    from volspec.scene import stored_look
+
     with errors_of_file(image):
-        scene = stored_relight_spec(stored)
-    lamps = [read_image_setting(image, text, stored) for text in light]
-    if shown is not None:
-        lamps = _lit(lamps, viewing.lux, stored)
-    own_mode = mode or ("exact" if spectral else None)
-    spec = viewing.onto(scene, model=model, mode=own_mode, backdrop=backdrop).for_lights(lamps)
-    changes = _reflectances(reflectance or (), stored.basis.grid)
-    if spectral:
-        with in_options():
-            stored = stored.with_reflectances(changes) if changes else stored
-        named = dict(zip(names, lamps, strict=True))
-        _write_spectra(stored, named, spec, paths)
-        _tell_of_lux(image, scene, viewing, spec)
-        return
-    blanks = BlankFrames("--exposure")
-    edited = stored
+        look = stored_look(stored)
+    if errors and look.depth.changes:
+        note("--errors: frame and map are without the [depth] of the image's scene")
+        return replace(look, depth=DepthEffects())
+    if stereo and look.depth.focus_mm is not None:
+        note("--stereo: the focus of the image's scene is left out")
+        return replace(look, depth=replace(look.depth, focus_mm=None, aperture_mm=None))
+    return look
+
+
+def _views(
+    image: Path, stored: CoefficientImage, look: Look, surface: Path | None
+) -> Sequence[CoefficientImage]:
+    """Return a stored image in a look: one view, or one for each eye."""
+    import numpy as np
+
+    from volspec.image import CoefficientImage
+
+    with errors_of_file(image, only="unsupported"), in_options(DEPTH_OPTIONS):  # without layers
+        other = None if surface is None else CoefficientImage.load(surface)
+        views = look.views(stored, other)
+    if look.depth.cuts and not np.isfinite(views[0].depth_mm).any():
+        assert stored.opacity_layers is not None
+        near, far = stored.opacity_layers.range_mm
+        note(f"nothing is left: the layers are {near:.4g} to {far:.4g} mm from the camera")
+    return views
+
+
+def _write_frames(
+    views: Sequence[CoefficientImage],
+    look: Look,
+    frames: Sequence[_Frame],
+    errors: CoefficientImage | None,
+) -> None:
+    """Write each frame, and a map of errors if they are asked for, of the image as it is stored."""
+    from volspec.export.frames import BlankFrames, write_frame
+    from volspec.pipeline import Relighter
+    from volspec.relight import error_map
+
+    blanks, spec = BlankFrames("--exposure"), look.relight
+    first, colours = views[0], look.hdr or spec.viewing.display.space
+    against: Against | None = "cast" if look.opacities else None
     with ExitStack() as stack:
         relighters = [stack.enter_context(Relighter(view)) for view in views]
-        relighter = relighters[0]
-        if changes:
+        for frame in frames:
             with in_options():
-                for each in relighters:
-                    each.set_reflectances(changes)
-                edited = stored.with_reflectances(changes)
-        each_light = zip(light, names, lamps, paths, maps, strict=True)
-        for text, name, lamp, path, error_path in each_light:
-            with in_options():
-                if eyes:
-                    left, right = (each.frame(lamp, spec) for each in relighters)
-                    frame = eyes.combine(left, right, spec.viewing.display.space)
-                elif shown is None:
-                    frame = relighter.frame(lamp, spec)
-                else:
-                    frame = to_uint16(hdr_frame(edited, lamp, spec, shown))
-            notes = {"light": name, "Software": f"volspec {__version__}"}
-            if eyes:
-                notes["stereo"] = eyes.layout
-            write_frame(path, frame, notes, shown or spec.viewing.display.space)
-            blanks.add(str(path), text, frame[:, : stored.size[0]], stored.alpha)
-            say(path if shown is None else f"{path}: {_luminances(frame, shown)}")
-            note_everyday(text)
-            if errors:
-                off = _error_map(layered, changes, scales, lamp, spec)
-                write_frame(error_path, off.image(), {"light": name, "shows": str(off)})
-                say(f"{error_path}: {off}")
+                own = [each.frame(frame.light, look.of_view) for each in relighters]
+                pixels = look.combine(own)
+            notes = {"light": frame.name, "Software": f"volspec {__version__}"}
+            if look.stereo:
+                notes["stereo"] = look.stereo.layout
+            write_frame(frame.path, pixels, notes, colours)
+            blanks.add(str(frame.path), frame.text, own[0], first.alpha)
+            say(f"{frame.path}: {_luminances(pixels, look.hdr)}" if look.hdr else frame.path)
+            note_everyday(frame.text)
+            if errors is not None:
+                how = spec.mode, spec.backdrop, 1, against
+                found = error_map(errors, frame.light, *how, opacities=look.opacities or None)
+                path = _errors_path(frame.path)
+                write_frame(path, found.image(), {"light": frame.name, "shows": str(found)})
+                say(f"{path}: {found}")
     blanks.warn()
-    _tell_of_lux(image, scene, viewing, spec)
 
 
 def _lit(
@@ -298,57 +373,14 @@ def _lux_of(image: Path) -> dict[str, float]:
     }
 
 
-def _write_spectra(
-    image: CoefficientImage,
-    lights: Mapping[str, Spectrum | LightRig],
-    spec: RelightSpec,
-    paths: Sequence[Path],
-) -> None:
+def _write_spectra(image: CoefficientImage, frames: Sequence[_Frame], spec: RelightSpec) -> None:
     """Write a spectral frame for each light."""
     from volspec.export.spectral import write_spectral_frame
 
-    for (name, lamp), path in zip(lights.items(), paths, strict=True):
-        notes = {"light": name, "mode": spec.mode, "Software": f"volspec {__version__}"}
-        write_spectral_frame(path, image, lamp, spec, notes)
-        say(path)
-
-
-def _check_kind(
-    output: Path,
-    spectral: bool,
-    viewing: PictureOptions,
-    model: str | None,
-    errors: bool,
-    hdr: Hdr | None,
-) -> None:
-    """Refuse an output of the wrong kind, and options that do not apply to it."""
-    suffix = output.suffix.lower()
-    if not spectral:
-        if suffix == ".exr":
-            raise ImageError(
-                f"{output}: frames are PNG files; name it .png, or add --spectral for a spectrum "
-                "in every pixel"
-            )
-        if hdr is None and suffix == ".avif":
-            raise ImageError(
-                f"{output}: AVIF is for high dynamic range; add --hdr PQ, or name it .png"
-            )
-        require_suffix(output, "frames", ".png", *([".avif"] if hdr else []))
-        if hdr is not None and viewing.space is not None:
-            raise InputError(
-                f"--space {viewing.space} with --hdr, whose space is Rec. 2100; leave one out",
-                code="conflict",
-            )
-        return
-    require_suffix(output, "spectral pictures", ".exr")
-    given = {"model": model, "errors": errors or None, "hdr": hdr, **asdict(viewing)}
-    for name, value in given.items():
-        if value is not None and name not in ("exposure", "lux"):
-            option = name if name[0].isupper() else name.replace("_", "-")
-            raise InputError(
-                f"--{option} with --spectral: does not affect spectra; leave it out",
-                code="conflict",
-            )
+    for frame in frames:
+        notes = {"light": frame.name, "mode": spec.mode, "Software": f"volspec {__version__}"}
+        write_spectral_frame(frame.path, image, frame.light, spec, notes)
+        say(frame.path)
 
 
 def _picture(path: Path, basis: str | None, taken_under: str | None) -> CoefficientImage:
@@ -370,23 +402,6 @@ def _picture(path: Path, basis: str | None, taken_under: str | None) -> Coeffici
         return CoefficientImage.from_spectral_image(picture, model, lamp)
     except VolspecError as error:
         raise ImageError(f"{path}: {error}") from error
-
-
-def _error_map(
-    image: CoefficientImage,
-    changes: Mapping[str, Spectrum],
-    opacities: Mapping[str, float],
-    lamp: Spectrum | LightRig,
-    spec: RelightSpec,
-) -> ErrorMap:
-    """Return the map of an image's errors: of opacities against a cast, otherwise of colours."""
-    from volspec.relight import error_map
-
-    edited = image.with_reflectances(changes) if changes else image
-    if opacities:
-        how = spec.mode, spec.backdrop
-        return error_map(edited, lamp, *how, against="cast", opacities=opacities)
-    return error_map(edited, lamp, spec.mode, spec.backdrop)
 
 
 def _reflectances(words: Sequence[str], grid: SpectralGrid) -> dict[str, Spectrum]:

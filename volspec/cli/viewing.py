@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
-from volspec.cli.shell import as_written, note
+from volspec.cli.shell import as_written
 from volspec.errors import InputError, SpectrumError
 
 if TYPE_CHECKING:
     from volspec.appearance import Viewing, ViewingConditions
     from volspec.appearance.hdr import Hdr
-    from volspec.image import CoefficientImage, DepthEffects
+    from volspec.image import DepthEffects
     from volspec.relight import RelightSpec
     from volspec.relight.stereo import Stereo
 
@@ -378,26 +378,6 @@ class DepthOptions:
         given.pop("surface", None)
         with in_options(DEPTH_OPTIONS):
             return replace(scene, **given)
-
-    def onto(
-        self, image: CoefficientImage, scales: Mapping[str, float], scene: DepthEffects
-    ) -> CoefficientImage:
-        """Return an image recomposed with {material: scale} and `effects`, if there are any."""
-        import numpy as np
-
-        from volspec.image import CoefficientImage
-
-        effects = self.effects(scene)
-        if not (scales or effects.changes or self.surface):
-            return image
-        with in_options(DEPTH_OPTIONS):
-            other = None if self.surface is None else CoefficientImage.load(self.surface)
-            made = image.recompose(scales, effects, other)
-        layers = image.opacity_layers
-        if effects.cuts and layers is not None and not np.isfinite(made.depth_mm).any():
-            near, far = layers.range_mm
-            note(f"nothing is left: the layers are {near:.4g} to {far:.4g} mm from the camera")
-        return made
 
 
 _STEREO = Group("Stereo", sort_key=4)

@@ -2,7 +2,7 @@
 
 from volspec.scene.file import SceneFile
 from volspec.scene.lights import NamedLight
-from volspec.scene.model import Scene, stored_depth, stored_relight_spec
+from volspec.scene.model import Scene, stored_look, stored_relight_spec
 from volspec.scene.writing import write_scene
 
-__all__ = ["NamedLight", "Scene", "SceneFile", "stored_depth", "stored_relight_spec", "write_scene"]
+__all__ = ["NamedLight", "Scene", "SceneFile", "stored_look", "stored_relight_spec", "write_scene"]

@@ -32,6 +32,7 @@ from volspec.raycast import RaycastSpec
 from volspec.raycast.framing import shown_mm
 from volspec.raycast.row_batches import Cancel, Progress
 from volspec.relight import RelightSpec
+from volspec.relight.look import Look
 from volspec.scene.basis import ChosenBasis, choose_basis, grid_of, retrained, with_samples
 from volspec.scene.fields import scene_transfer
 from volspec.scene.file import SceneFile, scene_data, scene_file
@@ -68,12 +69,15 @@ def stored_relight_spec(image: CoefficientImage) -> RelightSpec:
     return _read_note(image, "viewing", RelightSpec)
 
 
-def stored_depth(image: CoefficientImage) -> DepthEffects:
-    """Return the ``[depth]`` of the scene an image was cast from; none if it has none.
+def stored_look(image: CoefficientImage) -> Look:
+    """Return the look of the scene an image was cast from: its ``[viewing]``, and ``[depth]``.
 
-    Raises ImageError if the image's note cannot be read.
+    An image without layers has no depth to change. Raises ImageError if a note cannot be read.
     """
-    return _read_note(image, "depth", DepthEffects)
+    depth = DepthEffects()
+    if image.opacity_layers is not None:
+        depth = _read_note(image, "depth", DepthEffects)
+    return Look(stored_relight_spec(image), depth=depth)
 
 
 def cast_notes(file: SceneFile, relight: RelightSpec) -> dict[str, str]:

@@ -14,7 +14,7 @@ from volspec.basis import Basis, MaterialBasis
 from volspec.image import CoefficientImage
 from volspec.raycast import Ambient, LightGroup
 from volspec.scene import Scene
-from volspec.scene.model import stored_depth, stored_relight_spec
+from volspec.scene.model import stored_look
 from volspec.spectra import reflectance
 from volspec.transfer import TransferFunction
 from volspec.viewer.model.document import Document
@@ -41,14 +41,15 @@ def open_image(path: str) -> Document:
     """
     image, volume = CoefficientImage.load(path), image_volume()
     document = Document.of(Scene.from_volume(path, volume=volume), volume, None)
+    look = stored_look(image)
     groups = tuple(LightGroup(name, (Ambient(),)) for name in image.groups)
     return replace(
         document,
         image=image,
         transfer=_transfer(image.basis),
         shading=replace(document.shading, groups=groups),
-        relight=stored_relight_spec(image),
-        depth=stored_depth(image),
+        relight=look.relight,
+        depth=look.depth,
     )
 
 
