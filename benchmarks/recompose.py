@@ -17,6 +17,7 @@ from benchmarks.measure import Figure, in_turn, report
 from benchmarks.scenes import stored
 from volspec._gpu.sources import asset
 from volspec.relight import LightRig, Relighter
+from volspec.relight.look import Look
 from volspec.scene import Scene
 from volspec.spectra import light
 
@@ -43,8 +44,8 @@ def figures() -> Iterator[Figure]:
             relighter.frame(rigs[next(runs) % 2])
 
         def faded() -> None:
-            layered.set_opacities({first: 0.3 + 0.02 * (next(runs) % RUNS)})
-            layered.frame(rigs[0])
+            scale = 0.3 + 0.02 * (next(runs) % RUNS)
+            layered.frame(rigs[0], Look(opacities={first: scale}))
 
         faded()
         opacity = in_turn(faded, lambda: relit(layered), runs=RUNS).wall

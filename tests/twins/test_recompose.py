@@ -120,8 +120,7 @@ def test_shadows_fade_alike(materials, shadows, scales):
     image = layered(materials, len(shadows), shadows=shadows)
     wanted = dict(zip(NAMES[:materials], scales, strict=False))
     with gl_or_skip(image) as drawn:
-        drawn.set_opacities(wanted)
-        found = drawn.frame(rig(image), dtype=np.float32)
+        found = drawn.frame(rig(image), Look(opacities=wanted), np.float32)
     plain = replace(image.opacity_layers, shadow=None, occlusion=None)
     bare = replace(image, opacity_layers=plain)
     shaded, unshaded = (twin_frame(each.recompose(wanted)) for each in (image, bare))
@@ -174,7 +173,7 @@ def test_opacities_outlast_another_cast_of_the_same_size(backend):
     first, second = layered(3, 1), layered(3, 1, seed=1)
     scales = {"gold": 0.3, "copper": 2.0}
     with relighter_of(first, backend) as relighter:
-        relighter.set_opacities(scales)
+        relighter.frame(light("A"), Look(opacities=scales))
         relighter.update(second)
         kept = relighter.frame(light("A"), dtype=np.float32)
         relighter.update(second.recompose({}))  # without layers
@@ -200,10 +199,8 @@ def test_frames_in_depth_match(depth, groups, solid):
     image = deep(groups, solid)
     frames, before = both_frames(image, {"gold": 0.6}, depth=depth), twin_frame(image)
     with gl_or_skip(image) as drawn:
-        drawn.set_opacities({"gold": 0.6}, depth=depth)
-        drawn.frame(rig(image))
-        drawn.set_opacities({})
-        after = drawn.frame(rig(image), dtype=np.float32)
+        drawn.frame(rig(image), Look(opacities={"gold": 0.6}, depth=depth))
+        after = drawn.frame(rig(image), Look(), np.float32)
     np.testing.assert_allclose(*frames, atol=1e-2)
     assert np.abs(frames[0] - frames[1]).mean() < 5e-4
     np.testing.assert_allclose(after, before, atol=2e-4)
@@ -222,7 +219,9 @@ def deep(groups: int, solid: bool) -> CoefficientImage:
 def test_layers_packed_beforehand_are_taken_and_other_numbers_of_them_too():
     image, fewer = layered(3, 1), layered(3, 1, count=2)
     with gl_or_skip(image) as relighter:
-        relighter.set_opacities({"gold": 0}, PackedOpacity.of(image.opacity_layers))
+        for _ in relighter.load_opacities(PackedOpacity.of(image.opacity_layers)):
+            pass
+        relighter.frame(light("A"), Look(opacities={"gold": 0}))
         relighter.update(fewer)
         frame = relighter.frame(light("A"), dtype=np.float32)
     expected = twin_frame(fewer.recompose({"gold": 0}), light("A"))
@@ -236,16 +235,16 @@ def test_the_next_picture_has_the_opacities_and_depth_of_the_one_before(calls, d
     first = deep(1, True)
     layers = replace(first.opacity_layers, tau=np.float16(0.3) * first.opacity_layers.tau)
     second = replace(first, opacity_layers=layers)
-    wanted = {"gold": 0.6}, None, depth
+    look = Look(opacities={"gold": 0.6}, depth=depth)
     with gl_or_skip(first) as relighter:
-        relighter.set_opacities(*wanted)
+        relighter.frame(rig(first), look)
         relighter.update(second)
         for call in calls:
             if call == "l":
                 for _ in relighter.load_opacities(PackedOpacity.of(second.opacity_layers)):
                     pass
             elif call == "s":
-                relighter.set_opacities(*wanted)
+                relighter.missing_lut(rig(second), look)
             else:
                 relighter.frame(rig(second))
         found = relighter.frame(rig(second), dtype=np.float32)
@@ -256,14 +255,13 @@ def test_the_next_picture_has_the_opacities_and_depth_of_the_one_before(calls, d
 def test_what_a_device_does_not_take_is_refused_and_the_picture_stays(backend, monkeypatch):
     image = layered(4, 1)
     with relighter_of(image, backend) as relighter:
-        relighter.set_opacities({"gold": 0.5})
-        before = relighter.frame(light("A"))
+        before = relighter.frame(light("A"), Look(opacities={"gold": 0.5}))
         for scales in ({"gold": -1}, {"skin": 1}, {"gold": float("nan")}):
             with raises(ImageError):
-                relighter.set_opacities(scales)
+                relighter.frame(light("A"), Look(opacities=scales))
         np.testing.assert_array_equal(relighter.frame(light("A")), before)
     describe: Any = recompose.describe
     monkeypatch.setattr(recompose, "describe", lambda gl: describe(gl) | {"max_layers": 4})
     if backend == "gl":
         with relighter_of(image, backend) as relighter, raises(OpenGLError, "size"):
-            relighter.set_opacities({"gold": 0})
+            relighter.frame(light("A"), Look(opacities={"gold": 0}))

@@ -22,6 +22,9 @@ from volspec.relight.spec import RelightSpec
 from volspec.relight.stereo import Stereo
 from volspec.spectra.spectrum import Spectrum
 
+# One object, as specs are compared by identity.
+_PLAIN = RelightSpec()
+
 
 @dataclass(frozen=True, slots=True)
 class Look:
@@ -33,7 +36,7 @@ class Look:
         If two settings exclude each other: ``stereo`` and ``hdr``, or ``stereo`` and a focus.
     """
 
-    relight: RelightSpec = field(default_factory=RelightSpec)
+    relight: RelightSpec = _PLAIN
     """Viewing, mode, backdrop and level."""
     reflectances: Mapping[str, Spectrum] = field(default_factory=dict)
     """Reflectances of some materials, as of `CoefficientImage.with_reflectances`."""

@@ -26,15 +26,7 @@ from volspec.appearance.lut3d import LutCache, LutKey, needs_host_lut
 from volspec.appearance.spaces import to_uint16
 from volspec.appearance.spec import Viewing
 from volspec.basis.display import DEFAULT_MODE, Mode
-from volspec.errors import (
-    ImageError,
-    OpenCLError,
-    OpenGLError,
-    RelightError,
-    VolspecWarning,
-    nearest,
-)
-from volspec.image.depth import DepthEffects
+from volspec.errors import OpenCLError, OpenGLError, RelightError, VolspecWarning, nearest
 from volspec.image.model import CoefficientImage
 from volspec.relight.advice import warn_of_lights
 from volspec.relight.error_map import Against, ErrorMap, error_map
@@ -289,8 +281,10 @@ class Relighter:
         ------
         RelightError
             If the Relighter is closed, the dtype is not one of these, or the look has two eyes.
-        ImageError, BasisError, OpenGLError
-            As `set_reflectances` and `set_opacities`, of a look.
+        ImageError, BasisError
+            As `CoefficientImage.with_reflectances` and `recompose`, of a look.
+        OpenGLError
+            If the device has no room for a look's layers.
         ViewingError
             If an argument is out of range, a light shines from a group that the image lacks, or the
             field of view for measuring is unknown.
@@ -383,72 +377,34 @@ class Relighter:
         edits = {**self._look.reflectances, **reflectances}
         self._take(replace(self._look, reflectances=edits))
 
-    @_in_turn
-    def set_opacities(
-        self,
-        scales: Mapping[str, float],
-        packed: PackedOpacity | None = None,
-        depth: DepthEffects | None = None,
-    ) -> None:
-        """Scale materials' opacities without a new cast; the next frame shows them.
+    def _take(self, spec: Look | RelightSpec | Viewing | None) -> Look:
+        """Return settings as a look, whose reflectances, opacities and depth the next frames show.
 
-        Parameters
-        ----------
-        scales : {material: scale}
-            As in `CoefficientImage.recompose`; 1 for those that are left out.
-        packed : PackedOpacity, optional
-            The image's layers, packed beforehand on another thread.
-        depth : DepthEffects, optional
-            Fog and cuts, drawn by the device; a focus is made on the host.
-
-        Raises
-        ------
-        ImageError
-            As `CoefficientImage.recompose`.
-        OpenGLError
-            If the device has no room for the layers.
-        RelightError
-            If the Relighter is closed.
-        """
-        look = replace(self._look, opacities=dict(scales), depth=depth or DepthEffects())
-        self._take(look, packed)
-
-    def _take(
-        self, spec: Look | RelightSpec | Viewing | None, packed: PackedOpacity | None = None
-    ) -> Look:
-        """Take a look's reflectances, opacities and depth for the next frames; return the look.
-
-        Other settings keep those of the last look.
+        Other settings than a look keep those of the last one.
         """
         if not isinstance(spec, Look):
             return replace(self._look, relight=RelightSpec.of(spec), hdr=None)
-        look, before = spec, (self._look, self._image)
-        if look.stereo is not None:
+        if spec.stereo is not None:
             raise RelightError(
                 "has two eyes, and a Relighter draws one",
                 "use relight(image, light, look), or a Relighter for each of look.views(image)",
                 code="unsupported",
                 field="relight: look",
             )
-        if look.reflectances != self._look.reflectances:
-            self._image = self._cast.with_reflectances(look.reflectances)
-        same = (look.opacities, look.depth) == (self._look.opacities, self._look.depth)
-        try:
-            if packed is not None or not same:
-                self._image.opacity_scales(look.opacities)
-                look.depth.blur_px(self._image.size[1], self._image.fov_deg)
-                self._look = look
-                self._on_engine(lambda engine: self._put_opacities(engine, packed))
-        except (ImageError, OpenGLError):
-            self._look, self._image = before
-            raise
-        self._look = look
-        return look
+        image, last = self._image, self._look
+        if spec.reflectances != last.reflectances:
+            image = self._cast.with_reflectances(spec.reflectances)
+        if (spec.opacities, spec.depth) != (last.opacities, last.depth):
+            image.opacity_scales(spec.opacities)
+            spec.depth.blur_px(image.size[1], image.fov_deg)
+            self._is_stale = True
+        self._image, self._look = image, spec
+        return spec
 
     def load_opacities(self, packed: PackedOpacity) -> Iterator[None]:
-        """Upload the image's layers before `set_opacities` does, in steps of few milliseconds.
+        """Upload the image's layers before a frame needs them, in steps of few milliseconds.
 
-        Errors as `set_opacities`.
+        Raises OpenGLError if the device has no room for them.
         """
         if isinstance(self._engine, GLEngine):
             steps = self._engine.load_opacity(packed)
@@ -465,15 +421,12 @@ class Relighter:
         """True if the picture is not drawn as it was cast."""
         return bool(self._look.opacities) or self._look.depth.changes
 
-    def _put_opacities(
-        self, engine: GLEngine | CpuEngine, packed: PackedOpacity | None = None
-    ) -> None:
-        self._is_stale = False
+    def _put_opacities(self, engine: GLEngine | CpuEngine) -> None:
         depth, deep = self._look.depth, self._look.depth.changes
         factors = self._image.opacity_scales(self._look.opacities)
         if isinstance(engine, CpuEngine) or depth.focus_mm is not None:
             engine.upload(*float32_arrays(self._shown()))
-            self._is_uploaded = True
+            self._is_uploaded, self._is_stale = True, False
             return
         if self._is_uploaded:
             engine.upload(*float32_arrays(self._image))
@@ -482,11 +435,10 @@ class Relighter:
             layers = self._image.opacity_layers
             assert layers is not None
             if not (engine.has_extents if deep else engine.has_opacity):
-                if packed is None or (deep and packed.nearest_mm is None):
-                    packed = PackedOpacity.of(layers, deep)
-                for _ in engine.load_opacity(packed):
+                for _ in engine.load_opacity(PackedOpacity.of(layers, deep)):
                     pass
             engine.recompose(factors, depth_uniforms(depth, self._image) if deep else None)
+        self._is_stale = False
 
     def _shown(self) -> CoefficientImage:
         """Return the image with its present opacities and depth."""

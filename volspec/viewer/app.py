@@ -18,7 +18,7 @@ from imgui_bundle import imgui, implot
 from volspec.errors import InputError
 from volspec.viewer.model import fields, measure, meshes, room
 from volspec.viewer.model.commands import BY_KEY, MENUS
-from volspec.viewer.model.depth import focused_depth, left_out, shown_stereo
+from volspec.viewer.model.depth import left_out, needs_layers
 from volspec.viewer.model.edit import bind
 from volspec.viewer.model.effects import EFFECT
 from volspec.viewer.model.history import Difference, History, without_cast
@@ -319,8 +319,8 @@ class App:
                 state = self._with_own_materials(present, state)
             self._history = self._history.then(state, self._mouse.gestures.number)
             self._do_requests()
-            wanted = self._ui.layers_wanted or focused_depth(state).changes or shown_stereo(state)
-            self._scheduler.layers_wanted = bool(wanted) and image is None
+            wanted = self._ui.layers_wanted or needs_layers(state)
+            self._scheduler.layers_wanted = wanted and image is None
             if self._ui.lights.tab == "Rendition":
                 self._renditions.follow(chosen_lights(state, self._ui.lights.whole))
             if self._docks.settled:

@@ -16,11 +16,13 @@ from volspec.image import CoefficientImage, DepthEffects
 from volspec.image.depth import F_NUMBER, axis_cosine
 from volspec.image.layers import MAX_MATERIALS
 from volspec.raycast import RaycastSpec
-from volspec.relight.stereo import Layout
+from volspec.relight.look import Look
+from volspec.relight.stereo import Layout, Stereo
 from volspec.viewer.model import opacities
 from volspec.viewer.model.edit import Command, bind, edit, refusable, with_interface
 from volspec.viewer.model.materials import with_material_basis
-from volspec.viewer.model.quality import LAYERS, can_layer, cast_spec
+from volspec.viewer.model.quality import LAYERS, can_layer, cast_spec, opacity_scales
+from volspec.viewer.model.room import shown_spec
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
@@ -63,15 +65,28 @@ def focused_depth(state: ViewState) -> DepthEffects:
     return replace(state.depth, focus_mm=None, aperture_mm=None)
 
 
-def picture_depth(state: ViewState) -> DepthEffects:
-    """Return the effects of a saved picture: those shown at rest, of both eyes without a focus."""
-    return shown_depth(state) if shown_stereo(state) else focused_depth(state)
+def shown_look(state: ViewState) -> Look:
+    """Return opacities and effects that the window shows at once."""
+    return Look(opacities=opacity_scales(state), depth=shown_depth(state))
+
+
+def picture_look(state: ViewState) -> Look:
+    """Return the look of a saved picture: what is shown at rest, of both eyes without a focus."""
+    layout, spec, scales = shown_stereo(state), shown_spec(state), opacity_scales(state)
+    if layout:
+        return Look(spec, {}, scales, shown_depth(state), Stereo(layout))
+    return Look(spec, {}, scales, focused_depth(state))
+
+
+def needs_layers(state: ViewState) -> bool:
+    """Return True if a picture needs layers, for effects of depth or both eyes."""
+    return focused_depth(state).changes or bool(shown_stereo(state))
 
 
 def picture_spec(state: ViewState) -> RaycastSpec:
     """Return the settings of a picture's cast, with layers for effects of depth and both eyes."""
-    spec, layered = cast_spec(state), focused_depth(state).changes or shown_stereo(state)
-    return replace(spec, layers=spec.layers or LAYERS) if layered else spec
+    spec = cast_spec(state)
+    return replace(spec, layers=spec.layers or LAYERS) if needs_layers(state) else spec
 
 
 def left_out(state: ViewState) -> str:

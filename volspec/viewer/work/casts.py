@@ -20,7 +20,7 @@ from volspec.pipeline import Raycaster, raycast
 from volspec.raycast.pace import WHOLE, Pace, Pass
 from volspec.relight.layers import PackedLayers
 from volspec.relight.recompose import PackedOpacity
-from volspec.viewer.model.depth import picture_depth, shown_stereo
+from volspec.viewer.model.depth import needs_layers
 from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.quality import LAYERS, cast_spec
 from volspec.viewer.model.room import has_walls
@@ -221,9 +221,8 @@ class CastScheduler:
     def cast_opacities(self, state: ViewState) -> None:
         """Cast the opacities of a state whose layers show them visibly wrong, or may."""
         if state.document.image is None:
-            layered = picture_depth(state).changes or shown_stereo(state)
             layers = Pass(1, layers=state.shading.layers or LAYERS, baked=True)
-            self._request(state, (layers if layered else WHOLE,))
+            self._request(state, (layers if needs_layers(state) else WHOLE,))
 
     def follow(self, state: ViewState) -> None:
         """Take a state that differs from the last in what needs no cast, for later ones."""

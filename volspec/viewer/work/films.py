@@ -17,15 +17,13 @@ from volspec.export.film import SUFFIXES
 from volspec.export.page import PageSpec, scene_views, write_page
 from volspec.export.plan import Plan, Shot
 from volspec.pipeline import Raycaster
-from volspec.relight.stereo import Stereo
 from volspec.scene import Scene
 from volspec.scene.export import ExportSpec, Mark
-from volspec.viewer.model.depth import picture_depth, shown_stereo
+from volspec.viewer.model.depth import picture_look
 from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.film import Film, film_steps, frame_state
 from volspec.viewer.model.light_rows import light_rig, lit_names
-from volspec.viewer.model.quality import opacity_scales
-from volspec.viewer.model.room import shown_spec, solved
+from volspec.viewer.model.room import solved
 from volspec.viewer.model.scene_file import scene_from_state
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.outputs import (
@@ -81,8 +79,7 @@ def save_film(state: ViewState, file: FilmFile, progress: Progress) -> Path:
     """Cast, relight and encode a film, off the window's thread; return its path."""
     path, state = file.to.new_path(state.document, file.suffix), solved(state)
     plan, size = film_plan(state, file.film), file.size.pixels(state.size)
-    layout = shown_stereo(state)
-    stereo = Stereo(layout) if layout else None
+    stereo = picture_look(state).stereo
     size = even_size(stereo.eye_size(size)) if stereo else size
     table = ExportSpec(fps=file.film.fps, sheet=False, annotate=file.marks, stereo=stereo)
     scene = _scene(state, table, file.title)
@@ -110,8 +107,8 @@ def film_plan(state: ViewState, film: Film) -> Plan:
         if rig is None:
             raise ViewingError("No light is on, so there is no film to save", code="missing")
         camera = now.view.camera(volume)
-        names, spec = lit_names(now.lights), shown_spec(now)
-        own = transfer, names, rig, spec, step, opacity_scales(now), picture_depth(now)
+        names, look = lit_names(now.lights), picture_look(now)
+        own = transfer, names, rig, look.relight, step, look.opacities, look.depth
         shots.append(Shot(f"{i:04d}", i, camera, *own))
     return Plan(tuple(shots), ())
 

@@ -15,11 +15,12 @@ import numpy as np
 
 from volspec.camera import Camera
 from volspec.errors import VolspecError, one_line
-from volspec.image import CoefficientImage, DepthEffects
+from volspec.image import CoefficientImage
 from volspec.image.reproject import Reprojector
 from volspec.pipeline import Raycaster
 from volspec.relight.layers import PackedLayers
-from volspec.relight.stereo import Stereo, StereoViews
+from volspec.relight.look import Look
+from volspec.relight.stereo import StereoViews
 from volspec.viewer.work.background import LatestWorker
 from volspec.viewer.work.pictures import RestPictures, crop
 
@@ -68,26 +69,12 @@ class NearbyViews:
         return self._reprojector.view(camera, scales)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class RestJob:
     """Both eyes' pictures, or one with a focus, that are wanted once nothing moves."""
 
     image: CoefficientImage  # with layers
-    stereo: Stereo | None
-    scales: Mapping[str, float]
-    depth: DepthEffects
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height of a picture: half of those that are next to each other."""
-        return self.stereo.eye_size(self.image.size) if self.stereo else self.image.size
-
-    def same(self, other: RestJob | None) -> bool:
-        """Return True if another job makes the same pictures."""
-        if other is None or self.image is not other.image:
-            return False
-        own = self.stereo, self.scales, self.depth
-        return own == (other.stereo, other.scales, other.depth)
+    look: Look
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,7 +101,7 @@ class RestWorker(LatestWorker[RestJob, RestDone]):
         try:
             images = self._images(job)
             packed = tuple(map(PackedLayers.of, images))
-            done = replace(done, pictures=RestPictures(job.stereo, images, packed))
+            done = replace(done, pictures=RestPictures(job.look.stereo, images, packed))
         except MemoryError:
             done = replace(done, error="no memory for both eyes' pictures, or a focus")
         except VolspecError as refused:
@@ -122,9 +109,11 @@ class RestWorker(LatestWorker[RestJob, RestDone]):
         yield replace(done, ms=1e3 * (time.perf_counter() - started))
 
     def _images(self, job: RestJob) -> tuple[CoefficientImage, ...]:
-        if job.stereo is None:
-            return (job.image.recompose(job.scales, job.depth),)
+        look = job.look
+        if look.stereo is None:
+            return look.views(job.image)
         if self._views is None or self._views.image is not job.image:
             before = None if self._views is None else self._views.compute
             self._views = StereoViews(job.image, before)
-        return self._views.views(job.stereo, job.scales, job.depth, job.size)
+        size = look.stereo.eye_size(job.image.size)
+        return self._views.views(look.stereo, look.opacities, look.depth, size)

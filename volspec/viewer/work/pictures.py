@@ -8,7 +8,7 @@ from __future__ import annotations
 import ctypes
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -19,10 +19,11 @@ from OpenGL import GL
 from volspec.appearance.display import colour_space
 from volspec.appearance.lut3d import LutCache, LutKey, needs_host_lut
 from volspec.basis import Basis, MaterialBasis
-from volspec.image import CoefficientImage, DepthEffects
+from volspec.image import CoefficientImage
 from volspec.pipeline import Relighter
-from volspec.relight import LightRig, RelightSpec
+from volspec.relight import LightRig
 from volspec.relight.layers import PackedLayers
+from volspec.relight.look import Look
 from volspec.relight.recompose import PackedOpacity
 from volspec.relight.stereo import Stereo, StereoPass
 from volspec.viewer.model.materials import same_channels
@@ -111,15 +112,11 @@ class Pictures:
         self._half: Relighter | None = None
         self._half_image: CoefficientImage | None = None
         self._walls: tuple[SeenRoom, PackedLayers] | None = None  # of the half picture
-        # The last picture with layers of opacity, and the scales that are to be drawn.
+        # The last picture with layers of opacity.
         self._layered: tuple[Relighter, CoefficientImage] | None = None
-        self._opacities: dict[str, float] | None = None
-        self._depth = DepthEffects()
-        self._painted: tuple[Relighter, Basis] | None = None
         self.rest: RestPictures | None = None  # shown in place of the picture
         self._rest: list[Relighter] = []
         self._rest_of: tuple[int, tuple[int, ...], int] | None = None  # number, shape, groups
-        self._rest_painted: Basis | None = None
         self._combining = StereoPass(context)
         self._frame: Any = None
         self._frame_of: Relighter | None = None
@@ -140,9 +137,9 @@ class Pictures:
         return int(width), int(height)
 
     def show(self, image: CoefficientImage, packed: PackedLayers | None = None) -> None:
-        """Take a picture, with its packed layers if any; the previous one stays until `relight`."""
-        self._shown, self.image = self._relighter_of(image, packed), image
-        self._opacities = self.rest = None
+        """Take a picture as it was cast, and its packed layers; the last stays until `relight`."""
+        self.image = replace(image, opacity_layers=None)
+        self._shown, self.rest = self._relighter_of(self.image, packed), None
         self._half = self._half_image = self._walls = None
         self.current = False
 
@@ -160,18 +157,17 @@ class Pictures:
             yield
             yield from relighter.load_opacities(opacity)
 
-    def recompose(self, scales: Mapping[str, float], depth: DepthEffects) -> None:
-        """Show the picture with layers, with its materials' opacities scaled, at the next relight.
+    def recompose(self, look: Look) -> None:
+        """Show the picture with layers, which can have a look, at the next relight.
 
-        Raises ImageError if a scale is refused.
+        Raises ImageError if a scale of an opacity is refused.
         """
         assert self._layered is not None
         relighter, image = self._layered
-        image.opacity_scales(scales)
+        image.opacity_scales(look.opacities)
         if self._shown is not relighter:
             self._shown, self.image = relighter, image
             self._half = self._half_image = self._walls = None
-        self._opacities, self._depth = dict(scales), depth
         self.current = False
 
     def show_rest(self, rest: RestPictures | None) -> None:
@@ -194,7 +190,6 @@ class Pictures:
                 for image, packed in pairs
             ]
             self._rest_of = key
-        self._rest_painted = None
 
     def _close_rest(self) -> None:
         for relighter in self._rest:
@@ -256,28 +251,29 @@ class Pictures:
         return relighter
 
     def missing(
-        self, rig: LightRig | None, spec: RelightSpec, other: LightRig | None = None
+        self, rig: LightRig | None, look: Look, other: LightRig | None = None
     ) -> tuple[LutKey, ...]:
         """Return the tables that `relight` would have to wait for under the same lights."""
-        if self._shown is None or rig is None or not needs_host_lut(spec.viewing.model):
+        shown, image, model = self._shown, self.image, look.relight.viewing.model
+        if shown is None or image is None or rig is None or not needs_host_lut(model):
             return ()
-        self._paint(self._shown)
-        keys = (self._shown.missing_lut(each, spec) for each in (rig, other) if each)
+        look = self._look_of(image, look)
+        keys = (shown.missing_lut(each, look) for each in (rig, other) if each)
         found = tuple(key for key in keys if key is not None)
         self.current &= not found
         return found
 
-    def _paint(self, shown: Relighter) -> None:
-        """Set a relighter's reflectances to the picture's, if they are its channels."""
+    def _look_of(self, image: CoefficientImage, look: Look) -> Look:
+        """Return a look as that of an image, in the reflectances of the picture."""
         basis = self.image.basis if self.image else None
-        if isinstance(basis, MaterialBasis) and self._painted != (shown, basis):
-            shown.set_reflectances(basis.materials)
-            self._painted = shown, basis
+        if isinstance(basis, MaterialBasis):
+            look = replace(look, reflectances=basis.materials)
+        return look.fitting(image)
 
     def relight(
         self,
         rig: LightRig | None,
-        spec: RelightSpec,
+        look: Look,
         other: LightRig | None = None,
         divide: float = 1.0,
         coarse: bool = False,
@@ -290,47 +286,37 @@ class Pictures:
         lights, with an eye adapted to them. ``coarse`` draws every second row and column, ``band``
         is the range of rows to draw, 0 to 1 of the height.
         """
-        if self._shown is None or rig is None:
+        if self._shown is None or self.image is None or rig is None:
             self._frame = self._frame_of = None
             return None
         started = time.perf_counter()
         shown = self._shown
-        if coarse and self.image is not None and self.rest is None:
+        if coarse and self.rest is None:
             self._half = self._half or self._half_relighter(self.image)
             shown = self._half
-        self._paint(shown)
         self._queries.reverse()
-        drawn = [shown] if self.rest is None else self._painted_rest()
+        drawn = [shown] if self.rest is None else self._rest
+        images = self.rest.images if self.rest else (self.image,)
+        look = self._look_of(images[0], look)
         width, height = drawn[0].size
         top, bottom = (round(share * height) for share in band)
         left = width if other is None else round(divide * width)
         with self._queries[0]:
-            if self._opacities is not None and self.rest is None:
-                shown.set_opacities(self._opacities, depth=self._depth)
             frames = []
             for each in drawn:
                 for lights, start, end in ((rig, 0, left), (other, left, width)):
                     if lights is not None and start < end:
                         within = start, top, end - start, bottom - top
-                        frame = each.draw(lights, spec, within)
+                        frame = each.draw(lights, look, within)
                 frames.append(frame)
             if self.rest is not None and self.rest.stereo and bottom == height:
-                space = colour_space(spec.viewing.display.space)
+                space = colour_space(look.relight.viewing.display.space)
                 frame = self._combining.draw(self.rest.stereo, frames[0], frames[1], space)
         GL.glFlush()
         self.current = bottom == height
         if self.current:
             self._frame, self._frame_of = frame, shown
         return Relit(self._queries[0], 1e3 * (time.perf_counter() - started))
-
-    def _painted_rest(self) -> list[Relighter]:
-        """Return the relighters of what is shown instead, with the picture's reflectances."""
-        basis = self.image.basis if self.image else None
-        if isinstance(basis, MaterialBasis) and self._rest_painted is not basis:
-            for relighter in self._rest:
-                relighter.set_reflectances(basis.materials)
-            self._rest_painted = basis
-        return self._rest
 
     def code(self, x: int, y: int) -> tuple[int, int, int]:
         """Return the 8-bit code of a drawn pixel."""

@@ -19,13 +19,14 @@ import numpy as np
 from volspec.appearance.lut3d import LutCache, LutKey, needs_host_lut
 from volspec.basis.materials import Basis
 from volspec.errors import LutCancelled, RelightError, VolspecError, one_line
-from volspec.image import CoefficientImage, DepthEffects
+from volspec.image import CoefficientImage
 from volspec.image.layers import OpacityLayers
-from volspec.relight import LightRig, RelightSpec
+from volspec.relight import LightRig
 from volspec.relight.error_map import ErrorMap, error_map
+from volspec.relight.look import Look
 from volspec.relight.stereo import Stereo
 from volspec.settings import Vector
-from volspec.viewer.model.depth import focused_depth, shown_depth, shown_stereo
+from volspec.viewer.model.depth import focused_depth, shown_look, shown_stereo
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.quality import opacity_scales
@@ -231,8 +232,8 @@ _DARK = "No light is on; turn one on in the Lights panel"
 _NOTHING = "Nothing is visible: opacity is 0 everywhere in view, or the view misses the volume"
 _ENDED = object()
 Area = tuple[int, int, int, int]
-# A picture's layers, the scales of its opacities and its effects of depth.
-Recomposed = tuple[OpacityLayers, dict[str, float], DepthEffects]
+# A picture's layers, and their look.
+Recomposed = tuple[OpacityLayers, Look]
 
 
 def _baked(layered: CastDone) -> Mapping[str, float]:
@@ -263,9 +264,8 @@ class Screen:
         self._meter, self._notice = meter, notice
         self._cast: CastDone | None = None
         self._layered: CastDone | None = None  # the state's picture with layers of opacity
-        self._scales: dict[str, float] = {}  # opacities that the picture shows
-        self._depth = DepthEffects()  # likewise
-        # The picture recomposed with them, to be read, and the one that was asked for.
+        self._look = Look()  # opacities and effects of depth that the picture shows
+        # The picture recomposed with it, to be read, and the one that was asked for.
         self._recomposed: tuple[Recomposed, CoefficientImage] | None = None
         self._asked_for: tuple[Any, ...] | None = None
         # The picture with a focus in other reflectances, with what it is of.
@@ -322,16 +322,16 @@ class Screen:
             return  # it hides what is shown again by now
         self._rest_wanted = None
         try:
-            wanted, depth = opacity_scales(state), shown_depth(state)
+            wanted = shown_look(state)
             if layered:
                 layers = self._layers(done)
                 cast = self.whole and not done.made.baked
-                if cast and (self._scales, self._depth) == (wanted, depth):
+                if cast and self._look == wanted:
                     self._loading = layers
                     return  # the picture is a cast with these opacities
                 for _ in layers:
                     pass
-                self.pictures.recompose(self._of_layers(wanted), depth)
+                self.pictures.recompose(self._of_layers(wanted))
             else:
                 self.pictures.show(done.image, done.packed)
         except VolspecError as error:
@@ -340,8 +340,7 @@ class Screen:
         # The packed layers are in a texture now.
         self._cast, self.fault = replace(done, packed=None, opacity=None), ""
         self._asked_for = None
-        self._scales = wanted if layered else dict(done.job.shading.opacities)
-        self._depth = depth if layered else DepthEffects()
+        self._look = wanted if layered else Look(opacities=done.job.shading.opacities)
         self._walls, self._wanted = done.walls, None
         self.mark_stale()
         self.whole = divisor == 1 and stage == "cast"
@@ -386,11 +385,13 @@ class Screen:
             self._load()
         return self._layered is not None and _can_show(self._layered, opacity_scales(state))
 
-    def _of_layers(self, scales: Mapping[str, float]) -> dict[str, float]:
-        """Return scales of opacities as those of the layers, which may have some baked in."""
+    def _of_layers(self, look: Look) -> Look:
+        """Return a look as that of the layers, which may have some opacities baked in."""
         baked = {} if self._layered is None else _baked(self._layered)
-        of = {name: scales.get(name, 1.0) / (baked.get(name) or 1.0) for name in {*scales, *baked}}
-        return {name: scale for name, scale in of.items() if scale != 1.0 and baked.get(name) != 0}
+        names, scales = {*look.opacities, *baked}, look.opacities
+        of = {name: scales.get(name, 1.0) / (baked.get(name) or 1.0) for name in names}
+        of = {name: scale for name, scale in of.items() if scale != 1.0 and baked.get(name) != 0}
+        return replace(look, opacities=of)
 
     def forget_layers(self) -> None:
         """Recompose no more: a change needs a cast."""
@@ -398,16 +399,16 @@ class Screen:
 
     def _recompose(self, state: ViewState) -> None:
         """Show the picture with the state's opacities, if it has layers."""
-        wanted, depth = opacity_scales(state), shown_depth(state)
-        if self._layered is None or (wanted, depth) == (self._scales, self._depth):
+        wanted = shown_look(state)
+        if self._layered is None or wanted == self._look:
             return
         try:
-            self.pictures.recompose(self._of_layers(wanted), depth)
+            self.pictures.recompose(self._of_layers(wanted))
         except VolspecError as error:  # as long as the state has them
             self._notice.show(one_line(error), kind="error")
         else:
             self._cast, self.whole = self._layered, True
-        self._scales, self._depth = wanted, depth
+        self._look = wanted
 
     def _read_opacities(self, state: ViewState) -> None:
         """Start to recompose the picture, to be read, and to estimate its error."""
@@ -417,29 +418,29 @@ class Screen:
         if image is None or key is None or rig is None or self._asked_for == asked:
             return
         self._asked_for = asked
-        _, scales, depth = key
+        _, look = key
         every = max(1, round((image.alpha.size / _ESTIMATED) ** 0.5))
 
         def made() -> tuple[Recomposed, CoefficientImage, float]:
             error = 0.0
-            if scales and (depth.changes or asked[-1]):  # which other layers show
+            if look.opacities and (look.depth.changes or asked[-1]):  # which other layers show
                 error = math.inf
-            elif scales:
-                found = error_map(
-                    *(image, rig, spec.mode, spec.backdrop, every), against="cast", opacities=scales
-                )
+            elif look.opacities:
+                how = spec.mode, spec.backdrop, every
+                found = error_map(image, rig, *how, against="cast", opacities=look.opacities)
                 error = found.p999
-            return key, image.recompose(scales, depth), error
+            (seen,) = look.views(image)
+            return key, seen, error
 
         self._recomposing.start("picture", made)
 
     @property
     def _made_of(self) -> Recomposed | None:
-        """Layers, scales and effects that make the picture; None if it is shown as it was cast."""
-        image, scales, depth = self.pictures.image, self._of_layers(self._scales), self._depth
-        if image is None or image.opacity_layers is None or not (scales or depth.changes):
+        """Layers and look that make the picture; None if it is shown as it was cast."""
+        image, look = self.pictures.image, self._of_layers(self._look)
+        if image is None or image.opacity_layers is None or look == Look():
             return None
-        return image.opacity_layers, scales, depth
+        return image.opacity_layers, look
 
     def wants_cast(self) -> bool:
         """Return True, once, if a cast with the opacities that are shown would look different."""
@@ -536,13 +537,14 @@ class Screen:
         whole = self.whole and not self._coarse
         bands = 1 if held or self._hurries or not whole else self._meter.bands
         first, self._band = self._band % bands, 0
-        rig, spec = light_rig(state.lights, state.room), shown_spec(state)
+        rig, look = light_rig(state.lights, state.room), self._of_layers(self._look)
+        look = replace(look, relight=shown_spec(state))
         other = light_rig(state.other, state.room) if state.other else None
         try:
-            if self._tables_missing(rig, spec, other):
+            if self._tables_missing(rig, look, other):
                 return False
             band = first / bands, (first + 1) / bands
-            relit = self.pictures.relight(rig, spec, other, state.divide, self._coarse, band)
+            relit = self.pictures.relight(rig, look, other, state.divide, self._coarse, band)
         except VolspecError as error:
             self._notice.show(one_line(error), kind="error")
             return False
@@ -586,25 +588,24 @@ class Screen:
 
     def _is_wanted(self, state: ViewState) -> bool:
         """Return True if what is shown in place of the picture, or asked for, is the state's."""
-        job = self._rest_wanted
-        return job is not None and job.same(self._rest_job(state))
+        return self._rest_wanted is not None and self._rest_wanted == self._rest_job(state)
 
     def _rest_job(self, state: ViewState) -> RestJob | None:
         """Return what makes both eyes' pictures, or a focus; None without, or without layers."""
         layout, depth = shown_stereo(state), focused_depth(state)
         if self._layered is None or self._layered.image is None or self.loading:
             return None
-        scales = self._of_layers(self._scales)
+        look = self._of_layers(self._look)
         if layout:
-            return RestJob(self._layered.image, Stereo(layout), scales, self._depth)
+            return RestJob(self._layered.image, replace(look, stereo=Stereo(layout)))
         if depth.focus_mm is None:
             return None
-        return RestJob(self._layered.image, None, scales, depth)
+        return RestJob(self._layered.image, replace(look, depth=depth))
 
     def _want_rest(self, state: ViewState) -> None:
         """Start to make both eyes' pictures, or a focus, with the picture's opacities."""
         job = self._rest_job(state)
-        if job is not None and not job.same(self._rest_wanted):
+        if job is not None and job != self._rest_wanted:
             self._rest_wanted = job
             self._resting.request(job)
 
@@ -615,7 +616,7 @@ class Screen:
             if done.error:
                 self._notice.show(done.error, kind="error")
             elif done.job is self._rest_wanted:
-                stage = "stereo" if done.job.stereo else "focus"
+                stage = "stereo" if done.job.look.stereo else "focus"
                 self._notice.trace.note(stage, stage, done.ms)
                 self.pictures.show_rest(done.pictures)
                 self.mark_stale()
@@ -645,13 +646,11 @@ class Screen:
             self.pictures.current = False
         return awaits
 
-    def _tables_missing(
-        self, rig: LightRig | None, spec: RelightSpec, other: LightRig | None
-    ) -> bool:
+    def _tables_missing(self, rig: LightRig | None, look: Look, other: LightRig | None) -> bool:
         """Return True if the light must wait for tables, which are then computed."""
-        missing = self.pictures.missing(rig, spec, other)
+        missing = self.pictures.missing(rig, look, other)
         if missing:
-            self._table_notice = f"{spec.viewing.model}: computing its colour table …"
+            self._table_notice = f"{look.relight.viewing.model}: computing its colour table …"
             self._notice.show(self._table_notice, _TABLE_S)
             if missing != self._tables:
                 self._tabling.request(missing)
@@ -711,7 +710,7 @@ class Screen:
             camera, document = cast.job.camera, cast.job.document
             volume = document.volume if document.image is None else None
             made_of = self._made_of
-            estimated = made_of is not None and bool(made_of[1])
+            estimated = made_of is not None and bool(made_of[1].opacities)
             try:
                 self._reading = read(
                     *(image, camera, volume, rig, spec, pixel, code, patient, estimated)

@@ -6,7 +6,7 @@ state, Shot -> [screenshot] -> PNG
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,12 +22,10 @@ from volspec.export.value_bars import material_colours, value_bars
 from volspec.image import CoefficientImage
 from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast.pace import WHOLE
-from volspec.relight.stereo import Stereo
 from volspec.scene.export import Mark
-from volspec.viewer.model.depth import picture_depth, picture_spec, shown_stereo
+from volspec.viewer.model.depth import needs_layers, picture_look, picture_spec, shown_stereo
 from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.light_rows import light_rig, lit_names
-from volspec.viewer.model.quality import opacity_scales
 from volspec.viewer.model.room import has_walls, shown_spec, solved
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.outputs import (
@@ -116,39 +114,32 @@ def render_frame(
 
     A cast image has a size of its own. Each eye's picture has its ``marks``.
     """
-    rig, spec = light_rig(state.lights, state.room), shown_spec(state)
+    rig = light_rig(state.lights, state.room)
     if rig is None:
         raise ViewingError("No light is on, so there is no picture to save", code="missing")
-    image, scales, depth = state.document.image, opacity_scales(state), picture_depth(state)
-    layout = shown_stereo(state)
-    stereo = Stereo(layout) if layout else None
+    image, look = state.document.image, picture_look(state)
+    stereo = look.stereo
     # An anaglyph's marks are drawn once, as in the window, not with each eye's parallax.
     overlaid = stereo is not None and stereo.eye_size(size) == size
     if image is None:
         size = stereo.eye_size(size) if stereo else size
-        image, scales = with_own_caster(state.document, partial(_cast, state, size, progress)), {}
+        image = with_own_caster(state.document, partial(_cast, state, size, progress))
+        look = replace(look, opacities={})
     progress.check()
     other = light_rig(state.other, state.room) if state.other else None
-    views: tuple[CoefficientImage, ...] = (image,)
-    if stereo:
-        views = stereo.views(image, scales, depth)
-    elif scales or depth.changes:
-        views = (image.recompose(scales, depth),)
     frames = []
-    for view in views:
+    for view in look.views(image):
         # In a context of this thread's own: many pixels take longer than the window may wait.
         with Relighter(view) as relighter:
-            frame: NDArray[np.uint8] = relighter.frame(rig, spec)
+            frame: NDArray[np.uint8] = relighter.frame(rig, look.of_view)
             if other is not None:
                 left = round(state.divide * frame.shape[1])
                 frame = frame.copy()
-                frame[:, left:] = relighter.frame(other, spec)[:, left:]
+                frame[:, left:] = relighter.frame(other, look.of_view)[:, left:]
         frames.append(paint(frame, [] if overlaid else marks(view)))
         progress.check()
-    if stereo is None:
-        return frames[0]
-    both = stereo.combine(frames[0], frames[1], spec.viewing.display.space)
-    return paint(both, marks(image)) if overlaid else both
+    frame = look.combine(frames)
+    return paint(frame, marks(image)) if overlaid else frame
 
 
 def _cast(
@@ -157,7 +148,7 @@ def _cast(
     volume = state.document.volume
     camera = state.view.camera(volume)
     spec = picture_spec(state)
-    if not (shown_stereo(state) or picture_depth(state).changes):
+    if not needs_layers(state):
         spec = WHOLE.spec(spec, volume)
     what = volume, shown_transfer(state), camera, size, spec
     room = state.room
