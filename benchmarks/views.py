@@ -34,6 +34,7 @@ from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import RaycastSpec
 from volspec.raycast.lights import Ambient, Directional, LightGroup
 from volspec.relight import relight
+from volspec.relight.look import Look
 from volspec.relight.stereo import Stereo
 from volspec.scene import Scene
 from volspec.spectra import light
@@ -228,7 +229,7 @@ def pictures() -> NDArray[np.uint8]:
         relight(image, light("A"), scene.relight),
         relight(Reprojector(image).view(other), light("A"), scene.relight),
         relight(raycast(volume, materials, other, size, spec), light("A"), scene.relight),
-        stereo.combine(*(relight(eye, light("A"), scene.relight) for eye in stereo.views(image))),
+        relight(image, light("A"), Look(scene.relight, stereo=stereo)),
     ]
     return np.hstack(each).astype(np.uint8)
 

@@ -375,12 +375,12 @@ def fading(scene: Make, layers: int, more: str = "") -> Scene:
 def test_a_material_fades_with_layers_from_one_cast(scene, tmp_path, layers, casts):
     made = fading(scene, layers).exporting(fps=2, lights=["lamp"])
     shots = plan(made).shots
-    assert [shot.opacities["gold"] for shot in shots] == [1.0, 0.5, 0.0]
+    assert [shot.look.opacities["gold"] for shot in shots] == [1.0, 0.5, 0.0]
     done = export(made, tmp_path, sheet=False)
     assert (done.made, done.casts) == (3, casts)
     lamp = next(each.rig for each in made.lights if each.name == "lamp")
     for shot, file in zip(shots, done.files, strict=True):
-        spec = replace(made.raycast, layers=0, opacities=dict(shot.opacities))
+        spec = replace(made.raycast, layers=0, opacities=dict(shot.look.opacities))
         exact = relight(made.render(spec=spec), lamp, made.relight, backend="numpy")
         found = np.asarray(Image.open(tmp_path / file))
         assert np.abs(found.astype(int) - exact.astype(int)).max() <= (4 if layers else 1)

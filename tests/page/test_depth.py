@@ -20,6 +20,7 @@ from volspec.mesh.caster import MeshCaster
 from volspec.mesh.shapes import shape_mesh
 from volspec.pipeline import raycast
 from volspec.relight import relight
+from volspec.relight.look import Look
 from volspec.relight.stereo import Stereo
 from volspec.scene import Scene
 
@@ -119,7 +120,8 @@ def test_meshes_stay_and_are_cut_and_turned_where_they_are(scene, written):
 @pytest.mark.slow
 def test_an_anaglyph_and_a_pair_are_of_the_desktop_s_eyes(page, scene, image):
     effects = DepthEffects(near_mm=480)
-    eyes = [frame(eye, scene) for eye in Stereo("anaglyph").views(image, {"block": 0.5}, effects)]
+    look = Look(opacities={"block": 0.5}, depth=effects, stereo=Stereo("anaglyph"))
+    eyes = [frame(eye, scene) for eye in look.views(image)]
     words = {"a.opacity": "0.5,1", "a.near": "480"}
     page.show(stereo="anaglyph", **words)
     wanted = Stereo("anaglyph").combine(*eyes)

@@ -16,6 +16,7 @@ from volspec.image.reproject import Reprojector, reproject
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Ambient, LightGroup, RaycastSpec
 from volspec.relight import relight
+from volspec.relight.look import Look
 from volspec.relight.stereo import Stereo, expected_depth_mm
 from volspec.spectra import light
 from volspec.volume import Volume
@@ -121,7 +122,7 @@ def test_nothing_is_seen_of_hidden_materials_and_from_elsewhere(image, reproject
         assert np.isinf(made.depth_mm).all()
 
 
-BLURRED, APART = DepthEffects(focus_mm=30), "distance between the eyes"
+APART = "distance between the eyes"
 
 
 @pytest.mark.parametrize(
@@ -134,7 +135,6 @@ BLURRED, APART = DepthEffects(focus_mm=30), "distance between the eyes"
         (lambda image, own: own.view("left"), "type reproject: camera"),
         (lambda image, own: own.view(image.camera, {"silver": 1}), "unknown opacities"),
         (lambda image, own: own.view(image.camera, size=(0, 4)), "range "),
-        (lambda image, _: Stereo().views(image, {}, BLURRED), "unsupported reproject: focus_mm"),
         (lambda *_: Stereo(eyes_mm=3, eyes_deg=2), f"conflict Stereo.stereo: {APART}"),
         (lambda *_: Stereo(convergence_mm=0), "range Stereo.convergence_mm"),
     ],
@@ -164,7 +164,7 @@ def test_eyes_see_what_casts_of_their_cameras_do(caster, height_mm):
     made = cast(caster, here, layers=8)
     stereo = Stereo(eyes_deg=3.0)
     left, right = stereo.cameras(made)
-    for view, eye in zip(stereo.views(made), (left, right), strict=True):
+    for view, eye in zip(Look(stereo=stereo).views(made), (left, right), strict=True):
         assert rms(view, cast(caster, eye)) < 0.002
     assert np.subtract(right.position_mm, left.position_mm) @ here.frame()[0] > 0
     # Zero disparity at the convergence distance.
@@ -202,8 +202,8 @@ def test_anaglyphs_are_mixed_in_linear_light(image):
     # A red surface is dark through cyan, whichever eye sees it.
     red = np.array([[[255, 0, 0]]], np.uint8)
     assert Stereo("anaglyph").combine(red, 0 * red)[0, 0].tolist() == [177, 0, 0]
-    frames = [relight(eye, light("D65")) for eye in Stereo("anaglyph").views(image)]
-    assert Stereo("anaglyph").combine(*frames).shape == (SIZE[1], SIZE[0], 3)
+    frame = relight(image, light("D65"), Look(stereo=Stereo("anaglyph")))
+    assert frame.shape == (SIZE[1], SIZE[0], 3)
 
 
 @pytest.mark.parametrize("scale", [0.3, slow(1.0)])
@@ -219,5 +219,6 @@ def test_cuts_and_fog_of_views_are_those_of_the_picture(image, scale):
     assert np.abs(made.alpha - wanted.alpha).max() < 2e-3
     assert np.abs(made.coefficients - wanted.coefficients).max() < 2e-3
     assert rms(made, replace(image, coefficients=wanted.coefficients)) < 1e-4
-    for view in Stereo(eyes_deg=0.01).views(image, {"copper": scale}, effects):
+    look = Look(opacities={"copper": scale}, depth=effects, stereo=Stereo(eyes_deg=0.01))
+    for view in look.views(image):
         assert rms(view, wanted) < 1e-4

@@ -398,7 +398,7 @@ def both_eyes(
     image: CoefficientImage, state: ViewState, size: tuple[int, int] = SIZE
 ) -> NDArray[np.int_]:
     stereo = Stereo(state.interface.stereo)
-    found = stereo.views(image, opacity_scales(state), depth.shown_depth(state))
+    found = replace(depth.shown_look(state), stereo=stereo).views(image)
     assert found[0].size == SIZE
     if size != SIZE:
         found = StereoViews(image).views(stereo, opacity_scales(state), None, size)

@@ -16,7 +16,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from typing import Any, TypeVar
 
@@ -37,6 +37,7 @@ from volspec.errors import (
 from volspec.image import DepthEffects
 from volspec.raycast.kernel_arguments import check_reach
 from volspec.relight import RelightSpec
+from volspec.relight.look import Look
 from volspec.scene import Scene
 from volspec.scene.export import KeyCamera, Keyframe, Turntable
 from volspec.transfer import Isosurfaces, TransferFunction, TransferFunction2D, Transfers
@@ -63,10 +64,8 @@ class FrameState:
 
     camera: Camera
     transfer: Transfers
-    spec: RelightSpec
+    look: Look
     step: int | None = None  # of a series that plays
-    depth: DepthEffects = field(default_factory=DepthEffects)
-    opacities: Mapping[str, float] = field(default_factory=dict)  # `RaycastSpec.opacities`
 
 
 def played_steps(frames: int, steps: int, loops: int = 1) -> list[int]:
@@ -208,7 +207,7 @@ def frame_states(scene: Scene, volume: Volume, spec: RelightSpec, at_s: Array) -
         depths = _depths(scene, keys, at_s)
     rows = keyframe_opacities(scene, keys, at_s)
     return [
-        FrameState(camera, transfer, own, opacities=row, depth=depth)
+        FrameState(camera, transfer, Look(own, opacities=row, depth=depth))
         for camera, transfer, own, row, depth in zip(
             cameras, transfers, specs, rows, depths, strict=True
         )

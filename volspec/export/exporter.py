@@ -22,6 +22,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from volspec._files import exclusive_folder, require_writable, require_writable_folder
+from volspec._gpu.opencl import Compute
 from volspec.errors import CastCancelled, InputError, ViewingError, VolspecError, VolspecWarning
 from volspec.export.annotate import Patch, paint
 from volspec.export.film import EVEN, SUFFIXES, check_film, write_film
@@ -371,8 +372,8 @@ class FrameMaker:
         shared, baked = self._is_layered(plan), dict[str, float]()
         if shared and not _opacities_change(plan):
             # Nearer to a cast than layers that are scaled afterwards.
-            baked = dict(plan.shots[0].opacities)
-            casts = [[replace(shot, opacities={}) for shot in shots] for shots in casts]
+            baked = dict(plan.shots[0].look.opacities)
+            casts = [[_unscaled(shot) for shot in shots] for shots in casts]
         has_layers = shared or (only_cast and self._in_one_window)
         layers = scene.raycast.layers if has_layers else 0
         width, height = self.files.size
@@ -386,12 +387,12 @@ class FrameMaker:
                 raise InputError(problem, remedy, code="size")
 
         def caster_of(shots: list[Shot]) -> TileCaster:
-            opacities = baked if shared else dict(shots[0].opacities)
+            opacities = baked if shared else dict(shots[0].look.opacities)
             spec = replace(scene.raycast, layers=layers, opacities=opacities)
             return TileCaster(casters.at(shots[0].step), spec, notes, behind)
 
         if only_cast:
-            self._cast(casts, caster_of, meter, _shown if shared else lambda image, shot: image)
+            self._cast(casts, caster_of, meter, shared)
         else:
             self._relight(casts, caster_of, meter)
         eyes = 2 if table.stereo is not None and not layers else 1
@@ -433,7 +434,7 @@ class FrameMaker:
         casts: list[list[Shot]],
         caster_of: CasterOf,
         meter: _ProgressMeter,
-        shown: Callable[[CoefficientImage, Shot], CoefficientImage],
+        shared: bool,
     ) -> None:
         def whole(caster: TileCaster, shots: list[Shot], tell: Fraction) -> CoefficientImage:
             return caster.whole(shots[0].transfer, shots[0].camera, self._canvas, tell)
@@ -442,7 +443,7 @@ class FrameMaker:
             self._record_gaps(shots, [image])
             meter.add(_FRAMES_A_CAST)
             for shot in shots:
-                self.files.save(shot, shown(image, shot))
+                self.files.save(shot, _views(image, shot)[0] if shared else image)
                 meter.add(1)
 
     def _relight(self, casts: list[list[Shot]], caster_of: CasterOf, meter: _ProgressMeter) -> None:
@@ -473,10 +474,10 @@ class FrameMaker:
                 meter.add(_FRAMES_A_CAST)
                 shown = None
                 for shot in shots:
-                    if layered and (shot.opacities, shot.depth) != shown:
-                        views = self._views(caster, images_of_shot[0], shot)
-                        sources = self._sources(views)
-                        shown = shot.opacities, shot.depth
+                    if layered and (shot.look.opacities, shot.look.depth) != shown:
+                        image, compute = images_of_shot[0], caster.caster.compute
+                        sources = self._sources(_views(image, shot, compute))
+                        shown = shot.look.opacities, shot.look.depth
                     notes, parts = sources[0].image.notes, pool.each(sources, shot)
                     self._check_blank(shot, np.hstack(parts), sources, blanks)
                     pixels = self._marked(caster, shot, sources, parts)
@@ -500,15 +501,6 @@ class FrameMaker:
             for n, eye in enumerate(stereo.eyes(shot.camera, convergence_mm))
         ]
 
-    def _views(
-        self, caster: TileCaster, image: CoefficientImage, shot: Shot
-    ) -> Sequence[CoefficientImage]:
-        """Return the pictures of a shot that an image with layers shows: one, or both eyes'."""
-        stereo = self.files.table.stereo
-        if stereo is None:
-            return [_shown(image, shot)]
-        return stereo.views(image, shot.opacities, shot.depth, caster.caster.compute)
-
     def _marked(
         self, caster: TileCaster, shot: Shot, sources: Sequence[FrameSource], parts: Sequence[Array]
     ) -> Array:
@@ -516,11 +508,8 @@ class FrameMaker:
         stereo, volume = self.files.table.stereo, caster.caster.volume
         if stereo is None:
             return paint(np.hstack(parts), self.files.marks(shot, volume))
-        left, right = (
-            paint(part, self.files.marks(_by_eye(shot, source), volume))
-            for source, part in zip(sources, parts, strict=True)
-        )
-        return stereo.combine(left, right, shot.spec.viewing.display.space)
+        eyes = [self.files.marks(_by_eye(shot, source), volume) for source in sources]
+        return shot.look.combine([*map(paint, parts, eyes)])
 
     def _measured(self, shots: list[Shot], caster: TileCaster) -> list[Shot]:
         """Measure the viewing in a small cast if no frame is the complete picture."""
@@ -531,7 +520,7 @@ class FrameMaker:
         scale = min(1.0, _MEASURED_SIDE / max(self.files.size))
         width, height = (max(1, round(scale * side)) for side in self.files.size)
         small = caster.cast(shots[0].transfer, shots[0].camera, (width, height))
-        return [measured_shot(shot, _shown(small, shot)) for shot in shots]
+        return [measured_shot(shot, _views(small, shot)[0]) for shot in shots]
 
     def _relight_strips(
         self,
@@ -568,7 +557,7 @@ class FrameMaker:
         """Check frames for a display only: a compositor can brighten linear light."""
         if self.files.table.has_eye:
             alpha = np.hstack([source.alpha for source in sources])
-            side, cut = min(self.files.size), shot.depth.cuts
+            side, cut = min(self.files.size), shot.look.depth.cuts
             blanks.add(self.files.name(shot), shot.light, pixels, alpha, side, cut=cut)
 
     def _sources(self, images: Sequence[CoefficientImage]) -> list[FrameSource]:
@@ -582,16 +571,23 @@ def _by_eye(shot: Shot, source: FrameSource) -> Shot:
     return replace(shot, camera=camera)
 
 
+def _unscaled(shot: Shot) -> Shot:
+    """Return a shot of layers that were cast with its opacities."""
+    return replace(shot, look=replace(shot.look, opacities={}))
+
+
 def _opacities_change(plan: Plan) -> bool:
     """Return True if the shots of a plan have different opacities."""
-    return len({tuple(shot.opacities.items()) for shot in plan.shots}) > 1
+    return len({tuple(shot.look.opacities.items()) for shot in plan.shots}) > 1
 
 
-def _shown(image: CoefficientImage, shot: Shot) -> CoefficientImage:
-    """Return an image with a shot's opacities and effects of depth, if it has layers."""
+def _views(
+    image: CoefficientImage, shot: Shot, compute: Compute | None = None
+) -> Sequence[CoefficientImage]:
+    """Return the pictures of a shot that an image with layers shows: one, or both eyes'."""
     if image.opacity_layers is None:
-        return image
+        return [image]
     with warnings.catch_warnings():
         # A material may be out of view in some frames.
         warnings.filterwarnings("ignore", ".* has no opacity in this picture", VolspecWarning)
-        return image.recompose(shot.opacities, shot.depth)
+        return shot.look.views(image, compute=compute)

@@ -37,7 +37,6 @@ from volspec.export.tiles import row_strips
 from volspec.export.value_bars import material_colours, value_bars
 from volspec.image import CoefficientImage
 from volspec.relight import Relighter
-from volspec.relight.hdr import hdr_frame
 from volspec.relight.illumination import Illumination
 from volspec.relight.measured_viewing import ViewingMeter
 from volspec.scene import Scene
@@ -90,13 +89,9 @@ class FrameSource:
             return self._with_alpha(
                 linear * self._cover[..., None] if table.transparent else linear
             )
-        if table.hdr is not None:
-            codes = hdr_frame(self.image, shot.rig, shot.spec, table.hdr)
-        elif table.bits == 8 and not table.transparent:
-            return relighter.frame(shot.rig, shot.spec)
-        else:
-            codes = relighter.frame(shot.rig, shot.spec, dtype=np.float32)
-        codes = self._with_alpha(codes)
+        if table.depth == 8 and not table.transparent:
+            return relighter.frame(shot.rig, shot.look.of_view)
+        codes = self._with_alpha(relighter.frame(shot.rig, shot.look.of_view, np.float32))
         rounded = to_uint8(codes) if table.depth == 8 else to_uint16(codes)
         if table.transparent:
             rounded[rounded[..., 3] == 0] = 0  # a fully transparent pixel has no colour
@@ -181,7 +176,8 @@ def measured_shot(shot: Shot, image: CoefficientImage) -> Shot:
     )
     if spec.viewing.adapting != "given":
         viewing = replace(viewing, Y_b=found.Y_b, L_A=found.L_A)
-    return replace(shot, spec=replace(spec, viewing=viewing))
+    look = replace(shot.look, relight=replace(spec, viewing=viewing))
+    return replace(shot, look=look)
 
 
 def check_adapting(table: ExportSpec, adapting: str, parts: int) -> None:
@@ -328,7 +324,7 @@ class FrameFiles:
             "stereo": repr(self.table.stereo) if self.table.stereo else "",
             **{key: notes[key] for key in ("volume", "raycast")},
             **({} if shot.step is None else {"step": str(shot.step)}),
-            "depth": repr(shot.depth) if shot.depth.changes else "",
+            "depth": repr(shot.look.depth) if shot.look.depth.changes else "",
             "export": self.folder.fingerprint,
             "Software": f"volspec {__version__}",
         }

@@ -11,7 +11,7 @@ import hashlib
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,6 @@ from volspec.errors import InputError, SceneError
 from volspec.export import animation
 from volspec.export.animation import FrameState
 from volspec.export.frames import distinct_stems
-from volspec.image import DepthEffects
 from volspec.raycast.fields import FieldCast
 from volspec.raycast.kernel_arguments import check_reach
 from volspec.raycast.layer_stream import check_layers
@@ -32,6 +31,7 @@ from volspec.raycast.surfaces import Behind
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.hdr import check_hdr
 from volspec.relight.illumination import Illumination
+from volspec.relight.look import Look
 from volspec.relight.spec import mixed_rig
 from volspec.scene import NamedLight, Scene
 from volspec.scene.export import ExportSpec, Play
@@ -61,17 +61,20 @@ class Shot:
     transfer: Transfers  # equal transfer functions are one object
     light: str  # a description for the file's notes
     rig: LightRig
-    spec: RelightSpec
+    look: Look
     step: int | None = None  # of a series that plays
-    opacities: Mapping[str, float] = field(default_factory=dict)  # `RaycastSpec.opacities`
-    depth: DepthEffects = field(default_factory=DepthEffects)
+
+    @property
+    def spec(self) -> RelightSpec:
+        """Viewing, mode, backdrop and level."""
+        return self.look.relight
 
     def cast(self, layered: bool) -> tuple[object, ...]:
         """Return the key of the cast: shots with equal keys share one.
 
         ``layered`` casts are shared by shots of other opacities.
         """
-        opacities = () if layered else tuple(self.opacities.items())
+        opacities = () if layered else tuple(self.look.opacities.items())
         return self.camera, id(self.transfer), self.step, opacities
 
 
@@ -98,16 +101,16 @@ class Plan:
     @property
     def deep(self) -> bool:
         """True if frames have effects of depth, which need casts with layers."""
-        return any(shot.depth.changes for shot in self.shots)
+        return any(shot.look.depth.changes for shot in self.shots)
 
     def fingerprint(self) -> str:
         """Return a hash that is equal for equal frames."""
         digest = hashlib.blake2b(digest_size=16)
         for shot in self.shots:
-            rig = shot.rig
-            facts = shot.stem, shot.camera, shot.transfer, shot.spec, rig.weights, rig.groups
-            more: tuple[object, ...] = (shot.opacities,) if shot.opacities else ()
-            more += (shot.depth,) if shot.depth.changes else ()
+            rig, look = shot.rig, shot.look
+            facts = shot.stem, shot.camera, shot.transfer, look.relight, rig.weights, rig.groups
+            more: tuple[object, ...] = (look.opacities,) if look.opacities else ()
+            more += (look.depth,) if look.depth.changes else ()
             digest.update(repr((*facts, rig.illuminance_lux, shot.step, *more)).encode())
             for light in rig.lights:
                 digest.update(np.stack([light.wavelengths_nm, light.values]).tobytes())
@@ -134,13 +137,17 @@ def plan_export(
         for state in states:
             # A focus needs a camera that has one.
             camera = state.camera
-            state.depth.blur_px(1, None if camera.height_mm is not None else camera.fov_deg)
-        if table.stereo is not None and any(state.depth.focus_mm for state in states):
+            state.look.depth.blur_px(1, None if camera.height_mm is not None else camera.fov_deg)
+        if table.stereo is not None and any(state.look.depth.focus_mm for state in states):
             problem = "focus_mm does not work with [export] stereo"
             raise InputError(problem, "leave out one of them", code="conflict")
-        if table.samples > 1 and any(state.depth.changes for state in states):
+        if table.samples > 1 and any(state.look.depth.changes for state in states):
             problem = f"does not work with [export] samples = {table.samples}"
             raise InputError(problem, "leave out one of them", code="conflict")
+    states = [
+        replace(state, look=replace(state.look, stereo=table.stereo, hdr=table.hdr))
+        for state in states
+    ]
     if table.play is not None:
         states = _played(scene, states, table.play, series)
     mixes = _mixes(scene, table, lights, len(states))
@@ -166,8 +173,8 @@ def plan_export(
 
 
 def _shot(stem: str, number: int, state: FrameState, light: str, rig: LightRig) -> Shot:
-    own = state.camera, state.transfer, light, rig, state.spec, state.step, state.opacities
-    return Shot(stem, number, *own, state.depth)
+    own = state.camera, state.transfer, light, rig, state.look, state.step
+    return Shot(stem, number, *own)
 
 
 def export_lights(scene: Scene, table: ExportSpec) -> list[NamedLight]:
@@ -216,11 +223,8 @@ def _played(
 def _states(scene: Scene, volume: Volume, table: ExportSpec, lights: int) -> list[FrameState]:
     # A spectrum has all bands; other modes would smooth a lamp's spectrum.
     spec = replace(scene.relight, mode="exact") if table.spectral else scene.relight
-    still = FrameState(
-        *(scene.camera(volume), scene.transfer, spec),
-        opacities=scene.raycast.opacities,
-        depth=scene.file.depth,
-    )
+    look = Look(spec, opacities=scene.raycast.opacities, depth=scene.file.depth)
+    still = FrameState(scene.camera(volume), scene.transfer, look)
     with animation.located_in(scene):
         check_reach(volume, still.camera, scene.raycast)
         check_opacities(scene.basis, scene.raycast.opacities)

@@ -181,15 +181,8 @@ def layers_in_depth(image: Image, scales: Sequence[float], effects: DepthEffects
     """Return an image whose layers are cut and in fog, for views nearby.
 
     ``scales`` of the K materials decide how deep what is left of a layer is, and its shadows. What
-    fog is behind all layers, `fog_behind` adds to a view. Raises ImageError if there is a focus.
+    fog is behind all layers, `fog_behind` adds to a view; they have no focus.
     """
-    if effects.focus_mm is not None:
-        raise ImageError(
-            f"is {effects.focus_mm:g}, which views of layers from elsewhere do not have",
-            "leave it out",
-            code="unsupported",
-            field="reproject: focus_mm",
-        )
     assert image.opacity_layers is not None
     layers = image.opacity_layers.lit(scales)
     height, width, count = layers.tau.shape[:3]

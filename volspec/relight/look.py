@@ -19,7 +19,7 @@ from volspec.errors import ImageError
 from volspec.image.depth import DepthEffects
 from volspec.image.model import CoefficientImage
 from volspec.relight.spec import RelightSpec
-from volspec.relight.stereo import Stereo
+from volspec.relight.stereo import Stereo, StereoViews
 from volspec.spectra.spectrum import Spectrum
 
 # One object, as specs are compared by identity.
@@ -95,7 +95,7 @@ class Look:
         Returns
         -------
         tuple of CoefficientImage
-            Their frames, under the look `of_view`, are joined by `combine`.
+            Without layers. Their frames, under the look `of_view`, are joined by `combine`.
 
         Raises
         ------
@@ -106,8 +106,9 @@ class Look:
             image = image.with_reflectances(self.reflectances)
         if self.stereo is not None:
             self._without_stereo({} if surface is None else {"surface": surface})
-            return self.stereo.views(image, self.opacities, self.depth, compute)
-        if self.opacities or self.depth.changes or surface is not None:
+            return StereoViews(image, compute).views(self.stereo, self.opacities, self.depth)
+        given = image.opacity_layers, surface, self.opacities or None
+        if self.depth.changes or any(each is not None for each in given):
             image = image.recompose(self.opacities, self.depth, surface)
         return (image,)
 

@@ -526,7 +526,7 @@ def relight(
         Codes of the viewing's display, sRGB by default; row 0 at the top.
     """
     look, frames = Look.of(spec), []
-    for view in look.views(image):
+    for view in look.views(image) if isinstance(spec, Look) else (image,):
         with Relighter(view, backend) as relighter:
             frames.append(relighter.frame(light, look.of_view, dtype))
     return look.combine(frames)

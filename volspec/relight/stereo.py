@@ -98,20 +98,6 @@ class Stereo:
         left, right = (_eye(camera, sign * angle / 2, convergence_mm) for sign in (-1, 1))
         return left, right
 
-    def views(
-        self,
-        image: CoefficientImage,
-        scales: Mapping[str, float] | None = None,
-        effects: DepthEffects | None = None,
-        compute: Compute | None = None,
-    ) -> tuple[CoefficientImage, CoefficientImage]:
-        """Return the left and right eye's picture of an image with layers, reprojected.
-
-        ``scales`` are opacities and ``effects`` cuts and fog, as of `CoefficientImage.recompose`;
-        ``compute`` is an open device. Raises as `Reprojector`; ImageError if there is a focus.
-        """
-        return StereoViews(image, compute).views(self, scales, effects)
-
     def frame_size(self, size: tuple[int, int]) -> tuple[int, int]:
         """Return width and height of both eyes' frames as one."""
         width, height = size
@@ -188,7 +174,7 @@ class StereoViews:
         effects: DepthEffects | None = None,
         size: tuple[int, int] | None = None,
     ) -> tuple[CoefficientImage, CoefficientImage]:
-        """Return the left and right eye's picture, as `Stereo.views`, in another size if given."""
+        """Return the left and right eye's picture, reprojected, in another size if given."""
         reprojector = self._reprojector(scales or {}, effects or DepthEffects())
         if self._cameras is None or self._cameras[0] != stereo:
             self._cameras = stereo, stereo.cameras(self.image)

@@ -35,10 +35,12 @@ from volspec.export.tiles import part_of
 from volspec.export.value_bars import ValueBar, channel_bars
 from volspec.image import CoefficientImage, DepthEffects
 from volspec.image.layers import OpacityLayers
-from volspec.pipeline import Raycaster, Relighter, raycast
+from volspec.pipeline import Raycaster, raycast, relight
 from volspec.raycast.row_batches import Progress
 from volspec.relight import RelightSpec
 from volspec.relight.error_map import full_band_basis
+from volspec.relight.look import Look
+from volspec.relight.spec import Pixels
 from volspec.scene import Scene
 from volspec.scene.export import Turntable
 from volspec.scene.lights import NamedLight
@@ -277,11 +279,11 @@ def page_html(
         "shader": payload.shaders(channels, height, opacity),
         "served": asdict(served) if served else None,
     }
-    shown = first
+    look = Look(relight_spec)
     if opacity and isinstance(first.basis, MaterialBasis):
         named = dict(zip(first.basis.materials, scales, strict=True))
-        shown = first.recompose(named, effects)
-    still = _still(shown, lights[0], relight_spec)
+        look = replace(look, opacities=named, depth=effects)
+    still = _still(relight(first, lights[0].rig, look))
     texts = {"views": "\n".join(blocks), "marks": "".join(marks)}
     return _assembled(spec, numbers, still, texts, (width, height))
 
@@ -444,12 +446,10 @@ def _require_alike(image: CoefficientImage, first: CoefficientImage, number: int
         )
 
 
-def _still(image: CoefficientImage, light: NamedLight, relight_spec: RelightSpec) -> str:
+def _still(frame: Pixels) -> str:
     """Return the picture under the first light as a data URL, for browsers without WebGL 2."""
     from PIL import Image
 
-    with Relighter(image) as relighter:
-        frame = relighter.frame(light.rig, relight_spec)
     buffer = io.BytesIO()
     Image.fromarray(frame).save(buffer, "JPEG", quality=88)
     return f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"

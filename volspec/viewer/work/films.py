@@ -107,8 +107,7 @@ def film_plan(state: ViewState, film: Film) -> Plan:
         if rig is None:
             raise ViewingError("No light is on, so there is no film to save", code="missing")
         camera = now.view.camera(volume)
-        names, look = lit_names(now.lights), picture_look(now)
-        own = transfer, names, rig, look.relight, step, look.opacities, look.depth
+        own = transfer, lit_names(now.lights), rig, picture_look(now), step
         shots.append(Shot(f"{i:04d}", i, camera, *own))
     return Plan(tuple(shots), ())
 
