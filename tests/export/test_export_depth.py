@@ -164,10 +164,9 @@ def test_frames_are_those_of_the_library(deep, tmp_path):
     )
     exported = export(scene, tmp_path)
     assert (exported.frames, exported.casts) == (2, 1)
-    stereo = scene.file.export.stereo
-    assert stereo == Stereo("anaglyph", eyes_deg=4)
+    assert scene.file.export.stereo == Stereo("anaglyph", eyes_deg=4)
     # No frame has another opacity, so that the layers are cast with it.
-    look = Look(scene.relight, depth=scene.file.depth, stereo=stereo)
+    look = Look(scene.relight, depth=scene.file.depth, stereo=scene.file.export.stereo)
     own = relight(scene.casting(opacities={"gold": 0.3}).render(), scene.lights[0].rig, look)
     assert np.abs(frame(tmp_path, "day/0001.png") - own).max() <= 2
 

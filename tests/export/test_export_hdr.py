@@ -32,7 +32,6 @@ from volspec.relight.stereo import Stereo
 from volspec.scene import Scene
 from volspec.spectra import light, reflectance_set
 
-SHARP = DepthEffects(focus_mm=9.0)
 LIT = LightRig((light("A"),), illuminance_lux=(500.0,))
 ROOM = Display(L_A=40.0, surround="dim")
 
@@ -236,7 +235,7 @@ def shown_on(display: Display, rig: Any = LIT) -> object:
         (lambda *_: shown_on(Display(gamut="reduce")), ViewingError, "gamut"),
         (lambda *_: shown_on(Display(mark=True)), ViewingError, "mark"),
         (lambda *_: Look(hdr=Hdr(), stereo=Stereo()), ImageError, "hdr"),
-        (lambda *_: Look(depth=SHARP, stereo=Stereo()), ImageError, "focus_mm"),
+        (lambda *_: Look(depth=DepthEffects(9.0), stereo=Stereo()), ImageError, "focus_mm"),
         (lambda path, _: write_frame(path, ramp(8, 8)), ImageError, None),
         (lambda path, _: write_frame(path, ramp(8, 8) > 0, space=Hdr()), ImageError, None),
         # The command's transcripts have the others.

@@ -202,8 +202,7 @@ def test_anaglyphs_are_mixed_in_linear_light(image):
     # A red surface is dark through cyan, whichever eye sees it.
     red = np.array([[[255, 0, 0]]], np.uint8)
     assert Stereo("anaglyph").combine(red, 0 * red)[0, 0].tolist() == [177, 0, 0]
-    frame = relight(image, light("D65"), Look(stereo=Stereo("anaglyph")))
-    assert frame.shape == (SIZE[1], SIZE[0], 3)
+    assert relight(image, light("D65"), Look(stereo=Stereo("anaglyph"))).shape == (*SIZE[::-1], 3)
 
 
 @pytest.mark.parametrize("scale", [0.3, slow(1.0)])

@@ -219,8 +219,7 @@ def deep(groups: int, solid: bool) -> CoefficientImage:
 def test_layers_packed_beforehand_are_taken_and_other_numbers_of_them_too():
     image, fewer = layered(3, 1), layered(3, 1, count=2)
     with gl_or_skip(image) as relighter:
-        for _ in relighter.load_opacities(PackedOpacity.of(image.opacity_layers)):
-            pass
+        list(relighter.load_opacities(PackedOpacity.of(image.opacity_layers)))
         relighter.frame(light("A"), Look(opacities={"gold": 0}))
         relighter.update(fewer)
         frame = relighter.frame(light("A"), dtype=np.float32)
@@ -241,8 +240,7 @@ def test_the_next_picture_has_the_opacities_and_depth_of_the_one_before(calls, d
         relighter.update(second)
         for call in calls:
             if call == "l":
-                for _ in relighter.load_opacities(PackedOpacity.of(second.opacity_layers)):
-                    pass
+                list(relighter.load_opacities(PackedOpacity.of(second.opacity_layers)))
             elif call == "s":
                 relighter.missing_lut(rig(second), look)
             else:

@@ -83,24 +83,9 @@ class Look:
     ) -> tuple[CoefficientImage, ...]:
         """Return the image in this look, or what the left and the right eye see of it.
 
-        Parameters
-        ----------
-        image : CoefficientImage
-            As cast; with layers if opacities, depth or eyes are to change.
-        surface : CoefficientImage, optional
-            Opaque surfaces at their depth, as of `CoefficientImage.recompose`; not for two eyes.
-        compute : Compute, optional
-            An open OpenCL device, which moves the layers to both eyes.
-
-        Returns
-        -------
-        tuple of CoefficientImage
-            Without layers. Their frames, under the look `of_view`, are joined by `combine`.
-
-        Raises
-        ------
-        ImageError, BasisError, ShapeError
-            As `CoefficientImage.with_reflectances` and `recompose`, and `Reprojector`.
+        The views have no layers. Their frames, under the look `of_view`, are joined by `combine`.
+        ``surface`` is opaque, at its depth, and not for two eyes; ``compute`` is an open OpenCL
+        device. Raises as `CoefficientImage.with_reflectances` and `recompose`, and `Reprojector`.
         """
         if self.reflectances:
             image = image.with_reflectances(self.reflectances)
