@@ -234,7 +234,7 @@ def test_what_is_left_out_is_as_in_the_scene():
 
 def test_what_says_the_same_in_the_scene_gives_way():
     own = OWN.viewing
-    assert onto(lux=50.0) == replace(own, illuminance_lux=50.0, L_A=None)
+    assert onto(illuminance_lux=50.0) == replace(own, illuminance_lux=50.0, L_A=None)
     assert onto(D=0.5) == replace(own, D=0.5, discount=False)
     room = replace(preset("dim room").display("DCI-P3"), mark=True)
     assert onto(preset="dim room") == replace(own, display=room)
@@ -243,7 +243,7 @@ def test_what_says_the_same_in_the_scene_gives_way():
 
 
 def test_lux_and_L_A_go_together_where_lights_are_held_against_the_lux():
-    options = PictureOptions(lux=50.0, L_A=9.0)
+    options = PictureOptions(illuminance_lux=50.0, L_A=9.0)
     viewing = options.onto(RelightSpec(level="absolute")).viewing
     assert (viewing.illuminance_lux, viewing.L_A) == (50.0, 9.0)
 
@@ -251,7 +251,7 @@ def test_lux_and_L_A_go_together_where_lights_are_held_against_the_lux():
 def test_a_frame_is_made_for_the_display_asked_for(chart):
     words = ("--space", "Display P3", "--gamut", "reduce", "--mark", "--lux", "200")
     found = shown(chart, "--light", "A", *words)
-    viewing = onto(space="Display P3", gamut="reduce", mark=True, lux=200.0)
+    viewing = onto(space="Display P3", gamut="reduce", mark=True, illuminance_lux=200.0)
     spec = RelightSpec(viewing, backdrop=0.2)
     assert np.array_equal(found, relight(CoefficientImage.load(chart), light("A"), spec))
     with Image.open(chart.with_name("F.png")) as frame:

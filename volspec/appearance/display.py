@@ -106,8 +106,9 @@ class Display:
         BeforeValidator(_look_up),
         Hint("a name such as sRGB, a profile FILE.icc, or its numbers", whole=True),
     ] = "sRGB"
-    """Primaries, white and curve: a space by name, a display's profile FILE.icc, or its numbers.
-    The picture is converted to this space, and the eye adapts to its white."""
+    """Primaries, white and curve: sRGB, Display P3, DCI-P3, Rec. 709, Rec. 2020, Adobe RGB (1998),
+    a display's profile FILE.icc, or its numbers. The picture is converted to this space, and the
+    eye adapts to its white."""
     gamut: Gamut = "clip"
     """Colours outside of the display's gamut: each channel clipped to 0…1, or chroma reduced at
     constant lightness and hue."""

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter, Token
 
-from volspec.cli.arguments import read_triples, require_image
+from volspec.cli.arguments import parse_triple, read_triples, require_image
 from volspec.cli.shell import Json, Row, app, say, show_rows, tell_undefined
-from volspec.cli.viewing import ModelOptions, PictureOptions, SceneOptions, in_options, white_triple
+from volspec.cli.viewing import ModelOptions, PictureOptions, SceneOptions, in_options
 from volspec.errors import InputError
 
 if TYPE_CHECKING:
@@ -299,7 +299,7 @@ def write_comparison(
     require_image(image, "cast it first: volspec render {file} -o IMAGE.exr")
     require_suffix(output, "pictures", ".png")
     require_writable(output)
-    if white_triple(white) is not None:
+    if parse_triple(white) is not None:
         raise InputError(
             f"--white {white} with --image: a picture needs the light's spectrum; name a light, "
             "such as A, planck:3200 or FILE.csv"

@@ -155,6 +155,19 @@ def _is_number(cell: str) -> bool:
         return False
 
 
+def parse_triple(text: str) -> tuple[float, float, float] | None:
+    """Return three numbers written as ``X,Y,Z``; None for any other text.
+
+    >>> parse_triple("95.05,100,108.88"), parse_triple("D65")
+    ((95.05, 100.0, 108.88), None)
+    """
+    try:
+        X, Y, Z = (float(word) for word in text.split(","))
+    except ValueError:  # not numbers, or not three
+        return None
+    return X, Y, Z
+
+
 def read_setting(text: str, groups: Mapping[str, float], grid: SpectralGrid) -> Spectrum | LightRig:
     """Return the light of ``LIGHT``, or of ``GROUP=LIGHT; GROUP=LIGHT; …``.
 

@@ -44,7 +44,7 @@ from volspec.cli.shell import (
     note_everyday,
     say,
 )
-from volspec.cli.viewing import HDR_OPTIONS, HdrOptions, StereoOptions, in_options
+from volspec.cli.viewing import HdrOptions, StereoOptions, in_options
 from volspec.errors import ImageError, InputError, nearest
 
 if TYPE_CHECKING:
@@ -202,8 +202,8 @@ def export(
                 given=unknown[0],
             )
         given = {key: value for key, value in changes.items() if value is not None}
-        options = {key: f"--{key}" for key in (*given, "size")} | {"lights": "--light"}
-        options |= HDR_OPTIONS
+        options = {key: f"--{key}" for key in (*given, "size", "hdr")} | {"lights": "--light"}
+        options |= hdr.names
         with in_options(options):
             scene = scene.exporting(**given)
             tell("load the scene", 1)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from volspec.appearance.rendition import LightFigures
 
 _FIGURES = (".png", ".pdf", ".svg")
+_LAMP = {"power_W": "--power-W", "distance_m": "--distance-m", "beam_deg": "--beam-deg"}
 
 
 @app.command
@@ -134,7 +135,7 @@ def light(
         "lamp_lm_per_W": lamp and lamp.efficacy_lm_per_W,
     }
     row |= _rendition(measured) | metameric
-    with in_options():
+    with in_options(_LAMP):
         if power_W is not None:
             row |= {"power_W": power_W, "flux_lm": flux_lm(lamp_for_light(found.name), power_W)}
         if power_W is not None and distance_m is not None:

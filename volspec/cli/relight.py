@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,7 +15,6 @@ from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import read_image_setting, read_opacities, require_image
 from volspec.cli.shell import app, as_written, note, note_everyday, say
 from volspec.cli.viewing import (
-    DEPTH_OPTIONS,
     DepthOptions,
     HdrOptions,
     PictureOptions,
@@ -138,14 +137,14 @@ def relight(
     )
     display, eyes = hdr.display(), stereo.spec()
     asked = {"spectral": spectral or None, "errors": errors or None, "hdr": display, "model": model}
-    _check_options(output, asked | asdict(viewing), depth.given_values, eyes is not None)
+    _check_options(output, asked, viewing, depth, eyes is not None)
     paths = _paths(image, output, names := sent_names(light), errors)
     stored, scales = _picture(image, basis, taken_under), read_opacities(opacity or ())
     scene = _scene_look(image, stored, errors, eyes is not None)
     effects = depth.effects(scene.depth)
     lamps = [read_image_setting(image, text, stored) for text in light]
     if display is not None:
-        lamps = _lit(lamps, viewing.lux, stored)
+        lamps = _lit(lamps, viewing.illuminance_lux, stored)
     own_mode = mode or ("exact" if spectral else None)
     spec = viewing.onto(scene.relight, model=model, mode=own_mode, backdrop=backdrop)
     spec = spec.for_lights(lamps)
@@ -173,32 +172,36 @@ class _Frame:
 
 
 def _check_options(
-    output: Path, asked: Mapping[str, Any], depth: Mapping[str, Any], stereo: bool
+    output: Path,
+    asked: Mapping[str, Any],
+    viewing: PictureOptions,
+    depth: DepthOptions,
+    stereo: bool,
 ) -> None:
     """Refuse an output of the wrong kind, and options that exclude each other.
 
-    ``asked`` are options by name, None if left out; ``depth`` those of depth that are given.
+    ``asked`` are others by name, None if left out.
     """
     if stereo:
         others = [f"--{name}" for name in ("spectral", "errors", "hdr") if asked[name]]
-        others += [DEPTH_OPTIONS[n] for n in ("aperture_mm", "focus_mm", "surface") if n in depth]
+        lens = ("aperture_mm", "focus_mm", "surface")
+        others += [depth.names[name] for name in lens if name in depth.given_values]
         if others:
             raise InputError(f"{others[0]} with --stereo: leave one out", code="conflict")
-    if asked["errors"] and depth:
+    if asked["errors"] and depth.given_values:
         raise InputError(
             f"--errors is of opacities and lights, not of depth; leave out it, or "
-            f"{DEPTH_OPTIONS[min(depth)]}",
+            f"{depth.names[min(depth.given_values)]}",
             code="conflict",
         )
     if asked["spectral"]:
         require_suffix(output, "spectral pictures", ".exr")
-        for name, value in asked.items():
-            if value is not None and name not in ("spectral", "exposure", "lux"):
-                option = name if name[0].isupper() else name.replace("_", "-")
-                raise InputError(
-                    f"--{option} with --spectral: does not affect spectra; leave it out",
-                    code="conflict",
-                )
+        given = [f"--{name}" for name in ("errors", "hdr", "model") if asked[name] is not None]
+        for option in given + viewing.given_names("exposure", "illuminance_lux"):
+            raise InputError(
+                f"{option} with --spectral: does not affect spectra; leave it out",
+                code="conflict",
+            )
         return
     suffix = output.suffix.lower()
     if suffix == ".exr":
@@ -209,9 +212,9 @@ def _check_options(
     if asked["hdr"] is None and suffix == ".avif":
         raise ImageError(f"{output}: AVIF is for high dynamic range; add --hdr PQ, or name it .png")
     require_suffix(output, "frames", ".png", *([".avif"] if asked["hdr"] else []))
-    if asked["hdr"] is not None and asked["space"] is not None:
+    if asked["hdr"] is not None and viewing.space is not None:
         raise InputError(
-            f"--space {asked['space']} with --hdr, whose space is Rec. 2100; leave one out",
+            f"--space {viewing.space} with --hdr, whose space is Rec. 2100; leave one out",
             code="conflict",
         )
 
@@ -262,7 +265,8 @@ def _views(
 
     from volspec.image import CoefficientImage
 
-    with errors_of_file(image, only="unsupported"), in_options(DEPTH_OPTIONS):  # without layers
+    # Unsupported without layers.
+    with errors_of_file(image, only="unsupported"), in_options(DepthOptions.names):
         other = None if surface is None else CoefficientImage.load(surface)
         views = look.views(stored, other)
     if look.depth.cuts and not np.isfinite(views[0].depth_mm).any():
@@ -340,7 +344,7 @@ def _luminances(frame: NDArray[np.uint16], hdr: Hdr) -> str:
 
 def _tell_of_lux(image: Path, scene: RelightSpec, given: PictureOptions, spec: RelightSpec) -> None:
     """Note if the scene's lights have a lux that affects the picture, as --light has none."""
-    if given.lux is not None:
+    if given.illuminance_lux is not None:
         return
     eye = scene.viewing
     if spec.level != scene.level:

@@ -94,10 +94,13 @@ def as_written(kind: Any, tokens: Sequence[Token]) -> Any:
         except ValueError:
             what = "whole number" if kind is int else "number"
             other = "".join(f", or {each}" for each in words)
-            raise ValueError(f"{word!r} is not a {what}; give one{other}") from None
+            raise ValueError(
+                f"{word!r} is not a {what}; {nearest(word, words)}give one{other}"
+            ) from None
     choices = {str(choice): choice for choice in get_args(kind)}
     if word not in choices:
-        raise ValueError(f"{word!r} is unknown; give one of {', '.join(choices)}")
+        guess = nearest(word, [each for each in get_args(kind) if isinstance(each, str)])
+        raise ValueError(f"{word!r} is unknown; {guess}give one of {', '.join(choices)}")
     return choices[word]
 
 

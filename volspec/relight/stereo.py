@@ -76,7 +76,7 @@ class Stereo:
                 f"{self.eyes_mm:g} mm and {self.eyes_deg:g} degrees",
                 "leave one out",
                 code="conflict",
-                field="stereo: distance between the eyes",
+                field="eyes_mm",
             )
 
     def cameras(self, image: CoefficientImage) -> tuple[Camera, Camera]:
