@@ -5,10 +5,11 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
 from volspec._files import require_writable
 from volspec.cli.arguments import (
@@ -22,18 +23,21 @@ from volspec.cli.arguments import (
     sides,
 )
 from volspec.cli.inputs import (
+    CAST,
+    LAYERED,
     CameraOption,
+    CastOptions,
     Inputs,
     Job,
+    LayerOptions,
     Memory,
     Preset,
     Progress,
-    QualityOption,
     jobs,
     open_scene,
     run_jobs,
-    with_quality,
 )
+from volspec.cli.options import Options
 from volspec.cli.shell import (
     Device,
     Json,
@@ -46,18 +50,30 @@ from volspec.cli.shell import (
 )
 from volspec.cli.viewing import HdrOptions, StereoOptions, in_options
 from volspec.errors import ImageError, InputError, nearest
+from volspec.export.page import PageSpec
+from volspec.scene.export import ExportSpec
 
 if TYPE_CHECKING:
     from volspec.scene import Scene
     from volspec.scene.lights import NamedLight
     from volspec.volume import Volume
 
-_Strict = Parameter(converter=as_written)
-_Whole = Annotated[int | None, _Strict]
-_Number = Annotated[float | None, _Strict]
+_Whole = Annotated[int | None, Parameter(converter=as_written)]
 _HDR, _STEREO = HdrOptions(), StereoOptions()
 # The name of all lights of a scene, or of all marks, together.
 _ALL = "all"
+
+
+class FrameOptions(
+    Options,
+    group=Group("Frames", sort_key=2),
+    of={ExportSpec: ("samples", "bits", "format", "spectral", "transparent", "fps")},
+    negative="",
+):
+    """Format of frames, instead of the scene's; with --play, fps is by default its [volume]'s."""
+
+
+_FRAMES = FrameOptions()
 
 
 @app.command
@@ -73,17 +89,12 @@ def export(
     sweep: _Whole = None,
     play: Annotated[bool, Parameter(negative="")] = False,
     size: Size = None,
-    quality: QualityOption = None,
+    cast: CastOptions = CAST,
     memory: Memory = None,
-    samples: _Whole = None,
-    bits: _Whole = None,
-    format: Annotated[Literal["png", "avif", "exr", "coefficients"] | None, _Strict] = None,
+    frames: FrameOptions = _FRAMES,
     hdr: HdrOptions = _HDR,
-    spectral: Annotated[bool, Parameter(negative="")] = False,
-    transparent: Annotated[bool, Parameter(negative="")] = False,
     annotate: Annotated[list[str] | None, Parameter(negative="")] = None,
     stereo: StereoOptions = _STEREO,
-    fps: _Number = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     device: Device = None,
     json: Json = False,
@@ -128,23 +139,9 @@ def export(
         camera or the lights have; a pattern of files is one series.
     size
         WIDTHxHEIGHT in pixels, instead of the scene's; large pictures are cast in tiles.
-    samples
-        n for n × n rays per pixel, 1 to 8.
-    bits
-        Bits per channel: 8 or 16 of PNG, 10 or 12 of AVIF.
-    format
-        Frame format: png; avif, for `--hdr` (needs `volspec[video]`); exr with linear light; or
-        coefficients, one image per camera as `volspec render` writes it, to relight in a
-        compositor.
-    spectral
-        With exr: write a spectrum for every pixel.
-    transparent
-        Omit the backdrop and store opacity in the files, also of films but `.mp4` and `.gif`.
     annotate
         Marks in the pictures: scale, orientation, title, light or materials (with their colours),
         or all; repeatable.
-    fps
-        Frames per second; default: the scene's, and with --play those of its [volume].
     overwrite
         Replace files that an export of another scene left in the folder.
     """
@@ -155,19 +152,15 @@ def export(
 
     incomplete: list[str] = []
 
-    def frames(job: Job, tell: Progress) -> str | dict[str, Any]:
+    def export_frames(job: Job, tell: Progress) -> str | dict[str, Any]:
         tell("load the scene", 0)
         lights = None if light == [_ALL] else light
         scene, volume = open_scene(job.address, preset, lights, camera, memory=memory)
-        scene = with_quality(scene, quality)
+        scene = cast.onto(scene)
         own = scene.file.export
         changes: dict[str, Any] = {
-            "samples": samples,
-            "bits": bits,
-            "format": format,
-            "spectral": spectral or None,
-            "transparent": transparent or None,
-            "fps": scene.file.volume.fps if fps is None and play else fps,
+            "fps": scene.file.volume.fps if play else None,
+            **frames.given(),
             "annotate": MARKS if annotate == [_ALL] else annotate,
             "play": {} if play and own.play is None else None,
         }
@@ -187,7 +180,7 @@ def export(
         # One turn under one light; coefficient images hold no light, and a sweep needs several.
         moves = turntable is not None or play
         one = moves and not (
-            light or own.lights or fades or (format or own.format) == "coefficients"
+            light or own.lights or fades or (frames.format or own.format) == "coefficients"
         )
         asked = light if volume is None or light is None else sent_names(light)
         changes["lights"] = names[:1] if one else names if light == [_ALL] else asked
@@ -236,7 +229,7 @@ def export(
             line += f", under {names[0]}; --light {_ALL} makes {turns}"
         return line
 
-    run_jobs(jobs(inputs, output, series=play), frames, json=json, incomplete=incomplete)
+    run_jobs(jobs(inputs, output, series=play), export_frames, json=json, incomplete=incomplete)
 
 
 def _check_views(_: object, views: int) -> None:
@@ -247,12 +240,13 @@ def _check_views(_: object, views: int) -> None:
         raise ValueError(f"{views} views; give 1 to {MOST_VIEWS}")
 
 
-def _check_bits(_: object, bits: int) -> None:
-    """Validate the bits per channel of a page, for cyclopts."""
-    from volspec.export.page import BITS
+class PageOptions(
+    Options, group=Group("Page", sort_key=2), of={PageSpec: ("title", "caption", "bits")}
+):
+    """Texts and precision of a page."""
 
-    if not BITS[0] <= bits <= BITS[1]:
-        raise ValueError(f"{bits} bits; give {BITS[0]} to {BITS[1]}")
+
+_PAGE = PageOptions()
 
 
 @app.command
@@ -267,12 +261,9 @@ def page(
     play: Annotated[bool, Parameter(negative="")] = False,
     light: Lights = None,
     size: Size = None,
-    quality: QualityOption = None,
+    options: LayerOptions = LAYERED,
     memory: Memory = None,
-    bits: Annotated[int, Parameter(converter=as_written, validator=_check_bits)] = 8,
-    layers: _Whole = None,
-    title: str | None = None,
-    caption: str = "",
+    texts: PageOptions = _PAGE,
     device: Device = None,
 ) -> None:
     """Write a scene or a volume as a single web page with switchable lights.
@@ -302,30 +293,20 @@ def page(
         for a volume, instead of the default ones; repeatable.
     size
         WIDTHxHEIGHT in pixels, instead of the scene's.
-    bits
-        Bits per channel, 8 to 12: 8 is off by CIEDE2000 0.3, 12 by 0.03 at over twice the size.
-    layers
-        Layers of opacity, 1 to 16 (8 do), for a slider of opacity per material; the basis must be
-        of materials, up to four, and the page of a single view.
-    title
-        Title, instead of the scene's.
-    caption
-        A few words below the title.
     """
-    from volspec.export.page import PageSpec, PageView, layers_size, scene_views, write_page
+    from volspec.export.page import PageView, layers_size, scene_views, write_page
     from volspec.pipeline import GAPS
 
     found = jobs(inputs, output, "pages", ".html", ".htm", series=play)
     incomplete: list[str] = []
+    with in_options(texts.names):
+        given = PageSpec(**texts.given())
 
     def write(job: Job, tell: Progress) -> str:
         tell("load the scene", 0)
         remedy = "give its scene: volspec page SCENE.toml -o PAGE.html; or " + RELIGHT
         scene, volume = open_scene(job.address, preset, light, camera, image=remedy, memory=memory)
-        scene = with_quality(scene, quality)
-        if layers is not None:
-            with in_options({"layers": "--layers"}):
-                scene = scene.casting(layers=layers)
+        scene, layers = options.onto(scene), options.layers
         tell("load the scene", 1)
         lights = _page_lights(scene, volume, light or [], job.address)
         series = scene.series() if play else None
@@ -351,8 +332,8 @@ def page(
             progress=lambda share: tell("cast", share),
             volume=volume,
         )
-        name = title or scene.file.title or Path(job.address).stem
-        spec = PageSpec(name, caption, bits, scene.file.volume.fps)
+        title = texts.title or scene.file.title or Path(job.address).stem
+        spec = replace(given, title=title, fps=scene.file.volume.fps)
 
         layered: list[str] = []
 
@@ -428,7 +409,7 @@ def serve(
     camera: CameraOption = None,
     light: Lights = None,
     size: Size = None,
-    quality: QualityOption = None,
+    cast: CastOptions = CAST,
     memory: Memory = None,
     host: str = "127.0.0.1",
     port: Annotated[int, Parameter(converter=as_written, validator=_check_port)] = 8765,
@@ -475,7 +456,7 @@ def serve(
             tell("load the scene", 0)
             remedy = "give its scene: volspec serve SCENE.toml; or " + RELIGHT
             scene, volume = open_scene(input, preset, light, camera, image=remedy, memory=memory)
-            scene = with_quality(scene, quality)
+            scene = cast.onto(scene)
             tell("load the scene", 1)
             server.open(
                 scene,
@@ -535,7 +516,6 @@ def compositing(
         Write a deep OpenEXR file: each layer of an image that was cast with `--layers` is a sample.
         The first light lights R, G and B.
     """
-    from dataclasses import replace
 
     from volspec.export.compositing import Recipe, save_for_compositors
     from volspec.export.deep import save_deep

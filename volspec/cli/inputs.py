@@ -8,18 +8,19 @@ from __future__ import annotations
 import glob
 import re
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
 from volspec._files import plain_stem, require_suffix, require_writable
 from volspec.cli.arguments import RELIGHT, require_scene
+from volspec.cli.options import Options
 from volspec.cli.shell import INCOMPLETE, bar, counted, note_everyday, print_json, say
 from volspec.cli.viewing import in_options
 from volspec.errors import InputError, VolspecError, one_line
+from volspec.raycast import RaycastSpec
 
 if TYPE_CHECKING:
     from volspec.camera.camera import Orbit
@@ -54,14 +55,6 @@ Memory = Annotated[
     Parameter(
         help="Most memory for voxels, such as 2GiB: of a larger volume (OME-Zarr, uncompressed "
         "files), only what a picture shows is read."
-    ),
-]
-QualityOption = Annotated[
-    str | None,
-    Parameter(
-        name="--quality",
-        help="Error that a cast may have, instead of the scene's step: fast, balanced, exact, or a "
-        "number such as 0.001.",
     ),
 ]
 # Endings of a single output.
@@ -165,15 +158,27 @@ def memory_address(address: str, memory: str | None) -> str:
     return f"{path}?{'&'.join([*options, f'memory={memory}'])}"
 
 
-def with_quality(scene: Scene, quality: str | None) -> Scene:
-    """Return a scene that is cast with a quality, a name or a number, if one is given."""
-    if quality is None:
-        return scene
-    given: str | float = quality
-    with suppress(ValueError):
-        given = float(quality)
-    with in_options({"quality": "--quality"}):
-        return scene.casting(quality=given, step_mm=None, alpha_stop=None)
+class CastOptions(Options, group=Group("Cast", sort_key=2), of={RaycastSpec: ("quality",)}):
+    """Settings of a cast, instead of the scene's."""
+
+    def onto(self, scene: Scene) -> Scene:
+        """Return a scene that is cast with the options; a quality replaces the scene's step.
+
+        Raises InputError if one is out of range.
+        """
+        given = self.given()
+        if "quality" in given:
+            given |= {"step_mm": None, "alpha_stop": None}
+        with in_options(self.names):
+            return scene.casting(**given) if given else scene
+
+
+class LayerOptions(CastOptions, group=Group("Cast", sort_key=2), of={RaycastSpec: ("layers",)}):
+    """Settings of a cast whose layers of opacity are kept."""
+
+
+CAST, LAYERED = CastOptions(), LayerOptions()
+"""No options, as defaults of commands."""
 
 
 def _camera(camera: str) -> str | Orbit:

@@ -59,7 +59,11 @@ class Options:
         cls.names = {**cls.names, **{name: option_name(name) for name in own}, **(names or {})}
         annotations = {}
         for name, owner in own.items():
-            kind = _option_type(hints(owner)[name])
+            kinds = _alternatives(hints(owner)[name])
+            is_text = any(
+                each not in (int, float, bool) and get_origin(each) is not Literal for each in kinds
+            )
+            kind: Any = str if is_text else Union[tuple(kinds)]  # noqa: UP007
             is_number = kind in (int, float)
             words = [_first_sentence(owner, name, cls.names)]
             if is_number:
@@ -81,13 +85,18 @@ class Options:
         Parameter(name="*", group=group)(cls)
 
     def given(self, owner: type | None = None) -> dict[str, Any]:
-        """Return the options that were given, by field: of a settings class, or all of them.
-
-        A text ``X,Y,Z`` is a triple of numbers.
-        """
+        """Return the options that were given, by field: of a settings class, or all of them."""
         names = [name for name in self.names if owner in (None, self.owners.get(name))]
         values = {name: value for name in names if (value := getattr(self, name)) is not None}
-        return {name: _value(value) for name, value in values.items()}
+        return {name: self._value(name, value) for name, value in values.items()}
+
+    def _value(self, name: str, given: Any) -> Any:
+        """Return a field's value: three numbers if they are written as a text, None if off."""
+        if isinstance(given, str) and name in self.owners:
+            kinds = _alternatives(hints(self.owners[name])[name])
+            if any(get_origin(each) is tuple for each in kinds):
+                return parse_triple(given) or given
+        return None if given == _OFF else given
 
     def given_names(self, *without: str) -> list[str]:
         """Return the names of the options that were given, ``without`` those of some fields."""
@@ -113,21 +122,13 @@ def require_with(given: Sequence[str], needed: str, example: str = "") -> None:
         )
 
 
-def _option_type(hint: Any) -> Any:
-    """Return the type of an option: a number, a switch, words, a number or a word, or text."""
+def _alternatives(hint: Any) -> list[Any]:
+    """Return the types that an annotation accepts, without None."""
     if get_origin(hint) is Annotated:
-        return _option_type(get_args(hint)[0])
+        return _alternatives(get_args(hint)[0])
     if get_origin(hint) in (Union, UnionType):
-        kinds = [_option_type(part) for part in get_args(hint) if part is not type(None)]
-        return str if str in kinds else Union[tuple(kinds)]  # noqa: UP007
-    is_plain = hint in (int, float, bool) or get_origin(hint) is Literal
-    return hint if is_plain else str
-
-
-def _value(given: Any) -> Any:
-    """Return a field's value by an option: a triple if it is ``X,Y,Z``, None if it is off."""
-    triple = parse_triple(given) if isinstance(given, str) else None
-    return triple or (None if given == _OFF else given)
+        return [each for part in get_args(hint) for each in _alternatives(part)]
+    return [] if hint is type(None) else [hint]
 
 
 def _without_none(hint: Any) -> Any:

@@ -15,21 +15,20 @@ from volspec import __version__
 from volspec._files import require_writable
 from volspec.cli.arguments import RELIGHT, Lights, Size, Sized, sides
 from volspec.cli.inputs import (
+    LAYERED,
     CameraOption,
     Inputs,
     Job,
+    LayerOptions,
     Memory,
     Preset,
     Progress,
-    QualityOption,
     jobs,
     memory_address,
     open_scene,
     run_jobs,
-    with_quality,
 )
 from volspec.cli.shell import Device, Json, Terminal, app, bar, print_json
-from volspec.cli.viewing import in_options
 from volspec.errors import InputError
 from volspec.export.animation import located_in
 
@@ -47,10 +46,9 @@ def render(
     light: Lights = None,
     camera: CameraOption = None,
     size: Size = None,
-    quality: QualityOption = None,
+    options: LayerOptions = LAYERED,
     memory: Memory = None,
     half: Annotated[bool, Parameter(negative="")] = False,
-    layers: int | None = None,
     device: Device = None,
 ) -> None:
     """Cast a scene, a volume or a mesh once, into a coefficient image or a picture.
@@ -83,9 +81,6 @@ def render(
         WIDTHxHEIGHT in pixels, instead of the scene's.
     half
         Store the channels as float16: half the memory and file size, three digits.
-    layers
-        Layers of opacity along each ray, 1 to 16 (8 do), for `volspec relight --opacity`; the basis
-        must be of materials, up to four.
     """
     from volspec.export.compositing import save_for_compositors, scene_recipe
     from volspec.export.frames import write_frame
@@ -104,12 +99,9 @@ def render(
                 "out, or give its volume",
                 code="conflict",
             )
-        scene = with_quality(scene, quality)
-        if layers is not None:
-            with in_options({"layers": "--layers"}):
-                scene = scene.casting(layers=layers)
+        scene = options.onto(scene)
         if job.output.suffix.lower() == ".png":
-            scene = _flat(scene, layers, job.output)
+            scene = _flat(scene, options.layers, job.output)
         tell("load the scene", 1)
         image = scene.render(
             volume,

@@ -151,9 +151,9 @@ class RaycastSpec:
     first_opacity: Opacity = 0.1
     """Opacity at which a ray counts as having hit something, for `CoefficientImage.first_mm`."""
     layers: Annotated[int, Field(ge=0, le=MAX_LAYERS)] = 0
-    """Layers of opacity along each ray, by which up to four materials fade without a new cast
-    (`CoefficientImage.recompose`): 8 to 16, or 0 for none. The basis must be of materials; opaque
-    meshes take one."""
+    """Layers of opacity along each ray, by which up to four materials fade without a new cast: 8 to
+    16, or 0 for none. The basis must be of materials; opaque meshes take one. See
+    `CoefficientImage.recompose`."""
     opacities: Annotated[
         dict[str, NotNegative], Hint("{ material = scale, … }, each 0 or more", whole=True)
     ] = field(default_factory=dict, hash=False)
