@@ -29,6 +29,7 @@ from __future__ import annotations
 import ast
 import dataclasses
 import inspect
+import math
 import os
 import re
 import textwrap
@@ -333,6 +334,31 @@ def choices(hint: Any) -> tuple[Any, ...]:
     return ()
 
 
+def number_limits(hint: Any) -> tuple[float, float]:
+    """Return the ends of a number's range, which may be open; None may replace the number.
+
+    >>> number_limits(Annotated[float, Field(gt=0)] | None)
+    (0, inf)
+    """
+    low, high, above, below = _limits(_number_marks(hint))
+    least, most = (above if low is None else low), (below if high is None else high)
+    return -math.inf if least is None else least, math.inf if most is None else most
+
+
+def unit_of(hint: Any) -> str:
+    """Return the unit of a number, which None may replace; empty without one."""
+    return next((mark.name for mark in _number_marks(hint) if isinstance(mark, Unit)), "")
+
+
+def _number_marks(hint: Any) -> list[Any]:
+    """Return the metadata of an annotation and of its first alternative."""
+    marks = metadata(hint)
+    base = get_args(hint)[0] if get_origin(hint) is Annotated else hint
+    if get_origin(base) in (Union, types.UnionType):
+        marks += _number_marks(get_args(base)[0])
+    return marks
+
+
 _NUMBER_WORDS = {2: "two", 3: "three", 4: "four"}
 
 
@@ -383,16 +409,17 @@ def _is_number(hint: Any) -> bool:
     return (get_args(hint)[0] if get_origin(hint) is Annotated else hint) in (int, float)
 
 
-def _range(marks: Sequence[Any]) -> str:
-    low, high, above, below = (
+def _limits(marks: Sequence[Any]) -> tuple[float | None, ...]:
+    """Return the least and greatest value, and the limits that a number cannot have itself."""
+    kinds = {"ge": limits.Ge, "le": limits.Le, "gt": limits.Gt, "lt": limits.Lt}
+    return tuple(
         next((getattr(mark, name) for mark in marks if isinstance(mark, kind)), None)
-        for name, kind in (
-            ("ge", limits.Ge),
-            ("le", limits.Le),
-            ("gt", limits.Gt),
-            ("lt", limits.Lt),
-        )
+        for name, kind in kinds.items()
     )
+
+
+def _range(marks: Sequence[Any]) -> str:
+    low, high, above, below = _limits(marks)
     if above is not None and below is not None:
         return f" between {above:.10g} and {below:.10g}"
     if low is not None and high is not None:

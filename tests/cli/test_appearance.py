@@ -1,6 +1,5 @@
 """The colour models on the command line: triples in, tables, JSON and a picture out."""
 
-import dataclasses
 import io
 import json
 import re
@@ -18,7 +17,6 @@ from volspec.appearance.models import APPEARANCE_MODELS, model
 from volspec.appearance.models.hunt import HuntSettings
 from volspec.appearance.models.nayatani95 import NayataniSettings
 from volspec.appearance.spaces import SPACES
-from volspec.cli.viewing import ModelOptions
 from volspec.export.png import icc_profile
 from volspec.spectra import light, white_XYZ
 
@@ -177,6 +175,3 @@ def test_every_input_of_hunt_s_and_nayatani_s_models_is_an_option(capsys):
     )
     for row, look in zip(given, expected, strict=True):
         assert [row["J"], row["C"], row["h"]] == pytest.approx([look.J, look.C, look.h], rel=1e-6)
-    # Options for every field of the settings, and for what `forward` takes besides.
-    fields = {field.name for each in (hunt, nayatani) for field in dataclasses.fields(each)}
-    assert {field.name for field in dataclasses.fields(ModelOptions)} == {*fields, "S"}

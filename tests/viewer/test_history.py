@@ -101,17 +101,17 @@ def test_a_change_costs_the_stage_that_reads_it(state, monkeypatch):
 TEXTS = (
     *("gold", "copper", "silver", "HP1", "sky", "FL2", "A", "maximum", "fast", "#804020", "dim"),
     *("colour", "light", "RGB", "CAM16", "picture", "scene", "dim room", "Display P3", "reduce"),
-    *("tritan", "longpass:500", "exact", "absolute", "distance"),
+    *("exposure", "white_cd_m2", "backdrop", "distance", "intensity", "jitter"),
 )
-# Their panel is open; L_A follows from the light; a light of one spectrum, a curve without regions,
+# Their panel is open; a light of one spectrum, a curve without regions,
 # labels and opacity by gradient, a lamp, a cell without a target, and no room, measurement, focus,
 # fields or layers have nothing to edit.
 _IDLE = (
-    *("commands.open_panel", "viewing.set_luminance", "light_parts.remove_part"),
+    *("commands.open_panel", "light_parts.remove_part"),
     *("transfer_edits.set_region_values", "transfer_edits.set_region_gradients"),
     *("transfer_edits.set_softness", "transfer_edits.move_gradient_point"),
     *("transfer_edits.add_gradient_point", "transfer_edits.remove_gradient_point"),
-    *("lighting.set_occlusion_radius", "opacities.reset", "labels.toggle_label"),
+    *("opacities.reset", "labels.toggle_label"),
     *("labels.show_only", "palette_edits.set_target_weight", "palette_edits.set_target_group"),
     *("depth.reset", "depth.set_aperture", "depth.set_stereo", "fields.choose", "fields.solo"),
     *("fields.set_weight", "fields.set_shown"),

@@ -19,6 +19,7 @@ from tests.support.window import small_engine
 from tests.viewer._edits import drawn
 from volspec.camera.projection import Projection
 from volspec.raycast import Ambient, Directional, LightGroup, Point, RaycastSpec
+from volspec.raycast.lights import as_tuple
 from volspec.spectra import light
 from volspec.viewer.model import lighting, lighting_aim, lights, quality
 from volspec.viewer.model.cuts import Handle
@@ -26,6 +27,9 @@ from volspec.viewer.model.light_rows import Rows, light_rig
 from volspec.viewer.model.lighting_aim import list_sources
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui import lighting as lighting_panel
+from volspec.viewer.ui import quality as quality_panel
+from volspec.viewer.ui.form import Field
 
 KINDS = pytest.mark.parametrize("kind", ["directional light", "point light"])
 WITH_CAMERA = pytest.mark.parametrize("camera", [False, True])
@@ -209,10 +213,10 @@ def test_handles_stay_in_the_picture_until_they_are_hidden(state, zoom, orthogra
 def test_sources_and_quality_are_saved_in_scenes(tmp_path):
     state = added(opened(tmp_path), "directional light", "point light", "sky")
     state = lighting.set_spectrum(state, 1, "A").state
-    state = lighting.set_falloff(state, 3, 30.0)
-    state = lighting.set_occlusion_radius(lighting.toggle_frame(state, 2), 4, 5.0)
-    state = quality.set_shininess(quality.set_specular(state, 0.5), 60)
-    state = quality.set_jitter(quality.set_step(state, 0.3), 0.4)
+    state = lighting.set_source(state, "falloff_mm", 30.0, 3)
+    state = lighting.set_source(lighting.toggle_frame(state, 2), "radius_mm", 5.0, 4)
+    for name, value in (("specular", 0.5), ("shininess", 60), ("jitter", 0.4)):
+        state = quality.set_cast(quality.set_step(state, 0.3), name, value)
     again = assert_same_picture(state, tmp_path).shading
     assert [group.name for group in again.groups] == [g.name for g in state.shading.groups]
     assert again.jitter == 0.4 and again.shininess == 60
@@ -249,12 +253,11 @@ def test_steps_are_counted_in_voxels(state):
 
 def test_every_setting_of_a_cast_can_be_edited():
     """All but the device's, layers, and those that have a panel of their own."""
-    edited = {name.partition("_")[2] for name in vars(quality) if "_" in name}
     others = {"groups", "crop_voxels", "clip_planes", "tile_ms", "layers", "opacities"}
-    others.add("add_fields")
-    names = {"mode": "projection", "step_mm": "step", "preintegrated": "preintegration"}
-    for field in set(RaycastSpec.__dataclass_fields__) - others:
-        assert names.get(field, field) in edited, field
+    others |= {"add_fields", "mode", "step_mm", "preintegrated", "quality", "level"}
+    panels = (*vars(quality_panel).values(), *vars(lighting_panel).values())
+    shown = {each.name for value in panels for each in as_tuple(value) if isinstance(each, Field)}
+    assert set(RaycastSpec.__dataclass_fields__) - others <= shown | {"physical_light"}
     sources = {field for kind in (Ambient, Directional, Point) for field in kind.__slots__}
     changes = "radius_mm occlusion shadows towards position_mm falloff_mm frame intensity"
     assert sources == set(changes.split())

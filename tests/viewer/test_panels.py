@@ -65,27 +65,29 @@ def test_settings_as_they_are_unknown_or_in_conflict_change_nothing(state):
     assert viewing.with_model(by_pixel, "Hunt").viewing.adapting == "picture"
     assert viewing.with_viewing(by_pixel, model="Hunt") is by_pixel
     assert viewing.with_viewing(by_pixel, discount=True).viewing.discount
-    assert viewing.set_white(state, -1.0) is state
     now = state.relight.viewing
-    assert viewing.set_model(state, now.model) is state
-    assert viewing.set_gamut(state, now.display.gamut) is state
-    assert viewing.set_exposure(state, now.exposure) is state
-    for name in ("model", "adapting", "surround", "room", "space", "gamut", "mode", "level"):
-        assert getattr(viewing, f"set_{name}")(state, "nosuch") is state
+    for edit, *names in (
+        (viewing.set_viewing, "model", "adapting", "surround", "exposure"),
+        (viewing.set_display, "preset", "space", "gamut", "white_cd_m2"),
+        (viewing.set_relight, "mode", "level", "nosuch"),
+    ):
+        assert all(edit(state, name, "nosuch") is state for name in names)
+    assert viewing.set_viewing(state, "model", now.model) is state
+    assert viewing.set_display(state, "gamut", now.display.gamut) is state
+    assert viewing.set_display(state, "white_cd_m2", -1.0) is state
 
 
 def test_luminance_follows_the_light_until_it_is_given(state):
     """L_A is E_v/π · Y_b/100, of the light's own lux or the viewing's."""
-    assert viewing.set_luminance(state, 5.0) is state
     for lit, lux in ((light_parts.set_lux(state, 0, 50.0), 50), (state, 1000)):
         own = viewing.toggle_own_luminance(lit)
         np.testing.assert_allclose(own.relight.viewing.L_A, lux / np.pi * 0.2)
-    assert viewing.set_luminance(own, 5.0).relight.viewing.L_A == 5.0
+    assert viewing.set_viewing(own, "L_A", 5.0).relight.viewing.L_A == 5.0
     assert viewing.toggle_own_luminance(own).relight.viewing == state.relight.viewing
     # A brighter display is adapted to.
     display = state.relight.viewing.display
-    brighter = viewing.set_white(state, 3 * display.white_cd_m2).relight.viewing.display
-    np.testing.assert_allclose(brighter.L_A, 3 * display.L_A)
+    brighter = viewing.set_display(state, "white_cd_m2", 3 * display.white_cd_m2)
+    np.testing.assert_allclose(brighter.relight.viewing.display.L_A, 3 * display.L_A)
 
 
 def test_a_room_is_named_until_its_numbers_change():

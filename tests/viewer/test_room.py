@@ -127,7 +127,7 @@ def test_conditions_follow_the_view_unless_they_are_given(opened):
     assert here is edits.shown_spec(replace(opened, size=(9, 9)))
     turned = replace(opened, view=replace(opened.view, azimuth_deg=-150))
     assert edits.shown_spec(turned).viewing.Y_b != here.viewing.Y_b
-    assert edits.shown_spec(viewing.set_background(turned, 55.0)).viewing.Y_b == 55.0
+    assert edits.shown_spec(viewing.set_viewing(turned, "Y_b", 55.0)).viewing.Y_b == 55.0
 
 
 @pytest.mark.slow
@@ -212,7 +212,7 @@ def test_what_a_room_cannot_do(opened, state):
         kept = edits.with_room_light(opened, change.state)
         assert kept.shading == opened.shading
         assert kept.lights == opened.lights
-    glossy = quality.set_specular(opened, 0.4)
+    glossy = quality.set_cast(opened, "specular", 0.4)
     assert edits.with_room_light(opened, glossy) is glossy
     # A basis of materials has no channels for walls: the volume is shown in the room's light.
     exact = replace(opened, transfer=with_material_basis(opened.transfer))

@@ -12,12 +12,15 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import wraps
-from typing import Any, Concatenate, NamedTuple, ParamSpec
+from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
 
 from volspec.errors import VolspecError, one_line
+from volspec.settings import hints, number_limits
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view import clamp
 
 P = ParamSpec("P")
+Spec = TypeVar("Spec")
 
 
 class Edited(NamedTuple):
@@ -89,6 +92,21 @@ def _is_finite(value: object) -> bool:
     if isinstance(value, tuple):
         return all(map(_is_finite, value))
     return not isinstance(value, float) or math.isfinite(value)
+
+
+def with_field(spec: Spec, name: str, value: Any) -> Spec:
+    """Return settings with another value of a field, a number as near as its range allows.
+
+    They are the same object if nothing changes, or if there is no such field. Raises their error
+    if the value is refused.
+    """
+    cls: Any = type(spec)
+    hint = hints(cls).get(name)
+    if hint is None:
+        return spec
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        value = clamp(value, *number_limits(hint))
+    return spec if getattr(spec, name) == value else replace(spec, **{name: value})  # type: ignore[type-var]
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,15 @@ from volspec.raycast.lights import Source
 from volspec.spectra import Spectrum
 from volspec.viewer.model import light_parts, light_rows, lighting_aim
 from volspec.viewer.model.cuts import Handle, overlay_command, with_overlays
-from volspec.viewer.model.edit import Command, Edited, bind, edit, refusable, with_interface
+from volspec.viewer.model.edit import (
+    Command,
+    Edited,
+    bind,
+    edit,
+    refusable,
+    with_field,
+    with_interface,
+)
 from volspec.viewer.model.lighting_aim import Placed, list_sources
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp, vector
@@ -154,9 +162,9 @@ def choose_source(state: ViewState, index: int) -> ViewState:
 
 
 @edit
-def set_intensity(state: ViewState, index: int, intensity: float) -> ViewState:
-    """Set the intensity of a light source."""
-    return _change_source(state, index, intensity=clamp(intensity, 0.0, MOST_INTENSITY))
+def set_source(state: ViewState, name: str, value: object, index: int) -> ViewState:
+    """Set a field of a light source, if it has it."""
+    return _with_source(state, index, lambda source: with_field(source, name, value))
 
 
 @edit
@@ -167,18 +175,6 @@ def toggle_blocking(state: ViewState, index: int) -> ViewState:
         return _with_blocking(source, not is_blocked(source))
 
     return _with_source(state, index, change)
-
-
-@edit
-def set_occlusion_radius(state: ViewState, index: int, mm: float) -> ViewState:
-    """Set the distance up to which matter occludes a sky; 0 or less for the default."""
-    return _change_source(state, index, radius_mm=mm if mm > 0 else None)
-
-
-@edit
-def set_falloff(state: ViewState, index: int, mm: float) -> ViewState:
-    """Set the distance at which a point light has its intensity; 0 or less for no falloff."""
-    return _change_source(state, index, falloff_mm=mm if mm > 0 else None)
 
 
 @edit

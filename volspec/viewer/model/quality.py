@@ -15,16 +15,12 @@ from volspec.raycast import RaycastSpec
 from volspec.raycast.quality import Quality
 from volspec.raycast.spec import MAX_STEPS, MODES, diagonal_mm
 from volspec.transfer import Isosurfaces, TransferFunction, TransferFunction2D, presets
-from volspec.viewer.model.edit import Command, Edited, bind, edit, refusable
+from volspec.viewer.model.edit import Command, Edited, bind, edit, refusable, with_field
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
-# The greatest ambient, diffuse and specular weight on a slider.
-MOST_WEIGHT = 4.0
 # Step, in smallest spacings.
 STEPS = (0.05, 4.0)
-LIGHT_CELLS = (8, 512)
-SHININESS = (1, 1024)
 QUALITIES: tuple[Quality, ...] = get_args(Quality)
 
 
@@ -100,33 +96,10 @@ def cast_spec(state: ViewState) -> RaycastSpec:
 
 
 @edit
-def set_ambient(state: ViewState, weight: float) -> ViewState:
-    """Set the weight of light from all directions."""
-    return _change(state, ambient=clamp(weight, 0.0, MOST_WEIGHT))
-
-
-@edit
-def set_diffuse(state: ViewState, weight: float) -> ViewState:
-    """Set the weight of directed light."""
-    return _change(state, diffuse=clamp(weight, 0.0, MOST_WEIGHT))
-
-
-@edit
-def set_specular(state: ViewState, weight: float) -> ViewState:
-    """Set the weight of highlights."""
-    return _change(state, specular=clamp(weight, 0.0, MOST_WEIGHT))
-
-
-@edit
-def set_shininess(state: ViewState, exponent: float) -> ViewState:
-    """Set the sharpness of highlights."""
-    return _change(state, shininess=round(clamp(exponent, *SHININESS)))
-
-
-@edit
-def set_flat_gradient(state: ViewState, share: float) -> ViewState:
-    """Set the gradient below which surfaces fade to unshaded."""
-    return _change(state, flat_gradient=clamp(share, 0.0, 1.0))
+def set_cast(state: ViewState, name: str, value: object) -> ViewState:
+    """Set a field of the cast's settings that suits every transfer function."""
+    spec = with_field(state.shading, name, value)
+    return state if spec is state.shading else replace(state, shading=spec)
 
 
 @refusable
@@ -196,63 +169,8 @@ def set_step(state: ViewState, voxels: float) -> ViewState:
     return _change(state, step_mm=step)
 
 
-@edit
-def set_jitter(state: ViewState, share: float) -> ViewState:
-    """Shift samples at random by up to this fraction of a step."""
-    return _change(state, jitter=clamp(share, 0.0, 1.0))
-
-
 def _toggle_jitter(state: ViewState) -> ViewState:
-    return set_jitter(state, 0.0 if state.shading.jitter > 0 else 1.0)
-
-
-@edit
-def set_seed(state: ViewState, seed: int) -> ViewState:
-    """Set the seed of the jitter."""
-    return _change(state, seed=min(max(seed, 0), 2**32 - 1))
-
-
-@edit
-def set_adaptive(state: ViewState, opacity: float) -> ViewState:
-    """Lengthen steps where their opacity varies by less than this; 0 for equal steps."""
-    return _change(state, adaptive=clamp(opacity, 0.0, 1.0))
-
-
-@edit
-def set_alpha_stop(state: ViewState, opacity: float) -> ViewState:
-    """Set the opacity at which rays end."""
-    return _change(state, alpha_stop=clamp(opacity, 0.05, 1.0))
-
-
-@edit
-def set_first_opacity(state: ViewState, opacity: float) -> ViewState:
-    """Set the opacity at which a ray has hit something."""
-    return _change(state, first_opacity=clamp(opacity, 0.001, 1.0))
-
-
-@edit
-def set_light_cells(state: ViewState, cells: int) -> ViewState:
-    """Set the cells of the light volume along the longest axis: detail of shadows."""
-    low, high = LIGHT_CELLS
-    return _change(state, light_cells=min(max(cells, low), high))
-
-
-@edit
-def set_level(state: ViewState, level: int) -> ViewState:
-    """Set the level of detail of a volume larger than memory; below 0 by the size of pixels."""
-    return _change(state, level=level if level >= 0 else None)
-
-
-@edit
-def toggle_physical_light(state: ViewState) -> ViewState:
-    """Let shadows and occlusion be those of rays through voxels, or of a coarse grid."""
-    return _change(state, physical_light=not state.shading.physical_light)
-
-
-@edit
-def toggle_half(state: ViewState) -> ViewState:
-    """Store the picture's channels as float16, or float32."""
-    return _change(state, half=not state.shading.half)
+    return set_cast(state, "jitter", 0.0 if state.shading.jitter > 0 else 1.0)
 
 
 @edit
@@ -309,7 +227,7 @@ COMMANDS = (
         "Render",
         "Physical shadows",
         (),
-        toggle_physical_light,
+        lambda state: set_cast(state, "physical_light", not state.shading.physical_light),
         lambda state: state.shading.physical_light,
         "occlusion light true exact brute force voxels quality",
     ),

@@ -22,7 +22,7 @@ from volspec.spectra.library import EVERYDAY, describe_light, library_names
 from volspec.viewer.model import lights, viewing
 from volspec.viewer.model.choices import TITLES, value_text
 from volspec.viewer.model.commands import COMMANDS, open_panel, rank_matches
-from volspec.viewer.model.edit import Change, Edited
+from volspec.viewer.model.edit import Change
 from volspec.viewer.model.room import PANEL
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import lighting, quality, room
@@ -129,12 +129,12 @@ def _entries(
     )
     return (
         *commands,
-        *_choices("Model", MODELS, viewing.set_model),
-        *_choices("Display", PRESETS, viewing.set_room),
-        *_choices("Surround", SURROUNDS, viewing.set_surround),
-        *_choices("Space", SPACES, viewing.set_space),
-        *_choices("Gamut", GAMUTS, viewing.set_gamut),
-        *_choices("Vision", DEFICIENCIES, viewing.set_deficiency, VISION, _VISION_NAMES),
+        *_choices("Model", MODELS, viewing.set_viewing, "model"),
+        *_choices("Display", PRESETS, viewing.set_display, "preset"),
+        *_choices("Surround", SURROUNDS, viewing.set_viewing, "surround"),
+        *_choices("Space", SPACES, viewing.set_display, "space"),
+        *_choices("Gamut", GAMUTS, viewing.set_display, "gamut"),
+        *_choices("Vision", DEFICIENCIES, viewing.set_viewing, "deficiency", VISION, _VISION_NAMES),
         *(
             Entry(
                 "Setting",
@@ -180,12 +180,13 @@ def _entries(
 def _choices(
     group: str,
     names: Iterable[str],
-    change: Callable[[ViewState, str], ViewState | Edited],
+    change: Callable[[ViewState, str, object], ViewState],
+    field: str,
     titles: Mapping[str, str] = MappingProxyType({}),
     words: str = "",
 ) -> list[Entry]:
     def choose(name: str) -> Change:
-        return lambda state: change(state, name)
+        return lambda state: change(state, field, name)
 
     return [
         Entry(group, titles.get(name, name), change=choose(name), words=words) for name in names

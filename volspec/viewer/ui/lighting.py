@@ -12,13 +12,15 @@ from volspec.raycast import Ambient, Directional, Headlight, Point
 from volspec.raycast.lights import Source
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum
-from volspec.viewer.model import lighting, lighting_aim, quality
+from volspec.viewer.model import lighting, lighting_aim
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.cuts import nearest_handle
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import lights_library
 from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.form import Field, Form, draw_field, draw_fields
 from volspec.viewer.ui.light_look import fill_box, raw_colour
+from volspec.viewer.ui.quality import CAST
 from volspec.viewer.ui.widgets import (
     ACCENT,
     BLACK,
@@ -28,7 +30,6 @@ from volspec.viewer.ui.widgets import (
     lit_button,
     over_picture,
     pack_colour,
-    setting_slider,
     shorten,
     wrap_text,
 )
@@ -40,7 +41,13 @@ _IN_ROOM = (
     "Directions and shadows follow from the room."
 )
 _LOG = imgui.SliderFlags_.logarithmic
-SETTINGS = ("Ambient", "Diffuse", "Specular", "Shininess", "Flat gradient")
+_WEIGHTS = Field("ambient", "Ambient", (0.0, 2.0)), Field("diffuse", "Diffuse", (0.0, 2.0))
+_GLOSS = (
+    Field("specular", "Specular", (0.0, 2.0)),
+    Field("shininess", "Shininess", (1, 256), is_logarithmic=True),
+    Field("flat_gradient", "Flat gradient", (0.0, 0.3), "%.3f"),
+)
+SETTINGS = tuple(each.label for each in (*_WEIGHTS, *_GLOSS))
 """Labels of the items that `UiContext.item` can focus."""
 _ENTER = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
 _INTENSITY = 4.0  # the greatest on a slider
@@ -76,7 +83,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     imgui.push_item_width(-ui.px(_LABELS))
     new = _details(new, state, ui)
     imgui.separator_text("Surface")
-    new = _surface(new, ui)
+    new = draw_fields(new, ui, CAST, *_WEIGHTS, *_GLOSS)
     imgui.pop_item_width()
     imgui.pop_style_var()
     return None if new is state else new
@@ -151,7 +158,8 @@ def _source(
     moved, value = imgui.slider_float("##intensity", source.intensity, 0.0, top, "%.2f")
     ui.note(f"intensity {index}", "Intensity")
     if moved:
-        new = lighting.set_intensity(lighting.choose_source(new, index), index, value)
+        new = lighting.choose_source(new, index)
+        new = lighting.set_source(new, "intensity", value, index)
     imgui.same_line()
     letter = "O" if isinstance(source, Ambient) else "S"
     imgui.begin_disabled(isinstance(source, Headlight))
@@ -191,25 +199,19 @@ def _details(new: ViewState, state: ViewState, ui: UiContext) -> ViewState:
         if moved:
             new = lighting.aim(new, index, azimuth, value)
     reach = radius_mm(state.document.volume)
+    form = Form(lambda _: source, partial(lighting.set_source, index=index))
     if isinstance(source, Point):
         mm, limits = lighting_aim.distance_mm(state, source), (0.1 * reach, 10 * reach)
         moved, value = imgui.slider_float("Distance", mm, *limits, "%.4g mm", _LOG)
         ui.note("light distance", "From the volume's middle")
         if moved:
             new = lighting.set_distance(new, index, value)
-        mm, text = source.falloff_mm or 0.0, "%.4g mm" if source.falloff_mm else "none"
-        moved, value = imgui.slider_float("Falloff", mm, 0.0, 5 * reach, text)
-        ui.note("light falloff", describe_field(Point, "falloff_mm"))
-        if moved:
-            new = lighting.set_falloff(new, index, value)
+        new = draw_field(
+            new, ui, form, Field("falloff_mm", "Falloff", (0.0, 5 * reach), none="none")
+        )
     if isinstance(source, Ambient):
-        imgui.begin_disabled(not source.occlusion)
-        mm, text = source.radius_mm or 0.0, "%.4g mm" if source.radius_mm else "automatic"
-        moved, value = imgui.slider_float("Radius", mm, 0.0, reach, text)
-        imgui.end_disabled()
-        ui.note("occlusion radius", describe_field(Ambient, "radius_mm"))
-        if moved:
-            new = lighting.set_occlusion_radius(new, index, value)
+        radius = Field("radius_mm", "Radius", (0.0, reach), none="automatic")
+        new = draw_field(new, ui, form, radius, disabled=not source.occlusion)
     if isinstance(source, Directional | Point):
         pressed, _ = imgui.checkbox("Moves with the camera", source.frame == "camera")
         ui.note("light frame", describe_field(type(source), "frame"))
@@ -230,29 +232,13 @@ def _regroup(new: ViewState, state: ViewState, ui: UiContext, index: int, group:
     return ui.edited(new, partial(lighting.move_source, index=index, group=at)) if picked else new
 
 
-def _surface(state: ViewState, ui: UiContext) -> ViewState:
-    spec, weights = state.shading, (0.0, 2.0)
-    new = setting_slider(state, ui, quality.set_ambient, "Ambient", spec, weights)
-    new = setting_slider(new, ui, quality.set_diffuse, "Diffuse", spec, weights)
-    return _gloss(new, ui)
-
-
 def _surface_of_room(state: ViewState, ui: UiContext) -> ViewState:
     """Draw what the room leaves to choose."""
     imgui.separator_text("Surface")
     imgui.push_item_width(-ui.px(_LABELS))
-    new = _gloss(state, ui)
+    new = draw_fields(state, ui, CAST, *_GLOSS)
     imgui.pop_item_width()
     return new
-
-
-def _gloss(state: ViewState, ui: UiContext) -> ViewState:
-    new, spec, weights = state, state.shading, (0.0, 2.0)
-    new = setting_slider(new, ui, quality.set_specular, "Specular", spec, weights)
-    limits = 1.0, 256.0
-    new = setting_slider(new, ui, quality.set_shininess, "Shininess", spec, limits, "%.0f", _LOG)
-    limits = 0.0, 0.3
-    return setting_slider(new, ui, quality.set_flat_gradient, "Flat gradient", spec, limits, "%.3f")
 
 
 @lru_cache(maxsize=128)

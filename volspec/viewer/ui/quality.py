@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 from imgui_bundle import imgui
@@ -12,18 +13,25 @@ from volspec.raycast.spec import MODES
 from volspec.viewer.model import quality
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.widgets import describe_field, focus_if_wanted, lit_button, setting_slider
+from volspec.viewer.ui.form import Field, Form, draw_field, draw_fields
+from volspec.viewer.ui.widgets import describe_field, focus_if_wanted, lit_button
 
 _LABELS = 104
 _LOG = imgui.SliderFlags_.logarithmic
+CAST = Form(lambda state: state.shading, quality.set_cast)
+_JITTER, _ADAPTIVE = (
+    Field("jitter", "Jitter"),
+    Field("adaptive", "Adaptive", (0.0, 0.2), "%.3f", is_logarithmic=True),
+)
+_CELLS = Field("light_cells", "Light cells", (8, 512), is_logarithmic=True)
+_STOP = Field("alpha_stop", "Alpha stop", (0.5, 1.0), "%.4f")
+_LIMITS = (
+    Field("first_opacity", "First opacity", (0.001, 1.0)),
+    Field("seed", "Seed", None),
+    Field("half", "Half precision"),
+)
 SETTINGS = (
-    "Projection",
-    "Step",
-    "Jitter",
-    "Adaptive",
-    "Light cells",
-    "Alpha stop",
-    "First opacity",
+    *("Projection", "Step", "Jitter", "Adaptive", "Light cells", "Alpha stop", "First opacity"),
     "Seed",
 )
 """Labels of the items that `UiContext.item` can focus."""
@@ -38,19 +46,13 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     new = _sampling(_presets(new, ui), ui)
     new = _level(new, ui)
     imgui.separator_text("Shadows")
-    flipped, _ = imgui.checkbox("Physical", new.shading.physical_light)
-    ui.note("physical light", _about("physical_light"))
-    new = quality.toggle_physical_light(new) if flipped else new
-    imgui.begin_disabled(new.shading.physical_light)
-    focus_if_wanted("Light cells", ui)
-    moved, cells = imgui.slider_int(
-        "Light cells", new.shading.light_cells, *quality.LIGHT_CELLS, "%d", _LOG
-    )
-    ui.note("light cells", _about("light_cells"))
-    new = quality.set_light_cells(new, cells) if moved else new
-    imgui.end_disabled()
+    new = draw_field(new, ui, CAST, Field("physical_light", "Physical"))
+    new = draw_field(new, ui, CAST, _CELLS, disabled=new.shading.physical_light)
     imgui.separator_text("Limits")
-    new = _limits(new, ui)
+    spec = new.shading
+    stop = _STOP if spec.alpha_stop else replace(_STOP, text="by quality")
+    new = draw_field(new, ui, CAST, stop, now=1.0 - spec.least_transmittance)
+    new = draw_fields(new, ui, CAST, *_LIMITS)
     imgui.pop_style_var()
     imgui.pop_item_width()
     return None if new is state else new
@@ -67,7 +69,7 @@ def _level(state: ViewState, ui: UiContext) -> ViewState:
     now = 0 if state.shading.level is None else 1 + min(state.shading.level, len(names) - 2)
     picked, at = imgui.combo("Level", now, names)
     ui.note("level", _about("level"))
-    return quality.set_level(state, at - 1) if picked else state
+    return quality.set_cast(state, "level", at - 1 if at else None) if picked else state
 
 
 def _about(field: str) -> str:
@@ -104,38 +106,20 @@ def _presets(state: ViewState, ui: UiContext) -> ViewState:
 
 
 def _sampling(state: ViewState, ui: UiContext) -> ViewState:
-    spec, new = state.shading, state
+    new = state
     focus_if_wanted("Step", ui)
-    text = "%.2f voxels" if spec.step_mm else "by quality"
+    text = "%.2f voxels" if state.shading.step_mm else "by quality"
     moved, voxels = imgui.slider_float(
         "Step", quality.step_voxels(state), *quality.STEPS, text, _LOG
     )
     ui.note("step", _about("step_mm"))
     if moved:
         new = quality.set_step(new, voxels)
-    new = setting_slider(new, ui, quality.set_jitter, "Jitter", spec, (0.0, 1.0))
+    new = draw_field(new, ui, CAST, _JITTER)
     imgui.begin_disabled(not quality.can_project(state))
     pressed, _ = imgui.checkbox("Pre-integration", quality.cast_spec(state).preintegrated)
     imgui.end_disabled()
     ui.note("pre-integration", _about("preintegrated"), greyed=True)
     if pressed:
         new = ui.edited(new, quality.toggle_preintegration)
-    return setting_slider(new, ui, quality.set_adaptive, "Adaptive", spec, (0.0, 0.2), "%.3f", _LOG)
-
-
-def _limits(state: ViewState, ui: UiContext) -> ViewState:
-    spec = state.shading
-    focus_if_wanted("Alpha stop", ui)
-    text = "%.4f" if spec.alpha_stop else "by quality"
-    moved, stop = imgui.slider_float("Alpha stop", 1.0 - spec.least_transmittance, 0.5, 1.0, text)
-    ui.note("alpha stop", _about("alpha_stop"))
-    new = quality.set_alpha_stop(state, stop) if moved else state
-    limits = 0.001, 1.0
-    new = setting_slider(new, ui, quality.set_first_opacity, "First opacity", spec, limits)
-    focus_if_wanted("Seed", ui)
-    moved, seed = imgui.input_int("Seed", spec.seed)
-    ui.note("seed", _about("seed"))
-    new = quality.set_seed(new, seed) if moved else new
-    pressed, _ = imgui.checkbox("Half precision", spec.half)
-    ui.note("half", _about("half"))
-    return quality.toggle_half(new) if pressed else new
+    return draw_field(new, ui, CAST, _ADAPTIVE)

@@ -2,51 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
 from volspec.appearance.deficiency import VISION
-from volspec.appearance.display import GAMUTS, PRESETS, Display
+from volspec.appearance.display import PRESETS, Display
 from volspec.appearance.spaces import SPACES, ColourSpace
-from volspec.appearance.spec import ADAPTING, MODELS, PER_PIXEL, SURROUNDS, Viewing
-from volspec.basis import MODES
-from volspec.relight.spec import LEVELS
+from volspec.appearance.spec import ADAPTING, PER_PIXEL
 from volspec.spectra import Spectrum
 from volspec.viewer.model import viewing as edits
 from volspec.viewer.model.light_rows import Rows, facing_light
 from volspec.viewer.model.room import shown_spec
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext, tip
+from volspec.viewer.ui.form import Field, Form, draw_field, draw_fields
 from volspec.viewer.ui.light_look import white_from_rig
-from volspec.viewer.ui.widgets import describe_field, focus_if_wanted, pick
+from volspec.viewer.ui.widgets import focus_if_wanted, pick
 
 if TYPE_CHECKING:
     from volspec.scene.room import SceneRoom
 
-SetText = Callable[[ViewState, str], ViewState]
-SetNumber = Callable[[ViewState, float], ViewState]
-_LUX = (edits.LEAST_LUX, 100_000.0)
-_LUMINANCE = (0.01, 20_000.0)
-_WHITE = (1.0, 4000.0)
 _LABELS = 92
-_LOG = imgui.SliderFlags_.logarithmic
 _OWN = "own numbers"
-_ADAPTING = {"given": "as set below", "picture": "by the picture", "pixel": "by each pixel"}
+_VIEWING = Form(lambda state: state.relight.viewing, edits.set_viewing)
+_SHOWN = Form(lambda state: shown_spec(state).viewing, edits.set_viewing)
+_DISPLAY = Form(lambda state: state.relight.viewing.display, edits.set_display)
+_RELIGHT = Form(lambda state: state.relight, edits.set_relight)
+_TITLES = {"given": "as set below", "picture": "by the picture", "pixel": "by each pixel"}
+_ADAPTING = Field("adapting", "Adapting", titles=_TITLES)
+_LUX = Field("illuminance_lux", "Illuminance", (0.1, 100_000.0), is_logarithmic=True)
+_LUMINANCE = Field("L_A", "##L_A", (0.01, 20_000.0), "adapts to %.4g cd/m²", is_logarithmic=True)
+_SCENE = (
+    Field("Y_b", "Background", (1.0, 100.0), "%.0f %%"),
+    Field("surround", "Surround"),
+    Field("adopted_white", "Adapts to"),
+)
+_DEGREE = Field("D", "Adaptation", (-0.01, 1.0), none="automatic")
+_SPACE = Field("space", "Space")
+_SCREEN = (
+    Field("white_cd_m2", "White", (1.0, 4000.0), is_logarithmic=True),
+    Field("surround", "Surround##display"),
+    Field("gamut", "Gamut"),
+    Field("mark", "Mark colours out of gamut"),
+)
+_VISION = Field("deficiency", "Vision", titles=VISION)
+_EXPOSURE = Field("exposure", "Exposure", (0.1, 10.0), "× %.2f", is_logarithmic=True)
+_BACKDROP = Field("backdrop", "Backdrop")
+_FILTER = Field("filter", "Filter", none=edits.NO_FILTER)
 SETTINGS = (
-    "Illuminance",
-    "Background",
-    "Surround",
-    "Adaptation",
-    "Room",
-    "Space",
-    "White",
-    "Gamut",
-    "Vision",
-    "Exposure",
-    "Backdrop",
+    *("Illuminance", "Background", "Surround", "Adaptation", "Room", "Space", "White", "Gamut"),
+    *("Vision", "Exposure", "Backdrop"),
 )
 """Labels of the items that `UiContext.item` can focus."""
 
@@ -92,14 +99,9 @@ def white_text(lights: Rows, room: SceneRoom | None = None) -> str:
 
 
 def _eye(state: ViewState, ui: UiContext) -> ViewState:
-    new = _combo(state, ui, edits.set_model, "Model", state.relight.viewing.model, MODELS)
-    ui.note("model")
-    viewing = new.relight.viewing
-    measurable = ADAPTING if viewing.model in PER_PIXEL else ADAPTING[:2]
-    titles = {_ADAPTING[each]: each for each in measurable}
-    picked = pick("Adapting", _ADAPTING[viewing.adapting], titles)
-    tip("What the eye adapts to is set below, or measured in the picture or around each pixel")
-    return new if picked is None else edits.set_adapting(new, titles[picked])
+    new = draw_field(state, ui, _VIEWING, Field("model", "Model"))
+    measurable = ADAPTING if new.relight.viewing.model in PER_PIXEL else ADAPTING[:2]
+    return draw_field(new, ui, _VIEWING, _ADAPTING, names=measurable)
 
 
 def _level(state: ViewState, ui: UiContext) -> ViewState:
@@ -108,118 +110,44 @@ def _level(state: ViewState, ui: UiContext) -> ViewState:
     lux = rig.total_lux if rig is not None else None
     own = state.relight.viewing.L_A is not None
     now, greyed = lux or viewing.illuminance_lux, lux is not None or own
-    new = _slider(
-        state, ui, edits.set_illuminance, "Illuminance", now, _LUX, "%.4g lx", _LOG, greyed
-    )
-    ui.note("illuminance")
-    tip("The lights' own lux are used" if lux else "For lights without lux of their own")
-    now, text = edits.luminance(rig, shown_spec(new).viewing), "adapts to %.4g cd/m²"
-    new = _slider(new, ui, edits.set_luminance, "##L_A", now, _LUMINANCE, text, _LOG, not own)
+    new = draw_field(state, ui, _VIEWING, _LUX, now=now, disabled=greyed)
+    now = edits.luminance(rig, shown_spec(new).viewing)
+    new = draw_field(new, ui, _VIEWING, _LUMINANCE, now=now, disabled=not own)
     imgui.same_line()
     pressed, _ = imgui.checkbox("set", own)
     tip("Set the adapting luminance L_A; otherwise it follows from light and background")
     if pressed:
         new = edits.toggle_own_luminance(new)
-    limits = 1.0, 100.0
-    new = _slider(new, ui, edits.set_background, "Background", viewing.Y_b, limits, "%.0f %%")
-    tip("Luminance factor Y_b of the background, in per cent of white")
-    surround = _surround_text(viewing.surround)
-    new = _combo(new, ui, edits.set_surround, "Surround", surround, edits.SCENE_SURROUNDS)
-    tip("measured: by the light of what is 11 to 90 degrees from the picture's centre")
-    white = viewing.adopted_white
-    shown = white if isinstance(white, str) else "X {:.4g}  Y {:.4g}  Z {:.4g}".format(*white)
-    new = _combo(new, ui, edits.set_adopted_white, "Adapts to", shown, edits.ADOPTED_WHITES)
-    tip(
-        "The adopted white. light: of a surface that faces every source;\n"
-        "scene: of what the picture shows"
-    )
-    return new
+    return draw_fields(new, ui, _SHOWN, *_SCENE)
 
 
 def _adaptation(state: ViewState, ui: UiContext) -> ViewState:
-    viewing = state.relight.viewing
-    D, limits = 1.0 if viewing.discount else viewing.D, (-0.01, 1.0)
-    now, text = (-0.01, "automatic") if D is None else (D, "%.2f")
-    new = _slider(
-        state, ui, edits.set_adaptation, "Adaptation", now, limits, text, disabled=viewing.discount
-    )
-    tip("Degree of adaptation D, 0 to 1; automatic: the model's own, at the slider's left end")
-    pressed, _ = imgui.checkbox("Discount the light's colour", viewing.discount)
-    return edits.toggle_discount(new) if pressed else new
+    discount = state.relight.viewing.discount
+    now = 1.0 if discount else None
+    new = draw_field(state, ui, _VIEWING, _DEGREE, now=now, disabled=discount)
+    return draw_field(new, ui, _VIEWING, Field("discount", "Discount the light's colour"))
 
 
 def _display(state: ViewState, ui: UiContext) -> ViewState:
-    display = state.relight.viewing.display
-    new = _combo(state, ui, edits.set_room, "Room", matching_preset(display), PRESETS)
+    """Draw the display, and the deficiency that is simulated."""
+    display, new = state.relight.viewing.display, state
+    focus_if_wanted("Room", ui)
+    room = pick("Room", matching_preset(display), PRESETS)
     ui.note("room")
+    if room is not None:
+        new = edits.set_display(new, "preset", room)
     space = display.space.name if isinstance(display.space, ColourSpace) else str(display.space)
-    new = _combo(new, ui, edits.set_space, "Space", space, SPACES)
-    white = display.white_cd_m2
-    new = _slider(new, ui, edits.set_white, "White", white, _WHITE, "%.4g cd/m²", _LOG)
-    surround = _surround_text(display.surround)
-    new = _combo(new, ui, edits.set_display_surround, "Surround##display", surround, SURROUNDS)
-    new = _combo(new, ui, edits.set_gamut, "Gamut", display.gamut, GAMUTS)
-    pressed, _ = imgui.checkbox("Mark colours out of gamut", display.mark)
-    return _vision(ui.run(new, "mark") if pressed else new, ui)
-
-
-def _vision(state: ViewState, ui: UiContext) -> ViewState:
-    """Draw the colour-vision deficiency that is simulated, and its severity."""
-    viewing = state.relight.viewing
-    focus_if_wanted("Vision", ui)
-    picked = pick("Vision", VISION[viewing.deficiency], VISION.values())
-    tip(describe_field(Viewing, "deficiency"))
-    names = {title: name for name, title in VISION.items()}
-    new = state if picked is None else edits.set_deficiency(state, names[picked])
-    if viewing.deficiency == "none":
+    new = draw_field(new, ui, _DISPLAY, _SPACE, now=space, names=SPACES)
+    new = draw_fields(new, ui, _DISPLAY, *_SCREEN)
+    new = draw_field(new, ui, _VIEWING, _VISION)
+    if new.relight.viewing.deficiency == "none":
         return new
-    limits = 0.0, 1.0
-    new = _slider(new, ui, edits.set_severity, "Severity", viewing.severity, limits, "%.2f")
-    tip(describe_field(Viewing, "severity"))
-    return new
+    return draw_field(new, ui, _VIEWING, Field("severity", "Severity"))
 
 
 def _picture(state: ViewState, ui: UiContext) -> ViewState:
-    spec, limits = state.relight, edits.EXPOSURE_RANGE
-    exposure = spec.viewing.exposure
-    new = _slider(state, ui, edits.set_exposure, "Exposure", exposure, limits, "× %.2f", _LOG)
-    ui.note("exposure")
-    if not isinstance(spec.backdrop, Spectrum):
-        new = _slider(new, ui, edits.set_backdrop, "Backdrop", spec.backdrop, (0.0, 1.0), "%.2f")
-    new = _combo(new, ui, edits.set_filter, "Filter", spec.filter or edits.NO_FILTER, edits.FILTERS)
-    tip("In the eye's path, in nm: it keeps out a laser, so that what it excites is seen")
-    new = _combo(new, ui, edits.set_mode, "Mode", spec.mode, MODES)
-    tip("fitted: a matrix for each light; componentwise: channel by channel. E shows the error")
-    new = _combo(new, ui, edits.set_level, "Level", spec.level, LEVELS)
-    tip("relative: white stays white; absolute: by the lights' lux")
-    return new
-
-
-def _combo(
-    state: ViewState, ui: UiContext, change: SetText, label: str, now: str, names: Iterable[str]
-) -> ViewState:
-    focus_if_wanted(label, ui)
-    key = pick(label, now, names)
-    return state if key is None else change(state, key)
-
-
-def _slider(
-    state: ViewState,
-    ui: UiContext,
-    change: SetNumber,
-    label: str,
-    now: float,
-    limits: tuple[float, float],
-    text: str,
-    flags: int = 0,
-    disabled: bool = False,
-) -> ViewState:
-    focus_if_wanted(label, ui)
-    imgui.begin_disabled(disabled)
-    moved, value = imgui.slider_float(label, now, *limits, text, flags)
-    imgui.end_disabled()
-    return change(state, value) if moved else state
-
-
-def _surround_text(surround: str | float) -> str:
-    return surround if isinstance(surround, str) else f"{surround:.3g}"
+    new = draw_field(state, ui, _VIEWING, _EXPOSURE)
+    if not isinstance(new.relight.backdrop, Spectrum):
+        new = draw_field(new, ui, _RELIGHT, _BACKDROP)
+    new = draw_field(new, ui, _RELIGHT, _FILTER, names=edits.FILTERS)
+    return draw_fields(new, ui, _RELIGHT, Field("mode", "Mode"), Field("level", "Level"))

@@ -21,7 +21,6 @@ from volspec.errors import VolspecWarning, quoted
 from volspec.settings import descriptions
 from volspec.viewer.model.commands import format_key
 from volspec.viewer.model.edit import Command
-from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import LibraryState, UiContext
 
 FONT_SIZE = 15.0
@@ -245,27 +244,6 @@ def focus_if_wanted(name: str, ui: UiContext) -> None:
     if ui.item == name:
         ui.item = ""
         imgui.set_keyboard_focus_here()
-
-
-def setting_slider(
-    state: ViewState,
-    ui: UiContext,
-    change: Callable[[ViewState, float], ViewState],
-    label: str,
-    spec: Any,
-    limits: tuple[float, float],
-    text: str = "%.2f",
-    flags: int = 0,
-) -> ViewState:
-    """Draw a slider for the field of ``spec`` that is named as its label; return the edited state.
-
-    The field's description is the tooltip.
-    """
-    field = label.lower().replace(" ", "_")
-    focus_if_wanted(label, ui)
-    moved, value = imgui.slider_float(label, float(getattr(spec, field)), *limits, text, flags)
-    ui.note(label.lower(), describe_field(type(spec), field))
-    return change(state, value) if moved else state
 
 
 def lit_button(label: str, on: bool, dark: bool, size: tuple[float, float] = (0, 0)) -> bool:

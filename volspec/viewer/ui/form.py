@@ -1,0 +1,111 @@
+"""Widgets for fields of settings: sliders, lists and boxes, whose tips are the fields' docstrings.
+
+    settings, state -> [form] -> panels
+
+A panel lists the `Field`s that it shows; type, choices, range and unit are those of the settings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from imgui_bundle import imgui
+
+from volspec.settings import choices, hints, number_limits, unit_of
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.widgets import describe_field, focus_if_wanted, pick
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """Settings of a state, and the edit that sets a field of them by its name."""
+
+    read: Callable[[ViewState], Any]
+    change: Callable[[ViewState, str, Any], ViewState]
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A field of settings, and how its widget shows it."""
+
+    name: str
+    label: str
+    limits: tuple[float, float] | None = (0.0, 1.0)
+    """Ends of the slider, beyond which numbers can be typed; None: no slider, but a number."""
+    text: str = ""
+    """imgui's format of a number; default: with the field's unit."""
+    none: str = ""
+    """Text for None: the choice of no other, or what a slider shows at its left end."""
+    titles: Mapping[str, str] = field(default_factory=dict)
+    """Texts of choices, by value."""
+    is_logarithmic: bool = False
+
+
+def draw_fields(state: ViewState, ui: UiContext, form: Form, *fields: Field) -> ViewState:
+    """Draw the widgets of fields below each other; return the edited state."""
+    for each in fields:
+        state = draw_field(state, ui, form, each)
+    return state
+
+
+def draw_field(
+    state: ViewState,
+    ui: UiContext,
+    form: Form,
+    shown: Field,
+    *,
+    now: Any = None,
+    names: Collection[str] = (),
+    disabled: bool = False,
+) -> ViewState:
+    """Draw the widget of a field; return the edited state.
+
+    ``now`` is shown instead of the field's value, and ``names`` instead of its choices.
+    """
+    spec = form.read(state)
+    cls: Any = type(spec)
+    hint = hints(cls)[shown.name]
+    value = getattr(spec, shown.name) if now is None else now
+    words = names or (*([shown.none] if shown.none else ()), *choices(hint))
+    focus_if_wanted(shown.label, ui)
+    imgui.begin_disabled(disabled)
+    if isinstance(value, bool):
+        edited: tuple[bool, Any] = imgui.checkbox(shown.label, value)
+    elif names or choices(hint):
+        edited = _draw_choice(shown, value, words)
+    else:
+        edited = _draw_number(shown, value, hint)
+    imgui.end_disabled()
+    ui.note(shown.label.lower(), describe_field(cls, shown.name), greyed=disabled)
+    changed, new = edited
+    return form.change(state, shown.name, new) if changed else state
+
+
+def _draw_choice(shown: Field, value: Any, words: Collection[str]) -> tuple[bool, str | None]:
+    """Draw a list of choices; return True and the value that was picked, if any."""
+    titles = {shown.titles.get(word, word): word for word in words}
+    now = shown.none if value is None else shown.titles.get(value, value)
+    if not isinstance(now, str):
+        now = " ".join(f"{number:.3g}" for number in (now if isinstance(now, tuple) else (now,)))
+    picked = pick(shown.label, now, titles)
+    new = titles.get(picked or "")
+    return picked is not None, None if new == shown.none else new
+
+
+def _draw_number(shown: Field, value: float | None, hint: Any) -> tuple[bool, float | None]:
+    """Draw a slider or a field for a number; return True and the number if it changed."""
+    if shown.limits is None:
+        return imgui.input_int(shown.label, int(value or 0))
+    low, high = shown.limits
+    flags = imgui.SliderFlags_.logarithmic if shown.is_logarithmic else 0
+    if isinstance(value, int):
+        return imgui.slider_int(shown.label, value, int(low), int(high), shown.text or "%d", flags)
+    unit = unit_of(hint)
+    text = shown.text or (f"%.4g {unit}" if unit else "%.2f")
+    at, text = (low, shown.none) if value is None else (value, text)
+    moved, new = imgui.slider_float(shown.label, at, low, high, text, flags)
+    is_none = shown.none and (new <= low or new < number_limits(hint)[0])
+    return moved, None if is_none else new
