@@ -134,7 +134,10 @@ def settings(error: type[InputError]) -> Callable[[type[Spec]], type[Spec]]:
 
         def __init__(self: Any, *args: Any, **kwargs: Any) -> None:
             if args:
-                kwargs = _by_name(cls, args, kwargs)
+                placed = made.__signature__.bind_partial(*args).arguments
+                if twice := placed.keys() & kwargs:
+                    raise TypeError(f"{cls.__name__}() got {min(twice)!r} twice")
+                kwargs = placed | kwargs
             try:
                 made.settings_adapter.validator.validate_python(
                     ArgsKwargs((), kwargs), self_instance=self
@@ -313,25 +316,24 @@ def _json_schema(cls: Any, source: Any, handler: Any) -> dict[str, Any]:
     return dict(made)
 
 
+def alternatives(hint: Any) -> list[Any]:
+    """Return the types that an annotation accepts, without their metadata and without None."""
+    if get_origin(hint) is Annotated:
+        return alternatives(get_args(hint)[0])
+    if get_origin(hint) in (Union, types.UnionType):
+        return [each for part in get_args(hint) for each in alternatives(part)]
+    return [] if hint is type(None) else [hint]
+
+
 def classes_in(hint: Any) -> list[type]:
     """Return the settings classes in an annotation, except inside lists."""
-    if is_settings(hint):
-        return [hint]
-    if get_origin(hint) is Annotated:
-        return classes_in(get_args(hint)[0])
-    if get_origin(hint) in (Union, types.UnionType):
-        return [cls for part in get_args(hint) for cls in classes_in(part)]
-    return []
+    return [each for each in alternatives(hint) if is_settings(each)]
 
 
 def choices(hint: Any) -> tuple[Any, ...]:
-    """Return the values of the `Literal` in an annotation; empty without one."""
-    if get_origin(hint) is Literal:
-        return get_args(hint)
-    if get_origin(hint) in (Annotated, Union, types.UnionType):
-        inner = get_args(hint)[:1] if get_origin(hint) is Annotated else get_args(hint)
-        return tuple(word for part in inner for word in choices(part))
-    return ()
+    """Return the values of the `Literal`s in an annotation; empty without one."""
+    words = (get_args(each) for each in alternatives(hint) if get_origin(each) is Literal)
+    return tuple(word for each in words for word in each)
 
 
 def number_limits(hint: Any) -> tuple[float, float]:
@@ -380,16 +382,16 @@ def expected(hint: Any) -> str:
     base = get_args(hint)[0] if get_origin(hint) is Annotated else hint
     if get_origin(base) in (Union, types.UnionType):
         parts = get_args(base)
-        words = [word for part in parts if part is not type(None) for word in _alternatives(part)]
+        words = [word for part in parts if part is not type(None) for word in _words_of(part)]
         optional = ", or leave it out" if type(None) in parts else ""
         return _listed(words) + added + optional
-    return _listed(_alternatives(base, marks)) + added
+    return _listed(_words_of(base, marks)) + added
 
 
-def _alternatives(hint: Any, marks: Sequence[Any] = ()) -> list[str]:
+def _words_of(hint: Any, marks: Sequence[Any] = ()) -> list[str]:
     if get_origin(hint) is Annotated and not marks:
         base = get_args(hint)[0]
-        return _alternatives(base) if get_origin(base) is Literal else [expected(hint)]
+        return _words_of(base) if get_origin(base) is Literal else [expected(hint)]
     inner = get_args(hint)
     if get_origin(hint) is Literal:
         return [str(word) for word in inner]
@@ -708,45 +710,28 @@ def _constructor_error(error: ValidationError, cls: Any) -> Exception:
     return fault.as_error(make if make is not InputError else cls.settings_error, name)
 
 
-def _by_name(cls: Any, args: Sequence[Any], kwargs: Mapping[str, Any]) -> dict[str, Any]:
-    names = [field.name for field in dataclasses.fields(cls)]
-    if len(args) > len(names):
-        raise TypeError(f"{cls.__name__}() takes up to {len(names)} arguments, {len(args)} given")
-    for name in names[: len(args)]:
-        if name in kwargs:
-            raise TypeError(f"{cls.__name__}() got multiple values for argument {name!r}")
-    return {**dict(zip(names, args, strict=False)), **kwargs}
-
-
 def item_hint(hint: Any, index: Any) -> Any:
     """Return the annotation of an item of a list, tuple or mapping."""
-    base = get_args(hint)[0] if get_origin(hint) is Annotated else hint
-    if get_origin(base) in (Union, types.UnionType):
-        found = [item_hint(part, index) for part in get_args(base)]
-        return next((each for each in found if each is not None), None)
-    inner = get_args(base)
-    if get_origin(base) in (dict, Mapping):
-        return inner[1]
-    if get_origin(base) in (tuple, list):
-        if Ellipsis in inner or len(inner) == 1:
-            return inner[0]
-        return inner[index] if index < len(inner) else inner[0]
+    for base in alternatives(hint):
+        inner = get_args(base)
+        if get_origin(base) in (dict, Mapping):
+            return inner[1]
+        if get_origin(base) in (tuple, list):
+            alike = Ellipsis in inner or index >= len(inner)
+            return inner[0 if alike else index]
     return None
 
 
 def _is_mapping(hint: Any) -> bool:
-    base = get_args(hint)[0] if get_origin(hint) is Annotated else hint
-    if get_origin(base) in (Union, types.UnionType):
-        return any(_is_mapping(part) for part in get_args(base))
-    return get_origin(base) in (dict, Mapping)
+    return any(get_origin(each) in (dict, Mapping) for each in alternatives(hint))
 
 
 def _holds_many(hint: Any) -> bool:
     """Return True for a list of any length."""
-    base = get_args(hint)[0] if get_origin(hint) is Annotated else hint
-    if get_origin(base) in (Union, types.UnionType):
-        return any(_holds_many(part) for part in get_args(base))
-    return get_origin(base) is list or (get_origin(base) is tuple and Ellipsis in get_args(base))
+    return any(
+        get_origin(each) is list or (get_origin(each) is tuple and Ellipsis in get_args(each))
+        for each in alternatives(hint)
+    )
 
 
 def _has_numpy(value: Any) -> bool:

@@ -12,17 +12,14 @@ import inspect
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from types import UnionType
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union, get_origin
 
 from cyclopts import Group, Parameter
 
 from volspec.cli.arguments import parse_triple
 from volspec.cli.shell import as_written
 from volspec.errors import InputError
-from volspec.settings import descriptions, expected, hints
-
-_OFF = "off"
+from volspec.settings import alternatives, descriptions, expected, hints
 
 
 class Options:
@@ -35,6 +32,8 @@ class Options:
     """Options by field."""
     owners: ClassVar[Mapping[str, type]] = {}
     """Settings classes by field."""
+    optional: ClassVar[frozenset[str]] = frozenset()
+    """Fields that are None if their option is off."""
 
     if TYPE_CHECKING:
 
@@ -55,11 +54,11 @@ class Options:
         word, for None; ``negative`` is as of `cyclopts.Parameter`, for switches.
         """
         own = {name: owner for owner, chosen in of.items() for name in chosen}
-        cls.owners = {**cls.owners, **own}
+        cls.owners, cls.optional = {**cls.owners, **own}, cls.optional | {*off}
         cls.names = {**cls.names, **{name: option_name(name) for name in own}, **(names or {})}
         annotations = {}
         for name, owner in own.items():
-            kinds = _alternatives(hints(owner)[name])
+            kinds = alternatives(hints(owner)[name])
             is_text = any(
                 each not in (int, float, bool) and get_origin(each) is not Literal for each in kinds
             )
@@ -67,7 +66,7 @@ class Options:
             is_number = kind in (int, float)
             words = [_first_sentence(owner, name, cls.names)]
             if is_number:
-                wanted = expected(_without_none(hints(owner)[name]))
+                wanted = expected(hints(owner)[name]).removesuffix(", or leave it out")
                 words.append(f"{wanted[0].upper()}{wanted[1:]}{', or off' * (name in off)}.")
             parameter = Parameter(
                 cls.names[name],
@@ -93,10 +92,10 @@ class Options:
     def _value(self, name: str, given: Any) -> Any:
         """Return a field's value: three numbers if they are written as a text, None if off."""
         if isinstance(given, str) and name in self.owners:
-            kinds = _alternatives(hints(self.owners[name])[name])
+            kinds = alternatives(hints(self.owners[name])[name])
             if any(get_origin(each) is tuple for each in kinds):
                 return parse_triple(given) or given
-        return None if given == _OFF else given
+        return None if name in self.optional and given == "off" else given
 
     def given_names(self, *without: str) -> list[str]:
         """Return the names of the options that were given, ``without`` those of some fields."""
@@ -120,22 +119,6 @@ def require_with(given: Sequence[str], needed: str, example: str = "") -> None:
             f"add {example or needed}, or leave it out",
             code="conflict",
         )
-
-
-def _alternatives(hint: Any) -> list[Any]:
-    """Return the types that an annotation accepts, without None."""
-    if get_origin(hint) is Annotated:
-        return _alternatives(get_args(hint)[0])
-    if get_origin(hint) in (Union, UnionType):
-        return [each for part in get_args(hint) for each in _alternatives(part)]
-    return [] if hint is type(None) else [hint]
-
-
-def _without_none(hint: Any) -> Any:
-    """Return an annotation without its alternative None."""
-    if get_origin(hint) in (Union, UnionType):
-        return Union[tuple(part for part in get_args(hint) if part is not type(None))]  # noqa: UP007
-    return hint
 
 
 def _first_sentence(owner: type, field: str, names: Mapping[str, str]) -> str:
