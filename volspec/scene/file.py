@@ -9,7 +9,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
@@ -37,7 +37,7 @@ from volspec.scene.transfer import TransferSpec
 from volspec.settings import FileFaults, plain, row_names, settings, try_table
 from volspec.transfer import MAX_FIELDS
 
-VERSION = 2
+VERSION: Final = 2
 """Version of the file's format."""
 
 
