@@ -49,7 +49,6 @@ def table(folder: Path, text: str, read: Callable[[str], object] = read_spectrum
         ("range grid", lambda f: SpectralGrid(400, 700, 0)),
         ("range grid", lambda f: SpectralGrid(400, 705, 10)),
         ("range grid", lambda f: SpectralGrid(400, np.nan, 10)),
-        ("type grid.start_nm", lambda f: SpectralGrid("a", 700, 10)),
         ("size grid", lambda f: SpectralGrid(1e-300, 1e300, 1e-300)),
         ("range", lambda f: DEFAULT_GRID.band_means([420, 690], [1, 1])),
         ("shape", lambda f: probe([400, 500], [1, 2, 3])),
@@ -62,7 +61,6 @@ def table(folder: Path, text: str, read: Callable[[str], object] = read_spectrum
         ("duplicate", lambda f: probe([400, 500], [1, 1], notes={"A": "", "a": ""})),
         ("conflict", lambda f: UNEVEN.grid),
         ("conflict", lambda f: FLAT + UNEVEN),
-        ("type grid", lambda f: FLAT.on(None)),
         ("unknown", lambda f: light("D66")),
         ("unknown", lambda f: light("D65*0.7+Q")),
         ("unknown", lambda f: light("Q*0+A")),
@@ -100,7 +98,6 @@ def table(folder: Path, text: str, read: Callable[[str], object] = read_spectrum
         ("unsupported", lambda f: read_spectrum("lamp.ies")),
         ("syntax", lambda f: read_spectrum("a\0b.exr")),
         ("syntax", lambda f: light("a\0b.csv*1+A")),
-        ("type", lambda f: light("lamp.csv", folder=None)),
         ("unknown", lambda f: read_spectrum(saved(f, "a.csv", constant(1)), kind="foo")),
         # Before any warning that the file ends: warnings are errors in this suite.
         ("range", lambda f: light(saved(f, "a.csv", constant(1)), SpectralGrid(300, 900, 10))),

@@ -36,7 +36,7 @@ from volspec.room.quantities import (
 )
 from volspec.spectra.construct.colours import colour_XYZ
 from volspec.spectra.datasets import colour_matching_functions
-from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
+from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.lights import light
 from volspec.spectra.photometry import LUMINOUS_EFFICACY, XYZ_from_spectra, white_XYZ
 from volspec.spectra.spectrum import Spectrum, stack
@@ -254,7 +254,6 @@ def paint_for_appearance(
     >>> bool(found.distance < 1e-3)
     True
     """
-    require_grid(grid)
     target = _coordinates(wanted)
     if target.shape != (3,) or not np.isfinite(target).all():
         raise RoomError.refused("wanted", wanted, "give one appearance, finite J, C and h", "shape")

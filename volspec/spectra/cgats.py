@@ -79,11 +79,7 @@ def read_cgats(path: str) -> SampleSet:
     """Read the spectra of the first table that has any.
 
     Values are divided by SPECTRAL_NORM, the value of 100 %, or by that of the fields' names.
-
-    Raises
-    ------
-    SpectrumError
-        If the file cannot be read, has no spectra or is cut off; names the line or the field.
+    Raises SpectrumError if the file cannot be read, has no spectra or is cut off.
     """
     tables = list(_tables(path, decoded_text(path)))
     found = [(table, bands) for table in tables if (bands := _bands(path, table))]

@@ -49,12 +49,7 @@ def read_cxf(path: str) -> SampleSet:
     """Read every spectrum of a file's objects.
 
     An object with several spectra, such as those with and without ultraviolet, gives samples named
-    ``OBJECT/SPECIFICATION``.
-
-    Raises
-    ------
-    SpectrumError
-        If the file cannot be read or has no spectra; names the object.
+    ``OBJECT/SPECIFICATION``. Raises SpectrumError if the file cannot be read or has no spectra.
     """
     root = xml_root(path)
     if _tag(root) != "CxF":

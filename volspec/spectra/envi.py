@@ -108,11 +108,7 @@ class EnviFile:
         """Return the values (H, W, N) of a box (x0, y0, x1, y1), or of all, and wavelengths in nm.
 
         Bad bands (``bbl``) are left out, and values divided by ``reflectance scale factor``.
-
-        Raises
-        ------
-        SpectrumError
-            If the header contradicts itself or its data, or a pixel has no data.
+        Raises SpectrumError if the header contradicts itself or its data, or a pixel has no data.
         """
         if self.is_library:
             raise SpectrumError(

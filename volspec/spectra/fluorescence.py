@@ -80,13 +80,7 @@ class Fluorescence:
     matrix: Array = field(repr=False)
 
     def __post_init__(self) -> None:
-        try:
-            matrix = np.array(self.matrix, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise SpectrumError(
-                f"fluorescence: the matrix is not numbers: {error}; give an array",
-                code="type",
-            ) from error
+        matrix = np.array(self.matrix, dtype=np.float64)
         matrix.flags.writeable = False
         object.__setattr__(self, "matrix", matrix)
         size = self.grid.size

@@ -109,6 +109,9 @@ def lamp_illuminance_lux(
 
         E = Φ / (Ω d²),  Ω = 4π, or 2π (1 - cos(beam / 2)) for a spotlight
 
+    Raises SpectrumError as `flux_lm` does, or if the distance is not above 0 or the angle not
+    within 0…360.
+
     Parameters
     ----------
     of : str or Lamp
@@ -117,11 +120,6 @@ def lamp_illuminance_lux(
     distance_m : float
     beam_deg : float, optional
         Full angle of the cone that receives all flux evenly; None means all directions.
-
-    Raises
-    ------
-    SpectrumError
-        As in `flux_lm`; or if the distance is not above 0 or the angle not within 0…360.
 
     Examples
     --------

@@ -34,7 +34,7 @@ from volspec.spectra.files import (
     resample,
     split_address,
 )
-from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
+from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.lamps import LAMPS, PREFIX
 from volspec.spectra.library import canonical_light, light_names, light_tables, nearest_light
 from volspec.spectra.palettes import palette_holds
@@ -105,7 +105,6 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
         raise SpectrumError(
             "light: empty name; give a name such as D65, planck:3200 or FILE.csv", code="missing"
         )
-    require_grid(grid)
     # Refuse a grid beyond the visible before any warning.
     colour_matching_functions(grid)
     folder = path_text(folder, "folder")

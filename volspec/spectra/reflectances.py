@@ -34,7 +34,7 @@ from volspec.spectra.fluorophores import (
     named_fluorescence,
 )
 from volspec.spectra.fluorophores import PREFIX as FLUOROPHORE
-from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
+from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.spectrum import Spectrum, extended_band_means
 from volspec.spectra.tables import fold_name, path_text, read_number, read_table
 
@@ -81,7 +81,6 @@ def reflectance(
     >>> float(reflectance("grey:0.18").values.mean().round(6))
     0.18
     """
-    require_grid(grid)
     folder = path_text(folder, "folder")
     name = str(text).strip()
     folded = fold_name(name)

@@ -31,7 +31,7 @@ from volspec._files import require_suffix
 from volspec._parse import parse_json
 from volspec.errors import SpectrumError, VolspecWarning
 from volspec.spectra import envi
-from volspec.spectra.grid import SpectralGrid, require_grid
+from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.spectrum import Kind, Spectrum, extended_band_means, read_only_notes
 from volspec.spectra.tables import path_text, require_nanometres
 
@@ -77,13 +77,8 @@ class SpectralImage:
 
     def __post_init__(self) -> None:
         require_kind(self.kind, "spectral image")
-        try:
-            values = np.ascontiguousarray(self.values, dtype=np.float32).view()
-            w = np.array(self.wavelengths_nm, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise SpectrumError(
-                f"spectral image: not arrays of numbers: {error}", code="type"
-            ) from error
+        values = np.ascontiguousarray(self.values, dtype=np.float32).view()
+        w = np.array(self.wavelengths_nm, dtype=np.float64)
         if w.size == 1:
             raise SpectrumError(
                 "spectral image: one wavelength; at least 2 are needed", code="shape"
@@ -133,7 +128,6 @@ class SpectralImage:
 
         SpectrumError if the wavelengths do not cover the visible part of the grid.
         """
-        require_grid(grid)
         # Band means are linear in the samples: those of unit samples are the (N, L) matrix.
         samples = np.eye(self.wavelengths_nm.size)
         means = extended_band_means(self.wavelengths_nm, samples, grid)

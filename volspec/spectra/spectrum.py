@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from volspec.errors import SpectrumError, VolspecWarning
 from volspec.spectra.datasets import colour_matching_functions, colour_science
 from volspec.spectra.fluorescence import Fluorescence
-from volspec.spectra.grid import SpectralGrid, require_grid
+from volspec.spectra.grid import SpectralGrid
 
 Kind = Literal["reflective", "emissive"]
 """Use of a measured spectrum: as a reflectance or transmittance, or as a light."""
@@ -123,7 +123,6 @@ class Spectrum:
 
     def on(self, grid: SpectralGrid) -> Spectrum:
         """Return band means on a grid; see `extended_band_means` for the rules and errors."""
-        require_grid(grid)
         if np.array_equal(self.wavelengths_nm, grid.wavelengths_nm):
             return self
         try:
@@ -175,10 +174,8 @@ class Spectrum:
 def read_only_notes(notes: Mapping[str, str], label: str) -> Mapping[str, str]:
     """Return a read-only copy of notes, keys in lower case with single blanks.
 
-    Raises SpectrumError if ``notes`` is not a mapping of texts, or a key is empty or duplicate.
+    Raises SpectrumError if a note is not text, or a key is empty or duplicate.
     """
-    if not isinstance(notes, Mapping):
-        raise SpectrumError.refused(f"{label}: notes", notes, "give a dict of texts", "type")
     checked: dict[str, str] = {}
     for key, value in notes.items():
         if not (isinstance(key, str) and isinstance(value, str)):

@@ -332,11 +332,9 @@ def spectrum_text(spectrum: Spectrum, suffix: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def path_text(path: object, what: str = "path") -> str:
-    """Return a path as text; raise SpectrumError if it is not a path, or contains a NUL."""
-    text = os.fspath(path) if isinstance(path, str | os.PathLike) else None
-    if not isinstance(text, str):
-        raise SpectrumError(f"{what} {path!r} is not a path; give a str or Path", code="type")
+def path_text(path: str | os.PathLike[str], what: str = "path") -> str:
+    """Return a path as text; raise SpectrumError if it contains a NUL."""
+    text = os.fspath(path)
     if "\0" in text:
         raise SpectrumError(f"{what} {text!r} contains a NUL character; remove it", code="syntax")
     return text

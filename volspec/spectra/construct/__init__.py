@@ -41,7 +41,7 @@ from volspec.spectra.construct.search import (
     smoothest_reflectances,
 )
 from volspec.spectra.datasets import Observer, colour_matching_functions, colour_science
-from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
+from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.lights import light as named_light
 from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
 from volspec.spectra.spectrum import Spectrum, extended_band_means
@@ -340,7 +340,6 @@ def _method(method: object) -> str:
 
 
 def _lamp(light: str | Spectrum, grid: SpectralGrid) -> Spectrum:
-    require_grid(grid)
     return light.on(grid) if isinstance(light, Spectrum) else named_light(light, grid)
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import SpectrumError
-from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
+from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.reflectances import reflectance, sample_tables
 from volspec.spectra.spectrum import real_array, reflectance_values
 
@@ -59,7 +59,6 @@ class BaseSpectra:
     grid: SpectralGrid = DEFAULT_GRID
 
     def __post_init__(self) -> None:
-        require_grid(self.grid)
         values = reflectance_values(real_array(self.values, "base spectra"), self.grid, "base")
         if values.ndim != 2 or len(self.names) != len(values) or len(values) < 4:
             raise SpectrumError(
@@ -129,7 +128,6 @@ def base_spectra(
     >>> len(base), base.names[2], base.names[-1]
     (1188, 'PMC/Caucasian', 'grey 97.8 %')
     """
-    require_grid(grid)
     return _base(grid, tuple(map(float, powers)), tuple(map(float, complementary)))
 
 
