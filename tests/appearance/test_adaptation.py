@@ -10,7 +10,7 @@ from volspec.appearance import ViewingConditions
 from volspec.appearance.adaptation import ADAPTATIONS, adapt, adaptation, outside
 from volspec.appearance.constants import D65_CONES_FROM_XYZ
 from volspec.appearance.models.cam import CamConditions
-from volspec.appearance.transforms import CurveTransform, LinearTransform, ViewTransform
+from volspec.appearance.transforms import CurveTransform, LinearTransform
 from volspec.spectra.datasets import colour_science
 
 FL11, BLUE, GREEN = (100.97, 100.0, 64.37), (98.0, 100.0, 180.0), (60.0, 100.0, 45.0)
@@ -174,7 +174,6 @@ def test_undo_and_swapping_source_and_target_come_back(method):
     for pair in PAIRS.values():
         XYZ = colours(pair[0].white_XYZ, 2000)
         transform = adaptation(method)(*pair)
-        assert isinstance(transform, ViewTransform)
         there = transform.apply(XYZ)
         assert_same(transform.undo(there), XYZ)
         assert_same(adaptation(method)(*reversed(pair)).apply(there), XYZ)

@@ -163,7 +163,6 @@ def test_opacities_are_the_picture_s_the_probe_s_and_the_page_s():
     [
         ("weights", {"D56": 1}, "unknown", "notebook.weights"),
         ("weights", {"A": -0.5}, "range", "notebook.weights['A']"),
-        ("weights", {"A": True}, "range", "notebook.weights['A']"),
         ("weights", [1, 0, 0], "type", "notebook.weights"),
         ("viewing", "CAM16", "type", "notebook.viewing"),
         ("viewing", Viewing(model="Hunt"), "unsupported", "notebook.viewing.model"),

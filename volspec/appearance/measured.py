@@ -32,7 +32,7 @@ from volspec.appearance.adaptation_grid import (
     pixel_pitch,
     pixels_from_nodes,
 )
-from volspec.appearance.surround import SurroundOrRatio, ViewingConditions, is_finite
+from volspec.appearance.surround import SurroundOrRatio, ViewingConditions
 from volspec.errors import ShapeError, ViewingError
 
 Array = NDArray[np.float64]
@@ -54,6 +54,8 @@ def measured_conditions(
 ) -> ViewingConditions:
     """Return the conditions of an eye that looks at one point of a picture.
 
+    Raises ShapeError if Y is not (H, W), and ViewingError if a number is out of range.
+
     Parameters
     ----------
     Y : (H, W) array_like
@@ -70,11 +72,6 @@ def measured_conditions(
         Y of everything outside of the picture; None is the picture's mean.
     surround : str or float or None
         As in `surround_at`; None is the measured ratio L_A / luminance_of_white, at most 1 [1].
-
-    Raises
-    ------
-    ShapeError, ViewingError
-        If Y is not (H, W), or a number is out of range.
     """
     picture = _factors(Y)
     white = np.asarray(white_XYZ, dtype=np.float64)
@@ -147,12 +144,7 @@ def _pixel(at: tuple[float, float] | None, shape: tuple[int, int]) -> tuple[floa
     height, width = shape
     if at is None:
         return (width - 1) / 2, (height - 1) / 2
-    try:
-        x, y = at
-    except (TypeError, ValueError):
-        x = y = math.nan
-    if not (is_finite(x) and is_finite(y)):
-        raise ViewingError.refused("measured.at", at, "expected (x, y), a pixel, or None", "type")
+    x, y = at
     if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
         raise ViewingError.refused(
             "measured.at", at, f"expected a pixel within {width} × {height}", "range"

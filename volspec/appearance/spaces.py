@@ -17,6 +17,7 @@ References
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,8 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, Field
 
 from volspec.appearance.constants import frozen
-from volspec.appearance.surround import is_finite
-from volspec.errors import ShapeError, ViewingError
+from volspec.errors import ViewingError
 from volspec.settings import Hint, Name, Pair, Positive, settings
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.grid import SpectralGrid
@@ -74,7 +74,7 @@ class Transfer:
     @classmethod
     def gamma(cls, exponent: float) -> Transfer:
         """Make the curve L = V^γ."""
-        if not (is_finite(exponent) and exponent > 0.0):
+        if not (math.isfinite(exponent) and exponent > 0.0):
             raise ViewingError.refused(
                 "Transfer.gamma", exponent, "expected a number above 0, such as 2.2", "range"
             )
@@ -99,9 +99,9 @@ class Transfer:
         """
         curve = "Transfer.icc"
         for name, value in {"g": g, "a": a, "b": b, "c": c, "d": d, "e": e, "f": f}.items():
-            if not is_finite(value):
+            if not math.isfinite(value):
                 raise ViewingError.refused(
-                    f"{curve}.{name}", value, "expected a finite number", "type"
+                    f"{curve}.{name}", value, "give a finite number", "range"
                 )
         if not g > 0.0:
             raise ViewingError.refused(f"{curve}.g", g, "expected above 0, such as 2.2", "range")
@@ -126,26 +126,17 @@ class Transfer:
 
     def encode(self, linear: ArrayLike) -> Array:
         """Return code values of linear light, (...) float64; odd about 0."""
-        signed = _numbers("linear", linear)
+        signed = np.asarray(linear, dtype=np.float64)
         x = np.abs(signed)
         curve = self.gain * x**self.power - (self.gain - 1.0)
         return np.copysign(np.where(x <= self.toe, self.slope * x, curve), signed)
 
     def decode(self, encoded: ArrayLike) -> Array:
         """Return linear light of code values, (...) float64: the inverse of `encode`."""
-        signed = _numbers("encoded", encoded)
+        signed = np.asarray(encoded, dtype=np.float64)
         x = np.abs(signed)
         curve = ((x + self.gain - 1.0) / self.gain) ** (1.0 / self.power)
         return np.copysign(np.where(x <= self.slope * self.toe, x / self.slope, curve), signed)
-
-
-def _numbers(name: str, values: ArrayLike) -> Array:
-    try:
-        return np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ShapeError.refused(
-            f"Transfer.{name}", values, "expected a number or an array of numbers", "type"
-        ) from None
 
 
 sRGB_CURVE = Transfer(power=1.0 / 2.4, gain=1.055, slope=12.92, toe=0.0031308)

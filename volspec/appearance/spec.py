@@ -31,7 +31,6 @@ from volspec.appearance.surround import (
     Triple,
     ViewingConditions,
     White,
-    is_finite,
     refuse_two_degrees,
     surround_at,
 )
@@ -232,8 +231,8 @@ class Viewing:
             )
 
 
-def require_angle(name: str, value: object) -> None:
+def require_angle(name: str, value: float) -> None:
     """Raise ViewingError unless the value is a field of view."""
     least, most = FIELDS_OF_VIEW_DEG
-    if not (is_finite(value) and least <= value <= most):  # type: ignore[operator]
+    if not least <= value <= most:
         raise ViewingError.refused(name, value, f"give {expected(FieldOfView)}", "range")

@@ -11,7 +11,6 @@ References
 from __future__ import annotations
 
 import math
-import numbers
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple
@@ -109,23 +108,6 @@ def surrounds_at(ratios: ArrayLike) -> tuple[Array, Array, Array]:
     return F, c, N_c
 
 
-def is_finite(value: object) -> bool:
-    """Return True for a real, finite number."""
-    real = isinstance(value, numbers.Real) and not isinstance(value, bool)
-    return real and math.isfinite(value)  # type: ignore[arg-type]
-
-
-def require_conditions(name: str, value: object) -> None:
-    """Refuse anything but `ViewingConditions`."""
-    if not isinstance(value, ViewingConditions):
-        raise ViewingError.refused(
-            name,
-            value,
-            "expected viewing conditions, such as ViewingConditions((95.05, 100, 108.88))",
-            "type",
-        )
-
-
 def refuse_two_degrees(D: float | None, discount: bool) -> None:
     """Refuse a degree of adaptation given together with ``discount``."""
     if discount and D is not None:
@@ -196,7 +178,7 @@ class ViewingConditions:
     @classmethod
     def of_lux(cls, white_XYZ: Triple, illuminance_lux: float, **others: Any) -> ViewingConditions:
         """Make the conditions under a light of E_v lux: L_A = E_v/π · Y_b/Y_w."""
-        if not (is_finite(illuminance_lux) and illuminance_lux > 0.0):
+        if not (math.isfinite(illuminance_lux) and illuminance_lux > 0.0):
             remedy = f"give {expected(Illuminance)}"
             raise ViewingError.refused("illuminance_lux", illuminance_lux, remedy, "range")
         dark = cls(white_XYZ, 0.0, **others, white_cd_m2=illuminance_lux / math.pi)

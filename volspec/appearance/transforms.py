@@ -20,7 +20,6 @@ from volspec.errors import ShapeError, ViewingError
 Array = NDArray[np.float64]
 
 
-@runtime_checkable
 class ViewTransform(Protocol):
     """A map of colours from one viewing condition to another."""
 
@@ -38,10 +37,7 @@ class ClosedTransform(ViewTransform, Protocol):
 
 def triples(name: str, values: ArrayLike) -> Array:
     """Return values as float64 triples (..., 3); raise ShapeError if they are not."""
-    try:
-        array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ShapeError.refused(name, values, "expected numbers, (..., 3)", "type") from None
+    array = np.asarray(values, dtype=np.float64)
     if array.ndim == 0 or array.shape[-1] != 3:
         raise ShapeError(f"has shape {array.shape}", "expected (..., 3)", field=name)
     return array

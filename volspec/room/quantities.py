@@ -20,7 +20,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance.surround import is_finite
 from volspec.errors import RoomError
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
@@ -115,7 +114,7 @@ def irradiance_from_lux(light: Spectrum, lux: float, grid: SpectralGrid = DEFAUL
     >>> float(lux_from_irradiance(irradiance_from_lux(light("D65"), 500.0)).round(9))
     500.0
     """
-    if not (is_finite(lux) and lux > 0.0):
+    if not (np.isfinite(lux) and lux > 0.0):
         raise RoomError.refused("lux", lux, "give a number above 0 (lux)")
     power = light_power(light, grid)
     return power * (lux / lux_from_irradiance(power, grid))

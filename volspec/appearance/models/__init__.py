@@ -26,11 +26,11 @@ APPEARANCE_MODELS: Mapping[str, Model] = MappingProxyType(
 
 def model(name: str) -> Model:
     """Return the appearance model of a name; raise ViewingError if there is none."""
-    if not (isinstance(name, str) and name in APPEARANCE_MODELS):
+    if name not in APPEARANCE_MODELS:
         raise ViewingError.refused(
             "appearance model",
             name,
-            f"{nearest(str(name), APPEARANCE_MODELS)}known: {', '.join(APPEARANCE_MODELS)}",
+            f"{nearest(name, APPEARANCE_MODELS)}known: {', '.join(APPEARANCE_MODELS)}",
             "unknown",
         )
     return APPEARANCE_MODELS[name]

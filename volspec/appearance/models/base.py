@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance import constants as k
-from volspec.appearance.surround import SURROUND_RATIOS, ViewingConditions, require_conditions
-from volspec.errors import ShapeError, ViewingError, quoted
+from volspec.appearance.surround import SURROUND_RATIOS, ViewingConditions
+from volspec.errors import ShapeError, ViewingError
 
 Array = NDArray[np.float64]
 
@@ -83,13 +83,7 @@ class Model(Protocol):
 
 def broadcast(name: str, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> tuple[Array, Array, Array]:
     """Return J, C and h as float64, broadcast to one shape; raise ShapeError if they cannot be."""
-    try:
-        values = [np.asarray(each, dtype=np.float64) for each in (J, C, h)]
-    except (TypeError, ValueError):
-        given = ", ".join(quoted(each) for each in (J, C, h))
-        raise ShapeError(
-            f"J, C, h are {given}", "expected numbers", code="type", field=name
-        ) from None
+    values = [np.asarray(each, dtype=np.float64) for each in (J, C, h)]
     try:
         J, C, h = np.broadcast_arrays(*values)
     except ValueError as error:
@@ -120,7 +114,6 @@ def only_defined(
 
 def cones_of_white(name: str, conditions: ViewingConditions) -> Array:
     """Return the (3,) Hunt-Pointer-Estévez responses of the adopted white (eq. 11)."""
-    require_conditions(f"{name}.conditions", conditions)
     return require_real_white(name, conditions, k.HPE_FROM_XYZ @ np.asarray(conditions.white_XYZ))
 
 

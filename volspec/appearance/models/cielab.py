@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.hue import CIELAB_HUES, quadrature
 from volspec.appearance.models.base import ROUNDING, Appearance, only_defined, opponents
-from volspec.appearance.surround import ViewingConditions, require_conditions
+from volspec.appearance.surround import ViewingConditions
 from volspec.appearance.transforms import LinearTransform, triples
 from volspec.errors import ViewingError
 
@@ -42,10 +42,7 @@ def _f_slope(ratio: Array) -> Array:
 
 
 def _white(white_XYZ: ArrayLike) -> Array:
-    try:
-        white = np.array(white_XYZ, dtype=np.float64)
-    except (TypeError, ValueError):
-        white = np.zeros(0)
+    white = np.array(white_XYZ, dtype=np.float64)
     if white.shape != (3,) or not np.all((white > 0.0) & np.isfinite(white)):
         raise ViewingError.refused(
             "CIELAB.white_XYZ", white_XYZ, "expected three finite numbers above 0", "range"
@@ -171,7 +168,6 @@ def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
 
     H is based on the unique hues in daylight. XYZ below 0 are on the linear toe, not `defined`.
     """
-    require_conditions("CIELAB.conditions", conditions)
     XYZ = triples("CIELAB.XYZ", XYZ)
     J, a, b = np.moveaxis(cielab(XYZ, conditions.white_XYZ), -1, 0)
     h = np.degrees(np.arctan2(b, a)) % 360.0
@@ -192,7 +188,6 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditi
 
 def continued(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
     """Return `inverse`, extended below 0 on the linear toe; never NaN."""
-    require_conditions("CIELAB.conditions", conditions)
     return XYZ_from_cielab(opponents(NAME, J, C, h), conditions.white_XYZ)
 
 

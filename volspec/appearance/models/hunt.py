@@ -138,8 +138,6 @@ class HuntConditions:
     @classmethod
     def of(cls, conditions: ViewingConditions, settings: HuntSettings) -> HuntConditions:
         """Compute the scalars, with L_A and Y_b clamped to at least 1e-6 cd/m² and 1e-4 Y_w."""
-        if not isinstance(settings, HuntSettings):
-            raise ViewingError.refused("Hunt.settings", settings, "expected HuntSettings", "type")
         white = cones_of_white("Hunt", conditions)
         L_A = max(conditions.L_A, _LEAST_L_A)
         n = max(conditions.Y_b / conditions.white_XYZ[1], _LEAST_N)

@@ -31,7 +31,7 @@ from volspec.appearance.models.base import (
     only_defined,
     require_real_white,
 )
-from volspec.appearance.surround import ViewingConditions, require_conditions
+from volspec.appearance.surround import ViewingConditions
 from volspec.appearance.transforms import triples
 from volspec.errors import ViewingError
 from volspec.settings import Positive
@@ -79,11 +79,6 @@ class _Scalars:
     """Numbers of one viewing condition (eq. 90-98, 102, 109-111)."""
 
     def __init__(self, conditions: ViewingConditions, settings: NayataniSettings) -> None:
-        require_conditions(f"{NAME}.conditions", conditions)
-        if not isinstance(settings, NayataniSettings):
-            raise ViewingError.refused(
-                f"{NAME}.settings", settings, "expected NayataniSettings", "type"
-            )
         white = np.asarray(conditions.white_XYZ)
         cones = k.D65_CONES_FROM_XYZ @ (white / white[1])
         grey = require_real_white(NAME, conditions, cones)

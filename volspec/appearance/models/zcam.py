@@ -34,7 +34,7 @@ from volspec.appearance.models.base import (
 )
 from volspec.appearance.models.cam import degree_of_adaptation
 from volspec.appearance.spaces import SPACES
-from volspec.appearance.surround import Surround, ViewingConditions, require_conditions
+from volspec.appearance.surround import Surround, ViewingConditions
 from volspec.appearance.transforms import signed_power, triples
 from volspec.errors import ViewingError
 
@@ -110,7 +110,6 @@ class ZcamConditions:
     @classmethod
     def of_viewing(cls, viewing: ViewingConditions) -> ZcamConditions:
         """Compute the scalars of viewing conditions, with their white's luminance."""
-        require_conditions(f"{NAME}.conditions", viewing)
         scale = _scale(viewing)
         white = scale * np.asarray(viewing.white_XYZ)
         D = 1.0 if viewing.discount else viewing.D

@@ -23,7 +23,6 @@ import traitlets
 from IPython import get_ipython
 
 from volspec.appearance import Viewing
-from volspec.appearance.surround import is_finite
 from volspec.basis import MaterialBasis
 from volspec.errors import ImageError, ViewingError, nearest
 from volspec.export.notebook.settings import (
@@ -264,7 +263,7 @@ class RelightWidget(anywidget.AnyWidget):
                     field="notebook.weights",
                     given=name,
                 )
-            if not (is_finite(weight) and 0.0 <= weight <= 1.0):
+            if not (isinstance(weight, int | float | np.floating) and 0.0 <= weight <= 1.0):
                 raise ViewingError.refused(
                     f"notebook.weights[{name!r}]", weight, "expected 0 to 1", "range"
                 )
