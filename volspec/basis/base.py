@@ -169,15 +169,8 @@ def require_text(value: Any, what: str) -> str:
     return value
 
 
-def require_grid_and_observer(grid: Any, observer_deg: Any, label: str) -> Observer:
-    """Return the observer, a number as a plain int; raise BasisError if either is wrong."""
-    if not isinstance(grid, SpectralGrid):
-        raise BasisError.refused(
-            f"{label}: grid",
-            grid,
-            "expected a SpectralGrid, such as volspec.SpectralGrid(400, 700, 10)",
-            "type",
-        )
+def require_observer(observer_deg: object, label: str) -> Observer:
+    """Return the observer, a number as a plain int; raise BasisError if there is no such one."""
     with basis_errors(label):
         return check_observer(observer_deg)
 
@@ -276,9 +269,7 @@ def require_reflective(materials: Mapping[str, Spectrum], basis: str) -> None:
             )
 
 
-def require_materials(given: Any, label: str) -> None:
-    """Raise BasisError unless ``given`` is a mapping with at least one entry."""
-    if not isinstance(given, Mapping) or not given:
-        raise BasisError(
-            f"{label}: no materials in {given!r:.40}; give {{name: reflectance}}", code="missing"
-        )
+def require_materials(materials: Mapping[str, Spectrum], label: str) -> None:
+    """Raise BasisError if there is no material."""
+    if not materials:
+        raise BasisError(f"{label}: no materials; give {{name: reflectance}}", code="missing")

@@ -29,8 +29,8 @@ from volspec.basis import display, storage
 from volspec.basis.base import (
     basis_errors,
     require_channels,
-    require_grid_and_observer,
     require_materials,
+    require_observer,
     require_text,
 )
 from volspec.basis.model import SpectralBasis
@@ -103,7 +103,7 @@ class MaterialBasis(ReportedBasis):
         ]:
             if not require_text(name, f"material basis: {what}"):
                 raise BasisError(f"material basis: {what} is empty; give one", code="missing")
-        observer_deg = require_grid_and_observer(self.grid, self.observer_deg, "material basis")
+        observer_deg = require_observer(self.observer_deg, "material basis")
         object.__setattr__(self, "observer_deg", observer_deg)
         rows = {name: self._resample(name, s) for name, s in self.materials.items()}
         object.__setattr__(self, "materials", MappingProxyType(rows))
@@ -208,11 +208,9 @@ class MaterialBasis(ReportedBasis):
         Raises
         ------
         BasisError
-            If ``changes`` is not a mapping, a name is unknown, or a reflectance is impossible
-            (`reflectance_values`) or does not cover the grid.
+            If a name is unknown, or a reflectance is impossible (`reflectance_values`) or does not
+            cover the grid.
         """
-        if not isinstance(changes, Mapping):
-            raise BasisError.refused("changes", changes, "give {name: reflectance}", "type")
         for name in changes:
             if name not in self.materials:
                 raise BasisError(

@@ -27,9 +27,9 @@ from numpy.typing import ArrayLike, NDArray
 from volspec.basis import display, storage
 from volspec.basis.base import (
     require_channels,
-    require_grid_and_observer,
     require_materials,
     require_matrices,
+    require_observer,
     require_reflective,
     require_samples,
     require_text,
@@ -95,9 +95,7 @@ class SpectralBasis(ReportedBasis):
     def __post_init__(self) -> None:
         for field in ("name", "method", "trained_on"):
             require_text(getattr(self, field), f"spectral basis: {field}")
-        observer_deg = require_grid_and_observer(
-            self.grid, self.observer_deg, f"basis {self.name!r}"
-        )
+        observer_deg = require_observer(self.observer_deg, f"basis {self.name!r}")
         object.__setattr__(self, "observer_deg", observer_deg)
         given, label = {name: getattr(self, name) for name in _MATRICES}, f"basis {self.name!r}"
         for field, matrix in require_matrices(given, self.grid, label).items():
@@ -321,7 +319,7 @@ class SpectralBasis(ReportedBasis):
             lights,
             reflectances,
             grid,
-            observer_deg=require_grid_and_observer(grid, observer_deg, "fit"),
+            observer_deg=require_observer(observer_deg, "fit"),
             light_weights=light_weights,
             reflectance_weights=reflectance_weights,
         )
@@ -346,7 +344,7 @@ class SpectralBasis(ReportedBasis):
 
         Reference for other bases, if a picture can be cast with this many channels.
         """
-        require_grid_and_observer(grid, observer_deg, "bands")
+        require_observer(observer_deg, "bands")
         Q = colour_matching_functions(grid, observer_deg)
         return cls(
             name=f"{grid.size} bands",

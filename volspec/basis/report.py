@@ -387,7 +387,7 @@ def basis_report(
     does not cover the grid.
     """
     grid = grid or basis.grid
-    lights = light_set("smooth", grid) if lights is None else _lights(lights, grid)
+    lights = light_set("smooth", grid) if lights is None else [s.on(grid) for s in lights]
     if reflectances is None:
         reflectances, names = basis.test_surfaces(grid)
     surfaces = _samples(reflectances, names, grid)
@@ -416,16 +416,6 @@ def sRGB_codes(XYZ: Array, white_XYZ: Array) -> NDArray[np.uint8]:
     white = np.maximum(CAT02 @ white_XYZ, 1e-3 * white_XYZ[1])
     adapted = (XYZ @ CAT02.T) * ((CAT02 @ spaces.sRGB_WHITE_XYZ) / white)
     return to_uint8(encode_sRGB(linear_sRGB_from_XYZ(adapted @ np.linalg.inv(CAT02).T)))
-
-
-def _lights(lights: Sequence[Spectrum], grid: SpectralGrid) -> list[Spectrum]:
-    if not isinstance(lights, list | tuple) or not all(isinstance(s, Spectrum) for s in lights):
-        raise BasisError(
-            f"report: lights are {' '.join(repr(lights).split()):.60}; give a list of Spectrum, "
-            "such as [volspec.light('A')]",
-            code="type",
-        )
-    return [light.on(grid) for light in lights]
 
 
 def _samples(

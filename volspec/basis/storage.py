@@ -94,11 +94,6 @@ def load(name_or_path: str | os.PathLike[str], from_dict: Callable[[Any], _Basis
 
 def _path(name_or_path: str | os.PathLike[str]) -> Path:
     """Return the file for a basis name or a path."""
-    if not isinstance(name_or_path, str | os.PathLike):
-        raise BasisError(
-            f"{name_or_path!r:.40} is neither the name of a basis nor the path of a .json file",
-            code="type",
-        )
     path = Path(name_or_path)
     if path.suffix.lower() == ".json" or path.name != str(name_or_path):
         require_inside(path, BasisError)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.basis.base import basis_errors
-from volspec.errors import BasisError, SpectrumError
+from volspec.errors import BasisError
 from volspec.spectra.datasets import Observer, colour_matching_functions
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.spectrum import Spectrum, light_power, real_array, reflectance_values, stack
@@ -140,11 +140,7 @@ def count_noun(count: int, noun: str) -> str:
 def _require_some(spectra: Sequence[Spectrum] | ArrayLike, what: str) -> None:
     if isinstance(spectra, Spectrum):
         return
-    if not isinstance(spectra, list | tuple | np.ndarray):
-        raise BasisError(
-            f"{what}: {spectra!r:.40} is neither a list of spectra nor an array", code="type"
-        )
-    count = spectra.size if isinstance(spectra, np.ndarray) else len(spectra)
+    count = len(spectra) if isinstance(spectra, Sequence) else np.size(spectra)
     if count == 0:
         raise BasisError(f"{what}: the list is empty; give at least one spectrum", code="missing")
 
@@ -152,10 +148,8 @@ def _require_some(spectra: Sequence[Spectrum] | ArrayLike, what: str) -> None:
 def _weights(values: ArrayLike | None, count: int, what: str) -> Array:
     if values is None:
         return np.ones(count)
-    try:
+    with basis_errors():
         weights = real_array(values, what)
-    except SpectrumError:
-        raise BasisError(f"{what} are not a list of numbers: {values!r:.40}", code="type") from None
     if weights.shape != (count,):
         raise BasisError(
             f"{what} have shape {weights.shape}; expected ({count},), one for each spectrum",
