@@ -88,13 +88,7 @@ def save_palette_figure(
     report: DesignReport | None = None,
     title: str = "",
 ) -> None:
-    """Write `palette_figure` as .png, .svg or .pdf, atomically.
-
-    Raises
-    ------
-    ImageError
-        If the name has another suffix.
-    """
+    """Write `palette_figure` as .png, .svg or .pdf, atomically; refuse other suffixes."""
     require_suffix(path, "figures", *SUFFIXES)
     write_figure(palette_figure(design, report, title), path)
 

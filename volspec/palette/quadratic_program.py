@@ -64,13 +64,7 @@ class Optimum:
 
 
 def solve(blocks: Mapping[str, Block], terms: Sequence[Term]) -> Optimum:
-    """Minimise the weighted terms within the bounds.
-
-    Raises
-    ------
-    PaletteError
-        If equality constraints contradict each other or the bounds.
-    """
+    """Minimise the weighted terms within the bounds; raise PaletteError if none can be met."""
     values: dict[str, Array] = {}
     cost = residual = 0.0
     for names in _connected_blocks(blocks, terms):
