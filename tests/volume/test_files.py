@@ -4,7 +4,6 @@ import gzip
 import io
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import h5py
 import mrcfile
@@ -288,10 +287,8 @@ def test_a_question_mark_may_be_a_part_of_the_name(tmp_path):
 
 def test_paths_that_are_none_and_files_that_may_not_be_read_are_refused(files, monkeypatch):
     """Permissions are simulated: root may read everything."""
-    given: Any
-    for given, code in ((3, "type"), ("", "missing")):  # an empty name is not the present folder
-        with raises(VolumeError, code):
-            load_volume(given)
+    with raises(VolumeError, "missing"):  # an empty name is not the present folder
+        load_volume("")
     monkeypatch.setattr("os.access", lambda path, mode: False)
     for path in (files, files / "v.nrrd"):
         with raises(VolumeError, "unreadable") as caught:

@@ -383,12 +383,6 @@ def _list_choices(query: Query) -> tuple[Choice, ...]:
 
 def _query(path: str | os.PathLike[str]) -> tuple[Query, str]:
     """Return an address as a query, and the module that reads it; empty if NumPy alone does."""
-    if not isinstance(path, str | os.PathLike):
-        raise VolumeError(
-            f"volume: {quoted(path)} is not a path; give text or a pathlib.Path",
-            code="type",
-            given=path,
-        )
     query = Query.of(locate_volume(os.fspath(path)))
     if not is_bundled(query.path):
         require_links_inside(query.path, VolumeError)

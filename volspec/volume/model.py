@@ -304,8 +304,6 @@ class Volume:
         VolumeError
             If two have the same name, or one has fields of its own.
         """
-        if not isinstance(fields, Iterable):
-            raise VolumeError.refused("fields", fields, "give a list of volumes", "type")
         volume = copy(self)
         object.__setattr__(volume, "fields", tuple(fields))
         object.__setattr__(volume, "fields", checked_fields(volume))
@@ -540,12 +538,10 @@ class Volume:
 
 def checked_fields(volume: Volume) -> tuple[Volume, ...]:
     """Return a volume's further fields. Raises VolumeError if they cannot be distinguished."""
-    given = volume.fields
-    if not isinstance(given, Iterable) or not all(isinstance(each, Volume) for each in given):
-        raise VolumeError.refused(
-            f"{volume.name}: fields", given, "give a list of volspec.Volume", "type"
-        )
-    fields = tuple(given)
+    fields = tuple(volume.fields)
+    if not all(isinstance(each, Volume) for each in fields):
+        remedy = "give a list of volspec.Volume"
+        raise VolumeError.refused(f"{volume.name}: fields", fields, remedy, "type")
     names = [volume.name, *(each.name for each in fields)]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise VolumeError(
