@@ -234,7 +234,6 @@ def with_a_sheet(a: Volume, b: Volume) -> vs.CoefficientImage:
         (lambda a, b: vs.raycast(a, BOTH, view(a), SIZE), "unknown "),
         (lambda a, b: FieldFunctions({"a": A}, {"c": 1.0}), "unknown FieldFunctions.weights['c']"),
         (lambda a, b: FieldFunctions({"a": A}, {"a": -1.0}), "range FieldFunctions.weights['a']"),
-        (lambda a, b: FieldFunctions({"a": STEEL}), "type FieldFunctions.functions['a']"),
         (lambda *_: FieldFunctions({"a": A, "b": OTHER}), "conflict FieldFunctions.functions['b']"),
         (shown(FieldFunctions({"": A, "a": A})), "duplicate "),
         (shown(BOTH, mode="maximum"), "conflict RaycastSpec.mode"),

@@ -207,7 +207,6 @@ OTHER = TransferFunction([(0, 1.0, "gold")], METALS, vs.SpectralBasis.load("gene
         (of_label(-1), "range Mask.functions[-1]"),
         (of_label(1.5), "type Mask.functions[1.5]"),
         (of_label(True), "type Mask.functions[True]"),
-        (lambda ct, mask: Mask("organs", {1: "gold"}), "type Mask.functions[1]"),
         (lambda ct, mask: Mask("organs", MANY), "size Mask.functions"),
         (other_mask(ORGANS, "PET"), "unknown FieldFunctions.masks['PET']"),
         (other_mask({1: OTHER}), "conflict FieldFunctions.masks[''].functions[1]"),

@@ -61,13 +61,9 @@ class LabelFunction:
     hidden: frozenset[int] = frozenset()
 
     def __post_init__(self) -> None:
-        if not isinstance(self.labels, Mapping) or not self.labels:
-            raise TransferError.refused(
-                "LabelFunction.labels",
-                self.labels,
-                "give {label: (opacity, material)}, at least one",
-                "type",
-            )
+        if not self.labels:
+            remedy = "give {label: (opacity, material)}, at least one"
+            raise TransferError.refused("LabelFunction.labels", self.labels, remedy, "missing")
         mixes.check_materials("LabelFunction", self.materials, self.basis)
         step = mixes.checked_step("LabelFunction", self.reference_step_mm)
         checked = dict(self._checked(label, look) for label, look in self.labels.items())

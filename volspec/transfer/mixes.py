@@ -30,7 +30,7 @@ Point = tuple[float, float, Mix]
 _UNSEEN = 0.02
 
 
-def check_materials(who: str, materials: Any, basis: Any) -> None:
+def check_materials(who: str, materials: Mapping[str, Spectrum], basis: Basis) -> None:
     """Refuse a basis that cannot be cast, and materials that are not reflectances.
 
     Call it from ``__post_init__``, so that a warning points at the constructor's caller.
@@ -53,8 +53,6 @@ def check_materials(who: str, materials: Any, basis: Any) -> None:
             field=f"{who}.basis",
             given=basis,
         )
-    if not isinstance(materials, Mapping):
-        raise TransferError.refused(f"{who}.materials", materials, "give {name: Spectrum}", "type")
     for name, spectrum in materials.items():
         field = f"{who}.materials[{name!r}]"
         if not isinstance(spectrum, Spectrum):
@@ -79,7 +77,7 @@ def check_materials(who: str, materials: Any, basis: Any) -> None:
             )
 
 
-def checked_step(who: str, step_mm: Any) -> float | None:
+def checked_step(who: str, step_mm: float | None) -> float | None:
     """Return a reference step in millimetres, above 0, or None."""
     if step_mm is None:
         return None
@@ -89,23 +87,17 @@ def checked_step(who: str, step_mm: Any) -> float | None:
     return step
 
 
-def checked_list(field: str, given: Any, item: str) -> tuple[Any, ...]:
+def checked_list(field: str, given: Iterable[Any], item: str) -> tuple[Any, ...]:
     """Return a sequence as a tuple; refuse an empty one; ``item`` describes an element."""
-    try:
-        items = tuple(given)
-    except TypeError:
-        raise TransferError.refused(field, given, f"give a list of {item}", "type") from None
+    items = tuple(given)
     if not items:
         raise TransferError.refused(field, given, f"give at least one {item}", "missing")
     return items
 
 
-def checked_parts(field: str, given: Any, expected: str) -> tuple[Any, ...]:
+def checked_parts(field: str, given: Iterable[Any], expected: str) -> tuple[Any, ...]:
     """Return a sequence with as many parts as ``expected``, such as ``"(low, high)"``."""
-    try:
-        parts = tuple(given)
-    except TypeError:
-        parts = ()
+    parts = tuple(given)
     if len(parts) != expected.count(",") + 1:
         raise TransferError.refused(field, given, f"expected {expected}", "type")
     return parts
@@ -208,11 +200,9 @@ def weights_and_channels(
 
 
 def checked_filters(
-    who: str, filters: Any, materials: Mapping[str, Spectrum], basis: Any
+    who: str, filters: Mapping[str, Spectrum], materials: Mapping[str, Spectrum], basis: Basis
 ) -> dict[str, Spectrum]:
     """Return filters within 0…1; refuse unknown materials and a basis of materials."""
-    if not isinstance(filters, Mapping):
-        raise TransferError.refused(f"{who}.filters", filters, "give {material: Spectrum}", "type")
     if filters and isinstance(basis, MaterialBasis):
         raise TransferError(
             "filters need spectral channels, but the channels of a MaterialBasis are materials",

@@ -128,10 +128,8 @@ class TransferFunction2D:
         regions = mixes.checked_list(f"{_WHO}.regions", self.regions, "Region")
         mixes.check_materials(_WHO, self.materials, self.basis)
         for i, region in enumerate(regions):
-            field = f"{_WHO}.regions[{i}]"
-            if not isinstance(region, Region):
-                raise TransferError.refused(field, region, "expected a Region", "type")
-            mixes.checked_mix(f"{field}.material", region.material, self.materials)
+            field = f"{_WHO}.regions[{i}].material"
+            mixes.checked_mix(field, region.material, self.materials)
         object.__setattr__(self, "regions", regions)
         step = mixes.checked_step(_WHO, self.reference_step_mm)
         object.__setattr__(self, "reference_step_mm", step)

@@ -38,6 +38,8 @@ def transfer_from_vtk(
 ) -> TransferFunction:
     """Convert the scalar opacity and colours of a VTK volume property.
 
+    Raises TransferError if it has a 2-D transfer function, or no opacity unit distance above 0.
+
     Parameters
     ----------
     settings : vtkVolumeProperty
@@ -54,11 +56,6 @@ def transfer_from_vtk(
     TransferFunction
         Materials are named after their colours, ``"#rrggbb"``, and can be replaced. Warns of
         colours that no reflectance can have.
-
-    Raises
-    ------
-    TransferError
-        If the property has a 2-D transfer function, or no opacity unit distance above 0.
     """
     if settings.GetTransferFunctionMode() != 0:
         raise TransferError(
