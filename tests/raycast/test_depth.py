@@ -283,8 +283,6 @@ def before(surface: Any) -> Callable[[], object]:
         (lambda: DepthEffects(near_mm=10.0, far_mm=10.0), "range DepthEffects.near_mm"),
         (lambda: SLAB.recompose({}, DepthEffects(focus_mm=100)), "conflict recompose: focus_mm"),
         (lambda: BARE.recompose({}, DepthEffects(near_mm=100)), "unsupported "),
-        (lambda: SLAB.recompose({}, {"near_mm": 100}), "type recompose: depth"),
-        (before(3), "type recompose: surface"),
         (before(surface_at(120, slab_layers(100, 140, 2.0))), "shape recompose: surface"),
         (before(replace(SURFACE, fov_deg=20.0)), "conflict recompose: surface"),
         (before(replace(SURFACE, groups={"a": 0.5, "b": 0.5})), "conflict recompose: surface"),

@@ -129,7 +129,6 @@ def test_nothing_is_seen_of_hidden_materials_and_from_elsewhere(image, reproject
         (lambda image, _: Reprojector(replace(image, camera=None)), "missing "),
         (lambda image, _: Stereo().cameras(replace(image, camera=None)), "missing "),
         (lambda image, own: own.view(opposite(image)), "range reproject: camera"),
-        (lambda image, own: own.view("left"), "type reproject: camera"),
         (lambda image, own: own.view(image.camera, {"silver": 1}), "unknown opacities"),
         (lambda image, own: own.view(image.camera, size=(0, 4)), "range "),
         (lambda *_: Stereo(eyes_mm=3, eyes_deg=2), "conflict Stereo.eyes_mm"),

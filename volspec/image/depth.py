@@ -145,12 +145,7 @@ def recompose_in_depth(
 ) -> Recomposed:
     """Composite an image's layers with the K materials' optical depths scaled, and effects.
 
-    Raises
-    ------
-    ImageError
-        If the camera has no focus, or the surface is of another basis, camera or light groups.
-    ShapeError
-        If the surface has another size.
+    Raises ImageError if the camera has no focus, or the surface is of another picture.
     """
     assert image.opacity_layers is not None
     layers = image.opacity_layers.lit(scales)
@@ -530,10 +525,6 @@ def _check_surface(image: ImageFields, surface: ImageFields | None) -> None:
     if surface is None:
         return
     field = "recompose: surface"
-    if not hasattr(surface, "coefficients"):
-        raise ImageError.refused(
-            field, surface, "give a CoefficientImage, such as of MeshCaster.alone", "type"
-        )
     if surface.size != image.size:
         (width, height), (w, h) = surface.size, image.size
         raise ShapeError(f"is {width}x{height}, the image {w}x{h}", f"cast it {w}x{h}", field=field)

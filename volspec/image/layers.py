@@ -101,6 +101,8 @@ class Solid(NamedTuple):
 class OpacityLayers:
     """Layers of the materials' optical depths along each pixel's ray, near to far.
 
+    Raises ShapeError if the arrays do not belong together, or there are too many of them.
+
     Parameters
     ----------
     tau : (H, W, L, K) float32 or float16
@@ -118,13 +120,6 @@ class OpacityLayers:
     solid : bool
         The last layer is of opaque surfaces, such as meshes, which no scale changes. It is the
         last in each pixel, also if layers before it are unused.
-
-    Raises
-    ------
-    ShapeError
-        If the arrays do not belong together, or there are too many layers or materials.
-    ImageError
-        If an array is of another type.
     """
 
     tau: NDArray[Any]

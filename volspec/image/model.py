@@ -177,8 +177,6 @@ class CoefficientImage(ImageFields):
         fades = [] if unscaled else layers.fades
         if not unscaled:
             warn_of_absent(self.basis, layers, factors, fades)
-        if depth is not None and not isinstance(depth, DepthEffects):
-            raise ImageError.refused("recompose: depth", depth, "give DepthEffects", "type")
         fade = 0.0
         if surface is not None or (depth is not None and depth.changes):
             effects = depth or DepthEffects()

@@ -307,6 +307,8 @@ def reproject_reference(
 class Reprojector:
     """Nearby views of one image, whose layers stay on an OpenCL device.
 
+    Raises ImageError if the image has no layers, or its camera is unknown.
+
     Parameters
     ----------
     image : CoefficientImage
@@ -318,13 +320,6 @@ class Reprojector:
         Part of an OpenCL device's name.
     compute : Compute, optional
         The device, if it is already open; that of another Reprojector is its `compute`.
-
-    Raises
-    ------
-    ImageError
-        If the image has no layers, or its camera is unknown.
-    OpenCLError
-        If there is no device, or no memory.
     """
 
     def __init__(
@@ -496,7 +491,8 @@ def reproject(
     """Return a picture by another camera nearby, from an image's layers of opacity.
 
     Lights that are fixed in the world are exact; those fixed to the camera, such as a headlight,
-    stay where they were at the cast.
+    stay where they were at the cast. Raises ImageError if the image has no layers, its camera is
+    unknown, the other one looks elsewhere, or a scale is refused.
 
     Parameters
     ----------
@@ -513,22 +509,12 @@ def reproject(
     -------
     CoefficientImage
         Without layers and first hit.
-
-    Raises
-    ------
-    ImageError
-        If the image has no layers, its camera is unknown, the other one looks elsewhere, or a scale
-        is refused.
-    OpenCLError
-        If there is no device, or no memory.
     """
     return Reprojector(image).view(camera, scales, size)
 
 
 def _check_camera(camera: Camera, own: Camera) -> None:
     """Refuse a camera whose view is not nearby."""
-    if not isinstance(camera, Camera):
-        raise ImageError.refused("reproject: camera", camera, "give a Camera", "type")
     cosine = float(camera.frame()[2] @ own.frame()[2])
     if cosine < 0.1:
         raise ImageError(
