@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import AfterValidator, Field
 
 from volspec import settings
-from volspec.errors import Code, InputError, RaycastError
+from volspec.errors import InputError, RaycastError
 
 Vector = tuple[float, float, float]
 # Keeps products of weights and intensities far within float32.
@@ -33,14 +33,12 @@ def number(what: str, given: Any, error: type[InputError] = RaycastError) -> flo
     return float(given)
 
 
-def whole(what: str, given: Any, low: int, high: int) -> int:
+def whole(what: str, given: int, low: int, high: int) -> int:
     """Return a whole number from ``low`` to ``high``."""
-    is_whole = isinstance(given, int | np.integer) and not isinstance(given, bool)
-    if not (is_whole and low <= given <= high):
-        code: Code = "range" if is_whole else "type"
+    if not low <= given <= high:
         remedy = f"give a whole number from {low} to {high}"
-        raise RaycastError.refused(what, given, remedy, code)
-    return int(given)
+        raise RaycastError.refused(what, given, remedy, "range")
+    return given
 
 
 def positive(what: str, given: Any, error: type[InputError] = RaycastError) -> float:
@@ -76,12 +74,6 @@ def unit(towards: Any) -> Vector:
     x, y, z = x / most, y / most, z / most
     length = math.hypot(x, y, z)
     return x / length, y / length, z / length
-
-
-def check_callable(what: str, given: Any) -> None:
-    """Refuse anything but a callable or None."""
-    if given is not None and not callable(given):
-        raise RaycastError.refused(what, given, "give a function, or leave it out", "type")
 
 
 def checked_size(size: Any, who: str = "raycast") -> tuple[int, int]:

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._checks import MAX_SIDE, check_callable, checked_size, whole
+from volspec._checks import MAX_SIDE, checked_size, whole
 from volspec.basis import SpectralBasis
 from volspec.camera import Camera
 from volspec.camera.projection import Projection
-from volspec.errors import RaycastError, VolspecWarning, quoted
+from volspec.errors import RaycastError, VolspecWarning
 from volspec.image import CoefficientImage
 from volspec.image.layers import OpacityLayers
 from volspec.large import Raycaster
@@ -130,12 +130,6 @@ def raycast(
     """
     volume = Volume.of(volume)
     spec = RaycastSpec() if spec is None else spec
-    _check_kinds(transfer, camera, spec, caster, into, notes)
-    check_callable("raycast: progress", progress)
-    check_callable("raycast: cancel", cancel)
-    if not isinstance(behind, Sequence) or not all(hasattr(each, "depths_mm") for each in behind):
-        remedy = "give a list of MeshCaster"
-        raise RaycastError.refused("raycast: behind", behind, remedy, "type")
     if caster is None:
         caster = Raycaster(volume, device=device)
     elif caster.volume is not volume:
@@ -354,30 +348,6 @@ def absorption_error(
         for each in (transfer, replace(transfer, basis=bands))
     ]
     return difference_map(images[0], images[1], light, backdrop=0.0)
-
-
-def _check_kinds(transfer: Any, camera: Any, spec: Any, caster: Any, into: Any, notes: Any) -> None:
-    """Check the types of the arguments."""
-    transfers = "TransferFunction, TransferFunction2D, LabelFunction, Isosurfaces or FieldFunctions"
-    for argument, given, kinds, wanted in (
-        ("transfer", transfer, Transfers, f"a {transfers}"),
-        ("camera", camera, Camera, "a Camera"),
-        ("spec", spec, RaycastSpec, "a RaycastSpec, or leave it out"),
-        ("caster", caster, Raycaster | None, "a Raycaster, or leave it out"),
-        ("into", into, Relighter | None, "a Relighter, or leave it out"),
-        ("notes", notes, Mapping | None, "a dict of text, or leave it out"),
-    ):
-        if not isinstance(given, kinds):
-            raise RaycastError.refused(f"raycast: {argument}", given, f"give {wanted}", "type")
-    for name, note in (notes or {}).items():
-        if not (isinstance(name, str) and isinstance(note, str)):
-            raise RaycastError(
-                f"has {quoted(name)}: {quoted(note)}",
-                "both must be text",
-                code="type",
-                field="raycast: notes",
-                given=notes,
-            )
 
 
 def _check_layers(

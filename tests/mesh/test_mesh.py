@@ -476,7 +476,6 @@ POINTS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
         (lambda _: mesh(grating={"spacing_um": 1.6}), MeshError, "type"),
         (lambda _: cast(mesh("rde")), MeshError, "unknown"),
         (lambda _: vs.MeshCaster(sphere(), WHITE, BASIS), MeshError, "type"),
-        (lambda _: behind(sphere()), RaycastError, "type"),
         (lambda _: behind(NINE), RaycastError, "conflict"),  # another basis than the volume's
         (lambda folder: vs.Mesh.load(folder / "no.ply"), MeshError, "not-found"),
         (lambda folder: read(folder, "ply\n", "bad.plx"), MeshError, "unsupported"),

@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._checks import check_callable, checked_size
+from volspec._checks import checked_size
 from volspec._gpu.opencl import Compute
 from volspec._gpu.sharing import Sharing
 from volspec.camera.camera import Camera
@@ -266,8 +266,8 @@ class VolumeCaster:
     Raises
     ------
     RaycastError, OpenCLError
-        If an argument has the wrong type; if there is no device, the volume does not fit on it, or
-        it cannot share the context.
+        If ``lanes`` is another number, there is no device, the volume does not fit on it, or it
+        cannot share the context.
     """
 
     def __init__(
@@ -280,15 +280,8 @@ class VolumeCaster:
         context: Any = None,
         like: VolumeCaster | None = None,
     ) -> None:
-        if not isinstance(volume, Volume):
-            raise RaycastError.refused("Raycaster: volume", volume, "give a volspec.Volume", "type")
-        if context is not None and not hasattr(context, "buffer"):
-            raise RaycastError.refused(
-                "Raycaster: context", context, "give a moderngl.Context", "type"
-            )
         if lanes is not None:
-            # True and 8.0 equal valid numbers, but are not integers.
-            if type(lanes) is not int or lanes not in TILES:
+            if lanes not in TILES:
                 raise RaycastError.refused(
                     "Raycaster: lanes", lanes, f"give one of {sorted(TILES)}", "range"
                 )
@@ -459,13 +452,10 @@ class VolumeCaster:
         Raises
         ------
         RaycastError, OpenCLError
-            If the size is not positive, progress or cancel cannot be called, or the crop leaves
-            nothing; if there is not enough memory.
+            If the size is not positive or the crop leaves nothing; if there is not enough memory.
         CastCancelled
             If ``cancel`` returned True.
         """
-        check_callable("raycast: progress", progress)
-        check_callable("raycast: cancel", cancel)
         spec = spec.for_lattice(self.volume)
         with self.locked():
             if spec.add_fields and isinstance(table, FieldTables):
