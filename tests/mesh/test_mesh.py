@@ -473,7 +473,6 @@ POINTS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
         (lambda _: mesh({"red": [1.0, 2.0]}), MeshError, "shape"),
         (lambda _: mesh({"red": [0.0, 0.0, 0.0]}), MeshError, "range"),
         (lambda _: mesh(3), MeshError, "type"),
-        (lambda _: mesh(grating={"spacing_um": 1.6}), MeshError, "type"),
         (lambda _: cast(mesh("rde")), MeshError, "unknown"),
         (lambda _: vs.MeshCaster(sphere(), WHITE, BASIS), MeshError, "type"),
         (lambda _: behind(NINE), RaycastError, "conflict"),  # another basis than the volume's

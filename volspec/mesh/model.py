@@ -136,13 +136,8 @@ class Mesh:
             raise self._error(f"material is {quoted(self.material)}", remedy, "type")
         for what, least in (("opacity", 1e-3), ("mirror", 0.0)):
             given = getattr(self, what)
-            if not isinstance(given, int | float):
-                raise self._error(f"{what} is {quoted(given)}", "give a number", "type")
             if not least <= given <= 1.0:
                 raise self._error(f"{what} is {given:g}", "give 0 to 1", "range")
-        if not isinstance(self.grating, Grating | None):
-            remedy = "give a volspec.Grating"
-            raise self._error(f"grating is {quoted(self.grating)}", remedy, "type")
         if lost := int((~whole).sum()):
             text = f"{self.name}: {lost} of its triangles have no area, and are left out"
             warnings.warn(text, VolspecWarning, stacklevel=3)
