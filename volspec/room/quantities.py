@@ -36,13 +36,8 @@ def require_reflectance(
 ) -> Array:
     """Return reflectances (P, B) of the named patches; one (B,) counts for all of them.
 
-    Raises
-    ------
-    RoomError
-        If their number is not P, or a reflectance is below 0, or 1 or more: light in a closed room
-        would grow without end.
-    SpectrumError
-        If a spectrum does not fit the grid.
+    Raises RoomError if their number is not P, or a reflectance is below 0, or 1 or more: light in a
+    closed room would grow without end.
     """
     rho = _by_patch("reflectance", stack(reflectance, grid), names)
     wrong = ~((rho >= 0.0) & (rho < 1.0))
@@ -53,12 +48,7 @@ def require_reflectance(
 def require_emission(emission: ArrayLike, names: Sequence[str], grid: SpectralGrid) -> Array:
     """Return emissions (P, B), W/m² per band, of the named patches.
 
-    Raises
-    ------
-    RoomError
-        If their number is not P, one is negative, or none emits.
-    SpectrumError
-        If they do not fit the grid, or are not finite.
+    Raises RoomError if their number is not P, one is negative, or none emits.
     """
     S = _by_patch("emission", stack(emission, grid), names)
     _refuse_bands("emission", "emits", S, S < 0.0, "give 0 W/m² or more", names, grid)

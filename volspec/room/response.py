@@ -75,12 +75,7 @@ class RoomResponse:
     def spectra(self, lights: Mapping[str, Spectrum], weight: float = 1.0) -> Array:
         """Return (L, B) spectra of lights, as bright as the room's own; of others, 0.
 
-        Raises
-        ------
-        RoomError
-            If the room has no light of a name.
-        SpectrumError
-            As `volspec.spectra.spectrum.light_power`.
+        Raises RoomError if the room has no light of a name.
         """
         grid, own = self.solved.room.grid, self.solved.room.lights
         found = np.zeros((len(own), grid.size))
