@@ -440,11 +440,6 @@ class Cluster:
     address : str
         ``tcp://HOST:8786`` of a scheduler, ``local`` for a worker per core of this machine, or
         ``local:N`` for N of them.
-
-    Raises
-    ------
-    DeviceError
-        If the address is none, or Dask is not installed.
     """
 
     def __init__(self, address: str) -> None:

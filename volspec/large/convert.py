@@ -87,6 +87,8 @@ def convert(
 ) -> None:
     """Write the levels of a volume; an existing output is replaced when all of it is written.
 
+    Raises InputError if the output cannot be written, VolumeError if the source cannot be read.
+
     Parameters
     ----------
     source : Level
@@ -101,15 +103,6 @@ def convert(
         Statements of the source, which the output repeats.
     progress : callable, optional
         Called with the finished fraction, 0…1.
-
-    Raises
-    ------
-    InputError
-        If the output cannot be written.
-    VolumeError
-        If the source cannot be read.
-    DeviceError
-        If zarr is not installed.
     """
     zarr = import_zarr(output)
     _require_replaceable(output)

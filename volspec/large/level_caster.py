@@ -229,14 +229,8 @@ class LevelCaster:
     ) -> Iterator[LoadedPart | None]:
         """Yield the parts' voxels for a table and settings, None for unwanted ones.
 
-        Each is read while the one before is in use, if the caster `reads_ahead`.
-
-        Raises
-        ------
-        VolumeError
-            If the pyramid's budget is less than a part and its chunks take.
-        CastCancelled
-            If ``cancel`` returned True.
+        Each is read while the one before is in use, if the caster `reads_ahead`. Raises VolumeError
+        if the pyramid's budget is less than a part and its chunks take.
         """
         self.reserve(parts)
         needed = [[Chunk(self._number, *number) for number in part.chunks] for part in parts]
@@ -367,12 +361,9 @@ class LevelCaster:
 
 
 def level_for(volume: Volume, camera: Camera, size: tuple[int, int], spec: RaycastSpec) -> int:
-    """Return the level of a pyramid that a cast asks for: the last is in memory.
+    """Return the level of a pyramid that a cast asks for, or raise RaycastError if it has none.
 
-    Raises
-    ------
-    RaycastError
-        If there is no such level.
+    The last level is in memory.
     """
     pyramid = volume.pyramid
     assert pyramid is not None
