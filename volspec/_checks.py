@@ -41,13 +41,6 @@ def whole(what: str, given: int, low: int, high: int) -> int:
     return given
 
 
-def positive(what: str, given: Any, error: type[InputError] = RaycastError) -> float:
-    """Return a number above 0."""
-    if not number(what, given, error) > 0:
-        raise error.refused(what, given, "give a number above 0", "range")
-    return float(given)
-
-
 def _direction(towards: Vector) -> Vector:
     if not any(towards):
         raise InputError("", "give a vector of a length above 0", code="range", given=towards)

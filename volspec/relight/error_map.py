@@ -196,7 +196,7 @@ def error_map(
         raise ViewingError.refused(
             "error map.against", against, f"give {' or '.join(AGAINST)}", "unknown"
         )
-    if isinstance(every, bool) or not isinstance(every, int) or every < 1:
+    if every < 1:
         raise ViewingError.refused("error map.every", every, "give a whole number from 1", "range")
     spec = RelightSpec(mode=mode, backdrop=backdrop)
     if against == "cast":

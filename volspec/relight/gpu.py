@@ -192,10 +192,7 @@ class GLEngine:
     def place(self, sharing: Sharing) -> SharedLayers:
         """Return a buffer into which OpenCL packs a picture; frames do not change until `take`.
 
-        Raises
-        ------
-        OpenCLError
-            If OpenCL shares another context than this engine's.
+        Raises OpenCLError if OpenCL shares another context than this engine's.
         """
         with self._current():
             here = current()

@@ -36,17 +36,8 @@ def hdr_frame(
     """Return the (H, W, 3) code values, 0 to 1, of a picture under a light.
 
     The eye in the scene is adapted to the light's lux, the eye before the display to the room of
-    ``spec.viewing.display``, whose white is ``hdr``'s.
-
-    Raises
-    ------
-    ViewingError
-        As `check_hdr`, and as `Illumination.of` and `view_transform`.
-
-    Warns
-    -----
-    VolspecWarning
-        As `Relighter.frame`.
+    ``spec.viewing.display``, whose white is ``hdr``'s. Raises ViewingError as `check_hdr`, and
+    warns as `Relighter.frame`.
     """
     spec = check_hdr(light, spec, hdr)
     lit = Illumination.of(image.basis, light, spec, image.groups)

@@ -30,10 +30,7 @@ _PLAIN = RelightSpec()
 class Look:
     """Settings of the pictures of one cast: materials, depth, eyes, viewing and display.
 
-    Raises
-    ------
-    ImageError
-        If two settings exclude each other: ``stereo`` and ``hdr``, or ``stereo`` and a focus.
+    Raises ImageError if ``stereo`` is set together with ``hdr`` or a focus.
     """
 
     relight: RelightSpec = _PLAIN

@@ -55,10 +55,7 @@ BACKENDS = ("gl", "numpy")
 
 def pixel_type(dtype: Any) -> type:
     """Return numpy.uint8 or numpy.float32, the types of frames; raise RelightError for others."""
-    try:
-        kind = np.dtype(dtype).type
-    except TypeError:
-        kind = np.void
+    kind = np.dtype(dtype).type
     if kind not in (np.uint8, np.float32):
         raise RelightError.refused(
             "relight.dtype", dtype, "expected numpy.uint8 or numpy.float32", "type"
@@ -108,7 +105,7 @@ class Relighter:
     OpenGLError
         If ``backend="gl"`` and no context can be made.
     RelightError, ShapeError
-        If an argument has another type, or the image's arrays do not fit together.
+        If the backend is unknown, or the image's arrays do not fit together.
 
     Examples
     --------
@@ -155,14 +152,6 @@ class Relighter:
         self._recomposed: tuple[tuple[object, ...], CoefficientImage] | None = None
         self._advised: set[str] = set()
         self._meter = ViewingMeter()
-        if lut3d not in (None, True, False):
-            raise RelightError.refused(
-                "Relighter.lut3d", lut3d, "expected True, False or None", "type"
-            )
-        if not isinstance(lut_cache, LutCache | None):
-            raise RelightError.refused(
-                "Relighter.lut_cache", lut_cache, "expected LutCache or None", "type"
-            )
         self._closed = False
         self._lock = threading.RLock()
         self._lut3d = lut3d

@@ -244,13 +244,7 @@ class RelightSpec:
         """Return settings as a spec; a `Viewing` leaves the others at their defaults."""
         if spec is None:
             return cls()
-        if isinstance(spec, RelightSpec):
-            return spec
-        if isinstance(spec, Viewing):
-            return cls(spec)
-        raise ViewingError.refused(
-            "relight.spec", spec, "expected a RelightSpec or a Viewing", "type"
-        )
+        return spec if isinstance(spec, RelightSpec) else cls(spec)
 
     def seen_through(self, grid: SpectralGrid) -> Spectrum | None:
         """Return the filter's transmittance on a grid; None without a filter.

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from volspec._checks import positive
 from volspec._extras import require_extra
-from volspec.errors import RelightError
+from volspec.errors import RaycastError, RelightError
 from volspec.raycast.vtk_interop import plotter_camera, require_open
 from volspec.relight.spec import Pixels
 
@@ -79,12 +78,14 @@ def picture_plane(plotter: pyvista.Plotter, distance: float | None = None) -> py
     camera = plotter_camera(plotter)
     if distance is None:
         distance = camera.distance_mm
-    away = positive("picture_plane: distance", distance)
+    if not 0 < distance < np.inf:
+        remedy = "give a number above 0"
+        raise RaycastError.refused("picture_plane: distance", distance, remedy, "range")
     width, height = plotter.renderer.GetSize()
     rays = camera.ray_field(width, height)
-    grows = away / rays.distance if rays.perspective else 1.0
+    grows = distance / rays.distance if rays.perspective else 1.0
     across, up = rays.across * (width / 2 * grows), rays.down * (-height / 2 * grows)
-    middle = np.asarray(camera.position_mm) + away * rays.forward
+    middle = np.asarray(camera.position_mm) + distance * rays.forward
     corners = [middle + a * across + b * up for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     # The plotter scales everything that is added to it.
     plane = pyvista.PolyData(np.array(corners) / plotter.renderer.scale, faces=[4, 0, 1, 2, 3])
