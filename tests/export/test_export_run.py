@@ -233,7 +233,6 @@ def test_many_frames_of_many_strips_are_made_in_batches(scene, tmp_path, monkeyp
         ({"light": "day"}, "unknown", "export.light"),
         ({"size": (0, 4)}, "range", "size"),
         ({"size": (1 << 17, 4)}, "range", "size"),
-        ({"size": (2.5, 4)}, "type", "size"),
         ({"format": "exr", "annotate": ["scale"]}, "conflict", "export.annotate"),
         ({"annotate": ["scal"]}, "unknown", None),
         ({"transparent": True}, "conflict", None),

@@ -113,13 +113,8 @@ def save_deep(
 ) -> DeepSamples:
     """Write a deep OpenEXR file of an image with layers, lit by the first light of a recipe.
 
-    Returns the samples.
-
-    Raises
-    ------
-    ImageError
-        If the image was cast without layers, or the opacities are refused, as by
-        `CoefficientImage.recompose`; if the file cannot be written or does not end in ``.exr``.
+    Returns the samples. Raises ImageError if the file cannot be written, the image was cast without
+    layers, or the opacities are refused, as by `CoefficientImage.recompose`.
     """
     require_suffix(path, "deep images", ".exr")
     samples = DeepSamples.of(image, opacities)

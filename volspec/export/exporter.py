@@ -5,7 +5,6 @@ Scene -> plan -> tiles -> frame_files -> [exporter] -> a folder of frames, or a 
 
 from __future__ import annotations
 
-import operator
 import os
 import re
 import threading
@@ -250,12 +249,7 @@ def even_size(size: tuple[int, int]) -> tuple[int, int]:
 
 
 def _checked_size(size: tuple[int, int]) -> tuple[int, int]:
-    try:
-        width, height = (operator.index(n) for n in size)
-    except (TypeError, ValueError):
-        raise InputError.refused(
-            "size", size, "give (width, height) in whole pixels", "type"
-        ) from None
+    width, height = size
     if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
         raise InputError(
             f"the picture is {width}x{height}",

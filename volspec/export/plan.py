@@ -122,13 +122,9 @@ def plan_export(
 ) -> Plan:
     """Plan the frames of ``[export]``, or of another table that fits the scene.
 
-    ``series`` are the volume's time steps, if they are open; else they are only counted.
-
-    Raises
-    ------
-    SceneError
-        If a camera, transfer function, viewing or light is impossible at some time, named in the
-        message; if a light lacks the lux that the scene's level needs.
+    ``series`` are the volume's time steps, if they are open; else they are only counted. Raises
+    SceneError if a setting is impossible at some time, or a light lacks the lux that the level
+    needs.
     """
     lights = export_lights(scene, table)
     require_lux(_visible_lights(scene, table, lights), scene.relight, scene.path)

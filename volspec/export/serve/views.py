@@ -110,7 +110,7 @@ def _number(name: str, words: Sequence[bytes], low: float, high: float) -> float
 
 
 class SceneViews:
-    """A scene on its device, from any camera around it.
+    """A scene on its device, from any camera around it; raises VolspecError if it cannot be cast.
 
     Parameters
     ----------
@@ -121,11 +121,6 @@ class SceneViews:
         Pixels of whole pictures, instead of the scene's.
     device : str, optional
         See `volspec.raycast`.
-
-    Raises
-    ------
-    VolspecError
-        If the scene cannot be cast.
     """
 
     def __init__(
