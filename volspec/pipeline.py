@@ -130,6 +130,12 @@ def raycast(
     """
     volume = Volume.of(volume)
     spec = RaycastSpec() if spec is None else spec
+    for name, given, kinds, wanted in (
+        ("transfer", transfer, Transfers, "a TransferFunction"),
+        ("camera", camera, Camera, "a Camera, such as Camera.orbit(volume)"),
+    ):
+        if not isinstance(given, kinds):
+            raise RaycastError.refused(f"raycast: {name}", given, f"give {wanted}", "type")
     if caster is None:
         caster = Raycaster(volume, device=device)
     elif caster.volume is not volume:

@@ -191,6 +191,8 @@ def whale() -> Volume:
         (cast(ZEROS, LABELS, spec=vs.RaycastSpec(preintegrated=True)), "conflict "),
         (cast(transfer=LABELS), "type "),
         (cast("engine.nrrd"), "type "),
+        (partial(Raycaster, "engine.nrrd"), "type "),
+        *((cast(**{name: 3}), f"type raycast: {name}") for name in ("transfer", "camera")),
         (cast(device=b"cpu"), "invalid device"),
         (refined(device=3), "invalid device"),
         (refined(coarsest=0), "range refine: coarsest"),

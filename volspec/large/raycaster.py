@@ -19,7 +19,9 @@ class Raycaster(VolumeCaster):
 
     Parameters
     ----------
-    volume, lanes, packet, context
+    volume : Volume, pyvista ImageData or array (Z, Y, X)
+        As of `volspec.raycast`.
+    lanes, packet, context
         See `VolumeCaster`.
     device : str, optional
         Part of a device's name; the first GPU, else the first CPU, if left out. Or the address of
@@ -37,7 +39,7 @@ class Raycaster(VolumeCaster):
 
     def __init__(
         self,
-        volume: Volume,
+        volume: Volume | Any,
         *,
         device: str | None = None,
         lanes: int | None = None,
@@ -45,8 +47,9 @@ class Raycaster(VolumeCaster):
         context: Any = None,
         like: Raycaster | None = None,
     ) -> None:
+        volume = Volume.of(volume)
         cluster = like.cluster if like else None
-        if isinstance(volume, Volume) and device is not None and is_cluster(device):
+        if device is not None and is_cluster(device):
             if volume.pyramid is None:
                 raise RaycastError(
                     f"device {device}: a cluster casts what is larger than memory, which holds "

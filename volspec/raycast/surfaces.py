@@ -8,11 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, repeat
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
-from scipy.sparse import csr_array
 
 from volspec.basis import Basis
 from volspec.camera.camera import Camera
@@ -27,6 +26,9 @@ from volspec.raycast.sampling import world_rays
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import Tables, TransferTable
 from volspec.volume import Volume
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 SpanCast = Callable[[NDArray[np.float32]], Result]
 """Cast of a volume along parts (H, W, 2) of the pixels' rays, mm: their begin and end."""
@@ -522,6 +524,8 @@ def further_points(pixels: NDArray[np.intp], width: int) -> NDArray[np.float64]:
 
 def mean_of_points(pixels: NDArray[np.intp], count: int) -> csr_array:
     """Return weights (count, count + 4 E): of a pixel's middle, or of its further points."""
+    from scipy.sparse import csr_array
+
     numbers = np.full(count, 1)
     numbers[pixels] = POINTS
     ends = np.concatenate([[0], np.cumsum(numbers)])
