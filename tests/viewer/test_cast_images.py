@@ -11,8 +11,8 @@ from tests.viewer._states import casts_of, frame_of, job_of, relit, restored, un
 from volspec.image import CoefficientImage
 from volspec.pipeline import raycast
 from volspec.raycast.pace import WHOLE, Pass
-from volspec.viewer.model import camera, transfer_edits
-from volspec.viewer.model.history import without_cast
+from volspec.viewer.model import camera, rules, transfer_edits
+from volspec.viewer.model.history import ONE_VIEW, without_cast
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.documents import open_document
 
@@ -59,10 +59,10 @@ def test_what_would_need_a_cast_is_undone_and_lights_are_not(path):
     lit = under(state, 2)
     turned = camera.orbit(lit, 0.2, 0.1)
     assert turned.view != state.view
-    assert without_cast(state, transfer_edits.thicken_by(turned, 0.0, 0.3)) == lit
-    assert without_cast(state, lit) is lit
+    assert without_cast(state, transfer_edits.thicken_by(turned, 0.0, 0.3)) == (lit, ONE_VIEW, "")
+    assert without_cast(state, lit).state is lit
     other = ViewState.first(open_document(str(path)), state.size)
-    assert without_cast(state, other) is other  # another document
+    assert rules.hold(state, other) == (other, [])  # another document
 
 
 def test_reflectances_of_an_image_cast_with_materials_may_change(tmp_path):
@@ -73,7 +73,7 @@ def test_reflectances_of_an_image_cast_with_materials_may_change(tmp_path):
     swapped = dict(zip(basis.materials, reversed(basis.materials.values()), strict=True))
     painted = replace(state.transfer, materials=swapped, basis=basis.with_reflectances(swapped))
     new = replace(state, transfer=painted)
-    assert without_cast(state, new) is new
+    assert without_cast(state, new).state is new
 
 
 def test_light_groups_of_an_image_are_those_of_its_lights(tmp_path):

@@ -175,7 +175,7 @@ def test_meshes_are_added_in_their_own_colours(opened, tmp_path):
 def test_other_transfer_functions_keep_the_meshes_materials(opened):
     assert materials.remove_material(opened, "wax") is opened
     bare = materials.without_material(opened.transfer, "wax")
-    new = meshes.with_own_materials(opened, replace(opened, transfer=bare))
+    new = meshes.with_own_materials(opened, replace(opened, transfer=bare)).state
     assert list(new.transfer.materials) == ["bone", "wax"]
     np.testing.assert_array_equal(frame_of(new), frame_of(opened))
     free = meshes.remove(opened, 0)

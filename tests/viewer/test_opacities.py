@@ -384,8 +384,8 @@ def test_a_cast_image_with_layers_is_faded_and_saved(ball, tmp_path, layered):
     scheduler.close()
     assert scheduler.is_newest(done) and done.opacity is not None
     faded = opacities.set_opacity(state, "grey", 0.1)
-    assert without_cast(state, faded) is faded
-    turned = without_cast(state, camera.orbit(faded, 0.2, 0.0))
+    assert without_cast(state, faded).state is faded
+    turned = without_cast(state, camera.orbit(faded, 0.2, 0.0)).state
     assert turned.shading.opacities == {"grey": 0.1} and turned.view == state.view
     assert_codes(frame_of(faded), recomposed(state.document.image, faded))
 

@@ -209,11 +209,11 @@ def test_what_a_room_cannot_do(opened, state):
     # Light sources are the room's.
     for change in (run_command(opened, "shadows"), lighting.add_source(opened, "sky")):
         assert change.state.shading.groups != opened.shading.groups
-        kept = edits.with_room_light(opened, change.state)
+        kept = edits.with_room_light(opened, change.state).state
         assert kept.shading == opened.shading
         assert kept.lights == opened.lights
     glossy = quality.set_cast(opened, "specular", 0.4)
-    assert edits.with_room_light(opened, glossy) is glossy
+    assert edits.with_room_light(opened, glossy).state is glossy
     # A basis of materials has no channels for walls: the volume is shown in the room's light.
     exact = replace(opened, transfer=with_material_basis(opened.transfer))
     assert not edits.has_walls(exact)

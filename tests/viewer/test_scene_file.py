@@ -239,7 +239,7 @@ def test_masks_stay_through_edits_of_other_things(tmp_path):
     # A material that the mask alone uses stays when the transfer function no longer has it.
     bare = replace(state.transfer, points=[(0.2, 0.0, "copper"), (0.9, 0.4, "copper")])
     fewer = replace(bare, materials={"copper": bare.materials["copper"]})
-    kept, why = fields.with_all_fields(state, replace(state, transfer=fewer))
+    kept, why, _ = fields.with_all_fields(state, replace(state, transfer=fewer))
     assert not why and set(kept.transfer.materials) == {"copper", "grey"}
 
 

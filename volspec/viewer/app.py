@@ -16,12 +16,12 @@ from pathlib import Path
 from imgui_bundle import imgui, implot
 
 from volspec.errors import InputError
-from volspec.viewer.model import fields, measure, meshes, room
+from volspec.viewer.model import measure, rules
 from volspec.viewer.model.commands import BY_KEY, MENUS
 from volspec.viewer.model.depth import left_out, needs_layers
 from volspec.viewer.model.edit import bind
 from volspec.viewer.model.effects import EFFECT
-from volspec.viewer.model.history import Difference, History, without_cast
+from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.light_rows import Fade
 from volspec.viewer.model.light_states import after_fade, during_fade
 from volspec.viewer.model.rendition import chosen_lights
@@ -40,13 +40,12 @@ from volspec.viewer.work.demonstrations import Thumbnails
 from volspec.viewer.work.designs import DesignService
 from volspec.viewer.work.documents import Opened, open_path
 from volspec.viewer.work.notify import SHORT_SECONDS, Notice, Trace, WarningQueue, collect_warnings
-from volspec.viewer.work.pictures import return_large_blocks
+from volspec.viewer.work.pictures import Painted, return_large_blocks
 from volspec.viewer.work.rendition import RenditionService
 from volspec.viewer.work.screen import Area, Meter, Screen
 from volspec.viewer.work.session import SUFFIX
 from volspec.viewer.work.steps import Steps
 
-_ONE_VIEW = "A cast image has one view of fixed materials; open its scene to change them"
 LEAST_PICTURE, MOST_PICTURE = 8, 8192
 # Frames that imgui needs after an input, or a change of its layout, until the layout is final.
 _SETTLE = 3
@@ -294,61 +293,16 @@ class App:
         self._ui.results = self._results()
         self._focus.frame()
         self._set_theme()
-        present = self._present
-        state = shown = self._during_fade(present, started) if present else None
-        if state is not None:
-            state = menus.draw_status(state, self._ui)
-            state = menus.draw_menu(state, self._ui)
-        image = None if state is None else state.document.image
-        area = self._docks.picture(self._ui, state is not None, image)
-        if state is not None and self._history is not None:
-            state = self._next(state, [*self._early, *inputs], area)
-            self._early = []
-            if present is not None and self._ui.preview is not None:
-                # The dialog leaves no other edits.
-                state = present if state.size == present.size else replace(present, size=state.size)
-            elif present is not None and shown is not None and shown is not present:
-                state = after_fade(present, shown, state)
-            if image is not None and present is not None:
-                state = self._without_cast(present, state)
-            if present is not None and state.room is not None:
-                state = self._with_room_light(present, state)
-            if present is not None and state.fields:
-                state = self._with_all_fields(present, state)
-            if present is not None and state.meshes:
-                state = self._with_own_materials(present, state)
-            self._history = self._history.then(state, self._mouse.gestures.number)
-            self._do_requests()
-            wanted = self._ui.layers_wanted or needs_layers(state)
-            self._scheduler.layers_wanted = wanted and image is None
-            if self._ui.lights.tab == "Rendition":
-                self._renditions.follow(chosen_lights(state, self._ui.lights.whole))
-            if self._docks.settled:
-                self._designs.follow(self._history.present)  # the fade's end
-                now = self._during_fade(self._history.present, started)
-                change = self._history.difference
-                if change is None or change.old is not self._shown or change.new is not now:
-                    change = Difference.between(self._shown, now)  # a fade, or several steps
-                self._update(change, started)
-                if change.fields - {"document"}:  # time steps leave the layout as it is
-                    self._settle = max(self._settle, _SETTLE)
-            if self._fading or self._ui.plays:
-                self._settle = max(self._settle, _SETTLE)
-        else:
+        if self._history is None:
+            area = self._docks.picture(self._ui, False, None)
             self._mouse.take(inputs)
             self._wait_for_file(inputs)
+        else:
+            area = self._draw_panels(self._history, inputs, started)
         painted = self._screen.painted_picture(area, self._shown)
-        problem = "" if state is not None else self._file_commands.documents.problem
-        text = problem or self._screen.missing_message(self._shown, painted)
-        if text and (state is not None or problem or not self._ui.start):
-            fault = bool(problem or self._screen.fault)
-            messages.draw_centred(text, fault, bool(problem), self._ui)
-        toast = self._notice.shown
-        if toast is not None and toast.text != text and messages.draw_toast(toast, self._ui):
-            self._notice.hide()
+        self._draw_messages(painted)
         self._file_commands.draw(self._present)
-        dark = state is None or state.interface.dark
-        self._window.end((0.08, 0.08, 0.08) if dark else (0.75, 0.75, 0.75), painted)
+        self._window.end((0.08, 0.08, 0.08) if self._is_dark else (0.75, 0.75, 0.75), painted)
         if problem := self._window.error:
             self._trace.note("gl-error", message=problem)
         moved = self._meter.note_frame(started, self._ui.areas)
@@ -359,33 +313,60 @@ class App:
             # A software renderer then draws it while the next frame's panels are made.
             self._relight(self._shown)
 
-    def _without_cast(self, present: ViewState, state: ViewState) -> ViewState:
-        """Undo what would need a cast while an image is open, and say so."""
-        possible = without_cast(present, state)
-        if possible is not state and self._notice.text != _ONE_VIEW:
-            self._notice.show_warning(_ONE_VIEW)
-        return possible
+    def _draw_panels(self, history: History, inputs: list[Input], now: float) -> Area:
+        """Draw the panels, and go on with what they and the inputs edit; return the picture's area.
 
-    def _with_room_light(self, present: ViewState, state: ViewState) -> ViewState:
-        """Undo what would replace the room's light, and say so."""
-        possible = room.with_room_light(present, state)
-        if possible is not state and self._notice.text != room.LIGHTS:
-            self._notice.show_warning(room.LIGHTS)
-        return possible
+        The picture's area is (x, y, width, height) in the window.
+        """
+        present, image = history.present, history.present.document.image
+        shown = self._during_fade(present, now)
+        state = menus.draw_menu(menus.draw_status(shown, self._ui), self._ui)
+        area = self._docks.picture(self._ui, True, image)
+        state = self._next(state, [*self._early, *inputs], area)
+        self._early = []
+        if self._ui.preview is not None:
+            # The dialog leaves no other edits.
+            state = present if state.size == present.size else replace(present, size=state.size)
+        elif shown is not present:
+            state = after_fade(present, shown, state)
+        state, refusals = rules.hold(present, state)
+        for text in refusals:
+            if text not in rules.ONCE or text != self._notice.text:
+                self._notice.show_warning(text)
+        self._history = history.then(state, self._mouse.gestures.number)
+        self._do_requests()
+        self._follow(state, now)
+        return area
 
-    def _with_all_fields(self, present: ViewState, state: ViewState) -> ViewState:
-        """Undo what cannot be cast with the other fields, and say so."""
-        possible, why = fields.with_all_fields(present, state)
-        if why:
-            self._notice.show_warning(why)
-        return possible
+    def _follow(self, state: ViewState, now: float) -> None:
+        """Have the services follow the history, after a frame with a state."""
+        assert self._history is not None
+        wanted = self._ui.layers_wanted or needs_layers(state)
+        self._scheduler.layers_wanted = wanted and state.document.image is None
+        if self._ui.lights.tab == "Rendition":
+            self._renditions.follow(chosen_lights(state, self._ui.lights.whole))
+        if self._docks.settled:
+            self._designs.follow(self._history.present)  # the fade's end
+            shown = self._during_fade(self._history.present, now)
+            change = self._history.difference
+            if change is None or change.old is not self._shown or change.new is not shown:
+                change = Difference.between(self._shown, shown)  # a fade, or several steps
+            self._update(change, now)
+            if change.fields - {"document"}:  # time steps leave the layout as it is
+                self._settle = max(self._settle, _SETTLE)
+        if self._fading or self._ui.plays:
+            self._settle = max(self._settle, _SETTLE)
 
-    def _with_own_materials(self, present: ViewState, state: ViewState) -> ViewState:
-        """Return the state with the materials of its meshes; say so if there are too many."""
-        possible = meshes.with_own_materials(present, state)
-        if possible is not state and possible.transfer is present.transfer:
-            self._notice.show_warning(meshes.NO_ROOM)
-        return possible
+    def _draw_messages(self, painted: Painted | None) -> None:
+        """Draw the message in place of the picture, or on it, and the latest one."""
+        problem = "" if self._history else self._file_commands.documents.problem
+        text = problem or self._screen.missing_message(self._shown, painted)
+        if text and (self._history or problem or not self._ui.start):
+            fault = bool(problem or self._screen.fault)
+            messages.draw_centred(text, fault, bool(problem), self._ui)
+        toast = self._notice.shown
+        if toast is not None and toast.text != text and messages.draw_toast(toast, self._ui):
+            self._notice.hide()
 
     def _wait_for_file(self, inputs: list[Input]) -> None:
         """Use inputs while nothing is open: the start screen's, and the keys once that failed."""
@@ -557,8 +538,11 @@ class App:
         if self._screen.probe(state, self._mouse.over_picture, held) or draws:
             self._settle = max(self._settle, 1)
 
+    @property
+    def _is_dark(self) -> bool:
+        return self._history is None or self._history.present.interface.dark
+
     def _set_theme(self) -> None:
-        dark = self._history is None or self._history.present.interface.dark
-        if dark != self._dark:
-            self._dark = dark
-            set_theme(imgui, implot, dark)
+        if self._is_dark != self._dark:
+            self._dark = self._is_dark
+            set_theme(imgui, implot, self._dark)

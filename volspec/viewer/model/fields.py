@@ -12,7 +12,7 @@ from typing import Any
 from volspec.errors import VolspecError, one_line
 from volspec.transfer import FieldFunctions, Transfer, TransferFunction, Transfers
 from volspec.viewer.model.document import FieldData
-from volspec.viewer.model.edit import edit, with_interface
+from volspec.viewer.model.edit import Edited, edit, with_interface
 from volspec.viewer.model.field_looks import FieldLook
 from volspec.viewer.model.materials import other_functions, with_materials
 from volspec.viewer.model.state import ViewState
@@ -60,13 +60,13 @@ def _composed(transfer: Transfer, fields: tuple[FieldLook, ...], chosen: int) ->
     return FieldFunctions(functions, weights, masks)
 
 
-def with_all_fields(old: ViewState, new: ViewState) -> tuple[ViewState, str]:
-    """Return a state whose fields can be cast together, and why it is not the new one.
+def with_all_fields(old: ViewState, new: ViewState) -> Edited:
+    """Return a state whose fields can be cast together.
 
     Materials that the other fields and the masks use stay.
     """
-    if new.transfer is old.transfer or not new.document.is_of(old.document):
-        return new, ""
+    if new.transfer is old.transfer:
+        return Edited(new)
     known, functions = new.transfer.materials, other_functions(new).values()
     used = {name for each in functions for name in _used(each) if name not in known}
     try:
@@ -76,8 +76,8 @@ def with_all_fields(old: ViewState, new: ViewState) -> tuple[ViewState, str]:
         shown_transfer(new)
     except VolspecError as error:
         new = replace(new, transfer=old.transfer, shift=old.shift, thickness=old.thickness)
-        return replace(new, unthickened=old.unthickened), one_line(error)
-    return new, ""
+        return Edited(replace(new, unthickened=old.unthickened), one_line(error))
+    return Edited(new)
 
 
 def _used(transfer: Transfer) -> set[str]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from volspec.raycast import RaycastSpec
+from volspec.viewer.model.edit import Edited
 from volspec.viewer.model.materials import differ_in_spectra
 from volspec.viewer.model.state import ViewState
 
@@ -45,6 +46,7 @@ STAGES: dict[str, Stage] = {
 # Fields that undo brings back though the picture is not lit again for them.
 _STEPS = frozenset({"saved_lights", "annotations"})
 MOST_STEPS = 200
+ONE_VIEW = "A cast image has one view of fixed materials; open its scene to change them"
 _ORDER: tuple[Stage, ...] = ("cast", "recompose", "relight", "frame")
 # Names of changes; the first match is used.
 _WORDS = (
@@ -137,20 +139,22 @@ def _differ_in_opacities(old: RaycastSpec, new: RaycastSpec) -> bool:
     return replace(old, opacities=new.opacities) == new
 
 
-def without_cast(old: ViewState, new: ViewState) -> ViewState:
+def without_cast(old: ViewState, new: ViewState) -> Edited:
     """Return a state without the changes that need a cast: an image has one view only."""
-    if not new.document.is_of(old.document):
-        return new
+    image = old.document.image
+    if image is None:
+        return Edited(new)
     names = (n for n, stage in STAGES.items() if stage == "cast" and n not in ("document", "size"))
     kept = {n: getattr(old, n) for n in names if getattr(old, n) != getattr(new, n)}
     if "transfer" in kept and differ_in_spectra(old.transfer, new.transfer):
         del kept["transfer"]
-    image = old.document.image
-    if "shading" in kept and image is not None and image.opacity_layers is not None:
+    if "shading" in kept and image.opacity_layers is not None:
         kept["shading"] = replace(old.shading, opacities=new.shading.opacities)
         if kept["shading"] == new.shading:
             del kept["shading"]
-    return replace(new, unthickened=old.unthickened, **kept) if kept else new
+    if not kept:
+        return Edited(new)
+    return Edited(replace(new, unthickened=old.unthickened, **kept), ONE_VIEW)
 
 
 @dataclass(frozen=True, slots=True)

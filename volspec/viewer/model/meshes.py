@@ -13,7 +13,7 @@ from typing import Any
 from volspec.basis import SpectralBasis
 from volspec.errors import VolspecError
 from volspec.scene.specs import MeshSpec
-from volspec.viewer.model.edit import edit, with_interface
+from volspec.viewer.model.edit import Edited, edit, with_interface
 from volspec.viewer.model.materials import with_materials
 from volspec.viewer.model.paths import relative_path
 from volspec.viewer.model.state import ViewState
@@ -116,22 +116,22 @@ def add(state: ViewState, rows: Sequence[MeshSpec]) -> ViewState:
     return replace(with_interface(state, panels=panels, mesh=len(found) - 1), meshes=found)
 
 
-def with_own_materials(old: ViewState, new: ViewState) -> ViewState:
+def with_own_materials(old: ViewState, new: ViewState) -> Edited:
     """Return the state with the materials of its meshes, which another transfer function lacks.
 
     If there would be too many, the transfer function stays the old one.
     """
-    if new.transfer is old.transfer or not new.document.is_of(old.document):
-        return new
+    if new.transfer is old.transfer:
+        return Edited(new)
     known = new.transfer.materials
     used = {name for row in new.meshes for name in row.used if name not in known}
     if not used:
-        return new
+        return Edited(new)
     own = {name: each for name, each in old.transfer.materials.items() if name in used}
     try:
-        return replace(new, transfer=with_materials(new.transfer, {**known, **own}))
+        return Edited(replace(new, transfer=with_materials(new.transfer, {**known, **own})))
     except VolspecError:
-        return replace(new, transfer=old.transfer, shift=old.shift)
+        return Edited(replace(new, transfer=old.transfer, shift=old.shift), NO_ROOM)
 
 
 def look_text(row: MeshSpec) -> str:

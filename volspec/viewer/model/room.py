@@ -50,14 +50,12 @@ def _spec_in_room(spec: RelightSpec, room: SceneRoom, view: View) -> RelightSpec
     return replace(spec, viewing=room.viewing(spec.viewing, CameraSpec(**asdict(view))))
 
 
-def with_room_light(old: ViewState, new: ViewState) -> ViewState:
+def with_room_light(old: ViewState, new: ViewState) -> Edited:
     """Return a state without changes of the light sources, which are the room's."""
-    if new.room is None or not new.document.is_of(old.document):
-        return new
-    if new.shading.groups == old.shading.groups:
-        return new
+    if new.room is None or new.shading.groups == old.shading.groups:
+        return Edited(new)
     shading = replace(new.shading, groups=old.shading.groups)
-    return replace(new, shading=shading, lights=old.lights)
+    return Edited(replace(new, shading=shading, lights=old.lights), LIGHTS)
 
 
 def light_names(state: ViewState) -> tuple[str, ...]:
