@@ -24,7 +24,7 @@ from volspec.viewer.model.history import Difference, History, without_cast
 from volspec.viewer.model.quality import cast_spec, opacity_scales
 from volspec.viewer.model.scene_file import export_scene, left_out
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work import screen as work_screen
+from volspec.viewer.work import idle_views
 from volspec.viewer.work.cast_job import CastDone
 from volspec.viewer.work.casts import CastScheduler
 from volspec.viewer.work.documents import open_document
@@ -203,7 +203,7 @@ def rested(screen: Screen, state: ViewState) -> NDArray[np.int_]:
     """Return the picture once what takes longer than a frame has been made."""
     drawn(screen, state)
     screen.tick(state, 0.0, held=False)
-    wait_until(screen.take_rest)
+    wait_until(lambda: screen.idle.take() and screen.pictures.idle)
     return drawn(screen, state)
 
 
@@ -225,10 +225,10 @@ def assert_recomposes(before: ViewState, new: ViewState, name: str) -> None:
 def test_a_picture_with_layers_shows_opacities_at_once(screen, ball):
     plain, layered = casts(ball, WHOLE, LAYERED)
     screen.take(plain, ball)
-    assert not screen.recomposes(ball)
+    assert not screen.idle.recomposes(ball)
     before = drawn(screen, ball)
     screen.take(layered, ball)
-    assert screen.recomposes(ball) and layered.image is not None
+    assert screen.idle.recomposes(ball) and layered.image is not None
     np.testing.assert_array_equal(drawn(screen, ball), before)
     for scale in (0.2, 2.0, 0.0, 1.0):
         faded = opacities.set_opacity(ball, "grey", scale)
@@ -239,8 +239,8 @@ def test_a_picture_with_layers_shows_opacities_at_once(screen, ball):
     screen._meter.bands = 2
     assert drawn(screen, faded, held=True).shape == (SIZE[1] // 2, SIZE[0] // 2, 3)
     assert_codes(drawn(screen, faded), recomposed(layered.image, faded))
-    screen.forget_layers()
-    assert not screen.recomposes(faded)
+    screen.await_cast()
+    assert not screen.idle.recomposes(faded)
 
 
 def test_a_cast_stays_until_its_opacities_change(screen, ball):
@@ -249,21 +249,21 @@ def test_a_cast_stays_until_its_opacities_change(screen, ball):
     screen.take(plain, faded)
     exact = drawn(screen, faded)
     screen.take(layered, faded)
-    assert screen.loading  # a step at each tick
+    assert screen.idle.loading  # a step at each tick
     np.testing.assert_array_equal(drawn(screen, faded), exact)
     steps = 0
-    while screen.loading:
+    while screen.idle.loading:
         screen.tick(faded, 0.0, held=True)
         steps += 1
-    assert steps > 3 and screen.recomposes(faded)
+    assert steps > 3 and screen.idle.recomposes(faded)
     np.testing.assert_array_equal(drawn(screen, faded), exact)
     more = opacities.set_opacity(ball, "grey", 0.2)
     assert_codes(drawn(screen, more), recomposed(layered.image, more))
     # A late cast of another view has no say.
     late = CastDone(layered.job, LAYERED, 0.0, layered.image, opacity=layered.opacity)
-    screen.forget_layers()
+    screen.await_cast()
     screen.take(late, more, newest=False)
-    assert not screen.recomposes(more)
+    assert not screen.idle.recomposes(more)
 
 
 def test_values_under_the_mouse_are_those_of_the_recomposed_picture(screen, ball, layered):
@@ -276,7 +276,7 @@ def test_values_under_the_mouse_are_those_of_the_recomposed_picture(screen, ball
     assert not screen.busy
     screen.tick(faded, 0.0, held=False)
     assert screen.busy
-    wait_until(screen.take_recomposed)
+    wait_until(screen.idle.take)
     drawn(screen, faded)
     with screen.pictures._context:  # a window's stays current
         screen.probe(faded, (0.5, 0.5), held=False)
@@ -293,18 +293,18 @@ def test_opacities_that_layers_show_wrongly_are_cast(screen, ball, monkeypatch, 
     faded = opacities.set_opacity(ball, "grey", 0.05)
     take_until(scheduler.take, lambda _: not scheduler.busy)
     for visible, off in ((1e6, False), (0.0, True)):
-        monkeypatch.setattr(work_screen, "VISIBLE", visible)
+        monkeypatch.setattr(idle_views, "VISIBLE", visible)
         faded = opacities.set_opacity(faded, "copper", 0.5 if off else 0.6)
         drawn(screen, faded)
         screen.tick(faded, 0.0, held=False)
-        wait_until(screen.take_recomposed)
-        assert (screen.wants_cast(), screen.wants_cast()) == (off, False)
+        wait_until(screen.idle.take)
+        assert (screen.idle.wants_cast(), screen.idle.wants_cast()) == (off, False)
     scheduler.cast_opacities(faded)
     (done,) = take_until(scheduler.take, lambda _: not scheduler.busy)
     scheduler.close()
     assert done.job.shading.opacities == opacity_scales(faded)
     screen.take(done, faded, scheduler.is_newest(done))
-    assert done.image.opacity_layers is None and screen.recomposes(faded)
+    assert done.image.opacity_layers is None and screen.idle.recomposes(faded)
     assert_codes(drawn(screen, faded), relit(done.image, faded))
     # The next change is recomposed again.
     more = opacities.set_opacity(faded, "copper", 0.4)
@@ -343,7 +343,7 @@ def test_a_focus_is_shown_once_nothing_moves(screen, ball, tmp_path, layered):
     plain = drawn(screen, ball)
     assert np.array_equal(drawn(screen, focused), plain)
     screen.tick(focused, 0.0, held=True)
-    assert not screen._resting.busy
+    assert not screen.idle._worker.busy
     shown = rested(screen, focused)
     assert_codes(shown, recomposed(image, focused), most=2)
     assert np.abs(shown - plain).max() > 5
@@ -426,7 +426,7 @@ def test_the_window_shows_both_eyes_with_lights_opacities_and_fog(screen, ball, 
     more = opacities.set_opacity(ball, "grey", 0.2)
     assert np.array_equal(drawn(screen, in_stereo(more, "anaglyph"), True), drawn(screen, more))
     screen.tick(in_stereo(more, "anaglyph"), 0.0, held=True)
-    assert not screen._resting.busy
+    assert not screen.idle._worker.busy
     rested(screen, state)
     screen.probe(state, (0.5, 0.5), held=False)
     assert screen.under_mouse is None
@@ -445,7 +445,7 @@ def test_pictures_next_to_each_other_fit_the_window(screen, ball, layered):
     assert painted.to == (10, 20 + SIZE[1], 10 + 4 * SIZE[0], 20 + 3 * SIZE[1])
     assert screen.point_mm((0.5, 0.5)) is None
     # A new cast shows its own picture first.
-    screen.forget_layers()
+    screen.await_cast()
     assert drawn(screen, state).shape[:2] == SIZE[::-1] and not screen.side_by_side
 
 

@@ -133,6 +133,8 @@ class App:
         # At the first start there is nothing of the user's own to go on with.
         self._ui.start = options.is_first and not self._file_commands.documents.recent
         self._scheduler = CastScheduler(Window.wake)
+        first = self._designs, self._renditions, self._steps
+        self._services = *first, self._scheduler, self._screen
         self._docks, self._mouse = Docks(), Mouse()
         self._focus = Focus()
         self._fade: Fade | None = None
@@ -192,7 +194,7 @@ class App:
             self._scheduler.tick(ended, self._mouse.held)
         if self._history is not None:
             self._screen.tick(self._history.present, ended, self._mouse.held)
-            if not (self._moves or self._scheduler.busy) and self._screen.wants_cast():
+            if not (self._moves or self._scheduler.busy) and self._screen.idle.wants_cast():
                 self._scheduler.cast_opacities(self._history.present)
             self._steps.tick(self._history.present, self._screen.document, ended)
             self._file_commands.documents.tick(self._history.present, ended, self._moves)
@@ -202,19 +204,15 @@ class App:
     def close(self, faulty: bool) -> None:
         """End all threads, and save the session."""
         self._file_commands.close(self._present, faulty)
-        self._designs.close()
-        self._renditions.close()
-        self._steps.close()
-        self._scheduler.close()
-        self._thumbnails.close()
-        self._screen.close()
+        for service in (self._thumbnails, *self._services):
+            service.close()
 
     def _patience(self) -> float:
         if self._settle > 0:
             return 0.0
         now = time.perf_counter()
         longest = min(
-            _BUSY_S if self._scheduler.busy or self._screen.loading else _IDLE_S,
+            _BUSY_S if self._scheduler.busy or self._screen.idle.loading else _IDLE_S,
             self._steps.patience(now),
         )
         rest = longest if self._still is None else max(self._still - now, 0.0)
@@ -222,12 +220,8 @@ class App:
 
     def _rest(self) -> None:
         """Note in the trace when everything is done and drawn."""
-        services = (
-            *(self._scheduler, self._steps, self._designs, self._renditions),
-            *(self._screen, self._file_commands),
-        )
-        moves = self._settle > 0 or self._moves
-        rests = not moves and not any(service.busy for service in services)
+        moves = self._settle > 0 or self._moves or self._file_commands.busy
+        rests = not moves and not any(service.busy for service in self._services)
         if rests and not self._rested:
             self._trace.note("rest")
         self._rested = rests
@@ -263,8 +257,7 @@ class App:
             self._trace.note("warning", message=message)
         if self._history is not None:
             news |= self._screen.update_error_map(self._history.present, self._mouse.held)
-        news |= self._screen.take_tables() | self._screen.take_rest()
-        news |= self._screen.take_recomposed() | self._renditions.take()
+        news |= self._screen.take_tables() | self._screen.idle.take() | self._renditions.take()
         if pictures and self._steps.playing:
             # Steps leave the layout as it is; more frames would take the casts' time.
             self._settle, pictures = max(self._settle, 1), False
@@ -370,16 +363,15 @@ class App:
 
     def _wait_for_file(self, inputs: list[Input]) -> None:
         """Use inputs while nothing is open: the start screen's, and the keys once that failed."""
-        drops = [given for given in inputs if given.name == "drop" and given.paths]
         start.draw(None, self._ui)
         failed = bool(self._file_commands.documents.problem)
-        if not failed:
-            self._early += drops
-        for given in drops if failed else ():
-            self._file_commands.drop(given.paths, None)
-        for given in inputs if failed else ():
+        for given in inputs:
             command = BY_KEY.get(given.key) if given.name == "key" else None
-            if command is not None and command.name in ("open", "quit"):
+            if given.name == "drop" and given.paths and not failed:
+                self._early.append(given)
+            elif given.name == "drop" and given.paths:
+                self._file_commands.drop(given.paths, None)
+            elif failed and command is not None and command.name in ("open", "quit"):
                 self._ui.request(command.name)
         requests, self._ui.requests = self._ui.requests, []
         for request in requests:
@@ -520,14 +512,13 @@ class App:
     def _update(self, change: Difference, now: float) -> None:
         """Start what a change needs: a cast, or a relight."""
         self._shown = change.new
-        recomposes = change.stage == "recompose" and self._screen.recomposes(change.new)
+        recomposes = change.stage == "recompose" and self._screen.idle.recomposes(change.new)
         if recomposes:
             self._scheduler.follow(change.new)
         elif change.stage in ("cast", "recompose"):
             playing = self._steps.playing
             self._scheduler.change(change.new, now, self._moves, playing, change.turns)
-            self._screen.whole = False
-            self._screen.forget_layers()
+            self._screen.await_cast()
         if change.relights or recomposes:
             self._screen.mark_stale()
 

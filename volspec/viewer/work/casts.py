@@ -27,8 +27,7 @@ from volspec.viewer.model.room import has_walls
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.ahead import ProgramBuilder
 from volspec.viewer.work.background import LatestWorker, lower_priority
-from volspec.viewer.work.cast_job import CastDone, CastJob
-from volspec.viewer.work.nearby import NearbyViews
+from volspec.viewer.work.cast_job import CastDone, CastJob, NearbyViews
 from volspec.viewer.work.room import WhiteWalls
 from volspec.volume import Volume
 

@@ -85,7 +85,7 @@ class Relit:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RestPictures:
+class IdlePictures:
     """Pictures that are shown in place of the live one once nothing moves.
 
     The left and right eye's picture, or without ``stereo`` one with a focus.
@@ -109,14 +109,13 @@ class Pictures:
         self._context = context
         self._relighters: dict[tuple[int, ...], Relighter] = {}
         self._shown: Relighter | None = None
-        self._half: Relighter | None = None
-        self._half_image: CoefficientImage | None = None
+        self._half: tuple[Relighter, CoefficientImage] | None = None
         self._walls: tuple[SeenRoom, PackedLayers] | None = None  # of the half picture
         # The last picture with layers of opacity.
         self._layered: tuple[Relighter, CoefficientImage] | None = None
-        self.rest: RestPictures | None = None  # shown in place of the picture
-        self._rest: list[Relighter] = []
-        self._rest_of: tuple[int, tuple[int, ...], int] | None = None  # number, shape, groups
+        self.idle: IdlePictures | None = None  # shown in place of the picture
+        self._idle: list[Relighter] = []
+        self._idle_of: tuple[int, tuple[int, ...], int] | None = None  # number, shape, groups
         self._combining = StereoPass(context)
         self._frame: Any = None
         self._frame_of: Relighter | None = None
@@ -139,13 +138,13 @@ class Pictures:
     def show(self, image: CoefficientImage, packed: PackedLayers | None = None) -> None:
         """Take a picture as it was cast, and its packed layers; the last stays until `relight`."""
         self.image = replace(image, opacity_layers=None)
-        self._shown, self.rest = self._relighter_of(self.image, packed), None
-        self._half = self._half_image = self._walls = None
+        self._shown = self._relighter_of(self.image, packed)
+        self.idle = self._half = self._walls = None
         self.current = False
 
     def forget(self) -> None:
         """Show, copy and draw nothing until the next picture, which is of another document."""
-        self._shown = self.image = self.rest = self._frame = self._frame_of = None
+        self._shown = self.image = self.idle = self._frame = self._frame_of = None
 
     def take_layers(
         self, image: CoefficientImage, packed: PackedLayers | None, opacity: PackedOpacity | None
@@ -167,34 +166,42 @@ class Pictures:
         image.opacity_scales(look.opacities)
         if self._shown is not relighter:
             self._shown, self.image = relighter, image
-            self._half = self._half_image = self._walls = None
+            self._half = self._walls = None
         self.current = False
 
-    def show_rest(self, rest: RestPictures | None) -> None:
+    def show_idle(self, idle: IdlePictures | None) -> None:
         """Show pictures in place of the one that is shown, or that again, at the next relight."""
-        if rest is self.rest:
+        self.idle, self.current = idle, False
+        if idle is None:
             return
-        self.rest, self.current = rest, False
-        if rest is None:
-            return
-        pairs = list(zip(rest.images, rest.packed, strict=True))
-        first = rest.images[0]
+        pairs = list(zip(idle.images, idle.packed, strict=True))
+        first = idle.images[0]
         key = len(pairs), first.coefficients.shape, len(first.groups)
-        if self._rest and self._rest_of == key:
-            for relighter, (image, packed) in zip(self._rest, pairs, strict=True):
+        if self._idle and self._idle_of == key:
+            for relighter, (image, packed) in zip(self._idle, pairs, strict=True):
                 relighter.update(image, packed)
         else:
-            self._close_rest()
-            self._rest = [
+            self._close_idle()
+            self._idle = [
                 Relighter(image, "gl", self._context, lut_cache=self.tables, packed=packed)
                 for image, packed in pairs
             ]
-            self._rest_of = key
+            self._idle_of = key
 
-    def _close_rest(self) -> None:
-        for relighter in self._rest:
+    def focused(self) -> CoefficientImage | None:
+        """Return the picture with a focus, in the reflectances of the other; None if not shown."""
+        if self.image is None or self.idle is None or self.idle.stereo:
+            return None
+        (image,) = self.idle.images
+        if image.basis is not self.image.basis:
+            image = replace(image, basis=self.image.basis)
+            self.idle = replace(self.idle, images=(image,))
+        return image
+
+    def _close_idle(self) -> None:
+        for relighter in self._idle:
             relighter.close()
-        self._rest = []
+        self._idle = []
 
     def repaint(self, basis: Basis) -> None:
         """Replace the reflectances of the picture's materials, if they are its channels."""
@@ -206,29 +213,28 @@ class Pictures:
         """Show a room in other paints in every n-th row and column, until `show`."""
         if self.image is None:
             return
-        if self._walls is None:
+        if self._half is None or self._walls is None:
             self._half = self._half_relighter(self.image, every)
-            assert self._half_image is not None
             height, width = walls.transmission.shape
             whole = walls.backdrop.seen(walls.camera, (width, height))
             seen = whole.through(walls.transmission, every)
             channels = len(room.response.names) * self.image.basis.size
-            self._walls = seen, PackedLayers.last(self._half_image, channels)
-        assert self._half is not None
-        assert self._half_image is not None
-        seen, packed = self._walls
+            self._walls = seen, PackedLayers.last(self._half[1], channels)
+        (half, image), (seen, packed) = self._half, self._walls
         layers = seen.layers(walls.backdrop.colours(room.response))
-        first = self._half_image.coefficients.shape[2] - sum(each.shape[2] for each in layers)
+        first = image.coefficients.shape[2] - sum(each.shape[2] for each in layers)
         for number, layer in enumerate(layers):
             packed.put(first + number * layer.shape[2], layer)
-        self._half.update(self._half_image, packed)
+        half.update(image, packed)
         self.current = False
 
-    def _half_relighter(self, image: CoefficientImage, every: int = 2) -> Relighter:
-        """Return a relighter of every n-th row and column."""
+    def _half_relighter(
+        self, image: CoefficientImage, every: int = 2
+    ) -> tuple[Relighter, CoefficientImage]:
+        """Return a relighter of every n-th row and column, and these."""
         some = slice(None, None, every)
-        self._half_image = crop(image, some, some)
-        return self._relighter_of(self._half_image)
+        half = crop(image, some, some)
+        return self._relighter_of(half), half
 
     def _relighter_of(
         self, image: CoefficientImage, packed: PackedLayers | None = None
@@ -291,12 +297,12 @@ class Pictures:
             return None
         started = time.perf_counter()
         shown = self._shown
-        if coarse and self.rest is None:
+        if coarse and self.idle is None:
             self._half = self._half or self._half_relighter(self.image)
-            shown = self._half
+            shown = self._half[0]
         self._queries.reverse()
-        drawn = [shown] if self.rest is None else self._rest
-        images = self.rest.images if self.rest else (self.image,)
+        drawn = [shown] if self.idle is None else self._idle
+        images = self.idle.images if self.idle else (self.image,)
         look = self._look_of(images[0], look)
         width, height = drawn[0].size
         top, bottom = (round(share * height) for share in band)
@@ -309,9 +315,9 @@ class Pictures:
                         within = start, top, end - start, bottom - top
                         frame = each.draw(lights, look, within)
                 frames.append(frame)
-            if self.rest is not None and self.rest.stereo and bottom == height:
+            if self.idle is not None and self.idle.stereo and bottom == height:
                 space = colour_space(look.relight.viewing.display.space)
-                frame = self._combining.draw(self.rest.stereo, frames[0], frames[1], space)
+                frame = self._combining.draw(self.idle.stereo, frames[0], frames[1], space)
         GL.glFlush()
         self.current = bottom == height
         if self.current:
@@ -331,7 +337,7 @@ class Pictures:
 
     def close(self) -> None:
         """Release everything."""
-        self._close_rest()
+        self._close_idle()
         self._combining.close()
         for relighter in self._relighters.values():
             relighter.close()

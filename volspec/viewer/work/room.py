@@ -8,7 +8,7 @@ as far as the volume lets them be seen.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -118,9 +118,13 @@ class RoomWorker(LatestWorker[RoomJob, RoomDone]):
     """Solves rooms in a thread, always the newest next."""
 
     _name = "volspec-room"
+    _asked: tuple[SceneRoom, Walls | None] | None = None
 
-    def __init__(self, wake: Callable[[], object]) -> None:
-        super().__init__(wake)
+    def want(self, job: RoomJob) -> None:
+        """Request a job, unless the last one had the same room and walls."""
+        if self._asked != (job.room, job.walls):
+            self._asked = job.room, job.walls
+            self.request(job)
 
     def _results(self, job: RoomJob) -> Iterator[RoomDone]:
         try:

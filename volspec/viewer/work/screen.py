@@ -10,32 +10,28 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from volspec.appearance.lut3d import LutCache, LutKey, needs_host_lut
-from volspec.basis.materials import Basis
 from volspec.errors import LutCancelled, RelightError, VolspecError, one_line
 from volspec.image import CoefficientImage
-from volspec.image.layers import OpacityLayers
-from volspec.relight import LightRig
 from volspec.relight.error_map import ErrorMap, error_map
 from volspec.relight.look import Look
-from volspec.relight.stereo import Stereo
 from volspec.settings import Vector
-from volspec.viewer.model.depth import focused_depth, shown_look, shown_stereo
+from volspec.viewer.model.depth import shown_look
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.light_rows import light_rig
-from volspec.viewer.model.quality import opacity_scales
 from volspec.viewer.model.room import has_walls, shown_spec
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import vector
 from volspec.viewer.work.background import LatestWorker, Tasks
 from volspec.viewer.work.cast_job import CastDone
-from volspec.viewer.work.nearby import RestJob, RestWorker
+from volspec.viewer.work.idle_views import IdleViews, can_show
 from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.pictures import Painted, Pictures, Relit
 from volspec.viewer.work.probe import Reading, place_mm, read
@@ -202,9 +198,31 @@ class TableWorker(LatestWorker[tuple[LutKey, ...], str]):
 
     _name = "volspec-tables"
 
-    def __init__(self, wake: Callable[[], object], tables: LutCache) -> None:
+    def __init__(self, wake: Callable[[], object], tables: LutCache, notice: Notice) -> None:
         super().__init__(wake)
-        self._tables = tables
+        self._tables, self._notice = tables, notice
+        self._missing: tuple[LutKey, ...] = ()  # those that the picture waits for
+        self._text = ""
+
+    def lacks(self, missing: tuple[LutKey, ...], model: str) -> bool:
+        """Return True if a model's light must wait for tables, which are then computed."""
+        if missing:
+            self._text = f"{model}: computing its colour table …"
+            self._notice.show(self._text, _TABLE_S)
+            if missing != self._missing:
+                self.request(missing)
+        elif self._missing:
+            self._notice.hide(self._text)
+        self._missing = missing
+        return bool(missing)
+
+    def take(self) -> list[str]:
+        """Return messages since the last call, empty where tables are ready; show the others."""
+        messages = super().take()
+        for error in filter(None, messages):
+            self._missing = ()
+            self._notice.show(error, kind="error")
+        return messages
 
     def _results(self, job: tuple[LutKey, ...]) -> Iterator[str]:
         if not self._wait_idle(_REST_S):
@@ -222,28 +240,11 @@ class TableWorker(LatestWorker[tuple[LutKey, ...], str]):
             yield ""
 
 
-# Pixels by which the error of other opacities is estimated, and the 99.9th percentile, CIEDE2000,
-# from which on they are cast. An estimate is a mean of what may be lost: three times as much, about
-# 2 codes of 255, is lost in the worst pixel of a thousand.
-_ESTIMATED, VISIBLE = 20_000, 0.2
 # The longest time that a table's notice is shown; it disappears when the table is ready.
 _TABLE_S = 60.0
 _DARK = "No light is on; turn one on in the Lights panel"
 _NOTHING = "Nothing is visible: opacity is 0 everywhere in view, or the view misses the volume"
-_ENDED = object()
 Area = tuple[int, int, int, int]
-# A picture's layers, and their look.
-Recomposed = tuple[OpacityLayers, Look]
-
-
-def _baked(layered: CastDone) -> Mapping[str, float]:
-    """Return the scales of opacities that a picture's layers were cast with."""
-    return layered.job.shading.opacities if layered.made.baked else {}
-
-
-def _can_show(layered: CastDone, scales: Mapping[str, float]) -> bool:
-    """Return True unless a picture's layers lack a material that is to be seen."""
-    return all(scales.get(n, 1.0) == 0.0 for n, scale in _baked(layered).items() if scale == 0.0)
 
 
 class Screen:
@@ -253,8 +254,8 @@ class Screen:
         self, context: Any, wake: Callable[[], object], meter: Meter, notice: Notice
     ) -> None:
         self.pictures = Pictures(context)
-        self._tabling = TableWorker(wake, self.pictures.tables)
-        self._tables: tuple[LutKey, ...] = ()  # those that the picture waits for
+        self.idle = IdleViews(self.pictures, wake, self.mark_stale, notice)
+        self._tabling = TableWorker(wake, self.pictures.tables, notice)
         self.slices = SlicePictures(context)
         self.whole = False  # True if it has the picture's full resolution
         self.fault = ""  # error message if there is no picture; empty while one is awaited
@@ -263,41 +264,28 @@ class Screen:
         self.shown_at = 0.0, 0.0, 0.0, 0.0  # left, top, right, bottom in the window
         self._meter, self._notice = meter, notice
         self._cast: CastDone | None = None
-        self._layered: CastDone | None = None  # the state's picture with layers of opacity
-        self._look = Look()  # opacities and effects of depth that the picture shows
-        # The picture recomposed with it, to be read, and the one that was asked for.
-        self._recomposed: tuple[Recomposed, CoefficientImage] | None = None
-        self._asked_for: tuple[Any, ...] | None = None
-        # The picture with a focus in other reflectances, with what it is of.
-        self._repainted: tuple[tuple[CoefficientImage, Basis], CoefficientImage] | None = None
-        self._loading: Iterator[None] | None = None  # of layers
-        self._recomposing = Tasks(wake)
-        self._resting = RestWorker(wake)
-        self._rest_wanted: RestJob | None = None
-        self._off: Recomposed | None = None  # of which a cast would look different
         self._blank = False  # nothing is visible in it
         self._shape = (0, 0)  # size of the cast whose picture is shown
-        self._relit = self._coarse = self._drawing = self._hurries = False
-        self._band = 0  # the next one to draw
-        self._table_notice = ""
+        self._band: int | None = 0  # the next one to draw; None once the picture is drawn
+        self._hurries = False  # draw all bands at once, as the last picture lacks some
+        self._drawing = False  # since the last call of `relight`
+        self._coarse = False
         self._error_map = ErrorMapTexture(context, wake)
         self._painting = RoomWorker(wake)
         self._walls: Walls | None = None  # in the picture
         self._wanted: tuple[SceneRoom, float] | None = None  # a new room, and since when
-        self._asked: tuple[SceneRoom, Walls | None] | None = None  # of the worker
-        self._read_of: tuple[Any, ...] | None = None
-        self._reading: Reading | None = None
+        self._reading: tuple[tuple[Any, ...], Reading | None] | None = None  # with what it is of
 
     @property
     def busy(self) -> bool:
         """True while tables, an error map, a room or a picture to be read are computed."""
-        services = self._tabling, self._error_map, self._painting, self._recomposing
-        return self.loading or self._resting.busy or any(each.busy for each in services)
+        services = self._tabling, self._error_map, self._painting, self.idle
+        return any(each.busy for each in services)
 
     @property
     def ready(self) -> bool:
         """True if the picture is fully drawn, or there is none."""
-        return self._relit or self.pictures.image is None
+        return self._band is None or self.pictures.image is None
 
     def take(self, done: CastDone, state: ViewState | None, newest: bool = True) -> None:
         """Take a pass of a cast that has ended, of the ``newest`` request or an earlier one."""
@@ -318,29 +306,20 @@ class Screen:
         if done.image is None or state is None or not done.job.document.is_of(state.document):
             return
         layered = newest and done.image.opacity_layers is not None
-        if layered and not _can_show(done, opacity_scales(state)):
+        if layered and not can_show(done, state):
             return  # it hides what is shown again by now
-        self._rest_wanted = None
+        self.idle.hide()
         try:
-            wanted = shown_look(state)
-            if layered:
-                layers = self._layers(done)
-                cast = self.whole and not done.made.baked
-                if cast and self._look == wanted:
-                    self._loading = layers
-                    return  # the picture is a cast with these opacities
-                for _ in layers:
-                    pass
-                self.pictures.recompose(self._of_layers(wanted))
-            else:
+            if not layered:
                 self.pictures.show(done.image, done.packed)
+                self.idle.begin(Look(opacities=done.job.shading.opacities))
+            elif not self.idle.take_cast(done, shown_look(state), self.whole):
+                return  # the picture is a cast with these opacities
         except VolspecError as error:
             self._notice.show(str(error), kind="error")
             return
         # The packed layers are in a texture now.
         self._cast, self.fault = replace(done, packed=None, opacity=None), ""
-        self._asked_for = None
-        self._look = wanted if layered else Look(opacities=done.job.shading.opacities)
         self._walls, self._wanted = done.walls, None
         self.mark_stale()
         self.whole = divisor == 1 and stage == "cast"
@@ -350,164 +329,31 @@ class Screen:
     @property
     def image(self) -> CoefficientImage | None:
         """The last cast, with its opacities as soon as it is recomposed; None without one."""
-        return None if self._cast is None else self._seen() or self.pictures.image
+        return None if self._cast is None else self.idle.seen() or self.pictures.image
 
     @property
     def document(self) -> Document | None:
         """The document, at its time step, of the picture; None without one."""
         return None if self._cast is None else self._cast.job.document
 
-    def _layers(self, done: CastDone) -> Iterator[None]:
-        """Upload a picture's layers, step by step; then it has them."""
-        assert done.image is not None
-        yield from self.pictures.take_layers(done.image, done.packed, done.opacity)
-        self._layered = replace(done, packed=None, opacity=None)
-
-    def _load(self) -> None:
-        """Do a step of an upload of layers."""
-        if self._loading is None:
-            return
-        try:
-            if next(self._loading, _ENDED) is _ENDED:
-                self._loading = None
-        except VolspecError as error:
-            self._loading = None
-            self._notice.show(one_line(error), kind="error")
-
-    @property
-    def loading(self) -> bool:
-        """True while layers are uploaded, a step at each `tick`."""
-        return self._loading is not None
-
-    def recomposes(self, state: ViewState) -> bool:
-        """Return True if a state is shown without a cast; ends an upload of layers."""
-        while self._loading is not None:
-            self._load()
-        return self._layered is not None and _can_show(self._layered, opacity_scales(state))
-
-    def _of_layers(self, look: Look) -> Look:
-        """Return a look as that of the layers, which may have some opacities baked in."""
-        baked = {} if self._layered is None else _baked(self._layered)
-        names, scales = {*look.opacities, *baked}, look.opacities
-        of = {name: scales.get(name, 1.0) / (baked.get(name) or 1.0) for name in names}
-        of = {name: scale for name, scale in of.items() if scale != 1.0 and baked.get(name) != 0}
-        return replace(look, opacities=of)
-
-    def forget_layers(self) -> None:
-        """Recompose no more: a change needs a cast."""
-        self._layered = self._loading = None
-
-    def _recompose(self, state: ViewState) -> None:
-        """Show the picture with the state's opacities, if it has layers."""
-        wanted = shown_look(state)
-        if self._layered is None or wanted == self._look:
-            return
-        try:
-            self.pictures.recompose(self._of_layers(wanted))
-        except VolspecError as error:  # as long as the state has them
-            self._notice.show(one_line(error), kind="error")
-        else:
-            self._cast, self.whole = self._layered, True
-        self._look = wanted
-
-    def _read_opacities(self, state: ViewState) -> None:
-        """Start to recompose the picture, to be read, and to estimate its error."""
-        image, key = self.pictures.image, self._made_of
-        rig, spec = light_rig(state.lights, state.room), shown_spec(state)
-        asked = key, state.lights, shown_stereo(state)
-        if image is None or key is None or rig is None or self._asked_for == asked:
-            return
-        self._asked_for = asked
-        _, look = key
-        every = max(1, round((image.alpha.size / _ESTIMATED) ** 0.5))
-
-        def made() -> tuple[Recomposed, CoefficientImage, float]:
-            error = 0.0
-            if look.opacities and (look.depth.changes or asked[-1]):  # which other layers show
-                error = math.inf
-            elif look.opacities:
-                how = spec.mode, spec.backdrop, every
-                found = error_map(image, rig, *how, against="cast", opacities=look.opacities)
-                error = found.p999
-            (seen,) = look.views(image)
-            return key, seen, error
-
-        self._recomposing.start("picture", made)
-
-    @property
-    def _made_of(self) -> Recomposed | None:
-        """Layers and look that make the picture; None if it is shown as it was cast."""
-        image, look = self.pictures.image, self._of_layers(self._look)
-        if image is None or image.opacity_layers is None or look == Look():
-            return None
-        return image.opacity_layers, look
-
-    def wants_cast(self) -> bool:
-        """Return True, once, if a cast with the opacities that are shown would look different."""
-        wants = self._off is not None and self._off == self._made_of
-        self._off = None if wants else self._off
-        return wants
-
-    def _seen(self) -> CoefficientImage | None:
-        """Return the picture with its opacities, to be read; None until it is recomposed."""
-        image, key = self.pictures.image, self._made_of
-        if self._focused is not None:
-            return self._focused
-        if image is None or key is None:
-            return image
-        if self._recomposed is None or self._recomposed[0] != key:
-            return None
-        found = self._recomposed[1]
-        if found.basis is not image.basis:
-            found = replace(found, basis=image.basis)
-            self._recomposed = key, found
-        return found
-
-    @property
-    def _focused(self) -> CoefficientImage | None:
-        """The picture with a focus, if it is shown."""
-        rest, shown = self.pictures.rest, self.pictures.image
-        if rest is None or rest.stereo:
-            return None
-        image = rest.images[0]
-        if shown is None or shown.basis is image.basis:
-            return image
-        key = image, shown.basis
-        if self._repainted is None or self._repainted[0] != key:
-            self._repainted = key, replace(image, basis=shown.basis)
-        return self._repainted[1]
-
-    @property
-    def _shows_both(self) -> bool:
-        """True if both eyes' pictures are shown."""
-        return self.pictures.rest is not None and self._focused is None
-
-    def take_recomposed(self) -> bool:
-        """Take the recomposed picture, to be read, and its error; return True if there is one."""
-        outcomes = self._recomposing.take()
-        for outcome in outcomes:
-            if outcome.result is None:
-                self._notice.show(outcome.error, kind="error")
-                continue
-            key, image, error = outcome.result
-            self._recomposed = key, image
-            self._off = key if error > VISIBLE else None
-            if math.isfinite(error):  # else the layers lack a fade, and are cast with it
-                self._notice.trace.note("opacity-error", None, delta_e=error)
-        return bool(outcomes)
-
     def forget(self) -> None:
         """Stop showing the picture, which belongs to another document."""
-        self._cast = self._walls = self._layered = self._recomposed = None
+        self._cast = self._walls = None
         self.whole, self.fault = False, ""
+        self.idle.forget_document()
         self.pictures.forget()
         self._meter.forget()
+
+    def await_cast(self) -> None:
+        """Expect a cast, without which a change is not shown."""
+        self.whole = False
+        self.idle.forget()
 
     def mark_stale(self) -> None:
         """Mark the picture as stale: it no longer shows the state's light."""
         # If lights keep changing, as with a key held down, the last bands would never be drawn.
-        self._hurries |= self._band > 0
-        self._relit, self._band = False, 0
+        self._hurries |= bool(self._band)
+        self._band = 0
 
     def relight(self, state: ViewState, held: bool) -> bool:
         """Start drawing the picture under the state's lights, unless it already shows them.
@@ -518,16 +364,13 @@ class Screen:
         """
         self._drawing = False
         painted = self._repaint(state)
-        self._recompose(state)
-        if self.pictures.rest is not None and not self._is_wanted(state):
-            self._rest_wanted = None
-            self.pictures.show_rest(None)
-            self.mark_stale()
+        if self.idle.recompose(state):
+            self._cast, self.whole = self.idle.cast, True
         if self._coarse and not held and not painted:
             self.mark_stale()
-        if self._relit or self.pictures.image is None or self._awaits_groups(state):
+        if self.ready or self._awaits_groups(state):
             return False
-        self._relit = True
+        next_band, self._band = self._band or 0, None
         self.pictures.repaint(state.transfer.basis)
         # Coarse pictures would need tables of their own.
         few = (
@@ -536,12 +379,13 @@ class Screen:
         self._coarse = (held and few) or painted
         whole = self.whole and not self._coarse
         bands = 1 if held or self._hurries or not whole else self._meter.bands
-        first, self._band = self._band % bands, 0
-        rig, look = light_rig(state.lights, state.room), self._of_layers(self._look)
+        first = next_band % bands
+        rig, look = light_rig(state.lights, state.room), self.idle.look
         look = replace(look, relight=shown_spec(state))
         other = light_rig(state.other, state.room) if state.other else None
         try:
-            if self._tables_missing(rig, look, other):
+            missing = self.pictures.missing(rig, look, other)
+            if self._tabling.lacks(missing, look.relight.viewing.model):
                 return False
             band = first / bands, (first + 1) / bands
             relit = self.pictures.relight(rig, look, other, state.divide, self._coarse, band)
@@ -549,13 +393,13 @@ class Screen:
             self._notice.show(one_line(error), kind="error")
             return False
         self._drawing = relit is not None
-        self._relit = not self._drawing or first + 1 == bands
-        self._band = 0 if self._relit else first + 1
-        if self._relit:
+        if self._drawing and first + 1 < bands:
+            self._band = first + 1
+        else:
             self._hurries = False
             if self._cast is not None:
                 self._shape = self._cast.job.size
-        self._meter.note_relight(relit, first == 0, self._relit, whole)
+        self._meter.note_relight(relit, first == 0, self.ready, whole)
         return True
 
     def _repaint(self, state: ViewState) -> bool:
@@ -574,53 +418,13 @@ class Screen:
 
     def tick(self, state: ViewState, now: float, held: bool) -> None:
         """Solve the room, paint the whole picture, and read opacities, once it rests."""
-        self._load()
-        if not held:
-            self._want_rest(state)
-            self._read_opacities(state)
+        self.idle.tick(state, held)
         room, walls = state.room, self._walls
         if room is None or ((walls is None or walls.room is room) and room.is_solved):
             return
         rests = not held or self._wanted is None or now - self._wanted[1] >= _PAINT_REST_S
-        if rests and self._asked != (room, walls):
-            self._asked = room, walls
-            self._painting.request(RoomJob(room, self.image, walls))
-
-    def _is_wanted(self, state: ViewState) -> bool:
-        """Return True if what is shown in place of the picture, or asked for, is the state's."""
-        return self._rest_wanted is not None and self._rest_wanted == self._rest_job(state)
-
-    def _rest_job(self, state: ViewState) -> RestJob | None:
-        """Return what makes both eyes' pictures, or a focus; None without, or without layers."""
-        layout, depth = shown_stereo(state), focused_depth(state)
-        if self._layered is None or self._layered.image is None or self.loading:
-            return None
-        look = self._of_layers(self._look)
-        if layout:
-            return RestJob(self._layered.image, replace(look, stereo=Stereo(layout)))
-        if depth.focus_mm is None:
-            return None
-        return RestJob(self._layered.image, replace(look, depth=depth))
-
-    def _want_rest(self, state: ViewState) -> None:
-        """Start to make both eyes' pictures, or a focus, with the picture's opacities."""
-        job = self._rest_job(state)
-        if job is not None and job != self._rest_wanted:
-            self._rest_wanted = job
-            self._resting.request(job)
-
-    def take_rest(self) -> bool:
-        """Take both eyes' pictures, or one with a focus; return True if there are any."""
-        outcomes = self._resting.take()
-        for done in outcomes:
-            if done.error:
-                self._notice.show(done.error, kind="error")
-            elif done.job is self._rest_wanted:
-                stage = "stereo" if done.job.look.stereo else "focus"
-                self._notice.trace.note(stage, stage, done.ms)
-                self.pictures.show_rest(done.pictures)
-                self.mark_stale()
-        return bool(outcomes)
+        if rests:
+            self._painting.want(RoomJob(room, self.image, walls))
 
     def take_room(self, state: ViewState | None) -> SceneRoom | None:
         """Take the state's room once it is solved, with its picture."""
@@ -646,29 +450,12 @@ class Screen:
             self.pictures.current = False
         return awaits
 
-    def _tables_missing(self, rig: LightRig | None, look: Look, other: LightRig | None) -> bool:
-        """Return True if the light must wait for tables, which are then computed."""
-        missing = self.pictures.missing(rig, look, other)
-        if missing:
-            self._table_notice = f"{look.relight.viewing.model}: computing its colour table …"
-            self._notice.show(self._table_notice, _TABLE_S)
-            if missing != self._tables:
-                self._tabling.request(missing)
-        elif self._tables:
-            self._notice.hide(self._table_notice)
-        self._tables = missing
-        return bool(missing)
-
     def take_tables(self) -> bool:
         """Take computed tables; return True if there are any."""
-        errors = self._tabling.take()
-        for error in errors:
-            if error:
-                self._tables = ()
-                self._notice.show(error, kind="error")
-            else:
-                self._relit = False
-        return bool(errors)
+        messages = self._tabling.take()
+        if "" in messages:
+            self._band = self._band or 0
+        return bool(messages)
 
     def probe(self, state: ViewState, place: tuple[float, float] | None, held: bool) -> bool:
         """Read the pixel under the mouse; nothing if a button is down.
@@ -685,8 +472,8 @@ class Screen:
 
         While a picture is being drawn, the last reading stays, as a new one would wait for it.
         """
-        image, cast = self._seen(), self._cast
-        if self._shows_both:
+        image, cast = self.idle.seen(), self._cast
+        if self.pictures.idle is not None and self.pictures.idle.stereo:
             return None
         if self.pictures.image is not None and image is None:
             return self.under_mouse  # until it is recomposed
@@ -704,31 +491,26 @@ class Screen:
         pixel = min(int(place[0] * width), width - 1), min(int(place[1] * height), height - 1)
         patient = state.interface.overlays.patient
         key = image, lights, spec, pixel, patient
-        if key != self._read_of:
-            self._read_of = key
-            code = self.pictures.code(*pixel)
+        if self._reading is None or key != self._reading[0]:
+            code, reading = self.pictures.code(*pixel), None
             camera, document = cast.job.camera, cast.job.document
             volume = document.volume if document.image is None else None
-            made_of = self._made_of
-            estimated = made_of is not None and bool(made_of[1].opacities)
-            try:
-                self._reading = read(
-                    *(image, camera, volume, rig, spec, pixel, code, patient, estimated)
-                )
-            except VolspecError:  # reported when it was relit
-                self._reading = None
-        return self._reading
+            estimated = self.idle.is_estimated
+            with suppress(VolspecError):  # reported when it was relit
+                reading = read(image, camera, volume, rig, spec, pixel, code, patient, estimated)
+            self._reading = key, reading
+        return self._reading[1]
 
     def refines(self, state: ViewState) -> bool:
         """Return True if the picture is of the state's view, and coarse or not recomposed yet."""
         cast = self._cast
         if cast is None or cast.job.camera != state.view.camera(cast.job.document.volume):
             return False
-        return not self.whole or cast.made.steps != "own" or self._seen() is None
+        return not self.whole or cast.made.steps != "own" or self.idle.seen() is None
 
     def point_mm(self, place: tuple[float, float]) -> Vector | None:
         """Return the first hit at a place of the picture in the world; None if there is none."""
-        image, cast = self._seen() or self.pictures.image, self._cast
+        image, cast = self.idle.seen() or self.pictures.image, self._cast
         if image is None or cast is None or self.side_by_side:
             return None
         width, height = image.size
@@ -738,7 +520,7 @@ class Screen:
 
     def update_error_map(self, state: ViewState, held: bool) -> bool:
         """Request the error map if it is on; return True if a new one has come."""
-        image = self._seen()
+        image = self.idle.seen()
         if state.interface.error_map and not held and self.whole and image is not None:
             self.error_map = self._error_map
             self._error_map.want(image, state)
@@ -750,9 +532,8 @@ class Screen:
         if not self.pictures.framebuffer or self._cast is None or shown is None:
             return None
         columns, rows = self._shape
-        rest = self.pictures.rest
-        if rest is not None:
-            columns, rows = rest.size
+        if self.pictures.idle is not None:
+            columns, rows = self.pictures.idle.size
         wide = width if self._shape == shown.size else height * columns / rows
         high = float(height)
         if self.side_by_side:
@@ -765,8 +546,8 @@ class Screen:
     @property
     def side_by_side(self) -> bool:
         """True if both eyes' pictures are next to each other."""
-        rest = self.pictures.rest
-        return rest is not None and rest.size != rest.images[0].size
+        idle = self.pictures.idle
+        return idle is not None and idle.size != idle.images[0].size
 
     def missing_message(self, shown: ViewState | None, painted: Painted | None) -> str:
         """Return the message in place of a picture, or on an empty one; empty for no message."""
@@ -783,7 +564,7 @@ class Screen:
         """Release everything, without waiting for tables."""
         self._tabling.close(0.0)
         self._painting.close(0.0)
-        self._resting.close(0.0)
+        self.idle.close()
         self._error_map.close()
         self.pictures.close()
         self.slices.close()
