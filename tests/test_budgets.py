@@ -1,4 +1,4 @@
-"""Budgets of the suite: its size, tests of refusals, and clocks."""
+"""Budgets of the suite: its size, tests of refusals, clocks; and of the package's code."""
 
 import ast
 import re
@@ -59,3 +59,56 @@ def test_no_verdict_depends_on_a_clock(path):
     lines = path.read_text(encoding="utf-8").splitlines()
     clocks = [line for line in lines if CLOCK.search(line)]
     assert path.relative_to(TESTS).as_posix() in CLOCKS or clocks == []
+
+
+MAX_ATTRIBUTES, MAX_CODE_LINES = 15, 60  # of a class, of a function
+LONG_FUNCTIONS = {  # those with more, whose numbers may only shrink
+    "cli/appearance.py:appearance": 71,
+    "cli/export.py:export": 103,
+    "cli/export.py:export_frames": 75,
+    "cli/export.py:page": 69,
+    "cli/light.py:light": 84,
+    "cli/room.py:room": 97,
+    "export/demo.py:run_demo": 75,
+    "export/exporter.py:export": 80,
+    "export/page/build.py:page_html": 72,
+    "large/convert.py:convert": 63,
+    "pipeline.py:raycast": 117,
+    "raycast/gpu.py:_cast": 109,
+    "raycast/programs.py:cast_kernel": 63,
+    "room/file.py:build_room": 70,
+    "scene/export.py:__post_init__": 88,
+    "viewer/ui/commands.py:_entries": 63,
+    "volume/files/raw.py:read_raw": 76,
+}
+
+
+def mutable_attributes(node: ast.ClassDef) -> int:
+    """Count the attributes of self that are assigned outside of ``__init__``."""
+    methods = [each for each in node.body if getattr(each, "name", "__init__") != "__init__"]
+    nodes = (each for method in methods for each in ast.walk(method))
+    stored = {ast.unparse(each) for each in nodes if isinstance(getattr(each, "ctx", 0), ast.Store)}
+    return len([*filter(re.compile(r"self\.\w+").fullmatch, stored)])
+
+
+def code_lines(node: ast.FunctionDef, source: list[str]) -> int:
+    """Count a function's lines without blank ones, comments and docstrings."""
+    lines = {n for n in range(node.lineno, node.end_lineno + 1) if source[n - 1].strip()}
+    for each in ast.walk(node):
+        if isinstance(each, ast.Expr) and isinstance(each.value, ast.Constant):
+            lines -= {*range(each.lineno, each.end_lineno + 1)}
+    return sum(not source[n - 1].lstrip().startswith("#") for n in lines)
+
+
+def test_classes_and_long_functions_only_shrink():
+    long = dict[str, int]()
+    for path in sorted((TESTS.parent / "volspec").rglob("*.py")):
+        text, place = path.read_text(encoding="utf-8"), path.relative_to(TESTS.parent / "volspec")
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.ClassDef):
+                assert mutable_attributes(node) <= MAX_ATTRIBUTES, f"{place}:{node.name}"
+            elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                name, lines = f"{place}:{node.name}", code_lines(node, text.splitlines())
+                long[name] = max(lines, long.get(name, 0))
+    grown = {name: n for name, n in long.items() if n > LONG_FUNCTIONS.get(name, MAX_CODE_LINES)}
+    assert grown == {} and all(long.get(name, 0) > MAX_CODE_LINES for name in LONG_FUNCTIONS)
