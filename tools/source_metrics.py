@@ -28,7 +28,7 @@ WORDS = re.compile(
 SETTINGS = (
     *("_tables/*.py", "settings.py", "scene/*.py", "cli/viewing.py", "cli/options.py"),
     *("palette/tables.py", "palette/file.py", "palette/storage.py", "viewer/*/scene_file.py"),
-    *("viewer/*/script.py", "viewer/*/session_codec.py"),
+    *("viewer/*/script.py", "viewer/*/session.py"),
 )
 """Files that carry settings from one form to another; every `__post_init__` counts as well."""
 
