@@ -33,8 +33,7 @@ from volspec.scene.lights import rows_by_name
 from volspec.scene.meshes import MeshCache
 from volspec.scene.specs import EMPTY, MeshSpec
 from volspec.spectra import SpectralGrid
-from volspec.transfer import Transfer, Transfers, presets
-from volspec.viewer.model.field_looks import FieldLook, field_looks
+from volspec.transfer import FieldFunctions, Mask, Transfer, Transfers, presets
 from volspec.viewer.model.light_rows import Rows, rows_from_scene
 from volspec.viewer.model.view import View
 from volspec.volume import Choice, Series, Volume
@@ -141,6 +140,33 @@ def field_data(steps: Series | tuple[Volume, ...]) -> dict[str, FieldData]:
         name: FieldData(each, counts[name], JointHistogram.of(samples[name], each.typical_range))
         for name, each in first.items()
     }
+
+
+@dataclass(frozen=True, slots=True)
+class FieldLook:
+    """A field's transfer function, factor of its extinction, and whether it is shown.
+
+    The name is ``""`` for the volume's own field. Materials and basis are those of the state, also
+    for the functions of the mask, if the field has one; there is no editor of masks.
+    """
+
+    name: str
+    transfer: Transfer
+    weight: float = 1.0
+    shown: bool = True
+    mask: Mask | None = None
+
+
+def _field_looks(transfer: Transfers) -> tuple[Transfer, tuple[FieldLook, ...]]:
+    """Return the first field's transfer function, and all fields; none if there is only one."""
+    if not isinstance(transfer, FieldFunctions):
+        return transfer, ()
+    looks = []
+    for name, function in transfer.functions.items():
+        weight = transfer.weights.get(name, 1.0)
+        mask = transfer.masks.get(name)
+        looks.append(FieldLook(name, function, weight or 1.0, weight > 0, mask))
+    return looks[0].transfer, tuple(looks)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -265,7 +291,7 @@ class Document:
         series: Series | None = None,
     ) -> Document:
         """Make a document of a scene and its volume, or the step of a series that it shows."""
-        transfer, fields = field_looks(scene.transfer)
+        transfer, fields = _field_looks(scene.transfer)
         return cls(
             title=scene.file.title or scene.path.stem,
             volume=volume,

@@ -11,9 +11,8 @@ from typing import Any
 
 from volspec.errors import VolspecError, one_line
 from volspec.transfer import FieldFunctions, Transfer, TransferFunction, Transfers
-from volspec.viewer.model.document import FieldData
+from volspec.viewer.model.document import FieldData, FieldLook
 from volspec.viewer.model.edit import Edited, edit, with_interface
-from volspec.viewer.model.field_looks import FieldLook
 from volspec.viewer.model.materials import other_functions, with_materials
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp

@@ -16,8 +16,7 @@ from volspec.scene.annotation import Annotation
 from volspec.scene.specs import MeshSpec
 from volspec.settings import Vector
 from volspec.transfer import Transfer
-from volspec.viewer.model.document import Document
-from volspec.viewer.model.field_looks import FieldLook
+from volspec.viewer.model.document import Document, FieldLook
 from volspec.viewer.model.light_rows import Fade, LightState, Rows
 from volspec.viewer.model.palette_targets import PaletteState, Pick
 from volspec.viewer.model.view import View

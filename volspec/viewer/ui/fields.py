@@ -6,7 +6,7 @@ from imgui_bundle import imgui
 
 from volspec.raycast import RaycastSpec
 from volspec.viewer.model import fields, transfer_edits, transfer_parts
-from volspec.viewer.model.field_looks import FieldLook
+from volspec.viewer.model.document import FieldLook
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.widgets import (
