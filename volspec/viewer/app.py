@@ -133,8 +133,7 @@ class App:
         # At the first start there is nothing of the user's own to go on with.
         self._ui.start = options.is_first and not self._file_commands.documents.recent
         self._scheduler = CastScheduler(Window.wake)
-        first = self._designs, self._renditions, self._steps
-        self._services = *first, self._scheduler, self._screen
+        self._services = self._designs, self._renditions, self._steps, self._scheduler, self._screen
         self._docks, self._mouse = Docks(), Mouse()
         self._focus = Focus()
         self._fade: Fade | None = None
@@ -307,10 +306,7 @@ class App:
             self._relight(self._shown)
 
     def _draw_panels(self, history: History, inputs: list[Input], now: float) -> Area:
-        """Draw the panels, and go on with what they and the inputs edit; return the picture's area.
-
-        The picture's area is (x, y, width, height) in the window.
-        """
+        """Draw the panels, and use what they and the inputs edit; return the picture's area."""
         present, image = history.present, history.present.document.image
         shown = self._during_fade(present, now)
         state = menus.draw_menu(menus.draw_status(shown, self._ui), self._ui)

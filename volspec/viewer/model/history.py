@@ -152,9 +152,8 @@ def without_cast(old: ViewState, new: ViewState) -> Edited:
         kept["shading"] = replace(old.shading, opacities=new.shading.opacities)
         if kept["shading"] == new.shading:
             del kept["shading"]
-    if not kept:
-        return Edited(new)
-    return Edited(replace(new, unthickened=old.unthickened, **kept), ONE_VIEW)
+    found = Edited(replace(new, unthickened=old.unthickened, **kept), ONE_VIEW)
+    return found if kept else Edited(new)
 
 
 @dataclass(frozen=True, slots=True)

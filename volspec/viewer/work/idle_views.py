@@ -35,6 +35,7 @@ from volspec.viewer.work.pictures import IdlePictures, Pictures
 # 2 codes of 255, is lost in the worst pixel of a thousand.
 _ESTIMATED, VISIBLE = 20_000, 0.2
 _ENDED = object()
+_Callback = Callable[[], object]
 # A picture's layers, and their look.
 Recomposed = tuple[OpacityLayers, Look]
 
@@ -92,11 +93,7 @@ class IdleViews:
     """The last cast with layers, in other looks; ``changed`` is called if it is to be drawn."""
 
     def __init__(
-        self,
-        pictures: Pictures,
-        wake: Callable[[], object],
-        changed: Callable[[], None],
-        notice: Notice,
+        self, pictures: Pictures, wake: _Callback, changed: _Callback, notice: Notice
     ) -> None:
         self._pictures, self._changed, self._notice = pictures, changed, notice
         self._worker, self._tasks = IdleWorker(wake), Tasks(wake)

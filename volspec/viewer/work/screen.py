@@ -403,10 +403,7 @@ class Screen:
         return True
 
     def _repaint(self, state: ViewState) -> bool:
-        """Show a room in other paints than the picture's; return True if it has others.
-
-        The whole picture follows from `tick`.
-        """
+        """Show other paints than the picture's, until `tick` paints all; return True if it has."""
         room, walls = state.room, self._walls
         if room is None or walls is None or walls.room is room or not has_walls(state):
             return False
