@@ -144,7 +144,10 @@ def test_what_mitsuba_lacks_is_one_line(tmp_path):
     points, triangles = plane().points_mm, plane().triangles
     codes = np.full((2, 2, 3), 90, np.uint8)
     for mesh, said in (
-        (vs.Mesh(points, triangles, "red", grating=vs.Grating(1.6)), "Mitsuba has no gratings"),
+        (
+            vs.Mesh(points, triangles, "red", grating=vs.Grating(spacing_um=1.6)),
+            "Mitsuba has no gratings",
+        ),
         (plane(vs.Texture(codes)), "spectra of its own"),
         (vs.Mesh(points, triangles, codes.reshape(4, 3)), "spectra of its own"),
     ):

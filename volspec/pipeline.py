@@ -33,7 +33,7 @@ from volspec.raycast.layer_stream import (
     refuse_layers,
     shadow_slots,
 )
-from volspec.raycast.row_batches import Cancel, Progress
+from volspec.raycast.row_batches import Cancel, Progress, Result
 from volspec.raycast.surfaces import Behind, OpacityCaster, Surfaces
 from volspec.relight import ErrorMap, LightRig, Relighter, difference_map, relight
 from volspec.spectra import Spectrum
@@ -130,46 +130,20 @@ def raycast(
     """
     volume = Volume.of(volume)
     spec = RaycastSpec() if spec is None else spec
-    for name, given, kinds, wanted in (
-        ("transfer", transfer, Transfers, "a TransferFunction"),
-        ("camera", camera, Camera, "a Camera, such as Camera.orbit(volume)"),
-    ):
-        if not isinstance(given, kinds):
-            raise RaycastError.refused(f"raycast: {name}", given, f"give {wanted}", "type")
-    if caster is None:
-        caster = Raycaster(volume, device=device)
-    elif caster.volume is not volume:
-        raise RaycastError(
-            f"raycast: the caster holds {caster.volume!r}, the volume is {volume!r}",
-            "give the caster's volume",
-            code="conflict",
-        )
-    for each in behind:
-        if each.basis is not None and each.basis.fingerprint != transfer.basis.fingerprint:
-            problem = (
-                f"basis is {each.basis.name!r}, the transfer function's {transfer.basis.name!r}"
-            )
-            remedy = "make the meshes in the transfer function's basis"
-            raise RaycastError(problem, remedy, code="conflict", field="raycast: behind")
+    _check_arguments(volume, transfer, camera, caster, behind)
+    caster = caster or Raycaster(volume, device=device)
     if volume.pyramid is not None:
         volume.pyramid.retry()
     behind = [part for each in behind if (part := each.within(volume, spec)) is not None]
     table = caster.bake(transfer, spec.opacities)
-    see_through = next(filter(None, (each.translucent for each in behind)), "")
-    if spec.add_fields and isinstance(table, FieldTables) and see_through:
-        raise RaycastError(
-            f"add_fields: {see_through} is between the parts of fields that do not hide each other",
-            "give it opacity 1, or set add_fields = false",
-            code="conflict",
-        )
+    _check_added(spec, table, behind)
     level = caster.at(camera, size, spec)
     if spec.layers:
         _check_layers(spec, table, transfer, level, behind)
     spec = level.with_step(table, camera, checked_size(size), spec, cancel)
     slot = None
     if into is not None:
-        width, height = checked_size(size)
-        shape = height, width, len(spec.groups) * table.size
+        shape = *checked_size(size)[::-1], len(spec.groups) * table.size
         # What is behind, and the light of further fields, is added on the host.
         on_host = behind or spec.add_fields
         slot = into.place(shape, spec.groups, None if on_host else level.sharing)
@@ -184,43 +158,21 @@ def raycast(
         cast_part(table, camera, size, spec, part, cancel, slot, span_mm, surfaces.clear)
         for part, span_mm in surfaces.spans(progress)
     ]
-    if volume.is_empty and not behind:
-        why = "the picture is empty: no mesh is shown, or cuts leave nothing of them"
-        warnings.warn(why, VolspecWarning, stacklevel=2)
-    elif not (
-        any(cast.alpha.any() for cast in casts)
-        or volume.is_empty
-        or (behind and 0 in spec.opacities.values())  # hidden, with a mesh to be seen
-    ):
-        if Projection(camera, (0, 0, *checked_size(size))).shows(volume.corners_mm):
-            what = "nothing of it is seen" if behind else "the picture is empty"
-            why = f"{volume.name}: {what}{_why_nothing_is_seen(volume, table)}"
-            if behind:
-                why += "; or furniture of the room or a mesh hides it"
-        else:
-            why = _looks_past_warning(volume)
-        warnings.warn(why, VolspecWarning, stacklevel=2)
+    _warn_if_empty(
+        casts, volume, table, Projection(camera, (0, 0, *checked_size(size))), spec, behind
+    )
     cast = surfaces.composite(
         casts,
         lambda span_mm: level.cast(
             table, camera, size, spec, None, cancel, None, span_mm, surfaces.clear
         ),
     )
-    notes = {
-        "volume": volume.file_name,
-        "camera": repr(camera),
-        "raycast": repr(spec),
-        "device": caster.device,
-        **(notes or {}),
-    }
-    if volume.pyramid is not None and (gaps := volume.pyramid.describe_gaps()):
-        notes[GAPS] = gaps
     image = CoefficientImage(
         cast.coefficients,
         cast.alpha,
         cast.depth_mm,
         transfer.basis,
-        notes,
+        _cast_notes(volume, camera, spec, caster) | dict(notes or {}),
         groups=spec.shares(),
         first_mm=cast.first_mm,
         fov_deg=None if camera.height_mm is not None else camera.fov_deg,
@@ -354,6 +306,88 @@ def absorption_error(
         for each in (transfer, replace(transfer, basis=bands))
     ]
     return difference_map(images[0], images[1], light, backdrop=0.0)
+
+
+def _check_arguments(
+    volume: Volume,
+    transfer: Transfers,
+    camera: Camera,
+    caster: Raycaster | None,
+    behind: Sequence[Behind],
+) -> None:
+    """Raise RaycastError for an argument of another kind, of another volume, or basis."""
+    for name, given, kinds, wanted in (
+        ("transfer", transfer, Transfers, "a TransferFunction"),
+        ("camera", camera, Camera, "a Camera, such as Camera.orbit(volume)"),
+    ):
+        if not isinstance(given, kinds):
+            raise RaycastError.refused(f"raycast: {name}", given, f"give {wanted}", "type")
+    if caster is not None and caster.volume is not volume:
+        raise RaycastError(
+            f"raycast: the caster holds {caster.volume!r}, the volume is {volume!r}",
+            "give the caster's volume",
+            code="conflict",
+        )
+    for each in behind:
+        if each.basis is not None and each.basis.fingerprint != transfer.basis.fingerprint:
+            problem = (
+                f"basis is {each.basis.name!r}, the transfer function's {transfer.basis.name!r}"
+            )
+            remedy = "make the meshes in the transfer function's basis"
+            raise RaycastError(problem, remedy, code="conflict", field="raycast: behind")
+
+
+def _check_added(spec: RaycastSpec, table: Tables, behind: Sequence[Behind]) -> None:
+    """Raise RaycastError for a translucent mesh between fields that do not hide each other."""
+    see_through = next(filter(None, (each.translucent for each in behind)), "")
+    if spec.add_fields and isinstance(table, FieldTables) and see_through:
+        raise RaycastError(
+            f"add_fields: {see_through} is between the parts of fields that do not hide each other",
+            "give it opacity 1, or set add_fields = false",
+            code="conflict",
+        )
+
+
+def _cast_notes(
+    volume: Volume, camera: Camera, spec: RaycastSpec, caster: Raycaster
+) -> dict[str, str]:
+    """Return the notes of a cast."""
+    notes = {
+        "volume": volume.file_name,
+        "camera": repr(camera),
+        "raycast": repr(spec),
+        "device": caster.device,
+    }
+    if volume.pyramid is not None and (gaps := volume.pyramid.describe_gaps()):
+        notes[GAPS] = gaps
+    return notes
+
+
+def _warn_if_empty(
+    casts: Sequence[Result],
+    volume: Volume,
+    table: Tables,
+    view: Projection,
+    spec: RaycastSpec,
+    behind: Sequence[Behind],
+) -> None:
+    """Warn of a picture in which nothing of the volume is seen."""
+    if volume.is_empty and not behind:
+        why = "the picture is empty: no mesh is shown, or cuts leave nothing of them"
+    elif (
+        any(cast.alpha.any() for cast in casts)
+        or volume.is_empty
+        or (behind and 0 in spec.opacities.values())  # hidden, with a mesh to be seen
+    ):
+        return
+    elif view.shows(volume.corners_mm):
+        what = "nothing of it is seen" if behind else "the picture is empty"
+        why = f"{volume.name}: {what}{_why_nothing_is_seen(volume, table)}"
+        if behind:
+            why += "; or furniture of the room or a mesh hides it"
+    else:
+        why = _looks_past_warning(volume)
+    warnings.warn(why, VolspecWarning, stacklevel=3)
 
 
 def _check_layers(

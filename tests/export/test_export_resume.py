@@ -25,15 +25,15 @@ SETTINGS = {"turntable": {"frames": 4}, "lights": ["day", "lamp"]}
 # An export that kills itself, as the kernel would, at a share of its work.
 KILLED = """
 import os, signal, sys
+from volspec.export.exporter import export
 from volspec.scene import Scene
 
 def report(step, share):
     if step == "export" and share >= float(sys.argv[3]):
         os.kill(os.getpid(), signal.SIGKILL)
 
-Scene.load(sys.argv[1]).export(
-    sys.argv[2], turntable={"frames": 4}, lights=["day", "lamp"], progress=report
-)
+scene, lights = Scene.load(sys.argv[1]), ["day", "lamp"]
+export(scene, sys.argv[2], turntable={"frames": 4}, lights=lights, progress=report)
 """
 
 

@@ -60,7 +60,7 @@ def test_each_system_s_own_ways_to_a_headless_context_are_tried_before_its_remed
 GLX = """
 import sys
 from volspec._gpu import opengl
-from volspec.raycast import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.relight import Relighter
 from volspec.spectra import light
 opengl._EGL["libegl"] = "libnone.so.1"
@@ -148,7 +148,8 @@ def test_a_file_flushed_to_the_disk_is_open_for_writing(monkeypatch, tmp_path):
 def test_what_has_no_wheel_on_a_machine_is_not_asked_for_there(system, machine, expected):
     """`make trust` asks the package index (tools/installs.py)."""
     here = {"sys_platform": system, "platform_machine": machine}
-    listed = [*PROJECT["dependencies"], *PROJECT["optional-dependencies"]["intel"]]
+    extras = PROJECT["optional-dependencies"]
+    listed = [*PROJECT["dependencies"], *extras["intel"], *extras["rooms"]]
     conditional = [each for each in map(Requirement, listed) if each.marker]
     asked = {each.name for each in conditional if each.marker.evaluate(here)}
     assert asked - {"intel-cmplr-lib-rt"} == expected

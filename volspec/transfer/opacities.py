@@ -6,7 +6,7 @@ A scale s_k acts on the optical depth τ_k = w_k τ of a material k, also within
 
     1 − α' = (1 − α)^(Σ s_k w_k / Σ w_k),   w'_k = s_k w_k Σ w_k / Σ s_k w_k
 
-It is what `volspec.raycast.CoefficientImage.recompose` does without a cast.
+It is what `volspec.CoefficientImage.recompose` does without a cast.
 """
 
 from __future__ import annotations
