@@ -162,8 +162,10 @@ def _extras() -> dict[str, str]:
     by_module = packages_distributions()
     for what, extra in _FEATURES.items():
         packages = [by_module.get(module, [""])[0] for module in EXTRAS[extra]]
-        every = ", ".join(f"{package} {version(package)}" for package in packages if package)
-        found[what] = every if all(packages) else _remedy(extra)
+        try:
+            found[what] = ", ".join(f"{package} {version(package)}" for package in packages)
+        except (PackageNotFoundError, ValueError):  # the latter of a module without a package
+            found[what] = _remedy(extra)
     return found
 
 
