@@ -239,6 +239,7 @@ def test_every_import_is_required_or_an_extra_s():
     optional = project["optional-dependencies"]
     packages = packages_distributions()
     required = names(project["dependencies"])
+    assert {*BROUGHT.values()} <= required
     for extra, modules in EXTRAS.items():
         needs = names(optional[extra])
         for module in modules:

@@ -25,7 +25,7 @@ EXTRAS = {
 
 
 def is_installed(module: str) -> bool:
-    """Return True if a module can be imported; it is not.
+    """Return True if a module is installed; it is not imported.
 
     >>> is_installed("numpy"), is_installed("no_such_module")
     (True, False)

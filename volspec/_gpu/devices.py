@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING
 
 from volspec._cache import cache_rows, cached_rows
 from volspec._child import child_command, exit_cause, require_own_process
+from volspec._extras import install_command
 from volspec._files import ensure_writable_caches, write_fault
 from volspec.errors import OpenCLError, nearest, one_line, quoted
 
@@ -362,7 +363,7 @@ def remedy(devices: Sequence[DeviceInfo]) -> str:
         ways.append("apt-get install pocl-opencl-icd (or conda install -c conda-forge pocl)")
     elif sys.platform == "darwin":
         ways.append("conda install -c conda-forge pocl")
-    ways.append("pip install 'volspec[intel]' (x86-64, Linux and Windows)")
+    ways.append(f"{install_command('intel')} (x86-64, Linux and Windows)")
     return ", or ".join(ways)
 
 

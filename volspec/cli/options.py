@@ -62,7 +62,7 @@ class Options:
             is_text = any(
                 each not in (int, float, bool) and get_origin(each) is not Literal for each in kinds
             )
-            kind: Any = str if is_text else Union[tuple(kinds)]  # noqa: UP007
+            kind: Any = str if is_text else Union[tuple(kinds)]  # noqa: UP007  # of a list
             is_number = kind in (int, float)
             words = [_first_sentence(owner, name, cls.names)]
             if is_number:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import subprocess
 
+from volspec._extras import install_command
 from volspec.errors import DeviceError, quoted
 
 # Variable that overrides imageio-ffmpeg's own ffmpeg; time limit of `ffmpeg -version`.
@@ -23,7 +24,7 @@ def ffmpeg() -> str:
     except (ImportError, RuntimeError) as error:
         raise DeviceError(
             "export: films and .avif need ffmpeg, which is not installed",
-            "pip install 'volspec[video]', or name a .gif or a folder of PNG",
+            f"{install_command('video')}, or name a .gif or a folder of PNG",
             code="unsupported",
         ) from error
     if os.environ.get(_VARIABLE) and not _is_ffmpeg(found):

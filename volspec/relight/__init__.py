@@ -5,6 +5,7 @@ raycast -> [relight] -> appearance -> frame
 
 from volspec.relight.error_map import ErrorMap, difference_map, error_map, opacity_error
 from volspec.relight.illumination import Illumination
+from volspec.relight.look import Look
 from volspec.relight.relighter import Relighter, relight
 from volspec.relight.spec import LightRig, RelightSpec
 
@@ -12,6 +13,7 @@ __all__ = [
     "ErrorMap",
     "Illumination",
     "LightRig",
+    "Look",
     "RelightSpec",
     "Relighter",
     "difference_map",

@@ -13,7 +13,7 @@ To add a panel, see docs/architecture.md.
 from volspec._extras import require_extra
 
 require_extra("viewer", "the viewer")
-import OpenGL  # noqa: E402
+import OpenGL  # noqa: E402  # the extra is checked before
 
 # PyOpenGL checks for errors after every call, which takes longer than the call itself, unless that
 # is switched off before PyOpenGL is first imported, by imgui's backend.

@@ -14,6 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from volspec._extras import EXTRAS
 from volspec.volume.files import neuro
 from volspec.volume.files.dicom import read_series
 from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
@@ -59,8 +60,12 @@ class Format:
     stack: Callable[[Query], Stack | None] | None = None  # levels of one larger than memory
     whole: bool = True  # a file is a volume, not the slice of one
     unpacks: bool = False  # its reader unpacks files that are packed by gzip
-    extra: str = ""  # of the package, which installs the library
     note: str = ""  # what is read of it, for docs/reference/formats.md
+
+    @property
+    def extra(self) -> str:
+        """Extra of the package that installs the library; empty if it comes with the package."""
+        return next((name for name, modules in EXTRAS.items() if self.library in modules), "")
 
     def begins(self, head: bytes) -> bool:
         """Return True if a file's first bytes are of this format."""
@@ -79,7 +84,6 @@ DICOM = Format(
 OME_ZARR = Format(
     *("OME-Zarr", (".zarr", *ZIP_SUFFIXES), read_ome_zarr, "zarr"),
     stack=ome_zarr_stack,
-    extra="zarr",
     note="0.4, 0.5, folders, zip files, URLs; also plain arrays of Zarr 2 and 3",
 )
 RAW = Format("raw bytes", (".raw",), read_raw, whole=False, note="shape, dtype, spacing asked")
@@ -142,7 +146,6 @@ FORMATS = (
             (HDF5,),
         ),
         hdf5_stack,
-        extra="hdf5",
         note="axes and sizes of ilastik, NeXus, BigDataViewer, element_size_um",
     ),
     Format(
@@ -152,14 +155,12 @@ FORMATS = (
     Format(
         *("BigDataViewer", (".xml",), read_project, "h5py", (), project_stack),
         whole=False,
-        extra="hdf5",
         note="its HDF5 or N5, with units and setups",
     ),
     OME_ZARR,
     Format(
         *("N5", (".n5",), read_ome_zarr, "zarr"),
         stack=ome_zarr_stack,
-        extra="zarr",
         note="folders; the finest of several levels",
     ),
     Format("MRC", MRC_SUFFIXES, read_mrc, "mrcfile", (MRC_MAGIC,), note="also CCP4; ångströms"),
@@ -175,13 +176,12 @@ FORMATS = (
     ),
     Format(
         *("Imaris", (".ims",), read_imaris, "h5py", (HDF5,), imaris_stack),
-        extra="hdf5",
         note="places, channels, times, levels",
     ),
-    Format("CZI", (".czi",), read_micro, "pylibCZIrw", extra="micro", note="scenes, mosaics"),
-    Format("LIF", (".lif",), read_micro, "liffile", extra="micro", note="its pictures"),
-    Format("ND2", (".nd2",), read_micro, "nd2", extra="micro", note="channels, times, positions"),
-    Format("OIF", (".oib", ".oif"), read_micro, "oiffile", extra="micro", note="channels, times"),
+    Format("CZI", (".czi",), read_micro, "pylibCZIrw", note="scenes, mosaics"),
+    Format("LIF", (".lif",), read_micro, "liffile", note="its pictures"),
+    Format("ND2", (".nd2",), read_micro, "nd2", note="channels, times, positions"),
+    Format("OIF", (".oib", ".oif"), read_micro, "oiffile", note="channels, times"),
     Format("VTI", (".vti", ".pvti"), read_vtk, "pyvista", note="points or cells, vectors, pieces"),
     Format("VTR", (".vtr", ".pvtr"), read_vtk, "pyvista", note="of even spacing"),
     Format("VTM", (".vtm", ".vtmb"), read_vtk, "pyvista", note="a block of several"),

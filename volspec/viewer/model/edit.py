@@ -106,7 +106,7 @@ def with_field(spec: Spec, name: str, value: Any) -> Spec:
         return spec
     if isinstance(value, int | float) and not isinstance(value, bool):
         value = clamp(value, *number_limits(hint))
-    return spec if getattr(spec, name) == value else replace(spec, **{name: value})  # type: ignore[type-var]
+    return spec if getattr(spec, name) == value else replace(spec, **{name: value})  # type: ignore[type-var]  # a dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from pathlib import Path
 from imgui_bundle import imgui
 
 from volspec._checks import MAX_SIDE
+from volspec._extras import install_command
 from volspec.errors import InputError, one_line
 from volspec.export.page import MOST_VIEWS
 from volspec.scene.export import Mark
@@ -150,7 +151,7 @@ class FilmDialog(_OutputDialog):
         self.file = replace(self.file, to=to)
         imgui.pop_item_width()
         if len(self._kinds) < len(FILM_KINDS):
-            wrap_text("Other films need ffmpeg: pip install 'volspec[video]'", _DIM)
+            wrap_text(f"Other films need ffmpeg: {install_command('video')}", _DIM)
         saved, closed = self._end("film ok", state, to, self.file.suffix, ui)
         if not closed:
             ui.preview, ui.plays = self._preview, self._plays

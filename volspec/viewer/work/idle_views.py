@@ -38,8 +38,6 @@ _ENDED = object()
 _Callback = Callable[[], object]
 # A picture's layers, and their look.
 Recomposed = tuple[OpacityLayers, Look]
-
-
 # An image with layers, and its look with both eyes, or a focus.
 IdleJob = tuple[CoefficientImage, Look]
 # A job, its pictures or an error's message, and the time in milliseconds.

@@ -282,7 +282,7 @@ class Writer:
                 data = value.to_dict()
             else:
                 data = {KIND: type(value).__name__, **self.field_values(value)}
-            if type(value).__eq__ is not object.__eq__:  # type: ignore[comparison-overlap]
+            if type(value).__eq__ is not object.__eq__:  # type: ignore[comparison-overlap]  # of slots
                 return data
             number = self._numbers[id(value)] = len(self.objects)
             self.objects.append(data)

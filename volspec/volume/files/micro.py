@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._extras import install_command
 from volspec.errors import DeviceError, VolumeError, one_line
 from volspec.volume.channels import Channel
 from volspec.volume.files.lattice import mm_per_unit, stack_slices
@@ -68,7 +69,7 @@ def read_micro(query: Query) -> Reading:
         except ImportError as error:
             raise DeviceError(
                 f"{query.path}: needs {package}",
-                f'pip install "volspec[micro]", or {_OTHERWISE}',
+                f"{install_command('micro')}, or {_OTHERWISE}",
                 code="unsupported",
             ) from error
         except Exception as error:  # whatever the library raises

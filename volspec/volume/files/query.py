@@ -20,6 +20,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._extras import install_command
 from volspec._files import is_remote
 from volspec._gpu.memory import host_free_bytes
 from volspec.errors import DeviceError, VolumeError, nearest, one_line, quoted
@@ -313,7 +314,7 @@ def path_of(name: str) -> Path:
     except (ImportError, ValueError) as error:
         raise DeviceError(
             f"{name}: is not on this machine, and cannot be reached ({one_line(error)[:100]}); "
-            'pip install "volspec[remote]", for s3:// also s3fs, for gs:// gcsfs',
+            f"{install_command('remote')}, for s3:// also s3fs, for gs:// gcsfs",
             code="unsupported",
         ) from error
 
