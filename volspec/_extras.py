@@ -24,15 +24,6 @@ EXTRAS = {
 """Modules by the extra that installs them."""
 
 
-def is_installed(module: str) -> bool:
-    """Return True if a module is installed; it is not imported.
-
-    >>> is_installed("numpy"), is_installed("no_such_module")
-    (True, False)
-    """
-    return find_spec(module) is not None
-
-
 def install_command(extra: str) -> str:
     """Return the command that installs an extra.
 
@@ -47,7 +38,7 @@ def require_extra(extra: str, user: str, otherwise: str = "") -> None:
 
     ``otherwise`` is another remedy.
     """
-    missing = [module for module in EXTRAS[extra] if not is_installed(module)]
+    missing = [module for module in EXTRAS[extra] if find_spec(module) is None]
     if missing:
         raise DeviceError(
             f"{user}: {', '.join(missing)} {'is' if len(missing) == 1 else 'are'} not installed",
