@@ -115,6 +115,16 @@ def test_several_fields_refuse_projections_in_a_line(desk):
         assert "several fields" in made.viewer.message
 
 
+@pytest.mark.parametrize("kind", ["regions", "surfaces"])
+def test_several_fields_refuse_other_kinds_in_a_line(desk, kind):
+    made, paths = desk
+    state = opened(made, paths["two fields"])
+    made.viewer.run(f"transfer-{kind}")
+    made.viewer.rest()
+    assert made.viewer.state.transfer is state.transfer
+    assert "cast alone; remove the other fields" in made.viewer.message
+
+
 def test_a_picture_without_a_scene_s_lens_says_so_when_it_opens(desk):
     made, paths = desk
     text = paths["curve"].read_text(encoding="utf-8")

@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any
 
-from volspec.errors import VolspecError, one_line
+from volspec.errors import TransferError, VolspecError, one_line
 from volspec.transfer import FieldFunctions, Transfer, TransferFunction, Transfers
 from volspec.viewer.model.document import FieldData, FieldLook
 from volspec.viewer.model.edit import Edited, edit, with_interface
@@ -52,7 +52,10 @@ def _composed(transfer: Transfer, fields: tuple[FieldLook, ...], chosen: int) ->
     looks = _present(transfer, fields, chosen)
     functions: dict[str, TransferFunction] = {}
     for look in looks:
-        functions[look.name] = look.transfer  # type: ignore[assignment]  # refused below
+        if not isinstance(look.transfer, TransferFunction):
+            problem, remedy = "this kind is cast alone", "remove the other fields first"
+            raise TransferError(problem, remedy, code="conflict", field="transfer function")
+        functions[look.name] = look.transfer
     weights = {look.name: look.weight if look.shown else 0.0 for look in looks}
     changed = partial(replace, materials=transfer.materials, basis=transfer.basis)
     masks = {look.name: look.mask.changed(changed) for look in looks if look.mask is not None}
