@@ -29,8 +29,8 @@ from volspec.spectra import (
     light_set,
     reflectance,
     reflectance_set,
-    reflectance_set_names,
 )
+from volspec.spectra.library.reflectances import reflectance_set_names
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "bases.md"
 SIZES = (5, 7, 9)

@@ -22,7 +22,7 @@ from volspec.basis import SpectralBasis
 from volspec.image import CoefficientImage
 from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast import Ambient, Directional, LightGroup, RaycastSpec
-from volspec.raycast.bricks import BRICK, brick_codes, brick_ranges
+from volspec.raycast.launch.bricks import BRICK, brick_codes, brick_ranges
 from volspec.scene import Scene
 from volspec.spectra import Spectrum, light_set, reflectance_set
 from volspec.transfer import TransferFunction

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.measure import Figure, in_turn, report
-from volspec.appearance.models.cielab import cielab, delta_E_2000
-from volspec.appearance.spaces import decode_sRGB
+from volspec.appearance.display.spaces import decode_sRGB
+from volspec.appearance.models.lab import cielab, delta_E_2000
 from volspec.appearance.spec import Viewing
 from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.basis.report import basis_report
@@ -34,9 +34,9 @@ from volspec.spectra import (
     light_set,
     reflectance,
     reflectance_set,
-    reflectance_set_names,
 )
 from volspec.spectra.datasets import colour_science
+from volspec.spectra.library.reflectances import reflectance_set_names
 
 Array = NDArray[np.float64]
 

@@ -48,7 +48,7 @@ from volspec.mesh.caster import MeshCaster
 from volspec.mesh.shapes import shape_mesh
 from volspec.pipeline import Raycaster, raycast, relight
 from volspec.raycast import RaycastSpec, reference
-from volspec.raycast.layer_stream import LayerStream, Samples, empty_rows
+from volspec.raycast.launch.layer_stream import LayerStream, Samples, empty_rows
 from volspec.scene import Scene
 from volspec.spectra import light
 from volspec.transfer import TransferFunction, TransferTable

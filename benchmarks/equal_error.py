@@ -35,7 +35,7 @@ from benchmarks.measure import PAGE, Figure, in_turn, replaced, report
 from benchmarks.picture import parallel
 from benchmarks.scenes import SPECS, BenchScene, bench_scenes
 from benchmarks.vtk_peer import ALPHA_STOP, fixed_point
-from volspec._gpu import devices
+from volspec._gpu import device_list as devices
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import RaycastSpec
 from volspec.transfer import TransferTable

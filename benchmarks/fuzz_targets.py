@@ -154,13 +154,13 @@ def _image_parts() -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def _read_spectrum(path: Path) -> None:
-    from volspec.spectra.files import read_spectrum
+    from volspec.spectra.files.reading import read_spectrum
 
     read_spectrum(path)
 
 
 def _read_beam(path: Path) -> None:
-    from volspec.room import read_beam
+    from volspec.room.beam import read_beam
 
     read_beam(path).relative(np.eye(3))
 
@@ -189,7 +189,7 @@ def _read_label_table(path: Path) -> None:
 
 
 def _read_table(path: Path) -> None:
-    from volspec.spectra.tables import read_table
+    from volspec.spectra.files.tables import read_table
 
     table = read_table(path)
     for name in table.names[:4]:
@@ -203,7 +203,7 @@ def _read_triples(path: Path) -> None:
 
 
 def _read_profile(path: Path) -> None:
-    from volspec.appearance.profile import read_profile
+    from volspec.appearance.display.profile import read_profile
 
     read_profile(path)
 
@@ -218,7 +218,7 @@ def _read_scene(path: Path) -> None:
     """Read and resolve a scene, without training a basis, which takes seconds."""
     from volspec.scene import Scene
     from volspec.scene.file import scene_data, scene_file
-    from volspec.scene.specs import BasisSpec
+    from volspec.scene.tables.specs import BasisSpec
 
     file = scene_file(scene_data(path), path)
     scene = Scene(replace(file, basis=BasisSpec(name="general-5")), path)
@@ -240,7 +240,7 @@ def _scenes() -> Iterable[bytes]:
 def _read_palette(path: Path) -> None:
     from volspec.errors import SpectrumError
     from volspec.palette import load_palette
-    from volspec.spectra.files import read_spectrum
+    from volspec.spectra.files.reading import read_spectrum
 
     with suppress(SpectrumError):
         read_spectrum(f"{path}#1")

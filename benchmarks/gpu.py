@@ -19,7 +19,7 @@ import numpy as np
 
 from benchmarks.measure import PAGE, between, commit, in_turn, replaced
 from benchmarks.scenes import SPECS, BenchScene, bench_scene
-from volspec._gpu.devices import POCL, all_devices, choose_device, devices
+from volspec._gpu.device_list import POCL, all_devices, choose_device, devices
 from volspec._gpu.opengl import headless_context
 from volspec._gpu.sharing import sharing_fault
 from volspec._gpu.sources import asset

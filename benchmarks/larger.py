@@ -34,8 +34,8 @@ from volspec.spectra import reflectance
 from volspec.transfer import TransferFunction
 from volspec.volume import Volume, load_volume
 from volspec.volume.larger import level_of
+from volspec.volume.levels.pyramid import BLOCK, Level
 from volspec.volume.load import open_level
-from volspec.volume.pyramid import BLOCK, Level
 
 SIZE = 512, 512
 _SIDE = 2048

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from benchmarks.measure import PAGE
 from benchmarks.scenes import RECIPES, Points, chest, stored
 from volspec._gpu.sources import asset
-from volspec.appearance.models.cielab import cielab, delta_E_2000
-from volspec.appearance.spaces import decode_sRGB, encode_sRGB, linear_sRGB_from_XYZ
+from volspec.appearance.display.spaces import decode_sRGB, encode_sRGB, linear_sRGB_from_XYZ
+from volspec.appearance.models.lab import cielab, delta_E_2000
 from volspec.basis import Basis, MaterialBasis
 from volspec.image.fields import ONE_GROUP
 from volspec.raycast import RaycastSpec

@@ -31,7 +31,7 @@ from volspec.export.deep import save_deep
 from volspec.image import CoefficientImage
 from volspec.pipeline import raycast
 from volspec.raycast import reference
-from volspec.raycast.layer_stream import LayerStream
+from volspec.raycast.launch.layer_stream import LayerStream
 from volspec.relight import difference_map, error_map, opacity_error
 from volspec.scene import Scene
 from volspec.spectra import light

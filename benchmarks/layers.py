@@ -51,7 +51,7 @@ from volspec.image import CoefficientImage
 from volspec.image.layers import OpacityLayers, Slot
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import RaycastSpec, reference
-from volspec.raycast.layer_stream import LayerStream, empty_rows, shadow_slots
+from volspec.raycast.launch.layer_stream import LayerStream, empty_rows, shadow_slots
 from volspec.relight import relight
 from volspec.scene import Scene
 from volspec.spectra import light

@@ -22,7 +22,7 @@ from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import Source
 from volspec.pipeline import Raycaster
 from volspec.raycast import RaycastSpec
-from volspec.raycast.bricks import BRICK, brick_ranges, visible_bricks
+from volspec.raycast.launch.bricks import BRICK, brick_ranges, visible_bricks
 
 EVERY = 8
 

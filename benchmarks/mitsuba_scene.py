@@ -29,7 +29,7 @@ from PIL import Image
 
 from volspec._checks import checked_size
 from volspec._files import require_suffix, require_writable, write_whole
-from volspec.appearance.spaces import SPACES, sRGB_CURVE
+from volspec.appearance.display.spaces import SPACES, sRGB_CURVE
 from volspec.camera import Camera
 from volspec.errors import MeshError, SpectrumError, VolspecWarning, nearest
 from volspec.export.png import PngWriter
@@ -39,7 +39,7 @@ from volspec.raycast import Ambient, Directional, Point, RaycastSpec
 from volspec.raycast.lights import Headlight, Source
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum
-from volspec.spectra.tables import spectrum_text
+from volspec.spectra.files.tables import spectrum_text
 
 Array = NDArray[np.float64]
 Element = ElementTree.Element

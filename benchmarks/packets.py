@@ -13,9 +13,9 @@ import numpy as np
 
 from benchmarks.cast import SIZE, STOPPED
 from benchmarks.scenes import BenchScene, bench_scenes
-from volspec._gpu import devices
+from volspec._gpu import device_list as devices
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast.packets import SAFE, Packet, choose_packet
+from volspec.raycast.launch.packets import SAFE, Packet, choose_packet
 
 RUNS = 7
 

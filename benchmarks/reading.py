@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.measure import Figure, in_turn, report
-from volspec._gpu import devices
+from volspec._gpu import device_list as devices
 from volspec.volume import Volume, load_volume
 
 ENGINE = Path(__file__).resolve().parents[1] / "data/engine.nrrd"

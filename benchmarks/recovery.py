@@ -15,11 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.appearance.models.lab import cielab, delta_E_2000
 from volspec.spectra import (
-    BaseSpectra,
     XYZ_from_spectra,
-    base_spectra,
     light,
     reflectance,
     reflectance_names,
@@ -27,10 +25,10 @@ from volspec.spectra import (
     reflectances_from_colours,
     white_XYZ,
 )
-from volspec.spectra.construct import METHODS
-from volspec.spectra.construct.base import ROUTES
+from volspec.spectra.construct.base import ROUTES, BaseSpectra, base_spectra
 from volspec.spectra.construct.colours import XYZ_from_sRGB
 from volspec.spectra.construct.search import Mesh, clip_to_hull, select_distinct
+from volspec.spectra.construct.upsampling import METHODS
 
 Array = NDArray[np.float64]
 

@@ -26,20 +26,16 @@ from numpy.typing import NDArray
 from benchmarks.measure import Figure
 from volspec.relight.illumination import Illumination
 from volspec.room import (
-    Brick,
     Room,
-    RoomMesh,
-    box,
     cube_radiosity,
     irradiance_from_lux,
     load_room,
     lux_from_irradiance,
-    panel,
-    rectangle,
     solve_room,
     surface_appearance,
 )
-from volspec.room.brick import PATCHES
+from volspec.room.brick import PATCHES, Brick
+from volspec.room.mesh import RoomMesh, box, panel, rectangle
 from volspec.scene import Scene
 from volspec.spectra import (
     DEFAULT_GRID,

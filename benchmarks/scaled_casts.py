@@ -13,10 +13,10 @@ from volspec._gpu.opencl import Compute
 from volspec.camera import Camera
 from volspec.image.layers import sample_tau
 from volspec.raycast import RaycastSpec, reference
-from volspec.raycast.kernel_arguments import LIGHT_MARGIN
-from volspec.raycast.layer_stream import LayerStream, Samples, Shadow
-from volspec.raycast.light_volume import LightGrid, LightVolume, light_layers, split_width
-from volspec.raycast.sampling import Arrives, cell
+from volspec.raycast.launch.kernel_arguments import LIGHT_MARGIN
+from volspec.raycast.launch.layer_stream import LayerStream, Samples, Shadow
+from volspec.raycast.launch.light_volume import LightGrid, LightVolume, light_layers, split_width
+from volspec.raycast.launch.sampling import Arrives, cell
 from volspec.transfer import TransferTable
 from volspec.volume import Volume
 

@@ -22,7 +22,8 @@ import volspec as vs
 from benchmarks.measure import PAGE, Figure, replaced, report
 from benchmarks.mitsuba_scene import save_mitsuba
 from volspec.relight.illumination import Illumination
-from volspec.room import Room, box, irradiance_from_lux, panel, solve_room
+from volspec.room import Room, irradiance_from_lux, solve_room
+from volspec.room.mesh import box, panel
 from volspec.spectra import colour_matching_functions, light, reflectance
 
 Array = NDArray[np.float64]

@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 import volspec as vs
-from volspec.appearance.display import colour_space
-from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.appearance.display.monitors import colour_space
+from volspec.appearance.models.lab import cielab, delta_E_2000
 
 space, sodium = colour_space("sRGB"), vs.light("HP1")
 

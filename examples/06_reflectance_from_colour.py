@@ -7,7 +7,7 @@ column is the colour itself; under sodium (the last) all are orange.
 import numpy as np
 
 import volspec as vs
-from volspec.appearance.display import colour_space
+from volspec.appearance.display.monitors import colour_space
 from volspec.spectra import XYZ_from_spectra
 
 space = colour_space("sRGB")

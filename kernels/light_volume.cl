@@ -22,7 +22,7 @@
 //                     of several numbers of each node; blocked multiplies one
 //
 // The host sets LANES, VOXEL, KIND (one of the five below) and the structs Span, Grid, Step, Curve
-// and Mask (volspec/raycast/light_volume.py and kernel_arguments.py describe their members).
+// and Mask (volspec/raycast/launch/light_volume.py and kernel_arguments.py describe their members).
 
 #include "lanes.clh"
 #include "mask.clh"

@@ -26,7 +26,7 @@
 //         sources, light_volume  (include/shade.clh, include/light.clh)
 //         spans        float2[height][width], with SPANS: distances from the camera, in smallest
 //                      spacings, between which rays are cast
-//         cast         settings of the cast: CAST in volspec/raycast/kernel_arguments.py
+//         cast         settings of the cast: CAST in volspec/raycast/launch/kernel_arguments.py
 //         through      float[height][width], with PARTS: transmittance of what is in front of the
 //                      part, which is written without it (include/rays.clh, include/picture.clh)
 // Writes  coefficients_out float[height][width][GROUPS][cast.channels] premultiplied; alpha_out,

@@ -26,7 +26,7 @@
 //         IMAGE_HEIGHT (pixels; used if FIRST_ROW_AT_BOTTOM is 0), EVERY (1 draws all pixels, 2
 //         every second column and row), REDUCE and MARK (1 if the display does so), SIMULATE (1 if
 //         a colour-vision deficiency is simulated), and the
-//         numbers of volspec.appearance.constants.shader_constants(), of the display's
+//         numbers of volspec.appearance.display.constants.shader_constants(), of the display's
 //         ColourSpace.shader_constants() and of volspec.appearance.gamut_mapping.SHADER_CONSTANTS.
 //
 // Valid for `330 core` and `300 es`; the host writes the version line.

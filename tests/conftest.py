@@ -13,7 +13,7 @@ from hypothesis import settings
 from volspec._gpu.opencl import Compute
 from volspec._gpu.opengl import headless_context
 from volspec.errors import DeviceError, OpenGLError
-from volspec.raycast import packets
+from volspec.raycast.launch import packets
 from volspec.spectra.datasets import colour_science
 from volspec.transfer import TransferTable
 from volspec.volume import Volume, load_volume

@@ -56,21 +56,75 @@ def layer(path: Path) -> str:
 
 
 @cache
-def own_imports(path: Path) -> list[Path]:
-    """Files of the project that a file imports, inside functions and for types too."""
+def door(package: Path) -> dict[str, Path]:
+    """Names that a package gives to others, and the files that define them."""
+    stub = package / "__init__.pyi"
+    tree = ast.parse((stub if stub.exists() else package / "__init__.py").read_text("utf-8"))
+    names = {}
+    for node in tree.body:
+        if isinstance(node, ast.ImportFrom) and stub.exists():
+            for alias in node.names:
+                place = package.joinpath(*(node.module or alias.name).split("."))
+                names[alias.name] = file_of(place)
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names[node.name] = package / "__init__.py"
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            bound = (each for target in targets for each in ast.walk(target))
+            names |= {n.id: package / "__init__.py" for n in bound if isinstance(n, ast.Name)}
+    return names
+
+
+def file_of(place: Path) -> Path:
+    """File of a module or of a package."""
+    module = place.with_suffix(".py")
+    return module if module.exists() else place / "__init__.py"
+
+
+@cache
+def own_names(path: Path) -> list[tuple[str, str, Path]]:
+    """(module, name, defining file) of each name of the project that a file imports.
+
+    Imports count inside functions and for types, too.
+    """
     found = []
     for node, _ in statements(path):
-        module = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
+        module = (node.module or "") if isinstance(node, ast.ImportFrom) else ""
         for alias in node.names:
-            root, *parts = f"{module}{alias.name}".split(".")
+            root, *parts = (module or alias.name).split(".")
             if root != "volspec":
                 continue
-            for place in (ROOT.joinpath(*parts), ROOT.joinpath(*parts[:-1])):
-                files = place.with_suffix(".py"), place / "__init__.py"
-                if is_there := [file for file in files if file.exists()]:
-                    found.append(is_there[0])
-                    break
+            place = ROOT.joinpath(*parts)
+            names = door(place) if module and place.is_dir() and parts else {}
+            inside = file_of(place / alias.name)
+            is_module = module and alias.name not in names and inside.exists()
+            to = names.get(alias.name, inside if is_module else file_of(place))
+            found.append((module or alias.name, alias.name, to))
     return found
+
+
+def own_imports(path: Path) -> list[Path]:
+    """Files of the project that a file imports."""
+    return [to for _, _, to in own_names(path)]
+
+
+def package_of(path: Path) -> str:
+    """Package on the project's first level; empty for a module."""
+    inside = path.relative_to(ROOT)
+    return inside.parts[0] if len(inside.parts) > 1 else ""
+
+
+def test_imports_across_packages_go_through_their_doors():
+    """A package's files are its own: others import what its ``__init__.pyi`` names."""
+    past = [
+        f"{path.relative_to(ROOT)}: from {module} import {name}"
+        for path in MODULES
+        for module, name, to in own_names(path)
+        if package_of(to) not in ("", package_of(path))
+        and name not in door(ROOT.joinpath(*module.split(".")[1:]))
+        and not (to.name == "__init__.py" and to.parent.name == name)
+    ]
+    assert past == []
 
 
 def test_modules_import_only_from_their_left():
@@ -119,7 +173,7 @@ def test_the_viewer_s_floors_import_only_from_below():
 @pytest.mark.parametrize(
     ("package", "allowed"),
     [
-        ("pyopencl", ("_gpu/opencl.py", "_gpu/devices.py", "_gpu/sharing.py")),
+        ("pyopencl", ("_gpu/opencl.py", "_gpu/device_list.py", "_gpu/sharing.py")),
         ("moderngl", ("_gpu/opengl.py", "relight/gpu.py")),
         ("glfw", ("viewer/ui/", "viewer/app.py")),
         ("imgui_bundle", ("viewer/ui/", "viewer/app.py")),
@@ -144,7 +198,7 @@ def test_the_viewer_s_floors_import_only_from_below():
             "matplotlib",
             (
                 *("_figures.py", "_text.py", "basis/figure.py", "basis/light_figure.py"),
-                *("basis/reflectance_figure.py", "palette/figure.py", "relight/error_map.py"),
+                *("basis/reflectance_figure.py", "palette/figure.py", "relight/difference_maps.py"),
             ),
         ),
     ],

@@ -16,8 +16,9 @@ from PIL import Image
 
 import volspec as vs
 from benchmarks.scenes import ROOT, stored
-from volspec.appearance.deficiency import DeficiencyName
-from volspec.export import SheetColumn, contact_sheet
+from volspec.appearance.display.deficiency import DeficiencyName
+from volspec.export import contact_sheet
+from volspec.export.contact_sheet import SheetColumn
 
 IMAGES = ROOT / "docs" / "images"
 _BYTES, _QUALITY = 200_000, 92

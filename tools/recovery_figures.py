@@ -16,20 +16,19 @@ from scipy.spatial import ConvexHull
 
 from volspec._figures import FAINT, HAIR, INK, PAPER, inch_axes, style_axes, write
 from volspec._files import write_whole
-from volspec.appearance.spaces import encode_sRGB
+from volspec.appearance.display.spaces import encode_sRGB
 from volspec.basis.figure import line_colour
 from volspec.basis.reflectance_figure import save_reflectance_figure
 from volspec.spectra import (
-    BaseSpectra,
     SpectralGrid,
     Spectrum,
     XYZ_from_spectra,
-    base_spectra,
     colour_matching_functions,
     light,
     reflectance_from_colour,
     white_XYZ,
 )
+from volspec.spectra.construct.base import BaseSpectra, base_spectra
 from volspec.spectra.construct.colours import XYZ_from_linear_sRGB
 
 Array = NDArray[np.float64]

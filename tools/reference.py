@@ -11,10 +11,10 @@ from typing import Any
 
 from volspec._toml import toml_text
 from volspec.appearance import Display
-from volspec.appearance.hdr import Hdr
+from volspec.appearance.display.hdr import Hdr
+from volspec.appearance.display.spaces import ColourSpace, Transfer
 from volspec.appearance.models.hunt import HuntSettings
 from volspec.appearance.models.nayatani95 import NayataniSettings
-from volspec.appearance.spaces import ColourSpace, Transfer
 from volspec.export.page.build import PageSpec
 from volspec.image import DepthEffects
 from volspec.mesh.grating import Grating
@@ -39,7 +39,10 @@ from volspec.relight import RelightSpec
 from volspec.room.file import BoxSpec, LampSpec, RoomFile, SurfaceSpec
 from volspec.room.file import MeshSpec as RoomMeshSpec
 from volspec.room.model import Eye
-from volspec.scene.export import (
+from volspec.scene.fields import FieldSpec
+from volspec.scene.file import SceneFile
+from volspec.scene.schema import scene_schema_text
+from volspec.scene.tables.export import (
     ExportSpec,
     KeyCamera,
     KeyDepth,
@@ -49,11 +52,8 @@ from volspec.scene.export import (
     Sweep,
     Turntable,
 )
-from volspec.scene.fields import FieldSpec
-from volspec.scene.file import SceneFile
-from volspec.scene.lights import LightSpec
-from volspec.scene.schema import scene_schema_text
-from volspec.scene.specs import (
+from volspec.scene.tables.lights import LightSpec
+from volspec.scene.tables.specs import (
     BasisSpec,
     CameraSpec,
     MaterialSpec,
@@ -63,7 +63,13 @@ from volspec.scene.specs import (
     SpectrumNumbers,
     VolumeSpec,
 )
-from volspec.scene.transfer import LabelSpec, MaskLabelSpec, PointSpec, RegionSpec, TransferSpec
+from volspec.scene.tables.transfer import (
+    LabelSpec,
+    MaskLabelSpec,
+    PointSpec,
+    RegionSpec,
+    TransferSpec,
+)
 from volspec.settings import (
     FLAT,
     default_of,

@@ -31,7 +31,7 @@ from tests.support.browser import chromium, missing, saved_picture
 from tests.support.headless import HeadlessViewer
 from tests.support.viewer import HEAD, read_scene, run_command
 from volspec._exr import read_exr
-from volspec.appearance.display import colour_space
+from volspec.appearance.display.monitors import colour_space
 from volspec.appearance.spec import HuntSettings, NayataniSettings
 from volspec.basis import SpectralBasis
 from volspec.errors import ImageError, VolspecError, VolspecWarning, one_line
@@ -43,9 +43,9 @@ from volspec.large.convert import convert
 from volspec.raycast import ClipPlane, Directional, LightGroup
 from volspec.relight import LightRig
 from volspec.scene import Scene
-from volspec.scene.annotation import Annotation
-from volspec.scene.export import ExportSpec
-from volspec.scene.specs import MeshSpec
+from volspec.scene.tables.annotation import Annotation
+from volspec.scene.tables.export import ExportSpec
+from volspec.scene.tables.specs import MeshSpec
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import depth, light_parts, lights, meshes, opacities, transfer_edits

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 from volspec import __version__
 from volspec._extras import EXTRAS, install_command
-from volspec._gpu import devices as opencl_devices
-from volspec._gpu.devices import DeviceInfo, try_all
+from volspec._gpu import DeviceInfo, try_all
+from volspec._gpu import device_list as opencl_devices
 from volspec.errors import DeviceError, OpenCLError, OpenGLError
-from volspec.raycast.packets import choose_packet
+from volspec.raycast.launch import choose_packet
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -130,8 +130,7 @@ def examine() -> Examination:
     if casts_on is None:
         no_sharing = "no device for casts" if devices else "no OpenCL device"
     try:
-        from volspec._gpu.opengl import describe, headless_context
-        from volspec._gpu.sharing import sharing_fault
+        from volspec._gpu import describe, headless_context, sharing_fault
 
         context = headless_context()
         found = describe(context)
@@ -174,7 +173,7 @@ def _ffmpeg() -> str | None:
     try:
         from imageio_ffmpeg import get_ffmpeg_version
 
-        from volspec.export.ffmpeg import ffmpeg
+        from volspec.export import ffmpeg
 
         ffmpeg()
         return f"ffmpeg {get_ffmpeg_version()}, imageio-ffmpeg {version('imageio-ffmpeg')}"

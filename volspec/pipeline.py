@@ -19,22 +19,21 @@ from numpy.typing import NDArray
 
 from volspec._checks import MAX_SIDE, checked_size, whole
 from volspec.basis import SpectralBasis
-from volspec.camera import Camera
-from volspec.camera.projection import Projection
+from volspec.camera import Camera, Projection
 from volspec.errors import RaycastError, VolspecWarning
-from volspec.image import CoefficientImage
-from volspec.image.layers import OpacityLayers
+from volspec.image import CoefficientImage, OpacityLayers
 from volspec.large import Raycaster
-from volspec.raycast import RaycastSpec
-from volspec.raycast.layer_stream import (
+from volspec.raycast import Behind, OpacityCaster, RaycastSpec, Surfaces
+from volspec.raycast.launch import (
+    Cancel,
+    Progress,
+    Result,
     check_layers,
     empty_rows,
     materials_without_opacity,
     refuse_layers,
     shadow_slots,
 )
-from volspec.raycast.row_batches import Cancel, Progress, Result
-from volspec.raycast.surfaces import Behind, OpacityCaster, Surfaces
 from volspec.relight import ErrorMap, LightRig, Relighter, difference_map, relight
 from volspec.spectra import Spectrum
 from volspec.transfer import (

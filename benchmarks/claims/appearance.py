@@ -27,15 +27,15 @@ from tools import breneman
 from volspec.appearance import Display, Viewing, ViewingConditions, view_transform
 from volspec.appearance.adaptation import adapt, nonlinear
 from volspec.appearance.adaptation_grid import AdaptationGrid, pixels_from_nodes
-from volspec.appearance.deficiency import simulation
-from volspec.appearance.display import preset
+from volspec.appearance.display.deficiency import simulation
+from volspec.appearance.display.monitors import preset
+from volspec.appearance.display.spaces import SPACES, ColourSpace, Transfer
 from volspec.appearance.gamut_mapping import DisplayGamut, Screen, reduce_chroma
 from volspec.appearance.lut3d import Lut3D, LutSpace
 from volspec.appearance.measured import measured_conditions
 from volspec.appearance.models import APPEARANCE_MODELS, cam, model
 from volspec.appearance.models.cam import CamConditions
 from volspec.appearance.models.numeric import invert
-from volspec.appearance.spaces import SPACES, ColourSpace, Transfer
 from volspec.relight import Illumination, Relighter, RelightSpec
 from volspec.relight.measured_viewing import ViewingMeter
 from volspec.scene import Scene

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.models.cielab import cielab, delta_E_2000
-from volspec.appearance.spaces import SPACES, ColourSpace
+from volspec.appearance.display.spaces import SPACES, ColourSpace
+from volspec.appearance.models.lab import cielab, delta_E_2000
 
 Array = NDArray[np.float64]
 Figures = Sequence[float]

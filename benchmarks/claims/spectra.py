@@ -28,8 +28,8 @@ from benchmarks.claims.model import (
     shown_difference,
 )
 from tools import recovery_figures
-from volspec.appearance.models.cielab import cielab
-from volspec.appearance.spaces import SPACES
+from volspec.appearance.display.spaces import SPACES
+from volspec.appearance.models.lab import cielab
 from volspec.basis import SpectralBasis
 from volspec.basis.report import BasisReport
 from volspec.cli import main
@@ -40,14 +40,13 @@ from volspec.relight import Illumination, Relighter, RelightSpec
 from volspec.scene import Scene
 from volspec.spectra import (
     XYZ_from_spectra,
-    base_spectra,
     light,
     light_set,
     reflectance_set,
     reflectances_from_colours,
     white_XYZ,
 )
-from volspec.spectra.construct.base import ROUTES
+from volspec.spectra.construct.base import ROUTES, base_spectra
 from volspec.spectra.construct.colours import XYZ_from_sRGB
 from volspec.spectra.construct.search import Mesh, clip_to_hull, select_distinct
 from volspec.spectra.datasets import colour_matching_functions, colour_science

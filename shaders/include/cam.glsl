@@ -25,7 +25,7 @@
 //                   volspec/appearance/adaptation_grid.py.
 // Host sets SAME_SURROUND if γ = κ = 1 (equal Y_b and surround, the default), which saves a pow
 // and the skew term, a tenth of the frame time; PROPORTIONAL if the model is Hellwig2022; and
-// the constants of volspec.appearance.constants.shader_constants().
+// the constants of volspec.appearance.display.constants.shader_constants().
 
 struct ViewTransform {
     mat3 response_from_XYZ;    // the scene's F_L/100 · HPE · CAT02⁻¹ · diag(D_RGB) · CAT02, or

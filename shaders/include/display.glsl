@@ -1,8 +1,8 @@
 // The display's code values: its transfer function, a power with a toe, odd about 0; and what an
 // observer with a colour-vision deficiency sees on it.
 //
-// NumPy twins: volspec/appearance/spaces.py, Transfer.encode and decode;
-//              volspec/appearance/deficiency.py, Simulation.apply.
+// NumPy twins: volspec/appearance/display/spaces.py, Transfer.encode and decode;
+//              volspec/appearance/display/deficiency.py, Simulation.apply.
 // Reads   deficiency  if SIMULATE; computed when the deficiency, its severity or the display changes
 // Host sets OETF_TOE (0 without a toe), OETF_SLOPE, OETF_GAIN, OETF_POWER, SIMULATE.
 

@@ -13,8 +13,8 @@ from tests.support.errors import refuses
 from tests.support.raycasts import WHOLE, along_z, chords_mm, cube, fog, labelled, turned
 from volspec.errors import CameraError, RaycastError
 from volspec.raycast import reference
+from volspec.raycast.launch.row_batches import Result
 from volspec.raycast.lights import Source
-from volspec.raycast.row_batches import Result
 from volspec.transfer import TransferTable
 
 Cast = Callable[..., Result | reference.Result]

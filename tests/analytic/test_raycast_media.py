@@ -8,7 +8,7 @@ import pytest
 import volspec as vs
 from tests.support.fixtures import slow
 from tests.support.raycasts import WHOLE, along_z, cube, fog, labelled, turned
-from volspec.raycast.sampling import world_rays
+from volspec.raycast.launch.sampling import world_rays
 from volspec.transfer import SurfaceTable, TransferTable
 
 Array = np.ndarray

@@ -10,8 +10,8 @@ import volspec as vs
 from tests.support.fixtures import slow, slow_each
 from tests.twins.test_light_volume import downloaded, lit, opened
 from volspec.raycast import reference
-from volspec.raycast.kernel_arguments import LIGHT_MARGIN
-from volspec.raycast.light_volume import LightGrid, sphere_directions
+from volspec.raycast.launch.kernel_arguments import LIGHT_MARGIN
+from volspec.raycast.launch.light_volume import LightGrid, sphere_directions
 from volspec.raycast.lights import Source
 from volspec.transfer import SurfaceTable, TransferTable
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from volspec.appearance import ViewingConditions
-from volspec.appearance.spaces import ColourSpace, Transfer, XYZ_FROM_sRGB, sRGB_WHITE_XYZ
+from volspec.appearance.display.spaces import ColourSpace, Transfer, XYZ_FROM_sRGB, sRGB_WHITE_XYZ
 
 A, D50, D65, PLANCK_7500 = (
     (109.85, 100.0, 35.58),

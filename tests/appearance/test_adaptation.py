@@ -8,7 +8,7 @@ import pytest
 from tests.appearance._models import D50, D65, A, apart, colours
 from volspec.appearance import ViewingConditions
 from volspec.appearance.adaptation import ADAPTATIONS, adapt, adaptation, outside
-from volspec.appearance.constants import D65_CONES_FROM_XYZ
+from volspec.appearance.display.constants import D65_CONES_FROM_XYZ
 from volspec.appearance.models.cam import CamConditions
 from volspec.appearance.transforms import CurveTransform, LinearTransform
 from volspec.spectra.datasets import colour_science

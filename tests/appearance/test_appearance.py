@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from tests.appearance._models import CONDITIONS, A, colours
-from volspec.appearance import Viewing, ViewingConditions, constants, view_transform
-from volspec.appearance.display import PRESETS, preset
+from volspec.appearance import Viewing, ViewingConditions, view_transform
+from volspec.appearance.display import constants
+from volspec.appearance.display.monitors import PRESETS, preset
+from volspec.appearance.display.spaces import SPACES
 from volspec.appearance.measured import adapting_fields, measured_conditions
 from volspec.appearance.models.cam import CamConditions, CamTransform, forward, inverse
-from volspec.appearance.models.cielab import cielab, cielab_derivative
-from volspec.appearance.spaces import SPACES
+from volspec.appearance.models.lab import cielab, cielab_derivative
 
 SOME = ("room under A", "television", "cinema")
 

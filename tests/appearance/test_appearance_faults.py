@@ -6,14 +6,14 @@ import pytest
 from tests.appearance._models import D65, A
 from tests.support.errors import raises, refuses
 from volspec.appearance import Display, Viewing, ViewingConditions
-from volspec.appearance.difference import distance, uniform
-from volspec.appearance.display import colour_space, preset
+from volspec.appearance.comparison.difference import distance, uniform
+from volspec.appearance.display.hdr import Hdr
+from volspec.appearance.display.monitors import colour_space, preset
+from volspec.appearance.display.spaces import SPACES, ColourSpace, Transfer
 from volspec.appearance.gamut_mapping import DisplayGamut
-from volspec.appearance.hdr import Hdr
 from volspec.appearance.measured import measured_conditions
 from volspec.appearance.models import APPEARANCE_MODELS, hunt, model, nayatani95
 from volspec.appearance.models.cam import CamConditions
-from volspec.appearance.spaces import SPACES, ColourSpace, Transfer
 from volspec.errors import InputError, SceneError
 from volspec.settings import read_table
 

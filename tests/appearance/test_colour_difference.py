@@ -7,15 +7,14 @@ import numpy as np
 import pytest
 
 from tests.appearance._models import CONDITIONS, D65, colours
-from volspec.appearance.difference import (
+from volspec.appearance.comparison.difference import (
     XYZ_from_cam16_ucs,
     cam16_ucs,
     delta_E_CAM16,
     distance,
     uniform,
 )
-from volspec.appearance.models.cielab import cielab, delta_E_2000
-from volspec.appearance.rendition import (
+from volspec.appearance.comparison.rendition import (
     RENDITION_GRID,
     SIMILARITY_GRID,
     Rendition,
@@ -24,6 +23,7 @@ from volspec.appearance.rendition import (
     similarity_reference,
     spectral_similarity,
 )
+from volspec.appearance.models.lab import cielab, delta_E_2000
 from volspec.basis.light_figure import light_figure, save_light_figure
 from volspec.spectra import Spectrum, colour_matching_functions, light, reflectance
 from volspec.spectra.datasets import colour_science

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from volspec.appearance import Display, Viewing
-from volspec.appearance.deficiency import DEFICIENCIES, severity_steps, simulation
+from volspec.appearance.display.deficiency import DEFICIENCIES, severity_steps, simulation
+from volspec.appearance.display.spaces import SPACES
 from volspec.appearance.gamut_mapping import Screen, screen_for_viewing
 from volspec.appearance.lut3d import LutKey
-from volspec.appearance.models.cielab import cielab, delta_E_2000
-from volspec.appearance.spaces import SPACES
+from volspec.appearance.models.lab import cielab, delta_E_2000
 
 sRGB = SPACES["sRGB"]
 KINDS = DEFICIENCIES[1:]

@@ -5,6 +5,7 @@ import pytest
 
 from tests.appearance._models import ACES, cube
 from volspec.appearance import SURROUNDS
+from volspec.appearance.display.spaces import SPACES
 from volspec.appearance.gamut_mapping import (
     SHADER_STEPS,
     DisplayGamut,
@@ -14,7 +15,6 @@ from volspec.appearance.gamut_mapping import (
 )
 from volspec.appearance.models import cam
 from volspec.appearance.models.cam import CamConditions
-from volspec.appearance.spaces import SPACES
 
 
 def knee_J(gamut: DisplayGamut) -> float:

@@ -5,8 +5,15 @@ import numpy as np
 import pytest
 
 from volspec.appearance import Display
-from volspec.appearance.hdr import PQ_PEAK, Hdr, hlg_decode, hlg_encode, pq_decode, pq_encode
-from volspec.appearance.spaces import SPACES
+from volspec.appearance.display.hdr import (
+    PQ_PEAK,
+    Hdr,
+    hlg_decode,
+    hlg_encode,
+    pq_decode,
+    pq_encode,
+)
+from volspec.appearance.display.spaces import SPACES
 
 SPACE = SPACES["Rec. 2020"]
 

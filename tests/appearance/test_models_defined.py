@@ -5,10 +5,10 @@ import pytest
 
 from tests.appearance._models import ACES, CONDITIONS, apart, colours, cube, spectral_mixtures
 from tests.appearance.test_models_edges import ENDS
+from volspec.appearance.display.spaces import SPACES
 from volspec.appearance.models import APPEARANCE_MODELS, cam16, ciecam02
 from volspec.appearance.models.base import opponents
 from volspec.appearance.models.cam import CamConditions, compress
-from volspec.appearance.spaces import SPACES
 
 # Models whose formulas take powers of what may turn negative.
 CAMS = ("CIECAM02", "CAM16")

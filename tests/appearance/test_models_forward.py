@@ -14,9 +14,9 @@ from volspec.appearance import ViewingConditions
 from volspec.appearance.models import (
     APPEARANCE_MODELS,
     Appearance,
-    cielab,
     hellwig2022,
     hunt,
+    lab,
     nayatani95,
     rlab,
     zcam,
@@ -68,7 +68,7 @@ def test_ciecam02_and_cam16_agree_with_colour_science(seen, name):
 
 def test_cielab_agrees_with_colour_science(seen):
     conditions, white, XYZ = seen
-    ours = cielab.forward(XYZ[:-1] * (100.0 / white[1]), scaled(conditions))
+    ours = lab.forward(XYZ[:-1] * (100.0 / white[1]), scaled(conditions))
     white_100 = np.asarray(scaled(conditions).white_XYZ)
     theirs = colour.XYZ_to_Lab(XYZ[:-1] / white[1], colour.XYZ_to_xy(white_100))
     J, C, h = np.moveaxis(colour.models.Lab_to_LCHab(theirs), -1, 0)

@@ -10,7 +10,7 @@ from tests.appearance.test_models_edges import ENDS
 from tests.support.fixtures import slow_each
 from volspec.appearance import ViewingConditions
 from volspec.appearance.models import APPEARANCE_MODELS, hunt, nayatani95, rlab
-from volspec.appearance.models.cielab import cielab
+from volspec.appearance.models.lab import cielab
 from volspec.appearance.models.numeric import find_root, invert, nearest_inverse
 from volspec.appearance.scene_to_display import ModelTransform
 

@@ -11,13 +11,13 @@ from tests.appearance._models import CONDITIONS, D65, A, colours
 from tests.appearance.test_models_forward import colour_science_hunt, hunt_white_brightness
 from volspec.appearance import ViewingConditions
 from volspec.appearance.adaptation.nonlinear import nayatani_exponent
-from volspec.appearance.constants import D65_CONES_FROM_XYZ, HPE_FROM_CAT02, HPE_FROM_XYZ
+from volspec.appearance.display.constants import D65_CONES_FROM_XYZ, HPE_FROM_CAT02, HPE_FROM_XYZ
 from volspec.appearance.hue import CIELAB_HUES, HUNT_HUES, composition, quadrature
 from volspec.appearance.models import hellwig2022, hunt, nayatani95, rlab, zcam
 from volspec.appearance.models.base import cone_adaptation, cones_of_white
 from volspec.appearance.models.cam import CamConditions, CamTransform, forward, inverse
-from volspec.appearance.models.cielab import XYZ_from_cielab, cielab
 from volspec.appearance.models.hunt import HuntConditions, compress
+from volspec.appearance.models.lab import XYZ_from_cielab, cielab
 from volspec.appearance.surround import SURROUNDS
 
 # Four cases that Fairchild, Color Appearance Models (3rd ed.), computes with every model, as

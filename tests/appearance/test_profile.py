@@ -13,9 +13,9 @@ from PIL import Image, ImageCms
 
 from tests.support.errors import raises, refuses
 from volspec import Display
-from volspec.appearance.display import PRESETS, preset
-from volspec.appearance.profile import read_profile
-from volspec.appearance.spaces import SPACES, ColourSpace, Transfer
+from volspec.appearance.display.monitors import PRESETS, preset
+from volspec.appearance.display.profile import read_profile
+from volspec.appearance.display.spaces import SPACES, ColourSpace, Transfer
 from volspec.errors import SceneError, ViewingError
 from volspec.export.frames import read_frame_text, write_frame
 from volspec.export.png import icc_profile

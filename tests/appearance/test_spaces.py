@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from tests.appearance._models import ACES
-from volspec.appearance.display import colour_space
-from volspec.appearance.spaces import (
+from volspec.appearance.display.monitors import colour_space
+from volspec.appearance.display.spaces import (
     BT_1886,
     SPACES,
     ColourSpace,

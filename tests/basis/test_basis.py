@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from volspec.appearance.models.cielab import cielab
+from volspec.appearance.models.lab import cielab
 from volspec.basis import SpectralBasis
 from volspec.spectra import (
     DEFAULT_GRID,

@@ -8,7 +8,7 @@ from matplotlib import __version__
 from PIL import Image
 
 from tests.support.fixtures import slow_each
-from volspec.appearance.rendition import RENDITION_GRID, colour_rendition
+from volspec.appearance.comparison.rendition import RENDITION_GRID, colour_rendition
 from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.basis.figure import basis_figure
 from volspec.basis.light_figure import light_figure

@@ -11,7 +11,7 @@ import pytest
 from tests.support.errors import raises
 from tests.support.fixtures import slow, slow_each
 from volspec import _cache
-from volspec.appearance.models.cielab import cielab
+from volspec.appearance.models.lab import cielab
 from volspec.basis import SpectralBasis, fit_cache
 from volspec.basis import report as pairs
 from volspec.basis.fit import residuals as fitted

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from volspec.appearance.models.cielab import CIE94_metric, cielab, delta_E_2000
+from volspec.appearance.models.lab import CIE94_metric, cielab, delta_E_2000
 from volspec.basis import SpectralBasis
 from volspec.basis.display import MODES, fitted_matrix
 from volspec.basis.samples import through_samples

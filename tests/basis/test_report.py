@@ -229,7 +229,7 @@ def test_texts_of_the_figure_do_not_overlap(table, general):
 @pytest.mark.not_quick
 def test_matplotlib_is_imported_late_and_pyplot_never():
     """Figures have a canvas of their own; pyplot has global state and may open windows."""
-    modules = "volspec.basis.figure, volspec.relight.error_map"
+    modules = "volspec.basis.figure, volspec.relight.difference_maps"
     code = f"import sys, {modules}; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
     texts = {path: path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py")}

@@ -12,11 +12,11 @@ from PIL import Image
 from tests.support.commands import call, figures, write_image
 from volspec.appearance import ViewingConditions
 from volspec.appearance.adaptation import adapt
-from volspec.appearance.display import preset
+from volspec.appearance.display.monitors import preset
+from volspec.appearance.display.spaces import SPACES
 from volspec.appearance.models import APPEARANCE_MODELS, model
 from volspec.appearance.models.hunt import HuntSettings
 from volspec.appearance.models.nayatani95 import NayataniSettings
-from volspec.appearance.spaces import SPACES
 from volspec.export.png import icc_profile
 from volspec.spectra import light, white_XYZ
 

@@ -19,7 +19,7 @@ from tests.support.commands import call, figures, refusal, write_files
 from tests.support.errors import raises
 from tests.support.scenes import BALL, DAY, write_scene_text
 from volspec import doctor
-from volspec._gpu import devices
+from volspec._gpu import device_list as devices
 from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import Source, asset
 from volspec.cli import main

@@ -22,13 +22,13 @@ from tests.support.commands import (
 from tests.support.commands import call as command
 from tests.support.fixtures import Capture
 from volspec.appearance import Viewing
-from volspec.appearance.display import preset
-from volspec.appearance.spaces import SPACES
+from volspec.appearance.display.monitors import preset
+from volspec.appearance.display.spaces import SPACES
 from volspec.basis import SpectralBasis
 from volspec.cli.viewing import PictureOptions
 from volspec.errors import SceneError
-from volspec.export import read_frame_text
 from volspec.export.compositing import Recipe, save_for_compositors
+from volspec.export.frames import read_frame_text
 from volspec.export.png import icc_profile
 from volspec.image import CoefficientImage
 from volspec.pipeline import Relighter

@@ -70,7 +70,7 @@ def test_a_device_that_fails_is_told_in_one_line(scene, monkeypatch, capsys):
 # A suite that a shell runs in the background ignores the interrupt, and so would its children.
 INTERRUPTED = (
     "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-    "from volspec.raycast.row_batches import RowBatches; fetch = RowBatches._fetch\n"
+    "from volspec.raycast.launch.row_batches import RowBatches; fetch = RowBatches._fetch\n"
     "def fetch_and_wait(*a): fetch(*a); print('band', flush=True); signal.pause()\n"
     "RowBatches._fetch = fetch_and_wait; from volspec.cli import main; main()"
 )

@@ -11,7 +11,7 @@ import volspec as vs
 from tests.support.commands import call as command
 from tests.support.commands import figures, refusal, write_wizard_scene
 from tests.support.fixtures import slow
-from volspec.appearance.models.cielab import delta_E_2000
+from volspec.appearance.models.lab import delta_E_2000
 from volspec.palette import load_palette
 from volspec.wizard.result import displayed_Lab
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tests.support.commands import CHART, GENERAL, METALS
 from volspec.appearance import Viewing
-from volspec.appearance.spaces import SPACES
+from volspec.appearance.display.spaces import SPACES
 from volspec.basis import Basis, MaterialBasis
 from volspec.export.compositing import Recipe, save_for_compositors
 from volspec.image import CoefficientImage

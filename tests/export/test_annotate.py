@@ -20,8 +20,8 @@ from volspec.export.exporter import export
 from volspec.export.value_bars import material_colours, value_bars
 from volspec.pipeline import relight
 from volspec.relight import LightRig, RelightSpec
-from volspec.scene.annotation import Annotation, measured_length
-from volspec.scene.export import MARKS
+from volspec.scene.tables.annotation import Annotation, measured_length
+from volspec.scene.tables.export import MARKS
 from volspec.spectra import light, reflectance
 from volspec.transfer import FieldFunctions, Isosurfaces, TransferFunction
 from volspec.volume import Metadata, Volume, phantom

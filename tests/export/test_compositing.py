@@ -20,7 +20,7 @@ from tests.support.commands import GENERAL, METALS, call, refusal
 from tests.support.errors import raises, refuses
 from tests.support.fixtures import Patch
 from volspec.appearance import Viewing
-from volspec.appearance.spaces import SPACES
+from volspec.appearance.display.spaces import SPACES
 from volspec.basis.display import MODES
 from volspec.errors import ImageError, InputError
 from volspec.export.compositing import Recipe

@@ -11,7 +11,7 @@ from tests.export.conftest import SCENE, ffmpeg
 from tests.export.test_files_whole import left_by_a_kill
 from tests.support.errors import raises
 from tests.support.fixtures import slow
-from volspec.appearance.spaces import SPACES
+from volspec.appearance.display.spaces import SPACES
 from volspec.errors import DeviceError, InputError, VolspecWarning
 from volspec.export import film
 from volspec.export.exporter import export

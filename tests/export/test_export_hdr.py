@@ -17,8 +17,8 @@ from tests.support.commands import GENERAL
 from tests.support.errors import raises
 from tests.support.images import image, read_codes
 from volspec.appearance import Display, Viewing
-from volspec.appearance.hdr import Hdr
-from volspec.appearance.spaces import SPACES, to_uint16
+from volspec.appearance.display.hdr import Hdr
+from volspec.appearance.display.spaces import SPACES, to_uint16
 from volspec.appearance.spec import MODELS, PER_PIXEL
 from volspec.errors import ImageError, SceneError, ViewingError
 from volspec.export.avif import AvifWriter, YCbCr_codes

@@ -13,7 +13,7 @@ from tests.export._layers import EVENING, HALF, LIGHTS, SHARES, SPEC, made, open
 from tests.support.commands import GENERAL, METALS, call
 from tests.support.images import image
 from volspec.appearance import Viewing
-from volspec.appearance.spaces import SPACES
+from volspec.appearance.display.spaces import SPACES
 from volspec.basis.display import MODES
 from volspec.export import tiles
 from volspec.export.compositing import Recipe

@@ -18,7 +18,7 @@ from volspec.pipeline import relight
 from volspec.relight import LightRig
 from volspec.relight.spec import mixed_rig
 from volspec.scene import Scene, write_scene
-from volspec.scene.export import KeyCamera, Keyframe, KeyTransfer, KeyViewing
+from volspec.scene.tables.export import KeyCamera, Keyframe, KeyTransfer, KeyViewing
 from volspec.spectra import light
 from volspec.transfer import TransferFunction
 

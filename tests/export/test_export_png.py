@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from tests.support.errors import raises
-from volspec.appearance.spaces import SPACES, to_uint16
+from volspec.appearance.display.spaces import SPACES, to_uint16
 from volspec.errors import InputError
 from volspec.export.frames import (
     distinct_stems,

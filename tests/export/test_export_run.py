@@ -13,12 +13,12 @@ from tests.support.commands import call, figures
 from tests.support.errors import raises
 from tests.support.fixtures import slow
 from volspec._exr import read_exr
-from volspec.appearance.spaces import SPACES
+from volspec.appearance.display.spaces import SPACES
 from volspec.errors import ImageError, InputError, VolspecWarning
-from volspec.export import exporter, read_frame_text, tiles
+from volspec.export import exporter, tiles
 from volspec.export.exporter import export
 from volspec.export.exr import PRIMARIES, white_adaptation
-from volspec.export.frames import BlankFrames
+from volspec.export.frames import BlankFrames, read_frame_text
 from volspec.pipeline import Relighter
 from volspec.scene import Scene
 from volspec.spectra import light, write_spectrum

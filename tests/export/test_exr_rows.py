@@ -14,7 +14,7 @@ from tests.export._layers import opened
 from tests.support.errors import raises
 from tests.support.patience import PATIENCE_S
 from volspec._exr import write_exr
-from volspec.appearance.spaces import SPACES
+from volspec.appearance.display.spaces import SPACES
 from volspec.errors import ImageError, InputError
 from volspec.export import exr
 from volspec.export.exr import ExrBands, ExrHeader, ExrWriter

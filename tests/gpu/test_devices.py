@@ -17,8 +17,9 @@ from rich.console import Console
 from tests.support.errors import raises
 from tests.support.fixtures import Patch
 from volspec import _cache, doctor
-from volspec._gpu import devices, opencl
-from volspec._gpu.devices import POCL, DeviceInfo, choose_device, device_key
+from volspec._gpu import device_list as devices
+from volspec._gpu import opencl
+from volspec._gpu.device_list import POCL, DeviceInfo, choose_device, device_key
 from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import Source
 from volspec.errors import OpenCLError

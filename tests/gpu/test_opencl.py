@@ -17,8 +17,9 @@ from tests.support.fixtures import Patch
 from tests.support.patience import in_fork
 from tests.support.raycasts import cube, even_gold
 from volspec import doctor
-from volspec._gpu import devices, memory, opencl, sources
-from volspec._gpu.devices import DeviceInfo, choose_device
+from volspec._gpu import device_list as devices
+from volspec._gpu import memory, opencl, sources
+from volspec._gpu.device_list import DeviceInfo, choose_device
 from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import Source
 from volspec.camera import Camera

@@ -24,11 +24,12 @@ from tests.raycast.test_into import BALL, GROUPS, cast, frame, third
 from tests.support.errors import raises
 from tests.support.fixtures import Patch, slow
 from volspec import doctor
-from volspec._gpu import devices, sharing
-from volspec._gpu.devices import all_devices, choose_device
+from volspec._gpu import device_list as devices
+from volspec._gpu import sharing
+from volspec._gpu.device_list import all_devices, choose_device
 from volspec._gpu.opencl import Compute
 from volspec.errors import CastCancelled, OpenCLError
-from volspec.raycast.row_batches import RowBatches
+from volspec.raycast.launch.row_batches import RowBatches
 
 
 def device() -> cl.Device:

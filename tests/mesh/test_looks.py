@@ -18,7 +18,7 @@ from tests.support.gltf import write_glb
 from volspec.errors import InputError, VolspecWarning
 from volspec.mesh import texture
 from volspec.mesh.paint import texel_channels
-from volspec.scene.specs import MeshSpec
+from volspec.scene.tables.specs import MeshSpec
 from volspec.spectra import XYZ_from_spectra, white_XYZ
 from volspec.spectra.construct.colours import XYZ_from_sRGB
 

@@ -15,7 +15,7 @@ from PIL import Image
 from tests.page.conftest import Open, Opened, new_page, open_file
 from tests.support.fixtures import slow, slow_each
 from tests.support.images import image, named_lights
-from volspec.appearance.spaces import SPACES
+from volspec.appearance.display.spaces import SPACES
 from volspec.basis import SpectralBasis
 from volspec.export.page import PageSpec, PageView, write_page
 from volspec.export.value_bars import ValueBar

@@ -24,7 +24,7 @@ from volspec.image import CoefficientImage
 from volspec.image.layers import residual_share
 from volspec.relight import relight
 from volspec.scene import Scene
-from volspec.scene.lights import NamedLight
+from volspec.scene.tables.lights import NamedLight
 from volspec.spectra import light
 
 # Measured at 0.08 to 0.13 with its channels of 8 bits, as are pages without layers.

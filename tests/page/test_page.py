@@ -24,7 +24,7 @@ from volspec.export.page import PageSpec, PageView, scene_bars, write_page
 from volspec.export.value_bars import value_bars
 from volspec.image import CoefficientImage
 from volspec.relight import Illumination, Relighter
-from volspec.relight.error_map import error_map
+from volspec.relight.difference_maps import error_map
 from volspec.scene import Scene
 from volspec.spectra import light, reflectance
 

@@ -14,7 +14,7 @@ from volspec.appearance import Viewing
 from volspec.appearance.adaptation import ADAPTATIONS
 from volspec.appearance.models import APPEARANCE_MODELS
 from volspec.appearance.models.cam import CamTransform
-from volspec.appearance.models.cielab import delta_E_2000
+from volspec.appearance.models.lab import delta_E_2000
 from volspec.appearance.scene_to_display import CLOSED, view_transform
 from volspec.appearance.spec import Display
 from volspec.appearance.transforms import CurveTransform, LinearTransform
@@ -22,7 +22,7 @@ from volspec.basis import MODES, MaterialBasis, SpectralBasis
 from volspec.basis.materials import Basis
 from volspec.export.page import payload
 from volspec.relight import Illumination, LightRig, RelightSpec
-from volspec.scene.lights import NamedLight
+from volspec.scene.tables.lights import NamedLight
 from volspec.spectra import light, reflectance
 from volspec.viewer.model.light_rows import LightRow, light_rig
 from volspec.viewer.model.lights import dial_place, dial_weights

@@ -9,8 +9,8 @@ import pytest
 from tests.support.fixtures import slow_each
 from tests.support.palettes import free_light, given, lamp, shown_codes, surface
 from volspec.appearance import Viewing
-from volspec.appearance.deficiency import DEFICIENCIES, simulation
-from volspec.appearance.models.cielab import delta_E_2000
+from volspec.appearance.display.deficiency import DEFICIENCIES, simulation
+from volspec.appearance.models.lab import delta_E_2000
 from volspec.palette import (
     Apart,
     Cell,

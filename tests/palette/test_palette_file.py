@@ -11,7 +11,7 @@ import volspec as vs
 from tests.support.palettes import surface
 from tests.support.scenes import scene_text
 from volspec.appearance import Display
-from volspec.appearance.spaces import SPACES
+from volspec.appearance.display.spaces import SPACES
 from volspec.export.png import icc_profile
 from volspec.palette import Cell, Criteria, Palette, PaletteSpectrum
 from volspec.spectra import DEFAULT_GRID, read_spectrum

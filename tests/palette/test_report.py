@@ -14,8 +14,8 @@ import volspec as vs
 from tests.support.fixtures import slow_each
 from tests.support.palettes import free_light, given, lamp, must, palette_of, surface
 from volspec.appearance import ViewingConditions
-from volspec.appearance.difference import cam16_ucs, delta_E_CAM16
-from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.appearance.comparison.difference import cam16_ucs, delta_E_CAM16
+from volspec.appearance.models.lab import cielab, delta_E_2000
 from volspec.palette import Cell, Criteria, Design, DesignReport, Palette, PaletteSpectrum, design
 from volspec.palette.figure import palette_figure, save_palette_figure
 from volspec.palette.file import palette_file

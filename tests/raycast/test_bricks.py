@@ -5,7 +5,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from volspec.raycast.bricks import (
+from volspec.raycast.launch.bricks import (
     BRICK,
     FURTHEST,
     brick_ranges,

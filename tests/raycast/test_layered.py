@@ -31,9 +31,9 @@ from volspec.image import CoefficientImage
 from volspec.image.layers import OpacityLayers, shadow_of_means, transmittance
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import LightGroup, RaycastSpec
-from volspec.raycast.layer_stream import LayerStream, Samples
+from volspec.raycast.launch.layer_stream import LayerStream, Samples
+from volspec.raycast.launch.row_batches import Result
 from volspec.raycast.lights import Ambient, Directional, Headlight, Point
-from volspec.raycast.row_batches import Result
 from volspec.spectra import reflectance
 from volspec.transfer import Isosurfaces, TransferFunction, TransferTable
 from volspec.volume import Volume

@@ -36,10 +36,10 @@ from volspec.relight.illumination import Illumination
 from volspec.room.mesh import SIDES
 from volspec.scene import Scene as Stored
 from volspec.scene.file import scene_file
-from volspec.scene.lights import LightSpec
 from volspec.scene.room import SceneRoom
-from volspec.scene.specs import CameraSpec, RoomSpec
-from volspec.scene.transfer import MaskLabelSpec, TransferSpec
+from volspec.scene.tables.lights import LightSpec
+from volspec.scene.tables.specs import CameraSpec, RoomSpec
+from volspec.scene.tables.transfer import MaskLabelSpec, TransferSpec
 from volspec.settings import plain
 from volspec.spectra import reflectance
 from volspec.transfer import FieldFunctions, Isosurfaces, LabelFunction, Mask, Region

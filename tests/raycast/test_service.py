@@ -13,7 +13,7 @@ import volspec as vs
 from tests.support.errors import raises, refuses, warns
 from volspec.errors import CastCancelled, RaycastError
 from volspec.large import Raycaster
-from volspec.raycast.row_batches import Result, RowBatches
+from volspec.raycast.launch.row_batches import Result, RowBatches
 from volspec.spectra import light_set, reflectance_set
 from volspec.volume import Volume, phantom
 

@@ -11,7 +11,7 @@ import volspec as vs
 from tests.support.errors import refuses
 from volspec._checks import MAX_WEIGHT
 from volspec.camera.camera import Orbit
-from volspec.raycast.kernel_arguments import MAX_REACH, check_reach
+from volspec.raycast.launch.kernel_arguments import MAX_REACH, check_reach
 from volspec.raycast.lights import MAX_GROUPS, MAX_NAME, MAX_SOURCES
 from volspec.raycast.spec import MAX_PLANES, MAX_STEPS
 

@@ -8,7 +8,7 @@ from PIL import ImageDraw
 
 from tests.support.errors import refuses
 from tests.support.images import image
-from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.appearance.models.lab import cielab, delta_E_2000
 from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.basis.display import DEFAULT_MODE
 from volspec.basis.report import basis_report

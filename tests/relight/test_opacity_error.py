@@ -16,7 +16,7 @@ from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import LightGroup
 from volspec.raycast.lights import Ambient, Directional, Headlight
 from volspec.relight import LightRig, difference_map, error_map
-from volspec.relight.error_map import opacity_error
+from volspec.relight.difference_maps import opacity_error
 from volspec.spectra import light
 
 D65 = light("D65")

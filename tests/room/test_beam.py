@@ -8,20 +8,12 @@ import pytest
 from tests.room.test_file import LAMP, room_file
 from tests.support.errors import raises
 from volspec.errors import RoomError, SpectrumError
-from volspec.room import (
-    PointLamp,
-    Room,
-    RoomLight,
-    box,
-    load_room,
-    lux_from_irradiance,
-    read_beam,
-    solve_room,
-)
-from volspec.room.beam import Beam
+from volspec.room import Room, RoomLight, load_room, lux_from_irradiance, solve_room
+from volspec.room.beam import Beam, read_beam
 from volspec.room.direct import beam_irradiance
 from volspec.room.form_factors import Rays
-from volspec.room.mesh import SIDES
+from volspec.room.mesh import SIDES, box
+from volspec.room.model import PointLamp
 from volspec.spectra import DEFAULT_GRID, read_spectrum
 
 BANDS = DEFAULT_GRID.size

@@ -5,8 +5,8 @@ import pytest
 
 from tests.support.errors import refuses
 from volspec.errors import RoomError
-from volspec.room import Brick, cube_radiosity, lux_from_irradiance
-from volspec.room.brick import PATCHES, SURFACES, exchange_area
+from volspec.room import cube_radiosity, lux_from_irradiance
+from volspec.room.brick import PATCHES, SURFACES, Brick, exchange_area
 from volspec.spectra import DEFAULT_GRID, SpectralGrid, light
 
 BANDS = DEFAULT_GRID.size

@@ -14,7 +14,6 @@ from volspec.room import (
     Eye,
     Room,
     RoomLight,
-    atlas_appearance,
     default_eye,
     irradiance_from_lux,
     look,
@@ -25,6 +24,7 @@ from volspec.room import (
 )
 from volspec.room.eye import picture_XYZ
 from volspec.room.mesh import SIDES
+from volspec.room.wall_paint import atlas_appearance
 from volspec.spectra import light, reflectance_from_colour, white_XYZ
 
 PAINT = reflectance_from_colour("#f0d9b5")

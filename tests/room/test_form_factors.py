@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from volspec.room import PointLamp, Room, SunBeam, box, rectangle
+from volspec.room import Room
 from volspec.room.direct import direct_irradiance, seen_part
 from volspec.room.form_factors import Rays, form_factors
-from volspec.room.mesh import SIDES
+from volspec.room.mesh import SIDES, box, rectangle
+from volspec.room.model import PointLamp, SunBeam
 from volspec.spectra import DEFAULT_GRID
 
 FLOOR = rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0), "floor")

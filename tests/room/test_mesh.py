@@ -5,8 +5,7 @@ import pytest
 
 from tests.support.errors import raises
 from volspec.errors import RoomError
-from volspec.room import RoomMesh, box, panel, rectangle
-from volspec.room.mesh import SIDES
+from volspec.room.mesh import SIDES, RoomMesh, box, panel, rectangle
 
 ROOM = box((0, 0, 0), (4, 5, 2.7), SIDES, inside=True)
 

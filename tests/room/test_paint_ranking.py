@@ -9,23 +9,20 @@ from tests.support.errors import raises
 from tests.support.fixtures import slow_each
 from volspec.errors import InputError
 from volspec.room import (
-    PointLamp,
     Room,
     RoomLight,
-    appearance_distance,
-    atlas_appearance,
-    box,
     irradiance_from_lux,
     mix_paints,
     paint_set,
     painted_surfaces,
     rank_paints,
     solve_room,
-    wall_appearance,
     wanted_appearance,
 )
-from volspec.room.mesh import SIDES
+from volspec.room.mesh import SIDES, box
+from volspec.room.model import PointLamp
 from volspec.room.paint_ranking import interpolated_irradiance
+from volspec.room.wall_paint import appearance_distance, atlas_appearance, wall_appearance
 from volspec.spectra import DEFAULT_GRID, Spectrum, light, reflectance, reflectance_from_colour
 
 CUBE = box((0, 0, 0), (4, 5, 2.7), SIDES, inside=True)

@@ -10,7 +10,8 @@ from tests.support.errors import raises, warns
 from volspec.errors import InputError
 from volspec.room import mix_paints, paint_set
 from volspec.room.paints import absorption_from_reflectance, reflectance_from_absorption
-from volspec.spectra import DEFAULT_GRID, reflectance, reflectance_set, reflectance_set_names
+from volspec.spectra import DEFAULT_GRID, reflectance, reflectance_set
+from volspec.spectra.library.reflectances import reflectance_set_names
 
 
 def test_a_set_has_the_library_s_names_and_values():

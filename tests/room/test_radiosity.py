@@ -7,19 +7,9 @@ from tests.room.test_response import CUBE, even_room
 from tests.support.errors import raises
 from tests.support.fixtures import slow_each
 from volspec.errors import RoomError
-from volspec.room import (
-    PointLamp,
-    Room,
-    RoomLight,
-    RoomMesh,
-    box,
-    cube_radiosity,
-    lux_from_irradiance,
-    panel,
-    rectangle,
-    solve_room,
-)
-from volspec.room.mesh import SIDES
+from volspec.room import Room, RoomLight, cube_radiosity, lux_from_irradiance, solve_room
+from volspec.room.mesh import SIDES, RoomMesh, box, panel, rectangle
+from volspec.room.model import PointLamp
 from volspec.spectra import DEFAULT_GRID
 
 BANDS = DEFAULT_GRID.size

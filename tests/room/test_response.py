@@ -7,18 +7,9 @@ import pytest
 
 from tests.support.errors import raises
 from volspec.errors import RoomError
-from volspec.room import (
-    PointLamp,
-    Room,
-    RoomMesh,
-    SunBeam,
-    box,
-    irradiance_from_lux,
-    lux_from_irradiance,
-    panel,
-    solve_room,
-)
-from volspec.room.mesh import SIDES
+from volspec.room import Room, irradiance_from_lux, lux_from_irradiance, solve_room
+from volspec.room.mesh import SIDES, RoomMesh, box, panel
+from volspec.room.model import PointLamp, SunBeam
 from volspec.room.response import RoomResponse
 from volspec.spectra import DEFAULT_GRID, light, reflectance_from_colour
 

@@ -6,7 +6,8 @@ import pytest
 from tests.room.test_response import CUBE, PAINTED, even_room, two_lights
 from tests.support.errors import raises
 from volspec.errors import RoomError
-from volspec.room import PointLamp, Room, irradiance_from_lux, lux_from_irradiance, solve_room
+from volspec.room import Room, irradiance_from_lux, lux_from_irradiance, solve_room
+from volspec.room.model import PointLamp
 from volspec.room.response import RoomResponse
 from volspec.room.specimen import SpecimenLight
 from volspec.spectra import DEFAULT_GRID, light

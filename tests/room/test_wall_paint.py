@@ -10,17 +10,14 @@ from tests.support.errors import raises
 from volspec.appearance import ViewingConditions
 from volspec.appearance.models import ciecam02
 from volspec.errors import RoomError
-from volspec.room import (
-    Brick,
+from volspec.room import cube_irradiance, cube_radiosity, irradiance_from_lux, with_paint
+from volspec.room.brick import Brick
+from volspec.room.wall_paint import (
     appearance_distance,
     atlas_appearance,
-    cube_irradiance,
     cube_paint_for_radiosity,
-    cube_radiosity,
-    irradiance_from_lux,
     paint_for_appearance,
     wall_appearance,
-    with_paint,
 )
 from volspec.spectra import (
     DEFAULT_GRID,

@@ -8,7 +8,7 @@ from tests.support.errors import raises
 from volspec._gpu.sources import asset
 from volspec.errors import SceneError
 from volspec.scene import Scene, write_scene
-from volspec.scene.annotation import Annotation
+from volspec.scene.tables.annotation import Annotation
 
 
 @pytest.mark.parametrize(

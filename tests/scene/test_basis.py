@@ -8,14 +8,14 @@ import pytest
 
 from tests.support.errors import raises
 from tests.support.scenes import scene_text
-from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.appearance.models.lab import cielab, delta_E_2000
 from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.basis.report import BasisReport
 from volspec.errors import SceneError, VolspecWarning
 from volspec.scene import Scene
 from volspec.scene.basis import SceneSpectra, train_basis, use_of
-from volspec.scene.specs import BasisSpec
-from volspec.scene.transfer import PointSpec, TransferSpec
+from volspec.scene.tables.specs import BasisSpec
+from volspec.scene.tables.transfer import PointSpec, TransferSpec
 from volspec.spectra import SpectralGrid, light, light_set, reflectance
 
 ROOT = Path(__file__).resolve().parents[2]

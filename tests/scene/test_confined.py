@@ -18,7 +18,7 @@ from tests.support.errors import raises
 from tests.support.fixtures import slow
 from tests.support.gltf import write_glb
 from volspec._files import write_whole
-from volspec.appearance.spaces import SPACES
+from volspec.appearance.display.spaces import SPACES
 from volspec.errors import InputError
 from volspec.export.png import icc_profile
 

@@ -13,7 +13,7 @@ from volspec.raycast import Ambient, Directional, Headlight, LightGroup, Point, 
 from volspec.scene import Scene, SceneFile
 from volspec.settings import plain, read_table
 from volspec.spectra import light
-from volspec.spectra.lamps import lamp_illuminance_lux
+from volspec.spectra.library.lamps import lamp_illuminance_lux
 
 KEY = '{ kind = "directional", towards = [0, -1, 1], shadows = true, intensity = 2 }'
 GROUPS = f"""

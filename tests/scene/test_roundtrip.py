@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from tests.support.fixtures import slow_each
 from tests.support.scenes import comments, lines, read
-from volspec.appearance.display import PRESETS
-from volspec.appearance.spaces import SPACES as COLOUR_SPACES
+from volspec.appearance.display.monitors import PRESETS
+from volspec.appearance.display.spaces import SPACES as COLOUR_SPACES
 from volspec.appearance.spec import MODELS, SURROUNDS
 from volspec.scene import Scene, SceneFile, write_scene
 from volspec.scene.file import scene_file
-from volspec.scene.specs import CameraSpec
+from volspec.scene.tables.specs import CameraSpec
 from volspec.scene.writing import rebased
 
 SHIPPED = sorted((Path(__file__).resolve().parents[2] / "data" / "scenes").glob("*.toml"))

@@ -12,7 +12,7 @@ import pytest
 from tools import reference
 from volspec.scene import SceneFile
 from volspec.scene.schema import scene_schema_text
-from volspec.scene.transfer import KINDS
+from volspec.scene.tables.transfer import KINDS
 from volspec.settings import descriptions, file_keys
 from volspec.volume.formats import FORMATS
 

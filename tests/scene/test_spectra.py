@@ -10,7 +10,7 @@ from tests.support.errors import raises
 from tests.support.scenes import BALL, DAY, write_scene_text
 from volspec.errors import SceneError, VolspecWarning
 from volspec.scene import Scene, write_scene
-from volspec.scene.specs import SpectrumNumbers
+from volspec.scene.tables.specs import SpectrumNumbers
 from volspec.spectra import DEFAULT_GRID, Spectrum, light, reflectance
 from volspec.transfer import TransferFunction
 

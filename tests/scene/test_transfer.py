@@ -16,7 +16,7 @@ from volspec.errors import SceneError
 from volspec.pipeline import raycast
 from volspec.scene import Scene
 from volspec.scene.basis import use_of
-from volspec.scene.transfer import TransferSpec
+from volspec.scene.tables.transfer import TransferSpec
 from volspec.settings import read_table
 from volspec.spectra import reflectance
 from volspec.transfer import Region, Transfer

@@ -11,8 +11,8 @@ from tests.support.errors import raises
 from tests.support.scenes import comments, lines, read
 from volspec.errors import InputError, SceneError
 from volspec.scene import Scene, write_scene
-from volspec.scene.specs import BasisSpec, CameraSpec, MaterialSpec, OutputSpec
-from volspec.scene.transfer import PointSpec
+from volspec.scene.tables.specs import BasisSpec, CameraSpec, MaterialSpec, OutputSpec
+from volspec.scene.tables.transfer import PointSpec
 from volspec.spectra import Spectrum
 from volspec.volume import phantom
 

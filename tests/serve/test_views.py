@@ -21,7 +21,7 @@ from volspec.export.serve import views as served_views
 from volspec.export.serve.views import CastQueue, SceneViews, ViewRequest, scene_orbit
 from volspec.pipeline import raycast
 from volspec.scene import Scene
-from volspec.scene.specs import CameraSpec
+from volspec.scene.tables.specs import CameraSpec
 from volspec.volume import phantom
 
 

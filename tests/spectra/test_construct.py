@@ -6,23 +6,27 @@ import numpy as np
 import pytest
 
 from tests.spectra._files import fails
-from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.appearance.models.lab import cielab, delta_E_2000
 from volspec.errors import VolspecWarning
 from volspec.spectra import (
     DEFAULT_GRID,
-    BaseSpectra,
     SpectralGrid,
     Spectrum,
     XYZ_from_spectra,
-    base_spectra,
     light,
     reflectance,
     reflectance_names,
     white_XYZ,
     write_spectrum,
 )
-from volspec.spectra.construct import METHODS, reflectance_from_colour, reflectances_from_colours
-from volspec.spectra.construct.base import ROUTES, MadeReflectances, bouguer
+from volspec.spectra.construct import reflectance_from_colour, reflectances_from_colours
+from volspec.spectra.construct.base import (
+    ROUTES,
+    BaseSpectra,
+    MadeReflectances,
+    base_spectra,
+    bouguer,
+)
 from volspec.spectra.construct.colours import XYZ_from_sRGB, colour_XYZ
 from volspec.spectra.construct.search import (
     Mesh,
@@ -32,6 +36,7 @@ from volspec.spectra.construct.search import (
     select_distinct,
     smoothest_reflectances,
 )
+from volspec.spectra.construct.upsampling import METHODS
 
 BANDS, FINE = DEFAULT_GRID.size, SpectralGrid(400, 700, 5)
 D65, A = light("D65"), light("A")

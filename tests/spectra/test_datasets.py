@@ -37,7 +37,7 @@ GROUPS: dict[str, Mapping[str, Any]] = {
 # Start of the viewer, commands that show a light, names in scenes.
 START = """
 import sys
-from volspec.appearance.models.cielab import delta_E_2000
+from volspec.appearance.models.lab import delta_E_2000
 from volspec.scene import Scene
 from volspec.spectra import light, reflectance
 from volspec.spectra.photometry import correlated_temperature

@@ -25,7 +25,13 @@ from volspec.spectra import (
     reflectance_set,
     white_XYZ,
 )
-from volspec.spectra.lamps import flux_lm, irradiance, lamp, lamp_illuminance_lux, monochromatic_lm
+from volspec.spectra.library.lamps import (
+    flux_lm,
+    irradiance,
+    lamp,
+    lamp_illuminance_lux,
+    monochromatic_lm,
+)
 from volspec.spectra.observers import cone_fundamentals, standard_eye
 
 FLAT = Spectrum([380, 780], [1, 1])

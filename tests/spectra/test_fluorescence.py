@@ -11,7 +11,7 @@ import volspec as vs
 from tests.support.errors import raises
 from tests.support.fixtures import slow
 from tests.support.scenes import scene_text, write_scene_text
-from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.appearance.models.lab import cielab, delta_E_2000
 from volspec.basis import Basis, MaterialBasis, SpectralBasis, basis_from_dict
 from volspec.camera import Camera
 from volspec.errors import BasisError, SceneError, SpectrumError, VolspecWarning
@@ -31,7 +31,7 @@ from volspec.spectra import (
 )
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.fluorescence import Fluorescence
-from volspec.spectra.fluorophores import FLUOROPHORES, named_fluorescence
+from volspec.spectra.library.fluorophores import FLUOROPHORES, named_fluorescence
 from volspec.transfer import TransferFunction
 from volspec.volume import Volume
 

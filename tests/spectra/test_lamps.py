@@ -9,7 +9,7 @@ from colour.temperature import CCT_to_uv_Ohno2013
 
 import volspec as vs
 from volspec.spectra import DEFAULT_GRID, SpectralGrid, light, light_names
-from volspec.spectra.lamps import (
+from volspec.spectra.library.lamps import (
     LAMPS,
     flux_lm,
     irradiance,

@@ -16,10 +16,10 @@ from volspec.spectra import (
     reflectance,
     reflectance_names,
     reflectance_set,
-    reflectance_set_names,
     white_XYZ,
 )
-from volspec.spectra.library import EVERYDAY, describe_light, library_names, search_lights
+from volspec.spectra.library.catalogue import EVERYDAY, describe_light, library_names, search_lights
+from volspec.spectra.library.reflectances import reflectance_set_names
 
 FINE = SpectralGrid(360, 830, 1)
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from volspec.appearance import spaces
-from volspec.appearance.models.cielab import cielab, delta_E_2000
-from volspec.appearance.spaces import sRGB_CURVE
+from volspec.appearance.display import spaces
+from volspec.appearance.display.spaces import sRGB_CURVE
+from volspec.appearance.models.lab import cielab, delta_E_2000
 
 # No network, no first-run pages, a software GPU: reproducible everywhere.
 _FLAGS = [

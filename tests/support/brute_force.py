@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from volspec.camera import Camera
 from volspec.raycast import RaycastSpec, reference
-from volspec.raycast.light_volume import (
+from volspec.raycast.launch.light_volume import (
     LightLayer,
     extinction_per_mm,
     light_layers,
     sphere_directions,
 )
-from volspec.raycast.sampling import find_entry, interpolate, trilinear
+from volspec.raycast.launch.sampling import find_entry, interpolate, trilinear
 from volspec.transfer import TransferTable
 from volspec.volume import Volume
 

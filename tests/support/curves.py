@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from volspec.camera import Camera
 from volspec.raycast import RaycastSpec
-from volspec.raycast.sampling import Sampler, make_rays
+from volspec.raycast.launch.sampling import Sampler, make_rays
 from volspec.transfer import TransferFunction
 from volspec.volume import Volume
 

@@ -12,7 +12,7 @@ from volspec.basis import Basis
 from volspec.export.frames import read_frame
 from volspec.image import CoefficientImage
 from volspec.relight import LightRig
-from volspec.scene.lights import NamedLight
+from volspec.scene.tables.lights import NamedLight
 from volspec.spectra import light
 
 

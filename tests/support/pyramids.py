@@ -9,7 +9,7 @@ from volspec.large import level_caster as out_of_core
 from volspec.large.convert import convert
 from volspec.volume import Volume, load_volume
 from volspec.volume.larger import level_of
-from volspec.volume.pyramid import BLOCK, Level, Pyramid, block_ranges
+from volspec.volume.levels.pyramid import BLOCK, Level, Pyramid, block_ranges
 
 
 def pyramid_of(volume: Volume, chunk: int = 32, *, ranges: bool = True, memory=2**31) -> Volume:

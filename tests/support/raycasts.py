@@ -12,9 +12,10 @@ from volspec._gpu.opencl import Compute
 from volspec.basis import MaterialBasis
 from volspec.camera import Camera
 from volspec.large import Raycaster
-from volspec.raycast import RaycastSpec, packets, reference
-from volspec.raycast.row_batches import Result
-from volspec.raycast.sampling import world_rays
+from volspec.raycast import RaycastSpec, reference
+from volspec.raycast.launch import packets
+from volspec.raycast.launch.row_batches import Result
+from volspec.raycast.launch.sampling import world_rays
 from volspec.spectra import reflectance
 from volspec.transfer import TransferFunction, TransferTable
 from volspec.volume import Volume

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from volspec.appearance import Viewing
-from volspec.appearance.models.cielab import cielab
-from volspec.appearance.spaces import (
+from volspec.appearance.display.spaces import (
     SPACES,
     ColourSpace,
     XYZ_FROM_sRGB,
     decode_sRGB,
     sRGB_WHITE_XYZ,
 )
+from volspec.appearance.models.lab import cielab
 from volspec.basis import Basis, SpectralBasis
 from volspec.errors import OpenGLError
 from volspec.image.model import CoefficientImage

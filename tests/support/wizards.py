@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 import volspec as vs
-from volspec.appearance.display import colour_space
-from volspec.appearance.models.cielab import cielab
+from volspec.appearance.display.monitors import colour_space
+from volspec.appearance.models.lab import cielab
 
 SCENE = """# Stays on top.
 version = 2

@@ -10,7 +10,7 @@ import volspec as vs
 from tests.support.errors import raises
 from tests.support.raycasts import METAL_BASIS, METALS
 from tests.volume.test_labels import blocks
-from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
+from volspec.appearance.display.spaces import encode_sRGB, linear_sRGB_from_XYZ
 from volspec.basis import MaterialBasis
 from volspec.errors import SpectrumError, TransferError, VolumeError
 from volspec.spectra import DEFAULT_GRID

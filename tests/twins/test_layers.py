@@ -10,8 +10,8 @@ from tests.support.raycasts import labelled, oblique_world, turned
 from volspec.image.layers import OpacityLayers
 from volspec.large import Raycaster
 from volspec.raycast import RaycastSpec, reference
-from volspec.raycast.layer_stream import empty_rows, shadow_slots
-from volspec.raycast.light_volume import Clear
+from volspec.raycast.launch.layer_stream import empty_rows, shadow_slots
+from volspec.raycast.launch.light_volume import Clear
 from volspec.raycast.lights import Ambient, Directional, Headlight, LightGroup, Point
 from volspec.transfer import TransferTable
 from volspec.volume import Volume

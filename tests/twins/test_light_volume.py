@@ -11,8 +11,8 @@ from tests.support.raycasts import labelled, oblique_world, turned
 from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import Source, asset
 from volspec.raycast import reference
-from volspec.raycast.kernel_arguments import LIGHT_MARGIN
-from volspec.raycast.light_volume import (
+from volspec.raycast.launch.kernel_arguments import LIGHT_MARGIN
+from volspec.raycast.launch.light_volume import (
     LightGrid,
     LightVolume,
     light_layers,

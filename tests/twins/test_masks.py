@@ -15,7 +15,7 @@ from tests.support.fixtures import slow
 from tests.support.raycasts import METALS, assert_matches_reference, metal_function
 from tests.twins.test_fields import SHADOWS, SIZE, view
 from volspec.raycast import ClipPlane, RaycastSpec
-from volspec.raycast.masks import MaskLattice
+from volspec.raycast.launch.masks import MaskLattice
 from volspec.transfer import FieldFunctions, Mask, TransferFunction
 from volspec.transfer.missing import bake_for_volume
 from volspec.volume import Volume

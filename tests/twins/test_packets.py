@@ -5,12 +5,13 @@ import pytest
 
 from tests.support.raycasts import carries_16_rays
 from volspec import _cache
-from volspec._gpu import devices
-from volspec._gpu.devices import DeviceInfo
+from volspec._gpu import device_list as devices
+from volspec._gpu.device_list import DeviceInfo
 from volspec.camera import Camera
 from volspec.large import Raycaster
-from volspec.raycast import RaycastSpec, packets
-from volspec.raycast.packets import SAFE, Packet, choose_packet
+from volspec.raycast import RaycastSpec
+from volspec.raycast.launch import packets
+from volspec.raycast.launch.packets import SAFE, Packet, choose_packet
 from volspec.volume import Volume
 
 TRIAL = packets._try  # as it is before any test replaces it

@@ -10,7 +10,7 @@ import volspec as vs
 from tests.support.fixtures import slow, slow_each
 from tests.support.pyramids import in_parts_of, pyramid_of
 from tests.support.raycasts import oblique_world, turned
-from volspec.raycast.bricks import brick_ranges, visible_by_table
+from volspec.raycast.launch.bricks import brick_ranges, visible_by_table
 
 # Measured 5e-5, where rays end a sample earlier or later; elsewhere 1e-6.
 TOLERANCE = 2e-4

@@ -10,7 +10,7 @@ from tests.support.raycasts import FLAT, fog, oblique_world
 from volspec.camera import Camera
 from volspec.large import Raycaster
 from volspec.raycast import RaycastSpec, reference
-from volspec.raycast.row_batches import Result
+from volspec.raycast.launch.row_batches import Result
 from volspec.transfer import SurfaceTable, TransferTable
 from volspec.volume import Volume, load_volume, phantom
 

@@ -12,7 +12,7 @@ from tests.support.fixtures import slow, slow_each
 from tests.support.raycasts import FLAT, fog, metal_function, ramp, soft_ball, turned
 from tests.twins.test_raycast import assert_alike
 from volspec.raycast import reference
-from volspec.raycast.row_batches import Result
+from volspec.raycast.launch.row_batches import Result
 from volspec.transfer import SurfaceTable, TransferTable
 from volspec.transfer.missing import transparent_below
 

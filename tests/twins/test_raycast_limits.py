@@ -19,9 +19,10 @@ from volspec.camera import Camera
 from volspec.errors import OpenCLError
 from volspec.large import Raycaster
 from volspec.pipeline import raycast
-from volspec.raycast import Ambient, Directional, LightGroup, RaycastSpec, light_volume, reference
+from volspec.raycast import Ambient, Directional, LightGroup, RaycastSpec, reference
 from volspec.raycast.gpu import TILES
-from volspec.raycast.kernel_arguments import CAST
+from volspec.raycast.launch import light_volume
+from volspec.raycast.launch.kernel_arguments import CAST
 from volspec.transfer import (
     FieldFunctions,
     Isosurfaces,

@@ -22,8 +22,8 @@ from volspec._gpu.opengl import compile_program, describe
 from volspec._gpu.prelude import prelude
 from volspec._gpu.sources import Source, assemble
 from volspec.appearance import Display, Viewing
-from volspec.appearance.constants import shader_constants
-from volspec.appearance.spaces import to_uint8
+from volspec.appearance.display.constants import shader_constants
+from volspec.appearance.display.spaces import to_uint8
 from volspec.errors import OpenGLError
 from volspec.relight import Illumination
 from volspec.relight import programs as programs_module

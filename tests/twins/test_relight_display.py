@@ -17,7 +17,8 @@ from tests.support.relighting import (
     opaque,
 )
 from volspec.appearance import Display, Viewing, view_transform
-from volspec.appearance.deficiency import DEFICIENCIES
+from volspec.appearance.display.deficiency import DEFICIENCIES
+from volspec.appearance.display.spaces import SPACES, Transfer
 from volspec.appearance.gamut_mapping import (
     GAMUT_SLACK,
     HATCH_CODE,
@@ -30,7 +31,6 @@ from volspec.appearance.gamut_mapping import (
 from volspec.appearance.lut3d import Lut3D, LutSpace
 from volspec.appearance.models import cam
 from volspec.appearance.models.cam import CamConditions
-from volspec.appearance.spaces import SPACES, Transfer
 from volspec.appearance.spec import MODELS
 from volspec.appearance.transforms import ViewTransform
 from volspec.relight import Illumination

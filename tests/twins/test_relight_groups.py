@@ -9,7 +9,7 @@ import pytest
 from tests.support.errors import raises
 from tests.support.relight_reference import relight_reference
 from tests.support.relighting import COARSE, RAW, assert_close, box_basis, gl_or_skip, grouped_cast
-from volspec.appearance.spaces import to_uint8
+from volspec.appearance.display.spaces import to_uint8
 from volspec.basis import MODES, Basis, MaterialBasis
 from volspec.errors import OpenGLError, ShapeError
 from volspec.image.model import CoefficientImage

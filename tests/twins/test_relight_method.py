@@ -8,14 +8,14 @@ import pytest
 from tests.support.relight_reference import relight_reference
 from tests.support.relighting import GRID, RAW, assert_in_range
 from volspec.appearance import Viewing
-from volspec.appearance.models.cielab import cielab
-from volspec.appearance.spaces import (
+from volspec.appearance.display.spaces import (
     XYZ_FROM_sRGB,
     decode_sRGB,
     encode_sRGB,
     linear_sRGB_from_XYZ,
     sRGB_WHITE_XYZ,
 )
+from volspec.appearance.models.lab import cielab
 from volspec.basis import SpectralBasis
 from volspec.image.model import CoefficientImage
 from volspec.relight import LightRig, Relighter, RelightSpec, relight

@@ -16,9 +16,9 @@ from tests.support.relighting import (
 )
 from tests.twins.test_relight import gamut
 from volspec.appearance import Display, Viewing, view_transform
-from volspec.appearance.display import colour_space, preset
+from volspec.appearance.display.monitors import colour_space, preset
+from volspec.appearance.display.spaces import ColourSpace, encode_sRGB, linear_sRGB_from_XYZ
 from volspec.appearance.lut3d import Lut3D, LutSpace
-from volspec.appearance.spaces import ColourSpace, encode_sRGB, linear_sRGB_from_XYZ
 from volspec.appearance.spec import MODELS
 from volspec.basis import SpectralBasis
 from volspec.relight import Illumination, LightRig, RelightSpec, gpu

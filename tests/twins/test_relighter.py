@@ -21,8 +21,8 @@ from tests.support.relighting import COARSE, GRID, RAW, box_basis, cast, gl_or_s
 from volspec._gpu import opengl
 from volspec._gpu.opengl import headless_context
 from volspec.appearance import Viewing, lut3d
+from volspec.appearance.display.spaces import decode_sRGB
 from volspec.appearance.lut3d import MOST_LUTS, Lut3D, LutCache, LutKey
-from volspec.appearance.spaces import decode_sRGB
 from volspec.errors import LutCancelled, OpenGLError, ShapeError, ViewingError
 from volspec.image.model import CoefficientImage
 from volspec.relight import Illumination, LightRig, Relighter, RelightSpec, relight

@@ -22,7 +22,7 @@ from tests.support.viewer import (
 from tests.viewer._states import seen
 from volspec._gpu.sources import asset
 from volspec.appearance import Display
-from volspec.appearance.spaces import SPACES
+from volspec.appearance.display.spaces import SPACES
 from volspec.basis import MaterialBasis
 from volspec.errors import PaletteError
 from volspec.palette import Cell, Design, Palette, design, load_palette

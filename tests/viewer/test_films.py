@@ -21,7 +21,7 @@ from volspec.errors import CastCancelled, ViewingError, VolumeError
 from volspec.export.exporter import export
 from volspec.pipeline import Raycaster
 from volspec.scene import Scene
-from volspec.scene.export import MARKS, ExportSpec
+from volspec.scene.tables.export import MARKS, ExportSpec
 from volspec.viewer.model import depth, light_rows, light_states, opacities
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.film import (

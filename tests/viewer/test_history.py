@@ -16,7 +16,7 @@ from tests.viewer._states import under
 from volspec.palette import Cell
 from volspec.raycast import Ambient, ClipPlane, Headlight, LightGroup, Point
 from volspec.relight import LightRig
-from volspec.scene.specs import MeshSpec
+from volspec.scene.tables.specs import MeshSpec
 from volspec.spectra import DEFAULT_GRID, light, reflectance
 from volspec.viewer.model import (
     camera,

@@ -17,7 +17,7 @@ from volspec.errors import ViewingError
 from volspec.raycast import Ambient, Headlight, LightGroup
 from volspec.relight import LightRig, RelightSpec
 from volspec.scene import Scene
-from volspec.scene.lights import rows_by_name
+from volspec.scene.tables.lights import rows_by_name
 from volspec.spectra import DEFAULT_GRID, light
 from volspec.viewer.model import camera, light_parts, light_rows, light_states, lights
 from volspec.viewer.model.history import Difference, History

@@ -13,7 +13,7 @@ from tests.support.viewer import read_scene
 from tests.viewer._states import frame_of, restored, save_ball
 from volspec.errors import VolspecWarning
 from volspec.scene.meshes import MeshCache
-from volspec.scene.specs import MeshSpec
+from volspec.scene.tables.specs import MeshSpec
 from volspec.viewer.model import materials, meshes
 from volspec.viewer.model.history import History
 from volspec.viewer.model.scene_file import export_scene

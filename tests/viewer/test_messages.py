@@ -26,8 +26,8 @@ from volspec.pipeline import raycast
 from volspec.raycast import Ambient, LightGroup
 from volspec.raycast.spec import MAX_GROUPS
 from volspec.relight import LightRig, RelightSpec
-from volspec.relight.error_map import ErrorMap
-from volspec.scene.annotation import Annotation
+from volspec.relight.difference_maps import ErrorMap
+from volspec.scene.tables.annotation import Annotation
 from volspec.spectra import DEFAULT_GRID, Spectrum, light
 from volspec.transfer import Region, TransferFunction2D
 from volspec.viewer.model import light_parts, lighting, lights, materials, measure, opacities, room

@@ -17,7 +17,7 @@ from volspec.image import CoefficientImage, DepthEffects
 from volspec.pipeline import Raycaster
 from volspec.raycast.pace import WHOLE, Pass
 from volspec.relight.stereo import Stereo, StereoViews
-from volspec.scene.specs import MeshSpec
+from volspec.scene.tables.specs import MeshSpec
 from volspec.viewer.model import camera, depth, opacities, quality
 from volspec.viewer.model.edit import after, with_interface
 from volspec.viewer.model.history import Difference, History, without_cast

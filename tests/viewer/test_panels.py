@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 
 from tests.support.patience import wait_until
 from tests.viewer._states import seen
-from volspec.appearance.display import PRESETS
-from volspec.appearance.rendition import light_figures
+from volspec.appearance.comparison.rendition import light_figures
+from volspec.appearance.display.monitors import PRESETS
 from volspec.appearance.spec import MODELS
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import DEFAULT_GRID, PAPERS_GRID, light, reflectance
-from volspec.spectra.library import library_names
+from volspec.spectra.library.catalogue import library_names
 from volspec.transfer.presets import histogram
 from volspec.viewer.model import light_parts, lights, viewing
 from volspec.viewer.model.commands import BY_KEY, BY_NAME, COMMANDS, MENUS, format_key

@@ -12,7 +12,7 @@ from tests.viewer._states import casts_of, frame_of, job_of, restored, save_ball
 from volspec.raycast.pace import WHOLE
 from volspec.relight import LightRig
 from volspec.scene import Scene
-from volspec.scene.specs import ROOM_LIGHT
+from volspec.scene.tables.specs import ROOM_LIGHT
 from volspec.viewer.model import light_parts, lighting, lights, quality, viewing
 from volspec.viewer.model import room as edits
 from volspec.viewer.model.history import History

@@ -22,7 +22,7 @@ from volspec.errors import InputError, SceneError, ViewingError
 from volspec.raycast import ClipPlane, Directional, LightGroup, Point
 from volspec.relight import LightRig, RelightSpec
 from volspec.scene import Scene
-from volspec.scene.specs import MeshSpec
+from volspec.scene.tables.specs import MeshSpec
 from volspec.spectra import Spectrum, light
 from volspec.viewer.model import camera, depth, fields, light_rows, lights, transfer_edits
 from volspec.viewer.model.scene_file import export_scene, left_out, scene_from_state

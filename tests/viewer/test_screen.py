@@ -22,7 +22,7 @@ from volspec.image import CoefficientImage
 from volspec.pipeline import raycast
 from volspec.raycast import Headlight, LightGroup
 from volspec.relight import Illumination
-from volspec.relight.error_map import error_map
+from volspec.relight.difference_maps import error_map
 from volspec.spectra import colour_matching_functions
 from volspec.viewer.model import light_rows
 from volspec.viewer.model.camera import orbit

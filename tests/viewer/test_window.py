@@ -12,7 +12,7 @@ import pytest
 from tests.support.images import read_codes
 from tests.support.window import Robot, small_engine
 from tests.viewer._states import save_ball
-from volspec._gpu.devices import POCL, devices
+from volspec._gpu.device_list import POCL, devices
 from volspec.export.exporter import export
 from volspec.scene import Scene
 from volspec.volume import phantom

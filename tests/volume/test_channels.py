@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import volspec as vs
 from tests.support.errors import warns
-from volspec.appearance.spaces import linear_sRGB_from_XYZ
+from volspec.appearance.display.spaces import linear_sRGB_from_XYZ
 from volspec.errors import VolspecWarning
 from volspec.transfer import FieldFunctions
 from volspec.transfer.channel_look import channel_limits

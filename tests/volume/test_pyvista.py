@@ -17,8 +17,8 @@ from vtkmodules.vtkRenderingCore import vtkColorTransferFunction, vtkVolumePrope
 import volspec as vs
 from tests.support.errors import advised_address, raises, warns
 from tests.support.fixtures import slow_each
-from volspec.appearance import spaces
-from volspec.appearance.spaces import sRGB_CURVE
+from volspec.appearance.display import spaces
+from volspec.appearance.display.spaces import sRGB_CURVE
 from volspec.basis import SpectralBasis
 from volspec.camera import Camera
 from volspec.errors import CameraError, RaycastError, RelightError, TransferError, VolumeError

@@ -8,7 +8,7 @@ import pytest
 
 import volspec as vs
 from tests.support.errors import raises
-from volspec.appearance.models.cielab import delta_E_2000
+from volspec.appearance.models.lab import delta_E_2000
 from volspec.errors import SceneError
 from volspec.palette import load_palette
 from volspec.scene.file import scene_data, scene_file

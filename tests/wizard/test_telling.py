@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from volspec._gpu.sources import asset
-from volspec.appearance.models.cielab import delta_E_2000
+from volspec.appearance.models.lab import delta_E_2000
 from volspec.scene import Scene
 from volspec.spectra import DEFAULT_GRID, colour_matching_functions, light
 from volspec.transfer.presets import PRESETS

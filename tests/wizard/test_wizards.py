@@ -9,7 +9,7 @@ import pytest
 import volspec as vs
 from tests.support.errors import raises, refuses
 from tests.support.wizards import SCENE, frame_Lab, painted
-from volspec.appearance.models.cielab import delta_E_2000
+from volspec.appearance.models.lab import delta_E_2000
 from volspec.basis import MaterialBasis
 from volspec.errors import PaletteError
 from volspec.wizard import show_difference

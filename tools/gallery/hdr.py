@@ -12,9 +12,9 @@ import numpy as np
 import volspec as vs
 from tools.gallery.rooms import IMAGES, save
 from tools.gallery.studio import ROOT
-from volspec.appearance.display import preset
-from volspec.appearance.hdr import Hdr
-from volspec.appearance.spaces import SPACES, encode_sRGB, to_uint16
+from volspec.appearance.display.hdr import Hdr
+from volspec.appearance.display.monitors import preset
+from volspec.appearance.display.spaces import SPACES, encode_sRGB, to_uint16
 from volspec.relight.hdr import hdr_frame
 
 SIZE, STOPS, LUX = (840, 720), 2.0, 500.0

@@ -1,1 +1,5 @@
 """GPU code shared by all stages: devices, contexts, sources, the shared prelude."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,7 +1,7 @@
 """OpenCL devices, programs and buffers, independent of the stages.
 
 Compiled programs are cached on disk by PoCL and the GPU drivers, and here per context.
-`volspec._gpu.devices` chooses the device.
+`volspec._gpu.device_list` chooses the device.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from weakref import WeakKeyDictionary
 from numpy.typing import NDArray
 
 from volspec._child import require_own_process
-from volspec._gpu.devices import (
+from volspec._gpu.device_list import (
     BUILD_VARIABLE,
     DEVICE_VARIABLE,
     DeviceInfo,

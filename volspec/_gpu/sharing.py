@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from volspec._gpu.devices import DEVICE_VARIABLE
+from volspec._gpu.device_list import DEVICE_VARIABLE
 from volspec._gpu.opengl import describe, egl_handle, made_current, pointer_function
 from volspec.errors import OpenCLError, VolspecError, one_line
 

@@ -5,22 +5,6 @@
 Scene XYZ under the scene's light become the XYZ of equal appearance on the display.
 """
 
-from volspec.appearance.scene_to_display import view_transform
-from volspec.appearance.spec import (
-    SURROUNDS,
-    Display,
-    Surround,
-    Viewing,
-    ViewingConditions,
-    surround_at,
-)
+import lazy_loader
 
-__all__ = [
-    "SURROUNDS",
-    "Display",
-    "Surround",
-    "Viewing",
-    "ViewingConditions",
-    "surround_at",
-    "view_transform",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

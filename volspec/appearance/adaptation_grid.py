@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance import constants as k
+from volspec.appearance.display import constants as k
 from volspec.appearance.models import cam
 from volspec.appearance.models.cam import CamConditions, CamTransform
 from volspec.appearance.spec import Viewing, require_angle

@@ -37,11 +37,11 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance import constants as k
-from volspec.appearance.deficiency import Simulation, simulation
-from volspec.appearance.display import Display
+from volspec.appearance.display import constants as k
+from volspec.appearance.display.deficiency import Simulation, simulation
+from volspec.appearance.display.monitors import Display
+from volspec.appearance.display.spaces import ColourSpace
 from volspec.appearance.models.cam import HELLWIG_2022, CamConditions, compress, expand
-from volspec.appearance.spaces import ColourSpace
 from volspec.appearance.spec import Viewing
 from volspec.appearance.transforms import triples
 from volspec.errors import ViewingError

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance import constants as k
+from volspec.appearance.display import constants as k
 
 Array = NDArray[np.float64]
 

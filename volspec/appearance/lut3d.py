@@ -20,10 +20,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance import constants as k
 from volspec.appearance.adaptation import ADAPTATIONS
+from volspec.appearance.display import constants as k
+from volspec.appearance.display.spaces import ColourSpace
 from volspec.appearance.scene_to_display import CLOSED, view_transform
-from volspec.appearance.spaces import ColourSpace
 from volspec.appearance.spec import Viewing
 from volspec.appearance.transforms import ClosedTransform, ViewTransform, signed_power, triples
 from volspec.errors import LutCancelled, ViewingError

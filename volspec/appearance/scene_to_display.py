@@ -19,9 +19,9 @@ from volspec.appearance.models import (
     Model,
     cam16,
     ciecam02,
-    cielab,
     hellwig2022,
     hunt,
+    lab,
     nayatani95,
     rlab,
 )
@@ -32,7 +32,7 @@ from volspec.appearance.transforms import ViewTransform
 
 Forward = Callable[[ArrayLike, ViewingConditions], Appearance]
 CLOSED = MappingProxyType(
-    {m.NAME: m.view_transform for m in (ciecam02, cam16, cielab, rlab, hellwig2022)}
+    {m.NAME: m.view_transform for m in (ciecam02, cam16, lab, rlab, hellwig2022)}
 )
 """View transforms in closed form by the model's name: inverse after forward in one step."""
 

@@ -3,7 +3,7 @@
     raycast -> relight -> [appearance] -> frame
 
 Surrounds and conditions are in `volspec.appearance.surround`, displays in
-`volspec.appearance.display`; both can be imported from here.
+`volspec.appearance.display.monitors`; both can be imported from here.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from volspec.appearance.deficiency import DeficiencyName
-from volspec.appearance.display import Display
+from volspec.appearance.display.deficiency import DeficiencyName
+from volspec.appearance.display.monitors import Display
 from volspec.appearance.models.hunt import HuntSettings
 from volspec.appearance.models.nayatani95 import NayataniSettings
 from volspec.appearance.surround import (

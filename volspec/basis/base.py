@@ -21,9 +21,14 @@ from numpy.typing import ArrayLike, NDArray
 from volspec.basis import storage
 from volspec.basis.display import DEFAULT_MODE
 from volspec.errors import BasisError, SpectrumError
-from volspec.spectra.datasets import Observer, check_observer
-from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.spectrum import Spectrum, real_array, reflectance_values
+from volspec.spectra import (
+    Observer,
+    SpectralGrid,
+    Spectrum,
+    check_observer,
+    real_array,
+    reflectance_values,
+)
 
 
 class StoredBasis(ABC):

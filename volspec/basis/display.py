@@ -14,7 +14,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.models.cielab import CIE94_metric
+from volspec.appearance.models import CIE94_metric
 from volspec.errors import BasisError, nearest
 
 Array = NDArray[np.float64]

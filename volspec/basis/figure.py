@@ -27,20 +27,19 @@ from volspec._figures import (
     write,
     write_figure,
 )
-from volspec.appearance import spaces
-from volspec.appearance.models.cielab import XYZ_from_cielab, cielab
-from volspec.appearance.spaces import (
+from volspec.appearance.display import (
     decode_sRGB,
     encode_sRGB,
     linear_sRGB_from_XYZ,
+    spaces,
     spectrum_colours,
 )
+from volspec.appearance.models import XYZ_from_cielab, cielab
 from volspec.basis.display import DEFAULT_MODE
 from volspec.basis.materials import Basis, MaterialBasis
 from volspec.basis.report import NOTHING, RGB_PRODUCT, WAYS, BasisReport, WorstPair, rounded
 from volspec.basis.report_table import class_heading, format_delta_e
-from volspec.spectra.datasets import colour_matching_functions
-from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
+from volspec.spectra import DEFAULT_GRID, SpectralGrid, colour_matching_functions
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

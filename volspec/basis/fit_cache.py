@@ -17,12 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 from volspec import __version__
 from volspec._cache import cached_arrays
 from volspec.basis.model import SpectralBasis
-from volspec.spectra import Spectrum, colour_matching_functions
-from volspec.spectra.spectrum import stack
+from volspec.spectra import Spectrum, colour_matching_functions, stack
 
 # Source files that determine a fit's result.
 _SOURCES = (
-    *("basis/fit/*.py", "basis/model.py", "basis/base.py", "appearance/models/cielab.py"),
+    *("basis/fit/*.py", "basis/model.py", "basis/base.py", "appearance/models/lab.py"),
     *("spectra/spectrum.py", "spectra/grid.py"),
 )
 _MATRICES = ("analysis", "synthesis", "XYZ_from_channels")

@@ -26,8 +26,8 @@ from volspec._figures import (
     write,
     write_figure,
 )
-from volspec.appearance.rendition import HUE_BINS, Rendition, hue_colours
-from volspec.appearance.spaces import spectrum_colours
+from volspec.appearance.comparison import HUE_BINS, Rendition, hue_colours
+from volspec.appearance.display import spectrum_colours
 from volspec.spectra import Spectrum
 
 if TYPE_CHECKING:

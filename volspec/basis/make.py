@@ -12,14 +12,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from volspec._gpu.sources import asset
+from volspec._gpu import asset
 from volspec.basis.model import SpectralBasis
 from volspec.basis.storage import GRID_ENDINGS
 from volspec.errors import BasisError, nearest
-from volspec.spectra.datasets import Observer
-from volspec.spectra.grid import DEFAULT_GRID, PAPERS_GRID, SpectralGrid
-from volspec.spectra.lights import light_set
-from volspec.spectra.reflectances import reflectance_set
+from volspec.spectra import DEFAULT_GRID, PAPERS_GRID, Observer, SpectralGrid
+from volspec.spectra.library import light_set, reflectance_set
 
 SIZES = (5, 7, 9)
 # Total weight of the spiky lights relative to the smooth ones: enough to quarter their error, small

@@ -36,11 +36,13 @@ from volspec.basis.base import (
 from volspec.basis.model import SpectralBasis
 from volspec.basis.report import ReportedBasis
 from volspec.errors import BasisError, nearest
-from volspec.spectra.datasets import Observer, colour_matching_functions
-from volspec.spectra.fluorescence import Fluorescence
-from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
-from volspec.spectra.spectrum import (
+from volspec.spectra import (
+    DEFAULT_GRID,
+    Fluorescence,
+    Observer,
+    SpectralGrid,
     Spectrum,
+    colour_matching_functions,
     light_leaving,
     light_power,
     real_array,

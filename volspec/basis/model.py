@@ -36,11 +36,18 @@ from volspec.basis.base import (
 )
 from volspec.basis.report import ReportedBasis
 from volspec.errors import BasisError
-from volspec.spectra.datasets import Observer, colour_matching_functions
-from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
-from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
-from volspec.spectra.reflectances import reflectance_set
-from volspec.spectra.spectrum import Spectrum, light_power, stack
+from volspec.spectra import (
+    DEFAULT_GRID,
+    Observer,
+    SpectralGrid,
+    Spectrum,
+    XYZ_from_spectra,
+    colour_matching_functions,
+    light_power,
+    stack,
+    white_XYZ,
+)
+from volspec.spectra.library import reflectance_set
 
 Spectra = Spectrum | Sequence[Spectrum] | ArrayLike
 

@@ -25,11 +25,10 @@ from volspec._figures import (
     write,
     write_figure,
 )
-from volspec.appearance.spaces import encode_sRGB
+from volspec.appearance.display import encode_sRGB
 from volspec.basis.figure import line_colour
-from volspec.spectra import Spectrum, XYZ_from_spectra, white_XYZ
-from volspec.spectra.construct.colours import XYZ_from_linear_sRGB
-from volspec.spectra.datasets import Observer
+from volspec.spectra import Observer, Spectrum, XYZ_from_spectra, white_XYZ
+from volspec.spectra.construct import XYZ_from_linear_sRGB
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -20,19 +20,24 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance import constants as k
-from volspec.appearance import spaces
-from volspec.appearance.models.cielab import cielab, delta_E_2000
-from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ, to_uint8
+from volspec.appearance.display import constants as k
+from volspec.appearance.display import encode_sRGB, linear_sRGB_from_XYZ, spaces, to_uint8
+from volspec.appearance.models import cielab, delta_E_2000
 from volspec.basis.base import StoredBasis
 from volspec.basis.display import DEFAULT_MODE, MODES, Mode, visible_white
 from volspec.errors import BasisError
-from volspec.spectra.datasets import Observer, colour_matching_functions, colour_science
-from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.lights import light_set
-from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
-from volspec.spectra.reflectances import reflectance_set, reflectance_set_names
-from volspec.spectra.spectrum import Spectrum, reflectance_values, stack
+from volspec.spectra import (
+    Observer,
+    SpectralGrid,
+    Spectrum,
+    XYZ_from_spectra,
+    colour_matching_functions,
+    colour_science,
+    reflectance_values,
+    stack,
+    white_XYZ,
+)
+from volspec.spectra.library import light_set, reflectance_set, reflectance_set_names
 
 Array = NDArray[np.float64]
 Reflectances = Sequence[Spectrum] | ArrayLike

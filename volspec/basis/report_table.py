@@ -26,9 +26,8 @@ from volspec.basis.report import (
     rounded,
 )
 from volspec.errors import BasisError
-from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.lights import light_set
-from volspec.spectra.spectrum import Spectrum
+from volspec.spectra import SpectralGrid, Spectrum
+from volspec.spectra.library import light_set
 
 CLASSES = ("smooth", "spiky")
 """Classes of the library's lights."""

@@ -10,11 +10,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.appearance.models import cielab, delta_E_2000
 from volspec.basis import display
 from volspec.basis.model import SpectralBasis, training_reflectances
-from volspec.spectra.photometry import XYZ_from_spectra, light_level, luminous_mean, white_XYZ
-from volspec.spectra.spectrum import Spectrum
+from volspec.spectra import Spectrum, XYZ_from_spectra, light_level, luminous_mean, white_XYZ
 
 Array = NDArray[np.float64]
 

@@ -14,10 +14,10 @@ from typing import Any, TypeVar
 
 from volspec._confine import require_inside
 from volspec._files import require_suffix, write_whole
-from volspec._gpu.sources import asset
+from volspec._gpu import asset
 from volspec._parse import parse_json
 from volspec.errors import BasisError, SpectrumError, nearest
-from volspec.spectra.grid import DEFAULT_GRID, PAPERS_GRID, SpectralGrid
+from volspec.spectra import DEFAULT_GRID, PAPERS_GRID, SpectralGrid
 
 FORMAT = "volspec-basis"
 FORMAT_VERSION = 1

@@ -1,5 +1,5 @@
 """Cameras: rays of pixels, orbits around a volume, and where points are seen."""
 
-from volspec.camera.camera import Camera
+import lazy_loader
 
-__all__ = ["Camera"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -16,8 +16,7 @@ from pydantic import Field
 from volspec._checks import Direction, unit
 from volspec.errors import CameraError
 from volspec.settings import Finite, Positive, Unit, Vector, settings
-from volspec.volume import Volume
-from volspec.volume.metadata import ONE_SLICE
+from volspec.volume import ONE_SLICE, Volume
 
 # Components of a direction this near to 0 or ±1 are rounding errors.
 _ASKEW = 1e-15

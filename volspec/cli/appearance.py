@@ -155,11 +155,10 @@ def appearance(
     output
         The PNG file to write.
     """
-    from volspec.appearance import Viewing
+    from volspec.appearance import MODELS, Viewing
     from volspec.appearance.adaptation import ADAPTATIONS
     from volspec.appearance.models import APPEARANCE_MODELS
     from volspec.appearance.models import model as find
-    from volspec.appearance.spec import MODELS
 
     if model is not None and "all" in model and len(model) > 1:
         other = next((name for name in model if name != "all"), "all")
@@ -245,7 +244,7 @@ def _correlates(
     """Return a row of correlates for each XYZ."""
     import numpy as np
 
-    from volspec.appearance.hue import composition
+    from volspec.appearance import composition
 
     look: Appearance = model.forward(colours, seen, **settings)
     given = {name: getattr(look, name) for name in (*"JChHQMs", "Q_WB", "L_N", "J_HK")}
@@ -287,14 +286,13 @@ def write_comparison(
     """
     from volspec import __version__
     from volspec._files import require_suffix, require_writable
-    from volspec.appearance.spec import MODELS
-    from volspec.export.contact_sheet import SheetTile, comparison_sheet
-    from volspec.export.frames import write_frame
+    from volspec.appearance import MODELS
+    from volspec.export import SheetTile, comparison_sheet, write_frame
     from volspec.image import CoefficientImage
     from volspec.pipeline import Relighter
     from volspec.relight import RelightSpec
     from volspec.spectra import light
-    from volspec.spectra.lights import sent_name
+    from volspec.spectra.library import sent_name
 
     require_image(image, "cast it first: volspec render {file} -o IMAGE.exr")
     require_suffix(output, "pictures", ".png")

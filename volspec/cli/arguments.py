@@ -212,7 +212,7 @@ def read_image_setting(image: Path, text: str, stored: CoefficientImage) -> Spec
 
     Raises as `read_setting`; if the text names a light of the scene, the SpectrumError says so.
     """
-    from volspec.export.compositing import Recipe
+    from volspec.export import Recipe
 
     try:
         return read_setting(text, stored.groups, stored.basis.grid)

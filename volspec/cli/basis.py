@@ -96,7 +96,7 @@ def basis(
     output
         File to write the basis to: .json.
     """
-    from volspec.basis.report_table import error_table
+    from volspec.basis import error_table
 
     if figure is not None:
         require_suffix(figure, "figures", *_FIGURES)
@@ -122,7 +122,7 @@ def basis(
         if output is not None:
             case.basis.save(output)
         if figure is not None:
-            from volspec.basis.figure import save_figure
+            from volspec.basis import save_figure
 
             tell("draw the figure", 0)
             save_figure(table, figure)
@@ -137,7 +137,7 @@ def basis(
 
 
 def _print(table: Any, reason: str) -> None:
-    from volspec.basis.report_table import terminal_table, verdict, worst_line
+    from volspec.basis import terminal_table, verdict, worst_line
 
     console = Terminal(highlight=False)
     basis = table.basis
@@ -178,7 +178,7 @@ def _case(
     if suffix == ".toml":
         return _of_scene(Path(str(subject)), asked, lights, observer, tell)
     if subject is None and (asked or lights or observer):
-        from volspec.basis.make import fit_library
+        from volspec.basis import fit_library
 
         tell("fit the basis", 0)
         wanted = {"size": _DEFAULT_SIZE} | asked
@@ -212,7 +212,7 @@ def _case(
 def _of_scene(
     path: Path, asked: dict[str, Any], lights: str | None, observer: Observer | None, tell: Tell
 ) -> _Case:
-    from volspec.basis.report_table import CLASSES
+    from volspec.basis import CLASSES
     from volspec.scene import Scene
     from volspec.spectra import Spectrum, light_set
 
@@ -281,7 +281,7 @@ def _samples(
     """Return the reflectances to measure with, their names, and a description of the set."""
     from volspec.basis import MaterialBasis
     from volspec.spectra import reflectance_set
-    from volspec.spectra.reflectances import reflectance_set_names
+    from volspec.spectra.library import reflectance_set_names
 
     own = case.basis.materials if isinstance(case.basis, MaterialBasis) else None
     materials = own or case.materials

@@ -51,11 +51,11 @@ from volspec.cli.shell import (
 from volspec.cli.viewing import HdrOptions, StereoOptions, in_options
 from volspec.errors import ImageError, InputError, nearest
 from volspec.export.page import PageSpec
-from volspec.scene.export import ExportSpec
+from volspec.scene.tables import ExportSpec
 
 if TYPE_CHECKING:
     from volspec.scene import Scene
-    from volspec.scene.lights import NamedLight
+    from volspec.scene.tables import NamedLight
     from volspec.volume import Volume
 
 _Whole = Annotated[int | None, Parameter(converter=as_written)]
@@ -145,10 +145,10 @@ def export(
     overwrite
         Replace files that an export of another scene left in the folder.
     """
-    from volspec.export.exporter import export as export_scene
-    from volspec.scene.export import MARKS
+    from volspec.export import export as export_scene
+    from volspec.scene.tables import MARKS
     from volspec.settings import plain
-    from volspec.spectra.lights import sent_names
+    from volspec.spectra.library import sent_names
 
     incomplete: list[str] = []
 
@@ -363,8 +363,8 @@ def _page_lights(
     Raises VolspecError if a light cannot be read, or lacks the lux that the scene requires.
     """
     from volspec.relight import LightRig
-    from volspec.scene.lights import NamedLight, require_lux
-    from volspec.spectra.lights import sent_name
+    from volspec.scene.tables import NamedLight, require_lux
+    from volspec.spectra.library import sent_name
 
     require_lux(scene.lights, scene.relight, address)
     lights = list(scene.lights)
@@ -517,20 +517,24 @@ def compositing(
         The first light lights R, G and B.
     """
 
-    from volspec.export.compositing import Recipe, save_for_compositors
-    from volspec.export.deep import save_deep
-    from volspec.export.recipes import SUFFIXES, write_recipe
+    from volspec.export import (
+        RECIPE_SUFFIXES,
+        Recipe,
+        save_deep,
+        save_for_compositors,
+        write_recipe,
+    )
     from volspec.image import CoefficientImage
     from volspec.scene import stored_relight_spec
 
     require_image(image, "cast it first: volspec render {file} -o IMAGE.exr")
     suffix = output.suffix.lower()
-    if suffix not in (*SUFFIXES, ".exr"):
+    if suffix not in (*RECIPE_SUFFIXES, ".exr"):
         raise ImageError(
             f"{output}: name it .py for Blender, .nk for Nuke, or .exr for other lights"
         )
     require_writable(output)
-    if suffix in SUFFIXES:
+    if suffix in RECIPE_SUFFIXES:
         if light or mode or opacity or deep:
             raise ImageError(
                 f"{output}: has the lights of {image}, so --light, --mode, --opacity and --deep do "

@@ -23,7 +23,7 @@ from volspec.errors import InputError, VolspecError, one_line
 from volspec.raycast import RaycastSpec
 
 if TYPE_CHECKING:
-    from volspec.camera.camera import Orbit
+    from volspec.camera import Orbit
     from volspec.scene import Scene
     from volspec.volume import Volume
 
@@ -80,8 +80,7 @@ def open_scene(
     from volspec._triangles import is_mesh_file
     from volspec.scene import Scene
     from volspec.spectra import DEFAULT_GRID, light
-    from volspec.volume import Volume
-    from volspec.volume.series import open_volume
+    from volspec.volume import Volume, open_volume
 
     require_scene(Path(address), image)
     wanted = None if camera is None else _camera(camera)
@@ -150,7 +149,7 @@ def memory_address(address: str, memory: str | None) -> str:
     """
     if memory is None:
         return address
-    from volspec.volume.files.query import bytes_of
+    from volspec.volume.files import bytes_of
 
     bytes_of(memory, address)
     path, _, query = address.partition("?")
@@ -183,7 +182,7 @@ CAST, LAYERED = CastOptions(), LayerOptions()
 
 def _camera(camera: str) -> str | Orbit:
     """Return the name of a side, or the orbit of azimuth and elevation."""
-    from volspec.camera.camera import OF_PATIENT, SIDES, Orbit
+    from volspec.camera import OF_PATIENT, SIDES, Orbit
 
     if camera.lower() in (*SIDES, *OF_PATIENT):
         return camera.lower()
@@ -200,8 +199,7 @@ def _camera(camera: str) -> str | Orbit:
 
 def _orbit(camera: str | Orbit, read: Callable[[], Volume]) -> Orbit:
     """Return the orbit of a side, for which the volume is read; an orbit stays."""
-    from volspec.camera.camera import OF_PATIENT, Orbit
-    from volspec.camera.projection import side_deg
+    from volspec.camera import OF_PATIENT, Orbit, side_deg
 
     if not isinstance(camera, str):
         return camera
@@ -285,8 +283,7 @@ def _expanded(text: str) -> list[str]:
     """Return the files that a pattern or a folder means; anything else is itself."""
     from volspec._files import is_remote
     from volspec._triangles import is_mesh_file
-    from volspec.volume.bundled import bundled_volume
-    from volspec.volume.formats import WHOLE_SUFFIXES
+    from volspec.volume import WHOLE_SUFFIXES, bundled_volume
 
     # A question mark begins options, KEY=VALUE, or is any letter of a name.
     pattern, *options = re.split(r"(?=\?\w+=)", text, maxsplit=1)

@@ -15,7 +15,7 @@ from volspec.cli.shell import Json, Terminal, app, bar, counted, print_json, say
 from volspec.errors import InputError, SceneError, one_line
 
 if TYPE_CHECKING:
-    from volspec.export.plan import Checked
+    from volspec.export import Checked
 
 
 @app.command
@@ -53,8 +53,7 @@ def info(volume: str, /, *, json: Json = False) -> None:
         `channel=`, `time=`, `level=`; `labels=FILE` names a table of a segmentation's labels,
         `unit=HU` the unit of values that the file leaves out, `scale=log` takes their logarithms.
     """
-    from volspec.volume.series import open_volume
-    from volspec.volume.summary import summarise
+    from volspec.volume import open_volume, summarise
 
     path = Path(volume)
     require_scene(path, f"give a volume, or {RELIGHT}", "a volume")
@@ -89,9 +88,9 @@ def convert(volume: str, /, *, output: Annotated[Path, Parameter(name=["--output
         The folder to write; its name ends in .zarr.
     """
     from volspec._files import require_suffix
-    from volspec.large.convert import convert as write
-    from volspec.volume.files.omezarr import ZIP_SUFFIXES
-    from volspec.volume.load import open_level
+    from volspec.large import convert as write
+    from volspec.volume import open_level
+    from volspec.volume.files import ZIP_SUFFIXES
 
     if output.name.lower().endswith(ZIP_SUFFIXES):
         folder = output.with_name(f"{output.name.partition('.')[0]}.zarr")
@@ -136,7 +135,7 @@ def check(files: list[Path], /, *, json: Json = False) -> None:
     files
         Scene files.
     """
-    from volspec.export.plan import check_scene
+    from volspec.export import check_scene
 
     found = [check_scene(file) for file in files]
     if json:
@@ -193,7 +192,7 @@ def schema() -> None:
 
     Example: `volspec scene schema > scene.schema.json`
     """
-    from volspec.scene.schema import scene_schema_text
+    from volspec.scene import scene_schema_text
 
     print(scene_schema_text(), end="")
 

@@ -15,7 +15,7 @@ from volspec.cli.viewing import in_options
 from volspec.errors import InputError, VolspecWarning
 
 if TYPE_CHECKING:
-    from volspec.appearance.rendition import LightFigures
+    from volspec.appearance.comparison import LightFigures
 
 _FIGURES = (".png", ".pdf", ".svg")
 _LAMP = {"power_W": "--power-W", "distance_m": "--distance-m", "beam_deg": "--beam-deg"}
@@ -80,16 +80,17 @@ def light(
     figure
         Figure of the colour vector graphic to write: .png, .pdf or .svg.
     """
-    from volspec.appearance.rendition import RENDITION_GRID, light_figures
+    from volspec.appearance.comparison import RENDITION_GRID, light_figures
     from volspec.spectra import light as find
-    from volspec.spectra.lamps import (
+    from volspec.spectra.library import (
+        LAMP,
         LAMPS,
-        PREFIX,
+        describe_light,
         flux_lm,
         lamp_for_light,
         lamp_illuminance_lux,
+        library_names,
     )
-    from volspec.spectra.library import describe_light, library_names
 
     for name, value, other, its in (
         ("--beam-deg", beam_deg, "--distance-m", distance_m),
@@ -120,7 +121,7 @@ def light(
         raise InputError(f"--against: {problem}; leave it out")
     X, Y, Z = measured.white_XYZ.tolist()
     near = measured.temperature
-    lamp = LAMPS.get(found.name.removeprefix(f"{PREFIX}:"))
+    lamp = LAMPS.get(found.name.removeprefix(f"{LAMP}:"))
     row: Row = {
         "light": found.name,
         "description": describe_light(found.name) if found.name in library_names() else None,
@@ -164,8 +165,8 @@ def _rendition(measured: LightFigures) -> Row:
 
 def _draw(measured: LightFigures, spectrum: str, against: str | None, figure: Path) -> None:
     """Write the figure of a light and what it is compared with."""
-    from volspec.appearance.rendition import RENDITION_GRID, rendition_reference
-    from volspec.basis.light_figure import save_light_figure
+    from volspec.appearance.comparison import RENDITION_GRID, rendition_reference
+    from volspec.basis import save_light_figure
     from volspec.spectra import light as find
 
     own, found = find(spectrum, RENDITION_GRID), measured.rendition
@@ -181,7 +182,7 @@ def _draw(measured: LightFigures, spectrum: str, against: str | None, figure: Pa
 
 def _metamerism(pair: tuple[str, str], reference: str, test: str) -> Row:
     """Return the metamerism of two reflectances that are alike under a reference light."""
-    from volspec.appearance.rendition import RENDITION_GRID, metamerism
+    from volspec.appearance.comparison import RENDITION_GRID, metamerism
     from volspec.spectra import light as find
     from volspec.spectra import reflectance
 

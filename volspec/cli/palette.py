@@ -17,7 +17,7 @@ from volspec.cli.viewing import in_options
 from volspec.errors import InputError, PaletteError
 
 if TYPE_CHECKING:
-    from volspec.appearance.deficiency import DeficiencyName
+    from volspec.appearance.display import DeficiencyName
     from volspec.palette import Palette
     from volspec.scene import Scene
     from volspec.wizard import LightEvaluation, Redesigned
@@ -82,17 +82,23 @@ def design(
     distance
         Sufficient ΔE (CIELAB) between them; 20 if omitted.
     """
-    from volspec.palette import DesignReport, load_palette, save_palette, suggestions
+    from volspec.palette import (
+        FIGURE_SUFFIXES,
+        DesignReport,
+        load_palette,
+        palette_file,
+        render,
+        save_palette,
+        save_palette_figure,
+        suggestions,
+    )
     from volspec.palette import design as solved
-    from volspec.palette.figure import SUFFIXES, save_palette_figure
-    from volspec.palette.file import palette_file
-    from volspec.palette.text import render
 
     if output is not None:
         require_suffix(output, "palettes", ".toml", error=PaletteError)
         require_writable(output)
     if figure is not None:
-        require_suffix(figure, "figures", *SUFFIXES)
+        require_suffix(figure, "figures", *FIGURE_SUFFIXES)
         require_writable(figure)
     with bar(quiet=json) as tell:
         tell("design", 0)
@@ -289,8 +295,7 @@ def reveal(
         Reach it to viewers with this colour-vision deficiency, too: protan, deutan or tritan;
         repeatable.
     """
-    from volspec.wizard import reveal
-    from volspec.wizard.result import evaluate_lights
+    from volspec.wizard import evaluate_lights, reveal
 
     loaded, viewers = _loaded(scene, output), deficiency or []
     with in_options(_OPTIONS):
@@ -342,7 +347,7 @@ def merge(
     average
         Use the mean of their colours as the shared one; by default the solver chooses it.
     """
-    from volspec.palette.model import parse_colour
+    from volspec.palette import parse_colour
     from volspec.wizard import merge
 
     colours = [parse_colour(text) for text in colour or ()]
@@ -389,8 +394,7 @@ def _loaded(path: str, output: Path) -> Scene:
 
 def _finish(made: Redesigned, output: Path, json: bool) -> None:
     """Write the new scene and print its colour differences."""
-    from volspec.palette.text import apart_text
-    from volspec.palette.variables import mixture_text
+    from volspec.palette import apart_text, mixture_text
 
     paths = made.save(output)
     if json:

@@ -102,9 +102,9 @@ def reflectance(
         return
     if not colour:
         raise InputError("no colour; give #rrggbb, a CSS name or X Y Z, or --image FILE")
-    from volspec.spectra.tables import SUFFIXES
+    from volspec.spectra.files import TABLE_SUFFIXES
 
-    for path, what, kinds in ((output, "spectra", SUFFIXES), (figure, "figures", _FIGURES)):
+    for path, what, kinds in ((output, "spectra", TABLE_SUFFIXES), (figure, "figures", _FIGURES)):
         if path is not None:
             require_suffix(path, what, *kinds)
             require_writable(path)
@@ -119,11 +119,10 @@ def _construct(
     figure: Path | None,
     as_json: bool,
 ) -> None:
-    from volspec.basis.reflectance_figure import save_reflectance_figure
+    from volspec.basis import save_reflectance_figure
     from volspec.spectra import light as named_light
     from volspec.spectra import reflectances_from_colours, white_XYZ, write_spectrum
-    from volspec.spectra.construct import constructed_spectrum
-    from volspec.spectra.construct.colours import colour_XYZ
+    from volspec.spectra.construct import colour_XYZ, constructed_spectrum
 
     by_name: dict[str, Spectrum] = {}
     for lamp in map(named_light, (asked.light, *under)):
@@ -164,7 +163,7 @@ def _under(
     paint: Spectrum, lamps: list[Spectrum], XYZ: NDArray[np.float64], observer: Observer
 ) -> list[dict[str, Any]]:
     """Return the reflectance's colour under each light, and its ΔE from the wanted colour."""
-    from volspec.appearance.models.cielab import cielab, delta_E_2000
+    from volspec.appearance.models import cielab, delta_E_2000
     from volspec.spectra import XYZ_from_spectra, white_XYZ
 
     wanted = cielab(XYZ, white_XYZ(lamps[0], observer))
@@ -211,7 +210,7 @@ def _convert(image: Path, output: Path | None, asked: _Asked) -> None:
 
     from volspec.spectra import DEFAULT_GRID, SpectralImage, reflectances_from_colours, white_XYZ
     from volspec.spectra import light as named_light
-    from volspec.spectra.construct.colours import XYZ_from_sRGB
+    from volspec.spectra.construct import XYZ_from_sRGB
 
     if output is None or output.suffix.lower() != ".exr":
         raise ImageError(f"{image}: --image writes a spectral picture; give -o FILE.exr")

@@ -28,11 +28,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from volspec.appearance.hdr import Hdr
+    from volspec.appearance.display import Hdr
     from volspec.image import CoefficientImage
-    from volspec.relight import LightRig, RelightSpec
-    from volspec.relight.error_map import Against
-    from volspec.relight.look import Look
+    from volspec.relight import Against, LightRig, Look, RelightSpec
     from volspec.spectra import SpectralGrid, Spectrum
 
 _VIEWING, _HDR, _STEREO = PictureOptions(), HdrOptions(), StereoOptions()
@@ -127,8 +125,8 @@ def relight(
         `S0.380,000000nm`, …, or the bands of its basis, and red, green, blue as a preview. No
         appearance model is applied, so of the viewing options only `--exposure` and `--lux` count.
     """
-    from volspec.relight.look import Look
-    from volspec.spectra.lights import sent_names
+    from volspec.relight import Look
+    from volspec.spectra.library import sent_names
 
     require_image(
         image,
@@ -221,7 +219,7 @@ def _check_options(
 
 def _paths(image: Path, output: Path, names: Sequence[str], errors: bool) -> list[Path]:
     """Return the file of each light; refuse those that cannot be written."""
-    from volspec.export.frames import file_stem
+    from volspec.export import file_stem
 
     stems = [f"-{file_stem(name)}" if len(names) > 1 else "" for name in names]
     paths = [output.with_name(f"{output.stem}{stem}{output.suffix}") for stem in stems]
@@ -283,7 +281,7 @@ def _write_frames(
     errors: CoefficientImage | None,
 ) -> None:
     """Write each frame, and a map of errors if they are asked for, of the image as it is stored."""
-    from volspec.export.frames import BlankFrames, write_frame
+    from volspec.export import BlankFrames, write_frame
     from volspec.pipeline import Relighter
     from volspec.relight import error_map
 
@@ -316,8 +314,7 @@ def _lit(
     lamps: Sequence[Spectrum | LightRig], lux: float | None, image: CoefficientImage
 ) -> list[Spectrum | LightRig]:
     """Return lights with their lux, for HDR; InputError if one has none and --lux is left out."""
-    from volspec.relight import LightRig
-    from volspec.relight.hdr import with_lux
+    from volspec.relight import LightRig, with_lux
 
     if lux is not None:
         return [with_lux(lamp, lux, image.basis.grid) for lamp in lamps]
@@ -332,7 +329,7 @@ def _luminances(frame: NDArray[np.uint16], hdr: Hdr) -> str:
     """Describe the luminances of an HDR frame."""
     import numpy as np
 
-    from volspec.appearance.spaces import SPACES
+    from volspec.appearance.display import SPACES
 
     Y = hdr.luminances(frame / 65535.0) @ (SPACES["Rec. 2020"].XYZ_from_RGB[1] / 100.0)
     above = float(np.mean(1.001 * hdr.white_cd_m2 < Y))
@@ -364,7 +361,7 @@ def _tell_of_lux(image: Path, scene: RelightSpec, given: PictureOptions, spec: R
 
 def _lux_of(image: Path) -> dict[str, float]:
     """Return the lux of the scene's lights, by name; empty if the image has none."""
-    from volspec.export.compositing import Recipe
+    from volspec.export import Recipe
 
     try:
         lights = Recipe.load(image).lights
@@ -379,7 +376,7 @@ def _lux_of(image: Path) -> dict[str, float]:
 
 def _write_spectra(image: CoefficientImage, frames: Sequence[_Frame], spec: RelightSpec) -> None:
     """Write a spectral frame for each light."""
-    from volspec.export.spectral import write_spectral_frame
+    from volspec.export import write_spectral_frame
 
     for frame in frames:
         notes = {"light": frame.name, "mode": spec.mode, "Software": f"volspec {__version__}"}

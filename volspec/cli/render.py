@@ -30,7 +30,7 @@ from volspec.cli.inputs import (
 )
 from volspec.cli.shell import Device, Json, Terminal, app, bar, print_json
 from volspec.errors import InputError
-from volspec.export.animation import located_in
+from volspec.export import located_in
 
 if TYPE_CHECKING:
     from volspec.scene import Scene
@@ -82,8 +82,7 @@ def render(
     half
         Store the channels as float16: half the memory and file size, three digits.
     """
-    from volspec.export.compositing import save_for_compositors, scene_recipe
-    from volspec.export.frames import write_frame
+    from volspec.export import save_for_compositors, scene_recipe, write_frame
     from volspec.pipeline import GAPS, relight
 
     found = jobs(inputs, output, "casts and pictures", ".exr", ".png")
@@ -183,11 +182,11 @@ def view(
     """
     if trace is not None:
         require_writable(trace)
-    from volspec.volume.bundled import locate_volume
+    from volspec.volume import locate_volume
 
     file = locate_volume(file) if file else file
     # Checked before a window opens for nothing.
-    from volspec.volume.series import is_pattern
+    from volspec.volume import is_pattern
 
     known = file is None or is_pattern(file) or Path(file.partition("?")[0]).exists()
     if not known and file is not None:
@@ -199,8 +198,8 @@ def view(
         remedy = f"write ?memory={memory} after [volume] file, or give the volume"
         raise InputError(f"--memory {memory}: is for a volume", remedy, code="conflict")
     file = memory_address(file, memory) if file else file
-    from volspec.viewer.app import Options
-    from volspec.viewer.app import view as open_window
+    from volspec.viewer import Options
+    from volspec.viewer import view as open_window
 
     wanted = _sides("--screenshot", screenshot) if screenshot else None
     open_window(Options(file, trace, _sides("--size", size), wanted, device, restore))
@@ -230,8 +229,8 @@ def demo(*, out: Path = Path("volspec-demo"), device: Device = None, json: Json 
     out
         Output folder.
     """
-    from volspec._gpu.sources import asset
-    from volspec.export.demo import run_demo
+    from volspec._gpu import asset
+    from volspec.export import run_demo
     from volspec.scene import Scene
 
     require_writable(out / "sheet.png")

@@ -17,8 +17,7 @@ from volspec.errors import InputError
 
 if TYPE_CHECKING:
     from volspec.appearance.models import Appearance
-    from volspec.room import PaintRanking, Room, SurfaceAppearance
-    from volspec.room.paints import MixingLaw
+    from volspec.room import MixingLaw, PaintRanking, Room, SurfaceAppearance
     from volspec.spectra import Spectrum
 
 # Paints are compared in rooms of fewer patches: each of the best takes a solution.
@@ -113,28 +112,28 @@ def room(
     top
         Number of paints to print; default: 10.
     """
-    from volspec.appearance.spec import Viewing
+    from volspec.appearance import Viewing
     from volspec.room import (
+        Rays,
         default_eye,
         load_room,
         look,
+        look_around,
         rank_paints,
         room_picture,
+        seen_triangle,
         solve_room,
         surface_appearance,
     )
-    from volspec.room.eye import seen_triangle
-    from volspec.room.form_factors import Rays
-    from volspec.room.radiosity import look_around
     from volspec.spectra import illuminance_lux, write_spectrum
-    from volspec.spectra.tables import SUFFIXES
+    from volspec.spectra.files import TABLE_SUFFIXES
 
     if picture is not None:
         require_suffix(picture, "pictures", ".png")
         require_writable(picture)
     place = None if at is None else _place(at)
     if light is not None:
-        require_suffix(light, "spectra", *SUFFIXES)
+        require_suffix(light, "spectra", *TABLE_SUFFIXES)
         require_writable(light)
     if (at is None) is not (light is None):
         raise InputError("--at and --light belong together", "give both", code="missing")
@@ -166,7 +165,7 @@ def room(
             solved = solved.painted(dict.fromkeys(ranking.surfaces, best))
         conditions = look(solved, eye, viewing, white)
         if picture is not None:
-            from volspec.export.frames import write_frame
+            from volspec.export import write_frame
 
             codes = room_picture(solved, eye, conditions, sides(size), progress=tell)
             write_frame(picture, np.rint(255.0 * codes).astype(np.uint8), {"title": name})
@@ -221,9 +220,9 @@ def _paints(
         paint_set,
         painted_surfaces,
         present_appearance,
+        require_reflectance,
         wanted_appearance,
     )
-    from volspec.room.quantities import require_reflectance
 
     surface = "walls" if surface is None else surface
     painted_surfaces(room, surface)
@@ -244,7 +243,7 @@ def _paints(
 
 def _mixing(text: str) -> tuple[float, MixingLaw]:
     """Return the step and the law of ``STEP`` or ``STEP,LAW``."""
-    from volspec.room.paints import MIXING_LAWS
+    from volspec.room import MIXING_LAWS
 
     step, comma, law = (part.strip() for part in text.partition(","))
     laws: dict[str, MixingLaw] = {each: each for each in MIXING_LAWS}

@@ -18,15 +18,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Group, Parameter
 
 from volspec.appearance import Viewing, ViewingConditions
-from volspec.appearance.display import ROOM, Display, preset
-from volspec.appearance.hdr import Hdr
-from volspec.appearance.models.hunt import HuntSettings
-from volspec.appearance.models.nayatani95 import NayataniSettings
+from volspec.appearance.display import ROOM, Display, Hdr, preset
+from volspec.appearance.models import HuntSettings, NayataniSettings
 from volspec.cli.arguments import parse_triple
 from volspec.cli.options import Options, require_with
 from volspec.errors import InputError, SpectrumError
-from volspec.image.depth import DepthEffects
-from volspec.relight.stereo import Stereo
+from volspec.image import DepthEffects
+from volspec.relight import Stereo
 from volspec.settings import hints
 
 if TYPE_CHECKING:
@@ -308,8 +306,7 @@ def errors_of_file(path: Path, only: str | None = None) -> Iterator[None]:
 
 
 def _white_of(white: str) -> tuple[float, float, float]:
-    from volspec.spectra import light
-    from volspec.spectra.photometry import white_XYZ
+    from volspec.spectra import light, white_XYZ
 
     if (given := parse_triple(white)) is not None:
         return given

@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec._checks import Vector, unit
-from volspec.camera import Camera
-from volspec.camera.camera import Orbit
+from volspec.camera import Camera, Orbit
 from volspec.errors import (
     CameraError,
     ImageError,
@@ -35,14 +34,18 @@ from volspec.errors import (
     ViewingError,
 )
 from volspec.image import DepthEffects
-from volspec.raycast.kernel_arguments import check_reach
-from volspec.relight import RelightSpec
-from volspec.relight.look import Look
+from volspec.raycast.launch import check_reach
+from volspec.relight import Look, RelightSpec
 from volspec.scene import Scene
-from volspec.scene.export import KeyCamera, Keyframe, Turntable
-from volspec.transfer import Isosurfaces, TransferFunction, TransferFunction2D, Transfers
-from volspec.transfer.missing import bake_for_volume
-from volspec.transfer.opacities import check_opacities
+from volspec.scene.tables import KeyCamera, Keyframe, Turntable
+from volspec.transfer import (
+    Isosurfaces,
+    TransferFunction,
+    TransferFunction2D,
+    Transfers,
+    bake_for_volume,
+    check_opacities,
+)
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]

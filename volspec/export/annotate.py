@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._text import TextLine, fit_text, printable
-from volspec.camera import Camera
-from volspec.camera.projection import (
+from volspec.camera import (
+    Camera,
     Projection,
     cube_faces,
     cube_label,
@@ -29,8 +29,7 @@ from volspec.camera.projection import (
 )
 from volspec.errors import VolspecWarning, quoted
 from volspec.export.value_bars import ValueBar
-from volspec.scene.annotation import Annotation, PlacedAnnotation, place_annotation
-from volspec.scene.export import Mark
+from volspec.scene.tables import Annotation, Mark, PlacedAnnotation, place_annotation
 from volspec.volume import Volume
 
 if TYPE_CHECKING:

@@ -26,7 +26,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.hdr import ContentLight, Hdr
+from volspec.appearance.display import ContentLight, Hdr
 from volspec.errors import InputError
 from volspec.export.ffmpeg import ffmpeg
 

@@ -25,18 +25,22 @@ from numpy.typing import NDArray
 
 from volspec._exr import read_header, to_half
 from volspec._parse import parse_json
+from volspec.appearance import ViewingConditions
 from volspec.appearance.adaptation import adaptation
-from volspec.appearance.surround import ViewingConditions
-from volspec.basis import Basis, MaterialBasis, SpectralBasis
-from volspec.basis.display import visible_white
+from volspec.basis import Basis, MaterialBasis, SpectralBasis, visible_white
 from volspec.errors import ImageError, ViewingError, quoted
 from volspec.export.exr import PRIMARIES
 from volspec.export.spectral import flat_white_scale
-from volspec.image import CoefficientImage
-from volspec.image.file import SOLID_VERSION, channel_names, plain_names, stored_slots
-from volspec.image.layers import MAX_LAYERS, Slot
-from volspec.relight import LightRig, RelightSpec
-from volspec.relight.illumination import Illumination
+from volspec.image import (
+    MAX_LAYERS,
+    SOLID_VERSION,
+    CoefficientImage,
+    Slot,
+    channel_names,
+    plain_names,
+    stored_slots,
+)
+from volspec.relight import Illumination, LightRig, RelightSpec
 from volspec.scene import NamedLight, Scene
 from volspec.spectra import Spectrum
 

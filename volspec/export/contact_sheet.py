@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._text import fit_text, printable
-from volspec.appearance.spaces import spectrum_colours
+from volspec.appearance.display import spectrum_colours
 from volspec.errors import ShapeError
 from volspec.spectra import Spectrum
 

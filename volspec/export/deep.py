@@ -25,9 +25,7 @@ from volspec._files import require_suffix
 from volspec.errors import ImageError
 from volspec.export.compositing import Recipe
 from volspec.export.exr import PRIMARIES
-from volspec.image import CoefficientImage
-from volspec.image.depth import axis_cosine, extents
-from volspec.image.file import channel_names
+from volspec.image import CoefficientImage, axis_cosine, channel_names, extents
 
 _CLEAR = 2.0**-24  # alpha of a sample that half floats do not show
 _MOST_DEPTH = 16.0  # optical depth of an opaque pixel

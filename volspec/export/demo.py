@@ -19,14 +19,14 @@ import numpy as np
 
 from volspec import __version__
 from volspec._files import write_whole
-from volspec.basis.report import basis_report
+from volspec.basis import basis_report
 from volspec.export.compositing import save_for_compositors, scene_recipe
 from volspec.export.contact_sheet import SheetColumn, contact_sheet
 from volspec.export.frames import file_stem, write_frame
 from volspec.export.page import PageSpec, PageView, write_page
 from volspec.pipeline import Raycaster, Relighter
 from volspec.scene import Scene, write_scene
-from volspec.scene.specs import MaterialSpec
+from volspec.scene.tables import MaterialSpec
 from volspec.spectra.files import rebase_path, split_address
 
 Progress = Callable[[str, float], None]

@@ -21,10 +21,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from volspec._files import exclusive_folder, require_writable, require_writable_folder
-from volspec._gpu.opencl import Compute
+from volspec._gpu import Compute
 from volspec.errors import CastCancelled, InputError, ViewingError, VolspecError, VolspecWarning
 from volspec.export.annotate import Patch, paint
-from volspec.export.film import EVEN, SUFFIXES, check_film, write_film
+from volspec.export.film import EVEN, FILM_SUFFIXES, check_film, write_film
 from volspec.export.frame_files import (
     Array,
     FrameFiles,
@@ -41,9 +41,8 @@ from volspec.export.plan import Plan, Shot, plan_export
 from volspec.export.tiles import Canvas, TileCaster, Window, part_of
 from volspec.image import CoefficientImage
 from volspec.pipeline import GAPS, Raycaster
-from volspec.relight.stereo import expected_depth_mm
-from volspec.scene import Scene
-from volspec.scene.model import cast_notes
+from volspec.relight import expected_depth_mm
+from volspec.scene import Scene, cast_notes
 from volspec.settings import plain
 from volspec.volume import Series, Volume
 
@@ -153,7 +152,7 @@ def export(
     progress = progress or (lambda step, fraction: None)
     scene = scene.exporting(**changes) if changes else scene
     target, table = Path(output), scene.file.export
-    is_film = target.suffix.lower() in SUFFIXES
+    is_film = target.suffix.lower() in FILM_SUFFIXES
     if is_film:
         check_film(target, table, scene.relight.viewing.display.colours)
     else:
@@ -222,7 +221,7 @@ def export(
 def _require_folder_name(target: Path) -> None:
     """Refuse a file, and a name that ends like a file of a kind that is not written."""
     suffix = target.suffix.lower()
-    known = SUFFIXES + _OTHER_FILMS + _PICTURES
+    known = FILM_SUFFIXES + _OTHER_FILMS + _PICTURES
     if target.is_dir() or (
         not target.is_file() and not get_close_matches(suffix, known, 1, _CLOSE)
     ):
@@ -233,7 +232,7 @@ def _require_folder_name(target: Path) -> None:
     folder = f"a folder for the frames, such as {target.with_suffix('')}"
     raise InputError(
         f"{target}: {what}",
-        f"name {folder}, or a film {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}",
+        f"name {folder}, or a film {', '.join(FILM_SUFFIXES[:-1])} or {FILM_SUFFIXES[-1]}",
         code="type",
     )
 

@@ -27,9 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._exr import chromaticities, to_half
-from volspec.appearance.profile import D50_from_white
-from volspec.appearance.spaces import SPACES, ColourSpace, Transfer
-from volspec.spectra.spectral_image import spectral_channels, spectral_header
+from volspec.appearance.display import SPACES, ColourSpace, D50_from_white, Transfer
+from volspec.spectra.files import spectral_channels, spectral_header
 
 _MAGIC, _VERSION = 20000630, 2
 _HALF, _ZIP, _RISING = 1, 3, 0  # pixel type, compression, order of lines

@@ -25,11 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._files import write_whole
-from volspec.appearance.spaces import SPACES, ColourSpace
+from volspec.appearance.display import SPACES, ColourSpace
 from volspec.errors import InputError, VolspecWarning
 from volspec.export.ffmpeg import ffmpeg
 from volspec.export.frames import read_frame
-from volspec.scene.export import ExportSpec
+from volspec.scene.tables import ExportSpec
 
 # ffmpeg's names of a space's primaries and curve; films in other spaces cannot be tagged.
 _TAGS = {
@@ -60,7 +60,7 @@ _CODECS: Mapping[str, tuple[str, ...]] = {
         "-c:v apng -pred mixed -plays 0 -pix_fmt rgba",
     ),
 }
-SUFFIXES = (*_CODECS, ".gif")
+FILM_SUFFIXES = (*_CODECS, ".gif")
 TRANSPARENT = tuple(suffix for suffix, words in _CODECS.items() if len(words) > 1)
 _SRGB_ONLY = (".webp", ".apng", ".gif")
 # Formats whose chroma is shared by four pixels, so that sides are even.

@@ -20,9 +20,7 @@ from numpy.typing import NDArray
 from volspec import __version__
 from volspec._exr import to_half
 from volspec._files import write_whole
-from volspec.appearance.display import colour_space
-from volspec.appearance.hdr import Hdr
-from volspec.appearance.spaces import ColourSpace, to_uint8, to_uint16
+from volspec.appearance.display import ColourSpace, Hdr, colour_space, to_uint8, to_uint16
 from volspec.errors import ViewingError
 from volspec.export import exr
 from volspec.export.annotate import MarkedPicture, Patch, picture_marks
@@ -36,11 +34,9 @@ from volspec.export.spectral import SpectralIllumination
 from volspec.export.tiles import row_strips
 from volspec.export.value_bars import material_colours, value_bars
 from volspec.image import CoefficientImage
-from volspec.relight import Relighter
-from volspec.relight.illumination import Illumination
-from volspec.relight.measured_viewing import ViewingMeter
+from volspec.relight import Illumination, Relighter, ViewingMeter
 from volspec.scene import Scene
-from volspec.scene.export import ExportSpec
+from volspec.scene.tables import ExportSpec
 from volspec.volume import Volume
 
 Array = NDArray[Any]

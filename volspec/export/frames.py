@@ -16,9 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._files import require_suffix, write_whole
-from volspec.appearance.display import colour_space
-from volspec.appearance.hdr import Hdr
-from volspec.appearance.spaces import ColourSpace
+from volspec.appearance.display import ColourSpace, Hdr, colour_space
 from volspec.errors import ImageError, InputError, VolspecWarning, one_line
 from volspec.export.avif import BITS as AVIF_BITS
 from volspec.export.avif import AvifWriter

@@ -27,7 +27,7 @@ from volspec._parse import parse_json
 from volspec.errors import InputError
 from volspec.scene import Scene
 from volspec.settings import plain
-from volspec.spectra.lights import sent_name
+from volspec.spectra.library import sent_name
 from volspec.volume import Volume
 
 NAME = "export.json"

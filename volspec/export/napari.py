@@ -16,8 +16,7 @@ from typing import Any
 from volspec.export.notebook.settings import DEFAULT_LIGHTS
 from volspec.image import CoefficientImage
 from volspec.pipeline import Relighter, relight
-from volspec.relight import LightRig
-from volspec.relight.spec import Pixels, mixed_rig
+from volspec.relight import LightRig, Pixels, mixed_rig
 from volspec.scene import Scene, stored_relight_spec
 from volspec.spectra import light
 

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._exr import read_exr
-from volspec.appearance.hdr import Hdr
-from volspec.appearance.spaces import SPACES, decode_sRGB, encode_sRGB
+from volspec.appearance.display import SPACES, Hdr, decode_sRGB, encode_sRGB
 from volspec.errors import ImageError
 from volspec.export.contact_sheet import (
     SheetColumn,
@@ -27,7 +26,7 @@ from volspec.export.exr import PRIMARIES, white_adaptation
 from volspec.export.frames import read_frame, write_frame
 from volspec.export.plan import Plan
 from volspec.scene import Scene
-from volspec.scene.export import ExportSpec
+from volspec.scene.tables import ExportSpec
 
 if TYPE_CHECKING:
     from PIL import Image

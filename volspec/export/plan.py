@@ -18,31 +18,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.scene_to_display import view_transform
+from volspec.appearance import view_transform
 from volspec.camera import Camera
 from volspec.errors import InputError, SceneError
 from volspec.export import animation
 from volspec.export.animation import FrameState
 from volspec.export.frames import distinct_stems
-from volspec.raycast.fields import FieldCast
-from volspec.raycast.kernel_arguments import check_reach
-from volspec.raycast.layer_stream import check_layers
-from volspec.raycast.surfaces import Behind
-from volspec.relight import LightRig, RelightSpec
-from volspec.relight.hdr import check_hdr
-from volspec.relight.illumination import Illumination
-from volspec.relight.look import Look
-from volspec.relight.spec import mixed_rig
-from volspec.scene import NamedLight, Scene
-from volspec.scene.export import ExportSpec, Play
-from volspec.scene.file import SceneFaults, SceneFile, scene_data, scene_file
-from volspec.scene.lights import require_lux
-from volspec.scene.resolve import Resolver
-from volspec.scene.specs import EMPTY, ROOM_LIGHT
+from volspec.raycast import Behind
+from volspec.raycast.launch import FieldCast, check_layers, check_reach
+from volspec.relight import Illumination, LightRig, Look, RelightSpec, check_hdr, mixed_rig
+from volspec.scene import (
+    NamedLight,
+    Resolver,
+    Scene,
+    SceneFaults,
+    SceneFile,
+    scene_data,
+    scene_file,
+)
+from volspec.scene.tables import EMPTY, ROOM_LIGHT, ExportSpec, Play, require_lux
 from volspec.settings import try_table
-from volspec.transfer import FieldTables, Transfers
-from volspec.transfer.missing import bake_for_volume
-from volspec.transfer.opacities import check_opacities
+from volspec.transfer import FieldTables, Transfers, bake_for_volume, check_opacities
 from volspec.volume import Series, Volume
 
 # Stem of coefficient images; other frames are named after their light.

@@ -24,9 +24,14 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance.hdr import ContentLight, Hdr
-from volspec.appearance.profile import D50_XYZ, D50_from_white
-from volspec.appearance.spaces import SPACES, ColourSpace
+from volspec.appearance.display import (
+    D50_XYZ,
+    SPACES,
+    ColourSpace,
+    ContentLight,
+    D50_from_white,
+    Hdr,
+)
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _COLOUR_TYPES = {3: 2, 4: 6}

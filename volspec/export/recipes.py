@@ -14,13 +14,12 @@ from typing import NamedTuple, Self
 
 from volspec._exr import read_exr
 from volspec._files import write_whole
-from volspec._gpu.sources import asset
+from volspec._gpu import asset
 from volspec.errors import ImageError, visible
 from volspec.export.compositing import Recipe
-from volspec.image.file import CASTS, layer_names
-from volspec.image.layers import BEND, MOST_EXPONENT, OCCLUSION_GAIN, Slot
+from volspec.image import BEND, CASTS, MOST_EXPONENT, OCCLUSION_GAIN, Slot, layer_names
 
-SUFFIXES = (".py", ".nk")
+RECIPE_SUFFIXES = (".py", ".nk")
 # Tcl's brackets, braces, quotes and variables; HTML's tags and entities; @ for icons.
 _IN_LABELS = str.maketrans('{}[]<>\\"$&@', "()()()/'_+_")
 _DIGITS = 9  # significant digits in expressions, as in a header
@@ -31,7 +30,7 @@ def write_recipe(path: Path, image: Path) -> None:
 
     The image is a coefficient image with lights in its header.
     """
-    if path.suffix.lower() not in SUFFIXES:
+    if path.suffix.lower() not in RECIPE_SUFFIXES:
         raise ImageError(
             f"{path}: is not the recipe of a known compositor",
             "name it .py for Blender or .nk for Nuke",

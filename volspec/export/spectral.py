@@ -28,14 +28,16 @@ from volspec.basis import Basis, SpectralBasis
 from volspec.export.exr import PRIMARIES, ExrBands, ExrHeader, ExrWriter, encoding_threads
 from volspec.export.frames import row_file
 from volspec.export.tiles import row_strips
-from volspec.image import CoefficientImage
-from volspec.image.fields import ONE_GROUP
-from volspec.relight import LightRig, RelightSpec
-from volspec.relight.illumination import Illumination
-from volspec.spectra import SpectralGrid, Spectrum
-from volspec.spectra.datasets import Observer, colour_matching_functions
-from volspec.spectra.photometry import illuminance_lux
-from volspec.spectra.spectrum import stack
+from volspec.image import ONE_GROUP, CoefficientImage
+from volspec.relight import Illumination, LightRig, RelightSpec
+from volspec.spectra import (
+    Observer,
+    SpectralGrid,
+    Spectrum,
+    colour_matching_functions,
+    illuminance_lux,
+    stack,
+)
 
 Array = NDArray[np.float64]
 

@@ -17,15 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._checks import MAX_SIDE
-from volspec.camera import Camera
-from volspec.camera.camera import RayField
+from volspec.camera import Camera, RayField
 from volspec.errors import VolspecWarning
 from volspec.image import CoefficientImage
 from volspec.pipeline import GAPS, Raycaster, raycast
-from volspec.raycast import RaycastSpec
-from volspec.raycast.row_batches import Progress
-from volspec.raycast.surfaces import Behind
-from volspec.relight.stereo import ShiftedCamera
+from volspec.raycast import Behind, RaycastSpec
+from volspec.raycast.launch import Progress
+from volspec.relight import ShiftedCamera
 from volspec.transfer import Transfers
 
 # Bytes of one cast; and of a relit strip, including its copy on the device.

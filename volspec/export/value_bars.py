@@ -14,14 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.gamut_mapping import screen_for_viewing
-from volspec.appearance.scene_to_display import view_transform
+from volspec.appearance import screen_for_viewing, view_transform
 from volspec.basis import Basis
-from volspec.relight import LightRig, RelightSpec
-from volspec.relight.illumination import Illumination
+from volspec.relight import Illumination, LightRig, RelightSpec
 from volspec.spectra import Spectrum, XYZ_from_spectra
-from volspec.transfer import FieldFunctions, TransferFunction
-from volspec.transfer.mixes import used_materials, weight_matrix
+from volspec.transfer import FieldFunctions, TransferFunction, used_materials, weight_matrix
 from volspec.volume import Volume
 
 _COLOURS = 64

@@ -1,6 +1,5 @@
 """Coefficient images: files, layers of opacity, effects of depth, reprojection."""
 
-from volspec.image.depth import DepthEffects
-from volspec.image.model import CoefficientImage
+import lazy_loader
 
-__all__ = ["CoefficientImage", "DepthEffects"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

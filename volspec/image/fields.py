@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from volspec._checks import number
 from volspec.basis import Basis, MaterialBasis
-from volspec.camera.camera import Camera
+from volspec.camera import Camera
 from volspec.errors import ImageError, ShapeError
 from volspec.image.layers import OpacityLayers
 

@@ -39,9 +39,9 @@ from numpy.typing import ArrayLike, NDArray
 from volspec._exr import Channels, chromaticities, read_exr, write_exr
 from volspec._files import require_suffix
 from volspec._parse import parse_json
-from volspec.appearance.spaces import SPACES
+from volspec.appearance.display import SPACES
 from volspec.basis import Basis, MaterialBasis, basis_from_dict
-from volspec.camera.camera import Camera
+from volspec.camera import Camera
 from volspec.errors import ImageError, ShapeError, VolspecError
 from volspec.image.fields import ImageFields, checked_groups
 from volspec.image.layers import MAX_LAYERS, OpacityLayers, Slot

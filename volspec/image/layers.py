@@ -14,8 +14,8 @@ layer, so that a material alone is exact at scale 1 whatever is in front of it:
 
     f_gk = Σ e^(−τ_k before) (1 − e^(−τ_k,i)) f_g,i / (1 − e^(−τ_k))
 
-`volspec.raycast.layer_stream` says where layers begin and end. The last may be of opaque surfaces,
-which no scale changes.
+`volspec.raycast.launch.layer_stream` says where layers begin and end. The last may be of opaque
+surfaces, which no scale changes.
 
 If lights have shadows, shades and highlights are stored without, and a layer has a part v of each
 that shadows may take, and optical depths E_j of the materials on the way to the lights, so that

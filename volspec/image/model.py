@@ -22,8 +22,7 @@ from volspec.image.depth import DepthEffects, recompose_in_depth
 from volspec.image.fields import ImageFields
 from volspec.image.file import read_image, write_image
 from volspec.image.layers import checked_scales, residual_share, warn_of_absent
-from volspec.spectra import SpectralGrid, SpectralImage, Spectrum
-from volspec.spectra.spectrum import light_power
+from volspec.spectra import SpectralGrid, SpectralImage, Spectrum, light_power
 
 NO_SCALES: Mapping[str, float] = MappingProxyType({})
 # Accepted reflectances in a spectral picture: camera noise falls below 0, highlights exceed 1.

@@ -25,10 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._checks import checked_size, whole
-from volspec._gpu.opencl import Compute
-from volspec._gpu.prelude import Struct, prelude
-from volspec._gpu.sources import assemble
-from volspec.camera.camera import Camera, RayField
+from volspec._gpu import Compute, Struct, assemble, prelude
+from volspec.camera import Camera, RayField
 from volspec.errors import ImageError
 from volspec.image.layers import OpacityLayers
 from volspec.image.model import CoefficientImage

@@ -1,5 +1,5 @@
 """Volumes of any size: levels of detail cast part by part, on one machine or a cluster."""
 
-from volspec.large.raycaster import Raycaster
+import lazy_loader
 
-__all__ = ["Raycaster"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -29,17 +29,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._extras import require_extra
-from volspec.camera.camera import Camera
+from volspec.camera import Camera
 from volspec.errors import CastCancelled, DeviceError, RaycastError, VolspecError, one_line
 from volspec.large.level_caster import LevelCaster, PartPicture, finished
 from volspec.large.parts import Part, Rect, view_of
-from volspec.raycast.gpu import VolumeCaster
-from volspec.raycast.light_volume import Clear, light_layers
-from volspec.raycast.row_batches import Cancel, Progress, Result
-from volspec.raycast.spec import RaycastSpec
+from volspec.raycast import RaycastSpec, VolumeCaster
+from volspec.raycast.launch import Cancel, Clear, Progress, Result, light_layers
 from volspec.transfer import Table
 from volspec.volume import Volume
-from volspec.volume.pyramid import Chunk, Level, Pyramid
+from volspec.volume.levels import Chunk, Level, Pyramid
 
 if TYPE_CHECKING:
     from distributed import Client, Future, WorkerPlugin

@@ -32,22 +32,21 @@ import numpy as np
 
 from volspec._files import exclusive_folder, require_writable_folder
 from volspec.errors import InputError, VolumeError, one_line
-from volspec.volume.files.tensors import fast_array, import_zarr
-from volspec.volume.labels import Labels
-from volspec.volume.metadata import Metadata
-from volspec.volume.model import block_modes, downsample
-from volspec.volume.pyramid import (
+from volspec.volume import Labels, Metadata, block_modes, downsample
+from volspec.volume.files import fast_array, import_zarr
+from volspec.volume.levels import (
     BLOCK,
     Box,
     Index,
     Level,
+    Sample,
+    Sampler,
     boxes_in,
     cast_dtype,
     halve,
     ranges_of,
     with_next,
 )
-from volspec.volume.sample import Sample, Sampler
 
 CHUNK = 64
 """Voxels along the edge of a file, whose blocks can be read by themselves."""

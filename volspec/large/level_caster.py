@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._checks import checked_size
-from volspec._gpu.sharing import Sharing
-from volspec.camera.camera import Camera
+from volspec._gpu import Sharing
+from volspec.camera import Camera
 from volspec.errors import CastCancelled, RaycastError, VolspecWarning, VolumeError
 from volspec.large.parts import (
     Part,
@@ -34,19 +34,32 @@ from volspec.large.parts import (
     sides_for,
     view_of,
 )
-from volspec.raycast import kernel_arguments
-from volspec.raycast.bricks import BRICK, brick_codes, brick_ranges, visible_by_table
-from volspec.raycast.gpu import VolumeCaster
-from volspec.raycast.kernel_arguments import check_reach
-from volspec.raycast.light_volume import Arrives, Clear, LightVolume, VoxelBox
-from volspec.raycast.packets import TILES
-from volspec.raycast.programs import GROUPS, cast_kernel
-from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result, RowBatches
-from volspec.raycast.sampling import clip_rays, world_rays
-from volspec.raycast.spec import RaycastSpec
+from volspec.raycast import RaycastSpec, VolumeCaster
+from volspec.raycast.launch import (
+    BRICK,
+    GROUPS,
+    TILES,
+    Arrives,
+    Cancel,
+    Clear,
+    LightVolume,
+    Progress,
+    Receiver,
+    Result,
+    RowBatches,
+    VoxelBox,
+    brick_codes,
+    brick_ranges,
+    cast_kernel,
+    check_reach,
+    clip_rays,
+    kernel_arguments,
+    visible_by_table,
+    world_rays,
+)
 from volspec.transfer import FieldTables, SurfaceTable, Table, Tables, Transfers, TransferTable
 from volspec.volume import Volume
-from volspec.volume.pyramid import COARSE_BYTES, Box, Chunk, Level, common, size_text
+from volspec.volume.levels import COARSE_BYTES, Box, Chunk, Level, common, size_text
 
 # Pixels of a part's first launch; launches grow from there.
 _FIRST_PIXELS = 1 << 16

@@ -17,12 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.camera.camera import Camera
-from volspec.camera.projection import NEAR, Projection
-from volspec.raycast.bricks import BRICK
-from volspec.raycast.spec import RaycastSpec
+from volspec.camera import NEAR, Camera, Projection
+from volspec.raycast import RaycastSpec
+from volspec.raycast.launch import BRICK
 from volspec.volume import Volume
-from volspec.volume.pyramid import BLOCK, Box, Index, Level
+from volspec.volume.levels import BLOCK, Box, Index, Level
 
 # Cells along a part's edge: many enough that a launch is worth its cost, few enough that two parts
 # and the chunks around them are small next to a budget.

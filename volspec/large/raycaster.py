@@ -8,9 +8,8 @@ from volspec.camera import Camera
 from volspec.errors import RaycastError
 from volspec.large.cluster import Cluster, is_cluster
 from volspec.large.level_caster import LevelCaster, level_for
-from volspec.raycast.gpu import VolumeCaster
-from volspec.raycast.packets import Packet
-from volspec.raycast.spec import RaycastSpec
+from volspec.raycast import RaycastSpec, VolumeCaster
+from volspec.raycast.launch import Packet
 from volspec.volume import Volume
 
 

@@ -1,6 +1,5 @@
 """Surfaces of triangles: files, materials, textures, gratings, and their coefficient images."""
 
-from typing import Literal
+import lazy_loader
 
-Shape = Literal["plane", "disc", "sphere", "triad"]
-"""Shapes that need no file."""
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

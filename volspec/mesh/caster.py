@@ -24,26 +24,24 @@ from numpy.typing import NDArray
 
 from volspec._checks import checked_size
 from volspec.basis import Basis, SpectralBasis
-from volspec.camera.camera import Camera
-from volspec.camera.projection import NEAR, Projection
+from volspec.camera import NEAR, Camera, Projection
 from volspec.errors import MeshError, VolspecWarning
-from volspec.image.model import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.mesh.model import Mesh
 from volspec.mesh.paint import Paint, mesh_paint
 from volspec.mesh.shading import Lighting, Seen
 from volspec.mesh.surfaces import MOST_SHEETS, Surfaces, passed, same_surfaces
-from volspec.raycast.light_volume import Arrives, Clear
-from volspec.raycast.sampling import world_rays
-from volspec.raycast.spec import RaycastSpec
-from volspec.raycast.surfaces import (
+from volspec.raycast import (
     POINTS,
     BehindImage,
     OpacityCaster,
+    RaycastSpec,
     further_points,
     next_to,
     nothing,
     put_behind,
 )
+from volspec.raycast.launch import Arrives, Clear, world_rays
 from volspec.spectra import Spectrum
 from volspec.volume import Volume
 

@@ -22,7 +22,7 @@ from pydantic import Field
 
 from volspec.errors import MeshError
 from volspec.settings import Unit, Vector, settings
-from volspec.spectra.grid import SpectralGrid
+from volspec.spectra import SpectralGrid
 
 Array = NDArray[np.float64]
 # Peaks farther away than this many widths are left out.

@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from volspec._extras import require_extra
 from volspec._triangles import read_triangles
-from volspec.appearance.spaces import sRGB_CURVE
+from volspec.appearance.display import sRGB_CURVE
 from volspec.errors import Code, MeshError, VolspecWarning, quoted
 from volspec.mesh.grating import Grating
 from volspec.mesh.texture import Texture

@@ -14,13 +14,10 @@ from numpy.typing import NDArray
 
 from volspec._triangles import cosine_directions
 from volspec.basis import Basis, SpectralBasis
-from volspec.camera.camera import Camera
+from volspec.camera import Camera
 from volspec.mesh.grating import Grating
-from volspec.raycast.kernel_arguments import numbered_sources
-from volspec.raycast.light_volume import FAR, Arrives, Clear
-from volspec.raycast.lights import Ambient, Directional, Point, Source
-from volspec.raycast.sampling import source_at
-from volspec.raycast.spec import RaycastSpec
+from volspec.raycast import Ambient, Directional, Point, RaycastSpec, Source
+from volspec.raycast.launch import FAR, Arrives, Clear, numbered_sources, source_at
 
 Array = NDArray[np.float64]
 # Rays of ambient occlusion from each point, and where some of them are closed: a step of one in 32

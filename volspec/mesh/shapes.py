@@ -5,18 +5,19 @@ size, material -> [shapes] -> Mesh
 
 from __future__ import annotations
 
-from typing import get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec._extras import require_extra
 from volspec.errors import MeshError, nearest
-from volspec.mesh import Shape
 from volspec.mesh.model import Mesh
 from volspec.mesh.texture import Texture
 
 Array = NDArray[np.float64]
+Shape = Literal["plane", "disc", "sphere", "triad"]
+"""Shapes that need no file."""
 # Divisions of a whole turn.
 _TURN = 256
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from volspec._triangles import TriangleRays
 from volspec.mesh.model import Mesh
 from volspec.mesh.shading import Seen
-from volspec.raycast.light_volume import FAR
+from volspec.raycast.launch import FAR
 
 Array = NDArray[np.float64]
 # Translucent surfaces behind each other.

@@ -27,14 +27,11 @@ from volspec._cache import cached_arrays
 from volspec._confine import require_inside
 from volspec._extras import require_extra
 from volspec._files import captured_output
-from volspec._gpu.opencl import Compute
-from volspec._gpu.prelude import prelude
-from volspec._gpu.sources import assemble
+from volspec._gpu import Compute, assemble, prelude
 from volspec.basis import Basis, SpectralBasis
 from volspec.errors import Code, MeshError
-from volspec.spectra import Spectrum, light, reflectances_from_colours, white_XYZ
-from volspec.spectra.construct.colours import XYZ_from_sRGB
-from volspec.spectra.grid import SpectralGrid
+from volspec.spectra import SpectralGrid, Spectrum, light, reflectances_from_colours, white_XYZ
+from volspec.spectra.construct import XYZ_from_sRGB
 
 Array = NDArray[np.float64]
 Texels = NDArray[np.float16]

@@ -34,9 +34,14 @@ from volspec._figures import (
     write_figure,
 )
 from volspec._files import require_suffix
-from volspec.appearance.deficiency import DEFICIENCIES, Simulation, simulation
-from volspec.appearance.difference import SYMBOLS
-from volspec.appearance.spaces import ColourSpace, spectrum_colours
+from volspec.appearance.comparison import SYMBOLS
+from volspec.appearance.display import (
+    DEFICIENCIES,
+    ColourSpace,
+    Simulation,
+    simulation,
+    spectrum_colours,
+)
 from volspec.palette.measures import CellReport
 from volspec.palette.model import Palette
 from volspec.palette.optimisation import Design
@@ -49,7 +54,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-SUFFIXES = (".png", ".svg", ".pdf")
+FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 # Inches. Cells shrink from the largest to the smallest as a palette grows.
 _CELLS, _LARGEST, _SMALLEST = 7.2, 1.25, 0.56
 _MARGIN, _GAP, _KEY, _LINE = 0.36, 0.07, 0.5, 0.17
@@ -89,7 +94,7 @@ def save_palette_figure(
     title: str = "",
 ) -> None:
     """Write `palette_figure` as .png, .svg or .pdf, atomically; refuse other suffixes."""
-    require_suffix(path, "figures", *SUFFIXES)
+    require_suffix(path, "figures", *FIGURE_SUFFIXES)
     write_figure(palette_figure(design, report, title), path)
 
 

@@ -29,8 +29,7 @@ from volspec.palette.tables import (
 )
 from volspec.palette.variables import PaletteSpectrum, fault
 from volspec.settings import FileFaults, row_names, try_table
-from volspec.spectra import SpectralGrid, Spectrum, light, reflectance
-from volspec.spectra.grid import grid_of_values
+from volspec.spectra import SpectralGrid, Spectrum, grid_of_values, light, reflectance
 
 # Values of a free spectrum came from a design.
 _NOTES: dict[bool, dict[str, str]] = {True: {"designed": "volspec design"}, False: {}}

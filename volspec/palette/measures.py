@@ -18,14 +18,13 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance.deficiency import DEFICIENCIES
-from volspec.appearance.difference import Difference, distance, uniform
-from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.appearance.comparison import Difference, distance, uniform
+from volspec.appearance.display import DEFICIENCIES
+from volspec.appearance.models import cielab, delta_E_2000
 from volspec.palette.model import Cell, Place, Triple, hexadecimal
 from volspec.palette.optimisation import Design, Phase, apart_cost, compared_colours
 from volspec.palette.state import ColourModel, State
-from volspec.spectra import Spectrum
-from volspec.spectra.observers import population
+from volspec.spectra import Spectrum, population
 
 Array = NDArray[np.float64]
 

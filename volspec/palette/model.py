@@ -21,14 +21,14 @@ from typing import Annotated, Literal, get_args
 import numpy as np
 from pydantic import Field
 
-from volspec.appearance.deficiency import DeficiencyName
-from volspec.appearance.spec import Viewing
+from volspec.appearance import Viewing
+from volspec.appearance.display import DeficiencyName
 from volspec.basis import SpectralBasis
 from volspec.errors import Code, PaletteError, SpectrumError, nearest, quoted
 from volspec.palette.variables import PaletteSpectrum, fault
 from volspec.settings import Fraction, Hint, NotNegative, Positive, settings
 from volspec.spectra import DEFAULT_GRID, SpectralGrid
-from volspec.spectra.construct.colours import sRGB_from_word
+from volspec.spectra.construct import sRGB_from_word
 
 Place = tuple[str, str]
 """Names of a cell's reflectance and light."""

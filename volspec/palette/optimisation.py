@@ -21,8 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.basis import SpectralBasis
-from volspec.basis.display import display_matrix
+from volspec.basis import SpectralBasis, display_matrix
 from volspec.errors import PaletteError
 from volspec.palette.linearisation import ROW_WEIGHT, CellEquations, Variables
 from volspec.palette.model import Cell, Index, Palette

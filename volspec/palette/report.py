@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from volspec.appearance.difference import Difference
+from volspec.appearance.comparison import Difference
 from volspec.palette.measures import DesignMeasures
 from volspec.palette.optimisation import Design
 from volspec.palette.text import plain_text

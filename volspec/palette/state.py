@@ -15,12 +15,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance.deficiency import Simulation, simulation
-from volspec.appearance.models.cielab import XYZ_from_cielab, cielab, cielab_chord
-from volspec.appearance.scene_to_display import CLOSED, view_transform
-from volspec.appearance.spaces import ColourSpace
-from volspec.appearance.spec import Viewing
-from volspec.appearance.transforms import ClosedTransform, LinearTransform
+from volspec.appearance import CLOSED, ClosedTransform, LinearTransform, Viewing, view_transform
+from volspec.appearance.display import ColourSpace, Simulation, simulation
+from volspec.appearance.models import XYZ_from_cielab, cielab, cielab_chord
 from volspec.palette.model import Palette
 from volspec.palette.variables import fault, initial_light, initial_reflectance, values_on
 from volspec.spectra import SpectralGrid, colour_matching_functions, light, reflectance

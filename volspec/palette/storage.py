@@ -14,18 +14,17 @@ from typing import TYPE_CHECKING, Any
 
 from volspec._files import line_end, require_suffix, write_whole
 from volspec._toml import set_key
-from volspec.appearance.profile import is_profile
-from volspec.basis.storage import shipped_names
+from volspec.appearance.display import is_profile
+from volspec.basis import shipped_names
 from volspec.errors import PaletteError, visible
 from volspec.palette.file import palette_file, palette_text
 from volspec.palette.model import Cell, Palette, hexadecimal, parse_colour
 from volspec.palette.optimisation import Design
 from volspec.palette.variables import SHARE_DECIMALS, PaletteSpectrum, fault, is_named
 from volspec.settings import plain
-from volspec.spectra import Spectrum, light
+from volspec.spectra import Spectrum, light, stack
 from volspec.spectra.files import rebase_address, rebase_path
-from volspec.spectra.lights import rebase_light
-from volspec.spectra.spectrum import stack
+from volspec.spectra.library import rebase_light
 
 if TYPE_CHECKING:
     from tomlkit import TOMLDocument

@@ -12,8 +12,8 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from volspec.appearance.deficiency import VISION
-from volspec.appearance.difference import SYMBOLS
+from volspec.appearance.comparison import SYMBOLS
+from volspec.appearance.display import VISION
 from volspec.palette.measures import ApartReport, CellReport, DesignMeasures, MetamerReport
 from volspec.palette.model import hexadecimal
 from volspec.palette.variables import mixture_text

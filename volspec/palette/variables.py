@@ -13,8 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import Code, PaletteError, SpectrumError
-from volspec.spectra import SpectralGrid, Spectrum, colour_matching_functions
-from volspec.spectra.spectrum import light_power, reflectance_values, stack
+from volspec.spectra import (
+    SpectralGrid,
+    Spectrum,
+    colour_matching_functions,
+    light_power,
+    reflectance_values,
+    stack,
+)
 
 Array = NDArray[np.float64]
 Find = Callable[[str, SpectralGrid], Spectrum]

@@ -1,14 +1,5 @@
 """Volume and transfer function to coefficient image: the slow stage, once per view."""
 
-from volspec.raycast.lights import Ambient, Directional, Headlight, LightGroup, Point
-from volspec.raycast.spec import ClipPlane, RaycastSpec
+import lazy_loader
 
-__all__ = [
-    "Ambient",
-    "ClipPlane",
-    "Directional",
-    "Headlight",
-    "LightGroup",
-    "Point",
-    "RaycastSpec",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -13,14 +13,13 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.camera.camera import Orbit, radius_mm
-from volspec.raycast.light_volume import extinction_per_mm
-from volspec.raycast.masks import MaskLattice
+from volspec.camera import Orbit, radius_mm
+from volspec.raycast.launch.light_volume import extinction_per_mm
+from volspec.raycast.launch.masks import MaskLattice
 from volspec.raycast.spec import RaycastSpec
-from volspec.transfer import FieldTables, SurfaceTable, Table, Transfers
-from volspec.transfer.missing import bake_for_volume
+from volspec.transfer import FieldTables, SurfaceTable, Table, Transfers, bake_for_volume
 from volspec.volume import Volume
-from volspec.volume.sample import step_along
+from volspec.volume.levels import step_along
 
 Array = NDArray[np.float64]
 # Opacities below this fraction of the greatest count as haze, unless they add up to this opacity

@@ -19,39 +19,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._checks import checked_size
-from volspec._gpu.opencl import Compute
-from volspec._gpu.sharing import Sharing
-from volspec.camera.camera import Camera
+from volspec._gpu import Compute, Sharing
+from volspec.camera import Camera
 from volspec.errors import OpenCLError, RaycastError, VolspecWarning
-from volspec.raycast import kernel_arguments
-from volspec.raycast.bricks import (
+from volspec.raycast.launch import kernel_arguments
+from volspec.raycast.launch.bricks import (
     brick_codes,
     brick_ranges,
     masked_brick_codes,
 )
-from volspec.raycast.fields import FieldCast, add_pictures, common_dtype, frame_around
-from volspec.raycast.kernel_arguments import check_reach
-from volspec.raycast.layer_stream import shadow_slots
-from volspec.raycast.light_volume import Arrives, Clear, LightVolume, split_width
-from volspec.raycast.masks import MaskLattice
-from volspec.raycast.packets import TILES, Packet, choose_packet
-from volspec.raycast.programs import GROUPS, cast_kernel
+from volspec.raycast.launch.fields import FieldCast, add_pictures, common_dtype, frame_around
+from volspec.raycast.launch.kernel_arguments import check_reach
+from volspec.raycast.launch.layer_stream import shadow_slots
+from volspec.raycast.launch.light_volume import Arrives, Clear, LightVolume, split_width
+from volspec.raycast.launch.masks import MaskLattice
+from volspec.raycast.launch.packets import TILES, Packet, choose_packet
+from volspec.raycast.launch.programs import GROUPS, cast_kernel
+from volspec.raycast.launch.row_batches import (
+    Cancel,
+    Progress,
+    Receiver,
+    Result,
+    RowBatches,
+    part_of,
+)
 from volspec.raycast.quality import SHORTEST, Picture, Target, choose_step
-from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result, RowBatches, part_of
 from volspec.raycast.spec import MAX_STEPS, RaycastSpec, diagonal_mm
 from volspec.transfer import (
     MAX_CHANNELS,
-    MAX_FIELDS,
     FieldTables,
     SurfaceTable,
     Table,
     Tables,
     Transfers,
     TransferTable,
+    bake_for_volume,
+    scale_opacities,
 )
-from volspec.transfer.missing import bake_for_volume
-from volspec.transfer.opacities import scale_opacities
-from volspec.volume import Volume
+from volspec.volume import MAX_FIELDS, Volume
 
 # Step of isosurfaces, in smallest spacings: how far rays go before they look for empty bricks.
 SURFACE_STEP = 2.0
@@ -254,7 +259,7 @@ class VolumeCaster:
         Rays marched together by a work-item: 1, 4, 8 or 16.
     packet : Packet, optional
         The same, with the way of loading voxels. Default: the fastest that the device carries, by a
-        trial of a few seconds when it is first used (`volspec.raycast.packets`).
+        trial of a few seconds when it is first used (`volspec.raycast.launch.packets`).
     context : moderngl.Context, optional
         Current on the thread that casts. The device then shares its memory, and
         ``raycast(into=…)`` passes pictures to a Relighter of the same context without the host.

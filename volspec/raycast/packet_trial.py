@@ -9,9 +9,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from volspec.basis import SpectralBasis
-from volspec.camera.camera import Camera
+from volspec.camera import Camera
 from volspec.raycast.gpu import VolumeCaster
-from volspec.raycast.packets import Packet
+from volspec.raycast.launch.packets import Packet
 from volspec.raycast.spec import RaycastSpec
 from volspec.spectra import DEFAULT_GRID, Spectrum
 from volspec.transfer import TransferFunction

@@ -32,17 +32,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.camera.camera import Camera
-from volspec.image.layers import OCCLUSION_GAIN
-from volspec.raycast.fields import FieldCast, add_pictures
-from volspec.raycast.kernel_arguments import (
+from volspec.camera import Camera
+from volspec.image import OCCLUSION_GAIN
+from volspec.raycast.launch.fields import FieldCast, add_pictures
+from volspec.raycast.launch.kernel_arguments import (
     CUT_TOLERANCE,
     LIGHT_MARGIN,
     MIX_OPAQUE,
     check_reach,
 )
-from volspec.raycast.layer_stream import LayerStream, Samples, SampleStream, Shadow, shadow_slots
-from volspec.raycast.light_volume import (
+from volspec.raycast.launch.layer_stream import (
+    LayerStream,
+    Samples,
+    SampleStream,
+    Shadow,
+    shadow_slots,
+)
+from volspec.raycast.launch.light_volume import (
     HALF,
     Clear,
     LightGrid,
@@ -53,8 +59,8 @@ from volspec.raycast.light_volume import (
     sphere_directions,
     unblocked_part,
 )
-from volspec.raycast.masks import MaskLattice
-from volspec.raycast.sampling import (
+from volspec.raycast.launch.masks import MaskLattice
+from volspec.raycast.launch.sampling import (
     TINY,
     Array,
     Arrives,

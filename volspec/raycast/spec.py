@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BeforeValidator, Field
 
 from volspec._checks import Direction, Weight
 from volspec.errors import InputError, RaycastError, nearest
-from volspec.image.layers import MAX_LAYERS
+from volspec.image import MAX_LAYERS
 from volspec.raycast.lights import HEADLIT, MAX_GROUPS, MAX_SOURCES, Ambient, LightGroup, as_tuple
 from volspec.raycast.quality import Quality, Target, target_of
 from volspec.settings import (

@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from volspec.basis import Basis
-from volspec.camera.camera import Camera
+from volspec.camera import Camera
 from volspec.errors import CastCancelled
-from volspec.image.layers import Slot, Solid, nearest_known, ratio
+from volspec.image import Slot, Solid, nearest_known, ratio
 from volspec.raycast.gpu import VolumeCaster, opacity_key
-from volspec.raycast.kernel_arguments import numbered_sources
-from volspec.raycast.light_volume import Arrives, Clear
+from volspec.raycast.launch.kernel_arguments import numbered_sources
+from volspec.raycast.launch.light_volume import Arrives, Clear
+from volspec.raycast.launch.row_batches import Cancel, Progress, Receiver, Result, part_of
+from volspec.raycast.launch.sampling import world_rays
 from volspec.raycast.lights import HEADLIT, Ambient
-from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result, part_of
-from volspec.raycast.sampling import world_rays
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import Tables, TransferTable
 from volspec.volume import Volume

@@ -18,13 +18,12 @@ from numpy.typing import NDArray
 
 from volspec._extras import require_extra
 from volspec.basis import Basis
-from volspec.camera.camera import Camera
+from volspec.camera import Camera
 from volspec.errors import CameraError, RaycastError, VolspecWarning, nearest, quoted
 from volspec.raycast.spec import ClipPlane, Mode, RaycastSpec
-from volspec.transfer import TransferFunction
-from volspec.transfer.vtk_interop import transfer_from_vtk
+from volspec.transfer import TransferFunction, transfer_from_vtk
 from volspec.volume import Volume
-from volspec.volume.files.vtk_grid import volume_fields
+from volspec.volume.files import volume_fields
 
 if TYPE_CHECKING:
     import pyvista

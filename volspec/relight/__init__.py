@@ -3,21 +3,6 @@
 raycast -> [relight] -> appearance -> frame
 """
 
-from volspec.relight.error_map import ErrorMap, difference_map, error_map, opacity_error
-from volspec.relight.illumination import Illumination
-from volspec.relight.look import Look
-from volspec.relight.relighter import Relighter, relight
-from volspec.relight.spec import LightRig, RelightSpec
+import lazy_loader
 
-__all__ = [
-    "ErrorMap",
-    "Illumination",
-    "LightRig",
-    "Look",
-    "RelightSpec",
-    "Relighter",
-    "difference_map",
-    "error_map",
-    "opacity_error",
-    "relight",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

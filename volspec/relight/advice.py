@@ -13,12 +13,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from volspec.basis import Basis, SpectralBasis
-from volspec.basis.display import Mode
-from volspec.basis.samples import sample_errors
+from volspec.basis import Basis, Mode, SpectralBasis, sample_errors
 from volspec.errors import VolspecWarning
 from volspec.relight.spec import LightRig
-from volspec.spectra.spectrum import Spectrum, light_power
+from volspec.spectra import Spectrum, light_power
 
 # Mean CIEDE2000 from which a light is beyond a mode, and the part of it that a cure leaves.
 _BEYOND, _CURED = 1.0, 0.5

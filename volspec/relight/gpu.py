@@ -15,23 +15,32 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._gpu.opengl import (
+from volspec._gpu import (
     Allocation,
+    Sharing,
     abandoned,
+    context_name,
+    current,
     describe,
     egl_handle,
     lend_context,
     made_current,
     release_abandoned,
 )
-from volspec._gpu.sharing import Sharing, context_name, current
-from volspec.appearance.adaptation_grid import ViewTransformGrid
-from volspec.appearance.gamut_mapping import Screen, screen_for_viewing
-from volspec.appearance.lut3d import LutCache, LutKey, LutSpace, is_narrow
-from volspec.appearance.models.cam import CamTransform
-from volspec.appearance.scene_to_display import view_transform
-from volspec.appearance.spec import Viewing
-from volspec.appearance.transforms import LinearTransform, ViewTransform
+from volspec.appearance import (
+    LinearTransform,
+    LutCache,
+    LutKey,
+    LutSpace,
+    Screen,
+    Viewing,
+    ViewTransform,
+    ViewTransformGrid,
+    is_narrow,
+    screen_for_viewing,
+    view_transform,
+)
+from volspec.appearance.models import CamTransform
 from volspec.errors import OpenCLError, OpenGLError, ShapeError
 from volspec.relight.illumination import Illumination
 from volspec.relight.layers import PackedLayers, SharedLayers, layer_count, pack_layers

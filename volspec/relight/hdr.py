@@ -13,18 +13,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.hdr import Hdr
-from volspec.appearance.scene_to_display import view_transform
-from volspec.appearance.transforms import ViewTransform
+from volspec.appearance import ViewTransform, view_transform
+from volspec.appearance.display import Hdr
 from volspec.errors import ViewingError
-from volspec.image.model import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.relight.advice import warn_of_lights
 from volspec.relight.illumination import Illumination
 from volspec.relight.measured_viewing import ViewingMeter
 from volspec.relight.spec import LightRig, RelightSpec
-from volspec.spectra import SpectralGrid
-from volspec.spectra.photometry import illuminance_lux
-from volspec.spectra.spectrum import Spectrum, light_power
+from volspec.spectra import SpectralGrid, Spectrum, illuminance_lux, light_power
 
 # Rows at a time, so that a large picture needs no more memory than its codes.
 _ROWS = 64

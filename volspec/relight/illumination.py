@@ -26,14 +26,19 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance.spec import Viewing
+from volspec.appearance import Viewing
 from volspec.basis import Basis
 from volspec.errors import ShapeError, ViewingError
-from volspec.image.fields import ONE_GROUP
+from volspec.image import ONE_GROUP
 from volspec.relight.spec import LightRig, RelightSpec
-from volspec.spectra.datasets import colour_matching_functions
-from volspec.spectra.photometry import XYZ_from_spectra, light_level, luminous_mean, white_XYZ
-from volspec.spectra.spectrum import Spectrum
+from volspec.spectra import (
+    Spectrum,
+    XYZ_from_spectra,
+    colour_matching_functions,
+    light_level,
+    luminous_mean,
+    white_XYZ,
+)
 
 Array = NDArray[np.float64]
 

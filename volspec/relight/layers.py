@@ -18,12 +18,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._gpu.opencl import Compute
-from volspec._gpu.prelude import prelude
-from volspec._gpu.sharing import Sharing
-from volspec._gpu.sources import assemble
+from volspec._gpu import Compute, Sharing, assemble, prelude
 from volspec.errors import RelightError, ShapeError
-from volspec.image.model import CoefficientImage
+from volspec.image import CoefficientImage
 
 Pixels32 = NDArray[np.float32]
 Shape = tuple[int, ...]

@@ -11,16 +11,15 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from volspec._gpu.opencl import Compute
-from volspec.appearance.hdr import Hdr
-from volspec.appearance.spec import Viewing
+from volspec._gpu import Compute
+from volspec.appearance import Viewing
+from volspec.appearance.display import Hdr
 from volspec.basis import MaterialBasis
 from volspec.errors import ImageError
-from volspec.image.depth import DepthEffects
-from volspec.image.model import CoefficientImage
+from volspec.image import CoefficientImage, DepthEffects
 from volspec.relight.spec import RelightSpec
 from volspec.relight.stereo import Stereo, StereoViews
-from volspec.spectra.spectrum import Spectrum
+from volspec.spectra import Spectrum
 
 # One object, as specs are compared by identity.
 _PLAIN = RelightSpec()

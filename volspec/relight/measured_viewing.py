@@ -26,15 +26,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.adaptation_grid import (
+from volspec.appearance import (
     AdaptationGrid,
+    AdoptedWhite,
+    Viewing,
     ViewTransformGrid,
     pixels_from_nodes,
     subdivide,
 )
-from volspec.appearance.spec import AdoptedWhite, Viewing
 from volspec.errors import ViewingError
-from volspec.image.model import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.relight.illumination import Illumination
 from volspec.relight.layers import clamp_finite
 

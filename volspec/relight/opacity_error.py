@@ -33,7 +33,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.image.layers import OpacityLayers, residual_share
+from volspec.image import OpacityLayers, residual_share
 
 Pixels = NDArray[np.float32]
 

@@ -15,18 +15,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec._gpu.opengl import compile_program
-from volspec._gpu.prelude import prelude
-from volspec._gpu.sources import assemble
-from volspec.appearance import gamut_mapping, lut3d
-from volspec.appearance.adaptation_grid import ViewTransformGrid
-from volspec.appearance.constants import shader_constants
-from volspec.appearance.deficiency import Simulation
-from volspec.appearance.gamut_mapping import SHADER_STEPS, DisplayGamut, Screen
-from volspec.appearance.lut3d import NODES, LutSpace
-from volspec.appearance.models.cam import CamTransform
-from volspec.appearance.spaces import ColourSpace
-from volspec.appearance.transforms import CurveTransform, LinearTransform, ViewTransform
+from volspec._gpu import assemble, compile_program, prelude
+from volspec.appearance import (
+    NODES,
+    SHADER_STEPS,
+    CurveTransform,
+    DisplayGamut,
+    LinearTransform,
+    LutSpace,
+    Screen,
+    ViewTransform,
+    ViewTransformGrid,
+    gamut_mapping,
+    lut3d,
+)
+from volspec.appearance.display import ColourSpace, Simulation, shader_constants
+from volspec.appearance.models import CamTransform
 from volspec.relight.illumination import Illumination
 from volspec.relight.layers import layer_count
 

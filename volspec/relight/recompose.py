@@ -15,20 +15,19 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec._gpu.opengl import compile_program, describe
-from volspec._gpu.prelude import prelude
-from volspec._gpu.sources import assemble
+from volspec._gpu import assemble, compile_program, describe, prelude
 from volspec.errors import OpenGLError
-from volspec.image.depth import DepthEffects, extents
-from volspec.image.layers import (
+from volspec.image import (
     BEND,
     MOST_EXPONENT,
     OCCLUSION_GAIN,
+    CoefficientImage,
+    DepthEffects,
     OpacityLayers,
     Slot,
+    extents,
     residual_share,
 )
-from volspec.image.model import CoefficientImage
 from volspec.relight.layers import layer_count
 
 _GLSL = "330 core"

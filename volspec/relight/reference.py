@@ -10,12 +10,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.adaptation_grid import ViewTransformGrid
-from volspec.appearance.gamut_mapping import screen_for_viewing
-from volspec.appearance.scene_to_display import view_transform
-from volspec.appearance.spaces import to_uint8
-from volspec.appearance.spec import Viewing
-from volspec.appearance.transforms import ViewTransform
+from volspec.appearance import (
+    Viewing,
+    ViewTransform,
+    ViewTransformGrid,
+    screen_for_viewing,
+    view_transform,
+)
+from volspec.appearance.display import to_uint8
 from volspec.relight.illumination import Illumination
 from volspec.relight.layers import clamp_finite
 from volspec.relight.spec import Pixels

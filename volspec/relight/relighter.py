@@ -19,17 +19,14 @@ from typing import Any, Concatenate, ParamSpec, Self, TypeVar
 import numpy as np
 
 from volspec._child import require_own_process
-from volspec._gpu.opengl import ContextLost
-from volspec._gpu.sharing import Sharing
-from volspec.appearance.adaptation_grid import ViewTransformGrid
-from volspec.appearance.lut3d import LutCache, LutKey, needs_host_lut
-from volspec.appearance.spaces import to_uint16
-from volspec.appearance.spec import Viewing
-from volspec.basis.display import DEFAULT_MODE, Mode
+from volspec._gpu import ContextLost, Sharing
+from volspec.appearance import LutCache, LutKey, Viewing, ViewTransformGrid, needs_host_lut
+from volspec.appearance.display import to_uint16
+from volspec.basis import DEFAULT_MODE, Mode
 from volspec.errors import OpenCLError, OpenGLError, RelightError, VolspecWarning, nearest
-from volspec.image.model import CoefficientImage
+from volspec.image import CoefficientImage
 from volspec.relight.advice import warn_of_lights
-from volspec.relight.error_map import Against, ErrorMap, error_map
+from volspec.relight.difference_maps import Against, ErrorMap, error_map
 from volspec.relight.gpu import GLEngine
 from volspec.relight.hdr import hdr_frame
 from volspec.relight.illumination import Illumination
@@ -46,7 +43,7 @@ from volspec.relight.measured_viewing import ViewingMeter
 from volspec.relight.recompose import PackedOpacity, depth_uniforms
 from volspec.relight.reference import CpuEngine
 from volspec.relight.spec import LightRig, Pixels, RelightSpec
-from volspec.spectra.spectrum import Spectrum
+from volspec.spectra import Spectrum
 
 P = ParamSpec("P")
 R = TypeVar("R")

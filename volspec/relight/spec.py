@@ -19,15 +19,18 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 from pydantic.json_schema import SkipJsonSchema
 
-from volspec.appearance.spec import Viewing
-from volspec.basis.display import DEFAULT_MODE, Mode
+from volspec.appearance import Viewing
+from volspec.basis import DEFAULT_MODE, Mode
 from volspec.errors import SpectrumError, ViewingError, nearest
 from volspec.settings import FLAT, Fraction, Hint, NotNegative, settings
-from volspec.spectra.datasets import colour_matching_functions
-from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.photometry import LUMINOUS_EFFICACY
-from volspec.spectra.reflectances import reflectance
-from volspec.spectra.spectrum import Spectrum, light_power
+from volspec.spectra import (
+    LUMINOUS_EFFICACY,
+    SpectralGrid,
+    Spectrum,
+    colour_matching_functions,
+    light_power,
+)
+from volspec.spectra.library import reflectance
 
 Pixels = NDArray[Any]
 """(H, W, 3) codes of the display: uint8, or float32 0 to 1 before rounding; row 0 is the top."""

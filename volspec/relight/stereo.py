@@ -29,17 +29,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from volspec._gpu.opencl import Compute
-from volspec._gpu.opengl import compile_program, egl_handle, made_current
-from volspec._gpu.prelude import prelude
-from volspec._gpu.sources import assemble
-from volspec.appearance.display import colour_space
-from volspec.appearance.spaces import ColourSpace
-from volspec.camera.camera import Camera, RayField
+from volspec._gpu import Compute, assemble, compile_program, egl_handle, made_current, prelude
+from volspec.appearance.display import ColourSpace, colour_space
+from volspec.camera import Camera, RayField
 from volspec.errors import ImageError
-from volspec.image.depth import DepthEffects, fog_behind, layers_in_depth
-from volspec.image.model import CoefficientImage
-from volspec.image.reproject import Reprojector
+from volspec.image import CoefficientImage, DepthEffects, Reprojector, fog_behind, layers_in_depth
 from volspec.settings import Positive, Unit, settings
 
 Layout = Literal["side-by-side", "crossed", "anaglyph", "half-colour"]

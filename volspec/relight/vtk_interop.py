@@ -11,7 +11,7 @@ import numpy as np
 
 from volspec._extras import require_extra
 from volspec.errors import RaycastError, RelightError
-from volspec.raycast.vtk_interop import plotter_camera, require_open
+from volspec.raycast import plotter_camera, require_open
 from volspec.relight.spec import Pixels
 
 if TYPE_CHECKING:

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import Code, RoomError, quoted
-from volspec.spectra.tables import decoded_text, read_number
+from volspec.spectra.files import decoded_text, read_number
 
 Array = NDArray[np.float64]
 _DOWN = np.array([0.0, 0.0, -1.0])

@@ -36,8 +36,7 @@ from volspec.room.quantities import (
     require_reflectance,
 )
 from volspec.settings import Finite, Fraction, Hint, Pair, Positive, Unit, settings
-from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
-from volspec.spectra.spectrum import Spectrum, stack
+from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, stack
 
 SURFACES = (
     *("floor", "ceiling", "window wall"),

@@ -15,8 +15,7 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from volspec.room.quantities import Array, Reflectances, require_emission, require_reflectance
-from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
-from volspec.spectra.spectrum import stack
+from volspec.spectra import DEFAULT_GRID, SpectralGrid, stack
 
 WALLS = tuple(f"wall {number}" for number in range(1, 7))
 """Names for messages; all walls are alike."""

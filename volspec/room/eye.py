@@ -24,10 +24,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from volspec._triangles import frames
-from volspec.appearance.gamut_mapping import screen_for_viewing
-from volspec.appearance.models.base import Appearance
-from volspec.appearance.scene_to_display import forward_for, view_transform
-from volspec.appearance.spec import Viewing
+from volspec.appearance import Viewing, forward_for, screen_for_viewing, view_transform
+from volspec.appearance.models import Appearance
 from volspec.errors import RoomError
 from volspec.room.direct import direct_irradiance
 from volspec.room.form_factors import Rays, sobol

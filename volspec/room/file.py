@@ -43,7 +43,7 @@ from volspec.spectra import (
     reflectance,
     reflectance_from_colour,
 )
-from volspec.spectra.lamps import lamp_for_light
+from volspec.spectra.library import lamp_for_light
 
 WALLS = ("left", "right", "front", "back")
 # Between pieces of furniture, as a fraction of the room: several times `form_factors`' offset.

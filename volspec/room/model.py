@@ -20,8 +20,7 @@ from volspec.room.beam import Beam
 from volspec.room.mesh import RoomMesh
 from volspec.room.quantities import require_emission, require_reflectance
 from volspec.settings import Unit, Vector, settings
-from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
-from volspec.spectra.spectrum import Spectrum, stack
+from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, stack
 
 Array = NDArray[np.float64]
 Light = TypeVar("Light", "PointLamp", "SunBeam")

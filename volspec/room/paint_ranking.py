@@ -40,8 +40,7 @@ from volspec.room.wall_paint import (
     wall_appearance,
 )
 from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, reflectance, reflectance_names
-from volspec.spectra.files import split_address
-from volspec.spectra.tables import fold_name
+from volspec.spectra.files import fold_name, split_address
 
 Array = NDArray[np.float64]
 # Greys for which the room is solved.

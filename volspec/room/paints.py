@@ -29,14 +29,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import RoomError, nearest
 from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, reflectance
-from volspec.spectra.files import COLUMNS, read_columns, split_address
-from volspec.spectra.reflectances import (
+from volspec.spectra.files import COLUMNS, fold_name, read_columns, split_address
+from volspec.spectra.library import (
     as_reflectance,
     reflectance_names,
     reflectance_set_names,
     reflectance_sets,
 )
-from volspec.spectra.tables import fold_name
 
 Array = NDArray[np.float64]
 MixingLaw = Literal["km", "additive"]

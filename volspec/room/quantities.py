@@ -21,10 +21,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import RoomError
-from volspec.spectra.datasets import colour_matching_functions
-from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
-from volspec.spectra.photometry import LUMINOUS_EFFICACY
-from volspec.spectra.spectrum import Spectrum, light_power, stack
+from volspec.spectra import (
+    DEFAULT_GRID,
+    LUMINOUS_EFFICACY,
+    SpectralGrid,
+    Spectrum,
+    colour_matching_functions,
+    light_power,
+    stack,
+)
 
 Array = NDArray[np.float64]
 Reflectances = Spectrum | Sequence[Spectrum] | ArrayLike

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array, diags_array
 
-from volspec._gpu.memory import host_free_bytes
+from volspec._gpu import host_free_bytes
 from volspec._triangles import cosine_directions
 from volspec.errors import RoomError
 from volspec.room.direct import direct_irradiance
@@ -30,8 +30,7 @@ from volspec.room.form_factors import FormFactors, Rays, form_factors, sobol
 from volspec.room.mesh import RoomMesh
 from volspec.room.model import Room
 from volspec.room.quantities import lux_from_irradiance
-from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.spectrum import Spectrum
+from volspec.spectra import SpectralGrid, Spectrum
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], object]

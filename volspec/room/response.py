@@ -26,7 +26,7 @@ from volspec.room.direct import SHADOW_RAYS
 from volspec.room.mesh import RoomMesh
 from volspec.room.quantities import lux_from_irradiance
 from volspec.room.radiosity import RoomLight, direct_on_patches, solve_irradiance
-from volspec.spectra.spectrum import Spectrum, light_power
+from volspec.spectra import Spectrum, light_power
 
 Array = NDArray[np.float64]
 # Factor by which an estimate scales reflected light, at most: from black, it is spread evenly.

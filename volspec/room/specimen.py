@@ -28,7 +28,7 @@ from volspec.room.direct import direct_irradiance
 from volspec.room.quantities import lux_from_irradiance
 from volspec.room.radiosity import require_inside
 from volspec.room.response import RoomResponse
-from volspec.spectra.datasets import colour_matching_functions
+from volspec.spectra import colour_matching_functions
 
 Array = NDArray[np.float64]
 # Normals at which the light is fitted, and rays to what they see.

@@ -20,11 +20,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from volspec.appearance.models import Appearance, ciecam02
-from volspec.appearance.models.base import opponents
-from volspec.appearance.spec import Viewing
+from volspec.appearance import Viewing
+from volspec.appearance.models import Appearance, ciecam02, opponents
 from volspec.errors import RoomError
-from volspec.palette.quadratic_program import Block, Term, solve
+from volspec.palette import Block, Term, solve
 from volspec.room.cube import FORM_FACTOR, WALLS
 from volspec.room.quantities import (
     Array,
@@ -34,12 +33,18 @@ from volspec.room.quantities import (
     require_spectrum,
     require_walls,
 )
-from volspec.spectra.construct.colours import colour_XYZ
-from volspec.spectra.datasets import colour_matching_functions
-from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
-from volspec.spectra.lights import light
-from volspec.spectra.photometry import LUMINOUS_EFFICACY, XYZ_from_spectra, white_XYZ
-from volspec.spectra.spectrum import Spectrum, stack
+from volspec.spectra import (
+    DEFAULT_GRID,
+    LUMINOUS_EFFICACY,
+    SpectralGrid,
+    Spectrum,
+    XYZ_from_spectra,
+    colour_matching_functions,
+    stack,
+    white_XYZ,
+)
+from volspec.spectra.construct import colour_XYZ
+from volspec.spectra.library import light
 
 # Conditions in which a colour is chosen from an atlas, besides D65 [1, section 4.4].
 _ATLAS_LUX, _ATLAS_Y_B = 2000.0, 20.0

@@ -25,11 +25,8 @@ from scipy.sparse import csr_array
 
 from volspec._triangles import frames
 from volspec.basis import SpectralBasis
-from volspec.camera import Camera
-from volspec.camera.camera import level_axes
-from volspec.camera.projection import Projection
-from volspec.raycast.sampling import world_rays
-from volspec.raycast.surfaces import (
+from volspec.camera import Camera, Projection, level_axes
+from volspec.raycast import (
     Behind,
     BehindImage,
     OpacityCaster,
@@ -37,6 +34,7 @@ from volspec.raycast.surfaces import (
     mean_of_points,
     next_to,
 )
+from volspec.raycast.launch import world_rays
 from volspec.room.form_factors import sobol
 from volspec.room.response import RoomResponse
 from volspec.room.wall_colours import LitMesh, Seen, room_colours

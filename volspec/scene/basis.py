@@ -15,14 +15,21 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from volspec.appearance.models.cielab import cielab, delta_E_2000
-from volspec.basis import Basis, MaterialBasis, SpectralBasis
-from volspec.basis.display import DEFAULT_MODE, Mode, visible_white
-from volspec.basis.fit_cache import fit_cached
-from volspec.basis.samples import through_samples
-from volspec.basis.storage import GRID_ENDINGS, shipped_names
-from volspec.scene.specs import BasisSpec
-from volspec.scene.transfer import TransferSpec
+from volspec.appearance.models import cielab, delta_E_2000
+from volspec.basis import (
+    DEFAULT_MODE,
+    GRID_ENDINGS,
+    Basis,
+    MaterialBasis,
+    Mode,
+    SpectralBasis,
+    fit_cached,
+    shipped_names,
+    through_samples,
+    visible_white,
+)
+from volspec.scene.tables.specs import BasisSpec
+from volspec.scene.tables.transfer import TransferSpec
 from volspec.spectra import (
     DEFAULT_GRID,
     SpectralGrid,

@@ -17,19 +17,21 @@ from pydantic import Field
 
 from volspec.basis import Basis
 from volspec.errors import SceneError, VolspecWarning, VolumeError, nearest
-from volspec.raycast.fields import frame_around
-from volspec.scene.specs import fault
-from volspec.scene.transfer import TransferSpec
+from volspec.raycast.launch import frame_around
+from volspec.scene.tables.specs import fault
+from volspec.scene.tables.transfer import TransferSpec
 from volspec.settings import Hint, Name, Unit, Vector, settings
 from volspec.spectra import Spectrum
-from volspec.transfer import FieldFunctions, Mask, TransferFunction, Transfers
-from volspec.transfer.fields import OWN, Label
-from volspec.transfer.missing import MaskLabels
-from volspec.volume import Volume
-from volspec.volume.bundled import locate_volume
-from volspec.volume.channels import unique_titles
-from volspec.volume.load import load_volume
-from volspec.volume.series import Known, load_at
+from volspec.transfer import (
+    OWN,
+    FieldFunctions,
+    Label,
+    Mask,
+    MaskLabels,
+    TransferFunction,
+    Transfers,
+)
+from volspec.volume import Known, Volume, load_at, load_volume, locate_volume, unique_titles
 
 At = Callable[[str], AbstractContextManager[None]]
 """Adds a place in the scene's file to an error that is raised within."""

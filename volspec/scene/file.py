@@ -16,14 +16,13 @@ from pydantic import Field
 from volspec._parse import parse_toml, read_text, toml_remedy
 from volspec.errors import RaycastError, SceneError, nearest
 from volspec.image import DepthEffects
-from volspec.raycast import LightGroup, RaycastSpec
-from volspec.raycast.lights import HEADLIT
+from volspec.raycast import HEADLIT, LightGroup, RaycastSpec
 from volspec.relight import RelightSpec
-from volspec.scene.annotation import Annotation
-from volspec.scene.export import ExportSpec, Keyframe, check_export
 from volspec.scene.fields import FieldSpec
-from volspec.scene.lights import LightSpec, rows_by_name
-from volspec.scene.specs import (
+from volspec.scene.tables.annotation import Annotation
+from volspec.scene.tables.export import ExportSpec, Keyframe, check_export
+from volspec.scene.tables.lights import LightSpec, rows_by_name
+from volspec.scene.tables.specs import (
     BasisSpec,
     CameraSpec,
     MaterialSpec,
@@ -33,9 +32,9 @@ from volspec.scene.specs import (
     VolumeSpec,
     fault,
 )
-from volspec.scene.transfer import TransferSpec
+from volspec.scene.tables.transfer import TransferSpec
 from volspec.settings import FileFaults, plain, row_names, settings, try_table
-from volspec.transfer import MAX_FIELDS
+from volspec.volume import MAX_FIELDS
 
 VERSION: Final = 2
 """Version of the file's format."""

@@ -16,25 +16,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._files import is_remote
-from volspec.camera.camera import Orbit, radius_mm, slice_view
+from volspec.camera import Orbit, radius_mm, slice_view
 from volspec.errors import SceneError
-from volspec.raycast.framing import fit_points
+from volspec.raycast import framing
 from volspec.scene.file import SceneFile
-from volspec.scene.specs import BasisSpec, CameraSpec
-from volspec.scene.transfer import TransferSpec
+from volspec.scene.tables.specs import BasisSpec, CameraSpec
+from volspec.scene.tables.transfer import TransferSpec
 from volspec.settings import plain, read_table
 from volspec.spectra import DEFAULT_GRID
-from volspec.spectra.lights import rebase_light, sent_names
-from volspec.transfer import FieldFunctions, Transfers
-from volspec.transfer.channel_look import channel_functions
-from volspec.transfer.fields import OWN
-from volspec.transfer.label_look import label_function
-from volspec.transfer.presets import Preset, fit_preset, histogram_of
+from volspec.spectra.library import rebase_light, sent_names
+from volspec.transfer import (
+    OWN,
+    FieldFunctions,
+    Transfers,
+    channel_functions,
+    label_function,
+    presets,
+)
 from volspec.volume import Volume
-from volspec.volume.files.query import Query
+from volspec.volume.files import Query
 
 if TYPE_CHECKING:
-    from volspec.mesh.model import Mesh
+    from volspec.mesh import Mesh
 
 # Spectra and labels of the default lights by name. The LEDs are as white as daylight, and change
 # colours more: the engine's by CIEDE2000 14, mean of all presets, A and FL2 by 4, HP1 by 7.
@@ -59,7 +62,7 @@ _DIGITS = 5
 def volume_file(
     address: str,
     steps: Sequence[Volume],
-    preset: Preset | None,
+    preset: presets.Preset | None,
     lights: Sequence[str] = (),
     camera: Orbit | None = None,
 ) -> SceneFile:
@@ -71,7 +74,7 @@ def volume_file(
         Path of the volume, with its details after a question mark.
     steps : sequence of Volume
         The voxels; of a series all time steps.
-    preset : Preset, optional
+    preset : presets.Preset, optional
         Materials and transfer function; default: the volume's labels, or its fields.
     lights : sequence of str, optional
         In `volspec.light`'s notation, with files relative to the current folder; default: daylight,
@@ -87,7 +90,7 @@ def volume_file(
     elif preset is None:
         transfer, materials = label_function(volume, DEFAULT_GRID)
     else:
-        transfer = fit_preset(preset, volume, histogram_of(steps), DEFAULT_GRID)
+        transfer = presets.fit_preset(preset, volume, presets.histogram_of(steps), DEFAULT_GRID)
         materials = preset.materials
     path = volume_path(address)
     details = address.partition("?")[2] if address != str(Query.of(address).path) else ""
@@ -161,7 +164,7 @@ def _new_file(
 
 def framed(file: SceneFile, volume: Volume, points_mm: NDArray[np.float64]) -> SceneFile:
     """Return the file with its orbit framing points (N, 3) in a square."""
-    fitted: CameraSpec = fit_points(file.camera, volume, points_mm, 1.0)
+    fitted: CameraSpec = framing.fit_points(file.camera, volume, points_mm, 1.0)
     digits = _DIGITS - 1 - math.floor(math.log10(radius_mm(volume)))
     x, y, z = (round(at, digits) for at in fitted.target_mm or ())
     zoom = float(f"{fitted.zoom:.{_DIGITS}g}")

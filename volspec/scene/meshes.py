@@ -12,12 +12,11 @@ from threading import Lock
 from typing import TYPE_CHECKING
 
 from volspec.basis import Basis
-from volspec.scene.specs import MeshSpec
+from volspec.scene.tables.specs import MeshSpec
 from volspec.spectra import Spectrum
 
 if TYPE_CHECKING:
-    from volspec.mesh.caster import MeshCaster
-    from volspec.mesh.model import Mesh
+    from volspec.mesh import Mesh, MeshCaster
 
 
 class MeshCache:
@@ -65,7 +64,7 @@ class MeshCache:
         if not shown:
             return None
         # Imported late: few scenes have meshes.
-        from volspec.mesh.caster import MeshCaster
+        from volspec.mesh import MeshCaster
 
         with self._lock:
             before, caster = self._last

@@ -21,38 +21,30 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from volspec._parse import parse_json
-from volspec.basis import Basis, MaterialBasis, SpectralBasis
-from volspec.basis.base import require_reflective
-from volspec.camera import Camera
-from volspec.camera.camera import Orbit
+from volspec.basis import Basis, MaterialBasis, SpectralBasis, require_reflective
+from volspec.camera import Camera, Orbit
 from volspec.errors import ImageError, MeshError, SceneError, VolspecWarning, visible
 from volspec.image import CoefficientImage, DepthEffects
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import RaycastSpec
-from volspec.raycast.framing import shown_mm
-from volspec.raycast.row_batches import Cancel, Progress
-from volspec.relight import RelightSpec
-from volspec.relight.look import Look
+from volspec.raycast import RaycastSpec, framing
+from volspec.raycast.launch import Cancel, Progress
+from volspec.relight import Look, RelightSpec
 from volspec.scene.basis import ChosenBasis, choose_basis, grid_of, retrained, with_samples
 from volspec.scene.fields import scene_transfer
 from volspec.scene.file import SceneFile, scene_data, scene_file
 from volspec.scene.from_volume import framed, mesh_file, of_own_colours, volume_file, volume_path
-from volspec.scene.lights import Lights
 from volspec.scene.resolve import Resolver
-from volspec.scene.specs import CameraSpec
+from volspec.scene.tables.lights import Lights
+from volspec.scene.tables.specs import CameraSpec
 from volspec.scene.writing import write_scene
 from volspec.settings import plain, read_table
 from volspec.spectra import Spectrum
-from volspec.transfer.label_look import LABELS, with_labels
-from volspec.transfer.presets import DEFAULT, preset_named
-from volspec.volume import Volume
-from volspec.volume.bundled import locate_volume
-from volspec.volume.series import KEPT_BYTES, Series, open_volume
+from volspec.transfer import LABELS, presets, with_labels
+from volspec.volume import KEPT_BYTES, Series, Volume, locate_volume, open_volume
 
 if TYPE_CHECKING:
-    from volspec.mesh.caster import MeshCaster
-    from volspec.mesh.model import Mesh
-    from volspec.raycast.surfaces import Behind
+    from volspec.mesh import Mesh, MeshCaster
+    from volspec.raycast import Behind
     from volspec.scene.room import SceneRoom
 
 Spec = TypeVar("Spec")
@@ -274,13 +266,13 @@ class Scene:
             steps = (volume,)
         # A look of its own: of labels, or of several fields.
         own = preset == LABELS or (preset is None and (volume.labels or volume.fields))
-        look = None if own else preset_named(preset or DEFAULT)
+        look = None if own else presets.preset_named(preset or presets.DEFAULT)
         file = volume_file(address, steps, look, lights, camera)
         scene = cls(file, volume_path(address))
         scene._series = series
         if given is not None:
             scene._names = replace(scene._names, given=given)
-        scene.file = framed(file, volume, shown_mm(steps, scene.transfer, scene.raycast))
+        scene.file = framed(file, volume, framing.shown_mm(steps, scene.transfer, scene.raycast))
         return scene
 
     @classmethod

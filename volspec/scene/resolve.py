@@ -18,34 +18,32 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.models.cielab import cielab, delta_E_2000
-from volspec.basis import Basis, load_basis
-from volspec.basis.display import visible_white
+from volspec.appearance.models import cielab, delta_E_2000
+from volspec.basis import Basis, load_basis, visible_white
 from volspec.errors import InputError, SceneError, SpectrumError, VolspecWarning, VolumeError
 from volspec.raycast import RaycastSpec
 from volspec.scene.basis import LARGEST_ERROR, SceneSpectra, grid_of, use_of
 from volspec.scene.fields import with_fields
 from volspec.scene.file import SceneFaults, SceneFile
-from volspec.scene.lights import NamedLight, named_light, rows_by_name
-from volspec.scene.specs import EMPTY, ROOM_LIGHT, given_light, given_reflectance
+from volspec.scene.tables.lights import NamedLight, named_light, rows_by_name
+from volspec.scene.tables.specs import EMPTY, ROOM_LIGHT, given_light, given_reflectance
 from volspec.spectra import SpectralGrid, Spectrum, XYZ_from_spectra, white_XYZ
 from volspec.spectra.files import palette_grid, rebase_address
-from volspec.spectra.lights import light_terms
-from volspec.volume import Volume
-from volspec.volume.bundled import locate_volume
-from volspec.volume.load import load_step
-from volspec.volume.series import (
+from volspec.spectra.library import light_terms
+from volspec.volume import (
     KEPT_BYTES,
     Known,
     Series,
+    Volume,
+    load_step,
+    locate_volume,
     require_step,
     step_addresses,
     volume_or_steps,
 )
 
 if TYPE_CHECKING:
-    from volspec.mesh.caster import MeshCaster
-    from volspec.mesh.model import Mesh
+    from volspec.mesh import Mesh, MeshCaster
     from volspec.scene.room import SceneRoom
 
 # Codes of the errors of a step that cannot be read.
@@ -226,7 +224,7 @@ class Resolver:
         if not surfaces:
             return None
         # Imported late: few scenes have meshes.
-        from volspec.mesh.caster import MeshCaster
+        from volspec.mesh import MeshCaster
 
         if self.file.volume.file != EMPTY:
             for mesh in surfaces:
@@ -308,7 +306,7 @@ class Resolver:
         if not any(coloured) or self.file.basis.method == "materials":
             return {}
         # Imported late: few scenes have meshes.
-        from volspec.mesh.texture import some_colours
+        from volspec.mesh import some_colours
 
         return some_colours(next(iter(materials.values())).grid)
 

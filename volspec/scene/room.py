@@ -21,25 +21,39 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.spec import Viewing
-from volspec.appearance.surround import MOST_BACKGROUND
+from volspec.appearance import MOST_BACKGROUND, Viewing
 from volspec.basis import Basis, MaterialBasis
-from volspec.camera.camera import level_axes
+from volspec.camera import level_axes
 from volspec.errors import InputError, RoomError, SceneError, SpectrumError, nearest
-from volspec.raycast import LightGroup, RaycastSpec
-from volspec.raycast.lights import MAX_GROUPS, MAX_NAME, Ambient, Directional, Headlight, Source
+from volspec.raycast import (
+    MAX_GROUPS,
+    MAX_NAME,
+    Ambient,
+    Directional,
+    Headlight,
+    LightGroup,
+    RaycastSpec,
+    Source,
+)
 from volspec.relight import LightRig
-from volspec.room.eye import cone_luminances
-from volspec.room.file import load_room, paint_named
-from volspec.room.model import Eye, Room
-from volspec.room.paint_ranking import painted_surfaces
-from volspec.room.quantities import lux_from_irradiance
-from volspec.room.radiosity import require_inside, solve_room
-from volspec.room.response import RoomResponse, unknown_light
-from volspec.room.specimen import SpecimenLight
-from volspec.room.walls import Backdrop, Placement
-from volspec.scene.lights import LightSpec, NamedLight
-from volspec.scene.specs import ROOM_LIGHT, CameraSpec, RoomSpec, given_light
+from volspec.room import (
+    Backdrop,
+    Eye,
+    Placement,
+    Room,
+    RoomResponse,
+    SpecimenLight,
+    cone_luminances,
+    load_room,
+    lux_from_irradiance,
+    paint_named,
+    painted_surfaces,
+    require_inside,
+    solve_room,
+    unknown_light,
+)
+from volspec.scene.tables.lights import LightSpec, NamedLight
+from volspec.scene.tables.specs import ROOM_LIGHT, CameraSpec, RoomSpec, given_light
 from volspec.settings import Vector
 from volspec.spectra import SpectralGrid, Spectrum, colour_matching_functions
 from volspec.volume import Volume

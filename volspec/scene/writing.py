@@ -19,16 +19,16 @@ from typing import Any, Protocol
 from volspec._files import line_end, require_suffix, write_whole
 from volspec._parse import parse_toml
 from volspec._toml import bind_comments, set_key, toml_item
-from volspec.appearance.profile import is_profile
+from volspec.appearance.display import is_profile
 from volspec.errors import SceneError, SpectrumError
 from volspec.scene.file import SceneFile, scene_file, scene_text
-from volspec.scene.lights import LightSpec
-from volspec.scene.specs import EMPTY, MaterialSpec, SpectrumNumbers
+from volspec.scene.tables.lights import LightSpec
+from volspec.scene.tables.specs import EMPTY, MaterialSpec, SpectrumNumbers
 from volspec.settings import classes_in, hints, item_hint, plain
 from volspec.spectra import Spectrum
 from volspec.spectra.files import rebase_address, rebase_path
-from volspec.spectra.lights import rebase_light
-from volspec.volume.bundled import bundled_volume
+from volspec.spectra.library import rebase_light
+from volspec.volume import bundled_volume
 
 # Tables that get a header of their own, like the file's top-level tables; others are inline.
 _HEADED = ("display", "reflectance", "filter", "spectrum")

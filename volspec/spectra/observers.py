@@ -22,11 +22,11 @@ from functools import cache, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._gpu.sources import asset
+from volspec._gpu import asset
 from volspec.errors import SpectrumError
 from volspec.spectra.datasets import Observer, colour_matching_functions
+from volspec.spectra.files.tables import read_table
 from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.tables import read_table
 
 Array = NDArray[np.float64]
 

@@ -13,14 +13,12 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from volspec.basis import MaterialBasis
-from volspec.spectra import SpectralGrid, reflectance
-from volspec.spectra.datasets import Observer
+from volspec.spectra import Observer, SpectralGrid, reflectance
 from volspec.transfer.fields import OWN, FieldFunctions
 from volspec.transfer.label_look import mix_text, smits_weights
 from volspec.transfer.model import TransferFunction
 from volspec.transfer.presets import histogram_of, rounded, step_mm
-from volspec.volume import Volume
-from volspec.volume.channels import Channel, unique_titles
+from volspec.volume import Channel, Volume, unique_titles
 
 Colour = tuple[float, float, float]
 # sRGB codes of channels without a colour, and up to which emission, in nm, each is meant.

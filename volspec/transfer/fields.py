@@ -34,7 +34,7 @@ from volspec.errors import Code, TransferError, nearest
 from volspec.spectra import Spectrum
 from volspec.transfer.model import TransferFunction
 from volspec.transfer.table import Entries, TransferTable
-from volspec.volume.channels import MAX_FIELDS
+from volspec.volume import MAX_FIELDS
 
 _WHO = "FieldFunctions"
 OWN = ""

@@ -22,14 +22,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.spaces import decode_sRGB, encode_sRGB
+from volspec.appearance.display import decode_sRGB, encode_sRGB
 from volspec.basis import MaterialBasis
 from volspec.errors import VolumeError
-from volspec.spectra import SpectralGrid, reflectance
-from volspec.spectra.datasets import Observer
+from volspec.spectra import Observer, SpectralGrid, reflectance
 from volspec.transfer.discrete import LabelFunction
-from volspec.volume import Volume
-from volspec.volume.labels import Labels, find_labels
+from volspec.volume import Labels, Volume, find_labels
 
 MOST_OWN_MATERIALS = 24
 """Most labels with a material each."""

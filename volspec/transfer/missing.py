@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import TransferError, nearest
-from volspec.transfer.discrete import Isosurfaces, LabelFunction
+from volspec.transfer.discrete import LabelFunction
 from volspec.transfer.fields import (
     OWN,
     FieldFunctions,
@@ -27,14 +27,12 @@ from volspec.transfer.fields import (
     MaskTables,
     weighted,
 )
+from volspec.transfer.kinds import Table, Tables, Transfer, Transfers
 from volspec.transfer.label_look import unique_names
 from volspec.transfer.model import TransferFunction
-from volspec.transfer.regions import TransferFunction2D
 from volspec.transfer.table import MAX_LABEL, Entries, SurfaceTable, TransferTable
-from volspec.volume import Volume
-from volspec.volume.labels import are_whole
+from volspec.volume import Volume, are_whole
 
-_Transfer = TransferFunction | TransferFunction2D | LabelFunction | Isosurfaces
 # Most entries of a table.
 _MOST_ENTRIES = 1 << 16
 # Most labels that a message lists.
@@ -42,14 +40,10 @@ _MOST_NAMED = 12
 
 
 @overload
-def bake_for_volume(transfer: _Transfer, volume: Volume) -> TransferTable | SurfaceTable: ...
+def bake_for_volume(transfer: Transfer, volume: Volume) -> Table: ...
 @overload
-def bake_for_volume(
-    transfer: _Transfer | FieldFunctions, volume: Volume
-) -> TransferTable | SurfaceTable | FieldTables: ...
-def bake_for_volume(
-    transfer: _Transfer | FieldFunctions, volume: Volume
-) -> TransferTable | SurfaceTable | FieldTables:
+def bake_for_volume(transfer: Transfers, volume: Volume) -> Tables: ...
+def bake_for_volume(transfer: Transfers, volume: Volume) -> Tables:
     """Bake a transfer function for a volume, whose missing voxels are transparent.
 
     Of several fields, the volume's own alone gives a plain table. Raises TransferError if there is
@@ -201,7 +195,7 @@ def _rows_between(
     return edges, between
 
 
-def _bake(transfer: _Transfer, volume: Volume) -> TransferTable | SurfaceTable:
+def _bake(transfer: Transfer, volume: Volume) -> Table:
     if isinstance(transfer, LabelFunction):
         _require_values(transfer, volume)
         return transfer.bake(volume.smallest_mm, volume.numbers)

@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 from volspec.basis import Basis, MaterialBasis
 from volspec.errors import TransferError, nearest, quoted
 from volspec.transfer.fields import FieldTables
-from volspec.transfer.table import Entries, SurfaceTable, TransferTable
+from volspec.transfer.kinds import Tables
+from volspec.transfer.table import Entries, TransferTable
 
 Array = NDArray[np.float64]
-Baked = TransferTable | SurfaceTable | FieldTables
 
 
-def scale_opacities(table: Baked, basis: Basis, opacities: Mapping[str, float]) -> Baked:
+def scale_opacities(table: Tables, basis: Basis, opacities: Mapping[str, float]) -> Tables:
     """Return a table with the optical depths of some of its basis' materials scaled.
 
     Raises TransferError as `check_opacities`.

@@ -14,16 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from volspec._gpu.sources import asset
+from volspec._gpu import asset
 from volspec._parse import parse_toml
 from volspec.basis import MaterialBasis
 from volspec.errors import InputError, nearest
 from volspec.settings import Pair, read_table, settings
-from volspec.spectra import SpectralGrid, reflectance
-from volspec.spectra.datasets import Observer
+from volspec.spectra import Observer, SpectralGrid, reflectance
 from volspec.transfer import Isosurfaces, Transfer, TransferFunction
 from volspec.volume import Volume
-from volspec.volume.sample import BINS, counted_step, histogram_of_values
+from volspec.volume.levels import BINS, counted_step, histogram_of_values
 
 Points = Annotated[tuple[Pair, ...], Field(strict=False)]
 

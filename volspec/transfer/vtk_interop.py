@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.spaces import sRGB_CURVE
+from volspec.appearance.display import sRGB_CURVE
 from volspec.basis import Basis, SpectralBasis
 from volspec.errors import TransferError
 from volspec.spectra import reflectance_from_colour

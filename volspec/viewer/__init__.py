@@ -10,6 +10,8 @@
 To add a panel, see docs/architecture.md.
 """
 
+import lazy_loader
+
 from volspec._extras import require_extra
 
 require_extra("viewer", "the viewer")
@@ -18,3 +20,5 @@ import OpenGL  # noqa: E402  # the extra is checked before
 # PyOpenGL checks for errors after every call, which takes longer than the call itself, unless that
 # is switched off before PyOpenGL is first imported, by imgui's backend.
 OpenGL.ERROR_CHECKING = False
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

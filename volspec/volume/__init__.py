@@ -1,19 +1,5 @@
 """Scalar volumes: values on a regular lattice, its geometry, and file readers."""
 
-from volspec.volume import phantom
-from volspec.volume.files.query import Choice
-from volspec.volume.load import load_volume, volume_choices
-from volspec.volume.metadata import Metadata
-from volspec.volume.model import Volume
-from volspec.volume.series import Series, load_series
+import lazy_loader
 
-__all__ = [
-    "Choice",
-    "Metadata",
-    "Series",
-    "Volume",
-    "load_series",
-    "load_volume",
-    "phantom",
-    "volume_choices",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

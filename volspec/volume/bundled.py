@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from volspec._files import is_remote
-from volspec._gpu.sources import asset
+from volspec._gpu import asset
 
 _ASSETS = {"engine": "data/engine.nrrd", "head": "data/mrbrain.nrrd"}
 # Labels of the tissues of the Whole Frog Project.

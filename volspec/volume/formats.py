@@ -17,8 +17,7 @@ from pathlib import Path
 from volspec._extras import EXTRAS
 from volspec.volume.files import neuro
 from volspec.volume.files.dicom import read_series
-from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
-from volspec.volume.files.dicom_headers import is_dicom
+from volspec.volume.files.dicom_headers import DICOM_SUFFIXES, is_dicom
 from volspec.volume.files.gipl import MAGIC as GIPL_MAGIC
 from volspec.volume.files.gipl import read_gipl
 from volspec.volume.files.hdf5 import hdf5_stack, project_stack, read_hdf5, read_project
@@ -40,7 +39,7 @@ from volspec.volume.files.slices import pictures_stack, read_stack
 from volspec.volume.files.tiff import SUFFIXES as TIFF_SUFFIXES
 from volspec.volume.files.tiff import read_tiff, tiff_stack
 from volspec.volume.files.vtk import read_vtk
-from volspec.volume.pyramid import Stack
+from volspec.volume.levels.pyramid import Stack
 
 Reader = Callable[[Query], Reading]
 Magic = tuple[int, bytes]

@@ -12,13 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._gpu.memory import host_free_bytes
+from volspec._gpu import host_free_bytes
 from volspec.errors import VolumeError, one_line
 from volspec.volume.channels import Channel
 from volspec.volume.checks import checked_geometry, missing_value
 from volspec.volume.files.query import Query, Reading, Stored
-from volspec.volume.model import Volume
-from volspec.volume.pyramid import (
+from volspec.volume.levels.pyramid import (
     ASK_ANOTHER,
     DEFAULT_BYTES,
     WITHOUT_PARTS,
@@ -31,6 +30,7 @@ from volspec.volume.pyramid import (
     size_text,
     summarise,
 )
+from volspec.volume.model import Volume
 
 # Voxels along z and y of a chunk of uncompressed slices, which has whole rows.
 _RAW_CHUNK = 16, 128

@@ -36,9 +36,9 @@ from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, St
 from volspec.volume.files.slices import pictures_in
 from volspec.volume.labels import NAMED, Labels, find_labels, renumbered, why_no_labels
 from volspec.volume.larger import level_of, read_coarsest, stored_stack
+from volspec.volume.levels.pyramid import Level, Stack
 from volspec.volume.metadata import Metadata
 from volspec.volume.model import Volume
-from volspec.volume.pyramid import Level, Stack
 from volspec.volume.reader_process import choices_in_child, read_in_child
 
 # What to do with files of other formats, by their suffixes: with the file's path, and that of the

@@ -35,9 +35,9 @@ from volspec.volume.checks import (
 from volspec.volume.files.lattice import mm_per_unit
 from volspec.volume.files.vtk_grid import volume_fields
 from volspec.volume.labels import Labels, renumbered
+from volspec.volume.levels.pyramid import Pyramid
+from volspec.volume.levels.sample import typical_range
 from volspec.volume.metadata import Metadata
-from volspec.volume.pyramid import Pyramid
-from volspec.volume.sample import typical_range
 
 if TYPE_CHECKING:
     import pyvista

@@ -1,17 +1,5 @@
 """Wizards: hide, reveal, merge or keep a scene's materials, or show it in another light."""
 
-from volspec.wizard.operations import hide, keep, merge, reveal
-from volspec.wizard.result import LightEvaluation, Redesigned, require_output
-from volspec.wizard.telling import TellingLight, show_difference
+import lazy_loader
 
-__all__ = [
-    "LightEvaluation",
-    "Redesigned",
-    "TellingLight",
-    "hide",
-    "keep",
-    "merge",
-    "require_output",
-    "reveal",
-    "show_difference",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -20,9 +20,8 @@ from itertools import product
 
 import numpy as np
 
-from volspec.appearance.deficiency import DeficiencyName
-from volspec.appearance.display import colour_space
-from volspec.appearance.models.cielab import delta_E_2000
+from volspec.appearance.display import DeficiencyName, colour_space
+from volspec.appearance.models import delta_E_2000
 from volspec.errors import Code, PaletteError, SceneError
 from volspec.palette import (
     Apart,
@@ -32,9 +31,10 @@ from volspec.palette import (
     DesignReport,
     Palette,
     PaletteSpectrum,
+    Place,
+    Triple,
     design,
 )
-from volspec.palette.model import Place, Triple
 from volspec.scene import Scene
 from volspec.spectra import SpectralGrid, Spectrum
 from volspec.spectra import light as find_light

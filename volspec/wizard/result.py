@@ -17,19 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._files import require_suffix, require_writable
-from volspec.appearance.models.cielab import cielab, delta_E_2000
-from volspec.appearance.scene_to_display import view_transform
+from volspec.appearance import view_transform
+from volspec.appearance.models import cielab, delta_E_2000
 from volspec.basis import MaterialBasis
 from volspec.errors import Code, SceneError, SpectrumError
 from volspec.palette import ApartReport, Design, DesignReport, PaletteSpectrum, save_palette
 from volspec.relight import Illumination
-from volspec.scene import NamedLight, Scene, write_scene
-from volspec.scene.file import SceneFile, scene_data, scene_file
-from volspec.scene.lights import LightSpec
-from volspec.scene.specs import BasisSpec
+from volspec.scene import NamedLight, Scene, SceneFile, scene_data, scene_file, write_scene
+from volspec.scene.tables import BasisSpec, LightSpec
 from volspec.spectra import Spectrum
 from volspec.spectra.files import rebase_path, split_address
-from volspec.spectra.lights import light_terms
+from volspec.spectra.library import light_terms
 from volspec.wizard.scene_palette import ScenePalette
 
 Array = NDArray[np.float64]

@@ -11,11 +11,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from volspec.appearance.spec import Viewing
+from volspec.appearance import Viewing
 from volspec.errors import SceneError, nearest
-from volspec.palette import Cell, Palette, PaletteSpectrum
-from volspec.palette.model import Place, Triple
-from volspec.palette.state import State
+from volspec.palette import Cell, Palette, PaletteSpectrum, Place, State, Triple
 from volspec.scene import NamedLight, Scene
 from volspec.spectra import SpectralGrid, Spectrum
 

@@ -16,7 +16,7 @@ from itertools import pairwise, product
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.models.cielab import delta_E_2000
+from volspec.appearance.models import delta_E_2000
 from volspec.errors import SceneError, VolspecError
 from volspec.relight import LightRig
 from volspec.scene import NamedLight, Scene

@@ -55,7 +55,7 @@ from functools import partial
 
 import numpy as np
 
-from volspec.appearance import constants as k
+from volspec.appearance.display import constants as k
 from volspec.appearance.surround import ViewingConditions
 from volspec.appearance.transforms import Array, LinearTransform, ViewTransform
 

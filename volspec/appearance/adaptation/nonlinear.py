@@ -62,7 +62,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from volspec.appearance import constants as k
 from volspec.appearance.adaptation.linear import (
     Adaptation,
     cones_of_white,
@@ -70,6 +69,7 @@ from volspec.appearance.adaptation.linear import (
     percent_scale,
     white_luminance,
 )
+from volspec.appearance.display import constants as k
 from volspec.appearance.surround import ViewingConditions
 from volspec.appearance.transforms import Array, CurveTransform
 

@@ -3,34 +3,6 @@
 ViewingConditions, XYZ -> [models] -> Appearance -> [models] -> XYZ
 """
 
-from __future__ import annotations
+import lazy_loader
 
-from collections.abc import Mapping
-from types import MappingProxyType
-
-from volspec.appearance.models import cielab, hellwig2022, hunt, nayatani95, rlab, zcam
-from volspec.appearance.models.base import Appearance, Model
-from volspec.appearance.models.cam import cam16, ciecam02
-from volspec.errors import ViewingError, nearest
-
-__all__ = ["APPEARANCE_MODELS", "Appearance", "Model", "cam16", "ciecam02", "model"]
-
-APPEARANCE_MODELS: Mapping[str, Model] = MappingProxyType(
-    {
-        each.NAME: each
-        for each in (ciecam02, cam16, cielab, rlab, hunt, nayatani95, hellwig2022, zcam)
-    }
-)
-"""Every model by its ``NAME``."""
-
-
-def model(name: str) -> Model:
-    """Return the appearance model of a name; raise ViewingError if there is none."""
-    if name not in APPEARANCE_MODELS:
-        raise ViewingError.refused(
-            "appearance model",
-            name,
-            f"{nearest(name, APPEARANCE_MODELS)}known: {', '.join(APPEARANCE_MODELS)}",
-            "unknown",
-        )
-    return APPEARANCE_MODELS[name]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance import constants as k
+from volspec.appearance.display import constants as k
 from volspec.appearance.surround import SURROUND_RATIOS, ViewingConditions
 from volspec.errors import ShapeError, ViewingError
 

@@ -31,7 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from volspec.appearance import constants as k
+from volspec.appearance.display import constants as k
 from volspec.appearance.hue import quadrature
 from volspec.appearance.models.base import Appearance, Array, broadcast, only_defined
 from volspec.appearance.surround import (

@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from volspec.appearance import constants as k
+from volspec.appearance.display import constants as k
 from volspec.appearance.hue import quadrature
 from volspec.appearance.models.base import ROUNDING, Appearance, Array, broadcast, only_defined
 from volspec.appearance.models.cam import (

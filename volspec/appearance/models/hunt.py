@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import AfterValidator, Field
 
-from volspec.appearance import constants as k
+from volspec.appearance.display import constants as k
 from volspec.appearance.hue import HUNT_HUES, quadrature
 from volspec.appearance.models.base import (
     ROUNDING,

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from volspec.appearance import constants as k
 from volspec.appearance.adaptation.nonlinear import nayatani_exponent, nayatani_exponents
+from volspec.appearance.display import constants as k
 from volspec.appearance.hue import NAYATANI_HUES, quadrature
 from volspec.appearance.models.base import (
     ROUNDING,

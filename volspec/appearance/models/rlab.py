@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from volspec.appearance import constants as k
+from volspec.appearance.display import constants as k
 from volspec.appearance.hue import CIELAB_HUES, quadrature
 from volspec.appearance.models.base import (
     ROUNDING,

@@ -21,8 +21,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from volspec.appearance import constants as k
-from volspec.appearance.hdr import PQ_PEAK, pq_decode, pq_encode
+from volspec.appearance.display import constants as k
+from volspec.appearance.display.hdr import PQ_PEAK, pq_decode, pq_encode
+from volspec.appearance.display.spaces import SPACES
 from volspec.appearance.hue import UniqueHues, quadrature
 from volspec.appearance.models.base import (
     ROUNDING,
@@ -33,7 +34,6 @@ from volspec.appearance.models.base import (
     opponents,
 )
 from volspec.appearance.models.cam import degree_of_adaptation
-from volspec.appearance.spaces import SPACES
 from volspec.appearance.surround import Surround, ViewingConditions
 from volspec.appearance.transforms import signed_power, triples
 from volspec.errors import ViewingError

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.models.cielab import CIE94_metric
+from volspec.appearance.models import CIE94_metric
 from volspec.basis.display import NO_COLOUR, visible_white
 from volspec.basis.fit.training import Training
 

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from volspec.basis.fit.residuals import Problem, State, evaluate, normal_equations, pose_problem
 from volspec.basis.fit.training import Training
-from volspec.spectra.grid import SpectralGrid
+from volspec.spectra import SpectralGrid
 
 Array = NDArray[np.float64]
 

@@ -13,9 +13,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.basis.base import basis_errors
 from volspec.errors import BasisError
-from volspec.spectra.datasets import Observer, colour_matching_functions
-from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.spectrum import Spectrum, light_power, real_array, reflectance_values, stack
+from volspec.spectra import (
+    Observer,
+    SpectralGrid,
+    Spectrum,
+    colour_matching_functions,
+    light_power,
+    real_array,
+    reflectance_values,
+    stack,
+)
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from volspec.appearance import Viewing
 from volspec.errors import ImageError, quoted
 from volspec.export.notebook.settings import LightLike, initial_spec, named_lights
 from volspec.image import CoefficientImage
-from volspec.scene.lights import NamedLight
+from volspec.scene.tables import NamedLight
 
 if TYPE_CHECKING:
     from volspec.export.notebook.widget import RelightWidget

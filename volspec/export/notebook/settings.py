@@ -11,18 +11,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
-from volspec.appearance import Display, Viewing
+from volspec.appearance import CLOSED, SURROUND_RATIOS, Display, Screen, Viewing, forward_for
 from volspec.appearance.adaptation import ADAPTATIONS
-from volspec.appearance.gamut_mapping import Screen
-from volspec.appearance.scene_to_display import CLOSED, forward_for
-from volspec.appearance.spec import SURROUND_RATIOS
 from volspec.errors import ImageError, SpectrumError, ViewingError, quoted
 from volspec.export.page import payload
 from volspec.image import CoefficientImage
-from volspec.relight import Illumination, LightRig, RelightSpec
-from volspec.relight.spec import mixed_rig
+from volspec.relight import Illumination, LightRig, RelightSpec, mixed_rig
 from volspec.scene import stored_relight_spec
-from volspec.scene.lights import NamedLight
+from volspec.scene.tables import NamedLight
 from volspec.spectra import Spectrum, light
 
 LightLike = str | Spectrum | LightRig

@@ -36,10 +36,8 @@ from volspec.export.notebook.settings import (
 from volspec.export.page import PageSpec, PageView, page_html, payload
 from volspec.image import CoefficientImage
 from volspec.pipeline import relight
-from volspec.relight import LightRig, RelightSpec
-from volspec.relight.relighter import pixel_type
-from volspec.relight.spec import Pixels
-from volspec.scene.lights import NamedLight
+from volspec.relight import LightRig, Pixels, RelightSpec, pixel_type
+from volspec.scene.tables import NamedLight
 from volspec.spectra import Spectrum
 
 _HEIGHT = "600px"

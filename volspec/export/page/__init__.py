@@ -3,32 +3,6 @@
 scene -> cast -> [page] -> PAGE.html
 """
 
-from volspec.export.page.build import (
-    BITS,
-    MOST_VIEWS,
-    PageSpec,
-    PageView,
-    ServedCamera,
-    layers_size,
-    page_html,
-    page_policy,
-    scene_bars,
-    scene_views,
-    write_page,
-)
-from volspec.export.page.packing import pack_view
+import lazy_loader
 
-__all__ = [
-    "BITS",
-    "MOST_VIEWS",
-    "PageSpec",
-    "PageView",
-    "ServedCamera",
-    "layers_size",
-    "pack_view",
-    "page_html",
-    "page_policy",
-    "scene_bars",
-    "scene_views",
-    "write_page",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -33,17 +33,12 @@ from volspec.export.page import payload
 from volspec.export.page.packing import PackedLayers, layer_bytes, pack_layers, pack_view
 from volspec.export.tiles import part_of
 from volspec.export.value_bars import ValueBar, channel_bars
-from volspec.image import CoefficientImage, DepthEffects
-from volspec.image.layers import OpacityLayers
+from volspec.image import CoefficientImage, DepthEffects, OpacityLayers
 from volspec.pipeline import Raycaster, raycast, relight
-from volspec.raycast.row_batches import Progress
-from volspec.relight import RelightSpec
-from volspec.relight.error_map import full_band_basis
-from volspec.relight.look import Look
-from volspec.relight.spec import Pixels
+from volspec.raycast.launch import Progress
+from volspec.relight import Look, Pixels, RelightSpec, full_band_basis
 from volspec.scene import Scene
-from volspec.scene.export import Turntable
-from volspec.scene.lights import NamedLight
+from volspec.scene.tables import NamedLight, Turntable
 from volspec.settings import settings
 from volspec.volume import Series, Volume
 

@@ -13,15 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.image import CoefficientImage
-from volspec.image.layers import OpacityLayers, Slot
-from volspec.relight.layers import clamp_finite
-from volspec.relight.recompose import (
-    are_filled,
-    layer_extents,
-    layer_slots,
-    shadow_constants,
-)
+from volspec.image import CoefficientImage, OpacityLayers, Slot
+from volspec.relight import are_filled, clamp_finite, layer_extents, layer_slots, shadow_constants
 
 Codes = NDArray[np.integer[Any]]
 

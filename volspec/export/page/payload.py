@@ -15,41 +15,52 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from volspec._gpu.prelude import prelude
-from volspec._gpu.sources import assemble
-from volspec.appearance import constants as k
-from volspec.appearance.adaptation import ADAPTATIONS, linear, nonlinear
-from volspec.appearance.constants import D65_CONES_FROM_XYZ
-from volspec.appearance.deficiency import severity_steps
-from volspec.appearance.display import Gamut
-from volspec.appearance.gamut_mapping import Screen
+from volspec._gpu import assemble, prelude
+from volspec.appearance import (
+    CLOSED,
+    SURROUND_RATIOS,
+    SURROUNDS,
+    Display,
+    Screen,
+    Viewing,
+    linear,
+    nonlinear,
+)
+from volspec.appearance.adaptation import ADAPTATIONS
+from volspec.appearance.display import (
+    D65_CONES_FROM_XYZ,
+    SPACES,
+    Gamut,
+    severity_steps,
+    spectrum_colours,
+)
+from volspec.appearance.display import constants as k
 from volspec.appearance.models import hellwig2022, rlab
-from volspec.appearance.scene_to_display import CLOSED
-from volspec.appearance.spaces import SPACES, spectrum_colours
-from volspec.appearance.spec import SURROUND_RATIOS, SURROUNDS, Display, Viewing
-from volspec.basis import MODES, MaterialBasis, SpectralBasis
-from volspec.basis.display import Mode
-from volspec.basis.materials import Basis
+from volspec.basis import MODES, Basis, MaterialBasis, Mode, SpectralBasis
 from volspec.errors import ViewingError, VolspecWarning
 from volspec.export.page.packing import PackedLayers, pack_view
 from volspec.export.value_bars import ValueBar
 from volspec.image import CoefficientImage, DepthEffects
-from volspec.relight import ErrorMap, LightRig, RelightSpec
-from volspec.relight.advice import mode_advice
-from volspec.relight.layers import layer_count
-from volspec.relight.programs import picture_constants, screen_uniforms
-from volspec.relight.recompose import depth_uniforms
-from volspec.relight.stereo import EYES, Stereo, expected_depth_mm
-from volspec.scene.lights import NamedLight
-from volspec.spectra import Spectrum
-from volspec.spectra.datasets import colour_matching_functions
-from volspec.spectra.photometry import illuminance_lux
-from volspec.spectra.spectrum import light_power
+from volspec.relight import (
+    EYES,
+    ErrorMap,
+    LightRig,
+    RelightSpec,
+    Stereo,
+    depth_uniforms,
+    expected_depth_mm,
+    layer_count,
+    mode_advice,
+    picture_constants,
+    screen_uniforms,
+)
+from volspec.scene.tables import NamedLight
+from volspec.spectra import Spectrum, colour_matching_functions, illuminance_lux, light_power
 
 _GLSL = "300 es"
 _HEATS = 129
 _BAR_BITS = 12
-# Constants of volspec.appearance.constants used by web/*.js.
+# Constants of volspec.appearance.display.constants used by web/*.js.
 _CONSTANTS = """
     CAT02_FROM_XYZ CAT16_FROM_XYZ HPE_FROM_XYZ HPE_FROM_CAT02
     RESPONSE_POLE RESPONSE_HALF RESPONSE_POWER RESPONSE_NOISE RESPONSE_LIMIT

@@ -30,9 +30,9 @@ from volspec.errors import CastCancelled, InputError, VolspecError, one_line, qu
 from volspec.export.page import PageSpec, page_policy
 from volspec.export.serve.connections import LimitedServer
 from volspec.export.serve.views import CastQueue, PendingCast, SceneViews, ViewRequest
-from volspec.raycast.row_batches import Progress
+from volspec.raycast.launch import Progress
 from volspec.scene import Scene
-from volspec.scene.lights import NamedLight
+from volspec.scene.tables import NamedLight
 from volspec.volume import Volume
 
 # Names of this machine, also at the near end of a tunnel, whose port may be another one.

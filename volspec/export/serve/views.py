@@ -21,8 +21,7 @@ from typing import Any, Self
 import numpy as np
 
 from volspec._checks import checked_size
-from volspec.camera import Camera
-from volspec.camera.camera import Orbit, level_axes, radius_mm
+from volspec.camera import Camera, Orbit, level_axes, radius_mm
 from volspec.errors import CastCancelled, InputError, quoted
 from volspec.export.annotate import annotation_svg
 from volspec.export.page import (
@@ -35,10 +34,10 @@ from volspec.export.page import (
 )
 from volspec.image import CoefficientImage
 from volspec.pipeline import GAPS, Raycaster, raycast
-from volspec.raycast.pace import WHOLE, Pace, Pass
-from volspec.raycast.row_batches import Cancel, Progress
+from volspec.raycast import WHOLE, Pace, Pass
+from volspec.raycast.launch import Cancel, Progress
 from volspec.scene import Scene
-from volspec.scene.lights import NamedLight
+from volspec.scene.tables import NamedLight
 from volspec.volume import Volume
 
 DISTANCES = (0.125, 8.0)

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import SpectrumError
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
-from volspec.spectra.reflectances import reflectance, sample_tables
+from volspec.spectra.library.reflectances import reflectance, sample_tables
 from volspec.spectra.spectrum import real_array, reflectance_values
 
 Array = NDArray[np.float64]

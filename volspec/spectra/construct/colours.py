@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import SpectrumError, nearest, quoted
 from volspec.spectra.datasets import colour_science
+from volspec.spectra.files.tables import read_number
 from volspec.spectra.spectrum import real_array
-from volspec.spectra.tables import read_number
 
 Array = NDArray[np.float64]
 

@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from volspec.camera.camera import radius_mm
-from volspec.camera.projection import face_normal, side_deg
-from volspec.raycast.framing import ZOOMS, fit_view
+from volspec.camera import face_normal, radius_mm, side_deg
+from volspec.raycast import framing
 from volspec.viewer.model.cuts import overlay_command
 from volspec.viewer.model.edit import Change, Command, bind, edit
 from volspec.viewer.model.state import ViewState
@@ -67,7 +66,7 @@ def pan(state: ViewState, across: float, down: float) -> ViewState:
 def zoom(state: ViewState, _across: float, down: float) -> ViewState:
     """Zoom by a drag, in fractions of the picture's height."""
     factor = math.exp(clamp(-_ZOOM_RATE * down, -10.0, 10.0))
-    return _with_view(state, zoom=clamp(state.view.zoom * factor, *ZOOMS))
+    return _with_view(state, zoom=clamp(state.view.zoom * factor, *framing.ZOOMS))
 
 
 @edit
@@ -121,7 +120,7 @@ def _projection(state: ViewState) -> ViewState:
 def _fit(state: ViewState) -> ViewState:
     width, height = (max(side, 1) for side in state.size)
     volume = state.document.volume
-    view = fit_view(state.view, volume, state.transfer, state.shading, width / height)
+    view = framing.fit_view(state.view, volume, state.transfer, state.shading, width / height)
     return replace(state, view=view)
 
 

@@ -16,10 +16,15 @@ import numpy as np
 
 from volspec.errors import VolumeError, one_line
 from volspec.viewer.model.paths import size_text
-from volspec.volume import Choice, Volume
-from volspec.volume.channels import MAX_FIELDS
-from volspec.volume.files.query import SCALES
-from volspec.volume.series import differ_in_numbers, order_steps, series_address
+from volspec.volume import (
+    MAX_FIELDS,
+    Choice,
+    Volume,
+    differ_in_numbers,
+    order_steps,
+    series_address,
+)
+from volspec.volume.files import SCALES
 
 # By the key of a choice.
 TITLES = {

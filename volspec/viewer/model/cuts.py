@@ -16,12 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.camera.camera import radius_mm
-from volspec.camera.projection import Place, Projection
+from volspec.camera import Place, Projection, radius_mm
 from volspec.errors import InputError
-from volspec.raycast import ClipPlane, RaycastSpec
-from volspec.raycast.framing import LEAST_CROP, Crop, crop_bounds, world_mm
-from volspec.raycast.spec import MAX_PLANES
+from volspec.raycast import MAX_PLANES, ClipPlane, RaycastSpec, framing
 from volspec.settings import Vector
 from volspec.viewer.model.edit import Change, Command, Edited, bind, edit, refusable, with_interface
 from volspec.viewer.model.state import ViewState
@@ -33,9 +30,9 @@ Array = NDArray[np.float64]
 _SAME = 1e-3
 
 
-def box_corners_mm(crop: Crop, volume: Volume) -> Array:
+def box_corners_mm(crop: framing.Crop, volume: Volume) -> Array:
     """(2, 2, 2, 3) corners, indexed by their sides along x, y and z."""
-    return world_mm(volume, np.stack(np.meshgrid(*crop, indexing="ij"), axis=-1))
+    return framing.world_mm(volume, np.stack(np.meshgrid(*crop, indexing="ij"), axis=-1))
 
 
 # The box's corners by their sides along x, y and z, and its edges: two corners and the two faces
@@ -50,7 +47,7 @@ _EDGES = [
 
 
 def box_edges(
-    crop: Crop, volume: Volume, projection: Projection
+    crop: framing.Crop, volume: Volume, projection: Projection
 ) -> list[tuple[Place, Place, bool]]:
     """Return the box's edges in the window, each with True if the box itself hides it."""
     corners = box_corners_mm(crop, volume).reshape(8, 3)
@@ -64,7 +61,7 @@ def box_edges(
     ]
 
 
-def _facing(crop: Crop, volume: Volume, projection: Projection) -> NDArray[np.bool_]:
+def _facing(crop: framing.Crop, volume: Volume, projection: Projection) -> NDArray[np.bool_]:
     """(6,) True for each face whose outside faces the camera, by voxel coordinates."""
     camera, index_from_world = projection.camera, volume.index_from_world
     if camera.height_mm is None:
@@ -140,7 +137,7 @@ def list_handles(state: ViewState, projection: Projection, scale: float) -> tupl
             both = _plane_handles(i, plane, volume, projection, scale)
             found = [*both, *found] if i == overlays.plane else [*found, *both[:1]]
     if overlays.crop:
-        bounds = crop_bounds(shading, volume)
+        bounds = framing.crop_bounds(shading, volume)
         for face in range(6):
             x, y, depth = (float(v) for v in projection.to_window(_face_mm(bounds, face, volume)))
             if depth > 0:
@@ -157,7 +154,7 @@ def drag_handle(
     azimuth and elevation in degrees. ``shading`` and ``handle`` are from the start of the drag.
     """
     if handle.name == "crop":
-        bounds = crop_bounds(shading, volume)
+        bounds = framing.crop_bounds(shading, volume)
         axis, far = divmod(handle.index, 2)
         column = volume.world_from_index[:3, axis]
         spacing = float(np.linalg.norm(column))
@@ -181,12 +178,12 @@ def drag_handle(
     return azimuth, math.degrees(math.asin(clamp(float(tip[2]), -1.0, 1.0)))
 
 
-def _face_mm(crop: Crop, face: int, volume: Volume) -> Array:
+def _face_mm(crop: framing.Crop, face: int, volume: Volume) -> Array:
     """(3,) middle of a face of the box."""
     axis, far = divmod(face, 2)
     middle = np.array([(low + high) / 2 for low, high in crop])
     middle[axis] = crop[axis][far]
-    return world_mm(volume, middle)
+    return framing.world_mm(volume, middle)
 
 
 def _plane_handles(
@@ -220,13 +217,13 @@ def move_crop(state: ViewState, face: int, at: float) -> ViewState:
     if not 0 <= face < 6:
         return state
     volume, (axis, far) = state.document.volume, divmod(face, 2)
-    crop = list(crop_bounds(state.shading, volume))
+    crop = list(framing.crop_bounds(state.shading, volume))
     low, high = crop[axis]
     last = volume.shape_xyz[axis] - 1.0
     if far:
-        high = clamp(at, low + LEAST_CROP, last)
+        high = clamp(at, low + framing.LEAST_CROP, last)
     else:
-        low = clamp(at, 0.0, high - LEAST_CROP)
+        low = clamp(at, 0.0, high - framing.LEAST_CROP)
     crop[axis] = low, high
     whole = all(pair == (0.0, n - 1.0) for pair, n in zip(crop, volume.shape_xyz, strict=True))
     x, y, z = crop

@@ -10,14 +10,11 @@ from dataclasses import replace
 from typing import Literal
 
 from volspec.basis import MaterialBasis
-from volspec.camera.camera import radius_mm
+from volspec.camera import radius_mm
 from volspec.errors import InputError
-from volspec.image import CoefficientImage, DepthEffects
-from volspec.image.depth import F_NUMBER, axis_cosine
-from volspec.image.layers import MAX_MATERIALS
+from volspec.image import F_NUMBER, MAX_MATERIALS, CoefficientImage, DepthEffects, axis_cosine
 from volspec.raycast import RaycastSpec
-from volspec.relight.look import Look
-from volspec.relight.stereo import Layout, Stereo
+from volspec.relight import Layout, Look, Stereo
 from volspec.viewer.model import opacities
 from volspec.viewer.model.edit import Command, bind, edit, refusable, with_interface
 from volspec.viewer.model.materials import with_material_basis

@@ -20,28 +20,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._gpu.sources import asset
-from volspec.camera.camera import Orbit
+from volspec._gpu import asset
+from volspec.camera import Orbit
 from volspec.errors import SceneError
 from volspec.image import CoefficientImage, DepthEffects
 from volspec.pipeline import Raycaster
 from volspec.raycast import RaycastSpec
 from volspec.relight import RelightSpec
-from volspec.scene import Scene
-from volspec.scene.file import SceneFile
-from volspec.scene.lights import rows_by_name
-from volspec.scene.meshes import MeshCache
-from volspec.scene.specs import EMPTY, MeshSpec
+from volspec.scene import MeshCache, Scene, SceneFile
+from volspec.scene.tables import EMPTY, MeshSpec, rows_by_name
 from volspec.spectra import SpectralGrid
 from volspec.transfer import FieldFunctions, Mask, Transfer, Transfers, presets
 from volspec.viewer.model.light_rows import Rows, rows_from_scene
 from volspec.viewer.model.view import View
-from volspec.volume import Choice, Series, Volume
-from volspec.volume.series import PATTERN
+from volspec.volume import PATTERN, Choice, Series, Volume
 
 if TYPE_CHECKING:
-    from volspec.raycast.surfaces import Behind
-    from volspec.scene.room import SceneRoom
+    from volspec.raycast import Behind
+    from volspec.scene import SceneRoom
 
 Samples = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Values, and their gradients."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from volspec.appearance.models.cielab import delta_E_2000
+from volspec.appearance.models import delta_E_2000
 from volspec.errors import PaletteError
 from volspec.relight import LightRig
 from volspec.scene import Scene
@@ -21,8 +21,7 @@ from volspec.viewer.model.light_rows import MOST_ROWS, LightRow, Rows, only_row,
 from volspec.viewer.model.materials import can_be_exact, with_material_basis
 from volspec.viewer.model.palette_edits import with_pick
 from volspec.viewer.model.state import ViewState
-from volspec.wizard import Redesigned, TellingLight, reveal, show_difference
-from volspec.wizard.result import displayed_Lab
+from volspec.wizard import Redesigned, TellingLight, displayed_Lab, reveal, show_difference
 
 DIFFERENCE = "difference"
 # Requests to the app with this argument end in a comparison.

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from volspec.relight import LightRig
-from volspec.scene.specs import ROOM_LIGHT
+from volspec.scene.tables import ROOM_LIGHT
 from volspec.spectra import Spectrum, colour_matching_functions
 from volspec.spectra.library import describe_light, library_names
 from volspec.viewer.model import light_rows

@@ -17,17 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import ViewingError, VolspecError
-from volspec.relight import LightRig, RelightSpec
-from volspec.relight.spec import mixed_rig
-from volspec.scene.lights import LightSpec, NamedLight
-from volspec.scene.specs import ROOM_LIGHT
-from volspec.spectra import SpectralGrid, Spectrum, light
+from volspec.relight import LightRig, RelightSpec, mixed_rig
+from volspec.scene.tables import ROOM_LIGHT, LightSpec, NamedLight
+from volspec.spectra import SpectralGrid, Spectrum, illuminance_lux, light
 from volspec.spectra.files import split_address
-from volspec.spectra.photometry import illuminance_lux
 from volspec.viewer.model.view import clamp
 
 if TYPE_CHECKING:
-    from volspec.scene.room import SceneRoom
+    from volspec.scene import SceneRoom
 
 KELVIN = (1000.0, 20000.0)
 MOST_ROWS = 99

@@ -15,11 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.camera.camera import radius_mm
-from volspec.camera.projection import Place, Projection
+from volspec.camera import Place, Projection, radius_mm
 from volspec.errors import InputError
-from volspec.raycast import Ambient, Directional, Headlight, LightGroup, Point
-from volspec.raycast.lights import Source
+from volspec.raycast import Ambient, Directional, Headlight, LightGroup, Point, Source
 from volspec.spectra import Spectrum
 from volspec.viewer.model import light_parts, light_rows, lighting_aim
 from volspec.viewer.model.cuts import Handle, overlay_command, with_overlays

@@ -11,9 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.camera.projection import Place, Projection
-from volspec.raycast import Directional, Point, RaycastSpec
-from volspec.raycast.lights import Source
+from volspec.camera import Place, Projection
+from volspec.raycast import Directional, Point, RaycastSpec, Source
 from volspec.viewer.model.cuts import Handle
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp, orbit_axes

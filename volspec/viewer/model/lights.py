@@ -12,10 +12,10 @@ from functools import cache
 
 from volspec.errors import InputError, SpectrumError, VolspecError
 from volspec.relight import LightRig
-from volspec.scene.specs import ROOM_LIGHT
+from volspec.scene.tables import ROOM_LIGHT
 from volspec.spectra import SpectralGrid, Spectrum, light
 from volspec.spectra.files import split_address
-from volspec.spectra.lights import light_terms
+from volspec.spectra.library import light_terms
 from volspec.viewer.model import light_parts, light_states
 from volspec.viewer.model.edit import Command, Edited, bind, edit, refusable, with_interface
 from volspec.viewer.model.light_rows import (

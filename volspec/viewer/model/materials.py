@@ -17,9 +17,8 @@ import numpy as np
 
 from volspec.basis import MaterialBasis
 from volspec.errors import SpectrumError, TransferError, quoted
-from volspec.scene.specs import MeshSpec
-from volspec.spectra import SpectralGrid, Spectrum, reflectance, reflectance_from_colour
-from volspec.spectra.datasets import Observer
+from volspec.scene.tables import MeshSpec
+from volspec.spectra import Observer, SpectralGrid, Spectrum, reflectance, reflectance_from_colour
 from volspec.transfer import (
     MAX_CHANNELS,
     Isosurfaces,
@@ -27,8 +26,8 @@ from volspec.transfer import (
     Transfer,
     TransferFunction,
     TransferFunction2D,
+    used_materials,
 )
-from volspec.transfer.mixes import used_materials
 from volspec.viewer.model.edit import edit, refusable
 from volspec.viewer.model.light_rows import unused_name
 from volspec.viewer.model.state import ViewState

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from volspec.errors import InputError
-from volspec.scene.annotation import ANGLE, DISTANCE, LABEL, MOST_LETTERS, Annotation
+from volspec.scene.tables import ANGLE, DISTANCE, LABEL, MOST_LETTERS, Annotation
 from volspec.settings import Vector
 from volspec.viewer.model.edit import Command, bind, edit, refusable, with_interface
 from volspec.viewer.model.state import ViewState

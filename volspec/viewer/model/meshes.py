@@ -12,7 +12,7 @@ from typing import Any
 
 from volspec.basis import SpectralBasis
 from volspec.errors import VolspecError
-from volspec.scene.specs import MeshSpec
+from volspec.scene.tables import MeshSpec
 from volspec.viewer.model.edit import Edited, edit, with_interface
 from volspec.viewer.model.materials import with_materials
 from volspec.viewer.model.paths import relative_path

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from volspec.basis import MaterialBasis
-from volspec.transfer.mixes import used_materials
+from volspec.transfer import used_materials
 from volspec.viewer.model.edit import Command, bind, edit
 from volspec.viewer.model.materials import can_be_exact, with_material_basis
 from volspec.viewer.model.quality import opacity_scales

@@ -12,8 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from volspec.palette import Cell
-from volspec.palette.model import parse_colour
+from volspec.palette import Cell, parse_colour
 from volspec.spectra import light as find_light
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import light_rows, palette_targets

@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from volspec.errors import PaletteError, SceneError, VolspecError
-from volspec.palette import Cell, DesignReport, Palette, PaletteSpectrum
-from volspec.palette.model import Place
+from volspec.palette import Cell, DesignReport, Palette, PaletteSpectrum, Place
 from volspec.scene import Scene, SceneFile
-from volspec.scene.transfer import TransferSpec
+from volspec.scene.tables import TransferSpec
 from volspec.settings import read_table
 from volspec.spectra import Spectrum, light_names
 from volspec.transfer import MAX_CHANNELS

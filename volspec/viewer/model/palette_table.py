@@ -21,15 +21,15 @@ from volspec.palette import (
     Design,
     Palette,
     PaletteSpectrum,
+    Place,
+    State,
+    apart_reports,
+    report_cells,
 )
-from volspec.palette.measures import apart_reports, report_cells
-from volspec.palette.model import Place
-from volspec.palette.state import State
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import SpectralGrid, Spectrum
 from volspec.spectra import light as find_light
-from volspec.transfer import Transfer, TransferFunction
-from volspec.transfer.mixes import Mix, Point, mix_weights
+from volspec.transfer import Mix, Point, Transfer, TransferFunction, mix_weights
 from volspec.viewer.model import light_rows
 from volspec.viewer.model.light_rows import Rows
 from volspec.viewer.model.materials import clip_spectrum, with_material_basis, with_reflectances

@@ -13,8 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from volspec.palette import Apart, Cell, Criteria
-from volspec.palette.model import Place, Triple
+from volspec.palette import Apart, Cell, Criteria, Place, Triple
 from volspec.viewer.model.view import clamp
 
 REFLECTANCE, LIGHT = "reflectance", "light"

@@ -15,9 +15,7 @@ from pathlib import Path
 from volspec._files import is_remote
 from volspec._triangles import MESHES
 from volspec.errors import InputError
-from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
-from volspec.volume.files.dicom_headers import is_dicom
-from volspec.volume.files.pages import PICTURES, is_stack
+from volspec.volume.files import DICOM_SUFFIXES, PICTURES, is_dicom, is_stack
 
 # Slices: one DICOM file means its series, pictures mean their folder.
 _PICTURES = tuple(PICTURES.values())

@@ -10,10 +10,8 @@ from typing import Any, get_args
 
 from volspec.basis import MaterialBasis
 from volspec.errors import InputError
-from volspec.image.layers import MAX_MATERIALS
-from volspec.raycast import RaycastSpec
-from volspec.raycast.quality import Quality
-from volspec.raycast.spec import MAX_STEPS, MODES, diagonal_mm
+from volspec.image import MAX_MATERIALS
+from volspec.raycast import MAX_STEPS, MODES, Quality, RaycastSpec, diagonal_mm
 from volspec.transfer import Isosurfaces, TransferFunction, TransferFunction2D, presets
 from volspec.viewer.model.edit import Command, Edited, bind, edit, refusable, with_field
 from volspec.viewer.model.state import ViewState

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import NamedTuple
 
-from volspec.appearance.rendition import (
+from volspec.appearance.comparison import (
     RENDITION_GRID,
     LightFigures,
     Metamerism,
@@ -18,10 +18,9 @@ from volspec.appearance.rendition import (
     metamerism,
 )
 from volspec.errors import VolspecError
-from volspec.palette.measures import ALIKE
+from volspec.palette import ALIKE
 from volspec.relight import LightRig
-from volspec.spectra import SpectralGrid, Spectrum, light
-from volspec.spectra.spectrum import extended_band_means
+from volspec.spectra import SpectralGrid, Spectrum, extended_band_means, light
 from volspec.viewer.model.light_rows import LightRow, Rows, light_rig, row_at
 from volspec.viewer.model.state import ViewState
 

@@ -12,20 +12,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
+from volspec.appearance.display import encode_sRGB, linear_sRGB_from_XYZ
 from volspec.basis import SpectralBasis
-from volspec.palette.model import parse_colour
+from volspec.palette import parse_colour
 from volspec.relight import RelightSpec
-from volspec.scene.specs import CameraSpec
-from volspec.spectra import Spectrum, XYZ_from_spectra, colour_matching_functions, light
-from volspec.spectra.photometry import LUMINOUS_EFFICACY
+from volspec.scene.tables import CameraSpec
+from volspec.spectra import (
+    LUMINOUS_EFFICACY,
+    Spectrum,
+    XYZ_from_spectra,
+    colour_matching_functions,
+    light,
+)
 from volspec.viewer.model import light_rows
 from volspec.viewer.model.edit import Command, Edited, edit, refusable
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import View, clamp
 
 if TYPE_CHECKING:
-    from volspec.scene.room import SceneRoom
+    from volspec.scene import SceneRoom
 
 Array = NDArray[np.float64]
 Codes = tuple[float, float, float]

@@ -17,29 +17,24 @@ from typing import Any, TypeVar
 import numpy as np
 
 from volspec._files import require_suffix
-from volspec.basis import Basis, MaterialBasis, SpectralBasis
-from volspec.basis.storage import shipped_names
+from volspec.basis import Basis, MaterialBasis, SpectralBasis, shipped_names
 from volspec.errors import SceneError, SpectrumError
-from volspec.raycast.lights import HEADLIT
-from volspec.scene import Scene, SceneFile
-from volspec.scene.basis import grid_of
-from volspec.scene.fields import FieldSpec
-from volspec.scene.lights import LightSpec, rows_by_name
-from volspec.scene.specs import (
+from volspec.raycast import HEADLIT
+from volspec.scene import FieldSpec, Scene, SceneFile, grid_of, write_scene
+from volspec.scene.tables import (
     ROOM_LIGHT,
     BasisSpec,
     CameraSpec,
+    LightSpec,
     MaterialSpec,
     OutputSpec,
     SpectrumNumbers,
+    TransferSpec,
+    rows_by_name,
 )
-from volspec.scene.transfer import TransferSpec
-from volspec.scene.writing import write_scene
 from volspec.settings import is_settings
-from volspec.spectra import Spectrum, light, reflectance
-from volspec.spectra.datasets import colour_matching_functions
-from volspec.transfer import Transfer, TransferFunction
-from volspec.transfer.fields import OWN
+from volspec.spectra import Spectrum, colour_matching_functions, light, reflectance
+from volspec.transfer import OWN, Transfer, TransferFunction
 from volspec.viewer.model import depth, light_rows
 from volspec.viewer.model.materials import same_spectrum
 from volspec.viewer.model.state import ViewState

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from volspec.basis import Basis
 from volspec.image import CoefficientImage
 from volspec.raycast import RaycastSpec
-from volspec.raycast.light_volume import extinction_per_mm
-from volspec.raycast.masks import MaskLattice
+from volspec.raycast.launch import MaskLattice, extinction_per_mm
 from volspec.transfer import (
     MAX_LABEL,
     FieldTables,
@@ -28,8 +27,8 @@ from volspec.transfer import (
     Transfer,
     Transfers,
     TransferTable,
+    bake_for_volume,
 )
-from volspec.transfer.missing import bake_for_volume
 from volspec.volume import Volume
 
 # Entries of a table, except for volumes of small integers.

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.camera.projection import AXES, PATIENT, is_patient
+from volspec.camera import AXES, PATIENT, is_patient
 from volspec.viewer.model.cuts import overlay_command, with_overlays
 from volspec.viewer.model.edit import Command, bind, edit, with_interface
 from volspec.viewer.model.state import Slices, ViewState

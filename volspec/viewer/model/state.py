@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING, Literal
 
 from volspec.image import DepthEffects
 from volspec.raycast import RaycastSpec
-from volspec.relight import RelightSpec
-from volspec.relight.stereo import Layout
-from volspec.scene.annotation import Annotation
-from volspec.scene.specs import MeshSpec
+from volspec.relight import Layout, RelightSpec
+from volspec.scene.tables import Annotation, MeshSpec
 from volspec.settings import Vector
 from volspec.transfer import Transfer
 from volspec.viewer.model.document import Document, FieldLook
@@ -22,7 +20,7 @@ from volspec.viewer.model.palette_targets import PaletteState, Pick
 from volspec.viewer.model.view import View
 
 if TYPE_CHECKING:
-    from volspec.scene.room import SceneRoom
+    from volspec.scene import SceneRoom
 
 
 @dataclass(frozen=True, slots=True)

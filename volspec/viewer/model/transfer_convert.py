@@ -17,12 +17,14 @@ import numpy as np
 from volspec.transfer import (
     MAX_SURFACES,
     Isosurfaces,
+    Mix,
+    Point,
     Region,
     Transfer,
     TransferFunction,
     TransferFunction2D,
+    mix_weights,
 )
-from volspec.transfer.mixes import Mix, Point, mix_weights
 from volspec.viewer.model.transfer_parts import KINDS, MOST_PARTS, Kind
 from volspec.viewer.model.view import clamp
 

@@ -11,9 +11,16 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction, presets
+from volspec.transfer import (
+    Isosurfaces,
+    LabelFunction,
+    Transfer,
+    TransferFunction,
+    label_function,
+    presets,
+    with_labels,
+)
 from volspec.transfer import TransferFunction2D as Regions
-from volspec.transfer.label_look import label_function, with_labels
 from volspec.viewer.model import fields, transfer_convert, transfer_parts
 from volspec.viewer.model.edit import Change, Command, Edited, edit, refusable, with_interface
 from volspec.viewer.model.state import ViewState

@@ -15,12 +15,14 @@ from volspec.transfer import (
     MAX_SURFACES,
     Isosurfaces,
     LabelFunction,
+    Mix,
+    Point,
     Region,
     Transfer,
     TransferFunction,
     TransferFunction2D,
+    mix_weights,
 )
-from volspec.transfer.mixes import Mix, Point, mix_weights
 
 Kind = Literal["points", "regions", "surfaces", "labels"]
 # By type: its kind, which is also the field that holds its parts.

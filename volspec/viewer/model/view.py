@@ -11,11 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.camera import Camera
-from volspec.camera.camera import Orbit, radius_mm
-from volspec.camera.projection import Place, Projection, cube_faces
+from volspec.camera import Camera, Orbit, Place, Projection, cube_faces, radius_mm
 from volspec.errors import CameraError
-from volspec.raycast.framing import ZOOMS
+from volspec.raycast import framing
 from volspec.settings import Vector, settings
 from volspec.volume import Volume
 
@@ -35,7 +33,7 @@ class View(Orbit):
         return cls(
             azimuth_deg=azimuth_deg,
             elevation_deg=elevation_deg,
-            zoom=clamp(2 * radius_mm(volume) / tall, *ZOOMS),
+            zoom=clamp(2 * radius_mm(volume) / tall, *framing.ZOOMS),
             fov_deg=camera.fov_deg,
             orthographic=camera.height_mm is not None,
             up=camera.up,

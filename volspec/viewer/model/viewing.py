@@ -8,9 +8,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from volspec.appearance import Viewing
+from volspec.appearance import PER_PIXEL, Viewing
 from volspec.appearance.display import preset
-from volspec.appearance.spec import PER_PIXEL
 from volspec.errors import VolspecError
 from volspec.relight import LightRig, RelightSpec
 from volspec.viewer.model.edit import Command, edit, with_field

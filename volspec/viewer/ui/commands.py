@@ -14,10 +14,8 @@ from types import MappingProxyType
 
 from imgui_bundle import imgui
 
-from volspec.appearance.deficiency import DEFICIENCIES, VISION
-from volspec.appearance.display import GAMUTS, PRESETS
-from volspec.appearance.spaces import SPACES
-from volspec.appearance.spec import MODELS, SURROUNDS
+from volspec.appearance import MODELS, SURROUNDS
+from volspec.appearance.display import DEFICIENCIES, GAMUTS, PRESETS, SPACES, VISION
 from volspec.spectra.library import EVERYDAY, describe_light, library_names
 from volspec.viewer.model import lights, viewing
 from volspec.viewer.model.choices import TITLES, value_text

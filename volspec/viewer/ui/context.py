@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from imgui_bundle import imgui
 
-from volspec.camera.projection import Projection
+from volspec.camera import Projection
 from volspec.image import CoefficientImage
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.edit import Change, Command, after

@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import imgui
 
-from volspec.camera.camera import radius_mm
-from volspec.camera.projection import Place, Projection
-from volspec.raycast import ClipPlane
-from volspec.raycast.framing import crop_bounds, world_mm
-from volspec.raycast.spec import MAX_PLANES
+from volspec.camera import Place, Projection, radius_mm
+from volspec.raycast import MAX_PLANES, ClipPlane, framing
 from volspec.viewer.model import cuts
 from volspec.viewer.model.slices import outline_index
 from volspec.viewer.model.state import ViewState
@@ -41,7 +38,7 @@ def _crop(state: ViewState, ui: UiContext) -> ViewState:
     if imgui.button("Reset##crop", (ui.px(64), 0)):
         new = ui.run(new, "reset-crop")
     imgui.end_disabled()
-    crop = crop_bounds(state.shading, volume)
+    crop = framing.crop_bounds(state.shading, volume)
     imgui.push_item_width(-ui.px(24))
     for axis, (name, (low, high)) in enumerate(zip("xyz", crop, strict=True)):
         last = volume.shape_xyz[axis] - 1.0
@@ -113,11 +110,11 @@ def draw_handles(state: ViewState, ui: UiContext) -> None:
     if not (overlays.crop or planes or outlines):
         return
     projection = ui.projection(state)
-    crop = crop_bounds(state.shading, volume)
+    crop = framing.crop_bounds(state.shading, volume)
     with over_picture(ui):
         if outlines:
             for axis, share in enumerate(state.interface.slices.at):
-                corners = world_mm(volume, outline_index(volume, axis, share))
+                corners = framing.world_mm(volume, outline_index(volume, axis, share))
                 _polygon(corners, projection, (*SLICE_COLOURS[axis], 0.9), ui)
         if overlays.crop:
             for start, end, hidden in cuts.box_edges(crop, volume, projection):

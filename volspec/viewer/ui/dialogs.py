@@ -16,7 +16,7 @@ import psutil
 from imgui_bundle import imgui
 
 from volspec._files import plain_stem, require_writable
-from volspec._gpu.sources import asset
+from volspec._gpu import asset
 from volspec._triangles import MESHES
 from volspec.errors import InputError, one_line
 from volspec.viewer.model.document import Document
@@ -32,8 +32,7 @@ from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.widgets import as_one_line, shown_rows, text_width, wrap_text
 from volspec.viewer.work.session import SUFFIX
 from volspec.viewer.work.session_store import RecentFile
-from volspec.volume.formats import VOLUME_SUFFIXES
-from volspec.volume.series import JOINER, PATTERN
+from volspec.volume import JOINER, PATTERN, VOLUME_SUFFIXES
 
 _W = imgui.WindowFlags_
 DIALOG_FLAGS = (

@@ -16,7 +16,7 @@ from volspec.viewer.ui.widgets import (
     shorten,
     text_width,
 )
-from volspec.volume.summary import value_form
+from volspec.volume import value_form
 
 _FLAGS = imgui.TableFlags_.sizing_fixed_fit
 

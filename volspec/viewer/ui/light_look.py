@@ -12,9 +12,8 @@ import numpy as np
 from imgui_bundle import imgui
 from numpy.typing import NDArray
 
-from volspec.appearance import view_transform
-from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
-from volspec.appearance.transforms import ViewTransform
+from volspec.appearance import ViewTransform, view_transform
+from volspec.appearance.display import encode_sRGB, linear_sRGB_from_XYZ
 from volspec.errors import VolspecError
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import SpectralGrid, colour_matching_functions, white_XYZ

@@ -7,9 +7,8 @@ from functools import lru_cache, partial
 
 from imgui_bundle import imgui
 
-from volspec.camera.camera import radius_mm
-from volspec.raycast import Ambient, Directional, Headlight, Point
-from volspec.raycast.lights import Source
+from volspec.camera import radius_mm
+from volspec.raycast import Ambient, Directional, Headlight, Point, Source
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum
 from volspec.viewer.model import lighting, lighting_aim

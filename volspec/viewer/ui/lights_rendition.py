@@ -8,12 +8,7 @@ from functools import lru_cache
 import numpy as np
 from imgui_bundle import imgui
 
-from volspec.appearance.rendition import (
-    FARTHEST,
-    HUE_BINS,
-    Rendition,
-    hue_colours,
-)
+from volspec.appearance.comparison import FARTHEST, HUE_BINS, Rendition, hue_colours
 from volspec.viewer.model.rendition import Figures, chosen_lights
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext, tip

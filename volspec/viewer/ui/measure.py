@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from imgui_bundle import imgui
 
-from volspec.camera.projection import Projection
-from volspec.scene.annotation import Annotation, place_annotation
+from volspec.camera import Projection
+from volspec.scene.tables import Annotation, place_annotation
 from volspec.settings import Vector
 from volspec.viewer.model import measure
 from volspec.viewer.model.edit import bind

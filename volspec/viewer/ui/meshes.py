@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import imgui
 
-from volspec.scene.specs import MeshSpec
+from volspec.scene.tables import MeshSpec
 from volspec.viewer.model import meshes
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext

@@ -15,7 +15,7 @@ from typing import Literal, TypeAlias
 
 from imgui_bundle import imgui
 
-from volspec.camera.projection import Place, Projection
+from volspec.camera import Place, Projection
 from volspec.viewer.model import camera, cuts, lighting, lighting_aim, lights, transfer_edits
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import face_at

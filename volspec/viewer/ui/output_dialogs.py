@@ -12,7 +12,7 @@ from volspec._checks import MAX_SIDE
 from volspec._extras import install_command
 from volspec.errors import InputError, one_line
 from volspec.export.page import MOST_VIEWS
-from volspec.scene.export import Mark
+from volspec.scene.tables import Mark
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.film import (
     AS_SHOWN,

@@ -7,14 +7,8 @@ from functools import lru_cache
 import numpy as np
 from imgui_bundle import imgui
 
-from volspec.camera.projection import (
-    cube_faces,
-    cube_label,
-    is_patient,
-    length_mm,
-    scale_text,
-)
-from volspec.relight.error_map import ErrorMap
+from volspec.camera import cube_faces, cube_label, is_patient, length_mm, scale_text
+from volspec.relight import ErrorMap
 from volspec.viewer.model.light_rows import Rows, lit_names
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import HALF, cube_middle, face_at

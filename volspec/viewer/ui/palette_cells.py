@@ -8,8 +8,7 @@ import numpy as np
 from imgui_bundle import imgui
 from numpy.typing import NDArray
 
-from volspec.palette import Cell, CellReport
-from volspec.palette.advice import VISIBLE
+from volspec.palette import VISIBLE, Cell, CellReport
 from volspec.spectra import Spectrum
 from volspec.viewer.model import palette_edits
 from volspec.viewer.model.light_rows import LightRow, effective_weights

@@ -6,8 +6,7 @@ import math
 
 from imgui_bundle import imgui
 
-from volspec.palette import Cell
-from volspec.palette.model import Place, hexadecimal
+from volspec.palette import Cell, Place, hexadecimal
 from volspec.spectra import light_names
 from volspec.viewer.model import lights, palette_edits
 from volspec.viewer.model.light_rows import brightest_row

@@ -6,9 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from imgui_bundle import imgui
 
-from volspec.palette.advice import VISIBLE
-from volspec.palette.model import METRICS
-from volspec.palette.text import apart_text
+from volspec.palette import METRICS, VISIBLE, apart_text
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import palette_edits, palette_table
 from volspec.viewer.model.commands import BY_NAME

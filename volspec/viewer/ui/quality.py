@@ -7,9 +7,7 @@ from functools import partial
 
 from imgui_bundle import imgui
 
-from volspec.raycast import RaycastSpec
-from volspec.raycast.quality import TARGETS
-from volspec.raycast.spec import MODES
+from volspec.raycast import MODES, TARGETS, RaycastSpec
 from volspec.viewer.model import quality
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext

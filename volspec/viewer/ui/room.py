@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
-from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
-from volspec.palette.model import hexadecimal
+from volspec.appearance.display import encode_sRGB, linear_sRGB_from_XYZ
+from volspec.palette import hexadecimal
 from volspec.relight import RelightSpec
 from volspec.viewer.model import room as edits
 from volspec.viewer.model.light_rows import Rows, facing_light
@@ -24,7 +24,7 @@ from volspec.viewer.ui.light_look import (
 from volspec.viewer.ui.widgets import as_one_line, focus_if_wanted, shorten, text_width, wrap_text
 
 if TYPE_CHECKING:
-    from volspec.scene.room import SceneRoom
+    from volspec.scene import SceneRoom
 
 SETTINGS = ("Paint",)
 """Labels of the items that `UiContext.item` can focus."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import imgui
 
-from volspec.camera.projection import is_patient, place_text, place_unit
-from volspec.raycast.framing import crop_bounds, world_mm
+from volspec.camera import is_patient, place_text, place_unit
+from volspec.raycast import framing
 from volspec.viewer.model import slices
 from volspec.viewer.model.slices import PLANES, Layout, voxel_number
 from volspec.viewer.model.state import ViewState
@@ -14,7 +14,7 @@ from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.cuts import SLICE_COLOURS
 from volspec.viewer.ui.widgets import BLACK, WHITE, pack_colour, text_width
 from volspec.viewer.work.slice_pictures import SlicePictures
-from volspec.volume.summary import value_text
+from volspec.volume import value_text
 
 Area = tuple[float, float, float, float]
 # Pixels at 96 dpi: the least height for all slices, the least side of one, and letters' distance
@@ -72,7 +72,7 @@ def crossing_text(state: ViewState) -> str:
     """Return the value and the place at which the slices cross, as text."""
     volume, at = state.document.volume, state.interface.slices.at
     i, j, k = (voxel_number(volume, axis, at[axis]) for axis in range(3))
-    place = world_mm(volume, np.array([i, j, k], dtype=np.float64))
+    place = framing.world_mm(volume, np.array([i, j, k], dtype=np.float64))
     value = value_text(volume, float(volume.nan_if_missing(volume.values[k, j, i])))
     unit = place_unit(volume, state.interface.overlays.patient)
     return f"{value}  at  {place_text(volume, place)} {unit}"
@@ -155,7 +155,7 @@ def _crosshair(state: ViewState, ui: UiContext, layout: Layout, area: Area) -> N
     """Darken the cropped part, and draw the other two slices as lines in their colours."""
     (x, y, width, height), volume = area, state.document.volume
     draw_list, dark = imgui.get_window_draw_list(), pack_colour(BLACK, 0.55)
-    extent = slices.crop_extent(volume, layout, crop_bounds(state.shading, volume))
+    extent = slices.crop_extent(volume, layout, framing.crop_bounds(state.shading, volume))
     left, right = (x + share * width for share in extent[::2])
     top, bottom = (y + share * height for share in extent[1::2])
     draw_list.add_rect_filled((x, y), (x + width, top), dark)

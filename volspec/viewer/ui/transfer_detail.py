@@ -9,10 +9,9 @@ from imgui_bundle import imgui
 
 from volspec.basis import Basis
 from volspec.errors import VolspecError
-from volspec.spectra import SpectralGrid, Spectrum, reflectance_names
-from volspec.spectra.datasets import Observer
+from volspec.spectra import Observer, SpectralGrid, Spectrum, reflectance_names
 from volspec.spectra.files import split_address
-from volspec.spectra.fluorophores import PREFIX as FLUOROPHORE
+from volspec.spectra.library import FLUOROPHORE
 from volspec.transfer import presets
 from volspec.viewer.model import fields, materials, transfer_edits
 from volspec.viewer.model.commands import rank_matches
@@ -38,7 +37,7 @@ from volspec.viewer.ui.widgets import (
     wrap_text,
 )
 from volspec.viewer.work import css_colours
-from volspec.volume.summary import value_form
+from volspec.volume import value_form
 
 _HINT = "Another: gold, skin, steelblue, #c08040, FILE.csv"
 _ROWS = 8

@@ -19,7 +19,7 @@ from volspec.viewer.ui import transfer_detail, transfer_plot
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.transfer_plot import Handle, HandleEdits, ink, set_axis
 from volspec.viewer.ui.widgets import ACCENT, pack_colour
-from volspec.volume.summary import value_form
+from volspec.volume import value_form
 
 # Margins beyond either end of the axes.
 _MARGIN, _ABOVE = 0.02, 0.12

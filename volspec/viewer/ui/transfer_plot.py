@@ -11,12 +11,11 @@ import numpy as np
 from imgui_bundle import imgui, implot
 from numpy.typing import NDArray
 
-from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
+from volspec.appearance.display import encode_sRGB, linear_sRGB_from_XYZ
 from volspec.basis import Basis
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import Spectrum, XYZ_from_spectra, white_XYZ
-from volspec.transfer import Transfer, presets
-from volspec.transfer.mixes import weight_matrix
+from volspec.transfer import Transfer, presets, weight_matrix
 from volspec.viewer.model import fields
 from volspec.viewer.model.light_rows import facing_light
 from volspec.viewer.model.room import shown_spec
@@ -25,7 +24,7 @@ from volspec.viewer.model.transfer_parts import list_parts
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import Colour, adapting_transform, as_colour, fill_box
 from volspec.viewer.ui.widgets import ACCENT, pack_colour
-from volspec.volume.summary import value_form
+from volspec.volume import value_form
 
 Array = NDArray[np.float64]
 LIT = "Under the lights that are on, to an eye adapted to them"

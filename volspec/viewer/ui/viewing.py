@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
-from volspec.appearance.deficiency import VISION
-from volspec.appearance.display import PRESETS, Display
-from volspec.appearance.spaces import SPACES, ColourSpace
-from volspec.appearance.spec import ADAPTING, PER_PIXEL
+from volspec.appearance import ADAPTING, PER_PIXEL
+from volspec.appearance.display import PRESETS, SPACES, VISION, ColourSpace, Display
 from volspec.spectra import Spectrum
 from volspec.viewer.model import viewing as edits
 from volspec.viewer.model.light_rows import Rows, facing_light
@@ -22,7 +20,7 @@ from volspec.viewer.ui.light_look import white_from_rig
 from volspec.viewer.ui.widgets import focus_if_wanted, pick
 
 if TYPE_CHECKING:
-    from volspec.scene.room import SceneRoom
+    from volspec.scene import SceneRoom
 
 _LABELS = 92
 _OWN = "own numbers"

@@ -12,7 +12,7 @@ from imgui_bundle import imgui, implot
 from imgui_bundle.python_backends.glfw_backend import GlfwRenderer
 from OpenGL import GL
 
-from volspec._gpu.opengl import window_context
+from volspec._gpu import window_context
 from volspec.errors import OpenGLError
 from volspec.viewer.ui import widgets
 from volspec.viewer.ui.inputs import Input, Inputs

@@ -25,16 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._child import child_command
-from volspec.appearance import Viewing
-from volspec.appearance.lut3d import needs_host_lut
+from volspec.appearance import Viewing, needs_host_lut
 from volspec.camera import Camera
 from volspec.errors import VolspecError
 from volspec.pipeline import Raycaster
 from volspec.raycast import Ambient, Directional, LightGroup, Point, RaycastSpec
-from volspec.raycast.packets import Packet
-from volspec.raycast.row_batches import Result
-from volspec.relight import Illumination
-from volspec.relight.gpu import GLEngine
+from volspec.raycast.launch import Packet, Result
+from volspec.relight import GLEngine, Illumination
 from volspec.transfer import Tables
 from volspec.viewer.work.background import LatestWorker, lower_priority
 from volspec.volume import Volume

@@ -13,8 +13,7 @@ from dataclasses import replace
 from volspec.basis import Basis, MaterialBasis
 from volspec.image import CoefficientImage
 from volspec.raycast import Ambient, LightGroup
-from volspec.scene import Scene
-from volspec.scene.model import stored_look
+from volspec.scene import Scene, stored_look
 from volspec.spectra import reflectance
 from volspec.transfer import TransferFunction
 from volspec.viewer.model.document import Document

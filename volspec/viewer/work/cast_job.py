@@ -11,21 +11,18 @@ import numpy as np
 
 from volspec.camera import Camera
 from volspec.errors import VolspecError
-from volspec.image import CoefficientImage
-from volspec.image.reproject import Reprojector
+from volspec.image import CoefficientImage, Reprojector
 from volspec.pipeline import Raycaster
-from volspec.raycast import RaycastSpec
-from volspec.raycast.pace import Pass
-from volspec.relight.layers import PackedLayers
-from volspec.relight.recompose import PackedOpacity
-from volspec.scene.specs import MeshSpec
+from volspec.raycast import Pass, RaycastSpec
+from volspec.relight import PackedLayers, PackedOpacity
+from volspec.scene.tables import MeshSpec
 from volspec.transfer import Transfers
 from volspec.viewer.model.document import Document
 from volspec.viewer.work.pictures import crop
 from volspec.viewer.work.room import Walls
 
 if TYPE_CHECKING:
-    from volspec.scene.room import SceneRoom
+    from volspec.scene import SceneRoom
 
 # Cameras whose views differ by more than this angle, or this ratio of distances, are not near.
 _MOST_DEG, _MOST_RATIO = 10.0, 1.3

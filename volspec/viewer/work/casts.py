@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING
 from volspec.basis import Basis
 from volspec.errors import CastCancelled, OpenCLError, VolspecError, VolspecWarning, one_line
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast.pace import WHOLE, Pace, Pass
-from volspec.relight.layers import PackedLayers
-from volspec.relight.recompose import PackedOpacity
+from volspec.raycast import WHOLE, Pace, Pass
+from volspec.relight import PackedLayers, PackedOpacity
 from volspec.viewer.model.depth import needs_layers
 from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.quality import LAYERS, cast_spec
@@ -32,8 +31,8 @@ from volspec.viewer.work.room import WhiteWalls
 from volspec.volume import Volume
 
 if TYPE_CHECKING:
-    from volspec.room.walls import Backdrop
-    from volspec.scene.room import SceneRoom
+    from volspec.room import Backdrop
+    from volspec.scene import SceneRoom
 
 
 def make_caster(volume: Volume, device: str | None) -> tuple[Raycaster | None, str]:

@@ -14,9 +14,15 @@ from contextlib import suppress
 from functools import lru_cache, partial
 
 from volspec.errors import VolspecError
-from volspec.spectra import SpectralGrid, Spectrum, light, reflectances_from_colours, white_XYZ
-from volspec.spectra.construct.colours import colour_XYZ
-from volspec.spectra.datasets import Observer
+from volspec.spectra import (
+    Observer,
+    SpectralGrid,
+    Spectrum,
+    light,
+    reflectances_from_colours,
+    white_XYZ,
+)
+from volspec.spectra.construct import colour_XYZ
 from volspec.viewer.model.materials import colour_names
 
 

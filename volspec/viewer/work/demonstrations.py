@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from volspec._gpu.sources import asset
+from volspec._gpu import asset
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,15 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from volspec.errors import PaletteError, VolspecError, one_line
-from volspec.palette import Design, Palette, design, load_palette, save_palette
-from volspec.palette.advice import VISIBLE, suggestions
+from volspec.palette import (
+    VISIBLE,
+    Design,
+    Palette,
+    design,
+    load_palette,
+    save_palette,
+    suggestions,
+)
 from volspec.viewer.model import effects, palette_results, palette_table
 from volspec.viewer.model.history import History
 from volspec.viewer.model.palette_targets import DesignStatus, DesignTargets, stays

@@ -18,9 +18,8 @@ from volspec._files import is_remote
 from volspec._triangles import is_mesh_file
 from volspec.errors import VolspecError, VolumeError, one_line
 from volspec.pipeline import Raycaster
-from volspec.scene import Scene
-from volspec.scene.fields import open_fields
-from volspec.scene.specs import MeshSpec
+from volspec.scene import Scene, open_fields
+from volspec.scene.tables import MeshSpec
 from volspec.spectra import reflectance_names
 from volspec.viewer.model.choices import Dropped, Undecided, address_with, scale_choice
 from volspec.viewer.model.document import Document, demo
@@ -41,8 +40,15 @@ from volspec.viewer.work.demonstrations import demonstration_at
 from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.session import SUFFIX, BrokenSession, restore_state
 from volspec.viewer.work.session_store import RecentFiles, SessionStore, state_folder
-from volspec.volume import Choice, Volume, volume_choices
-from volspec.volume.series import JOINER, open_volume, series_address, step_addresses
+from volspec.volume import (
+    JOINER,
+    Choice,
+    Volume,
+    open_volume,
+    series_address,
+    step_addresses,
+    volume_choices,
+)
 
 
 def open_document(

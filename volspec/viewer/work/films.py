@@ -11,14 +11,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from volspec.errors import DeviceError, ViewingError
-from volspec.export.exporter import even_size, export
-from volspec.export.ffmpeg import ffmpeg
-from volspec.export.film import SUFFIXES
+from volspec.export import FILM_SUFFIXES, Plan, Shot, even_size, export, ffmpeg
 from volspec.export.page import PageSpec, scene_views, write_page
-from volspec.export.plan import Plan, Shot
 from volspec.pipeline import Raycaster
 from volspec.scene import Scene
-from volspec.scene.export import ExportSpec, Mark
+from volspec.scene.tables import ExportSpec, Mark
 from volspec.viewer.model.depth import picture_look
 from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.film import Film, film_steps, frame_state
@@ -35,7 +32,7 @@ from volspec.viewer.work.outputs import (
 )
 
 FRAMES = "PNG frames in a folder"
-FILM_KINDS = (*SUFFIXES, FRAMES)
+FILM_KINDS = (*FILM_SUFFIXES, FRAMES)
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,12 +14,8 @@ from dataclasses import replace
 from typing import Any
 
 from volspec.errors import VolspecError, one_line
-from volspec.image import CoefficientImage
-from volspec.image.layers import OpacityLayers
-from volspec.relight.error_map import error_map
-from volspec.relight.layers import PackedLayers
-from volspec.relight.look import Look
-from volspec.relight.stereo import Stereo, StereoViews
+from volspec.image import CoefficientImage, OpacityLayers
+from volspec.relight import Look, PackedLayers, Stereo, StereoViews, error_map
 from volspec.viewer.model.depth import focused_depth, shown_look, shown_stereo
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.quality import opacity_scales

@@ -16,8 +16,7 @@ from typing import TypeVar
 from volspec._checks import MAX_SIDE
 from volspec._files import plain_stem, require_writable
 from volspec.errors import CastCancelled, OpenCLError
-from volspec.export.exporter import even_size
-from volspec.export.frames import file_stem
+from volspec.export import even_size, file_stem
 from volspec.pipeline import Raycaster
 from volspec.viewer.model.document import Document
 

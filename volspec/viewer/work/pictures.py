@@ -16,22 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 from OpenGL import GL
 
+from volspec.appearance import LutCache, LutKey, needs_host_lut
 from volspec.appearance.display import colour_space
-from volspec.appearance.lut3d import LutCache, LutKey, needs_host_lut
 from volspec.basis import Basis, MaterialBasis
 from volspec.image import CoefficientImage
 from volspec.pipeline import Relighter
-from volspec.relight import LightRig
-from volspec.relight.layers import PackedLayers
-from volspec.relight.look import Look
-from volspec.relight.recompose import PackedOpacity
-from volspec.relight.stereo import Stereo, StereoPass
+from volspec.relight import LightRig, Look, PackedLayers, PackedOpacity, Stereo, StereoPass
 from volspec.viewer.model.materials import same_channels
 from volspec.viewer.work.room import Walls
 
 if TYPE_CHECKING:
-    from volspec.room.walls import SeenRoom
-    from volspec.scene.room import SceneRoom
+    from volspec.room import SeenRoom
+    from volspec.scene import SceneRoom
 
 # mallopt(3): blocks of this size or more get their own mapping; so much freed memory is kept.
 _M_MMAP_THRESHOLD, _LARGE_BYTES = -3, 4_000_000

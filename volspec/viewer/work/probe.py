@@ -11,19 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec.appearance import forward_for
 from volspec.appearance.models import APPEARANCE_MODELS
-from volspec.appearance.scene_to_display import forward_for
-from volspec.camera import Camera
-from volspec.camera.projection import place_text, place_unit
+from volspec.camera import Camera, place_text, place_unit
 from volspec.errors import VolspecError
 from volspec.image import CoefficientImage
-from volspec.relight import Illumination, LightRig, RelightSpec
-from volspec.relight.error_map import error_map
+from volspec.relight import Illumination, LightRig, RelightSpec, error_map
 from volspec.spectra import SpectralGrid, Spectrum
 from volspec.transfer import Transfer
 from volspec.viewer.work.pictures import crop
-from volspec.volume import Volume
-from volspec.volume.summary import value_text
+from volspec.volume import Volume, value_text
 
 Array = NDArray[np.float64]
 

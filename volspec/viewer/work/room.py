@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from volspec.camera import Camera
 from volspec.errors import VolspecError, one_line
 from volspec.image import CoefficientImage
-from volspec.raycast.surfaces import Behind, BehindImage, OpacityCaster
-from volspec.relight.layers import PackedLayers
+from volspec.raycast import Behind, BehindImage, OpacityCaster
+from volspec.relight import PackedLayers
 from volspec.viewer.work.background import LatestWorker
 
 if TYPE_CHECKING:
-    from volspec.room.walls import Backdrop
-    from volspec.scene.room import SceneRoom
+    from volspec.room import Backdrop
+    from volspec.scene import SceneRoom
 
 Layers = NDArray[np.float32]
 

@@ -17,11 +17,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from volspec.appearance.lut3d import LutCache, LutKey, needs_host_lut
+from volspec.appearance import LutCache, LutKey, needs_host_lut
 from volspec.errors import LutCancelled, RelightError, VolspecError, one_line
 from volspec.image import CoefficientImage
-from volspec.relight.error_map import ErrorMap, error_map
-from volspec.relight.look import Look
+from volspec.relight import ErrorMap, Look, error_map
 from volspec.settings import Vector
 from volspec.viewer.model.depth import shown_look
 from volspec.viewer.model.document import Document
@@ -39,7 +38,7 @@ from volspec.viewer.work.room import RoomJob, RoomWorker, Walls
 from volspec.viewer.work.slice_pictures import SlicePictures
 
 if TYPE_CHECKING:
-    from volspec.scene.room import SceneRoom
+    from volspec.scene import SceneRoom
 
 # Frames further apart do not count as movement.
 _APART_S = 0.25

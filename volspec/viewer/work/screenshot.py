@@ -16,13 +16,19 @@ from numpy.typing import NDArray
 
 from volspec import __version__
 from volspec.errors import CastCancelled, DeviceError, ViewingError
-from volspec.export import write_frame
-from volspec.export.annotate import MarkedPicture, Patch, paint, picture_marks
-from volspec.export.value_bars import material_colours, value_bars
+from volspec.export import (
+    MarkedPicture,
+    Patch,
+    material_colours,
+    paint,
+    picture_marks,
+    value_bars,
+    write_frame,
+)
 from volspec.image import CoefficientImage
 from volspec.pipeline import Raycaster, Relighter, raycast
-from volspec.raycast.pace import WHOLE
-from volspec.scene.export import Mark
+from volspec.raycast import WHOLE
+from volspec.scene.tables import Mark
 from volspec.viewer.model.depth import needs_layers, picture_look, picture_spec, shown_stereo
 from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.light_rows import light_rig, lit_names

@@ -20,10 +20,9 @@ import volspec
 from volspec._files import is_remote, require_suffix, write_whole
 from volspec.basis import MaterialBasis
 from volspec.errors import SceneError, SpectrumError, ViewingError
-from volspec.export.frames import file_stem
-from volspec.export.recipes import python_text
-from volspec.scene.file import SceneFile
-from volspec.scene.transfer import mix_as_written
+from volspec.export import file_stem, python_text
+from volspec.scene import SceneFile
+from volspec.scene.tables import mix_as_written
 from volspec.settings import default_of
 from volspec.spectra import DEFAULT_GRID, Spectrum, light, reflectance
 from volspec.transfer import Transfer

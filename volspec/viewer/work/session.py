@@ -26,9 +26,7 @@ from volspec._files import write_whole
 from volspec._parse import parse_json, read_text
 from volspec.basis import MaterialBasis, SpectralBasis, basis_from_dict
 from volspec.errors import InputError, SceneError, one_line, quoted
-from volspec.scene.file import SceneFile
-from volspec.scene.meshes import MeshCache
-from volspec.scene.resolve import Resolver
+from volspec.scene import MeshCache, Resolver, SceneFile
 from volspec.settings import expected, plain, read_table
 from volspec.viewer.model.document import Document, shown_step
 from volspec.viewer.model.paths import name_below, relative_path

@@ -26,10 +26,10 @@ from volspec._files import (
 )
 from volspec._parse import parse_json
 from volspec.errors import InputError
-from volspec.export.frames import file_stem
+from volspec.export import file_stem
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.session import SUFFIX, BrokenSession, Session, read_session, save_session
-from volspec.volume.series import is_pattern
+from volspec.volume import is_pattern
 
 STATE_VARIABLE = "VOLSPEC_STATE"
 MOST_FILES = 10

@@ -15,15 +15,14 @@ from dataclasses import dataclass
 
 from volspec.errors import OpenCLError, VolspecError, one_line
 from volspec.pipeline import Raycaster, raycast
-from volspec.raycast.pace import Pass
+from volspec.raycast import Pass
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.quality import cast_spec
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.background import LatestWorker
 from volspec.viewer.work.notify import Notice
-from volspec.volume import Volume
-from volspec.volume.series import KEPT_BYTES
+from volspec.volume import KEPT_BYTES, Volume
 
 # Width and height of a cast ahead, and its pass, as of pictures that move.
 _FEW, _COARSE = (16, 12), Pass(2, "voxel")

@@ -317,9 +317,14 @@ def _label(segment: Any) -> Label:
     if not codes:
         return Label(name)
     # Few files are segmentations, and these imports take longer than to read one.
-    from volspec.appearance.models.cielab import XYZ_from_cielab
-    from volspec.appearance.profile import D50_XYZ, D50_from_white
-    from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ, sRGB_WHITE_XYZ
+    from volspec.appearance.display import (
+        D50_XYZ,
+        D50_from_white,
+        encode_sRGB,
+        linear_sRGB_from_XYZ,
+        sRGB_WHITE_XYZ,
+    )
+    from volspec.appearance.models import XYZ_from_cielab
 
     Lab = np.multiply(codes, (100, 255, 255)) / 65535 - (0, 128, 128)
     XYZ = np.linalg.solve(D50_from_white(sRGB_WHITE_XYZ), XYZ_from_cielab(Lab, D50_XYZ))

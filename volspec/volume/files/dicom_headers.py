@@ -22,7 +22,7 @@ from volspec._confine import is_inside
 from volspec.errors import VolumeError
 from volspec.volume.files.dicom_frames import DEFLATED, Slice, frames_of, lenient, text_of
 
-SUFFIXES = (".dcm", ".dicom", ".ima")
+DICOM_SUFFIXES = (".dcm", ".dicom", ".ima")
 # Classes without pictures: DICOMDIR; waveforms, presentation states, raw data, reports, documents,
 # radiotherapy structures and plans, colour palettes; and the modalities of files without a class.
 _NO_PICTURES = re.compile(
@@ -71,7 +71,7 @@ def dicom_files(folder: Path) -> list[Path]:
         and not path.name.upper().startswith("DICOMDIR")  # the table of contents of a CD
         and path.is_file()
         and is_inside(path)
-        and (path.name.lower().endswith(SUFFIXES) or is_dicom(path))
+        and (path.name.lower().endswith(DICOM_SUFFIXES) or is_dicom(path))
     )
 
 

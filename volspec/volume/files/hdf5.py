@@ -44,8 +44,8 @@ from volspec.volume.files.omezarr import (
     selected_index,
 )
 from volspec.volume.files.query import OneSlice, Query, Reading
+from volspec.volume.levels.pyramid import Level, Stack
 from volspec.volume.metadata import NO_SPACING, NO_UNIT, Metadata
-from volspec.volume.pyramid import Level, Stack
 
 # Voxels along z and y of a chunk of a dataset without chunks.
 _ROWS = 16, 128

@@ -18,8 +18,8 @@ from volspec.volume.channels import Channel
 from volspec.volume.files.hdf5 import Dataset, if_larger, opened, read_finest, texts
 from volspec.volume.files.lattice import affine, mm_per_unit
 from volspec.volume.files.query import Query, Reading
+from volspec.volume.levels.pyramid import Level, Stack
 from volspec.volume.metadata import Metadata
-from volspec.volume.pyramid import Level, Stack
 
 
 def read_imaris(query: Query) -> Reading:

@@ -32,9 +32,9 @@ from volspec.volume.files.n5 import Axes, is_n5, named_axes, open_n5
 from volspec.volume.files.query import Choice, ChoicesListed, OneSlice, Query, Reading
 from volspec.volume.files.tensors import fast_array, import_zarr
 from volspec.volume.labels import Labels
+from volspec.volume.levels.pyramid import BLOCK, DEFAULT_BYTES, Level, Stack, cast_dtype
+from volspec.volume.levels.sample import BINS, Sample, step_along
 from volspec.volume.metadata import NO_SPACING, NO_UNIT, Metadata
-from volspec.volume.pyramid import BLOCK, DEFAULT_BYTES, Level, Stack, cast_dtype
-from volspec.volume.sample import BINS, Sample, step_along
 
 ZIP_SUFFIXES = (".zarr.zip", ".ozx")
 _MARKS = (".zgroup", ".zattrs", ".zarray", "zarr.json")

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from volspec._extras import install_command
 from volspec._files import is_remote
-from volspec._gpu.memory import host_free_bytes
+from volspec._gpu import host_free_bytes
 from volspec.errors import DeviceError, VolumeError, nearest, one_line, quoted
 from volspec.volume.channels import ALL, MAX_FIELDS, Channel
 from volspec.volume.labels import Labels

@@ -32,8 +32,8 @@ from volspec.volume.files.pages import (
     stated_spacing_mm,
 )
 from volspec.volume.files.query import Query, Reading
+from volspec.volume.levels.pyramid import Index, Level, Stack
 from volspec.volume.metadata import Metadata
-from volspec.volume.pyramid import Index, Level, Stack
 
 # Bytes of the slices of a chunk.
 _CHUNK_BYTES = 2**24

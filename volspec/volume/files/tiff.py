@@ -34,7 +34,7 @@ from volspec.volume.files.pages import (
 )
 from volspec.volume.files.query import Query, Reading
 from volspec.volume.files.slices import Slices, larger_stack
-from volspec.volume.pyramid import Stack
+from volspec.volume.levels.pyramid import Stack
 
 SUFFIXES = PICTURES["TIFF"]
 # tifffile's letters: time, slices, channels, rows, columns, samples of a pixel.

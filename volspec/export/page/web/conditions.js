@@ -1,7 +1,7 @@
 // Viewing conditions as scalars of CIECAM02, CAM16 and Hellwig2022, and the transform between two conditions.
 //
 // Twin of volspec/appearance/models/cam.py and level.py; `k` has the constants of
-// volspec/appearance/constants.py.
+// volspec/appearance/display/constants.py.
 
 // F, c and N_c by the surround's ratio to white, linear between dark, dim and average.
 function surroundAt(k, ratio) {

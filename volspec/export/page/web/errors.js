@@ -1,6 +1,6 @@
 // Overlay of the picture's errors: CIEDE2000 from full bands, or from the exact light matrix.
 //
-// Twin of volspec/relight/error_map.py; computed when the user pauses.
+// Twin of volspec/relight/difference_maps.py; computed when the user pauses.
 
 // Approximate number of sampled pixels: finer than needed for a map.
 const LOOKED_AT = 60000, COVERED = 0.05, HEAT_ALPHA = 230;

@@ -1,7 +1,7 @@
 // Transform of a look, from the scene under a light to the display.
 //
 // Twin of volspec/appearance/scene_to_display.py and the modules that it calls: adaptation/*.py,
-// models/rlab.py, models/cielab.py. Transforms have one of three forms: LINEAR, CURVE, CAM.
+// models/rlab.py, models/lab.py. Transforms have one of three forms: LINEAR, CURVE, CAM.
 
 // Cone responses to the white divided by its Y, kept within 1e-6 to 1e6.
 function relativeWhite(matrix, seen) {

@@ -1,0 +1,5 @@
+"""Differences of colours, and the quality with which a light renders them."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

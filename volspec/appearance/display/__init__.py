@@ -1,0 +1,5 @@
+"""RGB spaces and displays: encodings, profiles, gamuts, high dynamic range, colour vision."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,37 @@
+# What other packages use of this one; lazy_loader and type checkers read it.
+from .depth import (
+    DepthEffects as DepthEffects,
+    F_NUMBER as F_NUMBER,
+    axis_cosine as axis_cosine,
+    extents as extents,
+    fog_behind as fog_behind,
+    layers_in_depth as layers_in_depth,
+)
+from .fields import ONE_GROUP as ONE_GROUP
+from .file import (
+    CASTS as CASTS,
+    SOLID_VERSION as SOLID_VERSION,
+    channel_names as channel_names,
+    layer_names as layer_names,
+    plain_names as plain_names,
+    stored_slots as stored_slots,
+)
+from .layers import (
+    BEND as BEND,
+    LEAST_TAU as LEAST_TAU,
+    MAX_LAYERS as MAX_LAYERS,
+    MAX_MATERIALS as MAX_MATERIALS,
+    MOST_EXPONENT as MOST_EXPONENT,
+    MOST_LAYER_TAU as MOST_LAYER_TAU,
+    MOST_TAU as MOST_TAU,
+    OCCLUSION_GAIN as OCCLUSION_GAIN,
+    OpacityLayers as OpacityLayers,
+    Slot as Slot,
+    Solid as Solid,
+    nearest_known as nearest_known,
+    ratio as ratio,
+    residual_share as residual_share,
+    sample_tau as sample_tau,
+)
+from .model import CoefficientImage as CoefficientImage
+from .reproject import Reprojector as Reprojector

@@ -1,0 +1,341 @@
+"""Layers of opacity found sample by sample, in one pass and with bounded memory.
+
+    samples of rays -> [LayerStream] -> rows of layers -> OpacityLayers
+
+Layers are equal in mass, the visibility of each material by itself at several scales a,
+
+    M = Σ_k Σ_a (1 − e^(−a T_k)),   T_k the depth from the camera,   a = 1/4, 1, 4
+
+Twins: ``kernels/include/layered.clh``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.basis import Basis, MaterialBasis
+from volspec.errors import OpenCLError, RaycastError
+from volspec.image import LEAST_TAU, MAX_MATERIALS, MOST_LAYER_TAU, Slot, ratio, sample_tau
+from volspec.raycast.lights import Ambient, Headlight
+from volspec.raycast.spec import RaycastSpec
+from volspec.transfer import FieldTables, SurfaceTable, Tables
+
+Array = NDArray[np.float64]
+
+LIGHT_MASS = 0.5
+"""Mass of a change of the light that arrives, so that layers end at the edges of shadows."""
+MADE_COST, LIT_COST = 1.0, 3.0
+"""Cost of merging layers by the difference of their materials, and of their shades."""
+
+
+class Shadow(NamedTuple):
+    """Light of one source at R samples, and what of it arrives."""
+
+    source: int
+    slot: Slot
+    factor: Array  # (R,) as of `shade`, without the shadow
+    highlight: Array  # (R,)
+    at: Array  # (R, 3) index positions at which the light volume is read
+    passes: Array  # (R,) fraction that arrives
+    # Transmittances at half of the depths, of the whole, and (R, K) of materials alone at half;
+    # of ambient light, means of directions.
+    half: Array
+    whole: Array
+    alone: Array
+
+    def of(self, samples: NDArray[np.int64]) -> Shadow:
+        """Return some samples' light."""
+        return Shadow(self.source, self.slot, *(part[samples] for part in self[2:]))
+
+
+class Samples(NamedTuple):
+    """A sample of each of R rays."""
+
+    along: Array  # (R,) distance
+    alpha: Array  # (R,)
+    weights: Array  # (R, K) of the materials
+    factor: Array  # (R, G) as of `shade`, without shadows and occlusion
+    highlight: Array  # (R, G)
+    shadows: Sequence[Shadow] = ()  # and occlusion, source by source
+
+    def of(self, samples: NDArray[np.int64]) -> Samples:
+        """Return some of the samples."""
+        own = {name: getattr(self, name)[samples] for name in self._fields[:5]}
+        return self._replace(**own, shadows=[each.of(samples) for each in self.shadows])
+
+
+class SampleStream(Protocol):
+    """Receiver of the samples of many rays, front to back."""
+
+    def add(self, rays: NDArray[np.int64], samples: Samples) -> None:
+        """Add a sample to each of some rays."""
+
+
+class LayerStream:
+    """Layers of many rays, found sample by sample: one pass, 2 L slots a ray.
+
+    A layer ends when its mass passes θ, `least_mass` at first. When 2 L are there, the neighbours
+    that cost least merge until L are left, and θ rises to the cost of the cheapest pair; at the end
+    L are left. A pair with masses M and M' costs
+
+        2 M M' / (M + M') (1 + d + 3 e),
+
+    d being the difference of what it is made of, 0 to 1, and e that of its shades: the harmonic
+    mean, as in Ward's clustering, of what differs.
+    """
+
+    def __init__(
+        self,
+        rays: int,
+        layers: int,
+        groups: int,
+        materials: int,
+        shadows: Sequence[Slot] = (),
+    ) -> None:
+        self.layers, slots = layers, 2 * layers
+        self._count = np.zeros(rays, int)  # of complete layers; the next one is open
+        self._limit = np.full(rays, least_mass(materials, layers))
+        self._through = np.zeros((rays, materials))  # T_k
+        self._begun = np.zeros(rays)  # mass in front of the open layer
+        self._mass = np.zeros((rays, slots))
+        self._tau = np.zeros((rays, slots, materials))
+        # Light of each material, weighted by its own transmittance; highlights and depth, by that
+        # of all.
+        self._shade = np.zeros((rays, slots, groups, materials))
+        self._gloss = np.zeros((rays, slots, groups))
+        self._depth = np.zeros((rays, slots))
+        # Of groups with shadows, weighted as highlights, and all without shadow: diffuse light;
+        # that which may have shadow; its highlights; then both times `Shadow.half`, …
+        self._slots = tuple(shadows)
+        self._shadow = np.zeros((rays, slots, len(shadows), 5 + materials))
+        self._arrived = np.full(rays, np.nan)  # shadowed light at the last sample
+        self._change = np.zeros(rays)  # mass by changes of it
+
+    def add(self, rays: NDArray[np.int64], samples: Samples) -> None:
+        """Add a sample to each of some rays."""
+        at = rays, self._count[rays]
+        along, alpha, weights, factor, highlight, shadows = samples
+        tau = sample_tau(alpha)[:, None] * weights
+        lost = np.exp(-self._tau[at]) * -np.expm1(-tau)
+        seen = np.exp(-self._tau[at].sum(axis=1)) * alpha
+        self._shade[at] += lost[:, None, :] * factor[:, :, None]
+        self._gloss[at] += seen[:, None] * highlight
+        self._depth[at] += seen * along
+        if self._slots:
+            self._shadow[at] += seen[:, None, None] * self._shadow_sums(factor, shadows)
+            arrived = sum((each.factor + each.highlight) * each.half for each in shadows)
+            change = np.nan_to_num(np.abs(arrived - self._arrived[rays]))
+            visible = np.exp(-0.25 * self._through[rays].sum(axis=1))
+            self._change[rays] += LIGHT_MASS * change * visible
+            self._arrived[rays] = arrived
+        self._tau[at] += tau
+        self._through[rays] += tau
+        mass = visibility(self._through[rays]) + self._change[rays]
+        self._mass[at] = mass - self._begun[rays]
+        ended = self._mass[at] > self._limit[rays]
+        rays = rays[ended]
+        self._begun[rays] = mass[ended]
+        self._count[rays] += 1
+        full = rays[self._count[rays] == 2 * self.layers]
+        if full.size:
+            self._merge(full)
+            if self.layers > 1:
+                cheapest = self._costs(full).min(axis=1)
+                self._limit[full] = np.maximum(self._limit[full], cheapest)
+
+    def _shadow_sums(self, factor: Array, shadows: Sequence[Shadow]) -> Array:
+        """Return what samples add to `_shadow`, but for their weight."""
+        added = np.zeros((len(factor), *self._shadow.shape[2:]))
+        added[:, :, 0] = factor[:, [group for group, _ in self._slots]]
+        for each in shadows:
+            own = added[:, self._slots.index(each.slot)]
+            light = each.factor + each.highlight
+            passes = np.stack([each.half, each.whole, *each.alone.T], axis=1)
+            own[:, 1] += each.factor
+            own[:, 2] += each.highlight
+            own[:, 3:] += light[:, None] * passes
+        return added
+
+    def rows(self) -> Array:
+        """Return (R, L, `row_size`): the layers of all rays; distances as given."""
+        rest = self._tau[np.arange(len(self._count)), self._count].any(axis=1)
+        self._count[rest] += 1
+        self._merge(np.flatnonzero(self._count > self.layers))
+        L = self.layers
+        tau, total = self._tau[:, :L], self._tau[:, :L].sum(axis=2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            own = -np.expm1(-tau)[:, :, None, :]
+            shade = np.where(tau[:, :, None, :] > LEAST_TAU, self._shade[:, :L] / own, 0.0)
+            seen = -np.expm1(-total)
+            gloss = np.where(total[..., None] > LEAST_TAU, self._gloss[:, :L] / seen[..., None], 0)
+            depth = np.where(total > 0, self._depth[:, :L] / seen, np.inf)
+        tau = np.minimum(tau, MOST_LAYER_TAU)
+        sums = self._shadow[:, :L]
+        every, may, bright = sums[..., 0], sums[..., 1], sums[..., 2]
+        all_bright = self._gloss[:, :L, [group for group, _ in self._slots]]
+        parts = np.stack([ratio(may, every), ratio(bright, all_bright)], axis=-1)
+        light = (may + bright)[..., None]
+        means = np.where(light > 0, ratio(sums[..., 3:], light), 1.0)
+        shadow = np.concatenate([parts, means], axis=-1)
+        flat = [each.reshape(*tau.shape[:2], -1) for each in (tau, shade, gloss, shadow, depth)]
+        return np.concatenate(flat, axis=2)
+
+    def _costs(self, rays: NDArray[np.int64]) -> Array:
+        """Return (R, 2 L − 1) costs of merging neighbours; inf beyond the last layer."""
+        mass, tau = self._mass[rays], self._tau[rays]
+        share = ratio(tau, tau.sum(axis=2, keepdims=True))
+        made = 0.5 * np.abs(np.diff(share, axis=1)).sum(axis=2)
+        seen = -np.expm1(-tau)
+        shade = ratio(self._shade[rays], seen[:, :, None])
+        both = np.minimum(seen[:, 1:], seen[:, :-1])
+        lit = (np.abs(np.diff(shade, axis=1)) * both[:, :, None]).sum(axis=(2, 3))
+        lit = ratio(lit, both.sum(axis=2))
+        front, behind = mass[:, :-1], mass[:, 1:]
+        cost = ratio(2 * front * behind, front + behind) * (1 + MADE_COST * made + LIT_COST * lit)
+        last = np.arange(cost.shape[1]) >= self._count[rays, None] - 1
+        return np.where(last, np.inf, cost)
+
+    def _merge(self, rays: NDArray[np.int64]) -> None:
+        """Merge the cheapest neighbours of rays until L layers are left."""
+        slots = np.arange(2 * self.layers)
+        while rays.size:
+            first = self._costs(rays).argmin(axis=1)
+            front, behind = (rays, first), (rays, first + 1)
+            own = np.exp(-self._tau[front])
+            clear = np.exp(-self._tau[front].sum(axis=1))
+            self._shade[front] += own[:, None, :] * self._shade[behind]
+            self._gloss[front] += clear[:, None] * self._gloss[behind]
+            self._depth[front] += clear * self._depth[behind]
+            self._shadow[front] += clear[:, None, None] * self._shadow[behind]
+            self._tau[front] += self._tau[behind]
+            self._mass[front] += self._mass[behind]
+            after = slots > first[:, None]
+            source = np.minimum(slots + after, slots[-1])
+            sums = self._shade, self._gloss, self._depth, self._shadow
+            for array in (self._mass, self._tau, *sums):
+                own_rows = array[rays]
+                spread = source.reshape(*source.shape, *(1,) * (array.ndim - 2))
+                moved = np.take_along_axis(own_rows, spread, axis=1)
+                moved[:, -1] = 0.0
+                array[rays] = moved
+            self._count[rays] -= 1
+            rays = rays[self._count[rays] > self.layers]
+
+
+def least_mass(materials: int, layers: int) -> float:
+    """Return the mass at which layers end at first: of 8 a fifth of what the whole gives each.
+
+    Smaller ones cost time and are merged again; twice as large ones double the errors of what is
+    nearly empty.
+    """
+    return 1.2 * materials / layers ** (4 / 3)
+
+
+def visibility(depth: Array) -> Array:
+    """Return the mass M (R,) of depths (R, K): each material by itself, at three scales."""
+    return -np.expm1(-depth[..., None] * np.array([0.25, 1.0, 4.0])).sum(axis=(-1, -2))
+
+
+def row_size(materials: int, groups: int, slots: int = 0) -> int:
+    """Return the numbers of a layer: depths, shades by group, highlights, shadows, distance."""
+    return materials + groups * materials + groups + slots * (4 + materials) + 1
+
+
+def empty_rows(
+    table: Tables, size: tuple[int, int], spec: RaycastSpec, count: int | None = None
+) -> NDArray[np.float32]:
+    """Return (H, W, L, `row_size`) zeros for a table's materials, which a cast fills.
+
+    L is ``count``, or that of the cast.
+
+    Raises OpenCLError if there is no memory for them.
+    """
+    assert not isinstance(table, FieldTables)
+    width, height = size
+    count = spec.layers if count is None else count
+    numbers = row_size(len(table.channels), len(spec.groups), len(shadow_slots(spec)))
+    try:
+        return np.zeros((height, width, count, numbers), np.float32)
+    except MemoryError:
+        raise OpenCLError(
+            f"raycast: no memory for {count} layers of {width}x{height}",
+            "cast it smaller, or with fewer layers",
+            code="size",
+        ) from None
+
+
+def shadow_slots(spec: RaycastSpec) -> list[Slot]:
+    """Return the groups with shadows or ambient occlusion, in the order of a layer's numbers."""
+    found = set()
+    for g, group in enumerate(spec.groups):
+        for source in group.sources:
+            if isinstance(source, Ambient):
+                found |= {(g, True)} if source.occlusion else set()
+            elif not isinstance(source, Headlight) and source.shadows:
+                found.add((g, False))
+    return sorted(found)
+
+
+def check_layers(
+    spec: RaycastSpec, table: Tables, basis: Basis, translucent: Sequence[str]
+) -> None:
+    """Raise RaycastError for what cannot be cast in layers, or with surfaces.
+
+    ``translucent`` has a text for each surface: what of it is translucent, or "".
+    """
+    if not isinstance(basis, MaterialBasis):
+        raise _refused(
+            spec,
+            f"basis {basis.name!r}, whose channels are {basis.method}, not materials",
+            'set [basis] method = "materials" (a MaterialBasis), or leave layers out',
+        )
+    if len(basis.materials) > MAX_MATERIALS:
+        raise _refused(
+            spec,
+            f"{len(basis.materials)} materials ({', '.join(basis.materials)})",
+            f"give up to {MAX_MATERIALS}, or leave layers out",
+        )
+    if isinstance(table, FieldTables):
+        raise _refused(spec, "several fields or masks", "show one field, or leave layers out")
+    if isinstance(table, SurfaceTable):
+        raise _refused(spec, "isosurfaces", "give a curve of opacity, or leave layers out")
+    if table.filters is not None:
+        raise _refused(
+            spec, "spectral absorption (filters)", "leave the filters out, or leave layers out"
+        )
+    if translucent and spec.layers == 1:
+        raise _refused(spec, "meshes, which take one", "give 2 or more, or leave the meshes out")
+    for name in filter(None, translucent):
+        problem = f"a translucent mesh, {name}"
+        raise _refused(spec, problem, "set opacity = 1, or leave layers out")
+
+
+def _refused(spec: RaycastSpec, problem: str, remedy: str) -> RaycastError:
+    return RaycastError(
+        f"{spec.layers} layers do not work with {problem}",
+        remedy,
+        code="conflict",
+        field="raycast: layers",
+        given=spec.layers,
+    )
+
+
+def refuse_layers(spec: RaycastSpec, problem: str, remedy: str) -> None:
+    """Raise RaycastError if a cast has layers and meets what they cannot show."""
+    if spec.layers:
+        raise _refused(spec, problem, remedy)
+
+
+def materials_without_opacity(table: Tables, basis: Basis) -> list[str]:
+    """Return the names of the basis' materials of which a table shows nothing."""
+    assert isinstance(basis, MaterialBasis)
+    assert not isinstance(table, FieldTables | SurfaceTable)
+    opacity = np.maximum(table.opacity, table.left_limits.opacity)
+    weights = np.maximum(table.material_weights, table.left_limits.material_weights)
+    shown = (opacity[..., None] * weights).reshape(-1, weights.shape[-1]).max(axis=0) > 0
+    present = table.channels[shown].any(axis=0) if shown.any() else np.zeros(basis.size, bool)
+    return [name for name, there in zip(basis.materials, present, strict=False) if not there]

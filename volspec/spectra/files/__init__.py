@@ -1,0 +1,8 @@
+"""Files of spectra: tables, ENVI, CGATS, CxF, palettes, spectral images.
+
+file -> [files] -> spectra
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,5 @@
+"""Spectra by name: lights, lamps, reflectances, fluorophores, and their search."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

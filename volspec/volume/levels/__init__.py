@@ -1,0 +1,5 @@
+"""Levels of detail of a volume, read in parts, and samples of their values."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
