@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from volspec._extras import require_extra
 from volspec._triangles import read_triangles
@@ -306,6 +305,8 @@ class Mesh:
 
         ``move_mm`` and ``turn_deg`` are (3,), counter-clockwise as seen from the axis' end.
         """
+        from scipy.spatial.transform import Rotation
+
         rotation = Rotation.from_euler("xyz", turn_deg, degrees=True).as_matrix()
         move = np.asarray(move_mm, np.float64)
         normals = None if self.normals is None else self.normals @ rotation.T
