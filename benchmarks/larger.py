@@ -26,7 +26,7 @@ from benchmarks.scenes import BUILD, bench_scene
 from volspec.basis import SpectralBasis
 from volspec.camera import Camera
 from volspec.image import CoefficientImage
-from volspec.large.convert import convert
+from volspec.large.conversion import convert
 from volspec.large.level_caster import LevelCaster
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import RaycastSpec

@@ -188,7 +188,7 @@ def test_the_viewer_s_floors_import_only_from_below():
         ),
         ("SimpleITK", ("volume/files/",)),
         ("tifffile", ("volume/files/",)),
-        ("zarr", ("volume/files/omezarr.py", "volume/files/tensors.py", "large/convert.py")),
+        ("zarr", ("volume/files/omezarr.py", "volume/files/tensors.py", "large/conversion.py")),
         ("tensorstore", ("volume/files/tensors.py",)),
         ("dask", ("large/cluster.py",)),
         ("distributed", ("large/cluster.py",)),

@@ -26,7 +26,7 @@ WORDS = re.compile(
 )
 """Words of the style guide's list."""
 SETTINGS = (
-    *("_tables/*.py", "settings.py", "scene/*.py", "cli/viewing.py", "cli/options.py"),
+    *("settings.py", "scene/**/*.py", "cli/viewing.py", "cli/options.py"),
     *("palette/tables.py", "palette/file.py", "palette/storage.py", "viewer/*/scene_file.py"),
     *("viewer/*/script.py", "viewer/*/session.py"),
 )

@@ -39,7 +39,7 @@ from volspec.export.contact_sheet import _MARGIN
 from volspec.export.exporter import export
 from volspec.export.exr import PRIMARIES, white_adaptation
 from volspec.export.overview import _TILE
-from volspec.large.convert import convert
+from volspec.large.conversion import convert
 from volspec.raycast import ClipPlane, Directional, LightGroup
 from volspec.relight import LightRig
 from volspec.scene import Scene

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from contextlib import redirect_stdout
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
@@ -24,7 +25,6 @@ from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import Source, asset
 from volspec.cli import main
 from volspec.errors import DeviceError, InputError, OpenCLError, OpenGLError
-from volspec.export import demo as export_demo
 from volspec.relight import gpu as gl_engine
 from volspec.scene import Scene
 
@@ -83,7 +83,7 @@ def test_a_demo_that_fails_leaves_no_empty_folder(tmp_path, monkeypatch):
         out.mkdir()
         raise InputError("no space left; free some", code="unwritable")
 
-    monkeypatch.setattr(export_demo, "run_demo", full)
+    monkeypatch.setattr(import_module("volspec.export"), "run_demo", full)
     assert call("demo", "--out", tmp_path / "out") == 1
     assert not list(tmp_path.iterdir())
 

@@ -231,7 +231,9 @@ def test_the_current_context_is_known_by_its_handle(context):
 def test_doctor_reports_why_memory_is_not_shared(context, monkeypatch):
     monkeypatch.setattr(devices, "_try", lambda index, info: "")
     for message in ("moon", None):
-        monkeypatch.setattr(sharing, "sharing_fault", lambda device, gl, message=message: message)
+        monkeypatch.setattr(
+            "volspec._gpu.sharing_fault", lambda device, gl, message=message: message
+        )
         found = doctor.examine()
         assert found.no_sharing == message and found.healthy
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from volspec.large import level_caster as out_of_core
-from volspec.large.convert import convert
+from volspec.large.conversion import convert
 from volspec.volume import Volume, load_volume
 from volspec.volume.larger import level_of
 from volspec.volume.levels.pyramid import BLOCK, Level, Pyramid, block_ranges

@@ -13,7 +13,7 @@ from tests.support.viewer import read_scene, run_command
 from tests.viewer._states import of_volume
 from volspec.camera.projection import Projection, cube_faces, cube_label, length_mm
 from volspec.export.tiles import WindowCamera
-from volspec.raycast import ClipPlane
+from volspec.raycast import ClipPlane, framing
 from volspec.raycast.framing import fit_view, shown_mm
 from volspec.scene import Scene
 from volspec.viewer.model import camera, cuts, measure, slices, transfer_edits
@@ -85,15 +85,14 @@ def test_a_face_dragged_over_ten_voxels_moves_ten(tilted, view, face):
     axis, far = divmod(face, 2)
     middle = (np.array(volume.shape_xyz) - 1) / 2
     middle[axis] = (volume.shape_xyz[axis] - 1) * far
-    np.testing.assert_allclose(place(seen, cuts.world_mm(volume, middle)), handle.place, atol=1e-6)
-
+    at = place(seen, framing.world_mm(volume, middle))
+    np.testing.assert_allclose(at, handle.place, atol=1e-6)
     wanted = middle[axis] + (-10 if far else 10)
     middle[axis] = wanted
-    x, _ = cuts.drag_handle(
-        state.shading, volume, handle, place(seen, cuts.world_mm(volume, middle)), seen
-    )
+    at = place(seen, framing.world_mm(volume, middle))
+    x, _ = cuts.drag_handle(state.shading, volume, handle, at, seen)
     moved = cuts.move_crop(state, face, x)
-    assert cuts.crop_bounds(moved.shading, volume)[axis][far] == pytest.approx(wanted, abs=0.5)
+    assert framing.crop_bounds(moved.shading, volume)[axis][far] == pytest.approx(wanted, abs=0.5)
     assert abs(x - wanted) < 1e-6  # the half voxel is for hands; geometry is exact
 
 
@@ -264,7 +263,7 @@ def test_odd_volumes_have_handles_outlines_and_crops(state, name):
         seen = seen_of(odd)
         found = cuts.list_handles(cuts.with_overlays(odd, crop=True), seen, 1.0)
         assert np.isfinite([each.place for each in found]).all()
-        assert len(cuts.box_edges(cuts.crop_bounds(odd.shading, volume), volume, seen)) == 12
+        assert len(cuts.box_edges(framing.crop_bounds(odd.shading, volume), volume, seen)) == 12
 
 
 def test_a_scenes_plane_far_off_is_held_near_the_volume(document):

@@ -33,7 +33,7 @@ from volspec.cli import main
 from volspec.errors import InputError, RaycastError, VolspecError, VolspecWarning, VolumeError
 from volspec.export.exporter import export
 from volspec.image import CoefficientImage
-from volspec.large import convert
+from volspec.large import conversion
 from volspec.pipeline import GAPS, Raycaster, raycast
 from volspec.raycast import RaycastSpec
 from volspec.scene import Scene
@@ -68,7 +68,7 @@ def ball() -> Volume:
 def store(ball: Volume, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder of the ball converted; tests read it only."""
     folder = tmp_path_factory.mktemp("store")
-    convert.convert(level_of(ball), folder / "v.zarr", name="v")
+    conversion.convert(level_of(ball), folder / "v.zarr", name="v")
     return folder
 
 
@@ -223,7 +223,7 @@ def test_files_of_other_kinds_are_read_in_parts(write, ball, whole, tmp_path):
     assert big.range == ball.range
     assert np.abs(cast(big).coefficients - whole.coefficients).max() < 2e-4
     level, *_ = open_level(f"{address}&memory=2MB")
-    convert.convert(level, tmp_path / "copy.zarr")
+    conversion.convert(level, tmp_path / "copy.zarr")
     copy = load_volume(tmp_path / "copy.zarr")
     assert np.array_equal(copy.values, ball.values)
     assert np.allclose(copy.spacing_mm, ball.spacing_mm)
@@ -258,25 +258,25 @@ def test_a_store_in_a_zip_file_or_on_the_web(kind, ball, store, big, tmp_path):
 
 def interrupted(level: Level, path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
-        convert.convert(level, path)
+        conversion.convert(level, path)
 
 
 def test_a_cut_off_conversion_goes_on(ball, tmp_path, monkeypatch):
     path, level = tmp_path / "v.zarr", level_of(ball)
-    written: list[convert.Block] = []
-    own, most = convert._write, 2
+    written: list[conversion.Block] = []
+    own, most = conversion._write, 2
 
-    def write(block: convert.Block, *others: object) -> None:
+    def write(block: conversion.Block, *others: object) -> None:
         if len(written) == most:
             raise KeyboardInterrupt
         written.append(block)
         own(block, *others)
 
-    monkeypatch.setattr(convert, "_write", write)
+    monkeypatch.setattr(conversion, "_write", write)
     interrupted(level, path)
     assert not path.exists()
     most = -1
-    convert.convert(level, path)
+    conversion.convert(level, path)
     assert len(written) == len(set(written)), "a block was written twice"
     assert np.array_equal(zarr.open(str(path / "0"), mode="r")[:], ball.values)
     assert [each.name for each in tmp_path.iterdir()] == ["v.zarr"]
@@ -286,7 +286,7 @@ def test_a_cut_off_conversion_goes_on(ball, tmp_path, monkeypatch):
 @pytest.mark.parametrize("killed", ["before the swap", "in the swap", "after the swap"])
 def test_a_conversion_that_is_killed_at_its_end_goes_on(killed, ball, tmp_path, monkeypatch):
     path, level = tmp_path / "v.zarr", level_of(ball)
-    convert.convert(level_of(ball.downsampled(2)), path)
+    conversion.convert(level_of(ball.downsampled(2)), path)
     own = Path.replace
 
     def swap(self: Path, target: Path) -> Path:
@@ -296,13 +296,13 @@ def test_a_conversion_that_is_killed_at_its_end_goes_on(killed, ball, tmp_path, 
         if killed == "in the swap":
             patch.setattr(Path, "replace", swap)
         else:
-            patch.setattr(convert, "_attributes" if "before" in killed else "_clean", _interrupt)
+            patch.setattr(conversion, "_attributes" if "before" in killed else "_clean", _interrupt)
         interrupted(level, path)
     if killed == "in the swap":  # of another source: what was there comes back first
         with suppress(VolumeError):
-            convert.convert(replace(level, array=Unreadable(level)), path)
+            conversion.convert(replace(level, array=Unreadable(level)), path)
         assert load_volume(path).shape_xyz == ball.downsampled(2).shape_xyz
-    convert.convert(level, path)
+    conversion.convert(level, path)
     assert np.array_equal(load_volume(path).values, ball.values)
     assert [each.name for each in tmp_path.iterdir()] == ["v.zarr"]
     assert {each.name for each in path.iterdir()} == {"0", "1", "volspec", "zarr.json"}
@@ -329,7 +329,7 @@ def test_a_conversion_goes_on_with_the_same_source_only(ball, tmp_path):
     write_slices(ball.values, tmp_path)
 
     def known(name: str) -> list[int]:
-        return convert._fingerprint(open_level(f"{tmp_path}/{name}&memory=1MB")[0])
+        return conversion._fingerprint(open_level(f"{tmp_path}/{name}&memory=1MB")[0])
 
     raw = "v.raw?shape=161x140x150&dtype=uint16"
     for one, other in (
@@ -349,10 +349,10 @@ def test_a_full_disk_is_an_error_of_one_line(ball, tmp_path):
     resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, hard))
     try:
         with raises(InputError, "unwritable"):
-            convert.convert(level_of(Volume(noise)), tmp_path / "v.zarr")
+            conversion.convert(level_of(Volume(noise)), tmp_path / "v.zarr")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, hard))
-    convert.convert(level_of(Volume(noise)), tmp_path / "v.zarr")
+    conversion.convert(level_of(Volume(noise)), tmp_path / "v.zarr")
     assert np.array_equal(load_volume(tmp_path / "v.zarr").values, noise)
 
 
@@ -462,9 +462,9 @@ def test_a_volume_in_parts_is_framed_and_coloured_as_the_whole(kind, ball, tmp_p
         address = f"{tmp_path}/v.zarr"
         if kind == "resumed":
             with monkeypatch.context() as patch:
-                patch.setattr(convert, "_attributes", _interrupt)
+                patch.setattr(conversion, "_attributes", _interrupt)
                 interrupted(level, Path(address))
-        convert.convert(level, Path(address))
+        conversion.convert(level, Path(address))
     with pytest.warns(VolspecWarning) if kind == "raw" else nullcontext():
         volume = load_volume(f"{address}{'&' if kind == 'raw' else '?'}memory=2MB")
     parts = Scene.from_volume(address, preset="bone", volume=volume)
@@ -543,7 +543,7 @@ def without_a_chunk(folder: Path) -> Path:
 
 
 def copied(volume: Volume, path: Path) -> None:
-    convert.convert(volume.pyramid.levels[0], path)
+    conversion.convert(volume.pyramid.levels[0], path)
 
 
 def in_a_folder_of_others(folder: Path, name: str) -> None:
@@ -552,14 +552,14 @@ def in_a_folder_of_others(folder: Path, name: str) -> None:
     (folder / name).mkdir()
     (folder / name / "notes.txt").write_text("mine")
     try:
-        convert.convert(level_of(SMALL), folder / "v.zarr")
+        conversion.convert(level_of(SMALL), folder / "v.zarr")
     finally:
         assert (folder / name / "notes.txt").read_text() == "mine"
 
 
 def twice_at_once(folder: Path) -> None:
     with exclusive_folder(folder / "v.zarr.unfinished", "another conversion"):
-        convert.convert(level_of(SMALL), folder / "v.zarr")
+        conversion.convert(level_of(SMALL), folder / "v.zarr")
 
 
 def zipped(folder: Path) -> None:

@@ -16,7 +16,7 @@ from tests.support.errors import advised_address, raises, warns
 from tests.support.patience import in_fork
 from tests.support.volumes import load_silently
 from volspec.errors import DeviceError, VolumeError
-from volspec.large.convert import convert
+from volspec.large.conversion import convert
 from volspec.volume import Volume, load_series, load_volume, volume_choices
 from volspec.volume.files.query import Query
 from volspec.volume.larger import level_of

@@ -23,7 +23,7 @@ from tests.support.pyramids import pyramid_of
 from tools.gallery.studio import ROOT
 from volspec.camera import Camera
 from volspec.large import level_caster as out_of_core
-from volspec.large.convert import convert
+from volspec.large.conversion import convert
 from volspec.pipeline import raycast, relight
 from volspec.scene import Scene
 from volspec.volume import load_volume

@@ -1,3 +1,3 @@
 # What other packages use of this one; lazy_loader and type checkers read it.
-from .convert import convert as convert
+from .conversion import convert as convert
 from .raycaster import Raycaster as Raycaster
