@@ -71,6 +71,9 @@ BARS = 47  # the menu and the status line, in pixels
 MOST_CODES = 2
 # Of a page's lens, which has fewer points: .6 of CIEDE2000 in the mean (tests/page/test_depth.py).
 MOST_LENS_CODES = 12
+# Of a page's pixels, those at the border of the gamut, where a mark is there or not: its
+# coefficients have fewer bits.
+MOST_AT_BORDER = 1e-3
 # Of eyes next to each other, which a file has cast at their size, and the window reprojects to it.
 MOST_PAIR_CODES = 24
 
@@ -562,7 +565,10 @@ def tried(
         lens = name == "page" and focused_depth(state).focus_mm is not None
         pair = name in ("S", "session", "film") and shown_stereo(state) == "side-by-side"
         most = MOST_LENS_CODES if lens else MOST_PAIR_CODES if pair else MOST_CODES
-        found[name] = Cell(int(abs(codes - wanted).max()), words, most)
+        off = np.sort(abs(codes - wanted).max(-1), axis=None)
+        if name == "page" and state.relight.viewing.display.mark:
+            off = off[: -int(MOST_AT_BORDER * off.size)]
+        found[name] = Cell(int(off[-1]), words, most)
     return found
 
 
