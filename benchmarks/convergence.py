@@ -206,7 +206,7 @@ LIT = RaycastSpec(
 GLOSSY = RaycastSpec(specular=0.4, shininess=60)
 CROP = RaycastSpec(crop_voxels=((20, 150), (30, 200), (20, 90)))
 FLAT, LONG = RaycastSpec(ambient=1, diffuse=0), RaycastSpec(preintegrated=True)
-MOST, MEAN = RaycastSpec(mode="maximum"), RaycastSpec(mode="average")
+MAX, MEAN = RaycastSpec(mode="maximum"), RaycastSpec(mode="average")
 ALONG = {"azimuth_deg": 70, "elevation_deg": 10, "orthographic": True}
 FACING = {"azimuth_deg": 90, "elevation_deg": 0, "orthographic": True}
 NEAR = {"azimuth_deg": 80, "zoom": 8, "target_mm": (43.5, 31.5, 31.5)}
@@ -261,9 +261,9 @@ CASES: dict[str, Case] = {
     "cells, labels": (cells, LABELS, {}, PLAIN),
     "fog": (lambda: np.full((SIDE,) * 3, 128), FOG, {}, FLAT),
     "noise, preintegrated": (noise, HARD, {}, LONG),
-    "noise, maximum": (noise, ramp(128, 255), {}, MOST),
+    "noise, maximum": (noise, ramp(128, 255), {}, MAX),
     "beads, average": (beads, ramp(0, 20), {}, MEAN),
-    "beads, maximum, detail": (beads, ramp(0, 255), {"zoom": 4}, MOST),
+    "beads, maximum, detail": (beads, ramp(0, 255), {"zoom": 4}, MAX),
     "flat voxels": (
         lambda: Volume(noise()[::4].astype(np.uint8), spacing_mm=(1, 1, 4)),
         *(SOFT, {}, PLAIN),

@@ -27,8 +27,8 @@ from volspec.transfer import FieldFunctions, Mask
 from volspec.volume import Volume
 
 SIZE = 512, 512
-MOST = {2: 1.8, 4: 3.2}
-MOST_MASKED, BLOCK, LABELS = 3.0, 32, 4
+MAX = {2: 1.8, 4: 3.2}
+MAX_MASKED, BLOCK, LABELS = 3.0, 32, 4
 # A file of (Z, C, Y, X): 128 MiB.
 CELLS = 64, 4, 512, 512
 # From a file to a light's picture: seconds, and bytes of the peak above what a small file left.
@@ -76,7 +76,7 @@ def figures() -> Iterator[Figure]:
             table = caster.bake(FieldFunctions({f"{k}": engine.transfer for k in names}))
             return partial(caster.cast, table, engine.camera, SIZE, spec)
 
-        for count, most in MOST.items():
+        for count, most in MAX.items():
             every = cast(range(count))
             pairs = [in_turn(every, cast(range(k, k + 1)), runs=5).wall for k in range(count)]
             ones = [float(np.median(each[:, 1] / each[:, 0])) for each in pairs]
@@ -106,7 +106,7 @@ def _mask_figures() -> Iterator[Figure]:
         ms = np.median(pairs, axis=0)
         note = f"{ms[0]:.0f} ms, without {ms[1]:.0f} ms"
         ratio = float(np.median(pairs[:, 0] / pairs[:, 1]))
-        yield Figure(f"fields/mask, {kind}", ratio, MOST_MASKED, True, note=note)
+        yield Figure(f"fields/mask, {kind}", ratio, MAX_MASKED, True, note=note)
 
 
 def _file_figures() -> Iterator[Figure]:

@@ -26,16 +26,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from benchmarks.fuzz_child import MOST_BYTES, STATE, place_of
+from benchmarks.fuzz_child import MAX_BYTES, STATE, place_of
 from benchmarks.fuzz_corpus import CORPUS, add_inputs, kept_inputs
 from benchmarks.fuzz_targets import ROOT, TARGETS
 
 LIMIT_S = 10.0
 """An input that takes longer is a finding."""
 _START_S = 300.0  # imports, instrumented
-_MOST_RESTARTS = 20
+_MAX_RESTARTS = 20
 _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-_MOST_KEPT = 20_000  # bytes of a reader's corpus
+_MAX_KEPT = 20_000  # bytes of a reader's corpus
 
 
 @dataclass(slots=True)
@@ -90,14 +90,14 @@ class Run:
         self.row, self.folder, self.engine = Row(name), folder, engine
         shutil.rmtree(folder, ignore_errors=True)
         (folder / "findings").mkdir(parents=True)
-        (folder / "state").write_bytes(bytes(STATE.size + MOST_BYTES))
+        (folder / "state").write_bytes(bytes(STATE.size + MAX_BYTES))
 
     def fuzz(self, inputs: int, seconds: float, seed: int) -> Row:
         """Fuzz for a number of inputs or seconds, whichever ends first."""
         row, restarts = self.row, 0
         with (self.folder / "state").open("r+b") as file:
             state = mmap.mmap(file.fileno(), 0)
-        while row.inputs < inputs and row.seconds < seconds and restarts < _MOST_RESTARTS:
+        while row.inputs < inputs and row.seconds < seconds and restarts < _MAX_RESTARTS:
             before = row.inputs
             said = self._process(state, inputs, seconds - row.seconds, seed + restarts)
             if said == "":
@@ -106,8 +106,8 @@ class Run:
                 row.said = f"did not start; see {self.folder / 'log'}"
                 break
             self._death(said, state)
-            restarts += 1 if row.inputs > before else _MOST_RESTARTS // 4
-        if restarts >= _MOST_RESTARTS:
+            restarts += 1 if row.inputs > before else _MAX_RESTARTS // 4
+        if restarts >= _MAX_RESTARTS:
             row.said = f"given up after {restarts} dead processes"
         for path in sorted((self.folder / "findings").iterdir()):
             if path.suffix != ".txt":
@@ -189,7 +189,7 @@ def keep(run: Run) -> None:
             return place_of(target.run(folder, data))
 
     known = {place(data) for data in kept}
-    room = _MOST_KEPT - sum(map(len, kept))
+    room = _MAX_KEPT - sum(map(len, kept))
     found, new = [path.read_bytes() for path in run.row.findings], []
     corpus = sorted((path.read_bytes() for path in (run.folder / "corpus").glob("*")), key=len)
     for data in [*found, *corpus]:

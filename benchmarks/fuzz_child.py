@@ -28,7 +28,7 @@ from typing import Any
 
 from benchmarks.fuzz_corpus import kept_inputs
 
-MOST_BYTES = 1 << 16
+MAX_BYTES = 1 << 16
 """Largest input of any target; the shared page has room for it."""
 SPARE_BYTES = 200 << 20
 _SLACK_BYTES = 1 << 20
@@ -280,7 +280,7 @@ def main(words: Sequence[str]) -> None:
         session = Session(target, folder)
         own = list(target.seeds())
         # Larger ones, which tests replay, have no room in the shared page.
-        kept = (data for data in kept_inputs(name).values() if len(data) <= MOST_BYTES)
+        kept = (data for data in kept_inputs(name).values() if len(data) <= MAX_BYTES)
         seeds = [*own, *kept]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

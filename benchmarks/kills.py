@@ -45,7 +45,7 @@ KILLS, _SEED = 3, 11
 # Fraction of kills at any moment of the run; the others hit a write.
 _ANYWHERE = 0.2
 # Runs that end before they are killed are repeated, up to this often per kill.
-_MOST_RUNS = 5
+_MAX_RUNS = 5
 _PREFIX = ".volspec-"
 # Seconds between two looks at a folder, to leave the cores to the job.
 _LOOK_S = 1e-4
@@ -308,7 +308,7 @@ def count_damage(job: Job, kills: int, root: Path) -> Count:
     """Kill a job repeatedly, each time in a new folder, and check its files."""
     dice, count = random.Random(f"{_SEED} {job.name}"), Count()
     run_to_end(job, root / "warm")  # kernels and caches
-    for _ in range(_MOST_RUNS):
+    for _ in range(_MAX_RUNS):
         shutil.rmtree(root / "whole", ignore_errors=True)
         whole_s, writes = measure(job, root / "whole")
         if writes:  # else they were too quick to observe
@@ -318,7 +318,7 @@ def count_damage(job: Job, kills: int, root: Path) -> Count:
     def varies(name: str) -> bool:
         return any(fnmatch.fnmatch(name, pattern) for pattern in job.varies)
 
-    for number in range(_MOST_RUNS * kills):
+    for number in range(_MAX_RUNS * kills):
         folder = root / "killed"
         has_old = job.replaces and number % 2 == 1
         if has_old:

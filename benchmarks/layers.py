@@ -59,7 +59,7 @@ from volspec.transfer import TransferFunction, TransferTable
 
 Array = NDArray[np.float64]
 SCALES = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)
-MOST_COMBINATIONS = 215  # of three materials, all
+MAX_COMBINATIONS = 215  # of three materials, all
 COUNTS = (4, 8, 12, 16)
 LAYERS = 8
 SIDE, PIXELS, LIT_PIXELS = 96, 1000, 300
@@ -95,8 +95,8 @@ class Setup:
         self.table, self.slots = table, shadow_slots(self.spec)
         self.columns: list[int] = table.channels.argmax(axis=1).tolist()
         every = [s for s in itertools.product(SCALES, repeat=len(self.columns)) if any(s)]
-        if len(every) > MOST_COMBINATIONS:
-            every = every[:: len(every) // MOST_COMBINATIONS]
+        if len(every) > MAX_COMBINATIONS:
+            every = every[:: len(every) // MAX_COMBINATIONS]
             every.append((1.0,) * len(self.columns))
         self.scales = np.array(every)
         plain = replace(self.spec, layers=0)
@@ -253,14 +253,14 @@ def figures_of(row: Row) -> list[Figure]:
             for rig, each in row.lit.items()
             for figure in (
                 (f"{rig}, mean", each["split"].mean, LIT_MEAN, "ΔE"),
-                (f"{rig}, 99 %", each["split"].most_of, LIT_MOST, "ΔE"),
+                (f"{rig}, 99 %", each["split"].most_of, LIT_MAX, "ΔE"),
             )
         ),
     )
     return [Figure(f"{row.name}: {n}", v, a, True, unit) for n, v, a, unit in asked]
 
 
-LIT_MEAN, LIT_MOST = 0.35, 2.0
+LIT_MEAN, LIT_MAX = 0.35, 2.0
 HEADINGS = ("RMS", "mean", "worst", "99%", "max", "L16:mean", "kernel", "moved,%", "time", "early")
 TARGETS = ("0.004", "0.25", "0.6", "1.5", "6", "0.08", "0.0001", "-", "1.8", "-")
 
@@ -311,7 +311,7 @@ def by_light(found: list[Row | tuple[str, str]]) -> str:
                 stays, split = each["frozen"], each["split"]
                 texts = (
                     f"{stays.mean:.2f} {stays.most_of:.1f} | {_marked(split.mean, LIT_MEAN)}",
-                    f"{split.worst:.2f} {_marked(split.most_of, LIT_MOST)} {split.most:.1f}",
+                    f"{split.worst:.2f} {_marked(split.most_of, LIT_MAX)} {split.most:.1f}",
                 )
                 cells.append(" ".join(texts))
             lines.append(f"{row.name:12s}" + "".join(f"{cell:>36s}" for cell in cells))

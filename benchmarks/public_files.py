@@ -29,7 +29,7 @@ from volspec.errors import VolspecError
 from volspec.volume import Volume, load_volume
 from volspec.volume.metadata import ONE_SLICE
 
-LEAST = 0.98
+MIN = 0.98
 # Words of Python, which no message for users has.
 _PYTHON = re.compile(
     r"Traceback|NoneType|object has no|\b\w*(Error|Exception)\b|ndarray|0x[0-9a-f]{6}"
@@ -199,7 +199,7 @@ def main() -> int:
         print(f"{kind:10}" + "".join(f"{row[name]:>10}" for name in columns))
     share = 1 - total["FAULT"] / max(sum(total.values()), 1)
     print(f"{share:.1%} read as their libraries do, or refused well")
-    return int(share < LEAST)
+    return int(share < MIN)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from scipy.optimize import linprog
 from volspec.spectra import DEFAULT_GRID, colour_matching_functions, light
 
 FOLDER = Path(__file__).parent / "spectra"
-LARGEST_SECOND_DIFFERENCE = 0.02
+MAX_SECOND_DIFFERENCE = 0.02
 
 
 def main() -> None:
@@ -34,7 +34,7 @@ def main() -> None:
     solution = linprog(
         -(seen["A"][0] - seen["A"][1]),
         A_ub=np.vstack([bend, -bend]),
-        b_ub=np.full(2 * len(bend), LARGEST_SECOND_DIFFERENCE),
+        b_ub=np.full(2 * len(bend), MAX_SECOND_DIFFERENCE),
         A_eq=seen["D65"],
         b_eq=seen["D65"] @ block,
         bounds=[(0.03, 0.95)] * len(wavelengths),

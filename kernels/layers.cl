@@ -14,7 +14,7 @@
 // Writes  layers float4[layers][height][width], lines first_line and on: a buffer of OpenGL,
 //         acquired by the host (volspec/_gpu/sharing.py)
 //
-// The host sets CHANNELS, LIMIT, HALF and LARGEST_HALF.
+// The host sets CHANNELS, LIMIT, HALF and MAX_HALF.
 
 static inline float bounded(float v, float limit) {
     return v != v ? 0.0f : v < -limit ? -limit : v > limit ? limit : v;
@@ -23,7 +23,7 @@ static inline float bounded(float v, float limit) {
 static inline float channel(float v) {
 #if HALF
     ushort bits;
-    vstore_half_rte(bounded(v, LARGEST_HALF), 0, (half *)&bits);
+    vstore_half_rte(bounded(v, MAX_HALF), 0, (half *)&bits);
     return vload_half(0, (const half *)&bits);
 #else
     return bounded(v, LIMIT);

@@ -10,7 +10,7 @@
 // add to the medium's, whatever distance and zoom. Slices are of depth along the *source's* view:
 // along a ray of the target's they have the same order, if the views are within 90°.
 //
-// A layer is up to MOST_PARTS points, one a PART pixels, evenly spaced half-way to its neighbours:
+// A layer is up to MAX_PARTS points, one a PART pixels, evenly spaced half-way to its neighbours:
 // borders of layers jump between pixels, which one point a layer shows when turned.
 //
 // NumPy twin: volspec/image/reproject.py (reproject_reference).
@@ -29,7 +29,7 @@
 //
 // The host sets LAYERED, SOLID (1 if the last is of surfaces, which scales leave as they are),
 // MATERIALS, GROUPS, CHANNELS = GROUPS · (MATERIALS + 1), ROWS, COLOURS_AT, BLOCK, BUCKETS, PART,
-// MOST_PARTS, FARTHER, WIDE (r is above 1), NEAR and the struct View.
+// MAX_PARTS, FARTHER, WIDE (r is above 1), NEAR and the struct View.
 
 #define LANES 4
 #include "lanes.clh"
@@ -72,7 +72,7 @@ __kernel void arrange(__global const float *tau, __global const float *shade,
                 if (!(total > 0.0f)) continue;
                 ways_to_neighbours(depth + at, i, ways);
                 const float deep = 0.5f * (ways[0] + ways[1]) / (PART * view.pitch);
-                const int parts = clamp((int)ceil(deep), 1, MOST_PARTS);
+                const int parts = clamp((int)ceil(deep), 1, MAX_PARTS);
                 for (int part = 0; part < parts; ++part) {
                     const float off = 0.5f * ((2 * part + 1) / (float)parts - 1.0f);
                     const float ahead = (depth[at] + off * ways[off > 0.0f]) * cosine - view.distance;

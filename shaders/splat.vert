@@ -18,7 +18,7 @@
 //         lens       circle of what is infinitely far, pixels; and the distance in focus, mm.
 // Writes  place      in the view, pixels; its tent's half width; tau; three channels of each target
 //                    from FIRST_TARGET on.
-// Host    FIRST_TARGET, TARGETS_DRAWN, MOST_RADIUS (of the device's points), and what include/opacity.glsl takes.
+// Host    FIRST_TARGET, TARGETS_DRAWN, MAX_RADIUS (of the device's points), and what include/opacity.glsl takes.
 //
 // Valid for `300 es`; the host writes the version line.
 precision highp float;
@@ -60,7 +60,7 @@ void main() {
         return;
     }
     float blur = lens.x * abs(1.0 - lens.y / (camera.x + seen.z));
-    float radius = clamp(blur, 1.0, MOST_RADIUS);
+    float radius = clamp(blur, 1.0, MAX_RADIUS);
     place = vec3(middle + (seen.xy / w + eye_mm.zw) / camera.z, radius);
     float magnified = wider / w / radius;
     tau = slab.x / parts * magnified * magnified;

@@ -119,7 +119,7 @@ def test_a_failed_computation_is_not_cached(folder):
 
 
 def test_a_folder_keeps_its_newest_files(folder, monkeypatch):
-    monkeypatch.setattr(_cache, "_MOST_FILES", 3)
+    monkeypatch.setattr(_cache, "_MAX_FILES", 3)
     for number in range(5):
         _cache.cached_arrays(f"group/{number}", "maker", lambda: ARRAYS)
         os.utime(folder / "group" / f"{number}.npz", (number, number))

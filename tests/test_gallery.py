@@ -10,7 +10,7 @@ from tools.gallery import page, studio
 from tools.gallery.__main__ import FOLDER, LAYERS, PAGES
 from tools.gallery.studio import READERS
 
-_MOST_BYTES = 300_000
+_MAX_BYTES = 300_000
 
 
 @pytest.mark.parametrize("each", PAGES, ids=lambda each: each.file)
@@ -22,7 +22,7 @@ def test_a_page_is_what_its_features_write(each, tmp_path):
     written = (tmp_path / each.file).read_text(encoding="utf-8")
     assert written == (FOLDER / each.file).read_text(encoding="utf-8")
     pictures = [FOLDER / name for name in re.findall(r"\]\(([\w-]+\.jpg)\)", written)]
-    assert pictures and all(0 < path.stat().st_size <= _MOST_BYTES for path in pictures)
+    assert pictures and all(0 < path.stat().st_size <= _MAX_BYTES for path in pictures)
 
 
 @pytest.mark.slow

@@ -68,14 +68,14 @@ Edit = Callable[[ViewState], ViewState | Edited]
 # Pixels of the picture with all panels closed; even, as those of films are.
 SIZE = 64, 48
 BARS = 47  # the menu and the status line, in pixels
-MOST_CODES = 2
+MAX_CODES = 2
 # Of a page's lens, which has fewer points: .6 of CIEDE2000 in the mean (tests/page/test_depth.py).
-MOST_LENS_CODES = 12
+MAX_LENS_CODES = 12
 # Of a page's pixels, those at the border of the gamut, where a mark is there or not: its
 # coefficients have fewer bits.
-MOST_AT_BORDER = 1e-3
+MAX_AT_BORDER = 1e-3
 # Of eyes next to each other, which a file has cast at their size, and the window reprojects to it.
-MOST_PAIR_CODES = 24
+MAX_PAIR_CODES = 24
 
 _POINTS = """points = [
     { value = 0.2, opacity = 0.0, material = "copper" },
@@ -523,7 +523,7 @@ class Cell(NamedTuple):
 
     codes: int | None
     words: tuple[str, ...]
-    most: int = MOST_CODES
+    most: int = MAX_CODES
 
     @property
     def agrees(self) -> bool:
@@ -564,10 +564,10 @@ def tried(
         assert codes.shape == wanted.shape, (name, codes.shape, wanted.shape)
         lens = name == "page" and focused_depth(state).focus_mm is not None
         pair = name in ("S", "session", "film") and shown_stereo(state) == "side-by-side"
-        most = MOST_LENS_CODES if lens else MOST_PAIR_CODES if pair else MOST_CODES
+        most = MAX_LENS_CODES if lens else MAX_PAIR_CODES if pair else MAX_CODES
         off = np.sort(abs(codes - wanted).max(-1), axis=None)
         if name == "page" and state.relight.viewing.display.mark:
-            off = off[: -int(MOST_AT_BORDER * off.size)]
+            off = off[: -int(MAX_AT_BORDER * off.size)]
         found[name] = Cell(int(off[-1]), words, most)
     return found
 

@@ -22,8 +22,8 @@ from volspec.errors import InputError
 
 Arrays = dict[str, NDArray[Any]]
 # Most files in a folder; beyond that, the oldest are deleted.
-_MOST_FILES = 100
-_MOST_ROWS, _LARGEST_ROWS = 50, 1 << 20
+_MAX_FILES = 100
+_MAX_ROWS, _MAX_BYTES = 50, 1 << 20
 
 
 def cache_folder() -> Path:
@@ -53,7 +53,7 @@ def cached_rows(name: str) -> dict[str, Any]:
     """Return the facts of a file of the cache by key; nothing if it is missing or damaged."""
     file = cache_folder() / name
     try:
-        if not file.is_file() or file.stat().st_size > _LARGEST_ROWS:
+        if not file.is_file() or file.stat().st_size > _MAX_BYTES:
             return {}
         return dict(json.loads(file.read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError, RecursionError):
@@ -61,9 +61,9 @@ def cached_rows(name: str) -> dict[str, Any]:
 
 
 def cache_rows(name: str, rows: Mapping[str, Any]) -> None:
-    """Add facts to a file of the cache, as JSON; of more than `_MOST_ROWS`, the oldest go."""
+    """Add facts to a file of the cache, as JSON; of more than `_MAX_ROWS`, the oldest go."""
     kept = {key: row for key, row in cached_rows(name).items() if key not in rows}
-    newest = dict([*kept.items(), *rows.items()][-_MOST_ROWS:])
+    newest = dict([*kept.items(), *rows.items()][-_MAX_ROWS:])
     with suppress(OSError, InputError):
         make_private(cache_folder())
         with write_whole(cache_folder() / name) as temporary:
@@ -90,4 +90,4 @@ def _write(file: Path, maker: str, arrays: Arrays) -> None:
     members: dict[str, Any] = {"maker": maker, "keys": list(arrays), **arrays}
     with write_whole(file) as temporary:
         np.savez(temporary, **members)
-    keep_newest(file, "*.npz", _MOST_FILES)
+    keep_newest(file, "*.npz", _MAX_FILES)

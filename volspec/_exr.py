@@ -26,7 +26,7 @@ Channels = dict[str, NDArray[Any]]
 
 _WORD = 4  # bytes of the largest pixel type
 # Greatest compression ratio of ZIP; and size in bytes that is allowed for any file.
-_MOST_RATIO, _ALWAYS_ALLOWED = 1032, 1 << 27
+_MAX_RATIO, _ALWAYS_ALLOWED = 1032, 1 << 27
 
 
 def read_exr(
@@ -92,7 +92,7 @@ def _require_held(
     name: str, headers: Sequence[Mapping[str, Any]], error: type[InputError], again: str
 ) -> None:
     """Refuse sizes that a file of this length cannot hold, before memory is allocated."""
-    most, held = _MOST_RATIO * Path(name).stat().st_size, 0
+    most, held = _MAX_RATIO * Path(name).stat().st_size, 0
     for header in headers:
         low, high = (np.asarray(corner, np.int64) for corner in header["dataWindow"])
         width, height = (int(side) for side in high - low + 1)

@@ -31,13 +31,13 @@ from volspec.errors import ImageError, InputError, VolspecWarning, nearest
 _UNFINISHED = re.compile(r"(\.volspec-[0-9a-f]{8}-[0-9a-f]{8}-[0-9a-f]{8})\.(lock|part.*)")
 _TRIES = 9
 # Most files of a folder that are compared with a misspelt name.
-_MOST_COMPARED = 5000
+_MAX_COMPARED = 5000
 # Without locks, the writer of a file unchanged for this time counts as dead.
 _DEAD_S = 86400.0
 # Endings that belong together.
 _DOUBLE = (".nii.gz", ".ome.tif", ".ome.tiff", ".ome.zarr", ".zarr.zip", ".volspec.json")
 # Folders of the libraries and ours in the user's cache; and the bytes that programs may take.
-_CACHES, _LEAST_FREE_BYTES = ("pocl", "pyopencl", "pytools", "volspec"), 16 << 20
+_CACHES, _MIN_FREE_BYTES = ("pocl", "pyopencl", "pytools", "volspec"), 16 << 20
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 # Step between corrected modification times.
 _STEP_NS = 1_000_000
@@ -135,7 +135,7 @@ def write_fault(folder: Path) -> str:
         total, _, free = shutil.disk_usage(folder)
     except OSError as error:
         return error.strerror or str(error)
-    is_full = total and free < _LEAST_FREE_BYTES  # some file systems report none at all
+    is_full = total and free < _MIN_FREE_BYTES  # some file systems report none at all
     return f"{free >> 20} MiB are free" if is_full else ""
 
 
@@ -415,7 +415,7 @@ def nearest_file(path: Path, never: tuple[str, ...] = ()) -> str:
         return name.partition(".")[0].casefold()
 
     try:
-        names = [each.name for each in islice(path.parent.iterdir(), _MOST_COMPARED)]
+        names = [each.name for each in islice(path.parent.iterdir(), _MAX_COMPARED)]
     except OSError:
         return ""
     names = [name for name in names if not name.lower().endswith(never)]

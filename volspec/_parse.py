@@ -22,10 +22,10 @@ from volspec._confine import require_inside
 from volspec._files import nearest_file
 from volspec.errors import InputError, quoted
 
-MOST_LEVELS = 64
+MAX_LEVELS = 64
 """Greatest nesting of lists and tables in a file; volspec's own have up to ten."""
 _INTEGERS = range(-(2**63), 2**63)  # the range of TOML, and of NumPy's int64
-_TOO_DEEP = f"it is nested too deeply, more than {MOST_LEVELS} levels"
+_TOO_DEEP = f"it is nested too deeply, more than {MAX_LEVELS} levels"
 
 
 def parse_json(text: Any) -> Any:
@@ -136,7 +136,7 @@ def _checked(parse: Callable[[str], Any], text: str) -> Any:
     except RecursionError:
         raise ValueError(_TOO_DEEP) from None
     level: list[Any] = [[value]]
-    for _ in range(MOST_LEVELS + 1):
+    for _ in range(MAX_LEVELS + 1):
         level = [each for container in level for each in _children(container)]
         if not level:
             return value

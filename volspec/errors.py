@@ -258,7 +258,7 @@ def quoted(given: object, most: int = 40) -> str:
 
 # Fewest characters to match as the beginning of a name; and most characters to compare, as time
 # grows with their square.
-_LEAST_BEGINNING, _LONGEST_NAME = 3, 200
+_MIN_BEGINNING, _MAX_NAME = 3, 200
 
 
 def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
@@ -279,9 +279,9 @@ def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
     folded = {word.rpartition("/")[2].casefold(): word for word in reversed(words)}
     folded |= {word.casefold(): word for word in reversed(words)}
     # Twice as many: a name may match both as a whole and by its last part.
-    given = str(name).casefold()[:_LONGEST_NAME]
+    given = str(name).casefold()[:_MAX_NAME]
     hits = difflib.get_close_matches(given, folded, n=2 * count, cutoff=0.5)
-    if len(given) >= _LEAST_BEGINNING:
+    if len(given) >= _MIN_BEGINNING:
         hits = [*(word for word in folded if word.startswith(given)), *hits]
     guesses = tuple(repr(word) for word in dict.fromkeys(folded[hit] for hit in hits))[:count]
     if not guesses:

@@ -46,7 +46,7 @@ from volspec.transfer import (
 )
 from volspec.volume import Volume
 
-LEAST_SIDE = 8
+MIN_SIDE = 8
 GAPS = "gaps"
 """Note of an image in which parts of the volume are missing."""
 
@@ -249,7 +249,7 @@ def refine(
     divisor = coarsest
     while divisor > 1:
         width, height = (-(-side // divisor) for side in full_size)
-        if min(width, height) >= LEAST_SIDE:
+        if min(width, height) >= MIN_SIDE:
             yield cast((width, height))
         divisor = -(-divisor // 2)
     yield cast(full_size, into)

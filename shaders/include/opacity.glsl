@@ -22,8 +22,8 @@
 //         gloss = gloss_code c², E = PATH_CODE c³, b = BEND_CODE c³, a slab's begin = BEGIN_CODE c
 //         and width = WIDTH_CODE c²; a surface's begin = SURFACE_CODE c, c of both), TAU_CODE,
 //         PATH_CODE, BEND_CODE, BEGIN_CODE, WIDTH_CODE, SURFACE_CODE;
-//         SHADOWED and OCCLUDED (bits of groups), SHADOWS_AT, OCCLUSION_GAIN, BEND_LEAST and
-//         MOST_EXPONENT.
+//         SHADOWED and OCCLUDED (bits of groups), SHADOWS_AT, OCCLUSION_GAIN, BEND_MIN and
+//         MAX_EXPONENT.
 #ifndef DEPTH
 #define DEPTH 0
 #endif
@@ -75,8 +75,8 @@ vec2 taken(ivec2 pixel, int slice, float gain) {
     path *= PATH_CODE * path * path;
     part.z *= BEND_CODE * part.z * part.z;
 #endif
-    float bend = max(part.z, BEND_LEAST);
-    vec4 depth = min(bend * path, vec4(MOST_EXPONENT));
+    float bend = max(part.z, BEND_MIN);
+    vec4 depth = min(bend * path, vec4(MAX_EXPONENT));
     // exp(depth) - 1 loses all precision of small depths.
     vec4 small = depth * (1.0 + depth * (0.5 + depth / 6.0));
     vec4 grown = mix(exp(depth) - 1.0, small, lessThan(depth, vec4(0.02)));

@@ -232,7 +232,7 @@ GRIDS = [
 
 @pytest.fixture
 def few_products(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pairs, "_MOST_PRODUCTS", 10)
+    monkeypatch.setattr(pairs, "_MAX_PRODUCTS", 10)
 
 
 @pytest.mark.not_quick

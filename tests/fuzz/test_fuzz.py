@@ -76,7 +76,7 @@ DIGITS = Target(reads_digits, lambda: (b"12",))
 
 
 def session(folder: Path) -> Session:
-    (folder / "state").write_bytes(bytes(STATE.size + fuzz_child.MOST_BYTES))
+    (folder / "state").write_bytes(bytes(STATE.size + fuzz_child.MAX_BYTES))
     return Session(DIGITS, folder)
 
 
@@ -126,7 +126,7 @@ def test_a_process_that_hangs_or_dies_leaves_its_input(code, kind, tmp_path, mon
 
     monkeypatch.setattr(run, "_child", child)
     monkeypatch.setattr(fuzz, "time", SimpleNamespace(monotonic=lambda: clock_s[0], sleep=sleep))
-    monkeypatch.setattr(fuzz, "_MOST_RESTARTS", 1)
+    monkeypatch.setattr(fuzz, "_MAX_RESTARTS", 1)
     row = run.fuzz(100, 1e6, 0)
     assert [path.name.split("-")[0] for path in row.findings] == [kind]
     assert row.findings[0].read_bytes() == b"abc" and row.inputs == 7

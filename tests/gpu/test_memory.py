@@ -15,7 +15,7 @@ import pytest
 
 import volspec as vs
 from tests.support.images import image
-from volspec._gpu.opencl import MOST_KERNELS
+from volspec._gpu.opencl import MAX_KERNELS
 from volspec._gpu.sources import asset
 from volspec.image import CoefficientImage
 from volspec.pipeline import Raycaster, raycast
@@ -80,7 +80,7 @@ def test_casts_with_other_functions_and_views_take_no_memory(half_engine):
 
     # NumPy's and pyopencl's own lists take sixty casts to fill.
     assert blocks_left_by(cast, 60) < 5
-    assert len(caster._compute._kernels) < MOST_KERNELS
+    assert len(caster._compute._kernels) < MAX_KERNELS
     # The bricks' codes, the empty light volume's buffer, and on GPUs a copy of the voxels.
     assert len(caster._compute._allocated) == (2 if caster._compute.info.is_cpu else 3)
 

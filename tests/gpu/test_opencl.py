@@ -117,7 +117,7 @@ def test_kernels_of_one_source_are_built_together(monkeypatch):
 
 
 def test_the_kernels_used_last_are_cached(monkeypatch):
-    monkeypatch.setattr(opencl, "MOST_KERNELS", 3)
+    monkeypatch.setattr(opencl, "MAX_KERNELS", 3)
     compute = Compute.open()
 
     def kernel(number: int) -> cl.Kernel:

@@ -355,8 +355,8 @@ def test_several_views_are_written_without_layers_and_say_what_they_would_take(s
 @pytest.mark.parametrize(
     ("limit", "least", "field"),
     [
-        ("_MOST_LAYER_BYTES", 4 * 24 * SIZE[0] * SIZE[1] - 1, "page.layers"),
-        ("_MOST_PAGE_BYTES", 1000, "page"),
+        ("_MAX_LAYER_BYTES", 4 * 24 * SIZE[0] * SIZE[1] - 1, "page.layers"),
+        ("_MAX_PAGE_BYTES", 1000, "page"),
     ],
 )
 def test_pages_too_large_for_browsers_are_refused(

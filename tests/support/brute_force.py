@@ -23,7 +23,7 @@ BIAS, STEP = 1.0, 0.5
 # Optical depth at which a ray ends.
 _DARK = 6.0
 # Samples with less part in a pixel are not lit.
-_LEAST = 1e-3
+_MIN = 1e-3
 
 
 def transmittance(
@@ -82,7 +82,7 @@ class _March(reference._March):
         alpha: Array,
         reflectance: Array,
     ) -> None:
-        seen = self.transmittance[live] * alpha > _LEAST
+        seen = self.transmittance[live] * alpha > _MIN
         across = None if gradient is None else gradient[seen]
         super().composite(
             live[seen], along[seen], point[seen], across, alpha[seen], reflectance[seen]

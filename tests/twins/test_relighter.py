@@ -22,7 +22,7 @@ from volspec._gpu import opengl
 from volspec._gpu.opengl import headless_context
 from volspec.appearance import Viewing, lut3d
 from volspec.appearance.display.spaces import decode_sRGB
-from volspec.appearance.lut3d import MOST_LUTS, Lut3D, LutCache, LutKey
+from volspec.appearance.lut3d import MAX_LUTS, Lut3D, LutCache, LutKey
 from volspec.errors import LutCancelled, OpenGLError, ShapeError, ViewingError
 from volspec.image.model import CoefficientImage
 from volspec.relight import Illumination, LightRig, Relighter, RelightSpec, relight
@@ -185,7 +185,7 @@ def test_a_context_is_lent_to_one_relighter_at_a_time():
     assert third._engine._context is context and fourth._engine._context is not context
     for each in (second, third, fourth):
         each.close()
-    assert len(opengl._idle_contexts()) <= opengl._MOST_IDLE
+    assert len(opengl._idle_contexts()) <= opengl._MAX_IDLE
 
 
 @pytest.mark.parametrize("adapting", ["given", "picture"])
@@ -232,7 +232,7 @@ def test_of_tables_the_latest_are_kept(monkeypatch):
         tables.texels(key)
         tables.texels(keys[0])  # asked for again and again
     assert made == keys
-    assert [key in tables for key in keys] == [True, *[False] * 8, *[True] * (MOST_LUTS - 1)]
+    assert [key in tables for key in keys] == [True, *[False] * 8, *[True] * (MAX_LUTS - 1)]
 
 
 def test_given_context_is_drawn_in_and_left_alive():

@@ -49,7 +49,7 @@ from volspec.viewer.work.documents import open_document, open_path
 from volspec.viewer.work.probe import Reading
 from volspec.viewer.work.script import export_python, script_from_state
 from volspec.viewer.work.session import SUFFIX, read_session, restore_state, save_session
-from volspec.viewer.work.session_store import MOST_FILES, STATE_VARIABLE, RecentFiles, state_folder
+from volspec.viewer.work.session_store import MAX_FILES, STATE_VARIABLE, RecentFiles, state_folder
 from volspec.volume import Choice, load_volume, phantom
 from volspec.volume.series import series_address
 
@@ -294,13 +294,13 @@ def test_recent_files_are_ten_newest_first_and_missing_ones_are_known(tmp_path):
     recent = RecentFiles(tmp_path / "state")
     assert recent.rows() == ()
     (tmp_path / "there.raw").touch()
-    for number in range(MOST_FILES + 2):
+    for number in range(MAX_FILES + 2):
         recent.add(f"/nowhere/{number}.toml")
     recent.add(f"{tmp_path}/there.raw?shape=2x2x2&dtype=uint8")
     recent.add("/nowhere/5.toml")
     rows = recent.rows()
     assert [Path(row.path).name[:5] for row in rows[:3]] == ["5.tom", "there", "11.to"]
-    assert len(rows) == MOST_FILES and [row.there for row in rows[:2]] == [False, True]
+    assert len(rows) == MAX_FILES and [row.there for row in rows[:2]] == [False, True]
     assert rows[0].label.startswith("5.toml ")
     recent.clear()
     assert recent.rows() == ()

@@ -33,7 +33,7 @@ from volspec.viewer.model import (
 )
 from volspec.viewer.model.commands import COMMANDS
 from volspec.viewer.model.edit import after
-from volspec.viewer.model.history import MOST_STEPS, STAGES, Difference, History
+from volspec.viewer.model.history import MAX_UNDO, STAGES, Difference, History
 from volspec.viewer.model.palette_targets import LIGHT, DesignTargets, PaletteState, Pick
 from volspec.viewer.model.state import Interface, Slices, ViewState
 from volspec.viewer.ui import inputs
@@ -185,9 +185,9 @@ def test_a_drag_is_one_step_of_undo_and_the_window_is_none(state):
 
 def test_history_is_bounded_and_steps_forget_the_future(state):
     history = History(state)
-    for gesture in range(MOST_STEPS + 20):
+    for gesture in range(MAX_UNDO + 20):
         history = history.then(camera.orbit(history.present, 0.01, 0.0), gesture)
-    assert len(history.past) == MOST_STEPS
+    assert len(history.past) == MAX_UNDO
     assert history.undo().then(replace(state, document=replace(state.document)), 10**6).future == ()
 
 
@@ -439,4 +439,4 @@ def test_random_edits_never_raise(state, edits, grouped):
         assert np.isfinite(row.rig.mixed(DEFAULT_GRID).values).all()
         assert len(row.texts) == len(row.rig.lights)
     assert state.lights and state.transfer.bake(1.0).opacity.max() <= 1
-    assert 0 <= state.interface.light < light_rows.MOST_ROWS
+    assert 0 <= state.interface.light < light_rows.MAX_ROWS

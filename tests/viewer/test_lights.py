@@ -140,7 +140,7 @@ def test_a_group_cannot_be_weighted_until_all_is_dark(lit):
     assert new.lights[3].rig.weights == (0.0, 0.5)
     assert light_parts.set_part_weight(new, 3, 1, 0.0) is new
     brighter = light_parts.set_part_weight(new, 3, 1, 99.0)
-    assert brighter.lights[3].rig.weights[1] == light_rows.MOST_WEIGHT
+    assert brighter.lights[3].rig.weights[1] == light_rows.MAX_WEIGHT
 
 
 def test_a_spectrum_is_respelled(lit):
@@ -294,7 +294,7 @@ def test_a_fade_shows_the_way_and_ends_at_the_state_itself(state):
     assert light_states.during_fade(new, 2.0) is new and new.lights == state.lights
     cut = recalling(state, 0.0)
     assert light_states.during_fade(cut, 0.0) is cut
-    assert light_states.set_fade(state, 99.0).interface.fade_s == light_states.MOST_SECONDS
+    assert light_states.set_fade(state, 99.0).interface.fade_s == light_states.MAX_SECONDS
     assert Difference.between(first, half).stage == "relight"
 
 

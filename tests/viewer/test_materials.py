@@ -69,21 +69,21 @@ def test_a_basis_that_filters_need_stays(state):
 
 
 def test_materials_that_nothing_is_made_of_make_room_for_more(state):
-    for i in range(materials.MOST_MATERIALS - 2):
+    for i in range(materials.MAX_MATERIALS - 2):
         state = given(state, f"CES/{i + 1}")
-    assert len(state.transfer.materials) == materials.MOST_MATERIALS
+    assert len(state.transfer.materials) == materials.MAX_MATERIALS
     new = given(state, "silver")
     # Points 2 and 3 are of copper and gold, the first was of the last that was tried.
-    last = f"CES/{materials.MOST_MATERIALS - 2}"
+    last = f"CES/{materials.MAX_MATERIALS - 2}"
     assert set(new.transfer.materials) == {"copper", "gold", last, "silver"}
     message = materials.material_message(state.transfer, new.transfer)
     gone = set(state.transfer.materials) - {*new.transfer.materials}
     assert [name for name in gone if name not in message] == []
-    points = [(float(i), 0.1, f"CES/{i + 1}") for i in range(materials.MOST_MATERIALS - 2)]
+    points = [(float(i), 0.1, f"CES/{i + 1}") for i in range(materials.MAX_MATERIALS - 2)]
     curve = replace(curve_of(state), points=[*points, (98, 0.1, "gold"), (99, 0.1, "copper")])
     full = replace(state, transfer=curve)
     assert given(full, "silver") is full
-    assert str(materials.MOST_MATERIALS) in materials.add_material(full, 0, "silver").message
+    assert str(materials.MAX_MATERIALS) in materials.add_material(full, 0, "silver").message
 
 
 def test_a_material_without_a_part_is_taken_out_in_one_step_of_undo(state):

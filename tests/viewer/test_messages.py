@@ -32,8 +32,8 @@ from volspec.spectra import DEFAULT_GRID, Spectrum, light
 from volspec.transfer import Region, TransferFunction2D
 from volspec.viewer.model import light_parts, lighting, lights, materials, measure, opacities, room
 from volspec.viewer.model.edit import Edited
-from volspec.viewer.model.light_rows import MOST_ROWS, LightRow, LightState, lux_note
-from volspec.viewer.model.light_states import MOST_STATES
+from volspec.viewer.model.light_rows import MAX_ROWS, LightRow, LightState, lux_note
+from volspec.viewer.model.light_states import MAX_STATES
 from volspec.viewer.model.palette_table import colour_table
 from volspec.viewer.model.palette_targets import STAY
 from volspec.viewer.model.paths import check_name
@@ -80,9 +80,9 @@ def transcript(state: ViewState) -> str:
 
 def _refusals(state: ViewState) -> Iterator[str]:
     """Messages of edits that change nothing."""
-    full = replace(state, lights=state.lights[:1] * MOST_ROWS)
+    full = replace(state, lights=state.lights[:1] * MAX_ROWS)
     dark = replace(state, lights=(replace(state.lights[0], weight=0.0),))
-    saved = tuple(LightState(str(i), state.lights, state.relight) for i in range(MOST_STATES))
+    saved = tuple(LightState(str(i), state.lights, state.relight) for i in range(MAX_STATES))
     surfaces = of_kind(state, "surfaces")
     exact = opacities.set_opacity(state, "gold", 0.5)
     for given, name in (
@@ -101,7 +101,7 @@ def _refusals(state: ViewState) -> Iterator[str]:
     while len(groups.shading.groups) < MAX_GROUPS:
         groups = lighting.add_source(groups, "headlight").state
     shading = replace(state.shading, groups=(LightGroup("light", (Ambient(),)),))
-    measured = replace(measure.start(state, "label"), annotations=(LABEL,) * measure.MOST)
+    measured = replace(measure.start(state, "label"), annotations=(LABEL,) * measure.MAX_POINTS)
     rows: list[tuple[ViewState, Callable[..., Edited], tuple[Any, ...]]] = [
         (groups, lighting.add_source, ("sky",)),
         (sky, lighting.rename_group, (1, "a=b")),

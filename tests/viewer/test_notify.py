@@ -5,7 +5,7 @@ import threading
 import warnings
 
 from volspec.errors import VolspecWarning
-from volspec.viewer.work.notify import MOST_MESSAGES, Notice, collect_warnings
+from volspec.viewer.work.notify import MAX_MESSAGES, Notice, collect_warnings
 
 
 def test_an_error_is_shown_until_it_is_dismissed_or_replaced():
@@ -28,10 +28,10 @@ def test_messages_are_listed_once_in_a_row_and_not_without_limit():
         notice.show_warning("computing\nits table")
     (message,) = notice.messages
     assert (message.text, message.count) == ("computing its table", 3)
-    for number in range(2 * MOST_MESSAGES):
+    for number in range(2 * MAX_MESSAGES):
         notice.show(str(number))
-    assert len(notice.messages) == MOST_MESSAGES
-    assert notice.messages[-1].text == str(2 * MOST_MESSAGES - 1)
+    assert len(notice.messages) == MAX_MESSAGES
+    assert notice.messages[-1].text == str(2 * MAX_MESSAGES - 1)
     notice.clear()
     assert notice.messages == () and not notice.text
 

@@ -60,7 +60,7 @@ def test_scales_are_clamped_kept_by_name_and_reset(ball):
     faded = opacities.set_opacity(ball, "copper", 0.25)
     assert opacity_scales(faded) == {"copper": 0.25}
     thick = opacities.set_opacity(faded, "copper", 99.0)
-    assert opacity_scales(thick) == {"copper": opacities.MOST}
+    assert opacity_scales(thick) == {"copper": opacities.MAX_SCALE}
     assert opacities.set_opacity(faded, "silk", 0.5) is faded
     assert opacities.set_opacity(faded, "copper", 0.25) is faded
     hidden = opacities.toggle(faded, "copper")

@@ -33,7 +33,7 @@ from volspec.transfer import TransferFunction
 from volspec.viewer.model import camera, palette_edits, palette_results
 from volspec.viewer.model.edit import after, with_interface
 from volspec.viewer.model.history import Difference, History
-from volspec.viewer.model.light_rows import MOST_ROWS, LightRow
+from volspec.viewer.model.light_rows import MAX_ROWS, LightRow
 from volspec.viewer.model.materials import with_reflectances
 from volspec.viewer.model.palette_table import (
     colour_table,
@@ -274,7 +274,7 @@ def with_filter(state: ViewState) -> ViewState:
 def palette_of_many_lights() -> Palette:
     """Return a palette with more lights than there is room for."""
     path = Path(__file__).resolve().parents[2] / "data" / "palettes" / "figure-2.toml"
-    many = (PaletteSpectrum(f"lamp {n}", light("A")) for n in range(MOST_ROWS))
+    many = (PaletteSpectrum(f"lamp {n}", light("A")) for n in range(MAX_ROWS))
     return replace(palette := load_palette(path), lights=(*palette.lights, *many))
 
 

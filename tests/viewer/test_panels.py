@@ -22,7 +22,7 @@ from volspec.transfer.presets import histogram
 from volspec.viewer.model import light_parts, lights, viewing
 from volspec.viewer.model.commands import BY_KEY, BY_NAME, COMMANDS, MENUS, format_key
 from volspec.viewer.model.edit import after, with_interface
-from volspec.viewer.model.light_rows import MOST_ROWS, effective_weights
+from volspec.viewer.model.light_rows import MAX_ROWS, effective_weights
 from volspec.viewer.model.materials import material_message
 from volspec.viewer.model.rendition import chosen_lights, measure
 from volspec.viewer.model.state import ViewState
@@ -139,7 +139,7 @@ def test_actions_that_do_something_or_have_nothing_to_do_say_nothing(state):
 
 def test_the_command_palette_says_why_a_light_is_not_added(state):
     command = commands.list_entries(state, (), "add light hp1")[0]
-    here, full = UiContext(), replace(state, lights=state.lights[:1] * MOST_ROWS)
+    here, full = UiContext(), replace(state, lights=state.lights[:1] * MAX_ROWS)
     assert here.edited(full, command.change) is full
     assert here.requests == [Request("warning", after(command.change, full).message)]
     assert here.edited(state, command.change) is not state

@@ -39,7 +39,7 @@ from volspec.viewer.work.session import (
 )
 from volspec.viewer.work.session_store import (
     EVERY_S,
-    MOST_SESSIONS,
+    MAX_SESSIONS,
     REST_S,
     RecentFiles,
     SessionStore,
@@ -305,7 +305,7 @@ def test_the_last_saved_session_is_last(tmp_path, monkeypatch, ahead_s):
     state = opened(tmp_path)
     names = iter(range(100, 0, -1))
     monkeypatch.setattr(session_store.time, "strftime", lambda _: f"{next(names):03}")
-    for number in range(MOST_SESSIONS + 3):
+    for number in range(MAX_SESSIONS + 3):
         store = SessionStore(tmp_path / "state")
         store.begin(state)
         saved = store.save(turned(state))
@@ -314,7 +314,7 @@ def test_the_last_saved_session_is_last(tmp_path, monkeypatch, ahead_s):
         os.utime(saved, (later, later))
     left = sorted((tmp_path / "state" / "sessions").iterdir())
     # Named backwards: the first are the last saved.
-    assert [path.name[:3] for path in left] == [f"{88 + rank:03}" for rank in range(MOST_SESSIONS)]
+    assert [path.name[:3] for path in left] == [f"{88 + rank:03}" for rank in range(MAX_SESSIONS)]
 
 
 # Dies amid writing the session of the file that it is given.

@@ -30,7 +30,7 @@ from volspec.viewer.model.edit import after
 from volspec.viewer.model.history import History
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_convert import convert, transfer_kind
-from volspec.viewer.model.transfer_parts import MOST_PARTS, list_parts
+from volspec.viewer.model.transfer_parts import MAX_PARTS, list_parts
 from volspec.viewer.ui import transfer_editors
 from volspec.volume import Volume, phantom
 
@@ -280,7 +280,7 @@ def test_a_curve_of_more_bands_than_it_has_points_for_shows_all_of_them(state):
     ]
     curve = convert(TransferFunction2D(regions, materials, basis), "points", _SPAN)
     values, opacities = np.array([point[:2] for point in curve.points]).T
-    assert len(values) == MOST_PARTS[TransferFunction]
+    assert len(values) == MAX_PARTS[TransferFunction]
     for region in regions:
         inside = (values > region.values[0]) & (values < region.values[1])
         assert opacities[inside].max() == pytest.approx(region.opacity)
@@ -343,9 +343,9 @@ def test_factors_are_added_where_there_is_room_and_two_stay(on, top):
     assert factors_of(more)[2] == (0.7 * top, 0.3)
     assert transfer_edits.add_gradient_point(more, 0.7 * top, 0.9) is more
     assert factors_of(transfer_edits.remove_gradient_point(more, 2)) == factors_of(on)
-    for i in range(2 * transfer_edits.MOST_FACTORS):
+    for i in range(2 * transfer_edits.MAX_FACTORS):
         more = transfer_edits.add_gradient_point(more, i / 31 * top, 0.5)
-    assert len(factors_of(more)) == transfer_edits.MOST_FACTORS
+    assert len(factors_of(more)) == transfer_edits.MAX_FACTORS
     # As near as they can be, a table has rows for each of them: baking would warn.
     assert all(b - a >= top / 128 for (a, _), (b, _) in pairwise(factors_of(more)))
     curve_of(more).bake(1.0)

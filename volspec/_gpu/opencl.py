@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 # Number of last-used kernels that a context caches. PoCL uses 2 to 3 MB for each, and a day's work
 # with varied settings builds many; a cast needs at most 5, and rebuilding one takes 0.1 s.
-MOST_KERNELS = 16
+MAX_KERNELS = 16
 Key = tuple[str, str, tuple[str, ...]]
 # Products and sums may be fused, zeros lose their sign; infinities and NaN keep their meaning.
 OPTIONS = ("-cl-std=CL1.2", "-cl-mad-enable", "-cl-no-signed-zeros", "-w")
@@ -91,7 +91,7 @@ class Compute:
         require_own_process("OpenCL", OpenCLError)
 
     def kernel(self, source: Source, name: str, options: Sequence[str] = OPTIONS) -> cl.Kernel:
-        """Return a program's kernel, cached (the last `MOST_KERNELS`) or built now.
+        """Return a program's kernel, cached (the last `MAX_KERNELS`) or built now.
 
         Raises OpenCLError, with the compiler's first error and its line, if the build fails.
         """
@@ -102,7 +102,7 @@ class Compute:
             program = self._cached_program(source.text, key[2]) or self._build(source, options)
             found = self._kernel_of(program, source, name), program
         self._kernels[key] = found
-        if len(self._kernels) > MOST_KERNELS:
+        if len(self._kernels) > MAX_KERNELS:
             del self._kernels[next(iter(self._kernels))]
         return found[0]
 

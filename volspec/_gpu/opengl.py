@@ -35,7 +35,7 @@ _REMEDIES = {
     "apt-get install libegl1 libgl1 libgl1-mesa-dri",
 }
 # Maximum number of contexts that `give_back_context` caches.
-_MOST_IDLE = 4
+_MAX_IDLE = 4
 
 
 class ContextLost(OpenGLError):
@@ -152,7 +152,7 @@ def lend_context() -> tuple[moderngl.Context, int]:
 
 def give_back_context(context: moderngl.Context, handle: int) -> None:
     """Take a context from `lend_context` back, after everything made in it has been released."""
-    if len(idle := _idle_contexts()) < _MOST_IDLE:
+    if len(idle := _idle_contexts()) < _MAX_IDLE:
         idle.append((context, handle))
     else:
         context.release()

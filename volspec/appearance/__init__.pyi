@@ -37,7 +37,7 @@ from .spec import (
     SURROUND_RATIOS as SURROUND_RATIOS,
     Viewing as Viewing,
 )
-from .surround import MOST_BACKGROUND as MOST_BACKGROUND, ViewingConditions as ViewingConditions
+from .surround import MAX_BACKGROUND as MAX_BACKGROUND, ViewingConditions as ViewingConditions
 from .transforms import (
     ClosedTransform as ClosedTransform,
     CurveTransform as CurveTransform,

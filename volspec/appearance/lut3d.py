@@ -56,15 +56,15 @@ _NARROW = 15.0
 # A LUT without a closed form is baked in this many slabs; more cost time.
 _SLABS = 8
 # Lower bound of a response to the white, relative to its Y: narrow lights leave some near 0.
-_LEAST_RESPONSE = 1e-6
+_MIN_RESPONSE = 1e-6
 # LUTs per cache, 1.1 MB each: for a handful of lights that a user alternates between.
-MOST_LUTS = 12
+MAX_LUTS = 12
 
 
 def _relative_responses(cones: Array, white_XYZ: ArrayLike) -> Array:
     """Return (3, 3): XYZ to responses, 1 for the white."""
     white = np.asarray(white_XYZ, dtype=np.float64)
-    return cones / np.maximum(cones @ white, _LEAST_RESPONSE * white[1])[:, None]
+    return cones / np.maximum(cones @ white, _MIN_RESPONSE * white[1])[:, None]
 
 
 def is_narrow(scene_white_XYZ: ArrayLike, space: ColourSpace) -> bool:
@@ -215,7 +215,7 @@ class LutKey:
 
 
 class LutCache:
-    """The latest `MOST_LUTS` LUTs baked on the host, shared by threads and Relighters."""
+    """The latest `MAX_LUTS` LUTs baked on the host, shared by threads and Relighters."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -237,7 +237,7 @@ class LutCache:
             found = _bake_texels(key, cancel)
         with self._lock:
             rest = [pair for pair in self._cached if pair[0] != key]
-            self._cached = [*rest, (key, found)][-MOST_LUTS:]
+            self._cached = [*rest, (key, found)][-MAX_LUTS:]
         return found
 
 

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
 
 # A background's upper limit, relative to the white: a window behind a sheet of paper.
-MOST_BACKGROUND = 20.0
+MAX_BACKGROUND = 20.0
 # Limits of a white: Y is about 100, not 1; X and Z may be close to 0.
 _WHITE_Y, _WHITE_XYZ = (2.0, 1e5), (1e-30, 1e8)
 # From starlight to the sun's glare.
@@ -58,7 +58,7 @@ SurroundName = Literal["average", "dim", "dark"]
 SurroundOrRatio = Annotated[
     SurroundName | Fraction, Hint("ratio to white: dark 0, dim 0.1, average 0.2")
 ]
-Background = Annotated[float, Field(ge=0, le=100 * MOST_BACKGROUND), Hint("white is 100, grey 20")]
+Background = Annotated[float, Field(ge=0, le=100 * MAX_BACKGROUND), Hint("white is 100, grey 20")]
 Luminance = Annotated[NotNegative, Unit("cd/m²")]
 Illuminance = Annotated[
     Positive, Unit("lux"), Hint("an office has 500; for an eye in the dark set L_A = 0")
@@ -170,8 +170,8 @@ class ViewingConditions:
 
     def __post_init__(self) -> None:
         white = self.white_XYZ[1]
-        if self.Y_b > MOST_BACKGROUND * white:
-            remedy = f"give 0 to {MOST_BACKGROUND * white:g}, on a scale where white is {white:g}"
+        if self.Y_b > MAX_BACKGROUND * white:
+            remedy = f"give 0 to {MAX_BACKGROUND * white:g}, on a scale where white is {white:g}"
             raise ViewingError.refused("Y_b", self.Y_b, remedy, "range")
         refuse_two_degrees(self.D, self.discount)
 

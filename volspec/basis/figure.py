@@ -137,7 +137,7 @@ def _four(summary: ErrorSummary) -> str:
 # Okabe and Ito's blue, vermilion and green, which colour-blind people can distinguish.
 _BLUE, _VERMILION, _GREEN = "#0072b2", "#d55e00", "#009e73"
 _FLOORS = (1e-4, 1e-2)
-_MOST_NAMED = 9
+_MAX_NAMED = 9
 _STYLES: dict[str, dict[str, Any]] = {
     RGB_PRODUCT: {"marker": "^", "markersize": 3.4, "color": _VERMILION, "zorder": 3,
                   "markeredgewidth": 0},
@@ -175,7 +175,7 @@ def draw_errors(axes: Axes, errors: ErrorTable) -> None:
     above = axes.get_xaxis_transform()
     named: list[tuple[float, str]] = []
     own = min(len(errors.classes["scene"].pairs.lights), 5) if "scene" in means else 0
-    share = max((_MOST_NAMED - own) // max(len(means) - bool(own), 1), 1)
+    share = max((_MAX_NAMED - own) // max(len(means) - bool(own), 1), 1)
     for (name, report), left, right in zip(errors.classes.items(), ends, ends[1:], strict=False):
         order = _rising(own_max[name])
         x = left + (right - left) * (np.arange(len(order)) + 1.0) / (len(order) + 1.0)
@@ -218,7 +218,7 @@ def _draw_legend(axes: Axes, ways: Sequence[str]) -> None:
 
 # L* = 50: colours are judged on a neutral grey.
 _GREY, _ON_GREY, _QUIET = "#777777", "white", "#e4e4e4"
-_MOST = 9
+_MAX = 9
 _GAP = 0.14
 STRIP_IN = 1.92
 """Height of the strip of swatches."""
@@ -237,7 +237,7 @@ def draw_swatches(axes: Axes, errors: ErrorTable) -> None:
     axes.set(xlim=(0, wide), ylim=(0, tall))
     axes.set_axis_off()
     axes.fill((0, 0, wide, wide), (0, tall, tall, 0), color=_GREY, linewidth=0)
-    shares = share_out(_MOST, [len(r.pairs.lights) for r in errors.classes.values()])
+    shares = share_out(_MAX, [len(r.pairs.lights) for r in errors.classes.values()])
     groups = {
         name: worst_pairs(report, share)
         for (name, report), share in zip(errors.classes.items(), shares, strict=True)
@@ -310,8 +310,8 @@ def worst_pairs(report: BasisReport, count: int) -> list[WorstPair]:
 _LINE_LIGHTNESS = (30.0, 58.0)
 _WIDEST_NAME = 1.1
 # More curves than this are drawn as ridges, one line each; this many get names.
-_MOST_CURVES = 10
-_MOST_RIDGE_NAMES = 30
+_MAX_CURVES = 10
+_MAX_RIDGE_NAMES = 30
 # Number of labels that fit across and along the plot.
 _ACROSS, _ALONG = 28.0, 16.0
 # Colours closer than this in CIELAB get different strokes.
@@ -329,7 +329,7 @@ def draw_spectra(axes: Axes, basis: Basis) -> None:
     if isinstance(basis, MaterialBasis):
         title = "reflectances of the materials"
         curves = np.array([spectrum.values for spectrum in basis.materials.values()])
-        draw = _draw_ridges if len(curves) > _MOST_CURVES else _draw_reflectances
+        draw = _draw_ridges if len(curves) > _MAX_CURVES else _draw_reflectances
         draw(axes, curves, list(basis.materials), grid)
     elif basis.method.startswith("pca"):
         title = "basis vectors (columns of B)"
@@ -386,7 +386,7 @@ def _draw_ridges(axes: Axes, curves: Array, labels: list[str], grid: SpectralGri
     """Draw each curve on its own line, filled and named."""
     K = len(curves)
     axes.set(ylim=(K + 0.15, 0), yticks=[])
-    every = -(-K // _MOST_RIDGE_NAMES)
+    every = -(-K // _MAX_RIDGE_NAMES)
     size = float(np.clip(150.0 / K, 5.0, 7.0))
     for i, (curve, label) in enumerate(zip(curves, labels, strict=True)):
         base, colour = i + 1.0, line_colour(curve, grid)

@@ -53,7 +53,7 @@ PRODUCT_MODES: tuple[Mode, ...] = ("fitted", "componentwise")
 """Modes in which products of surfaces are compared."""
 NOTHING = 1e-6
 """Rounding of CIEDE2000."""
-_MOST_PRODUCTS = 4000
+_MAX_PRODUCTS = 4000
 _SEED = 20090128
 
 
@@ -169,9 +169,9 @@ def product_rows(count: int, factors: int) -> Indices:
     are more than can be compared in a second).
     """
     total = comb(count + factors - 1, factors)
-    if total <= _MOST_PRODUCTS or (factors == 2 and count <= 150):
+    if total <= _MAX_PRODUCTS or (factors == 2 and count <= 150):
         return np.array(list(combinations_with_replacement(range(count), factors)))
-    drawn = np.random.default_rng(_SEED).integers(0, count, (_MOST_PRODUCTS, factors))
+    drawn = np.random.default_rng(_SEED).integers(0, count, (_MAX_PRODUCTS, factors))
     return np.sort(drawn, axis=1)
 
 

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 # Of samples: ratio of singular values below which their channels depend on each other, and largest
 # deviation from a reflectance. Gain: float16 rounds channels to 2.4e-4 of their value.
-_DEPENDENT, _UNLIKE, _MOST_GAIN = 1e-4, 1e-3, 20.0
+_DEPENDENT, _UNLIKE, _MAX_GAIN = 1e-4, 1e-3, 20.0
 
 
 def sample_errors(basis: SpectralBasis, light: Spectrum, mode: str) -> NDArray[np.float64]:
@@ -51,6 +51,6 @@ def through_samples(basis: SpectralBasis) -> SpectralBasis | None:
     channels = np.vstack([basis.analyse(S), basis.white])
     rest = np.vstack([S, np.ones(basis.grid.size)]) - channels @ basis.synthesis.T
     change = np.linalg.pinv(channels, rcond=_DEPENDENT) @ rest
-    if np.abs(change).max() > _MOST_GAIN or np.abs(rest - channels @ change).max() > _UNLIKE:
+    if np.abs(change).max() > _MAX_GAIN or np.abs(rest - channels @ change).max() > _UNLIKE:
         return None
     return replace(basis, synthesis=basis.synthesis + change.T)

@@ -28,7 +28,7 @@ GRID_ENDINGS = MappingProxyType({DEFAULT_GRID: "", PAPERS_GRID: "-10nm"})
 """Endings of the shipped bases' names by grid."""
 
 _Basis = TypeVar("_Basis")
-_LONGEST_LABEL = 200
+_MAX_LABEL = 200
 
 
 def is_material_basis(data: Any) -> bool:
@@ -115,7 +115,7 @@ def _path(name_or_path: str | os.PathLike[str]) -> Path:
 
 def _json(path: Path) -> Any:
     """Parse a JSON file, with or without a byte order mark."""
-    label = str(path) if len(str(path)) <= _LONGEST_LABEL else f"{str(path)[:_LONGEST_LABEL]}…"
+    label = str(path) if len(str(path)) <= _MAX_LABEL else f"{str(path)[:_MAX_LABEL]}…"
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:

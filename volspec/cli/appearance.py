@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 # Below this chroma the hue is rounding noise: black and the white have no hue.
-_LEAST_CHROMA = 1e-6
+_MIN_CHROMA = 1e-6
 XYZ, JCH = ("X", "Y", "Z"), ("J", "C", "h")
 Table = Annotated[
     Path | None,
@@ -254,7 +254,7 @@ def _correlates(
     ]
     for i, row in enumerate(rows):
         if "H" in row:
-            told = math.isfinite(row["H"]) and row["C"] >= _LEAST_CHROMA
+            told = math.isfinite(row["H"]) and row["C"] >= _MIN_CHROMA
             row["composition"] = str(composition(row["H"])) if told else ""
         row["defined"] = bool(look.defined[i])
     return rows

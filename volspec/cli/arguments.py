@@ -91,7 +91,7 @@ Size = Annotated[str | None, Sized]
 
 
 # Largest X, Y or Z accepted; white has Y = 100.
-LARGEST = 1e9
+MAX = 1e9
 
 
 def read_triples(
@@ -110,9 +110,9 @@ def read_triples(
         if not values or len(values) % 3:
             raise InputError(f"{len(values)} numbers; give {kind} of each colour, or --table FILE")
         rows = np.array(values, dtype=np.float64).reshape(-1, 3)
-        if not (fits := np.abs(rows) <= LARGEST).all():
+        if not (fits := np.abs(rows) <= MAX).all():
             raise InputError(
-                f"{kind}: {rows[~fits][0]} is not a colour; give numbers within {LARGEST:g}"
+                f"{kind}: {rows[~fits][0]} is not a colour; give numbers within {MAX:g}"
             )
         return rows
     if values:
@@ -150,7 +150,7 @@ def _row(table: Path, number: int, line: Sequence[str], columns: Sequence[int]) 
 
 def _is_number(cell: str) -> bool:
     try:
-        return abs(float(cell)) <= LARGEST
+        return abs(float(cell)) <= MAX
     except ValueError:
         return False
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 Tell = Callable[[str, float], None]
 _DEFAULT = "general-7"
-_LEAST_STEP_NM = 0.25
+_MIN_STEP_NM = 0.25
 _FIGURES = (".png", ".pdf", ".svg")
 _SIZES, _DEFAULT_SIZE = range(3, 17), 7
 Flag = Annotated[bool, Parameter(negative="")]
@@ -266,9 +266,9 @@ def _full_grid(bands: SpectralGrid, step_nm: float | None) -> SpectralGrid:
     if step_nm is None:
         return bands
     steps = (bands.stop_nm - bands.start_nm) / step_nm if step_nm else 0.0
-    if not (_LEAST_STEP_NM <= step_nm <= bands.step_nm and abs(steps - round(steps)) < 1e-6):
+    if not (_MIN_STEP_NM <= step_nm <= bands.step_nm and abs(steps - round(steps)) < 1e-6):
         raise InputError(
-            f"--step-nm {step_nm:g}: give {_LEAST_STEP_NM:g} to {bands.step_nm:g}, a step that "
+            f"--step-nm {step_nm:g}: give {_MIN_STEP_NM:g} to {bands.step_nm:g}, a step that "
             f"divides {bands.start_nm:g} to {bands.stop_nm:g} nm, such as 1",
             code="range",
         )

@@ -234,10 +234,10 @@ def export(
 
 def _check_views(_: object, views: int) -> None:
     """Validate the number of views of a page, for cyclopts."""
-    from volspec.export.page import MOST_VIEWS
+    from volspec.export.page import MAX_VIEWS
 
-    if not 1 <= views <= MOST_VIEWS:
-        raise ValueError(f"{views} views; give 1 to {MOST_VIEWS}")
+    if not 1 <= views <= MAX_VIEWS:
+        raise ValueError(f"{views} views; give 1 to {MAX_VIEWS}")
 
 
 class PageOptions(

@@ -37,10 +37,10 @@ if TYPE_CHECKING:
 
 Codes = TypeVar("Codes", bound=NDArray[Any])
 # Sizes are given for this height of a picture, and grow with it down to the least factor.
-_HEIGHT, _LEAST = 720, 0.6
+_HEIGHT, _MIN_SCALE = 720, 0.6
 _MARGIN, _TEXT, _TITLE, _OUTLINE = 20.0, 20, 28, 1.6
 # The bar: length, as a fraction of the width and at most, thickness, and height of its ends.
-_BAR, _LONGEST, _THICK, _END = 0.25, 180.0, 3.0, 12.0
+_BAR, _MAX_BAR, _THICK, _END = 0.25, 180.0, 3.0, 12.0
 # The cube's half edge, the distance of its centre from the sides, and supersampling of its edges.
 _HALF, _CORNER, _FINE = 26.0, 62.0, 4
 # The grey of a face: a constant, and a factor for its cosine to the eye; below it, no letters.
@@ -50,7 +50,7 @@ _SWATCH, _ROW = 18.0, 28.0
 # its point and above it a label is.
 _DOT, _LINE, _ROOM, _LEADER = 4.0, 1.1, 6.0, 28.0
 _WHITE, _BLACK = (255, 255, 255, 255), (0, 0, 0, 255)
-_MOST_LETTERS = 100  # of an annotation 80, and its number
+_MAX_LETTERS = 100  # of an annotation 80, and its number
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,7 +157,7 @@ def annotation_svg(annotations: Sequence[Annotation], camera: Camera, size: tupl
             ]
             found.append(f'<g class="{name}" stroke-width="{wide:.1f}">{"".join(shapes)}</g>')
         x, y = placed.caption + (_ROOM * unit, 0.0)
-        caption = escape(printable(each.caption, _MOST_LETTERS))
+        caption = escape(printable(each.caption, _MAX_LETTERS))
         found.append(
             f'<text x="{x:.1f}" y="{y - 0.3 * _TEXT * unit:.1f}" font-size="{_TEXT * unit:.1f}" '
             f'stroke-width="{2 * _OUTLINE * unit:.1f}">{caption}</text>'
@@ -172,7 +172,7 @@ def warn_of_cut(annotations: Sequence[Annotation], camera: Camera, size: tuple[i
         if (placed := _placed(each, projection, unit)) is None:
             continue
         start = float(placed.caption[0]) + _ROOM * unit
-        wide = TextLine.of(printable(each.caption, _MOST_LETTERS), round(_TEXT * unit)).width
+        wide = TextLine.of(printable(each.caption, _MAX_LETTERS), round(_TEXT * unit)).width
         if 0 <= start < size[0] < start + wide:
             warnings.warn(
                 f"[[annotation]] {quoted(each.caption)}: is cut at the edge of a picture of "
@@ -184,7 +184,7 @@ def warn_of_cut(annotations: Sequence[Annotation], camera: Camera, size: tuple[i
 
 def _unit(size: tuple[int, int]) -> float:
     """Return the factor of all sizes in a picture."""
-    return max(min(size) / _HEIGHT, _LEAST)
+    return max(min(size) / _HEIGHT, _MIN_SCALE)
 
 
 class _Painter:
@@ -201,7 +201,7 @@ class _Painter:
         """Return an outlined line of text, from its upper left; shortened to fit into a width."""
         from PIL import Image, ImageDraw
 
-        line = fit_text(printable(text, _MOST_LETTERS), round(size * self.unit), room)
+        line = fit_text(printable(text, _MAX_LETTERS), round(size * self.unit), room)
         outline = max(round(_OUTLINE * self.unit), 1)
         left, top, end, bottom = line.box(outline)
         canvas = Image.new("RGBA", (end - left, bottom - top))
@@ -214,7 +214,7 @@ class _Painter:
         """Return the bar in the lower right corner, and its length above it."""
         width, height = self._picture.size
         mm_per_px = self._projection.mm_per_px
-        mm = length_mm(mm_per_px, max(min(_BAR * width, _LONGEST * self.unit), 1.0))
+        mm = length_mm(mm_per_px, max(min(_BAR * width, _MAX_BAR * self.unit), 1.0))
         long, thick = max(round(mm / mm_per_px), 1), max(round(_THICK * self.unit), 1)
         end, edge = round(_END * self.unit), max(round(_OUTLINE * self.unit / 2), 1)
         right, bottom = round(width - self.margin), round(height - self.margin)

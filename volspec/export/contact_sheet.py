@@ -25,7 +25,7 @@ _PAPER, _INK, _FAINT = (24, 24, 26), (236, 236, 236), (150, 150, 154)
 _MARGIN = 36
 _PLOT = 84
 # The most letters of a text, and the least width of a column's label in pixels.
-_LETTERS, _LEAST_LABEL = 240, 40
+_LETTERS, _MIN_LABEL = 240, 40
 _PLOTTED_NM = (400.0, 700.0)
 # Greatest height of a picture in tile widths; taller pictures become narrower.
 _TALLEST = 3
@@ -132,7 +132,7 @@ def contact_sheet(
         x, y = grid.place(i, 0)[0], grid.top
         sheet.paste(spectrum_plot(column.light, tile, _PLOT), (x, y))
         taken = 12 + _write(sheet, (x, y + _PLOT + 8), column.name, _INK, 22, tile)
-        if tile - taken > _LEAST_LABEL:
+        if tile - taken > _MIN_LABEL:
             place = round(x + taken), y + _PLOT + 15
             _write(sheet, place, column.label, _FAINT, 15, tile - taken)
         for j, frame in enumerate(column.frames):

@@ -28,9 +28,9 @@ from volspec.export.exr import PRIMARIES
 from volspec.image import CoefficientImage, axis_cosine, channel_names, extents
 
 _CLEAR = 2.0**-24  # alpha of a sample that half floats do not show
-_MOST_DEPTH = 16.0  # optical depth of an opaque pixel
+_MAX_DEPTH = 16.0  # optical depth of an opaque pixel
 _DIGITS = np.float32(2**13)  # of distances
-_MOST_CHANGE = 2.0  # of a sample, to agree with the picture
+_MAX_CHANGE = 2.0  # of a sample, to agree with the picture
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,8 +64,8 @@ class DeepSamples:
         tau, total = tau[used], tau[used].sum(axis=-1)
         whole = np.bincount(pixel, total, used[..., 0].size)
         with np.errstate(divide="ignore"):
-            wanted = np.minimum(-np.log1p(-picture.alpha.ravel().astype(np.float64)), _MOST_DEPTH)
-        total *= np.clip(wanted / np.maximum(whole, 1e-12), 1, _MOST_CHANGE)[pixel]
+            wanted = np.minimum(-np.log1p(-picture.alpha.ravel().astype(np.float64)), _MAX_DEPTH)
+        total *= np.clip(wanted / np.maximum(whole, 1e-12), 1, _MAX_CHANGE)[pixel]
         reached = np.minimum(_sum_to(total, pixel), wanted[pixel])
         total = reached - np.minimum(_sum_to(total, pixel) - total, wanted[pixel])
         alpha = -np.expm1(-total)
@@ -77,7 +77,7 @@ class DeepSamples:
         found = np.stack([np.bincount(pixel, front * each, whole.size) for each in own.T], axis=-1)
         channels = picture.coefficients.reshape(found.shape)
         ratio = np.divide(channels, found, out=np.ones(found.shape), where=found > 0)
-        own *= ratio.clip(0, _MOST_CHANGE)[pixel]
+        own *= ratio.clip(0, _MAX_CHANGE)[pixel]
         begin, width = extents(
             layers.tau.astype(np.float32).sum(axis=-1).reshape(-1, layers.count),
             layers.depth_mm.astype(np.float32).reshape(-1, layers.count),

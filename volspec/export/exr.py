@@ -37,7 +37,7 @@ _LINES, _LEVEL = 16, 4
 # Bytes of blocks that may wait for a core.
 _WAITING_BYTES = 2**27
 # More cores than this would have to wait for frames.
-_MOST_THREADS = 16
+_MAX_THREADS = 16
 _LINEAR = Transfer.gamma(1.0)
 _ACES_WHITE_XY = (0.32168, 0.33767)
 # Colour spaces of linear files, by their primaries.
@@ -57,7 +57,7 @@ PRIMARIES: Mapping[str, ColourSpace] = MappingProxyType(
 
 def encoding_threads() -> int:
     """Return the number of threads that encode files."""
-    return min(os.cpu_count() or 1, _MOST_THREADS)
+    return min(os.cpu_count() or 1, _MAX_THREADS)
 
 
 def white_adaptation(space: ColourSpace, to: ColourSpace) -> NDArray[np.float64]:

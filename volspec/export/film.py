@@ -66,7 +66,7 @@ _SRGB_ONLY = (".webp", ".apng", ".gif")
 # Formats whose chroma is shared by four pixels, so that sides are even.
 EVEN = (".mp4", ".webm")
 # GIF counts in hundredths of a second, and players slow down frames shorter than two of them.
-_GIF_TICKS, _LEAST_TICKS, _MOST_TICKS = 100, 2, 2**16 - 1
+_GIF_TICKS, _MIN_TICKS, _MAX_TICKS = 100, 2, 2**16 - 1
 # Numbers sampled from all frames together for a GIF's palette.
 _PALETTE_NUMBERS = 3_000_000
 Progress = Callable[[float], object]
@@ -222,7 +222,7 @@ def _write_gif(path: Path, frames: Sequence[Path], fps: float, progress: Progres
 
 def _gif_ticks(path: Path, fps: float) -> int:
     """Return the time of a frame in hundredths of a second, as GIF counts it."""
-    ticks = min(max(_LEAST_TICKS, round(_GIF_TICKS / fps)), _MOST_TICKS)
+    ticks = min(max(_MIN_TICKS, round(_GIF_TICKS / fps)), _MAX_TICKS)
     rate = _GIF_TICKS / ticks
     if abs(rate - fps) > 1e-6 * fps:
         warnings.warn(

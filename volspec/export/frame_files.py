@@ -43,7 +43,7 @@ Array = NDArray[Any]
 Writer = PngWriter | AvifWriter | exr.ExrWriter
 
 # Below this opacity a pixel's colour is only rounding error.
-_LEAST_ALPHA = 1e-4
+_MIN_ALPHA = 1e-4
 # Bytes of a pixel's red, green, blue and opacity in 16 bits.
 _COLOUR_BYTES = 8
 # Bytes of frames that may wait for a core.
@@ -66,8 +66,8 @@ class FrameSource:
         if not table.transparent:
             return cls(image, alpha, table)
         coefficients = np.asarray(image.coefficients, np.float32)
-        own = coefficients / np.maximum(alpha, _LEAST_ALPHA)[..., None]
-        own[alpha < _LEAST_ALPHA] = 0.0
+        own = coefficients / np.maximum(alpha, _MIN_ALPHA)[..., None]
+        own[alpha < _MIN_ALPHA] = 0.0
         return cls(replace(image, coefficients=own, alpha=np.ones_like(alpha)), alpha, table)
 
     def pixels(self, relighter: Relighter, shot: Shot) -> Array:
@@ -95,7 +95,7 @@ class FrameSource:
 
     @property
     def _cover(self) -> NDArray[np.float32]:
-        return np.where(self.alpha < _LEAST_ALPHA, np.float32(0.0), self.alpha)
+        return np.where(self.alpha < _MIN_ALPHA, np.float32(0.0), self.alpha)
 
     def _with_alpha(self, colours: Array) -> Array:
         if not self.table.transparent:

@@ -17,7 +17,7 @@ from volspec._files import write_whole
 from volspec._gpu import asset
 from volspec.errors import ImageError, visible
 from volspec.export.compositing import Recipe
-from volspec.image import BEND, CASTS, MOST_EXPONENT, OCCLUSION_GAIN, Slot, layer_names
+from volspec.image import BEND, CASTS, MAX_EXPONENT, OCCLUSION_GAIN, Slot, layer_names
 
 RECIPE_SUFFIXES = (".py", ".nk")
 # Tcl's brackets, braces, quotes and variables; HTML's tags and entities; @ for icons.
@@ -258,7 +258,7 @@ def _lost(bend: str, depths: Sequence[str], scales: Sequence[str], occluded: boo
     """Return the expression of the light that shadows or occlusion take, as `transmittance`."""
     bend = f"max({bend},{BEND[0]:g})"
     terms = zip(scales, depths, strict=True)
-    grown = "+".join(f"{s}*(exp(min({bend}*{E},{MOST_EXPONENT:g}))-1)" for s, E in terms)
+    grown = "+".join(f"{s}*(exp(min({bend}*{E},{MAX_EXPONENT:g}))-1)" for s, E in terms)
     gain = OCCLUSION_GAIN if occluded else 1
     return f"1-min(1,{gain:g}*exp(-log(1+{grown})/{bend}))"
 

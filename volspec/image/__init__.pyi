@@ -18,12 +18,12 @@ from .file import (
 )
 from .layers import (
     BEND as BEND,
-    LEAST_TAU as LEAST_TAU,
+    MIN_TAU as MIN_TAU,
     MAX_LAYERS as MAX_LAYERS,
     MAX_MATERIALS as MAX_MATERIALS,
-    MOST_EXPONENT as MOST_EXPONENT,
-    MOST_LAYER_TAU as MOST_LAYER_TAU,
-    MOST_TAU as MOST_TAU,
+    MAX_EXPONENT as MAX_EXPONENT,
+    MAX_LAYER_TAU as MAX_LAYER_TAU,
+    MAX_TAU as MAX_TAU,
     OCCLUSION_GAIN as OCCLUSION_GAIN,
     OpacityLayers as OpacityLayers,
     Slot as Slot,

@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 
 from volspec.errors import ImageError, ShapeError
 from volspec.image.fields import ImageFields
-from volspec.image.layers import MOST_TAU, OpacityLayers, Recomposed
+from volspec.image.layers import MAX_TAU, OpacityLayers, Recomposed
 from volspec.settings import Fraction, NotNegative, Positive, Unit, settings
 
 Image = TypeVar("Image", bound=ImageFields)
@@ -49,13 +49,13 @@ LEFT_AT_VISIBILITY = 0.05
 """Light that fog leaves at its visibility, by which meteorology defines that."""
 F_NUMBER = 20.0
 """Distance of the focus over the opening of a lens that has none given."""
-MOST_GAPS = 4.0
+MAX_GAPS = 4.0
 # Slices of the depth, their steps of the circle of confusion in pixels, and points of the lens,
 # which are enough for one to every few pixels of the greatest such circle.
-MOST_SLICES, SLICE_PX = 48, 1.0
-MOST_POINTS, POINTS_PER_PX2 = 32, 1.0
+MAX_SLICES, SLICE_PX = 48, 1.0
+MAX_POINTS, POINTS_PER_PX2 = 32, 1.0
 # A larger circle of confusion is that of a point next to the lens.
-_MOST_BLUR = 0.25
+_MAX_BLUR = 0.25
 
 
 @settings(ImageError)
@@ -235,14 +235,14 @@ def _cuts(effects: DepthEffects, cosine: Array) -> tuple[Array, Array]:
 def mean_position(tau: Array) -> Array:
     """Return how deep light goes into slabs, as a fraction of their width: m(τ)."""
     thin = tau < 0.01
-    safe = np.where(thin, 1, np.minimum(tau, MOST_TAU))
+    safe = np.where(thin, 1, np.minimum(tau, MAX_TAU))
     return np.where(thin, 0.5 - tau / 12, 1 / safe - 1 / np.expm1(safe)).astype(np.float32)
 
 
 def extents(tau: Array, depth: Array, solid: bool = False) -> tuple[Array, Array]:
     """Return where slabs (P, L) with optical and expected depths begin, and their widths, mm.
 
-    A slab that is alone on its ray has no width, and none is wider than `MOST_GAPS` distances to
+    A slab that is alone on its ray has no width, and none is wider than `MAX_GAPS` distances to
     its nearest neighbour: an opaque surface does not reach from one body to the next. If
     ``solid``, the last are surfaces, which have no width.
     """
@@ -264,7 +264,7 @@ def extents(tau: Array, depth: Array, solid: bool = False) -> tuple[Array, Array
     nearest = np.full(tau.shape, np.inf, np.float32)
     nearest[:, :-1] = gap
     nearest[:, 1:] = np.minimum(nearest[:, 1:], gap)
-    width = np.minimum(tau * np.where(alone, 0, least), MOST_GAPS * np.where(alone, 0, nearest))
+    width = np.minimum(tau * np.where(alone, 0, least), MAX_GAPS * np.where(alone, 0, nearest))
     return np.where(used, depth, 0) - width * m, width
 
 
@@ -315,7 +315,7 @@ def _slabs(
     yield from parts(near, np.minimum(far, at))
     shown = np.where((near <= at) & (at <= far), alpha, 0)
     with np.errstate(divide="ignore"):
-        tau = np.minimum(-np.log1p(-np.minimum(shown, np.float32(1))), np.float32(MOST_TAU))
+        tau = np.minimum(-np.log1p(-np.minimum(shown, np.float32(1))), np.float32(MAX_TAU))
     own = surface.coefficients.reshape(-1, surface.coefficients.shape[2])[pixels]
     per_alpha = 1 / np.where(alpha > 0, alpha, np.float32(1))
     colours = (own * per_alpha[:, None]).astype(np.float32)
@@ -394,7 +394,7 @@ def _composite_focused(
     focus = effects.focus_mm
     assert focus is not None
     axis = cosine.ravel()[pixels]
-    most = _MOST_BLUR * shape[0]
+    most = _MAX_BLUR * shape[0]
 
     def blur(distance: Array) -> Array:
         """Return the signed circle of confusion at distances along the rays, in pixels."""
@@ -407,7 +407,7 @@ def _composite_focused(
         return _composite(iter(slabs), numbers, pixels, fog)
     low_px = min(float(low[at].min()) for (low, _), at in zip(ends, shown, strict=True) if at.any())
     high_px = max(float(up[at].max()) for (_, up), at in zip(ends, shown, strict=True) if at.any())
-    step = max(SLICE_PX, (high_px - low_px) / (MOST_SLICES - 2))
+    step = max(SLICE_PX, (high_px - low_px) / (MAX_SLICES - 2))
     lens = _Lens(shape, max(abs(low_px), abs(high_px)), numbers + 3)
     white, lit = np.zeros(shape, np.float32), np.ones(shape, np.float32)
     lit_by = [fog.left(slab.depth) for slab in slabs]
@@ -460,7 +460,7 @@ class _Lens:
     """
 
     def __init__(self, shape: tuple[int, int], blur_px: float, numbers: int) -> None:
-        count = min(MOST_POINTS, max(1, math.ceil(POINTS_PER_PX2 * blur_px**2)))
+        count = min(MAX_POINTS, max(1, math.ceil(POINTS_PER_PX2 * blur_px**2)))
         turn = np.arange(count) * (math.pi * (3 - math.sqrt(5)))
         # Less than to the edge: the parts around the points are as wide as the rest.
         radius = 0.5 * math.sqrt(1 - 1 / count) * np.sqrt((np.arange(count) + 0.5) / count)

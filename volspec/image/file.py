@@ -47,7 +47,7 @@ from volspec.image.fields import ImageFields, checked_groups
 from volspec.image.layers import MAX_LAYERS, OpacityLayers, Slot
 
 # Blender truncates names longer than 63 characters, channel included.
-_LONGEST_NAME = 40
+_MAX_NAME = 40
 
 
 def channel_names(groups: Mapping[str, float], size: int) -> list[str]:
@@ -110,7 +110,7 @@ def plain_names(names: Iterable[str]) -> list[str]:
 def _plain_name(group: str) -> str:
     """Return a name that no compositor changes: letters, digits and _, no digit first."""
     letters = unicodedata.normalize("NFKD", group).encode("ascii", "ignore").decode()
-    plain = re.sub(r"[^A-Za-z0-9]+", "_", letters).strip("_")[:_LONGEST_NAME]
+    plain = re.sub(r"[^A-Za-z0-9]+", "_", letters).strip("_")[:_MAX_NAME]
     return plain if plain[:1].isalpha() else f"g{plain}"
 
 

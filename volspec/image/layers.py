@@ -61,19 +61,19 @@ OCCLUSION_GAIN = 2.0
 counts as all of the ambient light."""
 MAX_MATERIALS = 4
 """Materials of an image with layers."""
-MOST_TAU = 64.0
+MAX_TAU = 64.0
 """Optical depth of an opaque sample."""
-MOST_LAYER_TAU = 1024.0
+MAX_LAYER_TAU = 1024.0
 """Optical depth of a layer: half-float has few more."""
 DARKEST = 1e-9
 """Transmittance to a light that counts as none; at half of the depths its root."""
 BEND = 1e-3, 16.0
 """Limits of b; the least is as 0."""
-MOST_EXPONENT = 80.0
+MAX_EXPONENT = 80.0
 """Exponent that float32 has, also times a scale."""
-LEAST_TAU = 1e-6
+MIN_TAU = 1e-6
 """Optical depth below which a material has no shade."""
-_MOST_SCALED, _STEP, _MOST_STEP = 4.0, 2.0**-10, 2.0**-5  # see `OpacityLayers.as_stored`
+_MAX_SCALED, _STEP, _MAX_STEP = 4.0, 2.0**-10, 2.0**-5  # see `OpacityLayers.as_stored`
 
 
 class Recomposed(NamedTuple):
@@ -416,7 +416,7 @@ class OpacityLayers:
 def _rounded_depths(tau: NDArray[Any]) -> NDArray[np.float16]:
     """Return optical depths in half precision, rounded to what shows."""
     low = np.exp2(np.floor(np.log2(np.maximum(tau, _STEP).astype(np.float32))))
-    scale = np.clip(1 / low, 1 / _MOST_SCALED, _MOST_SCALED)  # at which a change shows most
+    scale = np.clip(1 / low, 1 / _MAX_SCALED, _MAX_SCALED)  # at which a change shows most
     shown = np.maximum(scale * np.exp(-scale * low), np.float32(1e-30))
     step = np.minimum(np.exp2(np.floor(np.log2(_STEP / shown))), low / 4)
     found = np.rint(tau / step) * step
@@ -426,8 +426,8 @@ def _rounded_depths(tau: NDArray[Any]) -> NDArray[np.float16]:
 
 def _rounded(values: NDArray[Any], tau: NDArray[np.float32]) -> NDArray[np.float16]:
     """Return values of layers of some optical depths in half precision, rounded to what shows."""
-    visibility = -np.expm1(-_MOST_SCALED * tau)
-    step = np.minimum(_STEP / np.maximum(visibility, _STEP), _MOST_STEP)
+    visibility = -np.expm1(-_MAX_SCALED * tau)
+    step = np.minimum(_STEP / np.maximum(visibility, _STEP), _MAX_STEP)
     step = np.exp2(np.floor(np.log2(step)))
     return (np.rint(values / step) * step).astype(np.float16)
 
@@ -525,8 +525,8 @@ def shadow_of_means(means: NDArray[Any]) -> NDArray[np.float32]:
     bent = math.log(2) * (1 - more) / more * (1 + more * (1.1 - 0.66 * more))
     bend = np.clip(bent / half, *BEND)
     alone = -np.log(np.clip(means[:, 4:], math.sqrt(DARKEST), 1))
-    x = 2 * np.expm1(np.minimum(bend[:, None] * alone, MOST_EXPONENT))
-    fit = ratio(np.expm1(np.minimum(bend * whole, MOST_EXPONENT)), x.sum(axis=1))
+    x = 2 * np.expm1(np.minimum(bend[:, None] * alone, MAX_EXPONENT))
+    fit = ratio(np.expm1(np.minimum(bend * whole, MAX_EXPONENT)), x.sum(axis=1))
     depths = np.log1p(np.where(fit > 0, fit, 1)[:, None] * x) / bend[:, None]
     return np.concatenate([means[:, :2], bend[:, None], depths], axis=1, dtype=np.float32)
 
@@ -534,7 +534,7 @@ def shadow_of_means(means: NDArray[Any]) -> NDArray[np.float32]:
 def transmittance(cast: NDArray[np.float32], scale: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return (…) p of (…, 1 + K) b and depths E, with the materials' depths scaled."""
     bend = np.maximum(cast[..., 0], BEND[0])
-    x = np.expm1(np.minimum(bend[..., None] * cast[..., 1:], MOST_EXPONENT))
+    x = np.expm1(np.minimum(bend[..., None] * cast[..., 1:], MAX_EXPONENT))
     return np.asarray(np.exp(-np.log1p(x @ scale) / bend), np.float32)
 
 
@@ -544,6 +544,6 @@ def ratio(part: Array, whole: Array) -> Array:
 
 
 def sample_tau(alpha: Array) -> Array:
-    """Return the optical depth of samples; `MOST_TAU` if they are opaque."""
+    """Return the optical depth of samples; `MAX_TAU` if they are opaque."""
     with np.errstate(divide="ignore"):
-        return np.minimum(-np.log1p(-alpha), MOST_TAU)
+        return np.minimum(-np.log1p(-alpha), MAX_TAU)

@@ -26,7 +26,7 @@ from volspec.spectra import SpectralGrid, SpectralImage, Spectrum, light_power
 
 NO_SCALES: Mapping[str, float] = MappingProxyType({})
 # Accepted reflectances in a spectral picture: camera noise falls below 0, highlights exceed 1.
-_NOISE, _LARGEST_REFLECTANCE = 0.1, 10.0
+_NOISE, _MAX_REFLECTANCE = 0.1, 10.0
 
 
 class CoefficientImage(ImageFields):
@@ -322,7 +322,7 @@ def _check_range(spectra: NDArray[np.float64], grid: SpectralGrid) -> None:
     """Refuse values that cannot be reflectances: a wrong unit, or another quantity."""
     for at, wrong in (
         (spectra.argmin(), spectra.min() < -_NOISE),
-        (spectra.argmax(), spectra.max() > _LARGEST_REFLECTANCE),
+        (spectra.argmax(), spectra.max() > _MAX_REFLECTANCE),
     ):
         if wrong:
             y, x, k = np.unravel_index(int(at), spectra.shape)

@@ -458,7 +458,7 @@ class Reprojector:
             "BUCKETS": BUCKETS,
             "COLOURS_AT": _COLOURS_AT,
             "PART": _DEEP / self._parts,
-            "MOST_PARTS": self._parts,
+            "MAX_PARTS": self._parts,
             "FARTHER": _FARTHER,
         }
         text = prelude(constants, "opencl") + VIEW.declaration

@@ -25,7 +25,7 @@ from volspec.volume.levels import BLOCK, Box, Index, Level
 
 # Cells along a part's edge: many enough that a launch is worth its cost, few enough that two parts
 # and the chunks around them are small next to a budget.
-SIDE, LEAST_SIDE = 256, 32
+SIDE, MIN_SIDE = 256, 32
 # Fraction of the budget that two parts, the one that is cast and the next, may take.
 _PARTS_SHARE = 0.25
 # Fraction of a voxel's edge, projected, that a pixel covers before a coarser level is taken.
@@ -141,10 +141,10 @@ def sides_for(level: Level, itemsize: int, memory_bytes: int) -> Index:
     is swept (`outer_axis`), so that the chunks around a sweep's front are few.
     """
     side = SIDE
-    while side > LEAST_SIDE and 2 * side**3 * itemsize > _PARTS_SHARE * memory_bytes:
+    while side > MIN_SIDE and 2 * side**3 * itemsize > _PARTS_SHARE * memory_bytes:
         side //= 2
     outer = outer_axis(level)
-    thin = max(LEAST_SIDE, min(side, level.chunk[outer] // BRICK * BRICK or side))
+    thin = max(MIN_SIDE, min(side, level.chunk[outer] // BRICK * BRICK or side))
     z, y, x = (thin if axis == outer else side for axis in range(3))
     return z, y, x
 

@@ -30,7 +30,7 @@ from volspec.image import CoefficientImage
 from volspec.mesh.model import Mesh
 from volspec.mesh.paint import Paint, mesh_paint
 from volspec.mesh.shading import Lighting, Seen
-from volspec.mesh.surfaces import MOST_SHEETS, Surfaces, passed, same_surfaces
+from volspec.mesh.surfaces import MAX_SHEETS, Surfaces, passed, same_surfaces
 from volspec.raycast import (
     POINTS,
     BehindImage,
@@ -323,7 +323,7 @@ class MeshCaster:
             rays = world_rays(camera, *size, window.pixels())
             found = [self._see_all(0, *rays)]
             if self._translucent is not None:
-                for seen in islice(self._translucent.sheets(*rays), MOST_SHEETS):
+                for seen in islice(self._translucent.sheets(*rays), MAX_SHEETS):
                     if not (seen.along_mm < found[0].along_mm).any():
                         break
                     found.append(seen)
@@ -415,7 +415,7 @@ class MeshCaster:
         found = np.zeros((len(raised), len(light.spec.groups) * self.basis.size), np.float32)
         through = np.ones((len(raised), 1), np.float32)
         stops = opaque.along_mm + seen.along_mm
-        for met in chain(islice(sheets, MOST_SHEETS), (opaque,)):
+        for met in chain(islice(sheets, MAX_SHEETS), (opaque,)):
             far = replace(met, along_mm=met.along_mm + seen.along_mm)
             sent, _ = self._send(far, stops, light, beam, bounces - 1)
             found += through * sent[:, :-1]

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 # Peaks farther away than this many widths are left out.
 _REACH = 5.0
 # Where less of the direction across the lines is in the surface, there are no lines.
-_LEAST_ACROSS = 0.03
+_MIN_ACROSS = 0.03
 # Lines nearer than half a wavelength diffract nothing; stripes of distant ones are not seen apart.
 Spacing = Annotated[float, Field(ge=0.2, le=1000.0), Unit("µm")]
 
@@ -74,7 +74,7 @@ class Grating:
             - np.einsum("kc,kc->k", across * np.ones_like(normals), normals)[:, None] * normals
         )
         length = np.linalg.norm(across, axis=1, keepdims=True)
-        across = np.where(length > _LEAST_ACROSS * whole, across / np.maximum(length, 1e-30), 0.0)
+        across = np.where(length > _MIN_ACROSS * whole, across / np.maximum(length, 1e-30), 0.0)
         return across, np.cross(normals, across)
 
     def reflectance(

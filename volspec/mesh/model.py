@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 # Edges are smooth where normals turn by less.
 SMOOTH_DEG = 30.0
 # A triangle is degenerate if its height is below this part of its longest side.
-_LEAST_HEIGHT = 1e-7
+_MIN_HEIGHT = 1e-7
 # Arrays of colours, as files name them, in lower case.
 _COLOURS = ("rgb", "rgba", "color", "colors", "colour", "colours", "color_0")
 # Sizes that differ by more look like a wrong unit.
@@ -159,7 +159,7 @@ class Mesh:
         sides = np.stack([b - a, c - b, a - c])
         longest = (sides**2).sum(axis=2).max(axis=0, initial=0.0)
         twice = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-        return np.asarray(twice > _LEAST_HEIGHT * longest)
+        return np.asarray(twice > _MIN_HEIGHT * longest)
 
     def _shares(
         self, material: Mapping[str, ArrayLike], whole: NDArray[np.bool_]

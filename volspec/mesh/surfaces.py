@@ -19,7 +19,7 @@ from volspec.raycast.launch import FAR
 
 Array = NDArray[np.float64]
 # Translucent surfaces behind each other.
-MOST_SHEETS = 16
+MAX_SHEETS = 16
 
 
 def same_surfaces(meshes: Sequence[Mesh], others: Sequence[Mesh]) -> bool:
@@ -88,7 +88,7 @@ class Surfaces:
         opacity = np.array([*(mesh.opacity for mesh in self.meshes), 0.0])
         found = np.ones(len(way))
         directions = way / np.maximum(length, 1e-30)[:, None]
-        for seen in islice(self.sheets(starts, directions), MOST_SHEETS):
+        for seen in islice(self.sheets(starts, directions), MAX_SHEETS):
             between = seen.along_mm < length - self.rays.offset
             if not between.any():
                 break

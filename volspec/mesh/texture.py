@@ -37,11 +37,11 @@ Array = NDArray[np.float64]
 Texels = NDArray[np.float16]
 SIDE = 33
 """Nodes along each side of the lattice of colours."""
-_LARGEST_CODE = 65535
+_MAX_CODE = 65535
 # Version of the lattice's reflectances in the cache.
 _MAKER = "delaunay D65 1"
 _FORMATS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
-_MOST_TEXELS = 2**28
+_MAX_TEXELS = 2**28
 _GROUP = 64
 
 
@@ -84,7 +84,7 @@ class Texture:
         object.__setattr__(self, "materials", tuple(self.materials))
         if texels.ndim not in (2, 3) or not texels.size:
             raise self._error(f"texels have shape {texels.shape}", "give (H, W) or (H, W, K)")
-        if texels.shape[0] * texels.shape[1] > _MOST_TEXELS:
+        if texels.shape[0] * texels.shape[1] > _MAX_TEXELS:
             raise self._error(f"texels have shape {texels.shape}", "give up to 16384²", "size")
         if not self.materials:
             texels = self._codes(texels)
@@ -117,7 +117,7 @@ class Texture:
             raise self._error(f"texels are {texels.dtype}", "give uint8, uint16 or 0 to 1", "type")
         if not ((texels >= 0.0) & (texels <= 1.0)).all():
             raise self._error("has codes that are not within 0 to 1", "divide them", "range")
-        return np.rint(texels * _LARGEST_CODE).astype(np.uint16)
+        return np.rint(texels * _MAX_CODE).astype(np.uint16)
 
     def _numbers(self, texels: NDArray[Any]) -> NDArray[np.intp]:
         if texels.dtype.kind not in "iub":
@@ -251,7 +251,7 @@ def channel_lattice(basis: Basis, name: str) -> NDArray[np.float32]:
 def interpolate(lattice: NDArray[np.float32], codes: NDArray[np.uint16]) -> Texels:
     """Return channels (P, M) of sRGB codes (P, 3), between the nodes of a lattice (S, S, S, M)."""
     side = len(lattice)
-    at = codes * np.float32((side - 1) / _LARGEST_CODE)
+    at = codes * np.float32((side - 1) / _MAX_CODE)
     cell = np.minimum(at.astype(np.intp), side - 2)
     high = at - cell
     found = np.zeros((len(codes), lattice.shape[-1]), np.float32)

@@ -19,11 +19,11 @@ from volspec.palette.variables import PaletteSpectrum
 
 VISIBLE = 1.0
 """CIEDE2000 just visible side by side."""
-_MOST_CELLS = 3
+_MAX_CELLS = 3
 _MORE_ITERATIONS = 4
 _WEIGHT_FACTOR, _EXPOSURE_FACTOR = 4.0, 1.5
 # An improvement by less than this fraction, or by less than this ΔE, is not suggested.
-_LEAST_FRACTION, _LEAST_dE = 0.1, 0.05
+_MIN_FRACTION, _MIN_dE = 0.1, 0.05
 
 
 def suggestions(design: Design) -> tuple[str, ...]:
@@ -52,7 +52,7 @@ def suggestions(design: Design) -> tuple[str, ...]:
         return ()
     found = list(_with_iterations(palette, now))
     ranked = sorted((c for c in now.cells if c.error is not None), key=lambda c: -(c.error or 0.0))
-    worst = [cell for cell in ranked if (cell.error or 0.0) > VISIBLE][:_MOST_CELLS]
+    worst = [cell for cell in ranked if (cell.error or 0.0) > VISIBLE][:_MAX_CELLS]
     found += [sentence for cell in worst for sentence in _for_cell(design, now, cell)]
     return (*found, *_with_exposure(palette, now))
 
@@ -67,7 +67,7 @@ def _report(palette: Palette) -> DesignMeasures | None:
 def _helps(before: float, after: float | None) -> bool:
     if after is None:
         return False
-    return after < (1.0 - _LEAST_FRACTION) * before and before - after > _LEAST_dE
+    return after < (1.0 - _MIN_FRACTION) * before and before - after > _MIN_dE
 
 
 def _with_iterations(palette: Palette, now: DesignMeasures) -> Iterator[str]:

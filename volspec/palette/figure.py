@@ -56,9 +56,9 @@ Array = NDArray[np.float64]
 
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 # Inches. Cells shrink from the largest to the smallest as a palette grows.
-_CELLS, _LARGEST, _SMALLEST = 7.2, 1.25, 0.56
+_CELLS, _MAX_SIDE, _MIN_SIDE = 7.2, 1.25, 0.56
 _MARGIN, _GAP, _KEY, _LINE = 0.36, 0.07, 0.5, 0.17
-_LEAST_WIDTH, _LONGEST = 5.6, 1.9
+_MIN_WIDTH, _MAX_NAME = 5.6, 1.9
 _SLANT_DEG = 36.0
 # L* = 50: colours are judged on a neutral grey.
 _GREY = "#777777"
@@ -133,14 +133,14 @@ class _Layout:
     def __init__(self, rows: tuple[str, ...], columns: tuple[str, ...], titled: bool) -> None:
         self.rows, self.columns = len(rows), len(columns)
         most = max(self.rows, self.columns)
-        self.side = float(np.clip(_CELLS / most, _SMALLEST, _LARGEST))
-        self.font = 6.5 + 2.5 * (self.side - _SMALLEST) / (_LARGEST - _SMALLEST)
+        self.side = float(np.clip(_CELLS / most, _MIN_SIDE, _MAX_SIDE))
+        self.font = 6.5 + 2.5 * (self.side - _MIN_SIDE) / (_MAX_SIDE - _MIN_SIDE)
         self.plot = (max(1.25 * self.side, 0.8), max(0.72 * self.side, 0.5))
         self.names = self._wide(rows)
         self.left = _MARGIN + self.names + self.plot[0] + 0.22
         self.bottom = _KEY + 0.38
         pitch = self.side + _GAP
-        self.width = max(self.left + self.columns * pitch + _GAP + _MARGIN, _LEAST_WIDTH)
+        self.width = max(self.left + self.columns * pitch + _GAP + _MARGIN, _MIN_WIDTH)
         # Names of lights are slanted if one is wider than its column.
         wide = self._wide(columns)
         self.aslant = wide > self.side
@@ -152,7 +152,7 @@ class _Layout:
 
     def _wide(self, names: tuple[str, ...]) -> float:
         """Return the width of the longest name in inches, up to a limit."""
-        return min(max(map(len, names)) * 0.6 * self.font / 72.0 + 0.06, _LONGEST)
+        return min(max(map(len, names)) * 0.6 * self.font / 72.0 + 0.06, _MAX_NAME)
 
     def cell(self, row: int, column: int) -> tuple[float, float]:
         """Return the lower left corner of a cell."""
@@ -170,7 +170,7 @@ def _draw_lights(figure: Figure, layout: _Layout, design: Design) -> None:
         middle, above = (x + layout.side / 2) / layout.width, low + layout.plot[1] + 0.11
         text = write(figure, middle, above / layout.height, name, va="center", fontsize=layout.font,
                      color=INK, ha="left" if layout.aslant else "center")  # fmt: skip
-        shorten(text, _LONGEST)
+        shorten(text, _MAX_NAME)
         if layout.aslant:
             text.set(rotation=_SLANT_DEG, rotation_mode="anchor")
 

@@ -34,7 +34,7 @@ from volspec.spectra import SpectralGrid, Spectrum, grid_of_values, light, refle
 # Values of a free spectrum came from a design.
 _NOTES: dict[bool, dict[str, str]] = {True: {"designed": "volspec design"}, False: {}}
 # The time of a design grows with the cube of the number of bands.
-_MOST_BANDS = 1000
+_MAX_BANDS = 1000
 # Classes whose fields a file's tables fill in.
 _OWNERS = ("Apart", "Cell", "Criteria", "Palette", "PaletteSpectrum", "criteria")
 FileName = str | os.PathLike[str]
@@ -133,8 +133,8 @@ class _Reader:
         with _named(name, "[criteria]"):
             if table.criteria.grid_nm is not None:
                 grid = SpectralGrid(*table.criteria.grid_nm)
-                if grid.size > _MOST_BANDS:
-                    remedy = f"give a longer step, for at most {_MOST_BANDS}"
+                if grid.size > _MAX_BANDS:
+                    remedy = f"give a longer step, for at most {_MAX_BANDS}"
                     raise fault("", f"grid_nm has {grid.size} bands; {remedy}", "size")
             criteria, basis = table.criteria.criteria, self._basis(table.criteria)
         reflectances = tuple(self._member(row, grid) for row in table.reflectance)

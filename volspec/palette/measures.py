@@ -33,7 +33,7 @@ _CODE = 0.5 / 255.0
 # CIEDE2000 below which two colours are alike.
 ALIKE = 1.0
 # A white's least tristimulus value, as a fraction of its largest.
-_LEAST_WHITE = 1e-6
+_MIN_WHITE = 1e-6
 # A bound counts as touched within this fraction of the spectrum's largest value.
 _TOUCH = 1e-4
 
@@ -385,7 +385,7 @@ def _observers(state: State, light: int) -> Array:
     """Return CIELAB (n, R, 3) of all reflectances under a light to a population of observers."""
     Q = population(state.palette.grid) * state.E[light]
     white = Q.sum(axis=2)[:, None]
-    white = np.maximum(white, _LEAST_WHITE * white.max(axis=2, keepdims=True))
+    white = np.maximum(white, _MIN_WHITE * white.max(axis=2, keepdims=True))
     return cielab(np.swapaxes(Q @ state.S.T, 1, 2) / white, np.ones(3))
 
 

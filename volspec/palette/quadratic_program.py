@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 # A term whose multiplier is below this fraction of the largest is not part of a contradiction.
 _INVOLVED = 1e-3
 # If q's largest number is below this fraction of P's, the problem is scaled by P.
-_LEAST_q = 1e-3
+_MIN_q = 1e-3
 # Residual below which no second solve is needed: a hundredth of the promised accuracy.
 _ACCURATE = 1e-8
 
@@ -121,7 +121,7 @@ class _Quadratic:
                 for other, B in term.parts.items():
                     P[places[name], places[other]] += scaled @ B
         # The solver's tolerances are absolute: scale, so that small weights work as well as large.
-        scale = max(float(np.abs(q).max()), _LEAST_q * float(np.abs(P).max())) or 1.0
+        scale = max(float(np.abs(q).max()), _MIN_q * float(np.abs(P).max())) or 1.0
         P, q = P / scale, q / scale
         # Negligible against every term; it only keeps undetermined variables finite.
         P[np.diag_indices(size)] += 1e-12 * max(1.0, 0.5 * float(np.trace(P))) / size

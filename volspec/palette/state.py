@@ -27,9 +27,9 @@ Array = NDArray[np.float64]
 # Half the step of a difference quotient, in units of Y = 100 for white.
 _STEP = 0.01
 # A light with less luminance than this fraction of equal energy has no chromaticity to adapt to.
-_LEAST_Y = 1e-9
+_MIN_Y = 1e-9
 # Least tristimulus value of a white to adapt to, as a fraction of its largest.
-_LEAST_WHITE = 1e-6
+_MIN_WHITE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,8 +156,8 @@ class State:
         even = self.Q.sum(axis=1)
         whites = self.E @ self.Q.T
         # If the design has turned a light off, the eye adapts to equal energy.
-        whites = np.where(whites[:, 1:2] > _LEAST_Y * 100.0, whites, even)
-        whites = np.maximum(whites, _LEAST_WHITE * np.abs(whites).max(axis=1, keepdims=True))
+        whites = np.where(whites[:, 1:2] > _MIN_Y * 100.0, whites, even)
+        whites = np.maximum(whites, _MIN_WHITE * np.abs(whites).max(axis=1, keepdims=True))
         viewing = self.palette.viewing
         return [ColourModel.of(viewing, 100.0 * white / white[1]) for white in whites]
 

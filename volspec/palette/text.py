@@ -19,9 +19,9 @@ from volspec.palette.model import hexadecimal
 from volspec.palette.variables import mixture_text
 
 # With more lights than this there is no room for codes and differences.
-_MOST_WITH_CODES = 6
+_MAX_WITH_CODES = 6
 # For more other lights than this, metamers' differences are summarised.
-_MOST_NAMED = 4
+_MAX_NAMED = 4
 _WIDTH = 100
 
 
@@ -52,7 +52,7 @@ def render(report: DesignMeasures, *, colours: bool) -> Group:
 def _matrix(report: DesignMeasures, colours: bool) -> Table:
     """Reflectances as rows, lights as columns: the obtained colour and its difference."""
     columns = list(dict.fromkeys(cell.light for cell in report.cells))
-    codes = len(columns) <= _MOST_WITH_CODES
+    codes = len(columns) <= _MAX_WITH_CODES
     table = Table(box=None, pad_edge=False, show_edge=False, header_style="dim")
     symbol = SYMBOLS[report.difference]
     table.add_column(f"colour, {symbol}" if codes else symbol, style="bold", no_wrap=True)
@@ -117,7 +117,7 @@ def _metamers(light: str, pairs: list[MetamerReport]) -> Text:
     many = f"{len(pairs)} pairs" if len(pairs) > 1 else " and ".join(pairs[0].reflectances)
     others = list(pairs[0].apart)
     elsewhere = [f"{_range([p.apart[n] for p in pairs])} under {n}" for n in others]
-    if len(others) > _MOST_NAMED:
+    if len(others) > _MAX_NAMED:
         elsewhere = [f"{_range([d for p in pairs for d in p.apart.values()])} elsewhere"]
     there = f"{max(pair.delta_E for pair in pairs):.2f}"
     fine = f"{max(pair.delta_E_1nm for pair in pairs):.2f}"
@@ -145,7 +145,7 @@ def _apart(pairs: Sequence[ApartReport]) -> Table:
         )
         table.add_row(Text(title), Text(", ".join(pair.lights)), *figures)
         others = [light for light in pair.delta_E if light not in pair.lights]
-        for light in others if len(others) <= _MOST_NAMED else ():
+        for light in others if len(others) <= _MAX_NAMED else ():
             numbers = (Text(f"{value:.0f}", style="dim") for value in pair.delta_E[light].values())
             table.add_row("", Text(light, style="dim"), *numbers)
     return table

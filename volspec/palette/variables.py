@@ -35,7 +35,7 @@ _SAME_SHAPE = 1e-3
 # Values in files have six decimals.
 _ROUNDING = 1e-5
 # A light with less luminance than this fraction of equal energy is too dark to show a colour.
-_LEAST_Y = 1e-9
+_MIN_Y = 1e-9
 
 
 def fault(field: str, message: str, code: Code = "conflict", given: object = None) -> PaletteError:
@@ -217,7 +217,7 @@ def initial_light(column: PaletteSpectrum, grid: SpectralGrid, number: int) -> A
         synthesis = column.synthesis(grid)
         power = synthesis @ (synthesis.T @ wave)
     V = colour_matching_functions(grid)[1]
-    if not V @ power > _LEAST_Y * V.sum():
+    if not V @ power > _MIN_Y * V.sum():
         raise PaletteError(
             f"light {column.name!r} has no luminance to show colours with; widen its band, or "
             "start from another spectrum",

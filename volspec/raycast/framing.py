@@ -28,14 +28,14 @@ _HAZE, _SEEN = 0.02, 0.25
 # Fraction of the picture's sides that a fitted view fills.
 _FILLS = 0.85
 # Radii of the volume that points are at least apart, to be framed.
-_LEAST_FRAMED = 1e-12
+_MIN_FRAMED = 1e-12
 _ITERATIONS = 4
 Bounds = tuple[float, float]
 Crop = tuple[Bounds, Bounds, Bounds]
 OrbitT = TypeVar("OrbitT", bound=Orbit)
 ZOOMS = (0.05, 200.0)
 # The fewest voxels that a crop leaves along each axis.
-LEAST_CROP = 1.0
+MIN_CROP = 1.0
 
 
 def fit_view(
@@ -54,7 +54,7 @@ def fit_points(view: OrbitT, volume: Volume, points_mm: Array, aspect: float) ->
     tall = _FILLS * math.tan(math.radians(view.fov_deg) / 2)
     wide = tall * aspect
     radius = radius_mm(volume)
-    least = _LEAST_FRAMED * radius
+    least = _MIN_FRAMED * radius
     if view.orthographic:
         height = max(2 * float(y.max()), 2 * float(x.max()) / aspect) / _FILLS
         return _framed(view, 2 * radius / max(height, least), middle @ axes)
@@ -195,8 +195,8 @@ def crop_bounds(shading: RaycastSpec, volume: Volume) -> Crop:
     last = np.array(volume.shape_xyz) - 1.0
     low, high = np.transpose(shading.crop_voxels or [(0.0, end) for end in last])
     # A scene's crop may reach beyond the volume, or miss it.
-    low = np.clip(low, 0.0, last - LEAST_CROP)
-    high = np.clip(high, low + LEAST_CROP, last)
+    low = np.clip(low, 0.0, last - MIN_CROP)
+    high = np.clip(high, low + MIN_CROP, last)
     x, y, z = zip(low.tolist(), high.tolist(), strict=True)
     return x, y, z
 

@@ -69,8 +69,8 @@ _SEEN = 0.01
 _PIXELS, _MANY_SEEN, _MANY_WRONG = 2304, 1000, 20
 # Most of an error that is taken to stay when its step is halved; and the part of a target that a
 # difference must not pass, to be below it in any case.
-_MOST_ALIKE = 0.6
-_SURELY = 1.0 - _MOST_ALIKE
+_MAX_ALIKE = 0.6
+_SURELY = 1.0 - _MAX_ALIKE
 
 
 class Chosen(NamedTuple):
@@ -156,7 +156,7 @@ def _choose(
 def _part_alike(longest: Picture, middle: Picture, shortest: Picture) -> float:
     """Return the part of an error that stays when the step is halved, of a step and references."""
     whole, more = (_squares(longest, other).mean() for other in (middle, shortest))
-    return float(np.clip(math.sqrt(more / max(whole, 1e-24)) - 1.0, 0.0, _MOST_ALIKE))
+    return float(np.clip(math.sqrt(more / max(whole, 1e-24)) - 1.0, 0.0, _MAX_ALIKE))
 
 
 def _difference(one: Picture, other: Picture) -> tuple[float, float]:

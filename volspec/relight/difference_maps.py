@@ -46,7 +46,7 @@ _UNEXPLAINED = 0.01  # largest channel of a pixel that rounding leaves next to a
 _COVERED = 0.05  # opacity from which a pixel counts in the statistics
 _ROWS, _PIXELS = 64, 2**14  # at a time: CIEDE2000 needs about forty temporaries
 _BAR, _MARGIN, _TEXT = 18, 14, 62  # width of the scale's parts right of the map, pixels
-_LEAST, _CAPTION = (540, 148), 58  # make five numbers and two lines legible
+_MIN, _CAPTION = (540, 148), 58  # make five numbers and two lines legible
 _PAPER, _INK, _TYPE = (24, 24, 26), (236, 236, 236), 13
 _TOPS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
 
@@ -120,8 +120,8 @@ class ErrorMap:
 
         top = self._checked_top(top)
         height, width = self.delta_e.shape
-        tall = max(height, _LEAST[1])
-        size = (max(width + 2 * _MARGIN + _BAR + _TEXT, _LEAST[0]), tall + _CAPTION)
+        tall = max(height, _MIN[1])
+        size = (max(width + 2 * _MARGIN + _BAR + _TEXT, _MIN[0]), tall + _CAPTION)
         sheet = Image.new("RGB", size, _PAPER)
         sheet.paste(Image.fromarray(self.heat(top)), (0, 0))
         draw = ImageDraw.Draw(sheet)

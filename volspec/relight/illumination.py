@@ -43,7 +43,7 @@ from volspec.spectra import (
 Array = NDArray[np.float64]
 
 # Times a coefficient of 1e9 and hundreds of channels, this stays well within float32.
-_LARGEST = 1e20
+_MAX = 1e20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,9 +130,9 @@ class Illumination:
                 raise ShapeError(
                     f"has shape {array.shape}", "expected 3 rows", field=f"illumination.{name}"
                 )
-            if not np.all(np.abs(array) <= _LARGEST):
+            if not np.all(np.abs(array) <= _MAX):
                 raise ViewingError(
-                    f"is not finite or exceeds {_LARGEST:g}",
+                    f"is not finite or exceeds {_MAX:g}",
                     "check the light's values, its lux and the exposure",
                     code="range",
                     field=f"illumination.{name}",

@@ -168,7 +168,7 @@ def band_packer(
         "CHANNELS": channels,
         "LIMIT": LIMIT,
         "HALF": half,
-        "LARGEST_HALF": float(np.finfo(np.float16).max),
+        "MAX_HALF": float(np.finfo(np.float16).max),
     }
     source = assemble("kernels/layers.cl", prelude(constants, "opencl"))
     kernel = compute.kernel(source, "pack_layers")

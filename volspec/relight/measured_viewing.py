@@ -52,7 +52,7 @@ _SUBDIVISIONS = 2
 # finite.
 _BRIGHTEST = 1000.0
 # Least X and Z of a white, as in `Viewing.conditions`.
-_LEAST_WHITE = 1e-4
+_MIN_WHITE = 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,7 +97,7 @@ class _Samples:
         white = groups.white(np.array(means))
         if white is None:
             return "light"
-        X, Y_w, Z = np.maximum(white, _LEAST_WHITE).tolist()
+        X, Y_w, Z = np.maximum(white, _MIN_WHITE).tolist()
         return X, Y_w, Z
 
 

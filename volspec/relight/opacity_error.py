@@ -37,7 +37,7 @@ from volspec.image import OpacityLayers, residual_share
 
 Pixels = NDArray[np.float32]
 
-_MERGED, _GLOSS, _SHADOW, _OCCLUSION, _LEAST = 0.45, 0.3, 0.1, 0.3, 0.03
+_MERGED, _GLOSS, _SHADOW, _OCCLUSION, _MIN = 0.45, 0.3, 0.1, 0.3, 0.03
 """Parts of the guesses that are lost on average, and the least error, CIEDE2000: calibrated with
 the benchmark's volumes."""
 _SHADED = 1.5  # mean masses of a layer
@@ -195,7 +195,7 @@ def with_neighbours(delta_e: Pixels, seen: NDArray[np.bool_]) -> Pixels:
     Only pixels in which something is ``seen`` count. What a pixel lost is as good as random, so
     neighbours say as much of it.
     """
-    squares = np.where(seen, np.square(delta_e) + _LEAST**2, 0)
+    squares = np.where(seen, np.square(delta_e) + _MIN**2, 0)
     total, count = (_box_sum(each) for each in (squares, seen.astype(np.float32)))
     return np.where(seen, np.sqrt(total / np.maximum(count, 1)), 0).astype(np.float32)
 

@@ -19,7 +19,7 @@ from volspec._gpu import assemble, compile_program, describe, prelude
 from volspec.errors import OpenGLError
 from volspec.image import (
     BEND,
-    MOST_EXPONENT,
+    MAX_EXPONENT,
     OCCLUSION_GAIN,
     CoefficientImage,
     DepthEffects,
@@ -32,7 +32,7 @@ from volspec.relight.layers import layer_count
 
 _GLSL = "330 core"
 # Targets of one draw; every device has at least four.
-_MOST_TARGETS = 4
+_MAX_TARGETS = 4
 # Slices of layers that are uploaded at once.
 _SLICES_A_STEP = 8
 _LAYERS_UNIT, _BASE_UNIT = 5, 6
@@ -110,8 +110,8 @@ def shadow_constants(materials: int, groups: int, slots: Sequence[Slot]) -> dict
         "OCCLUDED": bits[1],
         "SHADOWS_AT": layer_slots(materials, groups)[1],
         "OCCLUSION_GAIN": OCCLUSION_GAIN,
-        "BEND_LEAST": BEND[0],
-        "MOST_EXPONENT": MOST_EXPONENT,
+        "BEND_MIN": BEND[0],
+        "MAX_EXPONENT": MAX_EXPONENT,
     }
 
 
@@ -213,7 +213,7 @@ class Recomposer:
         self._difference = self._own(context.texture_array(array, 4, dtype="f4"))
         self.texture = self._own(context.texture_array(array, 4, dtype="f4"))
         self._buffer = self._own(context.buffer(reserve=16 * math.prod(array)))
-        count = min(self._slices, _MOST_TARGETS)
+        count = min(self._slices, _MAX_TARGETS)
         targets = [self._own(context.texture(size, 4, dtype="f4")) for _ in range(count)]
         self._target = self._own(context.framebuffer(targets))
 
@@ -272,8 +272,8 @@ class Recomposer:
         bytes_of_slice = 16 * self._size[0] * self._size[1]
         self._target.use()
         self._context.enable_only(self._context.NOTHING)
-        for first in range(0, self._slices, _MOST_TARGETS):
-            drawn = min(self._slices - first, _MOST_TARGETS)
+        for first in range(0, self._slices, _MAX_TARGETS):
+            drawn = min(self._slices - first, _MAX_TARGETS)
             program, triangle = self._program(first, drawn, difference, depth is not None)
             if depth is not None:
                 for name, value in {**depth, "nearest_mm": (self._nearest_mm,)}.items():

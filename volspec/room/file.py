@@ -49,7 +49,7 @@ WALLS = ("left", "right", "front", "back")
 # Between pieces of furniture, as a fraction of the room: several times `form_factors`' offset.
 _GAP = 5e-5
 # Of a room, so that millimetres are refused.
-_LARGEST_M = 1000.0
+_MAX_M = 1000.0
 Place = Annotated[tuple[Finite, Finite, Positive, Positive], Field(strict=False), Unit("m")]
 
 
@@ -211,8 +211,8 @@ class RoomFile:
             )
         if self.size_m is not None and min(self.size_m) <= 0:
             raise RoomError.refused("size_m", self.size_m, "give three lengths above 0 m", "range")
-        if self.size_m is not None and max(self.size_m) > _LARGEST_M:
-            remedy = f"give metres, up to {_LARGEST_M:g}: 4000 mm are 4"
+        if self.size_m is not None and max(self.size_m) > _MAX_M:
+            remedy = f"give metres, up to {_MAX_M:g}: 4000 mm are 4"
             raise RoomError.refused("size_m", self.size_m, remedy, "range")
         for kind, rows in (("surface", self.surface), ("light", self.light)):
             names = [row.name for row in rows]

@@ -21,7 +21,7 @@ from volspec.errors import Code, RoomError
 
 Array = NDArray[np.float64]
 # A triangle is degenerate if its height is below this fraction of its longest side.
-_LEAST_HEIGHT = 1e-6
+_MIN_HEIGHT = 1e-6
 # Corners coincide if they are closer than this fraction of the room.
 _SAME = 1e-6
 # Corners of a rectangle's two triangles.
@@ -65,7 +65,7 @@ class RoomMesh:
         if not finite.all():
             self._refuse(int(finite.argmin()), "is not finite", "repair the mesh", "range")
         sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(axis=1)
-        flat = 2.0 * self.areas_m2 <= _LEAST_HEIGHT * sides**2
+        flat = 2.0 * self.areas_m2 <= _MIN_HEIGHT * sides**2
         if flat.any():
             self._refuse(int(flat.argmax()), "has no area", "remove it", "conflict")
         _, first, count = np.unique(

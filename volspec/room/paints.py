@@ -43,7 +43,7 @@ MIXING_LAWS: tuple[MixingLaw, ...] = ("km", "additive")
 # A reflectance of 0 has no K/S.
 _DARKEST = 1e-4
 # More mixtures take minutes to compare.
-_MOST_MIXTURES = 5000
+_MAX_MIXTURES = 5000
 # A step is 1/n if it is so close to it: 0.333 is a third.
 _STEP_ROUNDING = 5e-3
 
@@ -166,10 +166,10 @@ def mix_paints(
         remedy = "give a part of 1, such as 0.5, 0.25 or 0.1"
         raise RoomError.refused("step", step, remedy, "range")
     count = math.comb(n + len(paints) - 1, n)
-    if count > _MOST_MIXTURES:
+    if count > _MAX_MIXTURES:
         raise RoomError(
             f"{len(paints)} paints in steps of {step:g} make {count} mixtures",
-            f"give fewer paints or a larger step: up to {_MOST_MIXTURES}",
+            f"give fewer paints or a larger step: up to {_MAX_MIXTURES}",
             code="size",
             field="step",
             given=step,

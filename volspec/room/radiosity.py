@@ -49,7 +49,7 @@ _POINTS = np.array([[0.25, 0.25], [0.25, 0.75], [0.75, 0.25], [0.75, 0.75]])
 # Part of the patches before those with uneven light are halved; most rounds of that, and the part
 # of those still to come that a round makes, so that the worst are halved again.
 _COARSE, _ROUNDS, _A_ROUND = 0.5, 12, 3
-_MOST_STEPS, _CLOSE = 2000, 1e-8
+_MAX_STEPS, _CLOSE = 2000, 1e-8
 # Rays of a triangle that look for gaps and backs, and what part of them may be lost to rounding.
 _LOOKS, _LOST = 256, 5e-3
 # Rays of form factors for each shadow ray.
@@ -329,7 +329,7 @@ def solve_irradiance(factors: csr_array, areas: Array, reflectances: Array, dire
     residual = wanted.copy()
     step = residual.copy()
     square = start = np.einsum("nb,nb->b", residual, residual)
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         if (square <= _CLOSE**2 * start).all():
             break
         moved = applied(step)

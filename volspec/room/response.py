@@ -30,7 +30,7 @@ from volspec.spectra import Spectrum, light_power
 
 Array = NDArray[np.float64]
 # Factor by which an estimate scales reflected light, at most: from black, it is spread evenly.
-_MOST_SCALED = 4.0
+_MAX_SCALED = 4.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,7 +118,7 @@ class RoomResponse:
         room = self.solved.room.painted(paints)
         both = self.solved.room.reflectances, room.reflectances
         before, after = (self._reflected(each) for each in both)
-        factor = np.clip(after / np.maximum(before, 1e-30), 0.0, _MOST_SCALED)
+        factor = np.clip(after / np.maximum(before, 1e-30), 0.0, _MAX_SCALED)
         rest, surface = np.maximum(after - factor * before, 0.0), self.solved.mesh.surface
         direct = self.direct[:, :, None]
         indirect = (self.irradiance - direct) * factor[:, surface] + rest[:, surface]

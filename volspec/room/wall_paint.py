@@ -49,7 +49,7 @@ from volspec.spectra.library import light
 # Conditions in which a colour is chosen from an atlas, besides D65 [1, section 4.4].
 _ATLAS_LUX, _ATLAS_Y_B = 2000.0, 20.0
 # Range of a paint's reflectance: no black and no white is better.
-_LEAST, _MOST = 1e-4, 0.999
+_MIN, _MAX = 1e-4, 0.999
 # Weight of a distance in J, a and b against the root mean square of the second derivative per
 # (10 nm)²: so large that it holds as a condition wherever a paint looks as wanted.
 _WEIGHT = 100.0
@@ -60,7 +60,7 @@ _ITERATIONS, _FRACTIONS, _SETTLED, _GREYS = 60, 0.5 ** np.arange(8), 1e-8, (0.05
 # Steps of difference quotients: of a reflectance, and relative ones of tristimulus values.
 _PAINT_STEP, _COLOUR_STEP = 1e-6, 1e-5
 # X, Y and Z below this fraction of the white's Y count as this; as in `Viewing.conditions`.
-_LEAST_XYZ = 1e-6
+_MIN_XYZ = 1e-6
 
 
 def cube_paint_for_radiosity(
@@ -318,7 +318,7 @@ def _linearised_optimum(wall: _PaintedWall, bend: Array, paint: Array, target: A
     slopes, size = wall.slopes(paint), len(paint)
     offset = target - _coordinates(wall.appearance(paint)) + slopes @ paint
     blocks = {
-        "paint": Block(size, np.full(size, _LEAST), np.full(size, _MOST)),
+        "paint": Block(size, np.full(size, _MIN), np.full(size, _MAX)),
         "miss": Block(3, np.full(3, -np.inf), np.full(3, np.inf)),
     }
     terms = [
@@ -360,7 +360,7 @@ def _colour_slopes(wall_and_white: Array, Y_b: float | None) -> Array:
     """Return the derivatives (3, 6) of `_appearance`'s J, a_C and b_C, by central differences."""
     columns = []
     # A red light may have no Z at all.
-    sizes = np.maximum(wall_and_white, _LEAST_XYZ * wall_and_white[4])
+    sizes = np.maximum(wall_and_white, _MIN_XYZ * wall_and_white[4])
     for step in np.diag(_COLOUR_STEP * sizes):
         # A black wall is at the end of the range.
         ends = [np.maximum(wall_and_white + way * step, 0.0) for way in (1, -1)]

@@ -40,11 +40,11 @@ from volspec.spectra import (
 )
 
 # Largest CIEDE2000 of a scene's worst pair at which the general basis is accurate enough.
-LARGEST_ERROR = 1.0
+MAX_ERROR = 1.0
 # Weight of all library lights together relative to the scene's own, and the minimum weight of a
 # material relative to the most visible one.
 _LIBRARY_SHARE = 0.1
-_LEAST_USE = 0.1
+_MIN_USE = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ def choose_basis(
         return ChosenBasis(train_basis(table, spectra, name), reason)
     off, where = _worst(general, spectra, mode)
     reason = f"{general.name} is off by at most ΔE00 {off:.2g} ({where})"
-    if off > LARGEST_ERROR:
+    if off > MAX_ERROR:
         return ChosenBasis(train_basis(table, spectra, name), reason)
     return ChosenBasis(general, reason)
 
@@ -140,7 +140,7 @@ def train_basis(table: BasisSpec, spectra: SceneSpectra, name: str) -> SpectralB
     grid = grid_of(table)
     library = [*light_set("smooth", grid), *light_set("spiky", grid)]
     own = np.maximum(np.asarray(spectra.weights, dtype=np.float64), 0.0)
-    own = np.maximum(own / max(own.max(), 1e-12), _LEAST_USE)
+    own = np.maximum(own / max(own.max(), 1e-12), _MIN_USE)
     shares = np.full(len(library), _LIBRARY_SHARE / len(library))
     return fit_cached(
         [*spectra.lights, *library],
@@ -153,7 +153,7 @@ def train_basis(table: BasisSpec, spectra: SceneSpectra, name: str) -> SpectralB
         light_weights=np.concatenate([own / own.sum(), shares]),
         reflectance_weights=[
             *(spectra.use[name] for name in (*spectra.materials, *spectra.filters)),
-            *(_LEAST_USE for _ in spectra.colours),
+            *(_MIN_USE for _ in spectra.colours),
             *(1.0 for _ in spectra.walls),
         ],
         name=name,
@@ -187,7 +187,7 @@ def use_of(*transfers: TransferSpec | None) -> dict[str, float]:
         most = max(amounts.values(), default=0.0) or 1.0
         for name, value in amounts.items():
             total[name] = max(total[name], value / most)
-    return {name: max(value, _LEAST_USE) for name, value in total.items()}
+    return {name: max(value, _MIN_USE) for name, value in total.items()}
 
 
 def grid_of(table: BasisSpec) -> SpectralGrid:

@@ -22,7 +22,7 @@ from volspec.appearance.models import cielab, delta_E_2000
 from volspec.basis import Basis, load_basis, visible_white
 from volspec.errors import InputError, SceneError, SpectrumError, VolspecWarning, VolumeError
 from volspec.raycast import RaycastSpec
-from volspec.scene.basis import LARGEST_ERROR, SceneSpectra, grid_of, use_of
+from volspec.scene.basis import MAX_ERROR, SceneSpectra, grid_of, use_of
 from volspec.scene.fields import with_fields
 from volspec.scene.file import SceneFaults, SceneFile
 from volspec.scene.tables.lights import NamedLight, named_light, rows_by_name
@@ -153,7 +153,7 @@ class Resolver:
         for own in set(grids.values()) - {grid}:
             designed = [name for name in grids if grids[name] == own]
             error, where = self._colour_change(own, grid, materials)
-            if error > LARGEST_ERROR:
+            if error > MAX_ERROR:
                 remedy = f"grid_nm = [{own.start_nm:g}, {own.stop_nm:g}, {own.step_nm:g}]"
                 warnings.warn(
                     f"{self.path}: {', '.join(designed)}: designed on {own.size} bands, but the "

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance import MOST_BACKGROUND, Viewing
+from volspec.appearance import MAX_BACKGROUND, Viewing
 from volspec.basis import Basis, MaterialBasis
 from volspec.camera import level_axes
 from volspec.errors import InputError, RoomError, SceneError, SpectrumError, nearest
@@ -62,9 +62,9 @@ Array = NDArray[np.float64]
 # Rays of a patch: the volume's light needs fewer than a picture of the room.
 _RAYS = 1 << 11
 # Least part of a group: none may be empty.
-_LEAST_PART = 1e-4
+_MIN_PART = 1e-4
 # Least background of the models, as a part of white.
-_LEAST_BACKGROUND = 1e-4
+_MIN_BACKGROUND = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +141,7 @@ class SceneRoom:
         power = np.array([*room.lights.values()])
         groups = np.einsum("lgb,lb->gb", specimen.irradiance, power)
         lux = lux_from_irradiance(np.concatenate([groups, power]), grid)
-        parts = np.maximum(lux / specimen.brightest_lux, _LEAST_PART)
+        parts = np.maximum(lux / specimen.brightest_lux, _MIN_PART)
         if paints:
             response = response.painted(paints)
             specimen = specimen.under(response)
@@ -408,7 +408,7 @@ def _group_name(name: str) -> str:
 
 def _percent(ratio: float) -> float:
     """Return a luminance factor that the models accept."""
-    return 100.0 * min(max(ratio, _LEAST_BACKGROUND), MOST_BACKGROUND)
+    return 100.0 * min(max(ratio, _MIN_BACKGROUND), MAX_BACKGROUND)
 
 
 def _triple(vector: Array) -> Vector:

@@ -195,9 +195,9 @@ def read_only_notes(notes: Mapping[str, str], label: str) -> Mapping[str, str]:
 # Band means of a measured table may fall this far below 0, as a fraction of the peak.
 _ROUNDING = 1e-6
 # A larger value is not a fluorescent reflectance but a percentage, or a light.
-_MOST_REFLECTED = 2.0
+_MAX_REFLECTED = 2.0
 # Less light than this cannot be scaled to Y = 100.
-_LEAST_LIGHT = 1e-300
+_MIN_LIGHT = 1e-300
 _FULL_RANGE_NM = (360.0, 830.0)
 
 
@@ -316,7 +316,7 @@ def light_power(
         )
     E = np.maximum(E, 0.0)
     total = float(colour_matching_functions(grid)[1] @ E)
-    if not total > _LEAST_LIGHT:
+    if not total > _MIN_LIGHT:
         raise SpectrumError(
             f"{label} has no luminous energy (sum E V = {total:g}); "
             f"give power within {grid.start_nm:g}-{grid.stop_nm:g} nm, or leave it out",
@@ -352,7 +352,7 @@ def reflectance_values(
         raise SpectrumError(f"{at(row, int(rows[row].argmin()))}; a reflectance is 0 or more")
     row, band = divmod(int(rows.argmax()), grid.size) if rows.size else (0, 0)
     largest = rows[row, band] if rows.size else 0.0
-    if largest > _MOST_REFLECTED:
+    if largest > _MAX_REFLECTED:
         raise SpectrumError(
             f"{at(row, band)}; a reflectance is 0 to 1: divide percentages by 100. Is it a light?"
         )

@@ -29,7 +29,7 @@ from volspec.spectra import Observer, SpectralGrid, reflectance
 from volspec.transfer.discrete import LabelFunction
 from volspec.volume import Labels, Volume, find_labels
 
-MOST_OWN_MATERIALS = 24
+MAX_OWN_MATERIALS = 24
 """Most labels with a material each."""
 LABELS = "labels"
 """Name of this look, among those of presets."""
@@ -65,7 +65,7 @@ def label_function(
     """
     colours = label_colours(volume.labels)
     names = unique_names(volume.labels)
-    if len(colours) <= MOST_OWN_MATERIALS:
+    if len(colours) <= MAX_OWN_MATERIALS:
         texts = {names[n]: mix_text(smits_weights(colour)) for n, colour in colours.items()}
         looks = {number: (_OPACITY, {names[number]: 1.0}) for number in colours}
     else:

@@ -34,9 +34,9 @@ from volspec.transfer.table import MAX_LABEL, Entries, SurfaceTable, TransferTab
 from volspec.volume import Volume, are_whole
 
 # Most entries of a table.
-_MOST_ENTRIES = 1 << 16
+_MAX_ENTRIES = 1 << 16
 # Most labels that a message lists.
-_MOST_NAMED = 12
+_MAX_NAMED = 12
 
 
 @overload
@@ -153,8 +153,8 @@ class MaskLabels:
         stated = {number: each for number, each in field.labels.items() if each.name}
         names = {name: number for number, name in unique_names(stated).items()}
         if label not in names:
-            more = ", …" if len(names) > _MOST_NAMED else ""
-            listed = f"it has {', '.join([*names][:_MOST_NAMED])}{more}"
+            more = ", …" if len(names) > _MAX_NAMED else ""
+            listed = f"it has {', '.join([*names][:_MAX_NAMED])}{more}"
             known = listed if names else "it names none"
             raise TransferError(
                 f"{field.name!r} has no label {label!r}",
@@ -230,10 +230,10 @@ def transparent_below(table: TransferTable, least: float) -> TransferTable:
     count = table.opacity.shape[-1]
     entry = (high - low) / (count - 1)
     more = int(np.ceil(max(low - least, 0.0) / entry - 1e-9)) + 1
-    if count + more > _MOST_ENTRIES:  # a narrow function in a wide range: entries are widened
-        entry = (high - min(low, least)) / (_MOST_ENTRIES - 2)
-        start = high - entry * (_MOST_ENTRIES - 1)
-        at = start + entry * np.arange(_MOST_ENTRIES)
+    if count + more > _MAX_ENTRIES:  # a narrow function in a wide range: entries are widened
+        entry = (high - min(low, least)) / (_MAX_ENTRIES - 2)
+        start = high - entry * (_MAX_ENTRIES - 1)
+        at = start + entry * np.arange(_MAX_ENTRIES)
         positions = np.clip((at - low) / (high - low) * (count - 1), 0, count - 1)
     else:
         start = low - more * entry

@@ -34,7 +34,7 @@ _ON_ENTRY = 1e-6
 # Digits of points, below the span's first, in which a common measure is looked for.
 _DIGITS = 8
 # Of other points: the longest table by the shortest, and an opacity that nobody sees.
-_MOST_LONGER, _UNSEEN = 6, 2e-5
+_MAX_LONGER, _UNSEEN = 6, 2e-5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -269,7 +269,7 @@ def _table_size(what: str, points: Array, curve: Array, low: float, limits: tupl
                 return cells * times + 1
             break
     # Otherwise the smallest size for which a kink between entries costs next to nothing, or least.
-    sizes = np.arange(least, min(_MOST_LONGER * least, most))
+    sizes = np.arange(least, min(_MAX_LONGER * least, most))
     places = (points - low)[:, None] / span * sizes
     if (np.diff(points) == 0).any():  # steps move to an entry: to the nearest ones of all
         least = int(np.searchsorted(sizes, 2 * least))

@@ -35,7 +35,7 @@ MAX_CHANNELS = 32
 MAX_SURFACES = 8
 MAX_LABEL = 65535
 # Least transmittance of a step; otherwise the extinction of an opaque entry would be infinite.
-LEAST_TRANSMITTANCE = 1e-6
+MIN_TRANSMITTANCE = 1e-6
 # For positions nearer than this, in entries, the difference of integrals is mostly rounding.
 NEAREST_POSITIONS = 1 / 64
 
@@ -390,7 +390,7 @@ def _extinctions(table: TransferTable, step_mm: float) -> tuple[Array, Array]:
         raise TransferError.refused("preintegration.step_mm", step_mm, "give mm above 0", "range")
 
     def of(limits: TransferTable) -> Array:
-        tau = 0.0 - np.log(np.maximum(1 - limits.step_opacity(step_mm), LEAST_TRANSMITTANCE))
+        tau = 0.0 - np.log(np.maximum(1 - limits.step_opacity(step_mm), MIN_TRANSMITTANCE))
         return tau[:, None] * np.column_stack([np.ones(len(tau)), limits.material_weights])
 
     return of(table), of(table.left_limits)

@@ -46,7 +46,7 @@ from volspec.viewer.work.screen import Area, Meter, Screen
 from volspec.viewer.work.session import SUFFIX
 from volspec.viewer.work.steps import Steps
 
-LEAST_PICTURE, MOST_PICTURE = 8, 8192
+MIN_PICTURE, MAX_PICTURE = 8, 8192
 # Frames that imgui needs after an input, or a change of its layout, until the layout is final.
 _SETTLE = 3
 _IDLE_S, _BUSY_S = 0.5, 0.02
@@ -415,7 +415,7 @@ class App:
         """Return the state after input and panels."""
         ratio = self._window.pixel_ratio
         sides = (int(side * ratio) for side in area[2:])
-        width, height = (min(max(side, LEAST_PICTURE), MOST_PICTURE) for side in sides)
+        width, height = (min(max(side, MIN_PICTURE), MAX_PICTURE) for side in sides)
         state = replace(state, size=(width, height))
         writing = imgui.get_io().want_text_input
         for given in inputs:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 # Greatest value of a voxel that is a label, as in a transfer table.
-_MOST = 65535
+_MAX = 65535
 # More labels than these lie in one place each, as cells do: their mean extent is less than this
 # fraction of the longest side, and this one of their borders is with the background. Scans that
 # were enlarged without interpolation have less background.
@@ -90,13 +90,13 @@ def renumbered(values: NDArray[Any], certain: bool) -> tuple[NDArray[Any], tuple
     some = values[:: max(1, len(values) // 8)]  # mostly enough to see that they are no labels
     if values.dtype.kind == "f" and not (some == np.rint(some)).all():
         return values, ()
-    if not (values.size and values.max() > _MOST and values.min() >= 0):
+    if not (values.size and values.max() > _MAX and values.min() >= 0):
         return values, ()
     numbers: NDArray[Any] = np.zeros(1, values.dtype)
     for layer in values:
         numbers = np.union1d(numbers, layer)
         whole = values.dtype.kind in "ui" or bool((layer == np.rint(layer)).all())
-        if not whole or len(numbers) > _MOST + 1:
+        if not whole or len(numbers) > _MAX + 1:
             return values, ()
     found = np.stack([np.searchsorted(numbers, layer) for layer in values]).astype(np.uint16)
     if not certain and not looks_like_labels(found, (0.0, float(found.max()))):
@@ -120,29 +120,29 @@ def why_no_labels(
     if (some != np.rint(some)).any() or (low < _UNASSIGNED and not certain):
         return ""
     ranks: NDArray[Any] = some - min(low, 0.0)
-    if high > _MOST:
+    if high > _MAX:
         ranks = np.unique(some, return_inverse=True)[1].reshape(some.shape)
     if not (certain or looks_like_labels(ranks, (float(ranks.min()), float(ranks.max())), False)):
         return ""
     if low < 0:
         return f"numbers go down to {low:g}; make those 0"
-    if high > _MOST and larger:
-        return f"numbers go up to {high:.0f}, above {_MOST} only in memory; take a coarser level"
-    if high > _MOST and (kinds := len(np.unique(values))) > _MOST:
-        return f"{kinds} numbers are more than {_MOST}; crop it, or merge some"
+    if high > _MAX and larger:
+        return f"numbers go up to {high:.0f}, above {_MAX} only in memory; take a coarser level"
+    if high > _MAX and (kinds := len(np.unique(values))) > _MAX:
+        return f"{kinds} numbers are more than {_MAX}; crop it, or merge some"
     return "many numbers may be measured, too; if they are labels, give their table, ?labels=FILE"
 
 
 def are_whole(values: NDArray[Any], span: tuple[float, float]) -> bool:
     """Return True if every value is a whole number that can be a label."""
-    if span[0] < 0 or span[1] > _MOST:
+    if span[0] < 0 or span[1] > _MAX:
         return False
     return values.dtype.kind in "ui" or all((layer == np.rint(layer)).all() for layer in values)
 
 
 def label_numbers(values: NDArray[Any]) -> list[int]:
     """Return the sorted numbers in a volume of whole numbers from 0 to 65535."""
-    counts = np.zeros(_MOST + 1, np.int64)
+    counts = np.zeros(_MAX + 1, np.int64)
     for layer in values:
         layer = layer[layer >= 0]  # missing voxels are below
         counts += np.bincount(layer.ravel().astype(np.int64), minlength=len(counts))

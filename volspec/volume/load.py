@@ -68,7 +68,7 @@ _ADVICE: dict[tuple[str, ...], str] = {
 # Bytes up to which a volume is converted as a whole.
 _CONVERTED_BYTES = 2**28
 # Most numbers of a table of labels that an error lists.
-_MOST_NUMBERS = 4
+_MAX_NUMBERS = 4
 # Endings of files that a missing volume is never a misspelling of.
 _NEVER_VOLUMES = (".toml", ".exr", ".html", ".py")
 _RAW = "'FILE.raw?shape=256x256x110&dtype=uint8'"
@@ -330,7 +330,7 @@ def _with_labels(
         remarks.append(f"{path}: is shown as values, not as labels, as its {why}")
     if named is not None and not labels.keys() & given.keys():
         numbers = [str(number) for number in sorted(given) if number]
-        listed = ", ".join(numbers[:_MOST_NUMBERS]) + ", …" * (len(numbers) > _MOST_NUMBERS)
+        listed = ", ".join(numbers[:_MAX_NUMBERS]) + ", …" * (len(numbers) > _MAX_NUMBERS)
         low, high = volume.stated(volume.range)
         raise VolumeError(
             f"{named}: none of its numbers ({listed or 0}) is a value of {path.name} "
@@ -509,7 +509,7 @@ def _folder_format(folder: Path) -> formats.Format:
     endings = dict.fromkeys(each.suffix.lower() or each.name for each in sorted(folder.iterdir()))
     if not endings:
         raise VolumeError(f"{folder}: is an empty folder; check the path", code="not-found")
-    holds = ", ".join([*endings][:_MOST_NUMBERS]) + ", …" * (len(endings) > _MOST_NUMBERS)
+    holds = ", ".join([*endings][:_MAX_NUMBERS]) + ", …" * (len(endings) > _MAX_NUMBERS)
     raise VolumeError(
         f"{folder}: holds {holds}, but no slices (DICOM, TIFF, PNG, BMP, JPEG); give the folder "
         f"that holds them, or a file ({_KNOWN})",

@@ -47,9 +47,9 @@ _START_S = 60.0
 # A child ends after this time without a request.
 _IDLE_S = 20.0
 # Greatest compression ratio that extends the timeout; higher ones unpack fast or are hostile.
-_MOST_PACKED = 20
+_MAX_PACKED = 20
 # Most files of a folder that are counted for the timeout.
-_MOST_COUNTED = 5000
+_MAX_COUNTED = 5000
 # Address space in addition to the libraries': for reading, and per byte of declared voxels (the
 # library's copy, one conversion, and the shared memory).
 _SPARE_BYTES, _TIMES_DECLARED = 200 << 20, 3
@@ -291,7 +291,7 @@ def serve(read: Callable[[Query], Reading], reader_library: Callable[[Query], st
 
             def expect(nbytes: int, size: int = size, folder: int = folder) -> None:
                 _limit_memory(_SPARE_BYTES + size + _TIMES_DECLARED * nbytes)
-                send(expects=folder + min(nbytes, _MOST_PACKED * folder), declares=nbytes)
+                send(expects=folder + min(nbytes, _MAX_PACKED * folder), declares=nbytes)
 
             limit = given["memory_bytes"]
             query = Query(path, given["options"], expect, given["choices"], memory_bytes=limit)
@@ -367,7 +367,7 @@ def _answer(query: Query, read: Callable[[Query], Reading]) -> tuple[dict[str, A
 def _folder_bytes(path: Path) -> int:
     """Return the bytes that a reader may have to search: each slice has its own file."""
     try:
-        files = islice(path.rglob("*") if path.is_dir() else path.parent.iterdir(), _MOST_COUNTED)
+        files = islice(path.rglob("*") if path.is_dir() else path.parent.iterdir(), _MAX_COUNTED)
         return sum(file.stat().st_size for file in files if file.is_file())
     except OSError:  # reported when it is read
         return 0

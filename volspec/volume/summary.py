@@ -22,7 +22,7 @@ _SHORT_MM = 0.1
 # Letters of the negative and positive axes in ITK's LPS frame.
 _LETTERS = ("RL", "AP", "IS")
 # Most labels that the table lists.
-_MOST_LISTED = 12
+_MAX_LISTED = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +96,8 @@ class VolumeSummary:
         """Return the number of labels, and the names of the first, or all numbers if few."""
         named = [f"{number} {name}" for number, name in self.labels.items() if name]
         listed = named or [str(number) for number in self.labels]
-        more = ", …" if len(listed) > _MOST_LISTED else ""
-        return f"{len(self.labels)}: {', '.join(listed[:_MOST_LISTED])}{more}"
+        more = ", …" if len(listed) > _MAX_LISTED else ""
+        return f"{len(self.labels)}: {', '.join(listed[:_MAX_LISTED])}{more}"
 
 
 def value_format(low: float, high: float, digits: int = 5) -> str:

@@ -61,7 +61,7 @@ _MARGINS = (1.5, 3.0)
 # Iterations; designs with a free light need more.
 _ITERATIONS, _ITERATIONS_NEW_LIGHT = 6, 12
 # Bounds of a free light: the band that the eye sees well, and multiples of equal-energy power.
-_BAND_nm, _MOST_POWER = (420.0, 680.0), 8.0
+_BAND_nm, _MAX_POWER = (420.0, 680.0), 8.0
 # Periods of the waves that its design starts from.
 _WAVES_NM = (60.0, 45.0, 110.0)
 # ΔE below which no other start is tried.
@@ -372,7 +372,7 @@ class TargetLight:
         palette.require_new_light(name)
         mixture = tuple(find_light(lamp, palette.grid) for lamp in lamps)
         # The eye hardly sees the ends of the spectrum, so power there would grow without limit.
-        band, most = (None, None) if mixture else (_BAND_nm, _MOST_POWER)
+        band, most = (None, None) if mixture else (_BAND_nm, _MAX_POWER)
         member = PaletteSpectrum(name, free=True, upper=most, band_nm=band, mixture=mixture)
         resembled = palette.light(like, "like")
         return cls((name,), tuple(palette.light_columns(resembled)), NewLight(member, resembled))

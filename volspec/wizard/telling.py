@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 DAYLIGHT = "D65"
 # Peaks of the blue, the green and the red LED.
 _PEAKS_NM = (range(430, 491, 20), range(490, 571, 20), range(570, 671, 20))
-_LEAST_APART_NM, _LEAST_SHARE = 30, 0.005
+_MIN_APART_NM, _MIN_SHARE = 30, 0.005
 # A lamp that one can name is preferred to LEDs that show this much more.
 _PREFERRED = 1.1
 
@@ -119,10 +119,10 @@ def _mixtures(grid: SpectralGrid) -> Iterator[str]:
     white = Q @ light(DAYLIGHT, grid).values
     leds = {nm: light(f"led:{nm}", grid).values for peaks in _PEAKS_NM for nm in peaks}
     for peaks in product(*_PEAKS_NM):
-        if min(high - low for low, high in pairwise(peaks)) < _LEAST_APART_NM:
+        if min(high - low for low, high in pairwise(peaks)) < _MIN_APART_NM:
             continue
         # All have the same Y, so amounts are shares of illuminance.
         amounts = np.linalg.solve(Q @ np.stack([leds[nm] for nm in peaks], axis=1), white)
         shares = amounts / amounts.sum()
-        if shares.min() >= _LEAST_SHARE:
+        if shares.min() >= _MIN_SHARE:
             yield "+".join(f"led:{nm}*{share:.3g}" for nm, share in zip(peaks, shares, strict=True))

@@ -65,11 +65,11 @@ SHARP_FROM_XYZ = np.array(
     [[1.2694, -0.0988, -0.1706], [-0.8364, 1.8006, 0.0357], [0.0297, -0.0315, 1.0018]]
 )
 # Bounds on responses to a white over its luminance. Real lights reach 164 (violet of 380 nm).
-_LEAST, _MOST = 1e-6, 1e6
+_MIN, _MAX = 1e-6, 1e6
 # cd/m²: bounds on the models' input. Fairchild's C is singular outside of 1e-10 to 1e9;
 # starlight on paper is 1e-4, and the sun's disc 1e9.
 LUMINANCES = (1e-4, 1e6)
-_LEAST_N = 1e-4
+_MIN_N = 1e-4
 _FAIRCHILD_EXPONENT = 1.0 / 3.0
 
 
@@ -85,7 +85,7 @@ def inverse(matrix: Array) -> Array:
 
 def clamp_magnitude(values: Array) -> Array:
     """Clamp magnitudes to 1e-6…1e6; signs stay."""
-    return np.asarray(np.copysign(np.clip(np.abs(values), _LEAST, _MOST), values))
+    return np.asarray(np.copysign(np.clip(np.abs(values), _MIN, _MAX), values))
 
 
 def relative_white(matrix: Array, conditions: ViewingConditions) -> Array:
@@ -95,7 +95,7 @@ def relative_white(matrix: Array, conditions: ViewingConditions) -> Array:
 
 def cones_of_white(conditions: ViewingConditions) -> Array:
     """Return (3,) cone responses to the white over its Y, clamped above 0; all 1 for D65."""
-    return np.maximum(relative_white(k.D65_CONES_FROM_XYZ, conditions), _LEAST)
+    return np.maximum(relative_white(k.D65_CONES_FROM_XYZ, conditions), _MIN)
 
 
 def white_luminance(conditions: ViewingConditions) -> float:
@@ -103,7 +103,7 @@ def white_luminance(conditions: ViewingConditions) -> float:
 
     A background darker than 1e-4 of the white counts as 1e-4, as in CIECAM02.
     """
-    Y_n = conditions.L_A / max(conditions.Y_b / conditions.white_XYZ[1], _LEAST_N)
+    Y_n = conditions.L_A / max(conditions.Y_b / conditions.white_XYZ[1], _MIN_N)
     return float(np.clip(Y_n, *LUMINANCES))
 
 

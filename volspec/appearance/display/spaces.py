@@ -39,7 +39,7 @@ XY = tuple[float, float]
 # Jumps up to this count as rounding of a profile's fixed-point numbers: a quarter of an 8-bit step.
 _ROUNDING = 1e-3
 # Smallest area of a primaries' triangle (sRGB's has 0.112).
-_LEAST_AREA = 1e-6
+_MIN_AREA = 1e-6
 
 
 @settings(ViewingError)
@@ -197,7 +197,7 @@ class ColourSpace:
         red, green, blue = primaries = np.array(self.primaries_xy)
         if not self.white_xy[1] > 0.0:
             raise ViewingError.refused("white_xy", self.white_xy, "give y above 0", "range")
-        if abs(np.linalg.det([green - red, blue - red])) < 2.0 * _LEAST_AREA:
+        if abs(np.linalg.det([green - red, blue - red])) < 2.0 * _MIN_AREA:
             raise ViewingError(
                 "the primaries lie on a line",
                 "give a triangle",

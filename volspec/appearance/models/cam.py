@@ -51,16 +51,16 @@ _RESPONSES = {
     HELLWIG_2022: (k.CAT16_FROM_XYZ, np.eye(3)),
 }
 # Below these the results equal their limits in float32; above is brighter than the sun's disc.
-_LEAST_L_A, _LEAST_N = 1e-6, 1e-4
-_MOST_L_A = 1e9
+_MIN_L_A, _MIN_N = 1e-6, 1e-4
+_MAX_L_A = 1e9
 # The inverse is defined as far as `forward`, with a little slack for rounding.
-_LEAST_UNDER = k.CHROMA_FLOOR * (1.0 - 1e-9)
-MOST_RESPONSE = k.RESPONSE_LIMIT * (1.0 + 1e-12)
+_MIN_UNDER = k.CHROMA_FLOOR * (1.0 - 1e-9)
+MAX_RESPONSE = k.RESPONSE_LIMIT * (1.0 + 1e-12)
 
 
 def level_factor(L_A: ArrayLike) -> Array:
     """Return (...) F_L of an adapting luminance, cd/m² (eq. 18-19)."""
-    five_L_A = 5.0 * np.clip(L_A, _LEAST_L_A, _MOST_L_A)
+    five_L_A = 5.0 * np.clip(L_A, _MIN_L_A, _MAX_L_A)
     k4 = (five_L_A + 1.0) ** -4
     return np.asarray(0.1 * (2.0 * k4 * five_L_A + (1.0 - k4) ** 2 * np.cbrt(five_L_A)))
 
@@ -72,7 +72,7 @@ def degree_of_adaptation(F: ArrayLike, L_A: ArrayLike) -> Array:
 
 def background_ratio(Y_b: ArrayLike, Y_w: float) -> Array:
     """Return (...) n = Y_b / Y_w (eq. 20)."""
-    return np.maximum(np.asarray(Y_b) / Y_w, _LEAST_N)
+    return np.maximum(np.asarray(Y_b) / Y_w, _MIN_N)
 
 
 def background_induction(n: ArrayLike) -> Array:
@@ -393,7 +393,7 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: CamConditions)
     chroma = t * p2 / np.maximum(under, k.CHROMA_FLOOR * p1)
     opponent = np.stack([achromatic, chroma * cos_h, chroma * sin_h], axis=-1)
     compressed = opponent @ k.RESPONSE_FROM_OPPONENT.T
-    known = (under > _LEAST_UNDER * p1) & np.all(np.abs(compressed) <= MOST_RESPONSE, axis=-1)
+    known = (under > _MIN_UNDER * p1) & np.all(np.abs(compressed) <= MAX_RESPONSE, axis=-1)
     XYZ_from_response = np.linalg.inv(conditions.response_from_XYZ())
     scale = k.RESPONSE_HALF ** (1.0 / k.RESPONSE_POWER)
     XYZ = np.where(known[..., None], expand(compressed) @ XYZ_from_response.T * scale, np.nan)

@@ -24,7 +24,7 @@ from volspec.appearance.hue import quadrature
 from volspec.appearance.models.base import ROUNDING, Appearance, Array, broadcast, only_defined
 from volspec.appearance.models.cam import (
     HELLWIG_2022,
-    MOST_RESPONSE,
+    MAX_RESPONSE,
     CamConditions,
     CamTransform,
     compress,
@@ -101,7 +101,7 @@ def continued(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingCondi
     compressed = opponent @ k.RESPONSE_FROM_OPPONENT.T
     scale = k.RESPONSE_HALF ** (1.0 / k.RESPONSE_POWER)
     XYZ = expand(compressed) @ np.linalg.inv(eye.response_from_XYZ()).T * scale
-    known = (J >= 0.0) & np.all(np.abs(compressed) <= MOST_RESPONSE, axis=-1)
+    known = (J >= 0.0) & np.all(np.abs(compressed) <= MAX_RESPONSE, axis=-1)
     return np.where(known[..., None], XYZ, np.nan)
 
 

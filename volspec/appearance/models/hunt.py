@@ -53,7 +53,7 @@ NAME = "Hunt"
 POLE, HALF, POWER = 40.0, 2.0, 0.73
 # A_c of the cones' noise, 1 in each of the three, and the rods' noise.
 NOISE_SUM, ROD_NOISE = 3.05, 0.3
-_LEAST_L_A, _LEAST_N = 1e-6, 1e-4
+_MIN_L_A, _MIN_N = 1e-6, 1e-4
 
 
 def compress(I: Array) -> Array:  # noqa: E741  (the paper's letter)
@@ -139,8 +139,8 @@ class HuntConditions:
     def of(cls, conditions: ViewingConditions, settings: HuntSettings) -> HuntConditions:
         """Compute the scalars, with L_A and Y_b clamped to at least 1e-6 cd/m² and 1e-4 Y_w."""
         white = cones_of_white("Hunt", conditions)
-        L_A = max(conditions.L_A, _LEAST_L_A)
-        n = max(conditions.Y_b / conditions.white_XYZ[1], _LEAST_N)
+        L_A = max(conditions.L_A, _MIN_L_A)
+        n = max(conditions.Y_b / conditions.white_XYZ[1], _MIN_N)
         k4 = (5.0 * L_A + 1.0) ** -4
         F_L = float(k4 * L_A + 0.1 * (1.0 - k4) ** 2 * np.cbrt(5.0 * L_A))
         F = cone_adaptation(white, L_A, degree_of_discounting(conditions))
@@ -230,7 +230,7 @@ NORMAL = HuntSettings()
 _HUES_DEG = np.array([0.0, *HUNT_HUES.degrees])
 _ECCENTRICITY = np.array([HUNT_HUES.eccentricity[-1], *HUNT_HUES.eccentricity])
 # ρ_a + γ_a + β_a of black is 3; for imaginary colours it may be 0 or less.
-_LEAST_SUM = 0.03
+_MIN_SUM = 0.03
 
 
 def _chromatic(h: Array, eye: HuntConditions) -> Array:
@@ -308,7 +308,7 @@ def forward(
     A_w, Q_w = _white(eye)
     rod_response = XYZ[..., 1] / eye.Y_w if S is None else _scotopic(S, XYZ[..., 1])
     adapted, h, M, A = _signals(XYZ, rod_response, eye)
-    s = 50.0 * M / np.maximum(adapted.sum(axis=-1), _LEAST_SUM)
+    s = 50.0 * M / np.maximum(adapted.sum(axis=-1), _MIN_SUM)
     Q = _brightness(A + M / 100.0, A_w, eye)
     C = 2.44 * s**0.69 * np.abs(Q / Q_w) ** eye.n * (1.64 - 0.29**eye.n)
     cones = XYZ @ k.HPE_FROM_XYZ.T

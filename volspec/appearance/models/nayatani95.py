@@ -47,7 +47,7 @@ _STRENGTH = 0.9394
 _SINES = np.array([-0.2478, -0.0743, 0.0666, -0.0186])
 _COSINES = np.array([-0.0055, -0.0521, -0.0573, -0.0061])
 # The logarithm's argument is clamped to at least this fraction of the noise.
-_LEAST = 1e-3
+_MIN = 1e-3
 
 
 @checked(ViewingError)
@@ -110,7 +110,7 @@ def forward(
     """
     eye = _Scalars(conditions, settings)
     noisy = triples("Nayatani95.XYZ", XYZ) @ k.D65_CONES_FROM_XYZ.T + eye.n
-    least = _LEAST * eye.n
+    least = _MIN * eye.n
     x = eye.beta * np.log10(np.maximum(noisy, least) / eye.background)
     x_R, x_G, x_B = np.moveaxis(x, -1, 0)
     achromatic = eye.achromatic(x_R, x_G)

@@ -59,7 +59,7 @@ _IAB_FROM_CONES = k.frozen(
 )
 _CHROMA_POWER = 0.37
 # Least L_A, cd/m², and background over white: below these, numbers are their limits.
-_LEAST_L_A, _LEAST_N = 1e-6, 1e-4
+_MIN_L_A, _MIN_N = 1e-6, 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +84,7 @@ class ZcamConditions:
     ) -> ZcamConditions:
         """Compute the scalars; white (3,), L_A and the background's Y_b are luminances, cd/m²."""
         white = np.asarray(white_XYZ, dtype=np.float64)
-        L_A = max(float(L_A), _LEAST_L_A)
+        L_A = max(float(L_A), _MIN_L_A)
         if D is None:
             D = float(degree_of_adaptation(surround.F, L_A))
         to_D65 = _gains(white, D) / _gains(SPACES["sRGB"].white_XYZ, D)
@@ -101,7 +101,7 @@ class ZcamConditions:
         return cls(
             adapted_from_XYZ=np.asarray(adapted),
             F_s=surround.c,
-            F_b=float(np.sqrt(max(Y_b / white[1], _LEAST_N))),
+            F_b=float(np.sqrt(max(Y_b / white[1], _MIN_N))),
             F_L=float(0.171 * np.cbrt(L_A) * (1.0 - np.exp(-48.0 / 9.0 * L_A))),
             Y_w=float(white[1]),
             I_w=I_w,

@@ -20,8 +20,8 @@ from threadpoolctl import threadpool_limits
 
 from volspec.basis.base import ROUND_TRIP_TOLERANCE, round_trip_loss
 from volspec.basis.fit.linear import pca, reduced_rank, sharpened_pca
-from volspec.basis.fit.sensors import MOST_ALIKE, fit_sensors
-from volspec.basis.fit.training import LEAST_SIZE, Training, smaller_size
+from volspec.basis.fit.sensors import MAX_ALIKE, fit_sensors
+from volspec.basis.fit.training import MIN_SIZE, Training, smaller_size
 from volspec.errors import BasisError, nearest
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ _RESTARTS = ((_FEW_PAIRS, 4), (2000, 2))
 _PRIOR = 1e-5
 _PRIOR_WIDTH_NM = 40.0
 # A penalty as large as the colour errors themselves leaves only straight lines.
-_MOST_SMOOTHNESS = 1.0
+_MAX_SMOOTHNESS = 1.0
 _USUAL_SIZES = (5, 9)
 # Sensors with a larger condition number are refused.
 _REFUSED_ALIKE = 100.0
@@ -118,17 +118,17 @@ def _check_method(method: Any) -> None:
 
 def _check_size(size: Any, training: Training) -> None:
     most = training.grid.size
-    if most < LEAST_SIZE:
+    if most < MIN_SIZE:
         raise BasisError(
-            f"a grid of {most} bands is too coarse for a basis, which has {LEAST_SIZE} channels "
+            f"a grid of {most} bands is too coarse for a basis, which has {MIN_SIZE} channels "
             "or more; use a finer step_nm",
             code="shape",
         )
-    if not _is_whole(size) or not LEAST_SIZE <= size <= most:
+    if not _is_whole(size) or not MIN_SIZE <= size <= most:
         low, high = _USUAL_SIZES
         usual = f"; {low} to {high} is usual" if most > high else ""
         raise BasisError(
-            f"basis size {size!r:.40} is not a whole number from {LEAST_SIZE} to {most}, the "
+            f"basis size {size!r:.40} is not a whole number from {MIN_SIZE} to {most}, the "
             f"grid's bands{usual}",
             code="range",
         )
@@ -139,7 +139,7 @@ def _check_determined(A: Array, B: Array, training: Training, *, alike: float) -
     strength = np.linalg.svd(A, compute_uv=False)
     if strength[0] <= alike * strength[-1] and round_trip_loss(A, B) <= ROUND_TRIP_TOLERANCE:
         return
-    most = min(int((strength > strength[0] / MOST_ALIKE).sum()), len(A) - 1)
+    most = min(int((strength > strength[0] / MAX_ALIKE).sum()), len(A) - 1)
     raise BasisError(
         f"basis size {len(A)}: {training.label} do not determine this many channels, which became "
         f"mixtures of each other; {smaller_size(most)}",
@@ -170,9 +170,9 @@ def _smoothness(value: Any, training: Training) -> float:
     if value is None:
         return _SCENE_SMOOTHNESS if training.pairs <= _FEW_PAIRS else DEFAULT_SMOOTHNESS
     number = _is_whole(value) or isinstance(value, float | np.floating)
-    if not number or not 0 <= value <= _MOST_SMOOTHNESS:
+    if not number or not 0 <= value <= _MAX_SMOOTHNESS:
         raise BasisError(
-            f"smoothness {value!r:.40} is not a number from 0 to {_MOST_SMOOTHNESS:g}; "
+            f"smoothness {value!r:.40} is not a number from 0 to {_MAX_SMOOTHNESS:g}; "
             f"{DEFAULT_SMOOTHNESS:g} is usual",
             code="range",
         )

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 # Penalties in colour differences: of a white off by 100 %, and of a D entry of 100 (all of Y).
 _WHITE_WEIGHT = 20.0
 _DISPLAY_WEIGHT = 0.0012
-_LEAST_WHITE = 0.1
+_MIN_WHITE = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +87,7 @@ def evaluate(problem: Problem, state: State) -> Value:
     predicted = e @ state.D.T
     # A light's predicted white may be far too small, or negative; a floor bounds the errors
     # while the penalty on whites corrects it.
-    white = np.maximum(predicted, _LEAST_WHITE * problem.white)
+    white = np.maximum(predicted, _MIN_WHITE * problem.white)
     display = state.D * e[:, None] / white[..., None]  # (J, 3, m)
     ratio = np.matmul(s, display.swapaxes(1, 2))
     residual = _apply(problem.metric, ratio - problem.target)

@@ -39,10 +39,10 @@ _TOLERANCE = 1e-5
 _GOOD_ENOUGH = 0.02**2
 # Lighter than for free sensors: not every space contains every light's white.
 _CHANNEL_WHITE_WEIGHT = 8.0
-MOST_ALIKE = 30.0
+MAX_ALIKE = 30.0
 """Largest condition number of sensors; above it, they are mixtures of each other."""
 _KNOT_NM = 10.0
-_MOST_FREE_BANDS = 64
+_MAX_FREE_BANDS = 64
 
 
 def fit_sensors(
@@ -98,7 +98,7 @@ def _best_descent(problem: Problem, starts: Iterable[Array], positive: bool) -> 
     for heights in starts:
         state = _descend(problem, heights, positive)
         value = evaluate(problem, state)
-        alike = bool(np.linalg.cond(state.heights) > MOST_ALIKE)
+        alike = bool(np.linalg.cond(state.heights) > MAX_ALIKE)
         found.append(((alike, value.cost), state))
         if value.colour_error < _GOOD_ENOUGH and not alike:
             break
@@ -142,7 +142,7 @@ def _knots(grid: SpectralGrid) -> tuple[Array, Array]:
     One knot per band; on fine grids, hat functions every 10 nm keep the fit small.
     """
     w = grid.wavelengths_nm
-    if grid.size <= _MOST_FREE_BANDS:
+    if grid.size <= _MAX_FREE_BANDS:
         return w, np.eye(grid.size)
     count = max(round((w[-1] - w[0]) / _KNOT_NM) + 1, 3)
     at_nm = np.linspace(w[0], w[-1], count)

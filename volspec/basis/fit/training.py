@@ -33,7 +33,7 @@ _WHITE_SHARE = 0.08
 _RANK = 1e-7
 # Reflectances below this value are black.
 _BLACK = 1e-6
-LEAST_SIZE = 3
+MIN_SIZE = 3
 """Least number of channels: a colour has three."""
 
 
@@ -133,9 +133,9 @@ def check_rank(strength: Array, size: int, what: str) -> None:
 
 def smaller_size(most: int) -> str:
     """Return the error's remedy when the spectra determine at most ``most`` channels."""
-    if most < LEAST_SIZE:
-        return f"{LEAST_SIZE} is the least size: give more spectra"
-    less = "" if most == LEAST_SIZE else " or less"
+    if most < MIN_SIZE:
+        return f"{MIN_SIZE} is the least size: give more spectra"
+    less = "" if most == MIN_SIZE else " or less"
     return f"use a size of {most}{less}, or more spectra"
 
 

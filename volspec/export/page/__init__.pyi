@@ -1,7 +1,7 @@
 # What other packages use of this one; lazy_loader and type checkers read it.
 from . import payload as payload
 from .build import (
-    MOST_VIEWS as MOST_VIEWS,
+    MAX_VIEWS as MAX_VIEWS,
     PageSpec as PageSpec,
     PageView as PageView,
     ServedCamera as ServedCamera,

@@ -43,13 +43,13 @@ from volspec.settings import settings
 from volspec.volume import Series, Volume
 
 BITS = (8, 12)
-MOST_VIEWS = 360
+MAX_VIEWS = 360
 # Of textures; phones give a page hardly more.
-_MOST_LAYER_BYTES = 256e6
+_MAX_LAYER_BYTES = 256e6
 # Of a pixel; measured from 0.8 to 2.
 _BYTES_PER_LAYER = 1.3
 # Browsers' strings end a little above.
-_MOST_PAGE_BYTES = 500e6
+_MAX_PAGE_BYTES = 500e6
 _WEB = Path(__file__).parent / "web"
 # Joined in this order: each uses the scripts before it. illumination, conditions, view_transform
 # are the third copy of light matrices and CIECAM, after NumPy and GLSL: pages work offline for any
@@ -172,10 +172,10 @@ def write_page(
     """
     require_suffix(path, "pages", ".html", ".htm")
     data = page_html(views, lights, relight_spec, spec).encode("utf-8")
-    if len(data) > _MOST_PAGE_BYTES:
+    if len(data) > _MAX_PAGE_BYTES:
         raise ImageError(
             f"{path}: {len(data) / 1e6:.0f} MB is more than browsers open, "
-            f"{_MOST_PAGE_BYTES / 1e6:.0f} MB",
+            f"{_MAX_PAGE_BYTES / 1e6:.0f} MB",
             "give fewer or smaller views, or 8 bits",
             code="size",
             field="page",
@@ -314,13 +314,11 @@ def scene_views(
         If there are more than 360 pictures.
     """
     steps = len(series) if series else 1
-    if count * steps > MOST_VIEWS:
+    if count * steps > MAX_VIEWS:
         raise ImageError(
             f"{count} views of {steps} time steps are {count * steps} pictures; a page holds up to "
-            f"{MOST_VIEWS}",
-            f"give at most {MOST_VIEWS // steps} views"
-            if steps <= MOST_VIEWS
-            else "leave out steps",
+            f"{MAX_VIEWS}",
+            f"give at most {MAX_VIEWS // steps} views" if steps <= MAX_VIEWS else "leave out steps",
             code="size",
         )
     if series and not caster:
@@ -402,11 +400,11 @@ def _packed_layers(image: CoefficientImage, layers: OpacityLayers) -> PackedLaye
     """Pack an image's layers of opacity; refuse more than browsers hold."""
     width, height = image.size
     held = layer_bytes(layers)
-    if held > _MOST_LAYER_BYTES:
+    if held > _MAX_LAYER_BYTES:
         raise ImageError(
             f"{layers.count} layers of opacity of {width}x{height} take "
             f"{held / 1e6:.0f} MB of a browser's memory, which is more than "
-            f"{_MOST_LAYER_BYTES / 1e6:.0f} MB",
+            f"{_MAX_LAYER_BYTES / 1e6:.0f} MB",
             "cast it smaller, or with fewer layers or none",
             code="size",
             field="page.layers",

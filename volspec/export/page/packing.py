@@ -22,7 +22,7 @@ Codes = NDArray[np.integer[Any]]
 # (docs/layers.md). Depths have all 255.
 _SHADE_CODES, _GLOSS_CODES = 127, 48
 # Optical depth that hides what is behind it also at the least scale but 0 of a page, 1/8.
-_MOST_TAU = 32.0
+_MAX_TAU = 32.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +158,7 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
         clamp_finite(np.asarray(each, np.float32)) for each in given
     )
     total = tau.sum(axis=-1, keepdims=True)
-    tau *= _MOST_TAU / np.maximum(total, _MOST_TAU)
+    tau *= _MAX_TAU / np.maximum(total, _MAX_TAU)
     tau_codes, most_tau = _coded(tau, 255, 3)
     shown: NDArray[np.bool_] = tau_codes > 0
     fading = shown[:, :, : layers.count - layers.solid]
@@ -173,7 +173,7 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
             planes.append(_filled(shade_codes[..., g, k], shown[..., k]))
     planes += [_filled(gloss_codes[..., g], used) for g in range(layers.groups)]
     # A light reaches far; what is darker than by this depth is black also at the least scale.
-    paths = [np.minimum(each[..., 3:], _MOST_TAU) for each in casts]
+    paths = [np.minimum(each[..., 3:], _MAX_TAU) for each in casts]
     path = max((float(each.max(initial=0)) for each in paths), default=1.0) or 1.0
     bend = max((float(each[..., 2].max(initial=0)) for each in casts), default=1.0) or 1.0
     for cast, depths in zip(casts, paths, strict=True):

@@ -102,7 +102,7 @@ KINDS = {Ambient: 0, Headlight: 1, Directional: 2, Point: 3}
 # Log of an opaque step's transmittance; finite, so that a step of no length is transparent.
 LOG_OPAQUE = -1e30
 # Error of opacities of a step between entries up to which these are taken as linear.
-MOST_BENT = 1e-5
+MAX_BENT = 1e-5
 # Iterations of false position that place an isosurface within its cell.
 ITERATIONS = 6
 # Transmittance of a step below which extinctions mix as if it were this.
@@ -377,7 +377,7 @@ def needs_powers(table: TransferTable) -> bool:
     starts, ends = table.opacity[:-1], table.left_limits.opacity[1:]
     opacity = np.stack([starts, ends, 0.5 * (starts + ends)])
     start, end, middle = np.sqrt(1 - opacity)
-    return bool(np.abs(middle - 0.5 * (start + end)).max() > MOST_BENT)
+    return bool(np.abs(middle - 0.5 * (start + end)).max() > MAX_BENT)
 
 
 def with_rises(entries: NDArray[np.float64], limits: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from volspec.basis import Basis, MaterialBasis
 from volspec.errors import OpenCLError, RaycastError
-from volspec.image import LEAST_TAU, MAX_MATERIALS, MOST_LAYER_TAU, Slot, ratio, sample_tau
+from volspec.image import MAX_LAYER_TAU, MAX_MATERIALS, MIN_TAU, Slot, ratio, sample_tau
 from volspec.raycast.lights import Ambient, Headlight
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import FieldTables, SurfaceTable, Tables
@@ -169,11 +169,11 @@ class LayerStream:
         tau, total = self._tau[:, :L], self._tau[:, :L].sum(axis=2)
         with np.errstate(divide="ignore", invalid="ignore"):
             own = -np.expm1(-tau)[:, :, None, :]
-            shade = np.where(tau[:, :, None, :] > LEAST_TAU, self._shade[:, :L] / own, 0.0)
+            shade = np.where(tau[:, :, None, :] > MIN_TAU, self._shade[:, :L] / own, 0.0)
             seen = -np.expm1(-total)
-            gloss = np.where(total[..., None] > LEAST_TAU, self._gloss[:, :L] / seen[..., None], 0)
+            gloss = np.where(total[..., None] > MIN_TAU, self._gloss[:, :L] / seen[..., None], 0)
             depth = np.where(total > 0, self._depth[:, :L] / seen, np.inf)
-        tau = np.minimum(tau, MOST_LAYER_TAU)
+        tau = np.minimum(tau, MAX_LAYER_TAU)
         sums = self._shadow[:, :L]
         every, may, bright = sums[..., 0], sums[..., 1], sums[..., 2]
         all_bright = self._gloss[:, :L, [group for group, _ in self._slots]]

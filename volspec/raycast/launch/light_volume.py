@@ -56,7 +56,7 @@ SHADOW_BIAS, OCCLUSION_BIAS = 1.0, 0.5
 # The same where light is physical: a voxel, and the half by which extinction that is interpolated
 # between voxels reaches farther than that of interpolated values.
 PHYSICAL_BIAS = 1.5
-MOST_CELLS = 512
+MAX_CELLS = 512
 DIRECTIONS = 24
 # In cells or larger voxels: distance in front of surfaces, along the normal, at which light is
 # read; nodes within and behind them are dark. Without a gradient (in homogeneous media) the
@@ -89,7 +89,7 @@ class LightGrid:
             return cls.of(volume, spec.light_cells)
         sides = (np.array(volume.shape_xyz) - 1) * np.array(volume.spacing_mm)
         cells = round(float(sides.max()) / min(volume.spacing_mm)) + 1
-        return replace(cls.of(volume, min(max(cells, MIN_CELLS), MOST_CELLS)), physical=True)
+        return replace(cls.of(volume, min(max(cells, MIN_CELLS), MAX_CELLS)), physical=True)
 
     @classmethod
     def of(cls, volume: Volume, cells: int) -> LightGrid:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from volspec._gpu import C_TYPES, Compute, assemble, prelude
-from volspec.image import LEAST_TAU, MOST_LAYER_TAU, MOST_TAU, Slot
+from volspec.image import MAX_LAYER_TAU, MAX_TAU, MIN_TAU, Slot
 from volspec.raycast.launch import kernel_arguments
 from volspec.raycast.launch.bricks import BRICK, STRIDES
 from volspec.raycast.launch.layer_stream import LIGHT_MASS, LIT_COST, MADE_COST, least_mass
@@ -95,10 +95,10 @@ def cast_kernel(
     if layers:
         constants |= {
             "LAYER_SLOTS": 2 * layers,
-            "LEAST_MASS": least_mass(int(program.constants["WEIGHTS"]), layers),
-            "MOST_TAU": MOST_TAU,
-            "MOST_LAYER_TAU": MOST_LAYER_TAU,
-            "LEAST_TAU": LEAST_TAU,
+            "MIN_MASS": least_mass(int(program.constants["WEIGHTS"]), layers),
+            "MAX_TAU": MAX_TAU,
+            "MAX_LAYER_TAU": MAX_LAYER_TAU,
+            "MIN_TAU": MIN_TAU,
             "SLOT_COUNT": len(slots),
             "SPLIT": split,
             "BLOCKED": int(blocked),

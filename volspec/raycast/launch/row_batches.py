@@ -26,7 +26,7 @@ Cancel = Callable[[], bool]
 # Takes a band's coefficients and alpha on the device, and its lines; returns the event.
 Pack = Callable[[Any, Any, slice], Any]
 
-_LARGEST_HALF = float(np.finfo(np.float16).max)
+_MAX_HALF = float(np.finfo(np.float16).max)
 
 
 class Receiver(Protocol):
@@ -120,7 +120,7 @@ class RowBatches:
             self._compute.queue.finish()  # batches in progress write into the result
         if self._clipped:
             warnings.warn(
-                f"raycast: channels beyond {_LARGEST_HALF:g} overflow half-float and were clipped; "
+                f"raycast: channels beyond {_MAX_HALF:g} overflow half-float and were clipped; "
                 "lower the lights' intensity, or give half=False",
                 VolspecWarning,
                 stacklevel=4,
@@ -157,8 +157,8 @@ class RowBatches:
         for (buffer, into), array in zip(band.outputs, self._arrays, strict=True):
             self._compute.download(buffer, into, band.done)
             if array.dtype != np.float32:
-                self._clipped |= bool(into.max(initial=0.0) > _LARGEST_HALF)
-                np.clip(into, -_LARGEST_HALF, _LARGEST_HALF, out=into)
+                self._clipped |= bool(into.max(initial=0.0) > _MAX_HALF)
+                np.clip(into, -_MAX_HALF, _MAX_HALF, out=into)
                 array[band.lines] = into
 
 

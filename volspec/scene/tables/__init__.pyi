@@ -4,7 +4,7 @@ from .annotation import (
     Annotation as Annotation,
     DISTANCE as DISTANCE,
     LABEL as LABEL,
-    MOST_LETTERS as MOST_LETTERS,
+    MAX_LETTERS as MAX_LETTERS,
     PlacedAnnotation as PlacedAnnotation,
     place_annotation as place_annotation,
 )

@@ -21,7 +21,7 @@ from volspec.settings import Unit, Vector, settings
 
 # Numbers of points: of a label, of a distance, of an angle at the second point.
 LABEL, DISTANCE, ANGLE = 1, 2, 3
-MOST_LETTERS = 80
+MAX_LETTERS = 80
 
 
 @settings(SceneError)
@@ -35,7 +35,7 @@ class Annotation:
         Field(strict=False, min_length=LABEL, max_length=ANGLE, examples=[[[0, 0, 0], [9, 0, 0]]]),
     ]
     """One to three points of the world."""
-    text: Annotated[str, Field(max_length=MOST_LETTERS, examples=["valve"])] = ""
+    text: Annotated[str, Field(max_length=MAX_LETTERS, examples=["valve"])] = ""
     """A label's text; before the number of a distance or an angle."""
 
     def __post_init__(self) -> None:

@@ -157,7 +157,7 @@ ROUTES = ("tetrahedron", "delaunay", "extended", "smoothest", "nearest", "recove
 from a mixture on the hull of the base colours; the smoothest; one with the nearest possible colour;
 or recovered with colour-science, where the colour may be off."""
 
-_LEAST_SHARE = 1e-9
+_MIN_SHARE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -212,6 +212,6 @@ class MadeReflectances:
         parts = [
             (self.base.names[row], float(share))
             for row, share in zip(rows.tolist(), shares, strict=True)
-            if share > _LEAST_SHARE
+            if share > _MIN_SHARE
         ]
         return dict(sorted(parts, key=lambda part: -part[1]))

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 _HEX = re.compile(r"#(?:[0-9a-f]{3}|[0-9a-f]{6})")
 # Numbers brighter than this, relative to white, are on another scale, such as 0-255.
-_MOST_OF_WHITE = 2.0
+_MAX_OF_WHITE = 2.0
 
 
 def colour_XYZ(colour: str | ArrayLike, white_XYZ: ArrayLike) -> Array:
@@ -59,7 +59,7 @@ def checked_XYZ(XYZ: ArrayLike, white_XYZ: Array) -> Array:
             f"colours have shape {array.shape}; expected (..., 3), X Y Z", code="shape"
         )
     rows = array.reshape(-1, 3)
-    bright = rows > _MOST_OF_WHITE * white_XYZ
+    bright = rows > _MAX_OF_WHITE * white_XYZ
     for wrong, fault in (
         (~np.isfinite(rows), "is not finite; give finite numbers"),
         (rows < 0, "is negative, impossible for a surface; clip it, or reduce its chroma first"),

@@ -38,7 +38,7 @@ _CGATS = re.compile(r"\A\s*CGATS\b|^\s*BEGIN_DATA(_FORMAT)?\s*$", re.IGNORECASE 
 _STRUCTURE = re.compile(r"KEYWORD|NUMBER_OF_\w+|LGOROWLENGTH|SPECTRAL_\w+|(BEGIN|END)_DATA\w*")
 _TOKEN = re.compile(r'"([^"]*)"|([^\s"]+)')
 _FIELD = re.compile(r"[^\s,;\"]+")
-_LONGEST_NOTE = 200
+_MAX_NOTE = 200
 # Argyll rounds the wavelengths in names of fields to whole nm.
 _ROUNDING_NM = 1.0
 _QUANTITIES = {
@@ -256,7 +256,7 @@ def _notes(table: _Table) -> dict[str, str]:
     notes = {
         key.replace("_", " ").lower(): value
         for key, value in table.keywords.items()
-        if not _STRUCTURE.fullmatch(key) and 0 < len(value) <= _LONGEST_NOTE
+        if not _STRUCTURE.fullmatch(key) and 0 < len(value) <= _MAX_NOTE
     }
     stated = (table.keywords.get(key, "").upper() for key in ("MEAS_TYPE", "DEVICE_CLASS"))
     if quantity := next((_QUANTITIES[each] for each in stated if each in _QUANTITIES), ""):

@@ -33,7 +33,7 @@ _QUANTITIES = {
 # Parts of a file's and a measurement's description that become notes.
 _FILE_NOTES = ("Creator", "CreationDate", "Description")
 _MEASUREMENT_NOTES = ("MeasurementType", "Manufacturer", "Model", "SerialNumber", "Backing")
-_LONGEST_NOTE = 200
+_MAX_NOTE = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +140,7 @@ def _notes(element: Element | None, wanted: tuple[str, ...]) -> dict[str, str]:
     notes = {}
     for each in () if element is None else element.iter():
         text = " ".join((each.text or "").split())
-        if _tag(each) in wanted and 0 < len(text) <= _LONGEST_NOTE:
+        if _tag(each) in wanted and 0 < len(text) <= _MAX_NOTE:
             notes[_note_name(_tag(each))] = text
     return notes
 

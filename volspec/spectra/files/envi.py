@@ -40,13 +40,13 @@ _UNITS = {
 }
 """Length of a unit of wavelength, nm."""
 # In the visible, larger numbers are nm and smaller ones µm, where a header does not say.
-_LONGEST_MICROMETRES = 20.0
+_MAX_MICROMETRES = 20.0
 # Names of the file of numbers: the header's without .hdr, with one of these.
 _DATA = ("", ".img", ".dat", ".raw", ".bin", ".bsq", ".bil", ".bip", ".sli", ".hyspex")
-_MOST_BYTES = 1 << 32
+_MAX_BYTES = 1 << 32
 """Largest picture in memory, as float32."""
 _NOTES = ("description", "sensor type", "acquisition time", "data units", "interleave")
-_LONGEST_NOTE = 200
+_MAX_NOTE = 200
 _ENTRY = re.compile(r"^[ \t]*([^=;\n{}]+?)[ \t]*=[ \t]*(\{[^}]*\}|[^\n{]*)", re.MULTILINE)
 
 Box = tuple[int, int, int, int]
@@ -102,7 +102,7 @@ class EnviFile:
     def notes(self) -> dict[str, str]:
         """Descriptions in the header."""
         found = ((key, " ".join(self.fields.get(key, "").split())) for key in _NOTES)
-        return {key: text for key, text in found if 0 < len(text) <= _LONGEST_NOTE}
+        return {key: text for key, text in found if 0 < len(text) <= _MAX_NOTE}
 
     def pixels(self, box: Box | None = None) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
         """Return the values (H, W, N) of a box (x0, y0, x1, y1), or of all, and wavelengths in nm.
@@ -125,7 +125,7 @@ class EnviFile:
                 f"{lines} pixels; give x0 < x1 and y0 < y1 from 0, excluding x1 and y1"
             )
         needed = 4 * (x1 - x0) * (y1 - y0) * len(order)
-        if needed > _MOST_BYTES:
+        if needed > _MAX_BYTES:
             raise SpectrumError(
                 f"{self.path}: {x1 - x0} x {y1 - y0} pixels of {len(order)} bands need "
                 f"{needed / 2**30:.1f} GiB; give a part, {Path(self.path).name}#X0,Y0,X1,Y1",
@@ -263,7 +263,7 @@ class EnviFile:
         keep = np.array([self._parsed("bbl", text) > 0 for text in good])
         unit = self.fields.get("wavelength units", "unknown").lower()
         if unit in ("", "unknown"):
-            scale = 1e3 if found.max() < _LONGEST_MICROMETRES else 1.0
+            scale = 1e3 if found.max() < _MAX_MICROMETRES else 1.0
         elif unit in _UNITS:
             scale = _UNITS[unit]
         else:

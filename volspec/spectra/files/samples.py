@@ -25,7 +25,7 @@ _REFUSED = {
 }
 _FRACTIONS = ("reflectance", "transmittance")
 # Reflectances above are percentages: fluorescent paper reflects up to twice the light.
-_MOST_FRACTION = 2.0
+_MAX_FRACTION = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +74,7 @@ class SampleSet:
             (each.values.max() for each, is_one in zip(found, reflective, strict=True) if is_one),
             default=0.0,
         )
-        if _MOST_FRACTION < most < np.inf:
+        if _MAX_FRACTION < most < np.inf:
             found = [
                 replace(each, values=each.values / 100.0) if is_one else each
                 for each, is_one in zip(found, reflective, strict=True)

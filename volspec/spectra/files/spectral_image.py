@@ -46,7 +46,7 @@ _SPEED_OF_LIGHT = 299_792_458.0
 # The layout's unit for radiance; values are nevertheless densities per nm.
 _DEFAULT_UNITS = "W.m^-2.sr^-1"
 # Header texts longer than this are tables (the spectrum of an illuminant), not notes.
-_LONGEST_NOTE = 200
+_MAX_NOTE = 200
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -318,7 +318,7 @@ def _notes(name: str, header: dict[str, Any]) -> dict[str, str]:
     notes = {
         key.lower(): value
         for key, value in header.items()
-        if isinstance(value, str) and key not in skip and len(value) <= _LONGEST_NOTE
+        if isinstance(value, str) and key not in skip and len(value) <= _MAX_NOTE
     }
     if "emissiveUnits" in header:
         notes["emissive units"] = str(header["emissiveUnits"])

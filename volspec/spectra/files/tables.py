@@ -25,7 +25,7 @@ from volspec.spectra.spectrum import Spectrum
 # "# Key: value"; sentences and web addresses in comments do not count as notes.
 _NOTE = re.compile(r"#+\s*([A-Za-z][\w ()/%-]{0,39}?)\s*[:=]\s*(?!//)(\S.*)")
 # A chart of ten thousand samples of 400 bands has 30 MiB.
-_MOST_BYTES = 1 << 26
+_MAX_BYTES = 1 << 26
 _SEPARATORS = (",", ";", "\t", None)
 
 
@@ -168,10 +168,10 @@ def file_content(path: str | os.PathLike[str]) -> bytes:
     require_inside(path_text(path), SpectrumError)
     try:
         size = Path(path_text(path)).stat().st_size
-        if size > _MOST_BYTES:
+        if size > _MAX_BYTES:
             raise SpectrumError(
                 f"{path}: has {size / 2**20:.0f} MiB, more than any measured spectra; give a file "
-                f"of up to {_MOST_BYTES >> 20} MiB",
+                f"of up to {_MAX_BYTES >> 20} MiB",
                 code="size",
                 given=size,
             )

@@ -213,7 +213,7 @@ def describe_light(name: str) -> str:
 
 
 # Shorter words are searched in names only.
-_LEAST_WORD = 3
+_MIN_WORD = 3
 
 
 @lru_cache(maxsize=64)
@@ -241,7 +241,7 @@ def search_lights(text: str) -> tuple[str, ...]:
 def _matches(name: str, words: list[str]) -> bool:
     described = f" {' '.join((describe_light(name), *_everyday_names(name)))}".casefold()
     return all(
-        word in fold_name(name) or (len(word) >= _LEAST_WORD and f" {word}" in described)
+        word in fold_name(name) or (len(word) >= _MIN_WORD and f" {word}" in described)
         for word in words
     )
 

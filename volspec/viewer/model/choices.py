@@ -190,7 +190,7 @@ class RawLayout:
         return f"{' × '.join(map(str, self.shape))}, {self.dtype}{order}{offset}"
 
 
-MOST_GUESSES = 8
+MAX_GUESSES = 8
 # Sides of slices that scanners and simulations make.
 _SIDES = (
     *(32, 41, 48, 64, 80, 96, 100, 128, 150, 160, 192, 200, 208, 240, 250, 256, 300, 301, 320),
@@ -198,7 +198,7 @@ _SIDES = (
 )
 _SHAPE = re.compile(r"(?<!\d)(\d{1,5})[x_×,-](\d{1,5})[x_×,-](\d{1,5})(?!\d)", re.IGNORECASE)
 # A header before the voxels is at most this long.
-_MOST_HEADER = 4096
+_MAX_HEADER = 4096
 
 
 def guess_layouts(name: str, held: int, sample: bytes) -> tuple[RawLayout, ...]:
@@ -220,7 +220,7 @@ def guess_layouts(name: str, held: int, sample: bytes) -> tuple[RawLayout, ...]:
             x, y, z = map(int, match.groups())
             layout = RawLayout((x, y, z), dtype, order)
             rest = held - layout.nbytes
-            if 0 <= rest <= _MOST_HEADER and layout.nbytes:
+            if 0 <= rest <= _MAX_HEADER and layout.nbytes:
                 layout = RawLayout((x, y, z), dtype, order, offset=rest)
                 found.setdefault(layout, (0, not said, rest > 0, roughness, number))
         if held % itemsize:
@@ -234,7 +234,7 @@ def guess_layouts(name: str, held: int, sample: bytes) -> tuple[RawLayout, ...]:
                 key = (1, not said, round(roughness, 1), unlike, number)
                 found.setdefault(RawLayout((side, side, depth), dtype, order), key)
     ranked = sorted(found, key=lambda layout: found[layout])
-    return tuple(ranked[:MOST_GUESSES])
+    return tuple(ranked[:MAX_GUESSES])
 
 
 def _types(sample: bytes) -> list[tuple[str, str, float]]:

@@ -221,9 +221,9 @@ def move_crop(state: ViewState, face: int, at: float) -> ViewState:
     low, high = crop[axis]
     last = volume.shape_xyz[axis] - 1.0
     if far:
-        high = clamp(at, low + framing.LEAST_CROP, last)
+        high = clamp(at, low + framing.MIN_CROP, last)
     else:
-        low = clamp(at, 0.0, high - framing.LEAST_CROP)
+        low = clamp(at, 0.0, high - framing.MIN_CROP)
     crop[axis] = low, high
     whole = all(pair == (0.0, n - 1.0) for pair, n in zip(crop, volume.shape_xyz, strict=True))
     x, y, z = crop

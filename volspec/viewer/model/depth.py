@@ -24,7 +24,7 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
 # Depth of the volume over the visibility, at most.
-MOST_FOG = 8.0
+MAX_FOG = 8.0
 # Openings of the lens over the distance of its focus, that is one over the f-number.
 APERTURES = 1 / 100, 1 / 4
 
@@ -139,7 +139,7 @@ def set_fog(state: ViewState, times: float) -> ViewState:
     It begins where the volume does.
     """
     least, most = limits_mm(state)
-    times = clamp(times, 0.0, MOST_FOG)
+    times = clamp(times, 0.0, MAX_FOG)
     fog_mm = (most - least) / times if times > 0 else None
     start = least if fog_mm is not None else 0.0
     foggy = replace(state.depth, fog_mm=fog_mm, fog_from_mm=start)

@@ -17,7 +17,7 @@ from volspec.spectra import light
 from volspec.transfer import MAX_CHANNELS
 from volspec.viewer.model import lights, palette_results, palette_table
 from volspec.viewer.model.edit import edit
-from volspec.viewer.model.light_rows import MOST_ROWS, LightRow, Rows, only_row, unused_name
+from volspec.viewer.model.light_rows import MAX_ROWS, LightRow, Rows, only_row, unused_name
 from volspec.viewer.model.materials import can_be_exact, with_material_basis
 from volspec.viewer.model.palette_edits import with_pick
 from volspec.viewer.model.state import ViewState
@@ -83,7 +83,7 @@ def find_difference(state: ViewState) -> TellingLight | Redesigned:
 def with_light(state: ViewState, found: TellingLight) -> ViewState:
     """Return the state with a found light, alone; nothing changes if there is no room for it."""
     rows = state.lights
-    if len(rows) >= MOST_ROWS:
+    if len(rows) >= MAX_ROWS:
         return state
     name, label = found.text, ""
     if found.is_mixture:

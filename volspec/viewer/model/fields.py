@@ -17,7 +17,7 @@ from volspec.viewer.model.materials import other_functions, with_materials
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
-MOST_WEIGHT = 10.0
+MAX_WEIGHT = 10.0
 
 
 def all_fields(state: ViewState) -> list[FieldLook]:
@@ -113,7 +113,7 @@ def choose(state: ViewState, number: int) -> ViewState:
 @edit
 def set_weight(state: ViewState, number: int, weight: float) -> ViewState:
     """Set the factor of a field's extinction."""
-    return _changed(state, number, weight=clamp(weight, 0.0, MOST_WEIGHT))
+    return _changed(state, number, weight=clamp(weight, 0.0, MAX_WEIGHT))
 
 
 @edit

@@ -45,7 +45,7 @@ STAGES: dict[str, Stage] = {
 }
 # Fields that undo brings back though the picture is not lit again for them.
 _STEPS = frozenset({"saved_lights", "annotations"})
-MOST_STEPS = 200
+MAX_UNDO = 200
 ONE_VIEW = "A cast image has one view of fixed materials; open its scene to change them"
 _ORDER: tuple[Stage, ...] = ("cast", "recompose", "relight", "frame")
 # Names of changes; the first match is used.
@@ -173,12 +173,12 @@ class History:
             return replace(self, present=state, difference=difference)
         if gesture == self.gesture:
             return replace(self, present=state, future=(), difference=difference)
-        past = (*self.past, self.present)[-MOST_STEPS:]
+        past = (*self.past, self.present)[-MAX_UNDO:]
         return History(state, past, (), gesture, difference)
 
     def step(self, state: ViewState) -> History:
         """Continue with a state that no gesture made, as a step of its own."""
-        past = (*self.past, self.present)[-MOST_STEPS:]
+        past = (*self.past, self.present)[-MAX_UNDO:]
         return History(state, past, difference=Difference.between(self.present, state))
 
     def amend(self, state: ViewState) -> History:

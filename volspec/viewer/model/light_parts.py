@@ -24,7 +24,7 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
 # The least luminous power of a drawn light, relative to an equal-energy one.
-_LEAST_POWER = 1e-6
+_MIN_POWER = 1e-6
 _EDITED = " edited"
 
 
@@ -65,7 +65,7 @@ def set_part_weight(state: ViewState, index: int, part: int, weight: float) -> V
     if row is None:
         return state
     weights = row.rig.weights
-    weight = clamp(weight, 0.0, max(light_rows.MOST_WEIGHT, weights[part]))
+    weight = clamp(weight, 0.0, max(light_rows.MAX_WEIGHT, weights[part]))
     return _change_rig(state, index, weights=light_rows.with_item(weights, part, weight))
 
 
@@ -135,7 +135,7 @@ def draw(
     old = row.rig.lights[part]
     values = light_rows.draw_stroke(old.values, start, end)
     V = colour_matching_functions(old.grid)[1]
-    if np.array_equal(values, old.values) or V @ values < _LEAST_POWER * V.sum():
+    if np.array_equal(values, old.values) or V @ values < _MIN_POWER * V.sum():
         return state
     before = row.before or row
     name = f"{before.name.removesuffix(_EDITED)}{_EDITED}"

@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     from volspec.scene import SceneRoom
 
 KELVIN = (1000.0, 20000.0)
-MOST_ROWS = 99
+MAX_ROWS = 99
 LUX = (0.01, 200_000.0)
 # The greatest weight of one spectrum of a row.
-MOST_WEIGHT = 2.0
+MAX_WEIGHT = 2.0
 # The greatest power of a band, for a V-weighted mean of 1: laser lines reach some hundreds.
-MOST_POWER = 1e4
+MAX_POWER = 1e4
 Place = tuple[float, float]
 
 T = TypeVar("T")
@@ -372,4 +372,4 @@ def draw_stroke(values: NDArray[np.float64], start: Place, end: Place) -> NDArra
         powers = np.full(len(values), end[1])
     else:
         powers = np.interp(bands, [x0, x1], [y0, y1])
-    return np.where(under, np.clip(powers, 0.0, MOST_POWER), values)
+    return np.where(under, np.clip(powers, 0.0, MAX_POWER), values)

@@ -19,8 +19,8 @@ from volspec.viewer.model.edit import Command, bind, edit, refusable, with_inter
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
-MOST_SECONDS = 10.0
-MOST_STATES = 99
+MAX_SECONDS = 10.0
+MAX_STATES = 99
 # Settings of the viewing that are interpolated by ratio and linearly, respectively.
 _BY_RATIO = ("illuminance_lux", "exposure")
 _BY_STEP = ("L_A", "Y_b", "surround", "D", "fov_deg")
@@ -159,8 +159,8 @@ def _are_numbers(*values: object) -> bool:
 def save(state: ViewState) -> ViewState:
     """Save the current lights and viewing as a state."""
     saved = state.saved_lights
-    if len(saved) >= MOST_STATES:
-        raise InputError(f"The limit is {MOST_STATES} saved states; delete one first", code="size")
+    if len(saved) >= MAX_STATES:
+        raise InputError(f"The limit is {MAX_STATES} saved states; delete one first", code="size")
     taken = {each.name for each in saved}
     name = next(name for i in itertools.count(1) if (name := f"State {i}") not in taken)
     return replace(
@@ -206,7 +206,7 @@ def recall(state: ViewState, index: int) -> ViewState:
 @edit
 def set_fade(state: ViewState, seconds: float) -> ViewState:
     """Set how long fades take, in seconds."""
-    return with_interface(state, fade_s=clamp(seconds, 0.0, MOST_SECONDS))
+    return with_interface(state, fade_s=clamp(seconds, 0.0, MAX_SECONDS))
 
 
 def _change(state: ViewState, index: int, **changes: Any) -> ViewState:

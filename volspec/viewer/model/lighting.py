@@ -47,7 +47,7 @@ _FRACTIONS = {Directional: 0.6, Point: 0.6, Headlight: 0.5, Ambient: 0.35}
 # A new lamp shines from the upper left of the eye: right, up, back.
 _UPPER_LEFT = (-0.6, 0.7, 0.55)
 _DIGITS = 3
-MOST_INTENSITY = 1e6
+MAX_INTENSITY = 1e6
 # The least and greatest distance of a point light, in radii of the volume.
 _NEAREST, FURTHEST = 0.01, 10.0
 
@@ -117,7 +117,7 @@ def _scaled(groups: Groups, factor: float) -> Groups:
     """Return the groups with every intensity multiplied."""
 
     def scaled(source: Source) -> Source:
-        dimmed = min(round(source.intensity * factor, _DIGITS), MOST_INTENSITY)
+        dimmed = min(round(source.intensity * factor, _DIGITS), MAX_INTENSITY)
         return replace(source, intensity=dimmed)
 
     return tuple(

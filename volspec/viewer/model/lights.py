@@ -19,7 +19,7 @@ from volspec.spectra.library import light_terms
 from volspec.viewer.model import light_parts, light_states
 from volspec.viewer.model.edit import Command, Edited, bind, edit, refusable, with_interface
 from volspec.viewer.model.light_rows import (
-    MOST_ROWS,
+    MAX_ROWS,
     LightRow,
     Rows,
     at_kelvin,
@@ -214,8 +214,8 @@ def keep_mix(state: ViewState) -> ViewState:
 def _add_row(state: ViewState, row: LightRow) -> ViewState:
     """Add a row at the end under an unused name, show it alone, and choose it."""
     rows = state.lights
-    if len(rows) >= MOST_ROWS:
-        raise SpectrumError(f"The limit is {MOST_ROWS} lights; remove one first", code="size")
+    if len(rows) >= MAX_ROWS:
+        raise SpectrumError(f"The limit is {MAX_ROWS} lights; remove one first", code="size")
     name = unused_name(row.name, {each.name for each in rows})
     return with_last(state, only_row((*rows, replace(row, name=name)), len(rows)))
 

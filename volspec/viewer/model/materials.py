@@ -35,7 +35,7 @@ from volspec.viewer.model.transfer_parts import list_parts, with_mix
 
 Value = TypeVar("Value")
 # One channel is for white.
-MOST_MATERIALS = MAX_CHANNELS - 1
+MAX_MATERIALS = MAX_CHANNELS - 1
 # Names of parts, and how many of them a message lists.
 _PARTS: dict[type, str] = {
     TransferFunction: "point",
@@ -43,7 +43,7 @@ _PARTS: dict[type, str] = {
     Isosurfaces: "surface",
     LabelFunction: "label",
 }
-_MOST_NAMED = 6
+_MAX_NAMED = 6
 
 
 @lru_cache(maxsize=1)
@@ -98,11 +98,11 @@ def with_material(
     name = unused_name(spectrum.name or name, others)
     if name in materials:
         return with_mix(transfer, index, name)
-    if isinstance(transfer.basis, MaterialBasis) and len(materials) >= MOST_MATERIALS:
+    if isinstance(transfer.basis, MaterialBasis) and len(materials) >= MAX_MATERIALS:
         names = {*used_materials(part.mix for part in list_parts(transfer)), *used}
-        if len(names) >= MOST_MATERIALS:
+        if len(names) >= MAX_MATERIALS:
             raise TransferError(
-                f"{quoted(name)}: {MOST_MATERIALS} materials are in use, and no more can be cast; "
+                f"{quoted(name)}: {MAX_MATERIALS} materials are in use, and no more can be cast; "
                 "give the parts of one of them another material first",
                 code="size",
             )
@@ -166,7 +166,7 @@ def uses_of_material(
     what = _PARTS[type(transfer)]
     if len(numbers) == 1:
         return f"{what} {numbers[0]} is made of it; give it another material first"
-    named, rest = numbers[:_MOST_NAMED], len(numbers) - _MOST_NAMED
+    named, rest = numbers[:_MAX_NAMED], len(numbers) - _MAX_NAMED
     last = f"{rest} more" if rest > 0 else named.pop()
     listed = f"{', '.join(named)} and {last}"
     return f"{what}s {listed} are made of it; give them another material first"
@@ -191,7 +191,7 @@ def material_message(old: Transfer, new: Transfer) -> str:
         return ""
     name, message = added[0], f"Added {added[0]}"
     if not isinstance(new.basis, MaterialBasis):
-        why = "too many materials" if len(new.materials) > MOST_MATERIALS else "the filters"
+        why = "too many materials" if len(new.materials) > MAX_MATERIALS else "the filters"
         message += f": basis {quoted(new.basis.name)} stays and approximates it, because of {why}"
     elif not isinstance(old.basis, MaterialBasis):
         message += f": materials are the channels now, instead of basis {quoted(old.basis.name)}"

@@ -8,12 +8,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from volspec.errors import InputError
-from volspec.scene.tables import ANGLE, DISTANCE, LABEL, MOST_LETTERS, Annotation
+from volspec.scene.tables import ANGLE, DISTANCE, LABEL, MAX_LETTERS, Annotation
 from volspec.settings import Vector
 from volspec.viewer.model.edit import Command, bind, edit, refusable, with_interface
 from volspec.viewer.model.state import ViewState
 
-MOST = 99
+MAX_POINTS = 99
 # Points that a tool picks, by its name.
 TOOLS = {"distance": DISTANCE, "angle": ANGLE, "label": LABEL}
 _NEW_TEXT = "label"
@@ -49,8 +49,8 @@ def pick(state: ViewState, point_mm: Vector) -> ViewState:
     points = (*state.interface.tool_points[: needed - 1], point_mm)
     if len(points) < needed:
         return with_interface(state, tool_points=points)
-    if len(state.annotations) >= MOST:
-        raise InputError(f"The limit is {MOST} annotations; remove one first", code="size")
+    if len(state.annotations) >= MAX_POINTS:
+        raise InputError(f"The limit is {MAX_POINTS} annotations; remove one first", code="size")
     made = Annotation(points_mm=points, text=_NEW_TEXT if needed == LABEL else "")
     return replace(with_interface(state, tool_points=()), annotations=(*state.annotations, made))
 
@@ -61,9 +61,9 @@ def rename(state: ViewState, index: int, text: str) -> ViewState:
     if not 0 <= index < len(state.annotations):
         return state
     text = " ".join(text.split())
-    if len(text) > MOST_LETTERS:
+    if len(text) > MAX_LETTERS:
         raise InputError(
-            f"An annotation has up to {MOST_LETTERS} letters, not {len(text)}; shorten it",
+            f"An annotation has up to {MAX_LETTERS} letters, not {len(text)}; shorten it",
             code="size",
         )
     made = replace(state.annotations[index], text=text)

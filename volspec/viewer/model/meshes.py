@@ -23,7 +23,7 @@ PANEL = "Meshes"
 NONE = "This scene has no meshes; drop a PLY, OBJ, STL, VTP or glTF file onto the window"
 NO_ROOM = "With the materials of the meshes there would be too many; nothing was changed"
 # A mesh that nobody sees is not shown instead.
-LEAST_OPACITY = 0.01
+MIN_OPACITY = 0.01
 # Millimetres of a file's unit, and of a shape.
 UNITS_MM = 1e-12, 1e12
 FURTHEST_MM = 1e15
@@ -44,7 +44,7 @@ def set_cut(state: ViewState, index: int, cut: bool) -> ViewState:
 @edit
 def set_opacity(state: ViewState, index: int, opacity: float) -> ViewState:
     """Set a mesh's opacity."""
-    return _changed(state, index, opacity=clamp(opacity, LEAST_OPACITY, 1.0))
+    return _changed(state, index, opacity=clamp(opacity, MIN_OPACITY, 1.0))
 
 
 @edit

@@ -22,7 +22,7 @@ NEEDED = (
     "there are too many of them, or filters, or several fields."
 )
 # The greatest scale on a slider.
-MOST = 8.0
+MAX_SCALE = 8.0
 
 
 def names(state: ViewState) -> tuple[str, ...]:
@@ -49,7 +49,7 @@ def set_opacity(state: ViewState, name: str, scale: float) -> ViewState:
     """
     if name not in names(state):
         return state
-    return _with(state, opacity_scales(state) | {name: clamp(scale, 0.0, MOST)})
+    return _with(state, opacity_scales(state) | {name: clamp(scale, 0.0, MAX_SCALE)})
 
 
 @edit

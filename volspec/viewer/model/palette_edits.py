@@ -206,7 +206,7 @@ def set_metric(state: ViewState, name: str) -> ViewState:
 @edit
 def set_iterations(state: ViewState, count: float) -> ViewState:
     """Set the maximum number of iterations of a design."""
-    return _with_criteria(state, rounds=int(clamp(count, 1, palette_targets.MOST_ITERATIONS)))
+    return _with_criteria(state, rounds=int(clamp(count, 1, palette_targets.MAX_ITERATIONS)))
 
 
 def _with_criteria(state: ViewState, **changes: Any) -> ViewState:
@@ -265,7 +265,7 @@ def _new_light(state: ViewState) -> Edited:
     wave = initial_spectrum(state.document.grid, len(state.lights))
     rows = with_designed_light(state.lights, name, "designed light", replace(wave, name=name))
     if rows is state.lights:
-        return Edited(state, f"The limit is {light_rows.MOST_ROWS} lights; remove one first")
+        return Edited(state, f"The limit is {light_rows.MAX_ROWS} lights; remove one first")
     targets = state.palette.targets
     targets = replace(targets, free=targets.free | {(palette_targets.LIGHT, name)})
     return Edited(with_last(_with_targets(state, targets), rows))

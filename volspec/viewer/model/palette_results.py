@@ -20,7 +20,7 @@ from volspec.settings import read_table
 from volspec.spectra import Spectrum, light_names
 from volspec.transfer import MAX_CHANNELS
 from volspec.viewer.model import palette_table
-from volspec.viewer.model.light_rows import MOST_ROWS
+from volspec.viewer.model.light_rows import MAX_ROWS
 from volspec.viewer.model.materials import (
     can_be_exact,
     clip_spectrum,
@@ -180,9 +180,9 @@ def with_palette(state: ViewState, palette: Palette) -> ViewState:
         if member.name in names:
             changes[names[member.name]] = spectrum
             continue
-        if len(lights) >= MOST_ROWS:
+        if len(lights) >= MAX_ROWS:
             raise PaletteError(
-                f"palette: no room for light {member.name!r}, as the limit is {MOST_ROWS}; "
+                f"palette: no room for light {member.name!r}, as the limit is {MAX_ROWS}; "
                 "remove some first",
                 code="size",
             )

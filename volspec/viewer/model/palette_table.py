@@ -44,7 +44,7 @@ from volspec.viewer.model.palette_targets import (
 )
 from volspec.viewer.model.room import shown_spec
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer_parts import MOST_PARTS
+from volspec.viewer.model.transfer_parts import MAX_PARTS
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ def with_material_range(
     left = [start[0]] if before and _mix_name(start[0][2]) != material else []
     right = [end[-1]] if after and _mix_name(end[-1][2]) != material else []
     made = [*before, *left, first, *inside, last, *right, *after]
-    return curve if len(made) > MOST_PARTS[TransferFunction] else replace(curve, points=made)
+    return curve if len(made) > MAX_PARTS[TransferFunction] else replace(curve, points=made)
 
 
 def with_range_material(curve: TransferFunction, number: int, material: str) -> TransferFunction:
@@ -127,7 +127,7 @@ def _interpolate(points: list[Point], value: float) -> Point:
 
 # Limits of a freely designed light: the wavelengths of high visibility, and the greatest power
 # of a band relative to the mean.
-_BAND_NM, _MOST_POWER = (420.0, 680.0), 8.0
+_BAND_NM, _MAX_POWER = (420.0, 680.0), 8.0
 _NONE = Cell("black")
 
 Columns = tuple[tuple[str, Spectrum], ...]
@@ -273,7 +273,7 @@ def palette_from_state(state: ViewState) -> Palette:
             mixture = tuple(find_light(lamp, grid) for lamp in lamps)
             member = PaletteSpectrum(name, begin, True, mixture=mixture)
         else:
-            member = PaletteSpectrum(name, begin, True, upper=_MOST_POWER, band_nm=_BAND_NM)
+            member = PaletteSpectrum(name, begin, True, upper=_MAX_POWER, band_nm=_BAND_NM)
         lights.append(member)
     names = tuple(transfer.materials), column_names(state.lights)
     return Palette(
@@ -355,7 +355,7 @@ def with_lights(rows: Rows, changes: Mapping[str, Spectrum]) -> Rows:
 
 def with_designed_light(rows: Rows, name: str, label: str, spectrum: Spectrum) -> Rows:
     """Add a light, which then shines alone; nothing changes if there is no room."""
-    if len(rows) >= light_rows.MOST_ROWS:
+    if len(rows) >= light_rows.MAX_ROWS:
         return rows
     row = light_rows.LightRow(name, label, LightRig((spectrum,)))
     return light_rows.only_row((*rows, row), len(rows))

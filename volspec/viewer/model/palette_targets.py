@@ -25,7 +25,7 @@ STAY = 0.05
 WEIGHTS = (0.05, 20.0)
 DISTANCES = (1.0, 100.0)
 SMOOTHNESS = (1e-4, 1.0)
-MOST_ITERATIONS = 20
+MAX_ITERATIONS = 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -19,7 +19,7 @@ from volspec.volume.files import DICOM_SUFFIXES, PICTURES, is_dicom, is_stack
 
 # Slices: one DICOM file means its series, pictures mean their folder.
 _PICTURES = tuple(PICTURES.values())
-MOST_ROWS = 2000
+MAX_ROWS = 2000
 # Files that belong to meshes: materials, buffers, textures.
 _OF_MESHES = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".bmp")
 # Headers, and the data that they name.
@@ -118,7 +118,7 @@ class Listing:
     """Contents of a folder that complete a path."""
 
     folder: str  # as typed, ending with the separator
-    # Those whose names begin as typed: folders first, `MOST_ROWS` at most.
+    # Those whose names begin as typed: folders first, `MAX_ROWS` at most.
     rows: tuple[PathRow, ...]
     common: str  # the path, completed as far as all names agree
     others: int = 0  # number of files with other endings
@@ -163,7 +163,7 @@ def list_paths(
     letters = zip(*(name.casefold() for name, _ in rows), strict=False)
     shared = sum(1 for _ in takewhile(lambda each: len(set(each)) == 1, letters))
     common = rows[0][0][:shared] if rows else typed
-    listed = tuple(_path_row(*row) for row in rows[:MOST_ROWS])
+    listed = tuple(_path_row(*row) for row in rows[:MAX_ROWS])
     return Listing(folder, listed, folder + common, others, dicom)
 
 
@@ -179,7 +179,7 @@ def _is_slice(entry: os.DirEntry[str]) -> bool:
 
 
 # A dialog lists its folder once a second.
-@lru_cache(maxsize=4 * MOST_ROWS)
+@lru_cache(maxsize=4 * MAX_ROWS)
 def _begins_as_dicom(path: str, _size: int, _changed_s: float) -> bool:
     return is_dicom(Path(path))
 
@@ -201,7 +201,7 @@ class FolderPlace:
 
 
 # Folders of recent files that a dialog offers.
-_MOST_RECENT = 6
+_MAX_RECENT = 6
 
 
 def folder_places(
@@ -220,7 +220,7 @@ def folder_places(
     known = {os.path.realpath(folder) for _, folder in places}
     folders = dict.fromkeys(os.path.dirname(path) for path in recent)
     fresh = [folder for folder in folders if folder and os.path.realpath(folder) not in known]
-    places += [(os.path.basename(folder) or folder, folder) for folder in fresh[:_MOST_RECENT]]
+    places += [(os.path.basename(folder) or folder, folder) for folder in fresh[:_MAX_RECENT]]
     found: dict[str, FolderPlace] = {}
     for name, folder in places:
         if os.path.isdir(folder):

@@ -25,7 +25,7 @@ from volspec.viewer.model.light_rows import LightRow, Rows, light_rig, row_at
 from volspec.viewer.model.state import ViewState
 
 # Materials whose pairs are compared: 28 pairs take some milliseconds.
-_MOST_MATERIALS = 8
+_MAX_MATERIALS = 8
 
 
 class Measured(NamedTuple):
@@ -89,7 +89,7 @@ def _metamers(
     wide = {name: _wider(spectrum, RENDITION_GRID) for name, spectrum in materials}
     found = [
         (pair, metamerism(wide[pair[0]], wide[pair[1]], daylight, lamp))
-        for pair in combinations(list(wide)[:_MOST_MATERIALS], 2)
+        for pair in combinations(list(wide)[:_MAX_MATERIALS], 2)
     ]
     alike = [each for each in found if each[1].delta_E < ALIKE]
     return max(alike, key=lambda each: each[1].illuminant) if alike else ()

@@ -25,7 +25,7 @@ from volspec.transfer import (
     TransferFunction2D,
     mix_weights,
 )
-from volspec.viewer.model.transfer_parts import KINDS, MOST_PARTS, Kind
+from volspec.viewer.model.transfer_parts import KINDS, MAX_PARTS, Kind
 from volspec.viewer.model.view import clamp
 
 # Names of bands in messages, by the kind that is converted.
@@ -71,7 +71,7 @@ def convert(transfer: Transfer, kind: Kind, span: tuple[float, float]) -> Transf
     bands = _bands(transfer, span)
     step_mm = getattr(transfer, "reference_step_mm", None)
     if kind == "regions":
-        regions = [_region(band) for band in _most_visible(bands, MOST_PARTS[TransferFunction2D])]
+        regions = [_region(band) for band in _most_visible(bands, MAX_PARTS[TransferFunction2D])]
         return TransferFunction2D(regions, transfer.materials, transfer.basis, step_mm)
     if kind == "surfaces":
         return Isosurfaces(_surfaces(bands), transfer.materials, transfer.basis)
@@ -93,7 +93,7 @@ def conversion_losses(transfer: Transfer, kind: Kind, span: tuple[float, float])
         lost.append("the regions' gradients")
     if kind != "points":
         bands = _bands(transfer, span)
-        room = MOST_PARTS[TransferFunction2D]
+        room = MAX_PARTS[TransferFunction2D]
         left = min(len(bands), room) if kind == "regions" else len(_surfaces(bands))
         if gone := len(bands) - left:
             name = _BANDS[transfer_kind(transfer)]
@@ -238,7 +238,7 @@ def _points(bands: Sequence[Band]) -> list[Point]:
         else:
             nearest = min(bands, key=lambda b: max(b.low - at, at - b.high, 0.0))
             points.append((at, 0.0, dict(nearest.mix)))
-    return _simplify(points, MOST_PARTS[TransferFunction])
+    return _simplify(points, MAX_PARTS[TransferFunction])
 
 
 def _simplify(points: list[Point], most: int) -> list[Point]:

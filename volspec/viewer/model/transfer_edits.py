@@ -36,7 +36,7 @@ _NARROWEST = 0.01
 _PUREST = 0.999
 # A curve's factors over gradients: their greatest number, and their least distance as a fraction
 # of the axis; a table has too few rows for closer ones.
-MOST_FACTORS = 16
+MAX_FACTORS = 16
 _FACTOR_GAP = 1 / 128
 # New factors rise from 0 to 1 between these fractions of the axis, so that boundaries remain.
 _RISE = 0.05, 0.4
@@ -213,7 +213,7 @@ def move_gradient_point(state: ViewState, index: int, gradient: float, factor: f
 def add_gradient_point(state: ViewState, gradient: float, factor: float) -> ViewState:
     """Add a point to a curve's factors over gradients, if there is room between the others."""
     factors, end = _factors(state)
-    if not 0 < len(factors) < MOST_FACTORS:
+    if not 0 < len(factors) < MAX_FACTORS:
         return state
     gradient = clamp(gradient, 0.0, end)
     if min(abs(place - gradient) for place, _ in factors) < _FACTOR_GAP * end:

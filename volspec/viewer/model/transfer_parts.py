@@ -32,9 +32,9 @@ KINDS: dict[type, Kind] = {
     Isosurfaces: "surfaces",
     LabelFunction: "labels",
 }
-MOST_PARTS = {TransferFunction: 64, TransferFunction2D: 24, Isosurfaces: MAX_SURFACES}
+MAX_PARTS = {TransferFunction: 64, TransferFunction2D: 24, Isosurfaces: MAX_SURFACES}
 # The greatest opacity before thinning: 1 would let nothing through at any density.
-_MOST_OPAQUE = 0.999
+_MAX_OPAQUE = 0.999
 # Values may be moved this many ranges of the volume beyond its range.
 _BEYOND = 1.0
 # The least and greatest width that values may be stretched to, as a fraction of the range.
@@ -101,7 +101,7 @@ def thicken_opacities(transfer: Transfer, factor: float) -> Transfer:
     """
     if math.isclose(factor, 1.0):
         return transfer
-    most = _MOST_OPAQUE if factor < 1 else 1.0
+    most = _MAX_OPAQUE if factor < 1 else 1.0
 
     def denser(_: int, opacity: float, mix: Mix) -> tuple[float, Mix]:
         return 1 - (1 - min(opacity, most)) ** factor, mix
@@ -126,7 +126,7 @@ def undo_thickening(transfer: Transfer, thick: Transfer, thin: Transfer, factor:
         old = same[index]
         if old >= 0 and before[old].opacity == opacity:
             return opacities[old], mix
-        return 1 - (1 - min(opacity, _MOST_OPAQUE)) ** (1 / factor), mix
+        return 1 - (1 - min(opacity, _MAX_OPAQUE)) ** (1 / factor), mix
 
     return _with_looks(transfer, thinner)
 
@@ -225,7 +225,7 @@ def add_label(labels: LabelFunction, value: float, opacity: float) -> Transfer:
 def add_row(transfer: TransferFunction | Isosurfaces, value: float, opacity: float) -> Transfer:
     """Add a point or a surface with the material of the nearest one."""
     rows = list_points(transfer)
-    if len(rows) >= MOST_PARTS[type(transfer)]:
+    if len(rows) >= MAX_PARTS[type(transfer)]:
         return transfer
     nearest, _, mix = min(rows, key=lambda row: abs(row[0] - value))
     if isinstance(transfer, Isosurfaces) and abs(value - nearest) <= value_gap(rows):
@@ -241,7 +241,7 @@ def add_region(
 
     ``span`` is the range of the volume's values, ``top`` its greatest gradient.
     """
-    if len(transfer.regions) >= MOST_PARTS[TransferFunction2D]:
+    if len(transfer.regions) >= MAX_PARTS[TransferFunction2D]:
         return transfer
     value, gradient = place
     width, height = _NEW * (span[1] - span[0]), _NEW * top

@@ -85,7 +85,7 @@ def _row(state: ViewState, ui: UiContext, number: int, look: FieldLook) -> ViewS
     imgui.set_next_item_width(-1)
     flags = imgui.SliderFlags_.logarithmic
     moved, weight = imgui.slider_float(
-        "##weight", look.weight, 0.0, fields.MOST_WEIGHT, "× %.2f", flags
+        "##weight", look.weight, 0.0, fields.MAX_WEIGHT, "× %.2f", flags
     )
     ui.note(f"field weight {number}", "Factor of this field's density")
     return fields.set_weight(new, number, weight) if moved else new

@@ -14,7 +14,7 @@ from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.widgets import draw_eye, lit_button, shorten, shown_rows
 
 # The least height of the list; pixels at 96 dpi.
-_LEAST = 100
+_MIN = 100
 # A search is offered for more labels than these.
 _FEW = 12
 _FLAGS = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.scroll_y
@@ -26,7 +26,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
     assert isinstance(function, LabelFunction)
     new = _head(state, ui, function)
     found = labels.matching_labels(function, ui.labels_search)
-    height = transfer_detail.height_above(1, ui, _LEAST)
+    height = transfer_detail.height_above(1, ui, _MIN)
     if imgui.begin_table("labels", 4, _FLAGS, (0, height)):
         fixed, stretch = imgui.TableColumnFlags_.width_fixed, imgui.TableColumnFlags_.width_stretch
         imgui.table_setup_column("eye", fixed, ui.px(50))

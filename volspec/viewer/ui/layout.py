@@ -38,7 +38,7 @@ from volspec.viewer.ui.widgets import as_one_line, wrap_text
 
 _RIGHT_WIDTH, _LEFT_WIDTH = 350, 260
 # The greatest fraction of the window's width that all panels together may take.
-_MOST = 0.5
+_MAX = 0.5
 # The lights' fraction of the height; the other panels are tabs below.
 _UPPER = 0.51
 # Frames until docked windows are in place.
@@ -192,7 +192,7 @@ class Docks:
     def _limit_width(self, ui: UiContext) -> None:
         """Leave half of a narrowed window to the picture; restore the panels when it is widened."""
         builder = imgui.internal
-        room = _MOST * imgui.get_main_viewport().work_size.x
+        room = _MAX * imgui.get_main_viewport().work_size.x
         open_ = [dock for side, dock in self._sides.items() if side in self._open]
         nodes = [node for dock in open_ if (node := builder.dock_builder_get_node(dock))]
         wide = sum(node.size.x for node in nodes)
@@ -210,7 +210,7 @@ class Docks:
     def _dock(self, space: int, ui: UiContext) -> None:
         builder = imgui.internal
         viewport = imgui.get_main_viewport()
-        share = min(ui.px(_RIGHT_WIDTH) / max(viewport.work_size.x, 1.0), _MOST)
+        share = min(ui.px(_RIGHT_WIDTH) / max(viewport.work_size.x, 1.0), _MAX)
         builder.dock_builder_remove_node_child_nodes(space)
         right = builder.dock_builder_split_node(space, imgui.Dir.right, share)
         left_share = min(ui.px(_LEFT_WIDTH) / max(viewport.work_size.x * (1 - share), 1.0), 0.4)

@@ -25,7 +25,7 @@ _UPRIGHT = 0.2
 # From here outwards, names are fully outside the rim: long ones would cover their light's dot.
 _ASIDE_FROM = 0.7
 # The least radius, as a fraction of the greatest, to which long names may shrink the dial.
-_LEAST_FRACTION = 0.6
+_MIN_FRACTION = 0.6
 _RADII = 8
 
 
@@ -65,7 +65,7 @@ def ring_for(
     """
     x, y, width, height = within
     least, most = radii[0], max(radii)
-    least = min(max(least, _LEAST_FRACTION * most), most)
+    least = min(max(least, _MIN_FRACTION * most), most)
     steps = [most + (least - most) * i / _RADII for i in range(_RADII + 1)]
     reaches = [extents(names, radius + out, measure) for radius in steps]
     found = next((i for i, ends in enumerate(reaches) if sum(ends) <= width), _RADII)
@@ -193,7 +193,7 @@ def _overlap(a: Rect, b: Rect) -> bool:
 
 # Room for names: above and below, at the sides, beyond a dot, between two names.
 _ABOVE, _ASIDE, _OUT, _GAP = 27.0, 60.0, 3.0, 4.0
-_LEAST_RADIUS = 24.0
+_MIN_RADIUS = 24.0
 _DOT, _SMALL_DOT, _MANY = 7.0, 4.0, 16
 
 
@@ -202,7 +202,7 @@ def draw(state: ViewState, ui: UiContext, width: float, height: float) -> ViewSt
     x, y = imgui.get_cursor_screen_pos()
     imgui.invisible_button("dial", (width, height))
     ui.note("dial")
-    radii = ui.px(_LEAST_RADIUS), min(height / 2 - ui.px(_ABOVE), width / 2 - ui.px(_ASIDE))
+    radii = ui.px(_MIN_RADIUS), min(height / 2 - ui.px(_ABOVE), width / 2 - ui.px(_ASIDE))
     out, line = _dot(state, ui) + ui.px(_OUT), imgui.get_text_line_height()
     area = x, y, width, height
     ring = ring_for(_names_to_fit(state), area, radii, out, line, _measure(ui))
@@ -227,7 +227,7 @@ def draw(state: ViewState, ui: UiContext, width: float, height: float) -> ViewSt
 
 def width_for(state: ViewState, ui: UiContext, height: float) -> float:
     """Return the width of a dial with all names uncut."""
-    reach = max(height / 2 - ui.px(_ABOVE), ui.px(_LEAST_RADIUS)) + _dot(state, ui) + ui.px(_OUT)
+    reach = max(height / 2 - ui.px(_ABOVE), ui.px(_MIN_RADIUS)) + _dot(state, ui) + ui.px(_OUT)
     return sum(extents(_names_to_fit(state), reach, _measure(ui)))
 
 

@@ -11,7 +11,7 @@ from volspec.spectra.library import describe_light, library_names
 from volspec.viewer.model import light_rows, light_states, lights
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.light_rows import light_rig
-from volspec.viewer.model.light_states import MOST_SECONDS, recalled_rows
+from volspec.viewer.model.light_states import MAX_SECONDS, recalled_rows
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import effects, lights_detail, lights_dial, lights_library, lights_rendition
 from volspec.viewer.ui.context import UiContext, tip
@@ -29,7 +29,7 @@ from volspec.viewer.ui.widgets import (
 Rename = Callable[[ViewState, int, str], ViewState]
 _ROW_SWATCH, _ROW_SPARK, _BOTH = 30.0, 46.0, 48.0
 # The least room for the words after a name.
-_LEAST_WORDS = 36.0
+_MIN_WORDS = 36.0
 _T = imgui.TableFlags_
 _FLAGS = _T.sizing_fixed_fit | _T.no_pad_outer_x | _T.scroll_y
 # Commands in a row's context menu.
@@ -114,7 +114,7 @@ def _row_name(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool
     imgui.pop_style_color()
     ui.note(f"name {i}")
     left = text_width(shown) + ui.px(8)
-    if (words := plain_words(row)) and room - left > ui.px(_LEAST_WORDS):
+    if (words := plain_words(row)) and room - left > ui.px(_MIN_WORDS):
         place = x + left, y + imgui.get_style().frame_padding.y
         dim = imgui.get_color_u32(imgui.Col_.text_disabled)
         imgui.get_window_draw_list().add_text(place, dim, shorten(words, room - left))
@@ -222,7 +222,7 @@ def draw_states(state: ViewState, ui: UiContext) -> ViewState:
     imgui.same_line()
     imgui.set_next_item_width(-ui.px(40))
     text = "at once" if state.interface.fade_s <= 0 else "%.1f s"
-    moved, seconds = imgui.slider_float("Fade", state.interface.fade_s, 0.0, MOST_SECONDS, text)
+    moved, seconds = imgui.slider_float("Fade", state.interface.fade_s, 0.0, MAX_SECONDS, text)
     ui.note("fade")
     if moved:
         new = light_states.set_fade(new, seconds)
@@ -294,10 +294,10 @@ def _menu(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
 
 
 # Least heights of the tabs and the buttons; the tabs' fraction of the panel if the list is long.
-_LEAST_TABS, _BUTTONS, _TABS_FRACTION = 134.0, 34.0, 0.4
-_LEAST_ROWS = 3
+_MIN_TABS, _BUTTONS, _TABS_FRACTION = 134.0, 34.0, 0.4
+_MIN_ROWS = 3
 # Least width of the spectrum next to the dial; from this height on, it is below the dial.
-_LEAST_MIX, _TALL = 84.0, 300.0
+_MIN_MIX, _TALL = 84.0, 300.0
 TABS = ("Dial", "Light", "Spectrum", "Rendition", "States")
 
 
@@ -306,8 +306,8 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     line = imgui.get_frame_height() + 2 * imgui.get_style().cell_padding.y
     whole = imgui.get_content_region_avail().y
     buttons = ui.px(_BUTTONS) + effects.lines(ui)
-    room = whole - max(ui.px(_LEAST_TABS), _TABS_FRACTION * whole) - buttons
-    rows = min(len(state.lights), max(int(room / line), _LEAST_ROWS))
+    room = whole - max(ui.px(_MIN_TABS), _TABS_FRACTION * whole) - buttons
+    rows = min(len(state.lights), max(int(room / line), _MIN_ROWS))
     new = draw_rows(state, ui, rows * line + ui.px(2))
     new = _buttons(new, ui)
     new = effects.draw(new, ui)
@@ -328,7 +328,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
 
 
 def _tab(name: str, state: ViewState, ui: UiContext) -> ViewState:
-    least = ui.px(_LEAST_TABS) - 1.5 * imgui.get_frame_height_with_spacing()
+    least = ui.px(_MIN_TABS) - 1.5 * imgui.get_frame_height_with_spacing()
     height = max(imgui.get_content_region_avail().y, least)
     if name == "Dial":
         return _dial(state, ui, height)
@@ -354,7 +354,7 @@ def _dial(state: ViewState, ui: UiContext, height: float) -> ViewState:
         draw_mix(new, ui, width, height * 0.38 - gap)
         return new
     dial = max(lights_dial.width_for(state, ui, height), width * 0.6)
-    dial = min(dial, width - ui.px(_LEAST_MIX))
+    dial = min(dial, width - ui.px(_MIN_MIX))
     new = lights_dial.draw(state, ui, dial, height)
     imgui.same_line()
     draw_mix(new, ui, width - dial - gap, height)

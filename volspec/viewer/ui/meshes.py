@@ -15,7 +15,7 @@ from volspec.viewer.ui.widgets import as_one_line, describe_field, pick, shorten
 # Lines under the list: the button, a title, unit, place and turn.
 _LINES = 5
 # The list scrolls if it is longer, and there is no room for more.
-_LEAST_ROWS = 4
+_MIN_ROWS = 4
 _FLAGS = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.scroll_y
 
 
@@ -26,7 +26,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     below = (_LINES if state.meshes else 1) * imgui.get_frame_height_with_spacing()
     room = imgui.get_content_region_avail().y - below
     count = len(state.meshes)
-    height = line * max(min(count, room / line), min(max(count, 1), _LEAST_ROWS))
+    height = line * max(min(count, room / line), min(max(count, 1), _MIN_ROWS))
     if not imgui.begin_table("meshes", 5, _FLAGS, (0, height)):
         return None
     fixed, stretch = imgui.TableColumnFlags_.width_fixed, imgui.TableColumnFlags_.width_stretch
@@ -107,7 +107,7 @@ def _row(state: ViewState, ui: UiContext, index: int, row: MeshSpec) -> ViewStat
     imgui.table_next_column()
     imgui.set_next_item_width(-1)
     clamped = imgui.SliderFlags_.always_clamp
-    least = meshes.LEAST_OPACITY
+    least = meshes.MIN_OPACITY
     moved, opacity = imgui.slider_float("##opacity", row.opacity, least, 1.0, "%.2f", clamped)
     ui.note(f"mesh opacity {index}", describe_field(MeshSpec, "opacity"))
     if moved:

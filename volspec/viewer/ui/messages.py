@@ -23,7 +23,7 @@ _COLOURS = {
     "warning": {True: (0.95, 0.76, 0.25), False: (0.56, 0.38, 0.0)},
 }
 # Widths in pixels at 96 dpi.
-_MOST, _LEAST, _SIGN = 560, 280, 17
+_MAX, _MIN, _SIGN = 560, 280, 17
 
 
 def colour_of(kind: Kind, dark: bool) -> tuple[float, float, float, float]:
@@ -71,7 +71,7 @@ def draw_toast(message: Message, ui: UiContext) -> bool:
     x, y, width, _ = ui.areas["picture"]
     viewport = imgui.get_main_viewport()
     left, room = viewport.work_pos.x, viewport.work_size.x
-    most = min(max(width - ui.px(48), ui.px(_LEAST)), room - ui.px(48), ui.px(_MOST))
+    most = min(max(width - ui.px(48), ui.px(_MIN)), room - ui.px(48), ui.px(_MAX))
     half = most / 2 + ui.px(20)
     middle = min(max(x + width / 2, left + half), left + room - half)
     _, top, _, tall = ui.areas.get("sides", (0, y, 0, 0))
@@ -104,7 +104,7 @@ def draw_centred(text: str, fault: bool, opens: bool, ui: UiContext) -> None:
     if fault:
         draw_sign("error", ui)
         imgui.same_line()
-    _write(text, "error" if fault else "info", min(0.8 * width, ui.px(_MOST)))
+    _write(text, "error" if fault else "info", min(0.8 * width, ui.px(_MAX)))
     if opens:
         imgui.spacing()
         if imgui.button("Open …"):

@@ -78,7 +78,7 @@ def _depth(state: ViewState, ui: UiContext) -> ViewState:
         ui.note(f"depth {label.lower()}", f"Nothing {name} is shown; distance from the camera")
         if moved:
             new = depth.set_cut(new, *((mm, far) if label == "Near" else (near, mm)))
-    moved, times = imgui.slider_float("Fog", depth.fog(state), 0.0, depth.MOST_FOG, "%.2f", _SLIDER)
+    moved, times = imgui.slider_float("Fog", depth.fog(state), 0.0, depth.MAX_FOG, "%.2f", _SLIDER)
     ui.note("depth fog", "Depth of the volume over the visibility in fog; 0 for none")
     if moved:
         new = depth.set_fog(new, times)
@@ -133,7 +133,7 @@ def _slider(state: ViewState, ui: UiContext, name: str) -> ViewState:
     now, fades = opacity_scales(state).get(name, 1.0), opacities.is_in_volume(state, name)
     imgui.set_next_item_width(-1)
     imgui.begin_disabled(not fades)
-    moved, scale = imgui.slider_float("##scale", now, 0.0, opacities.MOST, "× %.3g", _SLIDER)
+    moved, scale = imgui.slider_float("##scale", now, 0.0, opacities.MAX_SCALE, "× %.3g", _SLIDER)
     imgui.end_disabled()
     words = "Opacity of {}" if fades else "{}: only meshes have it, and do not fade"
     ui.note(f"opacity {name}", words.format(as_one_line(name)))

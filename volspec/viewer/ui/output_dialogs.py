@@ -11,7 +11,7 @@ from imgui_bundle import imgui
 from volspec._checks import MAX_SIDE
 from volspec._extras import install_command
 from volspec.errors import InputError, one_line
-from volspec.export.page import MOST_VIEWS
+from volspec.export.page import MAX_VIEWS
 from volspec.scene.tables import Mark
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.film import (
@@ -43,7 +43,7 @@ _DIM = imgui.Col_.text_disabled
 # Width of the labels at the right of the fields, at 96 dpi.
 _LABELS = 72
 # Views that the slider offers; and bytes of a channel of a pixel in a page, at most.
-_MOST_SLIDER_VIEWS, _PAGE_BYTES = 72, 0.5
+_MAX_SLIDER_VIEWS, _PAGE_BYTES = 72, 0.5
 
 
 class _OutputDialog:
@@ -235,14 +235,14 @@ class PageDialog(_OutputDialog):
         imgui.push_item_width(-ui.px(_LABELS))
         _, title = imgui.input_text_with_hint("Title", short_title(state.document), file.title)
         ui.note("page title")
-        _, views = imgui.slider_int("Views", file.views, 1, _MOST_SLIDER_VIEWS)
+        _, views = imgui.slider_int("Views", file.views, 1, _MAX_SLIDER_VIEWS)
         ui.note("page views", "1 for a still; more to turn it by a drag")
         series, steps = state.document.series, file.steps
         if series is not None:
             _, steps = imgui.checkbox(f"All {len(series)} time steps", steps)
             ui.note("page steps")
         count = len(series) if series is not None and steps else 1
-        views = min(views, MOST_VIEWS // count)
+        views = min(views, MAX_VIEWS // count)
         size = _size_fields(file.size, state, ui)
         width, height = size.pixels(state.size)
         channels = state.transfer.basis.size * len(state.shading.groups) + 1

@@ -29,7 +29,7 @@ _W = imgui.WindowFlags_
 BARE_WINDOW = _W.no_decoration | _W.no_docking | _W.no_saved_settings
 _FLAGS = BARE_WINDOW | _W.no_inputs | _W.always_auto_resize | _W.no_focus_on_appearing
 # The scale bar in pixels at 96 dpi; a narrower picture has none.
-_LONGEST, _MARGIN, _TICK, _NARROW = 130.0, 16.0, 4.0, 90.0
+_MAX_BAR, _MARGIN, _TICK, _NARROW = 130.0, 16.0, 4.0, 90.0
 # The probe's spectra: width and height in pixels at 96 dpi, and room above the peak.
 _SIZE = (196.0, 74.0)
 _HEADROOM = 1.06
@@ -46,7 +46,7 @@ def draw_scale(state: ViewState, ui: UiContext) -> None:
     if not state.interface.overlays.scale or width < ui.px(_NARROW):
         return
     projection = ui.projection(state)
-    mm = length_mm(projection.mm_per_px, min(ui.px(_LONGEST), width / 3))
+    mm = length_mm(projection.mm_per_px, min(ui.px(_MAX_BAR), width / 3))
     long = mm / projection.mm_per_px
     right, low = x + width - ui.px(_MARGIN), y + height - ui.px(_MARGIN)
     left, tick = right - long, ui.px(_TICK)

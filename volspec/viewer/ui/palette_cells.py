@@ -106,7 +106,7 @@ _ROW, _WIDTHS, _HEADER = 84.0, (38.0, 76.0), 42.0
 _CELL = 36.0
 # Above this luma of a cell, marks on it are black.
 _LIGHT = 0.55
-_MOST_ROWS = 12
+_MAX_ROWS = 12
 _MARKS = {"same": "=", "distinct": "≠", "free": "~"}
 _T = imgui.TableFlags_
 _FLAGS = _T.scroll_x | _T.scroll_y | _T.sizing_fixed_fit | _T.no_pad_outer_x
@@ -121,7 +121,7 @@ def draw(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     wide = min(max(room / count - padding, low), high)
     bar = style.scrollbar_size if (wide + padding) * count > room + 1 else 0.0
     row = ui.px(_CELL) + 2 * style.cell_padding.y
-    tall = row * min(len(table.rows), _MOST_ROWS) + ui.px(_HEADER) + ui.px(4) + bar
+    tall = row * min(len(table.rows), _MAX_ROWS) + ui.px(_HEADER) + ui.px(4) + bar
     if not imgui.begin_table("palette", count + 1, _FLAGS, (0, tall)):
         return state
     imgui.table_setup_scroll_freeze(1, 1)

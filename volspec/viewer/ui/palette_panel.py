@@ -12,7 +12,7 @@ from volspec.viewer.model import palette_edits, palette_table
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.materials import can_be_exact
 from volspec.viewer.model.palette_table import Table
-from volspec.viewer.model.palette_targets import DISTANCES, MOST_ITERATIONS, SMOOTHNESS
+from volspec.viewer.model.palette_targets import DISTANCES, MAX_ITERATIONS, SMOOTHNESS
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_convert import transfer_kind
 from volspec.viewer.ui import palette_cells, palette_editor
@@ -143,7 +143,7 @@ def _criteria(state: ViewState, ui: UiContext) -> ViewState:
     ui.note("smooth", "Weight of smoothness; a high weight misses target colours")
     if moved:
         new = palette_edits.set_smoothness(new, smoothness)
-    moved, rounds = imgui.slider_int("Iterations", criteria.rounds, 1, MOST_ITERATIONS)
+    moved, rounds = imgui.slider_int("Iterations", criteria.rounds, 1, MAX_ITERATIONS)
     tip("Passes over lights and materials; each linearises the colours again")
     if moved:
         new = palette_edits.set_iterations(new, float(rounds))
@@ -183,7 +183,7 @@ _MISSED = (
     "The number is the ΔE; below 1 is not visible.\n"
     "No choice of the ticked spectra meets all targets."
 )
-_MOST_LINES = 3
+_MAX_LINES = 3
 _APART = (
     "CIEDE2000 between two materials to be distinguished, as viewers with normal vision and with a "
     "lacking cone see them: the least under these lights"
@@ -290,10 +290,10 @@ def _legend(state: ViewState, ui: UiContext) -> None:
 
 def _apart(table: Table) -> None:
     """Draw how far materials to be distinguished are, by colour vision."""
-    for pair in table.apart[:_MOST_LINES]:
+    for pair in table.apart[:_MAX_LINES]:
         imgui.text_wrapped(apart_text(pair))
         tip(_APART)
-    if rest := table.apart[_MOST_LINES:]:
+    if rest := table.apart[_MAX_LINES:]:
         imgui.text_disabled(f"and {len(rest)} more pairs")
         tip("\n".join(map(apart_text, rest)), at_once=True)
 
@@ -305,8 +305,8 @@ def _status(ui: UiContext) -> None:
         wrap_text(news.complaint, imgui.Col_.check_mark)
         ui.note("palette complaint")
     lines = (*news.reached, *news.advice)
-    for line in lines[:_MOST_LINES]:
+    for line in lines[:_MAX_LINES]:
         imgui.text_wrapped(line)
-    if rest := lines[_MOST_LINES:]:
+    if rest := lines[_MAX_LINES:]:
         imgui.text_disabled(f"and {len(rest)} more")
         tip("\n".join(rest), at_once=True)

@@ -19,7 +19,7 @@ from volspec.volume import value_text
 Area = tuple[float, float, float, float]
 # Pixels at 96 dpi: the least height for all slices, the least side of one, and letters' distance
 # from its edge.
-_LEAST, _FLATTEST, _MARGIN = 150.0, 10.0, 4.0
+_MIN, _FLATTEST, _MARGIN = 150.0, 10.0, 4.0
 # Offsets at which a letter's dark outline is drawn.
 _AROUND = tuple((a, b) for a in (-1.2, 0.0, 1.2) for b in (-1.2, 0.0, 1.2))
 # The least width of a slider with its text at the right; if narrower, the text is above.
@@ -40,7 +40,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
     below = _LINES * imgui.get_frame_height_with_spacing() + 4 * imgui.get_style().item_spacing.y
     sizes = slice_sizes(
         [slices.size_mm(volume, layout) for layout in layouts],
-        (wide, max(avail.y - below, ui.px(_LEAST))),
+        (wide, max(avail.y - below, ui.px(_MIN))),
         ui.px(_FLATTEST),
     )
     lasts = [volume.shape_xyz[layout.normal] - 1 for layout in layouts]

@@ -11,8 +11,8 @@ from volspec.viewer.work.demonstrations import DEMONSTRATIONS, Demonstration
 
 # Width and height of a thumbnail, the space between two, and of the window's edge.
 _WIDE, _TALL, _GAP, _PAD = 240.0, 180.0, 14.0, 22.0
-_LEAST = 110.0
-_MOST_RECENT = 5
+_MIN = 110.0
+_MAX_RECENT = 5
 _AREAS = ("open your own", *(f"demonstration {each.name}" for each in DEMONSTRATIONS))
 _W = imgui.WindowFlags_
 _FLAGS = (
@@ -36,7 +36,7 @@ def draw(_: ViewState | None, ui: UiContext) -> ViewState | None:
         return None
     viewport = imgui.get_main_viewport()
     room = viewport.work_size.x - 2 * ui.px(_PAD + _GAP)
-    wide = max(min(ui.px(_WIDE), room / len(DEMONSTRATIONS) - ui.px(_GAP)), ui.px(_LEAST))
+    wide = max(min(ui.px(_WIDE), room / len(DEMONSTRATIONS) - ui.px(_GAP)), ui.px(_MIN))
     imgui.set_next_window_pos(viewport.get_work_center(), imgui.Cond_.always, (0.5, 0.5))
     imgui.push_style_var(imgui.StyleVar_.window_padding, (ui.px(_PAD), ui.px(_PAD * 0.8)))
     imgui.push_style_var(imgui.StyleVar_.window_rounding, ui.px(8))
@@ -104,7 +104,7 @@ def _own_files(ui: UiContext) -> None:
     imgui.same_line(0, ui.px(12))
     imgui.align_text_to_frame_padding()
     imgui.text_disabled("or drop a file: NRRD, NIfTI, DICOM, TIFF, VTK, OME-Zarr, a scene")
-    for number, row in enumerate(ui.results.recent[:_MOST_RECENT]):
+    for number, row in enumerate(ui.results.recent[:_MAX_RECENT]):
         if row.there and imgui.selectable(f"{whole_label(row.label)}##{number}", False)[0]:
             ui.start = False
             ui.request("open", row.path)

@@ -27,7 +27,7 @@ _MARGIN, _ABOVE = 0.02, 0.12
 _TICKS = (0.0, 0.01, 0.1, 0.3, 0.6, 1.0)
 _STRIP_PX = 3.0
 # The least height of the opacity plot, alone and above the gradient plot; the latter's height.
-_LEAST, _LEAST_OF_TWO, _GRADIENTS_HEIGHT = 115, 82, 70
+_MIN, _MIN_OF_TWO, _GRADIENTS_HEIGHT = 115, 82, 70
 _GRADIENTS_TIP = (
     "Multiplies opacity by a factor over gradients, to emphasise boundaries.\n"
     "Drag the points; a double-click adds one, a right click removes it"
@@ -50,12 +50,12 @@ def draw_points(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the plots, and the chosen point or surface below."""
     new, what = state, "Surface" if isinstance(state.transfer, Isosurfaces) else "Point"
     curve = state.transfer if isinstance(state.transfer, TransferFunction) else None
-    below, least = 0.0, _LEAST
+    below, least = 0.0, _MIN
     if curve:
         below = imgui.get_frame_height_with_spacing()
         if curve.gradient_opacity:
             below += ui.px(_GRADIENTS_HEIGHT) + imgui.get_style().item_spacing.y
-            least = _LEAST_OF_TWO
+            least = _MIN_OF_TWO
     height = transfer_detail.height_above(2, ui, least, below)
     with transfer_plot.low_plot("##transfer", height, ui) as shown:
         if shown:

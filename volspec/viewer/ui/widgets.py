@@ -34,7 +34,7 @@ ACCENT = {True: (0.88, 0.64, 0.30, 1.0), False: (0.70, 0.43, 0.08, 1.0)}
 _INK = (0.05, 0.05, 0.05, 1.0)
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 # The most letters of a name or title; no panel has room for more.
-_MOST_LETTERS = 240
+_MAX_LETTERS = 240
 
 
 def load_font(imgui: Any) -> None:
@@ -160,7 +160,7 @@ def as_one_line(text: str) -> str:
     >>> as_one_line("north\\nwindow\\t\\x07"), as_one_line("a##b")
     ('north window', 'a# #b')
     """
-    line = whole_label(printable(text, _MOST_LETTERS).strip())
+    line = whole_label(printable(text, _MAX_LETTERS).strip())
     load_letters(line)
     return line
 

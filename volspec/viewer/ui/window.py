@@ -23,7 +23,7 @@ INSTEAD = (
     "SCENE-or-VOLUME -o PAGE.html to swap lights in a browser"
 )
 # Pixels; nothing is drawn into a smaller window.
-_LEAST_SIDE = 16
+_MIN_SIDE = 16
 
 _HINTS = (
     (glfw.CONTEXT_VERSION_MAJOR, 3),
@@ -109,7 +109,7 @@ class Window:
     def usable(self) -> bool:
         """True if there is room to draw: the window is neither minimised nor too small."""
         shown = not glfw.get_window_attrib(self._window, glfw.ICONIFIED)
-        return shown and min(glfw.get_framebuffer_size(self._window)) >= _LEAST_SIDE
+        return shown and min(glfw.get_framebuffer_size(self._window)) >= _MIN_SIDE
 
     @property
     def closing(self) -> bool:

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from volspec.scene import SceneRoom
 
 # Cameras whose views differ by more than this angle, or this ratio of distances, are not near.
-_MOST_DEG, _MOST_RATIO = 10.0, 1.3
+_MAX_DEG, _MAX_RATIO = 10.0, 1.3
 # Pictures with more pixels are seen in every n-th row and column.
-_MOST_PIXELS = 120_000
+_MAX_PIXELS = 120_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +45,7 @@ class NearbyViews:
         """Prepare the layers on a caster's device; None without one, or without memory."""
         if image.camera is None or caster is None:
             return None
-        every = int(np.ceil((image.alpha.size / _MOST_PIXELS) ** 0.5))
+        every = int(np.ceil((image.alpha.size / _MAX_PIXELS) ** 0.5))
         some = slice(None, None, every)
         part = replace(crop(image, some, some), camera=image.camera) if every > 1 else image
         with suppress(VolspecError):
@@ -61,8 +61,8 @@ class NearbyViews:
             return False
         cosine = float(one.frame()[2] @ other.frame()[2])
         ratio = one.distance_mm / other.distance_mm
-        near = max(ratio, 1 / ratio) <= _MOST_RATIO
-        return near and cosine >= np.cos(np.radians(_MOST_DEG))
+        near = max(ratio, 1 / ratio) <= _MAX_RATIO
+        return near and cosine >= np.cos(np.radians(_MAX_DEG))
 
     def view(self, camera: Camera, scales: Mapping[str, float]) -> CoefficientImage:
         """Return the picture of a camera, with the materials' opacities scaled."""

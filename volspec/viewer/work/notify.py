@@ -54,7 +54,7 @@ SECONDS = 8.0
 # Duration of a message whose effect is also visible.
 SHORT_SECONDS = 2.0
 # The most messages that are stored.
-MOST_MESSAGES = 300
+MAX_MESSAGES = 300
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +97,7 @@ class Notice:
         if last is not None and (last.text, last.kind) == (message.text, kind):
             message = replace(message, count=last.count + 1)
             self.messages = self.messages[:-1]
-        self.messages = (*self.messages, message)[-MOST_MESSAGES:]
+        self.messages = (*self.messages, message)[-MAX_MESSAGES:]
         self.shown = message
         self.until = math.inf if kind == "error" else time.perf_counter() + seconds
 

@@ -48,7 +48,7 @@ def return_large_blocks() -> None:
 
 
 # Relighters: of the whole picture, of two coarser ones, and of the window before a resize.
-MOST_SIZES = 5
+MAX_SIZES = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,7 +240,7 @@ class Pictures:
         key = (*image.coefficients.shape, len(image.groups), layers)
         relighter = self._relighters.pop(key, None)
         if relighter is None:
-            while len(self._relighters) >= MOST_SIZES:
+            while len(self._relighters) >= MAX_SIZES:
                 # The relighter of the shown picture stays until another one is drawn.
                 kept = self._frame_of, self._layered and self._layered[0]
                 known = self._relighters.items()

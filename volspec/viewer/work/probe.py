@@ -125,7 +125,7 @@ def place_mm(image: CoefficientImage, camera: Camera, pixel: tuple[int, int]) ->
 
 
 # A pixel with less opacity than this shows no material.
-_LEAST_ALPHA = 0.02
+_MIN_ALPHA = 0.02
 
 
 def material_at(image: CoefficientImage, transfer: Transfer, pixel: tuple[int, int]) -> str:
@@ -136,7 +136,7 @@ def material_at(image: CoefficientImage, transfer: Transfer, pixel: tuple[int, i
     from scipy.optimize import nnls
 
     x, y = pixel
-    if image.alpha[y, x] < _LEAST_ALPHA:
+    if image.alpha[y, x] < _MIN_ALPHA:
         return ""
     basis, names = image.basis, list(transfer.materials)
     channels = image.coefficients[y, x].reshape(len(image.groups), basis.size).sum(axis=0)

@@ -46,7 +46,7 @@ _APART_S = 0.25
 _UNANSWERED_MS = 40.0
 # A whole relight that takes longer leaves no time for the rest of a frame.
 SLOW_MS = 18.0
-_MOST_BANDS = 4
+_MAX_BANDS = 4
 # Rooms in other paints are coarser if a relight takes more bands than this.
 _SLOW_BANDS = 1
 
@@ -96,7 +96,7 @@ class Meter:
             self._relit_ms += self._relit.ms
             self._relit = None
             if self._ended:
-                self.bands = min(max(math.ceil(self._relit_ms / SLOW_MS), 1), _MOST_BANDS)
+                self.bands = min(max(math.ceil(self._relit_ms / SLOW_MS), 1), _MAX_BANDS)
             if self._ended is not None:
                 self.ms["relight"] = self._relit_ms
                 self._trace.note("relight", "relight", self._relit_ms, whole=self._ended)

@@ -32,7 +32,7 @@ from volspec.viewer.work.session import SUFFIX, BrokenSession, Session, read_ses
 from volspec.volume import is_pattern
 
 STATE_VARIABLE = "VOLSPEC_STATE"
-MOST_FILES = 10
+MAX_FILES = 10
 
 
 def state_folder() -> Path:
@@ -78,7 +78,7 @@ class RecentFiles:
                 path,
                 is_remote(path) or is_pattern(path) or os.path.exists(path.partition("?")[0]),
             )
-            for path in paths[:MOST_FILES]
+            for path in paths[:MAX_FILES]
         )
 
     def add(self, path: str) -> None:
@@ -86,7 +86,7 @@ class RecentFiles:
         file, mark, query = path.partition("?")
         path = path if is_remote(path) else os.path.abspath(file) + mark + query
         paths = [path, *(row.path for row in self.rows() if row.path != path)]
-        self._write(paths[:MOST_FILES])
+        self._write(paths[:MAX_FILES])
 
     def clear(self) -> None:
         """Clear the list."""
@@ -99,7 +99,7 @@ class RecentFiles:
                 temporary.write_text(json.dumps(paths, indent=1), encoding="utf-8")
 
 
-MOST_SESSIONS = 10
+MAX_SESSIONS = 10
 # A session is saved when nothing has changed for this long,
 REST_S = 2.5
 # and at this interval if something changes all the time.
@@ -190,7 +190,7 @@ class SessionStore:
                 make_private(self._folder)
             save_session(state, self._own)
             self._saved, self._written = _without_window(state), number
-            keep_newest(self._own, f"*{SUFFIX}", MOST_SESSIONS)
+            keep_newest(self._own, f"*{SUFFIX}", MAX_SESSIONS)
             return self._own
 
     def last(self) -> Path | None:

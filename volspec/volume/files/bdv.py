@@ -23,7 +23,7 @@ from volspec.errors import VolumeError
 from volspec.volume.files.query import Query
 
 # Most projects in a folder, and bytes of one, that are searched for a file's.
-_MOST_PROJECTS, _MOST_BYTES = 32, 1 << 26
+_MAX_PROJECTS, _MAX_BYTES = 32, 1 << 26
 Size = tuple[tuple[float, float, float], str]
 """Lengths of a voxel along x, y, z, and their unit."""
 
@@ -41,7 +41,7 @@ def _read(path: Path) -> Project | None:
     """Return a project; None if the file is none."""
     root: Any = None
     with suppress(OSError, ValueError):
-        root = parse_xml(path.read_bytes()) if path.stat().st_size < _MOST_BYTES else None
+        root = parse_xml(path.read_bytes()) if path.stat().st_size < _MAX_BYTES else None
     loader = None if root is None else root.find("SequenceDescription/ImageLoader")
     if loader is None:
         return None
@@ -64,7 +64,7 @@ def choose_view(query: Query, views: Mapping[tuple[str, str], str]) -> tuple[str
     ``views`` are the arrays by setup and time; sizes are those of the project that names the data.
     """
     data, project = query.path, Project(query.path)
-    others = sorted(islice(data.parent.glob("*.xml"), _MOST_PROJECTS))
+    others = sorted(islice(data.parent.glob("*.xml"), _MAX_PROJECTS))
     for path in (data.with_suffix(".xml"), *others):
         candidate = _read(path) if path.is_file() and is_inside(path) else None
         if candidate is not None and candidate.data.resolve() == data.resolve():

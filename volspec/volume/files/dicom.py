@@ -40,7 +40,7 @@ from volspec.volume.metadata import Metadata
 # Patient, study, series.
 _LEVELS = 3
 # Most series that an error lists.
-_MOST_LISTED = 8
+_MAX_LISTED = 8
 # Fraction of the slices' distance by which a segment's frames may be off it.
 _JITTER = 0.1
 
@@ -156,11 +156,11 @@ def _choose_uid(every: Mapping[str, list[Slice]], query: Query, remarks: list[st
         )
     query.end_choices()
     rows = [f"{value} {name}" for value, name in zip(listed.values, listed.names, strict=True)]
-    more = f" and {len(rows) - _MOST_LISTED} more" if len(rows) > _MOST_LISTED else ""
+    more = f" and {len(rows) - _MAX_LISTED} more" if len(rows) > _MAX_LISTED else ""
     wrong = "" if given is None else f"series={given} names {len(meant) or 'none'} of them; "
     raise VolumeError(
         f"{query.path}: holds {len(stacked)} series; {wrong}name one as "
-        f"{query.example(series=listed.values[0])}: {', '.join(rows[:_MOST_LISTED])}{more}",
+        f"{query.example(series=listed.values[0])}: {', '.join(rows[:_MAX_LISTED])}{more}",
         code="missing" if given is None else "unknown",
         given=given,
     )

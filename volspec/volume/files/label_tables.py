@@ -24,7 +24,7 @@ from volspec.volume.labels import Label, Labels
 
 Colour = tuple[float, float, float]
 SUFFIXES = (".ctbl", ".txt", ".lut", ".tsv", ".json", ".label")
-_MOST_BYTES = 1 << 24
+_MAX_BYTES = 1 << 24
 # Number, red, green, blue, opacity, visibility, mesh visibility, "name".
 _SNAP = re.compile(
     r'\s*(\d{1,20})\s+(\d{1,9})\s+(\d{1,9})\s+(\d{1,9})\s+[\d.]+\s+[01]\s+[01]\s+"(.*)"\s*'
@@ -47,7 +47,7 @@ def read_label_table(path: Path) -> dict[int, Label]:
     try:
         if not path.is_file():
             raise VolumeError(f"{path}: no such file; check labels=", code="not-found")
-        labels = _table(path.read_bytes()) if path.stat().st_size <= _MOST_BYTES else {}
+        labels = _table(path.read_bytes()) if path.stat().st_size <= _MAX_BYTES else {}
     except OSError as error:
         raise VolumeError(f"{path}: cannot be read ({error.strerror})", code="damaged") from error
     if not labels:

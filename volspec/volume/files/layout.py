@@ -35,7 +35,7 @@ _SURPLUS = 1 << 24
 # The only conversion in names of slices: slice%03d.raw.
 _PATTERN = re.compile(r"[^%]*%0?\d{0,2}d[^%]*")
 # Most files of a list or a pattern.
-_MOST_FILES = 100_000
+_MAX_FILES = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,7 +187,7 @@ def choose_axes(
 
 def data_files(path: Path, names: Sequence[str]) -> tuple[Path, ...]:
     """Return the separate files of a header's voxels; refuse those elsewhere or missing."""
-    if not 0 < len(names) <= _MOST_FILES:
+    if not 0 < len(names) <= _MAX_FILES:
         raise VolumeError(f"{path}: names {len(names)} files of voxels", code="damaged")
     for name in names:
         parts = PurePath(name.replace("\\", "/"))
@@ -237,7 +237,7 @@ def _numbered(path: Path, pattern: str, numbers: Sequence[str]) -> list[str]:
         if not _PATTERN.fullmatch(pattern) or not step:
             raise ValueError
         every = range(first, last + (1 if step > 0 else -1), step)
-        return [pattern % number for number in every[: _MOST_FILES + 1]]
+        return [pattern % number for number in every[: _MAX_FILES + 1]]
     except (ValueError, TypeError) as error:
         raise VolumeError(
             f"{path}: its voxels are said to be in {quoted(' '.join((pattern, *numbers)))}; a "

@@ -29,7 +29,7 @@ from volspec.volume.files.layout import (
 from volspec.volume.files.query import Query, Reading
 from volspec.volume.metadata import NO_SPACING, NO_UNIT, Metadata
 
-_MOST_LINES, _MOST_LENGTH = 10_000, 1 << 16
+_MAX_LINES, _MAX_LENGTH = 10_000, 1 << 16
 # MetaIO also accepts a colon, and without either reads the value from the next line.
 _LINE = re.compile(r"([^=:\r]+)[=:]([^\r]*)")
 # Those of C on 32-bit machines: LONG has 4 bytes.
@@ -63,8 +63,8 @@ def _header(path: Path) -> tuple[dict[str, str], tuple[str, ...], int]:
     """Return the fields of a header, the files that follow it, and the first byte after it."""
     fields: dict[str, str] = {}
     with path.open("rb") as file:
-        for number in range(_MOST_LINES):
-            if not (read := file.readline(_MOST_LENGTH)):
+        for number in range(_MAX_LINES):
+            if not (read := file.readline(_MAX_LENGTH)):
                 break
             if not (line := read.strip().decode("latin-1")):
                 continue

@@ -26,7 +26,7 @@ from volspec.volume.metadata import NO_SPACING, Metadata
 
 MAGIC = 0, b"mrtrix image"
 _DTYPE = re.compile(r"(bit|u?int(?:8|16|32|64)|float(?:16|32|64))(le|be)?", re.IGNORECASE)
-_MOST_HEADER = 1 << 24
+_MAX_HEADER = 1 << 24
 
 
 def read_mif(query: Query) -> Reading:
@@ -91,7 +91,7 @@ def _header(path: Path) -> dict[str, list[str]]:
     with open_unpacked(path) as file:
         while (line := file.readline(4096).decode("utf-8", "replace").strip()) != "END":
             key, colon, value = line.partition(":")
-            if file.tell() > _MOST_HEADER or not (colon or line == "mrtrix image"):
+            if file.tell() > _MAX_HEADER or not (colon or line == "mrtrix image"):
                 raise ValueError("no END")
             found.setdefault(key.strip().lower(), []).append(value.strip())
     return found

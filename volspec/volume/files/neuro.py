@@ -39,7 +39,7 @@ PAIRS = (".hdr", ".hdr.gz", ".img", ".img.gz")
 # NIfTI's code of the intent "label".
 _LABELS = 1002
 # Bytes of headers, and the most of extensions that are searched for names.
-_NIFTI_1, _NIFTI_2, _MOST_EXTENSION = 348, 540, 1 << 24
+_NIFTI_1, _NIFTI_2, _MAX_EXTENSION = 348, 540, 1 << 24
 _SECONDS = {"sec": 1.0, "msec": 1e-3, "usec": 1e-6}
 # Radians between the axes of two maps from which on it is said which of them is taken.
 _TURNED = 0.01
@@ -116,7 +116,7 @@ class _Opened:
             )
         start = float(header["vox_offset"])
         first = int(start) if size + 4 <= start < 2**40 else size + 4
-        extensions = (head + file.read(min(first, _MOST_EXTENSION)))[size:first]
+        extensions = (head + file.read(min(first, _MAX_EXTENSION)))[size:first]
         slope, shift = header.get_slope_inter() if np.isfinite(header["scl_slope"]) else (1, 0)
         given = header.get_data_shape(), dtype, first, slope or 1, shift or 0
         return cls(header, ArrayProxy(os.fspath(path), given), path, packed, None, extensions)

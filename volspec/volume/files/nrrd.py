@@ -36,7 +36,7 @@ from volspec.volume.labels import Labels
 from volspec.volume.metadata import NO_SPACING, NO_UNIT, Metadata
 
 # Greatest number of a header's lines, and their greatest length.
-_MOST_LINES, _MOST_LENGTH = 10_000, 1 << 16
+_MAX_LINES, _MAX_LENGTH = 10_000, 1 << 16
 _CODES = "char=i1 uchar=u1 short=i2 ushort=u2 int=i4 uint=u4 longlong=i8 ulonglong=u8 float=f4"
 _SIZED = "int8=i1 uint8=u1 int16=i2 uint16=u2 int32=i4 uint32=u4 int64=i8 uint64=u8 double=f8"
 _TYPES = dict(word.split("=") for word in f"{_CODES} {_SIZED}".split())
@@ -72,8 +72,8 @@ class _Header:
         with path.open("rb") as file:
             if not file.readline(80).startswith(b"NRRD"):
                 raise damaged(path, "does not begin as an NRRD header")
-            for _ in range(_MOST_LINES):
-                line = _text(file.readline(_MOST_LENGTH)).strip()
+            for _ in range(_MAX_LINES):
+                line = _text(file.readline(_MAX_LENGTH)).strip()
                 if not line:
                     break
                 key, found, value = line.partition(":")

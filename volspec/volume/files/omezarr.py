@@ -39,7 +39,7 @@ from volspec.volume.metadata import NO_SPACING, NO_UNIT, Metadata
 ZIP_SUFFIXES = (".zarr.zip", ".ozx")
 _MARKS = (".zgroup", ".zattrs", ".zarray", "zarr.json")
 # More bytes of voxels than this are a mistake: 1 PiB.
-_MOST_BYTES = 2**50
+_MAX_BYTES = 2**50
 _SPACE = ("z", "y", "x")
 _OPTIONS = {"c": ("channel", "channels"), "t": ("time", "time steps")}
 # Depth to which groups are searched for arrays.
@@ -208,7 +208,7 @@ def ome_zarr_stack(query: Query) -> Stack | None:
     picture = _opened(query)
     if not picture.is_in_parts:
         return None
-    if any(level.nbytes > _MOST_BYTES for level in picture.levels):
+    if any(level.nbytes > _MAX_BYTES for level in picture.levels):
         raise VolumeError(
             f"{query.path}: its metadata declare {picture.sizes[0]} voxels; is it damaged?",
             code="damaged",

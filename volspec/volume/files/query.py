@@ -31,7 +31,7 @@ from volspec.volume.metadata import Metadata
 SCALES = "linear", "log"
 """Values of ``scale=``."""
 # Most arrays that a message lists.
-_MOST_LISTED = 8
+_MAX_LISTED = 8
 _BYTES = re.compile(r"(\d+(?:\.\d*)?)\s*([KMGT]?)(i?)B?", re.IGNORECASE)
 
 
@@ -215,7 +215,7 @@ class Query:
         """Return the array chosen by ``dataset=``, or the only one; ``found`` has their shapes."""
         given = self.options.get("dataset", "").strip("/")
         names = tuple(sorted(found, key=lambda name: (-math.prod(found[name]), name)))
-        listed = ", ".join(names[:_MOST_LISTED]) + ", …" * (len(names) > _MOST_LISTED)
+        listed = ", ".join(names[:_MAX_LISTED]) + ", …" * (len(names) > _MAX_LISTED)
         if self.choices is not None and len(names) > 1:
             sizes = tuple(f"{name} ({' × '.join(map(str, found[name][::-1]))})" for name in names)
             self.choices.append(Choice("dataset", names, sizes, given if given in found else None))

@@ -38,7 +38,7 @@ from volspec.volume.metadata import Metadata
 # Bytes of the slices of a chunk.
 _CHUNK_BYTES = 2**24
 # Most missing numbers that a remark lists.
-_MOST_LISTED = 3
+_MAX_LISTED = 3
 # tifffile's letter for the samples of a pixel.
 _SAMPLES = "S"
 # Words before a number in the name of a picture, by the option that selects it.
@@ -141,7 +141,7 @@ def missing_numbers(names: Sequence[str]) -> str:
         for k in range(1, step // usual if usual else 0)
         if step % usual == 0
     ]
-    return ", ".join(map(str, missing[:_MOST_LISTED])) + ", …" * (len(missing) > _MOST_LISTED)
+    return ", ".join(map(str, missing[:_MAX_LISTED])) + ", …" * (len(missing) > _MAX_LISTED)
 
 
 def _natural_key(name: str) -> list[tuple[int, str]]:

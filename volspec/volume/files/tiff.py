@@ -40,9 +40,9 @@ SUFFIXES = PICTURES["TIFF"]
 # tifffile's letters: time, slices, channels, rows, columns, samples of a pixel.
 _TIME, _SLICES, _AXES, _OF_PICTURES = "T", "Z", "TZCYXS", "CYXS"
 # Greatest compression ratio that is expected.
-_MOST_PACKED = 100
+_MAX_PACKED = 100
 # Most sizes that a message lists.
-_MOST_LISTED = 8
+_MAX_LISTED = 8
 
 
 def read_tiff(query: Query) -> Reading:
@@ -55,7 +55,7 @@ def tiff_stack(query: Query) -> Stack | None:
 
     So are those of several channels or times, unless one is selected.
     """
-    small = query.path.stat().st_size * _MOST_PACKED <= query.most_bytes
+    small = query.path.stat().st_size * _MAX_PACKED <= query.most_bytes
     return None if small else larger_stack(query, _slices)
 
 

@@ -41,14 +41,14 @@ BOX_VOXELS = 2**22
 # Chunks that are read at once take this part of the budget at most, 1/n.
 _CHUNKS_SHARE = 32
 # Part of a chunk's blocks that are needed from which all are read.
-_MOST = 0.75
+_MAX = 0.75
 # Seconds after which a store that did not answer is asked again.
 _AGAIN_S = 5.0
 _GONE = "its file or folder is gone"
 WITHOUT_PARTS, ASK_ANOTHER = "HTTP ranges", "use a server that answers them"
 """Part of the cause if a server answers with whole files alone, and the remedy."""
 # Most causes of gaps that a message names.
-_MOST_CAUSES = 3
+_MAX_CAUSES = 3
 
 
 class Chunk(NamedTuple):
@@ -540,7 +540,7 @@ class Pyramid:
             first.setdefault(why, chunk)
         named = ", ".join(
             f"chunk {'/'.join(map(str, chunk[1:]))} of level {chunk.level} ({why})"
-            for why, chunk in [*first.items()][:_MOST_CAUSES]
+            for why, chunk in [*first.items()][:_MAX_CAUSES]
         )
         if (count := len(self.gaps)) > 1:
             named = f"{count} chunks cannot be read, such as {named}; they are"
@@ -588,7 +588,7 @@ def blocks_in(box: Box) -> Box:
 
 def _boxes_of(of_chunk: Box, need: NDArray[np.bool_]) -> list[Box]:
     """Return a chunk's needed blocks as boxes; the whole chunk if most of it is needed."""
-    if need.mean() >= _MOST:
+    if need.mean() >= _MAX:
         return [of_chunk]
     ends = np.argwhere(np.diff(need, axis=2, prepend=False, append=False)).tolist()
     runs = zip(ends[::2], ends[1::2], strict=True)

@@ -25,7 +25,7 @@ _COUNTED = 2**24
 _FILLS = (-2000, -2048, -3000, -3024, -4096, -9999, -32767, -32768, 32767, 65535)
 _APART, _FAR = 0.1, 3.0
 # The fewest voxels of a sample that have it, and their fraction.
-_FEWEST, _REPEATED = 8, 1e-3
+_MIN, _REPEATED = 8, 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +78,7 @@ def typical_range(voxels: NDArray[Any], span: tuple[float, float]) -> tuple[floa
     """
     low, high = span
     inside = np.sort(voxels[(voxels >= low) & (voxels <= high)], axis=None)
-    most = max(_FEWEST, int(_REPEATED * inside.size))
+    most = max(_MIN, int(_REPEATED * inside.size))
     for _ in range(2):  # both ends
         above = inside[np.searchsorted(inside, low, "right") :]
         if low != 0 and inside.size - above.size >= most and _fills(low, above):

@@ -4,7 +4,7 @@
 //             -> [recompose, nearby] -> picture
 
 // The volume's depth over the visibility, at most.
-const MOST_FOG = 8;
+const MAX_FOG = 8;
 // Least and greatest f-number, the distance in focus over the lens's opening.
 const F_NUMBERS = [4, 100];
 
@@ -22,7 +22,7 @@ function depthFields(page) {
 }
 
 const turnFields = (page) => (page.opacity?.camera
-  ? { turn: numbers(2, -MOST_TURN, MOST_TURN), stereo: choice('off', 'anaglyph', 'pair') } : {});
+  ? { turn: numbers(2, -MAX_TURN, MAX_TURN), stereo: choice('off', 'anaglyph', 'pair') } : {});
 
 const turnOpened = (page) => (page.opacity?.camera ? { turn: [0, 0], stereo: 'off' } : {});
 
@@ -51,14 +51,14 @@ function depthPanel(app) {
     depthRow('far', { ...cuts, value: most },
       (x) => set({ far: x < most ? Math.max(x, app.look().near + cuts.step) : null }),
       ({ far }) => [far ?? most, far === null ? 'off' : millimetres(far)]),
-    depthRow('fog', { min: 0, max: MOST_FOG, step: 0.1, value: 0 },
+    depthRow('fog', { min: 0, max: MAX_FOG, step: 0.1, value: 0 },
       (x) => set({ fog: x > 0 ? depth / x : null }),
       ({ fog }) => [fog === null ? 0 : depth / fog, fog === null ? 'off' : millimetres(fog)]),
   ];
   const turn = (i) => (x) => (
     app.put({ turn: app.state.turn.map((old, j) => (j === i ? x : old)) }));
   const degrees = (x) => `${x > 0 ? '+' : x < 0 ? '\u2212' : ''}${Math.abs(x).toFixed(1)}\u00b0`;
-  const turns = { min: -MOST_TURN, max: MOST_TURN, step: 0.5, value: 0 };
+  const turns = { min: -MAX_TURN, max: MAX_TURN, step: 0.5, value: 0 };
   const lens = byId('lens');
   byId('lens-rows').hidden = !hasLens(app.page);
   if (hasLens(app.page)) {

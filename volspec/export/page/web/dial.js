@@ -8,7 +8,7 @@ const DIAL_REACH = 52, DIAL_HALF_HEIGHT = 96;
 // Gap between the rim and a name, for the light's dot; height of a line.
 const NAME_GAP = 9, NAME_LINE = 15;
 // With more lights than the first, names have one line; with more than the second, one is shown.
-const MOST_IN_TWO_LINES = 10, MOST_NAMED = 12;
+const MAX_IN_TWO_LINES = 10, MAX_NAMED = 12;
 // From this number of lights, names at the top and bottom are moved outwards by this distance.
 const CROWDED = 8, FURTHER_OUT = 16;
 
@@ -85,7 +85,7 @@ function nearestOn(rim, [x, y]) {
 }
 
 const dotOf = (name, [cx, cy], fill, count) => svg(
-  'circle', { cx, cy, r: count > MOST_NAMED ? 4 : 6, fill, class: 'corner' },
+  'circle', { cx, cy, r: count > MAX_NAMED ? 4 : 6, fill, class: 'corner' },
   svg('title', {}, name));
 
 // Write the names of all lights, or of a single one if there are too many.
@@ -93,7 +93,7 @@ function namesAround(lights, rim, host, drawing, names) {
   const pen = document.createElement('canvas').getContext('2d');
   let written = '';
   return (one) => {
-    const width = host.clientWidth, all = lights.length <= MOST_NAMED;
+    const width = host.clientWidth, all = lights.length <= MAX_NAMED;
     const named = all ? lights.map((_, i) => i) : [one].filter((i) => i !== null);
     const now = `${width} ${named}`;
     if (!width || now === written) return;
@@ -103,7 +103,7 @@ function namesAround(lights, rim, host, drawing, names) {
     drawing.setAttribute('height', 2 * half);
     pen.font = getComputedStyle(names).font;
     const wide = (words) => pen.measureText(words).width;
-    const most = all && lights.length > MOST_IN_TWO_LINES ? 1 : 2;
+    const most = all && lights.length > MAX_IN_TWO_LINES ? 1 : 2;
     names.replaceChildren(...named.map((i) => {
       const { name } = lights[i], across = Math.abs(rim[i][0]);
       const room = isBeside(rim[i]) ? width / 2 - across - NAME_GAP - 4 : width - 4;

@@ -8,7 +8,7 @@
 // Twin of volspec/relight/illumination.py, volspec/relight/spec.py (LightRig) and
 // volspec/basis/display.py; `basis` is from `basis_numbers` in volspec/export/page/payload.py.
 
-const NO_COLOUR = 1e-3, LEAST_STRETCH = 0.5, MOST_STRETCH = 2;
+const NO_COLOUR = 1e-3, MIN_STRETCH = 0.5, MAX_STRETCH = 2;
 // volspec/spectra/photometry.py: INVISIBLE
 const INVISIBLE = 0.01;
 
@@ -74,8 +74,8 @@ function luminousShare(luminous, channels, Y) {
 // Stretch rows, by a factor of at most two, so that the matrix yields the white.
 function whiteExact(matrix, channels, white) {
   const stretched = matrix.map((row, i) => {
-    const least = Math.max(white[i] / MOST_STRETCH, 1e-12);
-    const ratio = Math.max(white[i] / Math.max(dot(row, channels), least), LEAST_STRETCH);
+    const least = Math.max(white[i] / MAX_STRETCH, 1e-12);
+    const ratio = Math.max(white[i] / Math.max(dot(row, channels), least), MIN_STRETCH);
     return row.map((x) => x * ratio);
   });
   const share = luminousShare(stretched[1], channels, white[1]);

@@ -216,7 +216,7 @@ class App {
   // Turn a little, if the page has a camera and layers.
   lean(across, down) {
     const angles = [across, down].map((by, i) => (
-      clamped(this.state.turn[i] + by, -MOST_TURN, MOST_TURN)));
+      clamped(this.state.turn[i] + by, -MAX_TURN, MAX_TURN)));
     this.put({ turn: angles });
   }
 

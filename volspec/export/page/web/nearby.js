@@ -7,7 +7,7 @@
 
 // Greatest turn, in degrees; and slices of depth in which points are sorted. Deep layers are up to so
 // many points, one every so many pixels: their borders jump between pixels, which one point shows.
-const MOST_TURN = 6, SORTED = 4096, MOST_PARTS = 4, PART_PX = 8;
+const MAX_TURN = 6, SORTED = 4096, MAX_PARTS = 4, PART_PX = 8;
 
 const RADIANS = Math.PI / 180;
 
@@ -91,7 +91,7 @@ class NearbyViews {
           const begin = nearest + (isSurface
             ? (256 * near + c) / 65535 * surface_mm : near / 255 * begin_mm);
           const long = isSurface ? 0 : (c / 255) ** 2 * width_mm;
-          const parts = clamped(Math.ceil(long / (PART_PX * camera.pitch_mm)), 1, MOST_PARTS);
+          const parts = clamped(Math.ceil(long / (PART_PX * camera.pitch_mm)), 1, MAX_PARTS);
           for (let part = 0; part < parts; part++) {
             const place = (begin + long * (part + 0.5) / parts) * cosines[at] * perMm;
             found(SORTED - clamped(Math.floor(place), 0, SORTED - 1), i, parts, part);
@@ -158,7 +158,7 @@ class NearbyViews {
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     recomposer.drawInto(this.splatted, this.slices, (first, drawn) => {
       const form = {
-        FIRST_TARGET: first, TARGETS_DRAWN: drawn, DEPTH: 1, MOST_RADIUS: this.mostRadius };
+        FIRST_TARGET: first, TARGETS_DRAWN: drawn, DEPTH: 1, MAX_RADIUS: this.mostRadius };
       const made = relighter.program(form, 'splat.frag', 'splat.vert');
       recomposer.bind(made);
       relighter.set(made, all);

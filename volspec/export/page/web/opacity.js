@@ -3,12 +3,12 @@
 //     sliders -> look.opacity -> [recompose] -> picture
 
 // Ends of a slider in octaves; 0 is a step to the left of 1/8.
-const LEAST_OCTAVE = -3, MOST_OCTAVE = 2, OCTAVE_STEP = 0.05;
+const MIN_OCTAVE = -3, MAX_OCTAVE = 2, OCTAVE_STEP = 0.05;
 
-const scaleAt = (octave) => (octave < LEAST_OCTAVE - OCTAVE_STEP / 2 ? 0 : 2 ** octave);
+const scaleAt = (octave) => (octave < MIN_OCTAVE - OCTAVE_STEP / 2 ? 0 : 2 ** octave);
 
 const octaveOf = (scale) => (scale > 0
-  ? clamped(Math.log2(scale), LEAST_OCTAVE, MOST_OCTAVE) : LEAST_OCTAVE - OCTAVE_STEP);
+  ? clamped(Math.log2(scale), MIN_OCTAVE, MAX_OCTAVE) : MIN_OCTAVE - OCTAVE_STEP);
 
 const timesInWords = (scale) => (scale === 0 ? 'hidden' : `\u00d7${figures(scale, 2)}`);
 
@@ -51,7 +51,7 @@ function materialRow(name, present, set) {
   const named = isolated(name), swatch = el('span', { class: 'swatch', 'aria-hidden': 'true' });
   let shown = 1;
   const slider = el('input', {
-    type: 'range', min: LEAST_OCTAVE - OCTAVE_STEP, max: MOST_OCTAVE, step: OCTAVE_STEP,
+    type: 'range', min: MIN_OCTAVE - OCTAVE_STEP, max: MAX_OCTAVE, step: OCTAVE_STEP,
     list: 'opacity-marks',
     'aria-label': `Opacity of ${named}`, title: 'Double-click or Delete: back to the cast\u2019s',
     oninput: () => set(scaleAt(slider.valueAsNumber)),

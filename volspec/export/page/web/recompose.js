@@ -19,7 +19,7 @@ const isAsCast = (look) => (
   !look.opacity || (isUnscaled(look.opacity) && !isInDepth(look) && !isFocused(look)));
 
 // Targets of one draw; every browser has at least four. Units of textures: base, layers.
-const MOST_TARGETS = 4, BASE_UNIT = 0, LAYERS_UNIT = 1;
+const MAX_TARGETS = 4, BASE_UNIT = 0, LAYERS_UNIT = 1;
 // Farther than any layer; and the light that fog leaves at its visibility.
 const FAR_MM = 1e30, LEFT_AT_VISIBILITY = 0.05;
 
@@ -139,9 +139,9 @@ class Recomposer {
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.target);
     gl.viewport(0, 0, ...this.size);
     gl.scissor(0, 0, ...this.size);
-    for (let first = 0; first < slices; first += MOST_TARGETS) {
-      const drawn = Math.min(slices - first, MOST_TARGETS), targets = [];
-      for (let i = 0; i < MOST_TARGETS; i++) {
+    for (let first = 0; first < slices; first += MAX_TARGETS) {
+      const drawn = Math.min(slices - first, MAX_TARGETS), targets = [];
+      for (let i = 0; i < MAX_TARGETS; i++) {
         const place = gl.COLOR_ATTACHMENT0 + i;
         gl.framebufferTextureLayer(
           gl.FRAMEBUFFER, place, i < drawn ? texture : null, 0, i < drawn ? first + i : 0);

@@ -3,9 +3,9 @@
 // One finger or button turns (or pans if there is one view, without layers), two fingers pinch, the
 // wheel zooms.
 
-const MOST_ZOOM = 40, NEAR_DIVIDE = 16, MOVED = 5, MARGIN = 24;
+const MAX_ZOOM = 40, NEAR_DIVIDE = 16, MOVED = 5, MARGIN = 24;
 // Least displayed length of a picture's side, in screen pixels.
-const LEAST_SIDE = 6;
+const MIN_SIDE = 6;
 // A drag across the picture turns a camera nearby by so much.
 const LEAN_DEG = 30;
 // Attributes that make the port a control while the picture can be relit.
@@ -26,7 +26,7 @@ class Stage {
   get box() {
     const { width, height } = this.app.page.channels, { clientWidth, clientHeight } = this.port;
     const scale = Math.min(clientWidth / width, clientHeight / height) * this.place.zoom;
-    const across = Math.max(scale, LEAST_SIDE / width), down = Math.max(scale, LEAST_SIDE / height);
+    const across = Math.max(scale, MIN_SIDE / width), down = Math.max(scale, MIN_SIDE / height);
     return {
       across, down, left: (clientWidth - width * across) / 2 + this.place.x,
       top: (clientHeight - height * down) / 2 + this.place.y,
@@ -68,7 +68,7 @@ class Stage {
   }
 
   zoomed(factor, [x, y] = this.focus) {
-    const before = this.box, zoom = clamped(this.place.zoom * factor, 1, MOST_ZOOM);
+    const before = this.box, zoom = clamped(this.place.zoom * factor, 1, MAX_ZOOM);
     this.place.zoom = zoom;
     const after = this.box;
     // The point under the fingers stays in place.

@@ -35,7 +35,7 @@ const numbers = (count, low, high) => ({
 });
 
 // Scales of opacity beyond a slider's end are those of a notebook.
-const MOST_SCALE = 1000;
+const MAX_SCALE = 1000;
 
 function lookFields(page) {
   const count = page.lights.length;
@@ -50,7 +50,7 @@ function lookFields(page) {
     gamut: choice('clip', ...(page.gamut.CIECAM02 && page.gamut.CAM16 ? ['reduce'] : [])),
     mark: yesOrNo, deficiency: choice('none', ...Object.keys(page.deficiencies)),
     severity: within(0, 1),
-    ...(page.opacity && { opacity: numbers(page.opacity.materials.length, 0, MOST_SCALE) }),
+    ...(page.opacity && { opacity: numbers(page.opacity.materials.length, 0, MAX_SCALE) }),
     ...depthFields(page),
   };
 }
