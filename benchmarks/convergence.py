@@ -29,7 +29,7 @@ from volspec.basis import SpectralBasis
 from volspec.camera import Camera
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Ambient, Directional, LightGroup, RaycastSpec
-from volspec.raycast.quality import TARGETS
+from volspec.raycast.step_search import TARGETS
 from volspec.spectra import reflectance
 from volspec.transfer import Isosurfaces, LabelFunction, TransferFunction, TransferTable
 from volspec.volume import Volume, phantom

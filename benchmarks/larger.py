@@ -33,9 +33,9 @@ from volspec.raycast import RaycastSpec
 from volspec.spectra import reflectance
 from volspec.transfer import TransferFunction
 from volspec.volume import Volume, load_volume
-from volspec.volume.larger import level_of
 from volspec.volume.levels.pyramid import BLOCK, Level
 from volspec.volume.load import open_level
+from volspec.volume.out_of_memory import level_of
 
 SIZE = 512, 512
 _SIDE = 2048

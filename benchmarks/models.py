@@ -16,9 +16,9 @@ from volspec.appearance.transforms import LinearTransform
 from volspec.image import CoefficientImage
 from volspec.relight.gpu import GLEngine
 from volspec.relight.illumination import Illumination
-from volspec.relight.layers import layer_count, pack_layers
 from volspec.relight.programs import light_uniforms
 from volspec.relight.spec import RelightSpec
+from volspec.relight.texture_planes import layer_count, pack_layers
 from volspec.scene import Scene
 from volspec.spectra import light
 

@@ -54,7 +54,7 @@ class ScaledLights:
         return layers
 
     def arrivals(self, table: TransferTable) -> reference.Lights:
-        """Return the light of a table as `reference.split_arrivals` does, from the device."""
+        """Return the light of a table as `reference.split_transmittances` does, from the device."""
         width, sources = split_width(table), len(self._number)
         layers = self._of(table, width) / 65535
         split = layers[sources:].reshape(sources, *layers.shape[1:], width)

@@ -5,7 +5,7 @@
 //
 // With HALF channels are rounded to half-float, as the image in memory is.
 //
-// NumPy twin: volspec/relight/layers.py (pack_layers). The same numbers.
+// NumPy twin: volspec/relight/texture_planes.py (pack_layers). The same numbers.
 //
 // Launch: 3-D, one work-item per pixel and layer: (columns, lines of the band, layers), columns in
 // whole work-groups. For GPUs: neighbours write neighbouring float4.

@@ -61,7 +61,7 @@ from volspec.viewer.work.screenshot import Shot, copy_shown, save_picture
 from volspec.viewer.work.script import export_python
 from volspec.viewer.work.session import SUFFIX, read_session, restore_state, save_session
 from volspec.volume import Volume
-from volspec.volume.larger import level_of
+from volspec.volume.out_of_memory import level_of
 
 Codes = NDArray[np.int_]
 Edit = Callable[[ViewState], ViewState | Edited]

@@ -23,7 +23,7 @@ from volspec.camera import Camera, Projection
 from volspec.errors import RaycastError, VolspecWarning
 from volspec.image import CoefficientImage, OpacityLayers
 from volspec.large import Raycaster
-from volspec.raycast import Behind, OpacityCaster, RaycastSpec, Surfaces
+from volspec.raycast import OpacityCaster, RaycastSpec, SurfaceCaster, Surfaces
 from volspec.raycast.launch import (
     Cancel,
     Progress,
@@ -67,7 +67,7 @@ def raycast(
     caster: Raycaster | None = None,
     into: Relighter | None = None,
     notes: Mapping[str, str] | None = None,
-    behind: Sequence[Behind] = (),
+    behind: Sequence[SurfaceCaster] = (),
 ) -> CoefficientImage:
     """Cast a volume once, for every light to come.
 
@@ -95,7 +95,7 @@ def raycast(
         made with the Relighter's ``context`` updates it on the device.
     notes : {str: str}, optional
         Added to the image's notes.
-    behind : sequence of Behind, optional
+    behind : sequence of SurfaceCaster, optional
         Surfaces behind the volume and between its parts: meshes, then a room.
 
     Returns
@@ -312,7 +312,7 @@ def _check_arguments(
     transfer: Transfers,
     camera: Camera,
     caster: Raycaster | None,
-    behind: Sequence[Behind],
+    behind: Sequence[SurfaceCaster],
 ) -> None:
     """Raise RaycastError for an argument of another kind, of another volume, or basis."""
     for name, given, kinds, wanted in (
@@ -336,7 +336,7 @@ def _check_arguments(
             raise RaycastError(problem, remedy, code="conflict", field="raycast: behind")
 
 
-def _check_added(spec: RaycastSpec, table: Tables, behind: Sequence[Behind]) -> None:
+def _check_added(spec: RaycastSpec, table: Tables, behind: Sequence[SurfaceCaster]) -> None:
     """Raise RaycastError for a translucent mesh between fields that do not hide each other."""
     see_through = next(filter(None, (each.translucent for each in behind)), "")
     if spec.add_fields and isinstance(table, FieldTables) and see_through:
@@ -368,7 +368,7 @@ def _warn_if_empty(
     table: Tables,
     view: Projection,
     spec: RaycastSpec,
-    behind: Sequence[Behind],
+    behind: Sequence[SurfaceCaster],
 ) -> None:
     """Warn of a picture in which nothing of the volume is seen."""
     if volume.is_empty and not behind:
@@ -394,7 +394,7 @@ def _check_layers(
     table: Tables,
     transfer: Transfers,
     level: Any,
-    behind: Sequence[Behind],
+    behind: Sequence[SurfaceCaster],
 ) -> None:
     """Refuse what cannot be cast in layers of opacity, and warn of materials that lack it."""
     check_layers(spec, table, transfer.basis, [each.translucent for each in behind])

@@ -151,11 +151,11 @@ def test_the_volume_s_light_at_points_is_that_of_its_nodes():
     caster = vs.Raycaster(volume)
     table = caster.bake(transfer)
     caster.cast(table, camera, (8, 8), FEW_NODES, clear=meshes.clear)
-    arrives = caster.arrivals(table, FEW_NODES, camera, meshes.clear)
+    arrives = caster.transmittances(table, FEW_NODES, camera, meshes.clear)
     low, high = volume.corners_mm.min(axis=0), volume.corners_mm.max(axis=0)
     middle = (low + high) / 2.0
     points = np.array([middle, [*middle[:2], low[2] - 50.0], [*(high[:2] + 9.0), low[2]]])
-    true = reference.arrivals(volume, table, FEW_NODES, camera)
+    true = reference.transmittances(volume, table, FEW_NODES, camera)
     index = points[:1] @ volume.index_from_world[:3, :3].T + volume.index_from_world[:3, 3]
     sun = arrives[0](points)
     assert sun[0] == pytest.approx(float(true[0](index)[0]), abs=2e-3)

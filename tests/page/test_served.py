@@ -18,7 +18,7 @@ from tests.support.patience import PATIENCE_S
 from volspec.export.page import PageSpec
 from volspec.export.serve.views import SceneViews, ViewRequest
 from volspec.pipeline import raycast, relight
-from volspec.raycast.pace import Pace
+from volspec.raycast.progressive import Pace
 from volspec.scene import Scene
 
 SIZE = 128, 96

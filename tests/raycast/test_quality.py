@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 import volspec as vs
 from tests.support.errors import warns
 from tests.support.fixtures import slow_each
-from volspec.raycast.quality import SHORTEST, TARGETS, Picture, Target, choose_step
+from volspec.raycast.step_search import SHORTEST, TARGETS, ErrorTarget, Trial, choose_step
 
 BASIS = vs.SpectralBasis.load("general-7")
 COPPER = {"copper": vs.reflectance("copper")}
@@ -29,10 +29,10 @@ def test_the_step_leaves_the_error_asked_for(factor, order, error):
     """Casts whose error is a power of the step, the same in all pixels: it falls as it does."""
     truth = np.full((40, 40, 3), 0.5)
 
-    def cast(step: float, *_: object) -> Picture:
-        return Picture(truth + factor * step**order, np.ones((40, 40), np.float32))
+    def cast(step: float, *_: object) -> Trial:
+        return Trial(truth + factor * step**order, np.ones((40, 40), np.float32))
 
-    step, left, _ = choose_step(cast, (40, 40), Target(error, 1.0))
+    step, left, _ = choose_step(cast, (40, 40), ErrorTarget(error, 1.0))
     assert factor * step**order <= 1.001 * error or step < 2 * SHORTEST
     assert step == 1.0 or step <= SHORTEST * 2 or left > 0.3 * error
 
@@ -41,10 +41,10 @@ def test_the_step_leaves_the_error_asked_for(factor, order, error):
 def test_a_step_that_misses_a_wall_is_not_chosen(thick, part):
     """Steps beyond a wall's thickness lose some pixels at once: the error is no power of them."""
 
-    def cast(step: float, size: tuple[int, int], _: bool) -> Picture:
+    def cast(step: float, size: tuple[int, int], _: bool) -> Trial:
         lost = np.arange(size[0] * size[1]).reshape(size[1], size[0]) < part * size[0] * size[1]
         colour = np.where(lost & (step > thick), 0.0, 0.5)
-        return Picture(colour[..., None], np.ones(colour.shape, np.float32))
+        return Trial(colour[..., None], np.ones(colour.shape, np.float32))
 
     assert choose_step(cast, (90, 60), TARGETS["fast"]).step <= thick
 
@@ -54,12 +54,12 @@ def test_a_slab_whose_rays_are_all_alike_is_not_right_by_chance(near, thick, err
     """Sums of its samples: multiples of the step, often the same with half of it."""
     shifts = np.random.default_rng(1).random((48, 48))
 
-    def cast(step: float, _: tuple[int, int], is_reference: bool) -> Picture:
+    def cast(step: float, _: tuple[int, int], is_reference: bool) -> Trial:
         first = (0.5 + shifts * is_reference) * step
         count = np.ceil((near + thick - first) / step) - np.ceil((near - first) / step)
-        return Picture(0.1 * step * count[..., None], np.ones((48, 48), np.float32))
+        return Trial(0.1 * step * count[..., None], np.ones((48, 48), np.float32))
 
-    step, left, _ = choose_step(cast, (48, 48), Target(error, 1.0))
+    step, left, _ = choose_step(cast, (48, 48), ErrorTarget(error, 1.0))
     off = np.abs(cast(step, (48, 48), False).coefficients - 0.1 * thick).max()
     assert off <= 1.1 * error or left > error
 

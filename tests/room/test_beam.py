@@ -10,7 +10,7 @@ from tests.support.errors import raises
 from volspec.errors import RoomError, SpectrumError
 from volspec.room import Room, RoomLight, load_room, lux_from_irradiance, solve_room
 from volspec.room.beam import Beam, read_beam
-from volspec.room.direct import beam_irradiance
+from volspec.room.direct_light import beam_irradiance
 from volspec.room.form_factors import Rays
 from volspec.room.mesh import SIDES, box
 from volspec.room.model import PointLamp

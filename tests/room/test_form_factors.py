@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from volspec.room import Room
-from volspec.room.direct import direct_irradiance, seen_part
+from volspec.room.direct_light import direct_irradiance, seen_part
 from volspec.room.form_factors import Rays, form_factors
 from volspec.room.mesh import SIDES, box, rectangle
 from volspec.room.model import PointLamp, SunBeam

@@ -13,7 +13,7 @@ from tests.support.errors import raises
 from tests.support.scenes import scene_text
 from volspec.errors import SceneError
 from volspec.pipeline import Raycaster
-from volspec.raycast.surfaces import Behind, OpacityCaster
+from volspec.raycast.surfaces import OpacityCaster, SurfaceCaster
 from volspec.relight.illumination import Illumination
 from volspec.room import load_room
 from volspec.room.walls import Placement, ShadowMap
@@ -215,7 +215,9 @@ def test_an_opaque_volume_takes_the_lamp_from_the_floor_below_it(scene, opacity)
     below = vs.Camera(tuple(middle - (0, 0, 30)), tuple(middle - (0, 0, 40)), (0, 1, 0), 10.0)
     far = vs.Camera(tuple(middle + (120, 0, -30)), tuple(middle + (120, 0, -40)), (0, 1, 0), 10.0)
 
-    def seen(camera: vs.Camera, behind: Behind = behind, **shading: OpacityCaster) -> np.ndarray:
+    def seen(
+        camera: vs.Camera, behind: SurfaceCaster = behind, **shading: OpacityCaster
+    ) -> np.ndarray:
         return behind.layers(camera, (8, 8), **shading).mean(axis=(0, 1))
 
     plain = seen(below), seen(far)

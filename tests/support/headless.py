@@ -23,9 +23,9 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import widgets
 from volspec.viewer.ui.inputs import Input
 from volspec.viewer.ui.window import Window
-from volspec.viewer.work.ahead import ProgramBuilder
 from volspec.viewer.work.background import Tasks
 from volspec.viewer.work.notify import Trace, collect_warnings
+from volspec.viewer.work.precompile import ProgramBuilder
 
 Size = tuple[int, int]
 

@@ -8,8 +8,8 @@ import pytest
 from volspec.large import level_caster as out_of_core
 from volspec.large.conversion import convert
 from volspec.volume import Volume, load_volume
-from volspec.volume.larger import level_of
 from volspec.volume.levels.pyramid import BLOCK, Level, Pyramid, block_ranges
+from volspec.volume.out_of_memory import level_of
 
 
 def pyramid_of(volume: Volume, chunk: int = 32, *, ranges: bool = True, memory=2**31) -> Volume:

@@ -33,7 +33,7 @@ _TWICE = ("click", "--repeat", "2", "--delay", "60", "1")
 _VIEW = "from volspec.cli import main; main()"
 # Each document would start a process that compiles programs for some seconds.
 _NOTHING_AHEAD = (
-    "from volspec.viewer.work.ahead import ProgramBuilder; "
+    "from volspec.viewer.work.precompile import ProgramBuilder; "
     "ProgramBuilder.request = lambda *_: None; "
 )
 

@@ -15,7 +15,7 @@ from volspec.basis import MaterialBasis
 from volspec.errors import SpectrumError, TransferError, VolumeError
 from volspec.spectra import DEFAULT_GRID
 from volspec.transfer import LabelFunction, label_look
-from volspec.transfer.missing import MaskLabels, bake_for_volume
+from volspec.transfer.nan_voxels import MaskLabels, bake_for_volume
 from volspec.volume.labels import Label
 
 

@@ -8,7 +8,7 @@ import pytest
 import volspec as vs
 from tests.support.fixtures import slow, slow_each
 from tests.support.transfers import BASIS, MATERIALS
-from volspec.transfer.missing import bake_for_volume, transparent_below
+from volspec.transfer.nan_voxels import bake_for_volume, transparent_below
 from volspec.transfer.table import TransferTable
 from volspec.viewer.model.document import field_data
 from volspec.volume.summary import summarise

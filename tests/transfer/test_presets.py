@@ -10,7 +10,7 @@ from tests.support.errors import raises
 from volspec.errors import InputError
 from volspec.spectra import DEFAULT_GRID
 from volspec.transfer import presets
-from volspec.transfer.missing import bake_for_volume
+from volspec.transfer.nan_voxels import bake_for_volume
 from volspec.transfer.presets import histogram
 from volspec.volume import Metadata, Volume, phantom
 

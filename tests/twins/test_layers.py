@@ -11,7 +11,7 @@ from volspec.image.layers import OpacityLayers
 from volspec.large import Raycaster
 from volspec.raycast import RaycastSpec, reference
 from volspec.raycast.launch.layer_stream import empty_rows, shadow_slots
-from volspec.raycast.launch.light_volume import Clear
+from volspec.raycast.launch.light_volume import Visibility
 from volspec.raycast.lights import Ambient, Directional, Headlight, LightGroup, Point
 from volspec.transfer import TransferTable
 from volspec.volume import Volume
@@ -43,7 +43,7 @@ def assert_layers_alike(
     volume: Volume,
     table: TransferTable,
     spec: RaycastSpec,
-    clear: Clear | None = None,
+    clear: Visibility | None = None,
     **settings: int,
 ) -> None:
     given = table, turned(volume, 30, 20), SIZE, spec

@@ -17,7 +17,7 @@ from tests.twins.test_fields import SHADOWS, SIZE, view
 from volspec.raycast import ClipPlane, RaycastSpec
 from volspec.raycast.launch.masks import MaskLattice
 from volspec.transfer import FieldFunctions, Mask, TransferFunction
-from volspec.transfer.missing import bake_for_volume
+from volspec.transfer.nan_voxels import bake_for_volume
 from volspec.volume import Volume
 from volspec.volume.labels import Label
 

@@ -14,7 +14,7 @@ from tests.twins.test_raycast import assert_alike
 from volspec.raycast import reference
 from volspec.raycast.launch.row_batches import Result
 from volspec.transfer import SurfaceTable, TransferTable
-from volspec.transfer.missing import transparent_below
+from volspec.transfer.nan_voxels import transparent_below
 
 SKY = vs.LightGroup("sky", (vs.Ambient(),))
 SUN = vs.Directional((1, 0.5, 1), shadows=True)

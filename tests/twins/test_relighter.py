@@ -28,7 +28,7 @@ from volspec.image.model import CoefficientImage
 from volspec.relight import Illumination, LightRig, Relighter, RelightSpec, relight
 from volspec.relight import gpu as gpu_module
 from volspec.relight import programs as programs_module
-from volspec.relight.layers import PackedLayers
+from volspec.relight.texture_planes import PackedLayers
 from volspec.spectra import Spectrum, light
 
 pytestmark = COARSE

@@ -5,7 +5,7 @@ import pytest
 
 from tests.support.fixtures import slow_each
 from volspec._gpu.opencl import Compute
-from volspec.relight.layers import band_packer, layer_count, pack_layers
+from volspec.relight.texture_planes import band_packer, layer_count, pack_layers
 
 ODD = [np.nan, np.inf, -np.inf, 1e30, -1e30, 3e38, 1e9, -1e9, 7e4, -7e4, 1e-8, 6.1e-5, 0.1]
 

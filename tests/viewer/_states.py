@@ -11,7 +11,7 @@ from volspec.image import CoefficientImage
 from volspec.palette import Apart
 from volspec.pipeline import relight
 from volspec.raycast import ClipPlane, Directional, LightGroup
-from volspec.raycast.pace import Pass
+from volspec.raycast.progressive import Pass
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum, light
 from volspec.viewer.model import camera, transfer_edits

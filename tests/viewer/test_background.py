@@ -25,7 +25,7 @@ from volspec.errors import CastCancelled, RaycastError
 from volspec.image import CoefficientImage
 from volspec.pipeline import Raycaster, Relighter
 from volspec.raycast import RaycastSpec
-from volspec.raycast.pace import DIVISORS, WHOLE, Pace, Pass
+from volspec.raycast.progressive import DIVISORS, WHOLE, Pace, Pass
 from volspec.relight import programs as programs_of_gl
 from volspec.spectra import light
 from volspec.transfer import FieldFunctions
@@ -35,7 +35,7 @@ from volspec.viewer.model.materials import with_material_basis
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import file_commands
 from volspec.viewer.ui.context import Request, UiContext
-from volspec.viewer.work import ahead, documents
+from volspec.viewer.work import documents, precompile
 from volspec.viewer.work.background import LatestWorker, Tasks
 from volspec.viewer.work.cast_job import CastDone, CastJob
 from volspec.viewer.work.casts import CastWorker
@@ -44,7 +44,7 @@ from volspec.viewer.work.outputs import Progress
 from volspec.viewer.work.screenshot import render_frame
 from volspec.viewer.work.session import SUFFIX, save_session
 from volspec.viewer.work.session_store import STATE_VARIABLE
-from volspec.viewer.work.steps import Steps
+from volspec.viewer.work.time_steps import TimeSteps
 from volspec.volume import Metadata, Volume
 from volspec.volume.labels import Label
 from volspec.volume.metadata import NO_SPACING
@@ -161,7 +161,7 @@ def test_only_the_opening_s_message_ends_with_it(tmp_path, monkeypatch):
         assert "a.toml" in notice.text
         if later:
             notice.show(later)
-        each.begin(documents.Opened(state), state)
+        each.begin(documents.OpenResult(state), state)
         assert notice.text == later
 
 
@@ -171,7 +171,7 @@ def test_what_was_assumed_of_a_volume_is_a_message(tmp_path, monkeypatch):
     volume = replace(state.document.volume, metadata=Metadata(assumed=(NO_SPACING,)))
     state = replace(state, document=replace(state.document, volume=volume))
     each = documents.DocumentService(Tasks(lambda: None), notice, None)
-    each.begin(documents.Opened(state, "ball.npy"), None)
+    each.begin(documents.OpenResult(state, "ball.npy"), None)
     assert NO_SPACING in notice.text
 
 
@@ -192,7 +192,7 @@ def test_a_late_picture_is_saved(tmp_path, monkeypatch, written):
         None,
         None,
         lambda *_: None,
-        Steps(came.set, notice),
+        TimeSteps(came.set, notice),
     )
     each = file_commands.FileCommands(Tasks(came.set), cast(Any, None), *rest)
     each.run(Request("screenshot"), opened(tmp_path))
@@ -405,8 +405,8 @@ def test_edits_of_lights_need_no_further_program(state, monkeypatch):
     state = replace(state, document=document, transfer=with_material_basis(state.transfer))
     casts_of(job(state, 1))
     table, packet = document.caster.bake(state.transfer), document.caster.packet
-    corner, device = ahead.few_voxels(document.volume), document.caster.device_index
-    programs = ahead.Programs(corner, device, packet, table, state.shading, False, Viewing())
+    corner, device = precompile.few_voxels(document.volume), document.caster.device_index
+    programs = precompile.Programs(corner, device, packet, table, state.shading, False, Viewing())
     assert sum(1 for _ in programs.build()) > 4
     before = set(built)
     many, point, sky = (
@@ -426,12 +426,12 @@ def test_programs_are_built_by_a_child_that_ends_with_the_viewer(state, tmp_path
     if "Portable" not in Compute.open().info.platform:
         pytest.skip("the device in use is none of PoCL, whose cache is looked into")
     monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(ahead, "_REST_S", 0.0)
+    monkeypatch.setattr(precompile, "_REST_S", 0.0)
     volume = state.document.volume
     volume = replace(volume, labels={1: Label("bone")}, fields=(replace(volume, name="PET"),))
     document = replace(state.document, volume=volume, caster=Raycaster(volume))
     transfer = FieldFunctions({"": state.transfer, "PET": state.transfer})
-    builder = ahead.ProgramBuilder(lambda: None)
+    builder = precompile.ProgramBuilder(lambda: None)
     builder.request((job(replace(state, document=document, transfer=transfer), 1), Viewing()))
     # PoCL renames folders meanwhile, which `walk` forgives.
     wait_until(lambda: any("fields.so" in files for _, _, files in os.walk(tmp_path)))

@@ -10,7 +10,7 @@ from tests.support.viewer import opened
 from tests.viewer._states import casts_of, frame_of, job_of, relit, restored, under
 from volspec.image import CoefficientImage
 from volspec.pipeline import raycast
-from volspec.raycast.pace import WHOLE, Pass
+from volspec.raycast.progressive import WHOLE, Pass
 from volspec.viewer.model import camera, rules, transfer_edits
 from volspec.viewer.model.history import ONE_VIEW, without_cast
 from volspec.viewer.model.state import ViewState

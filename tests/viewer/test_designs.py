@@ -47,9 +47,9 @@ from volspec.viewer.work.background import Tasks
 from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.probe import material_at
 from volspec.viewer.work.session_store import STATE_VARIABLE
-from volspec.viewer.work.steps import Steps
+from volspec.viewer.work.time_steps import TimeSteps
 from volspec.volume import load_volume
-from volspec.wizard import TellingLight
+from volspec.wizard import DiscriminatingLight
 
 FIGURE_2 = Path(__file__).resolve().parents[2] / "data" / "palettes" / "figure-2.toml"
 
@@ -283,7 +283,7 @@ def files(tmp_path: Path, monkeypatch: Patch) -> tuple[Bench, FileCommands]:
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "kept"))
     monkeypatch.setattr(dialogs, "has_native_dialogs", lambda: False)
     bench = Bench()
-    steps = Steps(lambda: None, bench.notice)
+    steps = TimeSteps(lambda: None, bench.notice)
     rest = (UiContext(), bench.notice, None, None, bench.designs.file, steps)
     return bench, FileCommands(Tasks(lambda: None), cast(Any, None), *rest)
 
@@ -357,7 +357,7 @@ def test_daylight_is_added_where_it_is_missing(engine):
 def test_a_difference_is_found_without_a_new_material(engine):
     ready = effects.prepare(engine, ("inserts", "block"))
     found = effects.find_difference(ready)
-    assert isinstance(found, TellingLight) and found.before < 1 and found.delta_e > 20
+    assert isinstance(found, DiscriminatingLight) and found.before < 1 and found.delta_e > 20
     after = effects.with_light(ready, found)
     assert after.transfer.materials == engine.transfer.materials
     told = effects.outcome(ready, after, effects.DIFFERENCE)

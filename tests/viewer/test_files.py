@@ -27,8 +27,8 @@ from volspec.viewer.app import Options, view
 from volspec.viewer.model.choices import (
     USES,
     Dropped,
+    NeedsChoice,
     RawLayout,
-    Undecided,
     address_with,
     guess_layouts,
 )
@@ -575,7 +575,7 @@ def test_what_is_ambiguous_is_asked(tmp_path):
     assert document.series is None
     raw = tmp_path / "scan.raw"
     raw.write_bytes(bytes(64))
-    assert open_path(str(raw), None) == Undecided(str(raw), (Choice("shape", (), ()),))
+    assert open_path(str(raw), None) == NeedsChoice(str(raw), (Choice("shape", (), ()),))
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,7 @@ from volspec.viewer.work.films import (
 from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.outputs import CUSTOM, Destination, PictureSize, Progress
 from volspec.viewer.work.screenshot import Shot, save_picture
-from volspec.viewer.work.steps import Steps
+from volspec.viewer.work.time_steps import TimeSteps
 from volspec.volume import Series, Volume, phantom
 
 pytestmark = pytest.mark.not_quick
@@ -242,13 +242,13 @@ def notice() -> Notice:
 
 
 @pytest.fixture
-def steps(notice: Notice) -> Iterator[Steps]:
-    steps = Steps(lambda: None, notice)
+def steps(notice: Notice) -> Iterator[TimeSteps]:
+    steps = TimeSteps(lambda: None, notice)
     yield steps
     steps.close()
 
 
-def ready(steps: Steps, document: Document) -> Document:
+def ready(steps: TimeSteps, document: Document) -> Document:
     """Wait for a step."""
     return take_until(lambda: [each for each in [steps.take(document)] if each], len)[0]
 

@@ -42,7 +42,7 @@ from volspec.viewer.ui.inputs import Input
 from volspec.viewer.ui.mouse import RUN_S, Gestures
 from volspec.viewer.work.background import Outcome, Tasks
 from volspec.viewer.work.casts import CastScheduler, CastWorker
-from volspec.viewer.work.documents import DocumentService, Opened
+from volspec.viewer.work.documents import DocumentService, OpenResult
 from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.session_store import RecentFiles
 
@@ -218,11 +218,11 @@ def test_another_file_chooses_its_shining_light_and_keeps_the_window(state):
     slices = Slices((0.1, 0.2, 0.3), lit=False, greys=(0.2, 0.4))
     interface = Interface(dark=False, light=3, slices=slices, pick=Pick(use="copper"), **own)
     before = replace(state, size=(40, 30), interface=interface)
-    new = Opened(under(state, 2)).after(before).state
+    new = OpenResult(under(state, 2)).after(before).state
     assert new.size == (40, 30)
     kept = Interface(dark=False, light=2, slices=Slices(lit=False), tool="distance")
     assert new.interface == kept
-    session = Opened(lights.choose(state, 1), session=Path("x")).after(before).state
+    session = OpenResult(lights.choose(state, 1), session=Path("x")).after(before).state
     assert session.interface.light == 1 and session.interface.dark
 
 

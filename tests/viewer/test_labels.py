@@ -8,7 +8,7 @@ import pytest
 from tests.support.viewer import read_scene, run_command
 from tests.viewer._states import casts_of, job_of
 from tests.volume.test_labels import blocks
-from volspec.raycast.pace import WHOLE
+from volspec.raycast.progressive import WHOLE
 from volspec.scene import Scene
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import labels, transfer_edits

@@ -15,7 +15,7 @@ from tests.viewer._states import casts_of, frame_of, job_of, relit, seen
 from volspec.basis import MaterialBasis
 from volspec.image import CoefficientImage, DepthEffects
 from volspec.pipeline import Raycaster
-from volspec.raycast.pace import WHOLE, Pass
+from volspec.raycast.progressive import WHOLE, Pass
 from volspec.relight.stereo import Stereo, StereoViews
 from volspec.scene.tables.specs import MeshSpec
 from volspec.viewer.model import camera, depth, opacities, quality

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tests.support.viewer import read_scene, run_command, take_until
 from tests.viewer._states import casts_of, frame_of, job_of, restored, save_ball
-from volspec.raycast.pace import WHOLE
+from volspec.raycast.progressive import WHOLE
 from volspec.relight import LightRig
 from volspec.scene import Scene
 from volspec.scene.tables.specs import ROOM_LIGHT

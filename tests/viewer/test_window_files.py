@@ -17,7 +17,7 @@ from tests.support.pyramids import stored
 from tests.support.viewer import opened
 from tests.support.window import Robot, Row, small_engine
 from tests.viewer._states import casts_of, job_of, save_ball
-from volspec.raycast.pace import WHOLE
+from volspec.raycast.progressive import WHOLE
 from volspec.volume import Volume, phantom
 
 pytestmark = [pytest.mark.usefixtures("screen"), pytest.mark.not_quick]

@@ -41,9 +41,9 @@ from volspec.spectra import reflectance
 from volspec.transfer import TransferFunction
 from volspec.volume import Volume, load_volume
 from volspec.volume.labels import Label
-from volspec.volume.larger import level_of
 from volspec.volume.levels.pyramid import BLOCK, Chunk, ChunkCache, Held, Level, block_ranges, halve
 from volspec.volume.load import open_level
+from volspec.volume.out_of_memory import level_of
 from volspec.volume.summary import summarise
 
 CHUNK = "v.zarr/0/c/1/1/1"

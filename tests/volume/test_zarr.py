@@ -19,9 +19,9 @@ from volspec.errors import DeviceError, VolumeError
 from volspec.large.conversion import convert
 from volspec.volume import Volume, load_series, load_volume, volume_choices
 from volspec.volume.files.query import Query
-from volspec.volume.larger import level_of
 from volspec.volume.load import read_here
 from volspec.volume.metadata import NO_SPACING, NO_UNIT, Metadata
+from volspec.volume.out_of_memory import level_of
 
 VALUES = np.arange(4 * 6 * 8, dtype=np.uint16).reshape(4, 6, 8)
 TWO = np.stack([VALUES, VALUES + 1])

@@ -10,8 +10,8 @@ from volspec.spectra import DEFAULT_GRID, colour_matching_functions, light
 from volspec.transfer.presets import PRESETS
 from volspec.volume import phantom
 from volspec.wizard import show_difference
+from volspec.wizard.discriminating_lights import white_from_leds
 from volspec.wizard.result import displayed_Lab
-from volspec.wizard.telling import white_from_leds
 
 
 def chromaticity(text: str) -> np.ndarray:

@@ -27,7 +27,7 @@ from volspec.large.conversion import convert
 from volspec.pipeline import raycast, relight
 from volspec.scene import Scene
 from volspec.volume import load_volume
-from volspec.volume.larger import level_of
+from volspec.volume.out_of_memory import level_of
 
 FOLDER = ROOT / "docs" / "images"
 _SIDE, _EVERY_S = 2048, 0.05

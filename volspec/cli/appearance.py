@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter, Token
 
 from volspec.cli.arguments import parse_triple, read_triples, require_image
-from volspec.cli.shell import Json, Row, app, say, show_rows, tell_undefined
+from volspec.cli.shell import Json, Row, app, say, show_rows, warn_undefined
 from volspec.cli.viewing import ModelOptions, PictureOptions, SceneOptions, in_options
 from volspec.errors import InputError
 
@@ -112,7 +112,7 @@ def adapt(
     ]
     said = f", {viewing.said}" if viewing.preset else ""
     show_rows(f"{method}, {source} to {target}{said}", rows, json)
-    tell_undefined({method: rows})
+    warn_undefined({method: rows})
 
 
 @app.command
@@ -211,7 +211,7 @@ def appearance(
         ]
     under = f", {viewing.said}" if viewing.said else ""
     show_rows(f"under {white}{under}", [row for rows in found.values() for row in rows], json)
-    tell_undefined(found)
+    warn_undefined(found)
 
 
 def _require_kind(name: str, own: Iterable[str], others: Iterable[str], theirs: str) -> None:

@@ -433,7 +433,7 @@ def show_rows(title: str, rows: list[Row], as_json: bool) -> None:
     print_table(title, table, Terminal(width=max(Terminal().width, 110)))
 
 
-def tell_undefined(rows: Mapping[str, list[Row]]) -> None:
+def warn_undefined(rows: Mapping[str, list[Row]]) -> None:
     """Print a note with the number of colours that are not ``defined``, by model."""
     missed = {name: sum(not row["defined"] for row in each) for name, each in rows.items()}
     missed = {name: count for name, count in missed.items() if count}

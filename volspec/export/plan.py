@@ -24,7 +24,7 @@ from volspec.errors import InputError, SceneError
 from volspec.export import animation
 from volspec.export.animation import FrameState
 from volspec.export.frames import distinct_stems
-from volspec.raycast import Behind
+from volspec.raycast import SurfaceCaster
 from volspec.raycast.launch import FieldCast, check_layers, check_reach
 from volspec.relight import Illumination, LightRig, Look, RelightSpec, check_hdr, mixed_rig
 from volspec.scene import (
@@ -375,7 +375,7 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
     )
 
 
-def _require_castable(scene: Scene, volume: Volume, behind: Sequence[Behind]) -> None:
+def _require_castable(scene: Scene, volume: Volume, behind: Sequence[SurfaceCaster]) -> None:
     """Raise SceneError if settings of the cast do not fit what is cast."""
     try:
         tables = bake_for_volume(scene.transfer, volume)

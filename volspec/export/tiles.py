@@ -21,7 +21,7 @@ from volspec.camera import Camera, RayField
 from volspec.errors import VolspecWarning
 from volspec.image import CoefficientImage
 from volspec.pipeline import GAPS, Raycaster, raycast
-from volspec.raycast import Behind, RaycastSpec
+from volspec.raycast import RaycastSpec, SurfaceCaster
 from volspec.raycast.launch import Progress
 from volspec.relight import ShiftedCamera
 from volspec.transfer import Transfers
@@ -116,7 +116,7 @@ class TileCaster:
     caster: Raycaster
     spec: RaycastSpec
     notes: Mapping[str, str]  # metadata of the images
-    behind: Sequence[Behind] = ()
+    behind: Sequence[SurfaceCaster] = ()
 
     def strips(
         self, transfer: Transfers, camera: Camera, canvas: Canvas, progress: Progress

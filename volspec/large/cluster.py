@@ -34,7 +34,7 @@ from volspec.errors import CastCancelled, DeviceError, RaycastError, VolspecErro
 from volspec.large.level_caster import LevelCaster, PartPicture, finished
 from volspec.large.parts import Part, Rect, view_of
 from volspec.raycast import RaycastSpec, VolumeCaster
-from volspec.raycast.launch import Cancel, Clear, Progress, Result, light_layers
+from volspec.raycast.launch import Cancel, Progress, Result, Visibility, light_layers
 from volspec.transfer import Table
 from volspec.volume import Volume
 from volspec.volume.levels import Chunk, Level, Pyramid
@@ -278,7 +278,7 @@ class ClusterCaster(LevelCaster):
         progress: Progress | None,
         cancel: Cancel | None,
         span_mm: NDArray[np.float32] | None,
-        clear: Clear | None,
+        clear: Visibility | None,
     ) -> Result:
         wrong = None
         if span_mm is not None or clear is not None:

@@ -39,14 +39,14 @@ from volspec.raycast.launch import (
     BRICK,
     GROUPS,
     TILES,
-    Arrives,
     Cancel,
-    Clear,
     LightVolume,
     Progress,
     Receiver,
     Result,
     RowBatches,
+    Transmittance,
+    Visibility,
     VoxelBox,
     brick_codes,
     brick_ranges,
@@ -148,7 +148,7 @@ class LevelCaster:
         cancel: Cancel | None = None,
         receiver: Receiver | None = None,
         span_mm: NDArray[np.float32] | None = None,
-        clear: Clear | None = None,
+        clear: Visibility | None = None,
     ) -> Result:
         """Cast a picture; arguments and errors are those of `VolumeCaster.cast`.
 
@@ -178,7 +178,7 @@ class LevelCaster:
         progress: Progress | None,
         cancel: Cancel | None,
         span_mm: NDArray[np.float32] | None,
-        clear: Clear | None,
+        clear: Visibility | None,
     ) -> Result:
         with self.base.locked():
             picture = PartPicture.of(self, table, camera, size, spec, span_mm, clear)
@@ -348,12 +348,12 @@ class LevelCaster:
                 return budget
             budget = needed
 
-    def arrivals(
-        self, table: Tables, spec: RaycastSpec, camera: Camera, clear: Clear
-    ) -> dict[int, Arrives]:
+    def transmittances(
+        self, table: Tables, spec: RaycastSpec, camera: Camera, clear: Visibility
+    ) -> dict[int, Transmittance]:
         """Return the part of each source's light that the volume lets pass; see `VolumeCaster`."""
         with self.base.locked():
-            return self.lights.arrivals(table, spec.for_lattice(self.volume), camera, clear)
+            return self.lights.transmittances(table, spec.for_lattice(self.volume), camera, clear)
 
     def _voxel_boxes(self, table: Tables) -> Iterator[VoxelBox]:
         """Yield the voxels of all parts in which something may be seen, for the light volume."""
@@ -457,7 +457,7 @@ class PartPicture:
         size: tuple[int, int],
         spec: RaycastSpec,
         span_mm: NDArray[np.float32] | None,
-        clear: Clear | None,
+        clear: Visibility | None,
     ) -> PartPicture:
         """Return an empty picture."""
         frame, compute = caster.volume, caster.base.compute

@@ -33,15 +33,15 @@ from volspec.mesh.shading import Lighting, Seen
 from volspec.mesh.surfaces import MAX_SHEETS, Surfaces, passed, same_surfaces
 from volspec.raycast import (
     POINTS,
-    BehindImage,
     OpacityCaster,
     RaycastSpec,
-    further_points,
-    next_to,
+    SurfaceImage,
+    composite_under,
+    edge_sample_points,
+    neighbour_pixels,
     nothing,
-    put_behind,
 )
-from volspec.raycast.launch import Arrives, Clear, world_rays
+from volspec.raycast.launch import Transmittance, Visibility, world_rays
 from volspec.spectra import Spectrum
 from volspec.volume import Volume
 
@@ -148,7 +148,7 @@ class MeshCaster:
         self._opaque = Surfaces(self.meshes, opaque, before) if opaque else None
         self._translucent = Surfaces(self.meshes, rest, before) if rest else None
         # One object also for `painted` ones, as what is cached by it does not depend on paint.
-        self.clear: Clear = partial(passed, self._opaque, self._translucent)
+        self.clear: Visibility = partial(passed, self._opaque, self._translucent)
         self._offset = 2.0 * max(
             each.rays.offset for each in (self._opaque, self._translucent) if each is not None
         )
@@ -202,17 +202,17 @@ class MeshCaster:
 
     @property
     def materials(self) -> list[str]:
-        """Return the meshes' materials, as `volspec.raycast.surfaces.Behind`."""
+        """Return the meshes' materials, as `SurfaceCaster`."""
         return [name for mesh in self.meshes for name in mesh.materials]
 
     @property
     def translucent(self) -> str:
-        """Return the first translucent mesh, as `volspec.raycast.surfaces.Behind`."""
+        """Return the first translucent mesh, as `SurfaceCaster`."""
         found = [each for each in self.meshes if each.opacity < 1.0]
         return f"{found[0].name} of opacity {found[0].opacity:g}" if found else ""
 
     def within(self, volume: Volume | None, spec: RaycastSpec) -> MeshCaster | None:
-        """Return what cuts leave of meshes with ``cut``, as `volspec.raycast.surfaces.Behind`."""
+        """Return what cuts leave of meshes with ``cut``, as `SurfaceCaster`."""
         planes = spec.world_planes(volume)
         if not len(planes) or not any(mesh.cut for mesh in self.meshes):
             return self
@@ -227,7 +227,7 @@ class MeshCaster:
         return None if found is None else found.painted(self._spectra, self.basis)
 
     def depths_mm(self, camera: Camera, size: Size) -> list[NDArray[np.float32]]:
-        """Return (H, W) distances, as `volspec.raycast.surfaces.Behind`."""
+        """Return (H, W) distances, as `SurfaceCaster`."""
         window, views = self._look(camera, size)
         return [window.framed(seen.along_mm, size) for seen in views]
 
@@ -237,9 +237,9 @@ class MeshCaster:
         size: Size,
         opacity: OpacityCaster,
         ends_mm: Sequence[NDArray[np.float32]],
-    ) -> list[BehindImage]:
-        """Return pictures of the meshes, as `volspec.raycast.surfaces.Behind`."""
-        arrives = opacity.arrivals(camera, self.clear)
+    ) -> list[SurfaceImage]:
+        """Return pictures of the meshes, as `SurfaceCaster`."""
+        arrives = opacity.transmittances(camera, self.clear)
         return self._pictures(camera, size, opacity.spec, arrives, ends_mm)
 
     def alone(self, camera: Camera, size: Size, spec: RaycastSpec) -> CoefficientImage:
@@ -251,7 +251,7 @@ class MeshCaster:
         if (cut := self.within(None, spec)) is not None:
             opaque, *sheets = cut._pictures(camera, size, spec, {}, repeat(far))
             for picture in (*sheets, opaque):
-                put_behind(found, picture)
+                composite_under(found, picture)
         return CoefficientImage(
             *found[:3],
             self.basis,
@@ -267,9 +267,9 @@ class MeshCaster:
         camera: Camera,
         size: Size,
         spec: RaycastSpec,
-        arrives: Mapping[int, Arrives],
+        arrives: Mapping[int, Transmittance],
         ends_mm: Iterable[NDArray[np.float32]],
-    ) -> list[BehindImage]:
+    ) -> list[SurfaceImage]:
         """Return what is opaque, and sheets of what is translucent in front of that.
 
         ``arrives`` is what a volume lets pass of a source's light, by number; ``ends_mm`` (H, W)
@@ -291,7 +291,7 @@ class MeshCaster:
             channels, sees = self._send_all(seen, ends, light, beam)
             edges = _edges(seen, sees, seen.along_mm <= ends, window.size)
             edges = edges[ends[edges] > 0.0]
-            places = further_points(edges, window.width) + (window.left, window.top)
+            places = edge_sample_points(edges, window.width) + (window.left, window.top)
             further = self._see_all(number, *world_rays(camera, *size, places))
             sent, _ = self._send_all(further, np.repeat(ends[edges], POINTS), light, beam)
             by_point = sent.reshape(len(edges), POINTS, channels.shape[1])
@@ -308,7 +308,7 @@ class MeshCaster:
             nearest = further.along_mm.reshape(-1, POINTS).min(axis=1)
             along[edges] = np.where(np.isinf(along[edges]), nearest, along[edges])
             along = along.reshape(picture.shape[:2])
-            found.append(BehindImage(picture[..., :-1], picture[..., -1], along, part=window.part))
+            found.append(SurfaceImage(picture[..., :-1], picture[..., -1], along, part=window.part))
         return found
 
     def _look(self, camera: Camera, size: Size) -> tuple[_Window, list[Seen]]:
@@ -500,4 +500,4 @@ def _edges(
 
     whole = slice(None)
     across = differ((whole, slice(None, -1)), (whole, slice(1, None)))
-    return next_to(across, differ((slice(None, -1), whole), (slice(1, None), whole)))
+    return neighbour_pixels(across, differ((slice(None, -1), whole), (slice(1, None), whole)))

@@ -17,7 +17,13 @@ from volspec.basis import Basis, SpectralBasis
 from volspec.camera import Camera
 from volspec.mesh.grating import Grating
 from volspec.raycast import Ambient, Directional, Point, RaycastSpec, Source
-from volspec.raycast.launch import FAR, Arrives, Clear, numbered_sources, source_at
+from volspec.raycast.launch import (
+    FAR,
+    Transmittance,
+    Visibility,
+    numbered_sources,
+    source_at,
+)
 
 Array = NDArray[np.float64]
 # Rays of ambient occlusion from each point, and where some of them are closed: a step of one in 32
@@ -75,8 +81,8 @@ class Lighting:
 
     camera: Camera
     spec: RaycastSpec
-    arrives: Mapping[int, Arrives]
-    clear: Clear
+    arrives: Mapping[int, Transmittance]
+    clear: Visibility
     extent_mm: float
     basis: Basis
 

@@ -12,8 +12,8 @@ from .lights import (
     Point as Point,
     Source as Source,
 )
-from .pace import Pace as Pace, Pass as Pass, WHOLE as WHOLE
-from .quality import Quality as Quality, TARGETS as TARGETS
+from .progressive import Pace as Pace, Pass as Pass, WHOLE as WHOLE
+from .step_search import Quality as Quality, TARGETS as TARGETS
 from .spec import (
     ClipPlane as ClipPlane,
     MAX_PLANES as MAX_PLANES,
@@ -23,15 +23,15 @@ from .spec import (
     diagonal_mm as diagonal_mm,
 )
 from .surfaces import (
-    Behind as Behind,
-    BehindImage as BehindImage,
+    SurfaceCaster as SurfaceCaster,
+    SurfaceImage as SurfaceImage,
     OpacityCaster as OpacityCaster,
     POINTS as POINTS,
     Surfaces as Surfaces,
-    further_points as further_points,
+    edge_sample_points as edge_sample_points,
     mean_of_points as mean_of_points,
-    next_to as next_to,
+    neighbour_pixels as neighbour_pixels,
     nothing as nothing,
-    put_behind as put_behind,
+    composite_under as composite_under,
 )
 from .vtk_interop import plotter_camera as plotter_camera, require_open as require_open

@@ -31,7 +31,12 @@ from volspec.raycast.launch.bricks import (
 from volspec.raycast.launch.fields import FieldCast, add_pictures, common_dtype, frame_around
 from volspec.raycast.launch.kernel_arguments import check_reach
 from volspec.raycast.launch.layer_stream import shadow_slots
-from volspec.raycast.launch.light_volume import Arrives, Clear, LightVolume, split_width
+from volspec.raycast.launch.light_volume import (
+    LightVolume,
+    Transmittance,
+    Visibility,
+    split_width,
+)
 from volspec.raycast.launch.masks import MaskLattice
 from volspec.raycast.launch.packets import TILES, Packet, choose_packet
 from volspec.raycast.launch.programs import GROUPS, cast_kernel
@@ -43,8 +48,8 @@ from volspec.raycast.launch.row_batches import (
     RowBatches,
     part_of,
 )
-from volspec.raycast.quality import SHORTEST, Picture, Target, choose_step
 from volspec.raycast.spec import MAX_STEPS, RaycastSpec, diagonal_mm
+from volspec.raycast.step_search import SHORTEST, ErrorTarget, Trial, choose_step
 from volspec.transfer import (
     MAX_CHANNELS,
     FieldTables,
@@ -183,7 +188,7 @@ class _Masks:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Together:
+class _FieldSet:
     """Fields that are cast together, in voxels of one type, in their tables' order."""
 
     fields: Mapping[str, _Field]
@@ -305,12 +310,12 @@ class VolumeCaster:
         self._own = _Field.of(self._compute, volume)
         # Of fields that were cast together: by name, and as cast.
         self._uploaded = {volume.name: self._own}
-        self._together: _Together | None = None
+        self._together: _FieldSet | None = None
         self._shared_lock: threading.RLock = like._shared_lock if like else threading.RLock()
         self._casting = False
         self._integral: bool | None = None  # True if float values are labels
         self._brick_codes: tuple[tuple[Any, ...], Any] | None = None
-        self._chosen: dict[Target, tuple[tuple[Any, ...], Tables, float]] = {}
+        self._chosen: dict[ErrorTarget, tuple[tuple[Any, ...], Tables, float]] = {}
         self._known: _Known = (
             like._known if like and volume.is_step_of(like.volume) else _Known(None)
         )
@@ -394,14 +399,14 @@ class VolumeCaster:
             if spec.alpha_stop is None:  # what rays lose as they end counts, too
                 reference = replace(reference, alpha_stop=1.0 - spec.target.error / 8)
 
-            def trial(step: float, size: tuple[int, int], is_reference: bool) -> Picture:
+            def trial(step: float, size: tuple[int, int], is_reference: bool) -> Trial:
                 kind = reference if is_reference else plain
                 stepped = replace(kind, step_mm=max(step, shortest) * unit)
                 found = self.cast(table, rolled, size, stepped, cancel=cancel)
-                return Picture(found.coefficients / white, found.alpha)
+                return Trial(found.coefficients / white, found.alpha)
 
             error, longest = spec.target
-            target = Target(error, min(longest, across / unit))
+            target = ErrorTarget(error, min(longest, across / unit))
             chosen = choose_step(trial, size, target, max(SHORTEST, shortest))
             if chosen.error > error:
                 warnings.warn(
@@ -425,7 +430,7 @@ class VolumeCaster:
         cancel: Cancel | None = None,
         receiver: Receiver | None = None,
         span_mm: NDArray[np.float32] | None = None,
-        clear: Clear | None = None,
+        clear: Visibility | None = None,
         layers: NDArray[np.float32] | None = None,
     ) -> Result:
         """Cast a picture.
@@ -501,7 +506,7 @@ class VolumeCaster:
         cancel: Cancel | None,
         receiver: Receiver | None,
         span_mm: NDArray[np.float32] | None,
-        clear: Clear | None,
+        clear: Visibility | None,
         rows: NDArray[np.float32] | None,
     ) -> Result:
         width, height = checked_size(size)
@@ -529,7 +534,7 @@ class VolumeCaster:
         program = kernel_arguments.Program.of(table, spec, spec.step_of(self.volume))
         view = camera, size
         if isinstance(table, FieldTables):
-            together = self._cast_together(table)
+            together = self._upload_fields(table)
             several = FieldCast.of(self._own.volume, table, spec, together.frame)
             frame, spec = several.frame, several.spec
             first = next(iter(table.tables.values()))
@@ -602,13 +607,13 @@ class VolumeCaster:
         result.first_mm[...] *= unit
         return result
 
-    def arrivals(
+    def transmittances(
         self,
         table: Tables,
         spec: RaycastSpec,
         camera: Camera,
-        clear: Clear,
-    ) -> dict[int, Arrives]:
+        clear: Visibility,
+    ) -> dict[int, Transmittance]:
         """Return functions of points (K, 3), mm: the part of a source's light the volume lets pass.
 
         Keys number the sources with shadows and occlusion; arguments as those of the last `cast`.
@@ -621,16 +626,16 @@ class VolumeCaster:
                 spec = FieldCast.of(self._own.volume, table, spec, lights.volume).spec
             else:
                 spec = spec.naming_fields(self.volume).for_field(self.volume.name)
-            return lights.arrivals(table, spec, camera, clear)
+            return lights.transmittances(table, spec, camera, clear)
 
-    def split_arrivals(
-        self, table: Tables, spec: RaycastSpec, camera: Camera, clear: Clear
-    ) -> list[dict[int, Arrives]]:
-        """Return `arrivals` past depths at half, the whole, and each material alone at half."""
+    def split_transmittances(
+        self, table: Tables, spec: RaycastSpec, camera: Camera, clear: Visibility
+    ) -> list[dict[int, Transmittance]]:
+        """Return `transmittances` past half of all depths, the whole, and each material's half."""
         spec = spec.for_lattice(self.volume).naming_fields(self.volume).for_field(self.volume.name)
         with self._lock:
             table = self._on_device(table)
-            return self._lights_of(table).split_arrivals(table, spec, camera, clear)
+            return self._lights_of(table).split_transmittances(table, spec, camera, clear)
 
     def _on_device(self, table: Tables) -> Tables:
         """Return a table for values as they are on the device; the last one is cached."""
@@ -638,7 +643,7 @@ class VolumeCaster:
             self._scaled = table, scaled_table(table, self.volume)
         return self._scaled[1]
 
-    def _cast_together(self, table: FieldTables) -> _Together:
+    def _upload_fields(self, table: FieldTables) -> _FieldSet:
         """Return the fields of tables on the device; the last are cached."""
         names, present = list(table.tables), self._together
         key = _Masks.key_of(table)
@@ -657,12 +662,12 @@ class VolumeCaster:
             lights = LightVolume(
                 self._compute, frame, self._own.unpadded, fields=voxels, masks=by_field
             )
-            present = self._together = _Together(fields, frame, lights, masks)
+            present = self._together = _FieldSet(fields, frame, lights, masks)
         return present
 
     def _lights_of(self, table: Tables) -> LightVolume:
         """Return the light volume of what a table shows."""
-        return self._cast_together(table).lights if isinstance(table, FieldTables) else self._lights
+        return self._upload_fields(table).lights if isinstance(table, FieldTables) else self._lights
 
     def _check_labels(self, table: Tables) -> None:
         values = self.volume.values
@@ -696,7 +701,7 @@ class VolumeCaster:
         """Return a field's codes of bricks."""
         field = self._uploaded[name]
         if isinstance(tables, FieldTables) and name in tables.masks:
-            rows = self._cast_together(tables).masks.bricks[name]
+            rows = self._upload_fields(tables).masks.bricks[name]
             return masked_brick_codes(field.low, field.high, rows, tables.rows(name))
         return brick_codes(field.low, field.high, own, spec, spec.step_of(self.volume))
 

@@ -50,8 +50,8 @@ from volspec.raycast.launch.layer_stream import (
 )
 from volspec.raycast.launch.light_volume import (
     HALF,
-    Clear,
     LightGrid,
+    Visibility,
     extinction_per_mm,
     interpolated,
     light_layers,
@@ -63,10 +63,10 @@ from volspec.raycast.launch.masks import MaskLattice
 from volspec.raycast.launch.sampling import (
     TINY,
     Array,
-    Arrives,
     Index,
     Rays,
     Sampler,
+    Transmittance,
     classify,
     differences,
     find_entry,
@@ -88,9 +88,13 @@ from volspec.transfer import (
 from volspec.volume import Volume
 
 Result = tuple[Array, Array, Array, Array]
-# `arrivals`; then those at half of all depths, of each material alone, then of all; and unclipped;
-# these without what surfaces keep, which is last.
-Lights = tuple[dict[int, Arrives], list[dict[int, Arrives]], dict[int, Arrives]]
+# `transmittances`; then those at half of all depths, of each material alone, then of all; and
+# unclipped; these without what surfaces keep, which is last.
+Lights = tuple[
+    dict[int, Transmittance],
+    list[dict[int, Transmittance]],
+    dict[int, Transmittance],
+]
 
 
 def cast(
@@ -100,7 +104,7 @@ def cast(
     size: tuple[int, int],
     spec: RaycastSpec,
     span_mm: NDArray[np.float32] | None = None,
-    clear: Clear | None = None,
+    clear: Visibility | None = None,
 ) -> Result:
     """Cast every pixel of a picture of (width, height), within ``span_mm`` (H, W, 2), if given.
 
@@ -123,7 +127,7 @@ def cast(
         several = FieldCast.of(volume, table, spec)
         frame, spec = several.frame, several.spec
         rays = clipped_rays(frame, spec.for_field(None))
-        arrives = arrivals(frame, table, spec, camera, clear)
+        arrives = transmittances(frame, table, spec, camera, clear)
         march = _Fields(frame, table, camera, spec, rays, arrives)
         march.rays_of = {
             name: march.cropped(clipped_rays(frame.by_name[name], several.own[name]))
@@ -140,7 +144,7 @@ def cast(
             kind = _Preintegrated
         elif table.filters is not None:
             kind = _Filtered
-        arrives = arrivals(volume, table, spec, camera, clear)
+        arrives = transmittances(volume, table, spec, camera, clear)
         march = kind(volume, table, camera, spec, clipped_rays(volume, spec), arrives)
     march.march()
     return march.picture(size)
@@ -155,18 +159,18 @@ def cast_layers(
     span_mm: NDArray[np.float32] | None = None,
     streams: Sequence[SampleStream] = (),
     lights: Lights | None = None,
-    clear: Clear | None = None,
+    clear: Visibility | None = None,
 ) -> tuple[Result, Array]:
     """Cast a picture with `RaycastSpec.layers`, as `cast`, and return its layers, too.
 
     They are (H, W, L, `row_size`), of materials in the table's order, and of whole rays: they do
     not end where the picture's rays do. ``streams`` receive the same samples. ``lights`` are as
-    `split_arrivals`, which it are by default.
+    `split_transmittances`, which it are by default.
     """
     check_reach(volume, camera, spec)
     spec = spec.naming_fields(volume).for_field(volume.name)
     rays = _within(make_rays(volume, camera, size, spec), span_mm)
-    lights = lights or split_arrivals(volume, table, spec, camera, clear)
+    lights = lights or split_transmittances(volume, table, spec, camera, clear)
     cast = _Layered(volume, table, camera, spec, rays, lights)
     cast.streams = cast.stream, *streams
     cast.march()
@@ -192,7 +196,7 @@ class _March:
         camera: Camera,
         spec: RaycastSpec,
         rays: Rays,
-        arrives: dict[int, Arrives],
+        arrives: dict[int, Transmittance],
     ) -> None:
         self.volume, self.table, self.camera = volume, table, camera
         self.spec, self.rays = spec, rays
@@ -658,7 +662,7 @@ def layers(
     table: Tables,
     spec: RaycastSpec,
     camera: Camera,
-    clear: Clear | None = None,
+    clear: Visibility | None = None,
     part: float | None = None,
 ) -> Array:
     """Return (L, nz, ny, nx), the fraction of light that arrives, for each of `light_layers`.
@@ -683,14 +687,14 @@ def layers(
     return np.reshape(found, (-1, *sigma.shape))
 
 
-def arrivals(
+def transmittances(
     volume: Volume,
     table: Tables,
     spec: RaycastSpec,
     camera: Camera,
-    clear: Clear | None = None,
+    clear: Visibility | None = None,
     part: float | None = None,
-) -> dict[int, Arrives]:
+) -> dict[int, Transmittance]:
     """Return functions for shadows and occlusion, by index in `numbered_sources`; see `layers`."""
     wanted = light_layers(spec, volume, camera)
     if not wanted:
@@ -704,20 +708,20 @@ def arrivals(
     }
 
 
-def split_arrivals(
+def split_transmittances(
     volume: Volume,
     table: TransferTable,
     spec: RaycastSpec,
     camera: Camera,
-    clear: Clear | None = None,
+    clear: Visibility | None = None,
 ) -> Lights:
     """Return the light past a table's materials, together and each alone; twin of ``split``."""
-    arrives = arrivals(volume, table, spec, camera, clear)
+    arrives = transmittances(volume, table, spec, camera, clear)
     if not arrives:
         return arrives, [], {}
-    of = partial(arrivals, volume, spec=spec, camera=camera)
+    of = partial(transmittances, volume, spec=spec, camera=camera)
     split = [of(each, part=HALF) for each in (*material_tables(table), table)]
-    passed: dict[int, Arrives] = {}
+    passed: dict[int, Transmittance] = {}
     if clear is not None:
         grid = LightGrid.for_spec(volume, spec)
         for layer in light_layers(spec, volume, camera):

@@ -13,7 +13,7 @@ from volspec._checks import Direction, Weight
 from volspec.errors import InputError, RaycastError, nearest
 from volspec.image import MAX_LAYERS
 from volspec.raycast.lights import HEADLIT, MAX_GROUPS, MAX_SOURCES, Ambient, LightGroup, as_tuple
-from volspec.raycast.quality import Quality, Target, target_of
+from volspec.raycast.step_search import ErrorTarget, Quality, target_of
 from volspec.settings import (
     PYTHON_ONLY,
     Box,
@@ -206,7 +206,7 @@ class RaycastSpec:
         return self.target.error if self.alpha_stop is None else 1.0 - self.alpha_stop
 
     @property
-    def target(self) -> Target:
+    def target(self) -> ErrorTarget:
         """Error that a picture may have, and the longest step."""
         return target_of(self.quality)
 

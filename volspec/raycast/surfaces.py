@@ -19,7 +19,7 @@ from volspec.errors import CastCancelled
 from volspec.image import Slot, Solid, nearest_known, ratio
 from volspec.raycast.gpu import VolumeCaster, opacity_key
 from volspec.raycast.launch.kernel_arguments import numbered_sources
-from volspec.raycast.launch.light_volume import Arrives, Clear
+from volspec.raycast.launch.light_volume import Transmittance, Visibility
 from volspec.raycast.launch.row_batches import Cancel, Progress, Receiver, Result, part_of
 from volspec.raycast.launch.sampling import world_rays
 from volspec.raycast.lights import HEADLIT, Ambient
@@ -55,9 +55,9 @@ class PictureCaster(Protocol):
     ) -> Result:
         """Cast a picture."""
 
-    def arrivals(
-        self, table: Tables, spec: RaycastSpec, camera: Camera, clear: Clear
-    ) -> Mapping[int, Arrives]:
+    def transmittances(
+        self, table: Tables, spec: RaycastSpec, camera: Camera, clear: Visibility
+    ) -> Mapping[int, Transmittance]:
         """Return the part of each source's light that the volume lets pass."""
 
 
@@ -68,7 +68,7 @@ class OpacityCaster:
     caster: PictureCaster
     table: Tables
     spec: RaycastSpec
-    arrives: Mapping[int, Arrives] | None = None
+    arrives: Mapping[int, Transmittance] | None = None
     """Parts of the sources' light that the volume is taken to let pass; its own if None."""
 
     @property
@@ -91,14 +91,14 @@ class OpacityCaster:
         cast = self.caster.cast(self.table, camera, size, self.flat)
         return cast.alpha, cast.depth_mm
 
-    def arrivals(self, camera: Camera, clear: Clear) -> Mapping[int, Arrives]:
+    def transmittances(self, camera: Camera, clear: Visibility) -> Mapping[int, Transmittance]:
         """Return the part of each source's light that the volume lets pass; see `VolumeCaster`."""
         if self.arrives is not None:
             return self.arrives
-        return self.caster.arrivals(self.table, self.spec, camera, clear)
+        return self.caster.transmittances(self.table, self.spec, camera, clear)
 
 
-class BehindImage(NamedTuple):
+class SurfaceImage(NamedTuple):
     """Picture of surfaces behind a volume; ``part`` is the rows and columns that it has."""
 
     channels: NDArray[np.floating]  # (H, W, K·M) of the last K light groups, times alpha
@@ -109,15 +109,15 @@ class BehindImage(NamedTuple):
     lost: NDArray[np.float32] | None = None  # (H, W, M) kept of each channel; None if alpha
 
 
-class Behind(Protocol):
+class SurfaceCaster(Protocol):
     """Surfaces around and in a volume, such as meshes or a room's."""
 
     @property
-    def clear(self) -> Clear | None:
+    def clear(self) -> Visibility | None:
         """Return the light they let pass, as for `VolumeCaster.cast`; None if all."""
         return None
 
-    def within(self, volume: Volume, spec: RaycastSpec) -> Behind | None:
+    def within(self, volume: Volume, spec: RaycastSpec) -> SurfaceCaster | None:
         """Return what the planes and the crop leave of them; None if nothing."""
         return self
 
@@ -148,7 +148,7 @@ class Behind(Protocol):
         size: tuple[int, int],
         opacity: OpacityCaster,
         ends_mm: Sequence[NDArray[np.float32]],
-    ) -> Sequence[BehindImage]:
+    ) -> Sequence[SurfaceImage]:
         """Return pictures of the surfaces in the volume's shadow, in the order of `depths_mm`.
 
         Each has its ``ends_mm`` (H, W): surfaces that are farther away cannot be seen.
@@ -163,7 +163,7 @@ class Surfaces:
     are composited after. Only what these casts let through is shaded.
     """
 
-    behind: Sequence[Behind]
+    behind: Sequence[SurfaceCaster]
     camera: Camera
     size: tuple[int, int]
     opacity: OpacityCaster
@@ -173,7 +173,7 @@ class Surfaces:
     @classmethod
     def of(
         cls,
-        behind: Sequence[Behind],
+        behind: Sequence[SurfaceCaster],
         camera: Camera,
         size: tuple[int, int],
         opacity: OpacityCaster,
@@ -184,7 +184,7 @@ class Surfaces:
         return cls(behind, camera, size, opacity, depths_mm, stop_mm)
 
     @property
-    def clear(self) -> Clear | None:
+    def clear(self) -> Visibility | None:
         """Light that the surfaces let pass, as for `VolumeCaster.cast`."""
         return next((each.clear for each in self.behind if each.clear is not None), None)
 
@@ -227,7 +227,7 @@ class Surfaces:
             for each, (_, span_mm) in zip(casts, self.spans(None), strict=True)
         ]
         self._put_edges(casts, lost, opaque, cast)
-        rest = [BehindImage(*each, lost=own) for each, own in zip(casts, lost, strict=True)]
+        rest = [SurfaceImage(*each, lost=own) for each, own in zip(casts, lost, strict=True)]
         if not self._projected:
             rest = [layer for pair in zip(sheets, rest[1:], strict=True) for layer in pair]
         elif sheets:
@@ -236,7 +236,7 @@ class Surfaces:
         else:
             rest = []
         for layer in (*rest, *opaque):
-            put_behind(front, layer, lost[0])
+            composite_under(front, layer, lost[0])
         return front
 
     def _lost(self, cast: Result, span_mm: NDArray[np.float32] | None) -> NDArray[np.float32]:
@@ -259,7 +259,7 @@ class Surfaces:
         self,
         casts: Sequence[Result],
         lost: Sequence[NDArray[np.float32]],
-        opaque: Sequence[BehindImage],
+        opaque: Sequence[SurfaceImage],
         cast: SpanCast,
     ) -> None:
         """Put the pixels that surfaces cover only in part into the casts, out of the pictures.
@@ -316,7 +316,7 @@ class Surfaces:
             return Solid(*lit[:3], {})
         assert isinstance(self.opacity.caster, VolumeCaster)
         given = self.opacity.table, self.opacity.spec, self.camera, self.clear or _all_passes
-        split = self.opacity.caster.split_arrivals(*given)
+        split = self.opacity.caster.split_transmittances(*given)
         shape = (*there.shape, len(self.opacity.spec.groups), -1)
         origins, directions = world_rays(self.camera, *self.size)
         points_mm = nearest_known(lit.depth_mm).reshape(-1, 1) * directions + origins
@@ -346,7 +346,7 @@ class Surfaces:
             means[slot][there] = np.column_stack([coloured, white, passes])
         return Solid(*lit[:3], means)
 
-    def _alone(self, arrives: Mapping[int, Arrives]) -> Result:
+    def _alone(self, arrives: Mapping[int, Transmittance]) -> Result:
         """Return what is opaque without the volume, which lets parts of the light pass."""
         clear = np.zeros(self.size[::-1], np.float32)
         made = replace(self, opacity=replace(self.opacity, arrives=arrives))
@@ -354,10 +354,10 @@ class Surfaces:
         channels = len(self.opacity.spec.groups) * self.opacity.table.size
         found = nothing((*clear.shape, channels), np.float32)
         for each in opaque:
-            put_behind(found, each)
+            composite_under(found, each)
         return found
 
-    def _pictures(self, casts: Sequence[Result]) -> tuple[list[BehindImage], list[BehindImage]]:
+    def _pictures(self, casts: Sequence[Result]) -> tuple[list[SurfaceImage], list[SurfaceImage]]:
         """Return pictures of what is opaque and of sheets, as far as casts let them be seen."""
         assert self.stop_mm is not None
         from scipy.ndimage import binary_dilation  # loaded with surfaces alone
@@ -466,16 +466,18 @@ def nothing(shape: tuple[int, ...], dtype: DTypeLike) -> Result:
 
 
 def _none_arrives(points_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return zeros, of a volume that lets no light pass; an `Arrives`."""
+    """Return zeros, of a volume that lets no light pass; an `Transmittance`."""
     return np.zeros(len(points_mm))
 
 
 def _all_passes(starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return ones, of surfaces that keep no light; a `Clear`."""
+    """Return ones, of surfaces that keep no light; a `Visibility`."""
     return np.ones(len(starts))
 
 
-def put_behind(front: Result, other: BehindImage, lost: NDArray[np.float32] | None = None) -> None:
+def composite_under(
+    front: Result, other: SurfaceImage, lost: NDArray[np.float32] | None = None
+) -> None:
     """Composite another picture behind one, which is changed in place.
 
     ``lost`` (H, W, M) is what the front keeps of each channel, which is changed, too: with spectral
@@ -503,7 +505,7 @@ def put_behind(front: Result, other: BehindImage, lost: NDArray[np.float32] | No
     first_mm[there] = np.minimum(first_mm[there], other_first_mm[there])
 
 
-def next_to(across: NDArray[np.bool_], down: NDArray[np.bool_]) -> NDArray[np.intp]:
+def neighbour_pixels(across: NDArray[np.bool_], down: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Return the numbers of pixels that differ from a neighbour.
 
     ``across`` (H, W - 1) and ``down`` (H - 1, W) are True between those that do.
@@ -516,7 +518,7 @@ def next_to(across: NDArray[np.bool_], down: NDArray[np.bool_]) -> NDArray[np.in
     return np.flatnonzero(found)
 
 
-def further_points(pixels: NDArray[np.intp], width: int) -> NDArray[np.float64]:
+def edge_sample_points(pixels: NDArray[np.intp], width: int) -> NDArray[np.float64]:
     """Return (4 E, 2) places, x and y in pixels, in E pixels."""
     middles = np.stack([pixels % width, pixels // width], axis=1)
     return (middles[:, None] + _IN_PIXEL).reshape(-1, 2)

@@ -11,7 +11,7 @@ from .difference_maps import (
 from .gpu import GLEngine as GLEngine
 from .hdr import check_hdr as check_hdr, with_lux as with_lux
 from .illumination import Illumination as Illumination
-from .layers import (
+from .texture_planes import (
     PackedLayers as PackedLayers,
     clamp_finite as clamp_finite,
     layer_count as layer_count,

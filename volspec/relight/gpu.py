@@ -43,7 +43,6 @@ from volspec.appearance import (
 from volspec.appearance.models import CamTransform
 from volspec.errors import OpenCLError, OpenGLError, ShapeError
 from volspec.relight.illumination import Illumination
-from volspec.relight.layers import PackedLayers, SharedLayers, layer_count, pack_layers
 from volspec.relight.programs import (
     FORMS,
     UNITS,
@@ -60,6 +59,7 @@ from volspec.relight.programs import (
 )
 from volspec.relight.recompose import PackedOpacity, Recomposer
 from volspec.relight.spec import Pixels
+from volspec.relight.texture_planes import PackedLayers, SharedLayers, layer_count, pack_layers
 
 if TYPE_CHECKING:
     import moderngl

@@ -37,7 +37,7 @@ from volspec.appearance import (
 from volspec.errors import ViewingError
 from volspec.image import CoefficientImage
 from volspec.relight.illumination import Illumination
-from volspec.relight.layers import clamp_finite
+from volspec.relight.texture_planes import clamp_finite
 
 Array = NDArray[np.float64]
 

@@ -32,7 +32,7 @@ from volspec.appearance import (
 from volspec.appearance.display import ColourSpace, Simulation, shader_constants
 from volspec.appearance.models import CamTransform
 from volspec.relight.illumination import Illumination
-from volspec.relight.layers import layer_count
+from volspec.relight.texture_planes import layer_count
 
 _GLSL = "330 core"
 # Texture units by sampler name.

@@ -28,7 +28,7 @@ from volspec.image import (
     extents,
     residual_share,
 )
-from volspec.relight.layers import layer_count
+from volspec.relight.texture_planes import layer_count
 
 _GLSL = "330 core"
 # Targets of one draw; every device has at least four.

@@ -19,8 +19,8 @@ from volspec.appearance import (
 )
 from volspec.appearance.display import to_uint8
 from volspec.relight.illumination import Illumination
-from volspec.relight.layers import clamp_finite
 from volspec.relight.spec import Pixels
+from volspec.relight.texture_planes import clamp_finite
 
 # Rows at a time, so that temporaries for a block of 512 pixels fit the L2 cache.
 _ROWS = 16

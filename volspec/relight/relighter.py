@@ -30,7 +30,12 @@ from volspec.relight.difference_maps import Against, ErrorMap, error_map
 from volspec.relight.gpu import GLEngine
 from volspec.relight.hdr import hdr_frame
 from volspec.relight.illumination import Illumination
-from volspec.relight.layers import (
+from volspec.relight.look import Look
+from volspec.relight.measured_viewing import ViewingMeter
+from volspec.relight.recompose import PackedOpacity, depth_uniforms
+from volspec.relight.reference import CpuEngine
+from volspec.relight.spec import LightRig, Pixels, RelightSpec
+from volspec.relight.texture_planes import (
     PackedLayers,
     Shape,
     SharedLayers,
@@ -38,11 +43,6 @@ from volspec.relight.layers import (
     float32_arrays,
     require_fit,
 )
-from volspec.relight.look import Look
-from volspec.relight.measured_viewing import ViewingMeter
-from volspec.relight.recompose import PackedOpacity, depth_uniforms
-from volspec.relight.reference import CpuEngine
-from volspec.relight.spec import LightRig, Pixels, RelightSpec
 from volspec.spectra import Spectrum
 
 P = ParamSpec("P")

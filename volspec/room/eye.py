@@ -27,7 +27,7 @@ from volspec._triangles import frames
 from volspec.appearance import Viewing, forward_for, screen_for_viewing, view_transform
 from volspec.appearance.models import Appearance
 from volspec.errors import RoomError
-from volspec.room.direct import direct_irradiance
+from volspec.room.direct_light import direct_irradiance
 from volspec.room.form_factors import Rays, sobol
 from volspec.room.model import Eye, Room
 from volspec.room.quantities import lux_from_irradiance

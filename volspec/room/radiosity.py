@@ -25,7 +25,7 @@ from scipy.sparse import csr_array, diags_array
 from volspec._gpu import host_free_bytes
 from volspec._triangles import cosine_directions
 from volspec.errors import RoomError
-from volspec.room.direct import direct_irradiance
+from volspec.room.direct_light import direct_irradiance
 from volspec.room.form_factors import FormFactors, Rays, form_factors, sobol
 from volspec.room.mesh import RoomMesh
 from volspec.room.model import Room

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import RoomError, nearest
-from volspec.room.direct import SHADOW_RAYS
+from volspec.room.direct_light import SHADOW_RAYS
 from volspec.room.mesh import RoomMesh
 from volspec.room.quantities import lux_from_irradiance
 from volspec.room.radiosity import RoomLight, direct_on_patches, solve_irradiance

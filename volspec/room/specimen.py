@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
 from volspec.errors import RoomError
-from volspec.room.direct import direct_irradiance
+from volspec.room.direct_light import direct_irradiance
 from volspec.room.quantities import lux_from_irradiance
 from volspec.room.radiosity import require_inside
 from volspec.room.response import RoomResponse

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, hstack, vstack
 
 from volspec.basis import SpectralBasis
-from volspec.room.direct import beam_irradiance, panel_irradiance
+from volspec.room.direct_light import beam_irradiance, panel_irradiance
 from volspec.room.form_factors import Rays
 from volspec.room.mesh import RoomMesh
 from volspec.room.model import Room

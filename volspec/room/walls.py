@@ -27,12 +27,12 @@ from volspec._triangles import frames
 from volspec.basis import SpectralBasis
 from volspec.camera import Camera, Projection, level_axes
 from volspec.raycast import (
-    Behind,
-    BehindImage,
     OpacityCaster,
-    further_points,
+    SurfaceCaster,
+    SurfaceImage,
+    edge_sample_points,
     mean_of_points,
-    next_to,
+    neighbour_pixels,
 )
 from volspec.raycast.launch import world_rays
 from volspec.room.form_factors import sobol
@@ -156,7 +156,7 @@ class _View:
     mean: csr_array  # (H·W, points): of the points in each pixel
 
 
-class Backdrop(Behind):
+class Backdrop(SurfaceCaster):
     """The room's picture behind a volume, for any camera.
 
     Caches what the last camera sees, and the last shadows.
@@ -203,10 +203,10 @@ class Backdrop(Behind):
         size: Size,
         opacity: OpacityCaster,
         ends_mm: Sequence[NDArray[np.float32]],
-    ) -> list[BehindImage]:
-        """Return the room, as `volspec.raycast.surfaces.Behind`; it is seen to its end."""
+    ) -> list[SurfaceImage]:
+        """Return the room, as `SurfaceCaster`; it is seen to its end."""
         layers = self.layers(camera, size, opacity)
-        return [BehindImage(layers, np.ones(layers.shape[:2], np.float32))]
+        return [SurfaceImage(layers, np.ones(layers.shape[:2], np.float32))]
 
     def layers(
         self, camera: Camera, size: Size, opacity: OpacityCaster | None = None
@@ -232,7 +232,7 @@ class Backdrop(Behind):
         return self._shown
 
     def depths_mm(self, camera: Camera, size: Size) -> list[NDArray[np.float32]]:
-        """Return the distances of the room's surfaces, as `volspec.raycast.surfaces.Behind`."""
+        """Return the distances of the room's surfaces, as `SurfaceCaster`."""
         view = self._look(camera, size)
         origins, directions = world_rays(camera, *size)
         count = len(origins)
@@ -250,7 +250,7 @@ class Backdrop(Behind):
         """Look through the pixels' middles, and at four more points where edges pass."""
         middles = self._lit.seen(*self._rays(*world_rays(camera, *size)))
         edges = _edges(middles, size)
-        further = world_rays(camera, *size, further_points(edges, size[0]))
+        further = world_rays(camera, *size, edge_sample_points(edges, size[0]))
         seen = middles.joined(self._lit.seen(*self._rays(*further)))
         points = (seen.points_m - self._placement.position_m) @ self._placement.axes
         points = points / self._placement.metres_per_mm + self._middle_mm
@@ -350,4 +350,4 @@ def _edges(seen: Seen, size: Size) -> NDArray[np.intp]:
     kinds = np.concatenate([seen.surface[:, None], cells, seen.direct > 0.0], axis=1)
     kinds = kinds.reshape(height, width, -1)
     across = (kinds[:, 1:] != kinds[:, :-1]).any(axis=2)
-    return next_to(across, (kinds[1:] != kinds[:-1]).any(axis=2))
+    return neighbour_pixels(across, (kinds[1:] != kinds[:-1]).any(axis=2))

@@ -44,7 +44,7 @@ from volspec.volume import KEPT_BYTES, Series, Volume, locate_volume, open_volum
 
 if TYPE_CHECKING:
     from volspec.mesh import Mesh, MeshCaster
-    from volspec.raycast import Behind
+    from volspec.raycast import SurfaceCaster
     from volspec.scene.room import SceneRoom
 
 Spec = TypeVar("Spec")
@@ -142,7 +142,7 @@ class Scene:
         self._known = dict(known or {})
         self._series: Series | None = None  # if it was open before the scene was made
         names = Resolver(file, self.path, self._known)
-        self._names = names
+        self._resolver = names
         shipped = basis or names.shipped_basis()
         grid = names.grid(shipped)
         self.materials = names.reflectances("reflectance", grid)
@@ -271,7 +271,7 @@ class Scene:
         scene = cls(file, volume_path(address))
         scene._series = series
         if given is not None:
-            scene._names = replace(scene._names, given=given)
+            scene._resolver = replace(scene._resolver, given=given)
         scene.file = framed(file, volume, framing.shown_mm(steps, scene.transfer, scene.raycast))
         return scene
 
@@ -320,7 +320,7 @@ class Scene:
             raise SceneError(cause.problem, cause.remedy, code=cause.code) from cause
         points_mm = np.concatenate([mesh.points_mm for mesh in surfaces])
         scene = cls(of_own_colours(names.file, surfaces), path)
-        scene._names.read.update(names.read)
+        scene._resolver.read.update(names.read)
         scene.file = framed(scene.file, scene.volume(), points_mm)
         return scene
 
@@ -343,7 +343,7 @@ class Scene:
         """
         made = write_scene(self.file, self.path if path is None else path, self)
         own = self.file.volume.file
-        if self._names.given is not None and not volume_path(f"{self.folder / own}").exists():
+        if self._resolver.given is not None and not volume_path(f"{self.folder / own}").exists():
             remedy = "save the array, such as with numpy.save, and name that file in [volume]"
             text = f"{made}: its volume {own!r} is no file, and the scene cannot be loaded"
             warnings.warn(f"{text}; {remedy}", VolspecWarning, stacklevel=2)
@@ -356,15 +356,15 @@ class Scene:
 
     def volume(self) -> Volume:
         """Read the volume, or the step of a series, with the scene's spacing and downsampling."""
-        return self._names.opened()[0]
+        return self._resolver.opened()[0]
 
     def opened(self) -> tuple[Volume, Series | None]:
         """Read the volume; of a series open all steps, and return the one that is shown."""
-        return self._names.opened()
+        return self._resolver.opened()
 
     def step_count(self) -> int:
         """Return the number of the volume's time steps, which are not read; 1 without a series."""
-        return len(self._names.steps())
+        return len(self._resolver.steps())
 
     def series(self, kept_bytes: int = KEPT_BYTES) -> Series | None:
         """Open the volume's time steps; None if it has one.
@@ -379,12 +379,12 @@ class Scene:
         SceneError
             If no step can be read, or steps have different lattices.
         """
-        return self._series or self._names.series(kept_bytes)
+        return self._series or self._resolver.series(kept_bytes)
 
     def camera(self, volume: Volume) -> Camera:
         """The camera, placed for a volume."""
         table = self.file.camera
-        with self._names.at("camera"):
+        with self._resolver.at("camera"):
             if table.position_mm is None:
                 return table.camera(volume)
             target = table.target_mm or tuple(volume.corners_mm.mean(axis=0))
@@ -424,7 +424,7 @@ class Scene:
         volume = volume or self.volume()
         output = self.file.output
         camera, behind = self.camera(volume), self.behind(volume)
-        with self._names.at("raycast"):
+        with self._resolver.at("raycast"):
             return raycast(
                 *(volume, self.transfer, camera, size or (output.width, output.height)),
                 self.raycast if spec is None else self.room.cast(spec) if self.room else spec,
@@ -436,25 +436,25 @@ class Scene:
                 notes=cast_notes(self.file, self.relight),
             )
 
-    def behind(self, volume: Volume) -> tuple[Behind, ...]:
+    def behind(self, volume: Volume) -> tuple[SurfaceCaster, ...]:
         """Return the meshes, and the room as it is seen behind a volume.
 
         Raises SceneError if a mesh cannot be read, the volume is not within the room, or the basis
         has no channels for it.
         """
         meshes = self.meshes(volume)
-        found: tuple[Behind, ...] = () if meshes is None else (meshes,)
-        with self._names.at("room"):
+        found: tuple[SurfaceCaster, ...] = () if meshes is None else (meshes,)
+        with self._resolver.at("room"):
             room = None if self.room is None else self.room.behind(volume, self.basis)
         return found if room is None else (*found, room)
 
     def surfaces(self) -> list[Mesh]:
         """Return the shown meshes. Raises SceneError if one cannot be read."""
-        return self._names.surfaces()
+        return self._resolver.surfaces()
 
     def meshes(self, volume: Volume) -> MeshCaster | None:
         """Return the shown meshes; None without any. Raises SceneError if one cannot be read."""
-        return self._names.meshes(volume, self.materials, self.basis)
+        return self._resolver.meshes(volume, self.materials, self.basis)
 
     def with_camera(self, camera: CameraSpec) -> Scene:
         """Return the scene with another ``[camera]``."""

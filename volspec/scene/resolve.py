@@ -26,7 +26,7 @@ from volspec.scene.basis import MAX_ERROR, SceneSpectra, grid_of, use_of
 from volspec.scene.fields import with_fields
 from volspec.scene.file import SceneFaults, SceneFile
 from volspec.scene.tables.lights import NamedLight, named_light, rows_by_name
-from volspec.scene.tables.specs import EMPTY, ROOM_LIGHT, given_light, given_reflectance
+from volspec.scene.tables.specs import EMPTY, ROOM_LIGHT, given_reflectance, resolve_light
 from volspec.spectra import SpectralGrid, Spectrum, XYZ_from_spectra, white_XYZ
 from volspec.spectra.files import palette_grid, rebase_address
 from volspec.spectra.library import light_terms
@@ -189,7 +189,8 @@ class Resolver:
         rows = (row for row in self.file.light if row.spectrum != ROOM_LIGHT)
         place = self.path.parent
         return [
-            (row.name, given_light(row.spectrum, row.name, grid, place, self.known)) for row in rows
+            (row.name, resolve_light(row.spectrum, row.name, grid, place, self.known))
+            for row in rows
         ]
 
     def reflectances(
@@ -264,7 +265,7 @@ class Resolver:
                     folder = self.path.parent
                     for row in rows:
                         if row.spectrum != ROOM_LIGHT:
-                            given_light(row.spectrum, row.name, grid, folder, self.known)
+                            resolve_light(row.spectrum, row.name, grid, folder, self.known)
                     continue
                 shares = spec.shares()
                 found.append(named_light(rows, shares, grid, self.path.parent, self.known))

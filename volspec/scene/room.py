@@ -53,7 +53,7 @@ from volspec.room import (
     unknown_light,
 )
 from volspec.scene.tables.lights import LightSpec, NamedLight
-from volspec.scene.tables.specs import ROOM_LIGHT, CameraSpec, RoomSpec, given_light
+from volspec.scene.tables.specs import ROOM_LIGHT, CameraSpec, RoomSpec, resolve_light
 from volspec.settings import Vector
 from volspec.spectra import SpectralGrid, Spectrum, colour_matching_functions
 from volspec.volume import Volume
@@ -229,7 +229,7 @@ class SceneRoom:
         if row.spectrum == ROOM_LIGHT:
             return self.own_spectra(row.group or "")
         try:
-            found = given_light(row.spectrum, row.name, self.grid, self.folder, known)
+            found = resolve_light(row.spectrum, row.name, self.grid, self.folder, known)
         except InputError as error:
             if error.code != "unknown":
                 raise

@@ -16,8 +16,8 @@ from .label_look import (
     label_function as label_function,
     with_labels as with_labels,
 )
-from .missing import MaskLabels as MaskLabels, bake_for_volume as bake_for_volume
-from .mixes import (
+from .nan_voxels import MaskLabels as MaskLabels, bake_for_volume as bake_for_volume
+from .mixtures import (
     Mix as Mix,
     Point as Point,
     mix_weights as mix_weights,

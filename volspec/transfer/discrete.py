@@ -15,8 +15,8 @@ import numpy as np
 from volspec.basis import Basis
 from volspec.errors import TransferError
 from volspec.spectra import Spectrum
-from volspec.transfer import mixes
-from volspec.transfer.mixes import Mix, Point
+from volspec.transfer import mixtures
+from volspec.transfer.mixtures import Mix, Point
 from volspec.transfer.table import MAX_LABEL, MAX_SURFACES, SurfaceTable, TransferTable
 
 
@@ -64,8 +64,8 @@ class LabelFunction:
         if not self.labels:
             remedy = "give {label: (opacity, material)}, at least one"
             raise TransferError.refused("LabelFunction.labels", self.labels, remedy, "missing")
-        mixes.check_materials("LabelFunction", self.materials, self.basis)
-        step = mixes.checked_step("LabelFunction", self.reference_step_mm)
+        mixtures.check_materials("LabelFunction", self.materials, self.basis)
+        step = mixtures.checked_step("LabelFunction", self.reference_step_mm)
         checked = dict(self._checked(label, look) for label, look in self.labels.items())
         object.__setattr__(self, "labels", checked)
         names = {int(label): str(name) for label, name in self.names.items() if name}
@@ -84,9 +84,9 @@ class LabelFunction:
                 given=label,
             )
         field = f"LabelFunction.labels[{label}]"
-        opacity, mix = mixes.checked_parts(field, look, "(opacity, material or mix)")
-        opacity = mixes.checked_fraction(f"{field}.opacity", opacity)
-        return int(label), (opacity, mixes.checked_mix(f"{field}.material", mix, self.materials))
+        opacity, mix = mixtures.checked_parts(field, look, "(opacity, material or mix)")
+        opacity = mixtures.checked_fraction(f"{field}.opacity", opacity)
+        return int(label), (opacity, mixtures.checked_mix(f"{field}.material", mix, self.materials))
 
     def __repr__(self) -> str:
         return f"LabelFunction({len(self.labels)} labels, {', '.join(self.materials)})"
@@ -106,7 +106,7 @@ class LabelFunction:
             if opacity > 0 and label not in self.hidden and label in values
         ]
         baked = visible or list(self.labels)[:1]
-        rows, channels = mixes.weights_and_channels(
+        rows, channels = mixtures.weights_and_channels(
             [self.labels[label][1] for label in baked], self.materials, self.basis
         )
         last = max(values.values(), default=1) or 1
@@ -161,7 +161,7 @@ class Isosurfaces:
 
     def __post_init__(self) -> None:
         field = "Isosurfaces.surfaces"
-        surfaces = mixes.checked_list(field, self.surfaces, "(value, opacity, material)")
+        surfaces = mixtures.checked_list(field, self.surfaces, "(value, opacity, material)")
         if len(surfaces) > MAX_SURFACES:
             raise TransferError(
                 f"{len(surfaces)} surfaces, at most {MAX_SURFACES} can be cast",
@@ -170,10 +170,10 @@ class Isosurfaces:
                 field=field,
                 given=surfaces,
             )
-        mixes.check_materials("Isosurfaces", self.materials, self.basis)
+        mixtures.check_materials("Isosurfaces", self.materials, self.basis)
         checked = sorted(
             (
-                mixes.checked_point(f"{field}[{i}]", surface, self.materials)
+                mixtures.checked_point(f"{field}[{i}]", surface, self.materials)
                 for i, surface in enumerate(surfaces)
             ),
             key=lambda surface: surface[0],
@@ -194,7 +194,7 @@ class Isosurfaces:
 
     def bake(self, smallest_spacing_mm: float) -> SurfaceTable:
         """Make the surfaces' table; opacity does not depend on the spacing."""
-        weights, channels = mixes.weights_and_channels(
+        weights, channels = mixtures.weights_and_channels(
             [mix for _, _, mix in self.surfaces], self.materials, self.basis
         )
         return SurfaceTable(

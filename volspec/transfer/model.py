@@ -22,8 +22,8 @@ import numpy as np
 from volspec.basis import Basis, SpectralBasis
 from volspec.errors import TransferError, VolspecWarning
 from volspec.spectra import Spectrum
-from volspec.transfer import mixes
-from volspec.transfer.mixes import Point
+from volspec.transfer import mixtures
+from volspec.transfer.mixtures import Point
 from volspec.transfer.table import Array, Entries, TransferTable
 
 _WHO = "TransferFunction"
@@ -85,10 +85,10 @@ class TransferFunction:
     filters: Mapping[str, Spectrum] | None = None
 
     def __post_init__(self) -> None:
-        points = mixes.checked_list(f"{_WHO}.points", self.points, "(value, opacity, material)")
-        mixes.check_materials(_WHO, self.materials, self.basis)
+        points = mixtures.checked_list(f"{_WHO}.points", self.points, "(value, opacity, material)")
+        mixtures.check_materials(_WHO, self.materials, self.basis)
         checked = tuple(
-            mixes.checked_point(f"{_WHO}.points[{i}]", point, self.materials)
+            mixtures.checked_point(f"{_WHO}.points[{i}]", point, self.materials)
             for i, point in enumerate(points)
         )
         for i, (left, right) in enumerate(pairwise(checked), start=1):
@@ -100,12 +100,12 @@ class TransferFunction:
                     "range",
                 )
         object.__setattr__(self, "points", checked)
-        step = mixes.checked_step(_WHO, self.reference_step_mm)
+        step = mixtures.checked_step(_WHO, self.reference_step_mm)
         object.__setattr__(self, "reference_step_mm", step)
         if self.gradient_opacity is not None:
             object.__setattr__(self, "gradient_opacity", _checked_factors(self.gradient_opacity))
         if self.filters is not None:
-            filters = mixes.checked_filters(_WHO, self.filters, self.materials, self.basis)
+            filters = mixtures.checked_filters(_WHO, self.filters, self.materials, self.basis)
             if filters and self.gradient_opacity is not None:
                 raise TransferError(
                     "filters and gradient_opacity cannot be combined",
@@ -141,13 +141,13 @@ class TransferFunction:
         """
         values = np.array([value for value, _, _ in self.points])
         own_mixes = [mix for _, _, mix in self.points]
-        weights, channels = mixes.weights_and_channels(own_mixes, self.materials, self.basis)
+        weights, channels = mixtures.weights_and_channels(own_mixes, self.materials, self.basis)
         weights = np.column_stack([[opacity for _, opacity, _ in self.points], weights])
-        used = mixes.used_materials(own_mixes)
+        used = mixtures.used_materials(own_mixes)
         own = {name: each for name, each in (self.filters or {}).items() if name in used}
         filters = None
         if own and isinstance(self.basis, SpectralBasis):
-            filters = mixes.filter_rows(own_mixes, own, self.basis)
+            filters = mixtures.filter_rows(own_mixes, own, self.basis)
         top, factors = None, None
         if self.gradient_opacity is not None:
             gradients, of_gradients = np.array(self.gradient_opacity).T
@@ -202,9 +202,9 @@ class TransferFunction:
 def _checked_factors(given: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
     item, field = "(gradient magnitude, factor)", f"{_WHO}.gradient_opacity"
     checked: list[tuple[float, float]] = []
-    for i, pair in enumerate(mixes.checked_list(field, given, item)):
-        gradient, factor = mixes.checked_parts(f"{field}[{i}]", pair, item)
-        gradient = mixes.checked_number(f"{field}[{i}].gradient", gradient)
+    for i, pair in enumerate(mixtures.checked_list(field, given, item)):
+        gradient, factor = mixtures.checked_parts(f"{field}[{i}]", pair, item)
+        gradient = mixtures.checked_number(f"{field}[{i}].gradient", gradient)
         remedy = ""
         if not (math.isfinite(gradient) and gradient >= 0):
             remedy = "give 0 or more, value per mm"
@@ -212,7 +212,7 @@ def _checked_factors(given: Sequence[tuple[float, float]]) -> tuple[tuple[float,
             remedy = f"sort by gradient, the previous one is {checked[-1][0]:g}"
         if remedy:
             raise TransferError.refused(f"{field}[{i}].gradient", gradient, remedy, "range")
-        checked.append((gradient, mixes.checked_fraction(f"{field}[{i}].factor", factor)))
+        checked.append((gradient, mixtures.checked_fraction(f"{field}[{i}].factor", factor)))
     if checked[-1][0] == 0:
         raise TransferError("ends at gradient 0", "add one above 0", code="range", field=field)
     return tuple(checked)

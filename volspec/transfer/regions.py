@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from volspec.basis import Basis
 from volspec.errors import TransferError, VolspecWarning
 from volspec.spectra import Spectrum
-from volspec.transfer import mixes
-from volspec.transfer.mixes import Mix
+from volspec.transfer import mixtures
+from volspec.transfer.mixtures import Mix
 from volspec.transfer.table import TransferTable, power_of_two
 
 _WHO = "TransferFunction2D"
@@ -66,7 +66,7 @@ class Region:
 
     def __post_init__(self) -> None:
         low, high = _checked_bounds("values", self.values)
-        if max(abs(low), abs(high)) > mixes.MAX_VALUE:
+        if max(abs(low), abs(high)) > mixtures.MAX_VALUE:
             raise TransferError.refused(
                 "Region.values", self.values, "give numbers of float32", "range"
             )
@@ -77,10 +77,10 @@ class Region:
             )
         object.__setattr__(self, "values", (low, high))
         object.__setattr__(self, "gradients", (bottom, top))
-        mix = mixes.checked_mix("Region.material", self.material, None)
+        mix = mixtures.checked_mix("Region.material", self.material, None)
         object.__setattr__(self, "material", mix)
         for name in ("opacity", "softness"):
-            fraction = mixes.checked_fraction(f"Region.{name}", getattr(self, name))
+            fraction = mixtures.checked_fraction(f"Region.{name}", getattr(self, name))
             object.__setattr__(self, name, fraction)
 
     @property
@@ -125,13 +125,13 @@ class TransferFunction2D:
     reference_step_mm: float | None = None
 
     def __post_init__(self) -> None:
-        regions = mixes.checked_list(f"{_WHO}.regions", self.regions, "Region")
-        mixes.check_materials(_WHO, self.materials, self.basis)
+        regions = mixtures.checked_list(f"{_WHO}.regions", self.regions, "Region")
+        mixtures.check_materials(_WHO, self.materials, self.basis)
         for i, region in enumerate(regions):
             field = f"{_WHO}.regions[{i}].material"
-            mixes.checked_mix(field, region.material, self.materials)
+            mixtures.checked_mix(field, region.material, self.materials)
         object.__setattr__(self, "regions", regions)
-        step = mixes.checked_step(_WHO, self.reference_step_mm)
+        step = mixtures.checked_step(_WHO, self.reference_step_mm)
         object.__setattr__(self, "reference_step_mm", step)
 
     def __repr__(self) -> str:
@@ -182,7 +182,7 @@ class TransferFunction2D:
                     VolspecWarning,
                     stacklevel=2,
                 )
-        weights, channels = mixes.weights_and_channels(
+        weights, channels = mixtures.weights_and_channels(
             [region.material for region in regions], self.materials, self.basis
         )
         by_region = np.where(alphas.any(axis=0), alphas, _nearest_region(regions, at, row_at))
@@ -201,8 +201,8 @@ class TransferFunction2D:
 def _checked_bounds(name: str, given: Any) -> tuple[float, float]:
     field = f"Region.{name}"
     low, high = (
-        mixes.checked_number(f"{field}[{i}]", bound)
-        for i, bound in enumerate(mixes.checked_parts(field, given, "(low, high)"))
+        mixtures.checked_number(f"{field}[{i}]", bound)
+        for i, bound in enumerate(mixtures.checked_parts(field, given, "(low, high)"))
     )
     if not low < high:
         raise TransferError.refused(field, given, "make the second greater", "range")

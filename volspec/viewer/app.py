@@ -38,13 +38,13 @@ from volspec.viewer.work.background import Tasks
 from volspec.viewer.work.casts import CastScheduler
 from volspec.viewer.work.demonstrations import Thumbnails
 from volspec.viewer.work.designs import DesignService
-from volspec.viewer.work.documents import Opened, open_path
+from volspec.viewer.work.documents import OpenResult, open_path
 from volspec.viewer.work.notify import SHORT_SECONDS, Notice, Trace, WarningQueue, collect_warnings
 from volspec.viewer.work.pictures import Painted, return_large_blocks
 from volspec.viewer.work.rendition import RenditionService
 from volspec.viewer.work.screen import Area, Meter, Screen
 from volspec.viewer.work.session import SUFFIX
-from volspec.viewer.work.steps import Steps
+from volspec.viewer.work.time_steps import TimeSteps
 
 MIN_PICTURE, MAX_PICTURE = 8, 8192
 # Frames that imgui needs after an input, or a change of its layout, until the layout is final.
@@ -115,7 +115,7 @@ class App:
         self._thumbnails = Thumbnails(window.context)
         self._designs = DesignService(Window.wake, self._notice)
         self._renditions = RenditionService(Window.wake)
-        self._steps = Steps(Window.wake, self._notice)
+        self._steps = TimeSteps(Window.wake, self._notice)
         self._file_commands = FileCommands(
             tasks,
             self._screen.pictures,
@@ -262,7 +262,7 @@ class App:
             self._settle, pictures = max(self._settle, 1), False
         return self._notice.expire(time.perf_counter()) or news or pictures or bool(warned)
 
-    def _open(self, opened: Opened) -> None:
+    def _open(self, opened: OpenResult) -> None:
         before = self._present
         self._warned.forget()
         self._steps.forget()

@@ -35,10 +35,10 @@ from volspec.volume.files.presence import GZIP, require_contents, require_slices
 from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored
 from volspec.volume.files.slices import pictures_in
 from volspec.volume.labels import NAMED, Labels, find_labels, renumbered, why_no_labels
-from volspec.volume.larger import level_of, read_coarsest, stored_stack
 from volspec.volume.levels.pyramid import Level, Stack
 from volspec.volume.metadata import Metadata
 from volspec.volume.model import Volume
+from volspec.volume.out_of_memory import level_of, read_coarsest, stored_stack
 from volspec.volume.reader_process import choices_in_child, read_in_child
 
 # What to do with files of other formats, by their suffixes: with the file's path, and that of the

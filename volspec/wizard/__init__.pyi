@@ -7,4 +7,7 @@ from .result import (
     evaluate_lights as evaluate_lights,
     require_output as require_output,
 )
-from .telling import TellingLight as TellingLight, show_difference as show_difference
+from .discriminating_lights import (
+    DiscriminatingLight as DiscriminatingLight,
+    show_difference as show_difference,
+)

@@ -16,8 +16,8 @@ from .layer_stream import (
     shadow_slots as shadow_slots,
 )
 from .light_volume import (
-    Arrives as Arrives,
-    Clear as Clear,
+    Transmittance as Transmittance,
+    Visibility as Visibility,
     FAR as FAR,
     LightVolume as LightVolume,
     VoxelBox as VoxelBox,

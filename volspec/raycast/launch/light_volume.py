@@ -69,7 +69,7 @@ HALF = 0.5
 # In mm or cells, whichever is longer: as far as directional lights are away.
 FAR = 1e7
 # (K, 3) starts, ends -> (K,): nothing opaque is between them.
-Clear = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[Any]]
+Visibility = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[Any]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -275,7 +275,7 @@ def interpolated(
 
 
 # (K, 3) points in mm -> (K,) fraction of a source's light.
-Arrives = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+Transmittance = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 def arriving(
@@ -309,7 +309,7 @@ def _far(layer: LightLayer, grid: LightGrid) -> NDArray[np.float64]:
     return FAR * max(grid.cell_mm, 1.0) * np.array(layer.vector)
 
 
-def unblocked_part(layer: LightLayer, grid: LightGrid, clear: Clear) -> NDArray[np.float64]:
+def unblocked_part(layer: LightLayer, grid: LightGrid, clear: Visibility) -> NDArray[np.float64]:
     """Return the part (nodes,) of a source's light that surfaces let pass to each node."""
     nodes = grid.positions()
     if layer.kind == "point":
@@ -454,7 +454,7 @@ class LightVolume:
         table: Tables,
         spec: RaycastSpec,
         camera: Camera,
-        clear: Clear | None = None,
+        clear: Visibility | None = None,
         split: bool = False,
     ) -> tuple[Any, LightGrid, tuple[LightLayer, ...]]:
         """Update the layers; return their buffer, the grid and their descriptions.
@@ -506,7 +506,7 @@ class LightVolume:
         spec: RaycastSpec,
         wanted: Sequence[LightLayer],
         grid: LightGrid,
-        clear: Clear | None,
+        clear: Visibility | None,
     ) -> None:
         """Fill the layers of materials by themselves."""
         assert isinstance(table, TransferTable)
@@ -686,7 +686,7 @@ class LightVolume:
             light = self._parallel(layer, grid, gain)
             self._launch("parallel", packets, (sigma, *light, *end))
 
-    def _block(self, layer: LightLayer, number: int, grid: LightGrid, clear: Clear) -> None:
+    def _block(self, layer: LightLayer, number: int, grid: LightGrid, clear: Visibility) -> None:
         """Keep a layer as the volume alone makes it, then take what surfaces keep from it."""
         filled = np.empty(self._capacity // 2, np.uint16)
         self._compute.download(self._layers, filled)
@@ -706,7 +706,7 @@ class LightVolume:
         table: Tables,
         spec: RaycastSpec,
         camera: Camera,
-        clear: Clear | None,
+        clear: Visibility | None,
         split: bool = False,
     ) -> tuple[Any, list[int]]:
         """Set the members of a `CAST` for the light volume.
@@ -723,13 +723,13 @@ class LightVolume:
             numbers[layer.source] = number
         return buffer, numbers
 
-    def arrivals(
+    def transmittances(
         self,
         table: Tables,
         spec: RaycastSpec,
         camera: Camera,
-        clear: Clear,
-    ) -> dict[int, Arrives]:
+        clear: Visibility,
+    ) -> dict[int, Transmittance]:
         """Return what the volume lets pass to points (K, 3), mm, by `numbered_sources`."""
         _, grid, wanted = self.layers(table, spec, camera, clear)
         return {
@@ -737,10 +737,10 @@ class LightVolume:
             for number, layer in enumerate(wanted)
         }
 
-    def split_arrivals(
-        self, table: Tables, spec: RaycastSpec, camera: Camera, clear: Clear
-    ) -> list[dict[int, Arrives]]:
-        """Return `arrivals` past depths at half, the whole, and each material alone at half."""
+    def split_transmittances(
+        self, table: Tables, spec: RaycastSpec, camera: Camera, clear: Visibility
+    ) -> list[dict[int, Transmittance]]:
+        """Return `transmittances` past half of all depths, the whole, and each material's half."""
         buffer, grid, wanted = self.layers(table, spec, camera, clear, split=True)
         assert isinstance(table, TransferTable)
         width = split_width(table, blocked=True)

@@ -29,7 +29,7 @@ from volspec.volume import Volume
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 # (R, 3) index -> (R,) fraction of a source's light that arrives there.
-Arrives = Callable[[Array], Array]
+Transmittance = Callable[[Array], Array]
 # Least divisor: of 0, which nothing sees.
 TINY = float(np.finfo(np.float64).tiny)
 
@@ -260,7 +260,7 @@ def trilinear(values: Array, point: Array) -> Array:
 
 
 def shade(
-    arrives: dict[int, Arrives],
+    arrives: dict[int, Transmittance],
     volume: Volume,
     camera: Camera,
     spec: RaycastSpec,

@@ -18,7 +18,7 @@ from pydantic import Field
 
 from volspec.errors import SceneError
 from volspec.relight import LightRig, RelightSpec
-from volspec.scene.tables.specs import Given, given_light
+from volspec.scene.tables.specs import SpectrumRef, resolve_light
 from volspec.settings import Name, NotNegative, Unit, settings
 from volspec.spectra import SpectralGrid, Spectrum
 from volspec.spectra.library import canonical_light, lamp_for_light, lamp_illuminance_lux
@@ -44,7 +44,7 @@ class LightSpec:
     """Name, used for the frame's file; rows with one name and different groups form one setting."""
     label: str | None = None
     """Caption; default: the name."""
-    spectrum: Annotated[Given, Field(examples=["D65"])]
+    spectrum: Annotated[SpectrumRef, Field(examples=["D65"])]
     """D65, tungsten, planck:3200, FILE.csv, a mix D65*0.7+A*0.3, …, or a table of numbers."""
     group: Name | None = None
     """Light group that the light shines from; default: all groups."""
@@ -158,7 +158,9 @@ def named_light(
     ``known`` holds spectra that are not on disk yet. Raises SpectrumError or ViewingError if a
     spectrum is unknown, a lamp's lux cannot be computed, or the rows give no light.
     """
-    spectra = tuple(given_light(row.spectrum, row.name, grid, Path(folder), known) for row in rows)
+    spectra = tuple(
+        resolve_light(row.spectrum, row.name, grid, Path(folder), known) for row in rows
+    )
     lux = tuple(lux for row in rows if (lux := row.lux()) is not None)
     weights, groups = tuple(row.weight for row in rows), tuple(row.group or "" for row in rows)
     rig = LightRig(spectra, weights, lux or None, groups)

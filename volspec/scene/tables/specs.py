@@ -84,7 +84,7 @@ class SpectrumNumbers:
         return Spectrum(*numbers, self.name or name, self.notes)
 
 
-Given = Annotated[
+SpectrumRef = Annotated[
     Annotated[str, Tag("<value>")] | Annotated[SpectrumNumbers, Tag("<table>")],
     Discriminator(value_or_table),
     Hint("a name, or a table of numbers", whole=True),
@@ -96,7 +96,7 @@ ROOM_LIGHT = "room"
 """The spectrum of a room's lights, as its file gives it."""
 
 
-def given_light(
+def resolve_light(
     given: str | SpectrumNumbers,
     name: str,
     grid: SpectralGrid,
@@ -126,7 +126,7 @@ def given_reflectance(
     folder: Path,
     known: Mapping[str, Spectrum],
 ) -> Spectrum:
-    """Return the reflectance or filter of a row; parameters and errors as for `given_light`."""
+    """Return the reflectance or filter of a row; parameters and errors as for `resolve_light`."""
     if isinstance(given, SpectrumNumbers):
         return as_reflectance(given.spectrum(name), grid, "values")
     return known.get(given) or reflectance(given, grid, folder=folder)
@@ -176,10 +176,10 @@ class MaterialSpec:
     row_keys: ClassVar = ("name",)
     name: Annotated[Name, Field(examples=["bone"])]
     """Name in [transfer]."""
-    reflectance: Annotated[Given, Field(examples=["copper"])]
+    reflectance: Annotated[SpectrumRef, Field(examples=["copper"])]
     """A name (copper, ColorChecker/dark skin, grey:0.18, …), FILE.csv, FILE.ti3#sample,
     FILE.cxf#object, FILE.exr#X,Y, a palette's OUT.toml#name, or a table of numbers."""
-    filter: Given | None = None
+    filter: SpectrumRef | None = None
     """Transmitted spectrum at opacity 1, in the same notation; by default all wavelengths are
     absorbed equally. Only with points, and not with method = "materials"."""
 

@@ -41,7 +41,7 @@ _LOOKED_AT = 40
 
 
 @dataclass(frozen=True, slots=True)
-class Undecided:
+class NeedsChoice:
     """A volume's address that leaves something open, and all its choices."""
 
     path: str

@@ -36,7 +36,7 @@ from volspec.viewer.model.view import View
 from volspec.volume import PATTERN, Choice, Series, Volume
 
 if TYPE_CHECKING:
-    from volspec.raycast import Behind
+    from volspec.raycast import SurfaceCaster
     from volspec.scene import SceneRoom
 
 Samples = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -235,7 +235,7 @@ class Document:
             file = replace(file, volume=replace(file.volume, step=self.step))
         return file, self.path
 
-    def surfaces(self, rows: Sequence[MeshSpec], transfer: Transfers) -> tuple[Behind, ...]:
+    def surfaces(self, rows: Sequence[MeshSpec], transfer: Transfers) -> tuple[SurfaceCaster, ...]:
         """Return the meshes shown, if any, in the transfer function's materials.
 
         Raises MeshError if a file or a material cannot be used.

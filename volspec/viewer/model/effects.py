@@ -21,7 +21,7 @@ from volspec.viewer.model.light_rows import MAX_ROWS, LightRow, Rows, only_row, 
 from volspec.viewer.model.materials import can_be_exact, with_material_basis
 from volspec.viewer.model.palette_edits import with_pick
 from volspec.viewer.model.state import ViewState
-from volspec.wizard import Redesigned, TellingLight, displayed_Lab, reveal, show_difference
+from volspec.wizard import DiscriminatingLight, Redesigned, displayed_Lab, reveal, show_difference
 
 DIFFERENCE = "difference"
 # Requests to the app with this argument end in a comparison.
@@ -57,7 +57,7 @@ def prepare(state: ViewState, materials: tuple[str, ...]) -> ViewState:
     return with_pick(state, place=place, materials=several, within="", black=False, like="")
 
 
-def find_difference(state: ViewState) -> TellingLight | Redesigned:
+def find_difference(state: ViewState) -> DiscriminatingLight | Redesigned:
     """Return a light that shows the two picked materials' difference, found or designed.
 
     Lamps of the library and mixtures of LEDs come first; if they show little, a light and the
@@ -80,7 +80,7 @@ def find_difference(state: ViewState) -> TellingLight | Redesigned:
     return reveal(scene, one, under=new, like=daylight, distance=_DESIGNED)
 
 
-def with_light(state: ViewState, found: TellingLight) -> ViewState:
+def with_light(state: ViewState, found: DiscriminatingLight) -> ViewState:
     """Return the state with a found light, alone; nothing changes if there is no room for it."""
     rows = state.lights
     if len(rows) >= MAX_ROWS:

@@ -17,8 +17,8 @@ from volspec.viewer.model.choices import (
     TITLES,
     USES,
     Dropped,
+    NeedsChoice,
     RawLayout,
-    Undecided,
     address_with,
     guess_layouts,
     value_text,
@@ -37,7 +37,7 @@ _ROW = _SELECT.no_auto_close_popups | _SELECT.allow_double_click
 class ChoiceDialog:
     """Lists of what there is in a file; for raw bytes, fields for their layout."""
 
-    def __init__(self, undecided: Undecided) -> None:
+    def __init__(self, undecided: NeedsChoice) -> None:
         self._path = undecided.path
         self._lists = [choice for choice in undecided.choices if choice.values]
         self._picked = {each.key: each.chosen or each.values[0] for each in self._lists}

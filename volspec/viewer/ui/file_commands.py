@@ -27,7 +27,7 @@ from volspec.viewer.ui.output_dialogs import (
 )
 from volspec.viewer.work.background import Tasks
 from volspec.viewer.work.designs import PALETTES
-from volspec.viewer.work.documents import DocumentService, Opened, ReadMeshes, read_meshes
+from volspec.viewer.work.documents import DocumentService, OpenResult, ReadMeshes, read_meshes
 from volspec.viewer.work.films import save_film, save_page
 from volspec.viewer.work.notify import SHORT_SECONDS, Notice
 from volspec.viewer.work.outputs import CUSTOM, PictureSize, Progress
@@ -35,7 +35,7 @@ from volspec.viewer.work.pictures import Pictures
 from volspec.viewer.work.screenshot import Shot, copy_shown, copy_values, save_picture
 from volspec.viewer.work.script import export_python, script_lacks
 from volspec.viewer.work.session import save_session
-from volspec.viewer.work.steps import Steps
+from volspec.viewer.work.time_steps import TimeSteps
 
 
 class FileCommands:
@@ -54,7 +54,7 @@ class FileCommands:
         device: str | None,
         size: tuple[int, int] | None,
         palette: Callable[[str, str, ViewState], None],
-        steps: Steps,
+        steps: TimeSteps,
     ) -> None:
         self._tasks, self._ui, self._palette = tasks, ui, palette
         self._notice, self._steps = notice, steps
@@ -147,7 +147,7 @@ class FileCommands:
                 self._notice.show(f"Added {names}", SHORT_SECONDS)
         return history
 
-    def take(self, first: bool) -> tuple[bool, Opened | None]:
+    def take(self, first: bool) -> tuple[bool, OpenResult | None]:
         """Take the threads' results; return True if there are any, and the opened document.
 
         ``first`` is True if nothing is open yet; see `DocumentService.finish_open`.

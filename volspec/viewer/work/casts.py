@@ -24,9 +24,9 @@ from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.quality import LAYERS, cast_spec
 from volspec.viewer.model.room import has_walls
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.ahead import ProgramBuilder
 from volspec.viewer.work.background import LatestWorker, lower_priority
 from volspec.viewer.work.cast_job import CastDone, CastJob, NearbyViews
+from volspec.viewer.work.precompile import ProgramBuilder
 from volspec.viewer.work.room import WhiteWalls
 from volspec.volume import Volume
 

@@ -30,7 +30,7 @@ from volspec.viewer.model.palette_targets import DesignStatus, DesignTargets, st
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.background import LatestWorker, Outcome, Tasks
 from volspec.viewer.work.notify import Notice
-from volspec.wizard import Redesigned, TellingLight
+from volspec.wizard import DiscriminatingLight, Redesigned
 
 # Iterations of the quick design: starting from the last result, they come within about ΔE 1. With
 # free lights an iteration takes several times as long.
@@ -265,14 +265,18 @@ class DesignService:
         return replace(history)
 
     def _with_wizard_result(
-        self, present: ViewState, begun: ViewState, name: str, made: Redesigned | TellingLight
+        self,
+        present: ViewState,
+        begun: ViewState,
+        name: str,
+        made: Redesigned | DiscriminatingLight,
     ) -> ViewState:
         # Spectra are compared by identity.
         if dict(begun.transfer.materials) != dict(present.transfer.materials):
             dropped = f"The wizard “{name}” was discarded, as the materials changed meanwhile"
             self._notice.show_warning(dropped)
             raise PaletteError(dropped, code="state")
-        if isinstance(made, TellingLight):
+        if isinstance(made, DiscriminatingLight):
             state, reached = effects.with_light(present, made), tuple[str, ...]()
         else:
             state = palette_results.with_wizard_result(present, made)
@@ -289,7 +293,7 @@ class DesignService:
         self.status = replace(self.status, **news)
 
 
-def _run_wizard(state: ViewState, name: str) -> Redesigned | TellingLight:
+def _run_wizard(state: ViewState, name: str) -> Redesigned | DiscriminatingLight:
     if name == effects.DIFFERENCE:
         return effects.find_difference(state)
     return palette_results.run_wizard(state, name)

@@ -21,7 +21,7 @@ from volspec.pipeline import Raycaster
 from volspec.scene import Scene, open_fields
 from volspec.scene.tables import MeshSpec
 from volspec.spectra import reflectance_names
-from volspec.viewer.model.choices import Dropped, Undecided, address_with, scale_choice
+from volspec.viewer.model.choices import Dropped, NeedsChoice, address_with, scale_choice
 from volspec.viewer.model.document import Document, demo
 from volspec.viewer.model.light_rows import brightest_row
 from volspec.viewer.model.meshes import row_for
@@ -126,7 +126,7 @@ def list_choices(path: str, volume: Volume) -> tuple[Choice, ...]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Opened:
+class OpenResult:
     """A document, or a ``session`` file, that was opened.
 
     The path is as requested; None for the bundled demo, and for sessions saved automatically.
@@ -138,7 +138,7 @@ class Opened:
     # The document that this replaces if it is still open: edits made meanwhile stay.
     instead_of: Document | None = None
 
-    def after(self, before: ViewState | None) -> Opened:
+    def after(self, before: ViewState | None) -> OpenResult:
         """Return this for the current window; a session keeps its interface and chosen light."""
         if before is None:
             return self
@@ -150,10 +150,10 @@ class Opened:
         return replace(self, state=replace(self.state, size=before.size, interface=interface))
 
 
-def open_path(path: str | None, device: str | None) -> Opened | Undecided:
+def open_path(path: str | None, device: str | None) -> OpenResult | NeedsChoice:
     """Open a scene or a volume with `open_document`, in its initial state."""
     try:
-        return Opened(ViewState.first(open_document(path, device), (0, 0)), path)
+        return OpenResult(ViewState.first(open_document(path, device), (0, 0)), path)
     except VolumeError:
         if path is None or path.lower().endswith(".toml"):
             raise
@@ -162,7 +162,7 @@ def open_path(path: str | None, device: str | None) -> Opened | Undecided:
             choices = volume_choices(path)
         if all(choice.chosen is not None for choice in choices):
             raise
-        return Undecided(path, choices)
+        return NeedsChoice(path, choices)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -200,7 +200,7 @@ class DocumentService:
         self._fallbacks: list[str | None] = []
         self._opening = ""  # the message while a file is being opened
         self.recent = self._recent.rows()
-        self.undecided: Undecided | None = None  # an address of which to choose what to open
+        self.undecided: NeedsChoice | None = None  # an address of which to choose what to open
         self.dropped: Dropped | None = None  # files of which to choose what they are
         self._meshes: tuple[str, ...] = ()  # to be added to what is being opened
         self._next: tuple[str, ...] = ()  # to be opened after that
@@ -245,9 +245,9 @@ class DocumentService:
             self._next = self._meshes = ()
             self._show_opening(f"Opening {len(paths)} fields …")
 
-            def opened() -> Opened:
+            def opened() -> OpenResult:
                 document = open_document(paths[0], self._device, fields=paths[1:])
-                return Opened(ViewState.first(document, (0, 0)))
+                return OpenResult(ViewState.first(document, (0, 0)))
 
             self._tasks.start("open", opened)
         elif use == "steps":
@@ -281,17 +281,17 @@ class DocumentService:
         else:
             self._open_fallback("There is no session to restore")
 
-    def finish_open(self, outcome: Outcome, first: bool) -> Opened | None:
+    def finish_open(self, outcome: Outcome, first: bool) -> OpenResult | None:
         """Return the result of an ``open`` task; None if it failed or there is a choice to make.
 
         If nothing is open yet (``first``), something else is opened instead, or `problem` is set.
         """
-        if isinstance(outcome.result, Undecided):
+        if isinstance(outcome.result, NeedsChoice):
             self._notice.hide(self._opening)
             self.undecided = outcome.result
             return None
         if not outcome.error:
-            opened: Opened = outcome.result
+            opened: OpenResult = outcome.result
             self.problem = ""
             return opened
         if self._next:
@@ -307,7 +307,7 @@ class DocumentService:
             self._notice.show_error(outcome.error)
         return None
 
-    def begin(self, opened: Opened, before: ViewState | None) -> None:
+    def begin(self, opened: OpenResult, before: ViewState | None) -> None:
         """Save the previous session, start the new document's, and list its file."""
         if before is not None:
             self.save(before)
@@ -369,9 +369,9 @@ class DocumentService:
         path, fields = state.document.source, state.document.field_files
         self._show_opening("Reading the file again; only the view stays …")
 
-        def again() -> Opened:
+        def again() -> OpenResult:
             found = ViewState.first(open_document(path, self._device, fields=fields), (0, 0))
-            return Opened(replace(found, view=state.view), path)
+            return OpenResult(replace(found, view=state.view), path)
 
         self._tasks.start("open", again)
 
@@ -387,7 +387,7 @@ class DocumentService:
             for choice in state.document.choices
         )
 
-        def chosen() -> Opened:
+        def chosen() -> OpenResult:
             # The steps of a series may differ from another's.
             known = None if key == "series" else choices
             document = open_document(path, self._device, known)
@@ -398,11 +398,11 @@ class DocumentService:
                 document = document.at_step(step, volume, caster)
             if key == "level":  # whose values mean the same, so that the transfer function stays
                 found = replace(state, document=document)
-                return Opened(found, instead_of=state.document)
+                return OpenResult(found, instead_of=state.document)
             found = ViewState.first(document, state.size)
             view = found.view if key in ("series", "scale") else state.view
             lights = {name: getattr(state, name) for name in ("lights", "relight", "saved_lights")}
-            return Opened(replace(found, view=view, **lights))
+            return OpenResult(replace(found, view=view, **lights))
 
         self._tasks.start("open", chosen)
 
@@ -417,7 +417,7 @@ class DocumentService:
         self._resume(path)
 
     def _resume(self, path: Path) -> None:
-        def restored() -> Opened:
+        def restored() -> OpenResult:
             check_name(path)
             session = self._store.read(path)
             try:
@@ -429,7 +429,7 @@ class DocumentService:
             if source and not source.lower().endswith(".toml") and not document.field_files:
                 document = document.with_choices(list_choices(source, document.volume))
             shown = None if self._store.holds(path) else str(path)
-            return Opened(replace(state, document=document), shown, path)
+            return OpenResult(replace(state, document=document), shown, path)
 
         self._show_opening("Restoring the session …")
         self._tasks.start("open", restored)

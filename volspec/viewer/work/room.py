@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from volspec.camera import Camera
 from volspec.errors import VolspecError, one_line
 from volspec.image import CoefficientImage
-from volspec.raycast import Behind, BehindImage, OpacityCaster
+from volspec.raycast import OpacityCaster, SurfaceCaster, SurfaceImage
 from volspec.relight import PackedLayers
 from volspec.viewer.work.background import LatestWorker
 
@@ -53,7 +53,7 @@ class Walls:
 
 
 @dataclass(slots=True, eq=False)
-class WhiteWalls(Behind):
+class WhiteWalls(SurfaceCaster):
     """A room in which each channel of the walls is 1: a cast then has what the volume lets through.
 
     `replaced` gives the picture its walls.
@@ -65,7 +65,7 @@ class WhiteWalls(Behind):
     _cast: tuple[Camera, OpacityCaster] | None = None
 
     def depths_mm(self, camera: Camera, size: tuple[int, int]) -> list[Layers]:
-        """Return where rays end, as `volspec.raycast.surfaces.Behind`."""
+        """Return where rays end, as `volspec.raycast.surfaces.SurfaceCaster`."""
         return self.backdrop.depths_mm(camera, size)
 
     def pictures(
@@ -74,11 +74,11 @@ class WhiteWalls(Behind):
         size: tuple[int, int],
         opacity: OpacityCaster,
         ends_mm: Sequence[Layers],
-    ) -> list[BehindImage]:
+    ) -> list[SurfaceImage]:
         """Return ones."""
         self._cast = camera, opacity
         ones = np.ones((*size[::-1], self.channels), np.float32)
-        return [BehindImage(ones, ones[..., 0])]
+        return [SurfaceImage(ones, ones[..., 0])]
 
     def replaced(self, image: CoefficientImage, shadows: bool) -> tuple[CoefficientImage, Walls]:
         """Return the cast with the room's walls; without new ``shadows``, with those before."""

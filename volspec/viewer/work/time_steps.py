@@ -106,7 +106,7 @@ def _make_caster(
     return None
 
 
-class Steps:
+class TimeSteps:
     """Shows and plays the time steps of the open document."""
 
     def __init__(self, wake: Callable[[], object], notice: Notice) -> None:

@@ -44,7 +44,7 @@ _SIZE = 19, 17
 # A user who goes on within this time is not slowed down.
 _REST_S = 1.0
 _POLL_S = 0.1
-_SERVE = "from volspec.viewer.work.ahead import serve; serve()"
+_SERVE = "from volspec.viewer.work.precompile import serve; serve()"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
-from volspec.raycast.quality import Quality
 from volspec.raycast.spec import RaycastSpec
+from volspec.raycast.step_search import Quality
 from volspec.volume import Volume
 
 

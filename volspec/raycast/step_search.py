@@ -25,7 +25,7 @@ Quality = Literal["fast", "balanced", "exact"]
 Size = tuple[int, int]
 
 
-class Picture(NamedTuple):
+class Trial(NamedTuple):
     """Result of a cast with a step."""
 
     coefficients: NDArray[np.floating]  # (H, W, C), times alpha
@@ -37,7 +37,7 @@ class Picture(NamedTuple):
         return int(np.count_nonzero(self.alpha > _SEEN))
 
 
-class Target(NamedTuple):
+class ErrorTarget(NamedTuple):
     """Error that casts may have, and their longest step.
 
     Attributes
@@ -54,10 +54,10 @@ class Target(NamedTuple):
 
 
 # Next codes of a display of 8 bits differ by 0.004 at middle grey and by 0.009 near white.
-TARGETS: dict[Quality, Target] = {
-    "fast": Target(0.02, 2.0),
-    "balanced": Target(0.005, 1.0),
-    "exact": Target(0.0005, 0.5),
+TARGETS: dict[Quality, ErrorTarget] = {
+    "fast": ErrorTarget(0.02, 2.0),
+    "balanced": ErrorTarget(0.005, 1.0),
+    "exact": ErrorTarget(0.0005, 0.5),
 }
 SHORTEST = 1 / 16
 """Shortest step that is chosen, in smallest spacings."""
@@ -73,7 +73,7 @@ _MAX_ALIKE = 0.6
 _SURELY = 1.0 - _MAX_ALIKE
 
 
-class Chosen(NamedTuple):
+class StepChoice(NamedTuple):
     """A step in smallest spacings, the error that it leaves about, and how many pixels have it."""
 
     step: float
@@ -81,19 +81,19 @@ class Chosen(NamedTuple):
     pixels: float
 
 
-def target_of(quality: Quality | float) -> Target:
+def target_of(quality: Quality | float) -> ErrorTarget:
     """Return the target of a name, or of an error."""
     if isinstance(quality, str):
         return TARGETS[quality]
-    return Target(quality, TARGETS["balanced"].longest)
+    return ErrorTarget(quality, TARGETS["balanced"].longest)
 
 
 def choose_step(
-    cast: Callable[[float, Size, bool], Picture],
+    cast: Callable[[float, Size, bool], Trial],
     size: Size,
-    target: Target,
+    target: ErrorTarget,
     shortest: float = SHORTEST,
-) -> Chosen:
+) -> StepChoice:
     """Return the longest step that leaves no more than an error, or else the shortest.
 
     Parameters
@@ -124,12 +124,12 @@ def _few_of(size: Size, count: int) -> Size:
 
 
 def _choose(
-    cast: Callable[[float, Size, bool], Picture], size: Size, target: Target, shortest: float
-) -> Chosen:
-    def picture(step: float) -> Picture:
+    cast: Callable[[float, Size, bool], Trial], size: Size, target: ErrorTarget, shortest: float
+) -> StepChoice:
+    def picture(step: float) -> Trial:
         return cast(step, size, False)
 
-    def reference(step: float) -> Picture:
+    def reference(step: float) -> Trial:
         return cast(step, size, True)
 
     step = target.longest
@@ -149,17 +149,17 @@ def _choose(
             left, count = _difference(picture(longer), reference(0.5 * step))
             left /= 1.0 - alike ** (1.0 + part / _PARTS)
             if left <= target.error:
-                return Chosen(longer, left, count)
-    return Chosen(step, error, pixels)
+                return StepChoice(longer, left, count)
+    return StepChoice(step, error, pixels)
 
 
-def _part_alike(longest: Picture, middle: Picture, shortest: Picture) -> float:
+def _part_alike(longest: Trial, middle: Trial, shortest: Trial) -> float:
     """Return the part of an error that stays when the step is halved, of a step and references."""
     whole, more = (_squares(longest, other).mean() for other in (middle, shortest))
     return float(np.clip(math.sqrt(more / max(whole, 1e-24)) - 1.0, 0.0, _MAX_ALIKE))
 
 
-def _difference(one: Picture, other: Picture) -> tuple[float, float]:
+def _difference(one: Trial, other: Trial) -> tuple[float, float]:
     """Return the RMS of the differences, and the number of pixels that have most of it.
 
     By that number, two deviations more: the picture has such pixels between those of a trial.
@@ -172,7 +172,7 @@ def _difference(one: Picture, other: Picture) -> tuple[float, float]:
     return math.sqrt(mean * (1.0 + 2.0 / math.sqrt(pixels))), pixels
 
 
-def _squares(one: Picture, other: Picture) -> NDArray[np.float64]:
+def _squares(one: Trial, other: Trial) -> NDArray[np.float64]:
     """Return the mean squares of the differences where the second sees something; else 0."""
     seen = other.alpha > _SEEN
     if not seen.any():

@@ -35,7 +35,7 @@ _PREFERRED = 1.1
 
 
 @dataclass(frozen=True, slots=True)
-class TellingLight:
+class DiscriminatingLight:
     """A light and what it shows, in CIEDE2000 of the displayed colours."""
 
     text: str  # in `volspec.light`'s notation
@@ -48,7 +48,7 @@ class TellingLight:
         return "led:" in self.text
 
 
-def show_difference(scene: Scene, one: str, two: str, *, under: str) -> TellingLight:
+def show_difference(scene: Scene, one: str, two: str, *, under: str) -> DiscriminatingLight:
     """Return the light under which two materials look most different.
 
     Parameters
@@ -91,7 +91,7 @@ def show_difference(scene: Scene, one: str, two: str, *, under: str) -> TellingL
     lamp = max((text for text in found if ":" not in text), key=found.__getitem__)
     best = max(found, key=found.__getitem__)
     text = lamp if found[best] < _PREFERRED * found[lamp] else best
-    return TellingLight(text, found[text], before)
+    return DiscriminatingLight(text, found[text], before)
 
 
 def _look(scene: Scene, text: str) -> Array | None:
