@@ -103,7 +103,7 @@ def require_target_inside(path: Path, target: Path) -> None:
     if folder is None or target.is_relative_to(folder):
         return
     named = Path(os.path.abspath(path))
-    if any(Path(os.path.realpath(each)).is_relative_to(folder) for each in named.parents):
+    if any(Path(os.path.realpath(parent)).is_relative_to(folder) for parent in named.parents):
         raise InputError(
             f"{path}: leads by a link outside of {folder}, the only folder of files that may be "
             "opened",

@@ -137,7 +137,7 @@ def _checked(parse: Callable[[str], Any], text: str) -> Any:
         raise ValueError(_TOO_DEEP) from None
     level: list[Any] = [[value]]
     for _ in range(MAX_LEVELS + 1):
-        level = [each for container in level for each in _children(container)]
+        level = [child for container in level for child in _children(container)]
         if not level:
             return value
     raise ValueError(_TOO_DEEP)

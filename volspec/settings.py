@@ -321,18 +321,22 @@ def alternatives(hint: Any) -> list[Any]:
     if get_origin(hint) is Annotated:
         return alternatives(get_args(hint)[0])
     if get_origin(hint) in (Union, types.UnionType):
-        return [each for part in get_args(hint) for each in alternatives(part)]
+        return [alternative for part in get_args(hint) for alternative in alternatives(part)]
     return [] if hint is type(None) else [hint]
 
 
 def classes_in(hint: Any) -> list[type]:
     """Return the settings classes in an annotation, except inside lists."""
-    return [each for each in alternatives(hint) if is_settings(each)]
+    return [alternative for alternative in alternatives(hint) if is_settings(alternative)]
 
 
 def choices(hint: Any) -> tuple[Any, ...]:
     """Return the values of the `Literal`s in an annotation; empty without one."""
-    words = (get_args(each) for each in alternatives(hint) if get_origin(each) is Literal)
+    words = (
+        get_args(alternative)
+        for alternative in alternatives(hint)
+        if get_origin(alternative) is Literal
+    )
     return tuple(word for each in words for word in each)
 
 
@@ -578,7 +582,7 @@ class _Fault:
             unknown = _unknown_key(self.classes[0], self.key)
             return unknown.problem, unknown.remedy, code
         if kind.startswith("union_tag") and isinstance(given, Mapping):
-            kinds = [_kind(each) for each in self.classes]
+            kinds = [_kind(class_) for class_ in self.classes]
             guess = nearest(str(given.get("kind")), kinds)
             problem = "" if "kind" in given else "missing"
             return problem, f"{guess}give {', '.join(kinds)}", code
@@ -664,7 +668,7 @@ class FileFaults(InputError):
             first.problem, first.remedy, code=first.code, field=first.field, given=first.given
         )
         self.faults = tuple(faults)
-        self.lines = [f"{os.fspath(path)}: {_line(each, rows or {})}" for each in faults]
+        self.lines = [f"{os.fspath(path)}: {_line(fault, rows or {})}" for fault in faults]
 
     def __str__(self) -> str:
         return self.lines[0]
@@ -723,14 +727,15 @@ def item_hint(hint: Any, index: Any) -> Any:
 
 
 def _is_mapping(hint: Any) -> bool:
-    return any(get_origin(each) in (dict, Mapping) for each in alternatives(hint))
+    return any(get_origin(alternative) in (dict, Mapping) for alternative in alternatives(hint))
 
 
 def _holds_many(hint: Any) -> bool:
     """Return True for a list of any length."""
     return any(
-        get_origin(each) is list or (get_origin(each) is tuple and Ellipsis in get_args(each))
-        for each in alternatives(hint)
+        get_origin(alternative) is list
+        or (get_origin(alternative) is tuple and Ellipsis in get_args(alternative))
+        for alternative in alternatives(hint)
     )
 
 

@@ -259,7 +259,9 @@ class SpectralBasis(ReportedBasis):
         """
         if self.samples is None:
             return self
-        return replace(self, samples=np.array([each.on(self.grid).values for each in spectra]))
+        return replace(
+            self, samples=np.array([spectrum.on(self.grid).values for spectrum in spectra])
+        )
 
     def illumination_matrix(self, light: Spectrum) -> NDArray[np.float64]:
         """Return R(e), (m, m), from reflectance to colour-signal channels, inside the subspace.

@@ -130,7 +130,7 @@ def pair_errors(
     factors = PRODUCTS if chained else ()
     return PairErrors(
         lights=tuple(light.name or f"light {j + 1}" for j, light in enumerate(lights)),
-        reflectances=tuple(each.name for each in surfaces),
+        reflectances=tuple(surface.name for surface in surfaces),
         delta_e={way: stacked.pop(way) for way in (*MODES, RGB_PRODUCT)},
         shown_XYZ={mode: stacked.pop(("shown", mode)) for mode in MODES},
         compare_products=partial(_product_errors, basis, lights, factors, S, channels, rgb),
@@ -148,7 +148,7 @@ def _product_errors(
     errors: ProductPairs = {way: {} for way in (*PRODUCT_MODES, RGB_PRODUCT)}
     for n in factors:
         rows = product_rows(len(surfaces[0]), n)
-        spectra, mixed, rgb = (each[rows].prod(axis=1) for each in surfaces)
+        spectra, mixed, rgb = (surface[rows].prod(axis=1) for surface in surfaces)
         found: dict[str, list[Array]] = {way: [] for way in errors}
         for light in lights:
             against = _Reference(light, basis)

@@ -63,7 +63,7 @@ class Orbit:
     def camera(self, volume: Volume) -> Camera:
         """Return the camera, placed for a volume."""
         return Camera.orbit(
-            volume, **{each.name: getattr(self, each.name) for each in fields(Orbit)}
+            volume, **{field.name: getattr(self, field.name) for field in fields(Orbit)}
         )
 
 

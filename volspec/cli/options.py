@@ -93,7 +93,7 @@ class Options:
         """Return a field's value: three numbers if they are written as a text, None if off."""
         if isinstance(given, str) and name in self.owners:
             kinds = alternatives(hints(self.owners[name])[name])
-            if any(get_origin(each) is tuple for each in kinds):
+            if any(get_origin(kind) is tuple for kind in kinds):
                 return parse_triple(given) or given
         return None if name in self.optional and given == "off" else given
 

@@ -292,7 +292,7 @@ def _write_frames(
         relighters = [stack.enter_context(Relighter(view)) for view in views]
         for frame in frames:
             with in_options():
-                own = [each.frame(frame.light, look.of_view) for each in relighters]
+                own = [relighter.frame(frame.light, look.of_view) for relighter in relighters]
                 pixels = look.combine(own)
             notes = {"light": frame.name, "Software": f"volspec {__version__}"}
             if look.stereo:

@@ -234,7 +234,7 @@ def _paints(
     if mix is not None:
         step, law = _mixing(mix)
         candidates = mix_paints(candidates, step, law, room.grid)
-    require_reflectance(candidates, [each.name for each in candidates], room.grid)
+    require_reflectance(candidates, [candidate.name for candidate in candidates], room.grid)
     top = 10 if top is None else top
     if top < 1:
         raise InputError.refused("--top", top, "give 1 or more", "range")

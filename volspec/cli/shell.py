@@ -84,7 +84,7 @@ def as_written(kind: Any, tokens: Sequence[Token]) -> Any:
     word = tokens[0].value
     parts, words = get_args(kind), []
     if float in parts:
-        words = [each for part in parts for each in get_args(part)]
+        words = [arg for part in parts for arg in get_args(part)]
         if word in words:
             return word
         kind = float
@@ -242,7 +242,7 @@ def _miscounted(error: CycloptsError) -> str:
 def _takes(command: str) -> str:
     """Return what a command takes without an option's name, such as "takes one VOLUME, "."""
     arguments = _command(command.split()).assemble_argument_collection()
-    first = [each.names[0] for each in arguments]
+    first = [argument.names[0] for argument in arguments]
     names = [name for name in first if not name.startswith(("-", "*"))]
     return f"takes one {' and one '.join(names)}, " if names else "takes options only, "
 

@@ -361,7 +361,7 @@ def keyframe_cameras(scene: Scene, volume: Volume, keys: Keys, at_s: Array) -> l
     if not given:
         return [scene.camera(volume)] * len(at_s)
     if table.position_mm is None and not given & {"position_mm", "up"}:
-        common = {each.name: getattr(table, each.name) for each in fields(Orbit)}
+        common = {field.name: getattr(table, field.name) for field in fields(Orbit)}
         rows = _rows(_interpolated_tracks(cameras, _ORBIT, at_s), len(at_s))
         return _at_times(at_s, keys, rows, lambda row: Camera.orbit(volume, **{**common, **row}))
     _check_ups(cameras)

@@ -82,7 +82,9 @@ def picture_marks(marks: Sequence[Mark], picture: MarkedPicture) -> list[Patch]:
     """Return the patches of a picture: its annotations, and marks of ``[export] annotate``."""
     warn_of_cut(picture.annotations, picture.camera, picture.size)
     paint = _Painter(picture)
-    patches = [patch for each in picture.annotations for patch in paint.annotation(each)]
+    patches = [
+        patch for annotation in picture.annotations for patch in paint.annotation(annotation)
+    ]
     top = paint.margin
     taken = 2 * (_CORNER * paint.unit if "orientation" in marks else paint.margin)
     room = picture.size[0] - taken
@@ -142,8 +144,8 @@ def annotation_svg(annotations: Sequence[Annotation], camera: Camera, size: tupl
     """Return annotations as elements of an SVG whose units are a picture's pixels."""
     unit, projection = _unit(size), Projection(camera, (0, 0, *size))
     found = []
-    for each in annotations:
-        placed = _placed(each, projection, unit)
+    for annotation in annotations:
+        placed = _placed(annotation, projection, unit)
         if placed is None:
             continue
         for name, wider in (("under", _OUTLINE * unit), ("over", 0.0)):
@@ -157,7 +159,7 @@ def annotation_svg(annotations: Sequence[Annotation], camera: Camera, size: tupl
             ]
             found.append(f'<g class="{name}" stroke-width="{wide:.1f}">{"".join(shapes)}</g>')
         x, y = placed.caption + (_ROOM * unit, 0.0)
-        caption = escape(printable(each.caption, _MAX_LETTERS))
+        caption = escape(printable(annotation.caption, _MAX_LETTERS))
         found.append(
             f'<text x="{x:.1f}" y="{y - 0.3 * _TEXT * unit:.1f}" font-size="{_TEXT * unit:.1f}" '
             f'stroke-width="{2 * _OUTLINE * unit:.1f}">{caption}</text>'
@@ -168,14 +170,14 @@ def annotation_svg(annotations: Sequence[Annotation], camera: Camera, size: tupl
 def warn_of_cut(annotations: Sequence[Annotation], camera: Camera, size: tuple[int, int]) -> None:
     """Warn of annotations that begin within a picture and end beyond its right edge."""
     unit, projection = _unit(size), Projection(camera, (0, 0, *size))
-    for each in annotations:
-        if (placed := _placed(each, projection, unit)) is None:
+    for annotation in annotations:
+        if (placed := _placed(annotation, projection, unit)) is None:
             continue
         start = float(placed.caption[0]) + _ROOM * unit
-        wide = TextLine.of(printable(each.caption, _MAX_LETTERS), round(_TEXT * unit)).width
+        wide = TextLine.of(printable(annotation.caption, _MAX_LETTERS), round(_TEXT * unit)).width
         if 0 <= start < size[0] < start + wide:
             warnings.warn(
-                f"[[annotation]] {quoted(each.caption)}: is cut at the edge of a picture of "
+                f"[[annotation]] {quoted(annotation.caption)}: is cut at the edge of a picture of "
                 f"{size[0]} x {size[1]}; shorten its text, move its points, or make it wider",
                 VolspecWarning,
                 stacklevel=2,

@@ -403,7 +403,9 @@ _VALID = {
 
 def _valid_part(data: Mapping[str, Any], error: SceneFaults, path: Path) -> SceneFile | None:
     """Return a scene of the tables and rows without a fault; None if they do not fit together."""
-    wrong = {found[0] for each in error.faults if (found := re.match(r"\w+(\[\d+\])?", each.field))}
+    wrong = {
+        found[0] for fault in error.faults if (found := re.match(r"\w+(\[\d+\])?", fault.field))
+    }
     tables: dict[str, Any] = dict(_VALID)
     for key in ("volume", "basis", "group", "material", "light"):
         table = data.get(key)

@@ -158,7 +158,7 @@ class TileCaster:
         depth, first = np.full_like(alpha, np.inf), None if n > 1 else np.empty_like(alpha)
         for i, window in enumerate(windows):
             window_camera = WindowCamera(
-                **{each.name: getattr(camera, each.name) for each in fields(camera)},
+                **{field.name: getattr(camera, field.name) for field in fields(camera)},
                 whole=(n * canvas.size[0], n * canvas.size[1]),
                 corner=(n * window.x, n * window.y),
             )

@@ -68,7 +68,7 @@ def material_colours(
     mixed = rig.facing(shares).mixed(basis.grid)
     # Single colours have no picture in which adaptation could be measured.
     viewing = replace(lit.viewing, adapting="given", fov_deg=None)
-    XYZ = [XYZ_from_spectra(mixed, each, basis.observer_deg) for each in materials.values()]
+    XYZ = [XYZ_from_spectra(mixed, material, basis.observer_deg) for material in materials.values()]
     seen = view_transform(viewing, lit.white_XYZ).apply(lit.gain * np.array(XYZ)[None])
     codes = np.clip(screen_for_viewing(viewing).codes(seen, 0)[0], 0.0, 1.0)
     return dict(zip(materials, codes, strict=True))
@@ -97,7 +97,7 @@ def value_bars(
         weights: NDArray[np.float64], materials: Mapping[str, Spectrum]
     ) -> NDArray[np.float64]:
         grid = basis.grid
-        mixed = weights @ np.stack([each.on(grid).values for each in materials.values()])
+        mixed = weights @ np.stack([material.on(grid).values for material in materials.values()])
         named = {str(i): Spectrum(grid.wavelengths_nm, row) for i, row in enumerate(mixed)}
         return np.stack([*material_colours(named, basis, rig, spec, shares).values()])
 

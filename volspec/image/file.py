@@ -241,7 +241,7 @@ def _layer_channels(image: ImageFields, layers: OpacityLayers, slots: Sequence[S
     for k in range(layers.count):
         shadows = [stored.slot(slot) for slot in slots]
         arrays = stored.tau, stored.shade, stored.gloss, *shadows, stored.depth_mm
-        flat = [each[:, :, k].reshape(height, width, -1) for each in arrays]
+        flat = [array[:, :, k].reshape(height, width, -1) for array in arrays]
         half = np.concatenate(flat, axis=2)
         names = layer_names(k, image.basis.materials, image.groups, slots)
         channels |= {name: half[..., n] for n, name in enumerate(names)}

@@ -262,9 +262,9 @@ class OpacityLayers:
             return made
 
         shadows = []
-        for each in means:
+        for mean in means:
             numbers = np.zeros((*whole, 3 + K), rows.dtype)
-            numbers[used] = shadow_of_means(each[used])
+            numbers[used] = shadow_of_means(mean[used])
             shadows.append(spread(numbers, 3))
         highlights, place = (np.zeros((*whole[:2], count, n), rows.dtype) for n in (groups, 1))
         highlights[:, :, : whole[2]], place[:, :, : whole[2]] = gloss, depth
@@ -355,7 +355,7 @@ class OpacityLayers:
         return replace(self, **own)
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
-        arrays = {each.name: getattr(self, each.name) for each in fields(self)}
+        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: each for name, each in arrays.items() if isinstance(each, np.ndarray)}
 
     def recompose(self, scales: Sequence[float]) -> Recomposed:

@@ -338,8 +338,8 @@ class Reprojector:
         )
         upload = self.compute.upload
         self._inputs = [
-            upload(np.ascontiguousarray(each, np.float32), share=True)
-            for each in _arrays(self._layers.lit([1.0] * self._layers.materials))
+            upload(np.ascontiguousarray(array, np.float32), share=True)
+            for array in _arrays(self._layers.lit([1.0] * self._layers.materials))
         ]
         blocks = -(-width // BLOCK) * -(-height // BLOCK)
         self._extents = np.empty((blocks, 2), np.float32)

@@ -329,7 +329,7 @@ class LevelCaster:
     def _needed(self, largest: int, budget: int) -> int:
         """Return the bytes without the cache's, with parts of up to ``largest`` bytes."""
         pyramid = self._pyramid
-        ranges = sum(0 if each.ranges is None else each.ranges.nbytes for each in pyramid.levels)
+        ranges = sum(0 if level.ranges is None else level.ranges.nbytes for level in pyramid.levels)
         fixed = self.base.volume.values.nbytes + ranges
         # Two parts, with the ranges of their bricks (a tenth), and chunks that are being read.
         return fixed + int(2.1 * largest) + max(2 * self._level.chunk_bytes, budget // 16)
@@ -465,7 +465,7 @@ class PartPicture:
         struct = kernel_arguments.cast_struct(frame, table, camera, size, spec)
         buffer, numbers = caster.lights.attach(struct, table, spec, camera, clear)
         arrays = *program.tables, kernel_arguments.source_rows(frame, camera, spec, numbers)
-        inputs = *(compute.upload(np.ascontiguousarray(each)) for each in arrays), buffer
+        inputs = *(compute.upload(np.ascontiguousarray(array)) for array in arrays), buffer
         kernel = cast_kernel(
             compute,
             caster.base.packet,

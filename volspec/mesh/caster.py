@@ -181,9 +181,9 @@ class MeshCaster:
             key = (
                 basis.fingerprint,
                 *(
-                    (each.wavelengths_nm.tobytes(), each.values.tobytes())
-                    for each in spectra
-                    if each
+                    (spectrum.wavelengths_nm.tobytes(), spectrum.values.tobytes())
+                    for spectrum in spectra
+                    if spectrum
                 ),
             )
             made = self._made.get(number)
@@ -208,7 +208,7 @@ class MeshCaster:
     @property
     def translucent(self) -> str:
         """Return the first translucent mesh, as `SurfaceCaster`."""
-        found = [each for each in self.meshes if each.opacity < 1.0]
+        found = [mesh for mesh in self.meshes if mesh.opacity < 1.0]
         return f"{found[0].name} of opacity {found[0].opacity:g}" if found else ""
 
     def within(self, volume: Volume | None, spec: RaycastSpec) -> MeshCaster | None:

@@ -588,7 +588,7 @@ class VolumeCaster:
             program,
             spec,
             stored,
-            missing=any(each.missing is not None for each in cast_volumes),
+            missing=any(volume.missing is not None for volume in cast_volumes),
             lit=lit,
             spans=span_mm is not None,
             aligned=aligned,
@@ -650,9 +650,9 @@ class VolumeCaster:
         known = present.masks if present is not None and present.masks.key == key else None
         if present is None or list(present.fields) != names or known is None:
             volumes = [self.volume.by_name[name] for name in names]
-            for each in volumes:
-                if each.name not in self._uploaded:
-                    self._uploaded[each.name] = _Field.of(self._compute, each)
+            for volume in volumes:
+                if volume.name not in self._uploaded:
+                    self._uploaded[volume.name] = _Field.of(self._compute, volume)
             dtype = common_dtype(volumes)
             fields = {name: self._uploaded[name].stored(self._compute, dtype) for name in names}
             frame = frame_around(self._own.volume, names)

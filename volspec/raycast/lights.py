@@ -146,7 +146,7 @@ class LightGroup:
 
     def without_shadows(self) -> LightGroup:
         """Return the group without shadows and occlusion."""
-        return replace(self, sources=tuple(_without_shadow(each) for each in self.sources))
+        return replace(self, sources=tuple(_without_shadow(source) for source in self.sources))
 
 
 def _without_shadow(source: Source) -> Source:

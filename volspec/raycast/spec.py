@@ -347,7 +347,11 @@ class RaycastSpec:
         """
         if not any(plane.fields for plane in self.clip_planes):
             return self
-        cutting = (each for each in self.clip_planes if not each.fields or name in each.fields)
+        cutting = (
+            clip_plane
+            for clip_plane in self.clip_planes
+            if not clip_plane.fields or name in clip_plane.fields
+        )
         return replace(self, clip_planes=tuple(replace(plane, fields=()) for plane in cutting))
 
     def naming_fields(self, volume: Volume) -> RaycastSpec:

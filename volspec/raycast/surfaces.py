@@ -282,7 +282,7 @@ class Surfaces:
             if not here.any():
                 continue
             depth_mm, passes = picture.depth_mm[here], np.isinf(own[here])
-            every = np.stack([each[part][here] for each in spans])
+            every = np.stack([span[part][here] for span in spans])
             reaches = (every[..., 1] >= depth_mm).argmax(axis=0)
             begin_mm = np.take_along_axis(every[..., 0], reaches[None], axis=0)[0]
             others = [mm[part][here] for k, (mm, *_) in enumerate(self.depths_mm) if k != number]

@@ -157,8 +157,8 @@ class Room:
 
         Raises RoomError if there are none.
         """
-        lamps = (each for each in self.lamps if each.name in spectra)
-        suns = (each for each in self.suns if each.name in spectra)
+        lamps = (lamp for lamp in self.lamps if lamp.name in spectra)
+        suns = (sun for sun in self.suns if sun.name in spectra)
         return replace(
             self,
             exitances={name: spectra[name] for name in self.exitances if name in spectra},
@@ -172,8 +172,8 @@ class Room:
         Direct light does not depend on paints, so that two bands are as good as all.
         """
         one = np.ones(_TWO_BANDS.size)
-        lamps = (each for each in self.lamps if each.name == name)
-        suns = (each for each in self.suns if each.name == name)
+        lamps = (lamp for lamp in self.lamps if lamp.name == name)
+        suns = (sun for sun in self.suns if sun.name == name)
         return replace(
             self,
             reflectances=self.reflectances[:, : _TWO_BANDS.size],

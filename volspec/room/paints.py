@@ -174,7 +174,7 @@ def mix_paints(
             field="step",
             given=step,
         )
-    own = np.array([each.on(grid).values for each in paints])
+    own = np.array([paint.on(grid).values for paint in paints])
     shares = np.array(list(_shares(n, len(paints))))
     if law == "additive":
         mixed = shares @ own / n

@@ -364,6 +364,6 @@ def _colour_slopes(wall_and_white: Array, Y_b: float | None) -> Array:
     for step in np.diag(_COLOUR_STEP * sizes):
         # A black wall is at the end of the range.
         ends = [np.maximum(wall_and_white + way * step, 0.0) for way in (1, -1)]
-        ends = [_coordinates(_appearance(each, Y_b)) for each in ends]
+        ends = [_coordinates(_appearance(end, Y_b)) for end in ends]
         columns.append((ends[0] - ends[1]) / (2.0 * step.sum()))
     return np.stack(columns, axis=1)

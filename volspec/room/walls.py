@@ -101,7 +101,7 @@ class ShadowMap:
             return np.ones(len(points_mm))
         way = np.asarray(self.projection.camera.position_mm) - points_mm
         cosines = np.einsum("kc,kc->k", way, normals), way @ -self.normal
-        falls, leaves = (np.maximum(each, 0.0) for each in cosines)
+        falls, leaves = (np.maximum(cosine, 0.0) for cosine in cosines)
         return falls * leaves / np.einsum("kc,kc->k", way, way) ** 2
 
     def shadow(self, points_mm: Array) -> Array:

@@ -150,7 +150,7 @@ def open_fields(paths: Sequence[str]) -> tuple[Volume, dict[str, str]]:
 def _overlap(one: Volume, two: Volume) -> bool:
     """Return True if the boxes around two volumes overlap."""
     corners = one.corners_mm, two.corners_mm
-    low = np.max([each.min(axis=0) for each in corners], axis=0)
+    low = np.max([corner.min(axis=0) for corner in corners], axis=0)
     return bool((low <= np.min([each.max(axis=0) for each in corners], axis=0)).all())
 
 
@@ -169,7 +169,7 @@ def with_fields(
     file has none of its name; and to the TransferError if ``[transfer]``, ``own``, or that of a
     row has a mask that is not there, or labels that it lacks.
     """
-    more = {each.name: each for each in volume.fields}
+    more = {field.name: field for field in volume.fields}
     for number, row in enumerate(rows):
         with at(f"field[{number}]"):
             if row.file is not None:

@@ -77,7 +77,9 @@ def cast_notes(file: SceneFile, relight: RelightSpec) -> dict[str, str]:
 
     They need no other file.
     """
-    viewing = {each.name: getattr(relight.viewing, each.name) for each in fields(relight.viewing)}
+    viewing = {
+        field.name: getattr(relight.viewing, field.name) for field in fields(relight.viewing)
+    }
     rest = {name: getattr(relight, name) for name in ("backdrop", "mode", "level", "filter")}
     notes = {"scene": file.title, "viewing": _note(viewing | rest)}
     return notes | ({"depth": _note(asdict(file.depth))} if file.depth.changes else {})

@@ -328,11 +328,11 @@ def _origins(
 def _row_keys(cls: Any) -> dict[str, tuple[str, ...]]:
     """Return the keys that identify rows, by list key, for all tables of a class."""
     keys: dict[str, tuple[str, ...]] = {}
-    for each in fields(cls):
-        hint = hints(cls)[each.name]
+    for field in fields(cls):
+        hint = hints(cls)[field.name]
         for inner in (*classes_in(hint), *classes_in(item_hint(hint, 0))):
             if hasattr(inner, "row_keys"):
-                keys[each.name] = inner.row_keys
+                keys[field.name] = inner.row_keys
             keys = _row_keys(inner) | keys
     return keys
 

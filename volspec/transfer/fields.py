@@ -98,11 +98,11 @@ class Mask:
     @property
     def curves(self) -> tuple[TransferFunction | None, ...]:
         """The different functions, each once, in the labels' order."""
-        return tuple({id(each): each for each in self.functions.values()}.values())
+        return tuple({id(function): function for function in self.functions.values()}.values())
 
     def changed(self, change: Callable[[TransferFunction], TransferFunction]) -> Mask:
         """Return the mask with other functions; labels that share one still do."""
-        made = {id(each): each and change(each) for each in self.curves}
+        made = {id(curve): curve and change(curve) for curve in self.curves}
         return replace(self, functions={k: made[id(v)] for k, v in self.functions.items()})
 
 
@@ -209,7 +209,7 @@ class FieldFunctions:
     @property
     def materials(self) -> dict[str, Spectrum]:
         """Materials of all functions by name."""
-        by_label = (each for mask in self.masks.values() for each in mask.curves)
+        by_label = (curve for mask in self.masks.values() for curve in mask.curves)
         return {
             name: spectrum
             for function in (*self.functions.values(), *filter(None, by_label))

@@ -77,7 +77,7 @@ def _bake_fields(transfer: FieldFunctions, volume: Volume) -> TransferTable | Fi
         tables[name] = weighted(table, weight)
         if given in transfer.masks:
             mask = transfer.masks[given]
-            curves = [each for each in mask.curves if each is not function]
+            curves = [curve for curve in mask.curves if curve is not function]
             where = f"FieldFunctions.masks[{given!r}]"
             try:
                 labels = MaskLabels.of(mask.field, volume)

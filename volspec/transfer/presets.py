@@ -188,7 +188,7 @@ def is_preset(
     made = fit_preset(preset, volume, counts, transfer.basis.grid, transfer.basis.observer_deg)
     if type(transfer) is not type(made):
         return False
-    own = {each.name for each in fields(made)} - {"materials", "basis"}
+    own = {field.name for field in fields(made)} - {"materials", "basis"}
     return all(getattr(transfer, name) == getattr(made, name) for name in own) and all(
         np.array_equal(transfer.materials[name].values, each.values)
         for name, each in made.materials.items()

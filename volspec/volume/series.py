@@ -175,7 +175,7 @@ class Series(Sequence[Volume]):
     def _as_others(self, volume: Volume) -> Volume:
         """Return a step with the type and range of all."""
         own = volume.of_series(self.name, *self._alike[""])
-        fields = [each.of_series(each.name, *self._alike[each.name]) for each in volume.fields]
+        fields = [field.of_series(field.name, *self._alike[field.name]) for field in volume.fields]
         return own.with_fields(fields) if fields else own
 
     def _keep(self, number: int, volume: Volume) -> None:
@@ -341,7 +341,7 @@ def step_addresses(address: str) -> tuple[str, ...]:
     choices: tuple[Choice, ...] = ()
     with suppress(VolspecError):  # raised again when it is read
         choices = volume_choices(address)
-    times = next((each for each in choices if each.key == "time"), None)
+    times = next((choice for choice in choices if choice.key == "time"), None)
     if times is None or times.chosen is not None:
         return (address,)
     joined = f"{address}&" if mark else f"{address}?"

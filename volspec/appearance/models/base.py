@@ -87,7 +87,7 @@ def broadcast(name: str, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> tuple[Arra
     try:
         J, C, h = np.broadcast_arrays(*values)
     except ValueError as error:
-        shapes = ", ".join(str(each.shape) for each in values)
+        shapes = ", ".join(str(value.shape) for value in values)
         raise ShapeError(f"J, C, h have shapes {shapes}", "make them equal", field=name) from (
             error
         )

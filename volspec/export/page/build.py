@@ -262,7 +262,7 @@ def page_html(
         "basis": payload.basis_numbers(first.basis, seen_through, full_band_basis(first)),
         # A file without its folder, which is of this machine.
         "filter": os.path.basename(relight_spec.filter or ""),
-        "lights": [payload.light_numbers(each, first.basis, seen_through) for each in lights],
+        "lights": [payload.light_numbers(light, first.basis, seen_through) for light in lights],
         "look": payload.look_numbers(relight_spec, lights)
         | ({"opacity": scales, **payload.depth_look(effects, first)} if opacity else {}),
         "opacity": payload.opacity_numbers(opacity, first, effects),

@@ -134,5 +134,5 @@ def common_dtype(fields: Iterable[Volume]) -> np.dtype[Any]:
     >>> common_dtype(Volume(np.zeros((2, 2, 2), kind)) for kind in kinds)
     dtype('int16')
     """
-    dtype = np.result_type(*(each.values.dtype for each in fields))
+    dtype = np.result_type(*(field.values.dtype for field in fields))
     return dtype if dtype.itemsize <= 2 else np.dtype(np.float32)

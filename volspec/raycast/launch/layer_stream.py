@@ -65,7 +65,7 @@ class Samples(NamedTuple):
     def of(self, samples: NDArray[np.int64]) -> Samples:
         """Return some of the samples."""
         own = {name: getattr(self, name)[samples] for name in self._fields[:5]}
-        return self._replace(**own, shadows=[each.of(samples) for each in self.shadows])
+        return self._replace(**own, shadows=[shadow.of(samples) for shadow in self.shadows])
 
 
 class SampleStream(Protocol):
@@ -127,7 +127,7 @@ class LayerStream:
         self._depth[at] += seen * along
         if self._slots:
             self._shadow[at] += seen[:, None, None] * self._shadow_sums(factor, shadows)
-            arrived = sum((each.factor + each.highlight) * each.half for each in shadows)
+            arrived = sum((shadow.factor + shadow.highlight) * shadow.half for shadow in shadows)
             change = np.nan_to_num(np.abs(arrived - self._arrived[rays]))
             visible = np.exp(-0.25 * self._through[rays].sum(axis=1))
             self._change[rays] += LIGHT_MASS * change * visible
@@ -151,12 +151,12 @@ class LayerStream:
         """Return what samples add to `_shadow`, but for their weight."""
         added = np.zeros((len(factor), *self._shadow.shape[2:]))
         added[:, :, 0] = factor[:, [group for group, _ in self._slots]]
-        for each in shadows:
-            own = added[:, self._slots.index(each.slot)]
-            light = each.factor + each.highlight
-            passes = np.stack([each.half, each.whole, *each.alone.T], axis=1)
-            own[:, 1] += each.factor
-            own[:, 2] += each.highlight
+        for shadow in shadows:
+            own = added[:, self._slots.index(shadow.slot)]
+            light = shadow.factor + shadow.highlight
+            passes = np.stack([shadow.half, shadow.whole, *shadow.alone.T], axis=1)
+            own[:, 1] += shadow.factor
+            own[:, 2] += shadow.highlight
             own[:, 3:] += light[:, None] * passes
         return added
 

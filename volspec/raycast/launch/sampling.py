@@ -187,7 +187,7 @@ class Sampler:
 
         They are trilinear in `differences`, by the weights of the voxels that are there.
         """
-        gradient = np.stack([trilinear(each, point) for each in self._slopes], axis=1)
+        gradient = np.stack([trilinear(slope, point) for slope in self._slopes], axis=1)
         present = trilinear(self._present.astype(np.float64), point)
         gradient /= np.where(present > 0, present, 1.0)[:, None]
         return self._scale * gradient @ self._world

@@ -64,7 +64,7 @@ class SampleSet:
         A file states either fractions or percentages: one value above 2 divides all by 100. Values
         of an undeclared quantity are left unchanged, unless the kind is reflective.
         """
-        found = [each for each in self.samples if kind is None or fits(each.quantity, kind)]
+        found = [sample for sample in self.samples if kind is None or fits(sample.quantity, kind)]
         found = found or list(self.samples)
         reflective = [
             each.quantity in _FRACTIONS or (kind == "reflective" and not each.quantity)

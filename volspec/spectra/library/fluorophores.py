@@ -134,7 +134,7 @@ def fluorescence_in_file(path: Path, name: str) -> tuple[str, Fluorescence] | No
     rows = list(csv.reader(data, delimiter=separator))
     columns = _columns(rows[0] if rows else [], path)
     if name:
-        wanted = next((each for each in columns if fold_name(each) == fold_name(name)), None)
+        wanted = next((column for column in columns if fold_name(column) == fold_name(name)), None)
     else:  # of other files, a column may end in "em" by chance
         pairs = [each for each, own in columns.items() if len(own) == 2]
         wanted = pairs[0] if len(pairs) == 1 else None

@@ -70,7 +70,7 @@ def with_all_fields(old: ViewState, new: ViewState) -> Edited:
     if new.transfer is old.transfer:
         return Edited(new)
     known, functions = new.transfer.materials, other_functions(new).values()
-    used = {name for each in functions for name in _used(each) if name not in known}
+    used = {name for function in functions for name in _used(function) if name not in known}
     try:
         if used:
             own = {name: each for name, each in old.transfer.materials.items() if name in used}

@@ -355,7 +355,7 @@ def _with_groups(
         lights=regrouped(state.lights),
         other=None if state.other is None else regrouped(state.other),
         saved_lights=tuple(
-            replace(each, lights=regrouped(each.lights)) for each in state.saved_lights
+            replace(light, lights=regrouped(light.lights)) for light in state.saved_lights
         ),
         fade=None,
     )

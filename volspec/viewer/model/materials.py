@@ -195,7 +195,7 @@ def material_message(old: Transfer, new: Transfer) -> str:
         message += f": basis {quoted(new.basis.name)} stays and approximates it, because of {why}"
     elif not isinstance(old.basis, MaterialBasis):
         message += f": materials are the channels now, instead of basis {quoted(old.basis.name)}"
-    if gone := [each for each in old.materials if each not in new.materials]:
+    if gone := [material for material in old.materials if material not in new.materials]:
         message += f". Removed as unused: {', '.join(gone)}"
     if new.materials[name].notes.get("constructed") == "nearest":
         message += ". No surface has this colour; the nearest is used"
@@ -208,7 +208,7 @@ def add_material(state: ViewState, index: int, text: str) -> ViewState:
     transfer = state.transfer
     grid, observer_deg = transfer.basis.grid, transfer.basis.observer_deg
     spectrum = reflectance_for(text, grid, observer_deg, state.document.folder)
-    used = [name for each in other_functions(state).values() for name in _users(each)]
+    used = [name for function in other_functions(state).values() for name in _users(function)]
     new = with_material(transfer, index, text.strip(), spectrum, used)
     return state if new is transfer else replace(state, transfer=new)
 
@@ -244,7 +244,7 @@ def differ_in_spectra(old: Transfer, new: Transfer) -> bool:
     """
     if type(old) is not type(new) or not same_channels(old.basis, new.basis):
         return False
-    names = {each.name for each in fields(old)} - {"materials", "basis"}
+    names = {field.name for field in fields(old)} - {"materials", "basis"}
     return all(getattr(old, name) == getattr(new, name) for name in names)
 
 

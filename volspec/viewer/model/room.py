@@ -86,7 +86,7 @@ def paintable(room: SceneRoom) -> tuple[str, ...]:
     inside = room.response.solved.room
     names = [name for name in inside.mesh.names if name not in inside.exitances]
     sides = [inside.reflectance(name) for name in WALLS if name in names]
-    if len(sides) < len(WALLS) or any(not np.array_equal(sides[0], each) for each in sides):
+    if len(sides) < len(WALLS) or any(not np.array_equal(sides[0], side) for side in sides):
         return tuple(names)
     return (ALL_WALLS, *(name for name in names if name not in WALLS))
 

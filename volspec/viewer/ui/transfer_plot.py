@@ -83,7 +83,7 @@ def _colours(
     XYZ_of_all, codes = _colour_functions(rig, spec, transfer.basis)
     XYZ = XYZ_of_all(list(transfer.materials.values()))
     weights = weight_matrix([part.mix for part in list_parts(transfer)], names)
-    parts = tuple(as_colour(each) for each in codes(weights @ XYZ))
+    parts = tuple(as_colour(code) for code in codes(weights @ XYZ))
     return parts, dict(zip(names, map(as_colour, codes(XYZ)), strict=True))
 
 

@@ -79,7 +79,9 @@ def open_document(
     else:
         volume, series = open_volume(path)
         if series is not None and len(series) == 1 and JOINER in path:
-            unread = ", ".join(each for each in step_addresses(path) if each not in series.names)
+            unread = ", ".join(
+                address for address in step_addresses(path) if address not in series.names
+            )
             raise VolumeError(
                 f"{unread}: cannot be a time step after {series.names[0]}",
                 "open it alone for the reason",
@@ -120,7 +122,7 @@ def list_choices(path: str, volume: Volume) -> tuple[Choice, ...]:
         return scale
     try:
         # Time steps are shown by the series, or the one that is asked for alone.
-        return tuple(each for each in volume_choices(path) if each.key != "time") + scale
+        return tuple(choice for choice in volume_choices(path) if choice.key != "time") + scale
     except VolspecError:
         return scale
 

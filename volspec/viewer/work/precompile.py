@@ -77,8 +77,8 @@ class Programs:
         camera = Camera.orbit(self.volume)
         width, height = _SIZE
         ends = np.full((height, width, 2), np.inf, np.float32) if self.spans else None
-        for each in neighbours(self.spec):
-            yield caster.cast(self.table, camera, _SIZE, each, span_mm=ends)
+        for neighbour in neighbours(self.spec):
+            yield caster.cast(self.table, camera, _SIZE, neighbour, span_mm=ends)
 
     def _draw(self, coefficients: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:
         """Draw a picture as small and as large ones are, by the formula and by a table of it."""

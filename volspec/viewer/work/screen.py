@@ -279,7 +279,7 @@ class Screen:
     def busy(self) -> bool:
         """True while tables, an error map, a room or a picture to be read are computed."""
         services = self._tabling, self._error_map, self._painting, self.idle
-        return any(each.busy for each in services)
+        return any(service.busy for service in services)
 
     @property
     def ready(self) -> bool:

@@ -135,7 +135,7 @@ def frames_of(file: BinaryIO, parsed: Any, layout: dict[str, Any]) -> list[Slice
     header = _file(file, parsed, layout, groups[0], whole)
     start = header.start_mm
     dimensions = parsed.get("DimensionIndexSequence") or ()
-    pointers = [each.get("DimensionIndexPointer") for each in dimensions]
+    pointers = [dimension.get("DimensionIndexPointer") for dimension in dimensions]
     offsets = _offsets_mm(parsed, whole, count)
     slices = []
     for k, frame in enumerate(groups):
@@ -229,7 +229,7 @@ def _numbers(keyword: str, places: Sequence[Any], count: int | None = None) -> l
     """Return the first statement of finite numbers in several places; none if there is none."""
     for place in places:
         with suppress(ValueError, TypeError, OverflowError):  # no numbers
-            numbers = [float(each) for each in _values(keyword, place)]
+            numbers = [float(value) for value in _values(keyword, place)]
             if numbers and len(numbers) == (count or len(numbers)) and np.isfinite(numbers).all():
                 return numbers
     return []
@@ -247,7 +247,7 @@ def _vector(keyword: str, places: Sequence[Any]) -> NDArray[np.float64] | None:
 def _pixel_mm(keyword: str, places: Sequence[Any]) -> list[float]:
     """Return distances along y and x; none unless they are stated, and positive."""
     numbers = _numbers(keyword, places, 2)
-    return numbers if all(each > 0 for each in numbers) else []
+    return numbers if all(number > 0 for number in numbers) else []
 
 
 def _directions(places: Sequence[Any]) -> NDArray[np.float64] | None:
@@ -264,9 +264,9 @@ def _offsets_mm(parsed: Any, whole: Sequence[Any], count: int) -> list[float]:
     Doses have them (GridFrameOffsetVector), and nuclear medicine (SliceVector).
     """
     if offsets := _numbers("GridFrameOffsetVector", [parsed], count):
-        return [each - offsets[0] for each in offsets]
+        return [offset - offsets[0] for offset in offsets]
     apart = _number("SpacingBetweenSlices", whole) or 0
-    return [(each - 1) * apart for each in _numbers("SliceVector", [parsed], count) if apart]
+    return [(number - 1) * apart for number in _numbers("SliceVector", [parsed], count) if apart]
 
 
 def _rescale(groups: Sequence[Any], every: Sequence[Any]) -> tuple[float, float]:
@@ -304,7 +304,7 @@ def _unit(parsed: Any, groups: Sequence[Any], every: Sequence[Any]) -> str:
     if modality in _UNIT_TAGS or is_rescaled:
         tag = _UNIT_TAGS.get(modality)
         return _UNITS.get(text_of(tag, *every) if tag else kind, "")
-    codes = [code for each in groups for code in each.get("MeasurementUnitsCodeSequence") or ()]
+    codes = [code for group in groups for code in group.get("MeasurementUnitsCodeSequence") or ()]
     code = text_of("CodeValue", *codes)
     return "" if code == "1" else code  # UCUM's
 

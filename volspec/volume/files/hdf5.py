@@ -237,7 +237,9 @@ def _require_sources(query: Query, dataset: Any) -> None:
     file, prefix = Path(dataset.file.filename), Path(os.getenv("HDF5_VDS_PREFIX", ""))
     sources = dataset.virtual_sources() if dataset.is_virtual else ()
     # A dot is the file itself; a name with %b is of many blocks.
-    for name in sorted({each.file_name for each in sources if "%b" not in each.file_name} - {"."}):
+    for name in sorted(
+        {source.file_name for source in sources if "%b" not in source.file_name} - {"."}
+    ):
         # HDF5 looks for an absolute path that is missing next to the file, too.
         names = (name, Path(name).name) if Path(name).is_absolute() else (name,)
         folders = file.parent, file.resolve().parent, prefix, Path()
@@ -279,10 +281,10 @@ def _axes(dataset: Any) -> str:
     named = []
     with suppress(*DAMAGE):
         tags = json.loads(dataset.attrs.get("axistags", "{}")).get("axes", ())
-        named.append("".join(str(each.get("key", ""))[:1] for each in tags))
+        named.append("".join(str(tag.get("key", ""))[:1] for tag in tags))
         signal = texts(dataset.parent.attrs.get("axes", ()))
         named.append("".join(each[-1:].lower() for each in signal))
-        named.append("".join(each.label[:1].lower() for each in dataset.dims))
+        named.append("".join(dim.label[:1].lower() for dim in dataset.dims))
     usual = _AXES.get(dataset.ndim, "")
     return next((letters for letters in named if are_axes(letters, dataset.ndim)), usual)
 

@@ -160,7 +160,7 @@ def _nd2(query: Query, stack: ExitStack) -> Image:
         volume = channels[0].volume
         is_stated = volume.axesCalibrated
         um = {axis: volume.axesCalibration[k] for k, axis in enumerate("XYZ") if is_stated[k]}
-        names = [each.channel.name or "" for each in channels]
+        names = [channel.channel.name or "" for channel in channels]
     return Image(sizes, file.dtype, read, um, names)
 
 

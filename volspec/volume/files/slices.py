@@ -128,7 +128,7 @@ def missing_numbers(names: Sequence[str]) -> str:
     ('3, 4', '')
     """
     numbers = [[int(n) for n in re.findall(r"\d+", name)] for name in names]
-    if len({len(each) for each in numbers}) > 1:
+    if len({len(number) for number in numbers}) > 1:
         return ""
     differing = [column for column in zip(*numbers, strict=True) if len(set(column)) > 1]
     if len(differing) != 1:

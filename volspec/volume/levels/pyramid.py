@@ -475,7 +475,7 @@ class Pyramid:
                 held = held or Held(np.empty(0, self.dtype), np.zeros_like(need))
                 missing.append((chunk, held, _boxes_of(of_chunk, need)))
             found.append(held)
-        reading = level.read_each([each for _, _, boxes in missing for each in boxes])
+        reading = level.read_each([box for _, _, boxes in missing for box in boxes])
         for chunk, held, boxes in missing:
             self._take(chunk, held, boxes, list(itertools.islice(reading, len(boxes))))
         return found
