@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tools.source_metrics import PRIVATE, bound_names, code_lines, mutable_attributes
+
 TESTS = Path(__file__).resolve().parent
 FILES = sorted(TESTS.rglob("*.py"))
 # 48,000, and 30 formats of files with their neighbours (units, axes, writers, damage), borders,
@@ -103,24 +105,6 @@ LONG_FUNCTIONS = {  # those with more, whose numbers may only shrink
 }
 
 
-def mutable_attributes(node: ast.ClassDef) -> int:
-    """Count the attributes of self that are assigned outside of ``__init__``."""
-    methods = [each for each in node.body if getattr(each, "name", "__init__") != "__init__"]
-    nodes = (each for method in methods for each in ast.walk(method))
-    stored = {ast.unparse(each) for each in nodes if isinstance(getattr(each, "ctx", 0), ast.Store)}
-    return len([*filter(re.compile(r"self\.\w+").fullmatch, stored)])
-
-
-def code_lines(node: ast.FunctionDef, source: list[str]) -> int:
-    """Count a function's lines without blank ones, comments, docstrings and imports."""
-    lines = {n for n in range(node.lineno, node.end_lineno + 1) if source[n - 1].strip()}
-    for each in ast.walk(node):
-        docstring = isinstance(each, ast.Expr) and isinstance(each.value, ast.Constant)
-        if docstring or isinstance(each, ast.ImportFrom | ast.Import):
-            lines -= {*range(each.lineno, each.end_lineno + 1)}
-    return sum(not source[n - 1].lstrip().startswith("#") for n in lines)
-
-
 def test_classes_and_long_functions_only_shrink():
     long = dict[str, int]()
     for path in sorted((TESTS.parent / "volspec").rglob("*.py")):
@@ -133,3 +117,13 @@ def test_classes_and_long_functions_only_shrink():
                 long[name] = max(lines, long.get(name, 0))
     grown = {name: n for name, n in long.items() if n > LONG_FUNCTIONS.get(name, MAX_CODE_LINES)}
     assert grown == {} and all(long.get(name, 0) > MAX_CODE_LINES for name in LONG_FUNCTIONS)
+
+
+MAX_VAGUE = 73.0  # of 1000 names that code binds
+
+
+def test_few_names_do_not_say_what_they_hold():
+    files = (TESTS.parent / "volspec").rglob("*.py")
+    names = [name for path in files for name in bound_names(ast.parse(path.read_text("utf-8")))]
+    vague = [name for name in names if PRIVATE.fullmatch(name)]
+    assert 1000 * len(vague) <= MAX_VAGUE * len(names)
