@@ -255,6 +255,12 @@ def hints(cls: Any) -> dict[str, Any]:
     return get_type_hints(cls, include_extras=True)
 
 
+def plain_fields(cls: Any, *without: str) -> tuple[str, ...]:
+    """Return the fields that hold numbers, words or switches, ``without`` some of them."""
+    own = {name: classes_in(hint) for name, hint in hints(cls).items() if name not in without}
+    return tuple(name for name, classes in own.items() if not any(map(is_settings, classes)))
+
+
 @cache
 def descriptions(cls: Any) -> dict[str, str]:
     """Return the docstrings below a class's fields, each as one line."""

@@ -32,6 +32,7 @@ LOOK: dict[str, Any] = {
     "lux": 300,
     "L_A": 12.5,
     "Y_b": 35,
+    "Y_A": 18.0,
     "surround": 0.1,
     "D": None,
     "discount": False,
@@ -79,7 +80,7 @@ def test_what_the_page_tells_becomes_traits_unanswered(widget, monkeypatch):
     assert dict(widget.weights) == {"D65": 0.0, "A": 0.5, "FL2": 1.0}
     display = Display(gamut="reduce", mark=True)
     seen = Viewing("CAM16", 300, 12.5, 35, "dim", exposure=2, display=display)
-    assert widget.viewing == replace(seen, deficiency="protan", severity=0.5)
+    assert widget.viewing == replace(seen, Y_A=18.0, deficiency="protan", severity=0.5)
     assert (widget.mode, widget.backdrop, widget.probe) == ("exact", 0.5, (5, 6))
     # Other views get what came (echo_update); an update would move back a slider in hand.
     assert [message["method"] for message in sent] == ["echo_update"]

@@ -25,7 +25,7 @@ from volspec.cli.options import Options, require_with
 from volspec.errors import InputError, SpectrumError
 from volspec.image import DepthEffects
 from volspec.relight import Stereo
-from volspec.settings import hints
+from volspec.settings import hints, plain_fields
 
 if TYPE_CHECKING:
     from volspec.relight import RelightSpec
@@ -101,7 +101,7 @@ class PictureOptions(
     SceneOptions,
     group=_PICTURE,
     of={
-        Viewing: ("exposure", "deficiency", "severity", "adapting", "adopted_white", "fov_deg"),
+        Viewing: plain_fields(Viewing, "model", *SceneOptions.owners),
         Display: ("space", "gamut", "mark"),
     },
 ):

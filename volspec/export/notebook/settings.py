@@ -25,11 +25,6 @@ LightLike = str | Spectrum | LightRig
 
 # Lights offered for an image without lights of its own.
 DEFAULT_LIGHTS = ("D65", "A", "FL11", "HP1")
-# Keys of a look in web/state.js that are fields of a Viewing.
-_LOOK = (
-    *("model", "lux", "L_A", "Y_b", "surround", "D", "discount", "exposure", "gamut", "mark"),
-    *("deficiency", "severity"),
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,21 +188,16 @@ def checked_viewing(viewing: object) -> Viewing:
 def look_from_viewing(viewing: Viewing, lights: Sequence[NamedLight]) -> dict[str, Any]:
     """Convert a viewing to the page's state."""
     look = payload.look_numbers(RelightSpec(viewing), lights)
-    return {name: look[name] for name in _LOOK}
+    return {key: look[key] for key in (*payload.LOOK.values(), "gamut", "mark")}
 
 
 def viewing_from_look(look: Mapping[str, Any], display: Display) -> Viewing:
     """Convert the page's state to a viewing on a display."""
-    settings = {name: look[name] for name in _LOOK}
-    display = replace(display, gamut=settings.pop("gamut"), mark=settings.pop("mark"))
-    ratio: Any = settings.pop("surround")
-    names: list[Any] = [name for name, known in SURROUND_RATIOS.items() if known == ratio]
-    return Viewing(
-        illuminance_lux=settings.pop("lux"),
-        surround=names[0] if names else ratio,
-        display=display,
-        **settings,
-    )
+    settings: dict[str, Any] = {name: look[key] for name, key in payload.LOOK.items()}
+    ratio = settings["surround"]
+    names = [name for name, known in SURROUND_RATIOS.items() if known == ratio]
+    settings["surround"] = names[0] if names else ratio
+    return Viewing(**settings, display=replace(display, gamut=look["gamut"], mark=look["mark"]))
 
 
 def read_pixel(

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -55,8 +56,16 @@ from volspec.relight import (
     screen_uniforms,
 )
 from volspec.scene.tables import NamedLight
+from volspec.settings import plain_fields
 from volspec.spectra import Spectrum, colour_matching_functions, illuminance_lux, light_power
 
+LOOK = MappingProxyType(
+    {
+        name: "lux" if name == "illuminance_lux" else name
+        for name in plain_fields(Viewing, "adapting", "adopted_white", "fov_deg")
+    }
+)
+"""Keys of a look in web/state.js by field of a `Viewing`, except those of an eye in the picture."""
 _GLSL = "300 es"
 _HEATS = 129
 _BAR_BITS = 12
@@ -177,22 +186,14 @@ def look_numbers(spec: RelightSpec, lights: Sequence[NamedLight]) -> dict[str, A
     return {
         "weights": [1.0] + [0.0] * (len(lights) - 1),
         "solo": -1,
+        **{key: getattr(viewing, name) for name, key in LOOK.items()},
         "model": model,
-        "lux": viewing.illuminance_lux,
-        "L_A": viewing.L_A,
-        "Y_b": viewing.Y_b,
-        "Y_A": viewing.Y_A,
         "surround": _ratio(viewing.surround),
-        "D": viewing.D,
-        "discount": viewing.discount,
-        "exposure": viewing.exposure,
         "backdrop": float(spec.backdrop),
         "mode": spec.mode,
         "level": spec.level,
         "gamut": viewing.display.gamut,
         "mark": viewing.display.mark,
-        "deficiency": viewing.deficiency,
-        "severity": viewing.severity,
     }
 
 

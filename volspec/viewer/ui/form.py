@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, get_args
 
 from imgui_bundle import imgui
 
-from volspec.settings import choices, hints, number_limits, unit_of
+from volspec.settings import choices, hints, number_limits, plain_fields, unit_of
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.widgets import describe_field, focus_if_wanted, pick
@@ -42,6 +42,19 @@ class Field:
     titles: Mapping[str, str] = field(default_factory=dict)
     """Texts of choices, by value."""
     is_logarithmic: bool = False
+
+
+def remaining(cls: Any, *placed: str) -> tuple[Field, ...]:
+    """Return the fields of settings that a panel does not place, each with a plain widget."""
+    return tuple(
+        Field(
+            name,
+            name if name != name.lower() else name.replace("_", " ").capitalize(),
+            number_limits(hint := hints(cls)[name]),
+            none="automatic" if type(None) in get_args(hint) else "",
+        )
+        for name in plain_fields(cls, *placed)
+    )
 
 
 def draw_fields(state: ViewState, ui: UiContext, form: Form, *fields: Field) -> ViewState:

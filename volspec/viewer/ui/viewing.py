@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
-from volspec.appearance import ADAPTING, PER_PIXEL
+from volspec.appearance import ADAPTING, PER_PIXEL, Viewing
 from volspec.appearance.display import PRESETS, SPACES, VISION, ColourSpace, Display
 from volspec.spectra import Spectrum
 from volspec.viewer.model import viewing as edits
@@ -15,7 +15,7 @@ from volspec.viewer.model.light_rows import Rows, facing_light
 from volspec.viewer.model.room import shown_spec
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext, tip
-from volspec.viewer.ui.form import Field, Form, draw_field, draw_fields
+from volspec.viewer.ui.form import Field, Form, draw_field, draw_fields, remaining
 from volspec.viewer.ui.light_look import white_from_rig
 from volspec.viewer.ui.widgets import focus_if_wanted, pick
 
@@ -46,12 +46,17 @@ _SCREEN = (
     Field("mark", "Mark colours out of gamut"),
 )
 _VISION = Field("deficiency", "Vision", titles=VISION)
+_MODEL, _SEVERITY = Field("model", "Model"), Field("severity", "Severity")
+_ANGLE = Field("fov_deg", "Angle", (0.1, 170.0), none="the camera's")
+_DISCOUNT = Field("discount", "Discount the light's colour")
 _EXPOSURE = Field("exposure", "Exposure", (0.1, 10.0), "× %.2f", is_logarithmic=True)
 _BACKDROP = Field("backdrop", "Backdrop")
 _FILTER = Field("filter", "Filter", none=edits.NO_FILTER)
+_PLACED = (_MODEL, _ADAPTING, _LUX, _LUMINANCE, *_SCENE, _DEGREE, _DISCOUNT, _VISION, _SEVERITY)
+_OTHERS = remaining(Viewing, *(field.name for field in (*_PLACED, _ANGLE, _EXPOSURE)))
 SETTINGS = (
     *("Illuminance", "Background", "Surround", "Adaptation", "Room", "Space", "White", "Gamut"),
-    *("Vision", "Exposure", "Backdrop"),
+    *("Vision", "Exposure", *(field.label for field in _OTHERS), "Backdrop"),
 )
 """Labels of the items that `UiContext.item` can focus."""
 
@@ -97,7 +102,7 @@ def white_text(lights: Rows, room: SceneRoom | None = None) -> str:
 
 
 def _eye(state: ViewState, ui: UiContext) -> ViewState:
-    new = draw_field(state, ui, _VIEWING, Field("model", "Model"))
+    new = draw_field(state, ui, _VIEWING, _MODEL)
     measurable = ADAPTING if new.relight.viewing.model in PER_PIXEL else ADAPTING[:2]
     return draw_field(new, ui, _VIEWING, _ADAPTING, names=measurable)
 
@@ -116,14 +121,15 @@ def _level(state: ViewState, ui: UiContext) -> ViewState:
     tip("Set the adapting luminance L_A; otherwise it follows from light and background")
     if pressed:
         new = edits.toggle_own_luminance(new)
-    return draw_fields(new, ui, _SHOWN, *_SCENE)
+    angle = [_ANGLE] if new.relight.viewing.is_measured else []
+    return draw_fields(new, ui, _SHOWN, *_SCENE, *angle)
 
 
 def _adaptation(state: ViewState, ui: UiContext) -> ViewState:
     discount = state.relight.viewing.discount
     now = 1.0 if discount else None
     new = draw_field(state, ui, _VIEWING, _DEGREE, now=now, disabled=discount)
-    return draw_field(new, ui, _VIEWING, Field("discount", "Discount the light's colour"))
+    return draw_field(new, ui, _VIEWING, _DISCOUNT)
 
 
 def _display(state: ViewState, ui: UiContext) -> ViewState:
@@ -140,11 +146,11 @@ def _display(state: ViewState, ui: UiContext) -> ViewState:
     new = draw_field(new, ui, _VIEWING, _VISION)
     if new.relight.viewing.deficiency == "none":
         return new
-    return draw_field(new, ui, _VIEWING, Field("severity", "Severity"))
+    return draw_field(new, ui, _VIEWING, _SEVERITY)
 
 
 def _picture(state: ViewState, ui: UiContext) -> ViewState:
-    new = draw_field(state, ui, _VIEWING, _EXPOSURE)
+    new = draw_fields(state, ui, _VIEWING, _EXPOSURE, *_OTHERS)
     if not isinstance(new.relight.backdrop, Spectrum):
         new = draw_field(new, ui, _RELIGHT, _BACKDROP)
     new = draw_field(new, ui, _RELIGHT, _FILTER, names=edits.FILTERS)

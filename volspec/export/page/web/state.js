@@ -44,6 +44,7 @@ function lookFields(page) {
   return {
     weights: numbers(count, 0, 1), solo: wholeNumber(-1, count - 1), model: choice(...known),
     lux: within(1e-6, 1e9), L_A: orNone(within(0, 1e9)), Y_b: within(0, 2000),
+    Y_A: orNone(within(0, 2000)),
     surround: within(0, 0.2), D: orNone(within(0, 1)), discount: yesOrNo,
     exposure: within(1e-6, 1e6), backdrop: within(0, 1), mode: choice(...page.models.modes),
     level: choice('relative', ...(counted ? ['absolute'] : [])),
