@@ -14,7 +14,7 @@ FILES = sorted(TESTS.rglob("*.py"))
 # 48,000, and 30 formats of files with their neighbours (units, axes, writers, damage), borders,
 # scales, scripts, forks, sockets, random pairs of scenes that must give one picture; settings of
 # the viewer by writers, and random walks through them; doors of packages.
-MAX_LINES = 52_720
+MAX_LINES = 52_730
 MAX_PACKAGE_LINES, MAX_FILES = 102_560, 447  # of volspec/, with the doors of divided packages
 # Refusals are gathered in one table a module.
 REFUSAL, MAX_REFUSALS = re.compile(r"\b(raises|refuses)\(|refus"), 0.12
@@ -69,6 +69,16 @@ def test_doors_are_narrow():
         if package.name != "volspec"  # the names of the library itself
     }
     assert {name: size for name, size in sizes.items() if size > MAX_DOOR} == {}
+
+
+@pytest.mark.parametrize("setting", ["Y_A", "fog_white", "alpha_stop"])
+def test_few_files_carry_a_setting(setting):
+    """Of viewing, depth and casts; options, panels and pages follow from the setting's field."""
+    files = (TESTS.parent / "volspec").rglob("*.py")
+    assert (
+        sum(re.search(rf"\b{setting}\b", path.read_text("utf-8")) is not None for path in files)
+        <= 6
+    )
 
 
 def test_few_functions_test_refusals():
