@@ -204,6 +204,19 @@ def test_metamerism_grows_with_the_difference_and_is_0_for_the_same_paint():
     assert all(large.observers[key] > small.observers[key] > 0.01 for key in small.observers)
 
 
+def test_metamerism_counts_what_fluorescent_materials_emit():
+    D65, A = (light(name, RENDITION_GRID) for name in ("D65", "A"))
+    glowing = reflectance("fluorophore:EGFP*0.5+grey:0.2*0.5", RENDITION_GRID)
+    white = reflectance("white", RENDITION_GRID)
+    found = metamerism(glowing, white, A, D65)
+    Q = colour_matching_functions(RENDITION_GRID)
+    leaving = glowing.values * A.values + glowing.fluorescence.on(RENDITION_GRID).emitted(A.values)
+    both, lamp = (Q @ (each * A.values) for each in (white.values, 1.0))
+    Lab = (cielab(XYZ * 100 / lamp[1], lamp * 100 / lamp[1]) for XYZ in (Q @ leaving, both))
+    assert found.delta_E == pytest.approx(delta_E_2000(*Lab), rel=1e-9)
+    assert found.illuminant > 10  # what is emitted under D65, too
+
+
 def test_a_mismatch_under_the_reference_light_is_not_counted_again():
     D65, A = (light(name, RENDITION_GRID) for name in ("D65", "A"))
     found = metamerism(_grey(np.zeros(81)), _grey(np.full(81, 0.1)), D65, A)

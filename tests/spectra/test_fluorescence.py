@@ -16,8 +16,11 @@ from volspec.basis import Basis, MaterialBasis, SpectralBasis, basis_from_dict
 from volspec.camera import Camera
 from volspec.errors import BasisError, SceneError, SpectrumError, VolspecWarning
 from volspec.export.spectral import SpectralIllumination
+from volspec.palette import PaletteSpectrum
+from volspec.palette.variables import initial_reflectance
 from volspec.raycast import RaycastSpec, reference
 from volspec.relight import Illumination, Relighter, RelightSpec
+from volspec.room.quantities import require_reflectance
 from volspec.scene import Scene
 from volspec.spectra import (
     DEFAULT_GRID,
@@ -294,3 +297,11 @@ BLUE, GREEN = band(480, 30), band(530, 25)
 def test_what_cannot_be_emitted_or_passed_is_refused(error, code, make, tmp_path):
     with raises(error, code):
         make(tmp_path)
+
+
+def test_designs_and_rooms_refuse_what_emits():
+    glowing = reflectance("fluorophore:EGFP")
+    with raises(SpectrumError, "unsupported"):
+        initial_reflectance(PaletteSpectrum("glow", glowing, free=True), DEFAULT_GRID)
+    with raises(SpectrumError, "unsupported"):
+        require_reflectance([glowing], ["wall"], DEFAULT_GRID)

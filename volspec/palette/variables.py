@@ -19,6 +19,7 @@ from volspec.spectra import (
     colour_matching_functions,
     light_power,
     reflectance_values,
+    require_no_emission,
     stack,
 )
 
@@ -197,9 +198,10 @@ def initial_reflectance(row: PaletteSpectrum, grid: SpectralGrid) -> Array:
     """Return the (N,) values of a given reflectance, or the initial values of a free one."""
     if row.spectrum is None:
         return np.full(grid.size, 0.5)
+    require_no_emission(row.spectrum, label := f"palette: reflectance {row.name!r}")
     if row.free:
         return row.spectrum.on(grid).values
-    return reflectance_values(row.spectrum, grid, f"palette: reflectance {row.name!r}")
+    return reflectance_values(row.spectrum, grid, label)
 
 
 def initial_light(column: PaletteSpectrum, grid: SpectralGrid, number: int) -> Array:

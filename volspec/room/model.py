@@ -20,7 +20,7 @@ from volspec.room.beam import Beam
 from volspec.room.mesh import RoomMesh
 from volspec.room.quantities import require_emission, require_reflectance
 from volspec.settings import Unit, Vector, settings
-from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, stack
+from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, require_no_emission, stack
 
 Array = NDArray[np.float64]
 Light = TypeVar("Light", "PointLamp", "SunBeam")
@@ -137,6 +137,7 @@ class Room:
         found = self.reflectances.copy()
         for name, paint in paints.items():
             self.reflectance(name)  # refuses unknown names
+            require_no_emission(paint, f"paint of {name}")
             found[self.mesh.names.index(name)] = stack(paint, self.grid)
         return replace(self, reflectances=found)
 

@@ -28,6 +28,7 @@ from volspec.spectra import (
     Spectrum,
     colour_matching_functions,
     light_power,
+    require_no_emission,
     stack,
 )
 
@@ -44,6 +45,7 @@ def require_reflectance(
     Raises RoomError if their number is not P, or a reflectance is below 0, or 1 or more: light in a
     closed room would grow without end.
     """
+    require_no_emission(reflectance, "a room's paint")
     rho = _by_patch("reflectance", stack(reflectance, grid), names)
     wrong = ~((rho >= 0.0) & (rho < 1.0))
     _refuse_bands("reflectance", "reflects", rho, wrong, "give 0 to below 1", names, grid)

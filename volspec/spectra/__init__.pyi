@@ -46,5 +46,6 @@ from .spectrum import (
     light_power as light_power,
     real_array as real_array,
     reflectance_values as reflectance_values,
+    require_no_emission as require_no_emission,
     stack as stack,
 )

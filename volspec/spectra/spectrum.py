@@ -275,6 +275,17 @@ def light_leaving(
     return leaving
 
 
+def require_no_emission(spectra: object, label: str) -> None:
+    """Raise SpectrumError for a fluorescent spectrum, where only reflected light is computed."""
+    for spectrum in spectra if isinstance(spectra, list | tuple) else [spectra]:
+        if isinstance(spectrum, Spectrum) and spectrum.fluorescence:
+            raise SpectrumError(
+                f"{label}: {spectrum.name or 'a spectrum'} emits light, which is not computed here",
+                "give one that only reflects",
+                code="unsupported",
+            )
+
+
 def real_array(values: Any, what: str) -> NDArray[np.float64]:
     """Convert numbers to float64; text is refused, even if it could be parsed.
 

@@ -42,6 +42,8 @@ from volspec.spectra import (
     colour_matching_functions,
     correlated_temperature,
     light,
+    light_leaving,
+    light_power,
     reflectances,
     white_XYZ,
 )
@@ -345,10 +347,14 @@ class Metamerism:
 def metamerism(one: Spectrum, other: Spectrum, reference: Spectrum, test: Spectrum) -> Metamerism:
     """Compare two reflectances on `RENDITION_GRID` under two lights, and for other observers.
 
+    What fluorescent ones emit counts; of those, the general index compares radiance factors under
+    the reference light.
     What they differ by under the reference light is taken from the special indices, by scaling XYZ
     of the second one as CIE 15 does.
     """
-    pair = np.stack([each.on(RENDITION_GRID).values for each in (one, other)])
+    pair = [one.on(RENDITION_GRID), other.on(RENDITION_GRID)]
+    power = light_power(reference, RENDITION_GRID)
+    factors = light_leaving(pair, power, RENDITION_GRID) / np.where(power > 0, power, np.inf)
     before = XYZ_from_spectra(reference, pair)
     scale = before[0] / np.maximum(before[1], 1e-9)
 
@@ -361,7 +367,7 @@ def metamerism(one: Spectrum, other: Spectrum, reference: Spectrum, test: Spectr
     others: tuple[Observer, ...] = (10, "CIE 2015 2", "CIE 2015 10")
     return Metamerism(
         _delta_E(before, white_XYZ(reference)),
-        float(np.sqrt(weights @ (pair[0] - pair[1]) ** 2 / weights.sum())),
+        float(np.sqrt(weights @ (factors[0] - factors[1]) ** 2 / weights.sum())),
         apart(test, 2),
         {observer: apart(reference, observer) for observer in others},
     )
