@@ -73,7 +73,7 @@ def test_doors_are_narrow():
 
 @pytest.mark.parametrize("setting", ["Y_A", "fog_white", "alpha_stop"])
 def test_few_files_carry_a_setting(setting):
-    """Of viewing, depth and casts; options, panels and pages follow from the setting's field."""
+    """A setting of viewing, of depth, and of casts: options, panels and pages follow from it."""
     files = (TESTS.parent / "volspec").rglob("*.py")
     assert (
         sum(re.search(rf"\b{setting}\b", path.read_text("utf-8")) is not None for path in files)
