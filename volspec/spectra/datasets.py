@@ -179,12 +179,12 @@ def colour_matching_functions(
 
 def check_observer(observer_deg: object) -> Observer:
     """Return a standard observer, numbers as plain ints; raise SpectrumError if it is none."""
-    whole = isinstance(observer_deg, int | np.integer) and not isinstance(observer_deg, bool)
-    if not (whole or isinstance(observer_deg, str)) or observer_deg not in get_args(Observer):
+    is_integer = isinstance(observer_deg, int | np.integer) and not isinstance(observer_deg, bool)
+    if not (is_integer or isinstance(observer_deg, str)) or observer_deg not in get_args(Observer):
         raise SpectrumError.refused(
             "observer_deg",
             observer_deg,
             'use 2 (CIE 1931), 10 (CIE 1964), "CIE 2015 2" or "CIE 2015 10"',
             "unknown",
         )
-    return cast(Observer, int(cast(int, observer_deg)) if whole else observer_deg)
+    return cast(Observer, int(cast(int, observer_deg)) if is_integer else observer_deg)

@@ -96,11 +96,11 @@ class Fluorescence:
                 "0 or more"
             )
         emitted = matrix.sum(0)
-        most = int(emitted.argmax())
-        if emitted[most] > 1 + _ROUNDING:
+        peak = int(emitted.argmax())
+        if emitted[peak] > 1 + _ROUNDING:
             raise SpectrumError(
-                f"fluorescence: {emitted[most]:.3g} of the power that falls in at "
-                f"{self.grid.wavelengths_nm[most]:g} nm is emitted; at most 1 can be, lower the "
+                f"fluorescence: {emitted[peak]:.3g} of the power that falls in at "
+                f"{self.grid.wavelengths_nm[peak]:g} nm is emitted; at most 1 can be, lower the "
                 "quantum yield",
                 code="impossible",
             )
@@ -152,8 +152,7 @@ class Fluorescence:
         if grid == self.grid:
             return self
         mine, theirs = (
-            each.wavelengths_nm[:, None] + each.step_nm * np.array([-0.5, 0.5])
-            for each in (self.grid, grid)
+            g.wavelengths_nm[:, None] + g.step_nm * np.array([-0.5, 0.5]) for g in (self.grid, grid)
         )
         shared = np.minimum(theirs[:, None, 1], mine[None, :, 1]) - np.maximum(
             theirs[:, None, 0], mine[None, :, 0]

@@ -126,8 +126,8 @@ class SpectralGrid:
         centres = self.wavelengths_nm
         self._check_coverage(w)
         first = int(np.argmin(np.abs(w - centres[0])))
-        own = w[first : first + self.size]
-        if own.size == self.size and np.abs(own - centres).max() <= _SAME_NM:
+        samples = w[first : first + self.size]
+        if samples.size == self.size and np.abs(samples - centres).max() <= _SAME_NM:
             # Consecutive samples are at consecutive centres: the table has our step and phase.
             return v[first : first + self.size].copy()
         low = np.maximum(centres - self.step_nm / 2, w[0])
@@ -154,13 +154,13 @@ def _integral(
     """Return the integral of the interpolant from w[0] to each x."""
     tail = (1,) * (v.ndim - 1)
     step = np.diff(w).reshape((-1,) + tail)
-    whole = np.concatenate(
+    cumulative = np.concatenate(
         [np.zeros((1,) + v.shape[1:]), np.cumsum(step * (v[1:] + v[:-1]) / 2, axis=0)]
     )
     i = np.clip(np.searchsorted(w, x, side="right") - 1, 0, w.size - 2)
     dx = (x - w[i]).reshape((-1,) + tail)
     slope = (v[i + 1] - v[i]) / step[i]
-    return whole[i] + dx * (v[i] + slope * dx / 2)
+    return cumulative[i] + dx * (v[i] + slope * dx / 2)
 
 
 DEFAULT_GRID = SpectralGrid()

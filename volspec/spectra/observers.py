@@ -96,7 +96,7 @@ def random_eyes(count: int = POPULATION, seed: int = 0) -> Eyes:
     drawn = {name: sigma * random.standard_normal(count) for name, sigma in _DEVIATIONS.items()}
     # No density is below 0.
     limits = {name: -np.inf if name.startswith("shift") else -1.0 for name in drawn}
-    return Eyes(age, **{name: np.maximum(each, limits[name]) for name, each in drawn.items()})
+    return Eyes(age, **{name: np.maximum(values, limits[name]) for name, values in drawn.items()})
 
 
 def standard_eye(age: float = _STANDARD_AGE) -> Eyes:
@@ -112,12 +112,12 @@ def cone_fundamentals(eyes: Eyes, field_deg: int = 2) -> tuple[Array, Array]:
     """
     if field_deg not in _XYZ_FROM_LMS:
         raise SpectrumError.refused("field_deg", field_deg, "give 2 or 10")
-    own, nm = _fundamentals(eyes, field_deg), _components()[0]
+    LMS, nm = _fundamentals(eyes, field_deg), _components()[0]
     standard: Observer = "CIE 2015 2" if field_deg == 2 else "CIE 2015 10"
     grid = SpectralGrid(nm[0], nm[-1], nm[1] - nm[0])
-    whole = colour_matching_functions(grid, standard).sum(axis=1)
-    area = np.linalg.solve(_XYZ_FROM_LMS[field_deg], whole)
-    return nm, own * (area[:, None] / own.sum(axis=2, keepdims=True))
+    area_XYZ = colour_matching_functions(grid, standard).sum(axis=1)
+    area = np.linalg.solve(_XYZ_FROM_LMS[field_deg], area_XYZ)
+    return nm, LMS * (area[:, None] / LMS.sum(axis=2, keepdims=True))
 
 
 def _fundamentals(eyes: Eyes, field_deg: int) -> Array:
@@ -138,11 +138,11 @@ def _fundamentals(eyes: Eyes, field_deg: int) -> Array:
     cones = []
     shifts = eyes.shift_L, eyes.shift_M, eyes.shift_S
     for row, peak, shift in zip(absorbance, peaks, shifts, strict=True):
-        known = np.isfinite(row)
-        at = nm - shift[:, None]
-        dense = 10.0 ** CubicSpline(nm[known], row[known])(at)
+        finite = np.isfinite(row)
+        shifted_nm = nm - shift[:, None]
+        dense = 10.0 ** CubicSpline(nm[finite], row[finite])(shifted_nm)
         # S has no table beyond 615 nm, where it is below a millionth.
-        dense = dense if known.all() else np.where(at <= nm[known][-1], dense, 0.0)
+        dense = dense if finite.all() else np.where(shifted_nm <= nm[finite][-1], dense, 0.0)
         cones.append((1.0 - 10.0 ** (-peak[:, None] * dense)) * transmitted)
     return np.stack(cones, axis=1)
 
@@ -165,10 +165,10 @@ def population(grid: SpectralGrid, field_deg: int = 2) -> Array:
     """
     nm, LMS = cone_fundamentals(random_eyes(), field_deg)
     XYZ = np.einsum("ij,njk->nik", _XYZ_FROM_LMS[field_deg], LMS)
-    wide = np.arange(360.0, 831.0, 5.0)
-    values = np.zeros((wide.size, XYZ.shape[0] * 3))
-    first = int(np.searchsorted(wide, nm[0]))
+    full_nm = np.arange(360.0, 831.0, 5.0)
+    values = np.zeros((full_nm.size, XYZ.shape[0] * 3))
+    first = int(np.searchsorted(full_nm, nm[0]))
     values[first : first + nm.size] = XYZ.reshape(-1, nm.size).T
-    Q = grid.band_means(wide, values).T.reshape(-1, 3, grid.size)
+    Q = grid.band_means(full_nm, values).T.reshape(-1, 3, grid.size)
     Q.flags.writeable = False
     return Q

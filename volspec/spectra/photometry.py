@@ -85,8 +85,8 @@ def light_level(
     power: NDArray[np.float64], grid: SpectralGrid, observer_deg: Observer = 2
 ) -> float:
     """Return `luminous_mean`; of a nearly invisible light, such as ultraviolet, its mean power."""
-    seen, mean = luminous_mean(power, grid, observer_deg), float(power.mean())
-    return seen if seen >= INVISIBLE * mean else mean
+    luminous, mean = luminous_mean(power, grid, observer_deg), float(power.mean())
+    return luminous if luminous >= INVISIBLE * mean else mean
 
 
 def luminance(spectrum: Spectrum) -> float:
@@ -124,12 +124,12 @@ def correlated_temperature(white_XYZ: ArrayLike) -> Temperature | None:
     # Vertex of the parabola through three squares: distances have a kink on the locus.
     before, here, after = squares[nearest - 1 : nearest + 2]
     rows = 0.5 * (before - after) / (before - 2.0 * here + after)
-    found = float(kelvin[nearest] * _RATIO**rows)
-    u_0, v_0 = _uv(_planck_XYZ(np.array([found])))[0]
+    CCT_K = float(kelvin[nearest] * _RATIO**rows)
+    u_0, v_0 = _uv(_planck_XYZ(np.array([CCT_K])))[0]
     Duv = float(np.copysign(np.hypot(u - u_0, v - v_0), v - v_0))
-    if not (_KELVIN[0] <= found <= _KELVIN[1] and abs(Duv) <= _FURTHEST):
+    if not (_KELVIN[0] <= CCT_K <= _KELVIN[1] and abs(Duv) <= _FURTHEST):
         return None
-    return Temperature(found, Duv)
+    return Temperature(CCT_K, Duv)
 
 
 @cache

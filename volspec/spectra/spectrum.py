@@ -100,8 +100,8 @@ class Spectrum:
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A pickled array can be written to.
-        own = self.wavelengths_nm, self.values, self.name, self.notes, self.fluorescence
-        return Spectrum, own
+        arguments = self.wavelengths_nm, self.values, self.name, self.notes, self.fluorescence
+        return Spectrum, arguments
 
     @property
     def designed(self) -> bool:
@@ -156,7 +156,7 @@ class Spectrum:
         for part in (self, other):
             if part.designed:
                 notes["designed"] = part.notes["designed"]
-        parts = [each.fluorescence for each in (self, other) if each.fluorescence]
+        parts = [part.fluorescence for part in (self, other) if part.fluorescence]
         fluorescence = reduce(add, parts) if parts else None
         return Spectrum(self.wavelengths_nm, self.values + other.values, name, notes, fluorescence)
 
@@ -236,8 +236,8 @@ def stack(
             try:
                 row = stack(spectrum, grid)
             except SpectrumError as error:
-                own = isinstance(spectrum, Spectrum) and spectrum.name
-                raise error.within("" if own else f"number {number}") from None
+                named = isinstance(spectrum, Spectrum) and spectrum.name
+                raise error.within("" if named else f"number {number}") from None
             rows.append(row)
             if row.shape != rows[0].shape:
                 raise SpectrumError(
@@ -286,7 +286,7 @@ def require_no_emission(spectra: object, label: str) -> None:
             )
 
 
-def real_array(values: Any, what: str) -> NDArray[np.float64]:
+def real_array(values: Any, label: str) -> NDArray[np.float64]:
     """Convert numbers to float64; text is refused, even if it could be parsed.
 
     ``what`` names the values in a SpectrumError, in the plural.
@@ -295,11 +295,11 @@ def real_array(values: Any, what: str) -> NDArray[np.float64]:
         array = np.asarray(values)
     except (TypeError, ValueError):
         raise SpectrumError(
-            f"{what} are not a regular array of numbers: rows differ", code="shape"
+            f"{label} are not a regular array of numbers: rows differ", code="shape"
         ) from None
     if array.dtype.kind not in "biuf":
         raise SpectrumError(
-            f"{what} are not a regular array of numbers: {values!r:.40}; give a list or an array",
+            f"{label} are not a regular array of numbers: {values!r:.40}; give a list or an array",
             code="type",
         )
     return array.astype(np.float64)
@@ -315,8 +315,8 @@ def light_power(
     cover the grid, has negative power or no luminous energy.
     """
     E = stack(light, grid)
-    own = f"light {light.name!r}" if isinstance(light, Spectrum) and light.name else "light"
-    label = label or own
+    name = f"light {light.name!r}" if isinstance(light, Spectrum) and light.name else "light"
+    label = label or name
     if E.ndim != 1:
         raise SpectrumError(f"{label} has shape {E.shape}; give one light at a time", code="shape")
     lowest = int(E.argmin())
@@ -352,7 +352,7 @@ def reflectance_values(
     rows = S.reshape(-1, grid.size)
     names = [getattr(s, "name", "") for s in spectra] if isinstance(spectra, list | tuple) else []
 
-    def at(row: int, band: int) -> str:
+    def text(row: int, band: int) -> str:
         which = f": number {row + 1}" if S.ndim > 1 else ""
         which += f" ({names[row]})" if S.ndim == 2 and names and names[row] else ""
         return f"{label}{which} reflects {rows[row, band]:g} at {grid.wavelengths_nm[band]:g} nm"
@@ -360,16 +360,16 @@ def reflectance_values(
     negative = rows < -_ROUNDING * np.abs(rows).max(1, keepdims=True)
     if negative.any():
         row = int(negative.any(1).argmax())
-        raise SpectrumError(f"{at(row, int(rows[row].argmin()))}; a reflectance is 0 or more")
+        raise SpectrumError(f"{text(row, int(rows[row].argmin()))}; a reflectance is 0 or more")
     row, band = divmod(int(rows.argmax()), grid.size) if rows.size else (0, 0)
     largest = rows[row, band] if rows.size else 0.0
     if largest > _MAX_REFLECTED:
         raise SpectrumError(
-            f"{at(row, band)}; a reflectance is 0 to 1: divide percentages by 100. Is it a light?"
+            f"{text(row, band)}; a reflectance is 0 to 1: divide percentages by 100. Is it a light?"
         )
     if largest > 1 + _ROUNDING:
         warnings.warn(
-            f"{at(row, band)}, more than falls on it; right only if it is fluorescent",
+            f"{text(row, band)}, more than falls on it; right only if it is fluorescent",
             VolspecWarning,
             stacklevel=3,
         )

@@ -208,10 +208,10 @@ class MadeReflectances:
 
     def mix(self, index: Sequence[int] = ()) -> dict[str, float]:
         """Return the base spectra in one reflectance with their weights, largest first."""
-        rows, shares = self.vertices[tuple(index)], self.shares[tuple(index)]
+        rows, weights = self.vertices[tuple(index)], self.shares[tuple(index)]
         parts = [
-            (self.base.names[row], float(share))
-            for row, share in zip(rows.tolist(), shares, strict=True)
-            if share > _MIN_SHARE
+            (self.base.names[row], float(weight))
+            for row, weight in zip(rows.tolist(), weights, strict=True)
+            if weight > _MIN_SHARE
         ]
         return dict(sorted(parts, key=lambda part: -part[1]))

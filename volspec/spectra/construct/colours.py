@@ -118,10 +118,10 @@ def _numbers(text: str) -> list[float] | None:
     return numbers
 
 
-def sRGB_from_word(text: str, others: str = "X Y Z with Y = 100 for white") -> Array:
+def sRGB_from_word(text: str, other_forms: str = "X Y Z with Y = 100 for white") -> Array:
     """Return (3,) encoded sRGB, 0 to 1, for ``#rrggbb``, ``#rgb`` or a CSS Color 3 name.
 
-    Other words raise a SpectrumError with the nearest names and ``others``, the other valid forms.
+    Other words raise a SpectrumError with the nearest names and ``other_forms``.
     """
     word = "".join(text.split()).casefold()
     if word.startswith("#"):
@@ -134,7 +134,7 @@ def sRGB_from_word(text: str, others: str = "X Y Z with Y = 100 for white") -> A
         if word not in names:
             raise SpectrumError(
                 f"colour {quoted(text)} is unknown; {nearest(word, names)}write a CSS name, "
-                f"#rrggbb, or {others}",
+                f"#rrggbb, or {other_forms}",
                 code="unknown",
             )
         word = names[word].casefold()

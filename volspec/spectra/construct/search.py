@@ -87,14 +87,14 @@ def locate_tetrahedra(mesh: Mesh, XYZ: Array) -> Surrounded:
     delaunay = mesh.delaunay
     if delaunay is None:
         return np.full((len(XYZ), 4), -1, dtype=np.intp), np.zeros((len(XYZ), 4))
-    found = delaunay.find_simplex(XYZ, tol=_ROUNDING)
-    affine = delaunay.transform[found]
+    simplex = delaunay.find_simplex(XYZ, tol=_ROUNDING)
+    affine = delaunay.transform[simplex]
     three = np.einsum("nij,nj->ni", affine[:, :3], XYZ - affine[:, 3])
-    shares = np.concatenate([three, 1.0 - three.sum(1, keepdims=True)], axis=1)
+    weights = np.concatenate([three, 1.0 - three.sum(1, keepdims=True)], axis=1)
     # Tetrahedra without volume have no affine map.
-    inside = (found >= 0) & np.isfinite(shares).all(1)
-    vertices = np.where(inside[:, None], delaunay.simplices[found], -1).astype(np.intp)
-    return vertices, np.where(inside[:, None], np.maximum(shares, 0.0), 0.0)
+    inside = (simplex >= 0) & np.isfinite(weights).all(1)
+    vertices = np.where(inside[:, None], delaunay.simplices[simplex], -1).astype(np.intp)
+    return vertices, np.where(inside[:, None], np.maximum(weights, 0.0), 0.0)
 
 
 def clip_to_hull(mesh: Mesh, XYZ: Array) -> Array:
@@ -108,13 +108,13 @@ def clip_to_hull(mesh: Mesh, XYZ: Array) -> Array:
     for start in range(0, len(XYZ), rows):
         part = slice(start, start + rows)
         grey = np.repeat(np.clip(XYZ[part, 1:2], *_GREYS), 3, axis=1)
-        way = XYZ[part] - grey
+        direction = XYZ[part] - grey
         room = -(grey @ mesh.planes[:, :3].T + mesh.planes[:, 3])
-        speed = way @ mesh.planes[:, :3].T
+        speed = direction @ mesh.planes[:, :3].T
         # The line ends at the first plane that it meets.
         reach = np.where(speed > 0, room / np.where(speed > 0, speed, 1.0), np.inf)
-        share = np.clip(reach.min(1, initial=1.0), 0.0, 1.0) * (1.0 - _ROUNDING)
-        on_edge[part] = grey + share[:, None] * way
+        fraction = np.clip(reach.min(1, initial=1.0), 0.0, 1.0) * (1.0 - _ROUNDING)
+        on_edge[part] = grey + fraction[:, None] * direction
     return on_edge
 
 
@@ -125,35 +125,35 @@ def search_octants(points: Array, XYZ: Array) -> Surrounded:
     empty, or none of the five contains P, which happens even inside of the hull.
     """
     vertices = np.full((len(XYZ), 4), -1, dtype=np.intp)
-    shares = np.zeros((len(XYZ), 4))
+    weights = np.zeros((len(XYZ), 4))
     rows = max(1, _AT_ONCE // len(points))
     with threadpool_limits(1):
         for start in range(0, len(XYZ), rows):
             part = slice(start, start + rows)
-            vertices[part], shares[part] = _octants(points, XYZ[part])
-    return vertices, shares
+            vertices[part], weights[part] = _octants(points, XYZ[part])
+    return vertices, weights
 
 
 def _octants(points: Array, XYZ: Array) -> Surrounded:
-    away = points[None] - XYZ[:, None]
-    octant = ((away >= 0) * np.array([1, 2, 4])).sum(-1)
-    distance = np.einsum("nki,nki->nk", away, away)
+    offsets = points[None] - XYZ[:, None]
+    octant = ((offsets >= 0) * np.array([1, 2, 4])).sum(-1)
+    distance = np.einsum("nki,nki->nk", offsets, offsets)
     near = np.empty((len(XYZ), 8), dtype=np.intp)
-    there = np.empty((len(XYZ), 8), dtype=bool)
+    occupied = np.empty((len(XYZ), 8), dtype=bool)
     for code in range(8):
-        own = np.where(octant == code, distance, np.inf)
-        near[:, code] = own.argmin(1)
-        there[:, code] = np.isfinite(own.min(1))
+        in_octant = np.where(octant == code, distance, np.inf)
+        near[:, code] = in_octant.argmin(1)
+        occupied[:, code] = np.isfinite(in_octant.min(1))
     vertices = np.full((len(XYZ), 4), -1, dtype=np.intp)
-    shares = np.zeros((len(XYZ), 4))
+    weights = np.zeros((len(XYZ), 4))
     open_ = np.ones(len(XYZ), dtype=bool)
     for corners in _TETRAHEDRA:
         candidates = near[:, corners]
-        inside, weights = _barycentric(points[candidates], XYZ)
-        hit = open_ & inside & there[:, corners].all(1)
-        vertices[hit], shares[hit] = candidates[hit], weights[hit]
+        inside, corner_weights = _barycentric(points[candidates], XYZ)
+        hit = open_ & inside & occupied[:, corners].all(1)
+        vertices[hit], weights[hit] = candidates[hit], corner_weights[hit]
         open_ &= ~hit
-    return vertices, shares
+    return vertices, weights
 
 
 def _barycentric(corners: Array, XYZ: Array) -> tuple[NDArray[np.bool_], Array]:
@@ -163,8 +163,8 @@ def _barycentric(corners: Array, XYZ: Array) -> tuple[NDArray[np.bool_], Array]:
     solid = np.abs(np.linalg.det(edges)) > _FLATTEST * np.maximum(size, 1e-300)
     edges = np.where(solid[:, None, None], edges, np.eye(3))
     three = np.linalg.solve(edges, (XYZ - corners[:, 3])[..., None])[..., 0]
-    shares = np.concatenate([three, 1.0 - three.sum(1, keepdims=True)], axis=1)
-    return solid & (shares >= -_ROUNDING).all(1), np.maximum(shares, 0.0)
+    weights = np.concatenate([three, 1.0 - three.sum(1, keepdims=True)], axis=1)
+    return solid & (weights >= -_ROUNDING).all(1), np.maximum(weights, 0.0)
 
 
 # XYZ / 100. The solver meets constraints to 1e-9; a colour missed by more is outside of the solid.

@@ -106,7 +106,7 @@ def _linear_sRGB(XYZ: Array, light: Spectrum, observer_deg: Observer) -> Array:
 
 
 def _optimiser(name: str) -> Callable[[Array, Spectrum, Observer], Array]:
-    def made(XYZ: Array, light: Spectrum, observer_deg: Observer) -> Array:
+    def recover(XYZ: Array, light: Spectrum, observer_deg: Observer) -> Array:
         colour = colour_science()
         # Exact wavelengths: rounded ones would have another spectral shape.
         w = light.wavelengths_nm
@@ -126,7 +126,7 @@ def _optimiser(name: str) -> Callable[[Array, Spectrum, Observer], Array]:
                 ) from error
         return np.array(rows)
 
-    return made
+    return recover
 
 
 RECOVERIES: dict[str, Callable[[Array, Spectrum, Observer], Array]] = {
@@ -187,15 +187,15 @@ def reflectance_from_colour(
     """
     lamp = _lamp(light, grid)
     XYZ = colour_XYZ(colour, white_XYZ(lamp, observer_deg))
-    made = reflectances_from_colours(
+    spectra = reflectances_from_colours(
         XYZ, method, lamp, observer_deg=observer_deg, grid=grid, base=base
     )
     name = colour.strip() if isinstance(colour, str) else f"X Y Z {_words(XYZ)}"
-    return constructed_spectrum(made, name, XYZ, lamp, method, observer_deg)
+    return constructed_spectrum(spectra, name, XYZ, lamp, method, observer_deg)
 
 
 def constructed_spectrum(
-    made: MadeReflectances,
+    spectra: MadeReflectances,
     name: str,
     XYZ: Array,
     light: Spectrum,
@@ -206,24 +206,24 @@ def constructed_spectrum(
 
     Warns as `reflectance_from_colour` does.
     """
-    route, lamp = ROUTES[int(made.route)], light.name or "a light"
+    route, lamp = ROUTES[int(spectra.route)], light.name or "a light"
     notes = {
         "spectral quantity": "reflectance",
         "constructed": _method(method) if route == "recovered" else route,
         "colour": f"X Y Z {_words(XYZ)} under {lamp}, {observer_deg} degrees",
     }
-    if mix := made.mix():
+    if mix := spectra.mix():
         how = "extended" if route == "extended" else "mixed"
-        notes[f"{how} from"] = ", ".join(f"{share:.4f} {part}" for part, share in mix.items())
+        notes[f"{how} from"] = ", ".join(f"{weight:.4f} {part}" for part, weight in mix.items())
     if route == "nearest":
         # stacklevel: the caller of `reflectance_from_colour` is two calls up.
         warnings.warn(
             f"colour {name!r}: no reflectance within 0 to 1 is X Y Z {_words(XYZ)} under {lamp}; "
-            f"using the nearest, {_words(XYZ_from_spectra(light, made.values, observer_deg))}",
+            f"using the nearest, {_words(XYZ_from_spectra(light, spectra.values, observer_deg))}",
             VolspecWarning,
             stacklevel=3,
         )
-    return Spectrum(light.wavelengths_nm, made.values, name, notes)
+    return Spectrum(light.wavelengths_nm, spectra.values, name, notes)
 
 
 def _words(XYZ: Array) -> str:
@@ -285,7 +285,7 @@ def reflectances_from_colours(
     >>> made.values.shape, made.counts()
     ((2, 81), {'delaunay': 1, 'extended': 1})
     """
-    wanted = _method(method)
+    method_name = _method(method)
     lamp = _lamp(light, grid)
     colours = checked_XYZ(XYZ, white_XYZ(lamp, observer_deg))
     base = base_spectra(grid) if base is None else base
@@ -296,16 +296,16 @@ def reflectances_from_colours(
     rows = colours.reshape(-1, 3)
     route = np.full(len(rows), _ROUTE["smoothest"], dtype=np.uint8)
     vertices = np.full((len(rows), 4), -1, dtype=np.intp)
-    shares = np.zeros((len(rows), 4))
-    if wanted in RECOVERIES:
-        values = recover_reflectances(wanted, rows, lamp, observer_deg)
+    weights = np.zeros((len(rows), 4))
+    if method_name in RECOVERIES:
+        values = recover_reflectances(method_name, rows, lamp, observer_deg)
         route[:] = _ROUTE["recovered"]
     else:
-        if wanted != "smoothest" and len(rows):
+        if method_name != "smoothest" and len(rows):
             white, selected, mesh = _mesh(base, lamp.values.tobytes(), observer_deg)
-            route, vertices, shares = _surround(rows / white, mesh, wanted == "tetrahedron")
+            route, vertices, weights = _surround(rows / white, mesh, method_name == "tetrahedron")
             vertices = np.where(vertices >= 0, selected[vertices], -1)
-        values = _mix(base.values, vertices, shares)
+        values = _mix(base.values, vertices, weights)
         outside = route >= _ROUTE["extended"]
         if outside.any():
             Q = XYZ_from_spectra(lamp, np.eye(grid.size), observer_deg).T
@@ -316,13 +316,13 @@ def reflectances_from_colours(
             inverse = inverse.ravel()
             values[outside] = solved[inverse]
             missed = np.flatnonzero(outside)[~reached[inverse]]
-            route[missed], vertices[missed], shares[missed] = _ROUTE["nearest"], -1, 0.0
+            route[missed], vertices[missed], weights[missed] = _ROUTE["nearest"], -1, 0.0
     shape = colours.shape[:-1]
     return MadeReflectances(
         values.reshape(*shape, grid.size),
         route.reshape(shape),
         vertices.reshape(*shape, 4),
-        shares.reshape(*shape, 4),
+        weights.reshape(*shape, 4),
         base,
     )
 
@@ -365,26 +365,26 @@ def _surround(
     """Return route, vertices and weights of every colour's mixture, or of the one to extend."""
     n = len(colours)
     route = np.full(n, _ROUTE["tetrahedron"], dtype=np.uint8)
-    vertices, shares = np.full((n, 4), -1, dtype=np.intp), np.zeros((n, 4))
+    vertices, weights = np.full((n, 4), -1, dtype=np.intp), np.zeros((n, 4))
     if octants_first:
-        vertices, shares = search_octants(mesh.points, colours)
-    rest = vertices[:, 0] < 0
-    vertices[rest], shares[rest] = locate_tetrahedra(mesh, colours[rest])
-    route[rest] = _ROUTE["delaunay"]
-    rest = vertices[:, 0] < 0
-    vertices[rest], shares[rest] = locate_tetrahedra(mesh, clip_to_hull(mesh, colours[rest]))
-    route[rest] = _ROUTE["extended"]
+        vertices, weights = search_octants(mesh.points, colours)
+    unset = vertices[:, 0] < 0
+    vertices[unset], weights[unset] = locate_tetrahedra(mesh, colours[unset])
+    route[unset] = _ROUTE["delaunay"]
+    unset = vertices[:, 0] < 0
+    vertices[unset], weights[unset] = locate_tetrahedra(mesh, clip_to_hull(mesh, colours[unset]))
+    route[unset] = _ROUTE["extended"]
     # Without greys in the base, lines do not start inside of its hull.
     route[vertices[:, 0] < 0] = _ROUTE["smoothest"]
-    return route, vertices, shares
+    return route, vertices, weights
 
 
-def _mix(base: Array, vertices: NDArray[np.intp], shares: Array) -> Array:
+def _mix(base: Array, vertices: NDArray[np.intp], weights: Array) -> Array:
     """Return (n, N) weighted sums of base spectra, eq. 8 of [1]; zeros if nothing is mixed."""
     from scipy.sparse import csr_matrix
 
     n = len(vertices)
     starts = np.arange(0, 4 * n + 1, 4)
     columns = np.maximum(vertices, 0).ravel()
-    weights = csr_matrix((shares.ravel(), columns, starts), shape=(n, len(base)))
-    return np.clip(weights @ base, 0.0, 1.0)
+    matrix = csr_matrix((weights.ravel(), columns, starts), shape=(n, len(base)))
+    return np.clip(matrix @ base, 0.0, 1.0)

@@ -62,7 +62,6 @@ class _Table:
     keywords: dict[str, str] = field(default_factory=dict)
     fields: list[str] = field(default_factory=list)
     lines: list[tuple[int, str]] = field(default_factory=list)
-    whole: bool = False
     """END_DATA was found."""
 
 
@@ -82,8 +81,8 @@ def read_cgats(path: str) -> SampleSet:
     Raises SpectrumError if the file cannot be read, has no spectra or is cut off.
     """
     tables = list(_tables(path, decoded_text(path)))
-    found = [(table, bands) for table in tables if (bands := _bands(path, table))]
-    if not found:
+    spectral = [(table, bands) for table in tables if (bands := _bands(path, table))]
+    if not spectral:
         fields = next((table.fields for table in tables if table.fields), [])
         raise SpectrumError(
             f"{path}: has no spectra, expected fields such as SPECTRAL_NM400 or SPEC_400"
@@ -91,7 +90,7 @@ def read_cgats(path: str) -> SampleSet:
             + "; export it with spectral values",
             code="missing",
         )
-    table, bands = found[0]
+    table, bands = spectral[0]
     return SampleSet(path, "sample", tuple(_samples(path, table, bands)))
 
 
@@ -104,7 +103,6 @@ def _tables(path: str, text: str) -> Iterator[_Table]:
         if not word or line.startswith("#"):
             continue
         if word == "END_DATA":
-            table.whole = True
             yield table
             table, part = _Table(""), ""
         elif word in ("BEGIN_DATA", "BEGIN_DATA_FORMAT"):
@@ -138,15 +136,15 @@ def _bands(path: str, table: _Table) -> _Bands:
     if "SPECTRAL_NM" in names:
         pairs = zip(range(1, len(names)), names, names[1:], strict=False)
         return [(k, np.nan, _full(value)) for k, nm, value in pairs if nm == "SPECTRAL_NM"]
-    found = [(k, match) for k, name in enumerate(names) if (match := _BAND.fullmatch(name))]
-    bands = [(k, float(match[1] or match[2]), _full(names[k])) for k, match in found]
+    matches = [(k, match) for k, name in enumerate(names) if (match := _BAND.fullmatch(name))]
+    bands = [(k, float(match[1] or match[2]), _full(names[k])) for k, match in matches]
     count, low, high = (
-        _keyword_number(path, table, f"SPECTRAL_{each}") for each in ("BANDS", "START_NM", "END_NM")
+        _keyword_number(path, table, f"SPECTRAL_{key}") for key in ("BANDS", "START_NM", "END_NM")
     )
     if count != len(bands) or low is None or high is None:
         return bands
     exact = np.linspace(low, high, len(bands)).tolist()
-    off = [abs(nm - own) for (_, nm, _), own in zip(bands, exact, strict=True)]
+    off = [abs(nm - expected) for (_, nm, _), expected in zip(bands, exact, strict=True)]
     if off and max(off) > _ROUNDING_NM:
         k = off.index(max(off))
         raise SpectrumError(
@@ -177,18 +175,18 @@ def _samples(path: str, table: _Table, bands: _Bands) -> Iterator[Sample]:
     titles = [name.upper().replace("_", "") for name in table.fields]
     columns = [k for k, _, _ in bands]
     wavelengths = np.array([nm for _, nm, _ in bands])
-    full = np.array([norm or each or 1.0 for _, _, each in bands])
-    for at, (number, row) in enumerate(rows, start=1):
+    full = np.array([norm or scale or 1.0 for _, _, scale in bands])
+    for index, (number, row) in enumerate(rows, start=1):
         if np.isnan(wavelengths[0]):
-            own = _numbers(path, number, row, table.fields, [k - 1 for k in columns])
+            row_nm = _numbers(path, number, row, table.fields, [k - 1 for k in columns])
         else:
-            own = wavelengths
+            row_nm = wavelengths
         values = _numbers(path, number, row, table.fields, columns) / full
-        order = np.argsort(own, kind="stable")
+        order = np.argsort(row_nm, kind="stable")
         label, name = (
-            row[titles.index(each)] if each in titles else "" for each in ("SAMPLEID", "SAMPLENAME")
+            row[titles.index(key)] if key in titles else "" for key in ("SAMPLEID", "SAMPLENAME")
         )
-        yield Sample(name or label or str(at), own[order], values[order], label, notes)
+        yield Sample(name or label or str(index), row_nm[order], values[order], label, notes)
 
 
 def _rows(path: str, table: _Table) -> list[tuple[int, list[str]]]:
@@ -209,11 +207,11 @@ def _rows(path: str, table: _Table) -> list[tuple[int, list[str]]]:
             (stream[k][0], [token for _, token in stream[k : k + n]])
             for k in range(0, len(stream), n)
         ]
-    stated = _keyword_number(path, table, "NUMBER_OF_SETS")
-    if not rows or (stated is not None and len(rows) < stated):
+    expected = _keyword_number(path, table, "NUMBER_OF_SETS")
+    if not rows or (expected is not None and len(rows) < expected):
         raise SpectrumError(
             f"{path}: has {len(rows)} sets of data"
-            + (f", but NUMBER_OF_SETS is {stated:g}" if stated is not None else "")
+            + (f", but NUMBER_OF_SETS is {expected:g}" if expected is not None else "")
             + "; it is cut off, export it again",
             code="damaged",
         )
@@ -237,9 +235,9 @@ def _numbers(
     path: str, number: int, row: list[str], fields: list[str], columns: list[int]
 ) -> NDArray[np.float64]:
     values = np.empty(len(columns))
-    for at, k in enumerate(columns):
+    for index, k in enumerate(columns):
         try:
-            values[at] = read_number(row[k])
+            values[index] = read_number(row[k])
         except ValueError:
             remedy = "write decimal points" if "," in row[k] else "measure it again"
             raise SpectrumError(
@@ -258,8 +256,8 @@ def _notes(table: _Table) -> dict[str, str]:
         for key, value in table.keywords.items()
         if not _STRUCTURE.fullmatch(key) and 0 < len(value) <= _MAX_NOTE
     }
-    stated = (table.keywords.get(key, "").upper() for key in ("MEAS_TYPE", "DEVICE_CLASS"))
-    if quantity := next((_QUANTITIES[each] for each in stated if each in _QUANTITIES), ""):
+    kinds = (table.keywords.get(key, "").upper() for key in ("MEAS_TYPE", "DEVICE_CLASS"))
+    if quantity := next((_QUANTITIES[kind] for kind in kinds if kind in _QUANTITIES), ""):
         notes[QUANTITY] = quantity
     elif any("PCT" in name.upper() for name in table.fields):
         notes[QUANTITY] = "reflectance"

@@ -59,7 +59,7 @@ def read_cxf(path: str) -> SampleSet:
         )
     samples = tuple(_samples(path, root))
     if not samples:
-        listed = ", ".join(f"<{each}>" for each in _QUANTITIES)
+        listed = ", ".join(f"<{tag}>" for tag in _QUANTITIES)
         raise SpectrumError(
             f"{path}: no object has a spectrum ({listed}); export it with spectral values",
             code="missing",
@@ -69,24 +69,24 @@ def read_cxf(path: str) -> SampleSet:
 
 def _samples(path: str, root: Element) -> Iterator[Sample]:
     specifications = {
-        each.get("Id", ""): _specification(each)
-        for each in root.iterfind(".//{*}ColorSpecification")
+        node.get("Id", ""): _specification(node)
+        for node in root.iterfind(".//{*}ColorSpecification")
     }
     notes = _notes(root.find("{*}FileInformation"), _FILE_NOTES)
-    for number, each in enumerate(root.iterfind(".//{*}Object"), start=1):
-        label = each.get("Id", "")
-        name = each.get("Name", "").strip() or label or str(number)
-        found = [
+    for number, node in enumerate(root.iterfind(".//{*}Object"), start=1):
+        label = node.get("Id", "")
+        name = node.get("Name", "").strip() or label or str(number)
+        spectra = [
             (element.get("ColorSpecification", ""), element)
-            for element in each.iter()
+            for element in node.iter()
             if _tag(element) in _QUANTITIES
         ]
-        repeated = Counter(reference for reference, _ in found)
-        for at, (reference, element) in enumerate(found, start=1):
+        repeated = Counter(reference for reference, _ in spectra)
+        for k, (reference, element) in enumerate(spectra, start=1):
             specification = specifications.get(reference, _Specification())
             sample = _sample(path, name, element, specification)
-            if len(found) > 1:
-                part = element.get("Name") or (reference if repeated[reference] == 1 else str(at))
+            if len(spectra) > 1:
+                part = element.get("Name") or (reference if repeated[reference] == 1 else str(k))
                 sample = replace(sample, name=f"{name}/{part}")
             yield replace(sample, id=label, notes={**notes, **sample.notes})
 
@@ -129,19 +129,19 @@ def _positive(where: str, attribute: str, text: str | None) -> float:
 
 
 def _specification(element: Element) -> _Specification:
-    found = element.find(".//{*}WavelengthRange")
+    span = element.find(".//{*}WavelengthRange")
     start, increment = (
-        (None, None) if found is None else (found.get("StartWL"), found.get("Increment"))
+        (None, None) if span is None else (span.get("StartWL"), span.get("Increment"))
     )
     return _Specification(start, increment, _notes(element, _MEASUREMENT_NOTES))
 
 
-def _notes(element: Element | None, wanted: tuple[str, ...]) -> dict[str, str]:
+def _notes(element: Element | None, tags: tuple[str, ...]) -> dict[str, str]:
     notes = {}
-    for each in () if element is None else element.iter():
-        text = " ".join((each.text or "").split())
-        if _tag(each) in wanted and 0 < len(text) <= _MAX_NOTE:
-            notes[_note_name(_tag(each))] = text
+    for node in () if element is None else element.iter():
+        text = " ".join((node.text or "").split())
+        if _tag(node) in tags and 0 < len(text) <= _MAX_NOTE:
+            notes[_note_name(_tag(node))] = text
     return notes
 
 

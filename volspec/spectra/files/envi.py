@@ -101,8 +101,8 @@ class EnviFile:
     @property
     def notes(self) -> dict[str, str]:
         """Descriptions in the header."""
-        found = ((key, " ".join(self.fields.get(key, "").split())) for key in _NOTES)
-        return {key: text for key, text in found if 0 < len(text) <= _MAX_NOTE}
+        entries = ((key, " ".join(self.fields.get(key, "").split())) for key in _NOTES)
+        return {key: text for key, text in entries if 0 < len(text) <= _MAX_NOTE}
 
     def pixels(self, box: Box | None = None) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
         """Return the values (H, W, N) of a box (x0, y0, x1, y1), or of all, and wavelengths in nm.
@@ -116,7 +116,7 @@ class EnviFile:
                 f"{Path(self.path).name}#name",
                 code="type",
             )
-        lines, samples, bands = (self._whole(key, 1) for key in ("lines", "samples", "bands"))
+        lines, samples, bands = (self._integer(key, 1) for key in ("lines", "samples", "bands"))
         wavelengths, order = self._wavelengths(bands)
         x0, y0, x1, y1 = box or (0, 0, samples, lines)
         if not (0 <= x0 < x1 <= samples and 0 <= y0 < y1 <= lines):
@@ -138,17 +138,17 @@ class EnviFile:
         ignored = self._number("data ignore value")
         scale = self._number("reflectance scale factor") or 1.0
         with np.errstate(over="ignore", invalid="ignore"):
-            for at, band in enumerate(order):
+            for index, band in enumerate(order):
                 one = part[..., band]
                 if ignored is not None and (empty := one == ignored).any():
                     y, x = np.argwhere(empty)[0]
                     raise SpectrumError(
                         f"{self.path}: pixel ({x0 + x}, {y0 + y}) has no data ({ignored:g}) at "
-                        f"{wavelengths[at]:g} nm; give a part without such pixels, "
+                        f"{wavelengths[index]:g} nm; give a part without such pixels, "
                         f"{Path(self.path).name}#X0,Y0,X1,Y1",
                         code="missing",
                     )
-                values[..., at] = one / scale
+                values[..., index] = one / scale
         return values, wavelengths
 
     def library(self) -> SampleSet:
@@ -156,7 +156,7 @@ class EnviFile:
 
         Raises SpectrumError as `pixels`.
         """
-        count, size = self._whole("lines", 1), self._whole("samples", 1)
+        count, size = self._integer("lines", 1), self._integer("samples", 1)
         wavelengths, order = self._wavelengths(size)
         names = self._list("spectra names") or [str(k + 1) for k in range(count)]
         if len(names) != count:
@@ -184,21 +184,21 @@ class EnviFile:
     def _numbers(self, sides: Sequence[int]) -> NDArray[Any]:
         """Return the file's numbers as (lines, samples, bands), mapped and not read."""
         dtype, order = self._dtype(), _ORDERS[self._interleave()]
-        offset = self._whole("header offset", 0, 0)
-        if self._whole("file compression", 0, 0):
+        offset = self._integer("header offset", 0, 0)
+        if self._integer("file compression", 0, 0):
             raise SpectrumError(
                 f"{self.path}: its data are compressed; export it without compression",
                 code="unsupported",
             )
-        data, wanted = self._data(), offset + math.prod(sides) * dtype.itemsize
-        held = data.stat().st_size
-        if held < wanted:
+        data, needed = self._data(), offset + math.prod(sides) * dtype.itemsize
+        size = data.stat().st_size
+        if size < needed:
             raise SpectrumError(
-                f"{data}: has {held} bytes, but {' x '.join(map(str, sides))} (lines, samples, "
-                f"bands) of {dtype.itemsize} bytes need {wanted}; correct {Path(self.path).name}, "
+                f"{data}: has {size} bytes, but {' x '.join(map(str, sides))} (lines, samples, "
+                f"bands) of {dtype.itemsize} bytes need {needed}; correct {Path(self.path).name}, "
                 "or copy the data again",
                 code="damaged",
-                given=held,
+                given=size,
             )
         shape = tuple(sides[axis] for axis in order)
         try:
@@ -213,11 +213,11 @@ class EnviFile:
     def _data(self) -> Path:
         """Return the file with the numbers."""
         base = Path(self.path).with_suffix("")
-        tried = [base.with_name(base.name + each) for each in _DATA]
-        tried += [base.with_name(base.name + each.upper()) for each in _DATA[1:]]
-        if found := next((path for path in tried if path.is_file()), None):
-            require_inside(found, SpectrumError)
-            return found
+        tried = [base.with_name(base.name + suffix) for suffix in _DATA]
+        tried += [base.with_name(base.name + suffix.upper()) for suffix in _DATA[1:]]
+        if file := next((path for path in tried if path.is_file()), None):
+            require_inside(file, SpectrumError)
+            return file
         raise SpectrumError(
             f"{self.path}: there is no file {base.name}, {base.name}.img, .dat, .raw, .bin, .bsq, "
             ".bil, .bip or .sli with its data; put it next to the header",
@@ -225,20 +225,20 @@ class EnviFile:
         )
 
     def _dtype(self) -> np.dtype[np.generic]:
-        code = self._whole("data type", 0)
+        code = self._integer("data type", 0)
         if code not in _TYPES:
-            listed = ", ".join(f"{key} ({np.dtype(each)})" for key, each in _TYPES.items())
+            listed = ", ".join(f"{key} ({np.dtype(kind)})" for key, kind in _TYPES.items())
             raise self._refused("data type", f"convert it to one of {listed}", "unsupported")
-        order = self._whole("byte order", 0, 0)
+        order = self._integer("byte order", 0, 0)
         if order not in _BYTE_ORDERS:
             raise self._refused("byte order", "give 0 (least byte first) or 1", "unknown")
         return np.dtype(_BYTE_ORDERS[order] + _TYPES[code])
 
     def _interleave(self) -> str:
-        found = self.fields.get("interleave", "bsq").lower()
-        if found not in _ORDERS:
+        interleave = self.fields.get("interleave", "bsq").lower()
+        if interleave not in _ORDERS:
             raise self._refused("interleave", f"give {', '.join(_ORDERS)}", "unknown")
-        return found
+        return interleave
 
     def _wavelengths(self, bands: int) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
         """Return the sorted wavelengths of good bands, nm, and their indices."""
@@ -259,41 +259,41 @@ class EnviFile:
                     code="shape",
                     field=key,
                 )
-        found = np.array([self._parsed("wavelength", text) for text in texts])
+        wavelengths = np.array([self._parsed("wavelength", text) for text in texts])
         keep = np.array([self._parsed("bbl", text) > 0 for text in good])
         unit = self.fields.get("wavelength units", "unknown").lower()
         if unit in ("", "unknown"):
-            scale = 1e3 if found.max() < _MAX_MICROMETRES else 1.0
+            scale = 1e3 if wavelengths.max() < _MAX_MICROMETRES else 1.0
         elif unit in _UNITS:
             scale = _UNITS[unit]
         else:
             raise self._refused("wavelength units", "give nanometers or micrometers", "unsupported")
-        order = np.argsort(found, kind="stable")
+        order = np.argsort(wavelengths, kind="stable")
         order = order[keep[order]]
         # 0.55 µm is 550 nm: rounding, far below any instrument's precision.
         with np.errstate(over="ignore"):
-            return np.round(found[order] * scale, 6), order
+            return np.round(wavelengths[order] * scale, 6), order
 
     def _list(self, key: str) -> list[str]:
-        given = self.fields.get(key, "")
-        return [" ".join(each.split()) for each in given.split(",")] if given else []
+        text = self.fields.get(key, "")
+        return [" ".join(entry.split()) for entry in text.split(",")] if text else []
 
-    def _whole(self, key: str, least: int, default: int | None = None) -> int:
-        given = self.fields.get(key)
-        if given is None and default is not None:
+    def _integer(self, key: str, minimum: int, default: int | None = None) -> int:
+        text = self.fields.get(key)
+        if text is None and default is not None:
             return default
-        if given is None:
+        if text is None:
             raise SpectrumError(
                 f"{self.path}: has no {key!r}; export the header again", code="missing", field=key
             )
-        if not re.fullmatch(r"\d{1,15}", given) or int(given) < least:
-            raise self._refused(key, f"give a whole number from {least}", "syntax")
-        return int(given)
+        if not re.fullmatch(r"\d{1,15}", text) or int(text) < minimum:
+            raise self._refused(key, f"give a whole number from {minimum}", "syntax")
+        return int(text)
 
     def _number(self, key: str) -> float | None:
-        if not (given := self.fields.get(key)):
+        if not (text := self.fields.get(key)):
             return None
-        value = self._parsed(key, given)
+        value = self._parsed(key, text)
         if key == "reflectance scale factor" and not 0 < value < np.inf:
             raise self._refused(key, "give a number above 0", "range")
         return value
@@ -310,7 +310,7 @@ class EnviFile:
             ) from None
 
     def _refused(self, key: str, remedy: str, code: Code) -> SpectrumError:
-        given = self.fields[key]
+        text = self.fields[key]
         return SpectrumError(
-            f"{self.path}: {key} is {quoted(given)}; {remedy}", code=code, field=key, given=given
+            f"{self.path}: {key} is {quoted(text)}; {remedy}", code=code, field=key, given=text
         )

@@ -29,9 +29,9 @@ def palette_spectrum(path: str, selector: str, role: str | None) -> Spectrum:
     data, entry = _entry(path, selector, role)
     name = str(entry["name"])
     if "values" not in entry:
-        if isinstance(given := entry.get("spectrum"), str) and not entry.get("design"):
+        if isinstance(target := entry.get("spectrum"), str) and not entry.get("design"):
             raise SpectrumError(
-                f"{path}: {name!r} has no values of its own, only the name {given!r}",
+                f"{path}: {name!r} has no values of its own, only the name {target!r}",
                 code="missing",
             )
         raise SpectrumError(
@@ -61,14 +61,14 @@ def named_spectrum(path: str, selector: str, role: str) -> str | None:
     Raises SpectrumError if the palette has no such spectrum.
     """
     _, entry = _entry(path, selector, role)
-    given = entry.get("spectrum")
-    if "values" in entry or entry.get("design") or not isinstance(given, str):
+    target = entry.get("spectrum")
+    if "values" in entry or entry.get("design") or not isinstance(target, str):
         return None
-    if Path(path).name in given:
+    if Path(path).name in target:
         raise SpectrumError(
-            f"{path}: {entry['name']!r} refers to itself, {given!r}; name another", code="conflict"
+            f"{path}: {entry['name']!r} refers to itself, {target!r}; name another", code="conflict"
         )
-    return given
+    return target
 
 
 def palette_holds(path: str, selector: str, role: str) -> bool:
@@ -85,31 +85,31 @@ def palette_holds(path: str, selector: str, role: str) -> bool:
 def _entry(path: str, selector: str, role: str | None) -> tuple[dict[str, Any], dict[str, Any]]:
     data = _content(path)
     roles = (role,) if role else ("light", "reflectance")
-    rows = [row for each in roles for row in _rows(data, each)]
+    rows = [row for kind in roles for row in _rows(data, kind)]
     names = [str(row["name"]) for row in rows]
-    what = role or "light or reflectance"
+    noun = role or "light or reflectance"
     if not names:
         raise SpectrumError(
-            f"{path}: has no {what}; add [[{role or 'light'}]] tables", code="missing"
+            f"{path}: has no {noun}; add [[{role or 'light'}]] tables", code="missing"
         )
     if not selector:
         raise SpectrumError(
-            f"{path}: is a palette; choose a {what}: {Path(path).name}#{names[0]} "
+            f"{path}: is a palette; choose a {noun}: {Path(path).name}#{names[0]} "
             f"(the palette has {', '.join(names)})",
             code="missing",
         )
-    wanted = fold_name(selector)
-    found = [row for row, name in zip(rows, names, strict=True) if fold_name(name) == wanted]
-    if not found and selector.isdecimal() and 1 <= int(selector) <= len(rows):
-        found = [rows[int(selector) - 1]]
-    if len(found) == 1:
-        return data, found[0]
-    if found:
+    folded = fold_name(selector)
+    matches = [row for row, name in zip(rows, names, strict=True) if fold_name(name) == folded]
+    if not matches and selector.isdecimal() and 1 <= int(selector) <= len(rows):
+        matches = [rows[int(selector) - 1]]
+    if len(matches) == 1:
+        return data, matches[0]
+    if matches:
         raise SpectrumError(
-            f"{path}: {len(found)} spectra are named {selector!r}; rename one", code="duplicate"
+            f"{path}: {len(matches)} spectra are named {selector!r}; rename one", code="duplicate"
         )
     raise SpectrumError(
-        f"{path}: no {what} is named {selector!r}; {nearest(selector, names)}"
+        f"{path}: no {noun} is named {selector!r}; {nearest(selector, names)}"
         f"the palette has {', '.join(names)}",
         code="unknown",
     )
@@ -132,13 +132,13 @@ def _rows(data: dict[str, Any], role: str) -> list[dict[str, Any]]:
 
 def _grid(path: str, data: dict[str, Any], values: Any) -> SpectralGrid:
     criteria = data.get("criteria")
-    given = criteria.get("grid_nm") if isinstance(criteria, dict) else None
-    if given is None:
+    numbers = criteria.get("grid_nm") if isinstance(criteria, dict) else None
+    if numbers is None:
         return grid_of_values(len(values) if isinstance(values, list) else 0)
     try:
-        start, stop, step = (float(number) for number in given)
+        start, stop, step = (float(number) for number in numbers)
     except (TypeError, ValueError):
         raise SpectrumError.refused(
-            f"{path}: [criteria] grid_nm", given, "give [start, stop, step] in nm", "type"
+            f"{path}: [criteria] grid_nm", numbers, "give [start, stop, step] in nm", "type"
         ) from None
     return SpectralGrid(start, stop, step)

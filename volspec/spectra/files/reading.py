@@ -154,8 +154,8 @@ def named_in_palette(
     path = Path(path_text(folder), address[0])
     if path.suffix.lower() != PALETTE:
         return None
-    given = named_spectrum(os.fspath(path), address[1], role)
-    return None if given is None else (given, os.fspath(path.parent))
+    target = named_spectrum(os.fspath(path), address[1], role)
+    return None if target is None else (target, os.fspath(path.parent))
 
 
 def palette_grid(address: str, role: str, folder: Address) -> SpectralGrid | None:
@@ -275,28 +275,28 @@ def _check_tm27(path: str) -> None:
             "export it in that format, or as CSV",
             code="unsupported",
         )
-    found = root.findall("{*}SpectralDistribution")
-    if not found:
+    spectra = root.findall("{*}SpectralDistribution")
+    if not spectra:
         raise SpectrumError(
             f"{path}: has no <SpectralDistribution> with the values; export the file again",
             code="damaged",
         )
-    if len(found) > 1:
+    if len(spectra) > 1:
         raise SpectrumError(
-            f"{path}: has {len(found)} spectral distributions, expected one; split the file",
+            f"{path}: has {len(spectra)} spectral distributions, expected one; split the file",
             code="unsupported",
         )
     last = -np.inf
     number = 0
     # At any depth, as colour-science finds them.
     for number, sample in enumerate(root.iterfind(".//{*}SpectralData"), start=1):
-        given = sample.get("wavelength"), sample.text
+        pair = sample.get("wavelength"), sample.text
         try:
-            wavelength, value = (read_number(text or "") for text in given)
+            wavelength, value = (read_number(text or "") for text in pair)
         except ValueError:
             raise SpectrumError(
-                f"{path}: SpectralData number {number}: wavelength {given[0]!r}, value "
-                f"{given[1]!r}; expected two numbers",
+                f"{path}: SpectralData number {number}: wavelength {pair[0]!r}, value "
+                f"{pair[1]!r}; expected two numbers",
                 code="syntax",
             ) from None
         if not np.isfinite((wavelength, value)).all():

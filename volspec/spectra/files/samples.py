@@ -64,32 +64,31 @@ class SampleSet:
         A file states either fractions or percentages: one value above 2 divides all by 100. Values
         of an undeclared quantity are left unchanged, unless the kind is reflective.
         """
-        found = [sample for sample in self.samples if kind is None or fits(sample.quantity, kind)]
-        found = found or list(self.samples)
+        kept = [s for s in self.samples if kind is None or fits(s.quantity, kind)]
+        kept = kept or list(self.samples)
         reflective = [
-            each.quantity in _FRACTIONS or (kind == "reflective" and not each.quantity)
-            for each in found
+            s.quantity in _FRACTIONS or (kind == "reflective" and not s.quantity) for s in kept
         ]
-        most = max(
-            (each.values.max() for each, is_one in zip(found, reflective, strict=True) if is_one),
+        maximum = max(
+            (s.values.max() for s, is_one in zip(kept, reflective, strict=True) if is_one),
             default=0.0,
         )
-        if _MAX_FRACTION < most < np.inf:
-            found = [
-                replace(each, values=each.values / 100.0) if is_one else each
-                for each, is_one in zip(found, reflective, strict=True)
+        if _MAX_FRACTION < maximum < np.inf:
+            kept = [
+                replace(s, values=s.values / 100.0) if is_one else s
+                for s, is_one in zip(kept, reflective, strict=True)
             ]
-        return replace(self, samples=tuple(found))
+        return replace(self, samples=tuple(kept))
 
     def spectrum(self, selector: str = "") -> Spectrum:
         """Return one sample by name (any case), id or number from 1; "" if there is only one."""
         ids = [sample.id for sample in self.samples]
         sample = self.samples[choose_name(self.path, selector, self.names, ids, noun=self.noun)]
         if not np.isfinite(sample.values).all():
-            at = int(np.argmin(np.isfinite(sample.values)))
+            k = int(np.argmin(np.isfinite(sample.values)))
             raise SpectrumError(
                 f"{self.path}: {self.noun} {sample.name!r}: the value at "
-                f"{sample.wavelengths_nm[at]:g} nm is {sample.values[at]:g}, not finite; measure "
+                f"{sample.wavelengths_nm[k]:g} nm is {sample.values[k]:g}, not finite; measure "
                 "it again or choose another"
             )
         require_nanometres(sample.wavelengths_nm, self.path)

@@ -205,26 +205,26 @@ class SpectralImage:
         if Path(name).suffix.lower() == envi.SUFFIX:
             return cls._from_envi(name, kind, box)
         header, pixels, ignored = _read(name)
-        held: list[Kind] = [k for k in get_args(Kind) if pixels[_LAYER[k]]]
-        wanted = kind or next(iter(held), None)
-        if wanted is None or wanted not in held:
-            sought, example = ("", "S0 or T") if wanted is None else (f"{wanted} ", _LAYER[wanted])
+        kinds: list[Kind] = [k for k in get_args(Kind) if pixels[_LAYER[k]]]
+        kind = kind or next(iter(kinds), None)
+        if kind is None or kind not in kinds:
+            sought, example = ("", "S0 or T") if kind is None else (f"{kind} ", _LAYER[kind])
             raise SpectrumError(
                 f"{name}: has no {sought}spectral channels ({example}.550,000000nm and so on; "
-                f"Fichet et al. 2021){_only(held)}",
+                f"Fichet et al. 2021){_only(kinds)}",
                 code="missing",
             )
-        if wanted == "reflective" and "reradiation" in ignored:
+        if kind == "reflective" and "reradiation" in ignored:
             _warn(f"{name}: its fluorescence (T.in.out channels) is ignored")
-        if wanted == "emissive" and "polarisation" in ignored:
+        if kind == "emissive" and "polarisation" in ignored:
             _warn(f"{name}: its polarisation (channels S1, S2, S3) is ignored")
         notes = _notes(name, header)
-        if len(held) == 2:
-            notes["also holds"] = next(k for k in held if k != wanted)
-        samples = sorted(pixels[_LAYER[wanted]], key=lambda sample: sample[0])
+        if len(kinds) == 2:
+            notes["also holds"] = next(k for k in kinds if k != kind)
+        samples = sorted(pixels[_LAYER[kind]], key=lambda sample: sample[0])
         try:
             values = np.stack([image for _, image in samples], axis=-1)
-            image = cls(values, np.array([w for w, _ in samples]), wanted, notes)
+            image = cls(values, np.array([w for w, _ in samples]), kind, notes)
             return image if box is None else image.part(box)
         except SpectrumError as error:
             raise error.within(name) from None
@@ -276,9 +276,9 @@ def require_kind(kind: object, label: str) -> None:
         )
 
 
-def _only(held: list[Kind]) -> str:
+def _only(kinds: list[Kind]) -> str:
     use = {"reflective": "a reflectance", "emissive": "a light"}
-    return f", only {held[0]} ones; use it as {use[held[0]]}" if held else ""
+    return f", only {kinds[0]} ones; use it as {use[kinds[0]]}" if kinds else ""
 
 
 def _warn(message: str) -> None:
@@ -323,8 +323,8 @@ def _notes(name: str, header: dict[str, Any]) -> dict[str, str]:
     if "emissiveUnits" in header:
         notes["emissive units"] = str(header["emissiveUnits"])
     try:
-        own = parse_json(header.get("volspec:notes", "{}"))
-        return notes | {str(key): str(value) for key, value in own.items()}
+        extra = parse_json(header.get("volspec:notes", "{}"))
+        return notes | {str(key): str(value) for key, value in extra.items()}
     except (ValueError, AttributeError) as error:
         raise SpectrumError(
             f"{name}: volspec:notes cannot be read ({error})", code="damaged"

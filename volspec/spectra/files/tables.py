@@ -143,17 +143,17 @@ def choose_name(
             * "; or are the commas decimal marks? write points",
             code="missing",
         )
-    wanted = fold_name(selector)
-    for each in (names, ids):
-        found = [k for k, name in enumerate(each) if fold_name(name) == wanted]
-        if len(found) > 1:
+    folded = fold_name(selector)
+    for labels in (names, ids):
+        matches = [k for k, name in enumerate(labels) if fold_name(name) == folded]
+        if len(matches) > 1:
             raise SpectrumError(
-                f"{path}: {len(found)} {noun}s are named {selector!r}; choose one by number: "
-                f"{' or '.join(f'#{k + 1}' for k in found[:4])}",
+                f"{path}: {len(matches)} {noun}s are named {selector!r}; choose one by number: "
+                f"{' or '.join(f'#{k + 1}' for k in matches[:4])}",
                 code="duplicate",
             )
-        if found:
-            return found[0]
+        if matches:
+            return matches[0]
     if selector.isdecimal() and 1 <= int(selector) <= len(names):
         return int(selector) - 1
     raise SpectrumError(
@@ -185,7 +185,7 @@ def file_content(path: str | os.PathLike[str]) -> bytes:
         ) from None
 
 
-def positive_number(where: str, what: str, text: str) -> float:
+def positive_number(where: str, label: str, text: str) -> float:
     """Parse a number above 0; raise SpectrumError, which says where and what it is."""
     try:
         value = read_number(text)
@@ -193,9 +193,9 @@ def positive_number(where: str, what: str, text: str) -> float:
         value = np.nan
     if not 0 < value < np.inf:
         raise SpectrumError(
-            f"{where}: {what} is {quoted(text)}, expected a number above 0; correct it",
+            f"{where}: {label} is {quoted(text)}, expected a number above 0; correct it",
             code="syntax",
-            field=what,
+            field=label,
             given=text,
         )
     return value
@@ -332,11 +332,11 @@ def spectrum_text(spectrum: Spectrum, suffix: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def path_text(path: str | os.PathLike[str], what: str = "path") -> str:
+def path_text(path: str | os.PathLike[str], label: str = "path") -> str:
     """Return a path as text; raise SpectrumError if it contains a NUL."""
     text = os.fspath(path)
     if "\0" in text:
-        raise SpectrumError(f"{what} {text!r} contains a NUL character; remove it", code="syntax")
+        raise SpectrumError(f"{label} {text!r} contains a NUL character; remove it", code="syntax")
     return text
 
 

@@ -193,8 +193,8 @@ def nearest_light(name: str) -> str:
     """Return "did you mean …? " for a misspelt light, or one whose description has its words."""
     if similar := nearest(name, (*light_names(), *EVERYDAY)):
         return similar
-    found = search_lights(name)[:3]
-    return f"did you mean {' or '.join(map(repr, found))}? " if found else ""
+    names = search_lights(name)[:3]
+    return f"did you mean {' or '.join(map(repr, names))}? " if names else ""
 
 
 @lru_cache(maxsize=512)
@@ -209,7 +209,7 @@ def describe_light(name: str) -> str:
         return f"{LAMPS[lamp].what}, {LAMPS[lamp].kelvin:.0f} K"
     if name in _CIE:
         return _CIE[name]
-    return next((what for part, what in _MEASURED if part in name), "measured lamp")
+    return next((text for part, text in _MEASURED if part in name), "measured lamp")
 
 
 # Shorter words are searched in names only.
@@ -230,7 +230,7 @@ def search_lights(text: str) -> tuple[str, ...]:
         return library_names()
 
     def rank(name: str) -> tuple[bool, bool, bool]:
-        everyday = any(each.startswith(start) for each in _everyday_names(name))
+        everyday = any(alias.startswith(start) for alias in _everyday_names(name))
         return name != EVERYDAY.get(start), not fold_name(name).startswith(start), not everyday
 
     return tuple(
@@ -248,4 +248,4 @@ def _matches(name: str, words: list[str]) -> bool:
 
 @lru_cache(maxsize=512)
 def _everyday_names(name: str) -> tuple[str, ...]:
-    return tuple(each for each, meant in EVERYDAY.items() if meant == name)
+    return tuple(alias for alias, meant in EVERYDAY.items() if meant == name)

@@ -94,15 +94,15 @@ def named_fluorescence(name: str) -> tuple[str, Fluorescence]:
 
     Raises SpectrumError if there is none of the name.
     """
-    known = {fold_name(each): each for each in FLUOROPHORES}
-    if fold_name(name) not in known:
+    names = {fold_name(fluor): fluor for fluor in FLUOROPHORES}
+    if fold_name(name) not in names:
         raise SpectrumError(
             f"fluorophore {name!r} is unknown; {nearest(name, FLUOROPHORES)}"
             f"known: {', '.join(FLUOROPHORES)}; others from FPbase's FILE.csv#name",
             code="unknown",
         )
-    found = known[fold_name(name)]
-    return found, FLUOROPHORES[found].fluorescence()
+    full_name = names[fold_name(name)]
+    return full_name, FLUOROPHORES[full_name].fluorescence()
 
 
 def _log_normal(w: Array, peak: float, width: float, skew: float) -> Array:
@@ -134,16 +134,16 @@ def fluorescence_in_file(path: Path, name: str) -> tuple[str, Fluorescence] | No
     rows = list(csv.reader(data, delimiter=separator))
     columns = _columns(rows[0] if rows else [], path)
     if name:
-        wanted = next((column for column in columns if fold_name(column) == fold_name(name)), None)
+        fluor = next((column for column in columns if fold_name(column) == fold_name(name)), None)
     else:  # of other files, a column may end in "em" by chance
-        pairs = [each for each, own in columns.items() if len(own) == 2]
-        wanted = pairs[0] if len(pairs) == 1 else None
-    if wanted is None:
+        pairs = [column for column, kinds in columns.items() if len(kinds) == 2]
+        fluor = pairs[0] if len(pairs) == 1 else None
+    if fluor is None:
         return None
-    if missing := {"excitation", "emission"} - columns[wanted].keys():
+    if missing := {"excitation", "emission"} - columns[fluor].keys():
         raise SpectrumError(
-            f"{path}: {wanted!r} has no {missing.pop()}; a fluorophore needs two columns, "
-            f"'{wanted} ex' and '{wanted} em'",
+            f"{path}: {fluor!r} has no {missing.pop()}; a fluorophore needs two columns, "
+            f"'{fluor} ex' and '{fluor} em'",
             code="missing",
         )
     notes: dict[str, str] = {}
@@ -151,29 +151,29 @@ def fluorescence_in_file(path: Path, name: str) -> tuple[str, Fluorescence] | No
         keep_note(line, notes)
     try:
         excitation, emission = (
-            _band(rows, columns[wanted][kind], f"{wanted} {kind}")
+            _band(rows, columns[fluor][kind], f"{fluor} {kind}")
             for kind in ("excitation", "emission")
         )
-        quantum_yield = _quantum_yield(notes, wanted, path)
-        return wanted, Fluorescence.of(excitation, emission, quantum_yield)
+        quantum_yield = _quantum_yield(notes, fluor, path)
+        return fluor, Fluorescence.of(excitation, emission, quantum_yield)
     except SpectrumError as error:
-        raise error.within(f"{path}: {wanted}") from None
+        raise error.within(f"{path}: {fluor}") from None
 
 
 def _columns(header: list[str], path: Path) -> dict[str, dict[str, int]]:
     """Return the columns of excitation and emission by the fluorophores' names."""
-    found: dict[str, dict[str, int]] = {}
+    columns: dict[str, dict[str, int]] = {}
     for column, cell in enumerate(header):
         if column and (match := _ENDS.fullmatch(cell.strip())):
             kind = "emission" if match[2].lower().startswith("em") else "excitation"
-            own = found.setdefault(match[1].strip(), {})
-            if kind in own:
+            kinds = columns.setdefault(match[1].strip(), {})
+            if kind in kinds:
                 raise SpectrumError(
                     f"{path}: two columns are the {kind} of {match[1]!r}; leave one",
                     code="duplicate",
                 )
-            own[kind] = column
-    return found
+            kinds[kind] = column
+    return columns
 
 
 def _band(rows: list[list[str]], column: int, name: str) -> Spectrum:
@@ -191,9 +191,9 @@ def _band(rows: list[list[str]], column: int, name: str) -> Spectrum:
                     "leave the cell empty",
                     code="damaged",
                 ) from None
-    given = Spectrum(np.array(w), np.maximum(values, 0.0), name)
+    spectrum = Spectrum(np.array(w), np.maximum(values, 0.0), name)
     nm = _FINE.wavelengths_nm
-    fine = np.interp(nm, given.wavelengths_nm, given.values, left=0.0, right=0.0)
+    fine = np.interp(nm, spectrum.wavelengths_nm, spectrum.values, left=0.0, right=0.0)
     return Spectrum(nm, fine, name)
 
 

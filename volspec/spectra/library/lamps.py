@@ -93,10 +93,10 @@ def flux_lm(of: str | Lamp, power_W: float) -> float:
     source = of if isinstance(of, Lamp) else lamp(of)
     _require_above_0("power_W", power_W)
     if source.efficacy_lm_per_W is None:
-        known = (row.name for row in _TABLE if row.efficacy_lm_per_W is not None)
+        names = (row.name for row in _TABLE if row.efficacy_lm_per_W is not None)
         raise SpectrumError(
             f"lamp {source.name!r}: the table has no lumens per watt for {source.what}; give lux, "
-            f"or use one of {', '.join(known)}",
+            f"or use one of {', '.join(names)}",
             code="missing",
         )
     return power_W * source.efficacy_lm_per_W

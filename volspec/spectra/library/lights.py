@@ -105,25 +105,25 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
     >>> light("D65*0.7 + planck:2856*0.3").name
     'D65*0.7+planck:2856*0.3'
     """
-    wanted = str(text).strip()
-    if not wanted:
+    name = str(text).strip()
+    if not name:
         raise SpectrumError(
             "light: empty name; give a name such as D65, planck:3200 or FILE.csv", code="missing"
         )
     # Refuse a grid beyond the visible before any warning.
     colour_matching_functions(grid)
     folder = path_text(folder, "folder")
-    terms = None if _is_known(wanted, folder) else _parse_mix(wanted, folder)
+    terms = None if _is_known(name, folder) else _parse_mix(name, folder)
     if terms is None:
-        return _component(wanted, grid, folder)
+        return _component(name, grid, folder)
     for term in terms:
         if not (np.isfinite(term.weight) and term.weight >= 0):
             raise SpectrumError(
-                f"light {wanted!r}: the weight of {term.name} is {term.weight:g}; "
+                f"light {name!r}: the weight of {term.name} is {term.weight:g}; "
                 "a light cannot be subtracted, use a weight of 0 or more"
             )
     if not any(term.weight > 0 for term in terms):
-        raise SpectrumError(f"light {wanted!r}: every weight is 0; give one a positive weight")
+        raise SpectrumError(f"light {name!r}: every weight is 0; give one a positive weight")
     parts = []
     for term in terms:
         if term.weight > 0:
@@ -178,7 +178,7 @@ def sent_names(texts: Sequence[str]) -> list[str]:
     """Return names as `sent_name`, but where two would be the same as they are."""
     short = [sent_name(text) for text in texts]
     return [
-        each if short.count(each) == 1 else text for each, text in zip(short, texts, strict=True)
+        name if short.count(name) == 1 else text for name, text in zip(short, texts, strict=True)
     ]
 
 
@@ -239,8 +239,8 @@ def _parse_mix(text: str, folder: Folder) -> list[_Term] | None:
         for count in range(len(parts), 0, -1):
             term = _read_term("+".join(parts[:count]).strip(), folder)
             if term is not None:
-                for rest in read(parts[count:]):
-                    yield [term, *rest]
+                for tail in read(parts[count:]):
+                    yield [term, *tail]
 
     terms = next(read(text.split("+")), None)
     if terms is not None or not ("+" in text or "*" in text):
@@ -331,8 +331,8 @@ def _component(name: str, grid: SpectralGrid, folder: Folder) -> Spectrum:
         source = LAMPS[number.strip()]
         return _normalise(_planck(source.kelvin, grid), grid, f"{LAMP}:{source.name}")
     if address := split_address(name):
-        if given := named_in_palette(address, "light", folder):
-            text, its_folder = given
+        if target := named_in_palette(address, "light", folder):
+            text, its_folder = target
             return _normalise(light(text, grid, folder=its_folder).values, grid, text)
         return _from_file(os.fspath(Path(folder, name)), grid)
     raise _unknown(name)
@@ -367,7 +367,7 @@ def _from_file(path: str, grid: SpectralGrid) -> Spectrum:
 
 
 def _unknown(name: str, context: str = "") -> SpectrumError:
-    lamps = [f"{LAMP}:{each}" for each in LAMPS]
+    lamps = [f"{LAMP}:{key}" for key in LAMPS]
     if fold_name(name).startswith(f"{LAMP}:"):
         return SpectrumError(
             f"light {name!r}{context} is unknown; {nearest(name, lamps)}known: {', '.join(lamps)}",

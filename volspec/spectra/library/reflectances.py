@@ -93,27 +93,27 @@ def reflectance(
     if single and prefix in _FILTERS:
         return _filter(name, prefix, number, grid)
     if address := split_address(name):
-        if found := fluorescence_in_file(Path(folder, address[0]), address[1]):
-            return _fluorescent(*found, grid)
-        if given := named_in_palette(address, "reflectance", folder):
-            text, its_folder = given
+        if fluorophore := fluorescence_in_file(Path(folder, address[0]), address[1]):
+            return _fluorescent(*fluorophore, grid)
+        if target := named_in_palette(address, "reflectance", folder):
+            text, its_folder = target
             return reflectance(text, grid, folder=its_folder)
         return _from_file(os.fspath(Path(folder, name)), grid)
-    known = {n.casefold(): n for n in sample_tables()}
-    if folded not in known and ("*" in name or "+" in name):
+    names = {n.casefold(): n for n in sample_tables()}
+    if folded not in names and ("*" in name or "+" in name):
         return _mixed(name, grid)
-    if folded not in known:
+    if folded not in names:
         raise SpectrumError(
             f"reflectance {name!r} is unknown; {nearest(name, reflectance_names())}"
             f"other forms: grey:0.18, white, black, {FLUOROPHORE}:EGFP, longpass:500, {FILE_FORMS}",
             code="unknown",
         )
-    w, v = sample_tables()[known[folded]]
+    w, v = sample_tables()[names[folded]]
     try:
         values = extended_band_means(w, v, grid)
     except SpectrumError as error:
-        raise error.within(f"reflectance {known[folded]!r}") from None
-    return Spectrum(grid.wavelengths_nm, values, known[folded])
+        raise error.within(f"reflectance {names[folded]!r}") from None
+    return Spectrum(grid.wavelengths_nm, values, names[folded])
 
 
 def reflectance_names() -> tuple[str, ...]:
@@ -131,14 +131,14 @@ def _mixed(text: str, grid: SpectralGrid) -> Spectrum:
     """Return the weighted sum of named reflectances; a weight left out is 1."""
     total, mixed = 0.0, _flat("black", "0", grid)
     for part in text.split("+"):
-        name, star, given = part.rpartition("*")
+        name, star, digits = part.rpartition("*")
         try:
-            weight = read_number(given) if star else 1.0
+            weight = read_number(digits) if star else 1.0
         except ValueError:
             weight = np.nan
         if not 0 <= weight <= 1:
             raise SpectrumError(
-                f"reflectance {text!r}: weight {given!r} is not in 0..1; write NAME*0.5+NAME*0.5",
+                f"reflectance {text!r}: weight {digits!r} is not in 0..1; write NAME*0.5+NAME*0.5",
                 code="range",
             )
         total += weight
@@ -166,9 +166,9 @@ _FILTERS: Mapping[str, Callable[..., tuple[float, float]]] = {
 def _filter(name: str, kind: str, numbers: str, grid: SpectralGrid) -> Spectrum:
     """Return an ideal filter: 1 where it passes light, 0 elsewhere, in parts of bands."""
     try:
-        given = [read_number(number) for number in numbers.split("/")]
-        low, high = _FILTERS[kind](*given)
-        if not all(0 < number < np.inf for number in given):
+        nm = [read_number(number) for number in numbers.split("/")]
+        low, high = _FILTERS[kind](*nm)
+        if not all(0 < number < np.inf for number in nm):
             raise ValueError
     except (TypeError, ValueError):
         raise SpectrumError(
