@@ -61,9 +61,9 @@ def field_weights(cos: Array, spans: Array) -> tuple[Array, Array]:
     np.subtract(half, outer, out=parts[1])
     parts *= spans
     bounds = np.cos(np.radians([[INNER_DEG, OUTER_DEG], [OUTER_DEG, 90.0]]))
-    whole = 2.0 * math.pi * (bounds[:, :1] - bounds[:, 1:])
+    solid_angle = 2.0 * math.pi * (bounds[:, :1] - bounds[:, 1:])
     covered = parts.sum(axis=-1)
-    total = np.maximum(whole, covered)
+    total = np.maximum(solid_angle, covered)
     parts /= total[..., None]
     return parts, (total - covered) / total
 
@@ -88,7 +88,7 @@ class AdaptationGrid:
     edges: tuple[Indices, Indices]  # first row and column of each cell, and the picture's size
     spans: Array  # (N,) solid angles of the cells, row by row, sr
     parts: Array  # (2, K, N) and
-    rest: Array  # (2, K) `field_weights` of the cells around each line of sight
+    remainder: Array  # (2, K) `field_weights` of the cells around each line of sight
     nodes: tuple[int, int]  # (R, C): the K lines of sight are R rows of C
 
     @classmethod
@@ -124,18 +124,18 @@ class AdaptationGrid:
             for size, count in zip(shape, nodes, strict=True)
         ]
         lines, _ = directions_at(*ends)
-        parts, rest = np.empty((2, len(lines), len(spans))), np.empty((2, len(lines)))
+        parts, remainder = np.empty((2, len(lines), len(spans))), np.empty((2, len(lines)))
         for start in range(0, len(lines), _LINES):
             some = slice(start, start + _LINES)
-            parts[:, some], rest[:, some] = field_weights(lines[some] @ centres.T, spans)
-        return cls((rows, columns), spans, parts, rest, nodes)
+            parts[:, some], remainder[:, some] = field_weights(lines[some] @ centres.T, spans)
+        return cls((rows, columns), spans, parts, remainder, nodes)
 
-    def samples(self, most: int) -> tuple[Indices, Indices]:
-        """Return rows and columns that sample the picture: at most ``most`` per cell and axis."""
+    def samples(self, max_per_cell: int) -> tuple[Indices, Indices]:
+        """Return rows and columns that sample the picture: ``max_per_cell`` a cell and axis."""
 
         def spread(edges: Indices) -> Indices:
             sizes = np.diff(edges)
-            count = min(most, int(sizes.min()))
+            count = min(max_per_cell, int(sizes.min()))
             within = (np.arange(count) + 0.5) / count * sizes[:, None]
             return (edges[:-1, None] + within.astype(np.intp)).ravel()
 
@@ -160,7 +160,7 @@ class AdaptationGrid:
         ``cells`` (N,) is the mean Y of each cell, ``outside`` the mean Y outside of the picture.
         """
         # Not BLAS: its threads would wait for cores busy drawing, 0.2 to 12 ms instead of 1 ms.
-        Y_b, Y_A = np.einsum("kln,n->kl", self.parts, cells) + self.rest * outside
+        Y_b, Y_A = np.einsum("kln,n->kl", self.parts, cells) + self.remainder * outside
         return Y_b.reshape(self.nodes), Y_A.reshape(self.nodes)
 
 
@@ -178,8 +178,8 @@ def subdivide(field: Array, times: int) -> Array:
     return down @ field @ across.T
 
 
-def _linear_weights(at: Array, nodes: int) -> Array:
-    return np.maximum(1.0 - np.abs(at[:, None] - np.arange(nodes)), 0.0)
+def _linear_weights(positions: Array, nodes: int) -> Array:
+    return np.maximum(1.0 - np.abs(positions[:, None] - np.arange(nodes)), 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -207,9 +207,9 @@ class ViewTransformGrid:
         is to be measured. Raises ViewingError if the white has no lightness at some node.
         """
         model, L_A, Y_b = viewing.model, np.asarray(L_A), np.asarray(Y_b)
-        given = viewing.unmeasured()
+        unmeasured = viewing.unmeasured()
         complete = CamConditions.of_viewing(
-            replace(given, D=1.0, discount=False, L_A=0.0).conditions(white_XYZ), model
+            replace(unmeasured, D=1.0, discount=False, L_A=0.0).conditions(white_XYZ), model
         )
         white = np.array(complete.white_XYZ)
         if S_R is None or viewing.surround != "measured":
@@ -232,11 +232,11 @@ class ViewTransformGrid:
         achromatic = cam.compress(matrix @ white) @ k.ACHROMATIC
         # The node at which the white has the least lightness is refused if any node is.
         node = np.unravel_index(int(np.argmin(achromatic)), achromatic.shape)
-        least = replace(given, L_A=float(L_A[node]), Y_b=float(Y_b[node]))
+        darkest = replace(unmeasured, L_A=float(L_A[node]), Y_b=float(Y_b[node]))
         if S_R is not None:
-            least = replace(least, surround=float(S_R[node]))
+            darkest = replace(darkest, surround=float(S_R[node]))
         transform = CamTransform.for_viewing(
-            model, least.conditions(white_XYZ), viewing.display.conditions
+            model, darkest.conditions(white_XYZ), viewing.display.conditions
         )
         display = transform.display
         power = c * cam.lightness_exponent(n) / display.lightness_power
@@ -262,8 +262,8 @@ class ViewTransformGrid:
             pixels_from_nodes(nodes, pixels)
             for nodes, pixels in zip(self.numbers.shape[:2], size, strict=True)
         )
-        there = np.tensordot(down[rows], self.numbers, 1)
-        pixels = np.einsum("xc,ycn->yxn", across, there, optimize=True)
+        columns = np.tensordot(down[rows], self.numbers, 1)
+        pixels = np.einsum("xc,ycn->yxn", across, columns, optimize=True)
         split = pixels.reshape(*pixels.shape[:2], 3, 4)
         return replace(
             self.transform,

@@ -153,15 +153,15 @@ def reduce_chroma(
     move towards the display's white (see the module). Returns XYZ, unchanged inside of the gamut,
     and a mask of the colours mapped; Y = 100 for the display's white. Errors as `DisplayGamut.of`.
     """
-    given = triples("gamut.XYZ", XYZ)
+    colours = triples("gamut.XYZ", XYZ)
     gamut = DisplayGamut.of(conditions, space)
-    mapped = ~_is_inside(given @ gamut.RGB_from_XYZ.T, _ROUNDING)
-    shown = given.copy()
+    mapped = ~_is_inside(colours @ gamut.RGB_from_XYZ.T, _ROUNDING)
+    reduced = colours.copy()
     if mapped.any():
-        x, a, b = np.moveaxis(opponent_signals(given[mapped], conditions), -1, 0)
+        x, a, b = np.moveaxis(opponent_signals(colours[mapped], conditions), -1, 0)
         linear, _ = reduce_chroma_opponent(x, a, b, gamut, steps=_STEPS)
-        shown[mapped] = linear @ space.XYZ_from_RGB.T
-    return shown, mapped
+        reduced[mapped] = linear @ space.XYZ_from_RGB.T
+    return reduced, mapped
 
 
 def reduce_chroma_opponent(
@@ -184,16 +184,16 @@ def reduce_chroma_opponent(
     Colours ``slack`` outside of 0…1 count as inside; frames use `GAMUT_SLACK`. Returns linear RGB
     (..., 3) within -slack to 1 + slack, and a mask of the colours that were mapped.
     """
-    given = np.stack(np.broadcast_arrays(*(np.asarray(v, np.float64) for v in (achromatic, a, b))))
-    signals = np.where(given[0] > 0.0, given, 0.0)
+    inputs = np.stack(np.broadcast_arrays(*(np.asarray(v, np.float64) for v in (achromatic, a, b))))
+    signals = np.where(inputs[0] > 0.0, inputs, 0.0)
     matrix = gamut.linear_from_response
     linear = _linear(np.moveaxis(signals, 0, -1), matrix)
     mapped = ~_is_inside(linear, slack)
     x = np.minimum(signals[0], gamut.top)
     over = np.maximum(x - gamut.knee, 0.0)
     grey = np.stack([x, over * gamut.knee_slope[0], over * gamut.knee_slope[1]], axis=-1)
-    way = np.stack([x, signals[1], signals[2]], axis=-1) - grey
-    R0, R1 = grey @ k.RESPONSE_FROM_OPPONENT.T, way @ k.RESPONSE_FROM_OPPONENT.T
+    ray = np.stack([x, signals[1], signals[2]], axis=-1) - grey
+    R0, R1 = grey @ k.RESPONSE_FROM_OPPONENT.T, ray @ k.RESPONSE_FROM_OPPONENT.T
     s, step = np.zeros(x.shape), 0.5
     for _ in range(steps):
         tried = expand(R0 + (s + step)[..., None] * R1) @ matrix.T
@@ -238,11 +238,11 @@ class Screen:
 
         Y = 100 for the display's white; chroma is reduced if the screen has a gamut.
         """
-        given = triples("screen.XYZ", XYZ)
-        linear = given @ self.RGB_from_XYZ.T
+        colours = triples("screen.XYZ", XYZ)
+        linear = colours @ self.RGB_from_XYZ.T
         outside = np.any((linear < -GAMUT_SLACK) | (linear > 1.0 + GAMUT_SLACK), axis=-1)
         if self.gamut is not None and outside.any():
-            x, a, b = opponent_signals(given[outside], self.gamut.conditions).T
+            x, a, b = opponent_signals(colours[outside], self.gamut.conditions).T
             linear[outside], _ = reduce_chroma_opponent(x, a, b, self.gamut, slack=GAMUT_SLACK)
         return linear, np.asarray(outside)
 

@@ -152,15 +152,15 @@ class Lut3D:
         adapted = scene @ self.space.adapted_from_XYZ.T
         if self.fallback is None:
             adapted = adapted * (TOP / np.maximum(adapted.max(axis=-1, keepdims=True), TOP))
-        at = np.clip(signed_power(adapted, AXIS_POWER) / STEP + NODES_BELOW, 0.0, NODES - 1.0)
-        places = np.moveaxis(at[..., ::-1], -1, 0)
+        nodes = np.clip(signed_power(adapted, AXIS_POWER) / STEP + NODES_BELOW, 0.0, NODES - 1.0)
+        places = np.moveaxis(nodes[..., ::-1], -1, 0)
         codes = [map_coordinates(self.codes[..., i], places, order=1) for i in range(3)]
         linear = self.space.space.decode(np.stack(codes, axis=-1))
-        shown: Array = linear @ np.linalg.inv(self.space.space.RGB_from_XYZ).T
+        displayed: Array = linear @ np.linalg.inv(self.space.space.RGB_from_XYZ).T
         if self.fallback is None:
-            return shown
+            return displayed
         valid = map_coordinates(self.valid, places, order=1) > ALL_VALID
-        return np.where(valid[..., None], shown, self.fallback.apply(scene))
+        return np.where(valid[..., None], displayed, self.fallback.apply(scene))
 
 
 def _bake(transform: ViewTransform, space: LutSpace, adapted: Array) -> NDArray[np.float32]:
@@ -224,7 +224,7 @@ class LutCache:
 
     def __contains__(self, key: LutKey) -> bool:
         with self._lock:
-            return any(own == key for own, _ in self._cached)
+            return any(cached == key for cached, _ in self._cached)
 
     def texels(self, key: LutKey, cancel: Callable[[], bool] | None = None) -> NDArray[np.float32]:
         """Return (NODES, NODES, NODES, 4): a LUT's codes and validity; baked if not cached.
@@ -232,13 +232,13 @@ class LutCache:
         See `Lut3D.of` for ``cancel`` and errors; a cancelled LUT is not cached.
         """
         with self._lock:
-            found = next((texels for own, texels in self._cached if own == key), None)
-        if found is None:
-            found = _bake_texels(key, cancel)
+            lut = next((texels for cached, texels in self._cached if cached == key), None)
+        if lut is None:
+            lut = _bake_texels(key, cancel)
         with self._lock:
-            rest = [pair for pair in self._cached if pair[0] != key]
-            self._cached = [*rest, (key, found)][-MAX_LUTS:]
-        return found
+            kept = [pair for pair in self._cached if pair[0] != key]
+            self._cached = [*kept, (key, lut)][-MAX_LUTS:]
+        return lut
 
 
 def _bake_texels(key: LutKey, cancel: Callable[[], bool] | None) -> NDArray[np.float32]:

@@ -91,8 +91,8 @@ def measured_conditions(
     elsewhere = _outside_or_mean(outside, picture.ravel(), spans)
     line = np.array([(x - (width - 1) / 2) * scale, (y - (height - 1) / 2) * scale, 1.0])
     cos = directions @ (line / np.linalg.norm(line))
-    parts, rest = field_weights(cos.reshape(1, -1), spans)
-    Y_b, Y_A = parts @ picture.ravel() + rest * elsewhere
+    parts, remainder = field_weights(cos.reshape(1, -1), spans)
+    Y_b, Y_A = parts @ picture.ravel() + remainder * elsewhere
     L_A = float(Y_A[0]) / float(white[1]) * luminance_of_white
     if surround is None:
         surround = min(L_A / luminance_of_white, 1.0)
@@ -139,15 +139,15 @@ def _factors(Y: ArrayLike) -> Array:
     return np.maximum(picture, 0.0)
 
 
-def _pixel(at: tuple[float, float] | None, shape: tuple[int, int]) -> tuple[float, float]:
+def _pixel(pixel: tuple[float, float] | None, shape: tuple[int, int]) -> tuple[float, float]:
     """Return the pixel looked at, (x, y)."""
     height, width = shape
-    if at is None:
+    if pixel is None:
         return (width - 1) / 2, (height - 1) / 2
-    x, y = at
+    x, y = pixel
     if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
         raise ViewingError.refused(
-            "measured.at", at, f"expected a pixel within {width} × {height}", "range"
+            "measured.at", pixel, f"expected a pixel within {width} × {height}", "range"
         )
     return float(x), float(y)
 

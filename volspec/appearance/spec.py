@@ -220,19 +220,19 @@ class Viewing:
 
     def _require_given(self, name: str, measured: bool) -> None:
         if measured:
-            given = getattr(self, name)
+            value = getattr(self, name)
             default = getattr(self.unmeasured(), name)
             raise ViewingError(
-                f"{given!r}, so there are no conditions without a picture",
+                f"{value!r}, so there are no conditions without a picture",
                 f'relight one, or set {name} = "{default}"',
                 code="conflict",
                 field=f"Viewing.{name}",
-                given=given,
+                given=value,
             )
 
 
 def require_angle(name: str, value: float) -> None:
     """Raise ViewingError unless the value is a field of view."""
-    least, most = FIELDS_OF_VIEW_DEG
-    if not least <= value <= most:
+    low, high = FIELDS_OF_VIEW_DEG
+    if not low <= value <= high:
         raise ViewingError.refused(name, value, f"give {expected(FieldOfView)}", "range")

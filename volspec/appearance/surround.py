@@ -101,10 +101,10 @@ def surround_at(surround: SurroundOrRatio) -> Surround:
 def surrounds_at(ratios: ArrayLike) -> tuple[Array, Array, Array]:
     """Return the factors F, c and N_c of surrounds by their ratios, each of the ratios' shape."""
     names = sorted(SURROUNDS, key=SURROUND_RATIOS.__getitem__)
-    known = [SURROUND_RATIOS[name] for name in names]
-    given = np.asarray(ratios, dtype=np.float64)
+    nodes = [SURROUND_RATIOS[name] for name in names]
+    x = np.asarray(ratios, dtype=np.float64)
     factors = np.array([SURROUNDS[name] for name in names])
-    F, c, N_c = (np.asarray(np.interp(given, known, factor)) for factor in factors.T)
+    F, c, N_c = (np.asarray(np.interp(x, nodes, factor)) for factor in factors.T)
     return F, c, N_c
 
 
@@ -176,21 +176,21 @@ class ViewingConditions:
         refuse_two_degrees(self.D, self.discount)
 
     @classmethod
-    def of_lux(cls, white_XYZ: Triple, illuminance_lux: float, **others: Any) -> ViewingConditions:
+    def of_lux(cls, white_XYZ: Triple, illuminance_lux: float, **fields: Any) -> ViewingConditions:
         """Make the conditions under a light of E_v lux: L_A = E_v/π · Y_b/Y_w."""
         if not (math.isfinite(illuminance_lux) and illuminance_lux > 0.0):
             remedy = f"give {expected(Illuminance)}"
             raise ViewingError.refused("illuminance_lux", illuminance_lux, remedy, "range")
-        dark = cls(white_XYZ, 0.0, **others, white_cd_m2=illuminance_lux / math.pi)
+        dark = cls(white_XYZ, 0.0, **fields, white_cd_m2=illuminance_lux / math.pi)
         return replace(dark, L_A=illuminance_lux / math.pi * dark.Y_b / dark.white_XYZ[1])
 
     @property
     def white_luminance(self) -> float:
         """Luminance of the white, cd/m², within 0.01 to 1e6."""
-        given = self.white_cd_m2
-        if given is None:
-            given = self.L_A * self.white_XYZ[1] / max(self.Y_b, 1e-4 * self.white_XYZ[1])
-        return min(max(given, _WHITE_CD_M2[0]), _WHITE_CD_M2[1])
+        luminance = self.white_cd_m2
+        if luminance is None:
+            luminance = self.L_A * self.white_XYZ[1] / max(self.Y_b, 1e-4 * self.white_XYZ[1])
+        return min(max(luminance, _WHITE_CD_M2[0]), _WHITE_CD_M2[1])
 
     @property
     def factors(self) -> Surround:

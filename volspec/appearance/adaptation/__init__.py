@@ -118,9 +118,9 @@ def outside(XYZ: ArrayLike, transform: ViewTransform) -> NDArray[np.bool_]:
         If the last axis is not 3.
     """
     colours = triples("adaptation.XYZ", XYZ)
-    lost = ~np.isfinite(colours).all(axis=-1)
+    undefined = ~np.isfinite(colours).all(axis=-1)
     if isinstance(transform, CurveTransform):
         with np.errstate(invalid="ignore"):
             base = colours @ transform.response_from_XYZ.T + transform.shift
-        lost |= (base < 0.0).any(axis=-1)
-    return np.asarray(lost, dtype=np.bool_)
+        undefined |= (base < 0.0).any(axis=-1)
+    return np.asarray(undefined, dtype=np.bool_)

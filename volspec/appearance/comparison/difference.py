@@ -63,8 +63,8 @@ def XYZ_from_cam16_ucs(Jab: ArrayLike, conditions: ViewingConditions) -> Array:
 
 def delta_E_CAM16(one: ArrayLike, other: ArrayLike) -> Array:
     """Return (...) distances between (..., 3) J', a', b'."""
-    apart = triples("CAM16-UCS", one) - triples("CAM16-UCS", other)
-    return np.asarray(np.linalg.norm(apart, axis=-1))
+    difference = triples("CAM16-UCS", one) - triples("CAM16-UCS", other)
+    return np.asarray(np.linalg.norm(difference, axis=-1))
 
 
 def uniform(name: str, XYZ: ArrayLike, white_XYZ: ArrayLike) -> Array:

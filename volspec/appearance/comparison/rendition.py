@@ -138,7 +138,7 @@ def colour_rendition(spectrum: Spectrum) -> Rendition | None:
     name = "planck" if near.kelvin < _DAYLIGHT_K else "daylight"
     R = _rendering_indices(spectrum, light(f"{name}:{near.kelvin!r}", RENDITION_GRID))
     Jab, reference = (
-        _uniform_colours(each) for each in (spectrum, rendition_reference(near.kelvin))
+        _uniform_colours(source) for source in (spectrum, rendition_reference(near.kelvin))
     )
     differences = np.linalg.norm(Jab - reference, axis=1)
     hues = np.arctan2(reference[:, 2], reference[:, 1]) % (2.0 * np.pi)
@@ -146,7 +146,7 @@ def colour_rendition(spectrum: Spectrum) -> Rendition | None:
     members = [bins == number for number in range(HUE_BINS)]
     test, centres = (np.array([X[m, 1:].mean(0) for m in members]) for X in (Jab, reference))
     middle = (np.arange(HUE_BINS) + 0.5) * (2.0 * np.pi / HUE_BINS)
-    outwards, along = (
+    outwards, tangential = (
         np.stack([np.cos(middle), np.sin(middle)], axis=1),
         np.stack([-np.sin(middle), np.cos(middle)], axis=1),
     )
@@ -161,14 +161,14 @@ def colour_rendition(spectrum: Spectrum) -> Rendition | None:
         centres,
         _fidelity(np.array([differences[m].mean() for m in members])),
         (shift * outwards).sum(1),
-        (shift * along).sum(1),
+        (shift * tangential).sum(1),
     )
 
 
 def rendition_reference(kelvin: float) -> Spectrum:
     """Return the reference of R_f, R_g: Planck to 4000 K, daylight from 5000 K, mixed between."""
-    share = min(max((kelvin - _MIXED_K) / (_DAYLIGHT_K - _MIXED_K), 0.0), 1.0)
-    parts = {"planck": 1.0 - share, "daylight": share}
+    fraction = min(max((kelvin - _MIXED_K) / (_DAYLIGHT_K - _MIXED_K), 0.0), 1.0)
+    parts = {"planck": 1.0 - fraction, "daylight": fraction}
     # Both have a V-weighted mean of 1, so shares are of the luminance.
     spectra = [light(f"{n}:{kelvin!r}", RENDITION_GRID) * part for n, part in parts.items() if part]
     name = "+".join(f"{n}:{kelvin:.0f}*{part:.2f}" for n, part in parts.items() if part)
@@ -185,10 +185,10 @@ def _samples(space: str) -> Array:
 def _uniform_colours(spectrum: Spectrum) -> Array:
     """Return J', a', b' (99, 3) of CAM02-UCS under a light, for the 10 degree observer [2]."""
     conditions = CamConditions.of(white_XYZ(spectrum, 10), L_A=100.0, Y_b=20.0, D=1.0)
-    seen = forward(XYZ_from_spectra(spectrum, _samples("CES"), 10), conditions)
-    assert seen.M is not None
-    M = np.log1p(0.0228 * seen.M) / 0.0228
-    J, h = 1.7 * seen.J / (1.0 + 0.007 * seen.J), np.radians(seen.h)
+    appearance = forward(XYZ_from_spectra(spectrum, _samples("CES"), 10), conditions)
+    assert appearance.M is not None
+    M = np.log1p(0.0228 * appearance.M) / 0.0228
+    J, h = 1.7 * appearance.J / (1.0 + 0.007 * appearance.J), np.radians(appearance.h)
     return np.stack([J, M * np.cos(h), M * np.sin(h)], axis=1)
 
 
@@ -203,16 +203,16 @@ def _area(polygon: Array) -> float:
 
 def _rendering_indices(test: Spectrum, reference: Spectrum) -> Array:
     """Return R_1 to R_14 [1]: CIE 1964 U*V*W*, and von Kries' adaptation in CIE 1960 u, v."""
-    (u_k, v_k), (u_r, v_r) = (_uv(white_XYZ(each)) for each in (test, reference))
+    (u_k, v_k), (u_r, v_r) = (_uv(white_XYZ(source)) for source in (test, reference))
     XYZ = XYZ_from_spectra(test, _samples("TCS 1995"))
     u, v = np.moveaxis(_uv(XYZ), -1, 0)
     c = _c(u, v) * _c(u_r, v_r) / _c(u_k, v_k)
     d = _d(u, v) * _d(u_r, v_r) / _d(u_k, v_k)
     below = 16.518 + 1.481 * c - d
     adapted = np.stack([(10.872 + 0.404 * c - 4.0 * d) / below, 5.520 / below], axis=-1)
-    wanted = XYZ_from_spectra(reference, _samples("TCS 1995"))
+    target = XYZ_from_spectra(reference, _samples("TCS 1995"))
     colours = [
-        _UVW(uv, Y, (u_r, v_r)) for uv, Y in ((adapted, XYZ[:, 1]), (_uv(wanted), wanted[:, 1]))
+        _UVW(uv, Y, (u_r, v_r)) for uv, Y in ((adapted, XYZ[:, 1]), (_uv(target), target[:, 1]))
     ]
     return np.asarray(100.0 - 4.6 * np.linalg.norm(colours[0] - colours[1], axis=1))
 
@@ -243,10 +243,10 @@ def similarity_reference(kelvin: float) -> str | None:
     >>> similarity_reference(3200.4), similarity_reference(5600)
     ('planck:3200', 'daylight:5600')
     """
-    whole = round(kelvin)
-    if whole > _COOLEST_DAYLIGHT_K:
+    rounded = round(kelvin)
+    if rounded > _COOLEST_DAYLIGHT_K:
         return None
-    return f"{'planck' if whole < _WARMEST_DAYLIGHT_K else 'daylight'}:{whole}"
+    return f"{'planck' if rounded < _WARMEST_DAYLIGHT_K else 'daylight'}:{rounded}"
 
 
 def spectral_similarity(test: Spectrum, reference: Spectrum) -> float:
@@ -358,18 +358,18 @@ def metamerism(one: Spectrum, other: Spectrum, reference: Spectrum, test: Spectr
     before = XYZ_from_spectra(reference, pair)
     scale = before[0] / np.maximum(before[1], 1e-9)
 
-    def apart(lamp: Spectrum, observer: Observer) -> float:
+    def difference(lamp: Spectrum, observer: Observer) -> float:
         XYZ = XYZ_from_spectra(lamp, pair, observer)
         XYZ[1] *= scale
         return _delta_E(XYZ, white_XYZ(lamp, observer))
 
     weights = (colour_matching_functions(RENDITION_GRID) ** 2).sum(0)
-    others: tuple[Observer, ...] = (10, "CIE 2015 2", "CIE 2015 10")
+    observers: tuple[Observer, ...] = (10, "CIE 2015 2", "CIE 2015 10")
     return Metamerism(
         _delta_E(before, white_XYZ(reference)),
         float(np.sqrt(weights @ (factors[0] - factors[1]) ** 2 / weights.sum())),
-        apart(test, 2),
-        {observer: apart(reference, observer) for observer in others},
+        difference(test, 2),
+        {observer: difference(reference, observer) for observer in observers},
     )
 
 

@@ -135,8 +135,8 @@ def severity_steps(space: ColourSpace) -> Mapping[str, SeveritySteps]:
     sRGB_from_RGB = sRGB.RGB_from_XYZ @ adapted @ space.XYZ_from_RGB
     steps = {}
     for name, maps in (("protan", _PROTAN), ("deutan", _DEUTAN)):
-        own: Array = np.linalg.inv(sRGB_from_RGB) @ maps @ sRGB_from_RGB
-        steps[name] = SeveritySteps(own, own, np.zeros(3))
+        converted: Array = np.linalg.inv(sRGB_from_RGB) @ maps @ sRGB_from_RGB
+        steps[name] = SeveritySteps(converted, converted, np.zeros(3))
     return MappingProxyType(steps | {"tritan": _tritan(space)})
 
 
@@ -148,8 +148,8 @@ def _tritan(space: ColourSpace) -> SeveritySteps:
         # The plane's normal is orthogonal to white and anchor; S follows from L and M.
         L, M, S = np.cross(white, _CONES_FROM_XYZ @ XYZ)
         projection = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-L / S, -M / S, 0.0]])
-        own: Array = np.linalg.inv(cones_from_RGB) @ projection @ cones_from_RGB
-        return own
+        converted: Array = np.linalg.inv(cones_from_RGB) @ projection @ cones_from_RGB
+        return converted
 
     # Redder than white (L/M above the white's): towards 660 nm, else towards 485 nm.
     plane = np.array([white[1], -white[0], 0.0]) @ cones_from_RGB

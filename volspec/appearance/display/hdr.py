@@ -156,23 +156,23 @@ class Hdr:
         linear = triples("hdr.XYZ", XYZ) @ SPACES["Rec. 2020"].RGB_from_XYZ.T
         linear = np.maximum(np.nan_to_num(linear, nan=0.0), 0.0)
         # At constant chromaticity, so that a bright red does not become yellow.
-        most = linear.max(axis=-1, keepdims=True)
-        linear *= self.headroom / np.maximum(most, self.headroom)
+        maximum = linear.max(axis=-1, keepdims=True)
+        linear *= self.headroom / np.maximum(maximum, self.headroom)
         if self.transfer == "PQ":
             return pq_encode(linear * (self.white_cd_m2 / PQ_PEAK))
-        shown = linear / self.headroom
-        Y = shown @ _LUMA
-        lit = np.where(Y > 0.0, Y, 1.0) ** ((1.0 - self._system_gamma) / self._system_gamma)
-        scene = shown * lit[..., None]
+        relative = linear / self.headroom
+        Y = relative @ _LUMA
+        gain = np.where(Y > 0.0, Y, 1.0) ** ((1.0 - self._system_gamma) / self._system_gamma)
+        scene = relative * gain[..., None]
         # The signal's end dims what is both saturated and bright.
         return hlg_encode(scene / np.maximum(scene.max(axis=-1, keepdims=True), 1.0))
 
     def luminances(self, codes: ArrayLike) -> Array:
         """Return (..., 3) luminances of red, green and blue, cd/m²: the inverse of `codes`."""
-        given = triples("hdr.codes", codes)
+        signal = triples("hdr.codes", codes)
         if self.transfer == "PQ":
-            return pq_decode(given) * PQ_PEAK
-        scene = hlg_decode(given)
+            return pq_decode(signal) * PQ_PEAK
+        scene = hlg_decode(signal)
         Y = scene @ _LUMA
         return scene * (self.peak_cd_m2 * Y[..., None] ** (self._system_gamma - 1.0))
 

@@ -121,17 +121,17 @@ class Display:
     @staticmethod
     def from_table(table: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:
         """Complete a file's table from its preset; a profile's path is relative to ``folder``."""
-        given = dict(table)
+        fields = dict(table)
         try:
-            room = preset(given.pop("preset", "sRGB")).display()
+            room = preset(fields.pop("preset", "sRGB")).display()
         except ViewingError as error:
             raise error.at("preset") from None
-        if "white_cd_m2" in given and "L_A" not in given:
-            given["L_A"] = None
-        space = given.get("space")
+        if "white_cd_m2" in fields and "L_A" not in fields:
+            fields["L_A"] = None
+        space = fields.get("space")
         if isinstance(space, str) and is_profile(space):
-            given["space"] = (folder or Path()) / space
-        return {key: getattr(room, key) for key in ROOM} | given
+            fields["space"] = (folder or Path()) / space
+        return {key: getattr(room, key) for key in ROOM} | fields
 
     def to_table(self) -> dict[str, Any]:
         """Return the table for a file, with a preset's name or the numbers."""
@@ -139,10 +139,10 @@ class Display:
         if isinstance(self.space, ColourSpace):
             table["space"] = plain(self.space)
         table = {key: value for key, value in table.items() if key not in ROOM}
-        rooms = {name: each.display() for name, each in PRESETS.items()}
-        own = [getattr(self, key) for key in ROOM]
+        rooms = {name: entry.display() for name, entry in PRESETS.items()}
+        values = [getattr(self, key) for key in ROOM]
         for name, room in rooms.items():
-            if own == [getattr(room, key) for key in ROOM]:
+            if values == [getattr(room, key) for key in ROOM]:
                 return ({"preset": name} if name != "sRGB" else {}) | table
         usual = Display()
         has_white = self.L_A is None or self.white_cd_m2 != usual.white_cd_m2
@@ -211,8 +211,8 @@ class Preset:
 
     def conditions(self, white_XYZ: Triple) -> ViewingConditions:
         """Make the conditions of a scene, under a white with Y = 100."""
-        given = (white_XYZ, self.L_A, self.Y_b, self.surround)
-        return ViewingConditions(*given, white_cd_m2=self.white_luminance)
+        values = (white_XYZ, self.L_A, self.Y_b, self.surround)
+        return ViewingConditions(*values, white_cd_m2=self.white_luminance)
 
 
 _FIFTH = "a fifth of the white's"
@@ -229,8 +229,8 @@ def _preset(
 ) -> Preset:
     """Make a preset; sources are for the white, the surround, L_A and Y_b, in this order."""
     luminance = 0.2 * white if L_A is None else L_A
-    every = (*sources, *(_FIFTH, _GREY)[len(sources) - 2 :])
-    return Preset(name, luminance, 20.0, surround, white, space, Sources(*every))
+    all_sources = (*sources, *(_FIFTH, _GREY)[len(sources) - 2 :])
+    return Preset(name, luminance, 20.0, surround, white, space, Sources(*all_sources))
 
 
 # fmt: off

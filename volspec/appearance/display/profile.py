@@ -91,10 +91,10 @@ def _read(path: Path) -> bytes:
     if len(data) < 132 or data[36:40] != b"acsp":
         raise ViewingError("not an ICC profile; give a display's .icc file", code="damaged")
     for start, (name, expected) in _HEADER.items():
-        found = data[start : start + 4]
-        if found != expected:
+        actual = data[start : start + 4]
+        if actual != expected:
             raise ViewingError(
-                f"the profile's {name} is {found.decode('latin-1').strip()!r}, not "
+                f"the profile's {name} is {actual.decode('latin-1').strip()!r}, not "
                 f"{expected.decode().strip()!r}",
                 "give a display's matrix profile",
                 code="unsupported",

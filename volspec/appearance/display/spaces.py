@@ -317,6 +317,6 @@ def spectrum_colours(wavelengths_nm: ArrayLike) -> Array:
     linear = linear_sRGB_from_XYZ(100 * XYZ)
     # Add a little grey, so that no channel starts from black with a visible edge.
     linear = linear - linear.min(axis=-1, keepdims=True).clip(max=0) + 0.12 * XYZ[:, 1:2]
-    at = np.asarray(wavelengths_nm, dtype=np.float64)
-    columns = [np.interp(at, _VISIBLE.wavelengths_nm, column, 0, 0) for column in linear.T]
+    nm = np.asarray(wavelengths_nm, dtype=np.float64)
+    columns = [np.interp(nm, _VISIBLE.wavelengths_nm, column, 0, 0) for column in linear.T]
     return encode_sRGB(np.stack(columns, axis=-1) * (0.7 / linear.max()))

@@ -83,7 +83,7 @@ class Model(Protocol):
 
 def broadcast(name: str, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> tuple[Array, Array, Array]:
     """Return J, C and h as float64, broadcast to one shape; raise ShapeError if they cannot be."""
-    values = [np.asarray(each, dtype=np.float64) for each in (J, C, h)]
+    values = [np.asarray(value, dtype=np.float64) for value in (J, C, h)]
     try:
         J, C, h = np.broadcast_arrays(*values)
     except ValueError as error:

@@ -219,8 +219,8 @@ class CamConditions:
     def chroma_gain(self, display: CamConditions) -> float:
         """Return κ of `CamTransform`, from these conditions to a display's."""
         if self.model == HELLWIG_2022:  # C is proportional to N_c √(a² + b²) / w
-            own, other = (eye.surround.N_c / eye.white_achromatic for eye in (self, display))
-            return own / other
+            scene, target = (eye.surround.N_c / eye.white_achromatic for eye in (self, display))
+            return scene / target
         chroma = (self.chroma_scale / display.chroma_scale) ** (1.0 / k.CHROMA_POWER)
         return chroma * self.eccentricity_scale / display.eccentricity_scale
 
@@ -293,7 +293,7 @@ class CamTransform:
         cls, model: str, source: ViewingConditions, target: ViewingConditions
     ) -> CamTransform:
         """Make the transform between viewing conditions, by a model of `CamConditions`."""
-        scene, display = (CamConditions.of_viewing(each, model) for each in (source, target))
+        scene, display = (CamConditions.of_viewing(view, model) for view in (source, target))
         return cls.between(scene, display)
 
     @property
@@ -312,7 +312,7 @@ class CamTransform:
         else:
             responses = compress(np.einsum("...ij,...j", self.response_from_XYZ, XYZ))
         achromatic = responses @ k.ACHROMATIC
-        lit = achromatic > 0.0
+        positive = achromatic > 0.0
         achromatic = np.maximum(achromatic, 0.0)
         a, b = responses @ k.OPPONENT_A, responses @ k.OPPONENT_B
         p2 = achromatic + k.ACHROMATIC_NOISE
@@ -320,11 +320,11 @@ class CamTransform:
             self.display_achromatic * (achromatic / self.scene_achromatic) ** self.lightness_power
         )
         if self.is_proportional:
-            chroma = np.where(lit, self.chroma_gain, 0.0)
+            chroma = np.where(positive, self.chroma_gain, 0.0)
         else:
             skew = (self.chroma_gain - 1.0) * (k.CHROMA_SKEW[0] * a + k.CHROMA_SKEW[1] * b)
             chroma = self.chroma_gain * (display + k.ACHROMATIC_NOISE)
-            chroma = np.where(lit, chroma / np.maximum(p2 + skew, k.CHROMA_FLOOR * p2), 0.0)
+            chroma = np.where(positive, chroma / np.maximum(p2 + skew, k.CHROMA_FLOOR * p2), 0.0)
         opponent = np.stack([display, chroma * a, chroma * b], axis=-1)
         return expand(opponent @ k.RESPONSE_FROM_OPPONENT.T) @ self.XYZ_from_response.T
 
@@ -379,8 +379,8 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: CamConditions)
     or more chromatic than the responses can represent.
     """
     J, C, h = broadcast(conditions.model, J, C, h)
-    lit = J > 0.0
-    level = np.where(lit, J, 1.0) / 100.0
+    positive = J > 0.0
+    level = np.where(positive, J, 1.0) / 100.0
     cos_h, sin_h = np.cos(np.radians(h)), np.sin(np.radians(h))
     t = np.maximum(C, 0.0) / (np.sqrt(level) * conditions.chroma_scale)
     t = t ** (1.0 / k.CHROMA_POWER)
@@ -393,13 +393,13 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: CamConditions)
     chroma = t * p2 / np.maximum(under, k.CHROMA_FLOOR * p1)
     opponent = np.stack([achromatic, chroma * cos_h, chroma * sin_h], axis=-1)
     compressed = opponent @ k.RESPONSE_FROM_OPPONENT.T
-    known = (under > _MIN_UNDER * p1) & np.all(np.abs(compressed) <= MAX_RESPONSE, axis=-1)
+    valid = (under > _MIN_UNDER * p1) & np.all(np.abs(compressed) <= MAX_RESPONSE, axis=-1)
     XYZ_from_response = np.linalg.inv(conditions.response_from_XYZ())
     scale = k.RESPONSE_HALF ** (1.0 / k.RESPONSE_POWER)
-    XYZ = np.where(known[..., None], expand(compressed) @ XYZ_from_response.T * scale, np.nan)
+    XYZ = np.where(valid[..., None], expand(compressed) @ XYZ_from_response.T * scale, np.nan)
     unlit = np.where((J == 0.0) & (C <= 0.0), 0.0, np.nan)
-    XYZ = np.where(lit[..., None], XYZ, unlit[..., None])
-    return only_defined(XYZ, J, C, h, lambda each: forward(each, conditions))
+    XYZ = np.where(positive[..., None], XYZ, unlit[..., None])
+    return only_defined(XYZ, J, C, h, lambda XYZ: forward(XYZ, conditions))
 
 
 @dataclass(frozen=True, slots=True)

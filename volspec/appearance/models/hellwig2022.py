@@ -87,7 +87,7 @@ def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
 def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
     """Return the XYZ of a lightness, chroma and hue, in closed form; NaN if there is none."""
     XYZ = continued(J, C, h, conditions)
-    return only_defined(XYZ, J, C, h, lambda each: forward(each, conditions))
+    return only_defined(XYZ, J, C, h, lambda XYZ: forward(XYZ, conditions))
 
 
 def continued(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
@@ -101,8 +101,8 @@ def continued(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingCondi
     compressed = opponent @ k.RESPONSE_FROM_OPPONENT.T
     scale = k.RESPONSE_HALF ** (1.0 / k.RESPONSE_POWER)
     XYZ = expand(compressed) @ np.linalg.inv(eye.response_from_XYZ()).T * scale
-    known = (J >= 0.0) & np.all(np.abs(compressed) <= MAX_RESPONSE, axis=-1)
-    return np.where(known[..., None], XYZ, np.nan)
+    valid = (J >= 0.0) & np.all(np.abs(compressed) <= MAX_RESPONSE, axis=-1)
+    return np.where(valid[..., None], XYZ, np.nan)
 
 
 def view_transform(source: ViewingConditions, target: ViewingConditions) -> CamTransform:

@@ -220,8 +220,8 @@ def _induction(background: Array, settings: HuntSettings) -> Array:
     if settings.proximal_XYZ is not None:
         proximal = k.HPE_FROM_XYZ @ np.asarray(settings.proximal_XYZ)
     p, ratio = settings.p, proximal / background
-    towards, away = (1.0 - p) * ratio + (1.0 + p) / ratio, (1.0 + p) * ratio + (1.0 - p) / ratio
-    return signed_power(towards / away, 0.5)
+    above, below = (1.0 - p) * ratio + (1.0 + p) / ratio, (1.0 + p) * ratio + (1.0 - p) / ratio
+    return signed_power(above / below, 0.5)
 
 
 NORMAL = HuntSettings()
@@ -271,19 +271,19 @@ def _white(eye: HuntConditions) -> tuple[Array, Array]:
 
 def _background(A_w: Array, eye: HuntConditions, settings: HuntSettings) -> Array:
     """Return Q_b; the background, too, passes through the whole model."""
-    given = settings.background_XYZ
-    XYZ = np.asarray(eye.white_XYZ) * eye.n if given is None else np.asarray(given, np.float64)
+    field = settings.background_XYZ
+    XYZ = np.asarray(eye.white_XYZ) * eye.n if field is None else np.asarray(field, np.float64)
     _, _, M_b, A_b = _signals(XYZ, XYZ[1] / eye.Y_w, eye)
     return _brightness(A_b + M_b / 100.0, A_w, eye)
 
 
-def _scotopic(S: ArrayLike, like: Array) -> Array:
+def _scotopic(S: ArrayLike, colours: Array) -> Array:
     """Return S / S_w, one for each colour."""
     try:
-        return np.broadcast_to(np.asarray(S, dtype=np.float64), like.shape)
+        return np.broadcast_to(np.asarray(S, dtype=np.float64), colours.shape)
     except (TypeError, ValueError):
         raise ShapeError.refused(
-            "Hunt.S", S, f"expected one number, or one for each of the colours {like.shape}"
+            "Hunt.S", S, f"expected one number, or one for each of the colours {colours.shape}"
         ) from None
 
 
@@ -340,7 +340,7 @@ def inverse(
     NaN if no `defined` XYZ has this appearance. (Black has some lightness.)
     """
     XYZ = continued(J, C, h, conditions, settings, S)
-    return only_defined(XYZ, J, C, h, lambda each: forward(each, conditions, settings, S))
+    return only_defined(XYZ, J, C, h, lambda XYZ: forward(XYZ, conditions, settings, S))
 
 
 def continued(
@@ -368,8 +368,8 @@ def continued(
         skew = sums[1] * np.cos(angle) + sums[2] * np.sin(angle)
         m = _chromatic(h, eye)
         kappa = s * sums[0] / (50.0 * m - s * skew)
-    known = np.isfinite(kappa) & (kappa >= 0.0) & np.isfinite(response)
-    kappa = np.where(known, kappa, 0.0)
+    valid = np.isfinite(kappa) & (kappa >= 0.0) & np.isfinite(response)
+    kappa = np.where(valid, kappa, 0.0)
     opponent = np.stack([np.ones_like(h), kappa * np.cos(angle), kappa * np.sin(angle)], axis=-1)
     direction = opponent @ k.RESPONSE_FROM_OPPONENT.T
     XYZ_from_cones = np.linalg.inv(k.HPE_FROM_XYZ)
@@ -388,6 +388,6 @@ def continued(
     # Upper bound: without the rods the cones alone make the brightness. (Rounded up for black.)
     cones_alone = response - _achromatic(np.zeros_like(h), np.zeros_like(h), eye)
     cones_alone = np.maximum(cones_alone / (eye.N_bb + m * kappa / 100.0), 0.0) * (1.0 + 1e-9)
-    most = np.minimum(cones_alone, eye.largest_A_c(direction))
-    A_c = find_root(excess, np.zeros_like(h), most)
-    return np.where((known & np.isfinite(A_c))[..., None], XYZ_at(A_c), np.nan)
+    upper = np.minimum(cones_alone, eye.largest_A_c(direction))
+    A_c = find_root(excess, np.zeros_like(h), upper)
+    return np.where((valid & np.isfinite(A_c))[..., None], XYZ_at(A_c), np.nan)

@@ -183,7 +183,7 @@ def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
 def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
     """Return the XYZ of an L*, C* and h, in closed form; NaN if one of them is below 0."""
     XYZ = continued(J, C, h, conditions)
-    return only_defined(XYZ, J, C, h, lambda each: forward(each, conditions))
+    return only_defined(XYZ, J, C, h, lambda XYZ: forward(XYZ, conditions))
 
 
 def continued(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:

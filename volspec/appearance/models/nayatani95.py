@@ -110,8 +110,8 @@ def forward(
     """
     eye = _Scalars(conditions, settings)
     noisy = triples("Nayatani95.XYZ", XYZ) @ k.D65_CONES_FROM_XYZ.T + eye.n
-    least = _MIN * eye.n
-    x = eye.beta * np.log10(np.maximum(noisy, least) / eye.background)
+    floor = _MIN * eye.n
+    x = eye.beta * np.log10(np.maximum(noisy, floor) / eye.background)
     x_R, x_G, x_B = np.moveaxis(x, -1, 0)
     achromatic = eye.achromatic(x_R, x_G)
     t = x_R - 12.0 / 11.0 * x_G + x_B / 11.0
@@ -130,7 +130,7 @@ def forward(
         s=s,
         Q_WB=achromatic,
         L_N=100.0 * brightness / eye.B_rw,
-        defined=np.all(noisy > least, axis=-1) & (J >= -100.0 * ROUNDING),
+        defined=np.all(noisy > floor, axis=-1) & (J >= -100.0 * ROUNDING),
     )
 
 
@@ -147,7 +147,7 @@ def inverse(
     with x_G piecewise linearly, in three pieces that meet where x_R or x_G is 0.
     """
     XYZ = continued(J, C, h, conditions, settings)
-    return only_defined(XYZ, J, C, h, lambda each: forward(each, conditions, settings))
+    return only_defined(XYZ, J, C, h, lambda XYZ: forward(XYZ, conditions, settings))
 
 
 def continued(
@@ -169,12 +169,12 @@ def continued(
         radius = s * eye.beta_or / (_CHROMATIC * _strength(h))
         angle = np.radians(h)
         t, p = radius * np.cos(angle), radius * np.sin(angle)
-        apart = (22.0 * t + 9.0 * p) / 23.0
+        difference = (22.0 * t + 9.0 * p) / 23.0
         level = 3.0 * (J - _MIDDLE) * eye.beta_or / _ACHROMATIC
-        e_G = np.where(level >= 2.0 * _weight(apart), _BRIGHT, 1.0)
-        e_R = np.where(level >= _weight(-apart), _BRIGHT, 1.0)
-        x_G = (level - 2.0 * e_R * apart) / (2.0 * e_R + e_G)
-        x_R = x_G + apart
+        e_G = np.where(level >= 2.0 * _weight(difference), _BRIGHT, 1.0)
+        e_R = np.where(level >= _weight(-difference), _BRIGHT, 1.0)
+        x_G = (level - 2.0 * e_R * difference) / (2.0 * e_R + e_G)
+        x_R = x_G + difference
         x_B = (x_R + x_G - 9.0 * p) / 2.0
         x = np.stack([x_R, x_G, x_B], axis=-1)
         cones = 10.0 ** (x / eye.beta) * eye.background - eye.n

@@ -51,8 +51,8 @@ def find_root(
             b, f_b = np.where(same, b, a), np.where(same, f_b, f_a)
             a, f_a = x, f_x
             best = np.where(np.abs(f_a) < np.abs(f_b), a, b)
-            least = 2.0 * _EPSILON * np.abs(best) / np.abs(b - a)
-            done = (least > 0.5) | (f_a == 0.0) | (f_b == 0.0) | ~bracketed
+            min_step = 2.0 * _EPSILON * np.abs(best) / np.abs(b - a)
+            done = (min_step > 0.5) | (f_a == 0.0) | (f_b == 0.0) | ~bracketed
             if done.all():
                 break
             xi, phi = (a - b) / (c - b), (f_a - f_b) / (f_c - f_b)
@@ -60,8 +60,8 @@ def find_root(
             guess = f_a / (f_b - f_a) * f_c / (f_b - f_c)
             guess += (c - a) / (b - a) * f_a / (f_c - f_a) * f_b / (f_c - f_b)
             t = np.where(smooth & np.isfinite(guess), guess, 0.5)
-            least = np.minimum(least, 0.5)
-            t = np.where(done, 0.0, np.clip(t, least, 1.0 - least))
+            min_step = np.minimum(min_step, 0.5)
+            t = np.where(done, 0.0, np.clip(t, min_step, 1.0 - min_step))
     best = np.where(np.abs(f_a) < np.abs(f_b), a, b)
     return np.where(bracketed, best, np.nan)
 
@@ -78,32 +78,32 @@ def nearest_inverse(
     look = broadcast(model.NAME, J, C, h)
     white = np.asarray(conditions.white_XYZ)
 
-    def known(j: Array, c: Array, hue: Array) -> NDArray[np.bool_]:
+    def valid(j: Array, c: Array, hue: Array) -> NDArray[np.bool_]:
         XYZ = model.continued(j, c, hue, conditions)
         # Comparisons with NaN are False.
         return np.asarray(np.all(np.abs(XYZ) <= _WITHIN_WHITES * white, axis=-1))
 
     XYZ = model.continued(*look, conditions)
-    lost = np.asarray(~np.isfinite(XYZ).all(axis=-1))
-    if lost.any():
-        j, c, hue = (each[lost] for each in look)
+    undefined = np.asarray(~np.isfinite(XYZ).all(axis=-1))
+    if undefined.any():
+        j, c, hue = (values[undefined] for values in look)
         greys = model.forward(np.outer(_GREYS, white), conditions).J
-        grey = greys[np.argmax(known(greys, 0.0 * greys, 0.0 * greys))]
-        way = j - grey
-        j = grey + way * _longest(lambda t, i: known(grey + t * way[i], 0.0 * t, hue[i]), len(j))
-        c = c * _longest(lambda t, i: known(j[i], t * c[i], hue[i]), len(j))
-        XYZ[lost] = model.continued(j, c, hue, conditions)
+        grey = greys[np.argmax(valid(greys, 0.0 * greys, 0.0 * greys))]
+        ray = j - grey
+        j = grey + ray * _longest(lambda t, i: valid(grey + t * ray[i], 0.0 * t, hue[i]), len(j))
+        c = c * _longest(lambda t, i: valid(j[i], t * c[i], hue[i]), len(j))
+        XYZ[undefined] = model.continued(j, c, hue, conditions)
     return XYZ
 
 
-def _longest(known: Callable[[Array, NDArray[np.intp]], NDArray[np.bool_]], count: int) -> Array:
-    """Return the largest ``known`` fraction of each way, (N,) from 0 to 1, by bisection."""
+def _longest(valid: Callable[[Array, NDArray[np.intp]], NDArray[np.bool_]], count: int) -> Array:
+    """Return the largest ``valid`` fraction of each way, (N,) from 0 to 1, by bisection."""
     fraction = np.ones(count)
-    rows = np.flatnonzero(~known(fraction, np.arange(count)))
+    rows = np.flatnonzero(~valid(fraction, np.arange(count)))
     low, high = np.zeros(len(rows)), np.ones(len(rows))
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        inside = known(middle, rows)
+        inside = valid(middle, rows)
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
     fraction[rows] = low
     return fraction
@@ -182,8 +182,8 @@ def _solve(
         u[accepted], r[accepted] = tried[better], r_tried[better]
         damping[left] *= np.where(better, 0.05, 8.0)
         damping = np.maximum(damping, 1e-16)
-    found = np.abs(r).max(axis=-1, initial=0.0) <= tolerance
-    return np.where(found[:, None], u, np.nan)
+    converged = np.abs(r).max(axis=-1, initial=0.0) <= tolerance
+    return np.where(converged[:, None], u, np.nan)
 
 
 def _step(

@@ -14,7 +14,7 @@ from volspec.appearance.models.cam import cam16, ciecam02
 from volspec.errors import ViewingError, nearest
 
 APPEARANCE_MODELS: Mapping[str, Model] = MappingProxyType(
-    {each.NAME: each for each in (ciecam02, cam16, lab, rlab, hunt, nayatani95, hellwig2022, zcam)}
+    {m.NAME: m for m in (ciecam02, cam16, lab, rlab, hunt, nayatani95, hellwig2022, zcam)}
 )
 """Every model by its ``NAME``."""
 

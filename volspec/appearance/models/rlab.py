@@ -76,7 +76,7 @@ def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
 def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
     """Return the XYZ of a lightness, chroma and hue; NaN if a channel is below 0 under D65."""
     XYZ = continued(J, C, h, conditions)
-    return only_defined(XYZ, J, C, h, lambda each: forward(each, conditions))
+    return only_defined(XYZ, J, C, h, lambda XYZ: forward(XYZ, conditions))
 
 
 def continued(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
