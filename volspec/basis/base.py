@@ -165,12 +165,12 @@ def basis_errors(label: str = "") -> Iterator[None]:
         raise error.within(label, BasisError) from None
 
 
-def require_text(value: Any, what: str) -> str:
+def require_text(value: Any, label: str) -> str:
     """Return a text, or raise BasisError if it is not text or has control characters."""
     if not isinstance(value, str):
-        raise BasisError.refused(what, value, "expected text", "type")
+        raise BasisError.refused(label, value, "expected text", "type")
     if any(unicodedata.category(character) in _UNPRINTABLE for character in value):
-        raise BasisError.refused(what, value, "leave out its control characters", "syntax")
+        raise BasisError.refused(label, value, "leave out its control characters", "syntax")
     return value
 
 
@@ -188,7 +188,7 @@ def require_matrices(
     Raises BasisError if shapes do not match, a value is not finite, flat white changes, or A B is
     not I.
     """
-    found: dict[str, Array] = {}
+    arrays: dict[str, Array] = {}
     for field, matrix in matrices.items():
         try:
             array = real_array(matrix, field)
@@ -197,30 +197,30 @@ def require_matrices(
         if array.ndim != 2 or not np.isfinite(array).all():
             raise BasisError(f"{label}: {field} is not a matrix of finite numbers", code="range")
         array.flags.writeable = False
-        found[field] = array
-    m, N = found["analysis"].shape[0], grid.size
-    for field, expected in zip(found, ((m, N), (N, m), (3, m)), strict=True):
-        shape = found[field].shape
+        arrays[field] = array
+    m, N = arrays["analysis"].shape[0], grid.size
+    for field, expected in zip(arrays, ((m, N), (N, m), (3, m)), strict=True):
+        shape = arrays[field].shape
         if shape != expected or m < 1:
             raise BasisError(
                 f"{label}: {field} has shape {shape}, expected {expected} on {grid}",
                 code="shape",
             )
-    off = float(np.abs(found["analysis"].sum(1) - 1).max())
+    off = float(np.abs(arrays["analysis"].sum(1) - 1).max())
     if off > _WHITE_TOLERANCE:
         raise BasisError(
             f"{label}: the channels of flat white are not ones (a row sums to 1 +- {off:.2g}); "
             "scale the channels by A 1",
             code="damaged",
         )
-    loss = round_trip_loss(found["analysis"], found["synthesis"])
+    loss = round_trip_loss(arrays["analysis"], arrays["synthesis"])
     if loss > ROUND_TRIP_TOLERANCE:
         raise BasisError(
             f"{label}: analysis and synthesis do not match (A B differs from the "
             f"identity by {loss:.2g}); were the numbers edited? Fit the basis again",
             code="damaged",
         )
-    return found
+    return arrays
 
 
 def round_trip_loss(A: Array, B: Array) -> float:
@@ -228,15 +228,15 @@ def round_trip_loss(A: Array, B: Array) -> float:
     return float(np.abs(A @ B - np.eye(len(A))).max())
 
 
-def require_samples(given: ArrayLike | None, grid: SpectralGrid, label: str) -> Array | None:
+def require_samples(values: ArrayLike | None, grid: SpectralGrid, label: str) -> Array | None:
     """Return a read-only copy of a basis' samples, (K, N) reflectances; None without any.
 
     Raises BasisError if they are something else.
     """
-    if given is None:
+    if values is None:
         return None
     with basis_errors(label):
-        samples = real_array(given, label)
+        samples = real_array(values, label)
         if samples.size == 0:
             samples = np.zeros((0, grid.size))
         if samples.ndim != 2:

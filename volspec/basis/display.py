@@ -44,8 +44,8 @@ def white_exact(matrix: Array, channels: Array, white: Array) -> Array:
     # Bounded on both sides, and continuous where a prediction crosses zero.
     ratio = white / np.maximum(predicted, np.maximum(white / high, 1e-12))
     stretched = matrix * np.maximum(ratio, low)[:, None]
-    rest = white - stretched @ channels
-    return stretched + rest[:, None] * _luminous_share(stretched[1], channels, white[1])
+    residual = white - stretched @ channels
+    return stretched + residual[:, None] * _luminous_share(stretched[1], channels, white[1])
 
 
 def display_matrix(D: Array, e: Array, E: Array, Q: Array) -> Array:

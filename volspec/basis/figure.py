@@ -92,24 +92,24 @@ def _draw_title(figure: Figure, errors: ErrorTable) -> None:
     if grid != DEFAULT_GRID:
         facts += f", {grid.start_nm:g}\N{EN DASH}{grid.stop_nm:g} nm every {grid.step_nm:g} nm"
     write(figure, edge / WIDTH_IN, first, facts, fontsize=9.5, color=FAINT)
-    what = (
+    origin = (
         "each channel the share of one material: exact by construction"
         if isinstance(basis, MaterialBasis)
         else f"trained on {basis.trained_on}"
     )
-    made = f"{what}; measured on {errors.measured_on}"
-    line = write(figure, left, second, made, fontsize=7.5, color=FAINT)
+    text = f"{origin}; measured on {errors.measured_on}"
+    line = write(figure, left, second, text, fontsize=7.5, color=FAINT)
     shorten(line, WIDTH_IN - 2 * _MARGIN)
 
 
 def _draw_caption(figure: Figure, errors: ErrorTable, top: float) -> None:
     """Draw a small table: one line per class, one column per mode."""
     chained = all(report.products for report in errors.classes.values())
-    ways = ("fitted", "componentwise", RGB_PRODUCT)
-    columns = [WAYS[way] for way in ways]
+    modes = ("fitted", "componentwise", RGB_PRODUCT)
+    columns = [WAYS[mode] for mode in modes]
     columns += ["two surfaces", "three surfaces"] if chained else []
     left = _MARGIN + 1.86
-    wide = min((WIDTH_IN - _MARGIN - left) / (len(columns) - 0.12), 1.7)
+    pitch = min((WIDTH_IN - _MARGIN - left) / (len(columns) - 0.12), 1.7)
     height = figure.get_figheight()
 
     def cell(x: float, line: int, text: str, **style: Any) -> None:
@@ -118,20 +118,20 @@ def _draw_caption(figure: Figure, errors: ErrorTable, top: float) -> None:
 
     cell(_MARGIN, 0, "ΔE00 mean / median / 95 % / max", color=FAINT)
     for i, column in enumerate(columns):
-        cell(left + wide * i, 0, column, color=FAINT)
+        cell(left + pitch * i, 0, column, color=FAINT)
     for line, (name, report) in enumerate(errors.classes.items(), start=1):
         cell(_MARGIN, line, class_heading(name, len(report.pairs.lights)), color=INK)
-        summaries = [report.errors[way] for way in ways]
+        summaries = [report.errors[mode] for mode in modes]
         summaries += [p.fitted for p in report.products.values()]
         for i, summary in enumerate(summaries):
             bold = {"weight": "bold"} if columns[i] == WAYS[DEFAULT_MODE] else {}
-            cell(left + wide * i, line, _four(summary), color=INK, **bold)
+            cell(left + pitch * i, line, _four(summary), color=INK, **bold)
 
 
 def _four(summary: ErrorSummary) -> str:
     values = (summary.mean, summary.median, summary.p95, summary.max)
-    shown = (f"{v:.3f}" if v < 0.001 else format_delta_e(v) for v in values)
-    return " / ".join(text.removeprefix("0") for text in shown)
+    texts = (f"{v:.3f}" if v < 0.001 else format_delta_e(v) for v in values)
+    return " / ".join(text.removeprefix("0") for text in texts)
 
 
 # Okabe and Ito's blue, vermilion and green, which colour-blind people can distinguish.
@@ -150,58 +150,58 @@ _STYLES: dict[str, dict[str, Any]] = {
 
 def draw_errors(axes: Axes, errors: ErrorTable) -> None:
     """Draw every light's mean error, sorted within its class, with a hairline up to its largest."""
-    ways = (RGB_PRODUCT, "componentwise", "fitted")
+    modes = (RGB_PRODUCT, "componentwise", "fitted")
     means = {
-        name: {way: report.pairs.delta_e[way].mean(axis=1) for way in ways}
+        name: {mode: report.pairs.delta_e[mode].mean(axis=1) for mode in modes}
         for name, report in errors.classes.items()
     }
-    every = np.concatenate([m for ways in means.values() for m in ways.values()])
-    visible = every[every > _FLOORS[0]]
+    all_means = np.concatenate([m for modes in means.values() for m in modes.values()])
+    visible = all_means[all_means > _FLOORS[0]]
     lowest = float(visible.min()) if visible.size else 1.0
     floor = float(np.clip(10.0 ** np.floor(np.log10(lowest)), *_FLOORS))
     own_max = {n: r.pairs.delta_e[DEFAULT_MODE].max(axis=1) for n, r in errors.classes.items()}
-    top = max(float(every.max()), *(float(tips.max()) for tips in own_max.values()), 3.0)
+    top = max(float(all_means.max()), *(float(tips.max()) for tips in own_max.values()), 3.0)
     axes.set(xlim=(0, 1), yscale="log", ylim=(floor / 1.5, 2.2 * top))
     style_axes(axes)
-    below = "≤ " if every.min() < floor else ""
+    below = "≤ " if all_means.min() < floor else ""
     axes.yaxis.set_major_formatter(lambda v, _: f"{below if v < 1.01 * floor else ''}{v:g}")
     axes.minorticks_off()
     axes.grid(axis="y", color=HAIR, linewidth=0.6)
     axes.axhline(1.0, color=FAINT, linewidth=0.8, zorder=1.5)
     axes.set_xticks([])
     axes.set_ylabel("mean ΔE00, hairs to the largest", fontsize=8, color=FAINT, labelpad=1)
-    wanted = np.sqrt([len(r.pairs.lights) + 3.0 for r in errors.classes.values()])
-    ends = np.concatenate([[0.0], np.cumsum(wanted) / wanted.sum()])
+    widths = np.sqrt([len(r.pairs.lights) + 3.0 for r in errors.classes.values()])
+    ends = np.concatenate([[0.0], np.cumsum(widths) / widths.sum()])
     above = axes.get_xaxis_transform()
     named: list[tuple[float, str]] = []
-    own = min(len(errors.classes["scene"].pairs.lights), 5) if "scene" in means else 0
-    share = max((_MAX_NAMED - own) // max(len(means) - bool(own), 1), 1)
+    scene_count = min(len(errors.classes["scene"].pairs.lights), 5) if "scene" in means else 0
+    per_class = max((_MAX_NAMED - scene_count) // max(len(means) - bool(scene_count), 1), 1)
     for (name, report), left, right in zip(errors.classes.items(), ends, ends[1:], strict=False):
         order = _rising(own_max[name])
         x = left + (right - left) * (np.arange(len(order)) + 1.0) / (len(order) + 1.0)
         if left:
             axes.axvline(left, color=HAIR, linewidth=0.8)
-        for way in ways:
-            y = np.maximum(means[name][way][order], floor)
-            if way == DEFAULT_MODE:
-                tips, ink = np.maximum(own_max[name][order], floor), _STYLES[way]["color"]
+        for mode in modes:
+            y = np.maximum(means[name][mode][order], floor)
+            if mode == DEFAULT_MODE:
+                tips, ink = np.maximum(own_max[name][order], floor), _STYLES[mode]["color"]
                 axes.vlines(x, y, tips, color=ink, linewidth=0.7, alpha=0.55, zorder=2)
-            axes.plot(x, y, linestyle="none", **_STYLES[way])
+            axes.plot(x, y, linestyle="none", **_STYLES[mode])
         middle = (left + right) / 2
         write(axes, middle, 1.015, f"{name} ({len(order)})", transform=above, ha="center",
                   va="bottom", fontsize=7.5, color=FAINT)  # fmt: skip
-        last = own if name == "scene" else share if own_max[name].max() > NOTHING else 0
+        last = scene_count if name == "scene" else per_class if own_max[name].max() > NOTHING else 0
         named += [(x[i], report.pairs.lights[order[i]]) for i in range(len(x))[len(x) - last :]]
     _name_lights(axes, named)
-    _draw_legend(axes, ways)
+    _draw_legend(axes, modes)
 
 
 def _name_lights(axes: Axes, named: list[tuple[float, str]]) -> None:
     """Write slanted names under the axis, with hairlines up to their lights."""
-    at = np.array([x for x, _ in named])
-    places = spread_apart(at, 0.062, 0.03, 0.99)
+    positions = np.array([x for x, _ in named])
+    places = spread_apart(positions, 0.062, 0.03, 0.99)
     below = axes.get_xaxis_transform()
-    for x, place, (_, name) in zip(at, places, named, strict=True):
+    for x, place, (_, name) in zip(positions, places, named, strict=True):
         axes.plot([x, x, place], [0, -0.012, -0.05], transform=below, color=FAINT, linewidth=0.5,
                   clip_on=False, zorder=1)  # fmt: skip
         short = name if len(name) <= 18 else name[:17].rstrip(" (") + "…"
@@ -233,33 +233,33 @@ def draw_swatches(axes: Axes, errors: ErrorTable) -> None:
     figure = axes.get_figure()
     assert figure is not None
     box = axes.get_window_extent()
-    wide, tall = box.width / figure.dpi, box.height / figure.dpi
-    axes.set(xlim=(0, wide), ylim=(0, tall))
+    box_w, box_h = box.width / figure.dpi, box.height / figure.dpi
+    axes.set(xlim=(0, box_w), ylim=(0, box_h))
     axes.set_axis_off()
-    axes.fill((0, 0, wide, wide), (0, tall, tall, 0), color=_GREY, linewidth=0)
-    shares = share_out(_MAX, [len(r.pairs.lights) for r in errors.classes.values()])
+    axes.fill((0, 0, box_w, box_w), (0, box_h, box_h, 0), color=_GREY, linewidth=0)
+    counts = share_out(_MAX, [len(r.pairs.lights) for r in errors.classes.values()])
     groups = {
-        name: worst_pairs(report, share)
-        for (name, report), share in zip(errors.classes.items(), shares, strict=True)
+        name: worst_pairs(report, count)
+        for (name, report), count in zip(errors.classes.items(), counts, strict=True)
     }
     count = sum(map(len, groups.values()))
     between = 0.16 * (len(groups) - 1)
-    width = (wide - 0.3 - between - _GAP * (count - 1)) / count
+    width = (box_w - 0.3 - between - _GAP * (count - 1)) / count
     size = min(width, 0.86)
     pitch = min(width + _GAP, 1.4)
     x = 0.15
-    top = tall - 0.56
+    top = box_h - 0.56
     ours = f"{errors.basis.size} channels, {WAYS[DEFAULT_MODE]}"
     key = f"worst colours: upper left, the full spectra; lower right, {ours}"
-    write(axes, 0.15, tall - 0.18, key, fontsize=8.5, color=_ON_GREY, va="center")
+    write(axes, 0.15, box_h - 0.18, key, fontsize=8.5, color=_ON_GREY, va="center")
     for name, pairs in groups.items():
         heading = class_heading(name, len(errors.classes[name].pairs.lights)).removeprefix("the ")
-        write(axes, x, tall - 0.42, heading, fontsize=7.5, color=_QUIET, va="center")
+        write(axes, x, box_h - 0.42, heading, fontsize=7.5, color=_QUIET, va="center")
         for pair in pairs:
             left, low = x, top - size
-            across, along = (left, left, left + size, left + size), (low, top, top, low)
-            axes.fill(across, along, color=pair.sRGB_shown, linewidth=0)
-            axes.fill(across[:3], along[:3], color=pair.sRGB, linewidth=0)
+            xs, ys = (left, left, left + size, left + size), (low, top, top, low)
+            axes.fill(xs, ys, color=pair.sRGB_shown, linewidth=0)
+            axes.fill(xs[:3], ys[:3], color=pair.sRGB, linewidth=0)
             lines = (
                 pair.reflectance,
                 f"under {pair.light}",
@@ -279,32 +279,32 @@ def _rising(delta_e: Array) -> NDArray[np.intp]:
     return np.argsort(rounded(delta_e), kind="stable")
 
 
-def share_out(places: int, wanted: list[int]) -> list[int]:
+def share_out(places: int, sizes: list[int]) -> list[int]:
     """Distribute places evenly: no class gets two more than another that still wants one."""
-    given = [0] * len(wanted)
-    while sum(given) < places and given != wanted:
-        least = min(g for g, w in zip(given, wanted, strict=True) if g < w)
-        hungry = [i for i, w in enumerate(wanted) if given[i] == least < w]
-        if len(hungry) > places - sum(given):
+    counts = [0] * len(sizes)
+    while sum(counts) < places and counts != sizes:
+        minimum = min(g for g, w in zip(counts, sizes, strict=True) if g < w)
+        hungry = [i for i, w in enumerate(sizes) if counts[i] == minimum < w]
+        if len(hungry) > places - sum(counts):
             break
         for i in hungry:
-            given[i] += 1
-    return given
+            counts[i] += 1
+    return counts
 
 
 def worst_pairs(report: BasisReport, count: int) -> list[WorstPair]:
     """Return the worst pairs, with different lights and, if possible, different reflectances."""
     delta_e = report.pairs.delta_e[DEFAULT_MODE]
-    found: list[tuple[int, int]] = []
+    pairs: list[tuple[int, int]] = []
     for once in (True, False):
         for flat in _rising(-delta_e.ravel()):
             j, i = divmod(int(flat), delta_e.shape[1])
-            if len(found) == count:
+            if len(pairs) == count:
                 break
-            if all(j != light and not (once and i == sample) for light, sample in found):
-                found.append((j, i))
-    found = [found[k] for k in _rising(np.array([-delta_e[pair] for pair in found]))]
-    return [WorstPair.at(report.pairs, j, i) for j, i in found]
+            if all(j != light and not (once and i == sample) for light, sample in pairs):
+                pairs.append((j, i))
+    pairs = [pairs[k] for k in _rising(np.array([-delta_e[pair] for pair in pairs]))]
+    return [WorstPair.at(report.pairs, j, i) for j, i in pairs]
 
 
 _LINE_LIGHTNESS = (30.0, 58.0)
@@ -386,13 +386,13 @@ def _draw_ridges(axes: Axes, curves: Array, labels: list[str], grid: SpectralGri
     """Draw each curve on its own line, filled and named."""
     K = len(curves)
     axes.set(ylim=(K + 0.15, 0), yticks=[])
-    every = -(-K // _MAX_RIDGE_NAMES)
+    stride = -(-K // _MAX_RIDGE_NAMES)
     size = float(np.clip(150.0 / K, 5.0, 7.0))
     for i, (curve, label) in enumerate(zip(curves, labels, strict=True)):
         base, colour = i + 1.0, line_colour(curve, grid)
         w, top = grid.wavelengths_nm, base - 0.95 * np.minimum(curve, 1.0)
         axes.fill_between(w, base, top, color=colour, linewidth=0.4)
-        if i % every == 0:
+        if i % stride == 0:
             text = write(axes, 1.012, base - 0.4, label, transform=axes.get_yaxis_transform(),
                          fontsize=size, color=colour, va="center")  # fmt: skip
             shorten(text, _WIDEST_NAME)
@@ -428,15 +428,15 @@ def _number_peaks(
     scale = np.array([(w[-1] - w[0]) / _ACROSS, (top - bottom) / _ALONG])
     placed: list[Array] = []
     for curve, label, colour in zip(curves, labels, colours, strict=True):
-        at = int(np.abs(curve).argmax())
-        up = 1 if curve[at] > 0 else -1
+        peak = int(np.abs(curve).argmax())
+        up = 1 if curve[peak] > 0 else -1
         places = []
-        for i in np.flatnonzero(up * curve > 0.75 * abs(curve[at])):
+        for i in np.flatnonzero(up * curve > 0.75 * abs(curve[peak])):
             spot = np.array([w[i], curve[i] + up * 0.8 * scale[1]])
             lines = np.abs(curves[:, i] - spot[1]) / scale[1]
-            others = [np.abs((spot - p) / scale).max() for p in placed]
-            clear = min(1.0, *(lines / 0.6), *others)
-            places.append((clear - 0.8 * (1 - abs(curve[i] / curve[at])), int(i), spot))
+            distances = [np.abs((spot - p) / scale).max() for p in placed]
+            clear = min(1.0, *(lines / 0.6), *distances)
+            places.append((clear - 0.8 * (1 - abs(curve[i] / curve[peak])), int(i), spot))
         _, best, spot = max(places, key=lambda place: place[:2])
         placed.append(spot)
         x = float(np.clip(w[best], w[0] + 4, w[-1] - 4))
@@ -447,11 +447,11 @@ def _number_peaks(
 def _name_ends(axes: Axes, ends: Array, labels: list[str], colours: list[Any]) -> None:
     """Write names at the curves' right ends, spread apart, with hairlines."""
     bottom, top = axes.get_ylim()
-    share = (ends - bottom) / (top - bottom)
+    level = (ends - bottom) / (top - bottom)
     frame = axes.transAxes
-    for at, y, label, colour in zip(share, spread_apart(share, 0.056, 0.02, 0.98), labels, colours,
+    for y0, y, label, colour in zip(level, spread_apart(level, 0.056, 0.02, 0.98), labels, colours,
                                     strict=True):  # fmt: skip
-        axes.plot([1.0, 1.02], [at, y], transform=frame, color=colour, linewidth=0.6,
+        axes.plot([1.0, 1.02], [y0, y], transform=frame, color=colour, linewidth=0.6,
                   clip_on=False)  # fmt: skip
         text = write(axes, 1.028, y, label, transform=frame, fontsize=7, color=colour, va="center")
         shorten(text, _WIDEST_NAME)

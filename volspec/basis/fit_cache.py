@@ -78,7 +78,7 @@ def fit_cached(
 def _code() -> str:
     """Return a hash of the fit's sources and of NumPy's version."""
     root = Path(__file__).resolve().parent.parent
-    files = sorted(file for each in _SOURCES for file in root.glob(each))
+    files = sorted(file for pattern in _SOURCES for file in root.glob(pattern))
     digest = hashlib.sha256(f"{__version__} {np.__version__}".encode())
     for file in files:
         digest.update(file.read_bytes())

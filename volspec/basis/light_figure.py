@@ -63,8 +63,8 @@ def light_figure(
     hues = hue_colours((np.arange(HUE_BINS) + 0.5) * 2 * np.pi / HUE_BINS)
     shifts = inch_axes(figure, _LEFT, 2.2, _WIDE, 0.95)
     _draw_bars(shifts, 100 * rendition.chroma_shift, hues, "chroma shift R_cs by hue bin, %")
-    most = max(25.0, float(np.abs(100 * rendition.chroma_shift).max()) * 1.1)
-    shifts.set(ylim=(-most, most), yticks=[-20, 0, 20])
+    limit = max(25.0, float(np.abs(100 * rendition.chroma_shift).max()) * 1.1)
+    shifts.set(ylim=(-limit, limit), yticks=[-20, 0, 20])
     indices = inch_axes(figure, _LEFT, 0.5, _WIDE, 0.95)
     label = f"CIE 13.3: R_a {rendition.R_a:.0f}, and R_1 to R_14"
     _draw_bars(indices, rendition.R, np.full((14, 3), 0.62), label)

@@ -67,8 +67,8 @@ def fit_library(
         spiky = []
         trained_on_lights += " lights"
     elif sensors:
-        shares = [1.0 / len(smooth), SPIKY_SHARE / len(spiky)]
-        options["light_weights"] = np.repeat(shares, [len(smooth), len(spiky)])
+        weights = [1.0 / len(smooth), SPIKY_SHARE / len(spiky)]
+        options["light_weights"] = np.repeat(weights, [len(smooth), len(spiky)])
         trained_on_lights += f" lights and, weighted {SPIKY_SHARE:g}, {len(spiky)} spiky lights"
     else:
         trained_on_lights += f" and {len(spiky)} spiky lights"

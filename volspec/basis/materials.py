@@ -99,12 +99,12 @@ class MaterialBasis(ReportedBasis):
 
     def __post_init__(self) -> None:
         require_materials(self.materials, "material basis")
-        for name, what in [
+        for name, label in [
             (self.name, "name"),
             *((m, "name of a material") for m in self.materials),
         ]:
-            if not require_text(name, f"material basis: {what}"):
-                raise BasisError(f"material basis: {what} is empty; give one", code="missing")
+            if not require_text(name, f"material basis: {label}"):
+                raise BasisError(f"material basis: {label} is empty; give one", code="missing")
         observer_deg = require_observer(self.observer_deg, "material basis")
         object.__setattr__(self, "observer_deg", observer_deg)
         rows = {name: self._resample(name, s) for name, s in self.materials.items()}
@@ -133,12 +133,12 @@ class MaterialBasis(ReportedBasis):
             If there are none, a name is unknown, or its reflectance differs from the basis'.
         """
         require_materials(materials, "material basis")
-        own = list(self.materials)
+        names = list(self.materials)
         for name, spectrum in materials.items():
             if name not in self.materials:
                 raise BasisError(
-                    f"material {name!r} is not in the basis; {nearest(name, own)}"
-                    f"it holds {', '.join(own)}: make the basis from all materials",
+                    f"material {name!r} is not in the basis; {nearest(name, names)}"
+                    f"it holds {', '.join(names)}: make the basis from all materials",
                     code="unknown",
                 )
             if not alike(self._resample(name, spectrum), self.materials[name]):
@@ -147,25 +147,25 @@ class MaterialBasis(ReportedBasis):
                     "same, and change it afterwards with Relighter.set_reflectances",
                     code="conflict",
                 )
-        return np.eye(self.size)[[own.index(name) for name in materials]]
+        return np.eye(self.size)[[names.index(name) for name in materials]]
 
     def surface_channels(self, surfaces: Sequence[Spectrum]) -> Array:
         """Return (L, K + 1) channels of reflectances that are among the materials.
 
         Raises BasisError if one is not.
         """
-        found = []
+        indices = []
         for surface in surfaces:
             on_grid = surface.on(self.grid)
-            match = [k for k, each in enumerate(self.materials.values()) if alike(each, on_grid)]
+            match = [k for k, row in enumerate(self.materials.values()) if alike(row, on_grid)]
             if not match:
                 raise BasisError(
                     f"report: {surface.name} is not a material of basis {self.name!r}, which holds "
                     f"{', '.join(self.materials)}; it has no channels for others",
                     code="unknown",
                 )
-            found.append(match[0])
-        return np.eye(self.size)[found]
+            indices.append(match[0])
+        return np.eye(self.size)[indices]
 
     def test_surfaces(self, grid: SpectralGrid) -> tuple[list[Spectrum], list[str]]:
         """Return the materials and their names."""
@@ -201,8 +201,8 @@ class MaterialBasis(ReportedBasis):
         display.require_mode(mode)
         E = light_power(light, self.grid)
         Q = colour_matching_functions(self.grid, self.observer_deg)
-        seen = Q if seen_through is None else Q * seen_through.on(self.grid).values
-        return np.asarray(seen @ self.leaving(np.eye(self.size), E).T * (100.0 / (Q[1] @ E)))
+        filtered = Q if seen_through is None else Q * seen_through.on(self.grid).values
+        return np.asarray(filtered @ self.leaving(np.eye(self.size), E).T * (100.0 / (Q[1] @ E)))
 
     def with_reflectances(self, changes: Mapping[str, Spectrum]) -> MaterialBasis:
         """Replace reflectances of some materials, {name: Spectrum}; the channels stay.
@@ -226,7 +226,7 @@ class MaterialBasis(ReportedBasis):
         rows = {name: spectrum.values.tolist() for name, spectrum in self.materials.items()}
         numbers: dict[str, Any] = {"materials": rows}
         if emitting := {k: s.fluorescence for k, s in self.materials.items() if s.fluorescence}:
-            numbers["fluorescence"] = {k: each.matrix.tolist() for k, each in emitting.items()}
+            numbers["fluorescence"] = {k: source.matrix.tolist() for k, source in emitting.items()}
         return numbers
 
     @classmethod

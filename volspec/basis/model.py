@@ -104,8 +104,8 @@ class SpectralBasis(ReportedBasis):
             require_text(getattr(self, field), f"spectral basis: {field}")
         observer_deg = require_observer(self.observer_deg, f"basis {self.name!r}")
         object.__setattr__(self, "observer_deg", observer_deg)
-        given, label = {name: getattr(self, name) for name in _MATRICES}, f"basis {self.name!r}"
-        for field, matrix in require_matrices(given, self.grid, label).items():
+        matrices, label = {name: getattr(self, name) for name in _MATRICES}, f"basis {self.name!r}"
+        for field, matrix in require_matrices(matrices, self.grid, label).items():
             object.__setattr__(self, field, matrix)
         samples = require_samples(self.samples, self.grid, f"{label}: samples")
         object.__setattr__(self, "samples", samples)
@@ -194,10 +194,10 @@ class SpectralBasis(ReportedBasis):
         if seen_through is not None:
             E, V = light_power(light, self.grid), self._Q[1]
             passed = E * seen_through.on(self.grid).values
-            share = float(V @ passed) / float(V @ E)
-            if not share > 0:
+            fraction = float(V @ passed) / float(V @ E)
+            if not fraction > 0:
                 return np.zeros((3, self.size))
-            return share * self.colour_matrix(Spectrum(self.grid.wavelengths_nm, passed), mode)
+            return fraction * self.colour_matrix(Spectrum(self.grid.wavelengths_nm, passed), mode)
         if mode == "exact":
             return self.light_matrix(light)
         if mode == "fitted" and self.samples is not None:
@@ -425,11 +425,11 @@ def _fitted_matrix(basis: SpectralBasis, power: bytes) -> NDArray[np.float64]:
             code="missing",
         )
     light = Spectrum(basis.grid.wavelengths_nm, np.frombuffer(power))
-    own, library = basis.samples, training_reflectances(basis.grid)
-    S = np.concatenate([own, library])
-    others = _LIBRARY_WEIGHT if len(own) else 1.0
-    weights = np.repeat([1.0, others], [len(own), len(library)])
-    weights /= np.repeat([max(len(own), 1), len(library)], [len(own), len(library)])
+    samples, library = basis.samples, training_reflectances(basis.grid)
+    S = np.concatenate([samples, library])
+    library_weight = _LIBRARY_WEIGHT if len(samples) else 1.0
+    weights = np.repeat([1.0, library_weight], [len(samples), len(library)])
+    weights /= np.repeat([max(len(samples), 1), len(library)], [len(samples), len(library)])
     matrix = display.fitted_matrix(
         basis.analyse(S),
         XYZ_from_spectra(light, S, basis.observer_deg),

@@ -41,7 +41,7 @@ _SWATCH = 0.62
 
 
 def reflectance_figure(
-    made: Spectrum,
+    paint: Spectrum,
     parts: Mapping[str, tuple[float, Array]],
     lights: Sequence[Spectrum],
     observer_deg: Observer = 2,
@@ -52,13 +52,13 @@ def reflectance_figure(
     not mixed. A swatch for each light is adapted to the light's white (Bradford).
     """
     figure = new_figure(WIDTH_IN, HEIGHT_IN)
-    how = made.notes.get("constructed", "")
-    title = write(figure, _LEFT / WIDTH_IN, 1 - 0.3 / HEIGHT_IN, made.name, fontsize=12,
+    how = paint.notes.get("constructed", "")
+    title = write(figure, _LEFT / WIDTH_IN, 1 - 0.3 / HEIGHT_IN, paint.name, fontsize=12,
                   weight="bold", color=INK)  # fmt: skip
     edge = title.get_window_extent().x1 / DPI + 0.12
     write(figure, edge / WIDTH_IN, 1 - 0.3 / HEIGHT_IN, how, fontsize=8.5, color=FAINT)
     axes = inch_axes(figure, _LEFT, _BOTTOM, _PLOT_WIDE, _PLOT_TALL)
-    w = made.wavelengths_nm
+    w = paint.wavelengths_nm
     style_axes(axes)
     axes.set(xlim=(w[0], w[-1]), ylim=(0, 1), yticks=[0, 0.5, 1])
     axes.set_xlabel("wavelength, nm", fontsize=8, color=FAINT, labelpad=3)
@@ -66,20 +66,20 @@ def reflectance_figure(
     line = HEIGHT_IN - 0.62
     if parts:
         write(figure, right / WIDTH_IN, line / HEIGHT_IN, "mixed from", fontsize=7.5, color=FAINT)
-    for name, (share, values) in parts.items():
-        colour = line_colour(values, made.grid)
+    for name, (fraction, values) in parts.items():
+        colour = line_colour(values, paint.grid)
         axes.plot(w, values, color=colour, linewidth=1.0, linestyle=(0, (1.2, 1.4)))
         line -= 0.19
-        text = write(figure, right / WIDTH_IN, line / HEIGHT_IN, f"{100 * share:.0f} %  {name}",
+        text = write(figure, right / WIDTH_IN, line / HEIGHT_IN, f"{100 * fraction:.0f} %  {name}",
                      fontsize=7.5, color=colour)  # fmt: skip
         shorten(text, WIDTH_IN - right - 0.1)
-    axes.plot(w, made.values, color=line_colour(made.values, made.grid), linewidth=2.4)
+    axes.plot(w, paint.values, color=line_colour(paint.values, paint.grid), linewidth=2.4)
     for i, lamp in enumerate(lights):
         x = right + i * (_SWATCH + 0.1)
         if x + _SWATCH > WIDTH_IN:
             break
         swatch = inch_axes(figure, x, _BOTTOM + 0.18, _SWATCH, _SWATCH)
-        swatch.set_facecolor(_shown(made, lamp, observer_deg))
+        swatch.set_facecolor(_sRGB(paint, lamp, observer_deg))
         swatch.set(xticks=[], yticks=[])
         for side in swatch.spines.values():
             side.set_visible(False)
@@ -90,18 +90,18 @@ def reflectance_figure(
 
 
 def save_reflectance_figure(
-    made: Spectrum,
+    paint: Spectrum,
     parts: Mapping[str, tuple[float, Array]],
     lights: Sequence[Spectrum],
     path: str | os.PathLike[str],
     observer_deg: Observer = 2,
 ) -> None:
     """Write `reflectance_figure` in the format of the file's suffix; whole or not at all."""
-    write_figure(reflectance_figure(made, parts, lights, observer_deg), path)
+    write_figure(reflectance_figure(paint, parts, lights, observer_deg), path)
 
 
-def _shown(made: Spectrum, lamp: Spectrum, observer_deg: Observer) -> tuple[float, float, float]:
+def _sRGB(paint: Spectrum, lamp: Spectrum, observer_deg: Observer) -> tuple[float, float, float]:
     """Return encoded sRGB of a surface under a light, adapted to its white."""
     to_linear = np.linalg.inv(XYZ_from_linear_sRGB(white_XYZ(lamp, observer_deg)))
-    red, green, blue = encode_sRGB(to_linear @ XYZ_from_spectra(lamp, made, observer_deg)).tolist()
+    red, green, blue = encode_sRGB(to_linear @ XYZ_from_spectra(lamp, paint, observer_deg)).tolist()
     return red, green, blue

@@ -131,7 +131,7 @@ def pair_errors(
     return PairErrors(
         lights=tuple(light.name or f"light {j + 1}" for j, light in enumerate(lights)),
         reflectances=tuple(surface.name for surface in surfaces),
-        delta_e={way: stacked.pop(way) for way in (*MODES, RGB_PRODUCT)},
+        delta_e={mode: stacked.pop(mode) for mode in (*MODES, RGB_PRODUCT)},
         shown_XYZ={mode: stacked.pop(("shown", mode)) for mode in MODES},
         compare_products=partial(_product_errors, basis, lights, factors, S, channels, rgb),
         **stacked,
@@ -145,20 +145,20 @@ def _product_errors(
     *surfaces: Array,
 ) -> ProductPairs:
     """Compare products of ``factors`` of the surfaces: reflectances, channels and Sharp sensors."""
-    errors: ProductPairs = {way: {} for way in (*PRODUCT_MODES, RGB_PRODUCT)}
+    errors: ProductPairs = {mode: {} for mode in (*PRODUCT_MODES, RGB_PRODUCT)}
     for n in factors:
         rows = product_rows(len(surfaces[0]), n)
         spectra, mixed, rgb = (surface[rows].prod(axis=1) for surface in surfaces)
-        found: dict[str, list[Array]] = {way: [] for way in errors}
+        by_mode: dict[str, list[Array]] = {mode: [] for mode in errors}
         for light in lights:
             against = _Reference(light, basis)
             true = against.XYZ(spectra)
             for mode in PRODUCT_MODES:
-                shown = mixed @ basis.colour_matrix(light, mode).T
-                found[mode].append(against.delta_e(shown, true))
-            found[RGB_PRODUCT].append(against.rgb_delta_e(rgb, true))
-        for way, each in found.items():
-            errors[way][n] = np.array(each)
+                predicted = mixed @ basis.colour_matrix(light, mode).T
+                by_mode[mode].append(against.delta_e(predicted, true))
+            by_mode[RGB_PRODUCT].append(against.rgb_delta_e(rgb, true))
+        for key, values in by_mode.items():
+            errors[key][n] = np.array(values)
     return errors
 
 
@@ -200,11 +200,11 @@ class _Reference:
     def rgb_delta_e(self, surfaces: Array, true: Array) -> Array:
         """Multiply surfaces by the light in Sharp sensors, like an RGB renderer, and compare."""
         sharp = _sharp()
-        lit = (surfaces * (sharp @ self._own_white)) @ np.linalg.inv(sharp).T
-        return delta_E_2000(cielab(true, self.white), cielab(lit, self.white))
+        product = (surfaces * (sharp @ self._own_white)) @ np.linalg.inv(sharp).T
+        return delta_E_2000(cielab(true, self.white), cielab(product, self.white))
 
-    def delta_e(self, shown: Array, true: Array) -> Array:
-        return delta_E_2000(cielab(true, self.white), cielab(shown, self._shown_white))
+    def delta_e(self, predicted: Array, true: Array) -> Array:
+        return delta_E_2000(cielab(true, self.white), cielab(predicted, self._shown_white))
 
 
 def _sharp() -> Array:
@@ -275,8 +275,8 @@ class WorstPair:
         cls, pairs: PairErrors, light: int, reflectance: int, way: str = DEFAULT_MODE
     ) -> WorstPair:
         """Return one pair in one mode of the basis."""
-        true, shown = pairs.XYZ[light, reflectance], pairs.shown_XYZ[way][light, reflectance]
-        codes = sRGB_codes(np.array([true, shown]), pairs.white_XYZ[light])
+        true, predicted = pairs.XYZ[light, reflectance], pairs.shown_XYZ[way][light, reflectance]
+        codes = sRGB_codes(np.array([true, predicted]), pairs.white_XYZ[light])
         sRGB, sRGB_shown = (f"#{r:02x}{g:02x}{b:02x}" for r, g, b in codes.tolist())
         return cls(
             light=pairs.lights[light],
@@ -284,7 +284,7 @@ class WorstPair:
             delta_e=float(pairs.delta_e[way][light, reflectance]),
             way=way,
             XYZ=tuple(map(float, true)),
-            XYZ_shown=tuple(map(float, shown)),
+            XYZ_shown=tuple(map(float, predicted)),
             sRGB=sRGB,
             sRGB_shown=sRGB_shown,
         )
@@ -313,7 +313,7 @@ class BasisReport:
         """
         ways = self.pairs.products
         return {
-            n: ProductErrors(*(ErrorSummary.of(ways[way][n]) for way in ways))
+            n: ProductErrors(*(ErrorSummary.of(ways[mode][n]) for mode in ways))
             for n in ways["fitted"]
         }
 
@@ -359,7 +359,7 @@ class BasisReport:
         }
 
     def __str__(self) -> str:
-        rows = [(words, self.errors[way]) for way, words in WAYS.items()]
+        rows = [(words, self.errors[mode]) for mode, words in WAYS.items()]
         for n, errors in self.products.items():
             rows += [
                 (f"{n} surfaces", errors.fitted),
@@ -408,7 +408,7 @@ def basis_report(
         size=basis.size,
         method=basis.method,
         trained_on=basis.trained_on,
-        errors={way: ErrorSummary.of(pairs.delta_e[way]) for way in WAYS},
+        errors={mode: ErrorSummary.of(pairs.delta_e[mode]) for mode in WAYS},
         worst=WorstPair.at(pairs, j, i),
         pairs=pairs,
     )
@@ -431,18 +431,18 @@ def _samples(
         reflectances = [reflectances]
     S = reflectance_values(reflectances, grid, "report: reflectances").reshape(-1, grid.size)
     spectra = list(reflectances) if isinstance(reflectances, list | tuple) else [None] * len(S)
-    given = [getattr(each, "name", "") for each in spectra] if names is None else list(names)
-    if len(given) != len(S):
+    names = [getattr(s, "name", "") for s in spectra] if names is None else list(names)
+    if len(names) != len(S):
         raise BasisError(
-            f"report: {len(given)} names for {len(S)} reflectances; give one for each", code="shape"
+            f"report: {len(names)} names for {len(S)} reflectances; give one for each", code="shape"
         )
-    made = []
-    for i, (row, name, spectrum) in enumerate(zip(S, given, spectra, strict=True), start=1):
+    surfaces = []
+    for i, (row, name, spectrum) in enumerate(zip(S, names, spectra, strict=True), start=1):
         emitting = getattr(spectrum, "fluorescence", None)
         fluorescence = emitting and emitting.on(grid)
         name = name or f"reflectance {i}"
-        made.append(Spectrum(grid.wavelengths_nm, row, name, fluorescence=fluorescence))
-    return made
+        surfaces.append(Spectrum(grid.wavelengths_nm, row, name, fluorescence=fluorescence))
+    return surfaces
 
 
 class ReportedBasis(StoredBasis):

@@ -202,8 +202,8 @@ def _rows(report: BasisReport) -> list[tuple[str, ErrorSummary, ErrorSummary | N
     ]
     for n, errors in report.products.items():
         rows.append((_SURFACES[n], errors.fitted, errors.rgb_product))
-    others = ("exact", "componentwise", "linear-model")
-    return rows + [(WAYS[way], report.errors[way], None) for way in others]
+    modes = ("exact", "componentwise", "linear-model")
+    return rows + [(WAYS[mode], report.errors[mode], None) for mode in modes]
 
 
 def _swatch(text: Text, code: str, colours: bool) -> None:

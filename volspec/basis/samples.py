@@ -27,16 +27,16 @@ def sample_errors(basis: SpectralBasis, light: Spectrum, mode: str) -> NDArray[n
 
     Estimates, without a picture, how well a mode holds a light. Errors: `colour_matrix`.
     """
-    own = basis.samples
-    S = own if own is not None and len(own) else training_reflectances(basis.grid)
+    samples = basis.samples
+    S = samples if samples is not None and len(samples) else training_reflectances(basis.grid)
     light = light.on(basis.grid)
     white = display.visible_white(white_XYZ(light, basis.observer_deg))
     # Pictures show a nearly invisible light nearly black, and its errors with it.
-    seen = light.values, basis.grid, basis.observer_deg
-    gain = luminous_mean(*seen) / light_level(*seen)
-    shown = gain * basis.analyse(S) @ basis.colour_matrix(light, mode).T
+    arguments = light.values, basis.grid, basis.observer_deg
+    gain = luminous_mean(*arguments) / light_level(*arguments)
+    predicted = gain * basis.analyse(S) @ basis.colour_matrix(light, mode).T
     true = gain * XYZ_from_spectra(light, S, basis.observer_deg)
-    return delta_E_2000(cielab(true, white), cielab(shown, white))
+    return delta_E_2000(cielab(true, white), cielab(predicted, white))
 
 
 def through_samples(basis: SpectralBasis) -> SpectralBasis | None:
@@ -49,8 +49,8 @@ def through_samples(basis: SpectralBasis) -> SpectralBasis | None:
     if S is None or not len(S):
         return None
     channels = np.vstack([basis.analyse(S), basis.white])
-    rest = np.vstack([S, np.ones(basis.grid.size)]) - channels @ basis.synthesis.T
-    change = np.linalg.pinv(channels, rcond=_DEPENDENT) @ rest
-    if np.abs(change).max() > _MAX_GAIN or np.abs(rest - channels @ change).max() > _UNLIKE:
+    residual = np.vstack([S, np.ones(basis.grid.size)]) - channels @ basis.synthesis.T
+    change = np.linalg.pinv(channels, rcond=_DEPENDENT) @ residual
+    if np.abs(change).max() > _MAX_GAIN or np.abs(residual - channels @ change).max() > _UNLIKE:
         return None
     return replace(basis, synthesis=basis.synthesis + change.T)

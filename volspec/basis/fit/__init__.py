@@ -117,18 +117,18 @@ def _check_method(method: Any) -> None:
 
 
 def _check_size(size: Any, training: Training) -> None:
-    most = training.grid.size
-    if most < MIN_SIZE:
+    bands = training.grid.size
+    if bands < MIN_SIZE:
         raise BasisError(
-            f"a grid of {most} bands is too coarse for a basis, which has {MIN_SIZE} channels "
+            f"a grid of {bands} bands is too coarse for a basis, which has {MIN_SIZE} channels "
             "or more; use a finer step_nm",
             code="shape",
         )
-    if not _is_whole(size) or not MIN_SIZE <= size <= most:
+    if not _is_whole(size) or not MIN_SIZE <= size <= bands:
         low, high = _USUAL_SIZES
-        usual = f"; {low} to {high} is usual" if most > high else ""
+        usual = f"; {low} to {high} is usual" if bands > high else ""
         raise BasisError(
-            f"basis size {size!r:.40} is not a whole number from {MIN_SIZE} to {most}, the "
+            f"basis size {size!r:.40} is not a whole number from {MIN_SIZE} to {bands}, the "
             f"grid's bands{usual}",
             code="range",
         )
@@ -139,10 +139,10 @@ def _check_determined(A: Array, B: Array, training: Training, *, alike: float) -
     strength = np.linalg.svd(A, compute_uv=False)
     if strength[0] <= alike * strength[-1] and round_trip_loss(A, B) <= ROUND_TRIP_TOLERANCE:
         return
-    most = min(int((strength > strength[0] / MAX_ALIKE).sum()), len(A) - 1)
+    rank = min(int((strength > strength[0] / MAX_ALIKE).sum()), len(A) - 1)
     raise BasisError(
         f"basis size {len(A)}: {training.label} do not determine this many channels, which became "
-        f"mixtures of each other; {smaller_size(most)}",
+        f"mixtures of each other; {smaller_size(rank)}",
         code="impossible",
     )
 
@@ -181,7 +181,7 @@ def _smoothness(value: Any, training: Training) -> float:
 
 def _restarts(value: Any, training: Training) -> int:
     if value is None:
-        return next((count for most, count in _RESTARTS if training.pairs <= most), 0)
+        return next((count for limit, count in _RESTARTS if training.pairs <= limit), 0)
     if not _is_whole(value) or value < 0:
         raise BasisError(f"restarts {value!r:.40} is not a whole number of 0 or more", code="range")
     return int(value)

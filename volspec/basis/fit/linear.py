@@ -90,8 +90,8 @@ def _one_metric_for_all(t: Array, W: Array, bands: int, size: int) -> tuple[Arra
     half, inverse = (directions * root) @ directions.T, (directions / root) @ directions.T
     white = half[:, 0] / np.linalg.norm(half[:, 0])
     weighted = t @ half
-    rest = weighted - np.outer(weighted @ white, white)
-    _, _, components = np.linalg.svd(rest, full_matrices=False)
+    residual = weighted - np.outer(weighted @ white, white)
+    _, _, components = np.linalg.svd(residual, full_matrices=False)
     frame = np.vstack([white, components[: size - 1]])
     A, B = frame @ half, inverse @ frame.T
     # White is 1 in the first channel and 0 in the others; adding the first makes it 1 in all.
@@ -120,14 +120,14 @@ def _better_synthesis(A: Array, B: Array, t: Array, W: Array) -> Array:
 
 def _reading_back(A: Array, B: Array, unseen: Array) -> Array:
     """Return the B with A B = I that keeps white and is nearest to ``B`` in A's null space."""
-    plain = np.linalg.pinv(A)
+    pseudo_inverse = np.linalg.pinv(A)
     white = np.eye(A.shape[1])[0] * B.sum(1)[0]
-    B = plain + unseen @ (unseen.T @ B)
+    B = pseudo_inverse + unseen @ (unseen.T @ B)
     return B + np.outer(unseen @ (unseen.T @ (white - B.sum(1))), np.full(len(A), 1 / len(A)))
 
 
-def _solve_ridge(W: Array, F: Array, x: Array, rest: Array) -> Array:
-    """Return the X that minimises sum_k || rest_k - F X x_k ||^2_Wk, with a ridge.
+def _solve_ridge(W: Array, F: Array, x: Array, residual: Array) -> Array:
+    """Return the X that minimises sum_k || residual_k - F X x_k ||^2_Wk, with a ridge.
 
     Shapes: W (K, r, r), F (r, a), x (K, b), rest (K, r); X (a, b).
     """
@@ -136,7 +136,7 @@ def _solve_ridge(W: Array, F: Array, x: Array, rest: Array) -> Array:
     products = (x[:, :, None] * x[:, None]).reshape(count, -1)
     H = np.matmul(FW, F).reshape(count, -1).T @ products
     H = H.reshape(a, a, b, b).swapaxes(1, 2).reshape(a * b, a * b)
-    gradient = np.einsum("kar,kr,kb->ab", FW, rest, x, optimize=True).ravel()
+    gradient = np.einsum("kar,kr,kb->ab", FW, residual, x, optimize=True).ravel()
     ridge = _RIDGE * np.trace(H) / max(a * b, 1)
     return np.linalg.solve(H + ridge * np.eye(a * b), gradient).reshape(a, b)
 

@@ -121,16 +121,16 @@ def normal_equations(problem: Problem, state: State, value: Value) -> tuple[Arra
     bend = problem.roughness.T @ problem.roughness
     H[np.arange(m), :, np.arange(m)] += bend
     # By the heights against D and the residual: axes (m, P, 3m + 1).
-    rest = np.einsum("jmx,jp->mpx", light[:, :m, m:], problem.E, optimize=True)
-    rest += np.einsum("kmx,kp->mpx", reflectance[..., m:], problem.S, optimize=True)
-    rest[..., -1] += value.rough @ problem.roughness
+    border = np.einsum("jmx,jp->mpx", light[:, :m, m:], problem.E, optimize=True)
+    border += np.einsum("kmx,kp->mpx", reflectance[..., m:], problem.S, optimize=True)
+    border[..., -1] += value.rough @ problem.roughness
     H = _fix_sums(_fix_sums(H, state, problem).transpose(2, 3, 0, 1), state, problem)
-    rest = _fix_sums(rest, state, problem).reshape(m * P, -1)
+    border = _fix_sums(border, state, problem).reshape(m * P, -1)
     last = light[:, m:, m:].sum(0)
     ridge = (_DISPLAY_WEIGHT / 100) ** 2
     last[:-1, :-1] += ridge * np.eye(3 * m)
     last[:-1, -1] += ridge * state.D.ravel()
-    full = np.block([[H.reshape(m * P, m * P), rest], [rest.T, last]])
+    full = np.block([[H.reshape(m * P, m * P), border], [border.T, last]])
     return full[:-1, :-1], full[:-1, -1]
 
 
@@ -140,10 +140,10 @@ def _derivatives(problem: Problem, state: State, value: Value) -> tuple[Array, A
     ratio_c = D_c (e * s) / (D_c e): the quotient rule.
     """
     weighed = problem.metric / value.white[:, None, None, :]
-    shown = np.matmul(weighed, state.D)
+    projected = np.matmul(weighed, state.D)
     pulled = np.matmul(weighed * value.ratio[:, :, None, :], state.D)
-    by_e = shown * value.s[None, :, None, :] - pulled
-    by_s = shown * value.e[:, None, None, :]
+    by_e = projected * value.s[None, :, None, :] - pulled
+    by_s = projected * value.e[:, None, None, :]
     relative = (value.s[None, :, None, :] - value.ratio[..., None]) * value.e[:, None, None, :]
     by_D = (weighed[..., None] * relative[:, :, None]).reshape(*by_e.shape[:3], -1)
     return by_e, by_s, by_D
@@ -170,9 +170,9 @@ def _outer_sum(weights: Array, spectra: Array) -> Array:
 
 def _fix_sums(by_heights: Array, state: State, problem: Problem) -> Array:
     """Convert derivatives (m, P, ...) to those for sensors divided by their sum, now 1."""
-    along = np.einsum("mp,mp...->m...", state.heights, by_heights)
+    radial = np.einsum("mp,mp...->m...", state.heights, by_heights)
     tail = (1,) * (by_heights.ndim - 2)
-    return by_heights - problem.area.reshape(1, -1, *tail) * along[:, None]
+    return by_heights - problem.area.reshape(1, -1, *tail) * radial[:, None]
 
 
 def _apply(matrices: Array, vectors: Array) -> Array:

@@ -94,15 +94,15 @@ def _gaussians(at_nm: Array, size: int) -> Array:
 
 def _best_descent(problem: Problem, starts: Iterable[Array], positive: bool) -> State:
     """Return the state of least cost over all starts; sensors that are too alike rank last."""
-    found: list[tuple[tuple[bool, float], State]] = []
+    candidates: list[tuple[tuple[bool, float], State]] = []
     for heights in starts:
         state = _descend(problem, heights, positive)
         value = evaluate(problem, state)
         alike = bool(np.linalg.cond(state.heights) > MAX_ALIKE)
-        found.append(((alike, value.cost), state))
+        candidates.append(((alike, value.cost), state))
         if value.colour_error < _GOOD_ENOUGH and not alike:
             break
-    return min(found, key=lambda pair: pair[0])[1]
+    return min(candidates, key=lambda pair: pair[0])[1]
 
 
 def _descend(problem: Problem, heights: Array, positive: bool) -> State:
@@ -175,16 +175,16 @@ def _step(state: State, H: Array, gradient: Array) -> Array:
     """
     x = np.concatenate([state.heights.ravel(), state.D.ravel()])
     bounded = np.arange(x.size) < (state.heights.size if state.positive else 0)
-    held = bounded & (x <= 0) & (gradient > 0)
+    clamped = bounded & (x <= 0) & (gradient > 0)
     while True:
-        step = np.where(held, -x, 0.0)
-        free = np.flatnonzero(~held)
+        step = np.where(clamped, -x, 0.0)
+        free = np.flatnonzero(~clamped)
         goal = -(gradient + H @ step)[free]
         step[free] = np.linalg.solve(H[np.ix_(free, free)], goal)
-        below = bounded & ~held & (x + step < 0)
+        below = bounded & ~clamped & (x + step < 0)
         if not below.any():
             return step
-        held |= below
+        clamped |= below
 
 
 def _take_step(problem: Problem, state: State, step: Array) -> State:

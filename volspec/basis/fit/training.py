@@ -117,7 +117,7 @@ def training_set(
     )
 
 
-def check_rank(strength: Array, size: int, what: str) -> None:
+def check_rank(strength: Array, size: int, label: str) -> None:
     """Raise BasisError if fewer than ``size`` singular values, largest first, exceed rounding.
 
     ``what`` names the spanning set.
@@ -125,18 +125,18 @@ def check_rank(strength: Array, size: int, what: str) -> None:
     rank = int((strength > strength[0] * _RANK).sum())
     if size > rank:
         raise BasisError(
-            f"basis size {size} exceeds the {count_noun(rank, 'dimension')} that {what} span; "
+            f"basis size {size} exceeds the {count_noun(rank, 'dimension')} that {label} span; "
             f"{smaller_size(rank)}",
             code="impossible",
         )
 
 
-def smaller_size(most: int) -> str:
-    """Return the error's remedy when the spectra determine at most ``most`` channels."""
-    if most < MIN_SIZE:
+def smaller_size(maximum: int) -> str:
+    """Return the error's remedy when the spectra determine at most ``maximum`` channels."""
+    if maximum < MIN_SIZE:
         return f"{MIN_SIZE} is the least size: give more spectra"
-    less = "" if most == MIN_SIZE else " or less"
-    return f"use a size of {most}{less}, or more spectra"
+    less = "" if maximum == MIN_SIZE else " or less"
+    return f"use a size of {maximum}{less}, or more spectra"
 
 
 def count_noun(count: int, noun: str) -> str:
@@ -144,28 +144,28 @@ def count_noun(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
-def _require_some(spectra: Sequence[Spectrum] | ArrayLike, what: str) -> None:
+def _require_some(spectra: Sequence[Spectrum] | ArrayLike, label: str) -> None:
     if isinstance(spectra, Spectrum):
         return
     count = len(spectra) if isinstance(spectra, Sequence) else np.size(spectra)
     if count == 0:
-        raise BasisError(f"{what}: the list is empty; give at least one spectrum", code="missing")
+        raise BasisError(f"{label}: the list is empty; give at least one spectrum", code="missing")
 
 
-def _weights(values: ArrayLike | None, count: int, what: str) -> Array:
+def _weights(values: ArrayLike | None, count: int, label: str) -> Array:
     if values is None:
         return np.ones(count)
     with basis_errors():
-        weights = real_array(values, what)
+        weights = real_array(values, label)
     if weights.shape != (count,):
         raise BasisError(
-            f"{what} have shape {weights.shape}; expected ({count},), one for each spectrum",
+            f"{label} have shape {weights.shape}; expected ({count},), one for each spectrum",
             code="shape",
         )
     if not (np.isfinite(weights) & (weights > 0)).all():
         worst = int(np.argmin(np.where(np.isfinite(weights), weights, -np.inf)))
         raise BasisError.refused(
-            f"{what}: number {worst + 1}",
+            f"{label}: number {worst + 1}",
             weights[worst],
             "weights must be above 0, leave out spectra of no weight",
             "range",
