@@ -50,11 +50,11 @@ def suggestions(design: Design) -> tuple[str, ...]:
     palette, now = design.state.palette, DesignMeasures.measured(design)
     if now.max <= VISIBLE:
         return ()
-    found = list(_with_iterations(palette, now))
+    sentences = list(_with_iterations(palette, now))
     ranked = sorted((c for c in now.cells if c.error is not None), key=lambda c: -(c.error or 0.0))
     worst = [cell for cell in ranked if (cell.error or 0.0) > VISIBLE][:_MAX_CELLS]
-    found += [sentence for cell in worst for sentence in _for_cell(design, now, cell)]
-    return (*found, *_with_exposure(palette, now))
+    sentences += [sentence for cell in worst for sentence in _for_cell(design, now, cell)]
+    return (*sentences, *_with_exposure(palette, now))
 
 
 def _report(palette: Palette) -> DesignMeasures | None:
@@ -94,33 +94,33 @@ def _with_exposure(palette: Palette, now: DesignMeasures) -> Iterator[str]:
         )
 
 
-def _for_cell(made: Design, now: DesignMeasures, cell: CellReport) -> Iterator[str]:
-    palette = made.state.palette
+def _for_cell(solution: Design, now: DesignMeasures, cell: CellReport) -> Iterator[str]:
+    palette = solution.state.palette
     where, error = f"({cell.reflectance}, {cell.light})", cell.error or 0.0
-    if nearest := _nearest_if_out_of_reach(made.palette, cell):
+    if nearest := _nearest_if_out_of_reach(solution.palette, cell):
         target = "" if cell.wanted is None else f" {hexadecimal(cell.wanted)}"
         yield (
             f"{where}:{target} is out of reach at exposure {now.exposure:g}, even alone; the "
             f"nearest is {hexadecimal(nearest.obtained)}, ΔE {nearest.error:.1f}"
         )
-    own = palette.cells.get(cell.place)
-    if own is None:  # implied by a constant row
+    spec = palette.cells.get(cell.place)
+    if spec is None:  # implied by a constant row
         return
-    if not nearest and math.isfinite(own.weight):
-        more = replace(own, weight=_WEIGHT_FACTOR * own.weight)
+    if not nearest and math.isfinite(spec.weight):
+        more = replace(spec, weight=_WEIGHT_FACTOR * spec.weight)
         after = _report(replace(palette, cells={**palette.cells, cell.place: more}))
         if after and _helps(error, after.cell(cell.place).error):
-            rest, then = _mean_of_others(now, cell.place), _mean_of_others(after, cell.place)
+            old, then = _mean_of_others(now, cell.place), _mean_of_others(after, cell.place)
             yield (
-                f"{where}: weight {more.weight:g} instead of {own.weight:g} brings ΔE {error:.1f} "
-                f"to {after.cell(cell.place).error:.1f}; the others' mean goes from {rest:.2f} to "
+                f"{where}: weight {more.weight:g} instead of {spec.weight:g} brings ΔE {error:.1f} "
+                f"to {after.cell(cell.place).error:.1f}; the others' mean goes from {old:.2f} to "
                 f"{then:.2f}"
             )
     yield from _without_cell(palette, now, cell.place, where)
 
 
 def _without_cell(palette: Palette, now: DesignMeasures, place: Place, where: str) -> Iterator[str]:
-    cells: dict[Place, Cell] = {at: cell for at, cell in palette.cells.items() if at != place}
+    cells: dict[Place, Cell] = {key: cell for key, cell in palette.cells.items() if key != place}
     after = _report(replace(palette, cells=cells)) if cells else None
     if after and _helps(
         before := _mean_of_others(now, place), then := _mean_of_others(after, place)
@@ -139,8 +139,8 @@ def _nearest_if_out_of_reach(palette: Palette, cell: CellReport) -> CellReport |
     A free reflectance is designed under the light as already designed, within the solid of object
     colours. The light is designed only if the reflectance is given.
     """
-    own = palette.cells.get(cell.place)
-    if own is None or own.kind not in ("colour", "black"):
+    spec = palette.cells.get(cell.place)
+    if spec is None or spec.kind not in ("colour", "black"):
         return None
     row = palette.member("reflectance", cell.reflectance)
     column = palette.member("light", cell.light)
@@ -152,11 +152,11 @@ def _nearest_if_out_of_reach(palette: Palette, cell: CellReport) -> CellReport |
         palette,
         reflectances=(row,),
         lights=(column,),
-        cells={cell.place: replace(own, weight=1.0)},
+        cells={cell.place: replace(spec, weight=1.0)},
         criteria=criteria,
         apart=(),
     )
-    found = _report(alone)
-    if found is None or found.max <= VISIBLE:
+    report = _report(alone)
+    if report is None or report.max <= VISIBLE:
         return None
-    return found.cell(cell.place)
+    return report.cell(cell.place)

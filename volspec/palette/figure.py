@@ -115,15 +115,15 @@ class _Vision:
         for row in palette.apart:
             for name in row.deficiencies:
                 severities[name] = max(severities[name], row.severity)
-        made = {name: simulation(name, severity, space) for name, severity in severities.items()}
-        return cls(space, {name: each for name, each in made.items() if each is not None})
+        models = {name: simulation(name, severity, space) for name, severity in severities.items()}
+        return cls(space, {name: m for name, m in models.items() if m is not None})
 
-    def codes(self, shown: Array) -> dict[str, Array]:
+    def codes(self, encoded: Array) -> dict[str, Array]:
         """Return a colour's codes as simulated, by deficiency."""
-        linear = self.space.decode(shown)
+        linear = self.space.decode(encoded)
         return {
-            name: self.space.encode(np.clip(each.apply(linear), 0.0, 1.0))
-            for name, each in self.simulations.items()
+            name: self.space.encode(np.clip(model.apply(linear), 0.0, 1.0))
+            for name, model in self.simulations.items()
         }
 
 
@@ -132,25 +132,25 @@ class _Layout:
 
     def __init__(self, rows: tuple[str, ...], columns: tuple[str, ...], titled: bool) -> None:
         self.rows, self.columns = len(rows), len(columns)
-        most = max(self.rows, self.columns)
-        self.side = float(np.clip(_CELLS / most, _MIN_SIDE, _MAX_SIDE))
+        count = max(self.rows, self.columns)
+        self.side = float(np.clip(_CELLS / count, _MIN_SIDE, _MAX_SIDE))
         self.font = 6.5 + 2.5 * (self.side - _MIN_SIDE) / (_MAX_SIDE - _MIN_SIDE)
         self.plot = (max(1.25 * self.side, 0.8), max(0.72 * self.side, 0.5))
-        self.names = self._wide(rows)
+        self.names = self._name_width(rows)
         self.left = _MARGIN + self.names + self.plot[0] + 0.22
         self.bottom = _KEY + 0.38
         pitch = self.side + _GAP
         self.width = max(self.left + self.columns * pitch + _GAP + _MARGIN, _MIN_WIDTH)
         # Names of lights are slanted if one is wider than its column.
-        wide = self._wide(columns)
-        self.aslant = wide > self.side
-        above = 0.62 * wide + 0.1 if self.aslant else 0.18
+        widest = self._name_width(columns)
+        self.aslant = widest > self.side
+        above = 0.62 * widest + 0.1 if self.aslant else 0.18
         if self.aslant:
-            self.width += max(0.82 * wide - self.side / 2 - _MARGIN, 0.0)
+            self.width += max(0.82 * widest - self.side / 2 - _MARGIN, 0.0)
         top = self.plot[1] + above + 0.32 + (0.42 if titled else 0.0)
         self.height = self.bottom + self.rows * pitch + _GAP + top
 
-    def _wide(self, names: tuple[str, ...]) -> float:
+    def _name_width(self, names: tuple[str, ...]) -> float:
         """Return the width of the longest name in inches, up to a limit."""
         return min(max(map(len, names)) * 0.6 * self.font / 72.0 + 0.06, _MAX_NAME)
 
@@ -177,10 +177,10 @@ def _draw_lights(figure: Figure, layout: _Layout, design: Design) -> None:
 
 def _draw_reflectances(figure: Figure, layout: _Layout, design: Design) -> None:
     top = max(1.0, float(design.state.S.max()))
-    wide = layout.plot[0]
+    width = layout.plot[0]
     for i, name in enumerate(design.palette.names[0]):
         _, y = layout.cell(i, 0)
-        axes = inch_axes(figure, layout.left - 0.12 - wide, y, wide, layout.side)
+        axes = inch_axes(figure, layout.left - 0.12 - width, y, width, layout.side)
         axes.axhline(1.0, color=HAIR, linewidth=0.6, zorder=0)
         _draw_spectrum(axes, design.palette.grid, design.state.S[i], 1.04 * top)
         if i == 0:
@@ -188,8 +188,8 @@ def _draw_reflectances(figure: Figure, layout: _Layout, design: Design) -> None:
                   va="center", fontsize=0.8 * layout.font, color=FAINT)  # fmt: skip
         if i == layout.rows - 1:
             _draw_ticks(axes, design.palette.grid, layout.font)
-        at = (layout.left - 0.24 - wide) / layout.width
-        text = write(figure, at, (y + layout.side / 2) / layout.height, name, ha="right",
+        x = (layout.left - 0.24 - width) / layout.width
+        text = write(figure, x, (y + layout.side / 2) / layout.height, name, ha="right",
                      va="center", fontsize=layout.font, color=INK)  # fmt: skip
         shorten(text, layout.names)
 
@@ -224,19 +224,19 @@ def _draw_ticks(axes: Axes, grid: SpectralGrid, font: float) -> None:
 
 def _draw_cells(figure: Figure, layout: _Layout, report: DesignReport, vision: _Vision) -> None:
     pitch = layout.side + _GAP
-    wide, tall = layout.columns * pitch + _GAP, layout.rows * pitch + _GAP
-    axes = inch_axes(figure, layout.left, layout.bottom, wide, tall)
-    axes.set(xlim=(0, wide), ylim=(0, tall))
+    width, height = layout.columns * pitch + _GAP, layout.rows * pitch + _GAP
+    axes = inch_axes(figure, layout.left, layout.bottom, width, height)
+    axes.set(xlim=(0, width), ylim=(0, height))
     axes.set_axis_off()
-    _square(axes, 0, 0, wide, tall, facecolor=_GREY)
+    _square(axes, 0, 0, width, height, facecolor=_GREY)
     for number, cell in enumerate(report.cells):
         x, y = layout.cell(*divmod(number, layout.columns))
         x, y = x - layout.left, y - layout.bottom
         _draw_cell(axes, x, y, layout, cell, bool(vision.simulations))
-        seen = vision.codes(np.clip(cell.obtained, 0.0, 1.0))
-        for place, (name, codes) in enumerate(seen.items()):
-            wide, left = layout.side / len(seen), x + place * layout.side / len(seen)
-            _square(axes, left, y, wide, _STRIP * layout.side, facecolor=codes)
+        simulated = vision.codes(np.clip(cell.obtained, 0.0, 1.0))
+        for place, (name, codes) in enumerate(simulated.items()):
+            width, left = layout.side / len(simulated), x + place * layout.side / len(simulated)
+            _square(axes, left, y, width, _STRIP * layout.side, facecolor=codes)
             write(axes, left + 0.04, y + _STRIP * layout.side / 2, name, va="center",
                   fontsize=0.7 * layout.font, color=_legible(codes))  # fmt: skip
 
@@ -249,16 +249,16 @@ def _draw_cell(
     _square(axes, x, y, side, side, facecolor=codes)
     on = _legible(codes)
     size = 0.44 * side
-    at = x + (side - size) / 2, y + (side - size) / 2
+    xy = x + (side - size) / 2, y + (side - size) / 2
     middle = x + side / 2, y + side / 2
     mark = {"same": "=", "distinct": "≠"}.get(cell.kind)
     if cell.kind == "distinct":
-        _square(axes, *at, size, size, facecolor="none", edgecolor=on, alpha=0.35, linewidth=0.6)
+        _square(axes, *xy, size, size, facecolor="none", edgecolor=on, alpha=0.35, linewidth=0.6)
     elif cell.wanted is not None:
         inner = np.clip(cell.wanted, 0.0, 1.0)
         dashes: Any = (0, (2.2, 1.8)) if cell.kind in ("free", "same") else "solid"
-        _square(axes, *at, size, size, facecolor=inner)
-        _square(axes, *at, size, size, facecolor="none", edgecolor=on, alpha=0.6,
+        _square(axes, *xy, size, size, facecolor=inner)
+        _square(axes, *xy, size, size, facecolor="none", edgecolor=on, alpha=0.6,
                 linewidth=0.7, linestyle=dashes)  # fmt: skip
     if mark:
         write(axes, *middle, mark, ha="center", va="center", fontsize=1.1 * layout.font,
@@ -276,10 +276,10 @@ def _legible(codes: Array) -> str:
     return "black" if float(codes @ (0.299, 0.587, 0.114)) > _LIGHT else "white"
 
 
-def _square(axes: Axes, x: float, y: float, wide: float, tall: float, **style: Any) -> None:
+def _square(axes: Axes, x: float, y: float, width: float, height: float, **style: Any) -> None:
     from matplotlib.patches import Rectangle
 
-    axes.add_patch(Rectangle((x, y), wide, tall, **{"linewidth": 0.0, **style}))
+    axes.add_patch(Rectangle((x, y), width, height, **{"linewidth": 0.0, **style}))
 
 
 def _draw_key(
@@ -298,9 +298,9 @@ def _draw_key(
         f"exposure {report.exposure:.3g}"
     )
     if report.metamers:
-        own = max(pair.delta_E for pair in report.metamers)
+        largest = max(pair.delta_E for pair in report.metamers)
         fine = max(pair.delta_E_1nm for pair in report.metamers)
-        totals += f"; metamers apart {own:.2f}, at 1 nm {fine:.2f}"
+        totals += f"; metamers apart {largest:.2f}, at 1 nm {fine:.2f}"
     axes = inch_axes(figure, _MARGIN, 0.1, layout.width - 2 * _MARGIN, _KEY)
     axes.set(xlim=(0, layout.width - 2 * _MARGIN), ylim=(0, _KEY))
     axes.set_axis_off()

@@ -152,11 +152,11 @@ class _Reader:
         if table.basis is None:
             return None
         file = table.basis.endswith(".json")
-        found = load_basis(os.fspath(self.path.parent / table.basis) if file else table.basis)
-        if not isinstance(found, SpectralBasis):
+        basis = load_basis(os.fspath(self.path.parent / table.basis) if file else table.basis)
+        if not isinstance(basis, SpectralBasis):
             problem = f"basis {table.basis!r} is made of materials; give a fitted one"
             raise fault("", problem, "unsupported")
-        return found
+        return basis
 
     def _member(self, row: LightMember | ReflectanceMember, grid: SpectralGrid) -> PaletteSpectrum:
         kind, find = (
@@ -174,7 +174,7 @@ class _Reader:
                 lower=None if row.lower == "none" else row.lower,
                 upper=None if row.upper == "none" else row.upper,
                 band_nm=row.band_nm,
-                mixture=tuple(light(each, grid, folder=self.path.parent) for each in mixture),
+                mixture=tuple(light(lamp, grid, folder=self.path.parent) for lamp in mixture),
                 constant=isinstance(row, ReflectanceMember) and row.constant,
             )
 
@@ -211,34 +211,34 @@ class _Reader:
             for light_name in self._names("light", columns):
                 yield reflectance_name, light_name
 
-    def _names(self, kind: str, given: str | tuple[str, ...] | None) -> list[str]:
-        known = [row.name for row in getattr(self.table, kind)]
-        if given == EVERY:
-            return known
-        names = [given] if isinstance(given, str) else list(given or ())
+    def _names(self, kind: str, selection: str | tuple[str, ...] | None) -> list[str]:
+        all_names = [row.name for row in getattr(self.table, kind)]
+        if selection == EVERY:
+            return all_names
+        names = [selection] if isinstance(selection, str) else list(selection or ())
         if not names:
             problem = f"{kind} is empty; give a name, several, or {EVERY!r} for all"
             raise fault("", problem, "missing")
         for name in names:
-            if name not in known:
-                hint = f"{nearest(name, known)}known: {', '.join(known)}"
+            if name not in all_names:
+                hint = f"{nearest(name, all_names)}known: {', '.join(all_names)}"
                 raise fault("", f"no {kind} is named {name!r}; {hint}", "unknown")
         return names
 
 
 def _cell(row: CellSpec) -> Cell:
-    wanted: dict[str, Any] = {"kind": row.kind}
+    fields: dict[str, Any] = {"kind": row.kind}
     if row.colour is not None:
-        wanted["colour"] = parse_colour(row.colour)
+        fields["colour"] = parse_colour(row.colour)
     if row.free is not None:
-        wanted["group"] = row.free
+        fields["group"] = row.free
     if other := row.same or row.distinct:
-        wanted["other"] = other
+        fields["other"] = other
     if row.must or row.weight is not None:
-        wanted["weight"] = math.inf if row.must else row.weight
+        fields["weight"] = math.inf if row.must else row.weight
     for name in ("low", "high"):
         if (bound := getattr(row, name)) is not None:
-            wanted[name] = parse_colour(bound)
+            fields[name] = parse_colour(bound)
     if row.distance is not None:
-        wanted["distance"] = row.distance
-    return Cell(**wanted)
+        fields["distance"] = row.distance
+    return Cell(**fields)

@@ -87,8 +87,8 @@ class Linearisation:
         jacobian = np.stack([model.RGB_jacobian(XYZ[:, j]) for j, model in enumerate(models)], 1)
         RGB = np.stack([model.RGB_from_XYZ(XYZ[:, j]) for j, model in enumerate(models)], axis=1)
         constant = RGB - (jacobian @ XYZ[..., None])[..., 0]
-        others = state.S[:, None, None] if variables.lights else state.E[None, :, None]
-        return cls(variables, jacobian, jacobian @ (state.Q * others), constant)
+        fixed = state.S[:, None, None] if variables.lights else state.E[None, :, None]
+        return cls(variables, jacobian, jacobian @ (state.Q * fixed), constant)
 
     def colour(self, place: Index) -> AffineColour:
         """Return the linearised colour of a cell."""
@@ -109,7 +109,7 @@ class CellEquations:
     Lab: Array  # (R, L, 3): current colours
     Lab_slopes: Array  # (R, L, 3, 3): CIELAB by linear RGB, chords or tangents
     Lab_at_black: Array  # (R, L, 3): value of the chords or tangents at linear RGB 0
-    wanted: Mapping[Index, tuple[Array, Array]]  # linear RGB and CIELAB, black included
+    targets: Mapping[Index, tuple[Array, Array]]  # linear RGB and CIELAB, black included
     model: ColourModel  # between linear RGB and CIELAB, the same under every light
     RGB: Array  # (R, L, 3): current colours; in the first iteration, those wanted
     free: Mapping[str, tuple[Array, Array]]  # slopes and value at linear RGB 0, by group
@@ -122,17 +122,17 @@ class CellEquations:
         state = variables.state
         cells, models, XYZ = state.palette.indexed_cells(), state.colour_models(), state.XYZ
         model, current = models[0], state.RGB(models)
-        codes = {at: cell.wanted for at, cell in cells.items() if cell.wanted is not None}
+        codes = {place: cell.wanted for place, cell in cells.items() if cell.wanted is not None}
         places = list(codes)
         colours = model.space.decode(np.reshape(list(codes.values()), (-1, 3)))
-        wanted = dict(
+        targets = dict(
             zip(places, zip(colours, model.Lab_from_RGB(colours), strict=True), strict=True)
         )
         free = _free_colours(cells, current, model, state.palette)
         ends, anchors = current.copy(), XYZ.copy()
-        met = [at for at in places if variables.first or math.isinf(cells[at].weight)]
-        for at in met:
-            ends[at] = wanted[at][0]
+        met = [place for place in places if variables.first or math.isinf(cells[place].weight)]
+        for place in met:
+            ends[place] = targets[place][0]
         for j in {j for _, j in met}:
             rows = [i for i, k in met if k == j]
             anchors[rows, j] = models[j].XYZ_from_RGB(ends[rows, j])
@@ -145,7 +145,7 @@ class CellEquations:
             Lab,
             slopes,
             Lab - (slopes @ current[..., None])[..., 0],
-            wanted,
+            targets,
             model,
             ends if variables.first else current,
             {group: _tangent(model, colour) for group, colour in free.items()},
@@ -169,12 +169,12 @@ class CellEquations:
         label = f"cell ({palette.reflectances[place[0]].name}, {palette.lights[place[1]].name})"
         exact = math.isinf(cell.weight)
         in_RGB = exact or palette.criteria.metric == "RGB"
-        if place in self.wanted:
+        if place in self.targets:
             linearised = self.at_wanted if exact or first else self.at_current
             here = self._metric(linearised.colour(place), place, in_RGB)
-            RGB, Lab = self.wanted[place]
-            there = AffineColour({}, ROW_WEIGHT * (RGB if in_RGB else _Lab_UNIT * Lab))
-            return {}, [here.equality(there, cell.weight, label)]
+            RGB, Lab = self.targets[place]
+            target = AffineColour({}, ROW_WEIGHT * (RGB if in_RGB else _Lab_UNIT * Lab))
+            return {}, [here.equality(target, cell.weight, label)]
         here = self._metric(self.at_current.colour(place), place, in_RGB)
         if cell.other is None:
             name, colour = _variable_colour(f"free colour {cell.group!r}")
@@ -189,8 +189,8 @@ class CellEquations:
             return {name: block}, [here.equality(colour, cell.weight, label)]
         other = palette.index(cell.other)
         if cell.kind == "same":
-            there = self._metric(self.at_current.colour(other), other, in_RGB)
-            return {}, [here.equality(there, cell.weight, label)]
+            target = self._metric(self.at_current.colour(other), other, in_RGB)
+            return {}, [here.equality(target, cell.weight, label)]
         return self._distinct_equations(place, other, cell, label)
 
     @property
@@ -201,21 +201,21 @@ class CellEquations:
         self, place: Index, other: Index, cell: Cell, label: str
     ) -> tuple[dict[str, Block], list[Term]]:
         """Return two distant colours within the gamut, and terms that tie the cells to them."""
-        name, shown = _variable_colour(f"the colour shown by {label}")
-        other_name, shown_there = _variable_colour(f"the colour compared with {label}")
-        blocks = {each: Block(3, np.zeros(3), np.ones(3)) for each in (name, other_name)}
+        name, displayed = _variable_colour(f"the colour shown by {label}")
+        other_name, other_displayed = _variable_colour(f"the colour compared with {label}")
+        blocks = {variable: Block(3, np.zeros(3), np.ones(3)) for variable in (name, other_name)}
         shows = [
-            self.at_current.colour(each).equality(colour, _GAMUT * cell.weight, label)
-            for each, colour in ((place, shown), (other, shown_there))
+            self.at_current.colour(index).equality(colour, _GAMUT * cell.weight, label)
+            for index, colour in ((place, displayed), (other, other_displayed))
         ]
         # Along the direction in which the two colours already differ.
-        way = self.Lab[place] - self.Lab[other]
-        if np.linalg.norm(way) < _ALIKE:
-            way = way + _ALIKE * np.array([0.0, 1.0, 1.0])
-        along = (way / np.linalg.norm(way))[None] / ROW_WEIGHT
-        there = self._metric(shown_there, other, in_RGB=False)
-        enough = there.transform(along, _Lab_UNIT * cell.distance)
-        far = self._metric(shown, place, in_RGB=False).transform(along)
+        difference = self.Lab[place] - self.Lab[other]
+        if np.linalg.norm(difference) < _ALIKE:
+            difference = difference + _ALIKE * np.array([0.0, 1.0, 1.0])
+        direction = (difference / np.linalg.norm(difference))[None] / ROW_WEIGHT
+        target = self._metric(other_displayed, other, in_RGB=False)
+        enough = target.transform(direction, _Lab_UNIT * cell.distance)
+        far = self._metric(displayed, place, in_RGB=False).transform(direction)
         return blocks, [*shows, far.equality(enough, cell.weight, label)]
 
     def _apart_equations(self) -> tuple[dict[str, Block], list[Term]]:
@@ -240,26 +240,26 @@ class CellEquations:
                 blocks[excess] = Block(1, np.zeros(1), np.full(1, math.inf))
                 terms.append(self._apart_equation(pair, deficiency, excess))
         for place, weight in weights.items():
-            name, shown = _variable_colour(_shown_name(place))
+            name, displayed = _variable_colour(_shown_name(place))
             blocks[name] = Block(3, np.zeros(3), np.ones(3))
             label = f"the gamut at {place}"
-            terms.append(self.at_current.colour(place).equality(shown, _GAMUT * weight, label))
+            terms.append(self.at_current.colour(place).equality(displayed, _GAMUT * weight, label))
         return blocks, terms
 
     def _apart_equation(self, pair: ApartPair, deficiency: str, excess: str) -> Term:
         row, ends, RGB = pair.row, (pair.one, pair.other), self.RGB
-        seen = [self.model.simulated_Lab(RGB[place], deficiency, row.severity) for place in ends]
+        Labs = [self.model.simulated_Lab(RGB[place], deficiency, row.severity) for place in ends]
         compared = np.array([float(row.lightness), 1.0, 1.0])
-        way = compared * (seen[0] - seen[1])
-        if np.linalg.norm(way) < _ALIKE:
-            way = way + _ALIKE * np.array([0.0, 1.0, 1.0])
+        difference = compared * (Labs[0] - Labs[1])
+        if np.linalg.norm(difference) < _ALIKE:
+            difference = difference + _ALIKE * np.array([0.0, 1.0, 1.0])
         unit = ROW_WEIGHT * _Lab_UNIT
-        along = unit * (way / np.linalg.norm(way))[None]
+        direction = unit * (difference / np.linalg.norm(difference))[None]
         colours = []
         for place in ends:
             slopes, at_black = self.model.simulated_tangent(RGB[place], deficiency, row.severity)
-            _, shown = _variable_colour(_shown_name(place))
-            colours.append(shown.transform(along @ slopes, along @ at_black))
+            _, displayed = _variable_colour(_shown_name(place))
+            colours.append(displayed.transform(direction @ slopes, direction @ at_black))
         over = AffineColour({excess: unit * np.eye(1)}, np.array([unit * row.distance]))
         far = colours[1].plus(over)
         return colours[0].equality(far, row.weight, excess)
@@ -282,9 +282,9 @@ def _free_colours(
             weight = 1.0 if math.isinf(cell.weight) else cell.weight**2
             members.setdefault(cell.group, []).append((place, weight))
     colours = {}
-    for group, own in members.items():
-        Lab = model.Lab_from_RGB(np.stack([current[place] for place, _ in own]))
-        mean = np.average(Lab, axis=0, weights=[weight for _, weight in own])
+    for group, weighted in members.items():
+        Lab = model.Lab_from_RGB(np.stack([current[place] for place, _ in weighted]))
+        mean = np.average(Lab, axis=0, weights=[weight for _, weight in weighted])
         low, high = model.space.decode(palette.free_bounds(group))
         colours[group] = np.clip(model.RGB_from_Lab(mean), low, high)
     return colours

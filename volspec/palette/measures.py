@@ -276,19 +276,19 @@ def report_cells(
     palette, models = state.palette, state.colour_models()
     RGB, XYZ = state.RGB(models), state.XYZ
     cells = {palette.index(place): cell for place, cell in targets.items()}
-    wanted = compared_colours(palette, cells, RGB)
+    compared = compared_colours(palette, cells, RGB)
     reports = []
     for i, row in enumerate(palette.names[0]):
         for j, column in enumerate(palette.names[1]):
-            cell, target = cells.get((i, j)), wanted.get((i, j))
+            cell, target = cells.get((i, j)), compared.get((i, j))
             codes = models[j].space.encode(RGB[i, j])
-            apart: dict[str, float | None] = dict.fromkeys(("2000", "1976", "CAM16"))
+            errors: dict[str, float | None] = dict.fromkeys(("2000", "1976", "CAM16"))
             if target is not None:
                 Lab, ucs = (
-                    [_coordinates(each, models[j], name) for each in (target, RGB[i, j])]
+                    [_coordinates(colour, models[j], name) for colour in (target, RGB[i, j])]
                     for name in ("CIEDE2000", "CAM16-UCS")
                 )
-                apart = {
+                errors = {
                     "2000": float(distance("CIEDE2000", *Lab)),
                     "1976": float(np.linalg.norm(Lab[0] - Lab[1])),
                     "CAM16": float(distance("CAM16-UCS", *ucs)),
@@ -303,10 +303,10 @@ def report_cells(
                     None if target is None or distinct else _triple(models[j].space.encode(target)),
                     _triple(codes),
                     _triple(XYZ[i, j]),
-                    apart["2000"],
-                    apart["1976"],
+                    errors["2000"],
+                    errors["1976"],
                     bool(((codes > -_CODE) & (codes < 1.0 + _CODE)).all()),
-                    apart["CAM16"],
+                    errors["CAM16"],
                     difference,
                 )
             )
@@ -337,14 +337,14 @@ def apart_reports(state: State, targets: Mapping[Place, Cell]) -> Iterator[Apart
         if cell.kind == "distinct" and cell.other is not None and cell.other[1] == light:
             asked.setdefault((row, cell.other[0], ("none",), 1.0), []).append(light)
     for (one, other, deficiencies, severity), lights in asked.items():
-        found: dict[str, dict[str, float]] = {}
+        dE00: dict[str, dict[str, float]] = {}
         for light in columns:
             at = [RGB[state.palette.index((row, light))] for row in (one, other)]
-            found[light] = {
+            dE00[light] = {
                 name: float(delta_E_2000(*(models[0].simulated_Lab(c, name, severity) for c in at)))
                 for name in DEFICIENCIES
             }
-        yield ApartReport((one, other), deficiencies, severity, tuple(dict.fromkeys(lights)), found)
+        yield ApartReport((one, other), deficiencies, severity, tuple(dict.fromkeys(lights)), dE00)
 
 
 def _triple(values: Array) -> Triple:
@@ -369,16 +369,16 @@ def _metamers(
         observed = _observers(fine, j) if pairs else np.zeros(0)
         for i, k in pairs:
             between = distance(difference, colours[i], colours[k])
-            apart = {n: float(d) for n, d in zip(columns, between, strict=True) if n != column}
+            errors = {n: float(d) for n, d in zip(columns, between, strict=True) if n != column}
             at_1_nm = float(distance(difference, fine_colours[i, j], fine_colours[k, j]))
             differences = delta_E_2000(observed[:, i], observed[:, k])
-            seen = ObserverReport(
+            crowd = ObserverReport(
                 differences.size,
                 float((differences < ALIKE).mean()),
                 *np.percentile(differences, (50, 95)).tolist(),
             )
             pair = rows[i], rows[k]
-            yield MetamerReport(column, pair, float(between[j]), at_1_nm, apart, seen)
+            yield MetamerReport(column, pair, float(between[j]), at_1_nm, errors, crowd)
 
 
 def _observers(state: State, light: int) -> Array:
@@ -418,9 +418,9 @@ def _spectra(state: State) -> Iterator[SpectrumReport]:
             member = phase.members[number]
             spectrum = Spectrum(grid.wavelengths_nm, (state.S, state.E)[kind == "light"][number])
             lamps: dict[str, float] = {}
-            shares = replace(member, spectrum=spectrum).lamp_shares(grid)
-            for lamp, share in zip(member.mixture, shares, strict=True):
-                lamps[lamp.name] = lamps.get(lamp.name, 0.0) + share
+            weights = replace(member, spectrum=spectrum).lamp_shares(grid)
+            for lamp, weight in zip(member.mixture, weights, strict=True):
+                lamps[lamp.name] = lamps.get(lamp.name, 0.0) + weight
             near = _TOUCH * max(float(np.abs(x).max()), 1e-12)
             yield SpectrumReport(
                 kind,

@@ -93,8 +93,8 @@ class Cell:
             raise PaletteError.refused("Cell.kind", self.kind, remedy, "unknown")
         needs = {"colour": "colour", "free": "group", "same": "other", "distinct": "other"}
         for name in ("colour", "group", "other"):
-            needed, given = needs.get(self.kind) == name, bool(getattr(self, name))
-            if needed != given:
+            needed, present = needs.get(self.kind) == name, bool(getattr(self, name))
+            if needed != present:
                 problem = f"kind {self.kind!r} {'needs' if needed else 'cannot have'} {name}"
                 code: Code = "missing" if needed else "conflict"
                 raise fault(f"Cell.{name}", problem, code, getattr(self, name))
@@ -121,34 +121,34 @@ class Cell:
         return (0.0, 0.0, 0.0) if self.kind == "black" else self.colour
 
 
-def _display_codes(field: str, given: object, remedy: str) -> Triple:
+def _display_codes(field: str, value: object, remedy: str) -> Triple:
     """Return three display codes; refuse anything but three numbers from 0 to 1."""
     try:
-        red, green, blue = np.asarray(given, dtype=np.float64).tolist()
+        red, green, blue = np.asarray(value, dtype=np.float64).tolist()
         codes = float(red), float(green), float(blue)
     except (TypeError, ValueError, OverflowError):
-        raise PaletteError.refused(field, given, remedy, "type") from None
+        raise PaletteError.refused(field, value, remedy, "type") from None
     if outside := [code for code in codes if not 0.0 <= code <= 1.0]:
         hint = "divide by 255" if 1.0 < max(outside) <= 255.0 else remedy
-        problem = f"{quoted(given)} has a code of {outside[0]:g}, which no display shows"
-        raise fault(field, f"{problem}; {hint}", "range", given)
+        problem = f"{quoted(value)} has a code of {outside[0]:g}, which no display shows"
+        raise fault(field, f"{problem}; {hint}", "range", value)
     return codes
 
 
-def parse_colour(given: str | Sequence[float]) -> Triple:
+def parse_colour(colour: str | Sequence[float]) -> Triple:
     """Return the display codes, 0 to 1, of a colour in hexadecimal, a CSS name, or three codes.
 
     >>> parse_colour("#f00"), parse_colour("white")
     ((1.0, 0.0, 0.0), (1.0, 1.0, 1.0))
     """
     remedy = "give [r, g, b] with codes 0 to 1"
-    if not isinstance(given, str):
-        return _display_codes("colour", given, remedy)
+    if not isinstance(colour, str):
+        return _display_codes("colour", colour, remedy)
     try:
-        red, green, blue = sRGB_from_word(given, remedy.removeprefix("give "))
+        red, green, blue = sRGB_from_word(colour, remedy.removeprefix("give "))
     except SpectrumError as error:
         raise PaletteError(
-            error.problem, error.remedy, code=error.code, field=error.field, given=given
+            error.problem, error.remedy, code=error.code, field=error.field, given=colour
         ) from None
     return float(red), float(green), float(blue)
 
@@ -194,8 +194,8 @@ class Apart:
     @property
     def deficiencies(self) -> tuple[DeficiencyName, ...]:
         """The deficiencies, each once."""
-        own = self.deficiency
-        return (own,) if isinstance(own, str) else tuple(dict.fromkeys(own))
+        names = self.deficiency
+        return (names,) if isinstance(names, str) else tuple(dict.fromkeys(names))
 
     def renamed(self, reflectances: Mapping[str, str], lights: Mapping[str, str]) -> Apart | None:
         """Return the row with new names, without those that have none; None if no pair is left."""
@@ -204,10 +204,10 @@ class Apart:
         return replace(self, reflectance=rows, light=columns) if rows[1:] and columns else None
 
 
-def _listed(given: str | tuple[str, ...], known: Iterable[str]) -> list[str]:
+def _listed(value: str | tuple[str, ...], choices: Iterable[str]) -> list[str]:
     """Return those of the given names that are known, each once, in their order."""
-    names = known if given == EVERY else (given,) if isinstance(given, str) else given
-    return [name for name in dict.fromkeys(names) if name in known]
+    names = choices if value == EVERY else (value,) if isinstance(value, str) else value
+    return [name for name in dict.fromkeys(names) if name in choices]
 
 
 @dataclass(frozen=True, slots=True)
@@ -308,14 +308,14 @@ class Palette:
             raise fault("Palette.reflectances", problem, "missing")
 
     def _check_basis(self) -> None:
-        found, subspace = self.basis, self.criteria.subspace
-        if found is None or found.grid != self.grid:
-            state = "missing" if found is None else f"on {found.grid}"
+        basis, subspace = self.basis, self.criteria.subspace
+        if basis is None or basis.grid != self.grid:
+            state = "missing" if basis is None else f"on {basis.grid}"
             problem = f"criteria.subspace is {subspace:g}, but the basis is {state}"
-            code: Code = "missing" if found is None else "conflict"
+            code: Code = "missing" if basis is None else "conflict"
             raise fault("Palette.basis", f"{problem}; give one on {self.grid}", code)
-        if found.observer_deg != 2:
-            problem = f"{found.name!r} is for the {found.observer_deg} degree observer"
+        if basis.observer_deg != 2:
+            problem = f"{basis.name!r} is for the {basis.observer_deg} degree observer"
             remedy = "but palettes use the 2 degree observer; fit a basis for it"
             raise fault("Palette.basis", f"{problem}, {remedy}")
 
@@ -342,26 +342,26 @@ class Palette:
 
     def free_bounds(self, group: str) -> tuple[Triple, Triple]:
         """Return the lowest and highest display codes that all cells of a free colour allow."""
-        own = [cell for cell in self.cells.values() if cell.group == group]
-        low = np.max([(0.0, 0.0, 0.0), *(cell.low for cell in own)], axis=0)
-        high = np.min([(1.0, 1.0, 1.0), *(cell.high for cell in own)], axis=0)
+        cells = [cell for cell in self.cells.values() if cell.group == group]
+        low = np.max([(0.0, 0.0, 0.0), *(cell.low for cell in cells)], axis=0)
+        high = np.min([(1.0, 1.0, 1.0), *(cell.high for cell in cells)], axis=0)
         return tuple(low.tolist()), tuple(high.tolist())
 
     def _apart_names(self, number: int, row: Apart) -> tuple[list[str], list[str]]:
         """Return the reflectances and lights of a row, each once; refuse unknown names."""
-        found = []
-        for kind, given, known in (
+        selected = []
+        for kind, value, choices in (
             ("reflectance", row.reflectance, self.names[0]),
             ("light", row.light, self.names[1]),
         ):
-            names = known if given == EVERY else (given,) if isinstance(given, str) else given
-            unknown = next((name for name in names if name not in known), None)
+            names = choices if value == EVERY else (value,) if isinstance(value, str) else value
+            unknown = next((name for name in names if name not in choices), None)
             if unknown is not None or not names:
-                hint = f"{nearest(unknown or '', known)}known: {', '.join(known)}"
+                hint = f"{nearest(unknown or '', choices)}known: {', '.join(choices)}"
                 problem = f"no {kind} is named {unknown!r}" if names else f"{kind} is empty"
                 raise fault("Palette.apart", f"row {number}: {problem}; {hint}", "unknown", unknown)
-            found.append(list(dict.fromkeys(names)))
-        return found[0], found[1]
+            selected.append(list(dict.fromkeys(names)))
+        return selected[0], selected[1]
 
     def apart_pairs(self) -> Iterator[ApartPair]:
         """Yield every pair of cells to be distinguished, light by light."""
@@ -382,22 +382,22 @@ class Palette:
         cells = {(rows[i], columns[j]): cell for (i, j), cell in self.cells.items()}
         for i, row in enumerate(self.reflectances):
             if row.constant:
-                own = [cells[i, j] for j in columns.values() if (i, j) in cells]
-                shown = next((cell for cell in own if cell.kind in ("colour", "free")), None)
-                shown = shown or Cell("free", group=f"of the constant {row.name}")
-                cells = {(i, j): shown for j in columns.values()} | cells
+                present = [cells[i, j] for j in columns.values() if (i, j) in cells]
+                common = next((cell for cell in present if cell.kind in ("colour", "free")), None)
+                common = common or Cell("free", group=f"of the constant {row.name}")
+                cells = {(i, j): common for j in columns.values()} | cells
         return cells
 
     def member(self, kind: str, name: str) -> PaletteSpectrum:
         """Return a ``"light"`` or a ``"reflectance"`` by its name; refuse an unknown one."""
         members = self.lights if kind == "light" else self.reflectances
-        found = next((member for member in members if member.name == name), None)
-        if found is None:
+        member = next((member for member in members if member.name == name), None)
+        if member is None:
             names = [member.name for member in members]
             hint = f"{nearest(name, names)}known: {', '.join(names)}"
             problem = f"no {kind} is named {name!r}; {hint}"
             raise fault(f"Palette.{kind}s", problem, "unknown", name)
-        return found
+        return member
 
     def with_exposure(self, exposure: float) -> Palette:
         """Return the palette with another exposure."""

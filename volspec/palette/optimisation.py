@@ -107,9 +107,9 @@ class Phase:
 
     def solve(self) -> tuple[State, float, float]:
         """Return the state with this phase's spectra designed, the cost, and the residual."""
-        found = solve(*self.problem())
-        spectra = {n: self.synthesis(n) @ found.values[name] for n, name in self.names.items()}
-        return self.state.with_spectra(self.lights, spectra), found.cost, found.residual
+        optimum = solve(*self.problem())
+        spectra = {n: self.synthesis(n) @ optimum.values[name] for n, name in self.names.items()}
+        return self.state.with_spectra(self.lights, spectra), optimum.cost, optimum.residual
 
     def costs(self) -> dict[str, float]:
         """Return the weighted squared smoothness and subspace errors of the current state."""
@@ -119,8 +119,8 @@ class Phase:
         for term in self.problem()[1]:
             subspace = term.label.startswith(_SUBSPACE)
             if subspace or term.label in x:  # smoothness has the spectrum's name
-                made = sum(rows @ x[name] for name, rows in term.parts.items())
-                square = float(((made - term.target) ** 2).sum())
+                predicted = sum(rows @ x[name] for name, rows in term.parts.items())
+                square = float(((predicted - term.target) ** 2).sum())
                 costs["subspace" if subspace else "smoothness"] += term.weight**2 * square
         return costs
 
@@ -155,11 +155,11 @@ class Phase:
             if number not in variables.names:
                 continue
             if j not in from_basis:
-                own = basis, state.E[j], state.Q
+                arguments = basis, state.E[j], state.Q
                 from_basis[j] = (
-                    _basis_XYZ_by_light(*own)
+                    _basis_XYZ_by_light(*arguments)
                     if self.lights
-                    else _XYZ_from_channels(*own) @ basis.analysis
+                    else _XYZ_from_channels(*arguments) @ basis.analysis
                 )
             less = from_basis[j] @ channels[i] if self.lights else from_basis[j]
             other = state.S[i] if self.lights else state.E[j]
@@ -198,13 +198,13 @@ def true_cost(state: State) -> float:
     """
     palette = state.palette
     cells, models = palette.indexed_cells(), state.colour_models()
-    shown, unit, model = state.RGB(models), 1.0, None
+    colours, unit, model = state.RGB(models), 1.0, None
     if palette.criteria.metric == "Lab":
         model = models[0]
-        shown, unit = model.Lab_from_RGB(shown), 0.01
+        colours, unit = model.Lab_from_RGB(colours), 0.01
     total = 0.0
-    for place, target in compared_colours(palette, cells, shown, model).items():
-        cell, off = cells[place], shown[place] - target
+    for place, target in compared_colours(palette, cells, colours, model).items():
+        cell, off = cells[place], colours[place] - target
         if cell.kind == "distinct":
             off = np.array([max(cell.distance - float(np.linalg.norm(off)), 0.0)])
         total += float(((_finite_weight(cell) * unit * off) ** 2).sum()) / 3.0
@@ -237,7 +237,7 @@ def _finite_weight(cell: Cell) -> float:
 
 
 def compared_colours(
-    palette: Palette, cells: Mapping[Index, Cell], shown: Array, Lab: ColourModel | None = None
+    palette: Palette, cells: Mapping[Index, Cell], colours: Array, Lab: ColourModel | None = None
 ) -> dict[Index, Array]:
     """Return the colour that each cell is compared with: linear RGB, or CIELAB if a model is given.
 
@@ -250,11 +250,11 @@ def compared_colours(
             target = space.decode(cell.wanted)
             compared[place] = target if Lab is None else Lab.Lab_from_RGB(target)
         elif cell.other is not None:
-            compared[place] = shown[palette.index(cell.other)]
+            compared[place] = colours[palette.index(cell.other)]
         else:
-            group = [at for at, each in cells.items() if each.group == cell.group]
-            weights = [_finite_weight(cells[at]) ** 2 for at in group]
-            compared[place] = np.average([shown[at] for at in group], axis=0, weights=weights)
+            group = [key for key, member in cells.items() if member.group == cell.group]
+            weights = [_finite_weight(cells[key]) ** 2 for key in group]
+            compared[place] = np.average([colours[key] for key in group], axis=0, weights=weights)
     return compared
 
 
@@ -349,7 +349,7 @@ class _Iteration:
 
 def _iterate(state: State) -> _Iteration:
     """Alternate reflectances and lights; return the iteration of least true cost."""
-    best, least = None, math.inf
+    best, best_cost = None, math.inf
     refused: dict[bool, PaletteError] = {}
     solved: set[bool] = set()
     for iteration in range(state.palette.criteria.rounds):
@@ -365,8 +365,8 @@ def _iterate(state: State) -> _Iteration:
             else:
                 solved.add(lights)
                 residual = max(residual, violation)
-        if solved and (reached := true_cost(state)) < least:
-            best, least = _Iteration(state, cost, residual), reached
+        if solved and (reached := true_cost(state)) < best_cost:
+            best, best_cost = _Iteration(state, cost, residual), reached
     for lights, refusal in refused.items():
         if best is None or lights not in solved or not _meets_exact_cells(best.state):
             raise refusal
@@ -376,14 +376,14 @@ def _iterate(state: State) -> _Iteration:
 
 def _meets_exact_cells(state: State) -> bool:
     """Return True if every cell of infinite weight is met to well below a visible difference."""
-    shown, palette = state.RGB(), state.palette
+    RGB, palette = state.RGB(), state.palette
     exact = {
         palette.index(place): cell
         for place, cell in palette.cells.items()
         if math.isinf(cell.weight) and cell.kind != "free"  # free groups are met as one
     }
-    compared = compared_colours(palette, exact, shown)
-    return all(np.abs(shown[at] - target).max() <= _MET for at, target in compared.items())
+    compared = compared_colours(palette, exact, RGB)
+    return all(np.abs(RGB[index] - target).max() <= _MET for index, target in compared.items())
 
 
 def _is_designed(state: State) -> bool:
@@ -403,14 +403,14 @@ def _is_designed(state: State) -> bool:
     RGB, model = state.RGB(models), models[0]
     Lab = model.Lab_from_RGB(RGB)
     for place, target in compared_colours(palette, cells, Lab, model).items():
-        cell, away = cells[place], float(np.linalg.norm(Lab[place] - target))
+        cell, error = cells[place], float(np.linalg.norm(Lab[place] - target))
         if cell.kind == "distinct":
-            away = max(cell.distance - away, 0.0)
+            error = max(cell.distance - error, 0.0)
         if cell.kind == "free":
             bounds = model.space.decode(palette.free_bounds(cell.group))
             inside = model.Lab_from_RGB(np.clip(RGB[place], *bounds))
-            away = max(away, float(np.linalg.norm(Lab[place] - inside)))
-        if away > _KEPT_dE:
+            error = max(error, float(np.linalg.norm(Lab[place] - inside)))
+        if error > _KEPT_dE:
             return False
     return all(lacking <= _KEPT_dE for _, lacking in shortfalls(state, RGB))
 

@@ -68,8 +68,8 @@ def solve(blocks: Mapping[str, Block], terms: Sequence[Term]) -> Optimum:
     values: dict[str, Array] = {}
     cost = residual = 0.0
     for names in _connected_blocks(blocks, terms):
-        own = [term for term in terms if not names.isdisjoint(term.parts)]
-        part = _solve_connected({name: blocks[name] for name in blocks if name in names}, own)
+        linked = [term for term in terms if not names.isdisjoint(term.parts)]
+        part = _solve_connected({name: blocks[name] for name in blocks if name in names}, linked)
         values |= part.values
         cost, residual = cost + part.cost, max(residual, part.residual)
     return Optimum(values, cost, residual)
@@ -160,8 +160,8 @@ class _Quadratic:
         settings.iterative_refinement_enable = refine
         equations = len(self.d) + len(fixed)
         cones = [clarabel.ZeroConeT(equations), clarabel.NonnegativeConeT(len(b) - equations)]
-        found = clarabel.DefaultSolver(P, self.q, A, b, cones, settings).solve()
-        return str(found.status), np.asarray(found.x), np.asarray(found.z)
+        solution = clarabel.DefaultSolver(P, self.q, A, b, cones, settings).solve()
+        return str(solution.status), np.asarray(solution.x), np.asarray(solution.z)
 
     @property
     def feasible(self) -> bool:

@@ -84,23 +84,23 @@ class ColourModel:
         self, RGB: ArrayLike, deficiency: str = "none", severity: float = 1.0
     ) -> Array:
         """Return (..., 3) CIELAB of colours on the display as a deficient observer sees them."""
-        shown: Array = np.clip(RGB, 0.0, 1.0)
+        clipped: Array = np.clip(RGB, 0.0, 1.0)
         simulated = _simulation(deficiency, severity, self.space)
         if simulated is not None:
-            shown = np.clip(simulated.apply(shown), 0.0, 1.0)
-        return self.Lab_from_RGB(shown)
+            clipped = np.clip(simulated.apply(clipped), 0.0, 1.0)
+        return self.Lab_from_RGB(clipped)
 
     def simulated_tangent(
         self, RGB: Array, deficiency: str, severity: float
     ) -> tuple[Array, Array]:
         """Return slopes of `simulated_Lab` by linear RGB, and the value of its tangent at 0."""
-        shown, matrix = np.clip(RGB, 0.0, 1.0), np.eye(3)
+        clipped, matrix = np.clip(RGB, 0.0, 1.0), np.eye(3)
         simulated = _simulation(deficiency, severity, self.space)
         if simulated is not None:
-            matrix = simulated.matrix(shown)
-        seen = matrix @ shown
-        slopes = self.Lab_chord(seen, seen) @ matrix
-        return slopes, self.Lab_from_RGB(seen) - slopes @ shown
+            matrix = simulated.matrix(clipped)
+        perceived = matrix @ clipped
+        slopes = self.Lab_chord(perceived, perceived) @ matrix
+        return slopes, self.Lab_from_RGB(perceived) - slopes @ clipped
 
     def Lab_chord(self, one: ArrayLike, other: ArrayLike) -> Array:
         """Return the (..., 3, 3) chord W of two RGBs: Lab(one) - Lab(other) = W (one - other)."""
@@ -171,16 +171,16 @@ class State:
 
         Spectra and lamps that are given by name are looked up, designed ones are interpolated.
         """
-        palette, own = self.palette, self.palette.grid
-        last = own.start_nm + math.floor(own.stop_nm - own.start_nm)
-        fine = SpectralGrid(own.start_nm, last, 1.0)
+        palette, grid = self.palette, self.palette.grid
+        last = grid.start_nm + math.floor(grid.stop_nm - grid.start_nm)
+        fine = SpectralGrid(grid.start_nm, last, 1.0)
         S = [
-            values_on(row, values, reflectance, (own, fine))
+            values_on(row, values, reflectance, (grid, fine))
             for row, values in zip(palette.reflectances, self.S, strict=True)
         ]
         E = np.stack(
             [
-                values_on(column, values, light, (own, fine))
+                values_on(column, values, light, (grid, fine))
                 for column, values in zip(palette.lights, self.E, strict=True)
             ]
         )

@@ -81,8 +81,8 @@ def _filled_source(palette: Palette, source: Path, target: Path) -> TOMLDocument
         rows = getattr(table, kind)
         names = [row.name for row in rows]
         if names != [member.name for member in members]:
-            own = ", ".join(member.name for member in members)
-            problem = f"{source}: its {kind}s are {', '.join(names)}, but the palette's are {own}"
+            text = ", ".join(member.name for member in members)
+            problem = f"{source}: its {kind}s are {', '.join(names)}, but the palette's are {text}"
             raise fault("source", f"{problem}; give the palette's own file", given=source)
         for entry, member in zip(document[kind], members, strict=True):
             if elsewhere and "spectrum" in entry:
@@ -93,8 +93,8 @@ def _filled_source(palette: Palette, source: Path, target: Path) -> TOMLDocument
             if member.free:
                 if "design" not in entry:
                     set_key(entry, "design", True)
-                if shares := _shares(member, palette):
-                    set_key(entry, "shares", shares)
+                if fractions := _fractions(member, palette):
+                    set_key(entry, "shares", fractions)
                 if member.spectrum is not None:
                     set_key(entry, "values", _values(member, palette))
     space = document.get("viewing", {}).get("display", {}).get("space")
@@ -116,8 +116,8 @@ def _values(member: PaletteSpectrum, palette: Palette) -> list[float]:
     return [float(value) + 0.0 for value in values.round(_DECIMALS)]  # never -0
 
 
-def _shares(member: PaletteSpectrum, palette: Palette) -> list[float]:
-    return [round(share, SHARE_DECIMALS) for share in member.lamp_shares(palette.grid)]
+def _fractions(member: PaletteSpectrum, palette: Palette) -> list[float]:
+    return [round(fraction, SHARE_DECIMALS) for fraction in member.lamp_shares(palette.grid)]
 
 
 def _new_document(palette: Palette, comment: str) -> TOMLDocument:
@@ -130,7 +130,7 @@ def _new_document(palette: Palette, comment: str) -> TOMLDocument:
     document["criteria"] = _criteria_keys(palette)
     for kind, members in (("light", palette.lights), ("reflectance", palette.reflectances)):
         document[kind] = _table_array([_spectrum_keys(member, palette) for member in members])
-    cells = [{"at": list(at), **dict(_cell_keys(cell))} for at, cell in palette.cells.items()]
+    cells = [{"at": list(place), **dict(_cell_keys(cell))} for place, cell in palette.cells.items()]
     document["cell"] = _table_array(cells)
     if palette.apart:
         document["apart"] = _table_array([plain(row) for row in palette.apart])
@@ -158,8 +158,8 @@ def _viewing_keys(palette: Palette) -> dict[str, Any]:
         problem = "it adapts to a picture, but a palette has none; give fixed conditions"
         raise fault("Palette.viewing", problem, "unsupported")
     # Designs compare colours before a simulation.
-    own = replace(viewing, deficiency="none", severity=1.0)
-    return {"model": viewing.model, **plain(own)}
+    normal = replace(viewing, deficiency="none", severity=1.0)
+    return {"model": viewing.model, **plain(normal)}
 
 
 def _criteria_keys(palette: Palette) -> dict[str, Any]:
@@ -188,8 +188,8 @@ def _spectrum_keys(member: PaletteSpectrum, palette: Palette) -> dict[str, Any]:
             keys["band_nm"] = list(member.band_nm)
         if member.mixture:
             keys["mixture"] = [_lamp(lamp, palette) for lamp in member.mixture]
-            if shares := _shares(member, palette):
-                keys["shares"] = shares
+            if fractions := _fractions(member, palette):
+                keys["shares"] = fractions
         if member.constant:
             keys["constant"] = True
     if member.spectrum is not None:

@@ -71,8 +71,8 @@ class _MemberSpec:
     def from_table(table: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:
         """Refuse keys that only designed spectra may have."""
         keys = {"lower", "upper", "band_nm", "mixture", "shares", "constant"} & set(table)
-        given = table.get("spectrum") is not None or table.get("values") is not None
-        if keys and not table.get("design", not given):
+        has_spectrum = table.get("spectrum") is not None or table.get("values") is not None
+        if keys and not table.get("design", not has_spectrum):
             problem = f"it is not designed, but has {' and '.join(sorted(keys))}"
             raise fault("design", f"{problem}; give design = true, or leave that out")
         return table
@@ -149,15 +149,15 @@ class CellSpec:
         if (self.at is not None) == either or either != both:
             remedy = 'give at = ["reflectance", "light"], or both reflectance and light'
             raise fault("at", f"the cell has no place, or two; {remedy}")
-        wanted = [name for name in WANTS if getattr(self, name) not in (None, False)]
-        if len(wanted) != 1:
-            problem = f"has {' and '.join(wanted) or 'no target'}"
+        targets = [name for name in WANTS if getattr(self, name) not in (None, False)]
+        if len(targets) != 1:
+            problem = f"has {' and '.join(targets) or 'no target'}"
             raise fault("", f"{problem}; give one of {', '.join(WANTS)}")
         if self.must and self.weight is not None:
             problem = "given with must; exact colours need no weight, leave it out"
             raise fault("weight", problem)
         for name, owner in (("low", "free"), ("high", "free"), ("distance", "distinct")):
-            if getattr(self, name) is not None and wanted != [owner]:
+            if getattr(self, name) is not None and targets != [owner]:
                 raise fault(name, f"for {owner} cells; leave it out")
 
     @property
@@ -191,21 +191,21 @@ class PaletteFile:
     @staticmethod
     def from_table(table: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:
         """Fill in a palette's own defaults of ``[viewing]``."""
-        given = table.get("viewing", {})
-        if not isinstance(given, Mapping):
+        fields = table.get("viewing", {})
+        if not isinstance(fields, Mapping):
             return table
         for key in ("adapting", "fov_deg"):
-            if key in given:
+            if key in fields:
                 raise fault(f"viewing.{key}", "measured in pictures; leave it out", "unknown")
         for key in ("deficiency", "severity"):
-            if key in given:
+            if key in fields:
                 problem = "a design compares colours before a simulation"
                 raise fault(f"viewing.{key}", f"{problem}; give it in [[apart]]", "unknown")
         for key, measured in (("surround", "measured"), ("adopted_white", "scene")):
-            if given.get(key) == measured:
+            if fields.get(key) == measured:
                 problem = f"{measured!r} is of pictures; leave it out"
                 raise fault(f"viewing.{key}", problem, "unsupported", measured)
-        viewing, auto = {"model": "none", **given}, given.get("exposure") == "auto"
+        viewing, auto = {"model": "none", **fields}, fields.get("exposure") == "auto"
         if auto:
             viewing.pop("exposure")
         return {**table, "viewing": viewing, "auto_exposure": auto}

@@ -38,7 +38,7 @@ def render(report: DesignMeasures, *, colours: bool) -> Group:
     """Return the report as rich renderables, with swatches if ``colours``."""
     blocks: list[RenderableType] = [_matrix(report, colours), Text("")]
     if report.apart:
-        blocks += [_apart(report.apart), Text("")]
+        blocks += [_pair_table(report.apart), Text("")]
     blocks += _lines(report)
     if report.suggestions:
         blocks += [Text(""), Text("what would help", style="dim")]
@@ -104,10 +104,10 @@ def _lines(report: DesignMeasures) -> Iterator[Text]:
                 (f"{kind}s ", "dim"),
                 f"{low} of {bands} bands at their lower bound, {high} at their upper one",
             )
-    for made in report.spectra:
-        if made.lamps:
-            shares = f"{made.name} = {mixture_text(made.lamps)}, shares of the illuminance"
-            yield Text.assemble(("mixture ", "dim"), shares)
+    for spectrum in report.spectra:
+        if spectrum.lamps:
+            mixture = f"{spectrum.name} = {mixture_text(spectrum.lamps)}, shares of the illuminance"
+            yield Text.assemble(("mixture ", "dim"), mixture)
     cost = ", ".join(f"{name} {value:.2g}" for name, value in report.cost.items() if value)
     yield Text.assemble(("cost ", "dim"), cost or "0")
 
@@ -115,21 +115,21 @@ def _lines(report: DesignMeasures) -> Iterator[Text]:
 def _metamers(light: str, pairs: list[MetamerReport]) -> Text:
     """Largest ΔE of metamers under their light, the range under others, and who sees them alike."""
     many = f"{len(pairs)} pairs" if len(pairs) > 1 else " and ".join(pairs[0].reflectances)
-    others = list(pairs[0].apart)
-    elsewhere = [f"{_range([p.apart[n] for p in pairs])} under {n}" for n in others]
-    if len(others) > _MAX_NAMED:
+    other_lights = list(pairs[0].apart)
+    elsewhere = [f"{_range([p.apart[n] for p in pairs])} under {n}" for n in other_lights]
+    if len(other_lights) > _MAX_NAMED:
         elsewhere = [f"{_range([d for p in pairs for d in p.apart.values()])} elsewhere"]
-    there = f"{max(pair.delta_E for pair in pairs):.2f}"
+    largest = f"{max(pair.delta_E for pair in pairs):.2f}"
     fine = f"{max(pair.delta_E_1nm for pair in pairs):.2f}"
-    there += f" ({fine} at 1 nm)" if fine != there else ""
-    most = f"at most ΔE {there}" if len(pairs) > 1 else f"ΔE {there}"
-    apart = f", apart {', '.join(elsewhere)}" if elsewhere else ""
-    shares = _range([100.0 * pair.observers.alike for pair in pairs])
-    people = f"; alike to {shares} % of {pairs[0].observers.count} observers"
-    return Text.assemble(("alike under ", "dim"), f"{light}: {many}, {most}{apart}{people}")
+    largest += f" ({fine} at 1 nm)" if fine != largest else ""
+    maximum = f"at most ΔE {largest}" if len(pairs) > 1 else f"ΔE {largest}"
+    spread = f", apart {', '.join(elsewhere)}" if elsewhere else ""
+    percentage = _range([100.0 * pair.observers.alike for pair in pairs])
+    people = f"; alike to {percentage} % of {pairs[0].observers.count} observers"
+    return Text.assemble(("alike under ", "dim"), f"{light}: {many}, {maximum}{spread}{people}")
 
 
-def _apart(pairs: Sequence[ApartReport]) -> Table:
+def _pair_table(pairs: Sequence[ApartReport]) -> Table:
     """Pairs as rows, kinds of colour vision as columns: least ΔE00 under the lights asked for."""
     table = Table(box=None, pad_edge=False, show_edge=False, header_style="dim")
     table.add_column("apart, least ΔE00", style="bold")
@@ -144,8 +144,8 @@ def _apart(pairs: Sequence[ApartReport]) -> Table:
             for name, value in pair.smallest.items()
         )
         table.add_row(Text(title), Text(", ".join(pair.lights)), *figures)
-        others = [light for light in pair.delta_E if light not in pair.lights]
-        for light in others if len(others) <= _MAX_NAMED else ():
+        other_lights = [light for light in pair.delta_E if light not in pair.lights]
+        for light in other_lights if len(other_lights) <= _MAX_NAMED else ():
             numbers = (Text(f"{value:.0f}", style="dim") for value in pair.delta_E[light].values())
             table.add_row("", Text(light, style="dim"), *numbers)
     return table

@@ -121,12 +121,12 @@ class PaletteSpectrum:
 
     def allows(self, values: Array, grid: SpectralGrid) -> bool:
         """Return True if (N,) values are within the bounds and the band, to rounding."""
-        least = -math.inf if self.lower is None else self.lower
-        most = math.inf if self.upper is None else self.upper
+        lower = -math.inf if self.lower is None else self.lower
+        upper = math.inf if self.upper is None else self.upper
         if self.mixture:
             return bool((values >= -_ROUNDING).all())
         inside = self.synthesis(grid).any(axis=1)
-        bounded = (values >= least - _ROUNDING) & (values <= most + _ROUNDING)
+        bounded = (values >= lower - _ROUNDING) & (values <= upper + _ROUNDING)
         return bool(np.where(inside, bounded, np.abs(values) <= _ROUNDING).all())
 
     def lamp_shares(self, grid: SpectralGrid) -> tuple[float, ...]:
@@ -145,25 +145,25 @@ class PaletteSpectrum:
 # a generated constructor has no place for a decorator.
 
 
-def mixture_text(shares: Mapping[str, float]) -> str:
+def mixture_text(fractions: Mapping[str, float]) -> str:
     """Return shares of illuminance as `volspec.light` takes them, without lamps of no share.
 
     >>> mixture_text({"D65": 0.25, "FL2": 1e-9, "A": 0.75})
     'D65*0.25+A*0.75'
     """
-    rounded = {name: round(share, SHARE_DECIMALS) for name, share in shares.items()}
-    return "+".join(f"{name}*{share:g}" for name, share in rounded.items() if share)
+    rounded = {name: round(fraction, SHARE_DECIMALS) for name, fraction in fractions.items()}
+    return "+".join(f"{name}*{fraction:g}" for name, fraction in rounded.items() if fraction)
 
 
 def is_named(spectrum: Spectrum, find: Find, grid: SpectralGrid) -> bool:
     """Return True if `volspec.light` or `volspec.reflectance` finds the spectrum by its name."""
     try:
-        known, shape = find(spectrum.name, grid).values, stack(spectrum, grid)
+        named, shape = find(spectrum.name, grid).values, stack(spectrum, grid)
     except SpectrumError:
         return False
-    level = known.mean(), shape.mean()
+    level = named.mean(), shape.mean()
     return min(level) > 0.0 and np.allclose(
-        known / level[0], shape / level[1], rtol=_SAME_SHAPE, atol=_SAME_SHAPE
+        named / level[0], shape / level[1], rtol=_SAME_SHAPE, atol=_SAME_SHAPE
     )
 
 
@@ -175,23 +175,23 @@ def values_on(
     A given spectrum and the lamps of a mixture are looked up by their names; what has none, as a
     designed spectrum, is interpolated. ``values`` are on the first of the grids.
     """
-    here, there = grids
-    nm = here.wavelengths_nm
+    source, target = grids
+    nm = source.wavelengths_nm
     if member.mixture:
-        shares = replace(member, spectrum=Spectrum(nm, values)).lamp_shares(here)
+        weights = replace(member, spectrum=Spectrum(nm, values)).lamp_shares(source)
         lamps = [
-            light_power((find(lamp.name, there) if is_named(lamp, find, here) else lamp), there)
+            light_power((find(lamp.name, target) if is_named(lamp, find, source) else lamp), target)
             for lamp in member.mixture
         ]
-        V = colour_matching_functions(there)[1]
-        inside = member.synthesis(there).any(axis=1)
-        mixed = sum(share / (V @ lamp) * lamp for share, lamp in zip(shares, lamps, strict=True))
+        V = colour_matching_functions(target)[1]
+        inside = member.synthesis(target).any(axis=1)
+        mixed = sum(weight / (V @ lamp) * lamp for weight, lamp in zip(weights, lamps, strict=True))
         return np.asarray(mixed * inside)
-    given = member.spectrum
-    if given is not None and not member.free and is_named(given, find, here):
-        known = find(given.name, there).values
-        return np.asarray(known * (values.mean() / find(given.name, here).values.mean()))
-    return Spectrum(nm, values).on(there).values
+    spectrum = member.spectrum
+    if spectrum is not None and not member.free and is_named(spectrum, find, source):
+        named = find(spectrum.name, target).values
+        return np.asarray(named * (values.mean() / find(spectrum.name, source).values.mean()))
+    return Spectrum(nm, values).on(target).values
 
 
 def initial_reflectance(row: PaletteSpectrum, grid: SpectralGrid) -> Array:
