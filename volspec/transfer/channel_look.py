@@ -73,7 +73,7 @@ def channel_functions(
     basis = MaterialBasis(materials, "channels", grid, observer_deg)
     step = step_mm(volume)
     functions = {
-        name: TransferFunction(each, materials, basis, step) for name, each in points.items()
+        name: TransferFunction(curve, materials, basis, step) for name, curve in points.items()
     }
     return FieldFunctions(functions), texts
 
@@ -97,15 +97,15 @@ def channel_limits(field: Volume, steps: Iterable[Volume] | None = None) -> tupl
 
     ``steps`` are the field at all time steps.
     """
-    least, most = field.typical_range
-    stated = field.channel.limits
-    if stated is not None and stated[0] < most and stated[1] > least:
-        return stated
+    minimum, maximum = field.typical_range
+    limits = field.channel.limits
+    if limits is not None and limits[0] < maximum and limits[1] > minimum:
+        return limits
     if numbers := [number for number in field.labels if number]:
         return min(numbers) - 0.5, float(min(numbers))
     below = np.cumsum(histogram_of([field] if steps is None else steps))
-    edges = np.linspace(least, most, len(below) + 1)
+    edges = np.linspace(minimum, maximum, len(below) + 1)
     low, high = (edges[np.searchsorted(below, q * below[-1]) + 1] for q in _QUANTILES)
     if high <= low:
-        low = least
+        low = minimum
     return rounded(low, high - low), rounded(high, high - low)

@@ -111,9 +111,9 @@ class LabelFunction:
         )
         last = max(values.values(), default=1) or 1
         opacity, weights = np.zeros(last + 1), np.zeros((last + 1, rows.shape[1]))
-        at = [values[label] for label in visible]
-        opacity[at] = [self.labels[label][0] for label in visible]
-        weights[at] = rows[: len(visible)]
+        indices = [values[label] for label in visible]
+        opacity[indices] = [self.labels[label][0] for label in visible]
+        weights[indices] = rows[: len(visible)]
         return TransferTable(
             domain=(0.0, float(last)),
             opacity=opacity,

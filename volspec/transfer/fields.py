@@ -79,10 +79,10 @@ class Mask:
                 if not (ends == [True, True] and label[0] < label[1]):
                     raise TransferError.refused(where, label, "give a band (from, to)", "range")
             elif not isinstance(label, str):
-                whole = isinstance(label, int | np.integer) and not isinstance(label, bool)
-                if not (whole and label >= 0):
+                is_integer = isinstance(label, int | np.integer) and not isinstance(label, bool)
+                if not (is_integer and label >= 0):
                     remedy = "give a label's name, or its number from 0"
-                    code: Code = "range" if whole else "type"
+                    code: Code = "range" if is_integer else "type"
                     raise TransferError.refused(where, label, remedy, code)
                 label = int(label)
             checked[label] = function
@@ -102,8 +102,8 @@ class Mask:
 
     def changed(self, change: Callable[[TransferFunction], TransferFunction]) -> Mask:
         """Return the mask with other functions; labels that share one still do."""
-        made = {id(curve): curve and change(curve) for curve in self.curves}
-        return replace(self, functions={k: made[id(v)] for k, v in self.functions.items()})
+        changed = {id(curve): curve and change(curve) for curve in self.curves}
+        return replace(self, functions={k: changed[id(v)] for k, v in self.functions.items()})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,8 +170,8 @@ class FieldFunctions:
     def _require(self, name: str, where: str) -> None:
         """Refuse a field without a function."""
         if name not in self.functions:
-            known = ", ".join(map(repr, self.functions))
-            remedy = f"{nearest(name, self.functions)}give one of {known}"
+            names = ", ".join(map(repr, self.functions))
+            remedy = f"{nearest(name, self.functions)}give one of {names}"
             raise TransferError("no such field", remedy, code="unknown", field=where)
 
     def _check(self, function: TransferFunction, where: str) -> None:
@@ -258,9 +258,9 @@ class FieldTables:
         cls, tables: Mapping[str, TransferTable], masks: Mapping[str, MaskTables] | None = None
     ) -> FieldTables:
         """Return tables whose weights refer to the materials of all, or to channels if fewer."""
-        given = cls(tables, masks or {})
+        combined = cls(tables, masks or {})
         channels, number = np.unique(
-            np.vstack([table.channels for table in given.every]), axis=0, return_inverse=True
+            np.vstack([table.channels for table in combined.every]), axis=0, return_inverse=True
         )
         few = len(channels) < channels.shape[1]
         numbers = iter(number.ravel())
@@ -269,7 +269,7 @@ class FieldTables:
             rows = np.eye(len(channels))[[next(numbers) for _ in table.channels]]
             return _remixed(table, rows if few else table.channels, channels, few)
 
-        return given.changed(remixed)
+        return combined.changed(remixed)
 
     @property
     def every(self) -> tuple[TransferTable, ...]:
@@ -294,8 +294,8 @@ class FieldTables:
         """Return the tables of each field alone."""
         masks = self.masks
         return [
-            FieldTables({name: own}, {name: masks[name]} if name in masks else {})
-            for name, own in self.tables.items()
+            FieldTables({name: table}, {name: masks[name]} if name in masks else {})
+            for name, table in self.tables.items()
         ]
 
     @property

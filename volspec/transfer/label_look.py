@@ -73,10 +73,10 @@ def label_function(
         texts = {name: name for name in sorted({name for mix in mixes.values() for name in mix})}
         looks = {number: (_OPACITY, mix) for number, mix in mixes.items()}
     materials = {name: reflectance(text, grid) for name, text in texts.items()}
-    own = MaterialBasis(materials, LABELS, grid, observer_deg)
-    stated = {number: label.name for number, label in volume.labels.items() if label.name}
+    basis = MaterialBasis(materials, LABELS, grid, observer_deg)
+    label_names = {number: label.name for number, label in volume.labels.items() if label.name}
     step_mm = volume.smallest_mm
-    return LabelFunction(looks, materials, own, step_mm, names=stated), texts
+    return LabelFunction(looks, materials, basis, step_mm, names=label_names), texts
 
 
 def unique_names(labels: Labels) -> dict[int, str]:
@@ -118,12 +118,12 @@ def distinct_colours(count: int) -> tuple[tuple[float, float, float], ...]:
     True
     """
     lab, codes = _candidates()
-    chosen = [0]
+    selected = [0]
     nearest = np.full(len(lab), np.inf)
-    while len(chosen) < min(count, len(lab)):
-        nearest = np.minimum(nearest, np.linalg.norm(lab - lab[chosen[-1]], axis=1))
-        chosen.append(int(nearest.argmax()))
-    rows = [tuple(codes[chosen[k % len(chosen)]].tolist()) for k in range(count)]
+    while len(selected) < min(count, len(lab)):
+        nearest = np.minimum(nearest, np.linalg.norm(lab - lab[selected[-1]], axis=1))
+        selected.append(int(nearest.argmax()))
+    rows = [tuple(codes[selected[k % len(selected)]].tolist()) for k in range(count)]
     return tuple((r, g, b) for r, g, b in rows)
 
 
@@ -151,8 +151,8 @@ def _candidates() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         ]
     )
     linear = (lab @ lms_from_lab.T) ** 3 @ rgb_from_lms.T
-    shown = ((linear >= 0) & (linear <= 1)).all(axis=1)
-    return lab[shown], np.asarray(encode_sRGB(linear[shown]))
+    in_gamut = ((linear >= 0) & (linear <= 1)).all(axis=1)
+    return lab[in_gamut], np.asarray(encode_sRGB(linear[in_gamut]))
 
 
 def smits_weights(codes: Iterable[float]) -> dict[str, float]:
@@ -165,14 +165,14 @@ def smits_weights(codes: Iterable[float]) -> dict[str, float]:
     """
     linear = decode_sRGB(np.array([*codes]))
     order = np.argsort(linear, kind="stable")
-    least, middle, most = (float(linear[k]) for k in order)
+    low, middle, high = (float(linear[k]) for k in order)
     # The two greater components make a secondary colour; what is left of the greatest a primary.
     secondary = ("cyan", "magenta", "yellow")[order[0]]
     primary = ("red", "green", "blue")[order[2]]
     weights = {
-        "white": least,
-        f"sRGB/{secondary}": middle - least,
-        f"sRGB/{primary}": most - middle,
+        "white": low,
+        f"sRGB/{secondary}": middle - low,
+        f"sRGB/{primary}": high - middle,
     }
     # Rounded down, as the sum of a mix is at most 1.
     unit = 10.0**_DIGITS

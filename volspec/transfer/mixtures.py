@@ -43,11 +43,11 @@ def check_materials(who: str, materials: Mapping[str, Spectrum], basis: Basis) -
             "type",
         )
     if basis.size > MAX_CHANNELS:
-        what = f"{basis.size} channels"
+        problem = f"{basis.size} channels"
         if isinstance(basis, MaterialBasis):
-            what = f"{len(basis.materials)} materials and white need {what}"
+            problem = f"{len(basis.materials)} materials and white need {problem}"
         raise TransferError(
-            f"{what}, at most {MAX_CHANNELS} can be cast",
+            f"{problem}, at most {MAX_CHANNELS} can be cast",
             "use a SpectralBasis with fewer channels",
             code="size",
             field=f"{who}.basis",
@@ -87,43 +87,43 @@ def checked_step(who: str, step_mm: float | None) -> float | None:
     return step
 
 
-def checked_list(field: str, given: Iterable[Any], item: str) -> tuple[Any, ...]:
+def checked_list(field: str, values: Iterable[Any], item: str) -> tuple[Any, ...]:
     """Return a sequence as a tuple; refuse an empty one; ``item`` describes an element."""
-    items = tuple(given)
+    items = tuple(values)
     if not items:
-        raise TransferError.refused(field, given, f"give at least one {item}", "missing")
+        raise TransferError.refused(field, values, f"give at least one {item}", "missing")
     return items
 
 
-def checked_parts(field: str, given: Iterable[Any], expected: str) -> tuple[Any, ...]:
+def checked_parts(field: str, values: Iterable[Any], expected: str) -> tuple[Any, ...]:
     """Return a sequence with as many parts as ``expected``, such as ``"(low, high)"``."""
-    parts = tuple(given)
+    parts = tuple(values)
     if len(parts) != expected.count(",") + 1:
-        raise TransferError.refused(field, given, f"expected {expected}", "type")
+        raise TransferError.refused(field, values, f"expected {expected}", "type")
     return parts
 
 
-def checked_number(field: str, given: Any) -> float:
+def checked_number(field: str, value: Any) -> float:
     """Return a number as float; refuse text and booleans."""
-    if isinstance(given, bool) or not isinstance(given, Real):
-        raise TransferError.refused(field, given, "expected a number", "type")
-    return float(given)
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise TransferError.refused(field, value, "expected a number", "type")
+    return float(value)
 
 
-def checked_fraction(field: str, given: Any) -> float:
+def checked_fraction(field: str, value: Any) -> float:
     """Return an opacity or another number within 0…1."""
-    fraction = checked_number(field, given)
+    fraction = checked_number(field, value)
     if not 0 <= fraction <= 1:
-        raise TransferError.refused(field, given, "give 0…1", "range")
+        raise TransferError.refused(field, value, "give 0…1", "range")
     return fraction
 
 
-def checked_mix(field: str, given: Any, materials: Mapping[str, Spectrum] | None) -> Mix:
+def checked_mix(field: str, mix: Any, materials: Mapping[str, Spectrum] | None) -> Mix:
     """Return a mix as {material: weight}; check names only if ``materials`` are given."""
-    if not isinstance(given, str | Mapping):
-        raise TransferError.refused(field, given, "expected a name or {name: weight}", "type")
+    if not isinstance(mix, str | Mapping):
+        raise TransferError.refused(field, mix, "expected a name or {name: weight}", "type")
     weights = {}
-    for name, weight in mix_weights(given).items():
+    for name, weight in mix_weights(mix).items():
         if materials is not None:
             _require_known(field, name, materials)
         weights[name] = checked_number(f"{field}[{name!r}]", weight)
@@ -136,17 +136,17 @@ def checked_mix(field: str, given: Any, materials: Mapping[str, Spectrum] | None
             "give above 0 and at most 1",
             code="range",
             field=field,
-            given=given,
+            given=mix,
         )
     return weights
 
 
 def _require_known(field: str, name: str, materials: Mapping[str, Spectrum]) -> None:
     if name not in materials:
-        known = ", ".join(sorted(materials)) or "none"
+        names = ", ".join(sorted(materials)) or "none"
         raise TransferError(
             f"no material {name!r}",
-            f"{nearest(name, materials)}known: {known}",
+            f"{nearest(name, materials)}known: {names}",
             code="unknown",
             field=field,
             given=name,
@@ -157,9 +157,9 @@ MAX_VALUE = float(np.finfo(np.float32).max)
 """Greatest value, as of voxels."""
 
 
-def checked_point(field: str, given: Any, materials: Mapping[str, Spectrum]) -> Point:
+def checked_point(field: str, point: Any, materials: Mapping[str, Spectrum]) -> Point:
     """Return (value, opacity, {material: weight}) for (value, opacity, material or mix)."""
-    value, opacity, mix = checked_parts(field, given, "(value, opacity, material or mix)")
+    value, opacity, mix = checked_parts(field, point, "(value, opacity, material or mix)")
     value = checked_number(f"{field}.value", value)
     if not abs(value) <= MAX_VALUE:
         raise TransferError.refused(f"{field}.value", value, "give a number of float32", "range")

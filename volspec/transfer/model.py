@@ -144,10 +144,10 @@ class TransferFunction:
         weights, channels = mixtures.weights_and_channels(own_mixes, self.materials, self.basis)
         weights = np.column_stack([[opacity for _, opacity, _ in self.points], weights])
         used = mixtures.used_materials(own_mixes)
-        own = {name: each for name, each in (self.filters or {}).items() if name in used}
+        spectra = {name: curve for name, curve in (self.filters or {}).items() if name in used}
         filters = None
-        if own and isinstance(self.basis, SpectralBasis):
-            filters = mixtures.filter_rows(own_mixes, own, self.basis)
+        if spectra and isinstance(self.basis, SpectralBasis):
+            filters = mixtures.filter_rows(own_mixes, spectra, self.basis)
         top, factors = None, None
         if self.gradient_opacity is not None:
             gradients, of_gradients = np.array(self.gradient_opacity).T
@@ -172,24 +172,22 @@ class TransferFunction:
 
         def entries(side: Literal["left", "right"]) -> Entries:
             sampled = _sample(size, places, weights, side)
-            opacity, shares = sampled[:, 0], sampled[:, 1:]
+            opacity, mixes = sampled[:, 0], sampled[:, 1:]
             if factors is not None:
                 opacity = factors[:, None] * opacity
                 # Copied, since the device reads the memory as laid out.
-                shares = np.ascontiguousarray(
-                    np.broadcast_to(shares, (len(factors), *shares.shape))
-                )
+                mixes = np.ascontiguousarray(np.broadcast_to(mixes, (len(factors), *mixes.shape)))
             if filters is None:
-                return Entries(opacity, shares, None)
+                return Entries(opacity, mixes, None)
             weighted = _sample(size, places, filters, side)
             # A mean of rows within 0…1 may leave this range by rounding.
-            return Entries(opacity, shares, (weighted[:, :-1] / weighted[:, -1:]).clip(0, 1))
+            return Entries(opacity, mixes, (weighted[:, :-1] / weighted[:, -1:]).clip(0, 1))
 
-        opacity, shares, passed = entries("right")
+        opacity, mixes, passed = entries("right")
         return TransferTable(
             domain=(float(low), float(high)),
             opacity=opacity,
-            material_weights=shares,
+            material_weights=mixes,
             channels=channels,
             reference_step_mm=self.reference_step_mm or smallest_spacing_mm,
             white=self.basis.white,
@@ -199,10 +197,10 @@ class TransferFunction:
         )
 
 
-def _checked_factors(given: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+def _checked_factors(pairs: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
     item, field = "(gradient magnitude, factor)", f"{_WHO}.gradient_opacity"
     checked: list[tuple[float, float]] = []
-    for i, pair in enumerate(mixtures.checked_list(field, given, item)):
+    for i, pair in enumerate(mixtures.checked_list(field, pairs, item)):
         gradient, factor = mixtures.checked_parts(f"{field}[{i}]", pair, item)
         gradient = mixtures.checked_number(f"{field}[{i}].gradient", gradient)
         remedy = ""
@@ -220,11 +218,11 @@ def _checked_factors(given: Sequence[tuple[float, float]]) -> tuple[tuple[float,
 
 def _sample(size: int, places: Array, rows: Array, side: Literal["left", "right"]) -> Array:
     """Interpolate (P, C) rows at (P,) places to the limits of entries, (size, C), from a side."""
-    at = np.arange(size)
-    after = np.searchsorted(places, at, side)
-    a, b = (each.clip(0, len(places) - 1) for each in (after - 1, after))
+    entries = np.arange(size)
+    after = np.searchsorted(places, entries, side)
+    a, b = (i.clip(0, len(places) - 1) for i in (after - 1, after))
     gap = places[b] - places[a]
-    fraction = np.divide(at - places[a], gap, out=np.zeros(size), where=gap > 0)[:, None]
+    fraction = np.divide(entries - places[a], gap, out=np.zeros(size), where=gap > 0)[:, None]
     return np.asarray(rows[a] + fraction * (rows[b] - rows[a]))
 
 
@@ -233,11 +231,11 @@ def _places(values: Array, low: float, high: float, size: int) -> Array:
     places = (values - low) / (high - low) * (size - 1)
     nearest = np.rint(places)
     steps = np.diff(values) == 0
-    moved = np.append(steps, False) | np.insert(steps, 0, False)
-    return np.where(moved | (np.abs(places - nearest) < _ON_ENTRY), nearest, places)
+    on_step = np.append(steps, False) | np.insert(steps, 0, False)
+    return np.where(on_step | (np.abs(places - nearest) < _ON_ENTRY), nearest, places)
 
 
-def _table_size(what: str, points: Array, curve: Array, low: float, limits: tuple[int, int]) -> int:
+def _table_size(noun: str, points: Array, curve: Array, low: float, limits: tuple[int, int]) -> int:
     """Return the number of entries: at least four between the closest points, and on the points.
 
     ``curve`` is (P, C), the table's values at the points; from ``low`` to the first it is level.
@@ -251,33 +249,33 @@ def _table_size(what: str, points: Array, curve: Array, low: float, limits: tupl
     span = points[-1] - low
     if span > limits[1] * gaps[i]:
         warnings.warn(
-            f"{_WHO}: {what} at {points[i - 1]:g} and {points[i]:g} are too close for the span "
-            f"{low:g}…{points[-1]:g} and may be missed; leave out the outer {what}",
+            f"{_WHO}: {noun} at {points[i - 1]:g} and {points[i]:g} are too close for the span "
+            f"{low:g}…{points[-1]:g} and may be missed; leave out the outer {noun}",
             VolspecWarning,
             stacklevel=3,
         )
-    least, most = int(np.clip(np.ceil(4 * span / gaps[i]), limits[0] - 1, limits[1] - 1)), limits[1]
+    fewest, cap = int(np.clip(np.ceil(4 * span / gaps[i]), limits[0] - 1, limits[1] - 1)), limits[1]
     # Whole numbers, or decimals, have a common measure.
     decade = 10.0 ** max(math.floor(math.log10(span)), -300)  # less has no reciprocal
     for digits in range(_DIGITS):
         scaled = (points - low) / decade * 10.0**digits
-        whole = np.rint(scaled)
-        if np.abs(scaled - whole).max() < 1e-9 * scaled[-1]:
-            cells = int(whole[-1]) // int(np.gcd.reduce(whole.astype(np.int64)))
-            times = min(-(-least // cells), (most - 1) // cells)
+        integers = np.rint(scaled)
+        if np.abs(scaled - integers).max() < 1e-9 * scaled[-1]:
+            cells = int(integers[-1]) // int(np.gcd.reduce(integers.astype(np.int64)))
+            times = min(-(-fewest // cells), (cap - 1) // cells)
             if times > 0:
                 return cells * times + 1
             break
     # Otherwise the smallest size for which a kink between entries costs next to nothing, or least.
-    sizes = np.arange(least, min(_MAX_LONGER * least, most))
+    sizes = np.arange(fewest, min(_MAX_LONGER * fewest, cap))
     places = (points - low)[:, None] / span * sizes
     if (np.diff(points) == 0).any():  # steps move to an entry: to the nearest ones of all
-        least = int(np.searchsorted(sizes, 2 * least))
-        return int(sizes[np.abs(places - np.rint(places)).max(axis=0)[:least].argmin()]) + 1
+        fewest = int(np.searchsorted(sizes, 2 * fewest))
+        return int(sizes[np.abs(places - np.rint(places)).max(axis=0)[:fewest].argmin()]) + 1
     beside = places - np.floor(places)
     bends = _bends(points, curve)
-    lost = (bends[:, None] * beside * (1 - beside)).max(axis=0) * (span / sizes)
-    return int(sizes[lost.argmin() if lost.min() > _UNSEEN else (lost <= _UNSEEN).argmax()]) + 1
+    loss = (bends[:, None] * beside * (1 - beside)).max(axis=0) * (span / sizes)
+    return int(sizes[loss.argmin() if loss.min() > _UNSEEN else (loss <= _UNSEEN).argmax()]) + 1
 
 
 def _bends(points: Array, curve: Array) -> Array:

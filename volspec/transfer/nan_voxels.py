@@ -70,22 +70,22 @@ def _bake_fields(transfer: FieldFunctions, volume: Volume) -> TransferTable | Fi
             code="duplicate",
         )
     masks = {}
-    for given, weight in transfer.shown.items():
-        name, function = given or volume.name, transfer.functions[given]
+    for key, weight in transfer.shown.items():
+        name, function = key or volume.name, transfer.functions[key]
         table = _bake(function, fields[name])
         assert isinstance(table, TransferTable)
         tables[name] = weighted(table, weight)
-        if given in transfer.masks:
-            mask = transfer.masks[given]
+        if key in transfer.masks:
+            mask = transfer.masks[key]
             curves = [curve for curve in mask.curves if curve is not function]
-            where = f"FieldFunctions.masks[{given!r}]"
+            where = f"FieldFunctions.masks[{key!r}]"
             try:
                 labels = MaskLabels.of(mask.field, volume)
             except TransferError as error:
                 raise error.at(f"{where}.field") from None
             masks[name] = MaskTables(
                 labels.field.name,
-                tuple(weighted(_bake_row(each, fields[name], table), weight) for each in curves),
+                tuple(weighted(_bake_row(curve, fields[name], table), weight) for curve in curves),
                 *_rows_between(mask, curves, labels, where),
             )
     if list(tables) == [volume.name] and not masks:
@@ -99,7 +99,7 @@ class MaskLabels:
 
     field: Volume
     bands: list[tuple[float, float, Label]]
-    whole: bool | None = None  # the values may be labels; None until that is asked
+    may_be_labels: bool | None = None  # None until that is asked
 
     @classmethod
     def of(cls, name: str, volume: Volume) -> MaskLabels:
@@ -131,14 +131,14 @@ class MaskLabels:
 
     def reaches(self, low: float, high: float) -> bool:
         """Return True if the field's range has some of the values (from, to)."""
-        least, most = self.field.range
-        return low <= most and least < high
+        minimum, maximum = self.field.range
+        return low <= maximum and minimum < high
 
     def _of_label(self, label: int | str) -> tuple[float, float]:
         field = self.field
-        if self.whole is None:
-            self.whole = are_whole(field.values, field.range)
-        if not self.whole:
+        if self.may_be_labels is None:
+            self.may_be_labels = are_whole(field.values, field.range)
+        if not self.may_be_labels:
             low, high = field.range
             raise TransferError(
                 f"the values of {field.name!r}, {low:g} to {high:g}, are not labels",
@@ -150,15 +150,15 @@ class MaskLabels:
                 raise TransferError.refused("", label, "give 0 or more", "range")
             value = field.value_of(label)
             return value, value + 1
-        stated = {number: each for number, each in field.labels.items() if each.name}
-        names = {name: number for number, name in unique_names(stated).items()}
+        named = {number: entry for number, entry in field.labels.items() if entry.name}
+        names = {name: number for number, name in unique_names(named).items()}
         if label not in names:
             more = ", …" if len(names) > _MAX_NAMED else ""
             listed = f"it has {', '.join([*names][:_MAX_NAMED])}{more}"
-            known = listed if names else "it names none"
+            choices = listed if names else "it names none"
             raise TransferError(
                 f"{field.name!r} has no label {label!r}",
-                f"{nearest(label, names)}{known}; or give its number",
+                f"{nearest(label, names)}{choices}; or give its number",
                 code="unknown",
             )
         value = field.value_of(names[label])
@@ -166,22 +166,22 @@ class MaskLabels:
 
 
 def _bake_row(
-    function: TransferFunction | None, volume: Volume, own: TransferTable
+    function: TransferFunction | None, volume: Volume, base: TransferTable
 ) -> TransferTable:
     """Bake the function of a label; without one, the transparent one."""
     if function is not None:
         table = _bake(function, volume)
         assert isinstance(table, TransferTable)
         return table
-    weights = np.zeros((2, own.material_weights.shape[1]))
-    return replace(own, opacity=np.zeros(2), material_weights=weights, left=None)
+    weights = np.zeros((2, base.material_weights.shape[1]))
+    return replace(base, opacity=np.zeros(2), material_weights=weights, left=None)
 
 
 def _rows_between(
     mask: Mask, curves: Sequence[TransferFunction | None], labels: MaskLabels, where: str
 ) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
     """Return the values at which rows change, and the rows: 1 for the first curve, 0 for none."""
-    rows = {id(each): row for row, each in enumerate(curves, start=1)}
+    rows = {id(curve): row for row, curve in enumerate(curves, start=1)}
     bands = []
     for label, function in mask.functions.items():
         try:
@@ -207,18 +207,18 @@ def _bake(transfer: Transfer, volume: Volume) -> Table:
 
 def _require_values(transfer: LabelFunction, volume: Volume) -> None:
     """Refuse labels that voxels have, but cannot be cast as they are."""
-    most = max(transfer.labels)
-    if not volume.numbers and MAX_LABEL < most <= volume.range[1]:
+    largest = max(transfer.labels)
+    if not volume.numbers and MAX_LABEL < largest <= volume.range[1]:
         raise TransferError(
-            f"label {most} of {volume.name} is above {MAX_LABEL}",
+            f"label {largest} of {volume.name} is above {MAX_LABEL}",
             "make the volume with its labels, Volume(values, labels={number: Label(name), …})",
             code="range",
             field="LabelFunction.labels",
-            given=most,
+            given=largest,
         )
 
 
-def transparent_below(table: TransferTable, least: float) -> TransferTable:
+def transparent_below(table: TransferTable, minimum: float) -> TransferTable:
     """Return a table that is transparent one entry below a value and lower; the rest stays.
 
     >>> table = TransferTable((0, 2), [0.5, 0.5, 0.1], [[1], [1], [1]], reference_step_mm=1)
@@ -229,12 +229,12 @@ def transparent_below(table: TransferTable, least: float) -> TransferTable:
     low, high = table.domain
     count = table.opacity.shape[-1]
     entry = (high - low) / (count - 1)
-    more = int(np.ceil(max(low - least, 0.0) / entry - 1e-9)) + 1
+    more = int(np.ceil(max(low - minimum, 0.0) / entry - 1e-9)) + 1
     if count + more > _MAX_ENTRIES:  # a narrow function in a wide range: entries are widened
-        entry = (high - min(low, least)) / (_MAX_ENTRIES - 2)
+        entry = (high - min(low, minimum)) / (_MAX_ENTRIES - 2)
         start = high - entry * (_MAX_ENTRIES - 1)
-        at = start + entry * np.arange(_MAX_ENTRIES)
-        positions = np.clip((at - low) / (high - low) * (count - 1), 0, count - 1)
+        values = start + entry * np.arange(_MAX_ENTRIES)
+        positions = np.clip((values - low) / (high - low) * (count - 1), 0, count - 1)
     else:
         start = low - more * entry
         positions = np.maximum(np.arange(-more, count), 0)
@@ -250,10 +250,10 @@ def transparent_below(table: TransferTable, least: float) -> TransferTable:
         return np.asarray(below * (1 - f) + above * f)
 
     def entries(here: TransferTable, limits: TransferTable) -> Entries:
-        along = table.opacity.ndim - 1
-        opacity = resampled(here.opacity, limits.opacity, along)
+        axis = table.opacity.ndim - 1
+        opacity = resampled(here.opacity, limits.opacity, axis)
         opacity[..., 0] = 0.0
-        weights = resampled(here.material_weights, limits.material_weights, along)
+        weights = resampled(here.material_weights, limits.material_weights, axis)
         if here.filters is None or limits.filters is None:
             return Entries(opacity, weights, None)
         return Entries(opacity, weights, resampled(here.filters, limits.filters, 0))

@@ -78,9 +78,9 @@ def check_opacities(basis: Basis, opacities: Mapping[str, float]) -> None:
 
 def _scaled(opacity: Array, weights: Array, scales: Array) -> tuple[Array, Array]:
     """Return (…,) opacities and (…, K) weights with (K,) scales of the optical depths."""
-    own, now = weights.sum(axis=-1), weights @ scales
-    share = np.where(own > 0, now / np.where(own > 0, own, 1), 1.0)
-    opacity = 1 - (1 - opacity) ** share
-    shown = np.where(now > 0, own / np.where(now > 0, now, 1), 0.0)
-    kept = np.where(now[..., None] > 0, weights * scales * shown[..., None], weights)
+    before, after = weights.sum(axis=-1), weights @ scales
+    ratio = np.where(before > 0, after / np.where(before > 0, before, 1), 1.0)
+    opacity = 1 - (1 - opacity) ** ratio
+    gain = np.where(after > 0, before / np.where(after > 0, after, 1), 0.0)
+    kept = np.where(after[..., None] > 0, weights * scales * gain[..., None], weights)
     return opacity, kept

@@ -92,8 +92,8 @@ def histogram(volume: Volume) -> NDArray[np.float64]:
         if volume.typical_range == sample.range:
             return sample.histogram
         return histogram_of_values(sample.voxels, volume.typical_range)
-    every = counted_step(volume.values.size)
-    return histogram_of_values(volume.values[::every, ::every, ::every], volume.typical_range)
+    stride = counted_step(volume.values.size)
+    return histogram_of_values(volume.values[::stride, ::stride, ::stride], volume.typical_range)
 
 
 def histogram_of(steps: Iterable[Volume]) -> NDArray[np.float64]:
@@ -136,21 +136,21 @@ def landmarks(
     above = counts.sum() - below
     sums = np.cumsum(counts * middles)
     with np.errstate(divide="ignore", invalid="ignore"):
-        apart = below * above * (sums[:-1] / below - (sums[-1] - sums[:-1]) / above) ** 2
-    apart = np.nan_to_num(apart)
+        variance = below * above * (sums[:-1] / below - (sums[-1] - sums[:-1]) / above) ** 2
+    variance = np.nan_to_num(variance)
     # Empty bins make many thresholds equally good; the middle one is far from both sides.
-    best = np.flatnonzero(apart >= apart.max() * (1 - 1e-9))
+    best = np.flatnonzero(variance >= variance.max() * (1 - 1e-9))
     cut = int((best[0] + best[-1]) // 2) + 1
     total = counts.sum()
     spread = (counts * (middles - sums[-1] / total) ** 2).sum() * total
-    if is_masked and apart.max() < _TWO_GROUPS * spread:
+    if is_masked and variance.max() < _TWO_GROUPS * spread:
         cut = 1
     matter = np.cumsum(counts[cut:]) / max(counts[cut:].sum(), 1.0)
     middle, top = (edges[cut + 1 + int(np.searchsorted(matter, q))] for q in (0.5, _TOP))
     # Keep them apart, whatever the histogram.
     marks = np.array([low, edges[cut], middle, top, high])
-    least = (high - low) * _APART
-    ramp = least * np.arange(5)
+    gap = (high - low) * _APART
+    ramp = gap * np.arange(5)
     marks = np.maximum.accumulate(marks - ramp) + ramp
     return tuple(float(mark) for mark in np.minimum(marks, high - ramp[::-1]))
 
@@ -167,16 +167,16 @@ def fit_preset(
     Counts are the volume's `histogram`.
     """
     materials = {name: reflectance(text, grid) for name, text in preset.materials.items()}
-    own = MaterialBasis(materials, _NAME + preset.name, grid, observer_deg)
+    basis = MaterialBasis(materials, _NAME + preset.name, grid, observer_deg)
     points = preset_points(preset, volume, counts)
     if preset.surfaces:
-        return Isosurfaces(points, materials, own)
+        return Isosurfaces(points, materials, basis)
     gradients = None
     if preset.edges is not None:
         low, *_, top, _ = _marks(volume, counts)
         full = preset.edges * (top - low) / (2 * volume.smallest_mm)
         gradients = ((0.1 * full, 0.0), (full, 1.0))
-    return TransferFunction(points, materials, own, step_mm(volume), gradients)
+    return TransferFunction(points, materials, basis, step_mm(volume), gradients)
 
 
 def is_preset(
@@ -185,13 +185,13 @@ def is_preset(
     """Return True if a transfer function is a preset's for a volume, in any basis, unchanged."""
     if set(transfer.materials) != set(preset.parts):
         return False
-    made = fit_preset(preset, volume, counts, transfer.basis.grid, transfer.basis.observer_deg)
-    if type(transfer) is not type(made):
+    fitted = fit_preset(preset, volume, counts, transfer.basis.grid, transfer.basis.observer_deg)
+    if type(transfer) is not type(fitted):
         return False
-    own = {field.name for field in fields(made)} - {"materials", "basis"}
-    return all(getattr(transfer, name) == getattr(made, name) for name in own) and all(
-        np.array_equal(transfer.materials[name].values, each.values)
-        for name, each in made.materials.items()
+    names = {field.name for field in fields(fitted)} - {"materials", "basis"}
+    return all(getattr(transfer, name) == getattr(fitted, name) for name in names) and all(
+        np.array_equal(transfer.materials[name].values, spectrum.values)
+        for name, spectrum in fitted.materials.items()
     )
 
 
@@ -201,14 +201,14 @@ def preset_points(
     """Return (value, opacity, material) of a preset's points, within a volume's range."""
     low, high = value_span(volume)
     marks = _marks(volume, counts)
-    made = [
+    curve = [
         (min(max(rounded(np.interp(hu, _MARKS_HU, marks), high - low), low), high), opacity, name)
         for name, (_, points) in preset.parts.items()
         for hu, opacity in points
     ]
     if volume.range[1] > high and not preset.surfaces:  # values that fill are above: transparent
-        made += [(high, made[-1][1], made[-1][2]), (high, 0.0, made[-1][2])]
-    return made
+        curve += [(high, curve[-1][1], curve[-1][2]), (high, 0.0, curve[-1][2])]
+    return curve
 
 
 def rounded(value: float, span: float) -> float:

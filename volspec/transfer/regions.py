@@ -171,8 +171,8 @@ class TransferFunction2D:
                 power_of_two(4 * (high - low) / width, _SIZES),
                 power_of_two(4 * top / height, _ROWS),
             )
-        at, row_at = np.linspace(low, high, size[0]), np.linspace(0, top, size[1])
-        alphas = np.stack([_opacity(region, at, row_at) for region in regions])
+        values, grads = np.linspace(low, high, size[0]), np.linspace(0, top, size[1])
+        alphas = np.stack([_opacity(region, values, grads) for region in regions])
         for region, alpha in zip(regions, alphas, strict=True):
             if alpha.max() < region.opacity / 2:
                 warnings.warn(
@@ -185,7 +185,7 @@ class TransferFunction2D:
         weights, channels = mixtures.weights_and_channels(
             [region.material for region in regions], self.materials, self.basis
         )
-        by_region = np.where(alphas.any(axis=0), alphas, _nearest_region(regions, at, row_at))
+        by_region = np.where(alphas.any(axis=0), alphas, _nearest_region(regions, values, grads))
         mixed = np.tensordot(by_region, weights, axes=(0, 0))
         return TransferTable(
             domain=(low, high),
@@ -198,30 +198,30 @@ class TransferFunction2D:
         )
 
 
-def _checked_bounds(name: str, given: Any) -> tuple[float, float]:
+def _checked_bounds(name: str, bounds: Any) -> tuple[float, float]:
     field = f"Region.{name}"
     low, high = (
         mixtures.checked_number(f"{field}[{i}]", bound)
-        for i, bound in enumerate(mixtures.checked_parts(field, given, "(low, high)"))
+        for i, bound in enumerate(mixtures.checked_parts(field, bounds, "(low, high)"))
     )
     if not low < high:
-        raise TransferError.refused(field, given, "make the second greater", "range")
+        raise TransferError.refused(field, bounds, "make the second greater", "range")
     return low, high
 
 
 def _opacity(
-    region: Region, at: NDArray[np.float64], row_at: NDArray[np.float64]
+    region: Region, values: NDArray[np.float64], gradients: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the (G, N) opacity of a region; 0 on its rim, so that tables end transparent."""
     (low, high), (bottom, top) = region.values, region.gradients
     soft = region.softness * (high - low) / 2
-    over_values = _smoothstep(at - low, soft) * _smoothstep(high - at, soft)
+    over_values = _smoothstep(values - low, soft) * _smoothstep(high - values, soft)
     soft = region.softness * (region.reach - bottom) / 2
-    over_gradients = np.ones_like(row_at)
+    over_gradients = np.ones_like(gradients)
     if bottom > 0:
-        over_gradients *= _smoothstep(row_at - bottom, soft)
+        over_gradients *= _smoothstep(gradients - bottom, soft)
     if math.isfinite(top):
-        over_gradients *= _smoothstep(top - row_at, soft)
+        over_gradients *= _smoothstep(top - gradients, soft)
     return region.opacity * over_gradients[:, None] * over_values
 
 
@@ -234,7 +234,7 @@ def _smoothstep(inside: NDArray[np.float64], soft: float) -> NDArray[np.float64]
 
 
 def _nearest_region(
-    regions: Sequence[Region], at: NDArray[np.float64], row_at: NDArray[np.float64]
+    regions: Sequence[Region], values: NDArray[np.float64], gradients: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return (R, G, N) one-hot choices of the region nearest to each entry, measured in entries.
 
@@ -244,8 +244,8 @@ def _nearest_region(
     distances = []
     for region in regions:
         (low, high), (bottom, top) = region.values, region.gradients
-        away = np.maximum(np.maximum(low - at, at - high), 0) / (at[1] - at[0])
-        above = np.maximum(np.maximum(bottom - row_at, row_at - top), 0) / row_at[1]
-        distances.append(np.hypot(above[:, None], away))
-    chosen = np.argmin(distances, axis=0)
-    return (chosen == np.arange(len(regions))[:, None, None]).astype(np.float64)
+        across = np.maximum(np.maximum(low - values, values - high), 0) / (values[1] - values[0])
+        above = np.maximum(np.maximum(bottom - gradients, gradients - top), 0) / gradients[1]
+        distances.append(np.hypot(above[:, None], across))
+    nearest = np.argmin(distances, axis=0)
+    return (nearest == np.arange(len(regions))[:, None, None]).astype(np.float64)

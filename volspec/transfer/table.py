@@ -40,14 +40,14 @@ MIN_TRANSMITTANCE = 1e-6
 NEAREST_POSITIONS = 1 / 64
 
 
-def power_of_two(least: float, limits: tuple[int, int]) -> int:
-    """Return a table's size: a power of two of at least ``least``, clipped to limits.
+def power_of_two(minimum: float, limits: tuple[int, int]) -> int:
+    """Return a table's size: a power of two of at least ``minimum``, clipped to limits.
 
     >>> power_of_two(3000, (1024, 65536)), power_of_two(3000, (64, 256))
     (4096, 256)
     """
     low, high = limits
-    return int(np.clip(2.0 ** np.ceil(np.log2(np.clip(least, low, high))), low, high))
+    return int(np.clip(2.0 ** np.ceil(np.log2(np.clip(minimum, low, high))), low, high))
 
 
 class Entries(NamedTuple):
@@ -60,7 +60,7 @@ class Entries(NamedTuple):
     @property
     def shapes(self) -> list[tuple[int, ...]]:
         """Shapes of the arrays that are there."""
-        return [each.shape for each in self if each is not None]
+        return [array.shape for array in self if array is not None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,8 +146,8 @@ class TransferTable:
                 raise _shape_error(self, "filters", f"{expected}, over values alone")
             _check_range(self, "filters")
         if self.left is not None:
-            given = Entries(self.opacity, self.material_weights, self.filters)
-            if given.shapes != self.left.shapes:
+            entries = Entries(self.opacity, self.material_weights, self.filters)
+            if entries.shapes != self.left.shapes:
                 raise TransferError(
                     "differs in shape from the entries",
                     "give limits of opacity, material_weights and filters",
@@ -371,11 +371,11 @@ def segment_means(
     a, b = ((v - low) / (high - low) * last for v in (fronts, backs))
     integral = _integral(c, rim)
     gathered = _integral_at(c, rim, integral, b) - _integral_at(c, rim, integral, a)
-    apart = np.abs(b - a) >= NEAREST_POSITIONS
-    mean = gathered / np.where(apart, b - a, 1)[:, None]
+    distinct = np.abs(b - a) >= NEAREST_POSITIONS
+    mean = gathered / np.where(distinct, b - a, 1)[:, None]
     j, f = _split((a + b) / 2, last)
     middle = c[j] + f * (rim[j + 1] - c[j])
-    return np.where(apart[:, None], mean, middle)
+    return np.where(distinct[:, None], mean, middle)
 
 
 def _extinctions(table: TransferTable, step_mm: float) -> tuple[Array, Array]:
