@@ -131,28 +131,28 @@ class MeshCaster:
         meshes: Sequence[Mesh],
         materials: Mapping[str, Spectrum],
         basis: Basis,
-        like: MeshCaster | None = None,
+        previous: MeshCaster | None = None,
     ) -> None:
-        if isinstance(meshes, Mesh) or not all(isinstance(each, Mesh) for each in meshes):
+        if isinstance(meshes, Mesh) or not all(isinstance(mesh, Mesh) for mesh in meshes):
             raise MeshError.refused("meshes", meshes, "give a list of volspec.Mesh", "type")
         if not meshes:
             raise MeshError("no meshes are given", "give one at least", code="missing")
         self.meshes = tuple(meshes)
         # The last paint of each mesh and what it was made from; also that of `painted` ones.
-        self._made: dict[int, tuple[object, Paint]] = {}
+        self._cached_paints: dict[int, tuple[object, Paint]] = {}
         self._take(materials, basis)
         opaque = [k for k, mesh in enumerate(meshes) if mesh.opacity == 1.0]
-        rest = [k for k, mesh in enumerate(meshes) if mesh.opacity < 1.0]
-        parts: list[Surfaces | None] = [like._opaque, like._translucent] if like else []
+        translucent = [k for k, mesh in enumerate(meshes) if mesh.opacity < 1.0]
+        parts: list[Surfaces | None] = [previous._opaque, previous._translucent] if previous else []
         before = [part for part in parts if part is not None]
         self._opaque = Surfaces(self.meshes, opaque, before) if opaque else None
-        self._translucent = Surfaces(self.meshes, rest, before) if rest else None
+        self._translucent = Surfaces(self.meshes, translucent, before) if translucent else None
         # One object also for `painted` ones, as what is cached by it does not depend on paint.
         self.clear: Visibility = partial(passed, self._opaque, self._translucent)
         self._offset = 2.0 * max(
-            each.rays.offset for each in (self._opaque, self._translucent) if each is not None
+            part.rays.offset for part in (self._opaque, self._translucent) if part is not None
         )
-        ends = [(each.points_mm.min(axis=0), each.points_mm.max(axis=0)) for each in meshes]
+        ends = [(mesh.points_mm.min(axis=0), mesh.points_mm.max(axis=0)) for mesh in meshes]
         self._boxes = [
             np.array([np.where(far, high, low) for far in np.ndindex(2, 2, 2)])
             for low, high in ends
@@ -162,12 +162,12 @@ class MeshCaster:
         self._views: dict[tuple[Camera, Size], tuple[_Window, list[Seen]]] = {}
         # What the last planes left; likewise.
         self._within: dict[bytes, MeshCaster | None] = {}
-        if like is not None and same_surfaces(self.meshes, like.meshes):
-            opacities = [mesh.opacity for mesh in like.meshes]
+        if previous is not None and same_surfaces(self.meshes, previous.meshes):
+            opacities = [mesh.opacity for mesh in previous.meshes]
             if [opacity < 1.0 for opacity in opacities] == [mesh.opacity < 1.0 for mesh in meshes]:
-                self._views = like._views
+                self._views = previous._views
             if opacities == [mesh.opacity for mesh in meshes]:
-                self.clear = like.clear
+                self.clear = previous.clear
 
     def _take(self, materials: Mapping[str, Spectrum], basis: Basis) -> None:
         for mesh in self.meshes:
@@ -186,19 +186,19 @@ class MeshCaster:
                     if spectrum
                 ),
             )
-            made = self._made.get(number)
-            if made is None or made[0] != key:
-                made = self._made[number] = key, mesh_paint(mesh, materials, basis)
-            self._paints.append(made[1])
+            cached = self._cached_paints.get(number)
+            if cached is None or cached[0] != key:
+                cached = self._cached_paints[number] = key, mesh_paint(mesh, materials, basis)
+            self._paints.append(cached[1])
 
     def painted(self, materials: Mapping[str, Spectrum], basis: Basis) -> MeshCaster:
         """Return the same meshes with other reflectances, or in another basis.
 
         Raises as the constructor does.
         """
-        made = copy(self)
-        made._take(materials, basis)
-        return made
+        caster = copy(self)
+        caster._take(materials, basis)
+        return caster
 
     @property
     def materials(self) -> list[str]:
@@ -208,8 +208,8 @@ class MeshCaster:
     @property
     def translucent(self) -> str:
         """Return the first translucent mesh, as `SurfaceCaster`."""
-        found = [mesh for mesh in self.meshes if mesh.opacity < 1.0]
-        return f"{found[0].name} of opacity {found[0].opacity:g}" if found else ""
+        meshes = [mesh for mesh in self.meshes if mesh.opacity < 1.0]
+        return f"{meshes[0].name} of opacity {meshes[0].opacity:g}" if meshes else ""
 
     def within(self, volume: Volume | None, spec: RaycastSpec) -> MeshCaster | None:
         """Return what cuts leave of meshes with ``cut``, as `SurfaceCaster`."""
@@ -221,15 +221,15 @@ class MeshCaster:
             parts = [mesh.within(planes) if mesh.cut else mesh for mesh in self.meshes]
             left = [part for part in parts if part is not None]
             self._within.clear()
-            made = MeshCaster(left, self._spectra, self.basis, self) if left else None
-            self._within[key] = made
-        found = self._within[key]
-        return None if found is None else found.painted(self._spectra, self.basis)
+            caster = MeshCaster(left, self._spectra, self.basis, self) if left else None
+            self._within[key] = caster
+        remainder = self._within[key]
+        return None if remainder is None else remainder.painted(self._spectra, self.basis)
 
     def depths_mm(self, camera: Camera, size: Size) -> list[NDArray[np.float32]]:
         """Return (H, W) distances, as `SurfaceCaster`."""
         window, views = self._look(camera, size)
-        return [window.framed(seen.along_mm, size) for seen in views]
+        return [window.framed(view.along_mm, size) for view in views]
 
     def pictures(
         self,
@@ -246,18 +246,18 @@ class MeshCaster:
         """Return a picture of the meshes without a volume."""
         width, height = size
         shape = height, width, len(spec.groups) * self.basis.size
-        found = nothing(shape, np.float16 if spec.half else np.float32)
+        image = nothing(shape, np.float16 if spec.half else np.float32)
         far = np.broadcast_to(np.float32(np.inf), (height, width))
         if (cut := self.within(None, spec)) is not None:
             opaque, *sheets = cut._pictures(camera, size, spec, {}, repeat(far))
             for picture in (*sheets, opaque):
-                composite_under(found, picture)
+                composite_under(image, picture)
         return CoefficientImage(
-            *found[:3],
+            *image[:3],
             self.basis,
             {"camera": repr(camera), "raycast": repr(spec)},
             groups=spec.shares(),
-            first_mm=found.first_mm,
+            first_mm=image.first_mm,
             fov_deg=None if camera.height_mm is not None else camera.fov_deg,
             camera=camera,
         )
@@ -282,54 +282,54 @@ class MeshCaster:
         beam = (0.0, pixel_mm / field.distance) if field.perspective else (pixel_mm, 0.0)
         window, views = self._look(camera, size)
         # What sheets let pass to the next, at each of a pixel's points: they share a silhouette.
-        through = np.ones((len(views[0].along_mm), POINTS), np.float32)
-        found = []
-        for number, (seen, end_mm) in enumerate(zip(views, ends_mm, strict=False)):
+        transmittance = np.ones((len(views[0].along_mm), POINTS), np.float32)
+        stack = []
+        for number, (view, end_mm) in enumerate(zip(views, ends_mm, strict=False)):
             ends = end_mm[window.part].ravel()
             if number > 0:
                 ends = np.minimum(ends, views[0].along_mm)
-            channels, sees = self._send_all(seen, ends, light, beam)
-            edges = _edges(seen, sees, seen.along_mm <= ends, window.size)
+            channels, sees = self._send_all(view, ends, light, beam)
+            edges = _edges(view, sees, view.along_mm <= ends, window.size)
             edges = edges[ends[edges] > 0.0]
             places = edge_sample_points(edges, window.width) + (window.left, window.top)
             further = self._see_all(number, *world_rays(camera, *size, places))
             sent, _ = self._send_all(further, np.repeat(ends[edges], POINTS), light, beam)
             by_point = sent.reshape(len(edges), POINTS, channels.shape[1])
-            passes = through[edges]
+            passes = transmittance[edges]
             seen_part = passes / np.maximum(passes.mean(axis=1, keepdims=True), 1e-30)
             channels[edges] = (seen_part[:, :, None] * by_point).mean(axis=1)
             if number > 0:
                 alpha = np.repeat(channels[:, -1:], POINTS, axis=1)
                 alpha[edges] = by_point[..., -1]
-                through *= 1.0 - alpha
+                transmittance *= 1.0 - alpha
             picture = channels.reshape(window.height, window.width, channels.shape[1])
             # Where a pixel's middle sees nothing, its nearest point is where the surface is.
-            along = seen.along_mm.astype(np.float32)
+            depth = view.along_mm.astype(np.float32)
             nearest = further.along_mm.reshape(-1, POINTS).min(axis=1)
-            along[edges] = np.where(np.isinf(along[edges]), nearest, along[edges])
-            along = along.reshape(picture.shape[:2])
-            found.append(SurfaceImage(picture[..., :-1], picture[..., -1], along, part=window.part))
-        return found
+            depth[edges] = np.where(np.isinf(depth[edges]), nearest, depth[edges])
+            depth = depth.reshape(picture.shape[:2])
+            stack.append(SurfaceImage(picture[..., :-1], picture[..., -1], depth, part=window.part))
+        return stack
 
     def _look(self, camera: Camera, size: Size) -> tuple[_Window, list[Seen]]:
         """Return the window of the meshes, and what the middles of its pixels see.
 
         The latter is what is opaque, then sheets.
         """
-        made = self._views.get((camera, size))
-        if made is None:
+        entry = self._views.get((camera, size))
+        if entry is None:
             self._warn_of_unseen(camera, size)
             window = _Window.around(self._boxes, camera, size)
             rays = world_rays(camera, *size, window.pixels())
-            found = [self._see_all(0, *rays)]
+            views = [self._see_all(0, *rays)]
             if self._translucent is not None:
-                for seen in islice(self._translucent.sheets(*rays), MAX_SHEETS):
-                    if not (seen.along_mm < found[0].along_mm).any():
+                for sheet in islice(self._translucent.sheets(*rays), MAX_SHEETS):
+                    if not (sheet.along_mm < views[0].along_mm).any():
                         break
-                    found.append(seen)
+                    views.append(sheet)
             self._views.clear()
-            made = self._views[camera, size] = window, found
-        return made
+            entry = self._views[camera, size] = window, views
+        return entry
 
     def _warn_of_unseen(self, camera: Camera, size: Size) -> None:
         projection = Projection(camera, (0, 0, *size))
@@ -340,25 +340,25 @@ class MeshCaster:
                 warnings.warn(f"{text}; check unit_mm and move_mm", VolspecWarning, stacklevel=2)
 
     def _see_all(self, number: int, origins: Array, directions: Array) -> Seen:
-        """Do as `_seen`, in threads."""
+        """Do as `_see`, in threads."""
         origins = np.broadcast_to(origins, directions.shape)
         return Seen.join(
             _in_strips(
-                lambda rows: self._seen(number, origins[rows], directions[rows]), len(origins)
+                lambda rows: self._see(number, origins[rows], directions[rows]), len(origins)
             )
         )
 
     def _send_all(
-        self, seen: Seen, stops: NDArray[Any], light: Lighting, beam: tuple[float, float]
+        self, view: Seen, stops: NDArray[Any], light: Lighting, beam: tuple[float, float]
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Do as `_send`, in threads."""
         parts = _in_strips(
-            lambda rows: self._send(seen.rows(rows), stops[rows], light, beam), len(stops)
+            lambda rows: self._send(view.rows(rows), stops[rows], light, beam), len(stops)
         )
         channels, sees = zip(*parts, strict=True)
         return np.concatenate(channels), np.concatenate(sees)
 
-    def _seen(self, number: int, origins: Array, directions: Array) -> Seen:
+    def _see(self, number: int, origins: Array, directions: Array) -> Seen:
         """Return what rays see: what is opaque, or the sheet of a number from 1."""
         if number == 0:
             if self._opaque is None:
@@ -370,57 +370,57 @@ class MeshCaster:
 
     def _send(
         self,
-        seen: Seen,
+        view: Seen,
         stops: NDArray[Any],
         light: Lighting,
         beam: tuple[float, float],
         bounces: int = _BOUNCES,
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Return channels and opacity (K, L·M + 1) of points, and what lights see them (K, S)."""
-        lit = np.flatnonzero(seen.along_mm <= stops)
+        reached = np.flatnonzero(view.along_mm <= stops)
         groups, size = len(light.spec.groups), self.basis.size
         channels = np.zeros((len(stops), groups * size + 1), np.float32)
         sees = np.zeros((len(stops), len(light.sources)), np.bool_)
         for number, mesh in enumerate(self.meshes):
-            rows = lit[seen.mesh[lit] == number]
+            rows = reached[view.mesh[reached] == number]
             if not rows.size:
                 continue
-            own = seen.rows(rows)
-            raised = own.points_mm + self._offset * own.normals
-            shading = light.shade(own, raised, mesh.grating)
+            hits = view.rows(rows)
+            raised = hits.points_mm + self._offset * hits.normals
+            shading = light.shade(hits, raised, mesh.grating)
             sees[rows] = shading.sees
-            cosine = np.abs(np.einsum("kc,kc->k", own.normals, own.directions))
+            cosine = np.abs(np.einsum("kc,kc->k", hits.normals, hits.directions))
             # The mean of a pixel's two widths on the surface.
-            width = (beam[0] + beam[1] * own.along_mm) / np.sqrt(np.maximum(cosine, 1e-4))
-            material = self._paints[number](own.triangle, own.shares, width)
+            width = (beam[0] + beam[1] * hits.along_mm) / np.sqrt(np.maximum(cosine, 1e-4))
+            material = self._paints[number](hits.triangle, hits.weights, width)
             if mesh.grating is not None:
                 material = material * (1.0 - mesh.grating.part)
             sent = (1.0 - mesh.mirror) * shading.factor[:, :, None] * material[:, None]
             sent += shading.added
             if mesh.mirror and bounces:
-                mirrored = self._mirrored(own, raised, light, beam, bounces)
+                mirrored = self._mirrored(hits, raised, light, beam, bounces)
                 sent += mesh.mirror * mirrored.reshape(sent.shape)
             channels[rows, :-1] = mesh.opacity * sent.reshape(len(rows), -1)
             channels[rows, -1] = mesh.opacity
         return channels, sees
 
     def _mirrored(
-        self, seen: Seen, raised: Array, light: Lighting, beam: tuple[float, float], bounces: int
+        self, view: Seen, raised: Array, light: Lighting, beam: tuple[float, float], bounces: int
     ) -> NDArray[np.float32]:
         """Return the channels (K, L·M) of the meshes that points mirror."""
-        cosine = np.einsum("kc,kc->k", seen.directions, seen.normals)[:, None]
-        ways = seen.directions - 2.0 * cosine * seen.normals
-        opaque = self._seen(0, raised, ways)
+        cosine = np.einsum("kc,kc->k", view.directions, view.normals)[:, None]
+        ways = view.directions - 2.0 * cosine * view.normals
+        opaque = self._see(0, raised, ways)
         sheets = () if self._translucent is None else self._translucent.sheets(raised, ways)
-        found = np.zeros((len(raised), len(light.spec.groups) * self.basis.size), np.float32)
-        through = np.ones((len(raised), 1), np.float32)
-        stops = opaque.along_mm + seen.along_mm
+        channels = np.zeros((len(raised), len(light.spec.groups) * self.basis.size), np.float32)
+        transmittance = np.ones((len(raised), 1), np.float32)
+        stops = opaque.along_mm + view.along_mm
         for met in chain(islice(sheets, MAX_SHEETS), (opaque,)):
-            far = replace(met, along_mm=met.along_mm + seen.along_mm)
+            far = replace(met, along_mm=met.along_mm + view.along_mm)
             sent, _ = self._send(far, stops, light, beam, bounces - 1)
-            found += through * sent[:, :-1]
-            through *= 1.0 - sent[:, -1:]
-        return found
+            channels += transmittance * sent[:, :-1]
+            transmittance *= 1.0 - sent[:, -1:]
+        return channels
 
 
 def cast_meshes(
@@ -479,25 +479,25 @@ def _in_strips(work: Callable[[slice], _Part], count: int) -> list[_Part]:
 
 
 def _edges(
-    seen: Seen, sees: NDArray[np.bool_], lit: NDArray[np.bool_], size: Size
+    view: Seen, sees: NDArray[np.bool_], reached: NDArray[np.bool_], size: Size
 ) -> NDArray[np.intp]:
     """Return the pixels next to others that see another mesh, side, distance or light.
 
     ``sees`` (K, S) is known of pixels that are ``lit`` (K,).
     """
     width, height = size
-    lights, known = sees.reshape(height, width, sees.shape[1]), lit.reshape(height, width)
-    mesh = seen.mesh.reshape(height, width)
-    normals = seen.normals.reshape(height, width, 3)
-    along = np.where(seen.mesh < 0, 0.0, seen.along_mm).reshape(height, width)
+    lights, valid = sees.reshape(height, width, sees.shape[1]), reached.reshape(height, width)
+    mesh = view.mesh.reshape(height, width)
+    normals = view.normals.reshape(height, width, 3)
+    depth = np.where(view.mesh < 0, 0.0, view.along_mm).reshape(height, width)
 
     def differ(one: tuple[slice, slice], other: tuple[slice, slice]) -> NDArray[np.bool_]:
         turned = np.einsum("yxc,yxc->yx", normals[one], normals[other]) < _SAME_SIDE
-        apart = np.abs(along[one] - along[other]) > _SAME_DEPTH * along[one]
+        depth_step = np.abs(depth[one] - depth[other]) > _SAME_DEPTH * depth[one]
         here = mesh[one] >= 0
-        shadow = (lights[one] != lights[other]).any(axis=2) & known[one] & known[other]
-        return (mesh[one] != mesh[other]) | (here & (turned | apart | shadow))
+        shadow = (lights[one] != lights[other]).any(axis=2) & valid[one] & valid[other]
+        return (mesh[one] != mesh[other]) | (here & (turned | depth_step | shadow))
 
-    whole = slice(None)
-    across = differ((whole, slice(None, -1)), (whole, slice(1, None)))
-    return neighbour_pixels(across, differ((slice(None, -1), whole), (slice(1, None), whole)))
+    full = slice(None)
+    across = differ((full, slice(None, -1)), (full, slice(1, None)))
+    return neighbour_pixels(across, differ((slice(None, -1), full), (slice(1, None), full)))

@@ -68,13 +68,13 @@ class Grating:
         """Return unit vectors (K, 3) of a surface, across and along its lines; 0 without lines."""
         centre = np.array(self.centre)
         across = points_mm - centre if self.across is None else np.array([self.across])
-        whole = np.linalg.norm(across, axis=1, keepdims=True)
+        norm = np.linalg.norm(across, axis=1, keepdims=True)
         across = (
             across
             - np.einsum("kc,kc->k", across * np.ones_like(normals), normals)[:, None] * normals
         )
         length = np.linalg.norm(across, axis=1, keepdims=True)
-        across = np.where(length > _MIN_ACROSS * whole, across / np.maximum(length, 1e-30), 0.0)
+        across = np.where(length > _MIN_ACROSS * norm, across / np.maximum(length, 1e-30), 0.0)
         return across, np.cross(normals, across)
 
     def reflectance(
@@ -88,15 +88,15 @@ class Grating:
         # Imported late: scenes without gratings know the settings, too.
         from scipy.special import ndtr
 
-        across, along = self.frames(points_mm, normals)
-        s, t = (np.einsum("kc,kc->k", q, each) for each in (across, along))
+        across, parallel = self.frames(points_mm, normals)
+        s, t = (np.einsum("kc,kc->k", q, axis) for axis in (across, parallel))
         width = np.radians(self.spread_deg)
         edges = np.append(
             grid.wavelengths_nm - grid.step_nm / 2.0, grid.wavelengths_nm[-1] + grid.step_nm / 2.0
         )
         cross = [0] if self.cross_um is None else range(-self.orders, self.orders + 1)
         orders = [(j, k) for j in range(-self.orders, self.orders + 1) for k in cross]
-        found = np.zeros((len(q), grid.size))
+        total = np.zeros((len(q), grid.size))
         for j, k in orders:
             # Cosines per nanometre; the two deltas' product is a Gaussian of the wavelength.
             a = j / (1e3 * self.spacing_um)
@@ -104,18 +104,18 @@ class Grating:
             square = a * a + b * b
             if not square:
                 rows = np.flatnonzero(s * s + t * t < (_REACH * width) ** 2)
-                found[rows] += np.exp(-0.5 * (s[rows] ** 2 + t[rows] ** 2) / width**2)[:, None]
+                total[rows] += np.exp(-0.5 * (s[rows] ** 2 + t[rows] ** 2) / width**2)[:, None]
                 continue
             peak = (s * a + t * b) / square
             off, narrow = np.maximum(s * s + t * t - peak**2 * square, 0.0), width / square**0.5
             reach = _REACH * narrow
-            seen = (peak > edges[0] - reach) & (peak < edges[-1] + reach)
-            rows = np.flatnonzero(seen & (off < (_REACH * width) ** 2))
+            visible = (peak > edges[0] - reach) & (peak < edges[-1] + reach)
+            rows = np.flatnonzero(visible & (off < (_REACH * width) ** 2))
             bands = np.diff(ndtr((edges - peak[rows, None]) / narrow), axis=1) / grid.step_nm
             height = np.exp(-0.5 * off[rows] / width**2) * narrow * np.sqrt(2.0 * np.pi)
-            found[rows] += height[:, None] * bands
-        found[~across.any(axis=1)] = 0.0
+            total[rows] += height[:, None] * bands
+        total[~across.any(axis=1)] = 0.0
         # π: of a BRDF, what a white surface reflects is 1/π.
-        found *= np.pi * self.part / len(orders) / (2.0 * np.pi * width**2)
-        rows = np.flatnonzero(found.any(axis=1))
-        return rows, found[rows]
+        total *= np.pi * self.part / len(orders) / (2.0 * np.pi * width**2)
+        rows = np.flatnonzero(total.any(axis=1))
+        return rows, total[rows]

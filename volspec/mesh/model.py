@@ -97,9 +97,9 @@ class Mesh:
 
     def __repr__(self) -> str:
         count = len(self.triangles)
-        made = self.material if isinstance(self.material, Texture) else ", ".join(self.materials)
-        made = made or "sRGB"
-        return f"Mesh({count} triangle{'s' * (count != 1)}, {made})"
+        look = self.material if isinstance(self.material, Texture) else ", ".join(self.materials)
+        look = look or "sRGB"
+        return f"Mesh({count} triangle{'s' * (count != 1)}, {look})"
 
     def __post_init__(self) -> None:
         points = self._finite("points_mm", self.points_mm, 3)
@@ -110,47 +110,47 @@ class Mesh:
         if triangles.size and not 0 <= triangles.min() <= triangles.max() < len(points):
             worst = triangles.max() if triangles.max() >= len(points) else triangles.min()
             raise self._error(f"a triangle has point {worst}", f"there are {len(points)}", "range")
-        whole = self._has_area(points[triangles])
-        if not whole.any():
+        valid = self._has_area(points[triangles])
+        if not valid.any():
             raise self._error("has no triangle with an area", "give a surface", "missing")
         object.__setattr__(self, "points_mm", points)
-        object.__setattr__(self, "triangles", triangles if whole.all() else triangles[whole])
-        for what, columns in (("normals", 3), ("uv", 2)):
-            if (given := getattr(self, what)) is not None:
-                found = self._finite(what, given, columns)
-                if len(found) != len(points):
-                    shape = f"{what} have shape {found.shape}"
+        object.__setattr__(self, "triangles", triangles if valid.all() else triangles[valid])
+        for name, columns in (("normals", 3), ("uv", 2)):
+            if (value := getattr(self, name)) is not None:
+                array = self._finite(name, value, columns)
+                if len(array) != len(points):
+                    shape = f"{name} have shape {array.shape}"
                     raise self._error(shape, f"give {(len(points), columns)}")
-                object.__setattr__(self, what, found)
+                object.__setattr__(self, name, array)
         if isinstance(self.material, Texture):
             if self.uv is None:
                 remedy = "unwrap it where it was made, or give uv"
                 raise self._error("has no texture coordinates", remedy, "missing")
         elif isinstance(self.material, Mapping):
-            object.__setattr__(self, "material", self._shares(self.material, whole))
+            object.__setattr__(self, "material", self._fractions(self.material, valid))
         elif isinstance(self.material, np.ndarray):
-            object.__setattr__(self, "material", self._colours(self.material, whole))
+            object.__setattr__(self, "material", self._colours(self.material, valid))
         elif not isinstance(self.material, str):
             remedy = "give a name, shares of names, a Texture or an array of colours"
             raise self._error(f"material is {quoted(self.material)}", remedy, "type")
-        for what, least in (("opacity", 1e-3), ("mirror", 0.0)):
-            given = getattr(self, what)
-            if not least <= given <= 1.0:
-                raise self._error(f"{what} is {given:g}", "give 0 to 1", "range")
-        if lost := int((~whole).sum()):
-            text = f"{self.name}: {lost} of its triangles have no area, and are left out"
+        for name, minimum in (("opacity", 1e-3), ("mirror", 0.0)):
+            value = getattr(self, name)
+            if not minimum <= value <= 1.0:
+                raise self._error(f"{name} is {value:g}", "give 0 to 1", "range")
+        if empty := int((~valid).sum()):
+            text = f"{self.name}: {empty} of its triangles have no area, and are left out"
             warnings.warn(text, VolspecWarning, stacklevel=3)
 
     def _error(self, problem: str, remedy: str, code: Code = "shape") -> MeshError:
         return MeshError(f"{self.name}: {problem}", remedy, code=code)
 
-    def _finite(self, what: str, given: ArrayLike, columns: int) -> Array:
-        array = np.asarray(given, np.float64)
+    def _finite(self, name: str, values: ArrayLike, columns: int) -> Array:
+        array = np.asarray(values, np.float64)
         if array.ndim != 2 or array.shape[1] != columns:
-            raise self._error(f"{what} have shape {array.shape}", f"give (N, {columns})")
+            raise self._error(f"{name} have shape {array.shape}", f"give (N, {columns})")
         if not np.isfinite(array).all():
             row = int((~np.isfinite(array)).any(axis=1).argmax())
-            raise self._error(f"{what}: number {row} is not finite", "repair the mesh", "range")
+            raise self._error(f"{name}: number {row} is not finite", "repair the mesh", "range")
         return array
 
     @staticmethod
@@ -161,40 +161,40 @@ class Mesh:
         twice = np.linalg.norm(np.cross(b - a, c - a), axis=1)
         return np.asarray(twice > _MIN_HEIGHT * longest)
 
-    def _shares(
-        self, material: Mapping[str, ArrayLike], whole: NDArray[np.bool_]
+    def _fractions(
+        self, material: Mapping[str, ArrayLike], valid: NDArray[np.bool_]
     ) -> dict[str, Array]:
         """Return checked shares of materials; triangles without an area are left out."""
-        counts = {"points": len(self.points_mm), "triangles": len(whole)}
-        found = {name: np.asarray(given, np.float64) for name, given in material.items()}
-        for name, shares in found.items():
-            if shares.ndim != 1 or len(shares) not in counts.values():
-                sizes = " or ".join(f"{count} ({what})" for what, count in counts.items())
-                raise self._error(f"shares of {name} have shape {shares.shape}", f"give {sizes}")
-            if not (shares >= 0.0).all():
+        counts = {"points": len(self.points_mm), "triangles": len(valid)}
+        arrays = {name: np.asarray(values, np.float64) for name, values in material.items()}
+        for name, fractions in arrays.items():
+            if fractions.ndim != 1 or len(fractions) not in counts.values():
+                sizes = " or ".join(f"{count} ({place})" for place, count in counts.items())
+                raise self._error(f"shares of {name} have shape {fractions.shape}", f"give {sizes}")
+            if not (fractions >= 0.0).all():
                 raise self._error(f"shares of {name} are negative or NaN", "clip them", "range")
-        if len({len(each) for each in found.values()}) != 1:
+        if len({len(part) for part in arrays.values()}) != 1:
             raise self._error("shares of materials differ in size", "give all at points")
-        total = np.sum([*found.values()], axis=0)
+        total = np.sum([*arrays.values()], axis=0)
         at_points = len(total) == len(self.points_mm)
-        used = np.isin(np.arange(len(total)), self.triangles) if at_points else whole
+        used = np.isin(np.arange(len(total)), self.triangles) if at_points else valid
         if not total[used].all():
             raise self._error("somewhere no material has a share", "give one at least", "range")
         total = np.where(total > 0.0, total, 1.0)
-        return {name: (each / total)[... if at_points else whole] for name, each in found.items()}
+        return {name: (part / total)[... if at_points else valid] for name, part in arrays.items()}
 
-    def _colours(self, given: NDArray[Any], whole: NDArray[np.bool_]) -> NDArray[np.uint16]:
+    def _colours(self, array: NDArray[Any], valid: NDArray[np.bool_]) -> NDArray[np.uint16]:
         """Return checked sRGB codes; triangles without an area are left out."""
-        at_points = len(given) == len(self.points_mm)
-        if given.ndim != 2 or not (at_points or len(given) == len(whole)):
-            sizes = f"({len(self.points_mm)}, 3) or ({len(whole)}, 3)"
-            raise self._error(f"colours have shape {given.shape}", f"give {sizes}")
-        if given.shape[1] == 4:
+        at_points = len(array) == len(self.points_mm)
+        if array.ndim != 2 or not (at_points or len(array) == len(valid)):
+            sizes = f"({len(self.points_mm)}, 3) or ({len(valid)}, 3)"
+            raise self._error(f"colours have shape {array.shape}", f"give {sizes}")
+        if array.shape[1] == 4:
             text = f"{self.name}: alpha of its colours is left out; opacity is that of the mesh"
             warnings.warn(text, VolspecWarning, stacklevel=4)
-            given = given[:, :3]
-        codes: NDArray[np.uint16] = Texture(given[None], name=f"{self.name}'s colours").texels[0]
-        return codes if at_points else codes[whole]
+            array = array[:, :3]
+        codes: NDArray[np.uint16] = Texture(array[None], name=f"{self.name}'s colours").texels[0]
+        return codes if at_points else codes[valid]
 
     @property
     def materials(self) -> tuple[str, ...]:
@@ -279,20 +279,20 @@ class Mesh:
 
     def digest(self) -> bytes:
         """Return a hash of its arrays and texels."""
-        found = hashlib.blake2b(digest_size=16)
+        digest = hashlib.blake2b(digest_size=16)
         arrays = [self.points_mm, self.triangles, self.normals, self.uv]
         if isinstance(self.material, Texture):
             arrays.append(self.material.texels)
         elif isinstance(self.material, np.ndarray):
             arrays.append(self.material)
         for array in arrays:
-            found.update(b"" if array is None else np.ascontiguousarray(array).tobytes())
-        return found.digest()
+            digest.update(b"" if array is None else np.ascontiguousarray(array).tobytes())
+        return digest.digest()
 
     def warn_of_unit(self, around_mm: Array) -> None:
         """Warn if the mesh and what it belongs to (N, 3) differ in size as units do."""
-        own, other = (float(np.ptp(each, axis=0).max()) for each in (self.points_mm, around_mm))
-        ratio = own / max(other, 1e-30)
+        size, other = (float(np.ptp(cloud, axis=0).max()) for cloud in (self.points_mm, around_mm))
+        ratio = size / max(other, 1e-30)
         if not 1.0 / _UNITS < ratio < _UNITS:
             times = f"{ratio:.3g} times" if ratio > 1.0 else f"1/{1.0 / ratio:.3g} of"
             text = f"{self.name}: is {times} the volume's size; is unit_mm right?"
@@ -327,7 +327,7 @@ class Mesh:
         faces = pyvista.PolyData.from_regular_faces(self.points_mm, self.triangles)
         looks = {"normals": self.normals, "uv": self.uv}
         if isinstance(self.material, Mapping):
-            looks |= {f"of {name}": np.asarray(share) for name, share in self.material.items()}
+            looks |= {f"of {name}": np.asarray(array) for name, array in self.material.items()}
         elif isinstance(self.material, np.ndarray):
             looks["colours"] = self.material
         for name, array in looks.items():
@@ -340,21 +340,21 @@ class Mesh:
             if faces.n_cells == 0:
                 return None
         corners = faces.regular_faces
-        whole = self._has_area(np.asarray(faces.points)[corners])
-        if not whole.any():
+        valid = self._has_area(np.asarray(faces.points)[corners])
+        if not valid.any():
             return None
 
         def clipped(name: str) -> Array:
-            own = faces.point_data.get(name)
-            return np.asarray(faces.cell_data[name][whole] if own is None else own)
+            values = faces.point_data.get(name)
+            return np.asarray(faces.cell_data[name][valid] if values is None else values)
 
-        made: dict[str, Any] = {n: clipped(n) for n in ("normals", "uv") if looks[n] is not None}
+        changes: dict[str, Any] = {n: clipped(n) for n in ("normals", "uv") if looks[n] is not None}
         if isinstance(self.material, Mapping):
-            made["material"] = {name: clipped(f"of {name}") for name in self.material}
+            changes["material"] = {name: clipped(f"of {name}") for name in self.material}
         elif isinstance(self.material, np.ndarray):
-            made["material"] = clipped("colours")
+            changes["material"] = clipped("colours")
         points = np.asarray(faces.points)
-        return replace(self, points_mm=points, triangles=corners[whole], **made)
+        return replace(self, points_mm=points, triangles=corners[valid], **changes)
 
 
 def _colours_of(faces: pyvista.PolyData) -> NDArray[Any] | None:

@@ -25,7 +25,7 @@ from volspec.spectra import Spectrum
 
 Array = NDArray[np.float64]
 Paint = Callable[[NDArray[np.intp], Array, Array], Array]
-"""(K,) triangles, (K, 3) shares of their corners and (K,) widths in mm -> channels (K, M)."""
+"""(K,) triangles, (K, 3) weights of their corners and (K,) widths in mm -> channels (K, M)."""
 
 
 def mesh_paint(mesh: Mesh, materials: Mapping[str, Spectrum], basis: Basis) -> Paint:
@@ -38,18 +38,18 @@ def mesh_paint(mesh: Mesh, materials: Mapping[str, Spectrum], basis: Basis) -> P
         return _texture_paint(mesh, pyramid(texel_channels(mesh.material, channels, basis)))
     if isinstance(mesh.material, str):
         only = channels[mesh.material]
-        return lambda triangle, shares, width_mm: np.tile(only, (len(triangle), 1))
+        return lambda triangle, weights, width_mm: np.tile(only, (len(triangle), 1))
     if isinstance(mesh.material, np.ndarray):
         lattice = channel_lattice(basis, mesh.name)
         values = interpolate_on_device(lattice, mesh.material).astype(np.float64)
     else:
-        parts = {name: np.asarray(given, np.float64) for name, given in mesh.material.items()}
+        parts = {name: np.asarray(array, np.float64) for name, array in mesh.material.items()}
         values = np.sum([parts[name][:, None] * channels[name] for name in parts], axis=0)
 
-    def mixed(triangle: NDArray[np.intp], shares: Array, width_mm: Array) -> Array:
+    def mixed(triangle: NDArray[np.intp], weights: Array, width_mm: Array) -> Array:
         if len(values) != len(mesh.points_mm):
             return np.asarray(values[triangle])
-        return np.einsum("ki,kim->km", shares, values[mesh.triangles[triangle]])
+        return np.einsum("ki,kim->km", weights, values[mesh.triangles[triangle]])
 
     return mixed
 
@@ -58,8 +58,8 @@ def texel_channels(texture: Texture, channels: Mapping[str, Array], basis: Basis
     """Return the channels (H, W, M) of a texture's texels; ``channels`` are its materials'."""
     if not texture.materials:
         codes = texture.texels.reshape(-1, 3)
-        found = interpolate_on_device(channel_lattice(basis, texture.name), codes)
-        return found.reshape(*texture.texels.shape[:2], basis.size)
+        values = interpolate_on_device(channel_lattice(basis, texture.name), codes)
+        return values.reshape(*texture.texels.shape[:2], basis.size)
     table = np.array([channels[name] for name in texture.materials])
     if texture.texels.ndim == 2:
         return table.astype(np.float16)[texture.texels]
@@ -75,11 +75,11 @@ def _texture_paint(mesh: Mesh, levels: list[Texels]) -> Paint:
     texels = levels[0].shape[0] * levels[0].shape[1] * np.abs(du * ev - dv * eu)
     per_mm = np.sqrt(texels / np.maximum(area, 1e-30))
 
-    def found(triangle: NDArray[np.intp], shares: Array, width_mm: Array) -> Array:
-        at = np.einsum("ki,kic->kc", shares, uv[triangle])
-        return sample(levels, at, width_mm * per_mm[triangle]).astype(np.float64)
+    def textured(triangle: NDArray[np.intp], weights: Array, width_mm: Array) -> Array:
+        coords = np.einsum("ki,kic->kc", weights, uv[triangle])
+        return sample(levels, coords, width_mm * per_mm[triangle]).astype(np.float64)
 
-    return found
+    return textured
 
 
 def _channels(mesh: Mesh, name: str, materials: Mapping[str, Spectrum], basis: Basis) -> Array:

@@ -41,7 +41,7 @@ class Seen:
     directions: Array  # (K, 3)
     mesh: NDArray[np.intp]  # (K,); -1 for nothing
     triangle: NDArray[np.intp]  # (K,), of the mesh
-    shares: Array  # (K, 3) of the triangle's corners
+    weights: Array  # (K, 3) of the triangle's corners
 
     def rows(self, rows: NDArray[np.intp] | slice) -> Seen:
         """Return some of the points."""
@@ -91,7 +91,7 @@ class Lighting:
         """Every source with its group's number."""
         return numbered_sources(self.spec)
 
-    def shade(self, seen: Seen, raised: Array, grating: Grating | None) -> Shading:
+    def shade(self, view: Seen, raised: Array, grating: Grating | None) -> Shading:
         """Return the light that points reflect; ``raised`` (K, 3) is in front of the surface."""
         spec = self.spec
         count, groups = len(raised), len(spec.groups)
@@ -99,19 +99,19 @@ class Lighting:
         added = np.zeros((count, groups, self.basis.size))
         sees = np.ones((count, len(self.sources)), np.bool_)
         for number, (group, source) in enumerate(self.sources):
-            towards, light = source_at(self.camera, source, seen.points_mm, seen.directions)
+            towards, light = source_at(self.camera, source, view.points_mm, view.directions)
             if number in self.arrives:
-                light = light * self.arrives[number](seen.points_mm)
+                light = light * self.arrives[number](view.points_mm)
             if isinstance(source, Ambient):
                 if source.occlusion:
-                    light = light * self._open(raised, seen.normals, source.radius_mm)
+                    light = light * self._open(raised, view.normals, source.radius_mm)
                 factor[:, group] += light * spec.ambient
                 continue
-            cosine = np.einsum("kc,kc->k", seen.normals, towards)
+            cosine = np.einsum("kc,kc->k", view.normals, towards)
             if isinstance(source, Directional | Point) and source.shadows:
                 # In front of the side that faces the source.
                 side = np.where(cosine < 0.0, -1.0, 1.0)[:, None]
-                start = seen.points_mm + side * (raised - seen.points_mm)
+                start = view.points_mm + side * (raised - view.points_mm)
                 passed = self._passed(start, towards, source)
                 sees[:, number] = passed > 0.0
                 light = light * passed
@@ -119,20 +119,20 @@ class Lighting:
                 factor[:, group] += light * spec.diffuse
                 continue
             # Two-sided, as isosurfaces are.
-            lit = light * spec.diffuse * np.abs(cosine)
-            factor[:, group] += lit
-            half = towards - seen.directions
+            diffuse = light * spec.diffuse * np.abs(cosine)
+            factor[:, group] += diffuse
+            half = towards - view.directions
             half = half / np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-6)
-            n_dot_h = np.minimum(np.abs(np.einsum("kc,kc->k", seen.normals, half)), 1.0)
+            n_dot_h = np.minimum(np.abs(np.einsum("kc,kc->k", view.normals, half)), 1.0)
             shine = light * spec.specular * n_dot_h**spec.shininess
             added[:, group] += shine[:, None] * self.basis.white
             if grating is not None:
                 assert isinstance(self.basis, SpectralBasis)
-                q = towards - seen.directions
+                q = towards - view.directions
                 rows, reflected = grating.reflectance(
-                    self.basis.grid, seen.points_mm, seen.normals, q
+                    self.basis.grid, view.points_mm, view.normals, q
                 )
-                front = np.where(cosine[rows] > 0.0, lit[rows], 0.0)[:, None]
+                front = np.where(cosine[rows] > 0.0, diffuse[rows], 0.0)[:, None]
                 added[rows, group] += front * self.basis.analyse(reflected)
         return Shading(factor, added, sees)
 
@@ -148,16 +148,16 @@ class Lighting:
     def _open(self, points: Array, normals: Array, radius_mm: float | None) -> Array:
         """Return the part (K,) of the hemisphere, by its cosine, that no mesh closes."""
         radius = radius_mm or self.extent_mm * _REACH
-        found = self._passing(points, normals, radius, _RAYS)
-        partly = (found > 0.0) & (found < 1.0)
-        found[partly] = self._passing(points[partly], normals[partly], radius, _MORE_RAYS)
-        return found
+        fraction = self._passing(points, normals, radius, _RAYS)
+        partly = (fraction > 0.0) & (fraction < 1.0)
+        fraction[partly] = self._passing(points[partly], normals[partly], radius, _MORE_RAYS)
+        return fraction
 
     def _passing(self, points: Array, normals: Array, radius: float, rays: int) -> Array:
         """Return the part (K,) of rays, in a spiral of the golden angle, that no mesh closes."""
-        found = np.zeros(len(points))
+        total = np.zeros(len(points))
         for k in range(rays):
-            shares = np.array([[(k + 0.5) / rays, k * (np.sqrt(5.0) - 1.0) / 2.0]])
-            ways = cosine_directions(normals, shares)
-            found += self.clear(points, points + radius * ways)
-        return found / rays
+            uv = np.array([[(k + 0.5) / rays, k * (np.sqrt(5.0) - 1.0) / 2.0]])
+            ways = cosine_directions(normals, uv)
+            total += self.clear(points, points + radius * ways)
+        return total / rays

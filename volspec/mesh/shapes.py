@@ -46,14 +46,14 @@ def shape_mesh(shape: Shape, size_mm: float = 1.0, material: str | Texture | Non
     >>> shape_mesh("plane", 30.0, "copper")
     Mesh(2 triangles, copper)
     """
-    made = {"plane": _plane, "disc": _disc, "sphere": _sphere, "triad": _triad}.get(shape)
-    if made is None:
-        known = get_args(Shape)
-        remedy = f"{nearest(shape, known)}known: {', '.join(known)}"
+    builder = {"plane": _plane, "disc": _disc, "sphere": _sphere, "triad": _triad}.get(shape)
+    if builder is None:
+        names = get_args(Shape)
+        remedy = f"{nearest(shape, names)}known: {', '.join(names)}"
         raise MeshError(f"no shape is named {shape!r}", remedy, code="unknown")
     if not size_mm > 0.0:
         raise MeshError(f"{shape}: size_mm is {size_mm:g}", "give a number above 0", code="range")
-    points, triangles, normals, uv = made()
+    points, triangles, normals, uv = builder()
     if material is None:
         material = "white"
         if shape == "triad":
@@ -124,5 +124,5 @@ def _triad() -> Parts:
         triangles = arrow.faces.reshape(-1, 4)[:, 1:].astype(np.intp) + count
         parts.append((points, triangles, np.asarray(arrow.point_data["Normals"], np.float64), uv))
         count += len(points)
-    points, triangles, normals, uv = (np.concatenate(each) for each in zip(*parts, strict=True))
+    points, triangles, normals, uv = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     return points, triangles, normals, uv

@@ -91,7 +91,7 @@ class Texture:
         elif texels.ndim == 2:
             texels = self._numbers(texels)
         else:
-            texels = self._shares(texels)
+            texels = self._fractions(texels)
         object.__setattr__(self, "texels", texels)
 
     def _error(self, problem: str, remedy: str, code: Code = "shape") -> MeshError:
@@ -122,24 +122,24 @@ class Texture:
     def _numbers(self, texels: NDArray[Any]) -> NDArray[np.intp]:
         if texels.dtype.kind not in "iub":
             raise self._error(f"numbers of materials are {texels.dtype}", "give integers", "type")
-        least, most = int(texels.min()), int(texels.max())
-        if least < 0 or most >= len(self.materials):
-            known = f"0 to {len(self.materials) - 1} are {', '.join(self.materials)}"
-            raise self._error(f"has the number {least if least < 0 else most}", known, "range")
+        low, high = int(texels.min()), int(texels.max())
+        if low < 0 or high >= len(self.materials):
+            choices = f"0 to {len(self.materials) - 1} are {', '.join(self.materials)}"
+            raise self._error(f"has the number {low if low < 0 else high}", choices, "range")
         return texels.astype(np.intp)
 
-    def _shares(self, texels: NDArray[Any]) -> NDArray[np.float32]:
+    def _fractions(self, texels: NDArray[Any]) -> NDArray[np.float32]:
         if texels.shape[2] != len(self.materials):
             raise self._error(
                 f"texels have shape {texels.shape}", f"give (H, W, {len(self.materials)})"
             )
-        shares = texels.astype(np.float32)
-        if not (shares >= 0.0).all():
+        fractions = texels.astype(np.float32)
+        if not (fractions >= 0.0).all():
             raise self._error("shares are negative or NaN", "clip them", "range")
-        total = shares.sum(axis=2, keepdims=True)
+        total = fractions.sum(axis=2, keepdims=True)
         if not total.all():
             raise self._error("somewhere no material has a share", "give one at least", "range")
-        return shares / total
+        return fractions / total
 
     @classmethod
     def load(cls, path: str | Path, materials: Sequence[str] = ()) -> Texture:
@@ -163,18 +163,18 @@ class Texture:
 
         Raises MeshError if a file cannot be read, has colours, or their sizes differ.
         """
-        found: dict[str, NDArray[Any]] = {}
+        arrays: dict[str, NDArray[Any]] = {}
         for name, path in files.items():
             grey = _read(Path(path))
             if grey.ndim != 2:
                 channels = f"{path}: has {grey.shape[2]} channels"
                 raise MeshError(channels, "shares are grey values", code="shape")
-            if found and (first := next(iter(found.values()))).shape != grey.shape:
+            if arrays and (first := next(iter(arrays.values()))).shape != grey.shape:
                 sizes = " and ".join(f"{w} x {h}" for h, w in (first.shape, grey.shape))
                 problem = f"{path}: textures of a mesh have {sizes} texels"
                 raise MeshError(problem, "give all the same size", code="shape")
-            found[name] = grey / (np.iinfo(grey.dtype).max if grey.dtype.kind == "u" else 1.0)
-        return cls(np.stack([*found.values()], axis=2), tuple(found), ", ".join(map(str, found)))
+            arrays[name] = grey / (np.iinfo(grey.dtype).max if grey.dtype.kind == "u" else 1.0)
+        return cls(np.stack([*arrays.values()], axis=2), tuple(arrays), ", ".join(map(str, arrays)))
 
 
 def _read(path: Path) -> NDArray[Any]:
@@ -219,8 +219,8 @@ def reflectance_lattice(grid: SpectralGrid) -> NDArray[np.float32]:
         codes = np.linspace(0.0, 1.0, SIDE)
         cube = np.stack(np.meshgrid(codes, codes, codes, indexing="ij"), axis=3)
         colours = XYZ_from_sRGB(cube, white_XYZ(light("D65", grid)))
-        made = reflectances_from_colours(colours, grid=grid)
-        return {"reflectances": made.values.astype(np.float32)}
+        spectra = reflectances_from_colours(colours, grid=grid)
+        return {"reflectances": spectra.values.astype(np.float32)}
 
     return cached_arrays(f"spectra/rgb-{key}", _MAKER, make)["reflectances"]
 
@@ -251,14 +251,14 @@ def channel_lattice(basis: Basis, name: str) -> NDArray[np.float32]:
 def interpolate(lattice: NDArray[np.float32], codes: NDArray[np.uint16]) -> Texels:
     """Return channels (P, M) of sRGB codes (P, 3), between the nodes of a lattice (S, S, S, M)."""
     side = len(lattice)
-    at = codes * np.float32((side - 1) / _MAX_CODE)
-    cell = np.minimum(at.astype(np.intp), side - 2)
-    high = at - cell
-    found = np.zeros((len(codes), lattice.shape[-1]), np.float32)
+    positions = codes * np.float32((side - 1) / _MAX_CODE)
+    cell = np.minimum(positions.astype(np.intp), side - 2)
+    high = positions - cell
+    channels = np.zeros((len(codes), lattice.shape[-1]), np.float32)
     for far in np.ndindex(2, 2, 2):
         weight = np.where(far, high, 1.0 - high).prod(axis=1)
-        found += weight[:, None].astype(np.float32) * lattice[tuple((cell + far).T)]
-    return found.astype(np.float16)
+        channels += weight[:, None].astype(np.float32) * lattice[tuple((cell + far).T)]
+    return channels.astype(np.float16)
 
 
 def interpolate_on_device(
@@ -274,14 +274,14 @@ def interpolate_on_device(
     nodes = np.pad(lattice, (*[(0, 0)] * 3, (0, 4 * vectors - channels)))
     constants = prelude({"SIDE": side, "VECTORS": vectors}, "opencl")
     kernel = compute.kernel(assemble("kernels/colour_lattice.cl", constants), "interpolate")
-    found = np.empty((len(codes), 4 * vectors), np.float16)
-    compute.require(2 * found.nbytes + codes.nbytes, "a texture", "give a smaller one")
-    out = compute.output(found.nbytes, found)
+    values = np.empty((len(codes), 4 * vectors), np.float16)
+    compute.require(2 * values.nbytes + codes.nbytes, "a texture", "give a smaller one")
+    out = compute.output(values.nbytes, values)
     inputs = compute.upload(codes, share=True), compute.upload(nodes)
     items = -(-len(codes) // _GROUP) * _GROUP
     kernel(compute.queue, (items,), (_GROUP,), *inputs, out, np.uint32(len(codes)))
-    compute.download(out, found)
-    return found[:, :channels]
+    compute.download(out, values)
+    return values[:, :channels]
 
 
 def pyramid(texels: Texels) -> list[Texels]:
@@ -309,21 +309,21 @@ def sample(levels: Sequence[Texels], uv: Array, texels_wide: Array) -> NDArray[n
     level = np.log2(np.clip(texels_wide, 1.0, 2.0 ** (len(levels) - 1)))
     below = np.floor(level).astype(np.intp)
     part = level - below
-    found = np.zeros((len(uv), levels[0].shape[2]), np.float32)
+    channels = np.zeros((len(uv), levels[0].shape[2]), np.float32)
     for number in np.unique(np.concatenate([below, below + 1])):
         weight = np.where(below == number, 1.0 - part, np.where(below + 1 == number, part, 0.0))
         rows = np.flatnonzero(weight)
         if rows.size:
             texels = _bilinear(levels[number], uv[rows])
-            found[rows] += weight[rows, None].astype(np.float32) * texels
-    return found
+            channels[rows] += weight[rows, None].astype(np.float32) * texels
+    return channels
 
 
 def _bilinear(texels: Texels, uv: Array) -> NDArray[np.float32]:
     height, width = texels.shape[:2]
     x, y = uv[:, 0] * width - 0.5, (1.0 - uv[:, 1]) * height - 0.5
     column, row = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
-    right, low = ((at - cell).astype(np.float32)[:, None] for at, cell in ((x, column), (y, row)))
+    right, low = ((u - cell).astype(np.float32)[:, None] for u, cell in ((x, column), (y, row)))
     flat = texels.reshape(height * width, -1)
 
     def texel(dx: int, dy: int) -> NDArray[np.float16]:
