@@ -483,7 +483,7 @@ def _edges(
 ) -> NDArray[np.intp]:
     """Return the pixels next to others that see another mesh, side, distance or light.
 
-    ``sees`` (K, S) is known of pixels that are ``lit`` (K,).
+    ``sees`` (K, S) is known of pixels that are ``reached`` (K,).
     """
     width, height = size
     lights, valid = sees.reshape(height, width, sees.shape[1]), reached.reshape(height, width)

@@ -289,7 +289,7 @@ def require_no_emission(spectra: object, label: str) -> None:
 def real_array(values: Any, label: str) -> NDArray[np.float64]:
     """Convert numbers to float64; text is refused, even if it could be parsed.
 
-    ``what`` names the values in a SpectrumError, in the plural.
+    ``label`` names the values in a SpectrumError, in the plural.
     """
     try:
         array = np.asarray(values)

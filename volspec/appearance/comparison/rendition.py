@@ -146,7 +146,7 @@ def colour_rendition(spectrum: Spectrum) -> Rendition | None:
     members = [bins == number for number in range(HUE_BINS)]
     test, centres = (np.array([X[m, 1:].mean(0) for m in members]) for X in (Jab, reference))
     middle = (np.arange(HUE_BINS) + 0.5) * (2.0 * np.pi / HUE_BINS)
-    outwards, tangential = (
+    radial, tangential = (
         np.stack([np.cos(middle), np.sin(middle)], axis=1),
         np.stack([-np.sin(middle), np.cos(middle)], axis=1),
     )
@@ -160,7 +160,7 @@ def colour_rendition(spectrum: Spectrum) -> Rendition | None:
         test,
         centres,
         _fidelity(np.array([differences[m].mean() for m in members])),
-        (shift * outwards).sum(1),
+        (shift * radial).sum(1),
         (shift * tangential).sum(1),
     )
 

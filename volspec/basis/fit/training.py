@@ -120,7 +120,7 @@ def training_set(
 def check_rank(strength: Array, size: int, label: str) -> None:
     """Raise BasisError if fewer than ``size`` singular values, largest first, exceed rounding.
 
-    ``what`` names the spanning set.
+    ``label`` names the spanning set.
     """
     rank = int((strength > strength[0] * _RANK).sum())
     if size > rank:
