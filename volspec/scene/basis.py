@@ -111,7 +111,7 @@ def choose_basis(
 
 def _worst(basis: SpectralBasis, spectra: SceneSpectra, mode: str) -> tuple[float, str]:
     """Return the largest CIEDE2000 of the scene's materials under its lights, and the pair."""
-    found = []
+    errors_by_pair = []
     for reflectances, lights in (
         (spectra.reflectances, spectra.lights),
         (spectra.walls, spectra.wall_lights),
@@ -122,12 +122,12 @@ def _worst(basis: SpectralBasis, spectra: SceneSpectra, mode: str) -> tuple[floa
         channels = basis.analyse(S)
         for light in lights:
             white = visible_white(white_XYZ(light, basis.observer_deg))
-            shown = cielab(channels @ basis.colour_matrix(light, mode).T, white)
+            approximate = cielab(channels @ basis.colour_matrix(light, mode).T, white)
             true = cielab(XYZ_from_spectra(light, S, basis.observer_deg), white)
-            errors = delta_E_2000(true, shown)
+            errors = delta_E_2000(true, approximate)
             k = int(errors.argmax())
-            found.append((float(errors[k]), f"{list(reflectances)[k]} under {light.name}"))
-    return max(found)
+            errors_by_pair.append((float(errors[k]), f"{list(reflectances)[k]} under {light.name}"))
+    return max(errors_by_pair)
 
 
 def train_basis(table: BasisSpec, spectra: SceneSpectra, name: str) -> SpectralBasis:
@@ -139,9 +139,9 @@ def train_basis(table: BasisSpec, spectra: SceneSpectra, name: str) -> SpectralB
     """
     grid = grid_of(table)
     library = [*light_set("smooth", grid), *light_set("spiky", grid)]
-    own = np.maximum(np.asarray(spectra.weights, dtype=np.float64), 0.0)
-    own = np.maximum(own / max(own.max(), 1e-12), _MIN_USE)
-    shares = np.full(len(library), _LIBRARY_SHARE / len(library))
+    weights = np.maximum(np.asarray(spectra.weights, dtype=np.float64), 0.0)
+    weights = np.maximum(weights / max(weights.max(), 1e-12), _MIN_USE)
+    library_weights = np.full(len(library), _LIBRARY_SHARE / len(library))
     return fit_cached(
         [*spectra.lights, *library],
         [*spectra.reflectances.values(), *spectra.walls.values()],
@@ -150,7 +150,7 @@ def train_basis(table: BasisSpec, spectra: SceneSpectra, name: str) -> SpectralB
         positive=table.positive,
         grid=grid,
         observer_deg=table.observer_deg,
-        light_weights=np.concatenate([own / own.sum(), shares]),
+        light_weights=np.concatenate([weights / weights.sum(), library_weights]),
         reflectance_weights=[
             *(spectra.use[name] for name in (*spectra.materials, *spectra.filters)),
             *(_MIN_USE for _ in spectra.colours),
@@ -180,13 +180,13 @@ def use_of(*transfers: TransferSpec | None) -> dict[str, float]:
     total: defaultdict[str, float] = defaultdict(float)
     for transfer in filter(None, transfers):
         amounts: defaultdict[str, float] = defaultdict(float)
-        for amount, shares in transfer.seen():
-            for name, share in shares.items():
-                amounts[name] += amount * share
+        for amount, mix in transfer.seen():
+            for name, fraction in mix.items():
+                amounts[name] += amount * fraction
         # Values of fields have units of their own.
-        most = max(amounts.values(), default=0.0) or 1.0
+        peak = max(amounts.values(), default=0.0) or 1.0
         for name, value in amounts.items():
-            total[name] = max(total[name], value / most)
+            total[name] = max(total[name], value / peak)
     return {name: max(value, _MIN_USE) for name, value in total.items()}
 
 
@@ -201,9 +201,9 @@ def _of_materials(table: BasisSpec, spectra: SceneSpectra, name: str) -> Materia
 
 def general_basis(table: BasisSpec) -> SpectralBasis | None:
     """Return the shipped basis for scenes without ``[basis]``; None if none fits the table."""
-    plain = table.train is None and table.method == "virtual-sensors"
+    is_default = table.train is None and table.method == "virtual-sensors"
     ending = GRID_ENDINGS.get(grid_of(table))
-    if not plain or ending is None or table.observer_deg != 2:
+    if not is_default or ending is None or table.observer_deg != 2:
         return None
     name = f"general-{table.size}" + ("-positive" if table.positive else "") + ending
     return SpectralBasis.load(name) if name in shipped_names() else None

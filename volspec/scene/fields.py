@@ -68,8 +68,8 @@ class FieldSpec:
 
     def __post_init__(self) -> None:
         if self.file is None:
-            for key, given in (("spacing_mm", self.spacing_mm), ("matrix", self.matrix)):
-                if given is not None:
+            for key, setting in (("spacing_mm", self.spacing_mm), ("matrix", self.matrix)):
+                if setting is not None:
                     raise fault(key, "is for a field with a file of its own", "add file")
         if self.matrix is not None and self.matrix[3] != (0.0, 0.0, 0.0, 1.0):
             problem = f"has the last row {list(self.matrix[3])}"
@@ -81,13 +81,13 @@ class FieldSpec:
         """Return the field with another name of its file."""
         return replace(self, file=self.file and change(self.file))
 
-    def load(self, folder: Path, at: tuple[int, int], known: Known) -> Volume:
-        """Read the field's file, or if it is a series a step of so many, ``at``; see `load_at`.
+    def load(self, folder: Path, step: tuple[int, int], cache: Known) -> Volume:
+        """Read the field's file, or if it is a series a step of so many; see `load_at`.
 
         Raises VolumeError if it cannot be read or placed.
         """
         assert self.file is not None
-        field = load_at(locate_volume(self.file, folder), *at, known)
+        field = load_at(locate_volume(self.file, folder), *step, cache)
         if self.spacing_mm is not None:
             field = field.with_spacing(self.spacing_mm)
         if self.matrix is not None:
@@ -121,25 +121,25 @@ def open_fields(paths: Sequence[str]) -> tuple[Volume, dict[str, str]]:
         If one lies outside of the first.
     """
     volumes = [load_volume(path) for path in paths]
-    own = next((number for number, each in enumerate(volumes) if not each.labels), None)
-    if own is None:
+    first = next((number for number, v in enumerate(volumes) if not v.labels), None)
+    if first is None:
         raise VolumeError(
             f"{paths[0]}: has labels, as all others",
             "add a volume of values, or open them one after the other",
             code="conflict",
         )
-    volume = volumes[own]
+    volume = volumes[first]
     names = unique_titles([Path(path).name for path in paths])
-    files = {"": paths[own]}
+    files = {"": paths[first]}
     for number, (name, path, field) in enumerate(zip(names, paths, volumes, strict=True)):
-        if number == own:
+        if number == first:
             continue
         files[name] = path
         volume = volume.with_fields((*volume.fields, replace(field, name=name)))
         if not _overlap(volume, field):
             warnings.warn(
-                f"{path}: lies outside of {paths[own]}; if they are to overlap, save the scene and "
-                "give `matrix` in [[field]]",
+                f"{path}: lies outside of {paths[first]}; if they are to overlap, save the scene "
+                "and give `matrix` in [[field]]",
                 VolspecWarning,
                 stacklevel=2,
             )
@@ -151,99 +151,99 @@ def _overlap(one: Volume, two: Volume) -> bool:
     """Return True if the boxes around two volumes overlap."""
     corners = one.corners_mm, two.corners_mm
     low = np.max([corner.min(axis=0) for corner in corners], axis=0)
-    return bool((low <= np.min([each.max(axis=0) for each in corners], axis=0)).all())
+    return bool((low <= np.min([box.max(axis=0) for box in corners], axis=0)).all())
 
 
 def with_fields(
     volume: Volume,
-    own: TransferSpec,
+    main: TransferSpec,
     rows: tuple[FieldSpec, ...],
     folder: Path,
-    at: At,
+    in_field: At,
     step: tuple[int, int],
-    known: Known,
+    cache: Known,
 ) -> Volume:
     """Return a volume with the fields of ``[[field]]``, at a time step, of so many, of series.
 
-    ``at`` adds the row to the VolumeError that is raised if a field cannot be read, or the volume's
-    file has none of its name; and to the TransferError if ``[transfer]``, ``own``, or that of a
-    row has a mask that is not there, or labels that it lacks.
+    ``in_field`` adds the row to the VolumeError that is raised if a field cannot be read, or the
+    volume's file has none of its name; and to the TransferError if ``[transfer]``, ``main``, or
+    that of a row has a mask that is not there, or labels that it lacks.
     """
     more = {field.name: field for field in volume.fields}
     for number, row in enumerate(rows):
-        with at(f"field[{number}]"):
+        with in_field(f"field[{number}]"):
             if row.file is not None:
-                more[row.name] = row.load(folder, step, known)
+                more[row.name] = row.load(folder, step, cache)
             elif row.name not in more:
-                others = f"or one of {', '.join(more)}" if more else "as the volume's file has none"
+                remedy = f"or one of {', '.join(more)}" if more else "as the volume's file has none"
                 raise VolumeError(
                     f"{volume.name} has no field {row.name!r}",
-                    f"{nearest(row.name, more)}give its file, {others}",
+                    f"{nearest(row.name, more)}give its file, {remedy}",
                     code="unknown",
                 )
-    with at("field"):
+    with in_field("field"):
         volume = volume.with_fields(tuple(more.values())) if rows else volume
-    for table, transfer in _tables(own, rows):
+    for table, transfer in _tables(main, rows):
         if transfer.mask is None:
             continue
-        with at(f"{table}.mask"):
+        with in_field(f"{table}.mask"):
             labels = MaskLabels.of(transfer.mask, volume)
         for number, by_label in enumerate(transfer.label or ()):
-            with at(f"{table}.label[{number}].label"):
+            with in_field(f"{table}.label[{number}].label"):
                 bands = [labels.add(label) for label in by_label.labels]
             if step[0] == 0 and not any(labels.reaches(*band) for band in bands):
-                least, most = labels.field.stated(labels.field.range)
+                low, high = labels.field.stated(labels.field.range)
                 warnings.warn(
                     f"{table}.label[{number}]: no voxel of {labels.field.name!r} "
-                    f"({least:g} … {most:g}) has {', '.join(map(repr, by_label.labels))}",
+                    f"({low:g} … {high:g}) has {', '.join(map(repr, by_label.labels))}",
                     VolspecWarning,
                     stacklevel=2,
                 )
     return volume
 
 
-def _tables(own: TransferSpec, rows: tuple[FieldSpec, ...]) -> Iterator[tuple[str, TransferSpec]]:
+def _tables(main: TransferSpec, rows: tuple[FieldSpec, ...]) -> Iterator[tuple[str, TransferSpec]]:
     """Yield the places and transfer tables of the fields that have one."""
-    yield "transfer", own
+    yield "transfer", main
     for number, row in enumerate(rows):
         if row.transfer is not None:
             yield f"field[{number}].transfer", row.transfer
 
 
 def scene_transfer(
-    own: TransferSpec,
+    main: TransferSpec,
     rows: tuple[FieldSpec, ...],
     materials: Mapping[str, Spectrum],
     filters: Mapping[str, Spectrum],
     basis: Basis,
-    at: At,
+    in_field: At,
 ) -> Transfers:
     """Return the transfer function of ``[transfer]``, or of all fields.
 
-    ``at`` adds the table to the error that is raised if one cannot be made.
+    ``in_field`` adds the table to the error that is raised if one cannot be made.
     """
-    with at("transfer"):
-        function = own.function(materials, filters, basis)
-        shown = [row for row in rows if row.transfer is not None]
-        if not shown and own.mask is None and own.weight == 1.0 and own.shown:
+    with in_field("transfer"):
+        function = main.function(materials, filters, basis)
+        visible_rows = [row for row in rows if row.transfer is not None]
+        if not visible_rows and main.mask is None and main.weight == 1.0 and main.shown:
             return function
         if not isinstance(function, TransferFunction):
-            problem = f"{own.kind} cannot be cast with other fields or a weight"
+            problem = f"{main.kind} cannot be cast with other fields or a weight"
             raise fault("", problem, "give points")
     functions: dict[str, TransferFunction] = {}
     weights: dict[str, float] = {}
     masks: dict[str, Mask] = {}
-    names = [OWN, *(row.name for row in shown)]
-    for name, (table, transfer) in zip(names, _tables(own, rows), strict=True):
-        with at(table):
-            made = transfer.function(materials, filters, basis)
-            assert isinstance(made, TransferFunction)
-            FieldFunctions({name: made})  # refuses what several fields cannot have
-        functions[name] = made
+    names = [OWN, *(row.name for row in visible_rows)]
+    for name, (table, transfer) in zip(names, _tables(main, rows), strict=True):
+        with in_field(table):
+            field_function = transfer.function(materials, filters, basis)
+            assert isinstance(field_function, TransferFunction)
+            FieldFunctions({name: field_function})  # refuses what several fields cannot have
+        functions[name] = field_function
         weights[name] = transfer.weight if transfer.shown else 0.0
         if transfer.mask is not None:
-            masks[name] = _mask(transfer, transfer.mask, table, materials, basis, at)
-    with at("field"):
+            masks[name] = _mask(transfer, transfer.mask, table, materials, basis, in_field)
+    with in_field("field"):
         return FieldFunctions(functions, weights, masks)
 
 
@@ -253,13 +253,13 @@ def _mask(
     table: str,
     materials: Mapping[str, Spectrum],
     basis: Basis,
-    at: At,
+    in_field: At,
 ) -> Mask:
-    """Return the functions by label; ``at`` adds the row to an error."""
+    """Return the functions by label; ``in_field`` adds the row to an error."""
     functions: dict[Label, TransferFunction | None] = {}
     for number, row in enumerate(transfer.label or ()):
-        with at(f"{table}.label[{number}]"):
+        with in_field(f"{table}.label[{number}]"):
             function = transfer.mask_function(row, materials, basis)
             functions |= Mask(field, dict.fromkeys(row.labels, function)).functions
-    with at(f"{table}.label"):
+    with in_field(f"{table}.label"):
         return Mask(field, functions)

@@ -97,14 +97,14 @@ class SceneFile:
         for missing in _without(plain(self)):
             raise missing
         try:
-            spec, own = self.cast, RaycastSpec()
+            spec, default = self.cast, RaycastSpec()
         except RaycastError as error:
             raise error.at("group") from None
         if self.room is None:
             self._check_lights([group.name for group in spec.groups])
         elif self.group:
             raise fault("group", "the light groups are those of [room]", "leave out one of them")
-        elif (self.raycast.ambient, self.raycast.diffuse) != (own.ambient, own.diffuse):
+        elif (self.raycast.ambient, self.raycast.diffuse) != (default.ambient, default.diffuse):
             remedy = "leave ambient and diffuse out"
             raise fault("raycast", "[room] sets ambient and diffuse light", remedy)
         for i, row in enumerate(self.material):
@@ -115,12 +115,12 @@ class SceneFile:
         if not self.raycast.layers and (self.depth.changes or keyed is not None):
             where = "depth" if keyed is None else f"keyframe[{keyed}].depth"
             raise fault(where, "needs layers of opacity", "set [raycast] layers = 8", "missing")
-        known = [row.name for row in self.material]
+        materials = [row.name for row in self.material]
         for j, surface in enumerate(self.mesh):
             for name in surface.used:
-                if name not in known:
+                if name not in materials:
                     problem = f"no [[material]] is named {name!r}"
-                    remedy = f"{nearest(name, known)}there is {', '.join(known)}"
+                    remedy = f"{nearest(name, materials)}there is {', '.join(materials)}"
                     several = "materials" if name in surface.materials else "shares"
                     key = "material" if name == surface.material else several
                     raise fault(f"mesh[{j}].{key}", problem, remedy, "unknown", name)
@@ -133,9 +133,9 @@ class SceneFile:
                 problem = f"no [[group]] is named {row.group!r}"
                 raise fault(f"light[{i}].group", problem, remedy, "unknown", row.group)
         # "" means all groups.
-        at = [(row.name, row.group or "") for row in self.light]
-        if (twice := _twice(at)) is not None:
-            name, group = at[twice]
+        pairs = [(row.name, row.group or "") for row in self.light]
+        if (twice := _twice(pairs)) is not None:
+            name, group = pairs[twice]
             where = f"group {group!r}" if group else "all groups"
             raise fault(
                 f"light[{twice}].name",
@@ -145,11 +145,11 @@ class SceneFile:
                 name,
             )
         for name, rows in rows_by_name(self.light).items():
-            lit = sum(row.has_lux for row in rows)
-            if 0 < lit < len(rows):
+            count = sum(row.has_lux for row in rows)
+            if 0 < count < len(rows):
                 raise fault(
                     "light",
-                    f"{lit} of {len(rows)} rows named {name!r} have illuminance_lux or power_W",
+                    f"{count} of {len(rows)} rows named {name!r} have illuminance_lux or power_W",
                     "give one of them for all rows or for none",
                     "missing",
                 )
@@ -201,20 +201,20 @@ def scene_file(data: Mapping[str, Any], path: str | os.PathLike[str]) -> SceneFi
     """
     file, faults = try_table(SceneFile, data, SceneError, Path(path).parent)
     if file is None:
-        others = [each.code == "missing" for each in faults]
-        at = others.index(True) if any(others) else len(faults)
-        faults = [*faults[:at], *_without(data), *faults[at:]]
+        missing = [e.code == "missing" for e in faults]
+        index = missing.index(True) if any(missing) else len(faults)
+        faults = [*faults[:index], *_without(data), *faults[index:]]
         raise SceneFaults(path, faults, row_names(data))
     return file
 
 
 def _without(tables: Mapping[str, Any]) -> list[SceneError]:
     """Return errors about tables that only a scene of meshes alone can be without."""
-    wanted = ["volume", "transfer"]
+    required = ["volume", "transfer"]
     volume = tables.get("volume", {})
     if tables.get("mesh") and isinstance(volume, Mapping) and "file" not in volume:
-        wanted = []
-    return [fault(k, "missing", f"add [{k}]", "missing") for k in wanted if k not in tables]
+        required = []
+    return [fault(k, "missing", f"add [{k}]", "missing") for k in required if k not in tables]
 
 
 def check_version(data: Mapping[str, Any]) -> None:

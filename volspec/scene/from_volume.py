@@ -101,7 +101,7 @@ def volume_file(
     if assumed := volume.metadata.assumed:
         tables["volume"]["assumed"] = list(assumed)
     if isinstance(transfer, FieldFunctions):
-        specs = {name: TransferSpec.of(each) for name, each in transfer.functions.items()}
+        specs = {name: TransferSpec.of(function) for name, function in transfer.functions.items()}
         tables["transfer"] = plain(specs.pop(OWN))
         tables["field"] = [{"name": n, "transfer": plain(spec)} for n, spec in specs.items()]
     else:
@@ -140,11 +140,11 @@ def _new_file(
 ) -> SceneFile:
     """Return a file with ``tables``, titled as the file that it is for."""
     # Files of lights are relative to the current folder, the scene's paths to that file's.
-    given = {
+    spectra = {
         name: (rebase_light(text, Path.cwd(), path.parent), "")
         for name, text in zip(sent_names(lights), lights, strict=True)
     }
-    rows = given or LIGHTS
+    rows = spectra or LIGHTS
     document: dict[str, Any] = {
         "title": path.name,
         **tables,
@@ -166,7 +166,7 @@ def framed(file: SceneFile, volume: Volume, points_mm: NDArray[np.float64]) -> S
     """Return the file with its orbit framing points (N, 3) in a square."""
     fitted: CameraSpec = framing.fit_points(file.camera, volume, points_mm, 1.0)
     digits = _DIGITS - 1 - math.floor(math.log10(radius_mm(volume)))
-    x, y, z = (round(at, digits) for at in fitted.target_mm or ())
+    x, y, z = (round(coordinate, digits) for coordinate in fitted.target_mm or ())
     zoom = float(f"{fitted.zoom:.{_DIGITS}g}")
     return replace(file, camera=replace(fitted, zoom=zoom, target_mm=(x, y, z)))
 

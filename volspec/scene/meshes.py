@@ -29,12 +29,12 @@ class MeshCache:
         self, folder: Path, rows: Sequence[MeshSpec] = (), caster: MeshCaster | None = None
     ) -> None:
         self._folder, self._lock = folder, Lock()
-        shown = tuple(row for row in rows if row.shown)
-        self._last = shown, caster
+        visible = tuple(row for row in rows if row.shown)
+        self._last = visible, caster
         meshes = () if caster is None else caster.meshes
         # As files and shapes have them; and those of the last rows, in their places.
         self._read: dict[str, Mesh] = {}
-        self._placed = {_place(row): mesh for row, mesh in zip(shown, meshes, strict=True)}
+        self._placed = {_place(row): mesh for row, mesh in zip(visible, meshes, strict=True)}
 
     def mesh(self, row: MeshSpec) -> Mesh:
         """Return the surface of a row; MeshError if a file cannot be used."""
@@ -60,18 +60,18 @@ class MeshCache:
 
         Raises MeshError if a file, a material or the basis cannot be used.
         """
-        shown = tuple(row for row in rows if row.shown)
-        if not shown:
+        visible = tuple(row for row in rows if row.shown)
+        if not visible:
             return None
         # Imported late: few scenes have meshes.
         from volspec.mesh import MeshCaster
 
         with self._lock:
             before, caster = self._last
-            if caster is None or shown != before:
-                meshes = [self._mesh(row) for row in shown]
+            if caster is None or visible != before:
+                meshes = [self._mesh(row) for row in visible]
                 caster = MeshCaster(meshes, materials, basis, caster)
-                self._last = shown, caster
+                self._last = visible, caster
                 # Also of those that are hidden now.
                 places = {_place(row) for row in rows}
                 self._placed = {key: mesh for key, mesh in self._placed.items() if key in places}
@@ -86,6 +86,6 @@ def _place(row: MeshSpec) -> str:
 
 def _surface(row: MeshSpec) -> str:
     """Return a key of what a file or a shape gives."""
-    made = MeshSpec(file=row.file, shape=row.shape, material="any", smooth_deg=row.smooth_deg)
+    source = MeshSpec(file=row.file, shape=row.shape, material="any", smooth_deg=row.smooth_deg)
     look = row.texture, row.materials, row.shares, row.own_colours, row.material is None
-    return repr((made, look))
+    return repr((source, look))

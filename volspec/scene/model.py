@@ -80,8 +80,8 @@ def cast_notes(file: SceneFile, relight: RelightSpec) -> dict[str, str]:
     viewing = {
         field.name: getattr(relight.viewing, field.name) for field in fields(relight.viewing)
     }
-    rest = {name: getattr(relight, name) for name in ("backdrop", "mode", "level", "filter")}
-    notes = {"scene": file.title, "viewing": _note(viewing | rest)}
+    settings = {name: getattr(relight, name) for name in ("backdrop", "mode", "level", "filter")}
+    notes = {"scene": file.title, "viewing": _note(viewing | settings)}
     return notes | ({"depth": _note(asdict(file.depth))} if file.depth.changes else {})
 
 
@@ -104,7 +104,7 @@ def _read_note(image: CoefficientImage, name: str, kind: type[Spec]) -> Spec:
 def _without_nulls(value: Any) -> Any:
     """Return JSON without the nulls in notes of earlier versions."""
     if isinstance(value, dict):
-        return {key: _without_nulls(each) for key, each in value.items() if each is not None}
+        return {key: _without_nulls(child) for key, child in value.items() if child is not None}
     return value
 
 
@@ -152,31 +152,31 @@ class Scene:
         self.room = names.room(grid) if room is None else room
         self.raycast = file.cast if self.room is None else self.room.cast(file.cast)
         self.lights = Lights(names.lights(grid, self.raycast, self.room))
-        with names.at("basis"):
+        with names.in_field("basis"):
             spectra = names.spectra(self.lights, self.materials, filters, self.room)
             if shipped:
                 if isinstance(shipped, SpectralBasis):
                     shipped = with_samples(shipped, spectra)
-                chosen = ChosenBasis(shipped, "the scene names it")
+                choice = ChosenBasis(shipped, "the scene names it")
             else:
                 # A title may have control characters; the name of a basis must not.
                 name = visible(file.title or self.path.stem)
                 bands = grid.start_nm, grid.stop_nm, grid.step_nm
                 same = grid == grid_of(file.basis)
                 table = file.basis if same else replace(file.basis, grid_nm=bands)
-                chosen = choose_basis(table, spectra, name, file.viewing.mode)
+                choice = choose_basis(table, spectra, name, file.viewing.mode)
                 if not same:
-                    reason = f"{chosen.reason}, on its palettes' {grid.size} bands"
-                    chosen = replace(chosen, reason=reason)
-            self.basis, self.basis_reason = chosen.basis, chosen.reason
+                    reason = f"{choice.reason}, on its palettes' {grid.size} bands"
+                    choice = replace(choice, reason=reason)
+            self.basis, self.basis_reason = choice.basis, choice.reason
         names.warn_of_palette_grids(grid, self.materials)
         if not isinstance(self.basis, MaterialBasis):
-            with names.at("basis"):
+            with names.in_field("basis"):
                 require_reflective(self.materials, self.basis.name)
         self.transfer = scene_transfer(
-            file.transfer, file.field, self.materials, filters, self.basis, names.at
+            file.transfer, file.field, self.materials, filters, self.basis, names.in_field
         )
-        with names.at("viewing.filter"):
+        with names.in_field("viewing.filter"):
             self.filter = names.eye_filter(grid)
         self.relight = self._seen_in_room()
 
@@ -250,12 +250,12 @@ class Scene:
         >>> [light.name for light in scene.lights], scene.file.transfer.kind
         (['A'], 'surfaces')
         """
-        given: Volume | Series | None = None
+        source: Volume | Series | None = None
         if isinstance(path, Series):
-            given = series = path
+            source = series = path
         elif not isinstance(path, str | os.PathLike):
-            given = volume = Volume.of(path)
-        name = given.name or "volume" if given is not None else os.fspath(path)  # type: ignore[arg-type]
+            source = volume = Volume.of(path)
+        name = source.name or "volume" if source is not None else os.fspath(path)  # type: ignore[arg-type]
         address = locate_volume(name)
         if volume is None and series is None:
             volume, series = open_volume(address)
@@ -267,13 +267,13 @@ class Scene:
             volume = with_labels(volume)
             steps = (volume,)
         # A look of its own: of labels, or of several fields.
-        own = preset == LABELS or (preset is None and (volume.labels or volume.fields))
-        look = None if own else presets.preset_named(preset or presets.DEFAULT)
+        custom = preset == LABELS or (preset is None and (volume.labels or volume.fields))
+        look = None if custom else presets.preset_named(preset or presets.DEFAULT)
         file = volume_file(address, steps, look, lights, camera)
         scene = cls(file, volume_path(address))
         scene._series = series
-        if given is not None:
-            scene._resolver = replace(scene._resolver, given=given)
+        if source is not None:
+            scene._resolver = replace(scene._resolver, given=source)
         scene.file = framed(file, volume, framing.shown_mm(steps, scene.transfer, scene.raycast))
         return scene
 
@@ -343,13 +343,13 @@ class Scene:
         VolspecWarning
             If the volume was given as an array, which no file has.
         """
-        made = write_scene(self.file, self.path if path is None else path, self)
-        own = self.file.volume.file
-        if self._resolver.given is not None and not volume_path(f"{self.folder / own}").exists():
+        target = write_scene(self.file, self.path if path is None else path, self)
+        file = self.file.volume.file
+        if self._resolver.given is not None and not volume_path(f"{self.folder / file}").exists():
             remedy = "save the array, such as with numpy.save, and name that file in [volume]"
-            text = f"{made}: its volume {own!r} is no file, and the scene cannot be loaded"
+            text = f"{target}: its volume {file!r} is no file, and the scene cannot be loaded"
             warnings.warn(f"{text}; {remedy}", VolspecWarning, stacklevel=2)
-        return made
+        return target
 
     @property
     def known(self) -> Mapping[str, Spectrum]:
@@ -386,7 +386,7 @@ class Scene:
     def camera(self, volume: Volume) -> Camera:
         """The camera, placed for a volume."""
         table = self.file.camera
-        with self._resolver.at("camera"):
+        with self._resolver.in_field("camera"):
             if table.position_mm is None:
                 return table.camera(volume)
             target = table.target_mm or tuple(volume.corners_mm.mean(axis=0))
@@ -426,7 +426,7 @@ class Scene:
         volume = volume or self.volume()
         output = self.file.output
         camera, behind = self.camera(volume), self.behind(volume)
-        with self._resolver.at("raycast"):
+        with self._resolver.in_field("raycast"):
             return raycast(
                 *(volume, self.transfer, camera, size or (output.width, output.height)),
                 self.raycast if spec is None else self.room.cast(spec) if self.room else spec,
@@ -445,10 +445,10 @@ class Scene:
         has no channels for it.
         """
         meshes = self.meshes(volume)
-        found: tuple[SurfaceCaster, ...] = () if meshes is None else (meshes,)
-        with self._resolver.at("room"):
+        casters: tuple[SurfaceCaster, ...] = () if meshes is None else (meshes,)
+        with self._resolver.in_field("room"):
             room = None if self.room is None else self.room.behind(volume, self.basis)
-        return found if room is None else (*found, room)
+        return casters if room is None else (*casters, room)
 
     def surfaces(self) -> list[Mesh]:
         """Return the shown meshes. Raises SceneError if one cannot be read."""
@@ -483,9 +483,9 @@ class Scene:
         SceneError
             If a setting is unknown or wrong; the message names it.
         """
-        given = {key: value for key, value in changes.items() if value is not None}
-        own = {key: v for key, v in plain(self.file.export).items() if key not in changes}
-        file = scene_file({**plain(self.file), "export": {**own, **given}}, self.path)
+        settings = {key: value for key, value in changes.items() if value is not None}
+        unchanged = {key: v for key, v in plain(self.file.export).items() if key not in changes}
+        file = scene_file({**plain(self.file), "export": {**unchanged, **settings}}, self.path)
         scene = copy(self)
         scene.file = file
         return scene

@@ -56,20 +56,20 @@ _SPACING_ERROR = 1e-4
 class Resolver:
     """Looks up the names in a file; errors name the file, the table and the row.
 
-    Paths are relative to the folder of ``path``; ``known`` are spectra that are not on disk
+    Paths are relative to the folder of ``path``; ``unsaved`` are spectra that are not on disk
     yet, ``given`` is the volume if it is no file. With ``faults``, errors are collected there, and
     names that fail are left out.
     """
 
     file: SceneFile
     path: Path
-    known: Mapping[str, Spectrum] = field(default_factory=dict)
+    unsaved: Mapping[str, Spectrum] = field(default_factory=dict)
     faults: list[str] | None = None
     read: dict[int, Mesh] = field(default_factory=dict)
     given: Volume | Series | None = None
 
     @contextmanager
-    def at(self, field: str) -> Iterator[None]:
+    def in_field(self, field: str) -> Iterator[None]:
         """Add the file and a field to an error in the body; the field counts rows from 0."""
         try:
             yield
@@ -78,12 +78,12 @@ class Resolver:
                 raise
             self.faults.extend(error.lines)
         except InputError as error:
-            found = _at_field(error, field)
+            located = _at_field(error, field)
             rows = {
                 key: [row.name for row in getattr(self.file, key)]
                 for key in ("material", "group", "light", "field")
             }
-            faults = SceneFaults(self.path, [found], rows)
+            faults = SceneFaults(self.path, [located], rows)
             if self.faults is None:
                 raise faults from error
             self.faults.extend(faults.lines)
@@ -99,11 +99,11 @@ class Resolver:
     def shipped_basis(self) -> Basis | None:
         """Return the basis of ``[basis] name``."""
         name = self.file.basis.name
-        found = None
+        basis = None
         if name is not None:
-            with self.at("basis"):
-                found = load_basis(self._path(name) if self.file.basis.file else name)
-        return found
+            with self.in_field("basis"):
+                basis = load_basis(self._path(name) if self.file.basis.file else name)
+        return basis
 
     def grid(self, shipped: Basis | None) -> SpectralGrid:
         """Return the grid of the scene's spectra: that of ``[basis]``, or else of its palettes.
@@ -115,7 +115,7 @@ class Resolver:
         if self.file.basis.grid_nm is None and (grids := self.palette_grids().values()):
             return max(grids, key=lambda grid: grid.size)
         grid = SpectralGrid()
-        with self.at("basis"):
+        with self.in_field("basis"):
             grid = grid_of(self.file.basis)
         return grid
 
@@ -124,8 +124,8 @@ class Resolver:
         folder, grids = self.path.parent, dict[str, SpectralGrid]()
         for role, address in self._addresses():
             with suppress(SpectrumError):  # raised again where its row is looked up
-                known = self.known.get(address)
-                grid = known.grid if known else palette_grid(address, role, folder)
+                spectrum = self.unsaved.get(address)
+                grid = spectrum.grid if spectrum else palette_grid(address, role, folder)
                 if grid is not None:
                     grids[address] = grid
         return grids
@@ -133,11 +133,11 @@ class Resolver:
     def _addresses(self) -> Iterator[tuple[Literal["light", "reflectance"], str]]:
         """Yield kind and name of all spectra that are given by name, each part of a mix alone."""
         for material in self.file.material:
-            for given in (material.reflectance, material.filter):
-                if isinstance(given, str):
-                    yield "reflectance", given
+            for source in (material.reflectance, material.filter):
+                if isinstance(source, str):
+                    yield "reflectance", source
         for light in self.file.light:
-            if isinstance(light.spectrum, str) and light.spectrum in self.known:
+            if isinstance(light.spectrum, str) and light.spectrum in self.unsaved:
                 yield "light", light.spectrum
             elif isinstance(light.spectrum, str):
                 with suppress(SpectrumError):
@@ -150,13 +150,13 @@ class Resolver:
         ``materials`` are the reflectances on the scene's grid.
         """
         grids = self.palette_grids()
-        for own in set(grids.values()) - {grid}:
-            designed = [name for name in grids if grids[name] == own]
-            error, where = self._colour_change(own, grid, materials)
+        for native in set(grids.values()) - {grid}:
+            designed = [name for name in grids if grids[name] == native]
+            error, where = self._colour_change(native, grid, materials)
             if error > MAX_ERROR:
-                remedy = f"grid_nm = [{own.start_nm:g}, {own.stop_nm:g}, {own.step_nm:g}]"
+                remedy = f"grid_nm = [{native.start_nm:g}, {native.stop_nm:g}, {native.step_nm:g}]"
                 warnings.warn(
-                    f"{self.path}: {', '.join(designed)}: designed on {own.size} bands, but the "
+                    f"{self.path}: {', '.join(designed)}: designed on {native.size} bands, but the "
                     f"scene has {grid.size}, which changes colours by up to ΔE00 {error:.1f} "
                     f"({where}); give [basis] {remedy}",
                     VolspecWarning,
@@ -164,17 +164,17 @@ class Resolver:
                 )
 
     def _colour_change(
-        self, own: SpectralGrid, grid: SpectralGrid, materials: Mapping[str, Spectrum]
+        self, native: SpectralGrid, grid: SpectralGrid, materials: Mapping[str, Spectrum]
     ) -> tuple[float, str]:
         """Return the largest CIEDE2000 of a material between two grids, and its place."""
-        there = self.reflectances("reflectance", own)
-        lights = [self._named_spectra(each) for each in (own, grid)]
+        designed = self.reflectances("reflectance", native)
+        lights = [self._named_spectra(g) for g in (native, grid)]
         worst = (0.0, "")
         for (name, one), (_, two) in zip(*lights, strict=True):
             Lab = [
                 cielab(self.file.viewing.viewing.exposure * XYZ, visible_white(white_XYZ(light)))
-                for light, known in ((one, there), (two, materials))
-                for XYZ in [XYZ_from_spectra(light, [known[name] for name in materials])]
+                for light, reflectances in ((one, designed), (two, materials))
+                for XYZ in [XYZ_from_spectra(light, [reflectances[name] for name in materials])]
             ]
             errors = delta_E_2000(*Lab)
             k = int(errors.argmax())
@@ -189,7 +189,7 @@ class Resolver:
         rows = (row for row in self.file.light if row.spectrum != ROOM_LIGHT)
         place = self.path.parent
         return [
-            (row.name, resolve_light(row.spectrum, row.name, grid, place, self.known))
+            (row.name, resolve_light(row.spectrum, row.name, grid, place, self.unsaved))
             for row in rows
         ]
 
@@ -197,25 +197,25 @@ class Resolver:
         self, key: Literal["reflectance", "filter"], grid: SpectralGrid
     ) -> dict[str, Spectrum]:
         """Return the spectra that the materials have for a key, by name."""
-        found = {}
+        spectra = {}
         for i, row in enumerate(self.file.material):
-            if (given := getattr(row, key)) is not None:
-                with self.at(f"material[{i}].{key}"):
-                    found[row.name] = given_reflectance(
-                        given, row.name, grid, self.path.parent, self.known
+            if (source := getattr(row, key)) is not None:
+                with self.in_field(f"material[{i}].{key}"):
+                    spectra[row.name] = given_reflectance(
+                        source, row.name, grid, self.path.parent, self.unsaved
                     )
-        return found
+        return spectra
 
     def room(self, grid: SpectralGrid) -> SceneRoom | None:
         """Return the room of ``[room]``, solved; None if there is none."""
-        found = None
+        room = None
         if self.file.room is not None:
             # Imported late: ray tracing and statistics take a second, and few scenes have rooms.
             from volspec.scene.room import SceneRoom
 
-            with self.at("room"):
-                found = SceneRoom.of(self.file.room, self.path.parent, grid, self.file.camera.up)
-        return found
+            with self.in_field("room"):
+                room = SceneRoom.of(self.file.room, self.path.parent, grid, self.file.camera.up)
+        return room
 
     def meshes(
         self, volume: Volume, materials: Mapping[str, Spectrum], basis: Basis
@@ -230,19 +230,19 @@ class Resolver:
         if self.file.volume.file != EMPTY:
             for mesh in surfaces:
                 mesh.warn_of_unit(volume.corners_mm)
-        found = None
-        with self.at("mesh"):
-            found = MeshCaster(surfaces, materials, basis)
-        return found
+        caster = None
+        with self.in_field("mesh"):
+            caster = MeshCaster(surfaces, materials, basis)
+        return caster
 
     def surfaces(self) -> list[Mesh]:
         """Return the rows of ``[[mesh]]`` that are shown."""
-        found = []
+        meshes = []
         for number, row in enumerate(self.file.mesh):
             if row.shown:
-                with self.at(f"mesh[{number}]"):
-                    found.append(self._mesh(number))
-        return found
+                with self.in_field(f"mesh[{number}]"):
+                    meshes.append(self._mesh(number))
+        return meshes
 
     def _mesh(self, number: int) -> Mesh:
         """Return the surface of a row of ``[[mesh]]``, which is read once."""
@@ -254,22 +254,22 @@ class Resolver:
         self, grid: SpectralGrid, spec: RaycastSpec, room: SceneRoom | None
     ) -> list[NamedLight]:
         """Return the light settings, in the order of the file."""
-        found = []
+        lights = []
         names = [row.name for row in self.file.light]
         for name, rows in rows_by_name(self.file.light).items():
-            with self.at(f"light[{names.index(name)}]"):
+            with self.in_field(f"light[{names.index(name)}]"):
                 if room is not None:
-                    found.append(room.light(rows, self.known))
+                    lights.append(room.light(rows, self.unsaved))
                     continue
                 if self.file.room is not None:  # which has a fault, reported before
                     folder = self.path.parent
                     for row in rows:
                         if row.spectrum != ROOM_LIGHT:
-                            resolve_light(row.spectrum, row.name, grid, folder, self.known)
+                            resolve_light(row.spectrum, row.name, grid, folder, self.unsaved)
                     continue
-                shares = spec.shares()
-                found.append(named_light(rows, shares, grid, self.path.parent, self.known))
-        return found
+                fractions = spec.shares()
+                lights.append(named_light(rows, fractions, grid, self.path.parent, self.unsaved))
+        return lights
 
     def spectra(
         self,
@@ -287,10 +287,10 @@ class Resolver:
             part for rig in rigs for part in zip(rig.lights, rig.weights, rig.groups, strict=True)
         ]
         walls = room.wall_groups() if room is not None and room.spec.walls else []
-        own = [(light, weight) for light, weight, group in shone if group not in walls]
+        volume_lights = [(light, weight) for light, weight, group in shone if group not in walls]
         return SceneSpectra(
-            [light for light, _ in own],
-            [weight for _, weight in own],
+            [light for light, _ in volume_lights],
+            [weight for _, weight in volume_lights],
             materials,
             unseen | use,
             filters,
@@ -326,12 +326,12 @@ class Resolver:
             return self.given[table.step], self.given
         with self._reading():
             address = locate_volume(table.file, self.path.parent)
-            found = volume_or_steps(address) if self.given is None else self.given
+            source = volume_or_steps(address) if self.given is None else self.given
         with self._reading():
-            require_step(table.file, table.step, 1 if isinstance(found, Volume) else len(found))
-        if isinstance(found, Volume):
-            return self._prepared(found, (0, 1), {}), None
-        series = self._series(found, KEPT_BYTES)
+            require_step(table.file, table.step, 1 if isinstance(source, Volume) else len(source))
+        if isinstance(source, Volume):
+            return self._prepared(source, (0, 1), {}), None
+        series = self._series(source, KEPT_BYTES)
         return series[min(table.step, len(series) - 1)], series  # some may be left out
 
     def series(self, kept_bytes: int) -> Series | None:
@@ -352,11 +352,11 @@ class Resolver:
 
     def _series(self, addresses: tuple[str, ...], kept_bytes: int) -> Series:
         count = len(addresses)
-        known: Known = {}  # a further field that is no series is read once
+        cache: Known = {}  # a further field that is no series is read once
 
         def load(number: int) -> Volume:
             try:
-                return self._prepared(load_step(addresses[number], number), (number, count), known)
+                return self._prepared(load_step(addresses[number], number), (number, count), cache)
             except SceneFaults as error:
                 cause = error.__cause__
                 if isinstance(cause, VolumeError) and cause.code in _UNREADABLE:
@@ -370,7 +370,7 @@ class Resolver:
     @contextmanager
     def _reading(self) -> Iterator[None]:
         """Add the file and ``[volume]`` to an error in the body, even with ``faults``."""
-        with Resolver(self.file, self.path).at("volume"):
+        with Resolver(self.file, self.path).in_field("volume"):
             try:
                 yield
             except VolumeError as error:
@@ -379,7 +379,7 @@ class Resolver:
                 remedy = f"{error.remedy}, or edit `file` in [volume] of {self.path}"
                 raise VolumeError(error.problem, remedy, code=error.code) from error
 
-    def _prepared(self, volume: Volume, step: tuple[int, int], known: Known) -> Volume:
+    def _prepared(self, volume: Volume, step: tuple[int, int], cache: Known) -> Volume:
         """Return a volume with the scene's spacing, downsampling and further fields."""
         table = self.file.volume
         with self._reading():
@@ -392,26 +392,26 @@ class Resolver:
                 volume = volume.downsampled(table.downsample, labels=labels)
         strict = Resolver(self.file, self.path)
         file = self.file
-        given = file.transfer, file.field, self.path.parent, strict.at
-        return with_fields(volume, *given, step, known)
+        tables = file.transfer, file.field, self.path.parent, strict.in_field
+        return with_fields(volume, *tables, step, cache)
 
     def _mesh_box(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return two corners of the box around all meshes, also those that are not shown."""
         strict = replace(self, faults=None)
         ends = []
         for number in range(len(self.file.mesh)):
-            with strict.at(f"mesh[{number}]"):
+            with strict.in_field(f"mesh[{number}]"):
                 points = self._mesh(number).points_mm
                 ends.append((points.min(axis=0), points.max(axis=0)))
         low, high = zip(*ends, strict=True)
         return np.min(low, axis=0), np.max(high, axis=0)
 
-    def _warn_of_spacing(self, volume: Volume, given: tuple[float, float, float]) -> None:
+    def _warn_of_spacing(self, volume: Volume, scene_mm: tuple[float, float, float]) -> None:
         # A file without a spacing loads with a spacing of 1 mm.
-        own = volume.spacing_mm
-        if own == (1.0, 1.0, 1.0) or np.allclose(given, own, rtol=_SPACING_ERROR, atol=0):
+        stored = volume.spacing_mm
+        if stored == (1.0, 1.0, 1.0) or np.allclose(scene_mm, stored, rtol=_SPACING_ERROR, atol=0):
             return
-        ours, theirs = (" × ".join(f"{s:g}" for s in spacing) for spacing in (given, own))
+        ours, theirs = (" × ".join(f"{s:g}" for s in spacing) for spacing in (scene_mm, stored))
         warnings.warn(
             f"{self.path}: [volume] spacing_mm is {ours}, {volume.name} says {theirs}; the "
             "scene's is used, leave it out to use the file's",
@@ -426,9 +426,9 @@ class Resolver:
 
 def _at_field(error: InputError, field: str) -> SceneError:
     """Return the error with the file's field in place of Python's class names."""
-    owner, _, rest = error.field.partition(".")
-    if rest and re.fullmatch(r"[A-Z]\w+", owner):
-        field = f"{field}.{rest}"
+    owner, _, attribute = error.field.partition(".")
+    if attribute and re.fullmatch(r"[A-Z]\w+", owner):
+        field = f"{field}.{attribute}"
         problem, remedy = error.problem, error.remedy
     else:
         problem = str(error).removesuffix(f"; {error.remedy}").removeprefix(f"{field}: ")

@@ -136,8 +136,8 @@ class SceneRoom:
                 code="size",
                 field="walls",
             )
-        most = min(spec.directions, MAX_GROUPS - 1 - lights)
-        specimen = SpecimenLight.of(response, spec.position_m, most)
+        max_directions = min(spec.directions, MAX_GROUPS - 1 - lights)
+        specimen = SpecimenLight.of(response, spec.position_m, max_directions)
         power = np.array([*room.lights.values()])
         groups = np.einsum("lgb,lb->gb", specimen.irradiance, power)
         lux = lux_from_irradiance(np.concatenate([groups, power]), grid)
@@ -173,19 +173,19 @@ class SceneRoom:
         sources: list[tuple[Source, ...]] = [
             (Ambient(ambient, occlusion=shadows),),
             *(
-                (Directional(_triple(way), "world", part, shadows),)
-                for way, part in zip(world, parts, strict=False)
+                (Directional(_triple(direction), "world", part, shadows),)
+                for direction, part in zip(world, parts, strict=False)
             ),
         ]
         names = self._group_names()
-        groups = [LightGroup(*each) for each in zip(names, sources, strict=True)]
+        groups = [LightGroup(*pair) for pair in zip(names, sources, strict=True)]
         if self.spec.walls:
             groups += [LightGroup(name, (Headlight(0.0),)) for name in self.wall_groups()]
         return replace(spec, groups=tuple(groups), ambient=1.0, diffuse=1.0)
 
     def _group_names(self) -> list[str]:
-        ambient, *others = self.specimen.names
-        return [ambient, *(_group_name(f"from {name}") for name in others)]
+        ambient, *surfaces = self.specimen.names
+        return [ambient, *(_group_name(f"from {name}") for name in surfaces)]
 
     def wall_groups(self) -> list[str]:
         """Return the groups of the room behind the volume, one for each of its lights."""
@@ -193,16 +193,16 @@ class SceneRoom:
 
     # Lights.
 
-    def light(self, rows: Sequence[LightSpec], known: Mapping[str, Spectrum]) -> NamedLight:
+    def light(self, rows: Sequence[LightSpec], unsaved: Mapping[str, Spectrum]) -> NamedLight:
         """Return the setting of the rows with one name: spectra of the room's lights.
 
-        ``known`` holds spectra that are not on disk yet. Raises SpectrumError if a spectrum is
+        ``unsaved`` holds spectra that are not on disk yet. Raises SpectrumError if a spectrum is
         unknown, RoomError if the room has no light of a group's name, SceneError if a row has lux.
         """
         first, label = rows[0], next((row.label for row in rows if row.label), rows[0].name)
-        return NamedLight(first.name, label, *self.rig(self.spectra(self.lamp_rig(rows, known))))
+        return NamedLight(first.name, label, *self.rig(self.spectra(self.lamp_rig(rows, unsaved))))
 
-    def lamp_rig(self, rows: Sequence[LightSpec], known: Mapping[str, Spectrum]) -> LightRig:
+    def lamp_rig(self, rows: Sequence[LightSpec], unsaved: Mapping[str, Spectrum]) -> LightRig:
         """Return the lamps' spectra in a setting; groups are lights of the room. Errors as `light`.
 
         A spectrum without a group is that of all lights.
@@ -218,41 +218,41 @@ class SceneRoom:
                     code="conflict",
                     field="illuminance_lux",
                 )
-            for group, spectrum in self.row_spectra(row, known).items():
+            for group, spectrum in self.row_spectra(row, unsaved).items():
                 lights.append(spectrum)
                 weights.append(row.weight)
                 groups.append(group)
         return LightRig(tuple(lights), tuple(weights), groups=tuple(groups))
 
-    def row_spectra(self, row: LightSpec, known: Mapping[str, Spectrum]) -> dict[str, Spectrum]:
+    def row_spectra(self, row: LightSpec, unsaved: Mapping[str, Spectrum]) -> dict[str, Spectrum]:
         """Return the spectra of a row by group."""
         if row.spectrum == ROOM_LIGHT:
             return self.own_spectra(row.group or "")
         try:
-            found = resolve_light(row.spectrum, row.name, self.grid, self.folder, known)
+            spectrum = resolve_light(row.spectrum, row.name, self.grid, self.folder, unsaved)
         except InputError as error:
             if error.code != "unknown":
                 raise
             guess = nearest(str(row.spectrum), [ROOM_LIGHT])
             remedy = f"{guess}{error.remedy}, or {ROOM_LIGHT}: the light of its file"
             raise SpectrumError(error.problem, remedy, code="unknown") from error
-        return {row.group or "": found}
+        return {row.group or "": spectrum}
 
     def own_spectra(self, group: str = "") -> dict[str, Spectrum]:
         """Return the spectra of the room's lights as its file gives them, by group.
 
         Their V-weighted mean is 1. Raises RoomError if no light has the group's name.
         """
-        own = self.response.solved.room.lights
-        if group and group not in own:
-            raise unknown_light(group, own)
+        powers = self.response.solved.room.lights
+        if group and group not in powers:
+            raise unknown_light(group, powers)
         nm, V = self.grid.wavelengths_nm, colour_matching_functions(self.grid)[1]
-        names = [group] if group or len(own) == 1 else list(own)
-        found = {}
+        names = [group] if group or len(powers) == 1 else list(powers)
+        spectra = {}
         for name in names:
-            power = own[name or next(iter(own))]
-            found[name] = Spectrum(nm, power * (V.sum() / (V @ power)), ROOM_LIGHT)
-        return found
+            power = powers[name or next(iter(powers))]
+            spectra[name] = Spectrum(nm, power * (V.sum() / (V @ power)), ROOM_LIGHT)
+        return spectra
 
     def spectra(self, lamps: LightRig) -> Array:
         """Return the spectra (L, B) of a setting of the room's lights.
@@ -283,17 +283,17 @@ class SceneRoom:
             names += self.wall_groups()
         lux = lux_from_irradiance(groups, self.grid) / self.parts[: len(groups)]
         nm = self.grid.wavelengths_nm
-        lit = np.flatnonzero(lux > 0.0)
-        spectra = tuple(Spectrum(nm, groups[g] / self.grid.step_nm, names[g]) for g in lit)
-        rig = LightRig(spectra, (), tuple(lux[lit].tolist()), tuple(names[g] for g in lit))
+        nonzero = np.flatnonzero(lux > 0.0)
+        spectra = tuple(Spectrum(nm, groups[g] / self.grid.step_nm, names[g]) for g in nonzero)
+        rig = LightRig(spectra, (), tuple(lux[nonzero].tolist()), tuple(names[g] for g in nonzero))
         return rig.facing(self.shares()).mixed(self.grid), rig
 
     def shares(self) -> dict[str, float]:
         """Return each group's fraction of the light on a surface that faces all of them."""
         names = self._group_names()
         parts = self.parts[: len(names)]
-        shares = dict(zip(names, (parts / parts.sum()).tolist(), strict=True))
-        return shares | dict.fromkeys(self.wall_groups(), 0.0)
+        fractions = dict(zip(names, (parts / parts.sum()).tolist(), strict=True))
+        return fractions | dict.fromkeys(self.wall_groups(), 0.0)
 
     # The eye.
 
@@ -324,10 +324,10 @@ class SceneRoom:
     def _towards(self, camera: CameraSpec, middle_mm: Vector) -> Array:
         """Return the direction (3,) from the volume to the camera, in the room."""
         if camera.position_mm is not None:
-            away = np.subtract(camera.position_mm, camera.target_mm or middle_mm)
-            if not (length := float(np.linalg.norm(away))) > 0.0:  # refused at the cast
+            offset = np.subtract(camera.position_mm, camera.target_mm or middle_mm)
+            if not (length := float(np.linalg.norm(offset))) > 0.0:  # refused at the cast
                 return np.array([0.0, -1.0, 0.0])
-            return np.asarray(self.placement.axes @ (away / length))
+            return np.asarray(self.placement.axes @ (offset / length))
         azimuth, elevation = math.radians(camera.azimuth_deg), math.radians(camera.elevation_deg)
         side, front, axis = level_axes(camera.up)
         around = math.cos(azimuth) * front + math.sin(azimuth) * side
@@ -355,9 +355,9 @@ class SceneRoom:
         place = self.placement
         rays = self.response.solved.rays
         for corner in [middle, *corners]:
-            at = place.position_m + place.metres_per_mm * (place.axes @ (corner - middle))
+            position_m = place.position_m + place.metres_per_mm * (place.axes @ (corner - middle))
             remedy = "change position_m or scale"
-            require_inside(self.response.solved.room, rays, at, "the volume", remedy)
+            require_inside(self.response.solved.room, rays, position_m, "the volume", remedy)
         radius = float(np.linalg.norm(corners - middle, axis=1).max())
         parts = self.parts[len(self.specimen.names) :]
         return Backdrop(self.response, self.placement, basis, parts, middle, radius)
@@ -402,7 +402,7 @@ class SceneRoom:
 
 def _group_name(name: str) -> str:
     """Return a surface's name without what a light group's must not have."""
-    kept = "".join(each if each.isprintable() and each not in "=;" else "-" for each in name)
+    kept = "".join(c if c.isprintable() and c not in "=;" else "-" for c in name)
     return kept.strip()[:MAX_NAME]
 
 
@@ -418,8 +418,8 @@ def _triple(vector: Array) -> Vector:
 
 def _paints(paint: Mapping[str, str], room: Room, folder: Path) -> dict[str, Spectrum]:
     """Return paints by surface; walls are four."""
-    found: dict[str, Spectrum] = {}
+    paints: dict[str, Spectrum] = {}
     for name, text in paint.items():
         reflectance = paint_named(text, room.grid, folder)
-        found |= dict.fromkeys(painted_surfaces(room, name), reflectance)
-    return found
+        paints |= dict.fromkeys(painted_surfaces(room, name), reflectance)
+    return paints

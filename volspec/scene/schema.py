@@ -29,32 +29,32 @@ def scene_schema_text() -> str:
 def _simple(schema: Any) -> Any:
     """Return a schema in keywords of all drafts, and without nulls, which TOML lacks."""
     if isinstance(schema, list):
-        return [_simple(each) for each in schema]
+        return [_simple(part) for part in schema]
     if not isinstance(schema, dict):
         return schema
-    said = {key: value for key, value in schema.items() if key not in ("discriminator", "title")}
+    simple = {key: value for key, value in schema.items() if key not in ("discriminator", "title")}
     # Tables need no default: their keys have defaults.
-    if isinstance(said.get("default", {}), dict | type(None)):
-        said.pop("default", None)
-    if "description" in said:
-        said["description"] = said["description"].split("\n\n")[0].replace("``", "`")
-    if "properties" in said or "$defs" in said:
+    if isinstance(simple.get("default", {}), dict | type(None)):
+        simple.pop("default", None)
+    if "description" in simple:
+        simple["description"] = simple["description"].split("\n\n")[0].replace("``", "`")
+    if "properties" in simple or "$defs" in simple:
         # The keys here are names of keys and tables, not keywords of a schema.
         for key in ("properties", "$defs"):
-            said |= {key: {name: _simple(each) for name, each in said.get(key, {}).items()}}
-        said = {key: value for key, value in said.items() if value != {}}
+            simple |= {key: {name: _simple(part) for name, part in simple.get(key, {}).items()}}
+        simple = {key: value for key, value in simple.items() if value != {}}
         return {
             key: value if key in ("properties", "$defs") else _simple(value)
-            for key, value in said.items()
+            for key, value in simple.items()
         }
-    if "anyOf" in said and _NULL in said["anyOf"]:
-        others = [each for each in said.pop("anyOf") if each != _NULL]
-        said = {**(others[0] if len(others) == 1 else {"anyOf": others}), **said}
-    if "const" in said:
-        said["enum"] = [said.pop("const")]
-    if "prefixItems" in said:
+    if "anyOf" in simple and _NULL in simple["anyOf"]:
+        types = [part for part in simple.pop("anyOf") if part != _NULL]
+        simple = {**(types[0] if len(types) == 1 else {"anyOf": types}), **simple}
+    if "const" in simple:
+        simple["enum"] = [simple.pop("const")]
+    if "prefixItems" in simple:
         # Pairs and vectors: all entries have the same type.
-        said["items"] = said.pop("prefixItems")[0]
-    if "$ref" in said and len(said) > 1:
-        said = {"allOf": [{"$ref": said.pop("$ref")}], **said}
-    return {key: _simple(value) for key, value in said.items()}
+        simple["items"] = simple.pop("prefixItems")[0]
+    if "$ref" in simple and len(simple) > 1:
+        simple = {"allOf": [{"$ref": simple.pop("$ref")}], **simple}
+    return {key: _simple(value) for key, value in simple.items()}

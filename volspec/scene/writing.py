@@ -108,17 +108,17 @@ def write_scene(file: SceneFile, path: str | os.PathLike[str], like: Origin | No
     return target
 
 
-def _with_numbers(file: SceneFile, known: Mapping[str, Spectrum]) -> SceneFile:
+def _with_numbers(file: SceneFile, unsaved: Mapping[str, Spectrum]) -> SceneFile:
     """Return the file with numbers instead of names that only this process can look up."""
 
     def numbers(row: Any, *keys: str) -> Any:
         texts = {key: getattr(row, key) for key in keys if isinstance(getattr(row, key), str)}
-        found = {k: SpectrumNumbers.of(known[text]) for k, text in texts.items() if text in known}
-        return replace(row, **found)
+        new = {k: SpectrumNumbers.of(unsaved[text]) for k, text in texts.items() if text in unsaved}
+        return replace(row, **new)
 
     materials = tuple(numbers(row, "reflectance", "filter") for row in file.material)
     lights = tuple(numbers(row, "spectrum") for row in file.light)
-    return replace(file, material=materials, light=lights) if known else file
+    return replace(file, material=materials, light=lights) if unsaved else file
 
 
 def rebased(file: SceneFile, folder: Path, path: Path) -> SceneFile:
@@ -209,8 +209,8 @@ def _edited_once(
     import tomlkit
 
     document: Any = tomlkit.parse(text if text.endswith("\n") else f"{text}\n")
-    stated = document.unwrap()
-    before = plain(scene_file(stated, source)) if keeps else stated
+    tables = document.unwrap()
+    before = plain(scene_file(tables, source)) if keeps else tables
     bind_comments(document)
     _update(document, before, plain(file), defaults)
     space = document.get("viewing", {}).get("display", {}).get("space")
@@ -227,11 +227,11 @@ def _edited_once(
 
 def _led_to_schema(text: str, source: Path, target: Path) -> str:
     """Return the text with the path in its ``#:schema`` comment relative to the new folder."""
-    found = _SCHEMA.match(text)
-    if found is None or source.parent.resolve() == target.parent.resolve():
+    match = _SCHEMA.match(text)
+    if match is None or source.parent.resolve() == target.parent.resolve():
         return text
-    start, end = found.span(1)
-    return text[:start] + rebase_path(found[1], source.parent, target.parent) + text[end:]
+    start, end = match.span(1)
+    return text[:start] + rebase_path(match[1], source.parent, target.parent) + text[end:]
 
 
 def _from_scratch(file: SceneFile) -> str:
@@ -284,7 +284,7 @@ def _update_rows(
             if index is not None:
                 _update(old[index], before[index], row)
         pairs = zip(after, origins, strict=True)
-        node[key] = AoT([_table(row) if at is None else old[at] for row, at in pairs], key, True)
+        node[key] = AoT([_table(row) if i is None else old[i] for row, i in pairs], key, True)
         return
     stay = [index for index in origins if index is not None]
     if stay != sorted(stay):
@@ -292,27 +292,27 @@ def _update_rows(
         return
     for index in sorted(set(range(len(before))) - set(stay), reverse=True):
         del rows[index]
-    for at, (row, index) in enumerate(zip(after, origins, strict=True)):
+    for i, (row, index) in enumerate(zip(after, origins, strict=True)):
         if index is None:
-            rows.insert(at, toml_item(row))
+            rows.insert(i, toml_item(row))
         elif row != before[index]:
-            _update(rows[at], before[index], row)
+            _update(rows[i], before[index], row)
 
 
 def _origins(
     before: Sequence[Mapping[str, Any]], after: Sequence[Mapping[str, Any]], keys: Sequence[str]
 ) -> list[int | None]:
     """Return each row's former index: of an equal row, else of its name, else at its place."""
-    found: list[int | None] = [None] * len(after)
+    indices: list[int | None] = [None] * len(after)
     free = list(range(len(before)))
 
     def take(alike: Any) -> None:
-        for at, row in enumerate(after):
-            if found[at] is None:
-                index = next((index for index in free if alike(at, row, index)), None)
+        for i, row in enumerate(after):
+            if indices[i] is None:
+                index = next((index for index in free if alike(i, row, index)), None)
                 if index is not None:
                     free.remove(index)
-                    found[at] = index
+                    indices[i] = index
 
     def name(row: Mapping[str, Any]) -> list[Any]:
         return [row.get(key) for key in keys]
@@ -320,8 +320,8 @@ def _origins(
     take(lambda _, row, index: before[index] == row)
     take(lambda _, row, index: any(name(row)) and name(before[index]) == name(row))
     if len(before) == len(after):
-        take(lambda at, row, index: index == at and before[at].get("kind") == row.get("kind"))
-    return found
+        take(lambda i, row, index: index == i and before[i].get("kind") == row.get("kind"))
+    return indices
 
 
 @cache
@@ -342,11 +342,11 @@ def _set(node: Any, key: str, value: Any) -> None:
     import tomlkit
     from tomlkit.items import AoT
 
-    whole = isinstance(node, tomlkit.TOMLDocument)
-    inline = not whole and getattr(node, "is_inline_table", lambda: False)()
-    if isinstance(value, Mapping) and (whole or key in _HEADED) and not inline:
+    is_document = isinstance(node, tomlkit.TOMLDocument)
+    inline = not is_document and getattr(node, "is_inline_table", lambda: False)()
+    if isinstance(value, Mapping) and (is_document or key in _HEADED) and not inline:
         item: Any = _table(value)
-    elif whole and _are_rows(value):
+    elif is_document and _are_rows(value):
         item = AoT([_table(row) for row in value], key, parsed=True)
     else:
         set_key(node, key, value)
@@ -360,11 +360,11 @@ def _table(table: Mapping[str, Any]) -> Any:
     """Return a table with a header, its sub-tables last."""
     import tomlkit
 
-    made = tomlkit.table()
-    made.trivia.indent = "\n"
+    node = tomlkit.table()
+    node.trivia.indent = "\n"
     for key in sorted(table, key=lambda key: key in _HEADED and isinstance(table[key], Mapping)):
-        _set(made, key, table[key])
-    return made
+        _set(node, key, table[key])
+    return node
 
 
 def _are_tables(*values: Any) -> bool:

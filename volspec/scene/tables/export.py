@@ -134,10 +134,10 @@ class ExportSpec:
             raise fault("lights", "empty", "name a light, or leave it out for all", "missing")
         form, spectra = self.format, "spectra" if self.spectral else "coefficients"
         sweep, turntable = self.sweep, self.turntable
-        apart = self.spectral or form == "coefficients"  # files that compositors take apart
+        composited = self.spectral or form == "coefficients"  # files that compositors take apart
         frames = None if sweep is None or turntable is None else sweep.frames
         played = None if self.play is None else self.play.frames
-        others = [each.frames for each in (turntable, sweep) if each and each.frames]
+        lengths = [motion.frames for motion in (turntable, sweep) if motion and motion.frames]
         for field, refused, problem in (
             (
                 "shows",
@@ -194,7 +194,7 @@ class ExportSpec:
             ),
             (
                 "primaries",
-                apart and self.primaries != "Rec. 709",
+                composited and self.primaries != "Rec. 709",
                 f'R, G and B with {spectra} are Rec. 709, not "{self.primaries}"',
             ),
             (
@@ -209,8 +209,8 @@ class ExportSpec:
             ),
             (
                 "play.frames",
-                played is not None and others != [played] * len(others),
-                f"{played}, but the turntable or the sweep has {', '.join(map(str, others))}",
+                played is not None and lengths != [played] * len(lengths),
+                f"{played}, but the turntable or the sweep has {', '.join(map(str, lengths))}",
             ),
         ):
             if refused:

@@ -148,26 +148,26 @@ def rows_by_name(rows: Sequence[LightSpec]) -> dict[str, list[LightSpec]]:
 
 def named_light(
     rows: Sequence[LightSpec],
-    shares: Mapping[str, float],
+    fractions: Mapping[str, float],
     grid: SpectralGrid,
     folder: str | os.PathLike[str],
-    known: Mapping[str, Spectrum] = MappingProxyType({}),
+    unsaved: Mapping[str, Spectrum] = MappingProxyType({}),
 ) -> NamedLight:
     """Return the light setting of the rows with one name, which all have lux or none has.
 
-    ``known`` holds spectra that are not on disk yet. Raises SpectrumError or ViewingError if a
+    ``unsaved`` holds spectra that are not on disk yet. Raises SpectrumError or ViewingError if a
     spectrum is unknown, a lamp's lux cannot be computed, or the rows give no light.
     """
     spectra = tuple(
-        resolve_light(row.spectrum, row.name, grid, Path(folder), known) for row in rows
+        resolve_light(row.spectrum, row.name, grid, Path(folder), unsaved) for row in rows
     )
     lux = tuple(lux for row in rows if (lux := row.lux()) is not None)
     weights, groups = tuple(row.weight for row in rows), tuple(row.group or "" for row in rows)
     rig = LightRig(spectra, weights, lux or None, groups)
     label = next((row.label for row in rows if row.label), rows[0].name)
-    facing = rig.facing(shares)  # refuses a setting that gives no light, before the cast
-    shown = spectra[0] if len(rows) == 1 else facing.mixed(grid)
-    return NamedLight(rows[0].name, label, shown, rig)
+    facing = rig.facing(fractions)  # refuses a setting that gives no light, before the cast
+    spectrum = spectra[0] if len(rows) == 1 else facing.mixed(grid)
+    return NamedLight(rows[0].name, label, spectrum, rig)
 
 
 def require_lux(

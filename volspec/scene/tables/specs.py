@@ -97,39 +97,39 @@ ROOM_LIGHT = "room"
 
 
 def resolve_light(
-    given: str | SpectrumNumbers,
+    source: str | SpectrumNumbers,
     name: str,
     grid: SpectralGrid,
     folder: Path,
-    known: Mapping[str, Spectrum],
+    unsaved: Mapping[str, Spectrum],
 ) -> Spectrum:
     """Return the light of a row, whose paths are relative to ``folder``.
 
-    ``known`` holds spectra that are not on disk yet. Raises SpectrumError if the name is unknown,
+    ``unsaved`` holds spectra that are not on disk yet. Raises SpectrumError if the name is unknown,
     or the numbers are not a light.
     """
-    if given == ROOM_LIGHT and given not in known:
+    if source == ROOM_LIGHT and source not in unsaved:
         raise SpectrumError(
             f"spectrum = {ROOM_LIGHT!r} is the light of a room, and the scene has none",
             "add [room], or give a light such as D65",
             code="missing",
         )
-    if isinstance(given, SpectrumNumbers):
-        return as_light(given.spectrum(name), grid, "spectrum.values")
-    return known.get(given) or light(given, grid, folder=folder)
+    if isinstance(source, SpectrumNumbers):
+        return as_light(source.spectrum(name), grid, "spectrum.values")
+    return unsaved.get(source) or light(source, grid, folder=folder)
 
 
 def given_reflectance(
-    given: str | SpectrumNumbers,
+    source: str | SpectrumNumbers,
     name: str,
     grid: SpectralGrid,
     folder: Path,
-    known: Mapping[str, Spectrum],
+    unsaved: Mapping[str, Spectrum],
 ) -> Spectrum:
     """Return the reflectance or filter of a row; parameters and errors as for `resolve_light`."""
-    if isinstance(given, SpectrumNumbers):
-        return as_reflectance(given.spectrum(name), grid, "values")
-    return known.get(given) or reflectance(given, grid, folder=folder)
+    if isinstance(source, SpectrumNumbers):
+        return as_reflectance(source.spectrum(name), grid, "values")
+    return unsaved.get(source) or reflectance(source, grid, folder=folder)
 
 
 EMPTY = "empty"
@@ -214,9 +214,9 @@ class BasisSpec:
     @staticmethod
     def from_table(table: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:
         """Refuse keys that exclude each other, unless they equal their defaults."""
-        others = sorted(set(table) - {"name"})
-        if "name" in table and others:
-            problem = f"a shipped basis, with {' and '.join(others)}"
+        other_keys = sorted(set(table) - {"name"})
+        if "name" in table and other_keys:
+            problem = f"a shipped basis, with {' and '.join(other_keys)}"
             raise fault("name", problem, "give one of them")
         fitted = sorted({"size", "positive", "train"} & set(table))
         if table.get("method") == "materials" and fitted:
@@ -241,9 +241,9 @@ class CameraSpec(Orbit):
     @staticmethod
     def from_table(table: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:
         """Refuse an orbit together with a position."""
-        orbit = {each.name for each in fields(Orbit)} - {"target_mm", "up", "fov_deg"}
-        if "position_mm" in table and (given := sorted(orbit & set(table))):
-            raise fault("position_mm", f"given with {' and '.join(given)}", "give one of them")
+        orbit = {row.name for row in fields(Orbit)} - {"target_mm", "up", "fov_deg"}
+        if "position_mm" in table and (orbital := sorted(orbit & set(table))):
+            raise fault("position_mm", f"given with {' and '.join(orbital)}", "give one of them")
         return table
 
 
@@ -299,8 +299,8 @@ class MeshSpec:
             remedy = "give file and material, or leave it out"
             raise fault("own_colours", "is of a file, and in place of a material", remedy)
         if sum(looks) > 1:
-            given = " and ".join(n for n in ("material", "texture", "shares") if getattr(self, n))
-            raise fault("", f"has {given}", "give one of them")
+            names = " and ".join(n for n in ("material", "texture", "shares") if getattr(self, n))
+            raise fault("", f"has {names}", "give one of them")
         if not any(looks) and self.shape != "triad":
             raise fault("", "has no look", "give one of material, texture and shares")
         if self.materials and self.texture is None:
@@ -319,9 +319,9 @@ class MeshSpec:
 
     def moved(self, change: Callable[[str], str]) -> MeshSpec:
         """Return the mesh with other names of files."""
-        file, texture = (given and change(given) for given in (self.file, self.texture))
-        shares = {name: change(given) for name, given in self.shares.items()}
-        return replace(self, file=file, texture=texture, shares=shares)
+        file, texture = (path and change(path) for path in (self.file, self.texture))
+        share_files = {name: change(path) for name, path in self.shares.items()}
+        return replace(self, file=file, texture=texture, shares=share_files)
 
     def mesh(self, folder: Path) -> Mesh:
         """Return the surface in its place.

@@ -169,16 +169,16 @@ class TransferSpec:
         return next(kind for kind in KINDS if getattr(self, kind) is not None)
 
     def __post_init__(self) -> None:
-        given = [kind for kind in KINDS if getattr(self, kind) is not None]
-        if len(given) != 1:
+        kinds = [kind for kind in KINDS if getattr(self, kind) is not None]
+        if len(kinds) != 1:
             raise fault(
                 "",
-                f"{' and '.join(given)} are given" if given else "none is given",
+                f"{' and '.join(kinds)} are given" if kinds else "none is given",
                 f"give one of {', '.join(KINDS)}",
-                "conflict" if given else "missing",
+                "conflict" if kinds else "missing",
             )
         if self.gradient_opacity is not None and self.points is None:
-            raise fault("gradient_opacity", f"only for points, not {given[0]}", "leave it out")
+            raise fault("gradient_opacity", f"only for points, not {kinds[0]}", "leave it out")
         if self.reference_step_mm is not None and self.surfaces is not None:
             raise fault("reference_step_mm", "surfaces have no thickness", "leave it out")
         self._check_mask()
@@ -197,13 +197,13 @@ class TransferSpec:
         for one, other in (("mask", "label"), ("label", "mask")):
             if getattr(self, one) is not None and getattr(self, other) is None:
                 raise fault(other, f"missing, which {one} needs", f"give {other}", "missing")
-        known: set[Label] = set()
+        labels: set[Label] = set()
         for i, row in enumerate(self.label or ()):
             for label in row.labels:
-                if label in known:
+                if label in labels:
                     problem = f"{label!r} is given twice"
                     raise fault(f"label[{i}].label", problem, "leave out one", "duplicate")
-                known.add(label)
+                labels.add(label)
 
     @classmethod
     def of(cls, transfer: Transfer) -> TransferSpec:
@@ -224,13 +224,13 @@ class TransferSpec:
             kind = "points" if isinstance(transfer, TransferFunction) else "surfaces"
             points = getattr(transfer, kind)
             rows = [{"value": float(v), "opacity": float(o), "material": m} for v, o, m in points]
-        others = {
+        extras = {
             name: value
             for name in ("gradient_opacity", "reference_step_mm")
             if (value := getattr(transfer, name, None)) is not None
         }
         table = [row | {"material": mix_as_written(row["material"])} for row in rows]
-        return read_table(cls, {kind: table, **others}, SceneError)
+        return read_table(cls, {kind: table, **extras}, SceneError)
 
     def seen(self) -> Iterator[tuple[float, Mapping[str, float]]]:
         """Weigh the mixes: opacity times the range of values that each covers."""
@@ -291,8 +291,8 @@ def mix_as_written(mix: Mix) -> str | dict[str, float]:
     """Return a mix as written in a file: a single material by its name alone."""
     if isinstance(mix, str):
         return mix
-    shares = {name: float(share) for name, share in mix.items()}
-    return next(iter(shares)) if list(shares.values()) == [1.0] else shares
+    fractions = {name: float(fraction) for name, fraction in mix.items()}
+    return next(iter(fractions)) if list(fractions.values()) == [1.0] else fractions
 
 
 def _seen_points(points: Sequence[PointSpec]) -> Iterator[tuple[float, Mapping[str, float]]]:
