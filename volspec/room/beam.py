@@ -93,17 +93,17 @@ class Beam:
         length = np.maximum(np.linalg.norm(local, axis=1), 1e-300)
         gamma = np.degrees(np.arccos(np.clip(-local[:, 2] / length, -1.0, 1.0)))
         c = np.degrees(np.arctan2(local[:, 1], local[:, 0])) % 360.0
-        found = np.zeros(len(gamma))
+        intensity = np.zeros(len(gamma))
         # Rounding must not darken the aim itself.
         low, high = self.vertical_deg[0] - 1e-9, self.vertical_deg[-1] + 1e-9
-        lit = np.flatnonzero((gamma >= low) & (gamma <= high))
-        row, across = _between(self.horizontal_deg, c[lit])
-        column, down = _between(self.vertical_deg, gamma[lit])
-        for i, share in ((row, 1.0 - across), (row + 1, across)):
-            found[lit] += share * (
+        inside = np.flatnonzero((gamma >= low) & (gamma <= high))
+        row, across = _between(self.horizontal_deg, c[inside])
+        column, down = _between(self.vertical_deg, gamma[inside])
+        for i, weight in ((row, 1.0 - across), (row + 1, across)):
+            intensity[inside] += weight * (
                 (1.0 - down) * self.candela[i, column] + down * self.candela[i, column + 1]
             )
-        return np.asarray(found * (4.0 * np.pi / self.integral))
+        return np.asarray(intensity * (4.0 * np.pi / self.integral))
 
     def _axes(self) -> Array:
         """Return columns: the directions of C 0, C 90, and against the aim, in the room."""
@@ -121,8 +121,8 @@ class Beam:
 
 def _between(knots: Array, values: Array) -> tuple[NDArray[np.intp], Array]:
     """Return the interval of each value, and the place in it from 0 to 1."""
-    at = np.clip(np.searchsorted(knots, values, side="right") - 1, 0, len(knots) - 2)
-    return at, np.clip((values - knots[at]) / (knots[at + 1] - knots[at]), 0.0, 1.0)
+    index = np.clip(np.searchsorted(knots, values, side="right") - 1, 0, len(knots) - 2)
+    return index, np.clip((values - knots[index]) / (knots[index + 1] - knots[index]), 0.0, 1.0)
 
 
 def read_beam(path: str | os.PathLike[str]) -> Beam:
@@ -170,53 +170,53 @@ class _Words:
         """Begin with other words."""
         self._words, self._at = list(words), 0
 
-    def take(self, what: str, least: float = 0.0) -> float:
-        """Return the next number, of ``least`` or more."""
-        return float(self.array(what, 1, least)[0])
+    def take(self, quantity: str, minimum: float = 0.0) -> float:
+        """Return the next number, of ``minimum`` or more."""
+        return float(self.array(quantity, 1, minimum)[0])
 
-    def whole(self, what: str, least: int = 1) -> int:
+    def whole(self, quantity: str, minimum: int = 1) -> int:
         """Return the next number, a count."""
-        value = self.take(what, least)
+        value = self.take(quantity, minimum)
         if value != int(value):
-            raise self._bad(what, f"{value:g}")
+            raise self._bad(quantity, f"{value:g}")
         return int(value)
 
-    def array(self, what: str, count: int, least: float = 0.0) -> Array:
-        """Return the next numbers, all of ``least`` or more."""
+    def array(self, quantity: str, count: int, minimum: float = 0.0) -> Array:
+        """Return the next numbers, all of ``minimum`` or more."""
         words = self._words[self._at : self._at + count]
         if len(words) < count:
             raise _refused(
                 self.path,
-                f"has {len(words)} of {count} numbers of {what}",
+                f"has {len(words)} of {count} numbers of {quantity}",
                 "it is cut off, export it again",
                 "damaged",
                 len(words),
             )
         self._at += count
-        found = np.empty(count)
+        numbers = np.empty(count)
         for k, word in enumerate(words):
             try:
-                found[k] = read_number(word)
+                numbers[k] = read_number(word)
             except ValueError:
-                raise self._bad(what, word) from None
-            if not least <= found[k] < np.inf:
-                raise self._bad(what, word, "range")
-        return found
+                raise self._bad(quantity, word) from None
+            if not minimum <= numbers[k] < np.inf:
+                raise self._bad(quantity, word, "range")
+        return numbers
 
-    def _bad(self, what: str, word: str, code: Code = "syntax") -> RoomError:
+    def _bad(self, quantity: str, word: str, code: Code = "syntax") -> RoomError:
         return _refused(
-            self.path, f"{what} is {quoted(word)}", "correct it, or export it again", code, word
+            self.path, f"{quantity} is {quoted(word)}", "correct it, or export it again", code, word
         )
 
 
 def _beam(path: str, gamma: Array, c: Array, candela: Array, symmetry: str) -> Beam:
     """Return a beam with the planes that a symmetry implies."""
-    for what, angles in (("vertical", gamma), ("horizontal", c)):
+    for plane, angles in (("vertical", gamma), ("horizontal", c)):
         if not (np.diff(angles) > 0).all():
             k = int(np.argmin(np.diff(angles) > 0))
             raise _refused(
                 path,
-                f"{what} angles {angles[k]:g} and {angles[k + 1]:g} do not increase",
+                f"{plane} angles {angles[k]:g} and {angles[k + 1]:g} do not increase",
                 "export it again",
                 "damaged",
                 float(angles[k + 1]),
@@ -259,7 +259,7 @@ def _read_ies(words: _Words, text: str) -> Beam:
     words.take("the number of lamps")
     words.take("the lumens per lamp", -1.0)
     scale = words.take("the candela multiplier")
-    count, planes = (words.whole(f"the number of {each} angles") for each in _ANGLES)
+    count, planes = (words.whole(f"the number of {axis} angles") for axis in _ANGLES)
     photometry = words.whole("the photometric type")
     if photometry != 1:
         kind = _PHOTOMETRY.get(photometry, str(photometry))
@@ -273,7 +273,7 @@ def _read_ies(words: _Words, text: str) -> Beam:
         scale *= factor  # later editions use this place for other things
     words.take("the input watts")
     gamma, c = (
-        words.array(f"{each} angles", n) for each, n in zip(_ANGLES, (count, planes), strict=True)
+        words.array(f"{axis} angles", n) for axis, n in zip(_ANGLES, (count, planes), strict=True)
     )
     candela = words.array("candela", count * planes).reshape(planes, count) * scale
     last = float(c[-1])
@@ -318,9 +318,9 @@ def _read_ldt(words: _Words, text: str) -> Beam:
     flux = words.take("the luminous flux of the lamps")
     words.fill([word for line in numbers[after + _LDT_RATIOS :] for word in line.split()])
     c, gamma = words.array("C-planes", planes), words.array("angles", count)
-    chosen = part(planes)
-    candela = words.array("cd/klm", len(chosen) * count).reshape(len(chosen), count) * scale
-    angles = c[np.array(chosen) % planes] + 360.0 * (np.array(chosen) >= planes)
+    columns = part(planes)
+    candela = words.array("cd/klm", len(columns) * count).reshape(len(columns), count) * scale
+    angles = c[np.array(columns) % planes] + 360.0 * (np.array(columns) >= planes)
     beam = _beam(path, gamma, angles, candela, kind)
     return replace(beam, lumen=beam.integral * flux / 1000.0)
 

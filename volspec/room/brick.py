@@ -273,11 +273,11 @@ def exchange_area(one: ArrayLike, other: ArrayLike) -> float:
             return 0.0
         u, v = (axis for axis in range(3) if axis != normal_a)
         return _signed_sum(_parallel(distance), a[u], b[u], a[v], b[v])
-    along = 3 - normal_a - normal_b
+    edge = 3 - normal_a - normal_b
     # Distances from the line in which the planes meet.
     from_b = np.sort(np.abs(a[normal_b] - b[normal_b, 0]))
     from_a = np.sort(np.abs(b[normal_a] - a[normal_a, 0]))
-    return _signed_sum(_perpendicular, from_b, from_a, a[along], b[along])
+    return _signed_sum(_perpendicular, from_b, from_a, a[edge], b[edge])
 
 
 Corner = Callable[[Array, Array, Array, Array], Array]

@@ -34,9 +34,9 @@ def direct_irradiance(
 
     ``points`` and unit ``normals`` are (P, 3); ``shadow_rays`` are shot in all, about.
     """
-    found = panel_irradiance(room, rays, points, normals, shadow_rays)
+    irradiance = panel_irradiance(room, rays, points, normals, shadow_rays)
     power = np.array([*room.lights.values()])
-    return np.asarray(found + beam_irradiance(room, rays, points, normals).T @ power)
+    return np.asarray(irradiance + beam_irradiance(room, rays, points, normals).T @ power)
 
 
 def panel_irradiance(
@@ -55,24 +55,24 @@ def beam_irradiance(room: Room, rays: Rays, points: Array, normals: Array) -> Ar
     I is 1, or a lamp's `Beam` with a mean of 1. Rows are the room's lights; those of panels are 0.
     """
     raised, names = points + rays.offset * normals, list(room.lights)
-    found = np.zeros((len(names), len(points)))
+    irradiance = np.zeros((len(names), len(points)))
     for lamp in room.lamps:
-        way = np.asarray(lamp.position_m) - raised
-        distance = np.linalg.norm(way, axis=1)
-        cosine = np.einsum("pc,pc->p", way, normals) / distance
-        lit = np.flatnonzero(cosine > 0)
-        clear = rays.clear(raised[lit], raised[lit] + way[lit])
+        to_light = np.asarray(lamp.position_m) - raised
+        distance = np.linalg.norm(to_light, axis=1)
+        cosine = np.einsum("pc,pc->p", to_light, normals) / distance
+        facing = np.flatnonzero(cosine > 0)
+        clear = rays.clear(raised[facing], raised[facing] + to_light[facing])
         if lamp.beam is not None:
-            cosine[lit] *= lamp.beam.relative(-way[lit])
-        found[names.index(lamp.name), lit] += cosine[lit] / distance[lit] ** 2 * clear
+            cosine[facing] *= lamp.beam.relative(-to_light[facing])
+        irradiance[names.index(lamp.name), facing] += cosine[facing] / distance[facing] ** 2 * clear
     for sun in room.suns:
         direction = np.asarray(sun.direction)
         cosine = normals @ direction
-        lit = np.flatnonzero(cosine > 0)
-        hit = rays.first(raised[lit], np.broadcast_to(direction, (len(lit), 3)))
+        facing = np.flatnonzero(cosine > 0)
+        hit = rays.first(raised[facing], np.broadcast_to(direction, (len(facing), 3)))
         clear = np.isin(rays.mesh.surface[hit], list(sun.through)) & (hit >= 0) | (hit < 0)
-        found[names.index(sun.name), lit] += cosine[lit] * clear
-    return found
+        irradiance[names.index(sun.name), facing] += cosine[facing] * clear
+    return irradiance
 
 
 def seen_part(points: Array, normals: Array, triangle: Array) -> Array:
@@ -89,8 +89,8 @@ def seen_part(points: Array, normals: Array, triangle: Array) -> Array:
         a, b = corners[:, i], corners[:, (i + 1) % 3]
         ha, hb = height[:, i], height[:, (i + 1) % 3]
         crosses = (ha > 0) != (hb > 0)
-        share = np.where(crosses, ha / np.where(crosses, ha - hb, 1.0), 0.0)[:, None]
-        on = a + share * (b - a)
+        fraction = np.where(crosses, ha / np.where(crosses, ha - hb, 1.0), 0.0)[:, None]
+        on = a + fraction * (b - a)
         out, into = crosses & (ha > 0), crosses & (hb > 0)
         leaves[out], enters[into] = on[out], on[into]
         crossed |= crosses
@@ -120,7 +120,7 @@ def _from_surfaces(
     shadow_rays: int,
 ) -> Array:
     """Return the irradiance (P, B) from triangles with an exitance (N, B), W/m² per band."""
-    found = np.zeros((len(points), exitance.shape[1]))
+    irradiance = np.zeros((len(points), exitance.shape[1]))
     count = shadow_rays // max(len(points) * len(emitters.surface), 1)
     count = 1 << int(np.clip(count, 1, _RAYS_OF_POINT)).bit_length() - 1
     pattern = sobol(count, 2, seed=0)
@@ -128,23 +128,23 @@ def _from_surfaces(
     raised = points + rays.offset * normals
     for i, corners in enumerate(emitters.corners_m):
         part = seen_part(points, normals, corners)
-        lit = np.flatnonzero(part > 0)
-        if not len(lit):
+        facing = np.flatnonzero(part > 0)
+        if not len(facing):
             continue
         ends = emitters.part(slice(i, i + 1)).points(
-            ((pattern + shifts[lit]) % 1.0).reshape(1, -1, 2)
+            ((pattern + shifts[facing]) % 1.0).reshape(1, -1, 2)
         )[0]
-        starts = np.repeat(raised[lit], count, axis=0)
+        starts = np.repeat(raised[facing], count, axis=0)
         clear = rays.clear(starts, ends)
         # Each ray counts by what its end would add.
-        way = ends - starts
-        square = np.einsum("kc,kc->k", way, way)
-        cosines = np.einsum("kc,kc->k", way, np.repeat(normals[lit], count, axis=0)) * np.abs(
-            way @ emitters.normals[i]
+        offset = ends - starts
+        square = np.einsum("kc,kc->k", offset, offset)
+        cosines = np.einsum("kc,kc->k", offset, np.repeat(normals[facing], count, axis=0)) * np.abs(
+            offset @ emitters.normals[i]
         )
         weight = np.maximum(cosines, 0.0) / np.maximum(square, 1e-30) ** 2
         weight = weight.reshape(-1, count)
         visible = (weight * clear.reshape(-1, count)).sum(axis=1)
         visible /= np.maximum(weight.sum(axis=1), 1e-30)
-        found[lit] += (part[lit] * visible)[:, None] * exitance[i]
-    return found
+        irradiance[facing] += (part[facing] * visible)[:, None] * exitance[i]
+    return irradiance

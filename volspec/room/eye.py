@@ -71,7 +71,7 @@ def default_eye(room: Room) -> Eye:
         return room.eye
     points = room.mesh.corners_m.reshape(-1, 3)
     low, size = points.min(axis=0), np.ptp(points, axis=0)
-    position, target = (tuple((low + share * size).tolist()) for share in (_FRONT, _BACK))
+    position, target = (tuple((low + fraction * size).tolist()) for fraction in (_FRONT, _BACK))
     return Eye(position_m=position, target_m=target)
 
 
@@ -82,9 +82,9 @@ def seen_triangle(rays: Rays, eye: Eye) -> int:
     forward /= np.linalg.norm(forward)
     hit = int(rays.first(position[None], forward[None])[0])
     if hit < 0 or mesh.normals[hit] @ forward > 0:
-        at = ", ".join(f"{x:g}" for x in position)
+        place = ", ".join(f"{x:g}" for x in position)
         raise RoomError(
-            f"the eye at ({at}) m sees no surface's front; the room is {mesh.extent}",
+            f"the eye at ({place}) m sees no surface's front; the room is {mesh.extent}",
             "move its position_m",
             code="range",
             field="eye",
@@ -108,8 +108,8 @@ def look(
     irradiance = solved.irradiance[hit]
     lux = float(lux_from_irradiance(irradiance, grid))
     background, L_A = cone_luminances(solved, eye, lux)
-    own = np.ones(grid.size) if white is None else solved.room.reflectance(white)
-    L_Aw = float(lux_from_irradiance(irradiance * own, grid)) / np.pi
+    reflectance = np.ones(grid.size) if white is None else solved.room.reflectance(white)
+    L_Aw = float(lux_from_irradiance(irradiance * reflectance, grid)) / np.pi
     if not L_Aw > 0:
         raise RoomError(
             "no light falls on what the eye looks at",
@@ -125,7 +125,7 @@ def look(
         surround=min(L_A / L_Aw, 1.0),
     )
     name = solved.mesh.names[solved.mesh.surface[hit]]
-    return EyeConditions(measured, XYZ_from_spectra(shade, own), irradiance, name, L_Aw)
+    return EyeConditions(measured, XYZ_from_spectra(shade, reflectance), irradiance, name, L_Aw)
 
 
 def cone_luminances(solved: RoomLight, eye: Eye, lux: float) -> tuple[float, float]:
@@ -156,10 +156,10 @@ def _cone_hits(
     rays: Rays, eye: Vector, forward: Vector, cone_deg: tuple[float, float]
 ) -> NDArray[np.intp]:
     """Return the patches, or -1, that an eye sees between two cones."""
-    shares = sobol(_CONE_RAYS, 2, seed=0)
+    samples = sobol(_CONE_RAYS, 2, seed=0)
     ends = np.cos(np.radians(cone_deg))
-    cosine = ends[0] + shares[:, :1] * (ends[1] - ends[0])
-    sine, turn = np.sqrt(1.0 - cosine**2), 2.0 * np.pi * shares[:, 1:]
+    cosine = ends[0] + samples[:, :1] * (ends[1] - ends[0])
+    sine, turn = np.sqrt(1.0 - cosine**2), 2.0 * np.pi * samples[:, 1:]
     first, second = frames(np.array(forward))
     directions = cosine * np.array(forward) + sine * (np.cos(turn) * first + np.sin(turn) * second)
     return rays.first(np.broadcast_to(eye, directions.shape), directions)
@@ -196,21 +196,21 @@ def surface_appearance(solved: RoomLight, name: str) -> SurfaceAppearance:
     start = centre + solved.rays.offset * normal
     hit = int(solved.rays.first(start[None], normal[None])[0])
     room_m = _AWAY_M if hit < 0 else abs(float((mesh.centres_m[hit] - centre) @ mesh.normals[hit]))
-    away = min(_AWAY_M, room_m / 2.0)
-    place = tuple((centre + away * normal).tolist())
+    distance = min(_AWAY_M, room_m / 2.0)
+    place = tuple((centre + distance * normal).tolist())
     conditions = look(solved, Eye(position_m=place, target_m=tuple(centre.tolist())))
     grid, reflectance = room.grid, room.reflectance(name)
     daylight = light("D65", grid)
-    chosen = XYZ_from_spectra(daylight, reflectance)
-    seen = XYZ_from_spectra(Spectrum(grid.wavelengths_nm, conditions.irradiance), reflectance)
+    atlas_XYZ = XYZ_from_spectra(daylight, reflectance)
+    room_XYZ = XYZ_from_spectra(Spectrum(grid.wavelengths_nm, conditions.irradiance), reflectance)
     lux = float(lux_from_irradiance(areas @ solved.irradiance[rows] / areas.sum(), grid))
     return SurfaceAppearance(
         name,
         lux,
-        atlas_appearance(chosen, grid),
-        conditions.appearance(seen),
-        _xy(chosen),
-        _xy(seen),
+        atlas_appearance(atlas_XYZ, grid),
+        conditions.appearance(room_XYZ),
+        _xy(atlas_XYZ),
+        _xy(room_XYZ),
     )
 
 
@@ -230,8 +230,8 @@ def room_picture(
     """Return the codes (H, W, 3), 0 to 1, of a picture for the display of the eye's viewing."""
     XYZ = picture_XYZ(solved, eye, size, conditions.irradiance, samples, progress)
     viewing = conditions.viewing
-    seen = view_transform(viewing, conditions.white_XYZ).apply(viewing.exposure * XYZ)
-    return screen_for_viewing(viewing).codes(seen)
+    displayed = view_transform(viewing, conditions.white_XYZ).apply(viewing.exposure * XYZ)
+    return screen_for_viewing(viewing).codes(displayed)
 
 
 def picture_XYZ(
@@ -257,7 +257,7 @@ def picture_XYZ(
     place = np.concatenate([solved.mesh.centres_m, 4.0 * span * solved.mesh.normals], axis=1)
     tree = cKDTree(place)
     directions = pixel_rays(eye, size, samples)
-    found = np.zeros((len(directions), 3))
+    picture = np.zeros((len(directions), 3))
     origin = np.array(eye.position_m)
     for start in range(0, len(directions), _PIXELS):
         progress("picture", start / len(directions))
@@ -265,11 +265,11 @@ def picture_XYZ(
         hit = solved.rays.first(np.broadcast_to(origin, part.shape), part)
         normals = solved.mesh.normals[hit]
         slope = np.einsum("kc,kc->k", part, normals)
-        seen = np.flatnonzero((hit >= 0) & (slope < 0))
-        hit, normals, slope = hit[seen], normals[seen], slope[seen]
+        visible = np.flatnonzero((hit >= 0) & (slope < 0))
+        hit, normals, slope = hit[visible], normals[visible], slope[visible]
         corners = solved.mesh.corners_m[hit, 0]
-        along = np.einsum("kc,kc->k", corners - origin, normals) / slope
-        points = origin + along[:, None] * part[seen]
+        depth = np.einsum("kc,kc->k", corners - origin, normals) / slope
+        points = origin + depth[:, None] * part[visible]
         fallen = direct_irradiance(solved.room, solved.rays, points, normals)
         count = min(_NEIGHBOURS, len(place))
         distance, near = tree.query(np.concatenate([points, 4.0 * span * normals], axis=1), count)
@@ -278,10 +278,10 @@ def picture_XYZ(
         weight /= weight.sum(axis=1, keepdims=True)
         fallen += np.einsum("kn,knb->kb", weight, indirect[near])
         left = (solved.reflectances[hit] * fallen) @ scale
-        found[start + seen] = left + exitance[solved.mesh.surface[hit]]
+        picture[start + visible] = left + exitance[solved.mesh.surface[hit]]
     progress("picture", 1.0)
     width, height = size
-    cells = found.reshape(height, samples, width, samples, 3)
+    cells = picture.reshape(height, samples, width, samples, 3)
     return cells.mean(axis=(1, 3))
 
 

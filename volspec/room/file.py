@@ -114,11 +114,11 @@ class LampSpec:
                 "give one of on, position_m and azimuth_deg",
                 code="conflict",
             )
-        given = [self.lux is not None, self.lumen is not None, self.watt is not None]
-        least = self.beam is None
-        if not least <= sum(given) <= 1 or (kinds[2] and not given[0]) or (kinds[1] and given[0]):
-            wanted = "one of lux, lumen and watt" if kinds[0] else "lumen or watt"
-            remedy = f"give {'lux' if kinds[2] else wanted}"
+        power = [self.lux is not None, self.lumen is not None, self.watt is not None]
+        needed = self.beam is None
+        if not needed <= sum(power) <= 1 or (kinds[2] and not power[0]) or (kinds[1] and power[0]):
+            lumens = "one of lux, lumen and watt" if kinds[0] else "lumen or watt"
+            remedy = f"give {'lux' if kinds[2] else lumens}"
             raise RoomError("has no power, or several, or of another kind", remedy, code="conflict")
         if self.place_m is not None and self.on is None:
             raise RoomError("", "leave place_m out: only panels have one", field="place_m")
@@ -219,7 +219,7 @@ class RoomFile:
             if twice := next((name for name in names if names.count(name) > 1), None):
                 problem = f"two [[{kind}]] are named {twice!r}"
                 raise RoomError(problem, "rename one", code="duplicate", field=kind)
-        if self.size_m is None and any(each.on is not None for each in self.light):
+        if self.size_m is None and any(lamp.on is not None for lamp in self.light):
             raise RoomError("a panel needs size_m", "give it, or a small lamp", code="missing")
 
 
@@ -258,17 +258,17 @@ def build_room(file: RoomFile, folder: Path, grid: SpectralGrid = DEFAULT_GRID) 
     """Return the room of a file's tables; ``folder`` is where its files are."""
     mesh = _mesh(file, folder)
     rows = {}
-    for each in file.surface:
-        with _in_row("surface", each.name):
-            rows[each.name] = paint_named(each.reflectance, grid, folder)
+    for spec in file.surface:
+        with _in_row("surface", spec.name):
+            rows[spec.name] = paint_named(spec.reflectance, grid, folder)
     if walls := rows.pop("walls", None):
         rows = {side: walls for side in WALLS if side in mesh.names} | rows
-    panels = [each.name for each in file.light if each.on is not None]
+    panels = [row.name for row in file.light if row.on is not None]
     spare = [name for name in rows if name not in mesh.names]
     for side in mesh.names:
         if side not in rows and side not in panels:
             names = [side, "walls"] if side in WALLS else [side]
-            guess = next((found for name in names if (found := nearest(name, spare))), "")
+            guess = next(filter(None, (nearest(name, spare) for name in names)), "")
             raise RoomError(
                 f"no [[surface]] is named {' or '.join(map(repr, names))}",
                 f"{guess}say what it reflects",
@@ -285,7 +285,7 @@ def build_room(file: RoomFile, folder: Path, grid: SpectralGrid = DEFAULT_GRID) 
             )
     exitances: dict[str, NDArray[np.float64]] = {}
     lamps, suns = [], []
-    openings = frozenset(mesh.names.index(each) for each in panels if each in mesh.names)
+    openings = frozenset(mesh.names.index(name) for name in panels if name in mesh.names)
     for row in file.light:
         with _in_row("light", row.name):
             spectrum = light(row.spectrum, grid, folder=folder)
@@ -367,12 +367,12 @@ def _mesh(file: RoomFile, folder: Path) -> RoomMesh:
     parts: list[RoomMesh] = []
     if file.size_m is not None:
         parts += _sides(np.array(file.size_m), file.light)
-    for each in file.box:
-        low, high = np.array(each.low_m), np.array(each.high_m)
+    for row in file.box:
+        low, high = np.array(row.low_m), np.array(row.high_m)
         # Clear of floor, walls and other furniture, so that no side lies on another.
         gap = _GAP * max(file.size_m or high - low)
-        parts.append(box(low + gap, high - gap, each.name))
-    parts += [_from_file(each, folder) for each in file.mesh]
+        parts.append(box(low + gap, high - gap, row.name))
+    parts += [_from_file(row, folder) for row in file.mesh]
     mesh = parts[0]
     for part in parts[1:]:
         mesh = mesh + part
@@ -387,14 +387,14 @@ def _sides(size: NDArray[np.float64], lights: Sequence[LampSpec]) -> list[RoomMe
     parts = []
     for number, side in enumerate(SIDES):
         axis, end = divmod(number, 2)
-        first, second = (each for each in range(3) if each != axis)
-        held = [
-            (each.name, each.place_m)
-            for each in lights
-            if each.on == side and each.place_m is not None
+        first, second = (k for k in range(3) if k != axis)
+        panels = [
+            (lamp.name, lamp.place_m)
+            for lamp in lights
+            if lamp.on == side and lamp.place_m is not None
         ]
-        along, up = np.eye(3)[first] * size[first], np.eye(3)[second] * size[second]
-        part = panel(np.eye(3)[axis] * size[axis] * end, along, up, side, held)
+        right, up = np.eye(3)[first] * size[first], np.eye(3)[second] * size[second]
+        part = panel(np.eye(3)[axis] * size[axis] * end, right, up, side, panels)
         inwards = np.eye(3)[axis] * (1 - 2 * end)
         if part.normals[0] @ inwards < 0:
             part = RoomMesh(part.corners_m[:, ::-1], part.surface, part.names)

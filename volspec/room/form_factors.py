@@ -64,7 +64,7 @@ def form_factors(
     rays: Rays,
     per_patch: int,
     seed: int = 0,
-    progress: Callable[[float], object] = lambda share: None,
+    progress: Callable[[float], object] = lambda fraction: None,
 ) -> FormFactors:
     """Estimate the form factors of a mesh's triangles from ``per_patch`` rays each, a power of two.
 
@@ -74,35 +74,35 @@ def form_factors(
     count, normals, areas = len(mesh.surface), mesh.normals, mesh.areas_m2
     pattern = sobol(per_patch, 4, seed)
     shifts = np.random.default_rng(seed + 1).random((count, 1, 4))
-    lost, backs = np.zeros(count), np.zeros(count)
-    found: list[list[NDArray[np.int64]]] = [[], []]
+    escaped, backs = np.zeros(count), np.zeros(count)
+    hits: list[list[NDArray[np.int64]]] = [[], []]
     numbers: list[list[NDArray[np.int64]]] = [[], []]
     step = max(_BLOCK // per_patch, 1)
     for start in range(0, count, step):
         progress(start / count)
         rows = slice(start, min(start + step, count))
-        shares = (pattern + shifts[rows]) % 1.0
+        samples = (pattern + shifts[rows]) % 1.0
         normal = normals[rows, None]
-        origins = mesh.part(rows).points(shares[..., :2]) + rays.offset * normal
-        directions = cosine_directions(normal, shares[..., 2:])
+        origins = mesh.part(rows).points(samples[..., :2]) + rays.offset * normal
+        directions = cosine_directions(normal, samples[..., 2:])
         hit = rays.first(origins.reshape(-1, 3), directions.reshape(-1, 3)).reshape(-1, per_patch)
         front = np.einsum("nkc,nkc->nk", directions, normals[hit]) < 0
-        lost[rows], backs[rows] = (hit < 0).mean(axis=1), ((hit >= 0) & ~front).mean(axis=1)
+        escaped[rows], backs[rows] = (hit < 0).mean(axis=1), ((hit >= 0) & ~front).mean(axis=1)
         pairs = np.arange(start, rows.stop)[:, None] * np.int64(count) + hit
-        seen = front & (hit >= 0)
+        visible = front & (hit >= 0)
         for half in range(2):
             columns = slice(half * per_patch // 2, (half + 1) * per_patch // 2)
-            key, number = np.unique(pairs[:, columns][seen[:, columns]], return_counts=True)
-            found[half].append(key)
+            key, number = np.unique(pairs[:, columns][visible[:, columns]], return_counts=True)
+            hits[half].append(key)
             numbers[half].append(number)
     progress(1.0)
-    sums = areas * (1.0 - lost - backs)
+    sums = areas * (1.0 - escaped - backs)
     raw = [
-        _raw(np.concatenate(keys), np.concatenate(each) * (2.0 / per_patch), count)
-        for keys, each in zip(found, numbers, strict=True)
+        _raw(np.concatenate(keys), np.concatenate(counts) * (2.0 / per_patch), count)
+        for keys, counts in zip(hits, numbers, strict=True)
     ]
     joined = _reciprocal(csr_array((raw[0] + raw[1]) / 2.0), areas, sums)
-    return FormFactors(joined, (raw[0], raw[1]), lost, backs)
+    return FormFactors(joined, (raw[0], raw[1]), escaped, backs)
 
 
 def _raw(keys: NDArray[np.int64], values: NDArray[Any], count: int) -> csr_array:
@@ -111,17 +111,17 @@ def _raw(keys: NDArray[np.int64], values: NDArray[Any], count: int) -> csr_array
 
 def _reciprocal(raw: csr_array, areas: Array, sums: Array) -> csr_array:
     """Return form factors for which A_i F_ij = A_j F_ji and A_i Σ_j F_ij = ``sums``."""
-    found = raw.tocoo()
-    i, j = found.coords
+    coo = raw.tocoo()
+    i, j = coo.coords
     # Rays of a small patch are denser: its estimate of A_i F_ij has less variance.
-    flow = csr_array((found.data * areas[i] * areas[j] / (areas[i] + areas[j]), (i, j)), raw.shape)
+    flow = csr_array((coo.data * areas[i] * areas[j] / (areas[i] + areas[j]), (i, j)), raw.shape)
     flow = csr_array(flow + flow.T)
     scale = np.ones(len(areas))
     for _ in range(_ROUNDS):
-        own = scale * (flow @ scale)
-        if np.abs(own - sums).max() <= _CLOSE * sums.max():
+        row_sums = scale * (flow @ scale)
+        if np.abs(row_sums - sums).max() <= _CLOSE * sums.max():
             break
-        scale *= np.sqrt(sums / np.maximum(own, 1e-30))
+        scale *= np.sqrt(sums / np.maximum(row_sums, 1e-30))
     flow = flow.tocoo()
     i, j = flow.coords
     data = flow.data * scale[i] * scale[j] / areas[i]

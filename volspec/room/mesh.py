@@ -76,10 +76,10 @@ class RoomMesh:
             self._refuse(bad, "is there twice", "keep one of the coincident faces", "duplicate")
 
     def _refuse(self, triangle: int, problem: str, remedy: str, code: Code) -> None:
-        at = ", ".join(f"{x:.4g}" for x in self.corners_m[triangle].mean(axis=0))
+        place = ", ".join(f"{x:.4g}" for x in self.corners_m[triangle].mean(axis=0))
         name = self.names[self.surface[triangle]]
         raise RoomError(
-            f"{name}: its triangle {triangle} at ({at}) m {problem}",
+            f"{name}: its triangle {triangle} at ({place}) m {problem}",
             remedy,
             code=code,
         )
@@ -131,17 +131,17 @@ class RoomMesh:
         """Return some of the triangles."""
         return _unchecked(self.corners_m[rows], self.surface[rows], self.names)
 
-    def points(self, shares: Array) -> Array:
+    def points(self, uv: Array) -> Array:
         """Return points of each triangle: (N, P, 3) for (P, 2) or (N, P, 2) in the unit square.
 
-        Uniform shares give points of uniform density.
+        Uniform ``uv`` give points of uniform density.
         """
-        shares = np.broadcast_to(shares, (len(self.corners_m), *shares.shape[-2:]))
-        root = np.sqrt(shares[..., :1])
+        uv = np.broadcast_to(uv, (len(self.corners_m), *uv.shape[-2:]))
+        root = np.sqrt(uv[..., :1])
         a, b, c = (self.corners_m[:, None, i] for i in range(3))
-        return (1.0 - root) * a + root * (1.0 - shares[..., 1:]) * b + root * shares[..., 1:] * c
+        return (1.0 - root) * a + root * (1.0 - uv[..., 1:]) * b + root * uv[..., 1:] * c
 
-    def split(self, chosen: NDArray[np.bool_]) -> RoomMesh:
+    def split(self, halved: NDArray[np.bool_]) -> RoomMesh:
         """Return the mesh with chosen triangles halved across their longest sides.
 
         Halves follow each other, in place of their parent.
@@ -152,11 +152,11 @@ class RoomMesh:
         a, b, c = (corners[rows, (longest + i) % 3] for i in range(3))  # the longest side is a-b
         middle = (a + b) / 2.0
         halves = np.stack([np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)], axis=1)
-        counts = np.where(chosen, 2, 1)
+        counts = np.where(halved, 2, 1)
         parents = np.repeat(rows, counts)
         second = np.concatenate([[False], parents[1:] == parents[:-1]]).astype(np.intp)
-        found = np.where(chosen[parents, None, None], halves[parents, second], corners[parents])
-        return _unchecked(found, self.surface[parents], self.names)
+        parts = np.where(halved[parents, None, None], halves[parents, second], corners[parents])
+        return _unchecked(parts, self.surface[parents], self.names)
 
     def with_edges(self, longest_m: float) -> RoomMesh:
         """Return the mesh with triangles halved until no side is longer."""
@@ -181,10 +181,10 @@ class RoomMesh:
 
 def _unchecked(corners_m: Array, surface: NDArray[np.intp], names: tuple[str, ...]) -> RoomMesh:
     """Return a mesh whose triangles are parts of checked ones."""
-    made = object.__new__(RoomMesh)
+    mesh = object.__new__(RoomMesh)
     for name, value in (("corners_m", corners_m), ("surface", surface), ("names", names)):
-        object.__setattr__(made, name, value)
-    return made
+        object.__setattr__(mesh, name, value)
+    return mesh
 
 
 def rectangle(corner_m: ArrayLike, first_m: ArrayLike, second_m: ArrayLike, name: str) -> RoomMesh:
@@ -192,7 +192,7 @@ def rectangle(corner_m: ArrayLike, first_m: ArrayLike, second_m: ArrayLike, name
 
     Its front is where first × second points to.
     """
-    corner, first, second = (np.asarray(each, np.float64) for each in (corner_m, first_m, second_m))
+    corner, first, second = (np.asarray(v, np.float64) for v in (corner_m, first_m, second_m))
     ring = np.array([corner, corner + first, corner + first + second, corner + second])
     return RoomMesh(ring[_HALVES], np.zeros(2, np.intp), (name,))
 
@@ -231,7 +231,7 @@ def panel(
     Each opening is a name and its place (x, y, width, height), in metres along both sides. Raises
     RoomError if one is not inside, or two overlap.
     """
-    corner, first, second = (np.asarray(each, np.float64) for each in (corner_m, first_m, second_m))
+    corner, first, second = (np.asarray(v, np.float64) for v in (corner_m, first_m, second_m))
     lengths = [float(np.linalg.norm(first)), float(np.linalg.norm(second))]
     for other, (x, y, width, height) in openings:
         inside = x >= 0 and y >= 0 and x + width <= lengths[0] and y + height <= lengths[1]
@@ -249,20 +249,20 @@ def panel(
     for x0, x1 in pairwise(across):
         for y0, y1 in pairwise(up):
             middle = (x0 + x1) / 2, (y0 + y1) / 2
-            held = [
+            holders = [
                 other
                 for other, (x, y, width, height) in openings
                 if x < middle[0] < x + width and y < middle[1] < y + height
             ]
-            if len(held) > 1:
-                problem = f"{held[0]} and {held[1]} overlap on {name}"
+            if len(holders) > 1:
+                problem = f"{holders[0]} and {holders[1]} overlap on {name}"
                 raise RoomError(problem, "move one of them", code="conflict")
-            along, above = first / lengths[0], second / lengths[1]
+            right, above = first / lengths[0], second / lengths[1]
             part = rectangle(
-                corner + x0 * along + y0 * above,
-                (x1 - x0) * along,
+                corner + x0 * right + y0 * above,
+                (x1 - x0) * right,
                 (y1 - y0) * above,
-                held[0] if held else name,
+                holders[0] if holders else name,
             )
             mesh = part if mesh is None else mesh + part
     assert mesh is not None

@@ -107,11 +107,11 @@ class Room:
 
     def __post_init__(self) -> None:
         names = self.mesh.names
-        found = require_reflectance(self.reflectances, names, self.grid)
-        object.__setattr__(self, "reflectances", found)
+        rho = require_reflectance(self.reflectances, names, self.grid)
+        object.__setattr__(self, "reflectances", rho)
         for name in self.exitances:
             self.reflectance(name)  # refuses unknown names
-        emitting = {name: each for name, each in self.exitances.items() if np.any(each)}
+        emitting = {name: exitance for name, exitance in self.exitances.items() if np.any(exitance)}
         if emitting:
             require_emission(list(emitting.values()), list(emitting), self.grid)
         powers = (*(lamp.intensity for lamp in self.lamps), *(sun.irradiance for sun in self.suns))
@@ -134,12 +134,12 @@ class Room:
 
     def painted(self, paints: Mapping[str, Spectrum | ArrayLike]) -> Room:
         """Return the room with other reflectances (B,) of some of its surfaces."""
-        found = self.reflectances.copy()
+        reflectances = self.reflectances.copy()
         for name, paint in paints.items():
             self.reflectance(name)  # refuses unknown names
             require_no_emission(paint, f"paint of {name}")
-            found[self.mesh.names.index(name)] = stack(paint, self.grid)
-        return replace(self, reflectances=found)
+            reflectances[self.mesh.names.index(name)] = stack(paint, self.grid)
+        return replace(self, reflectances=reflectances)
 
     @property
     def lights(self) -> dict[str, Array]:
@@ -163,8 +163,8 @@ class Room:
         return replace(
             self,
             exitances={name: spectra[name] for name in self.exitances if name in spectra},
-            lamps=tuple(replace(each, intensity=spectra[each.name]) for each in lamps),
-            suns=tuple(replace(each, irradiance=spectra[each.name]) for each in suns),
+            lamps=tuple(replace(source, intensity=spectra[source.name]) for source in lamps),
+            suns=tuple(replace(source, irradiance=spectra[source.name]) for source in suns),
         )
 
     def alone(self, name: str) -> Room:
@@ -179,8 +179,8 @@ class Room:
             self,
             reflectances=self.reflectances[:, : _TWO_BANDS.size],
             exitances={name: one} if name in self.exitances else {},
-            lamps=tuple(replace(each, intensity=one) for each in lamps),
-            suns=tuple(replace(each, irradiance=one) for each in suns),
+            lamps=tuple(replace(source, intensity=one) for source in lamps),
+            suns=tuple(replace(source, irradiance=one) for source in suns),
             grid=_TWO_BANDS,
         )
 
@@ -195,5 +195,5 @@ def _named(kind: str, lights: Sequence[Light]) -> tuple[Light, ...]:
     """Return lamps or suns with names; those without one are numbered."""
     numbered = enumerate(lights, 1)
     return tuple(
-        each if each.name else replace(each, name=f"{kind} {number}") for number, each in numbered
+        light if light.name else replace(light, name=f"{kind} {n}") for n, light in numbered
     )

@@ -82,26 +82,26 @@ def painted_surfaces(room: Room, name: str) -> tuple[str, ...]:
     Raises RoomError if there is none, or it gives light.
     """
     names = room.mesh.names
-    found: tuple[str, ...] = (name,) if name in names else ()
-    if name == "walls" and not found:
-        found = tuple(each for each in WALLS if each in names and each not in room.exitances)
-    paintable = [each for each in names if each not in room.exitances]
-    if all(each in paintable for each in WALLS):
+    surfaces: tuple[str, ...] = (name,) if name in names else ()
+    if name == "walls" and not surfaces:
+        surfaces = tuple(other for other in WALLS if other in names and other not in room.exitances)
+    paintable = [other for other in names if other not in room.exitances]
+    if all(other in paintable for other in WALLS):
         paintable.insert(0, "walls")
-    there = f"give {', '.join(paintable)}"
-    if not found:
+    remedy = f"give {', '.join(paintable)}"
+    if not surfaces:
         raise RoomError(
             f"no surface is named {name!r}",
-            nearest(name, paintable) + there,
+            nearest(name, paintable) + remedy,
             code="unknown",
             field="surface",
             given=name,
         )
     if name in room.exitances:
         raise RoomError(
-            f"{name!r} gives light, and has no paint", there, code="conflict", field="surface"
+            f"{name!r} gives light, and has no paint", remedy, code="conflict", field="surface"
         )
-    return found
+    return surfaces
 
 
 def wanted_appearance(colour: str, grid: SpectralGrid = DEFAULT_GRID) -> Appearance:
@@ -175,7 +175,7 @@ def rank_paints(
         raise RoomError("no paints", "give one or more", code="missing", field="paints")
     if top < 1:
         raise RoomError.refused("top", top, "give 1 or more", "range")
-    rho = require_reflectance(list(paints), [each.name for each in paints], grid)
+    rho = require_reflectance(list(paints), [paint.name for paint in paints], grid)
 
     def irradiance(paint: Array) -> Array:
         painted = light.painted(dict.fromkeys(surfaces, paint))
@@ -196,24 +196,24 @@ def rank_paints(
         bounds[i] = _CURVATURE * float(slopes @ error[i]) + _ROUNDING
         lowest[i] = estimate - bounds[i]
     progress("paints", 1.0)
-    found: dict[int, tuple[float, Array, Appearance]] = {}
+    exact: dict[int, tuple[float, Array, Appearance]] = {}
     for i in np.argsort(lowest, kind="stable").tolist():
-        distances = sorted(distance for distance, _, _ in found.values())
-        if len(found) >= top and lowest[i] > distances[top - 1]:
+        distances = sorted(distance for distance, _, _ in exact.values())
+        if len(exact) >= top and lowest[i] > distances[top - 1]:
             break
-        progress("best paints", min(len(found) / top, 0.99))
-        own = irradiance(rho[i])
-        seen = wall_appearance(rho[i], own, grid)
-        found[i] = float(appearance_distance(seen, wanted)), own, seen
+        progress("best paints", min(len(exact) / top, 0.99))
+        fallen = irradiance(rho[i])
+        appearance = wall_appearance(rho[i], fallen, grid)
+        exact[i] = float(appearance_distance(appearance, wanted)), fallen, appearance
     progress("best paints", 1.0)
     best = []
-    for i in sorted(found, key=lambda each: (found[each][0], each))[:top]:
-        distance, own, seen = found[i]
-        chosen = atlas_appearance(Spectrum(grid.wavelengths_nm, rho[i]), grid)
-        lux = float(lux_from_irradiance(own, grid))
-        best.append(RankedPaint(paints[i].name, distance, seen, chosen, lux, paints[i]))
+    for i in sorted(exact, key=lambda k: (exact[k][0], k))[:top]:
+        distance, fallen, appearance = exact[i]
+        atlas_look = atlas_appearance(Spectrum(grid.wavelengths_nm, rho[i]), grid)
+        lux = float(lux_from_irradiance(fallen, grid))
+        best.append(RankedPaint(paints[i].name, distance, appearance, atlas_look, lux, paints[i]))
     return PaintRanking(
-        tuple(best), wanted, surfaces, len(rho), len(found), len(greys), float(bounds.max())
+        tuple(best), wanted, surfaces, len(rho), len(exact), len(greys), float(bounds.max())
     )
 
 
@@ -236,10 +236,10 @@ def interpolated_irradiance(greys: Array, solutions: Array, paints: Array) -> tu
     for k in range(1, len(greys)):
         span = greys[k:] - greys[:-k]
         differences[k:] = np.diff(differences[k - 1 :], axis=0) / span[:, None]
-    found, product = np.broadcast_to(differences[0], paints.shape).copy(), np.ones(paints.shape)
+    estimate, product = np.broadcast_to(differences[0], paints.shape).copy(), np.ones(paints.shape)
     term = np.zeros(paints.shape)
     for grey, difference in zip(greys[:-1], differences[1:], strict=True):
         product = product * (paints - grey)
         term = difference * product
-        found += term
-    return found, np.abs(term)
+        estimate += term
+    return estimate, np.abs(term)

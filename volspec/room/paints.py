@@ -73,26 +73,26 @@ def paint_set(
     SpectrumError
         If a file cannot be read, as `reflectance`.
     """
-    found: dict[str, Spectrum] = {}
+    paints: dict[str, Spectrum] = {}
     for name in names:
         for paint in _named(name.strip(), grid, folder):
-            found.setdefault(paint.name, paint)
-    return tuple(found.values())
+            paints.setdefault(paint.name, paint)
+    return tuple(paints.values())
 
 
 def _named(name: str, grid: SpectralGrid, folder: str | os.PathLike[str]) -> list[Spectrum]:
     """Return the paints of one name."""
     if name in reflectance_sets():
-        return [reflectance(each, grid) for each in reflectance_set_names(name)]
+        return [reflectance(n, grid) for n in reflectance_set_names(name)]
     address = split_address(name)
     if address and not address[1] and Path(address[0]).suffix.lower() in COLUMNS:
         return _atlas(os.fspath(Path(folder, name)), grid)
-    if part := [each for each in reflectance_names() if each.startswith(f"{name}/")]:
-        return [reflectance(each, grid) for each in part]
-    known = fold_name(name) in map(fold_name, reflectance_names())
-    if known or address or any(mark in name for mark in ":*+"):
+    if part := [n for n in reflectance_names() if n.startswith(f"{name}/")]:
+        return [reflectance(n, grid) for n in part]
+    is_listed = fold_name(name) in map(fold_name, reflectance_names())
+    if is_listed or address or any(mark in name for mark in ":*+"):
         return [reflectance(name, grid, folder=folder)]
-    parts = dict.fromkeys(each.partition("/")[0] for each in reflectance_names() if "/" in each)
+    parts = dict.fromkeys(n.partition("/")[0] for n in reflectance_names() if "/" in n)
     sets = (*reflectance_sets(), *parts)
     guess = nearest(name, (*sets, *reflectance_names()))
     raise RoomError(
@@ -112,13 +112,13 @@ def _atlas(path: str, grid: SpectralGrid) -> list[Spectrum]:
         raise RoomError(
             f"{path}: two paints are named {twice!r}", "rename one", code="duplicate", given=twice
         )
-    found: list[Spectrum] = []
+    paints: list[Spectrum] = []
     for name in table.names:
         with warnings.catch_warnings():
-            if found:  # all columns have the same wavelengths: one warning is enough
+            if paints:  # all columns have the same wavelengths: one warning is enough
                 warnings.simplefilter("ignore")
-            found.append(as_reflectance(table.spectrum(name), grid, f"{path}#{name}"))
-    return found
+            paints.append(as_reflectance(table.spectrum(name), grid, f"{path}#{name}"))
+    return paints
 
 
 def mix_paints(
@@ -174,18 +174,18 @@ def mix_paints(
             field="step",
             given=step,
         )
-    own = np.array([paint.on(grid).values for paint in paints])
-    shares = np.array(list(_shares(n, len(paints))))
+    reflectances = np.array([paint.on(grid).values for paint in paints])
+    parts = np.array(list(_compositions(n, len(paints))))
     if law == "additive":
-        mixed = shares @ own / n
+        mixed = parts @ reflectances / n
     else:
-        mixed = reflectance_from_absorption(shares @ absorption_from_reflectance(own) / n)
+        mixed = reflectance_from_absorption(parts @ absorption_from_reflectance(reflectances) / n)
     # A pure paint is itself: 0 stays 0, and nothing is rounded.
-    pure = shares.max(axis=1) == n
-    mixed[pure] = own[shares[pure].argmax(axis=1)]
+    pure = parts.max(axis=1) == n
+    mixed[pure] = reflectances[parts[pure].argmax(axis=1)]
     return tuple(
         Spectrum(grid.wavelengths_nm, values, _mixture_name(paints, row / n))
-        for values, row in zip(mixed, shares, strict=True)
+        for values, row in zip(mixed, parts, strict=True)
     )
 
 
@@ -206,18 +206,18 @@ def reflectance_from_absorption(absorption: ArrayLike) -> Array:
     return np.asarray(1.0 / (a + np.sqrt(a**2 - 1.0)))
 
 
-def _shares(total: int, count: int) -> Iterator[tuple[int, ...]]:
+def _compositions(total: int, count: int) -> Iterator[tuple[int, ...]]:
     """Yield all rows of ``count`` whole numbers that sum to ``total``."""
     if count == 1:
         yield (total,)
         return
     for first in range(total, -1, -1):
-        for rest in _shares(total - first, count - 1):
-            yield first, *rest
+        for tail in _compositions(total - first, count - 1):
+            yield first, *tail
 
 
-def _mixture_name(paints: Sequence[Spectrum], shares: Array) -> str:
-    parts = [(share, each.name) for share, each in zip(shares, paints, strict=True) if share]
+def _mixture_name(paints: Sequence[Spectrum], fractions: Array) -> str:
+    parts = [(part, paint.name) for part, paint in zip(fractions, paints, strict=True) if part]
     if len(parts) == 1:
         return parts[0][1]
-    return " + ".join(f"{100 * share:.3g} % {name}" for share, name in parts)
+    return " + ".join(f"{100 * part:.3g} % {name}" for part, name in parts)

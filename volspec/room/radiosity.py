@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float], object]
 
 
-def no_progress(step: str, share: float) -> None:
+def no_progress(step: str, fraction: float) -> None:
     """Ignore progress."""
 
 
@@ -127,16 +127,16 @@ class RoomLight:
         points = np.atleast_2d(np.asarray(points_m, np.float64))
         normal = np.atleast_2d(np.asarray(normals, np.float64))
         normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
-        found = direct_irradiance(self.room, self.rays, points, normal)
+        irradiance = direct_irradiance(self.room, self.rays, points, normal)
         reflected = self.reflectances * self.irradiance
-        shares = sobol(_GATHERED, 2, seed=0)
+        samples = sobol(_GATHERED, 2, seed=0)
         for i, (point, up) in enumerate(zip(points, normal, strict=True)):
-            directions = cosine_directions(up, shares)
+            directions = cosine_directions(up, samples)
             hit = self.rays.first(np.broadcast_to(point, directions.shape), directions)
             front = np.einsum("kc,kc->k", directions, self.mesh.normals[hit]) < 0
             counts = np.bincount(hit[front & (hit >= 0)], minlength=len(reflected))
-            found[i] += counts @ reflected / _GATHERED
-        return found
+            irradiance[i] += counts @ reflected / _GATHERED
+        return irradiance
 
 
 def solve_room(
@@ -190,11 +190,11 @@ def solve_room(
     mesh, direct, patch_error = _refined(room, patches, rays // _SHADOWS)
     progress("direct light", 1.0)
     shot = Rays(mesh)
-    factors = form_factors(shot, per_patch, seed, lambda share: progress("form factors", share))
+    factors = form_factors(shot, per_patch, seed, lambda part: progress("form factors", part))
     progress("interreflections", 0.0)
-    found = _solved(room, mesh, direct, patch_error, shot, factors)
+    solved = _solved(room, mesh, direct, patch_error, shot, factors)
     progress("interreflections", 1.0)
-    return found
+    return solved
 
 
 def _solved(
@@ -215,20 +215,20 @@ def _solved(
 def look_around(room: Room) -> None:
     """Refuse a room that is open or inside-out, or a lamp that is inside a wall."""
     rays, mesh = Rays(room.mesh), room.mesh
-    shares = sobol(_LOOKS, 4, seed=0)
-    lost, backs = _looks(rays, shares)
-    if lost.sum() > _LOST and not room.open:
+    samples = sobol(_LOOKS, 4, seed=0)
+    escaped, backs = _looks(rays, samples)
+    if escaped.sum() > _LOST and not room.open:
         flipped = RoomMesh(mesh.corners_m[:, ::-1], mesh.surface, mesh.names)
-        if _looks(Rays(flipped), shares)[0].sum() <= _LOST:
+        if _looks(Rays(flipped), samples)[0].sum() <= _LOST:
             raise RoomError(
                 "the room is inside-out: its surfaces' fronts are outside",
                 "turn the order of the corners around",
                 code="conflict",
                 field="mesh",
             )
-        worst = mesh.names[int(lost.argmax())]
+        worst = mesh.names[int(escaped.argmax())]
         raise RoomError(
-            f"the room is open: {100 * lost.sum():.2g} % of its light leaves through gaps, most "
+            f"the room is open: {100 * escaped.sum():.2g} % of its light leaves through gaps, most "
             f"of it from {worst}",
             "close them, or set open = true",
             code="conflict",
@@ -246,35 +246,35 @@ def look_around(room: Room) -> None:
 
 
 def require_inside(
-    room: Room, rays: Rays, point_m: ArrayLike, what: str, remedy: str = "move it"
+    room: Room, rays: Rays, point_m: ArrayLike, thing: str, remedy: str = "move it"
 ) -> None:
     """Raise RoomError if a point is inside furniture or a wall, or outside of a closed room."""
-    shares, up = sobol(_LOOKS, 2, seed=0), np.array([0.0, 0.0, 1.0])
-    directions = np.concatenate([cosine_directions(sign * up, shares) for sign in (1, -1)])
+    samples, up = sobol(_LOOKS, 2, seed=0), np.array([0.0, 0.0, 1.0])
+    directions = np.concatenate([cosine_directions(sign * up, samples) for sign in (1, -1)])
     hit = rays.first(np.broadcast_to(point_m, directions.shape), directions)
     back = (np.einsum("kc,kc->k", directions, rays.mesh.normals[hit]) > 0) & (hit >= 0)
     if back.mean() > _LOST or ((hit < 0).any() and not room.open):
-        at = ", ".join(f"{x:g}" for x in np.asarray(point_m))
+        place = ", ".join(f"{x:g}" for x in np.asarray(point_m))
         raise RoomError(
-            f"{what} at ({at}) m is inside a wall or furniture, or outside of the room "
+            f"{thing} at ({place}) m is inside a wall or furniture, or outside of the room "
             f"({rays.mesh.extent})",
             remedy,
             code="range",
         )
 
 
-def _looks(rays: Rays, shares: Array) -> tuple[Array, Array]:
+def _looks(rays: Rays, samples: Array) -> tuple[Array, Array]:
     """(S,) parts of all rays that leave the room from a surface, and that hit its back."""
     mesh, count = rays.mesh, len(rays.mesh.names)
     normal = mesh.normals[:, None]
-    origins = mesh.points(shares[:, :2]) + rays.offset * normal
-    directions = cosine_directions(normal, shares[None, :, 2:])
+    origins = mesh.points(samples[:, :2]) + rays.offset * normal
+    directions = cosine_directions(normal, samples[None, :, 2:])
     hit = rays.first(origins.reshape(-1, 3), directions.reshape(-1, 3)).reshape(len(normal), -1)
     back = (np.einsum("nkc,nkc->nk", directions, mesh.normals[hit]) > 0) & (hit >= 0)
-    weights = np.repeat(mesh.areas_m2 / mesh.areas_m2.sum() / len(shares), len(shares))
-    own, other = np.repeat(mesh.surface, len(shares)), mesh.surface[hit.ravel()]
+    weights = np.repeat(mesh.areas_m2 / mesh.areas_m2.sum() / len(samples), len(samples))
+    source, other = np.repeat(mesh.surface, len(samples)), mesh.surface[hit.ravel()]
     return (
-        np.bincount(own, weights * (hit.ravel() < 0), count).astype(np.float64),
+        np.bincount(source, weights * (hit.ravel() < 0), count).astype(np.float64),
         np.bincount(other, weights * back.ravel(), count).astype(np.float64),
     )
 
@@ -290,11 +290,11 @@ def _refined(room: Room, patches: int, shadow_rays: int) -> tuple[RoomMesh, Arra
         error = spread * mesh.areas_m2
         if left <= 0 or not error.any():
             break
-        chosen = error > error.mean()
-        chosen[np.argsort(error)[: -max(left // _A_ROUND, 1)]] = False
-        mesh = mesh.split(chosen)
-        new = np.repeat(chosen, np.where(chosen, 2, 1))
-        kept = direct[~chosen], spread[~chosen]
+        selected = error > error.mean()
+        selected[np.argsort(error)[: -max(left // _A_ROUND, 1)]] = False
+        mesh = mesh.split(selected)
+        new = np.repeat(selected, np.where(selected, 2, 1))
+        kept = direct[~selected], spread[~selected]
         direct, spread = np.zeros((len(new), room.grid.size)), np.zeros(len(new))
         direct[~new], spread[~new] = kept
         direct[new], spread[new] = direct_on_patches(room, rays, mesh.part(new), shadow_rays)
@@ -310,9 +310,9 @@ def direct_on_patches(
     """Return the direct light on patches (N, B), and its range within each (N,), lux."""
     points = mesh.points(_POINTS)
     normals = np.repeat(mesh.normals, len(_POINTS), axis=0)
-    found = direct_irradiance(room, rays, points.reshape(-1, 3), normals, shadow_rays)
-    found = found.reshape(len(points), len(_POINTS), -1)
-    return found.mean(axis=1), np.ptp(lux_from_irradiance(found, room.grid), axis=1)
+    irradiance = direct_irradiance(room, rays, points.reshape(-1, 3), normals, shadow_rays)
+    irradiance = irradiance.reshape(len(points), len(_POINTS), -1)
+    return irradiance.mean(axis=1), np.ptp(lux_from_irradiance(irradiance, room.grid), axis=1)
 
 
 def solve_irradiance(factors: csr_array, areas: Array, reflectances: Array, direct: Array) -> Array:
@@ -324,18 +324,18 @@ def solve_irradiance(factors: csr_array, areas: Array, reflectances: Array, dire
     def applied(y: Array) -> Array:
         return y - shine * (symmetric @ (shine * y))
 
-    wanted = shine * root[:, None] * direct
-    y = np.zeros_like(wanted)
-    residual = wanted.copy()
+    target = shine * root[:, None] * direct
+    y = np.zeros_like(target)
+    residual = target.copy()
     step = residual.copy()
     square = start = np.einsum("nb,nb->b", residual, residual)
     for _ in range(_MAX_STEPS):
         if (square <= _CLOSE**2 * start).all():
             break
-        moved = applied(step)
-        length = square / np.maximum(np.einsum("nb,nb->b", step, moved), 1e-300)
+        product = applied(step)
+        length = square / np.maximum(np.einsum("nb,nb->b", step, product), 1e-300)
         y += length * step
-        residual -= length * moved
+        residual -= length * product
         last, square = square, np.einsum("nb,nb->b", residual, residual)
         step = residual + square / np.maximum(last, 1e-300) * step
     reflected = shine * y / root[:, None]

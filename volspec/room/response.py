@@ -77,15 +77,15 @@ class RoomResponse:
 
         Raises RoomError if the room has no light of a name.
         """
-        grid, own = self.solved.room.grid, self.solved.room.lights
-        found = np.zeros((len(own), grid.size))
+        grid, own_lights = self.solved.room.grid, self.solved.room.lights
+        spectra = np.zeros((len(own_lights), grid.size))
         for name, spectrum in lights.items():
-            if name not in own:
-                raise unknown_light(name, own)
+            if name not in own_lights:
+                raise unknown_light(name, own_lights)
             power = light_power(spectrum, grid)
-            lux = lux_from_irradiance(np.array([own[name], power]), grid)
-            found[self.names.index(name)] = power * (weight * lux[0] / lux[1])
-        return found
+            lux = lux_from_irradiance(np.array([own_lights[name], power]), grid)
+            spectra[self.names.index(name)] = power * (weight * lux[0] / lux[1])
+        return spectra
 
     def under(self, spectra: ArrayLike) -> RoomLight:
         """Return the light of the room under other spectra (L, B) of its lights.
@@ -117,11 +117,11 @@ class RoomResponse:
         """
         room = self.solved.room.painted(paints)
         both = self.solved.room.reflectances, room.reflectances
-        before, after = (self._reflected(each) for each in both)
+        before, after = (self._reflected(rho) for rho in both)
         factor = np.clip(after / np.maximum(before, 1e-30), 0.0, _MAX_SCALED)
-        rest, surface = np.maximum(after - factor * before, 0.0), self.solved.mesh.surface
+        remainder, surface = np.maximum(after - factor * before, 0.0), self.solved.mesh.surface
         direct = self.direct[:, :, None]
-        indirect = (self.irradiance - direct) * factor[:, surface] + rest[:, surface]
+        indirect = (self.irradiance - direct) * factor[:, surface] + remainder[:, surface]
         solved = replace(self.solved, room=room)
         return _under_own_lights(solved, self.direct, direct + indirect, self.surface_factors)
 
@@ -130,21 +130,21 @@ class RoomResponse:
         direct = _surface_means(self.solved.mesh, self.direct.T).T  # (L, S)
         factors = self.surface_factors
         system = np.eye(len(factors)) - factors * reflectances.T[:, None, :]  # (B, S, S)
-        whole = np.linalg.solve(system, np.broadcast_to(direct.T, (len(system), *direct.T.shape)))
-        return whole.transpose(2, 1, 0) - direct[:, :, None]
+        total = np.linalg.solve(system, np.broadcast_to(direct.T, (len(system), *direct.T.shape)))
+        return total.transpose(2, 1, 0) - direct[:, :, None]
 
 
 def _surface_means(mesh: RoomMesh, values: Array) -> Array:
     """Return means (S, K) by area of the patches' values (N, K)."""
-    whole = np.maximum(mesh.surface_areas.sum(axis=1), 1e-30)
-    return np.asarray(mesh.surface_areas @ values / whole[:, None])
+    totals = np.maximum(mesh.surface_areas.sum(axis=1), 1e-30)
+    return np.asarray(mesh.surface_areas @ values / totals[:, None])
 
 
-def unknown_light(name: str, known: Collection[str]) -> RoomError:
+def unknown_light(name: str, names: Collection[str]) -> RoomError:
     """Return the error about a light that a room does not have."""
     return RoomError(
         f"no light of the room is named {name!r}",
-        f"{nearest(name, known)}there is {', '.join(known)}",
+        f"{nearest(name, names)}there is {', '.join(names)}",
         code="unknown",
     )
 
@@ -166,5 +166,5 @@ def _under_own_lights(
     solved: RoomLight, direct: Array, irradiance: Array, surface_factors: Array
 ) -> RoomResponse:
     """Return a response whose room is under its own lights."""
-    found = RoomResponse(solved, direct, irradiance, surface_factors)
-    return replace(found, solved=found.under([*solved.room.lights.values()]))
+    response = RoomResponse(solved, direct, irradiance, surface_factors)
+    return replace(response, solved=response.under([*solved.room.lights.values()]))

@@ -36,7 +36,7 @@ _NORMALS, _RAYS = 160, 1 << 14
 # A further direction has to take this part of the error that is left, at least.
 _WORTH = 0.03
 # Besides the directions of the lights: to the sides, edges and corners of a cube.
-_CUBE = np.array([each for each in product((-1.0, 0.0, 1.0), repeat=3) if any(each)])
+_CUBE = np.array([corner for corner in product((-1.0, 0.0, 1.0), repeat=3) if any(corner)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +62,7 @@ class SpecimenLight:
     irradiance: Array
     error: float
     brightest_lux: float
-    _seen: Array  # (P, N) parts of the patches' reflected light on each of P normals
+    _view_factors: Array  # (P, N) parts of the patches' reflected light on each of P normals
     _direct: Array  # (L, P)
 
     @classmethod
@@ -82,79 +82,79 @@ class SpecimenLight:
             (np.ones(front.sum()), (np.arange(front.sum()), hit[front])),
             shape=(int(front.sum()), len(solved.mesh.surface)),
         )
-        seen = np.asarray(cosines @ place)
+        view_factors = np.asarray(cosines @ place)
         points = np.broadcast_to(point, normals.shape)
         direct = [
             direct_irradiance(solved.room.alone(name), solved.rays, points, normals)
             for name in response.names
         ]
-        lit = np.array(direct)[..., 0]
+        unit_direct = np.array(direct)[..., 0]
         empty = np.zeros((0, 3))
-        found = cls(empty, ("ambient",), np.zeros(0), 0.0, 0.0, seen, lit)
-        chosen = found._directions(response, directions)
-        hit = solved.rays.first(np.broadcast_to(point, chosen.shape), chosen)
-        own = solved.mesh.names
-        names = ["outside" if k < 0 else own[solved.mesh.surface[k]] for k in hit]
-        return replace(found, directions=chosen, names=("ambient", *_distinct(names))).under(
+        specimen = cls(empty, ("ambient",), np.zeros(0), 0.0, 0.0, view_factors, unit_direct)
+        selected = specimen._directions(response, directions)
+        hit = solved.rays.first(np.broadcast_to(point, selected.shape), selected)
+        surfaces = solved.mesh.names
+        names = ["outside" if k < 0 else surfaces[solved.mesh.surface[k]] for k in hit]
+        return replace(specimen, directions=selected, names=("ambient", *_distinct(names))).under(
             response
         )
 
     def under(self, response: RoomResponse) -> SpecimenLight:
         """Return the light of the same groups in a room with other paints."""
-        wanted = self._irradiances(response)  # (L, P, B)
+        target = self._irradiances(response)  # (L, P, B)
         columns = _columns(self.directions)
-        lights, _, bands = wanted.shape
-        flat = wanted.transpose(1, 0, 2).reshape(len(columns), -1)
+        lights, _, bands = target.shape
+        flat = target.transpose(1, 0, 2).reshape(len(columns), -1)
         fitted = np.asarray(np.linalg.lstsq(columns, flat)[0])
         for k in np.flatnonzero((fitted < 0.0).any(axis=0)):
             fitted[:, k] = _fit(columns, flat[:, k])[0]
         power = np.array([*response.solved.room.lights.values()])
         grid = response.solved.room.grid
-        own = lux_from_irradiance(np.einsum("lpb,lb->pb", wanted, power), grid)
-        found = fitted.reshape(-1, lights, bands).transpose(1, 0, 2)
-        brightest = float(own.max())
+        target_lux = lux_from_irradiance(np.einsum("lpb,lb->pb", target, power), grid)
+        groups = fitted.reshape(-1, lights, bands).transpose(1, 0, 2)
+        brightest = float(target_lux.max())
         if not brightest > 0.0:
             raise RoomError(
                 "no light reaches the specimen",
                 "move it, or add a light to the room",
                 code="impossible",
             )
-        made = lux_from_irradiance(columns @ np.einsum("lgb,lb->gb", found, power), grid)
-        error = math.sqrt(np.mean((made - own) ** 2)) / float(own.mean())
-        return replace(self, irradiance=found, error=error, brightest_lux=brightest)
+        fitted_lux = lux_from_irradiance(columns @ np.einsum("lgb,lb->gb", groups, power), grid)
+        error = math.sqrt(np.mean((fitted_lux - target_lux) ** 2)) / float(target_lux.mean())
+        return replace(self, irradiance=groups, error=error, brightest_lux=brightest)
 
     def _irradiances(self, response: RoomResponse) -> Array:
         """Return (L, P, B) irradiances of surfaces with P normals."""
         reflected = response.solved.reflectances * response.irradiance
         return np.array(
             [
-                d[:, None] + self._seen @ each
-                for d, each in zip(self._direct, reflected, strict=True)
+                d[:, None] + self._view_factors @ patches
+                for d, patches in zip(self._direct, reflected, strict=True)
             ]
         )
 
-    def _directions(self, response: RoomResponse, most: int) -> Array:
-        """Return the directions (K, 3) that leave the least error, K up to ``most``."""
+    def _directions(self, response: RoomResponse, maximum: int) -> Array:
+        """Return the directions (K, 3) that leave the least error, K up to ``maximum``."""
         room = response.solved.room
         power = np.array([*room.lights.values()])
         E = np.einsum("lpb,lb->pb", self._irradiances(response), power)
-        wanted = E @ colour_matching_functions(room.grid).T
+        target = E @ colour_matching_functions(room.grid).T
         normals = _sphere(_NORMALS)
         vectors = self._direct @ normals  # towards each light
         candidates = np.concatenate([vectors[np.linalg.norm(vectors, axis=1) > 0], _CUBE])
         candidates /= np.linalg.norm(candidates, axis=1, keepdims=True)
-        chosen: list[int] = []
-        left = _misfit(_columns(candidates[chosen]), wanted)
-        while len(chosen) < most:
+        picked: list[int] = []
+        left = _misfit(_columns(candidates[picked]), target)
+        while len(picked) < maximum:
             errors = [
-                _misfit(_columns(candidates[[*chosen, k]]), wanted) for k in range(len(candidates))
+                _misfit(_columns(candidates[[*picked, k]]), target) for k in range(len(candidates))
             ]
             best = int(np.argmin(errors))
             if errors[best] >= (1.0 - _WORTH) * left:
                 break
-            chosen.append(best)
+            picked.append(best)
             left = errors[best]
-        return candidates[chosen]
+        return candidates[picked]
 
 
 def _distinct(names: Sequence[str]) -> list[str]:
@@ -163,11 +163,11 @@ def _distinct(names: Sequence[str]) -> list[str]:
     >>> _distinct(["wall", "table 2", "wall", "wall 2"])
     ['wall', 'table 2', 'wall (2)', 'wall 2']
     """
-    found: list[str] = []
+    unique: list[str] = []
     for name in names:
         numbered = (f"{name} ({number})" for number in count(2))
-        found.append(next(each for each in chain((name,), numbered) if each not in found))
-    return found
+        unique.append(next(label for label in chain((name,), numbered) if label not in unique))
+    return unique
 
 
 def _columns(directions: Array) -> Array:
@@ -176,16 +176,16 @@ def _columns(directions: Array) -> Array:
     return np.concatenate([np.ones((_NORMALS, 1)), cosines], axis=1)
 
 
-def _misfit(columns: Array, wanted: Array) -> float:
-    return math.sqrt(sum(_fit(columns, each)[1] ** 2 for each in wanted.T))
+def _misfit(columns: Array, target: Array) -> float:
+    return math.sqrt(sum(_fit(columns, column)[1] ** 2 for column in target.T))
 
 
-def _fit(columns: Array, wanted: Array) -> tuple[Array, float]:
+def _fit(columns: Array, target: Array) -> tuple[Array, float]:
     """Return the least-squares solution without negative parts, and its residual's length."""
     from scipy.optimize import nnls  # imported late: it takes a third of a second
 
-    found, left = nnls(columns, wanted)
-    return found, left
+    solution, left = nnls(columns, target)
+    return solution, left
 
 
 def _sphere(count: int) -> Array:

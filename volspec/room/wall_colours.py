@@ -88,22 +88,22 @@ class Seen:
         return Seen(
             vstack([self.weights, other.weights], format="csr"),
             *(
-                np.concatenate([getattr(each, name) for each in (self, other)])
+                np.concatenate([getattr(half, name) for half in (self, other)])
                 for name in ("surface", "points_m", "normals", "direct")
             ),
         )
 
-    def rows(self, light: int, surfaces: int, lost: Array) -> csr_array:
+    def rows(self, light: int, surfaces: int, shaded: Array) -> csr_array:
         """Return weights (K, V + S) of the `room_colours` of a light, a part (K,) of which is lost.
 
         Only light that comes directly from it can be lost.
         """
-        there = self.surface >= 0
-        direct = self.direct[:, light] * (1.0 - lost)
-        ends = np.concatenate([[0], np.cumsum(there)]).astype(np.int32)
-        columns, shape = self.surface[there].astype(np.int32), (len(there), surfaces)
-        own = csr_array((np.float32(direct[there]), columns, ends), shape=shape)
-        return hstack([self.weights, own], format="csr")
+        hit = self.surface >= 0
+        direct = self.direct[:, light] * (1.0 - shaded)
+        ends = np.concatenate([[0], np.cumsum(hit)]).astype(np.int32)
+        columns, shape = self.surface[hit].astype(np.int32), (len(hit), surfaces)
+        first_order = csr_array((np.float32(direct[hit]), columns, ends), shape=shape)
+        return hstack([self.weights, first_order], format="csr")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,18 +137,18 @@ class LitMesh:
         """Halve the patches where light of panels is uneven; paints do not matter."""
         solved = response.solved
         mesh, parents, light = solved.mesh, np.arange(len(solved.mesh.surface)), _Panels(response)
-        found = light.at(mesh)  # (L, N, 3)
+        irradiance = light.at(mesh)  # (L, N, 3)
         for _ in range(_ROUNDS):
             left = _FINER * len(solved.mesh.surface) - len(mesh.surface)
-            error = light.spread(found) * mesh.areas_m2
+            error = light.spread(irradiance) * mesh.areas_m2
             if left <= 0 or not error.any():
                 break
-            chosen = error > 0.0
-            chosen[np.argsort(error)[: -max(left // _A_ROUND, 1)]] = False
-            mesh, counts = mesh.split(chosen), np.where(chosen, 2, 1)
-            new = np.repeat(chosen, counts)
-            parents, found = np.repeat(parents, counts), np.repeat(found, counts, axis=1)
-            found[:, new] = light.at(mesh.part(new))
+            selected = error > 0.0
+            selected[np.argsort(error)[: -max(left // _A_ROUND, 1)]] = False
+            mesh, counts = mesh.split(selected), np.where(selected, 2, 1)
+            new = np.repeat(selected, counts)
+            parents, irradiance = np.repeat(parents, counts), np.repeat(irradiance, counts, axis=1)
+            irradiance[:, new] = light.at(mesh.part(new))
         vertices = vertices_by_side(mesh)
         first = np.unique(vertices, return_index=True)[1]  # a corner of each vertex
         points, triangles = mesh.corners_m.reshape(-1, 3)[first], first // 3
@@ -161,7 +161,7 @@ class LitMesh:
             vertices,
             mesh.surface[triangles],
             csr_array(between @ _around(coarse, solved.mesh.areas_m2)),
-            found.reshape(len(found), -1)[:, first],
+            irradiance.reshape(len(irradiance), -1)[:, first],
         )
 
     def seen(self, origins_m: Array, directions: Array) -> Seen:
@@ -171,29 +171,29 @@ class LitMesh:
         hit = np.full(len(directions), -1)
         starts, going = origins_m.copy(), np.arange(len(directions))
         for _ in range(_BACKS):
-            found = self.rays.first(starts[going], directions[going])
-            going, found = going[found >= 0], found[found >= 0]
-            slope = np.einsum("kc,kc->k", directions[going], normals[found])
-            hit[going[slope < 0]] = found[slope < 0]
-            going, found, slope = going[slope >= 0], found[slope >= 0], slope[slope >= 0]
+            first = self.rays.first(starts[going], directions[going])
+            going, first = going[first >= 0], first[first >= 0]
+            slope = np.einsum("kc,kc->k", directions[going], normals[first])
+            hit[going[slope < 0]] = first[slope < 0]
+            going, first, slope = going[slope >= 0], first[slope >= 0], slope[slope >= 0]
             if not len(going):
                 break
-            way = np.einsum("kc,kc->k", corners[found, 0] - starts[going], normals[found])
-            way = way / np.maximum(slope, 1e-9) + self.rays.offset
-            starts[going] += way[:, None] * directions[going]
-        seen = np.flatnonzero(hit >= 0)
-        triangle = hit[seen]
-        slope = np.einsum("kc,kc->k", directions[seen], normals[triangle])
-        way = np.einsum("kc,kc->k", corners[triangle, 0] - starts[seen], normals[triangle]) / slope
-        points = starts[seen] + way[:, None] * directions[seen]
+            t = np.einsum("kc,kc->k", corners[first, 0] - starts[going], normals[first])
+            t = t / np.maximum(slope, 1e-9) + self.rays.offset
+            starts[going] += t[:, None] * directions[going]
+        hits = np.flatnonzero(hit >= 0)
+        triangle = hit[hits]
+        slope = np.einsum("kc,kc->k", directions[hits], normals[triangle])
+        t = np.einsum("kc,kc->k", corners[triangle, 0] - starts[hits], normals[triangle]) / slope
+        points = starts[hits] + t[:, None] * directions[hits]
         columns = self.vertices[triangle].astype(np.int32)
-        shares = barycentric(mesh, triangle, points).astype(np.float32)
-        weights = _rows(columns, shares, len(self.surface), hit >= 0)
+        inner = barycentric(mesh, triangle, points).astype(np.float32)
+        weights = _rows(columns, inner, len(self.surface), hit >= 0)
         direct = np.asarray(weights @ self.panels.T)
-        direct[seen] += beam_irradiance(self.room, self.rays, points, normals[triangle]).T
-        surface, (at, across) = np.full(len(hit), -1), np.zeros((2, len(hit), 3))
-        surface[seen], at[seen], across[seen] = mesh.surface[triangle], points, normals[triangle]
-        return Seen(weights, surface, at, across, direct)
+        direct[hits] += beam_irradiance(self.room, self.rays, points, normals[triangle]).T
+        surface, (xyz, across) = np.full(len(hit), -1), np.zeros((2, len(hit), 3))
+        surface[hits], xyz[hits], across[hits] = mesh.surface[triangle], points, normals[triangle]
+        return Seen(weights, surface, xyz, across, direct)
 
 
 class _Panels:
@@ -213,13 +213,13 @@ class _Panels:
         # In the corner of two walls, each would hide the lamp from the other.
         inwards = _INWARDS * (mesh.centres_m[:, None] - mesh.corners_m)
         points = (mesh.corners_m + inwards).reshape(-1, 3)[first]
-        found = []
+        light = []
         for room in self._rooms:
             emitters = int(np.asarray(room.emission.any(axis=1))[room.mesh.surface].sum())
             count = _SHADOWS * max(emitters, 1) * len(points)
-            lit = panel_irradiance(room, self._rays, points, normals, count)
-            found.append(lit[:, 0][vertices])
-        return np.array(found)
+            irradiance = panel_irradiance(room, self._rays, points, normals, count)
+            light.append(irradiance[:, 0][vertices])
+        return np.array(light)
 
     def spread(self, light: Array) -> Array:
         """Return the range (T,) of the lights' lux within triangles."""
@@ -231,12 +231,12 @@ def _rows(
     columns: NDArray[Any],
     weights: NDArray[Any],
     count: int,
-    there: NDArray[np.bool_] | None = None,
+    mask: NDArray[np.bool_] | None = None,
 ) -> csr_array:
-    """Return (K, count) weights, three in each row that is ``there``, none in the others."""
-    held = np.ones(len(columns), np.bool_) if there is None else there
-    ends = np.concatenate([[0], np.cumsum(np.where(held, 3, 0))]).astype(columns.dtype)
-    return csr_array((weights.ravel(), columns.ravel(), ends), shape=(len(held), count))
+    """Return (K, count) weights, three in each row of the mask, none in the others."""
+    filled = np.ones(len(columns), np.bool_) if mask is None else mask
+    ends = np.concatenate([[0], np.cumsum(np.where(filled, 3, 0))]).astype(columns.dtype)
+    return csr_array((weights.ravel(), columns.ravel(), ends), shape=(len(filled), count))
 
 
 def _around(vertices: Index, areas_m2: Array) -> csr_array:
@@ -249,19 +249,19 @@ def _around(vertices: Index, areas_m2: Array) -> csr_array:
 
 
 def room_colours(
-    response: RoomResponse, basis: SpectralBasis, parts: Array, lit: LitMesh
+    response: RoomResponse, basis: SpectralBasis, parts: Array, mesh: LitMesh
 ) -> NDArray[np.float32]:
     """Return coefficients (L, V + S, M) of what a room sends to the eye under each light.
 
     From the vertices: reflected light of other surfaces, and what they emit. From the surfaces:
     what they send in a direct light of 1. All times (L,) ``parts``.
     """
-    solved, found = response.solved, []
-    own = basis.analyse(solved.room.reflectances)
+    solved, layers = response.solved, []
+    paints = basis.analyse(solved.room.reflectances)
     for number, name in enumerate(response.names):
         indirect = response.irradiance[number] - response.direct[number][:, None]
-        sent = lit.patches @ basis.analyse(solved.reflectances * indirect)
+        sent = mesh.patches @ basis.analyse(solved.reflectances * indirect)
         if name in solved.room.exitances:
-            sent[lit.surface == solved.mesh.names.index(name)] += basis.white
-        found.append(parts[number] * np.concatenate([sent, own]))
-    return np.array(found, np.float32)
+            sent[mesh.surface == solved.mesh.names.index(name)] += basis.white
+        layers.append(parts[number] * np.concatenate([sent, paints]))
+    return np.array(layers, np.float32)

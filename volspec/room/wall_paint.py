@@ -110,10 +110,10 @@ def cube_paint_for_radiosity(
     painted = np.isin(np.arange(len(WALLS)), numbers)
     damping = 1.0 / (1.0 + FORM_FACTOR * rho[~painted])
     s, r = (damping * S[~painted]).sum(0), FORM_FACTOR * (damping * rho[~painted]).sum(0)
-    count, own = painted.sum(), S[numbers[0]]
+    count, S_i = painted.sum(), S[numbers[0]]
     a = (count * B + s) / (1.0 - r) - B
-    b = B - own
-    c = (S[painted].sum(0) - count * own) / (1.0 - r)
+    b = B - S_i
+    c = (S[painted].sum(0) - count * S_i) / (1.0 - r)
     half = 0.5 * (a + c - b)
     root = np.sqrt(np.maximum(half**2 + a * b, 0.0))
     # Of the two forms of the root, the one without cancellation.
@@ -123,11 +123,11 @@ def cube_paint_for_radiosity(
     wrong = (b < 0.0) | ~(paint < 1.0)
     if wrong.any():
         band = int(wrong.argmax())
-        at = f"{grid.wavelengths_nm[band]:g} nm"
+        place = f"{grid.wavelengths_nm[band]:g} nm"
         if b[band] < 0.0:
-            problem = f"{B[band]:g} at {at} is less than the wall's emission, {own[band]:g} W/m²"
+            problem = f"{B[band]:g} at {place} is less than the wall's emission, {S_i[band]:g} W/m²"
         else:
-            problem = f"{B[band]:g} at {at} needs a reflectance of {paint[band]:g}"
+            problem = f"{B[band]:g} at {place} needs a reflectance of {paint[band]:g}"
         remedy = "want a reflectance of 0 to below 1: change the radiosity or the light"
         raise RoomError(problem, remedy, code="impossible", field="wanted", given=float(B[band]))
     return paint
@@ -273,7 +273,7 @@ def paint_for_appearance(
     for _ in range(_ITERATIONS):
         move, before = _linearised_optimum(wall, bend, paint, target) - paint, cost(paint)
         moves = (fraction * move for fraction in _FRACTIONS)
-        move = next((each for each in moves if cost(paint + each) < before), np.zeros(grid.size))
+        move = next((step for step in moves if cost(paint + step) < before), np.zeros(grid.size))
         paint = paint + move
         if np.abs(move).max() < _SETTLED:
             break
@@ -363,7 +363,7 @@ def _colour_slopes(wall_and_white: Array, Y_b: float | None) -> Array:
     sizes = np.maximum(wall_and_white, _MIN_XYZ * wall_and_white[4])
     for step in np.diag(_COLOUR_STEP * sizes):
         # A black wall is at the end of the range.
-        ends = [np.maximum(wall_and_white + way * step, 0.0) for way in (1, -1)]
+        ends = [np.maximum(wall_and_white + sign * step, 0.0) for sign in (1, -1)]
         ends = [_coordinates(_appearance(end, Y_b)) for end in ends]
         columns.append((ends[0] - ends[1]) / (2.0 * step.sum()))
     return np.stack(columns, axis=1)

@@ -99,18 +99,18 @@ class ShadowMap:
         """Return the light (K,) that surfaces at points would get; 1 if its source is small."""
         if self.normal is None:
             return np.ones(len(points_mm))
-        way = np.asarray(self.projection.camera.position_mm) - points_mm
-        cosines = np.einsum("kc,kc->k", way, normals), way @ -self.normal
+        to_light = np.asarray(self.projection.camera.position_mm) - points_mm
+        cosines = np.einsum("kc,kc->k", to_light, normals), to_light @ -self.normal
         falls, leaves = (np.maximum(cosine, 0.0) for cosine in cosines)
-        return falls * leaves / np.einsum("kc,kc->k", way, way) ** 2
+        return falls * leaves / np.einsum("kc,kc->k", to_light, to_light) ** 2
 
     def shadow(self, points_mm: Array) -> Array:
         """Return the part (K,) of the light that the volume takes from points behind it."""
         camera = self.projection.camera
-        away = points_mm - camera.position_mm
-        along = np.linalg.norm(away, axis=1)
+        offset = points_mm - camera.position_mm
+        distance = np.linalg.norm(offset, axis=1)
         if camera.height_mm is not None:
-            along = away @ camera.frame()[2]
+            distance = offset @ camera.frame()[2]
         x, y, depth = self.projection.to_window(points_mm).T
         x, y = x - 0.5, y - 0.5
         # Around the map, nothing is in the way.
@@ -121,8 +121,8 @@ class ShadowMap:
         alpha = self.alpha
         above = (1.0 - right) * alpha[row, column] + right * alpha[row, column + 1]
         below = (1.0 - right) * alpha[row + 1, column] + right * alpha[row + 1, column + 1]
-        behind = inside & (along > self.depth_mm[np.maximum(row, 0), np.maximum(column, 0)])
-        return np.where(behind, (1.0 - down) * above + down * below, 0.0)
+        shaded = inside & (distance > self.depth_mm[np.maximum(row, 0), np.maximum(column, 0)])
+        return np.where(shaded, (1.0 - down) * above + down * below, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,13 +135,13 @@ class SeenRoom:
     def layers(self, colours: NDArray[np.float32]) -> list[NDArray[np.float32]]:
         """Return the layer (H, W, M) of each light; ``colours`` as `room_colours`."""
         width, height = self.size
-        found = (rows @ own for rows, own in zip(self.weights, colours, strict=True))
-        return [np.asarray(each).reshape(height, width, -1) for each in found]
+        layers = (rows @ sent for rows, sent in zip(self.weights, colours, strict=True))
+        return [np.asarray(layer).reshape(height, width, -1) for layer in layers]
 
-    def through(self, transmission: NDArray[np.float32], every: int) -> SeenRoom:
+    def through(self, transmission: NDArray[np.float32], stride: int) -> SeenRoom:
         """Return every n-th row and column, as far as (H, W) ``transmission`` lets them be seen."""
-        part = transmission[::every, ::every]
-        kept = np.arange(transmission.size).reshape(transmission.shape)[::every, ::every].ravel()
+        part = transmission[::stride, ::stride]
+        kept = np.arange(transmission.size).reshape(transmission.shape)[::stride, ::stride].ravel()
         weights = (csr_array(rows[kept].multiply(part.reshape(-1, 1))) for rows in self.weights)
         return SeenRoom((part.shape[1], part.shape[0]), tuple(weights))
 
@@ -176,17 +176,17 @@ class Backdrop(SurfaceCaster):
         self._middle_mm, self._radius_mm = middle_mm, radius_mm
         self._view: _View | None = None
         self._maps: tuple[object, list[list[ShadowMap]]] | None = None
-        self._shown: SeenRoom | None = None
+        self._picture: SeenRoom | None = None
 
     def repainted(self, response: RoomResponse) -> Backdrop:
         """Return the backdrop of the same room with other paints."""
         colours = self.colours(response)
-        made = copy(self)  # with the triangles, which are those of all paints
-        made.response, made._colours = response, colours
-        return made
+        backdrop = copy(self)  # with the triangles, which are those of all paints
+        backdrop.response, backdrop._colours = response, colours
+        return backdrop
 
     @cached_property
-    def _lit(self) -> LitMesh:
+    def _lit_mesh(self) -> LitMesh:
         return LitMesh.of(self.response)
 
     @cached_property
@@ -195,7 +195,7 @@ class Backdrop(SurfaceCaster):
 
     def colours(self, response: RoomResponse) -> NDArray[np.float32]:
         """Return the `room_colours` of the room with other paints."""
-        return room_colours(response, self._basis, self._parts, self._lit)
+        return room_colours(response, self._basis, self._parts, self._lit_mesh)
 
     def pictures(
         self,
@@ -221,40 +221,40 @@ class Backdrop(SurfaceCaster):
         """Return the picture for all paints; ``opacity`` as above."""
         view = self._look(camera, size)
         if opacity is not None and (self._maps is None or self._maps[0] != opacity.key):
-            self._maps, self._shown = (opacity.key, self._cast_shadows(opacity)), None
-        if self._shown is None:
+            self._maps, self._picture = (opacity.key, self._cast_shadows(opacity)), None
+        if self._picture is None:
             surfaces = len(self.response.solved.mesh.names)
             weights = (
-                csr_array(view.mean @ view.seen.rows(light, surfaces, lost), dtype=np.float32)
-                for light, lost in enumerate(self._lost(view))
+                csr_array(view.mean @ view.seen.rows(light, surfaces, shadow), dtype=np.float32)
+                for light, shadow in enumerate(self._shadowed(view))
             )
-            self._shown = SeenRoom(size, tuple(weights))
-        return self._shown
+            self._picture = SeenRoom(size, tuple(weights))
+        return self._picture
 
     def depths_mm(self, camera: Camera, size: Size) -> list[NDArray[np.float32]]:
         """Return the distances of the room's surfaces, as `SurfaceCaster`."""
         view = self._look(camera, size)
         origins, directions = world_rays(camera, *size)
         count = len(origins)
-        along = np.einsum("kc,kc->k", view.points_mm[:count] - origins, directions)
+        distance = np.einsum("kc,kc->k", view.points_mm[:count] - origins, directions)
         width, height = size
-        found = np.where(view.seen.surface[:count] >= 0, along, np.inf)
-        return [found.astype(np.float32).reshape(height, width)]
+        depth = np.where(view.seen.surface[:count] >= 0, distance, np.inf)
+        return [depth.astype(np.float32).reshape(height, width)]
 
     def _look(self, camera: Camera, size: Size) -> _View:
         if self._view is None or self._view.of != (camera, size):
-            self._view, self._shown = self._looked(camera, size), None
+            self._view, self._picture = self._looked(camera, size), None
         return self._view
 
     def _looked(self, camera: Camera, size: Size) -> _View:
         """Look through the pixels' middles, and at four more points where edges pass."""
-        middles = self._lit.seen(*self._rays(*world_rays(camera, *size)))
+        middles = self._lit_mesh.seen(*self._rays(*world_rays(camera, *size)))
         edges = _edges(middles, size)
         further = world_rays(camera, *size, edge_sample_points(edges, size[0]))
-        seen = middles.joined(self._lit.seen(*self._rays(*further)))
-        points = (seen.points_m - self._placement.position_m) @ self._placement.axes
+        hits = middles.joined(self._lit_mesh.seen(*self._rays(*further)))
+        points = (hits.points_m - self._placement.position_m) @ self._placement.axes
         points = points / self._placement.metres_per_mm + self._middle_mm
-        return _View((camera, size), seen, points, mean_of_points(edges, len(middles.surface)))
+        return _View((camera, size), hits, points, mean_of_points(edges, len(middles.surface)))
 
     def _rays(self, origins: Array, directions: Array) -> tuple[Array, Array]:
         """Return rays of the volume's world, (K, 3) each, in the room."""
@@ -278,18 +278,18 @@ class Backdrop(SurfaceCaster):
         room, place = self.response.solved.room, self._placement
         for sun in room.suns:
             if sun.name == name:
-                away = np.array(sun.direction) @ place.axes * 4.0 * self._radius_mm
+                towards = np.array(sun.direction) @ place.axes * 4.0 * self._radius_mm
                 height_mm = 2.0 * self._radius_mm
-                return [(self._light_camera(self._middle_mm + away, height_mm), None)]
+                return [(self._light_camera(self._middle_mm + towards, height_mm), None)]
         points: list[tuple[Array, Array | None]] = self._emitting_points(name)
         points += [(np.array(lamp.position_m), None) for lamp in room.lamps if lamp.name == name]
-        found: list[tuple[Camera, Array | None]] = []
-        for at, normal in points:
-            way = (at - place.position_m) @ place.axes / place.metres_per_mm
-            if np.linalg.norm(way) > _NEAREST * self._radius_mm:
+        cameras: list[tuple[Camera, Array | None]] = []
+        for point, normal in points:
+            offset = (point - place.position_m) @ place.axes / place.metres_per_mm
+            if np.linalg.norm(offset) > _NEAREST * self._radius_mm:
                 facing = None if normal is None else normal @ place.axes
-                found.append((self._light_camera(way + self._middle_mm), facing))
-        return found
+                cameras.append((self._light_camera(offset + self._middle_mm), facing))
+        return cameras
 
     def _emitting_points(self, name: str) -> list[tuple[Array, Array | None]]:
         """Return points of a panel, evenly by area, m, and its normals there."""
@@ -299,55 +299,55 @@ class Backdrop(SurfaceCaster):
         mesh = room.mesh
         part = mesh.part(mesh.surface == mesh.names.index(name))
         ends = np.cumsum(part.areas_m2) / part.areas_m2.sum()
-        shares = sobol(_POINTS, 3, seed=0)
-        triangles = np.minimum(np.searchsorted(ends, shares[:, 0]), len(ends) - 1)
+        samples = sobol(_POINTS, 3, seed=0)
+        triangles = np.minimum(np.searchsorted(ends, samples[:, 0]), len(ends) - 1)
         return [
-            (part.part(slice(k, k + 1)).points(share[None, 1:])[0, 0], part.normals[k])
-            for k, share in zip(triangles.tolist(), shares, strict=True)
+            (part.part(slice(k, k + 1)).points(sample[None, 1:])[0, 0], part.normals[k])
+            for k, sample in zip(triangles.tolist(), samples, strict=True)
         ]
 
     def _light_camera(self, place_mm: Array, height_mm: float | None = None) -> Camera:
-        way = self._middle_mm - place_mm
-        distance = float(np.linalg.norm(way))
-        across, _ = frames(way / distance)
+        axis = self._middle_mm - place_mm
+        distance = float(np.linalg.norm(axis))
+        across, _ = frames(axis / distance)
         half = math.asin(min(self._radius_mm * _MARGIN / distance, 1.0))
         fov_deg = min(2.0 * math.degrees(half), _WIDEST_DEG)
         places = tuple(place_mm.tolist()), tuple(self._middle_mm.tolist())
         return Camera(*places, tuple(across.tolist()), fov_deg, height_mm)
 
-    def _lost(self, view: _View) -> Array:
+    def _shadowed(self, view: _View) -> Array:
         """Return the part (L, points) of each light that the volume takes away."""
-        lost = np.zeros((len(self.response.names), len(view.points_mm)))
+        shadows = np.zeros((len(self.response.names), len(view.points_mm)))
         if self._maps is None:
-            return lost
+            return shadows
         normals = view.seen.normals @ self._placement.axes
         for light, maps in enumerate(self._maps[1]):
             if not maps:
                 continue
             near = self._near_shadow(view.points_mm, maps)
-            there, facing = view.points_mm[near], normals[near]
-            weights = np.array([each.weight(there, facing) for each in maps])
-            taken = np.array([each.shadow(there) for each in maps])
-            whole = np.maximum(weights.sum(axis=0), 1e-30)
-            lost[light, near] = (weights * taken).sum(axis=0) / whole
-        return lost
+            points, facing = view.points_mm[near], normals[near]
+            weights = np.array([shadow_map.weight(points, facing) for shadow_map in maps])
+            taken = np.array([shadow_map.shadow(points) for shadow_map in maps])
+            total = np.maximum(weights.sum(axis=0), 1e-30)
+            shadows[light, near] = (weights * taken).sum(axis=0) / total
+        return shadows
 
     def _near_shadow(self, points: Array, maps: list[ShadowMap]) -> NDArray[np.intp]:
         """Return the points whose light may pass the sphere around the volume."""
-        lights = np.array([each.projection.camera.position_mm for each in maps])
+        lights = np.array([shadow_map.projection.camera.position_mm for shadow_map in maps])
         light = lights.mean(axis=0)
         reach = self._radius_mm * _MARGIN + np.linalg.norm(lights - light, axis=1).max()
-        way = points - light
-        along = (way @ (self._middle_mm - light)) / np.einsum("kc,kc->k", way, way)
-        passed = light + np.clip(along, 0.0, 1.0)[:, None] * way - self._middle_mm
+        offsets = points - light
+        fraction = (offsets @ (self._middle_mm - light)) / np.einsum("kc,kc->k", offsets, offsets)
+        passed = light + np.clip(fraction, 0.0, 1.0)[:, None] * offsets - self._middle_mm
         return np.flatnonzero(np.einsum("kc,kc->k", passed, passed) < reach * reach)
 
 
-def _edges(seen: Seen, size: Size) -> NDArray[np.intp]:
+def _edges(hits: Seen, size: Size) -> NDArray[np.intp]:
     """Return the pixels next to others that see another side, or another light directly."""
     width, height = size
-    cells = np.rint(seen.normals * _SAME_SIDE).astype(np.int64)
-    kinds = np.concatenate([seen.surface[:, None], cells, seen.direct > 0.0], axis=1)
+    cells = np.rint(hits.normals * _SAME_SIDE).astype(np.int64)
+    kinds = np.concatenate([hits.surface[:, None], cells, hits.direct > 0.0], axis=1)
     kinds = kinds.reshape(height, width, -1)
     across = (kinds[:, 1:] != kinds[:, :-1]).any(axis=2)
     return neighbour_pixels(across, (kinds[1:] != kinds[:-1]).any(axis=2))
