@@ -36,15 +36,15 @@ Table = Annotated[
 
 def _numbers(_: Any, tokens: Sequence[Token]) -> list[float]:
     """Convert numbers, for cyclopts; a file among them was meant for an option."""
-    found = []
+    numbers = []
     for word in (token.value for token in tokens):
         try:
-            found.append(float(word))
+            numbers.append(float(word))
         except ValueError:
             option = _FILE_OPTIONS.get(Path(word).suffix.lower())
             remedy = f"for a file write {option} {shlex.quote(word)}" if option else "give numbers"
             raise ValueError(f"{word!r} is not a number; {remedy}") from None
-    return found
+    return numbers
 
 
 # Options that take a file, by the file's suffix.
@@ -103,15 +103,15 @@ def adapt(
     rows: list[Row] = [
         {
             **dict(zip(XYZ, to, strict=True)),
-            **{f"{name}_from": value for name, value in zip(XYZ, seen, strict=True)},
+            **{f"{name}_from": value for name, value in zip(XYZ, original, strict=True)},
             "defined": inside,
         }
-        for seen, to, inside in zip(
+        for original, to, inside in zip(
             colours.tolist(), adapted.tolist(), defined.tolist(), strict=True
         )
     ]
-    said = f", {viewing.said}" if viewing.preset else ""
-    show_rows(f"{method}, {source} to {target}{said}", rows, json)
+    preset_note = f", {viewing.description}" if viewing.preset else ""
+    show_rows(f"{method}, {source} to {target}{preset_note}", rows, json)
     warn_undefined({method: rows})
 
 
@@ -167,25 +167,25 @@ def appearance(
             code="conflict",
         )
     if image is not None:
-        given = {"--table": table, "--inverse": inverse, "--json": json, "colours": values}
-        if others := [name for name, value in given.items() if value]:
+        incompatible = {"--table": table, "--inverse": inverse, "--json": json, "colours": values}
+        if conflicts := [name for name, value in incompatible.items() if value]:
             raise InputError(
-                f"{' and '.join(others)} with --image: --image writes a picture and prints no "
+                f"{' and '.join(conflicts)} with --image: --image writes a picture and prints no "
                 "figures; leave one of them out"
             )
         if output is None:
             raise InputError(f"{image}: --image needs an output file; give -o FILE.png")
-        shown = None if model == ["all"] else model
+        chosen_models = None if model == ["all"] else model
         if own.S is not None:
             raise InputError("--hunt-S with --image: a picture has no scotopic data; leave it out")
-        own.require_models(shown or MODELS)
-        write_comparison(image, white, shown, viewing, output, own)
+        own.require_models(chosen_models or MODELS)
+        write_comparison(image, white, chosen_models, viewing, output, own)
         return
     if output is not None:
         raise InputError(f"{output}: -o is only for --image; numbers are printed")
     viewing.require_no_picture()
     with in_options():
-        seen = viewing.conditions(white)
+        conditions = viewing.conditions(white)
     asked = list(APPEARANCE_MODELS) if model == ["all"] else model or ["CIECAM02"]
     for name in asked:
         _require_kind(
@@ -200,72 +200,72 @@ def appearance(
         "Hunt": {"settings": inputs.hunt, "S": _scotopic(own, len(colours))},
         "Nayatani95": {"settings": inputs.nayatani},
     }
-    found = {}
-    for name, chosen in models.items():
+    rows_of = {}
+    for name, appearance_model in models.items():
         appearance_of = _colours if inverse else _correlates
-        look = appearance_of(chosen, colours, seen, **settings.get(name, {}))
-        shared = {"L_A": seen.L_A, "Y_b": seen.Y_b}
-        found[name] = [
+        look = appearance_of(appearance_model, colours, conditions, **settings.get(name, {}))
+        shared = {"L_A": conditions.L_A, "Y_b": conditions.Y_b}
+        rows_of[name] = [
             {"model": name, **dict(zip(names, colour, strict=True)), **row, **shared}
             for colour, row in zip(colours.tolist(), look, strict=True)
         ]
-    under = f", {viewing.said}" if viewing.said else ""
-    show_rows(f"under {white}{under}", [row for rows in found.values() for row in rows], json)
-    warn_undefined(found)
+    under = f", {viewing.description}" if viewing.description else ""
+    show_rows(f"under {white}{under}", [row for rows in rows_of.values() for row in rows], json)
+    warn_undefined(rows_of)
 
 
-def _require_kind(name: str, own: Iterable[str], others: Iterable[str], theirs: str) -> None:
+def _require_kind(name: str, ours: Iterable[str], other_names: Iterable[str], theirs: str) -> None:
     """Refuse a name, even misspelt, of the other command's; ``theirs`` says how to call that."""
-    foreign = {other.casefold(): other for other in others}
-    known = [*(each.casefold() for each in own), *foreign]
+    foreign = {other.casefold(): other for other in other_names}
+    names = [*(candidate.casefold() for candidate in ours), *foreign]
     folded = " ".join(name.split()).casefold()
-    if folded not in known:
-        folded = next(iter(get_close_matches(folded, known, n=1, cutoff=0.7)), folded)
+    if folded not in names:
+        folded = next(iter(get_close_matches(folded, names, n=1, cutoff=0.7)), folded)
     if folded in foreign:
         meant = foreign[folded]
         raise InputError(f"{name!r}: {meant} is {theirs} {shlex.quote(meant)}")
 
 
-def _scotopic(own: ModelOptions, colours: int) -> list[float] | float | None:
+def _scotopic(inputs: ModelOptions, colours: int) -> list[float] | float | None:
     """Return S / S_w of the colours, or one for all of them."""
-    if own.S is None or len(own.S) == colours:
-        return own.S
-    if len(own.S) == 1:
-        return own.S[0]
+    if inputs.S is None or len(inputs.S) == colours:
+        return inputs.S
+    if len(inputs.S) == 1:
+        return inputs.S[0]
     raise InputError(
-        f"--hunt-S: {len(own.S)} for {colours} colours; give one for each, or one for all",
+        f"--hunt-S: {len(inputs.S)} for {colours} colours; give one for each, or one for all",
         code="shape",
     )
 
 
 def _correlates(
-    model: Model, colours: NDArray[np.float64], seen: ViewingConditions, **settings: Any
+    model: Model, colours: NDArray[np.float64], conditions: ViewingConditions, **settings: Any
 ) -> list[Row]:
     """Return a row of correlates for each XYZ."""
     import numpy as np
 
     from volspec.appearance import composition
 
-    look: Appearance = model.forward(colours, seen, **settings)
-    given = {name: getattr(look, name) for name in (*"JChHQMs", "Q_WB", "L_N", "J_HK")}
-    columns = {name: np.asarray(v).tolist() for name, v in given.items() if v is not None}
+    look: Appearance = model.forward(colours, conditions, **settings)
+    correlates = {name: getattr(look, name) for name in (*"JChHQMs", "Q_WB", "L_N", "J_HK")}
+    columns = {name: np.asarray(v).tolist() for name, v in correlates.items() if v is not None}
     rows: list[Row] = [
         {name: column[i] for name, column in columns.items()} for i in range(len(colours))
     ]
     for i, row in enumerate(rows):
         if "H" in row:
-            told = math.isfinite(row["H"]) and row["C"] >= _MIN_CHROMA
-            row["composition"] = str(composition(row["H"])) if told else ""
+            has_hue = math.isfinite(row["H"]) and row["C"] >= _MIN_CHROMA
+            row["composition"] = str(composition(row["H"])) if has_hue else ""
         row["defined"] = bool(look.defined[i])
     return rows
 
 
 def _colours(
-    model: Model, looks: NDArray[np.float64], seen: ViewingConditions, **settings: Any
+    model: Model, looks: NDArray[np.float64], conditions: ViewingConditions, **settings: Any
 ) -> list[Row]:
     """Return a row with the XYZ of each J, C, h."""
     J, C, h = looks.T
-    back = model.inverse(J, C, h, seen, **settings).tolist()
+    back = model.inverse(J, C, h, conditions, **settings).tolist()
     return [
         {**dict(zip(XYZ, row, strict=True)), "defined": all(map(math.isfinite, row))}
         for row in back
@@ -278,7 +278,7 @@ def write_comparison(
     models: Sequence[str] | None,
     options: PictureOptions,
     output: Path,
-    own: ModelOptions = _MODELS,
+    inputs: ModelOptions = _MODELS,
 ) -> None:
     """Write a contact sheet of an image under a light as a PNG; default: all models.
 
@@ -302,7 +302,7 @@ def write_comparison(
             f"--white {white} with --image: a picture needs the light's spectrum; name a light, "
             "such as A, planck:3200 or FILE.csv"
         )
-    viewing = own.onto(options.onto(RelightSpec()).viewing)
+    viewing = inputs.onto(options.onto(RelightSpec()).viewing)
     names: Sequence[Any] = models or MODELS
     with in_options():
         looks = [replace(viewing, model=name) for name in names]
@@ -316,7 +316,7 @@ def write_comparison(
     if viewing.L_A is not None:
         words[1] = f"L_A {viewing.L_A:g} cd/m²"
     space = looks[0].display.colours
-    words += [each for each in (options.preset, space.name) if each not in (None, "sRGB")]
+    words += [part for part in (options.preset, space.name) if part not in (None, "sRGB")]
     sheet = comparison_sheet(", ".join(words), tiles, columns=4)
     notes = {"light": sent_name(white), "Software": f"volspec {__version__}"}
     write_frame(output, sheet, notes, space)

@@ -39,7 +39,7 @@ _NO_VOLUME = (".png", ".jpg", ".jpeg", ".csv", ".json", ".html", ".py", ".txt", 
 RELIGHT = "relight it: volspec relight {file} --light LIGHT -o FRAME.png"
 
 
-def require_scene(path: Path, instead: str = RELIGHT, wanted: str = "a scene") -> None:
+def require_scene(path: Path, instead: str = RELIGHT, expected: str = "a scene") -> None:
     """Raise a SceneError if the file is a coefficient image instead of a scene or a volume.
 
     ``instead`` is the remedy, with ``{file}`` for the image's name.
@@ -48,7 +48,7 @@ def require_scene(path: Path, instead: str = RELIGHT, wanted: str = "a scene") -
         if path.stat().st_size == 0:
             raise SceneError(f"{path}: the file is empty; render it again", code="damaged")
         remedy = instead.format(file=shlex.quote(str(path)))
-        raise SceneError(f"{path}: is a coefficient image, not {wanted}; {remedy}")
+        raise SceneError(f"{path}: is a coefficient image, not {expected}; {remedy}")
 
 
 def require_image(path: Path, instead: str) -> None:
@@ -185,8 +185,8 @@ def read_setting(text: str, groups: Mapping[str, float], grid: SpectralGrid) -> 
     """
     from volspec.relight import LightRig
 
-    if (whole := _light(text, grid)) is not None:
-        return whole
+    if (single := _light(text, grid)) is not None:
+        return single
     lights: dict[str, Spectrum] = {}
     for part in text.split(";"):
         group, spectrum = _part(text, part.strip(), grid)
@@ -222,8 +222,8 @@ def read_image_setting(image: Path, text: str, stored: CoefficientImage) -> Spec
         except ImageError:
             names = []
         # Names that can be read without the scene are suggested by the library.
-        own = [name for name in names if not _readable(name, stored.basis.grid)]
-        meant = "" if text in names else nearest(text, own)
+        unreadable = [name for name in names if not _readable(name, stored.basis.grid)]
+        meant = "" if text in names else nearest(text, unreadable)
         if text not in names and not meant:
             raise
     raise SpectrumError(
@@ -245,8 +245,8 @@ def read_opacities(words: Sequence[str]) -> dict[str, float]:
         if not material:
             raise InputError(f"--opacity {word!r}: write MATERIAL=SCALE, as block=0.3")
         if "," in material and "=" in material:
-            each = " ".join(f"--opacity {shlex.quote(part.strip())}" for part in word.split(","))
-            raise InputError(f"--opacity {word!r}: give one material each, {each}")
+            options = " ".join(f"--opacity {shlex.quote(part.strip())}" for part in word.split(","))
+            raise InputError(f"--opacity {word!r}: give one material each, {options}")
         if material in scales:
             raise InputError(
                 f"--opacity: {material!r} is given twice; give it once", code="duplicate"

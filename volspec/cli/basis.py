@@ -117,7 +117,7 @@ def basis(
             names,
             measured_on=measured_on,
             grid=grid,
-            progress=lambda share: tell("compare with full spectra", share),
+            progress=lambda fraction: tell("compare with full spectra", fraction),
         )
         if output is not None:
             case.basis.save(output)
@@ -181,8 +181,8 @@ def _case(
         from volspec.basis import fit_library
 
         tell("fit the basis", 0)
-        wanted = {"size": _DEFAULT_SIZE} | asked
-        fitted = fit_library(**wanted, lights=lights, observer_deg=observer or 2)
+        settings = {"size": _DEFAULT_SIZE} | asked
+        fitted = fit_library(**settings, lights=lights, observer_deg=observer or 2)
         tell("fit the basis", 1)
         return _Case(fitted)
     if asked or lights:
@@ -226,15 +226,15 @@ def _of_scene(
     changes = asked | ({} if observer is None else {"observer_deg": observer})
     scene = Scene.load(path, changes)
     tell("fit the basis", 1)
-    chosen = scene.basis
-    own = [
+    fitted = scene.basis
+    scene_lights = [
         Spectrum(spectrum.wavelengths_nm, spectrum.values, _name(light, spectrum))
         for light in scene.lights
         for spectrum in light.rig.lights
     ]
-    library = {name: light_set(name, chosen.grid) for name in CLASSES}
+    library = {name: light_set(name, fitted.grid) for name in CLASSES}
     reason = "" if changes else scene.basis_reason
-    return _Case(chosen, {"scene": own, **library}, scene.materials, reason)
+    return _Case(fitted, {"scene": scene_lights, **library}, scene.materials, reason)
 
 
 def _name(light: NamedLight, spectrum: Spectrum) -> str:
@@ -245,11 +245,11 @@ def _name(light: NamedLight, spectrum: Spectrum) -> str:
 def _require_method(method: str, *, scene: bool) -> None:
     from volspec.basis.fit import METHODS
 
-    known = (*METHODS, "materials")
-    if method not in known:
+    methods = (*METHODS, "materials")
+    if method not in methods:
         raise BasisError(
-            f"basis method {method!r} is unknown; {nearest(method, known)}"
-            f"choose {', '.join(known)}",
+            f"basis method {method!r} is unknown; {nearest(method, methods)}"
+            f"choose {', '.join(methods)}",
             code="unknown",
         )
     if method == "materials" and not scene:
@@ -276,26 +276,26 @@ def _full_grid(bands: SpectralGrid, step_nm: float | None) -> SpectralGrid:
 
 
 def _samples(
-    case: _Case, wanted: str | None, grid: SpectralGrid
+    case: _Case, set_name: str | None, grid: SpectralGrid
 ) -> tuple[Any, list[str] | None, str]:
     """Return the reflectances to measure with, their names, and a description of the set."""
     from volspec.basis import MaterialBasis
     from volspec.spectra import reflectance_set
     from volspec.spectra.library import reflectance_set_names
 
-    own = case.basis.materials if isinstance(case.basis, MaterialBasis) else None
-    materials = own or case.materials
-    if wanted == "materials" or (wanted is None and materials is not None):
+    basis_materials = case.basis.materials if isinstance(case.basis, MaterialBasis) else None
+    materials = basis_materials or case.materials
+    if set_name == "materials" or (set_name is None and materials is not None):
         if materials is None:
             raise BasisError("--reflectances materials: only a scene has them; give a .toml file")
         noun = "material" if len(materials) == 1 else "materials"
         return list(materials.values()), list(materials), f"the scene's {len(materials)} {noun}"
-    wanted = wanted or "test"
-    names = list(reflectance_set_names(wanted))
-    known = {
+    set_name = set_name or "test"
+    names = list(reflectance_set_names(set_name))
+    nouns = {
         "test": "held-out reflectances",
         "training": "reflectances of the training set",
         "patches": "patches",
     }
-    words = f"{len(names)} {known.get(wanted, f'{wanted} reflectances')}"
-    return reflectance_set(wanted, grid), names, words
+    words = f"{len(names)} {nouns.get(set_name, f'{set_name} reflectances')}"
+    return reflectance_set(set_name, grid), names, words

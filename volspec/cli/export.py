@@ -157,30 +157,30 @@ def export(
         lights = None if light == [_ALL] else light
         scene, volume = open_scene(job.address, preset, lights, camera, memory=memory)
         scene = cast.onto(scene)
-        own = scene.file.export
+        current = scene.file.export
         changes: dict[str, Any] = {
             "fps": scene.file.volume.fps if play else None,
             **frames.given(),
             "annotate": MARKS if annotate == [_ALL] else annotate,
-            "play": {} if play and own.play is None else None,
+            "play": {} if play and current.play is None else None,
         }
         if (eyes := stereo.spec()) is not None:
             changes["stereo"] = plain(eyes, defaults=True)
-        if shown := hdr.table(own.hdr):
-            changes["hdr"] = (plain(own.hdr) if own.hdr else {}) | shown
+        if hdr_table := hdr.table(current.hdr):
+            changes["hdr"] = (plain(current.hdr) if current.hdr else {}) | hdr_table
         for key, count, table in (
-            ("turntable", turntable, own.turntable),
-            ("sweep", sweep, own.sweep),
+            ("turntable", turntable, current.turntable),
+            ("sweep", sweep, current.sweep),
         ):
             if count is not None:
                 kept = {} if table is None else plain(table)
                 changes[key] = kept | {"frames": count}
-        names = tuple(each.name for each in scene.lights)
-        fades = own.sweep is not None or sweep is not None
+        names = tuple(lamp.name for lamp in scene.lights)
+        fades = current.sweep is not None or sweep is not None
         # One turn under one light; coefficient images hold no light, and a sweep needs several.
         moves = turntable is not None or play
         one = moves and not (
-            light or own.lights or fades or (frames.format or own.format) == "coefficients"
+            light or current.lights or fades or (frames.format or current.format) == "coefficients"
         )
         asked = light if volume is None or light is None else sent_names(light)
         changes["lights"] = names[:1] if one else names if light == [_ALL] else asked
@@ -194,13 +194,13 @@ def export(
                 code="unknown",
                 given=unknown[0],
             )
-        given = {key: value for key, value in changes.items() if value is not None}
-        options = {key: f"--{key}" for key in (*given, "size", "hdr")} | {"lights": "--light"}
+        settings = {key: value for key, value in changes.items() if value is not None}
+        options = {key: f"--{key}" for key in (*settings, "size", "hdr")} | {"lights": "--light"}
         options |= hdr.names
         with in_options(options):
-            scene = scene.exporting(**given)
+            scene = scene.exporting(**settings)
             tell("load the scene", 1)
-            made = export_scene(
+            result = export_scene(
                 scene,
                 job.output,
                 size=sides(size) if size else None,
@@ -209,20 +209,20 @@ def export(
                 progress=tell,
                 volume=volume,
             )
-        if made.gaps:
+        if result.gaps:
             incomplete.append(job.address)
         if json:
             return {
-                "output": str(made.output),
-                "files": list(made.files),
-                "frames": made.frames,
-                "made": made.made,
-                "casts": made.casts,
+                "output": str(result.output),
+                "files": list(result.files),
+                "frames": result.frames,
+                "made": result.made,
+                "casts": result.casts,
             }
-        there = made.frames - made.made
+        reused = result.frames - result.made
         line = (
-            f"{made.output}: {counted(made.frames, 'frame')}, {made.made} made from "
-            f"{counted(made.casts, 'cast')}" + (f"; {there} already existed" if there else "")
+            f"{result.output}: {counted(result.frames, 'frame')}, {result.made} made from "
+            f"{counted(result.casts, 'cast')}" + (f"; {reused} already existed" if reused else "")
         )
         if one and len(names) > 1:
             turns = f"{'a turn' if turntable else 'them'} under each of {len(names)} lights"
@@ -297,10 +297,10 @@ def page(
     from volspec.export.page import PageView, layers_size, scene_views, write_page
     from volspec.pipeline import GAPS
 
-    found = jobs(inputs, output, "pages", ".html", ".htm", series=play)
+    batch = jobs(inputs, output, "pages", ".html", ".htm", series=play)
     incomplete: list[str] = []
     with in_options(texts.names):
-        given = PageSpec(**texts.given())
+        page_spec = PageSpec(**texts.given())
 
     def write(job: Job, tell: Progress) -> str:
         tell("load the scene", 0)
@@ -314,8 +314,8 @@ def page(
             raise InputError(
                 f"--play: {job.address} has one time step; leave it out", code="conflict"
             )
-        shown = scene.file.output
-        pixels = sides(size) if size else (shown.width, shown.height)
+        output_spec = scene.file.output
+        pixels = sides(size) if size else (output_spec.width, output_spec.height)
         if layers and (count := views * (len(series) if series else 1)) > 1:
             raise InputError(
                 f"--layers {layers}: a page of {count} pictures would have some "
@@ -329,11 +329,11 @@ def page(
             series=series,
             size=pixels,
             device=device,
-            progress=lambda share: tell("cast", share),
+            progress=lambda fraction: tell("cast", fraction),
             volume=volume,
         )
         title = texts.title or scene.file.title or Path(job.address).stem
-        spec = replace(given, title=title, fps=scene.file.volume.fps)
+        spec = replace(page_spec, title=title, fps=scene.file.volume.fps)
 
         layered: list[str] = []
 
@@ -349,10 +349,10 @@ def page(
         many = f", {views} views" if views > 1 else ""
         many += f", {len(series)} time steps" if series else ""
         many += "".join(layered)
-        lit = counted(len(lights), "light")
-        return f"{job.output}: {count / 1e6:.2f} MB, {lit}{many}; open it in a browser"
+        lights_text = counted(len(lights), "light")
+        return f"{job.output}: {count / 1e6:.2f} MB, {lights_text}{many}; open it in a browser"
 
-    run_jobs(found, write, incomplete=incomplete)
+    run_jobs(batch, write, incomplete=incomplete)
 
 
 def _page_lights(
@@ -368,7 +368,7 @@ def _page_lights(
 
     require_lux(scene.lights, scene.relight, address)
     lights = list(scene.lights)
-    shares = scene.raycast.shares()
+    fractions = scene.raycast.shares()
     extra = extra if volume is None else []
     if extra and scene.relight.level == "absolute":
         raise InputError(
@@ -385,9 +385,9 @@ def _page_lights(
             lamps = LightRig.of(read_setting(text, names, scene.basis.grid))
             lights.append(NamedLight(name, name, *room.rig(room.spectra(lamps))))
             continue
-        rig = LightRig.of(read_setting(text, shares, scene.basis.grid))
-        shown = rig.facing(shares).mixed(scene.basis.grid)
-        lights.append(NamedLight(name, name, shown, rig))
+        rig = LightRig.of(read_setting(text, fractions, scene.basis.grid))
+        mixed = rig.facing(fractions).mixed(scene.basis.grid)
+        lights.append(NamedLight(name, name, mixed, rig))
     return lights
 
 
@@ -465,7 +465,7 @@ def serve(
                 volume=volume,
                 size=sides(size) if size else None,
                 device=device,
-                progress=lambda share: tell("cast", share),
+                progress=lambda fraction: tell("cast", fraction),
             )
         with suppress(KeyboardInterrupt):
             server.run(lambda: print(f"{server.address}  (once; Ctrl-C ends it)", flush=True))

@@ -83,14 +83,12 @@ def open_scene(
     from volspec.volume import Volume, open_volume
 
     require_scene(Path(address), image)
-    wanted = None if camera is None else _camera(camera)
+    view = None if camera is None else _camera(camera)
     if is_mesh_file(Path(address)):
         if preset is not None:
             problem = f"--preset {preset}: {address} is a mesh, without values"
             raise InputError(f"{problem}; leave out --preset", code="conflict")
-        orbit = (
-            None if wanted is None else _orbit(wanted, lambda: Volume.empty((0, 0, 0), (1, 1, 1)))
-        )
+        orbit = None if view is None else _orbit(view, lambda: Volume.empty((0, 0, 0), (1, 1, 1)))
         scene = Scene.from_mesh(address, lights=lights or (), camera=orbit)
         return scene, scene.volume()
     if Path(address).suffix.lower() != ".toml":
@@ -99,7 +97,7 @@ def open_scene(
             note_everyday(text)
         address = memory_address(address, memory)
         volume, series = open_volume(address)
-        orbit = None if wanted is None else _orbit(wanted, lambda: volume)
+        orbit = None if view is None else _orbit(view, lambda: volume)
         with in_options({"preset": "--preset"}):
             scene = Scene.from_volume(
                 address,
@@ -117,8 +115,8 @@ def open_scene(
             "--preset, or give its volume",
             code="conflict",
         )
-    if wanted is not None:
-        orbit = _orbit(wanted, scene.volume)
+    if view is not None:
+        orbit = _orbit(view, scene.volume)
         turned = replace(
             scene.file.camera,
             azimuth_deg=orbit.azimuth_deg,
@@ -134,8 +132,8 @@ def with_memory(scene: Scene, memory: str | None) -> Scene:
     """Return a scene whose volume takes up to an amount of memory, if one is given."""
     if memory is None:
         return scene
-    own = scene.file.volume
-    volume = replace(own, file=memory_address(own.file, memory))
+    table = scene.file.volume
+    volume = replace(table, file=memory_address(table.file, memory))
     return type(scene)(replace(scene.file, volume=volume), scene.path)
 
 
@@ -153,7 +151,7 @@ def memory_address(address: str, memory: str | None) -> str:
 
     bytes_of(memory, address)
     path, _, query = address.partition("?")
-    options = [each for each in query.split("&") if each and not each.startswith("memory=")]
+    options = [option for option in query.split("&") if option and not option.startswith("memory=")]
     return f"{path}?{'&'.join([*options, f'memory={memory}'])}"
 
 
@@ -165,11 +163,11 @@ class CastOptions(Options, group=Group("Cast", sort_key=2), of={RaycastSpec: ("q
 
         Raises InputError if one is out of range.
         """
-        given = self.given()
-        if "quality" in given:
-            given |= {"step_mm": None, "alpha_stop": None}
+        settings = self.given()
+        if "quality" in settings:
+            settings |= {"step_mm": None, "alpha_stop": None}
         with in_options(self.names):
-            return scene.casting(**given) if given else scene
+            return scene.casting(**settings) if settings else scene
 
 
 class LayerOptions(CastOptions, group=Group("Cast", sort_key=2), of={RaycastSpec: ("layers",)}):
@@ -220,21 +218,21 @@ class Job:
 
 
 def jobs(
-    inputs: Sequence[str], output: Path, what: str = "", *suffixes: str, series: bool = False
+    inputs: Sequence[str], output: Path, noun: str = "", *suffixes: str, series: bool = False
 ) -> list[Job]:
     """Pair inputs with outputs: one keeps its output, of several each gets a name in that folder.
 
     Names are the inputs' without their endings, plus the first suffix; or they replace ``{name}``
     in the output, as in ``films/{name}.mp4``. With suffixes, outputs are files that end with one;
-    ``what`` they are, in the plural. With ``series``, a pattern is one input. Raises InputError if
+    ``noun`` they are, in the plural. With ``series``, a pattern is one input. Raises InputError if
     a pattern or folder holds no input, or an output has another suffix or cannot be written.
     """
-    found = _pairs(inputs, output, *suffixes[:1], series=series)
+    batch = _pairs(inputs, output, *suffixes[:1], series=series)
     if suffixes:
-        for job in found:
-            require_suffix(job.output, what, *suffixes)
+        for job in batch:
+            require_suffix(job.output, noun, *suffixes)
             require_writable(job.output)
-    return found
+    return batch
 
 
 def _pairs(
@@ -243,21 +241,21 @@ def _pairs(
     """Pair inputs with outputs, which are not checked."""
     if (braces := re.search(r"\{[^}]*\}", str(output))) and _NAME not in str(output):
         raise InputError(f"{output}: {braces[0]} is unknown; write {_NAME}", code="unknown")
-    found: list[str] = []
+    addresses: list[str] = []
     for text in inputs:
-        found += [text] if series and "*" in text else _expanded(text)
-    if [*inputs] == found and len(found) == 1 and _NAME not in str(output):
-        return [Job(found[0], output)]
+        addresses += [text] if series and "*" in text else _expanded(text)
+    if [*inputs] == addresses and len(addresses) == 1 and _NAME not in str(output):
+        return [Job(addresses[0], output)]
     if _NAME not in str(output) and output.suffix.lower() in _FILES and not output.is_dir():
         raise InputError(
-            f"{output}: is one file for {counted(len(found), 'input')}; give a folder, or a "
+            f"{output}: is one file for {counted(len(addresses), 'input')}; give a folder, or a "
             f"pattern such as {_NAME}{output.suffix}",
             code="conflict",
         )
-    stems = [_stem(Path(text.partition("?")[0])) for text in found]
+    stems = [_stem(Path(text.partition("?")[0])) for text in addresses]
     names = [
         stem if stems.count(stem) == 1 else Path(text.partition("?")[0]).name
-        for stem, text in zip(stems, found, strict=True)
+        for stem, text in zip(stems, addresses, strict=True)
     ]
     twice = next((name for i, name in enumerate(names) if name in names[:i]), None)
     if twice is not None:
@@ -269,7 +267,7 @@ def _pairs(
     pattern = str(output) if _NAME in str(output) else str(output / (_NAME + suffix))
     return [
         Job(text, Path(pattern.replace(_NAME, name)))
-        for text, name in zip(found, names, strict=True)
+        for text, name in zip(addresses, names, strict=True)
     ]
 
 
@@ -288,8 +286,8 @@ def _expanded(text: str) -> list[str]:
     # A question mark begins options, KEY=VALUE, or is any letter of a name.
     pattern, *options = re.split(r"(?=\?\w+=)", text, maxsplit=1)
     if re.search(r"[*?[]", pattern) and not (is_remote(text) or Path(text).exists()):
-        if found := sorted(glob.glob(pattern)):
-            return ["".join((file, *options)) for file in found]
+        if matches := sorted(glob.glob(pattern)):
+            return ["".join((file, *options)) for file in matches]
         name = pattern.partition("?")[0]
         if re.search(r"[*[]", pattern) or not (Path(name).exists() or bundled_volume(name)):
             raise InputError(f"{text}: no file matches; check the pattern", code="not-found")
@@ -297,13 +295,13 @@ def _expanded(text: str) -> list[str]:
     if not folder.is_dir():
         return [text]
     # Folders of slices and OME-Zarr are volumes themselves.
-    whole = sorted(
+    volumes = sorted(
         str(path)
         for path in folder.iterdir()
         if path.name.lower().endswith((*WHOLE_SUFFIXES, ".toml")) and not path.name.startswith(".")
     )
     meshes = sorted(str(path) for path in folder.iterdir() if is_mesh_file(path))
-    return whole or meshes or [text]
+    return volumes or meshes or [text]
 
 
 Progress = Callable[[str, float], object]
@@ -312,7 +310,7 @@ Figures = str | dict[str, Any]
 
 
 def run_jobs(
-    found: Sequence[Job],
+    batch: Sequence[Job],
     work: Callable[[Job, Progress], Figures],
     *,
     json: bool = False,
@@ -323,21 +321,21 @@ def run_jobs(
     In a batch, an input that fails is reported and the others still run; then the exit code is 1.
     If the work adds to what is ``incomplete``, it is `INCOMPLETE`.
     """
-    if len(found) == 1:
+    if len(batch) == 1:
         with bar(quiet=json, left=True) as tell:
-            made = work(found[0], tell)
-        print_json(made) if isinstance(made, dict) else say(made)
+            result = work(batch[0], tell)
+        print_json(result) if isinstance(result, dict) else say(result)
         if incomplete:
             raise SystemExit(INCOMPLETE)
         return
     done: list[Figures] = []
     failed = 0
     with bar(quiet=json, left=True) as tell:
-        for i, job in enumerate(found):
-            tell.describe("batch", f"{i + 1} of {len(found)}: {Path(job.address).name}")
+        for i, job in enumerate(batch):
+            tell.describe("batch", f"{i + 1} of {len(batch)}: {Path(job.address).name}")
 
-            def inner(step: str, share: float, i: int = i) -> None:
-                tell("batch", (i + min(share, 1.0) * (step != "load the scene")) / len(found))
+            def inner(step: str, fraction: float, i: int = i) -> None:
+                tell("batch", (i + min(fraction, 1.0) * (step != "load the scene")) / len(batch))
 
             try:
                 done.append(work(job, inner))
@@ -346,11 +344,11 @@ def run_jobs(
                 tell.report(f"failed: {one_line(error)}")
         tell("batch", 1.0)
     if json:
-        print_json([each for each in done if isinstance(each, dict)])
+        print_json([figures for figures in done if isinstance(figures, dict)])
     else:
         for line in done:
             say(line)
-        rest = f"; {counted(failed, 'input')} failed" if failed else ""
-        say(f"{len(done)} of {counted(len(found), 'input')} done{rest}")
+        failures = f"; {counted(failed, 'input')} failed" if failed else ""
+        say(f"{len(done)} of {counted(len(batch), 'input')} done{failures}")
     if failed or incomplete:
         raise SystemExit(1 if failed else INCOMPLETE)

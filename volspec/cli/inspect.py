@@ -109,7 +109,7 @@ def convert(volume: str, /, *, output: Annotated[Path, Parameter(name=["--output
             name=name,
             labels=labels or None,
             metadata=metadata,
-            progress=lambda share: tell("convert", share),
+            progress=lambda fraction: tell("convert", fraction),
         )
     x, y, z = level.shape[::-1]
     say(f"{output}: {x}×{y}×{z} {level.dtype}")
@@ -137,14 +137,14 @@ def check(files: list[Path], /, *, json: Json = False) -> None:
     """
     from volspec.export import check_scene
 
-    found = [check_scene(file) for file in files]
+    reports = [check_scene(file) for file in files]
     if json:
-        print_json([each.to_dict() for each in found])
+        print_json([report.to_dict() for report in reports])
     else:
-        for each in found:
-            for line in each.errors or (_line(each),):
+        for report in reports:
+            for line in report.errors or (_line(report),):
                 say(one_line(line))
-    if any(each.errors for each in found):
+    if any(report.errors for report in reports):
         raise SystemExit(1)
 
 
@@ -182,8 +182,8 @@ def new(
         raise InputError(
             f"{output}: exists; give another name, or add --overwrite", code="conflict"
         )
-    made, _ = open_scene(volume, preset, light, camera)
-    say(f"{made.save(output)}: now try volspec view {shlex.quote(str(output))}")
+    new_scene, _ = open_scene(volume, preset, light, camera)
+    say(f"{new_scene.save(output)}: now try volspec view {shlex.quote(str(output))}")
 
 
 @scene.command

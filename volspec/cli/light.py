@@ -106,7 +106,7 @@ def light(
     if figure is not None:
         require_suffix(figure, "figures", *_FIGURES)
         require_writable(figure)
-    found = find(spectrum, RENDITION_GRID)
+    tested = find(spectrum, RENDITION_GRID)
     with warnings.catch_warnings():
         # A file that ends within the range is mentioned above; its end values continue.
         warnings.simplefilter("ignore", VolspecWarning)
@@ -117,14 +117,14 @@ def light(
         if figure is not None:
             _draw(measured, spectrum, similar_to, figure)
     if similar_to and measured.similarity is None:
-        problem = f"{found.name} has no power from 375 to 675 nm, which SSI compares"
+        problem = f"{tested.name} has no power from 375 to 675 nm, which SSI compares"
         raise InputError(f"--against: {problem}; leave it out")
     X, Y, Z = measured.white_XYZ.tolist()
     near = measured.temperature
-    lamp = LAMPS.get(found.name.removeprefix(f"{LAMP}:"))
+    lamp = LAMPS.get(tested.name.removeprefix(f"{LAMP}:"))
     row: Row = {
-        "light": found.name,
-        "description": describe_light(found.name) if found.name in library_names() else None,
+        "light": tested.name,
+        "description": describe_light(tested.name) if tested.name in library_names() else None,
         "x": X / (X + Y + Z),
         "y": Y / (X + Y + Z),
         "X": X,
@@ -138,9 +138,9 @@ def light(
     row |= _rendition(measured) | metameric
     with in_options(_LAMP):
         if power_W is not None:
-            row |= {"power_W": power_W, "flux_lm": flux_lm(lamp_for_light(found.name), power_W)}
+            row |= {"power_W": power_W, "flux_lm": flux_lm(lamp_for_light(tested.name), power_W)}
         if power_W is not None and distance_m is not None:
-            lux = lamp_illuminance_lux(lamp_for_light(found.name), power_W, distance_m, beam_deg)
+            lux = lamp_illuminance_lux(lamp_for_light(tested.name), power_W, distance_m, beam_deg)
             row |= {"distance_m": distance_m, "beam_deg": beam_deg, "illuminance_lux": lux}
     if json:
         print_json(row)
@@ -152,14 +152,14 @@ def light(
 
 def _rendition(measured: LightFigures) -> Row:
     """Return the figures of a light's colour rendition, None without a reference."""
-    found = measured.rendition
-    row: Row = {"R_a": found and found.R_a, "R_9": found and float(found.R[8])}
-    row |= {"R": found and found.R.tolist(), "near_white": found and found.is_white}
-    row |= {"R_f": found and found.R_f, "R_g": found and found.R_g}
-    row |= {"R_f_samples": found and found.fidelity.tolist()}
-    row |= {"R_f_hue": found and found.hue_fidelity.tolist()}
-    row |= {"R_cs_hue": found and found.chroma_shift.tolist()}
-    row |= {"R_hs_hue": found and found.hue_shift.tolist()}
+    rendition = measured.rendition
+    row: Row = {"R_a": rendition and rendition.R_a, "R_9": rendition and float(rendition.R[8])}
+    row |= {"R": rendition and rendition.R.tolist(), "near_white": rendition and rendition.is_white}
+    row |= {"R_f": rendition and rendition.R_f, "R_g": rendition and rendition.R_g}
+    row |= {"R_f_samples": rendition and rendition.fidelity.tolist()}
+    row |= {"R_f_hue": rendition and rendition.hue_fidelity.tolist()}
+    row |= {"R_cs_hue": rendition and rendition.chroma_shift.tolist()}
+    row |= {"R_hs_hue": rendition and rendition.hue_shift.tolist()}
     return row | {"SSI": measured.similarity, "SSI_reference": measured.reference or None}
 
 
@@ -169,15 +169,15 @@ def _draw(measured: LightFigures, spectrum: str, against: str | None, figure: Pa
     from volspec.basis import save_light_figure
     from volspec.spectra import light as find
 
-    own, found = find(spectrum, RENDITION_GRID), measured.rendition
-    if found is None:
-        problem = f"{own.name} has no correlated temperature, and so no reference to draw"
+    tested, rendition = find(spectrum, RENDITION_GRID), measured.rendition
+    if rendition is None:
+        problem = f"{tested.name} has no correlated temperature, and so no reference to draw"
         raise InputError(f"--figure: {problem}; give a light nearer to white")
-    kelvin = found.temperature.kelvin
+    kelvin = rendition.temperature.kelvin
     other = find(against, RENDITION_GRID) if against else rendition_reference(kelvin)
     similar = measured.similarity
     facts = "" if similar is None else f"SSI {similar:.0f} against {measured.reference}"
-    save_light_figure(own, other, found, figure, facts)
+    save_light_figure(tested, other, rendition, figure, facts)
 
 
 def _metamerism(pair: tuple[str, str], reference: str, test: str) -> Row:
@@ -186,15 +186,15 @@ def _metamerism(pair: tuple[str, str], reference: str, test: str) -> Row:
     from volspec.spectra import light as find
     from volspec.spectra import reflectance
 
-    one, other = (reflectance(each, RENDITION_GRID) for each in pair)
-    found = metamerism(one, other, *(find(each, RENDITION_GRID) for each in (reference, test)))
+    one, other = (reflectance(name, RENDITION_GRID) for name in pair)
+    figures = metamerism(one, other, *(find(name, RENDITION_GRID) for name in (reference, test)))
     row = {
         "reflectances": list(pair),
         "reference": reference,
-        "delta_E": found.delta_E,
-        "general": found.general,
-        "change_in_illuminant": found.illuminant,
-        "change_in_observer": {str(observer): d for observer, d in found.observers.items()},
+        "delta_E": figures.delta_E,
+        "general": figures.general,
+        "change_in_illuminant": figures.illuminant,
+        "change_in_observer": {str(observer): d for observer, d in figures.observers.items()},
     }
     return {"metamerism": row}
 
@@ -259,11 +259,11 @@ def _table(row: Row) -> Table:
 def _metameric_lines(of: Row, test: str) -> dict[str, str]:
     """Return lines on two reflectances, which are metamers only if they are alike."""
     unlike = ", not alike" if of["delta_E"] > 1.0 else ""
-    others = ", ".join(f"{each}° {d:.2f}" for each, d in of["change_in_observer"].items())
+    differences = ", ".join(f"{deg}° {d:.2f}" for deg, d in of["change_in_observer"].items())
     return {
         "pair": ", ".join(of["reflectances"]),
         f"under {of['reference']}": f"ΔE00 {of['delta_E']:.2f}{unlike}, general metamerism "
         f"{of['general']:.4f}",
         "change in illuminant": f"ΔE00 {of['change_in_illuminant']:.2f} under {test}",
-        "change in observer": f"ΔE00 {others}",
+        "change in observer": f"ΔE00 {differences}",
     }

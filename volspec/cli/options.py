@@ -53,21 +53,21 @@ class Options:
         ``names`` are options that are not named as their field; the fields ``off`` also take that
         word, for None; ``negative`` is as of `cyclopts.Parameter`, for switches.
         """
-        own = {name: owner for owner, chosen in of.items() for name in chosen}
-        cls.owners, cls.optional = {**cls.owners, **own}, cls.optional | {*off}
-        cls.names = {**cls.names, **{name: option_name(name) for name in own}, **(names or {})}
+        owners = {name: owner for owner, field_names in of.items() for name in field_names}
+        cls.owners, cls.optional = {**cls.owners, **owners}, cls.optional | {*off}
+        cls.names = {**cls.names, **{name: option_name(name) for name in owners}, **(names or {})}
         annotations = {}
-        for name, owner in own.items():
+        for name, owner in owners.items():
             kinds = alternatives(hints(owner)[name])
             is_text = any(
-                each not in (int, float, bool) and get_origin(each) is not Literal for each in kinds
+                hint not in (int, float, bool) and get_origin(hint) is not Literal for hint in kinds
             )
             kind: Any = str if is_text else Union[tuple(kinds)]  # noqa: UP007  # of a list
             is_number = kind in (int, float)
             words = [_first_sentence(owner, name, cls.names)]
             if is_number:
-                wanted = expected(hints(owner)[name]).removesuffix(", or leave it out")
-                words.append(f"{wanted[0].upper()}{wanted[1:]}{', or off' * (name in off)}.")
+                phrase = expected(hints(owner)[name]).removesuffix(", or leave it out")
+                words.append(f"{phrase[0].upper()}{phrase[1:]}{', or off' * (name in off)}.")
             parameter = Parameter(
                 cls.names[name],
                 converter=as_written if kind not in (bool, str) else None,
@@ -89,13 +89,13 @@ class Options:
         values = {name: value for name in names if (value := getattr(self, name)) is not None}
         return {name: self._value(name, value) for name, value in values.items()}
 
-    def _value(self, name: str, given: Any) -> Any:
+    def _value(self, name: str, value: Any) -> Any:
         """Return a field's value: three numbers if they are written as a text, None if off."""
-        if isinstance(given, str) and name in self.owners:
+        if isinstance(value, str) and name in self.owners:
             kinds = alternatives(hints(self.owners[name])[name])
             if any(get_origin(kind) is tuple for kind in kinds):
-                return parse_triple(given) or given
-        return None if name in self.optional and given == "off" else given
+                return parse_triple(value) or value
+        return None if name in self.optional and value == "off" else value
 
     def given_names(self, *without: str) -> list[str]:
         """Return the names of the options that were given, ``without`` those of some fields."""
@@ -111,11 +111,11 @@ def option_name(field: str) -> str:
     return f"--{field if field != field.lower() else field.replace('_', '-')}"
 
 
-def require_with(given: Sequence[str], needed: str, example: str = "") -> None:
+def require_with(options: Sequence[str], needed: str, example: str = "") -> None:
     """Refuse options that have no meaning without another one, such as an ``example`` of it."""
-    if given:
+    if options:
         raise InputError(
-            f"{' and '.join(given)} without {needed}",
+            f"{' and '.join(options)} without {needed}",
             f"add {example or needed}, or leave it out",
             code="conflict",
         )

@@ -105,23 +105,23 @@ def design(
         asked = load_palette(palette)
         asked = _with_apart(asked, apart or [], under or [], deficiency or [], distance)
         try:
-            made = solved(asked, again=again)
+            result = solved(asked, again=again)
         except InputError as error:
             raise PaletteError(f"{palette}: {str(error).removeprefix('palette: ')}") from error
         tell("design", 1)
         if output is not None:
-            save_palette(made, output, source=palette)
+            save_palette(result, output, source=palette)
         tell("report", 0)
-        report = DesignReport.of(made, suggestions(made), difference=difference)
+        report = DesignReport.of(result, suggestions(result), difference=difference)
         tell("report", 1)
         if figure is not None:
             tell("draw the figure", 0)
-            save_palette_figure(made, figure, report, palette_file(palette).title)
+            save_palette_figure(result, figure, report, palette_file(palette).title)
             tell("draw the figure", 1)
     if json:
         print_json(report.to_dict())
         return
-    if made.kept:
+    if result.kept:
         note(f"{palette}: its values meet every cell and are kept; --again designs on from them")
     console = Terminal(highlight=False)
     console.print(render(report, colours=console.color_system in ("256", "truecolor")))
@@ -142,14 +142,14 @@ def _with_apart(
 
     with in_options(_APART):
         if reflectances:
-            given: dict[str, Any] = {"reflectance": tuple(reflectances), "light": tuple(lights)}
-            given = {
-                key: "*" if "*" in names or not names else names for key, names in given.items()
+            table: dict[str, Any] = {"reflectance": tuple(reflectances), "light": tuple(lights)}
+            table = {
+                key: "*" if "*" in names or not names else names for key, names in table.items()
             }
             if distance is not None:
-                given["distance"] = distance
-            given["deficiency"] = ("none", *deficiencies)
-            return replace(palette, apart=(*palette.apart, Apart(**given)))
+                table["distance"] = distance
+            table["deficiency"] = ("none", *deficiencies)
+            return replace(palette, apart=(*palette.apart, Apart(**table)))
         for option, value in (("--under", lights), ("--distance", distance)):
             if value:
                 raise InputError(
@@ -167,8 +167,8 @@ def _with_apart(
             return palette
         rows = []
         for row in palette.apart:
-            wanted: Any = tuple(dict.fromkeys((*row.deficiencies, *deficiencies)))
-            rows.append(replace(row, deficiency=wanted))
+            viewers: Any = tuple(dict.fromkeys((*row.deficiencies, *deficiencies)))
+            rows.append(replace(row, deficiency=viewers))
         return replace(palette, apart=tuple(rows))
 
 
@@ -244,7 +244,7 @@ def hide(
 
     loaded = _loaded(scene, output)
     with in_options(_OPTIONS):
-        made = hide(
+        result = hide(
             *(loaded, material),
             under=under,
             within=within,
@@ -252,13 +252,13 @@ def hide(
             like=like,
             lamps=tuple(lamp or ()),
         )
-    _finish(made, output, json)
-    lost = max(
-        max(row.changed.values(), default=0.0) for row in made.evaluations if row.light != under
+    _finish(result, output, json)
+    dE00 = max(
+        max(row.changed.values(), default=0.0) for row in result.evaluations if row.light != under
     )
-    if black and like is None and lost > _AT_A_GLANCE:
+    if black and like is None and dE00 > _AT_A_GLANCE:
         note(
-            f"{material!r} changes by ΔE {lost:.1f} under other lights, as {under!r} has no gap in "
+            f"{material!r} changes by ΔE {dE00:.1f} under other lights, as {under!r} has no gap in "
             "its spectrum to be black in; design a new light: --like"
         )
 
@@ -299,7 +299,7 @@ def reveal(
 
     loaded, viewers = _loaded(scene, output), deficiency or []
     with in_options(_OPTIONS):
-        made = reveal(
+        result = reveal(
             *(loaded, material),
             under=under,
             distance=distance,
@@ -307,12 +307,12 @@ def reveal(
             lamps=tuple(lamp or ()),
             deficiency=cast("list[DeficiencyName]", viewers),  # checked there
         )
-    _finish(made, output, json)
+    _finish(result, output, json)
     rows = evaluate_lights(loaded, loaded, (material,))
     before = next((row for row in rows if row.light == under), None)
-    if before is not None and (least := min(before.apart.values())) >= distance:
+    if before is not None and (smallest := min(before.apart.values())) >= distance:
         note(
-            f"{material!r} was already ΔE {least:.1f} or more from every other under {under!r}, "
+            f"{material!r} was already ΔE {smallest:.1f} or more from every other under {under!r}, "
             f"and --distance is {distance:g}; raise it to set it further apart"
         )
 
@@ -352,7 +352,7 @@ def merge(
 
     colours = [parse_colour(text) for text in colour or ()]
     with in_options(_OPTIONS):
-        made = merge(
+        result = merge(
             *(_loaded(scene, output), materials),
             under=under,
             split=split,
@@ -360,7 +360,7 @@ def merge(
             average=average,
             lamps=tuple(lamp or ()),
         )
-    _finish(made, output, json)
+    _finish(result, output, json)
 
 
 @wizard.command
@@ -392,22 +392,22 @@ def _loaded(path: str, output: Path) -> Scene:
     return scene
 
 
-def _finish(made: Redesigned, output: Path, json: bool) -> None:
+def _finish(result: Redesigned, output: Path, json: bool) -> None:
     """Write the new scene and print its colour differences."""
     from volspec.palette import apart_text, mixture_text
 
-    paths = made.save(output)
+    paths = result.save(output)
     if json:
         files = dict(zip(("scene", "palette"), map(str, paths), strict=True))
         print_json(
             files
-            | {"lights": [_row(row) for row in made.evaluations], "lamps": made.lamps}
-            | {"apart": [pair.to_dict() for pair in made.apart]}
+            | {"lights": [_row(row) for row in result.evaluations], "lamps": result.lamps}
+            | {"apart": [pair.to_dict() for pair in result.apart]}
         )
         return
     out = Terminal()
-    out.print(_table(made))
-    for row in made.evaluations:
+    out.print(_table(result))
+    for row in result.evaluations:
         if row.like and row.changed:
             worst = max(row.changed, key=lambda name: row.changed[name])
             out.print(
@@ -415,42 +415,42 @@ def _finish(made: Redesigned, output: Path, json: bool) -> None:
                 f"{row.changed[worst]:.2f} ({worst})",
                 highlight=False,
             )
-    for pair in made.apart:
+    for pair in result.apart:
         out.print(f"under {apart_text(pair)}", highlight=False)
-    if made.lamps:
-        mix = mixture_text(made.lamps)
-        out.print(f"{made.changes.light} = {mix}, shares of the illuminance", highlight=False)
-    if made.changes.exact:
+    if result.lamps:
+        mix = mixture_text(result.lamps)
+        out.print(f"{result.changes.light} = {mix}, shares of the illuminance", highlight=False)
+    if result.changes.exact:
         out.print("cast by its materials, as a basis of its size would blur them", highlight=False)
     say(f"{paths[0]}, {paths[1]}")
 
 
 def _row(row: LightEvaluation) -> dict[str, object]:
-    apart = [{"materials": list(pair), "delta_e": value} for pair, value in row.apart.items()]
+    pairs = [{"materials": list(pair), "delta_e": value} for pair, value in row.apart.items()]
     return {
         "light": row.light,
         "like": row.like,
-        "apart": apart,
+        "apart": pairs,
         "changed": row.changed,
         "constancy": row.constancy,
     }
 
 
-def _table(made: Redesigned) -> Table:
+def _table(result: Redesigned) -> Table:
     """Return ΔE for each light: between materials, and of each before and after."""
     title = f"ΔE00 in the frames; below {_UNSEEN:g} it is invisible"
     table = Table(title=title, title_justify="left", box=None, header_style="dim")
     table.add_column("light", no_wrap=True)
-    pairs: Sequence[tuple[str, str]] = list(made.evaluations[0].apart)
+    pairs: Sequence[tuple[str, str]] = list(result.evaluations[0].apart)
     for one, two in pairs:
         table.add_column(f"{one} – {two}", justify="right")
-    for name in made.materials:
+    for name in result.materials:
         table.add_column(f"{name} before – after", justify="right")
-    for name in made.constant:
-        table.add_column(f"{name} from {made.evaluations[0].light}", justify="right")
-    for row in made.evaluations:
-        apart = [f"{row.apart[pair]:.2f}" for pair in pairs]
-        changed = ["" if row.like else f"{row.changed[n]:.2f}" for n in made.materials]
-        moved = [f"{row.constancy[name]:.2f}" for name in made.constant]
-        table.add_row(row.light, *apart, *changed, *moved)
+    for name in result.constant:
+        table.add_column(f"{name} from {result.evaluations[0].light}", justify="right")
+    for row in result.evaluations:
+        distances = [f"{row.apart[pair]:.2f}" for pair in pairs]
+        changed = ["" if row.like else f"{row.changed[n]:.2f}" for n in result.materials]
+        constancy = [f"{row.constancy[name]:.2f}" for name in result.constant]
+        table.add_row(row.light, *distances, *changed, *constancy)
     return table

@@ -104,9 +104,9 @@ def reflectance(
         raise InputError("no colour; give #rrggbb, a CSS name or X Y Z, or --image FILE")
     from volspec.spectra.files import TABLE_SUFFIXES
 
-    for path, what, kinds in ((output, "spectra", TABLE_SUFFIXES), (figure, "figures", _FIGURES)):
+    for path, noun, kinds in ((output, "spectra", TABLE_SUFFIXES), (figure, "figures", _FIGURES)):
         if path is not None:
-            require_suffix(path, what, *kinds)
+            require_suffix(path, noun, *kinds)
             require_writable(path)
     _construct(" ".join(colour), asked, under or ["D65", "A"], output, figure, json)
 
@@ -129,14 +129,14 @@ def _construct(
         by_name.setdefault(lamp.name, lamp)
     lamps = list(by_name.values())
     XYZ = colour_XYZ(word, white_XYZ(lamps[0], asked.observer))
-    made = reflectances_from_colours(XYZ, asked.method, lamps[0], observer_deg=asked.observer)
-    paint = constructed_spectrum(made, word, XYZ, lamps[0], asked.method, asked.observer)
+    solution = reflectances_from_colours(XYZ, asked.method, lamps[0], observer_deg=asked.observer)
+    paint = constructed_spectrum(solution, word, XYZ, lamps[0], asked.method, asked.observer)
     rows = _under(paint, lamps, XYZ, asked.observer)
     if output is not None:
         write_spectrum(paint, output)
     if figure is not None:
-        values = dict(zip(made.base.names, made.base.values, strict=True))
-        parts = {name: (share, values[name]) for name, share in made.mix().items()}
+        values = dict(zip(solution.base.names, solution.base.values, strict=True))
+        parts = {name: (fraction, values[name]) for name, fraction in solution.mix().items()}
         save_reflectance_figure(paint, parts, lamps, figure, asked.observer)
     if as_json:
         print_json(
@@ -146,14 +146,14 @@ def _construct(
                 "light": asked.light,
                 "method": asked.method,
                 "constructed": paint.notes["constructed"],
-                "mix": [{"name": n, "share": share} for n, share in made.mix().items()],
+                "mix": [{"name": n, "share": fraction} for n, fraction in solution.mix().items()],
                 "lights": rows,
                 "wavelengths_nm": paint.wavelengths_nm.tolist(),
                 "reflectance": paint.values.tolist(),
             }
         )
         return
-    _print(paint, made, rows)
+    _print(paint, solution, rows)
     for path in (output, figure):
         if path is not None:
             say(path)
@@ -166,17 +166,17 @@ def _under(
     from volspec.appearance.models import cielab, delta_E_2000
     from volspec.spectra import XYZ_from_spectra, white_XYZ
 
-    wanted = cielab(XYZ, white_XYZ(lamps[0], observer))
+    target = cielab(XYZ, white_XYZ(lamps[0], observer))
     rows = []
     for lamp in lamps:
-        seen = XYZ_from_spectra(lamp, paint, observer)
-        Lab = cielab(seen, white_XYZ(lamp, observer))
-        numbers = dict(zip("XYZLab", [*seen.tolist(), *Lab.tolist()], strict=True))
-        rows.append({"light": lamp.name, **numbers, "delta_e": float(delta_E_2000(wanted, Lab))})
+        lit_XYZ = XYZ_from_spectra(lamp, paint, observer)
+        Lab = cielab(lit_XYZ, white_XYZ(lamp, observer))
+        numbers = dict(zip("XYZLab", [*lit_XYZ.tolist(), *Lab.tolist()], strict=True))
+        rows.append({"light": lamp.name, **numbers, "delta_e": float(delta_E_2000(target, Lab))})
     return rows
 
 
-def _print(paint: Spectrum, made: MadeReflectances, rows: list[dict[str, Any]]) -> None:
+def _print(paint: Spectrum, solution: MadeReflectances, rows: list[dict[str, Any]]) -> None:
     from rich.table import Table
 
     console = Terminal(highlight=False)
@@ -188,11 +188,11 @@ def _print(paint: Spectrum, made: MadeReflectances, rows: list[dict[str, Any]]) 
         "smoothest": "the smoothest reflectance of this colour",
         "nearest": "reflectance of the nearest possible colour",
     }
-    way = paint.notes["constructed"]
-    console.print(Text(ways.get(way, f"recovered by {way}")))
-    for name, share in made.mix().items():
-        if share >= _SHOWN:
-            console.print(Text(f"  {100 * share:5.1f} %  {name}"), soft_wrap=True)
+    construction = paint.notes["constructed"]
+    console.print(Text(ways.get(construction, f"recovered by {construction}")))
+    for name, fraction in solution.mix().items():
+        if fraction >= _SHOWN:
+            console.print(Text(f"  {100 * fraction:5.1f} %  {name}"), soft_wrap=True)
     table = Table(box=None, pad_edge=False, show_edge=False)
     table.add_column("under")
     for name in ("X", "Y", "Z", "L*", "a*", "b*", "ΔE00 from the colour given"):
@@ -223,24 +223,24 @@ def _convert(image: Path, output: Path | None, asked: _Asked) -> None:
     XYZ = XYZ_from_sRGB(triples / 255.0, white_XYZ(lamp, asked.observer))
     with bar() as tell:
         tell("reflectances", 0)
-        made = reflectances_from_colours(
+        solution = reflectances_from_colours(
             XYZ,
             asked.method,
             lamp,
             observer_deg=asked.observer,
-            progress=lambda share: tell("reflectances", share),
+            progress=lambda fraction: tell("reflectances", fraction),
         )
         tell("reflectances", 1)
     notes = {
         "spectral quantity": "reflectance",
         "constructed": f"{asked.method}, from {image.name} under {lamp.name}",
     }
-    values = made.values.astype(np.float32)[place.reshape(codes.shape)]
+    values = solution.values.astype(np.float32)[place.reshape(codes.shape)]
     SpectralImage(values, DEFAULT_GRID.wavelengths_nm, "reflective", notes).save(output)
     height, width = codes.shape
-    counts = ", ".join(f"{number} {name}" for name, number in made.counts().items())
-    said = f"{output}: {width}×{height}, {values.shape[-1]} bands; {len(unique)} colours: {counts}"
-    say(said)
+    counts = ", ".join(f"{number} {name}" for name, number in solution.counts().items())
+    text = f"{output}: {width}×{height}, {values.shape[-1]} bands; {len(unique)} colours: {counts}"
+    say(text)
 
 
 def _pixels(path: Path) -> NDArray[np.uint8]:

@@ -142,7 +142,7 @@ def relight(
     effects = depth.effects(scene.depth)
     lamps = [read_image_setting(image, text, stored) for text in light]
     if display is not None:
-        lamps = _lit(lamps, viewing.illuminance_lux, stored)
+        lamps = _with_lux(lamps, viewing.illuminance_lux, stored)
     own_mode = mode or ("exact" if spectral else None)
     spec = viewing.onto(scene.relight, model=model, mode=own_mode, backdrop=backdrop)
     spec = spec.for_lights(lamps)
@@ -181,11 +181,11 @@ def _check_options(
     ``asked`` are others by name, None if left out.
     """
     if stereo:
-        others = [f"--{name}" for name in ("spectral", "errors", "hdr") if asked[name]]
+        conflicts = [f"--{name}" for name in ("spectral", "errors", "hdr") if asked[name]]
         lens = ("aperture_mm", "focus_mm", "surface")
-        others += [depth.names[name] for name in lens if name in depth.given_values]
-        if others:
-            raise InputError(f"{others[0]} with --stereo: leave one out", code="conflict")
+        conflicts += [depth.names[name] for name in lens if name in depth.given_values]
+        if conflicts:
+            raise InputError(f"{conflicts[0]} with --stereo: leave one out", code="conflict")
     if asked["errors"] and depth.given_values:
         raise InputError(
             f"--errors is of opacities and lights, not of depth; leave out it, or "
@@ -194,8 +194,8 @@ def _check_options(
         )
     if asked["spectral"]:
         require_suffix(output, "spectral pictures", ".exr")
-        given = [f"--{name}" for name in ("errors", "hdr", "model") if asked[name] is not None]
-        for option in given + viewing.given_names("exposure", "illuminance_lux"):
+        options = [f"--{name}" for name in ("errors", "hdr", "model") if asked[name] is not None]
+        for option in options + viewing.given_names("exposure", "illuminance_lux"):
             raise InputError(
                 f"{option} with --spectral: does not affect spectra; leave it out",
                 code="conflict",
@@ -292,25 +292,25 @@ def _write_frames(
         relighters = [stack.enter_context(Relighter(view)) for view in views]
         for frame in frames:
             with in_options():
-                own = [relighter.frame(frame.light, look.of_view) for relighter in relighters]
-                pixels = look.combine(own)
+                pictures = [relighter.frame(frame.light, look.of_view) for relighter in relighters]
+                pixels = look.combine(pictures)
             notes = {"light": frame.name, "Software": f"volspec {__version__}"}
             if look.stereo:
                 notes["stereo"] = look.stereo.layout
             write_frame(frame.path, pixels, notes, colours)
-            blanks.add(str(frame.path), frame.text, own[0], first.alpha)
+            blanks.add(str(frame.path), frame.text, pictures[0], first.alpha)
             say(f"{frame.path}: {_luminances(pixels, look.hdr)}" if look.hdr else frame.path)
             note_everyday(frame.text)
             if errors is not None:
                 how = spec.mode, spec.backdrop, 1, against
-                found = error_map(errors, frame.light, *how, opacities=look.opacities or None)
+                diff_map = error_map(errors, frame.light, *how, opacities=look.opacities or None)
                 path = _errors_path(frame.path)
-                write_frame(path, found.image(), {"light": frame.name, "shows": str(found)})
-                say(f"{path}: {found}")
+                write_frame(path, diff_map.image(), {"light": frame.name, "shows": str(diff_map)})
+                say(f"{path}: {diff_map}")
     blanks.warn()
 
 
-def _lit(
+def _with_lux(
     lamps: Sequence[Spectrum | LightRig], lux: float | None, image: CoefficientImage
 ) -> list[Spectrum | LightRig]:
     """Return lights with their lux, for HDR; InputError if one has none and --lux is left out."""
@@ -339,9 +339,9 @@ def _luminances(frame: NDArray[np.uint16], hdr: Hdr) -> str:
     )
 
 
-def _tell_of_lux(image: Path, scene: RelightSpec, given: PictureOptions, spec: RelightSpec) -> None:
+def _tell_of_lux(image: Path, scene: RelightSpec, asked: PictureOptions, spec: RelightSpec) -> None:
     """Note if the scene's lights have a lux that affects the picture, as --light has none."""
-    if given.illuminance_lux is not None:
+    if asked.illuminance_lux is not None:
         return
     eye = scene.viewing
     if spec.level != scene.level:

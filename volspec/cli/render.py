@@ -85,7 +85,7 @@ def render(
     from volspec.export import save_for_compositors, scene_recipe, write_frame
     from volspec.pipeline import GAPS, relight
 
-    found = jobs(inputs, output, "casts and pictures", ".exr", ".png")
+    batch = jobs(inputs, output, "casts and pictures", ".exr", ".png")
     incomplete: list[str] = []
 
     def cast(job: Job, tell: Progress) -> str:
@@ -107,7 +107,7 @@ def render(
             size=sides(size) if size else None,
             spec=replace(scene.raycast, half=half or scene.raycast.half),
             device=device,
-            progress=lambda share: tell("cast", share),
+            progress=lambda fraction: tell("cast", fraction),
         )
         width, height = image.size
         if GAPS in image.notes:
@@ -128,7 +128,7 @@ def render(
         groups = f" for each of {', '.join(image.groups)}" if len(image.groups) > 1 else ""
         return f"{job.output}: {width}×{height}, {image.basis.size} channels{groups}"
 
-    run_jobs(found, cast, incomplete=incomplete)
+    run_jobs(batch, cast, incomplete=incomplete)
 
 
 def _flat(scene: Scene, layers: int | None, output: Path) -> Scene:
@@ -188,8 +188,8 @@ def view(
     # Checked before a window opens for nothing.
     from volspec.volume import is_pattern
 
-    known = file is None or is_pattern(file) or Path(file.partition("?")[0]).exists()
-    if not known and file is not None:
+    exists = file is None or is_pattern(file) or Path(file.partition("?")[0]).exists()
+    if not exists and file is not None:
         name, _, options = file.partition("?")
         raise InputError(
             f"{name if '=' in options else file}: no such file; check the path", code="not-found"
@@ -201,17 +201,17 @@ def view(
     from volspec.viewer import Options
     from volspec.viewer import view as open_window
 
-    wanted = _sides("--screenshot", screenshot) if screenshot else None
-    open_window(Options(file, trace, _sides("--size", size), wanted, device, restore))
+    screenshot_size = _sides("--screenshot", screenshot) if screenshot else None
+    open_window(Options(file, trace, _sides("--size", size), screenshot_size, device, restore))
 
 
-def _sides(option: str, given: str) -> tuple[int, int]:
+def _sides(option: str, text: str) -> tuple[int, int]:
     """Return width and height, up to the largest picture size."""
     from volspec._checks import MAX_SIDE
 
-    both = sides(given)
+    both = sides(text)
     if max(both) > MAX_SIDE:
-        raise InputError(f"{option} {given}: a side is too long; give at most {MAX_SIDE}")
+        raise InputError(f"{option} {text}: a side is too long; give at most {MAX_SIDE}")
     return both
 
 
@@ -265,8 +265,8 @@ def demo(*, out: Path = Path("volspec-demo"), device: Device = None, json: Json 
         f"Written in {report.seconds:.1f} s to {out}/: open {out}/sheet.png\n\nNow try",
         highlight=False,
     )
-    for words, what in NEXT:
-        console.print(f"  volspec {words.format(out=out)}", f"  # {what}", sep="", soft_wrap=True)
+    for words, text in NEXT:
+        console.print(f"  volspec {words.format(out=out)}", f"  # {text}", sep="", soft_wrap=True)
 
 
 # Commands to go on with, and what they do.

@@ -39,7 +39,7 @@ class _Paints:
 
     candidates: tuple[Spectrum, ...]
     surface: str
-    wanted: Appearance
+    target: Appearance
     top: int
 
 
@@ -139,27 +139,27 @@ def room(
         raise InputError("--at and --light belong together", "give both", code="missing")
     with in_options():
         viewing = Viewing(model=model)  # type: ignore[arg-type]  # the constructor checks it
-    found = load_room(room)
+    loaded = load_room(room)
     if white is not None:
-        found.reflectance(white)
+        loaded.reflectance(white)
     paints = None
     if paint_set:
         with in_options(_OPTIONS):
-            paints = _paints(found, paint_set, paint_surface, wanted, mix, top)
+            paints = _paints(loaded, paint_set, paint_surface, wanted, mix, top)
     else:
-        given = {"paint-surface": paint_surface, "wanted": wanted, "mix": mix, "top": top}
-        if alone := [option for option, value in given.items() if value is not None]:
+        settings = {"paint-surface": paint_surface, "wanted": wanted, "mix": mix, "top": top}
+        if alone := [option for option, value in settings.items() if value is not None]:
             raise InputError(f"--{alone[0]} is for ranking paints; give --paint-set, too")
     if patches is None:
         patches = _PATCHES if paints is None else _PATCHES_OF_PAINTS
-    eye, name = default_eye(found), found.title or room.stem
-    look_around(found)
-    seen_triangle(Rays(found.mesh), eye)  # refused before the solution
+    eye, name = default_eye(loaded), loaded.title or room.stem
+    look_around(loaded)
+    seen_triangle(Rays(loaded.mesh), eye)  # refused before the solution
     with bar(quiet=json) as tell:
-        solved = solve_room(found, patches, tell)
+        solved = solve_room(loaded, patches, tell)
         ranking = None
         if paints is not None:
-            wants = paints.surface, paints.wanted, paints.top
+            wants = paints.surface, paints.target, paints.top
             ranking = rank_paints(solved, paints.candidates, *wants, tell)
             best = ranking.best[0].reflectance
             solved = solved.painted(dict.fromkeys(ranking.surfaces, best))
@@ -176,15 +176,15 @@ def room(
         _show_ranking(f"{name}: {paints.surface}", ranking, json)
     else:
         rows = [
-            _row(surface_appearance(solved, each))
-            for each in found.mesh.names
-            if found.reflectance(each).any()
+            _row(surface_appearance(solved, surface))
+            for surface in loaded.mesh.names
+            if loaded.reflectance(surface).any()
         ]
-        seen = conditions.viewing
+        eye_viewing = conditions.viewing
         title = (
             f"{name}: {len(solved.mesh.surface)} patches, error {100 * solved.sampling_error:.2g} "
-            f"%; the eye looks at {conditions.surface}: L_A {seen.L_A:.3g} cd/m², "
-            f"Y_b {seen.Y_b:.3g}, surround {seen.surround:.2g}"
+            f"%; the eye looks at {conditions.surface}: L_A {eye_viewing.L_A:.3g} cd/m², "
+            f"Y_b {eye_viewing.Y_b:.3g}, surround {eye_viewing.surround:.2g}"
         )
         show_rows(title, rows, json)
     if json:
@@ -195,13 +195,13 @@ def room(
         say(f"{light}: {illuminance_lux(shone):.4g} lx at ({at}) m")
 
 
-def _place(at: str) -> tuple[float, float, float]:
+def _place(text: str) -> tuple[float, float, float]:
     """Return a place's coordinates."""
     try:
-        x, y, z = map(float, at.split(","))
+        x, y, z = map(float, text.split(","))
     except ValueError:
         raise InputError.refused(
-            "--at", at, "give X,Y,Z in metres, as 2,2.5,1.2", "syntax"
+            "--at", text, "give X,Y,Z in metres, as 2,2.5,1.2", "syntax"
         ) from None
     return x, y, z
 
@@ -210,7 +210,7 @@ def _paints(
     room: Room,
     names: list[str],
     surface: str | None,
-    wanted: str | None,
+    target: str | None,
     mix: str | None,
     top: int | None,
 ) -> _Paints:
@@ -226,10 +226,10 @@ def _paints(
 
     surface = "walls" if surface is None else surface
     painted_surfaces(room, surface)
-    if wanted is None:
-        seen = present_appearance(room, surface)
+    if target is None:
+        appearance = present_appearance(room, surface)
     else:
-        seen = wanted_appearance(wanted, room.grid)
+        appearance = wanted_appearance(target, room.grid)
     candidates = paint_set(names, room.grid)
     if mix is not None:
         step, law = _mixing(mix)
@@ -238,7 +238,7 @@ def _paints(
     top = 10 if top is None else top
     if top < 1:
         raise InputError.refused("--top", top, "give 1 or more", "range")
-    return _Paints(candidates, surface, seen, top)
+    return _Paints(candidates, surface, appearance, top)
 
 
 def _mixing(text: str) -> tuple[float, MixingLaw]:
@@ -246,7 +246,7 @@ def _mixing(text: str) -> tuple[float, MixingLaw]:
     from volspec.room import MIXING_LAWS
 
     step, comma, law = (part.strip() for part in text.partition(","))
-    laws: dict[str, MixingLaw] = {each: each for each in MIXING_LAWS}
+    laws: dict[str, MixingLaw] = {name: name for name in MIXING_LAWS}
     try:
         return float(step), laws[law] if comma else MIXING_LAWS[0]
     except (ValueError, KeyError):
@@ -255,22 +255,22 @@ def _mixing(text: str) -> tuple[float, MixingLaw]:
 
 
 def _show_ranking(title: str, ranking: PaintRanking, as_json: bool) -> None:
-    wanted = _J_C_h(ranking.wanted)
+    target = _J_C_h(ranking.wanted)
     rows: list[Row] = [
         {
-            "paint": each.name,
-            "distance": each.distance,
-            "lux": each.lux,
-            **_J_C_h(each.seen),
-            **_J_C_h(each.chosen, "chosen "),
+            "paint": paint.name,
+            "distance": paint.distance,
+            "lux": paint.lux,
+            **_J_C_h(paint.seen),
+            **_J_C_h(paint.chosen, "chosen "),
         }
-        for each in ranking.best
+        for paint in ranking.best
     ]
     if as_json:
         print_json(
             {
                 "surfaces": list(ranking.surfaces),
-                "wanted": wanted,
+                "wanted": target,
                 "candidates": ranking.candidates,
                 "solved": ranking.solved,
                 "greys": ranking.greys,
@@ -278,7 +278,7 @@ def _show_ranking(title: str, ranking: PaintRanking, as_json: bool) -> None:
             }
         )
         return
-    looks = ", ".join(f"{key} {value:.1f}" for key, value in wanted.items())
+    looks = ", ".join(f"{key} {value:.1f}" for key, value in target.items())
     counts = f"{ranking.candidates} paints, {ranking.solved} of them solved"
     show_rows(f"{title}; {counts}; wanted: {looks}", rows, as_json=False)
 
@@ -288,11 +288,11 @@ def _J_C_h(appearance: Appearance, prefix: str = "") -> dict[str, float]:
     return {f"{prefix}{key}": float(getattr(appearance, key)) for key in "JCh"}
 
 
-def _row(each: SurfaceAppearance) -> Row:
+def _row(surface: SurfaceAppearance) -> Row:
     return {
-        "surface": each.name,
-        "lux": each.lux,
-        **_J_C_h(each.chosen, "chosen "),
-        **_J_C_h(each.seen),
-        "difference": each.difference,
+        "surface": surface.name,
+        "lux": surface.lux,
+        **_J_C_h(surface.chosen, "chosen "),
+        **_J_C_h(surface.seen),
+        "difference": surface.difference,
     }

@@ -92,14 +92,14 @@ def as_written(kind: Any, tokens: Sequence[Token]) -> Any:
         try:
             return kind(word)
         except ValueError:
-            what = "whole number" if kind is int else "number"
-            other = "".join(f", or {each}" for each in words)
+            noun = "whole number" if kind is int else "number"
+            other = "".join(f", or {name}" for name in words)
             raise ValueError(
-                f"{word!r} is not a {what}; {nearest(word, words)}give one{other}"
+                f"{word!r} is not a {noun}; {nearest(word, words)}give one{other}"
             ) from None
     choices = {str(choice): choice for choice in get_args(kind)}
     if word not in choices:
-        guess = nearest(word, [each for each in get_args(kind) if isinstance(each, str)])
+        guess = nearest(word, [name for name in get_args(kind) if isinstance(name, str)])
         raise ValueError(f"{word!r} is unknown; {guess}give one of {', '.join(choices)}")
     return choices[word]
 
@@ -132,11 +132,11 @@ class bar:
             self._progress.live.transient = True
             self._progress.live.stop()
 
-    def __call__(self, step: str, share: float) -> None:
+    def __call__(self, step: str, fraction: float) -> None:
         self._progress.start()  # late, as an empty bar would print a blank line; idempotent
         if step not in self._tasks:
             self._tasks[step] = self._progress.add_task(step, total=1.0)
-        self._progress.update(self._tasks[step], completed=share)
+        self._progress.update(self._tasks[step], completed=fraction)
 
     def describe(self, step: str, text: str) -> None:
         """Replace the text of a step's line."""
@@ -176,13 +176,13 @@ def say(text: object) -> None:
     Terminal().print(visible(str(text)), highlight=False, soft_wrap=True)
 
 
-def counted(number: int, what: str) -> str:
+def counted(number: int, noun: str) -> str:
     """Return a number with its noun, singular or plural.
 
     >>> counted(1, "light"), counted(2, "light")
     ('1 light', '2 lights')
     """
-    return f"{number} {what}{'' if number == 1 else 's'}"
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def print_json(data: dict[str, Any] | list[dict[str, Any]]) -> None:
@@ -229,8 +229,8 @@ def _miscounted(error: CycloptsError) -> str:
     command = " ".join(error.command_chain or ())
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
         word = error.unused_tokens[0]
-        own = "; give each its own option" if "=" in word else ""
-        return f"{command}: {_takes(command)}unexpected argument {word!r}{own}"
+        hint = "; give each its own option" if "=" in word else ""
+        return f"{command}: {_takes(command)}unexpected argument {word!r}{hint}"
     if not isinstance(error, MissingArgumentError) or error.argument is None:
         return ""
     names = error.argument.names
@@ -252,8 +252,8 @@ def _example(command: str, options: Sequence[str]) -> str:
     if not options[0].startswith("-"):
         return ""
     names = "|".join(map(re.escape, options))
-    found = re.search(rf"Example: .*?((?:{names}) (?!-)[^\s`]+)", _help(command.split()))
-    return f", as in {found[1]}" if found else ""
+    match = re.search(rf"Example: .*?((?:{names}) (?!-)[^\s`]+)", _help(command.split()))
+    return f", as in {match[1]}" if match else ""
 
 
 def _help(words: Sequence[str]) -> str:
@@ -287,7 +287,7 @@ def _close_pipes() -> None:
             os.dup2(nowhere, stream.fileno())
 
 
-def _said(error: Exception) -> str:
+def _message_of(error: Exception) -> str:
     """Return an error's message, with a remedy for the system's own errors."""
     if isinstance(error, VolspecError):
         return str(error)
@@ -299,9 +299,9 @@ def _said(error: Exception) -> str:
     return f"out of memory ({one_line(error)}); make the picture or the file smaller"
 
 
-def _failure(said: str, code: int) -> SystemExit:
+def _failure(message: str, code: int) -> SystemExit:
     """Print a message, cut in the middle to about 1000 characters: its ends are name and remedy."""
-    line = one_line(said)
+    line = one_line(message)
     if len(line) > 2 * _HALF_LINE:
         line = f"{line[:_HALF_LINE]} … {line[-_HALF_LINE:]}"
     print(f"volspec: {line}", file=sys.stderr)
@@ -353,18 +353,18 @@ def _run(words: list[str]) -> None:
         raise _failure(_refused(error), 1) from error
     except CycloptsError as error:
         # Cyclopts cuts a long list of commands short: "info, ...".
-        said = _miscounted(error) or one_line(error).replace(", ...", " and more").rstrip(".")
-        said = said[:1].lower() + said[1:]
+        message = _miscounted(error) or one_line(error).replace(", ...", " and more").rstrip(".")
+        message = message[:1].lower() + message[1:]
         command = " ".join(("volspec", *(error.command_chain or ())))
-        mark = "" if said.endswith("?") else ";"
-        raise _failure(f"{said}{mark} see {command} --help", 2) from error
+        mark = "" if message.endswith("?") else ";"
+        raise _failure(f"{message}{mark} see {command} --help", 2) from error
     except BrokenPipeError as error:
         _close_pipes()
         raise SystemExit(_CLOSED_PIPE) from error
     except (VolspecError, OSError, UnicodeEncodeError, MemoryError) as error:
         if debug:
             raise
-        raise _failure(_said(error), 1) from error
+        raise _failure(_message_of(error), 1) from error
     except KeyboardInterrupt:
         raise _failure("interrupted; no output is half-written", 130) from None
 
@@ -383,22 +383,22 @@ def _confined_to(words: list[str]) -> str | None:
     return None
 
 
-def show_names(names: Sequence[str], search: str, what: str, as_json: bool) -> None:
-    """Print the names of a kind (``what``) that contain a text in any case, one per line.
+def show_names(names: Sequence[str], search: str, kind: str, as_json: bool) -> None:
+    """Print the names of a kind (``kind``) that contain a text in any case, one per line.
 
     Raises `InputError` if no name contains it.
     """
-    found = [name for name in names if search.casefold() in name.casefold()]
-    if not found:
+    matches = [name for name in names if search.casefold() in name.casefold()]
+    if not matches:
         raise InputError(
-            f"--list {search!r}: no {what} has it in its name; {nearest(search, names)}"
+            f"--list {search!r}: no {kind} has it in its name; {nearest(search, names)}"
             "leave it out to see all",
             code="unknown",
         )
     if as_json:
-        print_json([{"name": name} for name in found])
+        print_json([{"name": name} for name in matches])
         return
-    for name in found:
+    for name in matches:
         say(name)
 
 
@@ -415,36 +415,36 @@ def show_rows(title: str, rows: list[Row], as_json: bool) -> None:
     names = list(dict.fromkeys(name for row in rows for name in row))
     if "L_A" in names:
         title += f", L_A {rows[0]['L_A']:.4g} cd/m², Y_b {rows[0]['Y_b']:g}"
-    plain = all(row["defined"] for row in rows if "defined" in row)
-    hidden = {"L_A", "Y_b", *(["defined"] if plain else [])}
+    all_defined = all(row["defined"] for row in rows if "defined" in row)
+    hidden = {"L_A", "Y_b", *(["defined"] if all_defined else [])}
     alike = [name for name in names[:4] if "model" in names and len({r[name] for r in rows}) == 1]
     for name in alike:
         title += f", {name} {rows[0][name]}"
         hidden.add(name)
     table = Table(box=None, pad_edge=False)
-    shown = [name for name in names if name not in hidden]
-    for name in shown:
+    columns = [name for name in names if name not in hidden]
+    for name in columns:
         words = name in ("model", "paint")
         # A long name is folded, so that digits of other columns are not cut.
         table.add_column(name, justify="left" if words else "right", no_wrap=name != "paint")
     for row in rows:
-        table.add_row(*(_cell(row.get(name, "")) for name in shown))
+        table.add_row(*(_cell(row.get(name, "")) for name in columns))
     # On a narrow screen lines wrap, but digits are never cut.
     print_table(title, table, Terminal(width=max(Terminal().width, 110)))
 
 
 def warn_undefined(rows: Mapping[str, list[Row]]) -> None:
     """Print a note with the number of colours that are not ``defined``, by model."""
-    missed = {name: sum(not row["defined"] for row in each) for name, each in rows.items()}
+    missed = {name: sum(not row["defined"] for row in group) for name, group in rows.items()}
     missed = {name: count for name, count in missed.items() if count}
     if not missed:
         return
-    (first, count), *others = missed.items()
+    (first, count), *further = missed.items()
     total = len(rows[first])
-    said = f"{count} of {total} colour{'s' * (total > 1)} lie{'s' * (count == 1)} outside "
-    said += f"the domain of {first}"
-    said += "".join(f", {more} outside that of {name}" for name, more in others)
-    note(f"{said}; marked defined = false")
+    text = f"{count} of {total} colour{'s' * (total > 1)} lie{'s' * (count == 1)} outside "
+    text += f"the domain of {first}"
+    text += "".join(f", {more} outside that of {name}" for name, more in further)
+    note(f"{text}; marked defined = false")
 
 
 def _cell(value: Any) -> str:

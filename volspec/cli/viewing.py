@@ -57,24 +57,24 @@ class SceneOptions(
         """
         self.require_one_degree()
         self.require_one_level()
-        given, default = self.given(Viewing), Viewing()
+        options, default = self.given(Viewing), Viewing()
         room = None if self.preset is None else preset(self.preset)
-        others: dict[str, Any] = {
+        arguments: dict[str, Any] = {
             "Y_b": (room or default).Y_b,
             "surround": (room or default).surround,
         }
-        others |= given
-        lux, L_A = others.pop("illuminance_lux", None), others.pop("L_A", None)
+        arguments |= options
+        lux, L_A = arguments.pop("illuminance_lux", None), arguments.pop("L_A", None)
         if room and L_A is None and lux is None:
             L_A = room.L_A
-            others["white_cd_m2"] = room.white_luminance
+            arguments["white_cd_m2"] = room.white_luminance
         if L_A is not None:
-            return ViewingConditions(_white_of(white), L_A, **others)
+            return ViewingConditions(_white_of(white), L_A, **arguments)
         lux = default.illuminance_lux if lux is None else lux
-        return ViewingConditions.of_lux(_white_of(white), lux, **others)
+        return ViewingConditions.of_lux(_white_of(white), lux, **arguments)
 
     @property
-    def said(self) -> str:
+    def description(self) -> str:
         """Light and room, as words for a title."""
         lux = self.illuminance_lux
         if lux is None and self.L_A is None and self.preset is None:
@@ -144,13 +144,13 @@ class PictureOptions(
                     "protan, deutan or tritan",
                     code="conflict",
                 )
-            given = {name: value for name, value in others.items() if value is not None}
-            return replace(spec, viewing=viewing, **given)
+            settings = {name: value for name, value in others.items() if value is not None}
+            return replace(spec, viewing=viewing, **settings)
 
     def require_no_picture(self) -> None:
         """Refuse options that apply only to pictures."""
-        if given := self.given_names(*SceneOptions.names):
-            raise InputError(f"{given[0]}: only for pictures; add --image, or leave it out")
+        if names := self.given_names(*SceneOptions.names):
+            raise InputError(f"{names[0]}: only for pictures; add --image, or leave it out")
 
 
 class HdrOptions(
@@ -203,12 +203,12 @@ class DepthOptions(
 
     def effects(self, scene: DepthEffects) -> DepthEffects:
         """Return focus, fog and cuts: a scene's own, changed by the options."""
-        given = self.given(DepthEffects)
+        settings = self.given(DepthEffects)
         for name, needed in _NEEDED.items():
-            if name in given and given.get(needed, getattr(scene, needed)) is None:
+            if name in settings and settings.get(needed, getattr(scene, needed)) is None:
                 require_with([self.names[name]], self.names[needed])
         with in_options(self.names):
-            return replace(scene, **given)
+            return replace(scene, **settings)
 
 
 class StereoOptions(
@@ -257,9 +257,9 @@ class ModelOptions(
 
     def require_models(self, models: Sequence[str]) -> None:
         """Refuse inputs of a model that is not asked for."""
-        for model, others in (("Hunt", _NAYATANI), ("Nayatani95", {**_HUNT, "S": ""})):
+        for model, inputs in (("Hunt", _NAYATANI), ("Nayatani95", {**_HUNT, "S": ""})):
             if model not in models:
-                require_with(self.given_names(*others), f"--model {model}")
+                require_with(self.given_names(*inputs), f"--model {model}")
 
     def onto(self, viewing: Viewing) -> Viewing:
         """Return a viewing with the options instead of its own settings of the two models."""
@@ -308,8 +308,8 @@ def errors_of_file(path: Path, only: str | None = None) -> Iterator[None]:
 def _white_of(white: str) -> tuple[float, float, float]:
     from volspec.spectra import light, white_XYZ
 
-    if (given := parse_triple(white)) is not None:
-        return given
+    if (XYZ := parse_triple(white)) is not None:
+        return XYZ
     try:
         X, Y, Z = white_XYZ(light(white)).tolist()
     except SpectrumError as error:
