@@ -19,26 +19,26 @@ MAX_SIDE = 16384
 Weight = Annotated[float, Field(ge=0, le=MAX_WEIGHT, allow_inf_nan=False)]
 
 
-def number(what: str, given: Any, error: type[InputError] = RaycastError) -> float:
+def number(field: str, value: Any, error: type[InputError] = RaycastError) -> float:
     """Return a finite number.
 
     >>> number("raycast: jitter", "much")
     Traceback (most recent call last):
     volspec.errors.RaycastError: raycast: jitter is 'much'; give a number
     """
-    if isinstance(given, bool) or not isinstance(given, int | float | np.integer | np.floating):
-        raise error.refused(what, given, "give a number", "type")
-    if not math.isfinite(given):
-        raise error.refused(what, given, "give a finite number", "range")
-    return float(given)
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        raise error.refused(field, value, "give a number", "type")
+    if not math.isfinite(value):
+        raise error.refused(field, value, "give a finite number", "range")
+    return float(value)
 
 
-def whole(what: str, given: int, low: int, high: int) -> int:
+def whole(field: str, value: int, low: int, high: int) -> int:
     """Return a whole number from ``low`` to ``high``."""
-    if not low <= given <= high:
+    if not low <= value <= high:
         remedy = f"give a whole number from {low} to {high}"
-        raise RaycastError.refused(what, given, remedy, "range")
-    return given
+        raise RaycastError.refused(field, value, remedy, "range")
+    return value
 
 
 def _direction(towards: Vector) -> Vector:
@@ -63,8 +63,8 @@ def unit(towards: Any) -> Vector:
     if abs(math.hypot(x, y, z) - 1) < 1e-15:
         return x, y, z
     # Scaled first: the squares of tiny or huge components underflow or overflow.
-    most = max(abs(x), abs(y), abs(z))
-    x, y, z = x / most, y / most, z / most
+    scale = max(abs(x), abs(y), abs(z))
+    x, y, z = x / scale, y / scale, z / scale
     length = math.hypot(x, y, z)
     return x / length, y / length, z / length
 

@@ -82,7 +82,7 @@ def is_inside(path: str | os.PathLike[str]) -> bool:
         real = Path(os.path.realpath(name))
     except ValueError:  # a NUL character: no file
         return False
-    return "://" not in name and any(real.is_relative_to(each) for each in (folder, *_SHIPPED))
+    return "://" not in name and any(real.is_relative_to(root) for root in (folder, *_SHIPPED))
 
 
 def require_inside(path: str | os.PathLike[str], error: type[InputError] = InputError) -> None:
@@ -121,10 +121,10 @@ def require_links_inside(path: Path, error: type[InputError]) -> None:
         return
     require_inside(path, error)
     stem = f"{path.name.partition('.')[0]}."
-    near = [each for each in path.parent.glob("*") if each.name.startswith(stem)]
-    for each in (path, *near):
-        require_inside(each, error)
-        for folder, folders, files in os.walk(each):
+    near = [part for part in path.parent.glob("*") if part.name.startswith(stem)]
+    for part in (path, *near):
+        require_inside(part, error)
+        for folder, folders, files in os.walk(part):
             for name in (*folders, *files):
                 if os.path.islink(link := os.path.join(folder, name)):
                     require_inside(link, error)

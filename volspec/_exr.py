@@ -92,12 +92,12 @@ def _require_held(
     name: str, headers: Sequence[Mapping[str, Any]], error: type[InputError], again: str
 ) -> None:
     """Refuse sizes that a file of this length cannot hold, before memory is allocated."""
-    most, held = _MAX_RATIO * Path(name).stat().st_size, 0
+    limit, size = _MAX_RATIO * Path(name).stat().st_size, 0
     for header in headers:
         low, high = (np.asarray(corner, np.int64) for corner in header["dataWindow"])
         width, height = (int(side) for side in high - low + 1)
-        held += width * height * _WORD * len(header["channels"])
-        if max(held, width, height) > max(most, _ALWAYS_ALLOWED):
+        size += width * height * _WORD * len(header["channels"])
+        if max(size, width, height) > max(limit, _ALWAYS_ALLOWED):
             raise error(
                 f"{name}: its header has {width}×{height} pixels of {len(header['channels'])} "
                 f"channels, which {Path(name).stat().st_size} bytes cannot hold; {again}",

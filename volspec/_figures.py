@@ -61,8 +61,8 @@ def write(on: Axes | Figure, x: float, y: float, words: str, **style: Any) -> Te
         return on.text(x, y, "", **style)
     drawn = "".join(run for run, _ in runs)
     families = [_family(font) for font in dict.fromkeys(font for _, font in runs)]
-    own = get_font(findfont(FontProperties(family=families[0], weight=style.get("weight"))))
-    if not all(own.get_char_index(ord(c)) for c in drawn):
+    font_face = get_font(findfont(FontProperties(family=families[0], weight=style.get("weight"))))
+    if not all(font_face.get_char_index(ord(c)) for c in drawn):
         style.pop("weight", None)  # in which some letters, and most other fonts, do not exist
     return on.text(x, y, drawn, parse_math=False, family=families, **style)
 
@@ -95,11 +95,11 @@ def style_axes(axes: Axes) -> None:
     axes.set_axisbelow(True)
 
 
-def spread_apart(wanted: Array, gap: float, low: float, high: float) -> Array:
+def spread_apart(positions: Array, gap: float, low: float, high: float) -> Array:
     """Return positions near the wanted ones, at least ``gap`` apart within ``low``…``high``."""
-    order = np.argsort(wanted, kind="stable")
-    gap = min(gap, (high - low) / max(len(wanted) - 1, 1))
-    y = np.clip(np.asarray(wanted, dtype=np.float64)[order], low, high)
+    order = np.argsort(positions, kind="stable")
+    gap = min(gap, (high - low) / max(len(positions) - 1, 1))
+    y = np.clip(np.asarray(positions, dtype=np.float64)[order], low, high)
     for _ in range(200):
         for i in range(len(y) - 1):
             lack = gap - (y[i + 1] - y[i])

@@ -155,7 +155,7 @@ def clear_unfinished(folder: Path) -> None:
     """
     try:
         with os.scandir(folder) as entries:
-            found = {
+            names = {
                 match[1]
                 for entry in entries
                 # Check the name first: a folder may have 100 000 files.
@@ -164,7 +164,7 @@ def clear_unfinished(folder: Path) -> None:
             }
     except OSError:
         return
-    for name in found:
+    for name in names:
         with suppress(OSError):
             _clear(folder / f"{name}.lock")
 
@@ -177,9 +177,9 @@ def _clear(lock_file: Path) -> None:
     """Delete an unfinished file if its writer is dead and permissions allow."""
     # Recreate a missing lock file, so that the deleter holds a lock; we never create links.
     handle = os.open(lock_file, os.O_CREAT | os.O_RDWR | getattr(os, "O_NOFOLLOW", 0), 0o666)
-    held = lock_file_handle(handle)
+    locked = lock_file_handle(handle)
     files = list(lock_file.parent.glob(f"{lock_file.stem}.part*"))
-    if (held and _made_here(lock_file)) or (held is not False and _is_old([lock_file, *files])):
+    if (locked and _made_here(lock_file)) or (locked is not False and _is_old([lock_file, *files])):
         _remove(files, lock_file, handle)
     else:
         os.close(handle)
@@ -267,8 +267,8 @@ def lock_file_handle(handle: int) -> bool | None:
 
 
 @contextmanager
-def exclusive_folder(path: Path, what: str = "another export") -> Iterator[None]:
-    """Make a folder and lock it; if another process has the lock, ``what`` is writing there.
+def exclusive_folder(path: Path, writer: str = "another export") -> Iterator[None]:
+    """Make a folder and lock it; if another process has the lock, ``writer`` is writing there.
 
     Raises `InputError` if it is locked, or cannot be made.
     """
@@ -291,7 +291,7 @@ def exclusive_folder(path: Path, what: str = "another export") -> Iterator[None]
         # Another process may have renamed the folder since it was opened.
         if lock_file_handle(handle) is False or not _is_at(handle, place):
             raise InputError(
-                f"{path}: {what} is writing there",
+                f"{path}: {writer} is writing there",
                 "wait until it ends, or choose another folder",
                 code="state",
             )
@@ -303,8 +303,8 @@ def exclusive_folder(path: Path, what: str = "another export") -> Iterator[None]
                 place.unlink()
 
 
-def keep_newest(written: Path, pattern: str, most: int) -> None:
-    """Delete the oldest files of a ``pattern`` until ``most`` are left, but never ``written``.
+def keep_newest(written: Path, pattern: str, count: int) -> None:
+    """Delete the oldest files of a ``pattern`` until ``count`` are left, but never ``written``.
 
     Other files with later dates, from a wrong clock, are dated just before ``written``, which is
     the newest. Names that start with a dot are unfinished files and do not count. Errors are
@@ -312,12 +312,12 @@ def keep_newest(written: Path, pattern: str, most: int) -> None:
     """
     with suppress(OSError):
         now = written.stat().st_mtime_ns
-        there = (path for path in written.parent.glob(pattern) if path != written)
-        others = newest_first(path for path in there if not path.name.startswith("."))
-        for rank, path in enumerate(others, start=1):
+        paths = (path for path in written.parent.glob(pattern) if path != written)
+        older = newest_first(path for path in paths if not path.name.startswith("."))
+        for rank, path in enumerate(older, start=1):
             if path.stat().st_mtime_ns >= now:
                 os.utime(path, ns=(now - rank * _STEP_NS,) * 2)
-        for path in others[max(most - 1, 0) :]:
+        for path in older[max(count - 1, 0) :]:
             path.unlink(missing_ok=True)
 
 
@@ -415,7 +415,7 @@ def nearest_file(path: Path, never: tuple[str, ...] = ()) -> str:
         return name.partition(".")[0].casefold()
 
     try:
-        names = [each.name for each in islice(path.parent.iterdir(), _MAX_COMPARED)]
+        names = [entry.name for entry in islice(path.parent.iterdir(), _MAX_COMPARED)]
     except OSError:
         return ""
     names = [name for name in names if not name.lower().endswith(never)]
@@ -429,18 +429,18 @@ def plain_stem(name: str) -> str:
     >>> [plain_stem(name) for name in ("head.nii.gz", "a.b.toml", "run.volspec.json")]
     ['head', 'a.b', 'run']
     """
-    double = next((each for each in _DOUBLE if name.lower().endswith(each)), "")
+    double = next((suffix for suffix in _DOUBLE if name.lower().endswith(suffix)), "")
     return name[: -len(double)] if double else os.path.splitext(name)[0]
 
 
 def require_suffix(
-    path: str | os.PathLike[str], what: str, *suffixes: str, error: type[InputError] = ImageError
+    path: str | os.PathLike[str], kind: str, *suffixes: str, error: type[InputError] = ImageError
 ) -> Path:
-    """Return a file's path; refuse a wrong suffix. ``what`` is the kind of file, in the plural."""
+    """Return a file's path; refuse a wrong suffix. ``kind`` is the kind of file, in the plural."""
     target = Path(path)
     if target.suffix.lower() not in suffixes:
         kinds = " or ".join(suffixes)
-        problem = f"{target}: {what} are {kinds} files"
+        problem = f"{target}: {kind} are {kinds} files"
         raise error(problem, f"use {kinds}", code="unsupported")
     return target
 

@@ -72,8 +72,8 @@ def toml_remedy(error: ValueError, text: str) -> str:
             return "give the key once"
         return f"leave out one, or head each row of a list with [[{name[1].strip()}]]"
     if comma:
-        whole, part = comma.groups()
-        return f"write decimals with a point: {whole}.{part} instead of {whole},{part}"
+        integer, part = comma.groups()
+        return f"write decimals with a point: {integer}.{part} instead of {integer},{part}"
     word = re.search(r"(\w+\s*=\s*)([A-Za-z#/.][^\"'{}\[\],=]*)$", line)
     if word:
         return f'put text in quotes: {word[1]}"{word[2].strip()}"'
@@ -95,10 +95,10 @@ def parse_xml(content: str | bytes) -> ElementTree.Element:
         raise ValueError(str(error)) from error
 
 
-def read_text(path: str | os.PathLike[str], error: type[InputError], what: str) -> str:
+def read_text(path: str | os.PathLike[str], error: type[InputError], kind: str) -> str:
     """Read a text file without its byte order mark.
 
-    Raises ``error`` if it is missing, unreadable or not UTF-8; ``what`` is the expected kind of
+    Raises ``error`` if it is missing, unreadable or not UTF-8; ``kind`` is the expected kind of
     file in the message, such as ``"a scene file (.toml)"``.
     """
     name = os.fspath(path)
@@ -109,14 +109,14 @@ def read_text(path: str | os.PathLike[str], error: type[InputError], what: str) 
         guess = nearest_file(Path(path))
         raise error(f"{name}: no such file; {guess}check the path", code="not-found") from None
     except IsADirectoryError:
-        raise error(f"{name}: is a folder; give {what}", code="type") from None
+        raise error(f"{name}: is a folder; give {kind}", code="type") from None
     except UnicodeDecodeError as fault:
         if fault.object[:2] in (b"\xff\xfe", b"\xfe\xff"):
             raise error(f"{name}: is UTF-16 text; save it as UTF-8", code="syntax") from None
         if 0 in fault.object:
-            raise error(f"{name}: is not text; give {what}", code="type") from None
+            raise error(f"{name}: is not text; give {kind}", code="type") from None
         raise error(
-            f"{name}: is not UTF-8 text ({fault.reason} at byte {fault.start}); give {what}, and "
+            f"{name}: is not UTF-8 text ({fault.reason} at byte {fault.start}); give {kind}, and "
             "save it as UTF-8",
             code="syntax",
         ) from None
@@ -127,7 +127,7 @@ def read_text(path: str | os.PathLike[str], error: type[InputError], what: str) 
             code="damaged",
         ) from fault
     except ValueError:  # a NUL character
-        raise error(f"{name!r} is not a path; give {what}", code="syntax") from None
+        raise error(f"{name!r} is not a path; give {kind}", code="syntax") from None
 
 
 def _checked(parse: Callable[[str], Any], text: str) -> Any:

@@ -31,7 +31,7 @@ _STYLES = ("bold", "italic", "oblique", "light", "thin", "black", "condensed", "
 _LISTED = 8
 
 
-def printable(text: str, most: int = 60) -> str:
+def printable(text: str, length: int = 60) -> str:
     """Return one line without control characters and direction marks, cut if it is too long.
 
     >>> printable("a\\u202eb\\nc"), printable("x" * 9, 4)
@@ -42,7 +42,7 @@ def printable(text: str, most: int = 60) -> str:
         for c in " ".join(text.split())
         if c in _SELECTORS or unicodedata.category(c) not in _UNPRINTABLE
     )
-    return line if len(line) <= most else f"{line[: most - 1]}…"
+    return line if len(line) <= length else f"{line[: length - 1]}…"
 
 
 def clusters(text: str) -> list[str]:
@@ -51,13 +51,13 @@ def clusters(text: str) -> list[str]:
     >>> clusters("e\\u0301a")
     ['é', 'a']
     """
-    found: list[str] = []
+    letters: list[str] = []
     for c in unicodedata.normalize("NFC", text):
-        if found and (c in _SELECTORS or unicodedata.category(c)[0] == "M"):
-            found[-1] += c
+        if letters and (c in _SELECTORS or unicodedata.category(c)[0] == "M"):
+            letters[-1] += c
         else:
-            found.append(c)
-    return found
+            letters.append(c)
+    return letters
 
 
 def text_runs(text: str) -> list[tuple[str, Path]]:
@@ -66,15 +66,15 @@ def text_runs(text: str) -> list[tuple[str, Path]]:
     Letters that no font has become boxes, with a warning that names them.
     """
     letters, default = clusters(printable(text, len(text))), _default_font()
-    lacking = frozenset(each for each in letters if _turns(each) or not _has(default, each))
-    others = _other_fonts(lacking) if lacking else {}
+    lacking = frozenset(c for c in letters if _turns(c) or not _has(default, c))
+    fallbacks = _other_fonts(lacking) if lacking else {}
     placed: list[tuple[str, Path]] = []
     for letter in letters:
-        font = others.get(letter) if letter in lacking else default
+        font = fallbacks.get(letter) if letter in lacking else default
         if placed and not letter[0].isalnum() and _has(placed[-1][1], letter):
             font = placed[-1][1]  # spaces and signs belong to the words around them
         placed.append((letter, font) if font else (BOX, default))
-    runs = groupby(placed, key=lambda each: each[1])
+    runs = groupby(placed, key=lambda pair: pair[1])
     return [("".join(letter for letter, _ in run), font) for font, run in runs]
 
 
@@ -99,7 +99,7 @@ class TextLine:
         runs, direction = text_runs(text), None
         if features.check("raqm"):
             sides = (unicodedata.bidirectional(c) for c in text)
-            side = next((each for each in sides if each in ("L", "R", "AL")), "L")
+            side = next((s for s in sides if s in ("L", "R", "AL")), "L")
             direction = "ltr" if side == "L" else "rtl"
             runs = runs if side == "L" else runs[::-1]
         placed, x = [], 0.0
@@ -114,17 +114,17 @@ class TextLine:
         """Return left, top, right and bottom of the inked pixels, from the line's upper left."""
         left, top, right, bottom = 0.0, 0.0, self.width, self.height
         for x, letters, font in self.runs:
-            own = font.getbbox(letters, direction=self.direction, stroke_width=outline, anchor="ls")
-            left, right = min(left, x + own[0]), max(right, x + own[2])
-            top, bottom = min(top, self.ascent + own[1]), max(bottom, self.ascent + own[3])
+            box = font.getbbox(letters, direction=self.direction, stroke_width=outline, anchor="ls")
+            left, right = min(left, x + box[0]), max(right, x + box[2])
+            top, bottom = min(top, self.ascent + box[1]), max(bottom, self.ascent + box[3])
         return int(left) - 1, int(top) - 1, int(right) + 2, int(bottom) + 2
 
     def draw(self, on: ImageDraw, x: float, y: float, ink: Any, outline: int = 0) -> None:
         """Draw the line; x and y are its upper left."""
-        for at, letters, font in self.runs:
-            place = x + at, y + self.ascent
-            way = self.direction
-            on.text(place, letters, ink, font, "ls", direction=way, stroke_width=outline)
+        for offset, letters, font in self.runs:
+            place = x + offset, y + self.ascent
+            direction = self.direction
+            on.text(place, letters, ink, font, "ls", direction=direction, stroke_width=outline)
 
 
 def fit_text(text: str, size: int, width: float) -> TextLine:
@@ -146,24 +146,24 @@ def _turns(letter: str) -> bool:
 @lru_cache(maxsize=256)
 def _other_fonts(letters: frozenset[str]) -> dict[str, Path]:
     """Return the system's first font that has each of some letters; warn of those without one."""
-    found: dict[str, Path] = {}
+    fonts: dict[str, Path] = {}
     turned = set(filter(_turns, letters))
     missing = letters - turned
     for font in _system_fonts() if missing else ():
-        found |= {each: font for each in missing if _has(font, each)}
-        missing -= found.keys()
+        fonts |= {letter: font for letter in missing if _has(font, letter)}
+        missing -= fonts.keys()
         if not missing:
             break
-    for lost, why in (
+    for undrawn, why in (
         (missing, "no installed font has {}; install one that has, such as Google's Noto fonts"),
         (turned, "{} are of a right-to-left script; install FriBiDi, by which Pillow draws them"),
     ):
-        if lost:
-            names = [f"{each} (U+{ord(each[0]):04X})" for each in sorted(lost)]
+        if undrawn:
+            names = [f"{letter} (U+{ord(letter[0]):04X})" for letter in sorted(undrawn)]
             listed = ", ".join(names[:_LISTED]) + ", …" * (len(names) > _LISTED)
             message = f"text: {why.format(listed)}: drawn as {BOX}"
             warnings.warn(message, VolspecWarning, stacklevel=2)
-    return found
+    return fonts
 
 
 def _system_fonts() -> list[Path]:

@@ -31,11 +31,11 @@ def toml_text(value: Any) -> str:
         return "{ " + ", ".join(f"{key_text(k)} = {toml_text(v)}" for k, v in value.items()) + " }"
     if not isinstance(value, list | tuple):
         return tomlkit.item(value).as_string()
-    if any(isinstance(each, Mapping) for each in value):
-        return "[\n" + "".join(f"    {toml_text(each)},\n" for each in value) + "]"
+    if any(isinstance(entry, Mapping) for entry in value):
+        return "[\n" + "".join(f"    {toml_text(entry)},\n" for entry in value) + "]"
     if len(value) <= _A_LINE:
         return "[" + ", ".join(map(toml_text, value)) + "]"
-    lines = [value[at : at + _A_LINE] for at in range(0, len(value), _A_LINE)]
+    lines = [value[start : start + _A_LINE] for start in range(0, len(value), _A_LINE)]
     return "[\n" + "".join(f"    {', '.join(map(toml_text, line))},\n" for line in lines) + "]"
 
 
@@ -64,11 +64,11 @@ def set_key(table: Any, key: str, value: Any) -> None:
         table[key] = item
         return
     body = getattr(getattr(table, "value", None), "body", None)
-    plain = [name for name, each in body or () if name is not None and not _is_table(each)]
-    if not plain or table.is_inline_table():
+    names = [name for name, node in body or () if name is not None and not _is_table(node)]
+    if not names or table.is_inline_table():
         table[key] = item
     else:
-        table.value._insert_after(plain[-1], key, item)
+        table.value._insert_after(names[-1], key, item)
 
 
 def bind_comments(document: Any) -> None:
@@ -100,12 +100,12 @@ def _leading(run: Sequence[tuple[list[Any], int]]) -> list[tuple[list[Any], int]
     """Return the comments directly above a header, and the blank lines before them."""
     from tomlkit.items import Comment
 
-    at = len(run)
-    while at and isinstance(run[at - 1][0][run[at - 1][1]][1], Comment):
-        at -= 1
-    while at and not isinstance(run[at - 1][0][run[at - 1][1]][1], Comment):
-        at -= 1
-    return list(run[at:])
+    start = len(run)
+    while start and isinstance(run[start - 1][0][run[start - 1][1]][1], Comment):
+        start -= 1
+    while start and not isinstance(run[start - 1][0][run[start - 1][1]][1], Comment):
+        start -= 1
+    return list(run[start:])
 
 
 def _walk(container: Any) -> Iterator[tuple[list[Any], int, Any]]:

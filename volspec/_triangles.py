@@ -86,19 +86,19 @@ class Hits:
 class TriangleRays:
     """Ray queries of triangles (N, 3, 3), all in one unit of length.
 
-    Raises DeviceError where Embree is not installed; ``what`` needs it, and ``instead`` is the
+    Raises DeviceError where Embree is not installed; ``feature`` needs it, and ``instead`` is the
     remedy.
     """
 
-    def __init__(self, corners: Array, what: str, instead: str) -> None:
+    def __init__(self, corners: Array, feature: str, instead: str) -> None:
         try:
             from embreex.mesh_construction import TriangleMesh  # type: ignore[import-untyped]  # has no types
             from embreex.rtcore_scene import EmbreeScene  # type: ignore[import-untyped]  # has no types
         except ImportError:
-            require_extra("rooms", what, f"where it has no wheel, {instead}")
+            require_extra("rooms", feature, f"where it has no wheel, {instead}")
             raise
         self.corners = corners
-        self._given = corners, what, instead
+        self._given = corners, feature, instead
         a, b, c = corners.transpose(1, 0, 2)
         self._across = np.cross(b - a, c - a)
         points = corners.reshape(-1, 3)
@@ -117,37 +117,37 @@ class TriangleRays:
 
     def first(self, origins: Array, directions: Array) -> NDArray[np.intp]:
         """(M,) triangles that rays hit first; -1 for none."""
-        found = self._scene.run(np.float32(origins - self._middle), np.float32(directions))
-        return np.asarray(found, np.intp)
+        triangles = self._scene.run(np.float32(origins - self._middle), np.float32(directions))
+        return np.asarray(triangles, np.intp)
 
     def hits(self, origins: Array, directions: Array) -> Hits:
         """Return what rays hit first, where; ``directions`` are unit vectors."""
-        found = self._scene.run(
+        hit = self._scene.run(
             np.float32(origins - self._middle), np.float32(directions), output=True
         )
-        triangle = np.asarray(found["primID"], np.intp)
+        triangle = np.asarray(hit["primID"], np.intp)
         across = np.where(triangle[:, None] >= 0, self._across[triangle], 0.0)
         # In double precision, for which Embree's distances would be too coarse.
         speed = np.einsum("kc,kc->k", directions, across)
-        seen = speed != 0.0
-        triangle[~seen] = -1
-        away = np.einsum("kc,kc->k", self.corners[triangle, 0] - origins, across)
-        along = np.full(len(triangle), np.inf)
-        np.divide(away, speed, out=along, where=seen)
-        second, third = np.float64(found["u"]) * seen, np.float64(found["v"]) * seen
-        shares = np.stack([seen - second - third, second, third], axis=1)
-        return Hits(triangle, along, shares, across)
+        valid = speed != 0.0
+        triangle[~valid] = -1
+        height = np.einsum("kc,kc->k", self.corners[triangle, 0] - origins, across)
+        distance = np.full(len(triangle), np.inf)
+        np.divide(height, speed, out=distance, where=valid)
+        second, third = np.float64(hit["u"]) * valid, np.float64(hit["v"]) * valid
+        barycentric = np.stack([valid - second - third, second, third], axis=1)
+        return Hits(triangle, distance, barycentric, across)
 
     def clear(self, origins: Array, ends: Array) -> NDArray[np.bool_]:
         """(M,) True where nothing is between two points."""
-        way = ends - origins
-        length = np.linalg.norm(way, axis=-1)
+        offset = ends - origins
+        length = np.linalg.norm(offset, axis=-1)
         reach = np.float32(np.maximum(length - 2.0 * self.offset, 0.0))
-        directions = np.float32(way / np.maximum(length, 1e-30)[:, None])
-        found = self._scene.run(
+        directions = np.float32(offset / np.maximum(length, 1e-30)[:, None])
+        occluded = self._scene.run(
             np.float32(origins - self._middle), directions, reach, query="OCCLUDED"
         )
-        return np.asarray(found) != 0
+        return np.asarray(occluded) != 0
 
 
 def is_mesh_file(path: Path) -> bool:
@@ -170,20 +170,20 @@ def read_triangles(path: Path, refused: type[InputError]) -> pyvista.PolyData:
     import pyvista
 
     if path.suffix.lower() not in FILES:
-        known = ", ".join(FILES)
+        formats = ", ".join(FILES)
         guess = nearest(path.suffix.lower(), FILES)
         problem = f"{path}: not a known format of meshes"
-        raise refused(problem, f"{guess}known are {known}", code="unsupported")
+        raise refused(problem, f"{guess}known are {formats}", code="unsupported")
     require_inside(path, refused)
     if not path.exists():
         raise refused(f"{path}: no such file", "check the path", code="not-found")
     _require_parts_inside(path, refused)
     with tempfile.TemporaryDirectory() as folder:
-        made = Path(folder, "surface.vtp")
-        command = [*child_command(_READER), str(path.absolute()), str(made)]
+        surface_file = Path(folder, "surface.vtp")
+        command = [*child_command(_READER), str(path.absolute()), str(surface_file)]
         child = subprocess.run(command, capture_output=True, check=False, text=True)
-        if made.exists():
-            return pyvista.read(made)
+        if surface_file.exists():
+            return pyvista.read(surface_file)
     if not path.stat().st_size:
         problem = "is empty"
     elif child.returncode == 1 and "Traceback" not in child.stderr and child.stderr:
@@ -204,7 +204,7 @@ def _require_parts_inside(path: Path, refused: type[InputError]) -> None:
         tables = parse_json(data.decode("utf-8-sig"))
         rows = [*tables.get("buffers", ()), *tables.get("images", ())]
         named = [row["uri"] for row in rows if "uri" in row]
-        for uri in (each for each in named if not each.startswith("data:")):
+        for uri in (u for u in named if not u.startswith("data:")):
             for name in (uri, unquote(uri)):
                 require_inside(path.parent / name, refused)
     except (ValueError, TypeError, AttributeError) as error:
@@ -221,9 +221,9 @@ def frames(normals: Array) -> tuple[Array, Array]:
     return first, np.cross(normals, first)
 
 
-def cosine_directions(normals: Array, shares: Array) -> Array:
+def cosine_directions(normals: Array, uv: Array) -> Array:
     """Return directions (..., 3) about normals, with the density of their cosine, by squares."""
     first, second = frames(normals)
-    radius, turn = np.sqrt(shares[..., :1]), 2.0 * np.pi * shares[..., 1:]
-    height = np.sqrt(np.maximum(1.0 - shares[..., :1], 0.0))
+    radius, turn = np.sqrt(uv[..., :1]), 2.0 * np.pi * uv[..., 1:]
+    height = np.sqrt(np.maximum(1.0 - uv[..., :1], 0.0))
     return radius * (np.cos(turn) * first + np.sin(turn) * second) + height * normals

@@ -93,14 +93,14 @@ class Examination:
         )
         table.add_row("GL", self.gl or "[yellow]no context: relighting uses NumPy[/yellow]")
         table.add_row("CL-GL sharing", escape(self.no_sharing or "offered: Raycaster(context=…)"))
-        for what, found in self.extras.items():
-            table.add_row(what, escape(found))
+        for name, state in self.extras.items():
+            table.add_row(name, escape(state))
         table.add_row("versions", "\n".join(f"{k} {v}" for k, v in self.versions.items()))
         console.print(table)
         for problem in self.problems:
             console.print(f"[red]missing:[/red] {escape(problem)}", highlight=False, soft_wrap=True)
         if not self.problems:
-            left = [what for what, found in self.extras.items() if found.startswith(_NOT_HERE)]
+            left = [name for name, state in self.extras.items() if state.startswith(_NOT_HERE)]
             extras = f"; extras that are not here: {', '.join(left)}" if left else ""
             console.print(f"nothing that is needed is missing{extras}", soft_wrap=True)
 
@@ -133,8 +133,8 @@ def examine() -> Examination:
         from volspec._gpu import describe, headless_context, sharing_fault
 
         context = headless_context()
-        found = describe(context)
-        gl = f"{found['device']}, OpenGL {found['version']}"
+        details = describe(context)
+        gl = f"{details['device']}, OpenGL {details['version']}"
         if casts_on is not None:
             no_sharing = sharing_fault(opencl_devices.all_devices()[casts_on], context)
         context.release()
@@ -157,15 +157,15 @@ def examine() -> Examination:
 
 def _extras() -> dict[str, str]:
     """Return optional features: their versions, or the command that installs them."""
-    found = {"films": _ffmpeg() or _remedy("video")}
+    features = {"films": _ffmpeg() or _remedy("video")}
     by_module = packages_distributions()
-    for what, extra in _FEATURES.items():
+    for feature, extra in _FEATURES.items():
         packages = [by_module.get(module, [""])[0] for module in EXTRAS[extra]]
         try:
-            found[what] = ", ".join(f"{package} {version(package)}" for package in packages)
+            features[feature] = ", ".join(f"{package} {version(package)}" for package in packages)
         except (PackageNotFoundError, ValueError):  # the latter of a module without a package
-            found[what] = _remedy(extra)
-    return found
+            features[feature] = _remedy(extra)
+    return features
 
 
 def _ffmpeg() -> str | None:

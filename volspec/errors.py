@@ -114,8 +114,8 @@ class VolspecError(Exception):
         '[raycast]: step is 0; give more'
         """
         table = re.search(r"\[(\w+)\]$", place)
-        own = self.field.removeprefix(f"{table[1]}: ") if table else self.field
-        field = ": ".join(part for part in (place, own) if part)
+        name = self.field.removeprefix(f"{table[1]}: ") if table else self.field
+        field = ": ".join(part for part in (place, name) if part)
         kind = kind or type(self)
         return kind(self.problem, self.remedy, code=self.code, field=field, given=self.given)
 
@@ -234,26 +234,26 @@ def visible(text: str) -> str:
     )
 
 
-def one_line(said: object) -> str:
+def one_line(message: object) -> str:
     """Return a message as one `visible` line; for an error without text, its class name.
 
     >>> one_line(InputError("no such\\n  file")), one_line(MemoryError())
     ('no such file', 'MemoryError')
     """
-    text = visible(" ".join(str(said).split()))
-    return text or (type(said).__name__ if isinstance(said, BaseException) else "")
+    text = visible(" ".join(str(message).split()))
+    return text or (type(message).__name__ if isinstance(message, BaseException) else "")
 
 
-def quoted(given: object, most: int = 40) -> str:
+def quoted(value: object, length: int = 40) -> str:
     """Return the ``repr`` of a value for a message: in one line, shortened if it is long.
 
     >>> quoted("8"), quoted(["a\\n", 1.0]), quoted("x" * 99, 9)
     ("'8'", "['a\\\\n', 1.0]", "'xxxxxxx…")
     """
-    if getattr(given, "shape", None) == ():  # a NumPy scalar
-        given = given.item()  # type: ignore[attr-defined]
-    text = " ".join(line.strip() for line in repr(given).splitlines())
-    return text if len(text) <= most else f"{text[: most - 1]}…"
+    if getattr(value, "shape", None) == ():  # a NumPy scalar
+        value = value.item()  # type: ignore[attr-defined]
+    text = " ".join(line.strip() for line in repr(value).splitlines())
+    return text if len(text) <= length else f"{text[: length - 1]}…"
 
 
 # Fewest characters to match as the beginning of a name; and most characters to compare, as time
@@ -261,7 +261,7 @@ def quoted(given: object, most: int = 40) -> str:
 _MIN_BEGINNING, _MAX_NAME = 3, 200
 
 
-def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
+def nearest(name: str, names: Iterable[str], count: int = 3) -> str:
     """Return "did you mean …? " for a misspelt name; ``""`` if no known name is similar.
 
     Names that begin with the given one come first; names with a ``/`` also match by the last part.
@@ -275,16 +275,16 @@ def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
     >>> nearest("sunshine", ["D50", "D65", "FL2"])
     ''
     """
-    words = tuple(known)
+    words = tuple(names)
     folded = {word.rpartition("/")[2].casefold(): word for word in reversed(words)}
     folded |= {word.casefold(): word for word in reversed(words)}
     # Twice as many: a name may match both as a whole and by its last part.
-    given = str(name).casefold()[:_MAX_NAME]
-    hits = difflib.get_close_matches(given, folded, n=2 * count, cutoff=0.5)
-    if len(given) >= _MIN_BEGINNING:
-        hits = [*(word for word in folded if word.startswith(given)), *hits]
+    start = str(name).casefold()[:_MAX_NAME]
+    hits = difflib.get_close_matches(start, folded, n=2 * count, cutoff=0.5)
+    if len(start) >= _MIN_BEGINNING:
+        hits = [*(word for word in folded if word.startswith(start)), *hits]
     guesses = tuple(repr(word) for word in dict.fromkeys(folded[hit] for hit in hits))[:count]
     if not guesses:
         return ""
-    rest = ", ".join(guesses[:-1])
-    return f"did you mean {rest} or {guesses[-1]}? " if rest else f"did you mean {guesses[-1]}? "
+    head = ", ".join(guesses[:-1])
+    return f"did you mean {head} or {guesses[-1]}? " if head else f"did you mean {guesses[-1]}? "

@@ -133,7 +133,7 @@ def raycast(
     caster = caster or Raycaster(volume, device=device)
     if volume.pyramid is not None:
         volume.pyramid.retry()
-    behind = [part for each in behind if (part := each.within(volume, spec)) is not None]
+    behind = [part for surface in behind if (part := surface.within(volume, spec)) is not None]
     table = caster.bake(transfer, spec.opacities)
     _check_added(spec, table, behind)
     level = caster.at(camera, size, spec)
@@ -301,8 +301,8 @@ def absorption_error(
     table = caster.bake(transfer)
     spec = caster.with_step(table, camera, checked_size(size), spec or RaycastSpec())
     images = [
-        raycast(caster.volume, each, camera, size, spec, caster=caster)
-        for each in (transfer, replace(transfer, basis=bands))
+        raycast(caster.volume, function, camera, size, spec, caster=caster)
+        for function in (transfer, replace(transfer, basis=bands))
     ]
     return difference_map(images[0], images[1], light, backdrop=0.0)
 
@@ -312,33 +312,33 @@ def _check_arguments(
     transfer: Transfers,
     camera: Camera,
     caster: Raycaster | None,
-    behind: Sequence[SurfaceCaster],
+    surfaces: Sequence[SurfaceCaster],
 ) -> None:
     """Raise RaycastError for an argument of another kind, of another volume, or basis."""
-    for name, given, kinds, wanted in (
+    for name, value, kinds, form in (
         ("transfer", transfer, Transfers, "a TransferFunction"),
         ("camera", camera, Camera, "a Camera, such as Camera.orbit(volume)"),
     ):
-        if not isinstance(given, kinds):
-            raise RaycastError.refused(f"raycast: {name}", given, f"give {wanted}", "type")
+        if not isinstance(value, kinds):
+            raise RaycastError.refused(f"raycast: {name}", value, f"give {form}", "type")
     if caster is not None and caster.volume is not volume:
         raise RaycastError(
             f"raycast: the caster holds {caster.volume!r}, the volume is {volume!r}",
             "give the caster's volume",
             code="conflict",
         )
-    for each in behind:
-        if each.basis is not None and each.basis.fingerprint != transfer.basis.fingerprint:
+    for surface in surfaces:
+        if surface.basis is not None and surface.basis.fingerprint != transfer.basis.fingerprint:
             problem = (
-                f"basis is {each.basis.name!r}, the transfer function's {transfer.basis.name!r}"
+                f"basis is {surface.basis.name!r}, the transfer function's {transfer.basis.name!r}"
             )
             remedy = "make the meshes in the transfer function's basis"
             raise RaycastError(problem, remedy, code="conflict", field="raycast: behind")
 
 
-def _check_added(spec: RaycastSpec, table: Tables, behind: Sequence[SurfaceCaster]) -> None:
+def _check_added(spec: RaycastSpec, table: Tables, surfaces: Sequence[SurfaceCaster]) -> None:
     """Raise RaycastError for a translucent mesh between fields that do not hide each other."""
-    see_through = next(filter(None, (each.translucent for each in behind)), "")
+    see_through = next(filter(None, (surface.translucent for surface in surfaces)), "")
     if spec.add_fields and isinstance(table, FieldTables) and see_through:
         raise RaycastError(
             f"add_fields: {see_through} is between the parts of fields that do not hide each other",
@@ -368,21 +368,21 @@ def _warn_if_empty(
     table: Tables,
     view: Projection,
     spec: RaycastSpec,
-    behind: Sequence[SurfaceCaster],
+    surfaces: Sequence[SurfaceCaster],
 ) -> None:
     """Warn of a picture in which nothing of the volume is seen."""
-    if volume.is_empty and not behind:
+    if volume.is_empty and not surfaces:
         why = "the picture is empty: no mesh is shown, or cuts leave nothing of them"
     elif (
         any(cast.alpha.any() for cast in casts)
         or volume.is_empty
-        or (behind and 0 in spec.opacities.values())  # hidden, with a mesh to be seen
+        or (surfaces and 0 in spec.opacities.values())  # hidden, with a mesh to be seen
     ):
         return
     elif view.shows(volume.corners_mm):
-        what = "nothing of it is seen" if behind else "the picture is empty"
-        why = f"{volume.name}: {what}{_why_nothing_is_seen(volume, table)}"
-        if behind:
+        problem = "nothing of it is seen" if surfaces else "the picture is empty"
+        why = f"{volume.name}: {problem}{_why_nothing_is_seen(volume, table)}"
+        if surfaces:
             why += "; or furniture of the room or a mesh hides it"
     else:
         why = _looks_past_warning(volume)
@@ -394,17 +394,17 @@ def _check_layers(
     table: Tables,
     transfer: Transfers,
     level: Any,
-    behind: Sequence[SurfaceCaster],
+    surfaces: Sequence[SurfaceCaster],
 ) -> None:
     """Refuse what cannot be cast in layers of opacity, and warn of materials that lack it."""
-    check_layers(spec, table, transfer.basis, [each.translucent for each in behind])
+    check_layers(spec, table, transfer.basis, [surface.translucent for surface in surfaces])
     if not isinstance(level, Raycaster):
         refuse_layers(
             spec,
             "a level of detail that is cast in parts",
             "take a coarser [raycast] level, or leave layers out",
         )
-    of_meshes = {name for each in behind for name in each.materials}
+    of_meshes = {name for surface in surfaces for name in surface.materials}
     absent = [
         name
         for name in materials_without_opacity(table, transfer.basis)

@@ -124,22 +124,22 @@ def settings(error: type[InputError]) -> Callable[[type[Spec]], type[Spec]]:
     """
 
     def decorate(cls: type[Spec]) -> type[Spec]:
-        made: Any = cls
-        made.__pydantic_config__ = _CONFIG
-        made.__get_pydantic_core_schema__ = classmethod(_core_schema)
-        made.__get_pydantic_json_schema__ = classmethod(_json_schema)
-        made.settings_error = error
-        made.__signature__ = inspect.signature(cls)
-        made.settings_adapter = _LazyAdapter()
+        spec: Any = cls
+        spec.__pydantic_config__ = _CONFIG
+        spec.__get_pydantic_core_schema__ = classmethod(_core_schema)
+        spec.__get_pydantic_json_schema__ = classmethod(_json_schema)
+        spec.settings_error = error
+        spec.__signature__ = inspect.signature(cls)
+        spec.settings_adapter = _LazyAdapter()
 
         def __init__(self: Any, *args: Any, **kwargs: Any) -> None:
             if args:
-                placed = made.__signature__.bind_partial(*args).arguments
+                placed = spec.__signature__.bind_partial(*args).arguments
                 if twice := placed.keys() & kwargs:
                     raise TypeError(f"{cls.__name__}() got {min(twice)!r} twice")
                 kwargs = placed | kwargs
             try:
-                made.settings_adapter.validator.validate_python(
+                spec.settings_adapter.validator.validate_python(
                     ArgsKwargs((), kwargs), self_instance=self
                 )
             except ValidationError as fault:
@@ -148,7 +148,7 @@ def settings(error: type[InputError]) -> Callable[[type[Spec]], type[Spec]]:
                 self.__init__(**_without_numpy(kwargs))
 
         __init__.__doc__ = "Check the fields; see the class."
-        made.__init__ = __init__
+        spec.__init__ = __init__
         return cls
 
     return decorate
@@ -188,10 +188,10 @@ def read_table(cls: type[Spec], table: Any, error: type[InputError], folder: obj
 
     Raises the first of `try_table`'s faults, of the given class.
     """
-    made, faults = try_table(cls, table, error, folder)
-    if made is None:
+    spec, faults = try_table(cls, table, error, folder)
+    if spec is None:
         raise faults[0]
-    return made
+    return spec
 
 
 def try_table(
@@ -202,7 +202,7 @@ def try_table(
     try:
         return adapter.validate_python(table, context={"folder": folder}), []
     except ValidationError as fault:
-        return None, [each.as_error(error) for each in _faults(fault, cls)]
+        return None, [f.as_error(error) for f in _faults(fault, cls)]
 
 
 def plain(value: Any, defaults: bool = False) -> Any:
@@ -217,9 +217,9 @@ def plain(value: Any, defaults: bool = False) -> Any:
     if is_settings(type(value)):
         return value.to_table() if hasattr(value, "to_table") else table_of(value, defaults)
     if isinstance(value, Mapping):
-        return {key: plain(each, defaults) for key, each in value.items()}
+        return {key: plain(child, defaults) for key, child in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(each, defaults) for each in value]
+        return [plain(child, defaults) for child in value]
     # As people write them: every float field also accepts whole numbers.
     if isinstance(value, float) and value.is_integer() and abs(value) < _EXACT:
         return int(value)
@@ -233,20 +233,20 @@ def table_of(value: Any, defaults: bool = False) -> dict[str, Any]:
     names = [field.name for field in dataclasses.fields(cls)]
     for name in dict.fromkeys((*getattr(cls, "row_keys", ()), *names)):
         marks = metadata(hints(cls)[name])
-        each = plain(getattr(value, name), defaults)
-        written = defaults or each != plain(default_of(cls, name))
+        converted = plain(getattr(value, name), defaults)
+        written = defaults or converted != plain(default_of(cls, name))
         if FLAT in marks:
-            table |= each
-        elif PYTHON_ONLY not in marks and each is not None and written:
-            table[name] = each
+            table |= converted
+        elif PYTHON_ONLY not in marks and converted is not None and written:
+            table[name] = converted
     return table
 
 
 def default_of(cls: type, name: str) -> Any:
     """Return a field's default; `dataclasses.MISSING` if it is required."""
     field = cls.__dataclass_fields__[name]  # type: ignore[attr-defined]
-    made = field.default_factory is not dataclasses.MISSING
-    return field.default_factory() if made else field.default
+    has_factory = field.default_factory is not dataclasses.MISSING
+    return field.default_factory() if has_factory else field.default
 
 
 @cache
@@ -264,14 +264,14 @@ def plain_fields(cls: Any, *without: str) -> tuple[str, ...]:
 @cache
 def descriptions(cls: Any) -> dict[str, str]:
     """Return the docstrings below a class's fields, each as one line."""
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for base in reversed(cls.__mro__[:-1]):
         tree: Any = ast.parse(textwrap.dedent(inspect.getsource(base)))
         for field, text in pairwise(tree.body[0].body):
             documented = isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
             if isinstance(field, ast.AnnAssign) and documented:
-                found[ast.unparse(field.target)] = " ".join(ast.literal_eval(text.value).split())
-    return found
+                texts[ast.unparse(field.target)] = " ".join(ast.literal_eval(text.value).split())
+    return texts
 
 
 @cache
@@ -291,16 +291,16 @@ def file_keys(cls: Any) -> dict[str, tuple[type, str]]:
 def json_schema(cls: Any) -> dict[str, Any]:
     """Return the JSON schema of a class's tables in files."""
     schema = cls.settings_adapter.json_schema()
-    for each in (*schema.get("$defs", {}).values(), schema):
-        if "description" in each:  # a class docstring's first paragraph
-            each["description"] = " ".join(each["description"].split("\n\n")[0].split())
+    for definition in (*schema.get("$defs", {}).values(), schema):
+        if "description" in definition:  # a class docstring's first paragraph
+            definition["description"] = " ".join(definition["description"].split("\n\n")[0].split())
     return schema
 
 
 def _json_schema(cls: Any, source: Any, handler: Any) -> dict[str, Any]:
     """Return pydantic's schema of a class's table, without Python-only fields."""
-    made = handler(source)
-    schema = handler.resolve_ref_schema(made)
+    reference = handler(source)
+    schema = handler.resolve_ref_schema(reference)
     properties: dict[str, Any] = {}
     for key, (owner, name) in file_keys(cls).items():
         if key == "kind":
@@ -319,7 +319,7 @@ def _json_schema(cls: Any, source: Any, handler: Any) -> dict[str, Any]:
         else:
             properties[key] = json_schema(owner)["properties"][key]
     schema["properties"] = properties
-    return dict(made)
+    return dict(reference)
 
 
 def alternatives(hint: Any) -> list[Any]:
@@ -343,7 +343,7 @@ def choices(hint: Any) -> tuple[Any, ...]:
         for alternative in alternatives(hint)
         if get_origin(alternative) is Literal
     )
-    return tuple(word for each in words for word in each)
+    return tuple(word for group in words for word in group)
 
 
 def number_limits(hint: Any) -> tuple[float, float]:
@@ -353,8 +353,8 @@ def number_limits(hint: Any) -> tuple[float, float]:
     (0, inf)
     """
     low, high, above, below = _limits(_number_marks(hint))
-    least, most = (above if low is None else low), (below if high is None else high)
-    return -math.inf if least is None else least, math.inf if most is None else most
+    lower, upper = (above if low is None else low), (below if high is None else high)
+    return -math.inf if lower is None else lower, math.inf if upper is None else upper
 
 
 def unit_of(hint: Any) -> str:
@@ -449,10 +449,10 @@ def _listed(words: Sequence[str]) -> str:
 
 def metadata(hint: Any) -> list[Any]:
     """Return an annotation's metadata, with each `pydantic.Field` expanded to its limits."""
-    found = []
+    marks = []
     for mark in get_args(hint)[1:] if get_origin(hint) is Annotated else ():
-        found += mark.metadata if isinstance(mark, FieldInfo) else [mark]
-    return found
+        marks += mark.metadata if isinstance(mark, FieldInfo) else [mark]
+    return marks
 
 
 # Reading tables of files.
@@ -483,14 +483,14 @@ def _fields_from_table(cls: Any, table: Mapping[str, Any], folder: object) -> Ma
     for field in dataclasses.fields(cls):
         if FLAT in metadata(hints(cls)[field.name]):
             (inner,) = classes_in(hints(cls)[field.name])
-            own = {key: fields.pop(key) for key in file_keys(inner) if key in fields}
-            fields[field.name] = own
+            inner_fields = {key: fields.pop(key) for key in file_keys(inner) if key in fields}
+            fields[field.name] = inner_fields
     return fields
 
 
 def _unknown_key(cls: type, key: str) -> InputError:
-    known = file_keys(cls)
-    remedy = f"{nearest(key, known)}known: {', '.join(known)}"
+    keys = file_keys(cls)
+    remedy = f"{nearest(key, keys)}known: {', '.join(keys)}"
     return InputError("unknown key", remedy, code="unknown", field=key)
 
 
@@ -518,7 +518,7 @@ class _Fault:
     account: Mapping[str, Any]
 
     @classmethod
-    def at(cls, account: Mapping[str, Any], root: Any) -> _Fault:
+    def located(cls, account: Mapping[str, Any], root: Any) -> _Fault:
         """Follow pydantic's location, which includes union tags and names of flat fields."""
         path, hint = "", root
         owners: tuple[type, ...] = (root,)
@@ -535,10 +535,10 @@ class _Fault:
             if part == "<value>":
                 break
             if part.startswith("<"):
-                kinds = [each for each in owners if f"<{_kind(each)}>" == part]
+                kinds = [class_ for class_ in owners if f"<{_kind(class_)}>" == part]
                 hint = kinds[0] if kinds else hint
                 continue
-            owner = next((each for each in owners if part in hints(each)), None)
+            owner = next((class_ for class_ in owners if part in hints(class_)), None)
             if classes_in(hint) and (owner is not None or part is steps[-1]):
                 hint = hints(owner)[part] if owner is not None else None
                 if FLAT in metadata(hint) and (raised or index < len(steps)):
@@ -562,35 +562,35 @@ class _Fault:
     def as_error(self, make: type[InputError], root: str = "") -> InputError:
         """Return the fault as an error; ``root`` is the name of the class that has the field."""
         field = f"{root}.{self.field}".strip(".") if root else self.field
-        given = self.account["input"]
+        value = self.account["input"]
         cause = self.account.get("ctx", {}).get("error")
         if isinstance(cause, InputError):
             separator = "." if field and cause.field and cause.field[0] != "[" else ""
-            given = given if cause.given is None and not cause.field else cause.given
+            value = value if cause.given is None and not cause.field else cause.given
             return make(
                 cause.problem,
                 cause.remedy,
                 code=cause.code,
                 field=f"{field}{separator}{cause.field}",
-                given=given,
+                given=value,
             )
-        problem, remedy, code = self._words(given, bool(root))
+        problem, remedy, code = self._words(value, bool(root))
         tagged = self.fault.startswith("union_tag")
-        if tagged and isinstance(given, Mapping):
-            field, given = f"{field}.kind", given.get("kind")
-        return make(problem, remedy, code=code, field=field, given=given)
+        if tagged and isinstance(value, Mapping):
+            field, value = f"{field}.kind", value.get("kind")
+        return make(problem, remedy, code=code, field=field, given=value)
 
-    def _words(self, given: Any, in_python: bool) -> tuple[str, str, Code]:
+    def _words(self, value: Any, in_python: bool) -> tuple[str, str, Code]:
         """Return problem, remedy and code."""
         kind = self.fault
         code: Code = _CODES.get(kind, "type")
         if kind == "extra_forbidden":
             unknown = _unknown_key(self.classes[0], self.key)
             return unknown.problem, unknown.remedy, code
-        if kind.startswith("union_tag") and isinstance(given, Mapping):
+        if kind.startswith("union_tag") and isinstance(value, Mapping):
             kinds = [_kind(class_) for class_ in self.classes]
-            guess = nearest(str(given.get("kind")), kinds)
-            problem = "" if "kind" in given else "missing"
+            guess = nearest(str(value.get("kind")), kinds)
+            problem = "" if "kind" in value else "missing"
             return problem, f"{guess}give {', '.join(kinds)}", code
         if kind == "missing" and isinstance(self.account["loc"][-1], str):
             return "missing", self._example(), code
@@ -601,10 +601,10 @@ class _Fault:
         if kind in ("missing", "too_long"):
             code = "shape"
         words = choices(self.hint)
-        guess = nearest(given, map(str, words)) if isinstance(given, str) and words else ""
-        if words and isinstance(given, str):
+        guess = nearest(value, map(str, words)) if isinstance(value, str) and words else ""
+        if words and isinstance(value, str):
             code = "unknown"
-        kinds = [_kind(each) for each in classes_in(self.hint)]
+        kinds = [_kind(c) for c in classes_in(self.hint)]
         if not in_python and kinds and all(kinds):
             return "", f"give a table, {{ kind = …, … }}, of kind {', '.join(kinds)}", code
         if not in_python and is_settings(self.hint):
@@ -613,47 +613,47 @@ class _Fault:
             few, ends = kind == "too_short", self.account["ctx"]
             count = f"at least {ends['min_length']}" if few else f"up to {ends['max_length']}"
             return "", f"give {count}", "missing" if few else "size"
-        wanted = expected(self.hint)
+        description = expected(self.hint)
         for cls in () if in_python else classes_in(self.hint):
-            wanted = wanted.replace(f"a {cls.__name__}", "a table, { key = value, … }")
+            description = description.replace(f"a {cls.__name__}", "a table, { key = value, … }")
         if kind == "finite_number":
-            wanted = wanted.replace("a number", "a finite number", 1)
-        return "", f"{guess}give {wanted}", code
+            description = description.replace("a number", "a finite number", 1)
+        return "", f"{guess}give {description}", code
 
     def _example(self) -> str:
         table = "[[{}]]" if _holds_many(self.hint) else "[{}]"
         if "." not in self.field and (classes_in(self.hint) or _holds_many(self.hint)):
             return f"add {table.format(self.key)}"
-        given = get_args(self.hint)[1:] if get_origin(self.hint) is Annotated else ()
-        shown = [
-            mark.examples[0] for mark in given if isinstance(mark, FieldInfo) and mark.examples
+        marks = get_args(self.hint)[1:] if get_origin(self.hint) is Annotated else ()
+        examples = [
+            mark.examples[0] for mark in marks if isinstance(mark, FieldInfo) and mark.examples
         ]
-        return f"add {self.key} = {' '.join(toml_text(shown[0]).split()) if shown else '…'}"
+        return f"add {self.key} = {' '.join(toml_text(examples[0]).split()) if examples else '…'}"
 
 
 def _faults(error: ValidationError, root: type) -> list[_Fault]:
     """Return each fault once, unknown keys first and without the missing keys that they meant."""
-    found: dict[str, _Fault] = {}
+    unique: dict[str, _Fault] = {}
     for account in error.errors(include_url=False):
-        fault = _Fault.at(account, root)
+        fault = _Fault.located(account, root)
         # pydantic may report several types tried for one value, such as number and word.
-        found.setdefault(f"{fault.fault == 'missing'} {fault.field}", fault)
-    ordered = sorted(found.values(), key=lambda fault: fault.fault != "extra_forbidden")
+        unique.setdefault(f"{fault.fault == 'missing'} {fault.field}", fault)
+    ordered = sorted(unique.values(), key=lambda fault: fault.fault != "extra_forbidden")
     meant = set()
     for fault in ordered:
         if fault.fault == "extra_forbidden":
             parent = fault.field.removesuffix(fault.key)
-            known = file_keys(fault.classes[0])
-            guess = nearest(fault.key, known)
-            meant |= {parent + key for key in known if repr(key) in guess}
+            keys = file_keys(fault.classes[0])
+            guess = nearest(fault.key, keys)
+            meant |= {parent + key for key in keys if repr(key) in guess}
     # A list whose only row is wrong counts as empty.
     paths = [fault.field for fault in ordered]
     empty = {p for p in paths if any(other.startswith(f"{p}[") for other in paths)}
     return [
-        each
-        for each in ordered
-        if not (each.fault == "missing" and each.field in meant)
-        and not (each.fault == "too_short" and each.field in empty)
+        f
+        for f in ordered
+        if not (f.fault == "missing" and f.field in meant)
+        and not (f.fault == "too_short" and f.field in empty)
     ]
 
 
@@ -682,13 +682,13 @@ class FileFaults(InputError):
 
 def _line(error: InputError, rows: Mapping[str, Sequence[object]]) -> str:
     """Return an error's text with a row's name, or its number from 1, instead of its index."""
-    found = re.fullmatch(r"(\w+)\[(\d+)\]\.?(.*)", error.field)
-    if found is None:
+    match = re.fullmatch(r"(\w+)\[(\d+)\]\.?(.*)", error.field)
+    if match is None:
         return str(error)
-    key, index, rest = found[1], int(found[2]), found[3]
+    key, index, attribute = match[1], int(match[2]), match[3]
     name = rows[key][index] if index < len(rows.get(key, ())) else None
     row = name if isinstance(name, str) and name.strip() else index + 1
-    return f"[[{key}]] {row}: {error.at(rest)}"
+    return f"[[{key}]] {row}: {error.at(attribute)}"
 
 
 def row_names(tables: Mapping[str, Any]) -> dict[str, list[object]]:
@@ -705,10 +705,10 @@ def _constructor_error(error: ValidationError, cls: Any) -> Exception:
     fault = _faults(error, cls)[0]
     name = cls.__name__
     if len(fault.account["loc"]) == 1 and fault.account["loc"] == error.errors()[0]["loc"]:
-        known = [field.name for field in dataclasses.fields(cls)]
+        names = [field.name for field in dataclasses.fields(cls)]
         word = str(fault.account["loc"][0])
         if fault.fault == "extra_forbidden":
-            guess = nearest(word, known).rstrip()
+            guess = nearest(word, names).rstrip()
             return TypeError(
                 f"{name}() got an unexpected keyword argument {word!r}"
                 + (f"; {guess}" if guess else "")
@@ -758,7 +758,7 @@ def _without_numpy(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, dict):
-        return {key: _without_numpy(each) for key, each in value.items()}
+        return {key: _without_numpy(child) for key, child in value.items()}
     if type(value) in (list, tuple):
-        return type(value)(_without_numpy(each) for each in value)
+        return type(value)(_without_numpy(child) for child in value)
     return value
