@@ -27,7 +27,7 @@ def test_it_is_the_picture_of_the_room(lux):
     """31 bands: Y within a per cent of the mean, and within 10 at edges of shadows, too."""
     response = two_lights()
     ways = pixel_rays(EYE, SIZE, 1)
-    seen = lit().seen(np.broadcast_to(EYE.position_m, ways.shape), ways)
+    seen = lit().trace(np.broadcast_to(EYE.position_m, ways.shape), ways)
     colours = room_colours(response, BANDS, np.ones(2), lit())
     power = np.array([*response.solved.room.lights.values()]) * np.array(lux)[:, None]
     surfaces = len(response.solved.mesh.names)
@@ -47,9 +47,9 @@ def test_it_is_the_picture_of_the_room(lux):
 def test_backs_are_invisible():
     """An eye outside of a room sees its far side."""
     start = np.array([[-2.0, 1.5, 2.2]])
-    seen = lit().seen(start, np.array([[1.0, 0.0, 0.0]]))
+    seen = lit().trace(start, np.array([[1.0, 0.0, 0.0]]))
     assert seen.points_m == pytest.approx(np.array([[3.0, 1.5, 2.2]]), abs=1e-5)
-    away = lit().seen(start, np.array([[-1.0, 0.0, 0.0]]))
+    away = lit().trace(start, np.array([[-1.0, 0.0, 0.0]]))
     assert away.weights.sum() == 0.0 and away.surface == [-1]
 
 

@@ -34,7 +34,7 @@ def test_in_a_closed_room_rows_sum_to_one_and_flows_are_reciprocal():
     table = box((1.5, 1.5, 0.5), (2.5, 3, 0.6), "table")
     mesh = (box((0, 0, 0), (4, 5, 2.7), SIDES, inside=True) + table).with_edges(0.7)
     found = form_factors(Rays(mesh), 1024)
-    assert found.lost.max() == 0
+    assert found.escaped.max() == 0
     assert np.asarray(found.factors.sum(axis=1)) == pytest.approx(1.0, abs=5e-3)
     flow = (found.factors * mesh.areas_m2[:, None]).toarray()
     assert np.abs(flow - flow.T).max() <= 1e-3 * flow.max()
@@ -45,7 +45,7 @@ def test_rays_that_leave_or_hit_a_back_are_counted():
     mesh = FLOOR + rectangle((0, 0, 1), (1, 0, 0), (0, 1, 0), "back of a ceiling")
     found = form_factors(Rays(mesh), 4096)
     assert found.backs[:2].mean() == pytest.approx(0.1998, abs=0.01)
-    assert found.lost[:2].mean() == pytest.approx(0.8002, abs=0.01)
+    assert found.escaped[:2].mean() == pytest.approx(0.8002, abs=0.01)
     assert found.factors.nnz == 0
 
 

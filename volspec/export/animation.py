@@ -102,15 +102,15 @@ def interpolate_keyframes(times_s: ArrayLike, values: ArrayLike, at_s: ArrayLike
     from scipy.interpolate import PchipInterpolator
 
     keys = np.asarray(values, dtype=np.float64)
-    times, at = np.asarray(times_s, dtype=np.float64), np.asarray(at_s, dtype=np.float64)
+    times, frame_times = np.asarray(times_s, dtype=np.float64), np.asarray(at_s, dtype=np.float64)
     if len(times) == 1:
-        return np.repeat(keys, len(at), axis=0)
-    found: Array = PchipInterpolator(times, keys)(np.clip(at, times[0], times[-1]))
+        return np.repeat(keys, len(frame_times), axis=0)
+    rows: Array = PchipInterpolator(times, keys)(np.clip(frame_times, times[0], times[-1]))
     # Keyframes are exact to the last bit, so that equal cameras share a cast.
-    found = np.clip(found, keys.min(axis=0), keys.max(axis=0))
+    rows = np.clip(rows, keys.min(axis=0), keys.max(axis=0))
     for time, key in zip(times, keys, strict=True):
-        found[at == time] = key
-    return found
+        rows[frame_times == time] = key
+    return rows
 
 
 def interpolate_ratios(times_s: ArrayLike, values: ArrayLike, at_s: ArrayLike) -> Array:
@@ -122,10 +122,10 @@ def interpolate_ratios(times_s: ArrayLike, values: ArrayLike, at_s: ArrayLike) -
     keys = np.asarray(values, dtype=np.float64)
     logs = np.log(keys)
     found_logs = interpolate_keyframes(times_s, logs, at_s)
-    found = np.exp(found_logs)
+    ratios = np.exp(found_logs)
     for log, key in zip(logs, keys, strict=True):
-        found[found_logs == log] = key
-    return found
+        ratios[found_logs == log] = key
+    return ratios
 
 
 def interpolate_angles(times_s: ArrayLike, angles_deg: ArrayLike, at_s: ArrayLike) -> Array:
@@ -170,17 +170,17 @@ def _interpolated_tracks(
     keys: Sequence[tuple[float, Any]], by_name: Mapping[str, Interpolate], at_s: Array
 ) -> dict[str, Array]:
     """Interpolate every attribute that any keyframe's table sets: {name: (F, ...)}."""
-    found = {}
+    tracks = {}
     for name, interpolate in by_name.items():
-        given = [
+        samples = [
             (time, getattr(table, name))
             for time, table in keys
             if table is not None and getattr(table, name) is not None
         ]
-        if given:
-            times, values = zip(*given, strict=True)
-            found[name] = interpolate(times, values, at_s)
-    return found
+        if samples:
+            times, values = zip(*samples, strict=True)
+            tracks[name] = interpolate(times, values, at_s)
+    return tracks
 
 
 def _rows(tracks: Mapping[str, Array], count: int) -> list[dict[str, Any]]:
@@ -210,8 +210,8 @@ def frame_states(scene: Scene, volume: Volume, spec: RelightSpec, at_s: Array) -
         depths = _depths(scene, keys, at_s)
     rows = keyframe_opacities(scene, keys, at_s)
     return [
-        FrameState(camera, transfer, Look(own, opacities=row, depth=depth))
-        for camera, transfer, own, row, depth in zip(
+        FrameState(camera, transfer, Look(relight, opacities=row, depth=depth))
+        for camera, transfer, relight, row, depth in zip(
             cameras, transfers, specs, rows, depths, strict=True
         )
     ]
@@ -222,7 +222,7 @@ def keyframe_faults(scene: Scene, volume: Volume) -> list[SceneError]:
 
     def baked(keys: Keys, at_s: Array) -> object:
         transfers = keyframe_transfers(scene, keys, at_s)
-        return _at_times(at_s, keys, transfers, lambda each: bake_for_volume(each, volume))
+        return _at_times(at_s, keys, transfers, lambda transfer: bake_for_volume(transfer, volume))
 
     parts: dict[str, Callable[[Keys, Array], object]] = {
         "camera": lambda keys, at_s: _reaching_cameras(scene, volume, keys, at_s),
@@ -232,12 +232,12 @@ def keyframe_faults(scene: Scene, volume: Volume) -> list[SceneError]:
         "opacities": lambda keys, at_s: keyframe_opacities(scene, keys, at_s),
     }
     keys = scene.file.keyframe
-    found: dict[str, SceneError] = {}
+    unique: dict[str, SceneError] = {}
 
-    def faults(name: str, of: Keys, at: Keyframe) -> list[SceneError]:
+    def faults(name: str, of: Keys, key: Keyframe) -> list[SceneError]:
         try:
             with located_in(scene, f"[[keyframe]] {name}"):
-                parts[name](of, np.array([at.time_s]))
+                parts[name](of, np.array([key.time_s]))
         except SceneError as error:
             return [error]
         return []
@@ -247,8 +247,8 @@ def keyframe_faults(scene: Scene, volume: Volume) -> list[SceneError]:
         together = [fault for key in giving for fault in faults(name, keys, key)]
         # Report a fault at the keyframe that sets the value, not at keyframes that inherit it.
         alone = [fault for key in giving for fault in faults(name, [key], key)]
-        found |= {str(fault): fault for fault in (alone or together) if together}
-    return list(found.values())
+        unique |= {str(fault): fault for fault in (alone or together) if together}
+    return list(unique.values())
 
 
 def _reaching_cameras(scene: Scene, volume: Volume, keys: Keys, at_s: Array) -> list[Camera]:
@@ -269,9 +269,9 @@ def _relight_specs(spec: RelightSpec, keys: Keys, at_s: Array) -> list[RelightSp
 
 def _depths(scene: Scene, keys: Keys, at_s: Array) -> list[DepthEffects]:
     tracks = _interpolated_tracks([(key.time_s, key.depth) for key in keys], _DEPTH, at_s)
-    own = scene.file.depth
+    default = scene.file.depth
     rows = _rows(tracks, len(at_s))
-    return _at_times(at_s, keys, rows, lambda row: replace(own, **row) if row else own)
+    return _at_times(at_s, keys, rows, lambda row: replace(default, **row) if row else default)
 
 
 @contextmanager
@@ -291,33 +291,33 @@ def _at_times(
     at_s: Array, keys: Keys, rows: Sequence[Row], make: Callable[[Row], Made]
 ) -> list[Made]:
     """Make an object from each frame's values; an error for values out of range names the time."""
-    made = []
-    own = {key.time_s for key in keys}
+    frames = []
+    key_times = {key.time_s for key in keys}
     for time, row in zip(at_s.tolist(), rows, strict=True):
         try:
-            made.append(make(row))
+            frames.append(make(row))
         except (CameraError, TransferError, ViewingError, ImageError) as error:
             # Values between valid ones are valid; a path between two positions may not be.
-            is_between = isinstance(error, CameraError) and time not in own
+            is_between = isinstance(error, CameraError) and time not in key_times
             remedy = ", or add a keyframe in between" if is_between else ""
             # "Viewing.D" is a keyframe's "D".
             own_error = error.at(error.field.partition(".")[2] or error.field)
             message = str(own_error).removeprefix("camera: ")
             raise type(error)(f"at {time:g} s: {message}{remedy}", code=error.code) from error
-    return made
+    return frames
 
 
 def keyframe_opacities(scene: Scene, keys: Keys, at_s: Array) -> list[dict[str, float]]:
     """Return the scales of materials' opacities in every frame, by material."""
-    own = dict(scene.raycast.opacities)
-    found = [dict(own) for _ in at_s]
+    default = dict(scene.raycast.opacities)
+    rows = [dict(default) for _ in at_s]
     for name in dict.fromkeys(name for key in keys for name in key.opacities or ()):
-        given = [(k.time_s, k.opacities[name]) for k in keys if k.opacities and name in k.opacities]
-        times, scales = zip(*given, strict=True)
-        for row, scale in zip(found, interpolate_keyframes(times, scales, at_s), strict=True):
+        keyed = [(k.time_s, k.opacities[name]) for k in keys if k.opacities and name in k.opacities]
+        times, scales = zip(*keyed, strict=True)
+        for row, scale in zip(rows, interpolate_keyframes(times, scales, at_s), strict=True):
             row[name] = float(scale)
-    _at_times(at_s, keys, found, lambda row: check_opacities(scene.basis, row))
-    return found
+    _at_times(at_s, keys, rows, lambda row: check_opacities(scene.basis, row))
+    return rows
 
 
 def turntable_cameras(scene: Scene, volume: Volume, table: Turntable) -> list[Camera]:
@@ -357,10 +357,10 @@ def keyframe_cameras(scene: Scene, volume: Volume, keys: Keys, at_s: Array) -> l
     """Return the camera of every frame, from orbits or from positions."""
     cameras = [(key.time_s, key.camera) for key in keys]
     table = scene.file.camera
-    given = {name for _, key in cameras if key is not None for name in key.given}
-    if not given:
+    names = {name for _, key in cameras if key is not None for name in key.set_keys}
+    if not names:
         return [scene.camera(volume)] * len(at_s)
-    if table.position_mm is None and not given & {"position_mm", "up"}:
+    if table.position_mm is None and not names & {"position_mm", "up"}:
         common = {field.name: getattr(table, field.name) for field in fields(Orbit)}
         rows = _rows(_interpolated_tracks(cameras, _ORBIT, at_s), len(at_s))
         return _at_times(at_s, keys, rows, lambda row: Camera.orbit(volume, **{**common, **row}))
@@ -407,15 +407,15 @@ def _interpolated_offsets(
     """
     times = np.array([time for time, _ in places])
     targets = _interpolated_tracks(cameras, {"target_mm": interpolate_keyframes}, times)
-    away = np.array([place for _, place in places]) - targets.get("target_mm", still_mm)
-    distance = np.linalg.norm(away, axis=1)
+    offset = np.array([place for _, place in places]) - targets.get("target_mm", still_mm)
+    distance = np.linalg.norm(offset, axis=1)
     if not distance.all():
-        at = times[distance == 0][0]
+        time_s = times[distance == 0][0]
         raise CameraError(
-            f"position_mm at {at:g} s is target_mm", "move one of them", code="impossible"
+            f"position_mm at {time_s:g} s is target_mm", "move one of them", code="impossible"
         )
     axes = _axes(up)
-    front, side, axis = (away / distance[:, None] @ axes.T).T
+    front, side, axis = (offset / distance[:, None] @ axes.T).T
     off_axis = np.hypot(front, side) > _ON_AXIS
     azimuth = np.zeros(len(at_s))
     if off_axis.any():
@@ -437,15 +437,15 @@ def _axes(up: Vector) -> Array:
 
 def keyframe_transfers(scene: Scene, keys: Keys, at_s: Array) -> list[Transfers]:
     """Return the transfer function of every frame; equal functions are one object."""
-    given = [(key.time_s, key.transfer) for key in keys]
-    tracks = _interpolated_tracks(given, {"shift": interpolate_keyframes}, at_s)
+    keyed = [(key.time_s, key.transfer) for key in keys]
+    tracks = _interpolated_tracks(keyed, {"shift": interpolate_keyframes}, at_s)
     by = tracks.get("shift", np.zeros(len(at_s)))
     points = _interpolated_points(scene, keys, at_s)
-    made: dict[bytes, Transfers] = {}
+    cache: dict[bytes, Transfers] = {}
 
-    def at(i: int) -> Transfers:
+    def transfer_at(i: int) -> Transfers:
         key = np.append(np.zeros(0) if points is None else points[i].ravel(), by[i]).tobytes()
-        if key not in made:
+        if key not in cache:
             function = scene.transfer
             if points is not None:
                 assert isinstance(function, TransferFunction | Isosurfaces)
@@ -454,10 +454,10 @@ def keyframe_transfers(scene: Scene, keys: Keys, at_s: Array) -> list[Transfers]
                     for value, opacity, *mix in points[i].tolist()
                 ]
                 function = _with_point_rows(function, rows)
-            made[key] = function if by[i] == 0.0 else shift_values(function, float(by[i]))
-        return made[key]
+            cache[key] = function if by[i] == 0.0 else shift_values(function, float(by[i]))
+        return cache[key]
 
-    return _at_times(at_s, keys, range(len(at_s)), at)
+    return _at_times(at_s, keys, range(len(at_s)), transfer_at)
 
 
 def shift_values(transfer: Transfers, by: float) -> Transfers:
@@ -477,26 +477,26 @@ def shift_values(transfer: Transfers, by: float) -> Transfers:
 
 def _interpolated_points(scene: Scene, keys: Keys, at_s: Array) -> Array | None:
     """Return (F, P, 2 + K): value, opacity and weights of the K materials; None without points."""
-    given = [
+    samples = [
         (key.time_s, key.transfer.points)
         for key in keys
         if key.transfer is not None and key.transfer.points is not None
     ]
-    if not given:
+    if not samples:
         return None
     if not isinstance(scene.transfer, TransferFunction | Isosurfaces):
         raise SceneError(
             "points: [transfer] has neither points nor surfaces", "leave them out", code="conflict"
         )
     count, names = len(_point_rows(scene.transfer)), list(scene.materials)
-    for time, rows in given:
+    for time, rows in samples:
         if len(rows) != count:
             raise SceneError(
                 f"points: {len(rows)} at {time:g} s, but [transfer] has {count}",
                 f"give {count}",
                 code="shape",
             )
-    for time, rows in given:
+    for time, rows in samples:
         for row in rows:
             if unknown := [name for name in row.material_weights if name not in names]:
                 raise SceneError(
@@ -509,13 +509,13 @@ def _interpolated_points(scene: Scene, keys: Keys, at_s: Array) -> Array | None:
             [row.value, row.opacity, *(row.material_weights.get(name, 0.0) for name in names)]
             for row in rows
         ]
-        for _, rows in given
+        for _, rows in samples
     ]
-    found = interpolate_keyframes([time for time, _ in given], numbers, at_s)
+    points = interpolate_keyframes([time for time, _ in samples], numbers, at_s)
     # Points move at different speeds, but none may overtake the next.
-    found[..., 0] = np.maximum.accumulate(found[..., 0], axis=1)
-    found[..., 2:] /= np.maximum(found[..., 2:].sum(axis=-1, keepdims=True), 1.0)
-    return found
+    points[..., 0] = np.maximum.accumulate(points[..., 0], axis=1)
+    points[..., 2:] /= np.maximum(points[..., 2:].sum(axis=-1, keepdims=True), 1.0)
+    return points
 
 
 def _point_rows(transfer: TransferFunction | Isosurfaces) -> Sequence[Any]:

@@ -112,8 +112,8 @@ def paint(pixels: Codes, patches: Sequence[Patch], top: int = 0) -> Codes:
     """
     if not patches:
         return pixels
-    most = float(np.iinfo(pixels.dtype).max)
-    found = pixels.copy()
+    maximum = float(np.iinfo(pixels.dtype).max)
+    painted = pixels.copy()
     height, width, channels = pixels.shape
     for patch in patches:
         h, w = patch.alpha.shape
@@ -125,31 +125,31 @@ def paint(pixels: Codes, patches: Sequence[Patch], top: int = 0) -> Codes:
             first + top - patch.y : last + top - patch.y, left - patch.x : right - patch.x
         ]
         over, alpha = patch.colours[inside], patch.alpha[inside][..., None]
-        below = found[first:last, left:right].astype(np.float32) / most
-        own = below[..., 3:] if channels == 4 else 1.0
-        mixed = over + own * below[..., :3] * (1.0 - alpha)
+        below = painted[first:last, left:right].astype(np.float32) / maximum
+        opacity = below[..., 3:] if channels == 4 else 1.0
+        mixed = over + opacity * below[..., :3] * (1.0 - alpha)
         if channels == 4:
-            cover = alpha + own * (1.0 - alpha)
+            cover = alpha + opacity * (1.0 - alpha)
             mixed = np.concatenate([mixed / np.maximum(cover, 1e-6), cover], axis=-1)
-        found[first:last, left:right] = np.rint(np.clip(mixed, 0.0, 1.0) * most)
-    return found
+        painted[first:last, left:right] = np.rint(np.clip(mixed, 0.0, 1.0) * maximum)
+    return painted
 
 
-def _placed(each: Annotation, projection: Projection, unit: float) -> PlacedAnnotation | None:
+def _placed(annotation: Annotation, projection: Projection, unit: float) -> PlacedAnnotation | None:
     """Place an annotation in a picture whose sizes grow by ``unit``; None if it is behind."""
-    return place_annotation(each.points_mm, projection, (_LEADER * unit, -_LEADER * unit))
+    return place_annotation(annotation.points_mm, projection, (_LEADER * unit, -_LEADER * unit))
 
 
 def annotation_svg(annotations: Sequence[Annotation], camera: Camera, size: tuple[int, int]) -> str:
     """Return annotations as elements of an SVG whose units are a picture's pixels."""
     unit, projection = _unit(size), Projection(camera, (0, 0, *size))
-    found = []
+    nodes = []
     for annotation in annotations:
         placed = _placed(annotation, projection, unit)
         if placed is None:
             continue
         for name, wider in (("under", _OUTLINE * unit), ("over", 0.0)):
-            wide, radius = 2 * (_LINE * unit + wider), _DOT * unit + wider
+            stroke, radius = 2 * (_LINE * unit + wider), _DOT * unit + wider
             shapes = [
                 f'<line x1="{x0:.1f}" y1="{y0:.1f}" x2="{x1:.1f}" y2="{y1:.1f}"/>'
                 for (x0, y0), (x1, y1) in placed.lines
@@ -157,14 +157,14 @@ def annotation_svg(annotations: Sequence[Annotation], camera: Camera, size: tupl
             shapes += [
                 f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}"/>' for x, y in placed.dots
             ]
-            found.append(f'<g class="{name}" stroke-width="{wide:.1f}">{"".join(shapes)}</g>')
+            nodes.append(f'<g class="{name}" stroke-width="{stroke:.1f}">{"".join(shapes)}</g>')
         x, y = placed.caption + (_ROOM * unit, 0.0)
         caption = escape(printable(annotation.caption, _MAX_LETTERS))
-        found.append(
+        nodes.append(
             f'<text x="{x:.1f}" y="{y - 0.3 * _TEXT * unit:.1f}" font-size="{_TEXT * unit:.1f}" '
             f'stroke-width="{2 * _OUTLINE * unit:.1f}">{caption}</text>'
         )
-    return "".join(found)
+    return "".join(nodes)
 
 
 def warn_of_cut(annotations: Sequence[Annotation], camera: Camera, size: tuple[int, int]) -> None:
@@ -174,8 +174,8 @@ def warn_of_cut(annotations: Sequence[Annotation], camera: Camera, size: tuple[i
         if (placed := _placed(annotation, projection, unit)) is None:
             continue
         start = float(placed.caption[0]) + _ROOM * unit
-        wide = TextLine.of(printable(annotation.caption, _MAX_LETTERS), round(_TEXT * unit)).width
-        if 0 <= start < size[0] < start + wide:
+        width = TextLine.of(printable(annotation.caption, _MAX_LETTERS), round(_TEXT * unit)).width
+        if 0 <= start < size[0] < start + width:
             warnings.warn(
                 f"[[annotation]] {quoted(annotation.caption)}: is cut at the edge of a picture of "
                 f"{size[0]} x {size[1]}; shorten its text, move its points, or make it wider",
@@ -262,13 +262,13 @@ class _Painter:
         x = picture.size[0] - _CORNER * self.unit - side / 2
         return _patch(small, x, _CORNER * self.unit - side / 2)
 
-    def annotation(self, each: Annotation) -> list[Patch]:
+    def annotation(self, annotation: Annotation) -> list[Patch]:
         """Return an annotation's lines and its caption; nothing if it is behind the camera."""
-        placed = _placed(each, self._projection, self.unit)
+        placed = _placed(annotation, self._projection, self.unit)
         if placed is None:
             return []
         x, y = placed.caption + (_ROOM * self.unit, 0.0)
-        text = self.text(each.caption, x, y - 1.3 * _TEXT * self.unit, _TEXT)
+        text = self.text(annotation.caption, x, y - 1.3 * _TEXT * self.unit, _TEXT)
         return [self._strokes(placed.lines, placed.dots), text]
 
     def _strokes(
@@ -276,19 +276,19 @@ class _Painter:
     ) -> Patch:
         """Return white lines and dots with a dark outline; coverage is by distance."""
         outline = _OUTLINE * self.unit
-        most = _DOT * self.unit + outline + 1.0
-        every = np.concatenate([*(np.stack(line) for line in lines), dots])
+        margin = _DOT * self.unit + outline + 1.0
+        points = np.concatenate([*(np.stack(line) for line in lines), dots])
         size = np.array(self._picture.size)
-        low = np.clip(np.floor(every.min(axis=0) - most), 0, size - 1).astype(int)
-        high = np.clip(np.ceil(every.max(axis=0) + most), low + 1, size).astype(int)
+        low = np.clip(np.floor(points.min(axis=0) - margin), 0, size - 1).astype(int)
+        high = np.clip(np.ceil(points.max(axis=0) + margin), low + 1, size).astype(int)
         x, y = np.meshgrid(*(np.arange(a, b) + 0.5 for a, b in zip(low, high, strict=True)))
         # Distance to the nearest edge: below 0 inside.
         edge = np.full(x.shape, np.inf, np.float32)
         for (x0, y0), (x1, y1) in lines:
             dx, dy = x1 - x0, y1 - y0
-            along = ((x - x0) * dx + (y - y0) * dy) / max(dx * dx + dy * dy, 1e-9)
-            along = np.clip(along, 0.0, 1.0)
-            far = np.hypot(x - x0 - along * dx, y - y0 - along * dy)
+            t = ((x - x0) * dx + (y - y0) * dy) / max(dx * dx + dy * dy, 1e-9)
+            t = np.clip(t, 0.0, 1.0)
+            far = np.hypot(x - x0 - t * dx, y - y0 - t * dy)
             edge = np.minimum(edge, far - _LINE * self.unit)
         for x0, y0 in dots:
             edge = np.minimum(edge, np.hypot(x - x0, y - y0) - _DOT * self.unit)
@@ -303,10 +303,10 @@ class _Painter:
         """
         row, swatch = _ROW * self.unit, round(_SWATCH * self.unit)
         bottom = self._picture.size[1] - self.margin
-        most = max(int((bottom - top) / row), 1)
+        max_rows = max(int((bottom - top) / row), 1)
         names = list(self._picture.materials)
-        if len(names) > most:
-            names = names[: max(most - 1, 1)]
+        if len(names) > max_rows:
+            names = names[: max(max_rows - 1, 1)]
         lines = [*names, f"and {len(self._picture.materials) - len(names)} more"]
         lines = lines[: len(names) + (len(names) < len(self._picture.materials))]
         patches = []
@@ -329,11 +329,11 @@ class _Painter:
             long = max(round(_BAR * width), 2)
             left, top = round((width - long) / 2), round(bottom - thick - _ROW * self.unit)
             colours = bar.colours[np.arange(long) * len(bar.colours) // long]
-            seen = np.isfinite(colours).all(axis=1)
+            visible = np.isfinite(colours).all(axis=1)
             framed = np.zeros((thick + 2 * edge, long + 2 * edge, 4), np.float32)
             framed[..., 3] = 1.0
             inner = framed[edge:-edge, edge:-edge]
-            inner[..., :3], inner[..., 3] = np.nan_to_num(colours), seen
+            inner[..., :3], inner[..., 3] = np.nan_to_num(colours), visible
             patches.append(Patch(left - edge, top - edge, framed[..., :3], framed[..., 3]))
             free = -np.inf
             for value, label in labels:

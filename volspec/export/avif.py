@@ -83,7 +83,7 @@ class AvifWriter:
         """Return the boxes of the display's colours and of how bright the picture is [4]."""
         (red, green, blue, white), peak = self._hdr.mastering_display()
         colours = struct.pack(">8H2I", *green, *blue, *red, *white, peak, 0)
-        light = (math.ceil(each) for each in (self._light.most_cd_m2, self._light.mean_cd_m2))
+        light = (math.ceil(cd_m2) for cd_m2 in (self._light.most_cd_m2, self._light.mean_cd_m2))
         return [_box(b"mdcv", colours), _box(b"clli", struct.pack(">2H", *light))]
 
 
@@ -96,29 +96,29 @@ def _with_properties(data: bytes, added: Sequence[bytes]) -> bytes:
 
     The boxes around them grow, and the item's data are moved by as much.
     """
-    at = {kind: data.find(kind) - 4 for kind in (b"meta", b"iloc", b"iprp", b"ipco", b"ipma")}
+    start = {kind: data.find(kind) - 4 for kind in (b"meta", b"iloc", b"iprp", b"ipco", b"ipma")}
     # Versions 0: offsets and lengths of 4 bytes, one item, one extent; one row of associations.
     heads = {b"iloc": b"\0\0\0\0D\0\0\1", b"ipma": b"\0\0\0\0\0\0\0\1"}
-    if any(data[at[kind] + 8 :][:8] != head for kind, head in heads.items()):
+    if any(data[start[kind] + 8 :][:8] != head for kind, head in heads.items()):
         return data
-    sizes = {kind: struct.unpack_from(">I", data, place)[0] for kind, place in at.items()}
-    first, place, end = 1, at[b"ipco"] + 8, at[b"ipco"] + sizes[b"ipco"]
+    sizes = {kind: struct.unpack_from(">I", data, place)[0] for kind, place in start.items()}
+    first, place, end = 1, start[b"ipco"] + 8, start[b"ipco"] + sizes[b"ipco"]
     while place < end:
         place += struct.unpack_from(">I", data, place)[0]
         first += 1
-    properties, count_at, offset_at = b"".join(added), at[b"ipma"] + 18, at[b"iloc"] + 22
+    properties, count_at, offset_at = b"".join(added), start[b"ipma"] + 18, start[b"iloc"] + 22
     total = len(properties) + len(added)
     grown = dict.fromkeys((b"meta", b"iprp"), total)
     grown |= {b"ipco": len(properties), b"ipma": len(added)}
-    made = bytearray(data)
+    buffer = bytearray(data)
     for kind, more in grown.items():
-        struct.pack_into(">I", made, at[kind], sizes[kind] + more)
-    struct.pack_into(">I", made, offset_at, struct.unpack_from(">I", data, offset_at)[0] + total)
-    made[count_at] += len(added)
-    behind = count_at + 1 + data[count_at]
-    made[behind:behind] = bytes(range(first, first + len(added)))
-    made[end:end] = properties
-    return bytes(made)
+        struct.pack_into(">I", buffer, start[kind], sizes[kind] + more)
+    struct.pack_into(">I", buffer, offset_at, struct.unpack_from(">I", data, offset_at)[0] + total)
+    buffer[count_at] += len(added)
+    end_of_row = count_at + 1 + data[count_at]
+    buffer[end_of_row:end_of_row] = bytes(range(first, first + len(added)))
+    buffer[end:end] = properties
+    return bytes(buffer)
 
 
 def YCbCr_codes(pixels: NDArray[np.uint16], bits: int) -> NDArray[np.uint16]:

@@ -141,18 +141,18 @@ class Recipe:
         rows = {}
         for name, light in lights.items():
             rig = LightRig.of(light)
-            lit = Illumination.of(basis, rig, spec, groups)
-            to_RGB = _RGB_from_XYZ(lit.white_XYZ)
-            parts = np.split(to_RGB @ lit.XYZ_from_channels, len(groups), axis=1)
+            illumination = Illumination.of(basis, rig, spec, groups)
+            to_RGB = _RGB_from_XYZ(illumination.white_XYZ)
+            parts = np.split(to_RGB @ illumination.XYZ_from_channels, len(groups), axis=1)
             lit_parts = {g: part for g, part in zip(groups, parts, strict=True) if part.any()}
-            numbers = _numbers(basis, groups, rig, lit.gain)
+            numbers = _numbers(basis, groups, rig, illumination.gain)
             rows[name] = CompositorLight(
-                lit_parts, to_RGB @ lit.backdrop_XYZ, numbers, lit.illuminance_lux
+                lit_parts, to_RGB @ illumination.backdrop_XYZ, numbers, illumination.illuminance_lux
             )
         materials = {}
         if isinstance(basis, MaterialBasis):
-            plain = plain_names(basis.materials)
-            materials = dict(zip(basis.materials, plain, strict=True))
+            material_names = plain_names(basis.materials)
+            materials = dict(zip(basis.materials, material_names, strict=True))
         return cls(channels, MappingProxyType(rows), spec.mode, materials)
 
     @classmethod
@@ -282,9 +282,9 @@ def _numbers(
     kappa = flat_white_scale(basis, rig.facing(groups).mixed(basis.grid), gain)
     lit_parts = {group: rig.shining_from(group) for group in groups}
     return {
-        group: kappa * basis.analyse(own.mixed(basis.grid))
-        for group, own in lit_parts.items()
-        if own is not None
+        group: kappa * basis.analyse(group_rig.mixed(basis.grid))
+        for group, group_rig in lit_parts.items()
+        if group_rig is not None
     }
 
 
@@ -295,15 +295,15 @@ def _require_fit(who: str, light: CompositorLight, channels: Mapping[str, tuple[
             f"{who}: has no matrix", f"give one for {', '.join(channels)}", code="missing"
         )
     _require_shape(f"{who}: backdrop", light.backdrop, (3,))
-    for what, rows, shape in (("matrix", light.matrices, (3,)), ("numbers", light.numbers, ())):
+    for kind, rows, shape in (("matrix", light.matrices, (3,)), ("numbers", light.numbers, ())):
         for group, array in rows.items():
             if group not in channels:
                 raise ImageError(
-                    f"{who}: {what} of unknown group {quoted(group)}",
+                    f"{who}: {kind} of unknown group {quoted(group)}",
                     f"known: {', '.join(channels)}",
                     code="unknown",
                 )
-            name = f"{who}: {what} of group {quoted(group)}"
+            name = f"{who}: {kind} of group {quoted(group)}"
             _require_shape(name, array, (*shape, len(channels[group])))
 
 
@@ -319,8 +319,8 @@ def _arrays(data: Mapping[str, Any]) -> dict[str, Array]:
 
 
 def _lux(light: CompositorLight) -> dict[str, float]:
-    given = light.illuminance_lux
-    return {} if given is None else {"illuminance_lux": float(f"{given:.{_DIGITS}g}")}
+    lux = light.illuminance_lux
+    return {} if lux is None else {"illuminance_lux": float(f"{lux:.{_DIGITS}g}")}
 
 
 def _rounded(values: Array) -> Any:

@@ -149,12 +149,12 @@ def comparison_sheet(
     columns = min(columns, len(tiles))
     sheet = grid.blank(columns, -(-len(tiles) // columns))
     _write(sheet, (_MARGIN, _MARGIN - 8), title, _INK, 26, sheet.width - 2 * _MARGIN)
-    for i, each in enumerate(tiles):
+    for i, entry in enumerate(tiles):
         row, column = divmod(i, columns)
         x, y = grid.place(column, row)
-        _write(sheet, (x, y + 6), each.name, _INK, 20, tile)
-        _write(sheet, (x, y + 35), each.note, _FAINT, 14, tile)
-        grid.paste(sheet, each.frame, column, row)
+        _write(sheet, (x, y + 6), entry.name, _INK, 20, tile)
+        _write(sheet, (x, y + 35), entry.note, _FAINT, 14, tile)
+        grid.paste(sheet, entry.frame, column, row)
     return np.asarray(sheet)
 
 
@@ -191,9 +191,9 @@ def spectrum_plot(light: Spectrum, width: int, height: int) -> Image.Image:
 
     values = light.values / max(light.values.max(), 1e-12)
     size = (width * _OVERSAMPLING, height * _OVERSAMPLING)
-    at = np.linspace(*_PLOTTED_NM, size[0])
-    level = np.interp(at, light.wavelengths_nm, values, left=0, right=0)
-    colour = spectrum_colours(at)
+    nm = np.linspace(*_PLOTTED_NM, size[0])
+    level = np.interp(nm, light.wavelengths_nm, values, left=0, right=0)
+    colour = spectrum_colours(nm)
     rows = np.arange(size[1], 0, -1)[:, None] / size[1]
     filled = np.where((rows <= level[None, :])[..., None], colour[None], np.array(_PAPER) / 255)
     picture = Image.fromarray((filled * 255).round().astype(np.uint8))

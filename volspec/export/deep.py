@@ -62,22 +62,22 @@ class DeepSamples:
         used = tau.sum(axis=-1) > 0
         pixel = np.arange(used[..., 0].size).repeat(used.sum(axis=2).ravel())
         tau, total = tau[used], tau[used].sum(axis=-1)
-        whole = np.bincount(pixel, total, used[..., 0].size)
+        depth = np.bincount(pixel, total, used[..., 0].size)
         with np.errstate(divide="ignore"):
-            wanted = np.minimum(-np.log1p(-picture.alpha.ravel().astype(np.float64)), _MAX_DEPTH)
-        total *= np.clip(wanted / np.maximum(whole, 1e-12), 1, _MAX_CHANGE)[pixel]
-        reached = np.minimum(_sum_to(total, pixel), wanted[pixel])
-        total = reached - np.minimum(_sum_to(total, pixel) - total, wanted[pixel])
+            target = np.minimum(-np.log1p(-picture.alpha.ravel().astype(np.float64)), _MAX_DEPTH)
+        total *= np.clip(target / np.maximum(depth, 1e-12), 1, _MAX_CHANGE)[pixel]
+        reached = np.minimum(_sum_to(total, pixel), target[pixel])
+        total = reached - np.minimum(_sum_to(total, pixel) - total, target[pixel])
         alpha = -np.expm1(-total)
-        share = tau / tau.sum(axis=-1, keepdims=True)
+        fraction = tau / tau.sum(axis=-1, keepdims=True)
         shade, gloss = layers.shade[used], layers.gloss[used]
-        own = np.concatenate([share[:, None] * shade, gloss[..., None]], axis=-1)
-        own = alpha[:, None] * own.reshape(len(own), picture.coefficients.shape[-1])
+        samples = np.concatenate([fraction[:, None] * shade, gloss[..., None]], axis=-1)
+        samples = alpha[:, None] * samples.reshape(len(samples), picture.coefficients.shape[-1])
         front = np.exp(total - reached)
-        found = np.stack([np.bincount(pixel, front * each, whole.size) for each in own.T], axis=-1)
-        channels = picture.coefficients.reshape(found.shape)
-        ratio = np.divide(channels, found, out=np.ones(found.shape), where=found > 0)
-        own *= ratio.clip(0, _MAX_CHANGE)[pixel]
+        sums = np.stack([np.bincount(pixel, front * row, depth.size) for row in samples.T], axis=-1)
+        channels = picture.coefficients.reshape(sums.shape)
+        ratio = np.divide(channels, sums, out=np.ones(sums.shape), where=sums > 0)
+        samples *= ratio.clip(0, _MAX_CHANGE)[pixel]
         begin, width = extents(
             layers.tau.astype(np.float32).sum(axis=-1).reshape(-1, layers.count),
             layers.depth_mm.astype(np.float32).reshape(-1, layers.count),
@@ -86,20 +86,20 @@ class DeepSamples:
         cosine = axis_cosine(image.size, image.fov_deg)[..., None]
         cosines = np.broadcast_to(cosine, used.shape)[used]
         front_mm, back_mm = (
-            _rounded(each.reshape(used.shape)[used] * cosines) for each in (begin, begin + width)
+            _rounded(row.reshape(used.shape)[used] * cosines) for row in (begin, begin + width)
         )
-        seen = alpha > _CLEAR
-        counts = np.bincount(pixel[seen], minlength=whole.size).reshape(picture.alpha.shape)
-        front_mm, pixel = _rising(front_mm[seen], pixel[seen]), pixel[seen]
+        visible = alpha > _CLEAR
+        counts = np.bincount(pixel[visible], minlength=depth.size).reshape(picture.alpha.shape)
+        front_mm, pixel = _rising(front_mm[visible], pixel[visible]), pixel[visible]
         last = np.r_[pixel[1:] != pixel[:-1], True][: len(pixel)]
         following = np.where(last, np.inf, np.r_[front_mm[1:], np.inf][: len(pixel)])
-        back_mm = np.maximum(front_mm, np.minimum(back_mm[seen], following))
+        back_mm = np.maximum(front_mm, np.minimum(back_mm[visible], following))
         return cls(
             counts,
             front_mm,
             back_mm.astype(np.float32),
-            alpha[seen].astype(np.float32),
-            own[seen].astype(np.float32),
+            alpha[visible].astype(np.float32),
+            samples[visible].astype(np.float32),
         )
 
 
@@ -121,8 +121,8 @@ def save_deep(
     RGB = np.zeros((len(samples.alpha), 3), np.float32)
     for number, group in enumerate(image.groups):
         if (M := light.matrices.get(group)) is not None:
-            own = samples.coefficients[:, number * size : (number + 1) * size]
-            RGB += own @ M.T.astype(np.float32)
+            channels = samples.coefficients[:, number * size : (number + 1) * size]
+            RGB += channels @ M.T.astype(np.float32)
     names = channel_names(image.groups, size)
     values = {
         **dict(zip("RGB", to_half(RGB).T, strict=True)),
@@ -140,10 +140,10 @@ def save_deep(
 
 def _sum_to(values: NDArray[np.float64], pixel: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the sums of each pixel's values from its first to each, itself included."""
-    whole = np.cumsum(values, dtype=np.float64)
+    running = np.cumsum(values, dtype=np.float64)
     first = np.r_[True, pixel[1:] != pixel[:-1]]
-    before = np.where(first, whole - values, 0)
-    return whole - np.maximum.accumulate(before) if len(values) else whole
+    before = np.where(first, running - values, 0)
+    return running - np.maximum.accumulate(before) if len(values) else running
 
 
 def _rounded(depth_mm: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -155,7 +155,7 @@ def _rounded(depth_mm: NDArray[np.float32]) -> NDArray[np.float32]:
 def _rising(depth_mm: NDArray[np.float32], pixel: NDArray[np.int64]) -> NDArray[np.float32]:
     """Return distances that rise within each pixel: samples at one distance have no order."""
     depth_mm = depth_mm.copy()
-    behind = np.flatnonzero(pixel[1:] == pixel[:-1]) + 1
-    while (late := behind[depth_mm[behind] <= depth_mm[behind - 1]]).size:
+    later = np.flatnonzero(pixel[1:] == pixel[:-1]) + 1
+    while (late := later[depth_mm[later] <= depth_mm[later - 1]]).size:
         depth_mm[late] = np.nextafter(depth_mm[late - 1], np.float32(np.inf))
     return depth_mm

@@ -97,9 +97,9 @@ def run_demo(
                 started = time.perf_counter()
                 frame = relighter.frame(light.rig, relit)
                 times.append(1e3 * (time.perf_counter() - started))
-            plain = relighter.frame(light.rig, unadapted)
+            raw = relighter.frame(light.rig, unadapted)
             frames[light.name] = frame
-            columns.append(SheetColumn(light.name, light.label, light.spectrum, [frame, plain]))
+            columns.append(SheetColumn(light.name, light.label, light.spectrum, [frame, raw]))
             errors = basis_report(scene.basis, light.rig.lights, materials)
             error = errors.errors[relit.mode]
             reports.append(
@@ -132,8 +132,8 @@ def run_demo(
         text = {"light": name, "Software": f"volspec {__version__}"}
         write_frame(out / "frames" / f"{file_stem(name)}.png", frame, text, space)
     write_frame(out / "sheet.png", sheet)
-    top = max(found.top for found in maps)  # the same scale for all lights
-    write_frame(out / "errors.png", np.hstack([found.image(top) for found in maps]))
+    top = max(error_map.top for error_map in maps)  # the same scale for all lights
+    write_frame(out / "errors.png", np.hstack([error_map.image(top) for error_map in maps]))
     copy_scene(scene, out)
     result = DemoReport(
         scene=scene.file.title,
@@ -165,8 +165,8 @@ def copy_scene(scene: Scene, folder: Path) -> Path:
         return rebase_path(source.name, folder, scene.folder)
 
     def material(row: MaterialSpec) -> MaterialSpec:
-        given = row.reflectance
-        address = split_address(given) if isinstance(given, str) else None
+        reflectance = row.reflectance
+        address = split_address(reflectance) if isinstance(reflectance, str) else None
         if address is None:
             return row
         file, selector = address
@@ -176,6 +176,6 @@ def copy_scene(scene: Scene, folder: Path) -> Path:
         scene.file,
         volume=replace(scene.file.volume, file=copied(scene.file.volume.file)),
         material=tuple(map(material, scene.file.material)),
-        mesh=tuple(row.moved(copied) for row in scene.file.mesh),
+        mesh=tuple(row.rebased(copied) for row in scene.file.mesh),
     )
     return write_scene(file, folder / scene.path.name, scene)

@@ -158,9 +158,9 @@ def export(
     else:
         _require_folder_name(target)
     (require_writable if is_film else require_writable_folder)(target)
-    own = scene.file.output.width, scene.file.output.height
+    scene_size = scene.file.output.width, scene.file.output.height
     is_even = target.suffix.lower() in EVEN
-    pixels = _checked_size(size or (even_size(own) if is_even else own))
+    pixels = _checked_size(size or (even_size(scene_size) if is_even else scene_size))
     progress("read the volume", 0.0)
     plays = table.play is not None if plan is None else plan.plays
     series = (series or scene.series()) if plays else None
@@ -189,7 +189,7 @@ def export(
             folder.begin(overwrite, own=is_film)
             maker = FrameMaker(FrameFiles(scene, folder, table, pixels))
             try:
-                made, casts = maker.make(plan, casters, progress)
+                count, casts = maker.make(plan, casters, progress)
             except ViewingError as error:
                 message = re.sub(r"^(?:[A-Z]\w+\.|export: )", "", str(error))
                 raise ViewingError(f"{scene.path}: [viewing] {message}", code=error.code) from error
@@ -215,23 +215,23 @@ def export(
         except VolspecError:
             folder.remove_unless_begun()
             raise
-    return Exported(target, (target.name,) if is_film else files, len(frames), made, casts, gaps)
+    return Exported(target, (target.name,) if is_film else files, len(frames), count, casts, gaps)
 
 
 def _require_folder_name(target: Path) -> None:
     """Refuse a file, and a name that ends like a file of a kind that is not written."""
     suffix = target.suffix.lower()
-    known = FILM_SUFFIXES + _OTHER_FILMS + _PICTURES
+    suffixes = FILM_SUFFIXES + _OTHER_FILMS + _PICTURES
     if target.is_dir() or (
-        not target.is_file() and not get_close_matches(suffix, known, 1, _CLOSE)
+        not target.is_file() and not get_close_matches(suffix, suffixes, 1, _CLOSE)
     ):
         return
-    what = "is a file" if target.is_file() else f"frames cannot be written as {suffix}"
+    problem = "is a file" if target.is_file() else f"frames cannot be written as {suffix}"
     if suffix in (".png", ".avif", ".exr"):
-        what = f"an export's {suffix[1:].upper()} frames are many files"
+        problem = f"an export's {suffix[1:].upper()} frames are many files"
     folder = f"a folder for the frames, such as {target.with_suffix('')}"
     raise InputError(
-        f"{target}: {what}",
+        f"{target}: {problem}",
         f"name {folder}, or a film {', '.join(FILM_SUFFIXES[:-1])} or {FILM_SUFFIXES[-1]}",
         code="type",
     )
@@ -266,18 +266,18 @@ class _Casters:
 
     volume: Volume
     device: str | None
-    own: Raycaster | None  # of the volume
+    of_volume: Raycaster | None
     series: Series | None
     # The last step, as frames of several lights follow each other.
     _last: tuple[int, Raycaster] | None = None
 
-    def at(self, step: int | None) -> Raycaster:
+    def at_step(self, step: int | None) -> Raycaster:
         """Return the caster of a time step, or of the volume."""
-        self.own = self.own or Raycaster(self.volume, device=self.device)
+        self.of_volume = self.of_volume or Raycaster(self.volume, device=self.device)
         if step is None or self.series is None:
-            return self.own
+            return self.of_volume
         if self._last is None or self._last[0] != step:
-            self._last = step, Raycaster(self.series[step], like=self.own)
+            self._last = step, Raycaster(self.series[step], like=self.of_volume)
         return self._last[1]
 
 
@@ -328,10 +328,10 @@ def _in_order(
                 caster = caster_of(shots)
                 coming.append((shots, caster, pool.submit(make, caster, shots, go_on)))
                 if len(coming) > ahead:
-                    shots, caster, made = coming.popleft()
-                    yield shots, caster, made.result()
-            for shots, caster, made in coming:
-                yield shots, caster, made.result()
+                    shots, caster, future = coming.popleft()
+                    yield shots, caster, future.result()
+            for shots, caster, future in coming:
+                yield shots, caster, future.result()
         finally:
             ended.set()
 
@@ -361,7 +361,7 @@ class FrameMaker:
         if self._parts > 1 and not only_cast:
             casts = [s[i : i + _OPEN_FILES] for s in casts for i in range(0, len(s), _OPEN_FILES)]
         meter = _ProgressMeter(casts, progress)
-        behind = scene.behind(casters.volume)
+        surfaces = scene.behind(casters.volume)
         shared, baked = self._is_layered(plan), dict[str, float]()
         if shared and not _opacities_change(plan):
             # Nearer to a cast than layers that are scaled afterwards.
@@ -382,7 +382,7 @@ class FrameMaker:
         def caster_of(shots: list[Shot]) -> TileCaster:
             opacities = baked if shared else dict(shots[0].look.opacities)
             spec = replace(scene.raycast, layers=layers, opacities=opacities)
-            return TileCaster(casters.at(shots[0].step), spec, notes, behind)
+            return TileCaster(casters.at_step(shots[0].step), spec, notes, surfaces)
 
         if only_cast:
             self._cast(casts, caster_of, meter, shared)
@@ -429,10 +429,10 @@ class FrameMaker:
         meter: _ProgressMeter,
         shared: bool,
     ) -> None:
-        def whole(caster: TileCaster, shots: list[Shot], tell: Fraction) -> CoefficientImage:
-            return caster.whole(shots[0].transfer, shots[0].camera, self._canvas, tell)
+        def cast_whole(caster: TileCaster, shots: list[Shot], tell: Fraction) -> CoefficientImage:
+            return caster.picture(shots[0].transfer, shots[0].camera, self._canvas, tell)
 
-        for shots, _, image in _in_order(casts, caster_of, whole, meter):
+        for shots, _, image in _in_order(casts, caster_of, cast_whole, meter):
             self._record_gaps(shots, [image])
             meter.add(_FRAMES_A_CAST)
             for shot in shots:
@@ -465,13 +465,13 @@ class FrameMaker:
                 layered = images_of_shot[0].opacity_layers is not None
                 sources = [] if layered else self._sources(images_of_shot)
                 meter.add(_FRAMES_A_CAST)
-                shown = None
+                current = None
                 for shot in shots:
-                    if layered and (shot.look.opacities, shot.look.depth) != shown:
+                    if layered and (shot.look.opacities, shot.look.depth) != current:
                         image, compute = images_of_shot[0], caster.caster.compute
                         sources = self._sources(_views(image, shot, compute))
-                        shown = shot.look.opacities, shot.look.depth
-                    notes, parts = sources[0].image.notes, pool.each(sources, shot)
+                        current = shot.look.opacities, shot.look.depth
+                    notes, parts = sources[0].image.notes, pool.parts(sources, shot)
                     self._check_blank(shot, np.hstack(parts), sources, blanks)
                     pixels = self._marked(caster, shot, sources, parts)
                     self.files.put(shot, pixels, notes, encoders)
@@ -490,7 +490,7 @@ class FrameMaker:
             small = caster.cast(shot.transfer, shot.camera, size)
             convergence_mm = expected_depth_mm(small)
         return [
-            caster.whole(shot.transfer, eye, self._canvas, part_of(tell, n / 2, 1 / 2))
+            caster.picture(shot.transfer, eye, self._canvas, part_of(tell, n / 2, 1 / 2))
             for n, eye in enumerate(stereo.eyes(shot.camera, convergence_mm))
         ]
 
@@ -541,8 +541,8 @@ class FrameMaker:
 
     def _record_gaps(self, shots: Sequence[Shot], images: Sequence[CoefficientImage]) -> None:
         """Record frames of images for which parts of the volume could not be read."""
-        if found := [image.notes[GAPS] for image in images if GAPS in image.notes]:
-            self.files.folder.record_gaps(map(self.files.name, shots), found[0])
+        if gaps := [image.notes[GAPS] for image in images if GAPS in image.notes]:
+            self.files.folder.record_gaps(map(self.files.name, shots), gaps[0])
 
     def _check_blank(
         self, shot: Shot, pixels: Array, sources: Sequence[FrameSource], blanks: BlankFrames

@@ -148,16 +148,16 @@ class ExrWriter:
     def rows(self, pixels: NDArray[Any]) -> None:
         """Append (R, W, C) linear rows."""
         if self._threads == 1:
-            for plain in self._blocks(pixels):
-                self._write(_compressed(plain))
+            for block in self._blocks(pixels):
+                self._write(_compressed(block))
             return
         waiting: deque[Future[bytes]] = deque()
         # Threads exist only while rows are added, so that only one of many open files has any.
         with ThreadPoolExecutor(self._threads) as pool:
-            for plain in self._blocks(pixels):
+            for block in self._blocks(pixels):
                 if len(waiting) == self._room:
                     self._write(waiting.popleft().result())
-                waiting.append(pool.submit(_compressed, plain))
+                waiting.append(pool.submit(_compressed, block))
             while waiting:
                 self._write(waiting.popleft().result())
 
@@ -170,12 +170,12 @@ class ExrWriter:
 
     def _blocks(self, pixels: NDArray[Any]) -> Iterator[bytes]:
         """Yield the blocks filled by rows, before compression."""
-        at = 0
-        while at < len(pixels):
-            count = min(_LINES - self._filled, len(pixels) - at)
-            lines = to_half(pixels[at : at + count])[..., self._order]
+        row = 0
+        while row < len(pixels):
+            count = min(_LINES - self._filled, len(pixels) - row)
+            lines = to_half(pixels[row : row + count])[..., self._order]
             self._block[self._filled : self._filled + count] = lines.transpose(0, 2, 1)
-            at, self._filled = at + count, self._filled + count
+            row, self._filled = row + count, self._filled + count
             if self._filled == _LINES:
                 self._filled = 0
                 yield self._block.tobytes()
@@ -186,15 +186,15 @@ class ExrWriter:
         self._file.write(struct.pack("<ii", y, len(packed)) + packed)
 
 
-def _compressed(plain: bytes) -> bytes:
+def _compressed(block: bytes) -> bytes:
     """Return a block compressed, or unchanged if ZIP does not make it smaller."""
-    packed = zlib.compress(_differences(plain), _LEVEL)
-    return packed if len(packed) < len(plain) else plain
+    packed = zlib.compress(_differences(block), _LEVEL)
+    return packed if len(packed) < len(block) else block
 
 
-def _differences(plain: bytes) -> NDArray[np.uint8]:
+def _differences(block: bytes) -> NDArray[np.uint8]:
     """Return all low bytes, then all high bytes, each as the difference to the last plus 128."""
-    pairs = np.frombuffer(plain, np.uint8).reshape(-1, 2)
+    pairs = np.frombuffer(block, np.uint8).reshape(-1, 2)
     planes = pairs.T.ravel()
     steps = planes.copy()
     steps[1:] -= planes[:-1]

@@ -20,20 +20,20 @@ def ffmpeg() -> str:
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
 
-        found = str(get_ffmpeg_exe())
+        path = str(get_ffmpeg_exe())
     except (ImportError, RuntimeError) as error:
         raise DeviceError(
             "export: films and .avif need ffmpeg, which is not installed",
             f"{install_command('video')}, or name a .gif or a folder of PNG",
             code="unsupported",
         ) from error
-    if os.environ.get(_VARIABLE) and not _is_ffmpeg(found):
+    if os.environ.get(_VARIABLE) and not _is_ffmpeg(path):
         raise DeviceError(
-            f"export: ffmpeg is needed, but {_VARIABLE} is {quoted(found)}, which is not ffmpeg",
+            f"export: ffmpeg is needed, but {_VARIABLE} is {quoted(path)}, which is not ffmpeg",
             "correct or unset the variable",
             code="unsupported",
         )
-    return found
+    return path
 
 
 def _is_ffmpeg(program: str) -> bool:

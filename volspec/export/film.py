@@ -202,8 +202,8 @@ def _write_gif(path: Path, frames: Sequence[Path], fps: float, progress: Progres
     """Write a GIF with one palette for all frames; Pillow needs no ffmpeg for it."""
     from PIL import Image
 
-    every = math.ceil(math.sqrt(_pixels(frames[0]).size * len(frames) / _PALETTE_NUMBERS))
-    sampled = [_pixels(frame)[::every, ::every].reshape(-1, 3) for frame in frames]
+    stride = math.ceil(math.sqrt(_pixels(frames[0]).size * len(frames) / _PALETTE_NUMBERS))
+    sampled = [_pixels(frame)[::stride, ::stride].reshape(-1, 3) for frame in frames]
     colours = Image.fromarray(np.concatenate(sampled)[None])
     palette = colours.quantize(256, Image.Quantize.MEDIANCUT)
 

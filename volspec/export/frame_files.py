@@ -66,9 +66,9 @@ class FrameSource:
         if not table.transparent:
             return cls(image, alpha, table)
         coefficients = np.asarray(image.coefficients, np.float32)
-        own = coefficients / np.maximum(alpha, _MIN_ALPHA)[..., None]
-        own[alpha < _MIN_ALPHA] = 0.0
-        return cls(replace(image, coefficients=own, alpha=np.ones_like(alpha)), alpha, table)
+        straight = coefficients / np.maximum(alpha, _MIN_ALPHA)[..., None]
+        straight[alpha < _MIN_ALPHA] = 0.0
+        return cls(replace(image, coefficients=straight, alpha=np.ones_like(alpha)), alpha, table)
 
     def pixels(self, relighter: Relighter, shot: Shot) -> Array:
         """Return the (H, W, C) pixels of the file, using a relighter that has `image` loaded.
@@ -78,8 +78,8 @@ class FrameSource:
         """
         table = self.table
         if table.spectral:
-            lit = SpectralIllumination.of(self.image.basis, shot.rig, shot.spec, self.image.groups)
-            return np.concatenate([*lit.strips(self.image)])
+            lamp = SpectralIllumination.of(self.image.basis, shot.rig, shot.spec, self.image.groups)
+            return np.concatenate([*lamp.strips(self.image)])
         if table.format == "exr":
             linear = self._linear(relighter, shot)
             return self._with_alpha(
@@ -100,19 +100,19 @@ class FrameSource:
     def _with_alpha(self, colours: Array) -> Array:
         if not self.table.transparent:
             return colours
-        own = np.where(self._cover[..., None] > 0.0, colours, 0.0)
-        return np.dstack([own, self._cover]).astype(np.float32)
+        covered = np.where(self._cover[..., None] > 0.0, colours, 0.0)
+        return np.dstack([covered, self._cover]).astype(np.float32)
 
     def _linear(self, relighter: Relighter, shot: Shot) -> Array:
         spec, to = shot.spec, exr.PRIMARIES[self.table.primaries]
         if self.table.shows == "scene":
-            lit = Illumination.of(self.image.basis, shot.rig, spec, self.image.groups)
+            illumination = Illumination.of(self.image.basis, shot.rig, spec, self.image.groups)
             matrix = to.RGB_from_XYZ @ exr.white_adaptation(exr.PRIMARIES["Rec. 709"], to)
             # A single matrix from channels to the file's primaries.
             to_file = replace(
-                lit,
-                XYZ_from_channels=matrix @ lit.XYZ_from_channels,
-                backdrop_XYZ=matrix @ lit.backdrop_XYZ,
+                illumination,
+                XYZ_from_channels=matrix @ illumination.XYZ_from_channels,
+                backdrop_XYZ=matrix @ illumination.backdrop_XYZ,
             )
             image, light = self.image, np.empty((*self.alpha.shape, 3), np.float32)
             for rows in row_strips(image.size, image.coefficients.shape[2]):
@@ -128,50 +128,50 @@ class RelighterPool:
     """Relighters of the current images, reused for images of equal shapes; close after use."""
 
     def __init__(self) -> None:
-        self._held: list[tuple[FrameSource, Relighter]] = []
+        self._loaded: list[tuple[FrameSource, Relighter]] = []
 
     def row(self, sources: Sequence[FrameSource], shot: Shot) -> Array:
         """Return the pixels of adjacent images under a shot's light."""
-        return np.hstack(self.each(sources, shot))
+        return np.hstack(self.parts(sources, shot))
 
-    def each(self, sources: Sequence[FrameSource], shot: Shot) -> list[Array]:
+    def parts(self, sources: Sequence[FrameSource], shot: Shot) -> list[Array]:
         """Return each image's pixels under a shot's light."""
-        if [source for source, _ in self._held] != list(sources):
+        if [source for source, _ in self._loaded] != list(sources):
             self._load(sources)
-        return [source.pixels(relighter, shot) for source, relighter in self._held]
+        return [source.pixels(relighter, shot) for source, relighter in self._loaded]
 
     def _load(self, sources: Sequence[FrameSource]) -> None:
-        held = [source.image.coefficients.shape for source, _ in self._held]
-        if held == [source.image.coefficients.shape for source in sources]:
-            relighters = [relighter for _, relighter in self._held]
+        shapes = [source.image.coefficients.shape for source, _ in self._loaded]
+        if shapes == [source.image.coefficients.shape for source in sources]:
+            relighters = [relighter for _, relighter in self._loaded]
             for source, relighter in zip(sources, relighters, strict=True):
                 relighter.update(source.image)
         else:
             self.close()
             # Exact, as with a lookup table pixels would depend on the previous frames.
             relighters = [Relighter(source.image, lut3d=False) for source in sources]
-        self._held = list(zip(sources, relighters, strict=True))
+        self._loaded = list(zip(sources, relighters, strict=True))
 
     def close(self) -> None:
         """Release the relighters."""
-        for _, relighter in self._held:
+        for _, relighter in self._loaded:
             relighter.close()
-        self._held = []
+        self._loaded = []
 
 
 def measured_shot(shot: Shot, image: CoefficientImage) -> Shot:
     """Return a shot with the adaptation measured in its whole picture, possibly a smaller copy."""
     spec = shot.spec
     light = Illumination.of(image.basis, shot.rig, spec, image.groups)
-    found, _ = ViewingMeter().measure_viewing(image, light)
+    measured, _ = ViewingMeter().measure_viewing(image, light)
     viewing = replace(
         spec.viewing,
         adapting="given",
-        surround=found.surround,
-        adopted_white=found.adopted_white,
+        surround=measured.surround,
+        adopted_white=measured.adopted_white,
     )
     if spec.viewing.adapting != "given":
-        viewing = replace(viewing, Y_b=found.Y_b, L_A=found.L_A)
+        viewing = replace(viewing, Y_b=measured.Y_b, L_A=measured.L_A)
     look = replace(shot.look, relight=replace(spec, viewing=viewing))
     return replace(shot, look=look)
 
@@ -240,12 +240,12 @@ class FrameFiles:
         if not marks and not annotations:
             return []
         materials = scene.materials if "materials" in marks else {}
-        shares = scene.raycast.shares()
-        colours = material_colours(materials, scene.basis, shot.rig, shot.spec, shares)
+        fractions = scene.raycast.shares()
+        colours = material_colours(materials, scene.basis, shot.rig, shot.spec, fractions)
         picture = MarkedPicture(
             *(self.size, shot.camera, volume, scene.file.title, shot.light, colours),
             annotations=annotations,
-            values=value_bars(scene.transfer, volume, scene.basis, shot.rig, shot.spec, shares)
+            values=value_bars(scene.transfer, volume, scene.basis, shot.rig, shot.spec, fractions)
             if "values" in marks
             else (),
         )

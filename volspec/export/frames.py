@@ -76,10 +76,10 @@ def write_frame(
         and frame.shape[2] in (3, 4)
         and frame.size
     ):
-        what = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else repr(frame)
+        shape = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else repr(frame)
         raise ImageError.refused(
             f"{os.fspath(path)}: the frame",
-            what,
+            shape,
             "give (H, W, 3) uint8, as from Relighter.frame",
             "shape",
         )
@@ -87,9 +87,9 @@ def write_frame(
     bits = 8 * frame.dtype.itemsize
     is_avif = Path(path).suffix.lower() == ".avif"
     if is_avif and (bits, channels) != (16, 3):
-        given = f"{frame.dtype} {frame.shape}"
+        shape = f"{frame.dtype} {frame.shape}"
         remedy = "give (H, W, 3) uint16"
-        raise ImageError.refused(f"{os.fspath(path)}: the frame", given, remedy, "shape")
+        raise ImageError.refused(f"{os.fspath(path)}: the frame", shape, remedy, "shape")
 
     def make(file: BinaryIO) -> PngWriter | AvifWriter:
         if is_avif and isinstance(colours, Hdr):
@@ -189,7 +189,7 @@ class _Coverage:
 
     light: str
     cut: bool = False
-    shown: bool = False
+    visible: bool = False
     covered: float = 0.0
     blank: dict[str, float] = field(default_factory=lambda: dict.fromkeys(_PROBLEMS, 0.0))
 
@@ -217,39 +217,39 @@ class BlankFrames:
         ``alpha`` is opacity as cast, so that a backdrop alone counts as blank. ``cut`` is True if
         what is near or far was left out of what was cast.
         """
-        every = max(1, (side or min(alpha.shape)) // _SAMPLED)
-        colours, cover = pixels[::every, ::every, :3], alpha[::every, ::every]
+        stride = max(1, (side or min(alpha.shape)) // _SAMPLED)
+        colours, cover = pixels[::stride, ::stride, :3], alpha[::stride, ::stride]
         if pixels.dtype.kind == "u":
             dark, bright = colours == 0, colours == np.iinfo(pixels.dtype).max
         else:
             scale = cover[..., None] if pixels.shape[2] == 4 else 1.0
             dark, bright = colours <= _BLACK * scale, colours >= _WHITE * scale
         black = dark.all(axis=-1)
-        found = self._frames.setdefault(name, _Coverage(light))
-        found.cut = cut
-        found.shown |= bool(alpha.any())
-        found.covered += float(cover.sum())
-        found.blank["black"] += float(cover[black].sum())
-        found.blank["clipped"] += float(cover[(dark | bright).all(axis=-1) & ~black].sum())
+        coverage = self._frames.setdefault(name, _Coverage(light))
+        coverage.cut = cut
+        coverage.visible |= bool(alpha.any())
+        coverage.covered += float(cover.sum())
+        coverage.blank["black"] += float(cover[black].sum())
+        coverage.blank["clipped"] += float(cover[(dark | bright).all(axis=-1) & ~black].sum())
 
     def warn(self) -> None:
         """Issue one warning for all frames of each kind."""
         frames = self._frames.items()
-        empty = [name for name, found in frames if found.cut and not found.shown]
+        empty = [name for name, cover in frames if cover.cut and not cover.visible]
         if empty:
             remedy = "move near_mm and far_mm of [depth]"
             self._warn(f"cuts leave nothing to be seen in {empty[0]}{_more(empty)}; {remedy}")
-        for way, problem in _PROBLEMS.items():
+        for kind, problem in _PROBLEMS.items():
             lights = {
-                name: found.light
-                for name, found in frames
-                if found.covered > 0.0 and found.blank[way] >= _BLANK_FRACTION * found.covered
+                name: cover.light
+                for name, cover in frames
+                if cover.covered > 0.0 and cover.blank[kind] >= _BLANK_FRACTION * cover.covered
             }
             if not lights:
                 continue
             name, light = next(iter(lights.items()))
             more = _more(lights)
-            self._warn(f"{name} {problem} under {light}{more}; {_REMEDIES[way]} {self._remedy}")
+            self._warn(f"{name} {problem} under {light}{more}; {_REMEDIES[kind]} {self._remedy}")
 
     def _warn(self, text: str) -> None:
         warnings.warn(text, VolspecWarning, stacklevel=3)

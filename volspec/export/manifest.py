@@ -45,12 +45,12 @@ def fingerprint(scene: Scene, volumes: Iterable[Volume], settings: dict[str, Any
     filters = getattr(scene.transfer, "filters", None) or {}
     shapes = []
     for volume in volumes:
-        for each in (volume, *volume.fields):
-            values = np.ascontiguousarray(each.values)
+        for field in (volume, *volume.fields):
+            values = np.ascontiguousarray(field.values)
             digest.update(values.data.cast("B"))
-            digest.update(np.ascontiguousarray(each.world_from_index, np.float64).data.cast("B"))
-            labels = {str(number): label.name for number, label in each.labels.items()}
-            shapes.append([each.file_name, str(values.dtype), values.shape, labels])
+            digest.update(np.ascontiguousarray(field.world_from_index, np.float64).data.cast("B"))
+            labels = {str(number): label.name for number, label in field.labels.items()}
+            shapes.append([field.file_name, str(values.dtype), values.shape, labels])
     lights = [spectrum for light in scene.lights for spectrum in light.rig.lights]
     for spectrum in [*scene.materials.values(), *filters.values(), *lights]:
         digest.update(np.stack([spectrum.wavelengths_nm, spectrum.values]).tobytes())
@@ -61,8 +61,8 @@ def fingerprint(scene: Scene, volumes: Iterable[Volume], settings: dict[str, Any
     for row in chain.from_iterable(file.get(name, []) for name in _WITH_FILES):
         names = {key: row[key] for key in _FILES if isinstance(row.get(key), str)}
         row |= {key: sent_name(text) for key, text in names.items()}
-        if shares := row.get("shares"):
-            row["shares"] = {name: sent_name(text) for name, text in shares.items()}
+        if files := row.get("shares"):
+            row["shares"] = {name: sent_name(text) for name, text in files.items()}
     file.pop("export", None)  # settings
     facts = {
         "volspec": __version__,
@@ -106,12 +106,12 @@ class ExportFolder:
                 "choose another folder, or add --overwrite to replace its frames",
                 code="conflict",
             )
-        there = next((name for name in self.files if (self.path / name).exists()), None)
-        if old is None and there is not None and not overwrite:
+        existing = next((name for name in self.files if (self.path / name).exists()), None)
+        if old is None and existing is not None and not overwrite:
             damaged = (self.path / NAME).exists()
             why = f"its {NAME} cannot be read" if damaged else "is not from an export"
             raise InputError(
-                f"{self.path / there}: exists already, and {why}; choose another folder, or add "
+                f"{self.path / existing}: exists already, and {why}; choose another folder, or add "
                 "--overwrite",
                 code="duplicate",
             )
@@ -129,9 +129,9 @@ class ExportFolder:
         replace the recorded ones.
         """
         missing = self.missing()
-        there = (name for name in self.files if name not in missing)
+        existing = (name for name in self.files if name not in missing)
         with suppress(InputError, OSError):
-            sizes = {name: (self.path / name).stat().st_size for name in there}
+            sizes = {name: (self.path / name).stat().st_size for name in existing}
             self._write(sizes, self.gaps() if gaps is None else gaps)
 
     def record_gaps(self, names: Iterable[str], gaps: str) -> None:
@@ -152,8 +152,8 @@ class ExportFolder:
         }
 
     def _recorded(self, key: str) -> dict[str, Any]:
-        found = (self._old() or {}).get(key)
-        return found if isinstance(found, dict) else {}
+        record = (self._old() or {}).get(key)
+        return record if isinstance(record, dict) else {}
 
     def remove(self) -> None:
         """Delete the files, and the folder if nothing else is in it."""
@@ -187,10 +187,10 @@ class ExportFolder:
 
     def _old(self) -> dict[str, Any] | None:
         try:
-            found = parse_json((self.path / NAME).read_text(encoding="utf-8"))
+            manifest = parse_json((self.path / NAME).read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return None
-        return found if isinstance(found, dict) and "fingerprint" in found else None
+        return manifest if isinstance(manifest, dict) and "fingerprint" in manifest else None
 
     def _remove(self, name: str) -> None:
         """Delete a frame of the last export."""

@@ -49,14 +49,14 @@ def read_layers(path: str) -> list[Any]:
     """Return the picture under the first light, as napari's (data, settings, kind)."""
     if path.lower().endswith(".toml"):
         scene = Scene.load(path)
-        lit = Relit(scene.render(), {named.name: named.rig for named in scene.lights})
+        relit = Relit(scene.render(), {named.name: named.rig for named in scene.lights})
     else:
         lights = {name: LightRig((light(name),)) for name in DEFAULT_LIGHTS}
-        lit = Relit(CoefficientImage.load(path), lights)
-    weights = {name: float(k == 0) for k, name in enumerate(lit.lights)}
-    metadata = {"volspec": lit, "weights": weights}
+        relit = Relit(CoefficientImage.load(path), lights)
+    weights = {name: float(k == 0) for k, name in enumerate(relit.lights)}
+    metadata = {"volspec": relit, "weights": weights}
     settings = {"name": Path(path).stem, "rgb": True, "metadata": metadata}
-    return [(lit.frame(weights), settings, "image")]
+    return [(relit.frame(weights), settings, "image")]
 
 
 def light_weights() -> Any:
@@ -78,8 +78,8 @@ def light_weights() -> Any:
         if layer is None or "volspec" not in layer.metadata:
             dock.append(widgets.Label(value="Select a picture that volspec opened."))
             return
-        lit = layer.metadata["volspec"]
-        relighter = Relighter(lit.image)
+        relit = layer.metadata["volspec"]
+        relighter = Relighter(relit.image)
         sliders = {
             name: widgets.FloatSlider(label=name, value=weight, min=0.0, max=1.0)
             for name, weight in layer.metadata["weights"].items()
@@ -88,7 +88,7 @@ def light_weights() -> Any:
         def update() -> None:
             weights = {name: slider.value for name, slider in sliders.items()}
             if any(weights.values()):  # all off: keep the last picture
-                layer.data = lit.frame(weights, relighter)
+                layer.data = relit.frame(weights, relighter)
                 layer.metadata["weights"] = weights
 
         for slider in sliders.values():

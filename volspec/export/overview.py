@@ -53,17 +53,17 @@ def write_overview(
     many = f"{len(frames)} frame{'s' if len(frames) > 1 else ''}"
     if plan.lights and len(plan.lights) <= _SPECTRA:
         tile = min(_TILE, _WIDTH // len(plan.lights))
-        shown = _sample_indices(times, _ROWS)
+        indices = _sample_indices(times, _ROWS)
         columns = [
             SheetColumn(
                 light.name,
                 light.label if light.label != light.name else "",
                 light.spectrum,
-                [read_picture(frames[i * times + at], tile, table) for at in shown],
+                [read_picture(frames[i * times + index], tile, table) for index in indices],
             )
             for i, light in enumerate(plan.lights)
         ]
-        rows = [f"frame {at}" if times > 1 else many for at in shown]
+        rows = [f"frame {index}" if times > 1 else many for index in indices]
         sheet = contact_sheet(title, rows, columns, tile)
     else:
         tile = (_WIDTH - 100) // _COLUMNS
@@ -80,9 +80,9 @@ def write_overview(
     write_frame(path, sheet, {"Title": title})
 
 
-def _sample_indices(count: int, most: int) -> list[int]:
+def _sample_indices(count: int, maximum: int) -> list[int]:
     """Return evenly spaced indices, including the first and the last."""
-    return sorted({round(i) for i in np.linspace(0, count - 1, min(count, most))})
+    return sorted({round(i) for i in np.linspace(0, count - 1, min(count, maximum))})
 
 
 def read_picture(path: Path, width: int, table: ExportSpec) -> NDArray[np.uint8]:
@@ -117,19 +117,19 @@ def _hdr_as_codes(picture: Image.Image, hdr: Hdr) -> Image.Image:
     codes = np.asarray(picture)
     linear = hdr.luminances(codes[..., :3] / 255.0) / hdr.white_cd_m2
     matrix = SPACES["sRGB"].RGB_from_XYZ @ SPACES["Rec. 2020"].XYZ_from_RGB
-    shown = np.rint(encode_sRGB(linear @ matrix.T) * 255.0).astype(np.uint8)
-    return Image.fromarray(np.dstack([shown, codes[..., 3:]]))
+    RGB = np.rint(encode_sRGB(linear @ matrix.T) * 255.0).astype(np.uint8)
+    return Image.fromarray(np.dstack([RGB, codes[..., 3:]]))
 
 
-def _linear_as_codes(path: Path, least: int, primaries: str) -> NDArray[np.uint8]:
+def _linear_as_codes(path: Path, min_width: int, primaries: str) -> NDArray[np.uint8]:
     """Convert an EXR frame to sRGB codes, reduced to no less than a given width."""
     _, read = read_exr(path, ImageError)
     height, width = read["R"].shape
-    n = max(1, min(width // least, height))
+    n = max(1, min(width // min_width, height))
     channels = {name: _reduced(read[name], n) for name in "RGBA" if name in read}
     linear = np.stack([channels[name] for name in "RGB"], axis=-1)
-    space, shown = PRIMARIES[primaries], SPACES["sRGB"]
-    linear = linear @ (shown.RGB_from_XYZ @ white_adaptation(space, shown) @ space.XYZ_from_RGB).T
+    space, sRGB = PRIMARIES[primaries], SPACES["sRGB"]
+    linear = linear @ (sRGB.RGB_from_XYZ @ white_adaptation(space, sRGB) @ space.XYZ_from_RGB).T
     if "A" in channels:
         height, width = linear.shape[:2]
         paper = decode_sRGB(_chequers((width, height)) / 255.0)[..., None]
@@ -142,6 +142,6 @@ def _reduced(pixels: NDArray[Any], n: int) -> NDArray[np.float64]:
     height, width = (side // n for side in pixels.shape)
     rows = np.empty((height, width))
     for y in range(height):
-        own = pixels[y * n : (y + 1) * n, : width * n].astype(np.float64)
-        rows[y] = own.reshape(n, width, n).mean(axis=(0, 2))
+        strip = pixels[y * n : (y + 1) * n, : width * n].astype(np.float64)
+        rows[y] = strip.reshape(n, width, n).mean(axis=(0, 2))
     return rows

@@ -84,10 +84,10 @@ class Plan:
 
     def casts(self, layered: bool = False) -> list[list[Shot]]:
         """Return the shots grouped by cast, in the order of each group's first shot."""
-        found: dict[object, list[Shot]] = {}
+        groups: dict[object, list[Shot]] = {}
         for shot in self.shots:
-            found.setdefault(shot.cast(layered), []).append(shot)
-        return list(found.values())
+            groups.setdefault(shot.cast(layered), []).append(shot)
+        return list(groups.values())
 
     @property
     def plays(self) -> bool:
@@ -146,8 +146,8 @@ def plan_export(
     digits = max(4, len(str(len(states) - 1)))
     numbers = [f"{i:0{digits}d}" for i in range(len(states))]
     if mixes is not None:
-        each = zip(numbers, states, mixes, strict=True)
-        shots = [_shot(stem, i, state, *mix) for i, (stem, state, mix) in enumerate(each)]
+        frame_rows = zip(numbers, states, mixes, strict=True)
+        shots = [_shot(stem, i, state, *mix) for i, (stem, state, mix) in enumerate(frame_rows)]
         _require_lit(scene, table, shots)
         return Plan(tuple(shots), ())
     # Coefficients have no light: one sequence of files, previewed under the first light.
@@ -165,8 +165,8 @@ def plan_export(
 
 
 def _shot(stem: str, number: int, state: FrameState, light: str, rig: LightRig) -> Shot:
-    own = state.camera, state.transfer, light, rig, state.look, state.step
-    return Shot(stem, number, *own)
+    settings = state.camera, state.transfer, light, rig, state.look, state.step
+    return Shot(stem, number, *settings)
 
 
 def export_lights(scene: Scene, table: ExportSpec) -> list[NamedLight]:
@@ -183,8 +183,8 @@ def _visible_lights(
         return ()
     if (weights := _weights(scene)) is None:
         return lights
-    lit = {name for row in weights for name, weight in row.items() if weight > 0.0}
-    return [light for light in scene.lights if light.name in lit]
+    names = {name for row in weights for name, weight in row.items() if weight > 0.0}
+    return [light for light in scene.lights if light.name in names]
 
 
 def _weights(scene: Scene) -> list[dict[str, float]] | None:
@@ -208,8 +208,8 @@ def _played(
         )
     if len(states) == 1:
         states = states * (play.frames or steps * play.loops)
-    shown = animation.played_steps(len(states), steps, play.loops)
-    return [replace(state, step=step) for state, step in zip(states, shown, strict=True)]
+    frame_steps = animation.played_steps(len(states), steps, play.loops)
+    return [replace(state, step=step) for state, step in zip(states, frame_steps, strict=True)]
 
 
 def _states(scene: Scene, volume: Volume, table: ExportSpec, lights: int) -> list[FrameState]:
@@ -247,8 +247,8 @@ def _mixes(
         mixed = [by_name[name] for name in names]
         at_s = animation.frame_times_s(scene.file.keyframe, table.fps)
         mixes = []
-        found = animation.interpolate_keyframes(times, rows, at_s)
-        for time, row in zip(at_s.tolist(), found, strict=True):
+        interpolated = animation.interpolate_keyframes(times, rows, at_s)
+        for time, row in zip(at_s.tolist(), interpolated, strict=True):
             with animation.located_in(scene, f"[[keyframe]] lights: at {time:g} s"):
                 mixes.append(mix_lights(mixed, row))
         return mixes
@@ -261,21 +261,21 @@ def _mixes(
 
 def _require_lit(scene: Scene, table: ExportSpec, shots: Sequence[Shot]) -> None:
     """Refuse, before the cast, lights and viewings with which no frame can be made."""
-    keys, shares = scene.file.keyframe, scene.raycast.shares()
+    keys, fractions = scene.file.keyframe, scene.raycast.shares()
     at_s = animation.frame_times_s(keys, table.fps) if keys else np.zeros(0)
     # Values never go beyond the keyframes, so the frames next to the keyframes are enough.
     checked = {int(np.abs(at_s - key.time_s).argmin()) for key in keys}
     # Equal specs are a single object.
-    shown = [shot for shot in shots if not keys or shot.time_index in checked]
-    for shot in {(id(shot.rig), id(shot.spec)): shot for shot in reversed(shown)}.values():
+    relevant = [shot for shot in shots if not keys or shot.time_index in checked]
+    for shot in {(id(shot.rig), id(shot.spec)): shot for shot in reversed(relevant)}.values():
         when = f" at {at_s[shot.time_index]:g} s" if keys else ""
         with animation.located_in(scene, f"[[light]] {shot.light}{when}"):
             spec = shot.spec
             if table.hdr is not None:
                 spec = check_hdr(shot.rig, spec, table.hdr)
-            lit = Illumination.of(scene.basis, shot.rig, spec, shares)
+            illumination = Illumination.of(scene.basis, shot.rig, spec, fractions)
             if table.has_eye and not shot.spec.viewing.is_measured:
-                view_transform(lit.viewing, lit.white_XYZ)
+                view_transform(illumination.viewing, illumination.white_XYZ)
 
 
 def sweep_weights(lights: int, frames: int, closed: bool = False) -> NDArray[np.float64]:
@@ -289,25 +289,25 @@ def sweep_weights(lights: int, frames: int, closed: bool = False) -> NDArray[np.
     steps = (frames, lights) if closed else (max(frames - 1, 1), lights - 1)
     rows = np.zeros((frames, lights))
     for i, row in enumerate(rows):
-        at, part = divmod(i * steps[1], steps[0])
-        row[at % lights] += 1.0 - part / steps[0]
-        row[(at + 1) % lights] += part / steps[0]
+        index, part = divmod(i * steps[1], steps[0])
+        row[index % lights] += 1.0 - part / steps[0]
+        row[(index + 1) % lights] += part / steps[0]
     return rows
 
 
 def mix_lights(lights: Sequence[NamedLight], weights: Sequence[float]) -> tuple[str, LightRig]:
     """Mix lights of a scene and describe the mix; lights of weight 0 are left out."""
-    lit = [(light, float(w)) for light, w in zip(lights, weights, strict=True) if w > 0.0]
-    if len(lit) == 1 and lit[0][1] == 1.0:
-        return lit[0][0].name, lit[0][0].rig
-    words = ", ".join(f"{light.name} {weight:.3g}" for light, weight in lit)
-    if len({light.rig.illuminance_lux is None for light, _ in lit}) > 1:
+    terms = [(light, float(w)) for light, w in zip(lights, weights, strict=True) if w > 0.0]
+    if len(terms) == 1 and terms[0][1] == 1.0:
+        return terms[0][0].name, terms[0][0].rig
+    words = ", ".join(f"{light.name} {weight:.3g}" for light, weight in terms)
+    if len({light.rig.illuminance_lux is None for light, _ in terms}) > 1:
         raise SceneError(
             f"{words}: some of these lights have illuminance_lux and some do not",
             "give it to all or to none",
             code="conflict",
         )
-    return words, mixed_rig([light.rig for light, _ in lit], [weight for _, weight in lit])
+    return words, mixed_rig([light.rig for light, _ in terms], [weight for _, weight in terms])
 
 
 @dataclass(frozen=True, slots=True)
@@ -375,7 +375,7 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
     )
 
 
-def _require_castable(scene: Scene, volume: Volume, behind: Sequence[SurfaceCaster]) -> None:
+def _require_castable(scene: Scene, volume: Volume, surfaces: Sequence[SurfaceCaster]) -> None:
     """Raise SceneError if settings of the cast do not fit what is cast."""
     try:
         tables = bake_for_volume(scene.transfer, volume)
@@ -384,7 +384,7 @@ def _require_castable(scene: Scene, volume: Volume, behind: Sequence[SurfaceCast
         else:
             scene.raycast.naming_fields(volume)
         if scene.raycast.layers:
-            translucent = [each.translucent for each in behind]
+            translucent = [surface.translucent for surface in surfaces]
             check_layers(scene.raycast, tables, scene.basis, translucent)
     except InputError as error:
         raise error.within(f"{scene.path}: [raycast]", SceneError) from error
@@ -404,7 +404,7 @@ _VALID = {
 def _valid_part(data: Mapping[str, Any], error: SceneFaults, path: Path) -> SceneFile | None:
     """Return a scene of the tables and rows without a fault; None if they do not fit together."""
     wrong = {
-        found[0] for fault in error.faults if (found := re.match(r"\w+(\[\d+\])?", fault.field))
+        match[0] for fault in error.faults if (match := re.match(r"\w+(\[\d+\])?", fault.field))
     }
     tables: dict[str, Any] = dict(_VALID)
     for key in ("volume", "basis", "group", "material", "light"):

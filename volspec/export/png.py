@@ -61,7 +61,7 @@ class PngWriter:
     ) -> None:
         self._file = file
         self._zip = zlib.compressobj(_LEVEL, zlib.DEFLATED, _WINDOW_BITS, _MEMORY, zlib.Z_RLE)
-        self._wide = bits == 16
+        self._is_16_bit = bits == 16
         self._step = channels * bits // 8
         self._before = np.zeros((1, size[0] * self._step), np.uint8)
         self._light = ContentLight(space) if isinstance(space, Hdr) else None
@@ -86,7 +86,7 @@ class PngWriter:
         """Append (R, W, C) rows of the writer's bit depth."""
         if self._light is not None:
             self._light.add(pixels[..., :3])
-        kind = ">u2" if self._wide else "u1"
+        kind = ">u2" if self._is_16_bit else "u1"
         lines = np.ascontiguousarray(pixels, kind).view(np.uint8).reshape(len(pixels), -1)
         block = max(1, _BLOCK_BYTES // lines.shape[1])
         for start in range(0, len(lines), block):
@@ -108,7 +108,7 @@ class PngWriter:
 
     def _put_light(self, *cd_m2: float) -> None:
         """Write how bright the picture is: its greatest luminance, and the mean."""
-        self._chunk(b"cLLI", struct.pack(">2I", *(round(1e4 * each) for each in cd_m2)))
+        self._chunk(b"cLLI", struct.pack(">2I", *(round(1e4 * luminance) for luminance in cd_m2)))
 
     def _chunk(self, name: bytes, data: bytes) -> None:
         self._file.write(struct.pack(">I", len(data)) + name + data)
@@ -118,7 +118,7 @@ class PngWriter:
 def _filtered(lines: NDArray[np.uint8], before: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
     """Return (R, 1 + N): each row, preceded by the number of the filter that makes it smallest."""
     up = np.concatenate([before, lines[:-1]])
-    left, corner = (np.pad(each[:, :-step], ((0, 0), (step, 0))) for each in (lines, up))
+    left, corner = (np.pad(pixels[:, :-step], ((0, 0), (step, 0))) for pixels in (lines, up))
     filters = np.array([_SUB, _UP, _PAETH], np.uint8)
     tried = np.stack([lines - left, lines - up, lines - _paeth(left, up, corner)])
     # Magnitudes of signed bytes.
@@ -131,7 +131,7 @@ def _paeth(
     left: NDArray[np.uint8], up: NDArray[np.uint8], corner: NDArray[np.uint8]
 ) -> NDArray[np.uint8]:
     """Return the neighbour nearest to left + up − corner; ties in that order."""
-    a, b, c = (each.astype(np.int16) for each in (left, up, corner))
+    a, b, c = (pixels.astype(np.int16) for pixels in (left, up, corner))
     to_a, to_b, to_c = np.abs(b - c), np.abs(a - c), np.abs(a + b - 2 * c)
     nearest = np.where(to_b <= to_c, up, corner)
     return np.where((to_a <= to_b) & (to_a <= to_c), left, nearest)
@@ -139,8 +139,8 @@ def _paeth(
 
 def _fixed(values: ArrayLike) -> bytes:
     """Encode s15Fixed16Numbers."""
-    whole = np.rint(np.asarray(values, dtype=np.float64).ravel() * 65536.0)
-    return whole.astype(">i4").tobytes()
+    integers = np.rint(np.asarray(values, dtype=np.float64).ravel() * 65536.0)
+    return integers.astype(">i4").tobytes()
 
 
 def _text(text: str) -> bytes:

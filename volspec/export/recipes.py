@@ -164,9 +164,9 @@ def _layer_nodes(
         fades = not (recipe.solid and layer == recipe.layers - 1)
         own_knobs = knobs if fades else ["1"] * K
         scaled = [f"{knob}*{name}" for knob, name in zip(own_knobs, tau, strict=True)]
-        seen = [_seen(before, own) for before, own in zip(in_front, (scaled, tau), strict=True)]
-        for before, own in zip(in_front, (scaled, tau), strict=True):
-            before += own
+        seen = [_seen(before, depth) for before, depth in zip(in_front, (scaled, tau), strict=True)]
+        for before, depth in zip(in_front, (scaled, tau), strict=True):
+            before += depth
         if recipe.shadows:
             layered = _Shaded.of(names, recipe)
             yield from layered.nodes(f"layer{layer}", "+", seen[0], scaled, knobs, mixed)
@@ -184,18 +184,18 @@ def _layer_nodes(
         for row, colour in enumerate("rgb"):
             terms = [colour]
             for k, (knob, name) in enumerate(zip(own_knobs, tau, strict=True)):
-                lit = "+".join(
+                light = "+".join(
                     f"{mixed[row][group][k]}*{shade[g * K + k]}"
                     for g, group in enumerate(groups)
                     if group in mixed[row]
                 )
-                terms.append(f"(part*{knob}-was_part)*{name}*({lit})")
-            lit = "+".join(
+                terms.append(f"(part*{knob}-was_part)*{name}*({light})")
+            light = "+".join(
                 f"{mixed[row][group][K]}*{gloss[g]}"
                 for g, group in enumerate(groups)
                 if group in mixed[row]
             )
-            rows.append("+".join([*terms, f"(seen-was_seen)*({lit})"]))
+            rows.append("+".join([*terms, f"(seen-was_seen)*({light})"]))
         yield from _expression_node(f"layer{layer}", [*rows, "a+seen-was_seen"], variables)
     yield from _expression_node("recomposed", ["r", "g", "b", "min(max(a,0),1)"])
 
@@ -210,11 +210,11 @@ class _Shaded(NamedTuple):
     @classmethod
     def of(cls, names: Sequence[str], recipe: Recipe) -> Self:
         """Return the channels of names in the order of `layer_names`."""
-        rest, K = iter(names), len(recipe.materials)
-        _, *shades = ([*islice(rest, K)] for _ in range(1 + len(recipe.channels)))
+        remaining, K = iter(names), len(recipe.materials)
+        _, *shades = ([*islice(remaining, K)] for _ in range(1 + len(recipe.channels)))
         shade = dict(zip(recipe.channels, shades, strict=True))
-        gloss = {group: next(rest) for group in recipe.channels}
-        return cls(shade, gloss, {slot: [*islice(rest, 3 + K)] for slot in recipe.shadows})
+        gloss = {group: next(remaining) for group in recipe.channels}
+        return cls(shade, gloss, {slot: [*islice(remaining, 3 + K)] for slot in recipe.shadows})
 
     def nodes(
         self,
@@ -235,9 +235,9 @@ class _Shaded(NamedTuple):
             for (of_group, occluded), (part_lit, part_gloss, bend, *depths) in self.shadows.items():
                 if of_group == number:
                     cast = CASTS[occluded]
-                    variables[cast] = _lost(bend, depths, scales, occluded)
+                    variables[cast] = _shadow(bend, depths, scales, occluded)
                     parts = zip(kept, (part_lit, part_gloss), strict=True)
-                    kept = [f"{left}-{each}*{cast}" for left, each in parts]
+                    kept = [f"{left}-{taken}*{cast}" for left, taken in parts]
             rows = []
             for colour, factors in zip("rgb", mixed, strict=True):
                 if group not in factors:  # unlit
@@ -245,16 +245,16 @@ class _Shaded(NamedTuple):
                     continue
                 *reflected, white = factors[group]
                 terms = zip(scaled, reflected, shade, strict=True)
-                lit = "+".join("*".join(term) for term in terms)
+                reflected_light = "+".join("*".join(term) for term in terms)
                 bright = f"{white}*{self.gloss[group]}"
                 rows.append(
-                    f"{colour}{sign}part*({lit})*({kept[0]}){sign}seen*{bright}*({kept[1]})"
+                    f"{colour}{sign}part*({reflected_light})*({kept[0]}){sign}seen*{bright}*({kept[1]})"
                 )
             alpha = "a" if number else f"a{sign}seen"
             yield from _expression_node(f"{name}_group{number}", [*rows, alpha], variables)
 
 
-def _lost(bend: str, depths: Sequence[str], scales: Sequence[str], occluded: bool) -> str:
+def _shadow(bend: str, depths: Sequence[str], scales: Sequence[str], occluded: bool) -> str:
     """Return the expression of the light that shadows or occlusion take, as `transmittance`."""
     bend = f"max({bend},{BEND[0]:g})"
     terms = zip(scales, depths, strict=True)
@@ -265,28 +265,28 @@ def _lost(bend: str, depths: Sequence[str], scales: Sequence[str], occluded: boo
 
 def _mixed(recipe: Recipe, weights: Sequence[tuple[str, str]]) -> list[dict[str, list[str]]]:
     """Return for R, G and B the factor of each channel of each group: lights times weights."""
-    found = []
+    rows = []
     for row in range(3):
         factors: dict[str, list[str]] = {}
         for group, names in recipe.channels.items():
-            own = [
+            terms = [
                 (f"parent.weight{number}", recipe.lights[light].matrices[group][row])
-                for number, (light, lit) in enumerate(weights, start=1)
-                if lit == group
+                for number, (light, lit_group) in enumerate(weights, start=1)
+                if lit_group == group
             ]
-            if own:
+            if terms:
                 factors[group] = [
-                    f"({'+'.join(f'{knob}*({M[k]:.{_DIGITS}g})' for knob, M in own)})"
+                    f"({'+'.join(f'{knob}*({M[k]:.{_DIGITS}g})' for knob, M in terms)})"
                     for k in range(len(names))
                 ]
-        found.append(factors)
-    return found
+        rows.append(factors)
+    return rows
 
 
-def _seen(before: Sequence[str], own: Sequence[str]) -> str:
+def _seen(before: Sequence[str], depths: Sequence[str]) -> str:
     """Return the expression of a layer's visibility behind others, from optical depths."""
     front = f"exp(-({'+'.join(before)}))" if before else "1"
-    return f"{front}*(1-exp(-({'+'.join(own)})))"
+    return f"{front}*(1-exp(-({'+'.join(depths)})))"
 
 
 def _nuke_name(channel: str) -> str:
@@ -295,8 +295,8 @@ def _nuke_name(channel: str) -> str:
     >>> _nuke_name("l3.tau.block.V"), _nuke_name("key.c00.V")
     ('l3_tau.block_V', 'key_c00.V')
     """
-    layer, part, rest = channel.split(".", 2)
-    return f"{layer}_{part}.{rest.replace('.', '_')}"
+    layer, part, channel_rest = channel.split(".", 2)
+    return f"{layer}_{part}.{channel_rest.replace('.', '_')}"
 
 
 def _weights(recipe: Recipe) -> Iterator[tuple[str, str]]:

@@ -69,21 +69,21 @@ class SpectralIllumination:
         groups: Mapping[str, float] = ONE_GROUP,
     ) -> Self:
         """Return a light's matrices for coefficients in a basis; see `Illumination.of`."""
-        lit = Illumination.of(basis, light, spec, groups)
+        illumination = Illumination.of(basis, light, spec, groups)
         rig = LightRig.of(light)
         mixed = rig.facing(groups).mixed(basis.grid)
-        kappa = flat_white_scale(basis, mixed, lit.gain)
+        kappa = flat_white_scale(basis, mixed, illumination.gain)
         parts = []
         for group in groups:
-            own = rig.shining_from(group)
-            product = None if own is None else _product(basis, own.mixed(basis.grid), spec.mode)
+            lamps = rig.shining_from(group)
+            product = None if lamps is None else _product(basis, lamps.mixed(basis.grid), spec.mode)
             parts.append(np.zeros((basis.grid.size, basis.size)) if product is None else product)
         reflected = (
             stack(spec.backdrop, basis.grid)
             if isinstance(spec.backdrop, Spectrum)
             else spec.backdrop
         )
-        lux = lit.viewing.illuminance_lux
+        lux = illumination.viewing.illuminance_lux
         seen_through = spec.seen_through(basis.grid)
         scale = kappa * (np.ones(basis.grid.size) if seen_through is None else seen_through.values)
         return cls(
@@ -145,8 +145,8 @@ def write_spectral_frame(
     exposure of ``spec`` apply, adaptation does not.
     """
     require_suffix(path, "spectral frames", ".exr")
-    lit = SpectralIllumination.of(image.basis, light, spec, image.groups)
-    header = ExrHeader(image.size, PRIMARIES["Rec. 709"], text, bands=lit.bands)
+    illumination = SpectralIllumination.of(image.basis, light, spec, image.groups)
+    header = ExrHeader(image.size, PRIMARIES["Rec. 709"], text, bands=illumination.bands)
     with row_file(path, lambda file: ExrWriter(file, header, encoding_threads())) as rows:
-        for strip in lit.strips(image):
+        for strip in illumination.strips(image):
             rows.rows(strip)

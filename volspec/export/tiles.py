@@ -92,11 +92,11 @@ class Canvas:
         ]
 
 
-def _cuts(length: int, most: int) -> list[tuple[int, int]]:
+def _cuts(length: int, maximum: int) -> list[tuple[int, int]]:
     """Cut a length into nearly equal pieces, all but the last of whole packets."""
-    if length <= most:
+    if length <= maximum:
         return [(0, length)]
-    count = -(-length // (most // _ALIGNED * _ALIGNED))
+    count = -(-length // (maximum // _ALIGNED * _ALIGNED))
     step = -(-length // (count * _ALIGNED)) * _ALIGNED
     return [(start, min(start + step, length)) for start in range(0, length, step)]
 
@@ -136,7 +136,7 @@ class TileCaster:
         if is_empty and (len(strips) > 1 or len(strips[0]) > 1):
             self._warn_empty()
 
-    def whole(
+    def picture(
         self, transfer: Transfers, camera: Camera, canvas: Canvas, progress: Progress
     ) -> CoefficientImage:
         """Cast the picture as one image in memory, whatever its size."""
@@ -146,9 +146,9 @@ class TileCaster:
         self, transfer: Transfers, camera: Camera, canvas: Canvas, part: Window, progress: Progress
     ) -> CoefficientImage:
         """Cast one window of the picture, in several casts if it is large."""
-        whole = Window(0, 0, *canvas.size)
+        full = Window(0, 0, *canvas.size)
         windows = canvas.windows(part)
-        if canvas.samples == 1 and windows == [whole]:
+        if canvas.samples == 1 and windows == [full]:
             return self.cast(transfer, camera, canvas.size, progress)
         n, image = canvas.samples, None
         gaps: dict[str, str] = {}
@@ -164,20 +164,20 @@ class TileCaster:
             )
             part_progress = part_of(progress, i / len(windows), 1 / len(windows))
             with warnings.catch_warnings():
-                if part != whole or len(windows) > 1:  # a single window may be empty
-                    for what in ("the picture is empty", "nothing of it", "is outside the view"):
-                        warnings.filterwarnings("ignore", f".*{what}", VolspecWarning)
+                if part != full or len(windows) > 1:  # a single window may be empty
+                    for phrase in ("the picture is empty", "nothing of it", "is outside the view"):
+                        warnings.filterwarnings("ignore", f".*{phrase}", VolspecWarning)
                 size = n * window.width, n * window.height
                 image = self.cast(transfer, window_camera, size, part_progress)
             gaps |= {key: text for key, text in image.notes.items() if key == GAPS}
             y, x = window.y - part.y, window.x - part.x
-            there = np.s_[y : y + window.height, x : x + window.width]
-            coefficients[there] = _mean(np.asarray(image.coefficients, np.float32), n)
-            alpha[there] = _mean(image.alpha[..., None], n)[..., 0]
+            target = np.s_[y : y + window.height, x : x + window.width]
+            coefficients[target] = _mean(np.asarray(image.coefficients, np.float32), n)
+            alpha[target] = _mean(image.alpha[..., None], n)[..., 0]
             if first is not None and image.first_mm is not None:
-                depth[there], first[there] = image.depth_mm, image.first_mm
+                depth[target], first[target] = image.depth_mm, image.first_mm
         assert image is not None
-        if part == whole and len(windows) > 1 and not alpha.any():
+        if part == full and len(windows) > 1 and not alpha.any():
             self._warn_empty()
         return replace(
             image,
@@ -185,7 +185,7 @@ class TileCaster:
             alpha=alpha,
             depth_mm=depth,
             first_mm=first,
-            camera=camera if part == whole else None,
+            camera=camera if part == full else None,
             notes={**image.notes, **gaps, "camera": repr(camera)},
         )
 

@@ -41,15 +41,15 @@ class ValueBar:
         """Return a value as people read it."""
         return f"{10.0**value if self.is_log else value:.6g}"
 
-    def ticks(self, most: int = 5) -> list[float]:
-        """Return up to ``most`` round values within the bar.
+    def ticks(self, count: int = 5) -> list[float]:
+        """Return up to ``count`` round values within the bar.
 
         >>> ValueBar("", -1000, 3000, np.zeros((2, 3))).ticks()
         [-1000.0, 0.0, 1000.0, 2000.0, 3000.0]
         """
         span = self.high - self.low
-        power = 10.0 ** math.floor(math.log10(span / most))
-        step = next(s * power for s in (1, 2, 5, 10, 20) if span / (s * power) <= most - 1 + 1e-9)
+        power = 10.0 ** math.floor(math.log10(span / count))
+        step = next(s * power for s in (1, 2, 5, 10, 20) if span / (s * power) <= count - 1 + 1e-9)
         first, last = math.ceil(self.low / step - 1e-9), math.floor(self.high / step + 1e-9)
         return [round(n * step, 12 - math.floor(math.log10(step))) for n in range(first, last + 1)]
 
@@ -59,18 +59,18 @@ def material_colours(
     basis: Basis,
     rig: LightRig,
     spec: RelightSpec,
-    shares: Mapping[str, float],
+    fractions: Mapping[str, float],
 ) -> dict[str, NDArray[np.float64]]:
     """Return the display codes, 0 to 1, of flat materials that face every source of a light."""
     if not materials:
         return {}
-    lit = Illumination.of(basis, rig, spec, shares)
-    mixed = rig.facing(shares).mixed(basis.grid)
+    light = Illumination.of(basis, rig, spec, fractions)
+    mixed = rig.facing(fractions).mixed(basis.grid)
     # Single colours have no picture in which adaptation could be measured.
-    viewing = replace(lit.viewing, adapting="given", fov_deg=None)
+    viewing = replace(light.viewing, adapting="given", fov_deg=None)
     XYZ = [XYZ_from_spectra(mixed, material, basis.observer_deg) for material in materials.values()]
-    seen = view_transform(viewing, lit.white_XYZ).apply(lit.gain * np.array(XYZ)[None])
-    codes = np.clip(screen_for_viewing(viewing).codes(seen, 0)[0], 0.0, 1.0)
+    adapted = view_transform(viewing, light.white_XYZ).apply(light.gain * np.array(XYZ)[None])
+    codes = np.clip(screen_for_viewing(viewing).codes(adapted, 0)[0], 0.0, 1.0)
     return dict(zip(materials, codes, strict=True))
 
 
@@ -80,7 +80,7 @@ def value_bars(
     basis: Basis,
     rig: LightRig,
     spec: RelightSpec,
-    shares: Mapping[str, float],
+    fractions: Mapping[str, float],
 ) -> Sequence[ValueBar]:
     """Return a bar for each field that has a curve over its values; labels and levels have none.
 
@@ -89,7 +89,7 @@ def value_bars(
     transfer : Transfers
     volume : Volume
         Its fields' ranges and units are those of the bars.
-    basis, rig, spec, shares
+    basis, rig, spec, fractions
         As `material_colours`.
     """
 
@@ -99,14 +99,14 @@ def value_bars(
         grid = basis.grid
         mixed = weights @ np.stack([material.on(grid).values for material in materials.values()])
         named = {str(i): Spectrum(grid.wavelengths_nm, row) for i, row in enumerate(mixed)}
-        return np.stack([*material_colours(named, basis, rig, spec, shares).values()])
+        return np.stack([*material_colours(named, basis, rig, spec, fractions).values()])
 
     return _bars(transfer, volume, basis, colours_of)
 
 
 def channel_bars(transfer: Any, volume: Volume, basis: Basis) -> Sequence[ValueBar]:
     """Return the bars of `value_bars` with channels of a basis as colours, for any light."""
-    return _bars(transfer, volume, basis, lambda w, own: w @ basis.channels_for_materials(own))
+    return _bars(transfer, volume, basis, lambda w, m: w @ basis.channels_for_materials(m))
 
 
 def _bars(
@@ -121,26 +121,26 @@ def _bars(
             continue
         field = volume.by_name[name or volume.name]
         table = function.bake(volume.smallest_mm)
-        at = np.linspace(*table.domain, table.opacity.shape[-1])
-        least, most = field.range
+        knots = np.linspace(*table.domain, table.opacity.shape[-1])
+        range_low, range_high = field.range
         opaque = np.max(np.atleast_2d(table.opacity), axis=0) > 0
-        shown = np.flatnonzero(opaque & (at >= least) & (at <= most))
-        if len(shown) < 2:
+        visible = np.flatnonzero(opaque & (knots >= range_low) & (knots <= range_high))
+        if len(visible) < 2:
             continue
         # From the last entry that is transparent.
-        low, high = at[max(shown[0] - 1, 0)], at[min(shown[-1] + 1, len(at) - 1)]
-        low, high = max(float(low), least), min(float(high), most)
+        low, high = knots[max(visible[0] - 1, 0)], knots[min(visible[-1] + 1, len(knots) - 1)]
+        low, high = max(float(low), range_low), min(float(high), range_high)
         values = np.linspace(low, high, _COLOURS)
         points, _, mixes = zip(*function.points, strict=True)
         names = used_materials(mixes)
-        weights = table.material_weights.reshape(-1, len(at), table.channels.shape[0])[-1]
+        weights = table.material_weights.reshape(-1, len(knots), table.channels.shape[0])[-1]
         if len(names) > basis.size:  # the table's are channels
             points_at, weights = np.array(points), weight_matrix(mixes, names)
         else:
-            points_at = at
-        mixed = np.stack([np.interp(values, points_at, each) for each in weights.T], axis=1)
-        colours = colours_of(mixed, {each: function.materials[each] for each in names})
-        colours[np.interp(values, at, opaque.astype(float)) <= 0] = np.nan
+            points_at = knots
+        mixed = np.stack([np.interp(values, points_at, column) for column in weights.T], axis=1)
+        colours = colours_of(mixed, {n: function.materials[n] for n in names})
+        colours[np.interp(values, knots, opaque.astype(float)) <= 0] = np.nan
         title = field.channel.name or field.name if len(functions) > 1 else ""
         label = " · ".join(filter(None, (title, field.metadata.unit)))
         bars.append(ValueBar(label, low, high, colours, field.metadata.is_log))

@@ -164,17 +164,17 @@ class _Words:
     def __init__(self, path: str) -> None:
         self.path = path
         self._words: list[str] = []
-        self._at = 0
+        self._next = 0
 
     def fill(self, words: Sequence[str]) -> None:
         """Begin with other words."""
-        self._words, self._at = list(words), 0
+        self._words, self._next = list(words), 0
 
     def take(self, quantity: str, minimum: float = 0.0) -> float:
         """Return the next number, of ``minimum`` or more."""
         return float(self.array(quantity, 1, minimum)[0])
 
-    def whole(self, quantity: str, minimum: int = 1) -> int:
+    def integer(self, quantity: str, minimum: int = 1) -> int:
         """Return the next number, a count."""
         value = self.take(quantity, minimum)
         if value != int(value):
@@ -183,7 +183,7 @@ class _Words:
 
     def array(self, quantity: str, count: int, minimum: float = 0.0) -> Array:
         """Return the next numbers, all of ``minimum`` or more."""
-        words = self._words[self._at : self._at + count]
+        words = self._words[self._next : self._next + count]
         if len(words) < count:
             raise _refused(
                 self.path,
@@ -192,7 +192,7 @@ class _Words:
                 "damaged",
                 len(words),
             )
-        self._at += count
+        self._next += count
         numbers = np.empty(count)
         for k, word in enumerate(words):
             try:
@@ -259,8 +259,8 @@ def _read_ies(words: _Words, text: str) -> Beam:
     words.take("the number of lamps")
     words.take("the lumens per lamp", -1.0)
     scale = words.take("the candela multiplier")
-    count, planes = (words.whole(f"the number of {axis} angles") for axis in _ANGLES)
-    photometry = words.whole("the photometric type")
+    count, planes = (words.integer(f"the number of {axis} angles") for axis in _ANGLES)
+    photometry = words.integer("the photometric type")
     if photometry != 1:
         kind = _PHOTOMETRY.get(photometry, str(photometry))
         raise _refused(
@@ -302,13 +302,13 @@ def _read_ldt(words: _Words, text: str) -> Beam:
     # Programs in many countries write decimal commas.
     numbers = [line.replace(",", ".") for line in lines]
     words.fill([*numbers[2:4], numbers[5], numbers[23], numbers[25]])
-    symmetry = words.whole("the symmetry (Isym)", 0)
+    symmetry = words.integer("the symmetry (Isym)", 0)
     planes, count = (
-        words.whole("the number of C-planes (Mc)"),
-        words.whole("the number of angles (Ng)"),
+        words.integer("the number of C-planes (Mc)"),
+        words.integer("the number of angles (Ng)"),
     )
     scale = words.take("the conversion factor for intensities") or 1.0
-    sets = words.whole("the number of sets of lamps")
+    sets = words.integer("the number of sets of lamps")
     if symmetry not in _LDT_PLANES:
         remedy = "give a file with Isym 0 to 4"
         raise _refused(path, f"the symmetry (Isym) is {symmetry}", remedy, "unknown", symmetry)

@@ -50,7 +50,7 @@ class FormFactors:
 
     factors: csr_array  # (N, N)
     halves: tuple[csr_array, csr_array]
-    lost: Array  # (N,) part of the rays that leave the room
+    escaped: Array  # (N,) part of the rays that leave the room
     backs: Array  # (N,) part of the rays that hit the back of a triangle
 
 

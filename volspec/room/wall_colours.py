@@ -137,7 +137,7 @@ class LitMesh:
         """Halve the patches where light of panels is uneven; paints do not matter."""
         solved = response.solved
         mesh, parents, light = solved.mesh, np.arange(len(solved.mesh.surface)), _Panels(response)
-        irradiance = light.at(mesh)  # (L, N, 3)
+        irradiance = light.on_corners(mesh)  # (L, N, 3)
         for _ in range(_ROUNDS):
             left = _FINER * len(solved.mesh.surface) - len(mesh.surface)
             error = light.spread(irradiance) * mesh.areas_m2
@@ -148,7 +148,7 @@ class LitMesh:
             mesh, counts = mesh.split(selected), np.where(selected, 2, 1)
             new = np.repeat(selected, counts)
             parents, irradiance = np.repeat(parents, counts), np.repeat(irradiance, counts, axis=1)
-            irradiance[:, new] = light.at(mesh.part(new))
+            irradiance[:, new] = light.on_corners(mesh.part(new))
         vertices = vertices_by_side(mesh)
         first = np.unique(vertices, return_index=True)[1]  # a corner of each vertex
         points, triangles = mesh.corners_m.reshape(-1, 3)[first], first // 3
@@ -164,7 +164,7 @@ class LitMesh:
             irradiance.reshape(len(irradiance), -1)[:, first],
         )
 
-    def seen(self, origins_m: Array, directions: Array) -> Seen:
+    def trace(self, origins_m: Array, directions: Array) -> Seen:
         """Return what K rays see first; backs are invisible, as if the eye were inside."""
         mesh = self.rays.mesh
         normals, corners = mesh.normals, mesh.corners_m
@@ -205,7 +205,7 @@ class _Panels:
         self._lux = lux_from_irradiance(np.array([*room.lights.values()]), room.grid)
         self._rays = Rays(room.mesh)
 
-    def at(self, mesh: RoomMesh) -> Array:
+    def on_corners(self, mesh: RoomMesh) -> Array:
         """Return the light (L, T, 3) on the corners of triangles."""
         vertices = vertices_by_side(mesh)
         first = np.unique(vertices, return_index=True)[1]

@@ -287,8 +287,8 @@ def paint_for_appearance(
             field="wanted",
             given=distance,
         )
-    found = Spectrum(grid.wavelengths_nm, paint, "paint", {"designed": "yes"})
-    return WallPaint(found, look, distance)
+    spectrum = Spectrum(grid.wavelengths_nm, paint, "paint", {"designed": "yes"})
+    return WallPaint(spectrum, look, distance)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

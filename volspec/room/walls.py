@@ -151,7 +151,7 @@ class _View:
     """Points that a camera sees: the middle of each pixel, then further points in some."""
 
     of: tuple[Camera, Size]
-    seen: Seen
+    hits: Seen
     points_mm: Array  # of the volume's world
     mean: csr_array  # (H·W, points): of the points in each pixel
 
@@ -225,7 +225,7 @@ class Backdrop(SurfaceCaster):
         if self._picture is None:
             surfaces = len(self.response.solved.mesh.names)
             weights = (
-                csr_array(view.mean @ view.seen.rows(light, surfaces, shadow), dtype=np.float32)
+                csr_array(view.mean @ view.hits.rows(light, surfaces, shadow), dtype=np.float32)
                 for light, shadow in enumerate(self._shadowed(view))
             )
             self._picture = SeenRoom(size, tuple(weights))
@@ -238,7 +238,7 @@ class Backdrop(SurfaceCaster):
         count = len(origins)
         distance = np.einsum("kc,kc->k", view.points_mm[:count] - origins, directions)
         width, height = size
-        depth = np.where(view.seen.surface[:count] >= 0, distance, np.inf)
+        depth = np.where(view.hits.surface[:count] >= 0, distance, np.inf)
         return [depth.astype(np.float32).reshape(height, width)]
 
     def _look(self, camera: Camera, size: Size) -> _View:
@@ -248,10 +248,10 @@ class Backdrop(SurfaceCaster):
 
     def _looked(self, camera: Camera, size: Size) -> _View:
         """Look through the pixels' middles, and at four more points where edges pass."""
-        middles = self._lit_mesh.seen(*self._rays(*world_rays(camera, *size)))
+        middles = self._lit_mesh.trace(*self._rays(*world_rays(camera, *size)))
         edges = _edges(middles, size)
         further = world_rays(camera, *size, edge_sample_points(edges, size[0]))
-        hits = middles.joined(self._lit_mesh.seen(*self._rays(*further)))
+        hits = middles.joined(self._lit_mesh.trace(*self._rays(*further)))
         points = (hits.points_m - self._placement.position_m) @ self._placement.axes
         points = points / self._placement.metres_per_mm + self._middle_mm
         return _View((camera, size), hits, points, mean_of_points(edges, len(middles.surface)))
@@ -320,7 +320,7 @@ class Backdrop(SurfaceCaster):
         shadows = np.zeros((len(self.response.names), len(view.points_mm)))
         if self._maps is None:
             return shadows
-        normals = view.seen.normals @ self._placement.axes
+        normals = view.hits.normals @ self._placement.axes
         for light, maps in enumerate(self._maps[1]):
             if not maps:
                 continue

@@ -180,7 +180,7 @@ def use_of(*transfers: TransferSpec | None) -> dict[str, float]:
     total: defaultdict[str, float] = defaultdict(float)
     for transfer in filter(None, transfers):
         amounts: defaultdict[str, float] = defaultdict(float)
-        for amount, mix in transfer.seen():
+        for amount, mix in transfer.visible_mixes():
             for name, fraction in mix.items():
                 amounts[name] += amount * fraction
         # Values of fields have units of their own.

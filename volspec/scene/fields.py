@@ -77,7 +77,7 @@ class FieldSpec:
         if self.transfer is not None and self.transfer.points is None:
             raise fault("transfer", f"has {self.transfer.kind}", "give points")
 
-    def moved(self, change: Callable[[str], str]) -> FieldSpec:
+    def rebased(self, change: Callable[[str], str]) -> FieldSpec:
         """Return the field with another name of its file."""
         return replace(self, file=self.file and change(self.file))
 

@@ -273,7 +273,7 @@ class Scene:
         scene = cls(file, volume_path(address))
         scene._series = series
         if source is not None:
-            scene._resolver = replace(scene._resolver, given=source)
+            scene._resolver = replace(scene._resolver, source=source)
         scene.file = framed(file, volume, framing.shown_mm(steps, scene.transfer, scene.raycast))
         return scene
 
@@ -345,7 +345,7 @@ class Scene:
         """
         target = write_scene(self.file, self.path if path is None else path, self)
         file = self.file.volume.file
-        if self._resolver.given is not None and not volume_path(f"{self.folder / file}").exists():
+        if self._resolver.source is not None and not volume_path(f"{self.folder / file}").exists():
             remedy = "save the array, such as with numpy.save, and name that file in [volume]"
             text = f"{target}: its volume {file!r} is no file, and the scene cannot be loaded"
             warnings.warn(f"{text}; {remedy}", VolspecWarning, stacklevel=2)

@@ -57,7 +57,7 @@ class Resolver:
     """Looks up the names in a file; errors name the file, the table and the row.
 
     Paths are relative to the folder of ``path``; ``unsaved`` are spectra that are not on disk
-    yet, ``given`` is the volume if it is no file. With ``faults``, errors are collected there, and
+    yet, ``source`` is the volume if it is no file. With ``faults``, errors are collected there, and
     names that fail are left out.
     """
 
@@ -66,7 +66,7 @@ class Resolver:
     unsaved: Mapping[str, Spectrum] = field(default_factory=dict)
     faults: list[str] | None = None
     read: dict[int, Mesh] = field(default_factory=dict)
-    given: Volume | Series | None = None
+    source: Volume | Series | None = None
 
     @contextmanager
     def in_field(self, field: str) -> Iterator[None]:
@@ -322,11 +322,11 @@ class Resolver:
             box_mm = table.box_mm
             corners = self._mesh_box() if box_mm is None else np.transpose(box_mm)
             return Volume.empty(*corners), None
-        if isinstance(self.given, Series):
-            return self.given[table.step], self.given
+        if isinstance(self.source, Series):
+            return self.source[table.step], self.source
         with self._reading():
             address = locate_volume(table.file, self.path.parent)
-            source = volume_or_steps(address) if self.given is None else self.given
+            source = volume_or_steps(address) if self.source is None else self.source
         with self._reading():
             require_step(table.file, table.step, 1 if isinstance(source, Volume) else len(source))
         if isinstance(source, Volume):
@@ -345,8 +345,8 @@ class Resolver:
     def steps(self) -> tuple[str, ...]:
         """Return the addresses of the volume's time steps; one if it is not a series."""
         table = self.file.volume
-        if table.file == EMPTY or self.given is not None:
-            return (table.file,) * (len(self.given) if isinstance(self.given, Series) else 1)
+        if table.file == EMPTY or self.source is not None:
+            return (table.file,) * (len(self.source) if isinstance(self.source, Series) else 1)
         with self._reading():
             return step_addresses(locate_volume(table.file, self.path.parent))
 

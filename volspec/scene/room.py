@@ -298,11 +298,11 @@ class SceneRoom:
     # The eye.
 
     def viewing(
-        self, given: Viewing, camera: CameraSpec, middle_mm: Vector = (0.0, 0.0, 0.0)
+        self, viewing: Viewing, camera: CameraSpec, middle_mm: Vector = (0.0, 0.0, 0.0)
     ) -> Viewing:
         """Return viewing conditions in the room, of an eye that looks past the volume [method §8].
 
-        Keys of ``given`` that differ from their defaults are kept. The luminances are relative to
+        Keys of ``viewing`` that differ from their defaults are kept. The luminances are relative to
         the light, so that a dimmed lamp dims them. ``middle_mm`` is the target of a camera that has
         a position alone.
         """
@@ -311,15 +311,15 @@ class SceneRoom:
         eye = Eye(position_m=self.spec.position_m, target_m=target)
         lux, default = self.specimen.brightest_lux, Viewing()
         background, L_A = cone_luminances(self.response.solved, eye, lux)
-        if given.surround == default.surround:
-            given = replace(given, surround=min(L_A * math.pi / lux, 1.0))
-        if given.adapting != "given":  # measured in each picture
-            return given
-        if given.Y_b == default.Y_b:
-            given = replace(given, Y_b=_percent(background * math.pi / lux))
-        if given.L_A is None and given.Y_A is None:
-            given = replace(given, Y_A=_percent(L_A * math.pi / lux))
-        return given
+        if viewing.surround == default.surround:
+            viewing = replace(viewing, surround=min(L_A * math.pi / lux, 1.0))
+        if viewing.adapting != "given":  # measured in each picture
+            return viewing
+        if viewing.Y_b == default.Y_b:
+            viewing = replace(viewing, Y_b=_percent(background * math.pi / lux))
+        if viewing.L_A is None and viewing.Y_A is None:
+            viewing = replace(viewing, Y_A=_percent(L_A * math.pi / lux))
+        return viewing
 
     def _towards(self, camera: CameraSpec, middle_mm: Vector) -> Array:
         """Return the direction (3,) from the volume to the camera, in the room."""

@@ -163,8 +163,8 @@ def rebased(file: SceneFile, folder: Path, path: Path) -> SceneFile:
         material=tuple(map(material, file.material)),
         light=tuple(map(light, file.light)),
         basis=basis,
-        field=tuple(row.moved(lambda name: rebase_path(name, folder, to)) for row in file.field),
-        mesh=tuple(row.moved(lambda name: rebase_path(name, folder, to)) for row in file.mesh),
+        field=tuple(row.rebased(lambda name: rebase_path(name, folder, to)) for row in file.field),
+        mesh=tuple(row.rebased(lambda name: rebase_path(name, folder, to)) for row in file.mesh),
         room=room,
         viewing=viewing,
     )

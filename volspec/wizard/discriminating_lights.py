@@ -79,19 +79,19 @@ def show_difference(scene: Scene, one: str, two: str, *, under: str) -> Discrimi
         problem = f"{one!r} cannot differ from itself"
         raise SceneError(problem, "name two materials", code="conflict", field="two", given=two)
 
-    def apart(Lab: Array) -> float:
+    def distance(Lab: Array) -> float:
         return float(delta_E_2000(Lab[rows[0]], Lab[rows[1]]))
 
-    before = apart(displayed_Lab(scene, palette.light(under)))
-    found = {
-        text: apart(Lab)
+    before = distance(displayed_Lab(scene, palette.light(under)))
+    distances = {
+        text: distance(Lab)
         for text in (*light_names(), *white_from_leds(palette.grid))
         if (Lab := _look(scene, text)) is not None
     }
-    lamp = max((text for text in found if ":" not in text), key=found.__getitem__)
-    best = max(found, key=found.__getitem__)
-    text = lamp if found[best] < _PREFERRED * found[lamp] else best
-    return DiscriminatingLight(text, found[text], before)
+    lamp = max((text for text in distances if ":" not in text), key=distances.__getitem__)
+    best = max(distances, key=distances.__getitem__)
+    text = lamp if distances[best] < _PREFERRED * distances[lamp] else best
+    return DiscriminatingLight(text, distances[text], before)
 
 
 def _look(scene: Scene, text: str) -> Array | None:
@@ -123,6 +123,6 @@ def _mixtures(grid: SpectralGrid) -> Iterator[str]:
             continue
         # All have the same Y, so amounts are shares of illuminance.
         amounts = np.linalg.solve(Q @ np.stack([leds[nm] for nm in peaks], axis=1), white)
-        shares = amounts / amounts.sum()
-        if shares.min() >= _MIN_SHARE:
-            yield "+".join(f"led:{nm}*{share:.3g}" for nm, share in zip(peaks, shares, strict=True))
+        parts = amounts / amounts.sum()
+        if parts.min() >= _MIN_SHARE:
+            yield "+".join(f"led:{nm}*{part:.3g}" for nm, part in zip(peaks, parts, strict=True))

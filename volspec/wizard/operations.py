@@ -187,24 +187,24 @@ def reveal(
         If the distance cannot be reached; the message states the largest one reached.
     """
     palette = ScenePalette(scene)
-    others = palette.other_materials(material)
+    names = palette.other_materials(material)
     if not 0.0 < distance <= 100.0:
         raise SceneError.refused("distance", distance, "give a ΔE above 0, up to 100", "range")
     target = TargetLight.of(palette, under, like, lamps)
     problem = DesignProblem(palette, (material,), target)
-    rows = _apart_rows(material, others, target.columns, deficiency)
-    pairs = [((material, column), (one, column)) for one in others for column in target.columns]
+    rows = _apart_rows(material, names, target.columns, deficiency)
+    pairs = [((material, column), (one, column)) for one in names for column in target.columns]
     furthest = 0.0
-    for made in _distinct_designs(problem, material, others, distance, rows):
-        least = min(
-            _cell_distance(made, *pair, name)
+    for candidate in _distinct_designs(problem, material, names, distance, rows):
+        smallest = min(
+            _cell_distance(candidate, *pair, name)
             for pair, name in product(pairs, ("none", *deficiency))
         )
-        furthest = max(furthest, least)
-        if least >= distance:
-            found = problem.redesign(made)
-            if min(found.delta_e(under, material, one) for one in others) >= distance:
-                return found
+        furthest = max(furthest, smallest)
+        if smallest >= distance:
+            redesigned = problem.redesign(candidate)
+            if min(redesigned.delta_e(under, material, one) for one in names) >= distance:
+                return redesigned
     refusal = f"{material!r} gets no further than ΔE {furthest:.1f} from the others under"
     remedy = f"give a smaller distance{'' if target.new else ', or a new light'}"
     refusal = f"{refusal} {under!r}, not {distance:g}"
@@ -213,7 +213,7 @@ def reveal(
 
 def _apart_rows(
     material: str,
-    others: Sequence[str],
+    other_names: Sequence[str],
     columns: Sequence[str],
     deficiency: Sequence[DeficiencyName],
 ) -> tuple[Apart, ...]:
@@ -221,24 +221,24 @@ def _apart_rows(
     if not deficiency:
         return ()
     try:
-        seen = Apart(light=tuple(columns), deficiency=tuple(deficiency))
+        row = Apart(light=tuple(columns), deficiency=tuple(deficiency))
     except PaletteError as error:
-        given = tuple(deficiency)
-        raise SceneError.refused("deficiency", given, error.remedy, error.code) from None
-    return tuple(replace(seen, reflectance=(material, other)) for other in others)
+        deficiencies = tuple(deficiency)
+        raise SceneError.refused("deficiency", deficiencies, error.remedy, error.code) from None
+    return tuple(replace(row, reflectance=(material, other)) for other in other_names)
 
 
 def _distinct_designs(
     problem: DesignProblem,
     material: str,
-    others: Sequence[str],
+    other_names: Sequence[str],
     distance: float,
     rows: Sequence[Apart],
 ) -> Iterator[Design]:
     """Yield designs with a material distinct from others; designs that change least come first."""
     target = problem.target
     weights = _STAY_NEW_LIGHT if target.new else _STAY
-    for weight, margin, other in product(weights, _MARGINS, others):
+    for weight, margin, other in product(weights, _MARGINS, other_names):
         far = min(margin * distance, 100.0)
         distinct = {
             (material, column): Cell("distinct", other=(other, column), distance=far)
@@ -313,8 +313,8 @@ def merge(
             merged = Cell(colour=(red, green, blue), weight=_HEAVY)
         cells |= {(name, column): merged for name in names}
     if split is not None:
-        wanted = tuple(colours) or _distinct_colours(len(names))
-        for name, colour in zip(names, wanted, strict=True):
+        targets = tuple(colours) or _distinct_colours(len(names))
+        for name, colour in zip(names, targets, strict=True):
             cells[name, split] = Cell(colour=colour, weight=_GIVEN if colours else 1.0)
     return problem.redesign(problem.design(cells))
 
@@ -341,9 +341,9 @@ def keep(scene: Scene, material: str) -> Redesigned:
         low, high = (tuple(np.clip(first + d, 0.0, 1.0).tolist()) for d in (-box, box))
         # Not exact: constant under two lights is then nearly constant under their mixtures, too.
         free = Cell("free", group="constant", weight=_HEAVY, low=low, high=high)
-        made = problem.design(dict.fromkeys(places, free))
-        if max((_cell_distance(made, places[0], at) for at in places[1:]), default=0.0) < _ALIKE:
-            return problem.redesign(made)
+        trial = problem.design(dict.fromkeys(places, free))
+        if max((_cell_distance(trial, places[0], p) for p in places[1:]), default=0.0) < _ALIKE:
+            return problem.redesign(trial)
     refusal = f"no colour near that of {material!r} is the same under {', '.join(columns)}"
     remedy = "give a greyer material, or leave out the light that shows the fewest colours"
     raise PaletteError(refusal, remedy, code="impossible", field="material", given=material)
@@ -372,8 +372,8 @@ class TargetLight:
         palette.require_new_light(name)
         mixture = tuple(find_light(lamp, palette.grid) for lamp in lamps)
         # The eye hardly sees the ends of the spectrum, so power there would grow without limit.
-        band, most = (None, None) if mixture else (_BAND_nm, _MAX_POWER)
-        member = PaletteSpectrum(name, free=True, upper=most, band_nm=band, mixture=mixture)
+        band, upper = (None, None) if mixture else (_BAND_nm, _MAX_POWER)
+        member = PaletteSpectrum(name, free=True, upper=upper, band_nm=band, mixture=mixture)
         resembled = palette.light(like, "like")
         return cls((name,), tuple(palette.light_columns(resembled)), NewLight(member, resembled))
 
@@ -407,17 +407,17 @@ class DesignProblem:
 
     def design(self, cells: Cells) -> Design:
         """Return the best design."""
-        best, least = None, math.inf
-        for made in self.designs(cells):
-            report = DesignReport.of(made)
-            if best is None or report.cost["colours"] < least:
-                best, least = made, report.cost["colours"]
+        best, lowest = None, math.inf
+        for candidate in self.designs(cells):
+            report = DesignReport.of(candidate)
+            if best is None or report.cost["colours"] < lowest:
+                best, lowest = candidate, report.cost["colours"]
             if report.max < _GOOD:
                 break
         assert best is not None  # there is always one
         return best
 
-    def designs(self, cells: Cells, apart: tuple[Apart, ...] = ()) -> Iterator[Design]:
+    def designs(self, cells: Cells, apart_rows: tuple[Apart, ...] = ()) -> Iterator[Design]:
         """Yield designs from several initial lights, as alternation finds only local optima."""
         palette, light = self.palette, self.target.new
         originals = {original_name(name) for name in self.materials}
@@ -427,12 +427,12 @@ class DesignProblem:
         starts = [()] if light is None else ((start,) for start in _starts(light, palette.grid))
         for new in starts:
             lights = (*columns, *new)
-            given = rows, lights, cells, palette.viewing, palette.grid, criteria
-            yield design(Palette(*given, apart=apart), again=True)
+            parts = rows, lights, cells, palette.viewing, palette.grid, criteria
+            yield design(Palette(*parts, apart=apart_rows), again=True)
 
-    def redesign(self, made: Design) -> Redesigned:
+    def redesign(self, solution: Design) -> Redesigned:
         """Put a design into the scene."""
-        return redesign(self.palette.scene, made, self.materials, self.target.new)
+        return redesign(self.palette.scene, solution, self.materials, self.target.new)
 
 
 def _starts(light: NewLight, grid: SpectralGrid) -> Iterator[PaletteSpectrum]:
@@ -448,11 +448,11 @@ def _starts(light: NewLight, grid: SpectralGrid) -> Iterator[PaletteSpectrum]:
         yield replace(light.member, spectrum=start)
 
 
-def _cell_distance(made: Design, one: Place, other: Place, deficiency: str = "none") -> float:
+def _cell_distance(solution: Design, one: Place, other: Place, deficiency: str = "none") -> float:
     """Return CIEDE2000 between two cells on the display, to a viewer with a deficiency."""
-    models = made.state.colour_models()
-    RGB = made.state.RGB(models)
-    places = map(made.palette.index, (one, other))
+    models = solution.state.colour_models()
+    RGB = solution.state.RGB(models)
+    places = map(solution.palette.index, (one, other))
     Lab = [models[j].simulated_Lab(RGB[i, j], deficiency) for i, j in places]
     return float(delta_E_2000(Lab[0], Lab[1]))
 

@@ -99,29 +99,29 @@ class Redesigned:
 
     def delta_e(self, light: str, one: str, other: str) -> float:
         """Return CIEDE2000 between two materials under a light, as its frames show them."""
-        apart = next(row.apart for row in self.evaluations if row.light == light)
-        return apart[(one, other) if (one, other) in apart else (other, one)]
+        distances = next(row.apart for row in self.evaluations if row.light == light)
+        return distances[(one, other) if (one, other) in distances else (other, one)]
 
     @property
     def constant(self) -> tuple[str, ...]:
         """Designed materials that should have one colour under all lights."""
         palette = self.design.palette
-        wanted = {
+        cells_of = {
             name: {palette.cells.get((name, light)) for light in palette.names[1]}
             for name in self.materials
         }
-        groups = {name: {c.group if c else "" for c in cells} for name, cells in wanted.items()}
+        groups = {name: {c.group if c else "" for c in cells} for name, cells in cells_of.items()}
         return tuple(n for n, group in groups.items() if len(group) == 1 and any(group))
 
     @property
     def apart(self) -> tuple[ApartReport, ...]:
         """Materials that the design was to distinguish, as viewers with deficiencies see them."""
-        found = {
+        reports = {
             frozenset(pair.reflectances): pair
             for pair in reversed(DesignReport.of(self.design).apart)
             if set(pair.reflectances) <= set(self.scene.materials)
         }
-        return tuple(reversed(found.values()))
+        return tuple(reversed(reports.values()))
 
     @property
     def lamps(self) -> dict[str, float]:
@@ -157,15 +157,15 @@ class NewLight:
 
 
 def redesign(
-    scene: Scene, made: Design, materials: Sequence[str], light: NewLight | None
+    scene: Scene, solution: Design, materials: Sequence[str], light: NewLight | None
 ) -> Redesigned:
     """Put a design into a scene and evaluate its colours."""
-    spectra = {**scene.known, **{f"{_PALETTE}#{n}": made.reflectance(n) for n in materials}}
+    spectra = {**scene.known, **{f"{_PALETTE}#{n}": solution.reflectance(n) for n in materials}}
     lights, name = list(scene.file.light), None
     if light is not None:
         name = light.member.name
         address = f"{_PALETTE}#{name}"
-        spectra[address] = made.light(name)
+        spectra[address] = solution.light(name)
         lux = None  # of a room's light: as of the room's file
         if scene.room is None:
             lux = light.like.rig.facing(scene.raycast.shares()).total_lux
@@ -175,7 +175,7 @@ def redesign(
     after, exact = _with_exact_basis(Scene(file, scene.path, spectra), spectra)
     figures = evaluate_lights(scene, after, materials, light.like if light else None)
     changes = replace(changes, exact=exact)
-    return Redesigned(after, made, tuple(materials), figures, changes)
+    return Redesigned(after, solution, tuple(materials), figures, changes)
 
 
 def _with_addresses(file: SceneFile, changes: Changes, palette: str) -> SceneFile:
@@ -222,21 +222,21 @@ def evaluate_lights(
     ]
     first: dict[str, Array] = {}
     for light in after.lights:
-        shown = dict(zip(names, displayed_Lab(after, light), strict=True))
-        first = first or shown
-        apart = {(one, two): float(delta_E_2000(shown[one], shown[two])) for one, two in pairs}
+        Lab = dict(zip(names, displayed_Lab(after, light), strict=True))
+        first = first or Lab
+        distances = {(one, two): float(delta_E_2000(Lab[one], Lab[two])) for one, two in pairs}
         is_new, changed = light.name not in old, dict[str, float]()
         compared = old.get(light.name, like)
         if compared is not None:
             original = dict(zip(names, displayed_Lab(before, compared), strict=True))
             changed = {
-                name: float(delta_E_2000(original[name], shown[name]))
+                name: float(delta_E_2000(original[name], Lab[name]))
                 for name in names
                 if (name in materials) != is_new
             }
         resembled = compared.name if is_new and compared is not None else ""
-        constancy = {name: float(delta_E_2000(first[name], shown[name])) for name in materials}
-        evaluations.append(LightEvaluation(light.name, apart, changed, constancy, resembled))
+        constancy = {name: float(delta_E_2000(first[name], Lab[name])) for name in materials}
+        evaluations.append(LightEvaluation(light.name, distances, changed, constancy, resembled))
     return tuple(evaluations)
 
 
@@ -247,11 +247,11 @@ def displayed_Lab(scene: Scene, light: NamedLight) -> Array:
     """
     groups = scene.raycast.shares()
     spec = replace(scene.relight, viewing=ScenePalette(scene).viewing)
-    lit = Illumination.of(scene.basis, light.rig, spec, groups)
+    illumination = Illumination.of(scene.basis, light.rig, spec, groups)
     channels = scene.basis.channels_for_materials(scene.materials)
-    layers = np.hstack([share * channels for share in groups.values()])
-    XYZ = lit.scene_XYZ(layers, np.ones(len(layers)))
-    display_XYZ = view_transform(lit.viewing, lit.white_XYZ).apply(XYZ)
+    layers = np.hstack([fraction * channels for fraction in groups.values()])
+    XYZ = illumination.scene_XYZ(layers, np.ones(len(layers)))
+    display_XYZ = view_transform(illumination.viewing, illumination.white_XYZ).apply(XYZ)
     space = spec.viewing.display.colours
     RGB = np.clip(display_XYZ @ space.RGB_from_XYZ.T, 0.0, 1.0)
     return cielab(np.linalg.solve(space.RGB_from_XYZ, RGB.T).T, space.white_XYZ)
@@ -272,8 +272,8 @@ def require_output(scene: Scene, path: Path) -> Path:
     """
     require_suffix(path, "scenes", ".toml", error=SceneError)
     palette = path.with_name(f"{path.stem}-palette.toml")
-    for each in (path, palette):
-        require_writable(each)
+    for target in (path, palette):
+        require_writable(target)
 
     def refuse(problem: str, code: Code, remedy: str = "give the new scene another name") -> None:
         raise SceneError(problem, remedy, code=code, given=path)
@@ -318,7 +318,7 @@ def _same_file(one: Path, other: Path) -> bool:
     return one.exists() and other.exists() and one.samefile(other)
 
 
-def _write(scene: Scene, made: Design, changes: Changes, path: Path) -> tuple[Path, Path]:
+def _write(scene: Scene, solution: Design, changes: Changes, path: Path) -> tuple[Path, Path]:
     palette = require_output(scene, path)
     if not scene.path.is_file():
         problem = f"{scene.path}: cannot be read again; load it from a file"
@@ -327,5 +327,5 @@ def _write(scene: Scene, made: Design, changes: Changes, path: Path) -> tuple[Pa
     address = rebase_path(palette.name, palette.parent, scene.folder)
     file = _with_addresses(scene.file, changes, address)
     # The palette first: a scene without its palette would be broken, but not vice versa.
-    save_palette(made, palette, comment=f"{_OURS}; delete this line to keep it")
+    save_palette(solution, palette, comment=f"{_OURS}; delete this line to keep it")
     return write_scene(file, path, scene), palette

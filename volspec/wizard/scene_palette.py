@@ -28,10 +28,10 @@ class ScenePalette:
 
     def __post_init__(self) -> None:
         if self.scene.basis.observer_deg != 2:
-            given = self.scene.basis.observer_deg
-            problem = f"{self.scene.path} has the {given}° observer"
+            degrees = self.scene.basis.observer_deg
+            problem = f"{self.scene.path} has the {degrees}° observer"
             remedy, field = "give 2, as palettes use the 2° observer", "basis.observer_deg"
-            raise SceneError(problem, remedy, code="unsupported", field=field, given=given)
+            raise SceneError(problem, remedy, code="unsupported", field=field, given=degrees)
 
     @property
     def viewing(self) -> Viewing:
@@ -50,20 +50,20 @@ class ScenePalette:
     def other_materials(self, name: str) -> list[str]:
         """Return all materials but one; refuse if there are no others."""
         self.require_material(name)
-        others = [other for other in self.scene.materials if other != name]
-        if not others:
+        names = [other for other in self.scene.materials if other != name]
+        if not names:
             problem = f"{name!r} is the scene's only material"
             remedy = "add the [[material]] to compare it with"
             raise SceneError(problem, remedy, code="missing", field="material", given=name)
-        return others
+        return names
 
     def surrounding_material(self, name: str) -> str:
         """Return the most visible neighbour in the transfer function, or if none, of all others."""
         transfer, visible = self.scene.file.transfer, dict[str, float]()
-        for amount, shares in transfer.seen():
-            for material, share in shares.items():
-                visible[material] = visible.get(material, 0.0) + amount * share
-        others = self.other_materials(name)
+        for amount, mix in transfer.visible_mixes():
+            for material, fraction in mix.items():
+                visible[material] = visible.get(material, 0.0) + amount * fraction
+        names = self.other_materials(name)
         rows = [row.material_weights for row in transfer.points or transfer.surfaces or ()]
         near = {
             material
@@ -71,7 +71,7 @@ class ScenePalette:
             if name in one or name in two
             for material in (*one, *two)
         }
-        candidates = [other for other in others if other in near] or others
+        candidates = [other for other in names if other in near] or names
         return max(candidates, key=lambda other: visible.get(other, 0.0))
 
     def light(self, name: str, field: str = "under", hint: str = "") -> NamedLight:
@@ -152,10 +152,10 @@ def original_name(name: str) -> str:
 
 
 def _require_name(
-    scene: Scene, kind: str, name: str, known: Mapping[str, object], field: str = "", hint: str = ""
+    scene: Scene, kind: str, name: str, names: Mapping[str, object], field: str = "", hint: str = ""
 ) -> str:
-    if name not in known:
-        remedy = f"{nearest(str(name), known)}known: {', '.join(known)}{hint}"
+    if name not in names:
+        remedy = f"{nearest(str(name), names)}known: {', '.join(names)}{hint}"
         problem, field = f"{name!r} is unknown", field or kind
         raise SceneError(problem, remedy, code="unknown", field=field, given=name)
     return name

@@ -44,7 +44,7 @@ class PixelReading:
 
 
 def named_lights(
-    given: Mapping[str, LightLike] | Sequence[LightLike | NamedLight] | None,
+    lights: Mapping[str, LightLike] | Sequence[LightLike | NamedLight] | None,
     image: CoefficientImage,
 ) -> tuple[NamedLight, ...]:
     """Name the lights of a widget; refuse lights that do not fit the image.
@@ -56,19 +56,19 @@ def named_lights(
     >>> [lamp.name for lamp in named_lights({"day": "D65", "candle": "planck:1900"}, image)]
     ['day', 'candle']
     """
-    if given is None:
-        given = DEFAULT_LIGHTS
+    if lights is None:
+        lights = DEFAULT_LIGHTS
     pairs: Iterable[tuple[str | None, LightLike | NamedLight]]
-    if isinstance(given, Mapping):
-        pairs = given.items()
-    elif isinstance(given, Sequence) and not isinstance(given, str):
-        pairs = ((None, each) for each in given)
+    if isinstance(lights, Mapping):
+        pairs = lights.items()
+    elif isinstance(lights, Sequence) and not isinstance(lights, str):
+        pairs = ((None, lamp_light) for lamp_light in lights)
     else:
         remedy = "give several in a list, such as ['D65', 'A'], or by name in a dict"
-        raise ImageError.refused("notebook.lights", given, remedy, "type")
-    named = tuple(_named(name, each, image) for name, each in pairs)
+        raise ImageError.refused("notebook.lights", lights, remedy, "type")
+    named = tuple(_named(name, lamp_light, image) for name, lamp_light in pairs)
     if not named:
-        raise ImageError.refused("notebook.lights", given, "give at least one", "missing")
+        raise ImageError.refused("notebook.lights", lights, "give at least one", "missing")
     names = [lamp.name for lamp in named]
     if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
         raise ImageError(
@@ -76,7 +76,7 @@ def named_lights(
             "give them names in a dict",
             code="duplicate",
             field="notebook.lights",
-            given=given,
+            given=lights,
         )
     require_lit(named, image)
     return named
@@ -96,21 +96,21 @@ def weighted_rig(lights: Sequence[NamedLight], weights: Sequence[float]) -> Ligh
     return mixed_rig([lamp.rig for lamp in lights], weights)
 
 
-def _named(name: str | None, given: LightLike | NamedLight, image: CoefficientImage) -> NamedLight:
-    if isinstance(given, NamedLight):
-        return given if name is None else replace(given, name=name)
+def _named(name: str | None, source: LightLike | NamedLight, image: CoefficientImage) -> NamedLight:
+    if isinstance(source, NamedLight):
+        return source if name is None else replace(source, name=name)
     grid = image.basis.grid
-    label = given if isinstance(given, str) else ""
-    if isinstance(given, str):
-        given = light(given, grid)
+    label = source if isinstance(source, str) else ""
+    if isinstance(source, str):
+        source = light(source, grid)
         name = label if name is None else name
-    if isinstance(given, Spectrum):
-        name, rig = given.name if name is None else name, LightRig((given,))
-    elif isinstance(given, LightRig):
-        rig = given
+    if isinstance(source, Spectrum):
+        name, rig = source.name if name is None else name, LightRig((source,))
+    elif isinstance(source, LightRig):
+        rig = source
     else:
         raise SpectrumError.refused(
-            "notebook.lights", given, "give a name like 'D65', a Spectrum or a LightRig", "type"
+            "notebook.lights", source, "give a name like 'D65', a Spectrum or a LightRig", "type"
         )
     if not (isinstance(name, str) and name.strip()):
         raise SpectrumError(
@@ -118,7 +118,7 @@ def _named(name: str | None, given: LightLike | NamedLight, image: CoefficientIm
             "give lights as {name: light}",
             code="missing",
             field="notebook.lights",
-            given=given,
+            given=source,
         )
     with _naming_light(name):
         return NamedLight(name, label or name, rig.facing(image.groups).mixed(grid), rig)
@@ -144,8 +144,8 @@ def initial_spec(
     if viewing is not None:
         return replace(stored, viewing=checked_viewing(viewing))
     look = payload.look_numbers(stored, lights)
-    plain = stored.viewing.display.space == "sRGB"
-    display = stored.viewing.display if plain else Display()
+    is_sRGB = stored.viewing.display.space == "sRGB"
+    display = stored.viewing.display if is_sRGB else Display()
     return replace(stored, viewing=viewing_from_look(look, display))
 
 
@@ -165,13 +165,13 @@ def checked_viewing(viewing: object) -> Viewing:
         )
     usual = replace(viewing.unmeasured(), adopted_white="light")
     for name in ("adapting", "surround", "adopted_white"):
-        if (given := getattr(viewing, name)) != getattr(usual, name):
+        if (setting := getattr(viewing, name)) != getattr(usual, name):
             raise ViewingError(
-                f"{given!r} is of the picture, or of an eye that the page does not have",
+                f"{setting!r} is of the picture, or of an eye that the page does not have",
                 f"use {getattr(usual, name)!r}, or volspec.relight",
                 code="unsupported",
                 field=f"notebook.viewing.{name}",
-                given=given,
+                given=setting,
             )
     if viewing.display.space != "sRGB":
         raise ViewingError(
@@ -195,7 +195,7 @@ def viewing_from_look(look: Mapping[str, Any], display: Display) -> Viewing:
     """Convert the page's state to a viewing on a display."""
     settings: dict[str, Any] = {name: look[key] for name, key in payload.LOOK.items()}
     ratio = settings["surround"]
-    names = [name for name, known in SURROUND_RATIOS.items() if known == ratio]
+    names = [name for name, value in SURROUND_RATIOS.items() if value == ratio]
     settings["surround"] = names[0] if names else ratio
     return Viewing(**settings, display=replace(display, gamut=look["gamut"], mark=look["mark"]))
 
@@ -205,14 +205,14 @@ def read_pixel(
 ) -> PixelReading:
     """Read a pixel like the page's probe."""
     x, y = pixel
-    lit = Illumination.of(image.basis, rig, spec, image.groups)
+    illumination = Illumination.of(image.basis, rig, spec, image.groups)
     opacity = float(image.alpha[y, x])
-    XYZ = lit.scene_XYZ(image.coefficients[y, x], opacity)
-    viewing = lit.viewing
-    found = forward_for(viewing)(XYZ, viewing.conditions(lit.white_XYZ))
+    XYZ = illumination.scene_XYZ(image.coefficients[y, x], opacity)
+    viewing = illumination.viewing
+    appearance = forward_for(viewing)(XYZ, viewing.conditions(illumination.white_XYZ))
     J, C, h = (
-        (float(found.J), float(found.C), float(found.h))
-        if bool(found.defined)
+        (float(appearance.J), float(appearance.C), float(appearance.h))
+        if bool(appearance.defined)
         else (None, None, None)
     )
     X, Y, Z = XYZ.tolist()

@@ -148,7 +148,7 @@ class RelightWidget(anywidget.AnyWidget):
         )
         cell, run = _running_cell()
         # Else each run would leave a page in the kernel, and in a notebook that is saved with them.
-        for other in [each for each in RelightWidget._of_cells.get(cell, ()) if each._run != run]:
+        for other in [w for w in RelightWidget._of_cells.get(cell, ()) if w._run != run]:
             other.close()
         self._run = run
         if cell:
@@ -208,8 +208,8 @@ class RelightWidget(anywidget.AnyWidget):
     @traitlets.observe("image")
     def _update_page(self, _: object) -> None:
         """Build a page for a new picture; settings are kept, if they fit it."""
-        known = _materials(self.image)
-        kept = {name: scale for name, scale in self.opacities.items() if name in known}
+        materials = _materials(self.image)
+        kept = {name: scale for name, scale in self.opacities.items() if name in materials}
         try:
             self.opacities = kept
         except ImageError:  # a material has no opacity in this cast
@@ -227,10 +227,10 @@ class RelightWidget(anywidget.AnyWidget):
         if self.probe is not None and not _inside(self.probe, self.image):
             self.probe = None  # calls this again
             return
-        rig, found = self.rig, None
+        rig, reading = self.rig, None
         if self.probe is not None and rig is not None:
-            found = read_pixel(self._scaled_image(), rig, self.relight_spec, self.probe)
-        self.set_trait("probed", found)
+            reading = read_pixel(self._scaled_image(), rig, self.relight_spec, self.probe)
+        self.set_trait("probed", reading)
 
     def _scaled_image(self) -> CoefficientImage:
         """Return the image with the present opacities."""
@@ -321,6 +321,6 @@ def _materials(image: CoefficientImage) -> tuple[str, ...]:
 
 def _inside(pixel: Sequence[Any], image: CoefficientImage) -> bool:
     return all(
-        isinstance(at, int | np.integer) and 0 <= at < size
-        for at, size in zip(pixel, image.size, strict=True)
+        isinstance(coordinate, int | np.integer) and 0 <= coordinate < size
+        for coordinate, size in zip(pixel, image.size, strict=True)
     )

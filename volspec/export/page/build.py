@@ -324,7 +324,7 @@ def scene_views(
     if series and not caster:
         volume = series[0]
     volume = caster.volume if caster else volume or scene.volume()
-    own, behind = caster or Raycaster(volume, device=device), scene.behind(volume)
+    first, surfaces = caster or Raycaster(volume, device=device), scene.behind(volume)
     bars = scene_bars(scene, volume)
     pixels = size or (scene.file.output.width, scene.file.output.height)
     cameras = turntable_cameras(scene, volume, Turntable(frames=count))
@@ -336,18 +336,18 @@ def scene_views(
         # Sliders scale what is cast, from which a hidden material would be missing.
         spec, opacities = replace(scene.raycast, opacities={}), scene.raycast.opacities
     for step in range(steps):
-        shown = Raycaster(series[step], like=own) if series else own
+        step_caster = Raycaster(series[step], like=first) if series else first
         for i, camera in enumerate(cameras):
             done = step * count + i
             image = raycast(
-                shown.volume,
+                step_caster.volume,
                 scene.transfer,
                 camera,
                 pixels,
                 spec,
-                caster=shown,
+                caster=step_caster,
                 progress=progress and part_of(progress, done / total, 1 / total),
-                behind=behind,
+                behind=surfaces,
             )
             warn_of_cut(scene.file.annotation, camera, pixels)
             marks = annotation_svg(scene.file.annotation, camera, pixels)
@@ -399,11 +399,11 @@ def _assembled(
 def _packed_layers(image: CoefficientImage, layers: OpacityLayers) -> PackedLayers:
     """Pack an image's layers of opacity; refuse more than browsers hold."""
     width, height = image.size
-    held = layer_bytes(layers)
-    if held > _MAX_LAYER_BYTES:
+    size_bytes = layer_bytes(layers)
+    if size_bytes > _MAX_LAYER_BYTES:
         raise ImageError(
             f"{layers.count} layers of opacity of {width}x{height} take "
-            f"{held / 1e6:.0f} MB of a browser's memory, which is more than "
+            f"{size_bytes / 1e6:.0f} MB of a browser's memory, which is more than "
             f"{_MAX_LAYER_BYTES / 1e6:.0f} MB",
             "cast it smaller, or with fewer layers or none",
             code="size",
@@ -456,10 +456,10 @@ def _text(words: str) -> str:
 
 def _json(numbers: dict[str, Any]) -> str:
     """Encode as JSON that an HTML parser cannot end early: ASCII without <, > and &."""
-    plain = json.dumps(numbers, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    text = json.dumps(numbers, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
     for mark in "<>&":
-        plain = plain.replace(mark, f"\\u{ord(mark):04x}")
-    return plain
+        text = text.replace(mark, f"\\u{ord(mark):04x}")
+    return text
 
 
 def _hash(code: str) -> str:

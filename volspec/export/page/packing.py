@@ -153,36 +153,36 @@ def pack_layers(layers: OpacityLayers) -> PackedLayers:
     Shades of absent materials and highlights of unused layers repeat the pixel to their left.
     """
     extents, nearest = layer_extents(layers)
-    given = layers.tau, layers.shade, layers.gloss, extents, *map(layers.slot, layers.slots)
+    arrays = layers.tau, layers.shade, layers.gloss, extents, *map(layers.slot, layers.slots)
     tau, shade, gloss, extents, *casts = (
-        clamp_finite(np.asarray(each, np.float32)) for each in given
+        clamp_finite(np.asarray(array, np.float32)) for array in arrays
     )
     total = tau.sum(axis=-1, keepdims=True)
     tau *= _MAX_TAU / np.maximum(total, _MAX_TAU)
     tau_codes, most_tau = _coded(tau, 255, 3)
-    shown: NDArray[np.bool_] = tau_codes > 0
-    fading = shown[:, :, : layers.count - layers.solid]
-    used: NDArray[np.bool_] = np.any(shown, axis=-1)
-    shade_codes, most_shade = _coded(shade * shown[:, :, :, None], _SHADE_CODES, 1)
+    visible: NDArray[np.bool_] = tau_codes > 0
+    fading = visible[:, :, : layers.count - layers.solid]
+    used: NDArray[np.bool_] = np.any(visible, axis=-1)
+    shade_codes, most_shade = _coded(shade * visible[:, :, :, None], _SHADE_CODES, 1)
     gloss_codes, most_gloss = _coded(gloss * used[..., None], _GLOSS_CODES, 2)
     shade_codes = _rounded(shade_codes, tau[:, :, :, None])
     gloss_codes = _rounded(gloss_codes, tau.sum(axis=-1)[..., None])
     planes = [tau_codes[..., k] for k in range(layers.materials)]
     for g in range(layers.groups):
         for k in range(layers.materials):
-            planes.append(_filled(shade_codes[..., g, k], shown[..., k]))
+            planes.append(_filled(shade_codes[..., g, k], visible[..., k]))
     planes += [_filled(gloss_codes[..., g], used) for g in range(layers.groups)]
     # A light reaches far; what is darker than by this depth is black also at the least scale.
-    paths = [np.minimum(each[..., 3:], _MAX_TAU) for each in casts]
-    path = max((float(each.max(initial=0)) for each in paths), default=1.0) or 1.0
-    bend = max((float(each[..., 2].max(initial=0)) for each in casts), default=1.0) or 1.0
+    paths = [np.minimum(array[..., 3:], _MAX_TAU) for array in casts]
+    path = max((float(array.max(initial=0)) for array in paths), default=1.0) or 1.0
+    bend = max((float(array[..., 2].max(initial=0)) for array in casts), default=1.0) or 1.0
     for cast, depths in zip(casts, paths, strict=True):
         roots = np.cbrt(depths / path), cast[..., :2], np.cbrt(cast[..., 2:3] / bend)
         codes = np.rint(255 * np.concatenate(roots, axis=-1).clip(0, 1)).astype(np.int32)
         planes += [_filled(codes[..., n], used) for n in range(codes.shape[-1])]
-    own = np.s_[:, :, : layers.count - layers.solid]
-    begin_codes, begin = _coded((extents[..., 0] * used)[own], 255, 1)
-    width_codes, width = _coded((extents[..., 1] * used)[own], 255, 2)
+    slabs = np.s_[:, :, : layers.count - layers.solid]
+    begin_codes, begin = _coded((extents[..., 0] * used)[slabs], 255, 1)
+    width_codes, width = _coded((extents[..., 1] * used)[slabs], 255, 2)
     width_codes = width_codes // 2 * 2  # even: a slab's width matters only where it is cut
     surface = 1.0
     if layers.solid:
@@ -220,10 +220,10 @@ def _coded(values: NDArray[np.float32], codes: int, root: int) -> tuple[Codes, f
     A value of 1 has code ``codes``, or less if 255 were not enough for the greatest value; the
     greatest has 255 if ``codes`` is that.
     """
-    most = float(values.max(initial=0)) or 1.0
-    top = most if codes == 255 else max((255 / codes) ** root, most)
-    found = np.rint(255 * (np.maximum(values, 0) / top) ** (1 / root))
-    return found.astype(np.int32), top
+    maximum = float(values.max(initial=0)) or 1.0
+    top = maximum if codes == 255 else max((255 / codes) ** root, maximum)
+    coded = np.rint(255 * (np.maximum(values, 0) / top) ** (1 / root))
+    return coded.astype(np.int32), top
 
 
 def _rounded(codes: Codes, depth: NDArray[np.float32]) -> Codes:

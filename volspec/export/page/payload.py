@@ -80,17 +80,17 @@ _CONSTANTS = """
 
 def constants() -> dict[str, Any]:
     """Return the constants of adaptations and models under their names in web/*.js."""
-    numbers = {name: _plain(getattr(k, name)) for name in _CONSTANTS.split()}
+    numbers = {name: _lists(getattr(k, name)) for name in _CONSTANTS.split()}
     names = sorted(SURROUNDS, key=SURROUND_RATIOS.__getitem__)
     return numbers | {
-        "RGB_FROM_XYZ": _plain(SPACES["sRGB"].RGB_from_XYZ),
-        "CONES_FROM_XYZ": _plain(D65_CONES_FROM_XYZ),
-        "HELLWIG_COSINES": _plain(hellwig2022.COSINES),
-        "HELLWIG_SINES": _plain(hellwig2022.SINES),
-        "RLAB_REFERENCE": _plain(rlab.REFERENCE_FROM_ADAPTED),
-        "adaptation_spaces": {name: _plain(m) for name, (m, _) in linear.VON_KRIES.items()},
+        "RGB_FROM_XYZ": _lists(SPACES["sRGB"].RGB_from_XYZ),
+        "CONES_FROM_XYZ": _lists(D65_CONES_FROM_XYZ),
+        "HELLWIG_COSINES": _lists(hellwig2022.COSINES),
+        "HELLWIG_SINES": _lists(hellwig2022.SINES),
+        "RLAB_REFERENCE": _lists(rlab.REFERENCE_FROM_ADAPTED),
+        "adaptation_spaces": {name: _lists(m) for name, (m, _) in linear.VON_KRIES.items()},
         "guth": {
-            name: _plain(getattr(nonlinear, f"GUTH_{name}"))
+            name: _lists(getattr(nonlinear, f"GUTH_{name}"))
             for name in ("GAIN", "NOISE", "POWER", "SIGMA", "ADAPTING")
         },
         "surrounds": [
@@ -110,21 +110,21 @@ def basis_numbers(
     """
     Q = colour_matching_functions(basis.grid, basis.observer_deg)
     materials = isinstance(basis, MaterialBasis)
-    own = list(basis.materials.values()) if isinstance(basis, MaterialBasis) else []
+    spectra = list(basis.materials.values()) if isinstance(basis, MaterialBasis) else []
     synthesis = basis.synthesise(np.eye(basis.size)).T
     return {
         "kind": "materials" if materials else "spectral",
-        "Q": _plain(Q),
-        "analysis": None if isinstance(basis, MaterialBasis) else _plain(basis.analysis),
-        "synthesis": _plain(synthesis),
-        "full": _plain(full.synthesis) if isinstance(full, SpectralBasis) else None,
-        "D": None if isinstance(basis, MaterialBasis) else _plain(basis.XYZ_from_channels),
+        "Q": _lists(Q),
+        "analysis": None if isinstance(basis, MaterialBasis) else _lists(basis.analysis),
+        "synthesis": _lists(synthesis),
+        "full": _lists(full.synthesis) if isinstance(full, SpectralBasis) else None,
+        "D": None if isinstance(basis, MaterialBasis) else _lists(basis.XYZ_from_channels),
         # [channel, power emitted by power that falls in] of fluorescent materials.
         "emission": [
-            [k, _plain(each.fluorescence.matrix)] for k, each in enumerate(own) if each.fluorescence
+            [k, _lists(s.fluorescence.matrix)] for k, s in enumerate(spectra) if s.fluorescence
         ],
-        "filter": None if seen_through is None else _plain(seen_through.values),
-        "wavelengths_nm": _plain(basis.grid.wavelengths_nm),
+        "filter": None if seen_through is None else _lists(seen_through.values),
+        "wavelengths_nm": _lists(basis.grid.wavelengths_nm),
         "colours": _css(spectrum_colours(basis.grid.wavelengths_nm)),
     }
 
@@ -143,7 +143,7 @@ def light_numbers(
         lux = None if rig.illuminance_lux is None else rig.illuminance_lux[j]
         parts.append(
             {
-                "power": _plain(power),
+                "power": _lists(power),
                 "weight": rig.weights[j],
                 "lux": lux,
                 # Illuminance of the power in W / (m² nm).
@@ -152,17 +152,17 @@ def light_numbers(
                 # Its matrix in the mode "fitted"; materials are exact in every mode.
                 "fitted": None
                 if isinstance(basis, MaterialBasis)
-                else _plain(basis.colour_matrix(spectrum, "fitted", seen_through)),
+                else _lists(basis.colour_matrix(spectrum, "fitted", seen_through)),
             }
         )
-    advice = {mode: found for mode in MODES for found in [_advice(rig, basis, mode)] if found}
+    advice = {mode: text for mode in MODES for text in [_advice(rig, basis, mode)] if text}
     return {"name": light.name, "label": light.label, "parts": parts, "advice": advice}
 
 
 def _advice(rig: LightRig, basis: Basis, mode: Mode) -> str:
     """Return the advice on a setting's lights in a mode; empty if it holds them."""
-    found = (mode_advice(basis, spectrum, mode) for spectrum in rig.lights)
-    return "\n".join(dict.fromkeys(filter(None, found)))
+    advice = (mode_advice(basis, spectrum, mode) for spectrum in rig.lights)
+    return "\n".join(dict.fromkeys(filter(None, advice)))
 
 
 def look_numbers(spec: RelightSpec, lights: Sequence[NamedLight]) -> dict[str, Any]:
@@ -212,7 +212,7 @@ def page_viewing(viewing: Viewing) -> dict[str, Any]:
         },
         "gamut": {model: _gamut(display, model) for model in ("CIECAM02", "CAM16")},
         "deficiencies": {
-            name: {key: _plain(getattr(steps, key)) for key in ("above", "below", "plane")}
+            name: {key: _lists(getattr(steps, key)) for key in ("above", "below", "plane")}
             for name, steps in severity_steps(SPACES["sRGB"]).items()
         },
     }
@@ -275,14 +275,14 @@ def shaders(channels: int, height: int, opacity: PackedLayers | None = None) -> 
     }
     lines = prelude(fixed, "glsl")
     files = {"vertex": "shaders/fullscreen.vert", "fragment": "shaders/relight.frag"}
-    made = {kind: assemble(file, lines, glsl_version=_GLSL).text for kind, file in files.items()}
+    sources = {kind: assemble(file, lines, glsl_version=_GLSL).text for kind, file in files.items()}
     if opacity:
-        own = prelude(opacity.constants(), "glsl")
+        layer_lines = prelude(opacity.constants(), "glsl")
         for kind in ("recompose.frag", "splat.vert", "splat.frag", "splatted.frag"):
-            made[kind] = assemble(f"shaders/{kind}", own, glsl_version=_GLSL).text
+            sources[kind] = assemble(f"shaders/{kind}", layer_lines, glsl_version=_GLSL).text
         display = prelude({"SIMULATE": 0, **SPACES["sRGB"].shader_constants()}, "glsl")
-        made["stereo.frag"] = assemble("shaders/stereo.frag", display, glsl_version=_GLSL).text
-    return made
+        sources["stereo.frag"] = assemble("shaders/stereo.frag", display, glsl_version=_GLSL).text
+    return sources
 
 
 def bar_numbers(
@@ -293,8 +293,8 @@ def bar_numbers(
         return None
     channels = np.concatenate([bar.colours for bar in bars])[None]
     opaque = np.isfinite(channels).all(axis=-1).astype(np.float32)
-    lit = np.concatenate([part * np.nan_to_num(channels) for part in groups.values()], axis=-1)
-    strip = CoefficientImage(lit.astype(np.float32), opaque, opaque, basis, groups=groups)
+    stacked = np.concatenate([part * np.nan_to_num(channels) for part in groups.values()], axis=-1)
+    strip = CoefficientImage(stacked.astype(np.float32), opaque, opaque, basis, groups=groups)
     packed = pack_view(strip, _BAR_BITS)
     return {
         "text": packed.text,
@@ -350,7 +350,7 @@ def _css(colours: ArrayLike) -> list[str]:
     return [f"#{r:02x}{g:02x}{b:02x}" for r, g, b in codes]
 
 
-def _plain(values: ArrayLike) -> Any:
+def _lists(values: ArrayLike) -> Any:
     """Return nested lists of numbers in full precision."""
     return np.asarray(values, dtype=np.float64).tolist()
 

@@ -37,8 +37,8 @@ _EXHAUSTED, _PAUSE_S = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 class LimitedServer(HTTPServer):
     """HTTP server of an application that calls `authenticate` for those who may stay."""
 
-    def initialize(self, *given: Any, **options: Any) -> None:
-        super().initialize(*given, **options | _LIMITS)
+    def initialize(self, *args: Any, **options: Any) -> None:
+        super().initialize(*args, **options | _LIMITS)
         self._unknown: dict[IOStream, tuple[str, object]] = {}  # peer, and timeout
         self._authenticated: dict[IOStream, None] = {}
         self._warned = False
@@ -76,7 +76,7 @@ class LimitedServer(HTTPServer):
     def handle_stream(self, stream: IOStream, address: tuple[Any, ...]) -> None:
         """Serve a connection, for which an older one may have to close."""
         peer = address[0]
-        same = [each for each, (other, _) in self._unknown.items() if other == peer]
+        same = [s for s, (other, _) in self._unknown.items() if other == peer]
         if len(same) >= _MAX_OF_PEER:
             self._close(same[0])
         elif len(self._unknown) >= _MAX_UNKNOWN:

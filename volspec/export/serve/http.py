@@ -119,8 +119,8 @@ class SceneServer:
         views = SceneViews(scene, volume, size=size, device=device)
         html = views.page(lights or scene.lights, spec or PageSpec(), progress)
         self._queue = CastQueue(views.message)
-        own = {*_OWN_NAMES, self._host.lower(), socket.gethostname().lower()}
-        names = None if _is_wildcard(self._host) else frozenset(own)
+        hosts = {*_OWN_NAMES, self._host.lower(), socket.gethostname().lower()}
+        names = None if _is_wildcard(self._host) else frozenset(hosts)
         cookie = f"volspec-{self._port}", secrets.token_urlsafe(24)
         self._site = _Site(html, self._queue, self._use_token, cookie, names)
 
@@ -163,9 +163,9 @@ class SceneServer:
         if self._queue is not None:
             self._queue.close()
 
-    def _use_token(self, given: bytes) -> bool:
+    def _use_token(self, token: bytes) -> bool:
         """Return True for the token of `address`, which then becomes another one."""
-        if not _equal(given, self._token):
+        if not _equal(token, self._token):
             return False
         self._token = secrets.token_urlsafe(24)
         with suppress(OSError):  # nobody reads what it prints
@@ -176,11 +176,11 @@ class SceneServer:
         if self._site is None:
             raise InputError("serve: no scene is open", "call open first", code="state")
         self._loop = asyncio.get_running_loop()
-        given = {"site": self._site}
+        arguments = {"site": self._site}
         app = Application(
-            [("/", _Page, given), ("/view", _View, given)],
+            [("/", _Page, arguments), ("/view", _View, arguments)],
             default_handler_class=_Nothing,
-            default_handler_args=given,
+            default_handler_args=arguments,
             log_function=lambda handler: None,
         )
         server = LimitedServer(app)
@@ -240,8 +240,8 @@ class _Guarded(RequestHandler):
     def _has_cookie(self) -> bool:
         name, secret = self.site.cookie
         # A cookie of another server on this machine may hold anything.
-        given = self.request.cookies[name].value if name in self.request.cookies else ""
-        return _equal(given.encode(), secret)
+        value = self.request.cookies[name].value if name in self.request.cookies else ""
+        return _equal(value.encode(), secret)
 
     def _authenticate(self) -> None:
         self._is_authenticated = True
@@ -366,9 +366,9 @@ class _View(_Guarded):
             self._pending.cancel()
 
 
-def _equal(given: bytes, secret: str) -> bool:
+def _equal(value: bytes, secret: str) -> bool:
     """Compare in constant time."""
-    return compare_digest(given, secret.encode())
+    return compare_digest(value, secret.encode())
 
 
 def _is_in_loop() -> bool:
@@ -396,11 +396,11 @@ def _listen(host: str, port: int, insecure: bool) -> socket.socket:
     if not 0 <= port <= 65535:  # the system would take its lower bits
         raise InputError.refused("port", port, "give 0 to 65535", "range")
     try:
-        found = socket.getaddrinfo(
+        infos = socket.getaddrinfo(
             host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )
         # Of a name's addresses, that of IPv4, which "localhost" means in tunnels.
-        family, _, _, _, address = min(found, key=lambda each: each[0] != socket.AF_INET)
+        family, _, _, _, address = min(infos, key=lambda info: info[0] != socket.AF_INET)
         if not (insecure or _is_loopback(address)):
             tunnel = f"ssh -L {port or 'PORT'}:localhost:{port or 'PORT'} THIS_MACHINE"
             raise InputError(
@@ -410,7 +410,7 @@ def _listen(host: str, port: int, insecure: bool) -> socket.socket:
                 field="host",
                 given=host,
             )
-        made = socket.create_server(address, family=family, backlog=_MAX_WAITING)
+        listener = socket.create_server(address, family=family, backlog=_MAX_WAITING)
     except OSError as error:
         if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
             remedy = "give one of this machine's addresses, such as 127.0.0.1"
@@ -422,5 +422,5 @@ def _listen(host: str, port: int, insecure: bool) -> socket.socket:
         if error.errno != errno.EADDRINUSE:
             remedy = f"{one_line(error)}, give another, or 0 for any that is free"
         raise InputError.refused("port", port, remedy, "conflict") from None
-    made.setblocking(False)
-    return made
+    listener.setblocking(False)
+    return listener

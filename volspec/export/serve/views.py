@@ -101,10 +101,10 @@ def _number(name: str, words: Sequence[bytes], low: float, high: float) -> float
     except ValueError:
         value = math.nan
     if not low <= value <= high:
-        given = ", ".join(word.decode("ascii", "replace") for word in words)
-        what = "whole number" if kind is int else "number"
-        remedy = f"give one {what} from {low:g} to {high:g}"
-        raise InputError.refused(f"view: {name}", given, remedy, "range")
+        text = ", ".join(word.decode("ascii", "replace") for word in words)
+        noun = "whole number" if kind is int else "number"
+        remedy = f"give one {noun} from {low:g} to {high:g}"
+        raise InputError.refused(f"view: {name}", text, remedy, "range")
     return value
 
 
@@ -133,7 +133,7 @@ class SceneViews:
         self.scene, self.volume = scene, volume or scene.volume()
         self.size = checked_size(size or (scene.file.output.width, scene.file.output.height))
         self.orbit = scene_orbit(scene, self.volume)
-        self._behind = scene.behind(self.volume)
+        self._surfaces = scene.behind(self.volume)
         self._caster = Raycaster(self.volume, device=device)
         self._pace = Pace()
 
@@ -163,14 +163,14 @@ class SceneViews:
         Raises VolspecError if it cannot be cast, or ``cancel`` returned True.
         """
         camera = self.camera(request)
-        made = self._moving if request.coarse else WHOLE
+        detail = self._moving if request.coarse else WHOLE
         started = time.perf_counter()
-        image = self._cast(camera, made, cancel)
+        image = self._cast(camera, detail, cancel)
         packed = pack_view(image, PageSpec().bits)
         ms = 1e3 * (time.perf_counter() - started)
-        self._pace = self._pace.after(made, ms + (request.transfer_ms if request.coarse else 0))
+        self._pace = self._pace.after(detail, ms + (request.transfer_ms if request.coarse else 0))
         numbers = packed.numbers() | {
-            "coarse": made != WHOLE,
+            "coarse": detail != WHOLE,
             "ms": round(ms),
             "marks": svg_elements(self._marks(camera)),
             "notice": image.notes.get(GAPS, ""),
@@ -199,21 +199,21 @@ class SceneViews:
     def _cast(
         self,
         camera: Camera,
-        made: Pass,
+        detail: Pass,
         cancel: Cancel | None = None,
         progress: Progress | None = None,
     ) -> CoefficientImage:
-        width, height = (-(-side // made.divisor) for side in self.size)
+        width, height = (-(-side // detail.divisor) for side in self.size)
         return raycast(
             self.volume,
             self.scene.transfer,
             camera,
             (width, height),
-            made.spec(self.scene.raycast, self.volume),
+            detail.spec(self.scene.raycast, self.volume),
             cancel=cancel,
             progress=progress,
             caster=self._caster,
-            behind=self._behind,
+            behind=self._surfaces,
         )
 
     def _marks(self, camera: Camera) -> str:
@@ -224,21 +224,21 @@ class SceneViews:
 def scene_orbit(scene: Scene, volume: Volume) -> Orbit:
     """Return the orbit of a scene's camera, also of one with a position; elevation within ±90."""
     table = scene.file.camera
-    own = {each.name: getattr(table, each.name) for each in fields(Orbit)}
+    keys = {f.name: getattr(table, f.name) for f in fields(Orbit)}
     if table.position_mm is not None:
         camera = scene.camera(volume)
-        away = np.subtract(camera.position_mm, camera.target_mm) / camera.distance_mm
+        direction = np.subtract(camera.position_mm, camera.target_mm) / camera.distance_mm
         side, front, axis = level_axes(camera.up)
-        own["azimuth_deg"] = math.degrees(math.atan2(away @ side, away @ front))
-        own["elevation_deg"] = math.degrees(math.asin(min(max(away @ axis, -1.0), 1.0)))
-        own["target_mm"] = camera.target_mm
+        keys["azimuth_deg"] = math.degrees(math.atan2(direction @ side, direction @ front))
+        keys["elevation_deg"] = math.degrees(math.asin(min(max(direction @ axis, -1.0), 1.0)))
+        keys["target_mm"] = camera.target_mm
         sine = math.sin(math.radians(camera.fov_deg) / 2)
-        own["zoom"] = radius_mm(volume) / sine / camera.distance_mm
-    azimuth, elevation = own["azimuth_deg"], math.remainder(own["elevation_deg"], 360.0)
+        keys["zoom"] = radius_mm(volume) / sine / camera.distance_mm
+    azimuth, elevation = keys["azimuth_deg"], math.remainder(keys["elevation_deg"], 360.0)
     if abs(elevation) > 90.0:  # the same camera from the other side, upside down
         azimuth, elevation = azimuth + 180.0, math.copysign(180.0, elevation) - elevation
-        own["roll_deg"] += 180.0
-    return Orbit(**own | {"azimuth_deg": math.remainder(azimuth, 360), "elevation_deg": elevation})
+        keys["roll_deg"] += 180.0
+    return Orbit(**keys | {"azimuth_deg": math.remainder(azimuth, 360), "elevation_deg": elevation})
 
 
 def svg_elements(marks: str) -> list[Any]:

@@ -263,7 +263,7 @@ class KeyCamera:
     """With position_mm: direction that points up in the picture."""
 
     @property
-    def given(self) -> set[str]:
+    def set_keys(self) -> set[str]:
         """Names of the fields that are set."""
         names = (field.name for field in fields(self))
         return {name for name in names if getattr(self, name) is not None}
@@ -389,7 +389,7 @@ def _check_cameras(keys: Sequence[Keyframe], camera: CameraSpec) -> None:
     orbit = camera.position_mm is None
     first: dict[bool, str] = {} if orbit else {True: "[camera]'s position_mm"}
     for i, key in enumerate(keys):
-        for name in sorted(key.camera.given) if key.camera is not None else ():
+        for name in sorted(key.camera.set_keys) if key.camera is not None else ():
             if name in ("target_mm", "fov_deg"):
                 continue
             where = f"keyframe[{i}].camera.{name}"

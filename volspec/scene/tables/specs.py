@@ -317,7 +317,7 @@ class MeshSpec:
         """Name for messages and lists: the file's, or the shape."""
         return Path(self.file).name if self.file is not None else str(self.shape)
 
-    def moved(self, change: Callable[[str], str]) -> MeshSpec:
+    def rebased(self, change: Callable[[str], str]) -> MeshSpec:
         """Return the mesh with other names of files."""
         file, texture = (path and change(path) for path in (self.file, self.texture))
         share_files = {name: change(path) for name, path in self.shares.items()}

@@ -32,7 +32,7 @@ KINDS = ("points", "regions", "labels", "surfaces")
 # A name or a mix, discriminated by form, so that a message is about the intended one.
 Material = Annotated[
     Annotated[str, Tag("<value>")] | Annotated[dict[str, float], Tag("<table>")],
-    Discriminator(lambda given: "<table>" if isinstance(given, dict) else "<value>"),
+    Discriminator(lambda v: "<table>" if isinstance(v, dict) else "<value>"),
     Hint("a name, or a mix { name = fraction, … }", whole=True),
 ]
 
@@ -232,15 +232,15 @@ class TransferSpec:
         table = [row | {"material": mix_as_written(row["material"])} for row in rows]
         return read_table(cls, {kind: table, **extras}, SceneError)
 
-    def seen(self) -> Iterator[tuple[float, Mapping[str, float]]]:
+    def visible_mixes(self) -> Iterator[tuple[float, Mapping[str, float]]]:
         """Weigh the mixes: opacity times the range of values that each covers."""
         if self == self.transparent():
             return
         if self.points is not None:
-            yield from _seen_points(self.points)
+            yield from _visible_points(self.points)
         for by_label in self.label or ():
             if by_label.points is not None and by_label.shown:
-                yield from _seen_points(by_label.points)
+                yield from _visible_points(by_label.points)
         for region in self.regions or ():
             yield region.opacity * (region.values[1] - region.values[0]), region.material_weights
         for row in (*(self.labels or ()), *(self.surfaces or ())):
@@ -295,7 +295,7 @@ def mix_as_written(mix: Mix) -> str | dict[str, float]:
     return next(iter(fractions)) if list(fractions.values()) == [1.0] else fractions
 
 
-def _seen_points(points: Sequence[PointSpec]) -> Iterator[tuple[float, Mapping[str, float]]]:
+def _visible_points(points: Sequence[PointSpec]) -> Iterator[tuple[float, Mapping[str, float]]]:
     span = points[-1].value - points[0].value or 1.0
     for point in points:  # a sharp step covers no range of values, yet is visible
         yield point.opacity * span / len(points), point.material_weights
