@@ -86,7 +86,7 @@ class DeepSamples:
         cosine = axis_cosine(image.size, image.fov_deg)[..., None]
         cosines = np.broadcast_to(cosine, used.shape)[used]
         front_mm, back_mm = (
-            _rounded(row.reshape(used.shape)[used] * cosines) for row in (begin, begin + width)
+            _rounded(edge.reshape(used.shape)[used] * cosines) for edge in (begin, begin + width)
         )
         visible = alpha > _CLEAR
         counts = np.bincount(pixel[visible], minlength=depth.size).reshape(picture.alpha.shape)

@@ -202,15 +202,15 @@ def rank_paints(
         if len(exact) >= top and lowest[i] > distances[top - 1]:
             break
         progress("best paints", min(len(exact) / top, 0.99))
-        fallen = irradiance(rho[i])
-        appearance = wall_appearance(rho[i], fallen, grid)
-        exact[i] = float(appearance_distance(appearance, wanted)), fallen, appearance
+        E_i = irradiance(rho[i])
+        appearance = wall_appearance(rho[i], E_i, grid)
+        exact[i] = float(appearance_distance(appearance, wanted)), E_i, appearance
     progress("best paints", 1.0)
     best = []
     for i in sorted(exact, key=lambda k: (exact[k][0], k))[:top]:
-        distance, fallen, appearance = exact[i]
+        distance, E_i, appearance = exact[i]
         atlas_look = atlas_appearance(Spectrum(grid.wavelengths_nm, rho[i]), grid)
-        lux = float(lux_from_irradiance(fallen, grid))
+        lux = float(lux_from_irradiance(E_i, grid))
         best.append(RankedPaint(paints[i].name, distance, appearance, atlas_look, lux, paints[i]))
     return PaintRanking(
         tuple(best), wanted, surfaces, len(rho), len(exact), len(greys), float(bounds.max())

@@ -187,8 +187,8 @@ class LitMesh:
         t = np.einsum("kc,kc->k", corners[triangle, 0] - starts[hits], normals[triangle]) / slope
         points = starts[hits] + t[:, None] * directions[hits]
         columns = self.vertices[triangle].astype(np.int32)
-        inner = barycentric(mesh, triangle, points).astype(np.float32)
-        weights = _rows(columns, inner, len(self.surface), hit >= 0)
+        coordinates = barycentric(mesh, triangle, points).astype(np.float32)
+        weights = _rows(columns, coordinates, len(self.surface), hit >= 0)
         direct = np.asarray(weights @ self.panels.T)
         direct[hits] += beam_irradiance(self.room, self.rays, points, normals[triangle]).T
         surface, (xyz, across) = np.full(len(hit), -1), np.zeros((2, len(hit), 3))
