@@ -73,7 +73,7 @@ class _NoWindow:
         imgui.new_frame()
 
     @property
-    def behind(self) -> bool:
+    def lags(self) -> bool:
         """True while imgui has inputs that it leaves to further frames."""
         return len(imgui.get_current_context().input_events_queue) > 0
 

@@ -278,7 +278,7 @@ def test_a_newer_request_ends_a_cast_and_what_waits(state, casts):
     wait_until(lambda: casts.polls > polls + 1)
     casts.go_on.set()
     done = drained(scheduler, 3)
-    assert [each.made.divisor for each in done] == [1, 4, 8]
+    assert [each.cast_pass.divisor for each in done] == [1, 4, 8]
     assert [each.image for each in done] == [None, casts.image, casts.image]
     # Packed where it was cast: the window's thread only uploads it.
     assert [each.packed is None for each in done] == [True, False, False]

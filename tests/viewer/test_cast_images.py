@@ -51,7 +51,7 @@ def test_an_image_is_relit_at_its_own_size(path):
 def test_an_image_is_the_result_of_every_cast(path):
     state = state_of(path)
     (done,) = casts_of(job_of(state, (99, 77), Pass(4), WHOLE))
-    assert done.image is state.document.image and done.made == WHOLE and done.job.size == SIZE
+    assert done.image is state.document.image and done.cast_pass == WHOLE and done.job.size == SIZE
 
 
 def test_what_would_need_a_cast_is_undone_and_lights_are_not(path):

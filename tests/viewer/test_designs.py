@@ -65,7 +65,7 @@ def answers(*asked: ViewState) -> list[designs.DesignDone]:
         for each in asked:
             worker.request(job_of(each))
     last = asked[-1].palette.targets
-    done = take_until(worker.take, lambda d: any(x.whole and x.job.targets is last for x in d))
+    done = take_until(worker.take, lambda d: any(x.is_last and x.job.targets is last for x in d))
     worker.close()
     return done
 
@@ -95,7 +95,7 @@ def test_five_colours_that_merge_to_three_and_one_are_designed(state):
     begun = palette_results.with_palette(empty, load_palette(FIGURE_2))
     assert palette_table.column_names(begun.lights) == ("D65", "split 1", "split 2")
     assert begun.palette.is_pending and begun.palette.from_scratch
-    made = palette_table.with_design(begun, answers(begun)[-1].made, begun.palette.targets)
+    made = palette_table.with_design(begun, answers(begun)[-1].design, begun.palette.targets)
     table = palette_table.colour_table(made)
     assert not made.palette.is_pending
     assert len(table.errors) == 15 and max(table.errors) < VISIBLE
@@ -119,11 +119,11 @@ def test_the_latest_wish_wins_and_is_answered_quickly_then_well(state):
     first, last = with_target(state, 5), with_target(state, 5, "#906050")
     done = answers(first, last)
     of_first, of_last = (
-        [each.whole for each in done if each.job.targets is asked.palette.targets]
+        [each.is_last for each in done if each.job.targets is asked.palette.targets]
         for asked in (first, last)
     )
     assert not any(of_first) and of_last == [False, True]
-    made = palette_table.with_design(last, done[-1].made, last.palette.targets)
+    made = palette_table.with_design(last, done[-1].design, last.palette.targets)
     assert max(palette_table.colour_table(made).errors) < VISIBLE
 
 
@@ -131,7 +131,7 @@ def test_what_contradicts_itself_is_named(state):
     for index, colour in ((4, "#ff0000"), (5, "#0000ff")):
         state = palette_edits.set_target_weight(with_target(state, index, colour), index, None)
     done = answers(state)
-    assert done[0].made is None and done[0].whole and "gold" in done[0].error
+    assert done[0].design is None and done[0].is_last and "gold" in done[0].error
 
 
 def test_advice_is_about_wishes_alone():
@@ -177,8 +177,8 @@ def test_designs_outlive_a_failed_solver(state, monkeypatch):
         assert told.acquire(timeout=PATIENCE_S)
     done = worker.take()
     worker.close()
-    assert done[0].whole and "SVD" in done[0].error
-    assert done[1].made is not None
+    assert done[0].is_last and "SVD" in done[0].error
+    assert done[1].design is not None
 
 
 def test_closing_waits_for_no_design(state, monkeypatch):
@@ -363,7 +363,7 @@ def test_a_difference_is_found_without_a_new_material(engine):
     told = effects.outcome(ready, after, effects.DIFFERENCE)
     assert told.telling == len(after.lights) - 1
     assert told.before == pytest.approx(told.after, abs=0.1)
-    assert told.shown == pytest.approx(found.delta_e, abs=0.2)
+    assert told.revealed == pytest.approx(found.delta_e, abs=0.2)
     compared = effects.with_comparison(after, told)
     assert effective_weights(compared.lights)[-1] == 1.0 == effective_weights(compared.other)[0]
 
@@ -374,7 +374,7 @@ def test_what_is_hidden_in_daylight_is_told_in_words(engine):
     made = palette_results.run_wizard(ready, "hide")
     told = effects.outcome(ready, palette_results.with_wizard_result(ready, made), "hide")
     assert told.pair == ("inserts", "block")
-    assert told.after < 1 and told.shown > 5
+    assert told.after < 1 and told.revealed > 5
     assert effects.sentences(replace(told, before=12.34, after=0.4), engine.lights)[0] == (
         "In daylight, inserts and block: ΔE 12.3 before (obvious), 0.4 now (invisible)"
     )

@@ -198,7 +198,7 @@ def test_a_path_is_completed_as_far_as_its_neighbours_agree(tmp_path):
     start = f"{tmp_path}/"
     everything = list_paths(start, (".toml",))
     assert names(everything) == ["folder/", "Engine-a.toml", "engine-b.toml"]
-    assert everything.common == start and everything.others == 2
+    assert everything.common == start and everything.other_files == 2
     some = list_paths(start + "en", (".toml",))
     assert some.common.casefold() == start.casefold() + "engine-"
     assert list_paths(start + "f").common == start + "folder/"
@@ -218,10 +218,10 @@ def test_slices_are_listed_by_their_content_if_they_have_no_ending(tmp_path):
     for name, content in files.items():
         (tmp_path / name).write_bytes(content)
     plain = list_paths(f"{tmp_path}/", (".dcm", ".toml"))
-    assert names(plain) == ["a.dcm"] and plain.others == 4
+    assert names(plain) == ["a.dcm"] and plain.other_files == 4
     found = list_paths(f"{tmp_path}/", (".dcm", ".toml"), slices=True)
     assert names(found) == ["1.2.840", "a.dcm", "IM0001", "README"]
-    assert (found.others, found.dicom) == (1, 3)
+    assert (found.other_files, found.dicom) == (1, 3)
 
 
 def names(listing: Listing) -> list[str]:
@@ -300,7 +300,7 @@ def test_recent_files_are_ten_newest_first_and_missing_ones_are_known(tmp_path):
     recent.add("/nowhere/5.toml")
     rows = recent.rows()
     assert [Path(row.path).name[:5] for row in rows[:3]] == ["5.tom", "there", "11.to"]
-    assert len(rows) == MAX_FILES and [row.there for row in rows[:2]] == [False, True]
+    assert len(rows) == MAX_FILES and [row.exists for row in rows[:2]] == [False, True]
     assert rows[0].label.startswith("5.toml ")
     recent.clear()
     assert recent.rows() == ()

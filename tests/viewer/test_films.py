@@ -259,12 +259,12 @@ def test_steps_pressed_while_one_is_read_are_counted(tmp_path, steps):
     document = state.document
     for _ in range(3):
         steps.go(state, 1)
-    assert steps.wanted(document) == 3
+    assert steps.requested(document) == 3
     shown = ready(steps, document)
     while shown.step != 3:
         shown = ready(steps, document)
     steps.go(replace(state, document=shown), -4)
-    assert steps.wanted(document) == 6  # around the first
+    assert steps.requested(document) == 6  # around the first
     shown = ready(steps, shown)
     assert shown.step == 6 and shown.is_of(document) and shown.caster is not None
     assert shown.volume.values.max() == series[6].values.max()
@@ -295,7 +295,7 @@ def test_steps_play_in_a_loop_or_once(tmp_path, steps):
     wait_until(lambda: not steps._worker.busy)
     of_last = replace(state, document=last)
     steps.tick(of_last, shown[-1], 2.0)  # the picture of the last step is still cast
-    assert steps.wanted(last) == last.step == 2
+    assert steps.requested(last) == last.step == 2
     steps.toggle_loop()
     steps.tick(of_last, last, 3.0)
     wait_until(lambda: not steps._worker.busy)
@@ -326,11 +326,11 @@ def test_a_step_that_is_gone_is_reported(tmp_path, steps, notice):
 def test_another_document_has_its_own_step_and_does_not_play(tmp_path, steps):
     state = of_series(tmp_path, balls(3))
     steps.go(state, 2)
-    assert steps.wanted(state.document) == 2
+    assert steps.requested(state.document) == 2
     steps.toggle(state)
-    assert steps.wanted(replace(state.document, opening=object(), step=1)) == 1
+    assert steps.requested(replace(state.document, opening=object(), step=1)) == 1
     steps.forget()
-    assert not steps.playing and steps.wanted(state.document) == 0
+    assert not steps.playing and steps.requested(state.document) == 0
 
 
 def test_without_steps_there_is_a_message(tmp_path, steps, notice):

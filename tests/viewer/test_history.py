@@ -366,7 +366,7 @@ def test_without_a_session_a_file_is_opened(state, tmp_path, monkeypatch, capsys
     assert made.finish_open(broken, first=True) is None and begun == [str(scene), None]
     # Nothing is left to open: the window says why.
     assert made.problem == "" and made.finish_open(broken, first=True) is None
-    assert made.problem == "broken" and notice.shown.kind == "error"
+    assert made.problem == "broken" and notice.current.kind == "error"
     assert capsys.readouterr().err == "volspec: broken\n" * 2
     # What was named comes before what was opened last; what is gone is no file.
     resumed("named")

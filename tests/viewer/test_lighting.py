@@ -204,7 +204,7 @@ def test_handles_stay_in_the_picture_until_they_are_hidden(state, zoom, orthogra
         left, top = np.subtract(handle_of(each).place, AREA[:2])
         assert 0 < left < AREA[2] and 0 < top < AREA[3]
     # A new one is seen where it is.
-    assert handle_of(state).place == handle_of(state).held
+    assert handle_of(state).place == handle_of(state).anchor
     hidden = run_command(state, "lights").state
     assert not lighting_aim.list_handles(hidden, projection(hidden))
 

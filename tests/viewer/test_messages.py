@@ -171,7 +171,7 @@ def _overlays(state: ViewState) -> Iterator[str]:
     document = state.document
     camera = state.view.camera(document.volume)
     coarse = Results(raycast(document.volume, document.transfer, camera, (40, 30)))
-    for results in (Results(), Results(fault="no"), coarse, replace(coarse, whole=True)):
+    for results in (Results(), Results(fault="no"), coarse, replace(coarse, sharp=True)):
         yield sizes(state, UiContext(results=results))
     yield timings(UiContext(results=Results(fps=59.9, ms={"cast": 12.3})))
 

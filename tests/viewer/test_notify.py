@@ -18,7 +18,7 @@ def test_an_error_is_shown_until_it_is_dismissed_or_replaced():
     notice.hide("another message")
     assert notice.text.startswith("b.nrrd")
     notice.hide()
-    assert notice.shown is None
+    assert notice.current is None
     assert [message.kind for message in notice.messages] == ["info", "error"]
 
 

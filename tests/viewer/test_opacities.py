@@ -132,7 +132,7 @@ def test_layers_follow_when_nothing_moves_and_once(ball):
     def layers_after(now: float, held: bool = False) -> list[CastDone]:
         rest(scheduler)
         scheduler.tick(now, held)
-        return [done for done in rest(scheduler) if done.made.layers]
+        return [done for done in rest(scheduler) if done.cast_pass.layers]
 
     scheduler.change(ball, 0.0, held=False)
     assert layers_after(9.0) == []  # nobody wants them
@@ -156,21 +156,21 @@ def test_a_turned_view_is_first_shown_by_the_layers(ball):
     scheduler.layers_wanted = True
     rest(scheduler)
     scheduler.tick(9.0, held=False)
-    assert [done.made.layers for done in rest(scheduler)] == [8]
+    assert [done.cast_pass.layers for done in rest(scheduler)] == [8]
     near = camera.orbit(faded, 0.02, 0.0)
     scheduler.change(near, 10.0, held=True, turned=True)
     (shown,) = rest(scheduler)
-    assert shown.made == Pass(1, "none") and shown.image.camera == shown.job.camera
+    assert shown.cast_pass == Pass(1, "none") and shown.image.camera == shown.job.camera
     (exact,) = casts(near, WHOLE)
     assert np.abs(shown.image.coefficients - exact.image.coefficients).mean() < 0.01
     scheduler.tick(11.0, held=True)  # it rests
-    assert WHOLE in [done.made for done in rest(scheduler)]
+    assert WHOLE in [done.cast_pass for done in rest(scheduler)]
     scheduler.change(camera.orbit(faded, 0.5, 0.0), 12.0, held=True, turned=True)
-    assert "none" not in [done.made.steps for done in rest(scheduler)]
+    assert "none" not in [done.cast_pass.steps for done in rest(scheduler)]
     # Anything else but the view ends it.
     scheduler.change(opacities.reset(near), 13.0, held=False)
     scheduler.change(near, 14.0, held=False, turned=True)
-    assert "none" not in [done.made.steps for done in rest(scheduler)]
+    assert "none" not in [done.cast_pass.steps for done in rest(scheduler)]
     scheduler.close()
 
 

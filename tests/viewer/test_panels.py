@@ -490,7 +490,7 @@ def test_lights_are_measured_in_the_background_once_for_each_change(state):
         service.follow(first)
     wait_until(service.take)
     wait_until(lambda: not service.busy)
-    assert service.shown[0] == first and not service.take()
+    assert service.latest[0] == first and not service.take()
     service.follow(chosen_lights(state, False))
     assert not service.busy, "the same lights again"
     service.follow(chosen_lights(lights.choose(state, 1), False))

@@ -145,7 +145,7 @@ def test_paint_needs_no_cast(opened):
     (again,) = casts_of(job_of(opened, SIZE, WHOLE, room=done.room))
     np.testing.assert_allclose(done.image.coefficients, again.image.coefficients, atol=1e-6)
     # An estimate is near: by how much, tests of the room say.
-    estimate = cast.walls.behind(cast.image, room)
+    estimate = cast.walls.repaint(cast.image, room)
     change = np.abs(again.image.coefficients - cast.image.coefficients).max()
     left = np.abs(again.image.coefficients - estimate.coefficients).max()
     assert left < 0.1 * change

@@ -116,7 +116,7 @@ def test_the_last_frame_shows_the_values_of_its_picture(slow, state):
     bright = done(state, 1)
     coarse = replace(bright.image, coefficients=0.5 * bright.image.coefficients)
     turned = orbit(state, 0.2, 0.1)
-    for ended in (replace(bright, image=coarse, made=Pass(2)), bright):
+    for ended in (replace(bright, image=coarse, cast_pass=Pass(2)), bright):
         slow.take(ended, state)
         frames, news = [slow.under_mouse], True
         while news:  # as the window's loop: a frame, after which the next picture is drawn
@@ -135,7 +135,7 @@ def test_an_empty_picture_says_so_and_a_fault_its_reason(slow, state):
     assert slow.missing_message(state, painted) == ""
     blank = replace(cast.image, alpha=np.zeros_like(cast.image.alpha))
     for divisor, empty in ((2, False), (1, True)):  # coarse, its rays may miss something small
-        slow.take(replace(cast, image=blank, made=Pass(divisor)), state)
+        slow.take(replace(cast, image=blank, cast_pass=Pass(divisor)), state)
         assert bool(slow.missing_message(state, painted)) == empty
     # Another document that cannot be cast has no picture.
     other = replace(cast.job, document=replace(cast.job.document, opening=object()))
@@ -292,7 +292,7 @@ def test_a_picture_relit_in_bands_is_one_relight_of_all_their_time(tmp_path):
         ) -> None:
             query = cast(Any, SimpleNamespace(elapsed=1e6 * (ms or 0.0)))
             relit = None if ms is None else Relit(query, 0.0)
-            meter.note_relight(relit, first=first, ends=ends, whole=whole)
+            meter.note_relight(relit, first=first, ends=ends, full=whole)
             meter.note_frame(0.0, {})
 
         assert meter.bands == 1

@@ -112,7 +112,7 @@ def test_a_plane_follows_its_handles(tilted, view):
         return np.asarray(cuts.tilt_plane(state, 0, x, y).shading.clip_planes[0].normal)
 
     # Where it is: nothing changes. Elsewhere: the axis is where the mouse is.
-    np.testing.assert_allclose(normal_after(tilt.held), plane.normal, atol=1e-6)
+    np.testing.assert_allclose(normal_after(tilt.anchor), plane.normal, atol=1e-6)
     right, up, forward = seen.camera.frame()
     middle = place(seen, np.asarray(plane.point_mm))
     normal = normal_after((middle[0] + 0.6 * tilt.arm, middle[1] - 0.5 * tilt.arm))

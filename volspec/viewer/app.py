@@ -140,7 +140,7 @@ class App:
         self._fade_began = 0.0
         self._fading = False  # more frames are needed
         self._history: History | None = None
-        self._shown: ViewState | None = None  # the last state that was cast or relit
+        self._drawn: ViewState | None = None  # the last state that was cast or relit
         self._dark: bool | None = None
         self._settle = _SETTLE
         self._early: list[Input] = []  # dropped before anything is open
@@ -198,7 +198,7 @@ class App:
             self._steps.tick(self._history.present, self._screen.document, ended)
             self._file_commands.documents.tick(self._history.present, ended, self._moves)
         self._meter.note_wait(began - waited - patience, time.perf_counter() - began)
-        self._rest()
+        self._note_rest()
 
     def close(self, faulty: bool) -> None:
         """End all threads, and save the session."""
@@ -214,10 +214,10 @@ class App:
             _BUSY_S if self._scheduler.busy or self._screen.idle.loading else _IDLE_S,
             self._steps.patience(now),
         )
-        rest = longest if self._still is None else max(self._still - now, 0.0)
-        return min(rest, longest)
+        remaining_s = longest if self._still is None else max(self._still - now, 0.0)
+        return min(remaining_s, longest)
 
-    def _rest(self) -> None:
+    def _note_rest(self) -> None:
         """Note in the trace when everything is done and drawn."""
         moves = self._settle > 0 or self._moves or self._file_commands.busy
         rests = not moves and not any(service.busy for service in self._services)
@@ -233,8 +233,8 @@ class App:
             self._screen.take(done, self._present, self._scheduler.is_newest(done))
             if done.error:
                 self._steps.stop()
-        if casts and self._shown is not None:
-            self._relight(self._shown)  # now, so that it is shown a frame earlier
+        if casts and self._drawn is not None:
+            self._relight(self._drawn)  # now, so that it is shown a frame earlier
         news, opened = self._file_commands.take(first=self._history is None)
         if self._history is not None:
             history = self._file_commands.add_meshes(self._designs.take(self._history))
@@ -244,8 +244,8 @@ class App:
         if self._history is not None:
             stepped = self._steps.take(self._history.present.document)
             if stepped is not None:
-                shown = replace(self._history.present, document=stepped)
-                self._history, pictures = self._history.amend(shown), True
+                stepped_state = replace(self._history.present, document=stepped)
+                self._history, pictures = self._history.amend(stepped_state), True
         if (solved := self._screen.take_room(self._present)) is not None:
             assert self._history is not None
             self._history = self._history.amend(replace(self._history.present, room=solved))
@@ -274,8 +274,8 @@ class App:
         title = opened.state.document.title
         self._window.name(f"{as_one_line(title)} – volspec")
         self._trace.note("open", title=title)
-        if lost := left_out(opened.state):
-            self._notice.show_warning(f"{title}: this picture cannot have its {lost}")
+        if omitted := left_out(opened.state):
+            self._notice.show_warning(f"{title}: this picture cannot have its {omitted}")
 
     def _draw(self, inputs: list[Input]) -> None:
         started = time.perf_counter()
@@ -291,33 +291,33 @@ class App:
             self._wait_for_file(inputs)
         else:
             area = self._draw_panels(self._history, inputs, started)
-        painted = self._screen.painted_picture(area, self._shown)
+        painted = self._screen.painted_picture(area, self._drawn)
         self._draw_messages(painted)
         self._file_commands.draw(self._present)
         self._window.end((0.08, 0.08, 0.08) if self._is_dark else (0.75, 0.75, 0.75), painted)
         if problem := self._window.error:
             self._trace.note("gl-error", message=problem)
-        moved = self._meter.note_frame(started, self._ui.areas)
+        areas_moved = self._meter.note_frame(started, self._ui.areas)
         # imgui processes one step of a click or key per frame.
-        if moved or self._window.behind or self._ui.text_wanted[1]:
+        if areas_moved or self._window.lags or self._ui.text_wanted[1]:
             self._settle = max(self._settle, _SETTLE)
-        if self._shown is not None:
+        if self._drawn is not None:
             # A software renderer then draws it while the next frame's panels are made.
-            self._relight(self._shown)
+            self._relight(self._drawn)
 
     def _draw_panels(self, history: History, inputs: list[Input], now: float) -> Area:
         """Draw the panels, and use what they and the inputs edit; return the picture's area."""
         present, image = history.present, history.present.document.image
-        shown = self._during_fade(present, now)
-        state = menus.draw_menu(menus.draw_status(shown, self._ui), self._ui)
+        displayed = self._during_fade(present, now)
+        state = menus.draw_menu(menus.draw_status(displayed, self._ui), self._ui)
         area = self._docks.picture(self._ui, True, image)
         state = self._next(state, [*self._early, *inputs], area)
         self._early = []
         if self._ui.preview is not None:
             # The dialog leaves no other edits.
             state = present if state.size == present.size else replace(present, size=state.size)
-        elif shown is not present:
-            state = after_fade(present, shown, state)
+        elif displayed is not present:
+            state = after_fade(present, displayed, state)
         state, refusals = rules.hold(present, state)
         for text in refusals:
             if text not in rules.ONCE or text != self._notice.text:
@@ -330,16 +330,16 @@ class App:
     def _follow(self, state: ViewState, now: float) -> None:
         """Have the services follow the history, after a frame with a state."""
         assert self._history is not None
-        wanted = self._ui.layers_wanted or needs_layers(state)
-        self._scheduler.layers_wanted = wanted and state.document.image is None
+        needed = self._ui.layers_wanted or needs_layers(state)
+        self._scheduler.layers_wanted = needed and state.document.image is None
         if self._ui.lights.tab == "Rendition":
-            self._renditions.follow(chosen_lights(state, self._ui.lights.whole))
+            self._renditions.follow(chosen_lights(state, self._ui.lights.of_mix))
         if self._docks.settled:
             self._designs.follow(self._history.present)  # the fade's end
-            shown = self._during_fade(self._history.present, now)
+            displayed = self._during_fade(self._history.present, now)
             change = self._history.difference
-            if change is None or change.old is not self._shown or change.new is not shown:
-                change = Difference.between(self._shown, shown)  # a fade, or several steps
+            if change is None or change.old is not self._drawn or change.new is not displayed:
+                change = Difference.between(self._drawn, displayed)  # a fade, or several steps
             self._update(change, now)
             if change.fields - {"document"}:  # time steps leave the layout as it is
                 self._settle = max(self._settle, _SETTLE)
@@ -349,11 +349,11 @@ class App:
     def _draw_messages(self, painted: Painted | None) -> None:
         """Draw the message in place of the picture, or on it, and the latest one."""
         problem = "" if self._history else self._file_commands.documents.problem
-        text = problem or self._screen.missing_message(self._shown, painted)
+        text = problem or self._screen.missing_message(self._drawn, painted)
         if text and (self._history or problem or not self._ui.start):
             fault = bool(problem or self._screen.fault)
             messages.draw_centred(text, fault, bool(problem), self._ui)
-        toast = self._notice.shown
+        toast = self._notice.current
         if toast is not None and toast.text != text and messages.draw_toast(toast, self._ui):
             self._notice.hide()
 
@@ -361,12 +361,12 @@ class App:
         """Use inputs while nothing is open: the start screen's, and the keys once that failed."""
         start.draw(None, self._ui)
         failed = bool(self._file_commands.documents.problem)
-        for given in inputs:
-            command = BY_KEY.get(given.key) if given.name == "key" else None
-            if given.name == "drop" and given.paths and not failed:
-                self._early.append(given)
-            elif given.name == "drop" and given.paths:
-                self._file_commands.drop(given.paths, None)
+        for event in inputs:
+            command = BY_KEY.get(event.key) if event.name == "key" else None
+            if event.name == "drop" and event.paths and not failed:
+                self._early.append(event)
+            elif event.name == "drop" and event.paths:
+                self._file_commands.drop(event.paths, None)
             elif failed and command is not None and command.name in ("open", "quit"):
                 self._ui.request(command.name)
         requests, self._ui.requests = self._ui.requests, []
@@ -385,15 +385,15 @@ class App:
         if self._fade is None:
             self._fading = False
             return state
-        shown = during_fade(state, now - self._fade_began)
-        self._fading = shown is not state
-        return shown
+        faded = during_fade(state, now - self._fade_began)
+        self._fading = faded is not state
+        return faded
 
     def _results(self) -> Results:
         screen, meter = self._screen, self._meter
         return Results(
             image=screen.image,
-            whole=screen.whole,
+            sharp=screen.sharp,
             shown_at=screen.shown_at,
             side_by_side=screen.side_by_side,
             fault=screen.fault,
@@ -402,13 +402,13 @@ class App:
             under_mouse=screen.under_mouse,
             error_map=screen.error_map,
             slices=screen.slices,
-            step=0 if self._present is None else self._steps.wanted(self._present.document),
+            step=0 if self._present is None else self._steps.requested(self._present.document),
             playing=(self._steps.playing, self._steps.loops),
             design=self._designs.status,
             recent=self._file_commands.documents.recent,
             messages=self._notice.messages,
             thumbnails=self._thumbnails,
-            rendition=self._renditions.shown,
+            rendition=self._renditions.latest,
         )
 
     def _next(self, state: ViewState, inputs: list[Input], area: Area) -> ViewState:
@@ -418,18 +418,18 @@ class App:
         width, height = (min(max(side, MIN_PICTURE), MAX_PICTURE) for side in sides)
         state = replace(state, size=(width, height))
         writing = imgui.get_io().want_text_input
-        for given in inputs:
-            if given.name != "move":
-                self._trace.note(given.name, key=given.key, button=given.button)
-            if given.name == "drop" and given.paths:
-                self._file_commands.drop(given.paths, state)
+        for event in inputs:
+            if event.name != "move":
+                self._trace.note(event.name, key=event.key, button=event.button)
+            if event.name == "drop" and event.paths:
+                self._file_commands.drop(event.paths, state)
                 continue
             # The command palette takes keys before its field has the focus, too.
             typing = writing or self._ui.commands is not None
-            if given.name != "key" or typing or self._focus.takes(given.key, bool(self._ui.menu)):
+            if event.name != "key" or typing or self._focus.takes(event.key, bool(self._ui.menu)):
                 continue
-            if given.key in BY_KEY:
-                state = self._ui.run(state, BY_KEY[given.key])
+            if event.key in BY_KEY:
+                state = self._ui.run(state, BY_KEY[event.key])
         state = self._mouse.apply(state, inputs, area)
         if self._mouse.clicked is not None:
             self._clicks.append(self._mouse.clicked)
@@ -507,7 +507,7 @@ class App:
 
     def _update(self, change: Difference, now: float) -> None:
         """Start what a change needs: a cast, or a relight."""
-        self._shown = change.new
+        self._drawn = change.new
         recomposes = change.stage == "recompose" and self._screen.idle.recomposes(change.new)
         if recomposes:
             self._scheduler.follow(change.new)
@@ -520,9 +520,9 @@ class App:
 
     def _relight(self, state: ViewState) -> None:
         """Draw the picture of a state for the next frame."""
-        held = self._moves
-        draws = self._screen.relight(state, held)
-        if self._screen.probe(state, self._mouse.over_picture, held) or draws:
+        dragging = self._moves
+        draws = self._screen.relight(state, dragging)
+        if self._screen.probe(state, self._mouse.over_picture, dragging) or draws:
             self._settle = max(self._settle, 1)
 
     @property

@@ -54,11 +54,11 @@ def pan(state: ViewState, across: float, down: float) -> ViewState:
     camera = state.view.camera(volume)
     right, up, _ = camera.frame()
     half = camera.distance_mm * math.tan(math.radians(camera.fov_deg) / 2)
-    tall = camera.height_mm or 2 * half
+    height_mm = camera.height_mm or 2 * half
     centre = volume.corners_mm.mean(axis=0)
-    far = np.asarray(camera.target_mm) + tall * (down * up - across * right) - centre
-    most = _FURTHEST * radius_mm(volume)
-    far *= min(1.0, most / (float(np.linalg.norm(far)) or most))
+    far = np.asarray(camera.target_mm) + height_mm * (down * up - across * right) - centre
+    max_mm = _FURTHEST * radius_mm(volume)
+    far *= min(1.0, max_mm / (float(np.linalg.norm(far)) or max_mm))
     return _with_view(state, target_mm=vector(centre + far))
 
 

@@ -77,10 +77,10 @@ class Dropped:
         >>> Dropped(("before.nii", "after.nii")).moved_up("after.nii").paths
         ('after.nii', 'before.nii')
         """
-        at = self.paths.index(path)
-        above = max(at - 1, 0)
-        rest = self.paths[:at] + self.paths[at + 1 :]
-        return replace(self, paths=(*rest[:above], path, *rest[above:]))
+        index = self.paths.index(path)
+        above = max(index - 1, 0)
+        remaining = self.paths[:index] + self.paths[index + 1 :]
+        return replace(self, paths=(*remaining[:above], path, *remaining[above:]))
 
     @property
     def numbered(self) -> bool:
@@ -120,10 +120,10 @@ def scale_choice(volume: Volume) -> tuple[Choice, ...]:
     """Return the choice between values and their logarithms, if they are over decades."""
     is_log = volume.metadata.is_log
     if not is_log:
-        every = tuple(slice(None, None, -(-n // _LOOKED_AT)) for n in volume.values.shape)
-        above = volume.values[every][volume.values[every] > 0]
-        wide = above.size > 0 and _DECADES * float(np.median(above)) < volume.range[1]
-        if not wide or volume.range[0] < 0 or volume.pyramid is not None or volume.labels:
+        strides = tuple(slice(None, None, -(-n // _LOOKED_AT)) for n in volume.values.shape)
+        above = volume.values[strides][volume.values[strides] > 0]
+        spans_decades = above.size > 0 and _DECADES * float(np.median(above)) < volume.range[1]
+        if not spans_decades or volume.range[0] < 0 or volume.pyramid is not None or volume.labels:
             return ()
     return (Choice("scale", SCALES, ("as they are", "logarithmic"), SCALES[is_log]),)
 
@@ -171,21 +171,21 @@ class RawLayout:
             options["order"] = self.order
         return options | ({"offset": str(self.offset)} if self.offset else {})
 
-    def check(self, held: int) -> tuple[bool, str]:
+    def check(self, nbytes: int) -> tuple[bool, str]:
         """Compare with a file's size; return whether it can be read, and a line about it."""
-        rest = held - self.offset - self.nbytes
-        have, need = f"the file has {held:,} bytes", f"takes {self.nbytes:,}"
+        surplus = nbytes - self.offset - self.nbytes
+        have, need = f"the file has {nbytes:,} bytes", f"takes {self.nbytes:,}"
         if min(self.shape) < 1 or self.offset < 0:
             return False, "Give positive counts, and an offset of 0 or more"
-        if rest < 0:
-            return False, f"This layout {need}, {have}: {-rest:,} too few"
-        if rest > 0:
-            return True, f"This layout {need}, {have}: {rest:,} are left over"
-        return True, f"This layout {need} bytes, as the file has ({size_text(held)})"
+        if surplus < 0:
+            return False, f"This layout {need}, {have}: {-surplus:,} too few"
+        if surplus > 0:
+            return True, f"This layout {need}, {have}: {surplus:,} are left over"
+        return True, f"This layout {need} bytes, as the file has ({size_text(nbytes)})"
 
     def __str__(self) -> str:
-        wide = np.dtype(self.dtype).itemsize > 1
-        order = f", {self.order}-endian" if wide else ""
+        multibyte = np.dtype(self.dtype).itemsize > 1
+        order = f", {self.order}-endian" if multibyte else ""
         offset = f", after {self.offset} bytes" if self.offset else ""
         return f"{' × '.join(map(str, self.shape))}, {self.dtype}{order}{offset}"
 
@@ -201,7 +201,7 @@ _SHAPE = re.compile(r"(?<!\d)(\d{1,5})[x_×,-](\d{1,5})[x_×,-](\d{1,5})(?!\d)",
 _MAX_HEADER = 4096
 
 
-def guess_layouts(name: str, held: int, sample: bytes) -> tuple[RawLayout, ...]:
+def guess_layouts(name: str, nbytes: int, sample: bytes) -> tuple[RawLayout, ...]:
     """Return plausible layouts of a file, the best first.
 
     Shapes are the one in the file's name, cubes, and stacks of square slices of usual sizes. Types
@@ -212,28 +212,28 @@ def guess_layouts(name: str, held: int, sample: bytes) -> tuple[RawLayout, ...]:
     '256 × 256 × 110, uint8'
     """
     types = _types(sample)
-    found: dict[RawLayout, tuple[float, ...]] = {}
+    layouts: dict[RawLayout, tuple[float, ...]] = {}
     for number, (dtype, order, roughness) in enumerate(types):
         itemsize = np.dtype(dtype).itemsize
-        said = dtype in name.lower()
+        named = dtype in name.lower()
         for match in _SHAPE.finditer(name):
             x, y, z = map(int, match.groups())
             layout = RawLayout((x, y, z), dtype, order)
-            rest = held - layout.nbytes
-            if 0 <= rest <= _MAX_HEADER and layout.nbytes:
-                layout = RawLayout((x, y, z), dtype, order, offset=rest)
-                found.setdefault(layout, (0, not said, rest > 0, roughness, number))
-        if held % itemsize:
+            remainder = nbytes - layout.nbytes
+            if 0 <= remainder <= _MAX_HEADER and layout.nbytes:
+                layout = RawLayout((x, y, z), dtype, order, offset=remainder)
+                layouts.setdefault(layout, (0, not named, remainder > 0, roughness, number))
+        if nbytes % itemsize:
             continue
-        count = held // itemsize
+        count = nbytes // itemsize
         cube = round(count ** (1 / 3))
         for side in (*_SIDES, cube):
-            depth, rest = divmod(count, max(side, 1) ** 2)
-            if rest == 0 and 8 <= depth <= 8 * side:
+            depth, remainder = divmod(count, max(side, 1) ** 2)
+            if remainder == 0 and 8 <= depth <= 8 * side:
                 unlike = abs(math.log(depth / side))
-                key = (1, not said, round(roughness, 1), unlike, number)
-                found.setdefault(RawLayout((side, side, depth), dtype, order), key)
-    ranked = sorted(found, key=lambda layout: found[layout])
+                key = (1, not named, round(roughness, 1), unlike, number)
+                layouts.setdefault(RawLayout((side, side, depth), dtype, order), key)
+    ranked = sorted(layouts, key=lambda layout: layouts[layout])
     return tuple(ranked[:MAX_GUESSES])
 
 

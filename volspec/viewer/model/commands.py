@@ -40,31 +40,31 @@ def rank_matches(
     rows: Sequence[Row],
     search: str,
     text: Callable[[Row], str],
-    others: Callable[[Row], str] = lambda _: "",
+    synonyms: Callable[[Row], str] = lambda _: "",
 ) -> list[Row]:
     """Return the rows whose text contains the letters of every word in order, best match first.
 
-    A word that begins one of the row's ``others``, such as other names, counts less than one of its
-    text.
+    A word that begins one of the row's ``synonyms``, such as other names, counts less than one of
+    its text.
     """
     words = search.casefold().split()
     if not words:
         return list(rows)
-    rated = [(_rating(words, text(row).casefold(), others(row).casefold()), row) for row in rows]
-    found = [(rating, row) for rating, row in rated if rating is not None]
-    return [row for _, row in sorted(found, key=lambda pair: -pair[0])]
+    rated = [(_rating(words, text(row).casefold(), synonyms(row).casefold()), row) for row in rows]
+    matches = [(rating, row) for rating, row in rated if rating is not None]
+    return [row for _, row in sorted(matches, key=lambda pair: -pair[0])]
 
 
-def _rating(words: Sequence[str], text: str, others: str) -> float | None:
+def _rating(words: Sequence[str], text: str, synonyms: str) -> float | None:
     """Rate how well words match a text, higher is better; None if any word does not match."""
     total = 0.0
     for word in words:
-        at = text.find(word)
-        if f" {word}" in f" {text}" or (at > 0 and not text[at - 1].isalnum()):
+        index = text.find(word)
+        if f" {word}" in f" {text}" or (index > 0 and not text[index - 1].isalnum()):
             total += 4.0
-        elif f" {word}" in f" {others}":
+        elif f" {word}" in f" {synonyms}":
             total += 3.0
-        elif at > 0:
+        elif index > 0:
             total += 2.0
         elif (spread := _spread(word, text)) and spread <= _LOOSE * len(word):
             total += len(word) / spread
@@ -75,13 +75,13 @@ def _rating(words: Sequence[str], text: str, others: str) -> float | None:
 
 def _spread(word: str, text: str) -> int | None:
     """Return how many letters of a text a word's letters span; None if some are missing."""
-    at, first = -1, -1
+    index, first = -1, -1
     for letter in word:
-        at = text.find(letter, at + 1)
-        if at < 0:
+        index = text.find(letter, index + 1)
+        if index < 0:
             return None
-        first = at if first < 0 else first
-    return at - first + 1
+        first = index if first < 0 else first
+    return index - first + 1
 
 
 def _panel(title: str, *keys: str, words: str) -> Command:

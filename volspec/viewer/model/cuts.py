@@ -66,10 +66,10 @@ def _facing(crop: framing.Crop, volume: Volume, projection: Projection) -> NDArr
     camera, index_from_world = projection.camera, volume.index_from_world
     if camera.height_mm is None:
         eye = index_from_world[:3, :3] @ camera.position_mm + index_from_world[:3, 3]
-        sides = [[at < low, at > high] for at, (low, high) in zip(eye, crop, strict=True)]
+        sides = [[coord < low, coord > high] for coord, (low, high) in zip(eye, crop, strict=True)]
         return np.array(sides).ravel()
     towards = index_from_world[:3, :3] @ camera.frame()[2]
-    return np.array([[along > 0, along < 0] for along in towards]).ravel()
+    return np.array([[component > 0, component < 0] for component in towards]).ravel()
 
 
 def anchor_mm(plane: ClipPlane, volume: Volume) -> Array:
@@ -113,14 +113,14 @@ ARM, APART, _GRIP = 64.0, 26.0, 11.0
 class Handle:
     """A handle of the crop box or of a clip plane, in the window.
 
-    ``held`` is the projection of the face or axis; ``place`` is moved off it if handles overlap.
+    ``anchor`` is the projection of the face or axis; ``place`` is moved off it if handles overlap.
     ``arm`` is the distance of a tilting handle's end from the plane's middle, in pixels.
     """
 
     name: str  # crop, plane-shift or plane-tilt
     index: int  # of the face (2 · axis, + 1 at the far end) or the plane
     place: Place
-    held: Place
+    anchor: Place
     arm: float = 0.0
 
 
@@ -131,18 +131,18 @@ def list_handles(state: ViewState, projection: Projection, scale: float) -> tupl
     pixel density relative to 96 dpi.
     """
     overlays, shading, volume = state.interface.overlays, state.shading, state.document.volume
-    found: list[Handle] = []
+    handles: list[Handle] = []
     if overlays.planes:
         for i, plane in enumerate(shading.clip_planes):
             both = _plane_handles(i, plane, volume, projection, scale)
-            found = [*both, *found] if i == overlays.plane else [*found, *both[:1]]
+            handles = [*both, *handles] if i == overlays.plane else [*handles, *both[:1]]
     if overlays.crop:
         bounds = framing.crop_bounds(shading, volume)
         for face in range(6):
             x, y, depth = (float(v) for v in projection.to_window(_face_mm(bounds, face, volume)))
             if depth > 0:
-                found.append(Handle("crop", face, (x, y), (x, y)))
-    return tuple(found)
+                handles.append(Handle("crop", face, (x, y), (x, y)))
+    return tuple(handles)
 
 
 def drag_handle(
@@ -203,16 +203,16 @@ def _plane_handles(
     return [shift, Handle("plane-tilt", index, drawn, tip, arm)]
 
 
-def nearest_handle(found: tuple[Handle, ...], place: Place, scale: float) -> Handle | None:
+def nearest_handle(handles: tuple[Handle, ...], place: Place, scale: float) -> Handle | None:
     """Return the handle that a press at a place in the window grips."""
-    handle = min(found, key=lambda each: math.dist(each.place, place), default=None)
+    handle = min(handles, key=lambda grip: math.dist(grip.place, place), default=None)
     if handle is None or math.dist(handle.place, place) > _GRIP * scale:
         return None
     return handle
 
 
 @edit
-def move_crop(state: ViewState, face: int, at: float) -> ViewState:
+def move_crop(state: ViewState, face: int, voxel: float) -> ViewState:
     """Move a face of the crop box to a voxel; a box around the whole volume removes the crop."""
     if not 0 <= face < 6:
         return state
@@ -221,13 +221,13 @@ def move_crop(state: ViewState, face: int, at: float) -> ViewState:
     low, high = crop[axis]
     last = volume.shape_xyz[axis] - 1.0
     if far:
-        high = clamp(at, low + framing.MIN_CROP, last)
+        high = clamp(voxel, low + framing.MIN_CROP, last)
     else:
-        low = clamp(at, 0.0, high - framing.MIN_CROP)
+        low = clamp(voxel, 0.0, high - framing.MIN_CROP)
     crop[axis] = low, high
-    whole = all(pair == (0.0, n - 1.0) for pair, n in zip(crop, volume.shape_xyz, strict=True))
+    uncropped = all(pair == (0.0, n - 1.0) for pair, n in zip(crop, volume.shape_xyz, strict=True))
     x, y, z = crop
-    return _with_cuts(state, crop_voxels=None if whole else (x, y, z))
+    return _with_cuts(state, crop_voxels=None if uncropped else (x, y, z))
 
 
 @refusable
@@ -243,8 +243,8 @@ def add_plane(state: ViewState, normal: Vector) -> ViewState:
             )
     if len(planes) >= MAX_PLANES:
         raise InputError(f"The limit is {MAX_PLANES} clip planes; remove one first", code="size")
-    chosen = with_overlays(state, plane=len(planes), planes=True)
-    return _with_cuts(chosen, clip_planes=(*planes, new))
+    selected = with_overlays(state, plane=len(planes), planes=True)
+    return _with_cuts(selected, clip_planes=(*planes, new))
 
 
 @edit
@@ -336,9 +336,9 @@ def overlay_command(
     aid: str, menu: str, title: str, keys: tuple[str, ...] = (), words: str = ""
 ) -> Command:
     """Return the command that shows or hides one of the `Overlays`."""
-    shown = attrgetter(f"interface.overlays.{aid}")
+    visible = attrgetter(f"interface.overlays.{aid}")
     return Command(
-        aid, menu, title, keys, lambda s: with_overlays(s, **{aid: not shown(s)}), shown, words
+        aid, menu, title, keys, lambda s: with_overlays(s, **{aid: not visible(s)}), visible, words
     )
 
 

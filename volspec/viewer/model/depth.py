@@ -42,9 +42,9 @@ def limits_mm(state: ViewState) -> tuple[float, float]:
 def can_be_set(state: ViewState) -> bool:
     """Return True if the picture can have these effects, also if first its basis changes."""
     spectral = not isinstance(state.transfer.basis, MaterialBasis)
-    others = state.fields or state.meshes or state.room or state.document.image is not None
+    more_surfaces = state.fields or state.meshes or state.room or state.document.image is not None
     return can_layer(state) or (
-        spectral and not others and 0 < len(opacities.names(state)) <= MAX_MATERIALS
+        spectral and not more_surfaces and 0 < len(opacities.names(state)) <= MAX_MATERIALS
     )
 
 
@@ -88,10 +88,10 @@ def picture_spec(state: ViewState) -> RaycastSpec:
 
 def left_out(state: ViewState) -> str:
     """Return the effects that the state has, but its picture cannot have; empty if none."""
-    shown, own, cut = focused_depth(state), state.depth, "cut by distance"
+    drawn, effects, cut = focused_depth(state), state.depth, "cut by distance"
     names = {"near_mm": cut, "far_mm": cut, "fog_mm": "fog", "focus_mm": "focus"}
-    lost = (name for key, name in names.items() if getattr(own, key) != getattr(shown, key))
-    return ", ".join(dict.fromkeys(lost))
+    omitted = (name for key, name in names.items() if getattr(effects, key) != getattr(drawn, key))
+    return ", ".join(dict.fromkeys(omitted))
 
 
 def can_focus(state: ViewState) -> bool:
@@ -121,13 +121,13 @@ def fog(state: ViewState) -> float:
 @edit
 def set_cut(state: ViewState, near_mm: float, far_mm: float) -> ViewState:
     """Hide what is nearer or farther; at the ends of `limits_mm` nothing is cut."""
-    least, most = limits_mm(state)
-    near = clamp(near_mm, least, math.nextafter(most, 0))
-    far = clamp(far_mm, math.nextafter(near, math.inf), most)
+    min_mm, max_mm = limits_mm(state)
+    near = clamp(near_mm, min_mm, math.nextafter(max_mm, 0))
+    far = clamp(far_mm, math.nextafter(near, math.inf), max_mm)
     cut = replace(
         state.depth,
-        near_mm=near if near > least else 0.0,
-        far_mm=far if far < most else None,
+        near_mm=near if near > min_mm else 0.0,
+        far_mm=far if far < max_mm else None,
     )
     return _with(state, cut)
 
@@ -138,10 +138,10 @@ def set_fog(state: ViewState, times: float) -> ViewState:
 
     It begins where the volume does.
     """
-    least, most = limits_mm(state)
+    min_mm, max_mm = limits_mm(state)
     times = clamp(times, 0.0, MAX_FOG)
-    fog_mm = (most - least) / times if times > 0 else None
-    start = least if fog_mm is not None else 0.0
+    fog_mm = (max_mm - min_mm) / times if times > 0 else None
+    start = min_mm if fog_mm is not None else 0.0
     foggy = replace(state.depth, fog_mm=fog_mm, fog_from_mm=start)
     return _with(state, foggy)
 
@@ -157,10 +157,10 @@ def set_focus(state: ViewState, focus_mm: float | None) -> ViewState:
 @edit
 def set_aperture(state: ViewState, aperture_mm: float) -> ViewState:
     """Open the lens so wide."""
-    least, most = (part * (state.depth.focus_mm or 0.0) for part in APERTURES)
-    if not 0 < least < most:
+    min_mm, max_mm = (part * (state.depth.focus_mm or 0.0) for part in APERTURES)
+    if not 0 < min_mm < max_mm:
         return state
-    return _with(state, replace(state.depth, aperture_mm=clamp(aperture_mm, least, most)))
+    return _with(state, replace(state.depth, aperture_mm=clamp(aperture_mm, min_mm, max_mm)))
 
 
 @edit
@@ -177,8 +177,8 @@ def _with(state: ViewState, depth: DepthEffects) -> ViewState:
 
 def shown_stereo(state: ViewState) -> Layout | Literal[""]:
     """Return the layout of both eyes' pictures; empty if one is shown."""
-    shown = can_layer(state) and not state.interface.error_map
-    return state.interface.stereo if shown else ""
+    possible = can_layer(state) and not state.interface.error_map
+    return state.interface.stereo if possible else ""
 
 
 @refusable

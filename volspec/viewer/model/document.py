@@ -80,26 +80,26 @@ def _samples(volume: Volume, count: int) -> Samples:
     About ``count`` of them; gradients by central differences.
     """
     values = volume.values
-    every = max(1, round((values.size / count) ** (1 / 3)))
-    at = [np.arange(min(1, n - 2), max(n - 1, 1), every) for n in values.shape]
-    square = np.zeros([len(indices) for indices in at])
+    stride = max(1, round((values.size / count) ** (1 / 3)))
+    lattice = [np.arange(min(1, n - 2), max(n - 1, 1), stride) for n in values.shape]
+    square = np.zeros([len(indices) for indices in lattice])
     for axis, spacing in enumerate(volume.spacing_mm[::-1]):
-        before, after = (_sample_shifted(values, at, axis, by) for by in (-1, 1))
+        before, after = (_sample_shifted(values, lattice, axis, by) for by in (-1, 1))
         square += ((after - before) / (2 * spacing)) ** 2
     gradients = np.sqrt(square).ravel()
     low, high = volume.typical_range
-    there = gradients <= _STEEPEST * (high - low) / min(volume.spacing_mm)
-    here = _sample_shifted(values, at, 0, 0).ravel()
-    there &= (here >= low) & (here <= high)
-    return here[there], gradients[there]
+    valid = gradients <= _STEEPEST * (high - low) / min(volume.spacing_mm)
+    here = _sample_shifted(values, lattice, 0, 0).ravel()
+    valid &= (here >= low) & (here <= high)
+    return here[valid], gradients[valid]
 
 
 def _sample_shifted(
-    values: NDArray[Any], at: list[NDArray[np.intp]], axis: int, by: int
+    values: NDArray[Any], indices: list[NDArray[np.intp]], axis: int, by: int
 ) -> NDArray[np.float64]:
     """Return the voxels at indices shifted along one axis and clamped to its ends."""
-    shifted = [*at]
-    shifted[axis] = np.clip(at[axis] + by, 0, values.shape[axis] - 1)
+    shifted = [*indices]
+    shifted[axis] = np.clip(indices[axis] + by, 0, values.shape[axis] - 1)
     return values[np.ix_(*shifted)].astype(np.float64)
 
 
@@ -111,7 +111,7 @@ class FieldData:
     histogram: NDArray[np.float64]  # (256,) voxels by value over the volume's range
     joint: JointHistogram
 
-    def at(self, volume: Volume) -> FieldData:
+    def at_step(self, volume: Volume) -> FieldData:
         """Return the data with the volume of another time step."""
         return replace(self, volume=volume)
 
@@ -128,13 +128,13 @@ def field_data(steps: Series | tuple[Volume, ...]) -> dict[str, FieldData]:
     counts = {name: np.zeros(0) for name in first}
     samples: dict[str, list[Samples]] = {name: [] for name in first}
     for step in steps:
-        for name, each in step.by_role.items():
-            own = presets.histogram(each)
-            counts[name] = counts[name] + own if counts[name].size else own
-            samples[name].append(_samples(each, max(_SAMPLES // len(steps), 1)))
+        for name, vol in step.by_role.items():
+            histogram = presets.histogram(vol)
+            counts[name] = counts[name] + histogram if counts[name].size else histogram
+            samples[name].append(_samples(vol, max(_SAMPLES // len(steps), 1)))
     return {
-        name: FieldData(each, counts[name], JointHistogram.of(samples[name], each.typical_range))
-        for name, each in first.items()
+        name: FieldData(vol, counts[name], JointHistogram.of(samples[name], vol.typical_range))
+        for name, vol in first.items()
     }
 
 
@@ -196,13 +196,13 @@ class Document:
 
     def __post_init__(self) -> None:
         data = field_data((self.volume,) if self.series is None else self.series)
-        for name, each in self.volume.by_role.items():
-            data[name] = data[name].at(each)
+        for name, volume in self.volume.by_role.items():
+            data[name] = data[name].at_step(volume)
         object.__setattr__(self, "data", data)
 
     def at_step(self, step: int, volume: Volume, caster: Raycaster | None) -> Document:
         """Return the document at another time step; histograms are of all steps."""
-        data = {name: self.data[name].at(each) for name, each in volume.by_role.items()}
+        data = {name: self.data[name].at_step(scalars) for name, scalars in volume.by_role.items()}
         return self._with(step=step, volume=volume, caster=caster, data=data)
 
     def with_choices(self, choices: tuple[Choice, ...]) -> Document:
@@ -269,7 +269,7 @@ class Document:
         if (source := self.source) is None:
             return None
         folders = Path(source.partition("?")[0]).absolute().parents
-        folder = next(each for each in folders if PATTERN not in each.name)
+        folder = next(parent for parent in folders if PATTERN not in parent.name)
         return None if folder.is_relative_to(demo().parents[1]) else folder
 
     @property
@@ -325,7 +325,7 @@ def _file_view(scene: Scene, volume: Volume) -> View:
     table = scene.file.camera
     if table.position_mm is not None:
         return View.of(scene.camera(volume), volume)
-    return View(**{each.name: getattr(table, each.name) for each in fields(Orbit)})
+    return View(**{setting.name: getattr(table, setting.name) for setting in fields(Orbit)})
 
 
 def _with_box(file: SceneFile, volume: Volume) -> SceneFile:

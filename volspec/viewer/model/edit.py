@@ -43,9 +43,9 @@ def after(change: Change, state: ViewState) -> Edited:
     return result if isinstance(result, Edited) else Edited(result)
 
 
-def bind(change: Callable[..., ViewState | Edited], *given: Any, **named: Any) -> Change:
+def bind(change: Callable[..., ViewState | Edited], *args: Any, **named: Any) -> Change:
     """Bind all arguments of an edit except the state."""
-    return lambda state: change(state, *given, **named)
+    return lambda state: change(state, *args, **named)
 
 
 def with_interface(state: ViewState, **changes: Any) -> ViewState:
@@ -59,11 +59,11 @@ def edit(
     """Make an edit total: NaN, infinities and refusals leave the state as it is."""
 
     @wraps(function)
-    def total(state: ViewState, /, *given: P.args, **named: P.kwargs) -> ViewState:
-        if not _is_finite((given, *named.values())):
+    def total(state: ViewState, /, *args: P.args, **named: P.kwargs) -> ViewState:
+        if not _is_finite((args, *named.values())):
             return state
         try:
-            return function(state, *given, **named)
+            return function(state, *args, **named)
         except VolspecError:
             return state
 
@@ -76,11 +76,11 @@ def refusable(
     """Make a refused edit return its message instead of raising an error."""
 
     @wraps(function)
-    def total(state: ViewState, /, *given: P.args, **named: P.kwargs) -> Edited:
-        if not _is_finite((given, *named.values())):
+    def total(state: ViewState, /, *args: P.args, **named: P.kwargs) -> Edited:
+        if not _is_finite((args, *named.values())):
             return Edited(state)
         try:
-            return Edited(function(state, *given, **named))
+            return Edited(function(state, *args, **named))
         except (VolspecError, ValueError, OSError) as error:
             return Edited(state, one_line(error))
 

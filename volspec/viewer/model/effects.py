@@ -73,25 +73,25 @@ def find_difference(state: ViewState) -> DiscriminatingLight | Redesigned:
         )
     scene, (one, daylight) = palette_results.wizard_scene(state), palette_table.wizard_place(state)
     two = next(name for name in state.interface.pick.materials if name != one)
-    found = show_difference(scene, one, two, under=daylight)
-    if found.delta_e >= _CLEAR:
-        return found
+    telling = show_difference(scene, one, two, under=daylight)
+    if telling.delta_e >= _CLEAR:
+        return telling
     new = palette_table.new_name(state)
     return reveal(scene, one, under=new, like=daylight, distance=_DESIGNED)
 
 
-def with_light(state: ViewState, found: DiscriminatingLight) -> ViewState:
+def with_light(state: ViewState, telling: DiscriminatingLight) -> ViewState:
     """Return the state with a found light, alone; nothing changes if there is no room for it."""
     rows = state.lights
     if len(rows) >= MAX_ROWS:
         return state
-    name, label = found.text, ""
-    if found.is_mixture:
-        peaks = [part.partition("*")[0].removeprefix("led:") for part in found.text.split("+")]
+    name, label = telling.text, ""
+    if telling.is_mixture:
+        peaks = [part.partition("*")[0].removeprefix("led:") for part in telling.text.split("+")]
         name, label = "LEDs", f"white of LEDs at {', '.join(peaks)} nm"
     name = unused_name(name, {row.name for row in rows})
-    rig = LightRig((light(found.text, state.document.grid),))
-    row = LightRow(name, label, rig, texts=(found.text,))
+    rig = LightRig((light(telling.text, state.document.grid),))
+    row = LightRow(name, label, rig, texts=(telling.text,))
     new = replace(state, transfer=with_material_basis(state.transfer))
     return lights.with_last(new, only_row((*rows, row), len(rows)))
 
@@ -105,7 +105,7 @@ class Outcome:
     telling: int  # and of the other one
     before: float  # CIEDE2000 in daylight
     after: float
-    shown: float  # under the telling light
+    revealed: float  # under the telling light
 
 
 def outcome(begun: ViewState, state: ViewState, kind: str) -> Outcome | None:
@@ -117,50 +117,50 @@ def outcome(begun: ViewState, state: ViewState, kind: str) -> Outcome | None:
     if daylight is None or len(rows) < 2 or first not in names or len(names) < 2:
         return None
     old, new = palette_results.wizard_scene(begun), palette_results.wizard_scene(state)
-    others = [name for name in (picked or names) if name != first]
-    apart = {other: _apart(new, daylight, first, other) for other in others}
+    candidates = [name for name in (picked or names) if name != first]
+    distances = {other: _delta_e(new, daylight, first, other) for other in candidates}
     # A hidden material is compared with the one that it is hidden in.
-    second = min(apart, key=apart.__getitem__)
-    rest = [index for index in range(len(rows)) if index != daylight]
+    second = min(distances, key=distances.__getitem__)
+    other_lights = [index for index in range(len(rows)) if index != daylight]
     if kind == DIFFERENCE:
-        rest = [len(rows) - 1]
-    telling = max(rest, key=lambda index: _apart(new, index, first, second))
+        other_lights = [len(rows) - 1]
+    telling = max(other_lights, key=lambda index: _delta_e(new, index, first, second))
     return Outcome(
         (first, second),
         daylight,
         telling,
-        _apart(old, daylight, first, second),
-        apart[second],
-        _apart(new, telling, first, second),
+        _delta_e(old, daylight, first, second),
+        distances[second],
+        _delta_e(new, telling, first, second),
     )
 
 
-def _apart(scene: Scene, index: int, one: str, two: str) -> float:
+def _delta_e(scene: Scene, index: int, one: str, two: str) -> float:
     """Return CIEDE2000 of two materials under one of a scene's lights."""
     names = list(scene.materials)
     Lab = displayed_Lab(scene, scene.lights[index])
     return float(delta_E_2000(Lab[names.index(one)], Lab[names.index(two)]))
 
 
-def with_comparison(state: ViewState, found: Outcome) -> ViewState:
+def with_comparison(state: ViewState, effect: Outcome) -> ViewState:
     """Return the state with daylight right of a divide, and the telling light left of it."""
     rows = state.lights
-    new = replace(state, lights=only_row(rows, found.telling), divide=0.5)
-    return lights.choose(replace(new, other=only_row(rows, found.daylight)), found.telling)
+    new = replace(state, lights=only_row(rows, effect.telling), divide=0.5)
+    return lights.choose(replace(new, other=only_row(rows, effect.daylight)), effect.telling)
 
 
-def sentences(found: Outcome, rows: Rows) -> tuple[str, ...]:
+def sentences(effect: Outcome, rows: Rows) -> tuple[str, ...]:
     """Return an outcome in plain words."""
-    one, two = found.pair
-    now, before = describe(found.after), describe(found.before)
-    change = f"ΔE {found.after:.1f}, {now}"
-    if abs(found.after - found.before) >= 0.05:
-        change = f"ΔE {found.before:.1f} before ({before}), {found.after:.1f} now ({now})"
-    row = rows[found.telling]
+    one, two = effect.pair
+    now, before = describe(effect.after), describe(effect.before)
+    change = f"ΔE {effect.after:.1f}, {now}"
+    if abs(effect.after - effect.before) >= 0.05:
+        change = f"ΔE {effect.before:.1f} before ({before}), {effect.after:.1f} now ({now})"
+    row = rows[effect.telling]
     name = f"{row.name} ({row.label})" if row.label and row.label != row.name else row.name
     return (
         f"In daylight, {one} and {two}: {change}",
-        f"Under {name}: ΔE {found.shown:.1f}, {describe(found.shown)}",
+        f"Under {name}: ΔE {effect.revealed:.1f}, {describe(effect.revealed)}",
     )
 
 

@@ -25,11 +25,11 @@ def all_fields(state: ViewState) -> list[FieldLook]:
     return _present(state.transfer, state.fields, state.chosen_field)
 
 
-def _present(transfer: Transfer, looks: tuple[FieldLook, ...], chosen: int) -> list[FieldLook]:
+def _present(transfer: Transfer, looks: tuple[FieldLook, ...], index: int) -> list[FieldLook]:
     materials, basis = transfer.materials, transfer.basis
     return [
         replace(look, transfer=transfer)
-        if number == chosen
+        if number == index
         else replace(look, transfer=replace(look.transfer, materials=materials, basis=basis))
         for number, look in enumerate(looks)
     ]
@@ -48,8 +48,8 @@ def shown_transfer(state: ViewState) -> Transfers:
 
 
 @lru_cache(maxsize=4)
-def _composed(transfer: Transfer, fields: tuple[FieldLook, ...], chosen: int) -> FieldFunctions:
-    looks = _present(transfer, fields, chosen)
+def _composed(transfer: Transfer, fields: tuple[FieldLook, ...], index: int) -> FieldFunctions:
+    looks = _present(transfer, fields, index)
     functions: dict[str, TransferFunction] = {}
     for look in looks:
         if not isinstance(look.transfer, TransferFunction):
@@ -69,12 +69,12 @@ def with_all_fields(old: ViewState, new: ViewState) -> Edited:
     """
     if new.transfer is old.transfer:
         return Edited(new)
-    known, functions = new.transfer.materials, other_functions(new).values()
-    used = {name for function in functions for name in _used(function) if name not in known}
+    materials, functions = new.transfer.materials, other_functions(new).values()
+    used = {name for function in functions for name in _used(function) if name not in materials}
     try:
         if used:
-            own = {name: each for name, each in old.transfer.materials.items() if name in used}
-            new = replace(new, transfer=with_materials(new.transfer, {**known, **own}))
+            added = {name: s for name, s in old.transfer.materials.items() if name in used}
+            new = replace(new, transfer=with_materials(new.transfer, {**materials, **added}))
         shown_transfer(new)
     except VolspecError as error:
         new = replace(new, transfer=old.transfer, shift=old.shift, thickness=old.thickness)
@@ -105,9 +105,9 @@ def choose(state: ViewState, number: int) -> ViewState:
     if number == state.chosen_field or not 0 <= number < len(state.fields):
         return state
     looks = tuple(all_fields(state))
-    plain = replace(state, shift=0.0, thickness=1.0, unthickened=None)
-    chosen = replace(plain, transfer=looks[number].transfer, fields=looks, chosen_field=number)
-    return with_interface(chosen, part=0)
+    unscaled = replace(state, shift=0.0, thickness=1.0, unthickened=None)
+    switched = replace(unscaled, transfer=looks[number].transfer, fields=looks, chosen_field=number)
+    return with_interface(switched, part=0)
 
 
 @edit
@@ -117,16 +117,16 @@ def set_weight(state: ViewState, number: int, weight: float) -> ViewState:
 
 
 @edit
-def set_shown(state: ViewState, number: int, shown: bool) -> ViewState:
+def set_shown(state: ViewState, number: int, visible: bool) -> ViewState:
     """Show or hide a field."""
-    return _changed(state, number, shown=bool(shown))
+    return _changed(state, number, shown=bool(visible))
 
 
 @edit
 def solo(state: ViewState, number: int) -> ViewState:
     """Show one field alone, or all if it is."""
-    every = is_alone(state, number)
-    looks = [replace(look, shown=every or i == number) for i, look in enumerate(state.fields)]
+    show_all = is_alone(state, number)
+    looks = [replace(look, shown=show_all or i == number) for i, look in enumerate(state.fields)]
     return replace(state, fields=tuple(looks))
 
 

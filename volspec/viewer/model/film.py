@@ -40,8 +40,8 @@ class Film:
 
 def with_frames(film: Film, frames: int) -> Film:
     """Return a film of a number of frames, at the same rate."""
-    most = int(SECONDS[1] * film.fps)
-    return replace(film, seconds=min(max(frames, 1), most) / film.fps)
+    max_frames = int(SECONDS[1] * film.fps)
+    return replace(film, seconds=min(max(frames, 1), max_frames) / film.fps)
 
 
 def film_steps(document: Document, film: Film) -> list[int | None]:
@@ -94,7 +94,7 @@ def _lights_at(stops: list[_Stop], film: Film, index: int) -> _Stop:
     """Return the lights of a frame; a film that loops ends one frame before its start."""
     fades = len(stops) if film.loops else len(stops) - 1
     steps = film.frames if film.loops else max(film.frames - 1, 1)
-    at, part = divmod(index * fades, steps)
+    i, part = divmod(index * fades, steps)
     if part == 0 or len(stops) == 1:
-        return stops[at % len(stops)]
-    return interpolate_lights(stops[at % len(stops)], stops[(at + 1) % len(stops)], part / steps)
+        return stops[i % len(stops)]
+    return interpolate_lights(stops[i % len(stops)], stops[(i + 1) % len(stops)], part / steps)

@@ -152,8 +152,8 @@ def without_cast(old: ViewState, new: ViewState) -> Edited:
         kept["shading"] = replace(old.shading, opacities=new.shading.opacities)
         if kept["shading"] == new.shading:
             del kept["shading"]
-    found = Edited(replace(new, unthickened=old.unthickened, **kept), ONE_VIEW)
-    return found if kept else Edited(new)
+    edited = Edited(replace(new, unthickened=old.unthickened, **kept), ONE_VIEW)
+    return edited if kept else Edited(new)
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +189,7 @@ class History:
             return amended
         # Undo keeps the time step, and earlier states must not keep those before in memory.
         past, future = (
-            tuple(replace(each, document=state.document) for each in states)
+            tuple(replace(step, document=state.document) for step in states)
             for states in (self.past, self.future)
         )
         return replace(amended, past=past, future=future)
@@ -198,15 +198,15 @@ class History:
         """Go one step back; the window stays as it is."""
         if not self.past:
             return self
-        return self._at(self.past[-1], self.past[:-1], (*self.future, self.present))
+        return self._moved_to(self.past[-1], self.past[:-1], (*self.future, self.present))
 
     def redo(self) -> History:
         """Go one step forward again."""
         if not self.future:
             return self
-        return self._at(self.future[-1], (*self.past, self.present), self.future[:-1])
+        return self._moved_to(self.future[-1], (*self.past, self.present), self.future[:-1])
 
-    def _at(
+    def _moved_to(
         self, state: ViewState, past: tuple[ViewState, ...], future: tuple[ViewState, ...]
     ) -> History:
         now = self.present

@@ -29,8 +29,8 @@ def show_only(state: ViewState, label: int) -> ViewState:
     function = state.transfer
     if not isinstance(function, LabelFunction) or label not in function.labels:
         return state
-    others = function.labels.keys() - {label}
-    return _with_hidden(state, () if function.hidden == others else others)
+    hidden = function.labels.keys() - {label}
+    return _with_hidden(state, () if function.hidden == hidden else hidden)
 
 
 def show_all(state: ViewState) -> ViewState:

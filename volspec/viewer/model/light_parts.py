@@ -54,8 +54,8 @@ def set_lux(state: ViewState, index: int, lux: float, part: int = 0) -> ViewStat
     if not lux > 0:
         return _change_rig(state, index, illuminance_lux=None)
     lux = clamp(lux, *light_rows.LUX)
-    given = row.rig.illuminance_lux or (lux,) * len(row.rig.lights)
-    return _change_rig(state, index, illuminance_lux=light_rows.with_item(given, part, lux))
+    illuminances = row.rig.illuminance_lux or (lux,) * len(row.rig.lights)
+    return _change_rig(state, index, illuminance_lux=light_rows.with_item(illuminances, part, lux))
 
 
 @edit
@@ -103,7 +103,7 @@ def remove_part(state: ViewState, index: int, part: int) -> ViewState:
     row = light_rows.row_at(state.lights, index, part)
     if row is None or len(row.rig.lights) < 2:
         return state
-    return _set_parts(state, index, [each for each in light_rows.parts_of(row) if each[0] != part])
+    return _set_parts(state, index, [term for term in light_rows.parts_of(row) if term[0] != part])
 
 
 @edit
@@ -113,9 +113,9 @@ def split_part(state: ViewState, index: int) -> ViewState:
     groups = light_names(state)
     if row is None or "" not in row.rig.groups or len(groups) < 2:
         return state
-    at, parts = row.rig.groups.index(""), light_rows.parts_of(row)
-    split = [(at, group, parts[at][2]) for group in groups]
-    return _set_parts(state, index, [*parts[:at], *split, *parts[at + 1 :]])
+    index_all, parts = row.rig.groups.index(""), light_rows.parts_of(row)
+    split = [(index_all, group, parts[index_all][2]) for group in groups]
+    return _set_parts(state, index, [*parts[:index_all], *split, *parts[index_all + 1 :]])
 
 
 def _set_parts(state: ViewState, index: int, parts: Sequence[tuple[int, str, float]]) -> ViewState:
@@ -163,8 +163,8 @@ def respell(state: ViewState, index: int, part: int, text: str) -> ViewState:
     if row is None or text.strip() == (row.texts[part] or ""):
         return state
     if state.room is not None and text.strip() == ROOM_LIGHT:
-        own = state.room.own_spectra(row.rig.groups[part])
-        return _with_own_spectra(state, index, part, own)
+        spectra = state.room.own_spectra(row.rig.groups[part])
+        return _with_own_spectra(state, index, part, spectra)
     spectrum, text = light_rows.light_from_text(text, state.document.grid, state.document.folder)
     rig = replace(row.rig, lights=light_rows.with_item(row.rig.lights, part, spectrum))
     texts = light_rows.with_item(row.texts, part, text)
@@ -176,7 +176,7 @@ def respell(state: ViewState, index: int, part: int, text: str) -> ViewState:
 
 
 def _with_own_spectra(
-    state: ViewState, index: int, part: int, own: Mapping[str, Spectrum]
+    state: ViewState, index: int, part: int, spectra: Mapping[str, Spectrum]
 ) -> ViewState:
     """Replace a part of a light by spectra of the room's lamps, by group."""
     row = state.lights[index]
@@ -187,8 +187,8 @@ def _with_own_spectra(
         )
     ]
     weight = row.rig.weights[part]
-    found = [(spectrum, ROOM_LIGHT, group, weight) for group, spectrum in own.items()]
-    lights, texts, groups, weights = zip(*parts[:part], *found, *parts[part + 1 :], strict=True)
+    lamps = [(spectrum, ROOM_LIGHT, group, weight) for group, spectrum in spectra.items()]
+    lights, texts, groups, weights = zip(*parts[:part], *lamps, *parts[part + 1 :], strict=True)
     rig = LightRig(lights, weights, groups=groups)
     new = replace(row, rig=rig, texts=texts, kelvin=None, before=None)
     return put_row(state, index, new, ROOM_LIGHT if len(parts) == 1 else row.name)

@@ -92,21 +92,21 @@ def rows_from_scene(
     lights: Sequence[NamedLight],
     tables: Mapping[str, Sequence[LightSpec]],
     room: SceneRoom | None = None,
-    known: Mapping[str, Spectrum] = MappingProxyType({}),
+    in_memory: Mapping[str, Spectrum] = MappingProxyType({}),
 ) -> Rows:
     """Return a scene's lights, with the file's `rows_by_name`, as rows; the first is on.
 
-    ``known`` holds spectra that are not on disk yet.
+    ``in_memory`` holds spectra that are not on disk yet.
     """
     rows = []
     for i, named in enumerate(lights):
-        given, rig = tables.get(named.name, ()), named.rig
-        specs = [table.spectrum for table in given]
+        specs_of_light, rig = tables.get(named.name, ()), named.rig
+        specs = [table.spectrum for table in specs_of_light]
         if room is not None:
-            rig = room.lamp_rig(given, known)
-            counts = [len(room.row_spectra(table, known)) for table in given]
+            rig = room.lamp_rig(specs_of_light, in_memory)
+            counts = [len(room.row_spectra(table, in_memory)) for table in specs_of_light]
             specs = [spec for spec, n in zip(specs, counts, strict=True) for _ in range(n)]
-        texts = tuple(each if isinstance(each, str) else None for each in specs)
+        texts = tuple(notation if isinstance(notation, str) else None for notation in specs)
         kelvin = kelvin_from_text(texts[0]) if len(texts) == 1 else None
         weight = 1.0 if i == 0 else 0.0
         rows.append(LightRow(named.name, named.label, rig, weight, kelvin=kelvin, texts=texts))
@@ -181,16 +181,16 @@ def _rigs_in_room(rows: Rows, room: SceneRoom) -> tuple[LightRig | None, LightRi
 
 def own_light(room: SceneRoom) -> LightRow:
     """Return the row of the spectra that a room's lights have in its file."""
-    own = room.own_spectra()
-    rig = LightRig(tuple(own.values()), groups=tuple(own))
-    return LightRow(ROOM_LIGHT, "the room's own light", rig, texts=(ROOM_LIGHT,) * len(own))
+    spectra = room.own_spectra()
+    rig = LightRig(tuple(spectra.values()), groups=tuple(spectra))
+    return LightRow(ROOM_LIGHT, "the room's own light", rig, texts=(ROOM_LIGHT,) * len(spectra))
 
 
 def lit_names(rows: Rows) -> str:
     """Return the names of the lights that are on."""
     weights = effective_weights(rows)
-    lit = [row.name for row, weight in zip(rows, weights, strict=True) if weight > 0]
-    return " + ".join(lit[:3]) + (" + …" if len(lit) > 3 else "") or "dark"
+    names = [row.name for row, weight in zip(rows, weights, strict=True) if weight > 0]
+    return " + ".join(names[:3]) + (" + …" if len(names) > 3 else "") or "dark"
 
 
 def parts_by_group(rig: LightRig) -> dict[str, LightRig]:
@@ -198,16 +198,16 @@ def parts_by_group(rig: LightRig) -> dict[str, LightRig]:
     lux = rig.illuminance_lux
     parts = {}
     for group in dict.fromkeys(rig.groups):
-        own = [
+        indices = [
             j
             for j, name in enumerate(rig.groups)
             if name == group and rig.weights[j] > 0 and (lux is None or lux[j] > 0)
         ]
-        if own:
+        if indices:
             parts[group] = LightRig(
-                tuple(rig.lights[j] for j in own),
-                tuple(rig.weights[j] for j in own),
-                tuple(lux[j] for j in own) if lux else None,
+                tuple(rig.lights[j] for j in indices),
+                tuple(rig.weights[j] for j in indices),
+                tuple(lux[j] for j in indices) if lux else None,
             )
     return parts
 
@@ -232,11 +232,11 @@ def with_parts(row: LightRow, parts: Sequence[tuple[int, str, float]]) -> LightR
     return replace(row, rig=rig, texts=texts, kelvin=kelvin, before=None)
 
 
-def regrouped(row: LightRow, names: Mapping[str, str], lit: str = "") -> LightRow:
+def regrouped(row: LightRow, names: Mapping[str, str], new_group: str = "") -> LightRow:
     """Rename the light groups of a row; spectra of those renamed to nothing are removed.
 
-    If nothing would shine, the first spectrum shines from all groups. Group ``lit`` gets the first
-    spectrum, unless one shines from all.
+    If nothing would shine, the first spectrum shines from all groups. Group ``new_group`` gets the
+    first spectrum, unless one shines from all.
     """
     parts = [
         (j, names.get(group, group), weight)
@@ -248,9 +248,9 @@ def regrouped(row: LightRow, names: Mapping[str, str], lit: str = "") -> LightRo
         shining = (j for j, _, w in parts_of(row) if w and (lux is None or lux[j]))
         first = next(shining, 0)
         parts = [(first, "", row.rig.weights[first] or 1.0)]
-    if lit and all(group for _, group, _ in parts):
+    if new_group and all(group for _, group, _ in parts):
         first, _, weight = parts[0]
-        parts = [*parts, (first, lit, weight or 1.0)]
+        parts = [*parts, (first, new_group, weight or 1.0)]
     return row if parts == parts_of(row) else with_parts(row, parts)
 
 
@@ -306,7 +306,7 @@ def unused_name(name: str, taken: Collection[str]) -> str:
     Rows with the same name would become one setting of a scene file.
     """
     numbered = (f"{name} ({number})" for number in itertools.count(2))
-    return next(each for each in itertools.chain((name,), numbered) if each not in taken)
+    return next(attempt for attempt in itertools.chain((name,), numbered) if attempt not in taken)
 
 
 def light_from_text(text: str, grid: SpectralGrid, folder: str = ".") -> tuple[Spectrum, str]:
@@ -328,29 +328,29 @@ def light_from_text(text: str, grid: SpectralGrid, folder: str = ".") -> tuple[S
     return light(text, grid, folder=folder), text
 
 
-def facing_lux(rig: LightRig, shares: Mapping[str, float]) -> float | None:
+def facing_lux(rig: LightRig, group_shares: Mapping[str, float]) -> float | None:
     """Return the illuminance of a surface that faces every source, lux.
 
     None if the rig has no lux, or shines only from groups without a share.
     """
     try:
-        return rig.facing(shares).total_lux
+        return rig.facing(group_shares).total_lux
     except VolspecError:
         return None
 
 
-def lux_note(rows: Rows, shares: Mapping[str, float], spec: RelightSpec) -> str:
+def lux_note(rows: Rows, group_shares: Mapping[str, float], spec: RelightSpec) -> str:
     """Return a sentence that explains the source of the scene's illuminance."""
     viewing_lux = spec.viewing.illuminance_lux
-    lit = [row for row, weight in zip(rows, effective_weights(rows), strict=True) if weight > 0]
-    without = [row.name for row in lit if row.rig.illuminance_lux is None]
-    if lit and not without:
+    shining = [row for row, weight in zip(rows, effective_weights(rows), strict=True) if weight > 0]
+    without = [row.name for row in shining if row.rig.illuminance_lux is None]
+    if shining and not without:
         rig = light_rig(rows)
-        total = facing_lux(rig, shares) if rig else None
+        total = facing_lux(rig, group_shares) if rig else None
         return f"Total {total or 0.0:.4g} lx, to which the eye adapts"
     if without and spec.level == "absolute":
         return f"Level “absolute” needs lux, and {without[0]} has none"
-    if len(without) < len(lit):
+    if len(without) < len(shining):
         names = without[0] + (" …" if len(without) > 1 else "")
         return f"{names} has no brightness in lux; all lights use Viewing's {viewing_lux:.4g} lx"
     return f"No brightness set; using {viewing_lux:.4g} lx (Viewing panel)"

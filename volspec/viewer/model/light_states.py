@@ -28,9 +28,9 @@ _BY_STEP = ("L_A", "Y_b", "surround", "D", "fov_deg")
 
 def recalled_rows(now: light_rows.Rows, saved: light_rows.Rows) -> light_rows.Rows:
     """Return a saved state's lights; current lights that it lacks stay in the list, off."""
-    known = _matching_rows(now, saved)
-    rest = [row for i, row in enumerate(now) if i not in known]
-    return (*saved, *(replace(row, weight=0.0, solo=False, muted=False) for row in rest))
+    matches = _matching_rows(now, saved)
+    unmatched = [row for i, row in enumerate(now) if i not in matches]
+    return (*saved, *(replace(row, weight=0.0, solo=False, muted=False) for row in unmatched))
 
 
 def _matching_rows(start: light_rows.Rows, end: light_rows.Rows) -> list[int | None]:
@@ -40,7 +40,7 @@ def _matching_rows(start: light_rows.Rows, end: light_rows.Rows) -> list[int | N
     light that was renamed), else as Planck radiators.
     """
     left = dict(enumerate(start))
-    found: dict[int, int] = {}
+    matches: dict[int, int] = {}
     tests: tuple[Callable[[light_rows.LightRow, light_rows.LightRow], bool], ...] = (
         lambda old, new: old.rig is new.rig and old.name == new.name,
         lambda old, new: _root(old) == _root(new),
@@ -48,45 +48,45 @@ def _matching_rows(start: light_rows.Rows, end: light_rows.Rows) -> list[int | N
         lambda old, new: old.kelvin is not None and new.kelvin is not None,
     )
     for is_match in tests:
-        for at, new in enumerate(end):
-            if at in found:
+        for index, new in enumerate(end):
+            if index in matches:
                 continue
             match = next((i for i, old in left.items() if is_match(old, new)), None)
             if match is not None:
-                found[at] = match
+                matches[index] = match
                 del left[match]
-    return [found.get(at) for at in range(len(end))]
+    return [matches.get(index) for index in range(len(end))]
 
 
 def interpolate_lights(
     start: tuple[light_rows.Rows, RelightSpec],
     end: tuple[light_rows.Rows, RelightSpec],
-    share: float,
+    fraction: float,
 ) -> tuple[light_rows.Rows, RelightSpec]:
     """Interpolate between two settings of lights and viewing.
 
     Weights, lux, spectra and the viewing's numbers change linearly, temperatures in mireds, the
-    viewing's lux and exposure by ratio; named options switch at the start. A ``share`` of 0 returns
-    the start itself, 1 the end.
+    viewing's lux and exposure by ratio; named options switch at the start. A ``fraction`` of 0
+    returns the start itself, 1 the end.
     """
-    if not share > 0.0:
+    if not fraction > 0.0:
         return start
-    if share >= 1.0:
+    if fraction >= 1.0:
         return end
     rows, old = end[0], start[0]
-    weights = [(1 - share) * weight for weight in light_rows.effective_weights(old)]
+    weights = [(1 - fraction) * weight for weight in light_rows.effective_weights(old)]
     left = dict(enumerate(old))
     between: list[tuple[light_rows.LightRow, float]] = []
     matches = _matching_rows(old, rows)
     for i, row, weight in zip(matches, rows, light_rows.effective_weights(rows), strict=True):
         if i is None:
-            between.append((row, share * weight))
+            between.append((row, fraction * weight))
         else:
-            middle = _row_between(left.pop(i), row, share)
-            between.append((middle, weights[i] + share * weight))
+            middle = _row_between(left.pop(i), row, fraction)
+            between.append((middle, weights[i] + fraction * weight))
     between += [(row, weights[i]) for i, row in left.items()]
     mixed = tuple(replace(row, weight=w, solo=False, muted=False) for row, w in between)
-    return mixed, _relight_between(start[1], end[1], share)
+    return mixed, _relight_between(start[1], end[1], fraction)
 
 
 def _root(row: light_rows.LightRow) -> str:
@@ -94,14 +94,14 @@ def _root(row: light_rows.LightRow) -> str:
 
 
 def _row_between(
-    old: light_rows.LightRow, new: light_rows.LightRow, share: float
+    old: light_rows.LightRow, new: light_rows.LightRow, fraction: float
 ) -> light_rows.LightRow:
     a, b = old.rig, new.rig
     if a is b:
         return new
     if old.kelvin and new.kelvin:
         # Equal steps of 1/T look alike.
-        kelvin = 1.0 / ((1 - share) / old.kelvin + share / new.kelvin)
+        kelvin = 1.0 / ((1 - fraction) / old.kelvin + fraction / new.kelvin)
         new = light_rows.at_kelvin(new, kelvin)
         b = new.rig
     shapes = [[spectrum.values.shape for spectrum in rig.lights] for rig in (a, b)]
@@ -110,31 +110,31 @@ def _row_between(
     lights = b.lights
     if not (old.kelvin and new.kelvin):
         lights = tuple(
-            Spectrum(q.wavelengths_nm, _mean(p.values, q.values, share), q.name)
+            Spectrum(q.wavelengths_nm, _mean(p.values, q.values, fraction), q.name)
             for p, q in zip(a.lights, b.lights, strict=True)
         )
     lux = b.illuminance_lux
     if a.illuminance_lux and lux:
-        lux = _means(a.illuminance_lux, lux, share)
-    return replace(new, rig=LightRig(lights, _means(a.weights, b.weights, share), lux, b.groups))
+        lux = _means(a.illuminance_lux, lux, fraction)
+    return replace(new, rig=LightRig(lights, _means(a.weights, b.weights, fraction), lux, b.groups))
 
 
-def _relight_between(old: RelightSpec, new: RelightSpec, share: float) -> RelightSpec:
+def _relight_between(old: RelightSpec, new: RelightSpec, fraction: float) -> RelightSpec:
     if old is new:
         return new
     a, b = old.viewing, new.viewing
     changes: dict[str, Any] = {
-        name: math.exp(_mean(math.log(getattr(a, name)), math.log(getattr(b, name)), share))
+        name: math.exp(_mean(math.log(getattr(a, name)), math.log(getattr(b, name)), fraction))
         for name in _BY_RATIO
         if min(getattr(a, name), getattr(b, name)) > 0
     }
     for name in _BY_STEP:
         ends = getattr(a, name), getattr(b, name)
         if _are_numbers(*ends):
-            changes[name] = _mean(*ends, share)
+            changes[name] = _mean(*ends, fraction)
     backdrop = new.backdrop
     if _are_numbers(old.backdrop, new.backdrop):
-        backdrop = _mean(old.backdrop, new.backdrop, share)
+        backdrop = _mean(old.backdrop, new.backdrop, fraction)
     changes = {name: value for name, value in changes.items() if value != getattr(b, name)}
     try:
         viewing = replace(b, **changes) if changes else b
@@ -143,12 +143,12 @@ def _relight_between(old: RelightSpec, new: RelightSpec, share: float) -> Religh
         return new
 
 
-def _mean(a: Any, b: Any, share: float) -> Any:
-    return a if a is b else (1 - share) * a + share * b
+def _mean(a: Any, b: Any, fraction: float) -> Any:
+    return a if a is b else (1 - fraction) * a + fraction * b
 
 
-def _means(a: Sequence[float], b: Sequence[float], share: float) -> tuple[float, ...]:
-    return tuple(_mean(v, w, share) for v, w in zip(a, b, strict=True))
+def _means(a: Sequence[float], b: Sequence[float], fraction: float) -> tuple[float, ...]:
+    return tuple(_mean(v, w, fraction) for v, w in zip(a, b, strict=True))
 
 
 def _are_numbers(*values: object) -> bool:
@@ -161,7 +161,7 @@ def save(state: ViewState) -> ViewState:
     saved = state.saved_lights
     if len(saved) >= MAX_STATES:
         raise InputError(f"The limit is {MAX_STATES} saved states; delete one first", code="size")
-    taken = {each.name for each in saved}
+    taken = {entry.name for entry in saved}
     name = next(name for i in itertools.count(1) if (name := f"State {i}") not in taken)
     return replace(
         state, saved_lights=(*saved, light_rows.LightState(name, state.lights, state.relight))
@@ -240,13 +240,13 @@ def during_fade(state: ViewState, elapsed_s: float) -> ViewState:
     return replace(state, lights=lights, relight=spec)
 
 
-def after_fade(state: ViewState, shown: ViewState, new: ViewState) -> ViewState:
-    """Return the state for the history after an edit turned ``shown`` into ``new`` during a fade.
+def after_fade(state: ViewState, faded: ViewState, new: ViewState) -> ViewState:
+    """Return the state for the history after an edit turned ``faded`` into ``new`` during a fade.
 
-    An edit of the lights or of the viewing stops the fade where it was ``shown``.
+    An edit of the lights or of the viewing stops the fade there.
     """
-    if new.fade is not shown.fade:
+    if new.fade is not faded.fade:
         return new
-    if new.lights is shown.lights and new.relight is shown.relight:
+    if new.lights is faded.lights and new.relight is faded.relight:
         return replace(new, lights=state.lights, relight=state.relight)
     return replace(new, fade=None)

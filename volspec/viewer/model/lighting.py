@@ -94,7 +94,7 @@ def add_source(state: ViewState, kind: str) -> ViewState:
         source = replace(source, intensity=round(min(fraction * total / weight, 1e3), _DIGITS))
         groups = _scaled(groups, 1 - fraction)
     name = light_rows.unused_name(kind, {group.name for group in groups})
-    new = _with_groups(state, (*groups, LightGroup(name, (source,))), lit=name)
+    new = _with_groups(state, (*groups, LightGroup(name, (source,))), new_group=name)
     return choose_source(new, len(list_sources(new.shading)) - 1)
 
 
@@ -129,26 +129,26 @@ def _scaled(groups: Groups, factor: float) -> Groups:
 @refusable
 def remove_source(state: ViewState, index: int) -> ViewState:
     """Remove a light source, and its group if that is empty; the others take over its light."""
-    found, shading = list_sources(state.shading), state.shading
-    if not 0 <= index < len(found):
+    placed, shading = list_sources(state.shading), state.shading
+    if not 0 <= index < len(placed):
         return state
-    if len(found) == 1:
+    if len(placed) == 1:
         raise InputError("The last light source cannot be removed; add another first", code="size")
     total = sum(shading.strengths().values())
-    groups = _without(shading.groups, found[index])
-    rest = sum(replace(shading, groups=groups).strengths().values())
-    if rest > 0 and total > 0:
-        groups = _scaled(groups, total / rest)
+    groups = _without(shading.groups, placed[index])
+    remaining = sum(replace(shading, groups=groups).strengths().values())
+    if remaining > 0 and total > 0:
+        groups = _scaled(groups, total / remaining)
     return choose_source(_with_groups(state, groups), max(index - 1, 0))
 
 
 def _without(groups: Groups, placed: Placed) -> Groups:
     """Return the groups without a source, and without its group if that would be empty."""
     group = groups[placed.group]
-    rest = light_rows.without_item(group.sources, placed.at)
-    if not rest:
+    sources = light_rows.without_item(group.sources, placed.number)
+    if not sources:
         return light_rows.without_item(groups, placed.group)
-    return light_rows.with_item(groups, placed.group, replace(group, sources=rest))
+    return light_rows.with_item(groups, placed.group, replace(group, sources=sources))
 
 
 @edit
@@ -184,12 +184,12 @@ def aim(state: ViewState, index: int, azimuth_deg: float, elevation_deg: float) 
     towards = np.array([flat * math.sin(azimuth), math.sin(elevation), flat * math.cos(azimuth)])
 
     def change(source: Source) -> Source:
-        away = towards @ lighting_aim.axes_from_angles(state, source)
+        direction = towards @ lighting_aim.axes_from_angles(state, source)
         if isinstance(source, Directional):
-            return replace(source, towards=vector(away))
+            return replace(source, towards=vector(direction))
         if isinstance(source, Point):
             reach = lighting_aim.distance_mm(state, source)
-            return _at(state, source, reach * away)
+            return _placed_at(state, source, reach * direction)
         return source
 
     return _with_source(state, index, change)
@@ -201,15 +201,15 @@ def set_distance(state: ViewState, index: int, mm: float) -> ViewState:
     reach = radius_mm(state.document.volume)
 
     def change(source: Source) -> Source:
-        away = lighting_aim.away(state, source)
-        if not isinstance(source, Point) or away is None:
+        direction = lighting_aim.direction(state, source)
+        if not isinstance(source, Point) or direction is None:
             return source
-        return _at(state, source, clamp(mm, _NEAREST * reach, FURTHEST * reach) * away)
+        return _placed_at(state, source, clamp(mm, _NEAREST * reach, FURTHEST * reach) * direction)
 
     return _with_source(state, index, change)
 
 
-def _at(state: ViewState, source: Point, offset: NDArray[np.float64]) -> Point:
+def _placed_at(state: ViewState, source: Point, offset: NDArray[np.float64]) -> Point:
     place = lighting_aim.middle_mm(state, source) + offset
     return replace(source, position_mm=vector(place))
 
@@ -238,10 +238,10 @@ def toggle_frame(state: ViewState, index: int) -> ViewState:
                 return replace(source, towards=towards, frame="camera")
             return replace(source, towards=vector(np.asarray(source.towards) @ axes), frame="world")
         if isinstance(source, Point):
-            given = np.asarray(source.position_mm)
+            position = np.asarray(source.position_mm)
             if source.frame == "world":
-                return replace(source, position_mm=vector(axes @ (given - eye)), frame="camera")
-            return replace(source, position_mm=vector(given @ axes + eye), frame="world")
+                return replace(source, position_mm=vector(axes @ (position - eye)), frame="camera")
+            return replace(source, position_mm=vector(position @ axes + eye), frame="world")
         return source
 
     return _with_source(state, index, change)
@@ -253,8 +253,8 @@ def rename_group(state: ViewState, group: int, name: str) -> ViewState:
     groups, name = state.shading.groups, " ".join(name.split())
     if not 0 <= group < len(groups) or name in ("", groups[group].name):
         return state
-    others = {each.name for each in light_rows.without_item(groups, group)}
-    renamed = replace(groups[group], name=light_rows.unused_name(name, others))
+    taken = {entry.name for entry in light_rows.without_item(groups, group)}
+    renamed = replace(groups[group], name=light_rows.unused_name(name, taken))
     groups = light_rows.with_item(groups, group, renamed)
     return _with_groups(state, groups, {state.shading.groups[group].name: renamed.name})
 
@@ -262,22 +262,22 @@ def rename_group(state: ViewState, group: int, name: str) -> ViewState:
 @refusable
 def move_source(state: ViewState, index: int, group: int) -> ViewState:
     """Move a light source to another group, or to a new one of its own after the last."""
-    found, groups = list_sources(state.shading), state.shading.groups
-    if not 0 <= index < len(found) or not 0 <= group <= len(groups) or group == found[index].group:
+    lamps, groups = list_sources(state.shading), state.shading.groups
+    if not 0 <= index < len(lamps) or not 0 <= group <= len(groups) or group == lamps[index].group:
         return state
-    source, lit = found[index].source, ""
+    source, new_group = lamps[index].source, ""
     if group == len(groups):
-        if len(groups[found[index].group].sources) == 1:
+        if len(groups[lamps[index].group].sources) == 1:
             return state
-        lit = light_rows.unused_name(kind_name(source), {each.name for each in groups})
-        groups = (*groups, LightGroup(lit, (source,)))
+        new_group = light_rows.unused_name(kind_name(source), {other.name for other in groups})
+        groups = (*groups, LightGroup(new_group, (source,)))
     else:
         grown = replace(groups[group], sources=(*groups[group].sources, source))
         groups = light_rows.with_item(groups, group, grown)
-    groups = _without(groups, found[index])
-    new = _with_groups(state, groups, lit=lit)
-    at = next(i for i, each in enumerate(list_sources(new.shading)) if each.source is source)
-    return choose_source(new, at)
+    groups = _without(groups, lamps[index])
+    new = _with_groups(state, groups, new_group=new_group)
+    number = next(i for i, lamp in enumerate(list_sources(new.shading)) if lamp.source is source)
+    return choose_source(new, number)
 
 
 @refusable
@@ -315,8 +315,8 @@ def _title(row: light_rows.LightRow) -> str:
 def shining_row(state: ViewState) -> int:
     """Return the index of the chosen light if it shines, else of the brightest."""
     weights = light_rows.effective_weights(state.lights)
-    chosen = state.interface.light
-    return chosen if weights[chosen] > 0 else light_rows.brightest_row(state.lights)
+    index = state.interface.light
+    return index if weights[index] > 0 else light_rows.brightest_row(state.lights)
 
 
 def group_text(state: ViewState, group: int) -> str:
@@ -335,19 +335,19 @@ def group_spectrum(state: ViewState, group: int) -> Spectrum | None:
 
 
 def _with_groups(
-    state: ViewState, groups: Groups, names: Mapping[str, str] | None = None, lit: str = ""
+    state: ViewState, groups: Groups, names: Mapping[str, str] | None = None, new_group: str = ""
 ) -> ViewState:
     """Set the light groups, and let the lights shine from them.
 
     ``names`` has the new names of groups. Spectra of groups that are gone are removed; group
-    ``lit`` gets the first spectrum of each light.
+    ``new_group`` gets the first spectrum of each light.
     """
     now = {group.name for group in groups}
     gone = {group.name for group in state.shading.groups} - now
-    moved = dict.fromkeys(gone, "") | {**(names or {})}
+    new_names = dict.fromkeys(gone, "") | {**(names or {})}
 
     def regrouped(rows: light_rows.Rows) -> light_rows.Rows:
-        return tuple(light_rows.regrouped(row, moved, lit) for row in rows)
+        return tuple(light_rows.regrouped(row, new_names, new_group) for row in rows)
 
     return replace(
         state,
@@ -363,12 +363,12 @@ def _with_groups(
 
 def _with_source(state: ViewState, index: int, change: Callable[[Source], Source]) -> ViewState:
     """Change one source."""
-    found, groups = list_sources(state.shading), state.shading.groups
-    if not 0 <= index < len(found):
+    lamps, groups = list_sources(state.shading), state.shading.groups
+    if not 0 <= index < len(lamps):
         return state
-    placed = found[index]
+    placed = lamps[index]
     group = groups[placed.group]
-    sources = light_rows.with_item(group.sources, placed.at, change(placed.source))
+    sources = light_rows.with_item(group.sources, placed.number, change(placed.source))
     groups = light_rows.with_item(groups, placed.group, replace(group, sources=sources))
     return replace(state, shading=replace(state.shading, groups=groups))
 
@@ -384,18 +384,18 @@ def _change_source(state: ViewState, index: int, **changes: Any) -> ViewState:
 
 def _toggle_all(state: ViewState, kinds: tuple[type[Source], ...], missing: str) -> Edited:
     """Turn shadows or occlusion of all sources of some kinds on or off; if none is, add one."""
-    sources = (each.source for each in list_sources(state.shading))
-    found = [i for i, source in enumerate(sources) if isinstance(source, kinds)]
-    if not found:
+    sources = (placed.source for placed in list_sources(state.shading))
+    indices = [i for i, source in enumerate(sources) if isinstance(source, kinds)]
+    if not indices:
         return add_source(state, missing)
-    on = not any(is_blocked(list_sources(state.shading)[i].source) for i in found)
-    for index in found:
+    on = not any(is_blocked(list_sources(state.shading)[i].source) for i in indices)
+    for index in indices:
         state = _with_source(state, index, lambda source: _with_blocking(source, on))
     return Edited(state)
 
 
 def _any_blocked(state: ViewState, kinds: tuple[type[Source], ...]) -> bool:
-    sources = (each.source for each in list_sources(state.shading))
+    sources = (placed.source for placed in list_sources(state.shading))
     return any(is_blocked(source) for source in sources if isinstance(source, kinds))
 
 

@@ -29,7 +29,7 @@ class Placed(NamedTuple):
     """A light source, with the indices of its group and of itself within the group."""
 
     group: int
-    at: int
+    number: int
     source: Source
 
 
@@ -70,7 +70,7 @@ def middle_mm(state: ViewState, source: Point) -> NDArray[np.float64]:
     return middle if source.frame == "world" else camera_axes(state) @ (middle - eye_mm(state))
 
 
-def away(state: ViewState, source: Source) -> NDArray[np.float64] | None:
+def direction(state: ViewState, source: Source) -> NDArray[np.float64] | None:
     """(3,) unit vector from the volume to a lamp in its frame; None for other sources."""
     if isinstance(source, Directional):
         return np.asarray(source.towards)
@@ -83,7 +83,7 @@ def away(state: ViewState, source: Source) -> NDArray[np.float64] | None:
 
 def angles_deg(state: ViewState, source: Source) -> tuple[float, float] | None:
     """Return the azimuth and elevation of a lamp; None for other sources."""
-    towards = away(state, source)
+    towards = direction(state, source)
     if towards is None:
         return None
     right, up, front = axes_from_angles(state, source)
@@ -104,7 +104,7 @@ def ring(projection: Projection) -> tuple[Place, float]:
 
 def is_behind(state: ViewState, source: Source) -> bool:
     """Return True if a lamp shines from behind the volume."""
-    towards = away(state, source)
+    towards = direction(state, source)
     if towards is None:
         return False
     if getattr(source, "frame", "world") == "world":
@@ -123,7 +123,7 @@ def list_handles(state: ViewState, projection: Projection) -> tuple[Handle, ...]
     if not state.interface.overlays.lights:
         return ()
     (x, y), radius = ring(projection)
-    axes, found = camera_axes(state), []
+    axes, handles = camera_axes(state), []
     for index, (_, _, source) in enumerate(list_sources(state.shading)):
         if isinstance(source, Point):
             place = np.asarray(source.position_mm)
@@ -140,8 +140,8 @@ def list_handles(state: ViewState, projection: Projection) -> tuple[Handle, ...]
             u, v = x + length * right, y - length * up
         else:
             continue
-        found.append(Handle(HANDLE, index, _inside((u, v), projection), (u, v)))
-    return tuple(found)
+        handles.append(Handle(HANDLE, index, _inside((u, v), projection), (u, v)))
+    return tuple(handles)
 
 
 def _inside(place: Place, projection: Projection) -> Place:
@@ -164,10 +164,10 @@ def dragged(
     if isinstance(source, Point):
         # It moves in the plane through it that is parallel to the picture.
         axes, eye = camera_axes(state), eye_mm(state)
-        given = np.asarray(source.position_mm)
-        world = given if source.frame == "world" else given @ axes + eye
+        position = np.asarray(source.position_mm)
+        world = position if source.frame == "world" else position @ axes + eye
         u, v, depth = (float(value) for value in projection.to_window(world))
         mm = projection.mm_per_px * max(depth, 0.0)
         step = np.array([(place[0] - u) * mm, (v - place[1]) * mm, 0.0])
-        return given + (step @ axes if source.frame == "world" else step)
+        return position + (step @ axes if source.frame == "world" else step)
     return None

@@ -46,10 +46,10 @@ def mix_row(rows: Rows, grid: SpectralGrid, folder: str = ".") -> LightRow | Non
     rig = light_rig(rows)
     if rig is None:
         return None
-    whole = merge_groups(rig, grid)
+    mixture = merge_groups(rig, grid)
     spectra: list[Spectrum] = []
     texts: list[str | None] = []
-    for group, mixed in zip(whole.groups, whole.lights, strict=True):
+    for group, mixed in zip(mixture.groups, mixture.lights, strict=True):
         text = _mix_text(rows, rig.total_lux, group, folder)
         try:
             spectrum = light(text, grid, folder=folder) if text else mixed
@@ -58,7 +58,7 @@ def mix_row(rows: Rows, grid: SpectralGrid, folder: str = ".") -> LightRow | Non
         spectra.append(spectrum)
         texts.append(text)
     label = texts[0] if len(texts) == 1 and texts[0] else "saved mix"
-    return LightRow("Mix", label, replace(whole, lights=tuple(spectra)), texts=tuple(texts))
+    return LightRow("Mix", label, replace(mixture, lights=tuple(spectra)), texts=tuple(texts))
 
 
 def _mix_text(rows: Rows, total_lux: float | None, group: str, folder: str) -> str | None:
@@ -67,7 +67,7 @@ def _mix_text(rows: Rows, total_lux: float | None, group: str, folder: str) -> s
     Weights are fractions of ``total_lux`` if that is given. None if nothing shines or a
     spectrum was drawn by hand.
     """
-    shares: dict[str, float] = {}
+    sums: dict[str, float] = {}
     for row, weight in zip(rows, effective_weights(rows), strict=True):
         for j, text in enumerate(row.texts):
             amount = weight * row.rig.weights[j]
@@ -79,11 +79,11 @@ def _mix_text(rows: Rows, total_lux: float | None, group: str, folder: str) -> s
                 amount *= row.rig.illuminance_lux[j] / total_lux
             terms = light_terms(text, folder)
             # With lux, weights are relative to the mix: they need not sum to 1.
-            whole = sum(part for _, part in terms) if total_lux else 1.0
+            total = sum(part for _, part in terms) if total_lux else 1.0
             for name, part in terms:
-                shares[name] = shares.get(name, 0.0) + amount * part / whole
-    rounded = [(name, f"{share:.{_DIGITS}g}") for name, share in shares.items() if share > 0]
-    return "+".join(name if share == "1" else f"{name}*{share}" for name, share in rounded) or None
+                sums[name] = sums.get(name, 0.0) + amount * part / total
+    rounded = [(name, f"{value:.{_DIGITS}g}") for name, value in sums.items() if value > 0]
+    return "+".join(name if value == "1" else f"{name}*{value}" for name, value in rounded) or None
 
 
 @cache
@@ -108,8 +108,8 @@ def dial_weights(count: int, x: float, y: float) -> tuple[float, ...]:
         return (1.0,) * count
     rim = rim_places(count)
     if count == 2:
-        share = clamp((1.0 - y) / 2, 0.0, 1.0)
-        return (share, 1.0 - share)
+        upper = clamp((1.0 - y) / 2, 0.0, 1.0)
+        return (upper, 1.0 - upper)
     sector = int(math.atan2(x, -y) % (2 * math.pi) / (2 * math.pi / count)) % count
     after = (sector + 1) % count
     (ax, ay), (bx, by) = rim[sector], rim[after]
@@ -216,7 +216,7 @@ def _add_row(state: ViewState, row: LightRow) -> ViewState:
     rows = state.lights
     if len(rows) >= MAX_ROWS:
         raise SpectrumError(f"The limit is {MAX_ROWS} lights; remove one first", code="size")
-    name = unused_name(row.name, {each.name for each in rows})
+    name = unused_name(row.name, {other.name for other in rows})
     return with_last(state, only_row((*rows, replace(row, name=name)), len(rows)))
 
 
@@ -272,18 +272,18 @@ def _next_light(state: ViewState) -> ViewState:
 def blend(state: ViewState, x: float, y: float) -> ViewState:
     """Blend all lights by a place on the dial; the strongest gets weight 1, solo and mute end."""
     weights = dial_weights(len(state.lights), x, y)
-    most = max(weights, default=1.0)
+    strongest = max(weights, default=1.0)
     rows = tuple(
-        replace(row, weight=weight / most, solo=False, muted=False)
+        replace(row, weight=weight / strongest, solo=False, muted=False)
         for row, weight in zip(state.lights, weights, strict=True)
     )
     return replace(state, lights=rows)
 
 
 @edit
-def set_divide(state: ViewState, share: float) -> ViewState:
+def set_divide(state: ViewState, fraction: float) -> ViewState:
     """Move the divide between the lights that are compared, in fractions of the width."""
-    return replace(state, divide=clamp(share, 0.02, 0.98))
+    return replace(state, divide=clamp(fraction, 0.02, 0.98))
 
 
 def _is_comparing(state: ViewState) -> bool:

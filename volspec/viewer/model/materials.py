@@ -94,8 +94,8 @@ def with_material(
     if not 0 <= index < len(list_parts(transfer)):
         return transfer
     materials = transfer.materials
-    others = {each for each, own in materials.items() if not same_spectrum(own, spectrum)}
-    name = unused_name(spectrum.name or name, others)
+    taken = {key for key, sample in materials.items() if not same_spectrum(sample, spectrum)}
+    name = unused_name(spectrum.name or name, taken)
     if name in materials:
         return with_mix(transfer, index, name)
     if isinstance(transfer.basis, MaterialBasis) and len(materials) >= MAX_MATERIALS:
@@ -106,7 +106,7 @@ def with_material(
                 "give the parts of one of them another material first",
                 code="size",
             )
-        materials = {each: materials[each] for each in names}
+        materials = {key: materials[key] for key in names}
     more = with_materials(transfer, {**materials, name: spectrum})
     return with_mix(with_material_basis(more), index, name)
 
@@ -128,8 +128,8 @@ def without_material(transfer: Transfer, name: str) -> Transfer:
     return with_materials(transfer, _without(transfer.materials, name))
 
 
-def _without(own: Mapping[str, Value], name: str) -> dict[str, Value]:
-    return {other: value for other, value in own.items() if other != name}
+def _without(by_name: Mapping[str, Value], name: str) -> dict[str, Value]:
+    return {other: value for other, value in by_name.items() if other != name}
 
 
 def with_materials(transfer: Transfer, materials: Mapping[str, Spectrum]) -> Transfer:
@@ -159,17 +159,17 @@ def uses_of_material(
     """
     numbers = _users(transfer).get(name, ())
     if not numbers:
-        others = [(f"mesh {row.name}", row.used) for row in rows]
-        others += [(user, tuple(_users(each))) for user, each in (fields or {}).items()]
-        user = next((user for user, used in others if name in used), None)
+        users = [(f"mesh {row.name}", row.used) for row in rows]
+        users += [(user, tuple(_users(function))) for user, function in (fields or {}).items()]
+        user = next((user for user, used in users if name in used), None)
         return f"{user} is made of it; give it another material first" if user else ""
-    what = _PARTS[type(transfer)]
+    part = _PARTS[type(transfer)]
     if len(numbers) == 1:
-        return f"{what} {numbers[0]} is made of it; give it another material first"
-    named, rest = numbers[:_MAX_NAMED], len(numbers) - _MAX_NAMED
-    last = f"{rest} more" if rest > 0 else named.pop()
+        return f"{part} {numbers[0]} is made of it; give it another material first"
+    named, unnamed = numbers[:_MAX_NAMED], len(numbers) - _MAX_NAMED
+    last = f"{unnamed} more" if unnamed > 0 else named.pop()
     listed = f"{', '.join(named)} and {last}"
-    return f"{what}s {listed} are made of it; give them another material first"
+    return f"{part}s {listed} are made of it; give them another material first"
 
 
 # Read for every material in every frame while their list is open.
@@ -215,7 +215,7 @@ def add_material(state: ViewState, index: int, text: str) -> ViewState:
 
 def other_functions(state: ViewState) -> dict[str, Transfer]:
     """Return the transfer functions that are not edited now, of fields and masks, by their name."""
-    found: dict[str, Transfer] = {
+    named: dict[str, Transfer] = {
         f"field {look.name}": look.transfer
         for number, look in enumerate(state.fields)
         if number != state.chosen_field
@@ -223,9 +223,9 @@ def other_functions(state: ViewState) -> dict[str, Transfer]:
     for look in state.fields:
         if look.mask is not None:
             of = look.mask.field
-            shown = look.mask.functions.items()
-            found |= {f"label {label} of {of}": each for label, each in shown if each is not None}
-    return found
+            pairs = look.mask.functions.items()
+            named |= {f"label {label} of {of}": func for label, func in pairs if func is not None}
+    return named
 
 
 @edit
@@ -275,23 +275,23 @@ def with_material_basis(transfer: Transfer) -> Transfer:
     basis = transfer.basis
     if isinstance(basis, MaterialBasis) or not can_be_exact(transfer):
         return transfer
-    own = MaterialBasis(transfer.materials, basis.name, basis.grid, basis.observer_deg)
-    return replace(transfer, basis=own)
+    material_basis = MaterialBasis(transfer.materials, basis.name, basis.grid, basis.observer_deg)
+    return replace(transfer, basis=material_basis)
 
 
 def with_reflectances(transfer: Transfer, changes: Mapping[str, Spectrum]) -> Transfer:
     """Replace reflectances of materials by name; unknown names are ignored."""
-    own = {name: spectrum for name, spectrum in changes.items() if name in transfer.materials}
-    if not own:
+    existing = {name: spectrum for name, spectrum in changes.items() if name in transfer.materials}
+    if not existing:
         return transfer
     basis = transfer.basis
     if isinstance(basis, MaterialBasis):
-        basis = basis.with_reflectances({k: s for k, s in own.items() if k in basis.materials})
+        basis = basis.with_reflectances({k: s for k, s in existing.items() if k in basis.materials})
     else:
-        basis = basis.with_samples({**transfer.materials, **own}.values())
-    return replace(transfer, materials={**transfer.materials, **own}, basis=basis)
+        basis = basis.with_samples({**transfer.materials, **existing}.values())
+    return replace(transfer, materials={**transfer.materials, **existing}, basis=basis)
 
 
-def clip_spectrum(spectrum: Spectrum, most: float | None = None) -> Spectrum:
-    """Clip to 0 to ``most`` a spectrum that a solver's rounding left slightly outside."""
-    return replace(spectrum, values=np.clip(spectrum.values, 0.0, most))
+def clip_spectrum(spectrum: Spectrum, high: float | None = None) -> Spectrum:
+    """Clip to 0 to ``high`` a spectrum that a solver's rounding left slightly outside."""
+    return replace(spectrum, values=np.clip(spectrum.values, 0.0, high))

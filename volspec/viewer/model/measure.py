@@ -51,8 +51,8 @@ def pick(state: ViewState, point_mm: Vector) -> ViewState:
         return with_interface(state, tool_points=points)
     if len(state.annotations) >= MAX_POINTS:
         raise InputError(f"The limit is {MAX_POINTS} annotations; remove one first", code="size")
-    made = Annotation(points_mm=points, text=_NEW_TEXT if needed == LABEL else "")
-    return replace(with_interface(state, tool_points=()), annotations=(*state.annotations, made))
+    added = Annotation(points_mm=points, text=_NEW_TEXT if needed == LABEL else "")
+    return replace(with_interface(state, tool_points=()), annotations=(*state.annotations, added))
 
 
 @refusable
@@ -66,9 +66,9 @@ def rename(state: ViewState, index: int, text: str) -> ViewState:
             f"An annotation has up to {MAX_LETTERS} letters, not {len(text)}; shorten it",
             code="size",
         )
-    made = replace(state.annotations[index], text=text)
-    rest = state.annotations
-    return replace(state, annotations=(*rest[:index], made, *rest[index + 1 :]))
+    renamed = replace(state.annotations[index], text=text)
+    rows = state.annotations
+    return replace(state, annotations=(*rows[:index], renamed, *rows[index + 1 :]))
 
 
 @edit
@@ -76,8 +76,8 @@ def remove(state: ViewState, index: int) -> ViewState:
     """Remove an annotation."""
     if not 0 <= index < len(state.annotations):
         return state
-    rest = state.annotations
-    return replace(state, annotations=(*rest[:index], *rest[index + 1 :]))
+    rows = state.annotations
+    return replace(state, annotations=(*rows[:index], *rows[index + 1 :]))
 
 
 @edit

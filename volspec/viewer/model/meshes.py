@@ -30,9 +30,9 @@ FURTHEST_MM = 1e15
 
 
 @edit
-def set_shown(state: ViewState, index: int, shown: bool) -> ViewState:
+def set_shown(state: ViewState, index: int, visible: bool) -> ViewState:
     """Show or hide a mesh; one that is hidden casts no shadow."""
-    return _changed(state, index, shown=bool(shown))
+    return _changed(state, index, shown=bool(visible))
 
 
 @edit
@@ -56,7 +56,7 @@ def set_material(state: ViewState, index: int, name: str) -> ViewState:
     return _changed(state, index, **look)
 
 
-def chosen(state: ViewState) -> int:
+def chosen_mesh(state: ViewState) -> int:
     """Return the number of the mesh whose place is shown; -1 without any."""
     return min(state.interface.mesh, len(state.meshes) - 1)
 
@@ -112,8 +112,8 @@ def row_for(state: ViewState, path: str) -> MeshSpec:
 
 def add(state: ViewState, rows: Sequence[MeshSpec]) -> ViewState:
     """Add meshes to the scene, choose the last, and open their panel."""
-    panels, found = state.interface.panels | {PANEL}, (*state.meshes, *rows)
-    return replace(with_interface(state, panels=panels, mesh=len(found) - 1), meshes=found)
+    panels, meshes = state.interface.panels | {PANEL}, (*state.meshes, *rows)
+    return replace(with_interface(state, panels=panels, mesh=len(meshes) - 1), meshes=meshes)
 
 
 def with_own_materials(old: ViewState, new: ViewState) -> Edited:
@@ -123,13 +123,13 @@ def with_own_materials(old: ViewState, new: ViewState) -> Edited:
     """
     if new.transfer is old.transfer:
         return Edited(new)
-    known = new.transfer.materials
-    used = {name for row in new.meshes for name in row.used if name not in known}
+    materials = new.transfer.materials
+    used = {name for row in new.meshes for name in row.used if name not in materials}
     if not used:
         return Edited(new)
-    own = {name: each for name, each in old.transfer.materials.items() if name in used}
+    missing = {name: spectrum for name, spectrum in old.transfer.materials.items() if name in used}
     try:
-        return Edited(replace(new, transfer=with_materials(new.transfer, {**known, **own})))
+        return Edited(replace(new, transfer=with_materials(new.transfer, {**materials, **missing})))
     except VolspecError:
         return Edited(replace(new, transfer=old.transfer, shift=old.shift), NO_ROOM)
 

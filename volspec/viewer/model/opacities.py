@@ -63,7 +63,7 @@ def show_only(state: ViewState, name: str) -> ViewState:
     """Hide all materials but one, or show all again if that is so already."""
     if name not in names(state):
         return state
-    alone = {each: 0.0 for each in names(state) if each != name}
+    alone = {other: 0.0 for other in names(state) if other != name}
     return _with(state, {} if opacity_scales(state) == alone else alone)
 
 
@@ -73,8 +73,8 @@ def reset(state: ViewState) -> ViewState:
     return _with(state, {})
 
 
-def _with(state: ViewState, given: dict[str, float]) -> ViewState:
-    kept = {name: scale for name, scale in given.items() if scale != 1.0}
+def _with(state: ViewState, scales: dict[str, float]) -> ViewState:
+    kept = {name: scale for name, scale in scales.items() if scale != 1.0}
     if kept == state.shading.opacities:
         return state
     shading = replace(state.shading, opacities=kept)

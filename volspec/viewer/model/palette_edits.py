@@ -66,14 +66,14 @@ def _with_cell(
     if place is None:
         return state
     targets = state.palette.targets
-    own = targets.cells.get(place)
-    new = change(own)
-    if new == own:
+    old = targets.cells.get(place)
+    new = change(old)
+    if new == old:
         return state
     row, column = (palette_targets.REFLECTANCE, place[0]), (palette_targets.LIGHT, place[1])
     if new is not None and not targets.free & {row, column}:
         targets = with_free_spectrum(state, row)
-    cells = {at: cell for at, cell in targets.cells.items() if at != place}
+    cells = {key: cell for key, cell in targets.cells.items() if key != place}
     if new is not None:
         cells[place] = new
     return _with_targets(state, replace(targets, cells=cells))
@@ -88,8 +88,8 @@ def set_target(state: ViewState, number: int, text: str) -> ViewState:
         return state
     colour = parse_colour(codes)
 
-    def change(own: Cell | None) -> Cell:
-        weight = own.weight if own and own.kind == "colour" else 1.0
+    def change(old: Cell | None) -> Cell:
+        weight = old.weight if old and old.kind == "colour" else 1.0
         return Cell(colour=colour, weight=max(weight, 1.0))
 
     return _with_cell(state, number, change)
@@ -105,11 +105,11 @@ def set_target_kind(state: ViewState, number: int, kind: str, other: int = -1) -
         return state
     if reference == place or reference is None:  # the row above; for the first, the row below
         row, light = table.rows.index(place[0]), place[1]
-        others = [name for name in table.rows if name != place[0]]
-        reference = (others[max(row - 1, 0)], light) if others else None
-    shown = palette_targets.clip_codes(table.cells[place].obtained)
+        other_rows = [name for name in table.rows if name != place[0]]
+        reference = (other_rows[max(row - 1, 0)], light) if other_rows else None
+    obtained = palette_targets.clip_codes(table.cells[place].obtained)
     return _with_cell(
-        state, number, lambda own: palette_targets.as_kind(kind, own, shown, reference)
+        state, number, lambda cell: palette_targets.as_kind(kind, cell, obtained, reference)
     )
 
 
@@ -117,7 +117,7 @@ def set_target_kind(state: ViewState, number: int, kind: str, other: int = -1) -
 def set_target_weight(state: ViewState, number: int, weight: float | None) -> ViewState:
     """Set the weight of a target; None if it must be met."""
     own_weight = math.inf if weight is None else clamp(weight, *palette_targets.WEIGHTS)
-    return _with_cell(state, number, lambda own: own and replace(own, weight=own_weight))
+    return _with_cell(state, number, lambda cell: cell and replace(cell, weight=own_weight))
 
 
 @edit
@@ -130,14 +130,14 @@ def set_target_group(state: ViewState, number: int, name: str) -> ViewState:
 @edit
 def set_target_distance(state: ViewState, number: int, distance: float) -> ViewState:
     """Set the ΔE of a distinct cell from another."""
-    own = clamp(distance, *palette_targets.DISTANCES)
-    return _with_kind(state, number, "distinct", distance=own)
+    delta_e = clamp(distance, *palette_targets.DISTANCES)
+    return _with_kind(state, number, "distinct", distance=delta_e)
 
 
 def _with_kind(state: ViewState, number: int, kind: str, **changes: Any) -> ViewState:
     """Change fields of a cell's target, if it is of a kind."""
     return _with_cell(
-        state, number, lambda own: replace(own, **changes) if own and own.kind == kind else own
+        state, number, lambda cell: replace(cell, **changes) if cell and cell.kind == kind else cell
     )
 
 
@@ -148,12 +148,12 @@ def toggle_free(state: ViewState, kind: str, index: int) -> ViewState:
         palette_targets.REFLECTANCE: tuple(state.transfer.materials),
         palette_targets.LIGHT: column_names(state.lights),
     }
-    own = names.get(kind, ())
-    if not 0 <= index < len(own):
+    members = names.get(kind, ())
+    if not 0 <= index < len(members):
         return state
     if kind == palette_targets.LIGHT and not may_design(state, index):
         return state
-    member, targets = (kind, own[index]), state.palette.targets
+    member, targets = (kind, members[index]), state.palette.targets
     if member in targets.free:
         return _with_targets(state, replace(targets, free=targets.free - {member}))
     return _with_targets(state, with_free_spectrum(state, member))
@@ -170,7 +170,7 @@ def toggle_constant(state: ViewState, index: int) -> ViewState:
     if name in constant:  # targets of its other cells would contradict it
         first = column_names(state.lights)[0]
         targets = with_free_spectrum(state, (palette_targets.REFLECTANCE, name))
-        cells = {at: c for at, c in targets.cells.items() if at[0] != name or at[1] == first}
+        cells = {key: c for key, c in targets.cells.items() if key[0] != name or key[1] == first}
         targets = replace(targets, cells=cells)
     return _with_targets(state, replace(targets, constant=constant))
 
@@ -185,8 +185,8 @@ def toggle_lamp(state: ViewState, index: int, lamp: str) -> ViewState:
     name = names[index]
     targets = with_free_spectrum(state, (palette_targets.LIGHT, name))
     now = targets.lamps.get(name, ())
-    others = tuple(each for each in now if each != lamp)
-    lamps = {**targets.lamps, name: others if lamp in now else (*now, lamp)}
+    kept = tuple(other for other in now if other != lamp)
+    lamps = {**targets.lamps, name: kept if lamp in now else (*now, lamp)}
     return _with_targets(state, replace(targets, lamps={k: v for k, v in lamps.items() if v}))
 
 
@@ -251,9 +251,9 @@ def _drop_targets(state: ViewState) -> ViewState:
 def _own_spectra(state: ViewState) -> ViewState:
     """Restore the scene's reflectances and lights, and remove the targets."""
     document, transfer, rows = state.document, state.transfer, state.lights
-    own = document.transfer.materials
-    if any(transfer.materials.get(name) is not own[name] for name in own):
-        transfer = with_reflectances(transfer, own)
+    originals = document.transfer.materials
+    if any(transfer.materials.get(name) is not originals[name] for name in originals):
+        transfer = with_reflectances(transfer, originals)
     if [row.rig.lights for row in rows] != [row.rig.lights for row in document.lights]:
         rows = document.lights
     return replace(_drop_targets(state), transfer=transfer, lights=rows)

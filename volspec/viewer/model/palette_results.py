@@ -60,84 +60,84 @@ def run_wizard(state: ViewState, name: str) -> Redesigned:
         )
     scene, pick = wizard_scene(state), state.interface.pick
     material, light = palette_table.wizard_place(state)
-    like = pick.like if pick.like in palette_table.column_names(state.lights) else None
-    if like is not None:
+    model_light = pick.like if pick.like in palette_table.column_names(state.lights) else None
+    if model_light is not None:
         light = palette_table.new_name(state)
     if name == "hide":
         within = pick.within if pick.within in scene.materials and not pick.black else None
-        return hide(scene, material, under=light, within=within, black=pick.black, like=like)
+        return hide(scene, material, under=light, within=within, black=pick.black, like=model_light)
     if name == "reveal":
         simulated = state.relight.viewing.deficiency
         viewers = () if simulated == "none" else (simulated,)
         distance = pick.distance
         return reveal(
-            scene, material, under=light, distance=distance, like=like, deficiency=viewers
+            scene, material, under=light, distance=distance, like=model_light, deficiency=viewers
         )
     if name == "keep":
         return keep(scene, material)
-    several = [each for each in scene.materials if each in pick.materials]
+    several = [m for m in scene.materials if m in pick.materials]
     if len(several) < 2:
         several = list(scene.materials)
-    if like is not None:
-        return merge(scene, several, under=like, split=light)
+    if model_light is not None:
+        return merge(scene, several, under=model_light, split=light)
     return merge(scene, several, under=light)
 
 
-def with_wizard_result(state: ViewState, made: Redesigned) -> ViewState:
+def with_wizard_result(state: ViewState, redesign: Redesigned) -> ViewState:
     """Return the state with a wizard's spectra, and its targets in the table for editing."""
-    changes = {name: clip_spectrum(made.design.reflectance(name), 1.0) for name in made.materials}
+    changes = {m: clip_spectrum(redesign.design.reflectance(m), 1.0) for m in redesign.materials}
     transfer = with_reflectances(with_material_basis(state.transfer), changes)
-    lights, new = state.lights, made.changes.light
+    lights, new = state.lights, redesign.changes.light
     if new is not None:
-        spectrum = clip_spectrum(made.design.light(new))
-        label = f"designed: {', '.join(made.materials)}"
+        spectrum = clip_spectrum(redesign.design.light(new))
+        label = f"designed: {', '.join(redesign.materials)}"
         lights = palette_table.with_designed_light(lights, new, label, spectrum)
-    targets = _wizard_targets(made)
+    targets = _wizard_targets(redesign)
     return replace(state, transfer=transfer, lights=lights, palette=PaletteState(targets, targets))
 
 
-def _wizard_targets(made: Redesigned) -> DesignTargets:
+def _wizard_targets(redesign: Redesigned) -> DesignTargets:
     """Return a wizard's targets for the table.
 
     A wizard compares with materials as they were before. The table has no rows for these, so
     their colours become the targets.
     """
-    names = set(made.scene.materials)
+    names = set(redesign.scene.materials)
     cells: dict[Place, Cell] = {}
-    for report in DesignReport.of(made.design).cells:
-        cell = made.design.palette.cells.get(report.place)
+    for report in DesignReport.of(redesign.design).cells:
+        cell = redesign.design.palette.cells.get(report.place)
         if cell is None or report.reflectance not in names:
             continue
         if cell.other and cell.other[0] not in names and report.wanted is not None:
             weight = min(cell.weight, _FIRM) if cell.weight > 1.0 else STAY
             cell = Cell(colour=clip_codes(report.wanted), weight=weight)
         cells[report.place] = cell
-    opened = {(REFLECTANCE, name) for name in made.materials}
-    if made.changes.light is not None:
-        opened.add((LIGHT, made.changes.light))
-    return DesignTargets(cells, frozenset(opened), apart=made.design.palette.apart)
+    opened = {(REFLECTANCE, name) for name in redesign.materials}
+    if redesign.changes.light is not None:
+        opened.add((LIGHT, redesign.changes.light))
+    return DesignTargets(cells, frozenset(opened), apart=redesign.design.palette.apart)
 
 
-def result_lines(made: Redesigned, begun: ViewState) -> tuple[str, ...]:
+def result_lines(redesign: Redesigned, begun: ViewState) -> tuple[str, ...]:
     """Return the ΔE reached, one line per light; the light of the redesign comes first."""
-    about = made.changes.light or palette_table.wizard_place(begun)[1]
+    about = redesign.changes.light or palette_table.wizard_place(begun)[1]
     lines = []
-    for row in sorted(made.evaluations, key=lambda row: row.light != about):
-        apart = [f"{one} – {two} ΔE {value:.1f}" for (one, two), value in row.apart.items()]
-        lines.append(f"{row.light}: {', '.join(apart[:3])}")
+    for row in sorted(redesign.evaluations, key=lambda row: row.light != about):
+        distances = [f"{one} – {two} ΔE {value:.1f}" for (one, two), value in row.apart.items()]
+        lines.append(f"{row.light}: {', '.join(distances[:3])}")
     return tuple(lines)
 
 
 def wizard_scene(state: ViewState) -> Scene:
     """Return the state as a scene with materials as channels, and its spectra in memory."""
     grid, transfer = state.document.grid, state.transfer
-    known: dict[str, Spectrum] = {}
+    in_memory: dict[str, Spectrum] = {}
     materials, lights = [], []
     for name, spectrum in transfer.materials.items():
-        known[f"material {name}"] = spectrum
+        in_memory[f"material {name}"] = spectrum
         materials.append({"name": name, "reflectance": f"material {name}"})
     for (name, spectrum), row in zip(palette_table.lit_columns(state), state.lights, strict=True):
-        known[f"light {name}"] = spectrum
+        in_memory[f"light {name}"] = spectrum
         table: dict[str, Any] = {"name": name, "spectrum": f"light {name}"}
         if row.rig.total_lux is not None:
             table["illuminance_lux"] = float(row.rig.total_lux)
@@ -159,7 +159,7 @@ def wizard_scene(state: ViewState) -> Scene:
         },
         SceneError,
     )
-    return Scene(file, state.document.title, known)
+    return Scene(file, state.document.title, in_memory)
 
 
 def with_palette(state: ViewState, palette: Palette) -> ViewState:
@@ -238,32 +238,32 @@ def _palette_targets(
         for light in palette.lights
         if light.mixture and all(lamp.name in light_names() for lamp in light.mixture)
     }
-    moved = (row.renamed(rows, names) for row in palette.apart)
-    apart = tuple(row for row in moved if row is not None)
-    return DesignTargets(cells, frozenset(opened), constant, lamps, palette.criteria, apart)
+    renamed = (row.renamed(rows, names) for row in palette.apart)
+    distinct = tuple(row for row in renamed if row is not None)
+    return DesignTargets(cells, frozenset(opened), constant, lamps, palette.criteria, distinct)
 
 
 def _match_spectra(
-    members: Sequence[PaletteSpectrum], there: Mapping[str, Spectrum]
+    members: Sequence[PaletteSpectrum], spectra: Mapping[str, Spectrum]
 ) -> dict[str, str]:
     """Map the palette's names to the scene's, as long as the scene has any left."""
-    found = _match_by_name(members, there)
-    free = [name for name in there if name not in found.values()]
-    return found | dict(zip((m.name for m in members if m.name not in found), free, strict=False))
+    pairs = _match_by_name(members, spectra)
+    free = [name for name in spectra if name not in pairs.values()]
+    return pairs | dict(zip((m.name for m in members if m.name not in pairs), free, strict=False))
 
 
 def _match_by_name(
-    members: Sequence[PaletteSpectrum], there: Mapping[str, Spectrum]
+    members: Sequence[PaletteSpectrum], spectra: Mapping[str, Spectrum]
 ) -> dict[str, str]:
     """Map the palette's names to the scene's where the name or the spectrum is the same."""
-    found = {member.name: member.name for member in members if member.name in there}
+    pairs = {member.name: member.name for member in members if member.name in spectra}
     for member in members:
-        if member.name not in found and member.spectrum is not None:
-            free = (name for name in there if name not in found.values())
-            same = next((name for name in free if _same(member.spectrum, there[name])), None)
+        if member.name not in pairs and member.spectrum is not None:
+            free = (name for name in spectra if name not in pairs.values())
+            same = next((name for name in free if _same(member.spectrum, spectra[name])), None)
             if same is not None:
-                found[member.name] = same
-    return found
+                pairs[member.name] = same
+    return pairs
 
 
 def _same(one: Spectrum, other: Spectrum) -> bool:
@@ -271,5 +271,5 @@ def _same(one: Spectrum, other: Spectrum) -> bool:
         values = one.on(other.grid).values
     except VolspecError:
         return False
-    most = max(float(np.abs(other.values).max()), 1e-12)
-    return bool(np.abs(values - other.values).max() < _SAME * most)
+    peak = max(float(np.abs(other.values).max()), 1e-12)
+    return bool(np.abs(values - other.values).max() < _SAME * peak)

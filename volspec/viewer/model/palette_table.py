@@ -88,8 +88,8 @@ def with_material_range(
     first, last = (low, start[-1][1], material), (high, end[0][1], material)
     left = [start[0]] if before and _mix_name(start[0][2]) != material else []
     right = [end[-1]] if after and _mix_name(end[-1][2]) != material else []
-    made = [*before, *left, first, *inside, last, *right, *after]
-    return curve if len(made) > MAX_PARTS[TransferFunction] else replace(curve, points=made)
+    merged = [*before, *left, first, *inside, last, *right, *after]
+    return curve if len(merged) > MAX_PARTS[TransferFunction] else replace(curve, points=merged)
 
 
 def with_range_material(curve: TransferFunction, number: int, material: str) -> TransferFunction:
@@ -175,7 +175,7 @@ def colour_table(state: ViewState) -> Table:
 
 def lit_columns(state: ViewState) -> Columns:
     """Return each light's name, and its spectrum on a surface that faces every source."""
-    grid, shares = state.document.grid, tuple(state.shading.shares().items())
+    grid, group_shares = state.document.grid, tuple(state.shading.shares().items())
     names = column_names(state.lights)
     spectra = []
     for row in state.lights:
@@ -184,7 +184,7 @@ def lit_columns(state: ViewState) -> Columns:
             facing = light_rows.facing_light((replace(row, weight=1.0, muted=False),), state.room)
         rig = facing or row.rig
         one = len(rig.lights) == 1
-        spectra.append(rig.lights[0] if one else _mixed_spectrum(rig, shares, grid))
+        spectra.append(rig.lights[0] if one else _mixed_spectrum(rig, group_shares, grid))
     return tuple(zip(names, spectra, strict=True))
 
 
@@ -195,11 +195,11 @@ def may_design(state: ViewState, index: int) -> bool:
 
 @lru_cache(maxsize=64)
 def _mixed_spectrum(
-    rig: LightRig, shares: tuple[tuple[str, float], ...], grid: SpectralGrid
+    rig: LightRig, group_shares: tuple[tuple[str, float], ...], grid: SpectralGrid
 ) -> Spectrum:
     """Return the sum of several lights on a surface that faces every source."""
     try:
-        return rig.facing(dict(shares)).mixed(grid)
+        return rig.facing(dict(group_shares)).mixed(grid)
     except VolspecError:  # its groups are not in this scene
         return rig.mixed(grid)
 
@@ -214,12 +214,12 @@ def _table(transfer: Transfer, lights: Columns, spec: RelightSpec, targets: Desi
     members = tuple(
         PaletteSpectrum(name, transfer.materials[name], free=True, upper=None) for name in rows
     )
-    given = tuple(PaletteSpectrum(name, spectrum) for name, spectrum in lights)
+    lamps = tuple(PaletteSpectrum(name, spectrum) for name, spectrum in lights)
     some_cells = cells or {(rows[0], names[0]): _NONE}
     try:
         viewing = spec.viewing.unmeasured()
-        apart = _existing_apart(targets.apart, rows, names)
-        palette = Palette(members, given, some_cells, viewing, transfer.basis.grid, apart=apart)
+        distinct = _existing_apart(targets.apart, rows, names)
+        palette = Palette(members, lamps, some_cells, viewing, transfer.basis.grid, apart=distinct)
         begun = State.start(palette)
         reports, _ = report_cells(begun, cells)
         pairs = tuple(apart_reports(begun, cells))
@@ -237,15 +237,15 @@ def _existing_cells(
     def exists(place: Place) -> bool:
         return place[0] in rows and place[1] in names
 
-    return {at: cell for at, cell in cells.items() if exists(at) and exists(cell.other or at)}
+    return {key: cell for key, cell in cells.items() if exists(key) and exists(cell.other or key)}
 
 
 def _existing_apart(
-    apart: tuple[Apart, ...], rows: tuple[str, ...], names: tuple[str, ...]
+    distinct: tuple[Apart, ...], rows: tuple[str, ...], names: tuple[str, ...]
 ) -> tuple[Apart, ...]:
     """Return the rows with the materials and lights that still exist."""
-    known = {name: name for name in rows}, {name: name for name in names}
-    return tuple(found for row in apart if (found := row.renamed(*known)) is not None)
+    name_maps = {name: name for name in rows}, {name: name for name in names}
+    return tuple(existing for row in distinct if (existing := row.renamed(*name_maps)) is not None)
 
 
 def palette_from_state(state: ViewState) -> Palette:
@@ -305,15 +305,15 @@ def with_free_spectrum(state: ViewState, member: Member) -> DesignTargets:
     return replace(targets, cells=cells, free=targets.free | {member})
 
 
-def with_design(state: ViewState, made: Design, targets: DesignTargets) -> ViewState:
+def with_design(state: ViewState, design: Design, targets: DesignTargets) -> ViewState:
     """Return the state with the spectra of a design for these targets."""
-    palette = made.palette
+    palette = design.palette
     reflectances = {
-        row.name: clip_spectrum(made.reflectance(row.name), 1.0)
-        for row in palette.reflectances
-        if row.free
+        s.name: clip_spectrum(design.reflectance(s.name), 1.0)
+        for s in palette.reflectances
+        if s.free
     }
-    lights = {row.name: clip_spectrum(made.light(row.name)) for row in palette.lights if row.free}
+    lights = {s.name: clip_spectrum(design.light(s.name)) for s in palette.lights if s.free}
     return replace(
         state,
         transfer=with_reflectances(with_material_basis(state.transfer), reflectances),
@@ -326,8 +326,8 @@ def wizard_place(state: ViewState) -> Place:
     """Return the cell for wizards: the chosen one, or the last row under the brightest light."""
     rows, names = tuple(state.transfer.materials), column_names(state.lights)
     row, column = state.interface.pick.place or ("", "")
-    lit = names[light_rows.brightest_row(state.lights)]
-    return row if row in rows else rows[-1], column if column in names else lit
+    brightest = names[light_rows.brightest_row(state.lights)]
+    return row if row in rows else rows[-1], column if column in names else brightest
 
 
 def new_name(state: ViewState) -> str:

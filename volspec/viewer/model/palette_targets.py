@@ -54,14 +54,14 @@ class DesignTargets:
             renamed(place): replace(cell, other=cell.other and renamed(cell.other))
             for place, cell in self.cells.items()
         }
-        free = frozenset(renamed(each) if each[0] == LIGHT else each for each in self.free)
-        lamps = {new if name == old else name: own for name, own in self.lamps.items()}
+        free = frozenset(renamed(member) if member[0] == LIGHT else member for member in self.free)
+        lamps = {new if name == old else name: parts for name, parts in self.lamps.items()}
         apart = tuple(
             replace(row, light=tuple(new if name == old else name for name in row.light))
             for row in self.apart
         )
-        own = self.cells, self.free, self.lamps, self.apart
-        if (cells, free, lamps, apart) == own:
+        old_parts = self.cells, self.free, self.lamps, self.apart
+        if (cells, free, lamps, apart) == old_parts:
             return self
         return replace(self, cells=cells, free=free, lamps=lamps, apart=apart)
 
@@ -116,17 +116,17 @@ class DesignStatus:
     reached: tuple[str, ...] = ()  # results of the last wizard
 
 
-def as_kind(kind: str, own: Cell | None, shown: Triple, other: Place | None) -> Cell | None:
+def as_kind(kind: str, old: Cell | None, codes: Triple, other: Place | None) -> Cell | None:
     """Return a cell's target of another kind and the same weight.
 
     A kind that compares two cells refers to ``other``. A new colour starts from the codes
-    ``shown``. Any kind that is not one of `Cell.kind` removes the target.
+    ``codes``. Any kind that is not one of `Cell.kind` removes the target.
     """
-    weight = own.weight if own else 1.0
+    weight = old.weight if old else 1.0
     if kind == "colour":
-        return Cell(colour=own.colour if own and own.colour else shown, weight=weight)
+        return Cell(colour=old.colour if old and old.colour else codes, weight=weight)
     if kind == "free":
-        return Cell("free", group=own.group if own and own.group else "one colour", weight=weight)
+        return Cell("free", group=old.group if old and old.group else "one colour", weight=weight)
     if kind == "black":
         return Cell("black", weight=weight)
     if kind == "same" and other:

@@ -38,22 +38,22 @@ def dropped_documents(paths: Sequence[str]) -> tuple[str, ...]:
     ('a.mhd', 'b.nrrd')
     """
     meshes = dropped_meshes(paths)
-    rest = [path for path in paths if path not in meshes]
-    if meshes and _all_end(rest, (*_OF_MESHES, *PICTURES["TIFF"])):
+    remaining = [path for path in paths if path not in meshes]
+    if meshes and _all_end(remaining, (*_OF_MESHES, *PICTURES["TIFF"])):
         return ()
     if len(paths) == 1:
         return tuple(paths)
     one_folder = len({os.path.dirname(path) for path in paths}) == 1
-    if one_folder and any(_all_end(paths, each) for each in _PICTURES) and not is_stack(paths[0]):
+    if one_folder and any(_all_end(paths, kind) for kind in _PICTURES) and not is_stack(paths[0]):
         return (os.path.dirname(paths[0]),)
-    headed = any(_all_end([path], _HEADERS) for path in rest)
+    headed = any(_all_end([path], _HEADERS) for path in remaining)
     parts = (*SPECTRA, *(_OF_MESHES if meshes else ()), *(_DATA if headed else ()))
-    found: dict[str, str] = {}
-    for path in rest:
+    by_source: dict[str, str] = {}
+    for path in remaining:
         if not _all_end([path], parts):
             is_slice = _all_end([path], DICOM_SUFFIXES)
-            found.setdefault(os.path.dirname(path) if is_slice else path, path)
-    documents = tuple(found.values())
+            by_source.setdefault(os.path.dirname(path) if is_slice else path, path)
+    documents = tuple(by_source.values())
     scenes = tuple(path for path in documents if _all_end([path], (".toml",)))
     return scenes if len(scenes) == 1 and len(documents) == 2 else documents
 
@@ -88,10 +88,10 @@ def _all_end(paths: Sequence[str], endings: tuple[str, ...]) -> bool:
 
 def check_name(path: str | os.PathLike[str]) -> None:
     """Raise InputError if a name, or a folder above it, is not UTF-8: Linux allows such names."""
-    whole = os.path.abspath(path)
-    if not _is_text(whole):
+    full_path = os.path.abspath(path)
+    if not _is_text(full_path):
         raise InputError(
-            f"{whole}: the name is not UTF-8, so no scene or session can store it; rename it",
+            f"{full_path}: the name is not UTF-8, so no scene or session can store it; rename it",
             code="unsupported",
         )
 
@@ -121,7 +121,7 @@ class Listing:
     # Those whose names begin as typed: folders first, `MAX_ROWS` at most.
     rows: tuple[PathRow, ...]
     common: str  # the path, completed as far as all names agree
-    others: int = 0  # number of files with other endings
+    other_files: int = 0  # number of files with other endings
     dicom: int = 0  # number of DICOM files among the rows
 
 
@@ -138,7 +138,7 @@ def list_paths(
     start = max(text.rfind("/"), text.rfind(os.sep)) + 1  # Windows accepts both
     folder, typed = text[:start], text[start:]
     rows: list[tuple[str, os.DirEntry[str]]] = []
-    others = dicom = 0
+    other_files = dicom = 0
     try:
         with os.scandir(os.path.join(base, os.path.expanduser(folder)) or ".") as entries:
             for entry in entries:
@@ -156,15 +156,15 @@ def list_paths(
                 if not suffixes or is_slice or bare or name.lower().endswith(tuple(suffixes)):
                     rows.append((name, entry))
                 else:
-                    others += 1
+                    other_files += 1
     except OSError:
         return Listing(folder, (), text)
     rows.sort(key=lambda row: (not row[0].endswith("/"), row[0].casefold()))
     letters = zip(*(name.casefold() for name, _ in rows), strict=False)
-    shared = sum(1 for _ in takewhile(lambda each: len(set(each)) == 1, letters))
+    shared = sum(1 for _ in takewhile(lambda column: len(set(column)) == 1, letters))
     common = rows[0][0][:shared] if rows else typed
     listed = tuple(_path_row(*row) for row in rows[:MAX_ROWS])
-    return Listing(folder, listed, folder + common, others, dicom)
+    return Listing(folder, listed, folder + common, other_files, dicom)
 
 
 def _is_slice(entry: os.DirEntry[str]) -> bool:
@@ -172,8 +172,8 @@ def _is_slice(entry: os.DirEntry[str]) -> bool:
     if entry.name.lower().endswith(DICOM_SUFFIXES):
         return True
     try:
-        found = entry.stat()
-        return entry.is_file() and _begins_as_dicom(entry.path, found.st_size, found.st_mtime)
+        stat = entry.stat()
+        return entry.is_file() and _begins_as_dicom(entry.path, stat.st_size, stat.st_mtime)
     except OSError:
         return False
 
@@ -186,10 +186,10 @@ def _begins_as_dicom(path: str, _size: int, _changed_s: float) -> bool:
 
 def _path_row(name: str, entry: os.DirEntry[str]) -> PathRow:
     try:
-        found = entry.stat()
+        stat = entry.stat()
     except OSError:  # a link to nowhere
         return PathRow(name)
-    return PathRow(name, found.st_size, found.st_mtime)
+    return PathRow(name, stat.st_size, stat.st_mtime)
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,15 +217,15 @@ def folder_places(
     places += [("Current folder", os.getcwd()), ("Examples", examples)]
     if os.name == "posix":
         places.append(("Computer", "/"))
-    known = {os.path.realpath(folder) for _, folder in places}
+    listed = {os.path.realpath(folder) for _, folder in places}
     folders = dict.fromkeys(os.path.dirname(path) for path in recent)
-    fresh = [folder for folder in folders if folder and os.path.realpath(folder) not in known]
+    fresh = [folder for folder in folders if folder and os.path.realpath(folder) not in listed]
     places += [(os.path.basename(folder) or folder, folder) for folder in fresh[:_MAX_RECENT]]
-    found: dict[str, FolderPlace] = {}
+    unique: dict[str, FolderPlace] = {}
     for name, folder in places:
         if os.path.isdir(folder):
-            found.setdefault(os.path.realpath(folder), FolderPlace(name, os.path.abspath(folder)))
-    return tuple(found.values())
+            unique.setdefault(os.path.realpath(folder), FolderPlace(name, os.path.abspath(folder)))
+    return tuple(unique.values())
 
 
 def size_text(size: int) -> str:

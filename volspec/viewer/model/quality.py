@@ -73,9 +73,9 @@ def can_layer(state: ViewState) -> bool:
 
 def opacity_scales(state: ViewState) -> dict[str, float]:
     """Return the scales of opacities other than 1, of materials that are channels."""
-    basis, given = state.transfer.basis, state.shading.opacities
-    known = basis.materials if isinstance(basis, MaterialBasis) else {}
-    return {name: given[name] for name in known if given.get(name, 1.0) != 1.0}
+    basis, scales = state.transfer.basis, state.shading.opacities
+    materials = basis.materials if isinstance(basis, MaterialBasis) else {}
+    return {name: scales[name] for name in materials if scales.get(name, 1.0) != 1.0}
 
 
 def cast_spec(state: ViewState) -> RaycastSpec:
@@ -103,16 +103,16 @@ def set_cast(state: ViewState, name: str, value: object) -> ViewState:
 @refusable
 def set_projection(state: ViewState, mode: str) -> ViewState:
     """Show opacity and colour, or the greatest or the mean value along each ray."""
-    known = next((each for each in MODES if each == mode), None)
-    if known is None or known == state.shading.mode:
+    match = next((name for name in MODES if name == mode), None)
+    if match is None or match == state.shading.mode:
         return state
-    if known != "composite":
-        require_curve(state, f"Projection: {known}")
+    if match != "composite":
+        require_curve(state, f"Projection: {match}")
     # Pre-integration and layers have no meaning with the others; they come back with composite.
-    own = known == "composite"
-    given = state.document.shading
-    smooth = own and given.preintegrated and can_project(state)
-    return _change(state, mode=known, preintegrated=smooth, layers=given.layers if own else 0)
+    blends = match == "composite"
+    opened = state.document.shading
+    smooth = blends and opened.preintegrated and can_project(state)
+    return _change(state, mode=match, preintegrated=smooth, layers=opened.layers if blends else 0)
 
 
 def project(state: ViewState, mode: str) -> Edited:
@@ -141,17 +141,17 @@ def toggle_preintegration(state: ViewState) -> ViewState:
     return _change(state, preintegrated=False, layers=state.document.shading.layers)
 
 
-def require_curve(state: ViewState, what: str) -> None:
+def require_curve(state: ViewState, feature: str) -> None:
     """Raise InputError unless the transfer function allows projections and pre-integration."""
     if state.fields:
         raise InputError(
-            f"{what} does not work with several fields or a mask",
+            f"{feature} does not work with several fields or a mask",
             "open the volume alone for it",
             code="conflict",
         )
     if not can_project(state):
         raise InputError(
-            f"{what} needs a curve, without opacity by gradient and without filters",
+            f"{feature} needs a curve, without opacity by gradient and without filters",
             "choose Kind: Curve in the Transfer panel",
             code="conflict",
         )
@@ -162,8 +162,8 @@ def set_step(state: ViewState, voxels: float) -> ViewState:
     """Set the step in smallest spacings."""
     volume = state.document.volume
     spacing = min(volume.spacing_mm)
-    least = diagonal_mm(volume) / MAX_STEPS
-    step = clamp(clamp(voxels, *STEPS) * spacing, 1.01 * least, diagonal_mm(volume))
+    min_mm = diagonal_mm(volume) / MAX_STEPS
+    step = clamp(clamp(voxels, *STEPS) * spacing, 1.01 * min_mm, diagonal_mm(volume))
     return _change(state, step_mm=step)
 
 

@@ -32,7 +32,7 @@ class Measured(NamedTuple):
     """One light, or the mix of all, to measure; equal as long as nothing changes."""
 
     rows: Rows
-    whole: bool
+    of_mix: bool
     folder: str  # of the names of files
     materials: tuple[tuple[str, Spectrum], ...] = ()
 
@@ -50,15 +50,15 @@ class Figures:
     metamerism: Metamerism | None = None
 
 
-def chosen_lights(state: ViewState, whole: bool) -> Measured | None:
+def chosen_lights(state: ViewState, of_mix: bool) -> Measured | None:
     """Return the mix, or the chosen light; None if none shines or is chosen.
 
     In a room both are the lamps' light, before the walls reflect it.
     """
     folder, materials = state.document.folder, tuple(state.transfer.materials.items())
-    if whole:
-        lit = light_rig(state.lights) is not None
-        return Measured(state.lights, True, folder, materials) if lit else None
+    if of_mix:
+        shines = light_rig(state.lights) is not None
+        return Measured(state.lights, True, folder, materials) if shines else None
     row = row_at(state.lights, state.interface.light)
     return None if row is None else Measured((row,), False, folder, materials)
 
@@ -68,7 +68,7 @@ def measure(measured: Measured) -> Figures | None:
 
     def on(grid: SpectralGrid) -> Spectrum:
         rows = tuple(replace(row, rig=_on(row, grid, measured.folder)) for row in measured.rows)
-        rig = light_rig(rows) if measured.whole else rows[0].rig
+        rig = light_rig(rows) if measured.of_mix else rows[0].rig
         assert rig is not None
         return rig.mixed(grid)
 
@@ -86,13 +86,13 @@ def _metamers(
 ) -> tuple[tuple[str, str], Metamerism] | tuple[()]:
     """Return the materials alike in daylight that differ most under a light, if any are alike."""
     daylight = light("D65", RENDITION_GRID)
-    wide = {name: _wider(spectrum, RENDITION_GRID) for name, spectrum in materials}
-    found = [
-        (pair, metamerism(wide[pair[0]], wide[pair[1]], daylight, lamp))
-        for pair in combinations(list(wide)[:_MAX_MATERIALS], 2)
+    widened = {name: _wider(spectrum, RENDITION_GRID) for name, spectrum in materials}
+    pairs = [
+        (pair, metamerism(widened[pair[0]], widened[pair[1]], daylight, lamp))
+        for pair in combinations(list(widened)[:_MAX_MATERIALS], 2)
     ]
-    alike = [each for each in found if each[1].delta_E < ALIKE]
-    return max(alike, key=lambda each: each[1].illuminant) if alike else ()
+    alike = [entry for entry in pairs if entry[1].delta_E < ALIKE]
+    return max(alike, key=lambda entry: entry[1].illuminant) if alike else ()
 
 
 def _on(row: LightRow, grid: SpectralGrid, folder: str) -> LightRig:

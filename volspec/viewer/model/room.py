@@ -124,9 +124,9 @@ def seen_XYZ(room: SceneRoom, rows: light_rows.Rows) -> Array | None:
         return None
     mesh, surfaces = room.response.solved.mesh, paintable(room)
     members = [WALLS if surface == ALL_WALLS else (surface,) for surface in surfaces]
-    chosen = np.array([np.isin(mesh.names, names) for names in members], np.float64)
-    areas = chosen @ mesh.surface_areas.sum(axis=1)
-    light = np.array([chosen @ (mesh.surface_areas @ each) for each in room.response.irradiance])
+    masks = np.array([np.isin(mesh.names, names) for names in members], np.float64)
+    areas = masks @ mesh.surface_areas.sum(axis=1)
+    light = np.array([masks @ (mesh.surface_areas @ lamp) for lamp in room.response.irradiance])
     means = np.einsum("lsb,lb->sb", light, room.spectra(lamps)) / areas[:, None]
     paints = [reflectance_of(room, surface).values for surface in surfaces]
     scale = 100.0 * LUMINOUS_EFFICACY / facing.total_lux
@@ -145,8 +145,8 @@ def paint(state: ViewState, surface: str, text: str) -> ViewState:
 @edit
 def pick(state: ViewState, surface: str, codes: tuple[float, float, float]) -> ViewState:
     """Paint a surface with a colour by its sRGB codes, 0 to 1, under D65."""
-    whole = (round(255.0 * clamp(code, 0.0, 1.0)) for code in codes)
-    text = "#" + "".join(f"{min(code, _BRIGHTEST):02x}" for code in whole)
+    rounded = (round(255.0 * clamp(code, 0.0, 1.0)) for code in codes)
+    text = "#" + "".join(f"{min(code, _BRIGHTEST):02x}" for code in rounded)
     return paint(state, surface, text).state
 
 

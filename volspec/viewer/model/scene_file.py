@@ -54,14 +54,14 @@ def _light_tables(state: ViewState, file: SceneFile) -> list[LightSpec]:
     if state.room is not None:
         rows = tuple(_with_unit_power(row, state.document.lights) for row in rows)
     weights = light_rows.effective_weights(rows)
-    lit = [index for index, weight in enumerate(weights) if weight > 0]
+    shining = [index for index, weight in enumerate(weights) if weight > 0]
     settings: list[tuple[light_rows.LightRow, float]] = [(row, 1.0) for row in rows]
-    if len(lit) == 1:
-        settings.insert(0, (settings.pop(lit[0])[0], weights[lit[0]]))
+    if len(shining) == 1:
+        settings.insert(0, (settings.pop(shining[0])[0], weights[shining[0]]))
     else:
         rig = light_rows.light_rig(rows)
         assert rig is not None
-        label = " + ".join(rows[index].name for index in lit)
+        label = " + ".join(rows[index].name for index in shining)
         if len(set(rig.groups)) < len(rig.groups):  # a setting in a file has one light per group
             rig = light_rows.merge_groups(rig, rig.lights[0].grid)
         settings.insert(0, (light_rows.LightRow(_MIX, label, rig), 1.0))
@@ -85,8 +85,8 @@ def _with_unit_power(row: light_rows.LightRow, opened: light_rows.Rows) -> light
     if any(row.rig is other.rig for other in opened):
         return row
     lights = tuple(
-        each if math.isclose(_power(each), 1.0) else each * (1.0 / _power(each))
-        for each in row.rig.lights
+        spectrum if math.isclose(_power(spectrum), 1.0) else spectrum * (1.0 / _power(spectrum))
+        for spectrum in row.rig.lights
     )
     return replace(row, rig=replace(row.rig, lights=lights))
 
@@ -95,14 +95,14 @@ def _part_table(name: str, row: light_rows.LightRow, part: int, weight: float) -
     """Return the table of one of a light's spectra."""
     rig, spectrum = row.rig, row.rig.lights[part]
     text = row.texts[part]
-    own = text == ROOM_LIGHT and spectrum.name == text
-    given = (text if own else _library_name(text, spectrum)) or SpectrumNumbers.of(spectrum)
+    of_room = text == ROOM_LIGHT and spectrum.name == text
+    spec = (text if of_room else _library_name(text, spectrum)) or SpectrumNumbers.of(spectrum)
     # A file's numbers are normalised when they are read; with lux only their shape counts.
-    scaled = isinstance(given, SpectrumNumbers) and rig.illuminance_lux is None
+    scaled = isinstance(spec, SpectrumNumbers) and rig.illuminance_lux is None
     return LightSpec(
         name=name,
         label=row.label if row.label != name else None,
-        spectrum=given,
+        spectrum=spec,
         group=rig.groups[part] or None,
         weight=as_typed(rig.weights[part] * weight * (_power(spectrum) if scaled else 1.0)),
         illuminance_lux=rig.illuminance_lux[part] if rig.illuminance_lux else None,
@@ -116,10 +116,10 @@ def _library_name(
     if not text:
         return None
     try:
-        known = find(text, spectrum.grid, folder=NOWHERE)
+        named = find(text, spectrum.grid, folder=NOWHERE)
     except (SpectrumError, OSError):
         return None
-    return text if same_spectrum(known, spectrum) else None
+    return text if same_spectrum(named, spectrum) else None
 
 
 def _power(spectrum: Spectrum) -> float:
@@ -142,11 +142,11 @@ def as_typed(value: T) -> T:
     elif isinstance(value, tuple | list):
         typed = type(value)(map(as_typed, value))
     elif isinstance(value, dict):
-        typed = {key: as_typed(each) for key, each in value.items()}
+        typed = {key: as_typed(element) for key, element in value.items()}
     elif is_settings(type(value)):
-        made: Any = value
-        written = {f.name: _in_full if f.name in _FAR else as_typed for f in fields(made)}
-        typed = replace(made, **{k: to(getattr(value, k)) for k, to in written.items()})
+        settings: Any = value
+        written = {f.name: _in_full if f.name in _FAR else as_typed for f in fields(settings)}
+        typed = replace(settings, **{k: to(getattr(value, k)) for k, to in written.items()})
     return typed
 
 
@@ -172,14 +172,14 @@ def export_scene(state: ViewState, path: str | os.PathLike[str]) -> Path:
     target = require_suffix(path, "scenes", ".toml", error=SceneError)
     file, (_, opened) = scene_from_state(state), state.document.saved()
     # The basis itself is saved unless the file's numbers lead to the same one.
-    like = Scene(file, opened, room=state.room)
+    reopened = Scene(file, opened, room=state.room)
     basis = state.transfer.basis
-    if like.basis.fingerprint != basis.fingerprint:
+    if reopened.basis.fingerprint != basis.fingerprint:
         basis_path = target.with_suffix(".basis.json")
         basis.save(basis_path)
-        named = BasisSpec(name=os.path.relpath(basis_path.resolve(), like.folder.resolve()))
+        named = BasisSpec(name=os.path.relpath(basis_path.resolve(), reopened.folder.resolve()))
         file = replace(file, basis=named)
-    return write_scene(file, target, like)
+    return write_scene(file, target, reopened)
 
 
 def compared(state: ViewState) -> str:
@@ -189,8 +189,8 @@ def compared(state: ViewState) -> str:
 
 def left_out(state: ViewState) -> str:
     """Return what the window has, but a scene, a script or a page of it has not; empty if none."""
-    lost = depth.left_out(state), depth.shown_stereo(state) and "stereo", compared(state)
-    return ", ".join(filter(None, lost))
+    omitted = depth.left_out(state), depth.shown_stereo(state) and "stereo", compared(state)
+    return ", ".join(filter(None, omitted))
 
 
 def scene_from_state(state: ViewState) -> SceneFile:
@@ -269,8 +269,8 @@ def _field_transfer(state: ViewState, name: str, table: TransferSpec) -> Transfe
     look, old = state.fields[number], state.document.fields[number]
     transfer = state.transfer if number == state.chosen_field else look.transfer
     if transfer is not old.transfer:
-        others = {key: getattr(table, key) for key in ("weight", "shown", "mask", "label")}
-        table = replace(as_typed(TransferSpec.of(transfer)), **others)
+        kept = {key: getattr(table, key) for key in ("weight", "shown", "mask", "label")}
+        table = replace(as_typed(TransferSpec.of(transfer)), **kept)
     if (look.weight, look.shown) != (old.weight, old.shown):
         table = replace(table, weight=as_typed(look.weight), shown=look.shown)
     return table
@@ -278,8 +278,8 @@ def _field_transfer(state: ViewState, name: str, table: TransferSpec) -> Transfe
 
 def _fields(state: ViewState, file: SceneFile) -> Iterator[FieldSpec]:
     for row in file.field:
-        shown = row.transfer and _field_transfer(state, row.name, row.transfer)
-        yield replace(row, transfer=shown)
+        transfer = row.transfer and _field_transfer(state, row.name, row.transfer)
+        yield replace(row, transfer=transfer)
 
 
 def _materials(state: ViewState, file: SceneFile) -> list[MaterialSpec]:
@@ -287,7 +287,7 @@ def _materials(state: ViewState, file: SceneFile) -> list[MaterialSpec]:
     old, new = state.document.transfer, state.transfer
     rows = {row.name: row for row in file.material}
 
-    def given(key: str, name: str, now: Spectrum | None, then: Spectrum | None) -> Any:
+    def spec_of(key: str, name: str, now: Spectrum | None, then: Spectrum | None) -> Any:
         if now is None:
             return None
         if name in rows and then is not None and same_spectrum(now, then):
@@ -298,8 +298,8 @@ def _materials(state: ViewState, file: SceneFile) -> list[MaterialSpec]:
     return [
         MaterialSpec(
             name=name,
-            reflectance=given("reflectance", name, spectrum, old.materials.get(name)),
-            filter=given("filter", name, new_filters.get(name), old_filters.get(name)),
+            reflectance=spec_of("reflectance", name, spectrum, old.materials.get(name)),
+            filter=spec_of("filter", name, new_filters.get(name), old_filters.get(name)),
         )
         for name, spectrum in new.materials.items()
     ]
@@ -325,8 +325,8 @@ def _basis(state: ViewState, table: BasisSpec) -> BasisSpec:
     grid = basis.grid
     nm = (grid.start_nm, grid.stop_nm, grid.step_nm)
     if isinstance(basis, MaterialBasis) and table.method != "materials":
-        given: dict[str, Any] = {"grid_nm": nm, "observer_deg": basis.observer_deg}
-        return BasisSpec(method="materials", **given)
+        options: dict[str, Any] = {"grid_nm": nm, "observer_deg": basis.observer_deg}
+        return BasisSpec(method="materials", **options)
     # The bands of a palette, to which the new scene need not refer.
-    own = table.name is not None or grid == grid_of(table)
-    return table if own else replace(table, grid_nm=nm)
+    keeps_table = table.name is not None or grid == grid_of(table)
+    return table if keeps_table else replace(table, grid_nm=nm)

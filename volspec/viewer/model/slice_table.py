@@ -41,36 +41,36 @@ _GAMMA = 2.2
 
 @dataclass(frozen=True, slots=True)
 class Entries:
-    """Values of a table: ``whole`` integers from ``first`` on, then ``rest`` others up to ``last``.
+    """Values of a table: ``dense`` integers from ``first`` on, then ``sparse`` ones to ``last``.
 
-    The others are evenly spaced.
+    The last ones are evenly spaced.
     """
 
     first: float
-    whole: int
+    dense: int
     last: float
-    rest: int
+    sparse: int
 
     @property
     def count(self) -> int:
         """Number of entries."""
-        return self.whole + self.rest
+        return self.dense + self.sparse
 
     @property
     def values(self) -> NDArray[np.float64]:
         """(count,) ascending values."""
-        after = self.first + self.whole
-        evenly = np.linspace(min(after, self.last), self.last, self.rest)
-        return np.r_[self.first + np.arange(self.whole), evenly]
+        after = self.first + self.dense
+        evenly = np.linspace(min(after, self.last), self.last, self.sparse)
+        return np.r_[self.first + np.arange(self.dense), evenly]
 
     def codes(self, values: NDArray[np.generic]) -> NDArray[np.uint32]:
         """Return the indices of the nearest entries."""
-        at = values.astype(np.float64) - self.first
-        if self.rest:
-            span = self.last - self.first - self.whole
-            scale = (self.rest - 1) / span if span > 0 else 0.0
-            at = np.where(at < self.whole, at, self.whole + (at - self.whole) * scale)
-        return np.rint(np.clip(at, 0, self.count - 1)).astype(np.uint32)
+        index = values.astype(np.float64) - self.first
+        if self.sparse:
+            span = self.last - self.first - self.dense
+            scale = (self.sparse - 1) / span if span > 0 else 0.0
+            index = np.where(index < self.dense, index, self.dense + (index - self.dense) * scale)
+        return np.rint(np.clip(index, 0, self.count - 1)).astype(np.uint32)
 
 
 def table_entries(volume: Volume, labels: bool) -> Entries:
@@ -97,8 +97,8 @@ def greys(
     """(count,) greys of a table's entries, 0 to 1; a window of width 0 is a step."""
     low, high = window
     width = span[1] - span[0]
-    at = (entries.values - span[0]) / width if width > 0 else np.zeros(entries.count)
-    return np.clip((at - low) / max(high - low, 1e-6), 0.0, 1.0)
+    fraction = (entries.values - span[0]) / width if width > 0 else np.zeros(entries.count)
+    return np.clip((fraction - low) / max(high - low, 1e-6), 0.0, 1.0)
 
 
 def table_image(
@@ -110,10 +110,10 @@ def table_image(
     """
     entries = table_entries(volume, isinstance(transfer, LabelFunction))
     table = bake_for_volume(transfer, volume)
-    opacity, shares = _look_up(table, entries.values)
+    opacity, weights = _look_up(table, entries.values)
     alpha = (1 - (1 - opacity) ** SLAB_STEPS)[:, None]
     grey = greys(entries, volume.typical_range, window)[:, None] ** _GAMMA * table.white
-    channels = alpha * (shares @ table.channels) + (1 - alpha) * grey
+    channels = alpha * (weights @ table.channels) + (1 - alpha) * grey
     groups = shading.shares()
     # A slice faces every source.
     layers = np.concatenate([channels * part for part in groups.values()], axis=1)
@@ -143,11 +143,11 @@ class FieldSlices:
         if not isinstance(tables, FieldTables):
             assert isinstance(tables, TransferTable)  # of one field alone
             tables = FieldTables.in_one({volume.name: tables})
-        known = {}
+        cache = {}
         if before is not None and before.volume is volume:
-            known = {before.tables.masks[name].key: each for name, each in before.masks.items()}
+            cache = {before.tables.masks[name].key: grid for name, grid in before.masks.items()}
         masks = {
-            name: known.get(mask.key) or MaskLattice.of(volume, name, mask)
+            name: cache.get(mask.key) or MaskLattice.of(volume, name, mask)
             for name, mask in tables.masks.items()
         }
         return cls(volume, transfer.basis, tables, masks)
@@ -166,21 +166,21 @@ class FieldSlices:
         slab_mm = SLAB_STEPS * min(volume.spacing_mm)
         for name in self.tables.tables:
             field = volume.by_name[name]
-            values, at, inside = _values_at(field, volume, place)
+            values, voxels, inside = _values_at(field, volume, place)
             rows = self.tables.rows(name)
             weights = inside[:, None].astype(np.float64)
             if name in self.masks:
-                weights = weights * self.masks[name].weights(at, len(rows))
+                weights = weights * self.masks[name].weights(voxels, len(rows))
             for weight, table in zip(weights.T, rows, strict=True):
-                opacity, shares = _look_up(table, values)
+                opacity, mix = _look_up(table, values)
                 per_mm = extinction_per_mm(opacity, table.reference_step_mm)
                 part = weight * slab_mm * per_mm
                 depth += part
-                mixed += part[:, None] * (shares @ table.channels)
+                mixed += part[:, None] * (mix @ table.channels)
         alpha = -np.expm1(-depth)[:, None]
         low, high = volume.typical_range
-        own = (_values_at(volume, volume, place)[0] - low) / ((high - low) or 1.0)
-        shade = np.clip((own - window[0]) / max(window[1] - window[0], 1e-6), 0.0, 1.0)
+        greyscale = (_values_at(volume, volume, place)[0] - low) / ((high - low) or 1.0)
+        shade = np.clip((greyscale - window[0]) / max(window[1] - window[0], 1e-6), 0.0, 1.0)
         grey = shade[:, None] ** _GAMMA * self.tables.white
         channels = alpha * mixed / np.maximum(depth, 1e-30)[:, None] + (1 - alpha) * grey
         groups = shading.shares()
@@ -197,14 +197,14 @@ def _values_at(
 
     The last array is False outside the field, where the values are those of its border.
     """
-    at = place
+    voxels = place
     if not field.has_lattice_of(volume):
         matrix = field.index_from_world @ volume.world_from_index
-        at = place @ matrix[:3, :3].T + matrix[:3, 3]
+        voxels = place @ matrix[:3, :3].T + matrix[:3, 3]
     last = np.array(field.shape_xyz) - 1
-    inside = np.asarray(((at >= -0.5) & (at <= last + 0.5)).all(axis=1))
-    x, y, z = np.clip(np.rint(at), 0, last).astype(np.intp).T
-    return field.values[z, y, x].astype(np.float64), at, inside
+    inside = np.asarray(((voxels >= -0.5) & (voxels <= last + 0.5)).all(axis=1))
+    x, y, z = np.clip(np.rint(voxels), 0, last).astype(np.intp).T
+    return field.values[z, y, x].astype(np.float64), voxels, inside
 
 
 def _look_up(
@@ -214,13 +214,13 @@ def _look_up(
     if isinstance(table, SurfaceTable):  # the inside of a surface has its material
         inside = np.searchsorted(table.values, values, side="right") - 1
         return np.where(inside < 0, 0.0, table.opacity[inside]), table.material_weights[inside]
-    opacity, shares = table.opacity, table.material_weights
+    opacity, mix = table.opacity, table.material_weights
     if opacity.ndim == 2:  # varies with the gradient; a slice shows the mean
         weights = np.maximum(opacity, 1e-9)[..., None]
-        shares = (shares * weights).sum(axis=0) / weights.sum(axis=0)
+        mix = (mix * weights).sum(axis=0) / weights.sum(axis=0)
         opacity = opacity.max(axis=0)
     low, high = table.domain
-    at = np.clip((values - low) / (high - low), 0.0, 1.0) * (len(opacity) - 1)
-    nearest = np.rint(at).astype(np.intp)
+    position = np.clip((values - low) / (high - low), 0.0, 1.0) * (len(opacity) - 1)
+    nearest = np.rint(position).astype(np.intp)
     beyond = table.labels & (values > high)
-    return np.where(beyond, 0.0, opacity[nearest]), shares[nearest]
+    return np.where(beyond, 0.0, opacity[nearest]), mix[nearest]

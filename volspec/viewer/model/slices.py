@@ -74,28 +74,28 @@ def _layout(matrix: tuple[float, ...], plane: Plane) -> Layout:
     directions = columns / np.linalg.norm(columns, axis=0)
     best = max(
         permutations(range(3)),
-        key=lambda order: sum(abs(directions[world, own]) for world, own in enumerate(order)),
+        key=lambda order: sum(abs(directions[world, voxel]) for world, voxel in enumerate(order)),
     )
 
     def runs(toward: tuple[int, int]) -> tuple[int, bool]:
         world, sign = toward
-        own = best[world]
-        return own, bool(sign * directions[world, own] < 0)
+        voxel = best[world]
+        return voxel, bool(sign * directions[world, voxel] < 0)
 
     (across, back), (down, up) = runs(plane.across), runs(plane.down)
     return Layout(best[plane.normal], across, down, (back, up))
 
 
-def voxel_number(volume: Volume, axis: int, share: float) -> int:
+def voxel_number(volume: Volume, axis: int, fraction: float) -> int:
     """Return the voxel at a fraction of an axis."""
-    return round(clamp(share, 0.0, 1.0) * (volume.shape_xyz[axis] - 1))
+    return round(clamp(fraction, 0.0, 1.0) * (volume.shape_xyz[axis] - 1))
 
 
 def slice_values(volume: Volume, layout: Layout, number: int, step: int = 1) -> NDArray[np.generic]:
     """(rows, columns) values of a slice as displayed, every ``step``-th: a view of the array."""
-    at: list[int | slice] = [slice(None, None, step)] * 3
-    at[2 - layout.normal] = number
-    values = volume.values[tuple(at)]
+    index: list[int | slice] = [slice(None, None, step)] * 3
+    index[2 - layout.normal] = number
+    values = volume.values[tuple(index)]
     if layout.across > layout.down:  # the array's last axis is the volume's first
         values = values.T
     back, up = layout.flipped
@@ -179,12 +179,12 @@ def _edge_letters(
     return left, right, top, bottom
 
 
-def outline_index(volume: Volume, axis: int, share: float) -> NDArray[np.float64]:
+def outline_index(volume: Volume, axis: int, fraction: float) -> NDArray[np.float64]:
     """(4, 3) corners of the slice perpendicular to an axis of the voxels, in voxels."""
     last = np.array(volume.shape_xyz) - 1.0
     first, second = (other for other in range(3) if other != axis)
     corners = np.zeros((4, 3))
-    corners[:, axis] = voxel_number(volume, axis, share)
+    corners[:, axis] = voxel_number(volume, axis, fraction)
     corners[1:3, first], corners[2:, second] = last[first], last[second]
     return corners
 
@@ -198,7 +198,7 @@ def grey_window(slices: Slices, histogram: NDArray[np.float64]) -> tuple[float, 
     if not counts.any():
         return 0.0, 1.0
     below = np.cumsum(counts) / counts.sum()
-    low, high = (int(np.searchsorted(below, share)) for share in _QUANTILES)
+    low, high = (int(np.searchsorted(below, quantile)) for quantile in _QUANTILES)
     return low / len(counts), (high + 1) / len(counts)
 
 
@@ -208,14 +208,14 @@ def with_slices(state: ViewState, **changes: Any) -> ViewState:
 
 
 @edit
-def move_slice(state: ViewState, plane: int, share: float) -> ViewState:
+def move_slice(state: ViewState, plane: int, fraction: float) -> ViewState:
     """Move a plane to a fraction of its axis."""
     if not 0 <= plane < len(PLANES):
         return state
     axis = slice_layout(state.document.volume, PLANES[plane]).normal
-    at = list(state.interface.slices.at)
-    at[axis] = clamp(share, 0.0, 1.0)
-    return with_slices(state, at=tuple(at))
+    fractions = list(state.interface.slices.at)
+    fractions[axis] = clamp(fraction, 0.0, 1.0)
+    return with_slices(state, at=tuple(fractions))
 
 
 @edit
@@ -236,13 +236,13 @@ def point_at(state: ViewState, plane: int, x: float, y: float) -> ViewState:
     """Move the other two planes to a place in one plane's picture, 0 to 1 right and down."""
     if not 0 <= plane < len(PLANES):
         return state
-    volume, at = state.document.volume, list(state.interface.slices.at)
+    volume, fractions = state.document.volume, list(state.interface.slices.at)
     layout = slice_layout(volume, PLANES[plane])
     place = _flip(layout, clamp(x, 0.0, 1.0), clamp(y, 0.0, 1.0))
-    for axis, share in zip((layout.across, layout.down), place, strict=True):
+    for axis, fraction in zip((layout.across, layout.down), place, strict=True):
         count = volume.shape_xyz[axis]
-        at[axis] = clamp(round(share * count - 0.5), 0, count - 1) / (count - 1)
-    return with_slices(state, at=tuple(at))
+        fractions[axis] = clamp(round(fraction * count - 0.5), 0, count - 1) / (count - 1)
+    return with_slices(state, at=tuple(fractions))
 
 
 @edit

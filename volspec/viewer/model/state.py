@@ -76,8 +76,8 @@ class Interface:
     def for_another(self, light: int) -> Interface:
         """Return this for another document: without places, values and choices of the last one."""
         slices = Slices(lit=self.slices.lit)
-        chosen = replace(self, light=light, source=0, mesh=0, part=0)
-        return replace(chosen, slices=slices, pick=Pick(), tool_points=())
+        first = replace(self, light=light, source=0, mesh=0, part=0)
+        return replace(first, slices=slices, pick=Pick(), tool_points=())
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,9 +111,9 @@ class ViewState:
     room: SceneRoom | None = None  # around the volume, in its present paints; may be an estimate
 
     def __post_init__(self) -> None:
-        chosen = min(max(self.interface.light, 0), max(len(self.lights) - 1, 0))
-        if chosen != self.interface.light:
-            object.__setattr__(self, "interface", replace(self.interface, light=chosen))
+        index = min(max(self.interface.light, 0), max(len(self.lights) - 1, 0))
+        if index != self.interface.light:
+            object.__setattr__(self, "interface", replace(self.interface, light=index))
 
     @classmethod
     def first(cls, document: Document, size: tuple[int, int]) -> ViewState:

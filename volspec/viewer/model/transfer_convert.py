@@ -82,39 +82,39 @@ def conversion_losses(transfer: Transfer, kind: Kind, span: tuple[float, float])
     """Return a message on the parts that `convert` leaves out; empty if there are none."""
     if not _is_convertible(transfer, kind):
         return ""
-    lost = []
+    losses = []
     if isinstance(transfer, TransferFunction):
         if transfer.filters:
-            lost.append(f"the filters of {', '.join(transfer.filters)}")
+            losses.append(f"the filters of {', '.join(transfer.filters)}")
         if transfer.gradient_opacity and kind == "surfaces":
-            lost.append("opacity by gradient")
+            losses.append("opacity by gradient")
     regions = transfer.regions if isinstance(transfer, TransferFunction2D) else ()
     if any(region.gradients != _ANY_GRADIENT for region in regions):
-        lost.append("the regions' gradients")
+        losses.append("the regions' gradients")
     if kind != "points":
         bands = _bands(transfer, span)
         room = MAX_PARTS[TransferFunction2D]
         left = min(len(bands), room) if kind == "regions" else len(_surfaces(bands))
         if gone := len(bands) - left:
             name = _BANDS[transfer_kind(transfer)]
-            lost.append(f"{gone} of {len(bands)} {name}, the least visible ones")
-    return f"Left out: {'; '.join(lost)}. Ctrl+Z restores the transfer function" if lost else ""
+            losses.append(f"{gone} of {len(bands)} {name}, the least visible ones")
+    return f"Left out: {'; '.join(losses)}. Ctrl+Z restores the transfer function" if losses else ""
 
 
 def _is_convertible(transfer: Transfer, kind: Kind) -> bool:
-    own = transfer_kind(transfer)
-    return kind != own and "labels" not in (kind, own)
+    current = transfer_kind(transfer)
+    return kind != current and "labels" not in (kind, current)
 
 
 def _bands(transfer: Transfer, span: tuple[float, float]) -> list[Band]:
     if isinstance(transfer, TransferFunction2D):
-        found = []
+        bands = []
         for region in transfer.regions:
             low, high = region.values
             half, edge = (high - low) / 2, _EDGE * (span[1] - span[0])
             ramp = max(region.softness * half, min(edge, half))
-            found.append(Band(low, high, ramp, region.opacity, mix_weights(region.material)))
-        return found
+            bands.append(Band(low, high, ramp, region.opacity, mix_weights(region.material)))
+        return bands
     if isinstance(transfer, Isosurfaces):
         half = _THIN * (span[1] - span[0])
         return [
@@ -170,9 +170,9 @@ def _runs(points: Sequence[Point]) -> list[range]:
         if opacity <= 0:
             continue
         if runs and runs[-1].stop == i:
-            _, first, own = points[runs[-1][0]]
+            _, first, first_mix = points[runs[-1][0]]
             alike = max(first, opacity) <= _ALIKE * min(first, opacity)
-            if alike and _main(mix) == _main(own):
+            if alike and _main(mix) == _main(first_mix):
                 runs[-1] = range(runs[-1].start, i + 1)
                 continue
         runs.append(range(i, i + 1))
@@ -180,28 +180,28 @@ def _runs(points: Sequence[Point]) -> list[range]:
 
 
 def _main(mix: Mix) -> str:
-    shares = mix_weights(mix)
-    return max(shares, key=lambda name: shares[name])
+    weights = mix_weights(mix)
+    return max(weights, key=lambda name: weights[name])
 
 
 def _mean_mix(weights: Sequence[float], mixes: Iterable[Mix]) -> dict[str, float]:
     """Return the weighted mean of mixes; its shares sum to at most 1 despite rounding."""
     mix: dict[str, float] = {}
-    for weight, own in zip(weights, mixes, strict=True):
-        for name, share in mix_weights(own).items():
-            mix[name] = mix.get(name, 0.0) + weight * share
+    for weight, part in zip(weights, mixes, strict=True):
+        for name, fraction in mix_weights(part).items():
+            mix[name] = mix.get(name, 0.0) + weight * fraction
     total = max(sum(mix.values()), sum(weights))
-    return {name: share / total for name, share in mix.items()}
+    return {name: fraction / total for name, fraction in mix.items()}
 
 
 def _gradients(curve: TransferFunction) -> tuple[float, float]:
     if not curve.gradient_opacity:
         return _ANY_GRADIENT
-    at, factors = np.array(curve.gradient_opacity).T
+    gradients, factors = np.array(curve.gradient_opacity).T
     over = np.flatnonzero(factors >= _HALF)
     if factors[0] >= _HALF or not len(over):
         return _ANY_GRADIENT
-    return float(np.interp(_HALF, factors[: over[0] + 1], at[: over[0] + 1])), math.inf
+    return float(np.interp(_HALF, factors[: over[0] + 1], gradients[: over[0] + 1])), math.inf
 
 
 def _region(band: Band) -> Region:
@@ -210,39 +210,39 @@ def _region(band: Band) -> Region:
 
 
 def _surfaces(bands: Sequence[Band]) -> list[Point]:
-    found: dict[float, Point] = {}
+    by_value: dict[float, Point] = {}
     for band in _most_visible(bands, MAX_SURFACES):
-        at = min(band.low + band.ramp / 2, band.high)
-        found.setdefault(at, (at, 1 - (1 - band.opacity) ** _DEPTH, dict(band.mix)))
-    return list(found.values())
+        value = min(band.low + band.ramp / 2, band.high)
+        by_value.setdefault(value, (value, 1 - (1 - band.opacity) ** _DEPTH, dict(band.mix)))
+    return list(by_value.values())
 
 
-def _most_visible(bands: Sequence[Band], most: int) -> list[Band]:
+def _most_visible(bands: Sequence[Band], count: int) -> list[Band]:
     """Return the bands of greatest opacity times width, in their order."""
 
     def area(i: int) -> float:
         return bands[i].opacity * (bands[i].high - bands[i].low)
 
-    return [bands[i] for i in sorted(sorted(range(len(bands)), key=area, reverse=True)[:most])]
+    return [bands[i] for i in sorted(sorted(range(len(bands)), key=area, reverse=True)[:count])]
 
 
 def _points(bands: Sequence[Band]) -> list[Point]:
     """Return a curve through the bands' corners; overlapping bands add up as regions do."""
-    corners = sorted({at for b in bands for at in (b.low, b.low + b.ramp, b.high - b.ramp, b.high)})
+    corners = sorted({x for b in bands for x in (b.low, b.low + b.ramp, b.high - b.ramp, b.high)})
     points: list[Point] = []
-    for at in corners:
-        heights = [_height(band, at) for band in bands]
+    for x in corners:
+        heights = [_height(band, x) for band in bands]
         if any(heights):
             mix = _mean_mix(heights, [band.mix for band in bands])
-            points.append((at, float(1 - np.prod([1 - height for height in heights])), mix))
+            points.append((x, float(1 - np.prod([1 - height for height in heights])), mix))
         else:
-            nearest = min(bands, key=lambda b: max(b.low - at, at - b.high, 0.0))
-            points.append((at, 0.0, dict(nearest.mix)))
+            nearest = min(bands, key=lambda b: max(b.low - x, x - b.high, 0.0))
+            points.append((x, 0.0, dict(nearest.mix)))
     return _simplify(points, MAX_PARTS[TransferFunction])
 
 
-def _simplify(points: list[Point], most: int) -> list[Point]:
-    """Reduce a curve to at most ``most`` points with the least change; its ends stay.
+def _simplify(points: list[Point], max_points: int) -> list[Point]:
+    """Reduce a curve to at most ``max_points`` points with the least change; its ends stay.
 
     By Visvalingam & Whyatt (1993), "Line generalisation by repeated elimination of points",
     The Cartographic Journal 30(1), 46-51.
@@ -253,13 +253,13 @@ def _simplify(points: list[Point], most: int) -> list[Point]:
         (x0, y0, _), (x1, y1, _), (x2, y2, _) = points[i - 1 : i + 2]
         return abs((x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)) / (max(y0, y1, y2) or 1.0)
 
-    while len(points) > most:
+    while len(points) > max_points:
         del points[min(range(1, len(points) - 1), key=area)]
     return points
 
 
-def _height(band: Band, at: float) -> float:
-    inside = min(at - band.low, band.high - at)
+def _height(band: Band, value: float) -> float:
+    inside = min(value - band.low, band.high - value)
     if inside <= 0:
         return 0.0
     return band.opacity * (min(inside / band.ramp, 1.0) if band.ramp > 0 else 1.0)

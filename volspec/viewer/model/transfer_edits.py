@@ -79,9 +79,9 @@ def add_point(state: ViewState, value: float, opacity: float) -> ViewState:
     if new is transfer:
         return state
     old = {part.values for part in transfer_parts.list_parts(transfer)}
-    found = [i for i, part in enumerate(transfer_parts.list_parts(new)) if part.values not in old]
+    indices = [i for i, part in enumerate(transfer_parts.list_parts(new)) if part.values not in old]
     added = replace(state, transfer=new)
-    return with_interface(added, part=found[0]) if found else added
+    return with_interface(added, part=indices[0]) if indices else added
 
 
 @edit
@@ -89,12 +89,12 @@ def remove_point(state: ViewState, index: int) -> ViewState:
     """Remove a part; a curve keeps at least two, others one."""
     transfer = state.transfer
     parts = getattr(transfer, transfer_parts.KINDS[type(transfer)])
-    least = 2 if isinstance(transfer, TransferFunction) else 1
-    if len(parts) <= least or not 0 <= index < len(parts):
+    minimum = 2 if isinstance(transfer, TransferFunction) else 1
+    if len(parts) <= minimum or not 0 <= index < len(parts):
         return state
     if isinstance(transfer, LabelFunction):
         label = list(parts)[index]
-        left: Any = {each: look for each, look in parts.items() if each != label}
+        left: Any = {key: look for key, look in parts.items() if key != label}
     else:
         left = [*parts[:index], *parts[index + 1 :]]
     return replace(state, transfer=transfer_parts.with_parts(transfer, left))
@@ -103,8 +103,8 @@ def remove_point(state: ViewState, index: int) -> ViewState:
 @edit
 def choose_part(state: ViewState, index: int) -> ViewState:
     """Choose the part whose details are shown."""
-    known = 0 <= index < len(transfer_parts.list_parts(state.transfer))
-    return with_interface(state, part=index) if known else state
+    exists = 0 <= index < len(transfer_parts.list_parts(state.transfer))
+    return with_interface(state, part=index) if exists else state
 
 
 @edit
@@ -131,13 +131,13 @@ def set_material_weight(state: ViewState, index: int, name: str, weight: float) 
     if not 0 <= index < len(parts) or name not in state.transfer.materials:
         return state
     old = parts[index].mix
-    rest = {each: share for each, share in old.items() if each != name and share > 0}
-    if not rest:  # a part without materials would be black
+    remaining = {other: part for other, part in old.items() if other != name and part > 0}
+    if not remaining:  # a part without materials would be black
         return state
-    others, total = sum(rest.values()), sum(old.values())
+    remaining_sum, total = sum(remaining.values()), sum(old.values())
     # A trace of the others stays, so that their proportions can be restored.
     weight = clamp(weight, 0.0, _PUREST * total)
-    mix = {each: share * (total - weight) / others for each, share in rest.items()}
+    mix = {other: part * (total - weight) / remaining_sum for other, part in remaining.items()}
     if weight > 0:
         mix[name] = weight
     return _with_transfer(state, transfer_parts.with_mix(state.transfer, index, mix))
@@ -156,10 +156,10 @@ def set_region_values(state: ViewState, index: int, low: float, high: float) -> 
 def set_region_gradients(state: ViewState, index: int, low: float, high: float) -> ViewState:
     """Set the gradients of a region; an upper limit at the end of the axis becomes infinite."""
     top = fields.data(state).joint.top
-    least = _NARROWEST * top
+    min_width = _NARROWEST * top
     low, high = sorted((low, high))
-    low = clamp(low, 0.0, top - least)
-    high = max(high, low + least)
+    low = clamp(low, 0.0, top - min_width)
+    high = max(high, low + min_width)
     return _with_region(state, index, gradients=(low, high if high < top else math.inf))
 
 
@@ -181,13 +181,13 @@ def _with_region(state: ViewState, index: int, **changes: Any) -> ViewState:
 @edit
 def toggle_gradient_opacity(state: ViewState) -> ViewState:
     """Turn opacity by gradient on, with the scene's own factors if it has any, or off."""
-    curve, own = state.transfer, state.document.transfer
+    curve, original = state.transfer, state.document.transfer
     if not isinstance(curve, TransferFunction) or curve.filters:  # these do not go together
         return state
     if curve.gradient_opacity:
         factors = None
-    elif isinstance(own, TransferFunction) and own.gradient_opacity:
-        factors = own.gradient_opacity
+    elif isinstance(original, TransferFunction) and original.gradient_opacity:
+        factors = original.gradient_opacity
     else:
         top = fields.data(state).joint.top
         factors = ((_RISE[0] * top, 0.0), (_RISE[1] * top, 1.0))
@@ -202,9 +202,9 @@ def move_gradient_point(state: ViewState, index: int, gradient: float, factor: f
         return state
     gap = _FACTOR_GAP * end
     # The last is above 0, or there would be no axis.
-    least = gap if index == len(factors) - 1 else 0.0
+    minimum = gap if index == len(factors) - 1 else 0.0
     places = [place for place, _ in factors]
-    gradient = transfer_parts.limit_between(places, index, clamp(gradient, least, end), gap)
+    gradient = transfer_parts.limit_between(places, index, clamp(gradient, minimum, end), gap)
     factors[index] = gradient, clamp(factor, 0.0, 1.0)
     return _with_factors(state, factors)
 
@@ -262,9 +262,9 @@ def shift(state: ViewState, shift: float) -> ViewState:
 def thicken(state: ViewState, thickness: float) -> ViewState:
     """Set the total factor of all densities."""
     thickness = clamp(thickness, *THICKNESSES)
-    thin, own = _unthickened(state)
-    thicker = transfer_parts.thicken_opacities(thin, thickness / own)
-    return replace(state, transfer=thicker, thickness=thickness, unthickened=(thin, own, thicker))
+    thin, base = _unthickened(state)
+    thicker = transfer_parts.thicken_opacities(thin, thickness / base)
+    return replace(state, transfer=thicker, thickness=thickness, unthickened=(thin, base, thicker))
 
 
 def _unthickened(state: ViewState) -> tuple[Transfer, float]:
@@ -272,18 +272,18 @@ def _unthickened(state: ViewState) -> tuple[Transfer, float]:
     transfer = state.transfer
     if state.unthickened is None or type(state.unthickened[2]) is not type(transfer):
         return transfer, state.thickness
-    thin, own, thick = state.unthickened
+    thin, base, thick = state.unthickened
     if thick is transfer:
-        return thin, own
-    return transfer_parts.undo_thickening(transfer, thick, thin, state.thickness / own), own
+        return thin, base
+    return transfer_parts.undo_thickening(transfer, thick, thin, state.thickness / base), base
 
 
 def _with_values(state: ViewState, change: Callable[[Transfer], Transfer]) -> ViewState:
     """Change the values of the transfer function, and of the one before thickening."""
-    (thin, own), new = _unthickened(state), change(state.transfer)
+    (thin, base), new = _unthickened(state), change(state.transfer)
     if new is state.transfer:
         return state
-    return replace(state, transfer=new, unthickened=(change(thin), own, new))
+    return replace(state, transfer=new, unthickened=(change(thin), base, new))
 
 
 @edit
@@ -327,13 +327,13 @@ def _preset(preset: presets.Preset) -> Change:
 
 
 def _is_preset(state: ViewState, preset: presets.Preset) -> bool:
-    own = fields.data(state)
-    return presets.is_preset(state.transfer, preset, own.volume, own.histogram)
+    field = fields.data(state)
+    return presets.is_preset(state.transfer, preset, field.volume, field.histogram)
 
 
 def _fitted(state: ViewState, preset: presets.Preset) -> Transfer:
-    basis, own = state.document.transfer.basis, fields.data(state)
-    return presets.fit_preset(preset, own.volume, own.histogram, basis.grid, basis.observer_deg)
+    basis, field = state.document.transfer.basis, fields.data(state)
+    return presets.fit_preset(preset, field.volume, field.histogram, basis.grid, basis.observer_deg)
 
 
 def _as_labels(state: ViewState) -> Transfer:
@@ -363,8 +363,8 @@ def _convert_to(kind: transfer_parts.Kind) -> Change:
 
     def with_message(state: ViewState) -> Edited:
         new, message, _ = change(state)
-        lost = transfer_convert.conversion_losses(state.transfer, kind, _span(state))
-        return Edited(new, message or lost)
+        losses = transfer_convert.conversion_losses(state.transfer, kind, _span(state))
+        return Edited(new, message or losses)
 
     return with_message
 

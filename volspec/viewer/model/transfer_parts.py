@@ -101,10 +101,10 @@ def thicken_opacities(transfer: Transfer, factor: float) -> Transfer:
     """
     if math.isclose(factor, 1.0):
         return transfer
-    most = _MAX_OPAQUE if factor < 1 else 1.0
+    max_opacity = _MAX_OPAQUE if factor < 1 else 1.0
 
     def denser(_: int, opacity: float, mix: Mix) -> tuple[float, Mix]:
-        return 1 - (1 - min(opacity, most)) ** factor, mix
+        return 1 - (1 - min(opacity, max_opacity)) ** factor, mix
 
     return _with_looks(transfer, denser)
 
@@ -118,8 +118,8 @@ def undo_thickening(transfer: Transfer, thick: Transfer, thin: Transfer, factor:
     before, after = list_parts(thick), list_parts(transfer)
     same = {i: i for i in range(len(after))}
     if len(before) != len(after):  # some were added or removed
-        there = {(part.values, part.opacity): i for i, part in enumerate(before)}
-        same = {i: there.get((part.values, part.opacity), -1) for i, part in enumerate(after)}
+        indices = {(part.values, part.opacity): i for i, part in enumerate(before)}
+        same = {i: indices.get((part.values, part.opacity), -1) for i, part in enumerate(after)}
     opacities = [part.opacity for part in list_parts(thin)]
 
     def thinner(index: int, opacity: float, mix: Mix) -> tuple[float, Mix]:
@@ -134,9 +134,9 @@ def undo_thickening(transfer: Transfer, thick: Transfer, thin: Transfer, factor:
 def stretch_values(transfer: Transfer, factor: float, span: tuple[float, float]) -> Transfer:
     """Multiply the distance of all values from their middle."""
     low, high = limits(transfer)
-    least, most = (share * (span[1] - span[0]) for share in _WIDTHS)
+    min_width, max_width = (fraction * (span[1] - span[0]) for fraction in _WIDTHS)
     width = high - low
-    if not width > 0 or not min(least, width) <= width * factor <= max(most, width):
+    if not width > 0 or not min(min_width, width) <= width * factor <= max(max_width, width):
         return transfer
     middle = (low + high) / 2
     return map_values(transfer, lambda value: middle + factor * (value - middle), span)
@@ -191,7 +191,7 @@ def _with_looks(
         looks = enumerate(transfer.labels.items())
         return with_parts(transfer, {label: change(i, *look) for i, (label, look) in looks})
     rows = enumerate(list_points(transfer))
-    return with_parts(transfer, [(value, *change(i, own, mix)) for i, (value, own, mix) in rows])
+    return with_parts(transfer, [(value, *change(i, old, mix)) for i, (value, old, mix) in rows])
 
 
 def value_gap(rows: Sequence[Point]) -> float:
@@ -246,12 +246,12 @@ def add_region(
     value, gradient = place
     width, height = _NEW * (span[1] - span[0]), _NEW * top
     bottom = max(gradient - height, 0.0)
-    like = transfer.regions[-1]
+    last = transfer.regions[-1]
     region = Region(
         (value - width / 2, value + width / 2),
         (bottom, bottom + 2 * height),
-        max(like.opacity, 0.05),
-        like.material,
-        like.softness,
+        max(last.opacity, 0.05),
+        last.material,
+        last.softness,
     )
     return with_parts(transfer, [*transfer.regions, region])

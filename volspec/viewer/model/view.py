@@ -26,14 +26,14 @@ class View(Orbit):
     @classmethod
     def of(cls, camera: Camera, volume: Volume) -> View:
         """Return the orbit with a camera's position and target, turning around its up vector."""
-        away = np.subtract(camera.position_mm, camera.target_mm) / camera.distance_mm
-        azimuth_deg, elevation_deg = orbit_deg(away, camera.up)
+        direction = np.subtract(camera.position_mm, camera.target_mm) / camera.distance_mm
+        azimuth_deg, elevation_deg = orbit_deg(direction, camera.up)
         sine = math.sin(math.radians(camera.fov_deg) / 2)
-        tall = 2 * camera.distance_mm * sine if camera.height_mm is None else camera.height_mm
+        height_mm = 2 * camera.distance_mm * sine if camera.height_mm is None else camera.height_mm
         return cls(
             azimuth_deg=azimuth_deg,
             elevation_deg=elevation_deg,
-            zoom=clamp(2 * radius_mm(volume) / tall, *framing.ZOOMS),
+            zoom=clamp(2 * radius_mm(volume) / height_mm, *framing.ZOOMS),
             fov_deg=camera.fov_deg,
             orthographic=camera.height_mm is not None,
             up=camera.up,
@@ -51,11 +51,11 @@ def orbit_axes(up: Vector) -> NDArray[np.float64]:
     return np.stack([np.cross(axis, front), axis, front])
 
 
-def orbit_deg(away: NDArray[np.float64], up: Vector) -> tuple[float, float]:
+def orbit_deg(direction: NDArray[np.float64], up: Vector) -> tuple[float, float]:
     """Return azimuth and elevation of a unit vector from the target to the camera."""
     right, axis, front = orbit_axes(up)
-    azimuth = math.atan2(float(away @ right), float(away @ front))
-    return math.degrees(azimuth), math.degrees(math.asin(clamp(float(away @ axis), -1.0, 1.0)))
+    azimuth = math.atan2(float(direction @ right), float(direction @ front))
+    return math.degrees(azimuth), math.degrees(math.asin(clamp(float(direction @ axis), -1.0, 1.0)))
 
 
 def vector(values: NDArray[np.float64]) -> Vector:
@@ -82,12 +82,12 @@ def cube_middle(projection: Projection, scale: float) -> Place:
 def face_at(projection: Projection, place: Place, scale: float) -> int | None:
     """Return the face at a place in the window, or None."""
     centre = cube_middle(projection, scale)
-    at = np.subtract(place, centre) / (HALF * scale)
-    if np.abs(at).max() > 2:
+    offset = np.subtract(place, centre) / (HALF * scale)
+    if np.abs(offset).max() > 2:
         return None
     for face, corners, _ in cube_faces(projection.camera):
         edges = np.roll(corners, -1, axis=0) - corners
-        to = at - corners
+        to = offset - corners
         side = edges[:, 0] * to[:, 1] - edges[:, 1] * to[:, 0]
         if (side >= 0).all() or (side <= 0).all():
             return face

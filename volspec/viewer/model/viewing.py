@@ -117,9 +117,9 @@ def _with_viewing(state: ViewState, viewing: Viewing) -> ViewState:
 def toggle_own_luminance(state: ViewState) -> ViewState:
     """Set L_A independently, or let it follow from the light again."""
     rig = facing_light(state.lights, state.room)
-    given = state.relight.viewing.L_A is not None
-    own = None if given else luminance(rig, shown_spec(state).viewing)
-    return set_viewing(state, "L_A", own)
+    is_set = state.relight.viewing.L_A is not None
+    value = None if is_set else luminance(rig, shown_spec(state).viewing)
+    return set_viewing(state, "L_A", value)
 
 
 def _is_marked(state: ViewState) -> bool:

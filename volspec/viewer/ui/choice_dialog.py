@@ -40,7 +40,7 @@ class ChoiceDialog:
     def __init__(self, undecided: NeedsChoice) -> None:
         self._path = undecided.path
         self._lists = [choice for choice in undecided.choices if choice.values]
-        self._picked = {each.key: each.chosen or each.values[0] for each in self._lists}
+        self._picked = {entry.key: entry.chosen or entry.values[0] for entry in self._lists}
         self._raw = _RawPart(undecided.path) if len(self._lists) < len(undecided.choices) else None
         self._opens = True
 
@@ -77,16 +77,16 @@ class ChoiceDialog:
         """Draw a choice's values; return True if one was double-clicked."""
         imgui.text_disabled(TITLES.get(choice.key, choice.key))
         line = imgui.get_text_line_height_with_spacing()
-        tall = min(len(choice.values), _ROWS) * line
+        height = min(len(choice.values), _ROWS) * line
         double = False
-        at = choice.values.index(self._picked[choice.key])
-        if imgui.begin_child(f"list {choice.key}", (0, tall), imgui.ChildFlags_.nav_flattened):
-            for number in shown_rows(len(choice.values), always=at):
+        picked = choice.values.index(self._picked[choice.key])
+        if imgui.begin_child(f"list {choice.key}", (0, height), imgui.ChildFlags_.nav_flattened):
+            for number in shown_rows(len(choice.values), always=picked):
                 value = choice.values[number]
                 label = f"{as_one_line(value_text(choice, number))}##{number}"
-                pressed = imgui.selectable(label, number == at, _ROW)[0]
+                pressed = imgui.selectable(label, number == picked, _ROW)[0]
                 ui.note(f"choice {choice.key} {value}")
-                if opens and number == at:
+                if opens and number == picked:
                     imgui.set_item_default_focus()
                     imgui.set_scroll_here_y(0.5)
                 # By keyboard, the choice follows the focus.
@@ -114,8 +114,8 @@ class DropDialog:
         title = f"{len(paths)} files were dropped: choose what they are###dropped"
         if not begin_dialog(title, opens, ui, 560):
             return ""
-        tall = min(len(paths), _ROWS) * imgui.get_text_line_height_with_spacing()
-        if imgui.begin_child("dropped files", (0, tall)):
+        height = min(len(paths), _ROWS) * imgui.get_text_line_height_with_spacing()
+        if imgui.begin_child("dropped files", (0, height)):
             for number in shown_rows(len(paths)):
                 name = as_one_line(os.path.basename(paths[number]))
                 if imgui.selectable(f"  {number + 1}  {name}##{number}", False, _ROW)[0]:
@@ -158,19 +158,19 @@ class _RawPart:
     """Fields for the layout of raw bytes, with guesses and a check of their number."""
 
     def __init__(self, path: str) -> None:
-        name, self._held, sample = path.partition("?")[0], 0, b""
+        name, self._nbytes, sample = path.partition("?")[0], 0, b""
         with suppress(OSError):  # it is reported when it is opened
-            self._held = os.path.getsize(name)
+            self._nbytes = os.path.getsize(name)
             with open(name, "rb") as file:
-                file.seek(self._held // 2 // 8 * 8)
+                file.seek(self._nbytes // 2 // 8 * 8)
                 sample = file.read(_SAMPLE_BYTES)
-        self._guesses = guess_layouts(os.path.basename(name), self._held, sample)
+        self._guesses = guess_layouts(os.path.basename(name), self._nbytes, sample)
         self.layout = self._guesses[0] if self._guesses else RawLayout()
 
     @property
     def fits(self) -> bool:
         """True if the file has enough bytes for the layout."""
-        return self.layout.check(self._held)[0]
+        return self.layout.check(self._nbytes)[0]
 
     def draw(self, ui: UiContext) -> None:
         """Draw the guesses, the fields and the check."""
@@ -202,5 +202,5 @@ class _RawPart:
             layout = replace(layout, spacing_mm=(x_mm, y_mm, z_mm))
         imgui.pop_item_width()
         self.layout = layout
-        fits, text = layout.check(self._held)
+        fits, text = layout.check(self._nbytes)
         wrap_text(text, imgui.Col_.text_disabled if fits else imgui.Col_.check_mark)

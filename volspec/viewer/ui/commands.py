@@ -161,14 +161,14 @@ def _entries(
         *(
             Entry("Open", row.label, request=Request("open", row.path))
             for row in recent
-            if row.there
+            if row.exists
         ),
         *(
             Entry(
                 "Add light",
                 f"{name}, {describe_light(name)}",
                 change=partial(lights.add, text=name),
-                words=" ".join(each for each, meant in EVERYDAY.items() if meant == name),
+                words=" ".join(alias for alias, meant in EVERYDAY.items() if meant == name),
             )
             for name in library_names()
         ),
@@ -202,11 +202,11 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     viewport = imgui.get_main_viewport()
     (x, y), room = viewport.work_pos, viewport.work_size
     gap = min(ui.px(28), room.y * 0.04)
-    wide = min(ui.px(560), room.x * 0.94)
-    tall = (imgui.get_frame_height() + ui.px(4)) * (_ROWS + 1) + ui.px(24)
-    tall = min(tall, room.y - 2 * gap)
+    width = min(ui.px(560), room.x * 0.94)
+    height = (imgui.get_frame_height() + ui.px(4)) * (_ROWS + 1) + ui.px(24)
+    height = min(height, room.y - 2 * gap)
     imgui.set_next_window_pos((x + room.x / 2, y + gap), imgui.Cond_.always, (0.5, 0.0))
-    imgui.set_next_window_size((wide, tall))
+    imgui.set_next_window_size((width, height))
     imgui.push_style_var(imgui.StyleVar_.window_rounding, ui.px(8))
     imgui.push_style_var(imgui.StyleVar_.window_border_size, 1)
     imgui.begin("##commands", None, _FLAGS)
@@ -245,17 +245,17 @@ def _body(search: Search, state: ViewState, ui: UiContext) -> Entry | None:
     entered, text = imgui.input_text_with_hint("##search", hint, search.text, flags)
     ui.note("commands")
     if text != search.text:
-        search.text, search.at = text, 0
+        search.text, search.row = text, 0
     rows = list_entries(state, ui.results.recent, search.text)
     pressed = imgui.is_key_pressed
     step = pressed(imgui.Key.down_arrow) - pressed(imgui.Key.up_arrow)
     step += _ROWS * (pressed(imgui.Key.page_down) - pressed(imgui.Key.page_up))
-    search.at = min(max(search.at + step, 0), max(len(rows) - 1, 0))
-    picked = rows[search.at] if entered and rows else None
+    search.row = min(max(search.row + step, 0), max(len(rows) - 1, 0))
+    picked = rows[search.row] if entered and rows else None
     search.fresh |= entered and not rows  # Enter has taken the focus from the field
     if imgui.begin_child("rows", (0, 0)):
-        for number in shown_rows(len(rows), always=search.at):
-            if _row(rows[number], number == search.at, bool(step), ui):
+        for number in shown_rows(len(rows), always=search.row):
+            if _row(rows[number], number == search.row, bool(step), ui):
                 picked = rows[number]
         if not rows:
             imgui.text_disabled("No match")
@@ -263,13 +263,13 @@ def _body(search: Search, state: ViewState, ui: UiContext) -> Entry | None:
     return picked
 
 
-def _row(entry: Entry, chosen: bool, follow: bool, ui: UiContext) -> bool:
+def _row(entry: Entry, is_chosen: bool, follow: bool, ui: UiContext) -> bool:
     """Draw a row: its group, title and key; return True if it was pressed."""
     imgui.push_id(f"{entry.text}{entry.request}")
     left = imgui.get_cursor_pos_x()
     right = left + imgui.get_content_region_avail().x
-    pressed = bool(imgui.selectable("##row", chosen, 0, (0, imgui.get_frame_height()))[0])
-    if chosen and follow:
+    pressed = bool(imgui.selectable("##row", is_chosen, 0, (0, imgui.get_frame_height()))[0])
+    if is_chosen and follow:
         imgui.set_scroll_here_y(0.5)
     imgui.same_line(left + ui.px(6))
     imgui.align_text_to_frame_padding()

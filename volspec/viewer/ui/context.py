@@ -50,7 +50,7 @@ class Search:
     """The command palette while it is open."""
 
     text: str = ""
-    at: int = 0  # the row that Enter picks
+    row: int = 0  # the row that Enter picks
     fresh: bool = True  # focus the field
     picked: Any = None  # the `volspec.viewer.ui.commands.Entry` to run
     waits: int = 0  # frames until then, so that the palette has disappeared
@@ -64,7 +64,7 @@ class LightsPanelState:
     tab: str = ""
     to_tab: str = ""  # the tab to open; empty for none
     part: int = 0  # the spectrum of the chosen light that the pen edits
-    whole: bool = False  # rendition is that of the mix
+    of_mix: bool = False  # rendition is that of the mix
     pen: tuple[float, float] | None = None  # (x, y) in the last frame, while it draws
     top: float = 1.0  # power at the plot's upper edge, which stays while the pen draws
     text: str = ""  # a notation that is being typed,
@@ -106,7 +106,7 @@ class Results:
     """Results of the viewer's services as of this frame."""
 
     image: CoefficientImage | None = None  # the last cast
-    whole: bool = False  # True if it has the picture's full resolution
+    sharp: bool = False  # True if it has the picture's full resolution
     # (left, top, right, bottom) of the picture in the window
     shown_at: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     side_by_side: bool = False  # both eyes' pictures are shown next to each other

@@ -43,12 +43,12 @@ def _crop(state: ViewState, ui: UiContext) -> ViewState:
     for axis, (name, (low, high)) in enumerate(zip("xyz", crop, strict=True)):
         last = volume.shape_xyz[axis] - 1.0
         scale = max(last / 400, 0.05), 0.0, last, "%.0f", "%.0f"
-        moved, least, most = imgui.drag_float_range2(name, low, high, *scale)
+        changed, new_low, new_high = imgui.drag_float_range2(name, low, high, *scale)
         ui.note(f"crop {name}")
-        if moved and least != low:
-            new = cuts.move_crop(new, 2 * axis, least)
-        if moved and most != high:
-            new = cuts.move_crop(new, 2 * axis + 1, most)
+        if changed and new_low != low:
+            new = cuts.move_crop(new, 2 * axis, new_low)
+        if changed and new_high != high:
+            new = cuts.move_crop(new, 2 * axis + 1, new_high)
     imgui.pop_item_width()
     return new
 
@@ -60,14 +60,14 @@ def _planes(state: ViewState, ui: UiContext) -> ViewState:
     if pressed:
         new = ui.run(new, "planes")
     imgui.begin_disabled(len(planes) >= MAX_PLANES)
-    for name, title, what in (
+    for name, title, note in (
         ("plane-facing", "+ facing", "A plane through the middle; cuts away the front"),
         *((f"plane-{axis}", f"+ {axis}", f"A plane across voxel axis {axis}") for axis in "xyz"),
     ):
         imgui.same_line()
         if imgui.button(title):
             new = ui.run(new, name)
-        ui.note(name, what)
+        ui.note(name, note)
     imgui.end_disabled()
     if not planes:
         imgui.text_disabled("No planes yet")
@@ -86,10 +86,10 @@ def _row(state: ViewState, ui: UiContext, index: int, plane: ClipPlane) -> ViewS
     x, y, z = plane.normal
     imgui.set_next_item_width(-ui.px(92))
     reach, now = radius_mm(volume), cuts.distance_mm(plane, volume)
-    moved, at = imgui.slider_float("##at", now, -reach, reach, "%.1f mm")
+    changed, distance_mm = imgui.slider_float("##at", now, -reach, reach, "%.1f mm")
     ui.note(f"plane {index}", f"From the volume's middle, along ({x:.2f}, {y:.2f}, {z:.2f})")
-    if moved:
-        state = cuts.shift_plane(state, index, at)
+    if changed:
+        state = cuts.shift_plane(state, index, distance_mm)
     imgui.same_line()
     if imgui.button("Flip"):
         state = cuts.flip_plane(state, index)
@@ -113,8 +113,8 @@ def draw_handles(state: ViewState, ui: UiContext) -> None:
     crop = framing.crop_bounds(state.shading, volume)
     with over_picture(ui):
         if outlines:
-            for axis, share in enumerate(state.interface.slices.at):
-                corners = framing.world_mm(volume, outline_index(volume, axis, share))
+            for axis, fraction in enumerate(state.interface.slices.at):
+                corners = framing.world_mm(volume, outline_index(volume, axis, fraction))
                 _polygon(corners, projection, (*SLICE_COLOURS[axis], 0.9), ui)
         if overlays.crop:
             for start, end, hidden in cuts.box_edges(crop, volume, projection):
@@ -129,14 +129,14 @@ def draw_handles(state: ViewState, ui: UiContext) -> None:
 
 
 def _draw_handles(state: ViewState, projection: Projection, ui: UiContext) -> None:
-    found, hovered = cuts.list_handles(state, projection, ui.scale), None
+    handles, hovered = cuts.list_handles(state, projection, ui.scale), None
     if not imgui.get_io().want_capture_mouse:
         mouse = imgui.get_mouse_pos()
-        hovered = cuts.nearest_handle(found, (mouse.x, mouse.y), ui.scale)
+        hovered = cuts.nearest_handle(handles, (mouse.x, mouse.y), ui.scale)
     draw_list = imgui.get_background_draw_list()
     shade = pack_colour(BLACK, 0.6)
-    middles = {handle.index: handle.place for handle in found if handle.name == "plane-shift"}
-    for handle in (h for name in _ORDER for h in reversed(found) if h.name == name):
+    middles = {handle.index: handle.place for handle in handles if handle.name == "plane-shift"}
+    for handle in (h for name in _ORDER for h in reversed(handles) if h.name == name):
         colour = pack_colour(ACCENT[True] if handle == hovered else (*WHITE, 0.95))
         size = ui.px(_SIZE * (1.25 if handle == hovered else 1.0))
         x, y = handle.place

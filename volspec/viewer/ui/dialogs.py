@@ -47,7 +47,7 @@ _STAYS = _SELECT.no_auto_close_popups
 _BUTTON_WIDTH, _BUTTON_GAP = 84, 8
 
 
-def begin_dialog(name: str, opens: bool, ui: UiContext, wide: float, aside: bool = False) -> bool:
+def begin_dialog(name: str, opens: bool, ui: UiContext, size: float, aside: bool = False) -> bool:
     """Begin a dialog, if it is open or opens now; the picture is dimmed only a little.
 
     A dialog ``aside`` is at the window's right, and the picture is not dimmed.
@@ -56,7 +56,7 @@ def begin_dialog(name: str, opens: bool, ui: UiContext, wide: float, aside: bool
         imgui.open_popup(name)
     viewport = imgui.get_main_viewport()
     middle, room = viewport.get_work_center(), viewport.work_size
-    width = min(ui.px(wide), room.x * 0.94)
+    width = min(ui.px(size), room.x * 0.94)
     place, pivot = (middle.x, middle.y), (0.5, 0.5)
     if aside:
         place, pivot = (viewport.work_pos.x + room.x - ui.px(6), middle.y), (1.0, 0.5)
@@ -97,7 +97,7 @@ class PathDialog:
         self._folder = str(inside)
         self._text = "" if inside == start else start.name
         self._typed = ""  # the text that the list completes
-        self._at = -1  # the chosen row
+        self._row = -1  # the chosen row
         self._opens = self._focus = True
         self._follow = False  # scroll to the chosen row
         self._all = False  # list files with any ending
@@ -121,41 +121,41 @@ class PathDialog:
         request = self.request
         slices = request.folders and not self._all
         second = int(imgui.get_time())
-        found = _list_paths(self._typed, self._suffixes, self._folder, slices, second)
+        listing = _list_paths(self._typed, self._suffixes, self._folder, slices, second)
         self._bar(ui)
-        tall = self._list_height()
+        height = self._list_height()
         if self._places:
-            self._list_places(tall, ui)
+            self._list_places(height, ui)
             imgui.same_line()
-        chosen, whole = self._list(found, tall, ui)
-        if whole:
+        picked, folder_picked = self._list(listing, height, ui)
+        if folder_picked:
             return self._folder
-        done = self._field(found, ui)
+        done = self._field(listing, ui)
         path = self._path()
-        there = bool(path) and request.save and os.path.isfile(path)
-        sure = there and path == self._replaces
+        exists = bool(path) and request.save and os.path.isfile(path)
+        sure = exists and path == self._replaces
         if self._problem[1] and self._problem[0] == path:
             wrap_text(self._problem[1], imgui.Col_.check_mark)
             ui.note("path problem")
-        if there:
+        if exists:
             warning = f"{os.path.basename(path)} exists{'; Enter again replaces it' * sure}"
             wrap_text(warning, imgui.Col_.check_mark)
         if request.suffixes:
-            self._filter(found, ui)
+            self._filter(listing, ui)
         left = buttons_left(ui)
         imgui.align_text_to_frame_padding()
         imgui.text_disabled("Tab completes")
         imgui.same_line(left)
-        label = "Replace" if there else "Save" if request.save else "Open"
+        label = "Replace" if exists else "Save" if request.save else "Open"
         accepted, cancelled = dialog_buttons(label, "path ok", ui)
         if cancelled:
             return ""
-        if not (accepted or done or chosen) or not self._text.strip():
+        if not (accepted or done or picked) or not self._text.strip():
             return None
         if os.path.isdir(path) and not (request.folders and path.rstrip("/").endswith(".zarr")):
             self._enter(path)
             return None
-        if there and not sure:
+        if exists and not sure:
             self._replaces, self._focus = path, True
             return None
         if request.save:
@@ -181,7 +181,7 @@ class PathDialog:
         self._folder = os.path.normpath(folder)
         if not self.request.save or os.path.isdir(self._path()):
             self._text = ""
-        self._typed, self._at, self._focus = "", -1, True
+        self._typed, self._row, self._focus = "", -1, True
 
     def _bar(self, ui: UiContext) -> None:
         """Draw the folders that lead to this one, as buttons."""
@@ -189,21 +189,21 @@ class PathDialog:
             self._enter(os.path.dirname(self._folder))
         ui.note("path up", "The folder above")
         imgui.same_line()
-        home, shown = os.path.expanduser("~"), self._folder
+        home, parent = os.path.expanduser("~"), self._folder
         steps: list[tuple[str, str]] = []
         while True:
-            above = os.path.dirname(shown)
-            if shown == home or above == shown:
-                steps.append(("Home" if shown == home else shown, shown))
+            above = os.path.dirname(parent)
+            if parent == home or above == parent:
+                steps.append(("Home" if parent == home else parent, parent))
                 break
-            steps.append((os.path.basename(shown), shown))
-            shown = above
+            steps.append((os.path.basename(parent), parent))
+            parent = above
         room, gap = imgui.get_content_region_avail().x, ui.px(2)
         pads = 2 * imgui.get_style().frame_padding.x
-        wide = 0.0
+        width = 0.0
         for count, (name, _) in enumerate(steps):
-            wide += text_width(name) + pads + gap
-            if wide > room and count:
+            width += text_width(name) + pads + gap
+            if width > room and count:
                 steps = steps[:count]
                 break
         for number, (name, folder) in enumerate(reversed(steps)):
@@ -216,12 +216,12 @@ class PathDialog:
     @staticmethod
     def _list_height() -> float:
         line = imgui.get_text_line_height_with_spacing()
-        others = _OTHER_ROWS * imgui.get_frame_height_with_spacing()
-        room = imgui.get_main_viewport().work_size.y - others
+        other_rows = _OTHER_ROWS * imgui.get_frame_height_with_spacing()
+        room = imgui.get_main_viewport().work_size.y - other_rows
         return float(max(min(line * _ROWS, room), 3 * line))
 
-    def _list_places(self, tall: float, ui: UiContext) -> None:
-        if imgui.begin_child("places", (ui.px(130), tall)):
+    def _list_places(self, height: float, ui: UiContext) -> None:
+        if imgui.begin_child("places", (ui.px(130), height)):
             for number, place in enumerate(self._places):
                 here = place.folder == self._folder
                 if imgui.selectable(f"{as_one_line(place.name)}##{number}", here, _STAYS)[0]:
@@ -229,54 +229,54 @@ class PathDialog:
                 ui.note(f"place {place.name}", place.folder)
         imgui.end_child()
 
-    def _list(self, found: Listing, tall: float, ui: UiContext) -> tuple[bool, bool]:
+    def _list(self, listing: Listing, height: float, ui: UiContext) -> tuple[bool, bool]:
         """Draw the table; return if a file was double-clicked, and if the folder was clicked."""
         T = imgui.TableFlags_
         flags = T.scroll_y | T.row_bg | T.sizing_fixed_fit | T.pad_outer_x
-        if not imgui.begin_table("files", 3, flags, (0, tall)):
+        if not imgui.begin_table("files", 3, flags, (0, height)):
             return False, False
         imgui.table_setup_scroll_freeze(0, 1)
-        for name, each in (
+        for name, column_flags in (
             ("Name", imgui.TableColumnFlags_.width_stretch),
             ("Size", 0),
             ("Changed", 0),
         ):
-            imgui.table_setup_column(name, each)
+            imgui.table_setup_column(name, column_flags)
         imgui.table_headers_row()
-        whole = self.request.folders and self._folder_row(found.dicom, ui)
+        folder_picked = self.request.folders and self._folder_row(listing.dicom, ui)
         opened = False
-        for number in shown_rows(len(found.rows), always=self._at if self._at >= 0 else None):
-            opened |= self._row(number, found, ui)
-        if not found.rows:
+        for number in shown_rows(len(listing.rows), always=self._row if self._row >= 0 else None):
+            opened |= self._draw_row(number, listing, ui)
+        if not listing.rows:
             imgui.table_next_row()
             imgui.table_next_column()
             files = (self.request.files or "files").lower()
             imgui.text_disabled(f"No {files} in this folder")
         imgui.end_table()
-        return opened, whole
+        return opened, folder_picked
 
     def _folder_row(self, dicom: int, ui: UiContext) -> bool:
         """Draw the row that opens the folder itself; return True if it was clicked."""
         imgui.table_next_row()
         imgui.table_next_column()
-        what = f"{dicom} DICOM file{'s' * (dicom > 1)}" if dicom else "slices or OME-Zarr"
+        contents = f"{dicom} DICOM file{'s' * (dicom > 1)}" if dicom else "slices or OME-Zarr"
         colour = imgui.Col_.check_mark if dicom else imgui.Col_.text
         imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(colour))
         flags = _STAYS | _SELECT.span_all_columns
-        pressed = bool(imgui.selectable(f"Open this folder ({what})###folder", False, flags)[0])
+        pressed = bool(imgui.selectable(f"Open this folder ({contents})###folder", False, flags)[0])
         imgui.pop_style_color()
         ui.note("path folder", "As slices of DICOM, TIFF, PNG, BMP or JPEG, or an OME-Zarr")
         return pressed
 
-    def _row(self, number: int, found: Listing, ui: UiContext) -> bool:
-        row = found.rows[number]
+    def _draw_row(self, number: int, listing: Listing, ui: UiContext) -> bool:
+        row = listing.rows[number]
         imgui.table_next_row()
         imgui.table_next_column()
         label = f"{as_one_line(row.name)}##{number}"
         flags = _STAYS | _SELECT.span_all_columns | _SELECT.allow_double_click
-        pressed = imgui.selectable(label, number == self._at, flags)[0]
+        pressed = imgui.selectable(label, number == self._row, flags)[0]
         ui.note(f"file {row.name}")
-        if number == self._at and self._follow:
+        if number == self._row and self._follow:
             imgui.set_scroll_here_y(0.5)
             self._follow = False
         imgui.table_next_column()
@@ -293,13 +293,13 @@ class PathDialog:
             return False
         double = imgui.is_mouse_double_clicked(0)
         if double and row.name.endswith("/"):
-            self._enter(os.path.join(self._folder, found.folder, row.name))
+            self._enter(os.path.join(self._folder, listing.folder, row.name))
             return False
-        self._text, self._at = found.folder + row.name, number
+        self._text, self._row = listing.folder + row.name, number
         self._focus = not double
         return double
 
-    def _field(self, found: Listing, ui: UiContext) -> bool:
+    def _field(self, listing: Listing, ui: UiContext) -> bool:
         """Draw the field for the name; return True on Enter."""
         request = self.request
         if self._focus:
@@ -314,12 +314,12 @@ class PathDialog:
             slices = request.folders and not self._all
             text = list_paths(self._text, self._suffixes, self._folder, slices).common
             if data.event_flag == _INPUT.callback_history:
-                if not found.rows:
+                if not listing.rows:
                     return 0
                 step = 1 if data.event_key == imgui.Key.down_arrow else -1
-                self._at = min(max(self._at + step, 0), len(found.rows) - 1)
+                self._row = min(max(self._row + step, 0), len(listing.rows) - 1)
                 self._follow = True
-                text = found.folder + found.rows[self._at].name
+                text = listing.folder + listing.rows[self._row].name
             data.delete_chars(0, data.buf_text_len)
             data.insert_chars(0, text)
             return 0
@@ -327,27 +327,27 @@ class PathDialog:
         before = self._text
         done, self._text = imgui.input_text_with_hint("##path", hint, before, flags, change)
         ui.note("path")
-        rows = found.rows
-        chosen = found.folder + rows[self._at].name if 0 <= self._at < len(rows) else None
-        if self._text not in (before, chosen):
+        rows = listing.rows
+        listed = listing.folder + rows[self._row].name if 0 <= self._row < len(rows) else None
+        if self._text not in (before, listed):
             # To save a file, all files of the folder are listed.
             self._typed = self._text[: self._text.rfind("/") + 1] if request.save else self._text
-            self._at = -1
+            self._row = -1
         return bool(done)
 
-    def _filter(self, found: Listing, ui: UiContext) -> None:
+    def _filter(self, listing: Listing, ui: UiContext) -> None:
         """Draw the choice between the request's endings and all files."""
         imgui.set_next_item_width(ui.px(260))
         names = self.request.files or "Matching files", "All files"
         if imgui.begin_combo("##filter", names[self._all]):
             for number, name in enumerate(names):
                 if imgui.selectable(name, number == self._all)[0]:
-                    self._all, self._at = bool(number), -1
+                    self._all, self._row = bool(number), -1
             imgui.end_combo()
         ui.note("path filter", " ".join(self.request.suffixes))
-        if found.others:
+        if listing.other_files:
             imgui.same_line()
-            kinds = f"{found.others} file{'s' * (found.others > 1)} of other kinds"
+            kinds = f"{listing.other_files} file{'s' * (listing.other_files > 1)} of other kinds"
             imgui.text_disabled(kinds)
 
 

@@ -67,8 +67,8 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
 def lines(ui: UiContext) -> float:
     """Return the height of the buttons and the text below them."""
     width, spacing = imgui.get_content_region_avail().x, imgui.get_style().item_spacing.y
-    tall = [imgui.calc_text_size(line, wrap_width=width).y + spacing for line in _results(ui)]
-    return imgui.get_frame_height_with_spacing() + sum(tall)
+    heights = [imgui.calc_text_size(line, wrap_width=width).y + spacing for line in _results(ui)]
+    return imgui.get_frame_height_with_spacing() + sum(heights)
 
 
 def _results(ui: UiContext) -> list[str]:
@@ -152,11 +152,11 @@ def draw_picture_menu(state: ViewState, ui: UiContext) -> ViewState | None:
 
 def _material_items(state: ViewState, ui: UiContext, material: str) -> ViewState:
     new = state
-    others = [name for name in state.transfer.materials if name != material]
+    other_names = [name for name in state.transfer.materials if name != material]
     _swatch(state, material, ui)
     imgui.text(as_one_line(material))
     imgui.separator()
-    imgui.begin_disabled(not others or bool(ui.results.design.busy))
+    imgui.begin_disabled(not other_names or bool(ui.results.design.busy))
     if imgui.menu_item("Hide this in daylight", "", False)[0]:
         new = _request(new, ui, "hide", (material,))
     ui.note("picture hide")
@@ -164,11 +164,11 @@ def _material_items(state: ViewState, ui: UiContext, material: str) -> ViewState
         ("merge", "Make it look like"),
         (effects.DIFFERENCE, "Show its difference from"),
     ):
-        if len(others) == 1:
-            if imgui.menu_item(f"{title} {as_one_line(others[0])}", "", False)[0]:
-                new = _request(new, ui, name, (material, others[0]))
+        if len(other_names) == 1:
+            if imgui.menu_item(f"{title} {as_one_line(other_names[0])}", "", False)[0]:
+                new = _request(new, ui, name, (material, other_names[0]))
         elif imgui.begin_menu(title):
-            for other in others:
+            for other in other_names:
                 new = _item(new, ui, name, (material, other), other)
             imgui.end_menu()
         ui.note(f"picture {name}")

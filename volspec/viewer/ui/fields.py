@@ -51,20 +51,20 @@ def _limits(state: ViewState, ui: UiContext) -> ViewState:
     step = (last - first) / 500
     form = "%.0f" if step > 0.05 else value_form(volume)
     imgui.set_next_item_width(-text_width("Limits") - imgui.get_style().item_inner_spacing.x)
-    moved, low, high = imgui.drag_float_range2(
+    changed, low, high = imgui.drag_float_range2(
         "Limits", low, high, step, first, last, form, form, imgui.SliderFlags_.always_clamp
     )
     ui.note("field limits", "Contrast limits: the values between which the field's curve lies")
-    return transfer_edits.set_limits(state, low, high) if moved else state
+    return transfer_edits.set_limits(state, low, high) if changed else state
 
 
 def _row(state: ViewState, ui: UiContext, number: int, look: FieldLook) -> ViewState:
     new, side = state, imgui.get_frame_height()
     imgui.table_next_column()
-    changed, shown = imgui.checkbox("##shown", look.shown)
+    changed, visible = imgui.checkbox("##shown", look.shown)
     ui.note(f"field shown {number}", "Show this field")
     if changed:
-        new = fields.set_shown(new, number, shown)
+        new = fields.set_shown(new, number, visible)
     imgui.table_next_column()
     alone = fields.is_alone(state, number)
     if lit_button("S", alone, state.interface.dark, (side, side)):
@@ -84,8 +84,8 @@ def _row(state: ViewState, ui: UiContext, number: int, look: FieldLook) -> ViewS
     imgui.table_next_column()
     imgui.set_next_item_width(-1)
     flags = imgui.SliderFlags_.logarithmic
-    moved, weight = imgui.slider_float(
+    edited, weight = imgui.slider_float(
         "##weight", look.weight, 0.0, fields.MAX_WEIGHT, "× %.2f", flags
     )
     ui.note(f"field weight {number}", "Factor of this field's density")
-    return fields.set_weight(new, number, weight) if moved else new
+    return fields.set_weight(new, number, weight) if edited else new

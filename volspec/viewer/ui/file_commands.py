@@ -135,15 +135,15 @@ class FileCommands:
     def add_meshes(self, history: History) -> History:
         """Add the meshes that were read since the last call, as a step."""
         read, self._meshes = self._meshes, []
-        for each in read:
-            for error in each.errors:
+        for file in read:
+            for error in file.errors:
                 self._notice.show_error(error)
-            if not each.rows or not each.document.is_of(history.present.document):
+            if not file.rows or not file.document.is_of(history.present.document):
                 continue
-            history = history.step(meshes.add(history.present, each.rows))
+            history = history.step(meshes.add(history.present, file.rows))
             self._ui.front = meshes.PANEL
-            if not each.errors:
-                names = ", ".join(row.name for row in each.rows)
+            if not file.errors:
+                names = ", ".join(row.name for row in file.rows)
                 self._notice.show(f"Added {names}", SHORT_SECONDS)
         return history
 
@@ -155,7 +155,7 @@ class FileCommands:
         if answer := self._dialogs.take():
             self._use_path(*answer)
         outcomes = self._tasks.take()
-        found = None
+        opened = None
         for outcome in outcomes:
             progress = self._progress
             if progress is not None and progress.kind != outcome.kind:
@@ -166,9 +166,9 @@ class FileCommands:
             if progress is not None and progress.ended and outcome.error:
                 self._notice.show(f"The {progress.kind} was cancelled")
             elif outcome.kind == "open":
-                found = self.documents.finish_open(outcome, first)
-                if found is not None and (meshes := self.documents.take_meshes()):
-                    self._read_meshes(meshes, found.state)
+                opened = self.documents.finish_open(outcome, first)
+                if opened is not None and (meshes := self.documents.take_meshes()):
+                    self._read_meshes(meshes, opened.state)
             elif outcome.error:
                 self._notice.show_error(outcome.error)
             elif isinstance(outcome.result, ReadMeshes):
@@ -176,9 +176,9 @@ class FileCommands:
             elif outcome.kind != "session":
                 event = "screenshot" if outcome.kind == "picture" else outcome.kind
                 self._notice.trace.note(event, path=str(outcome.result))
-                lost = self._left_out.get(outcome.kind)
-                self._notice.show(f"Saved {outcome.result}{f', without {lost}' if lost else ''}")
-        return bool(outcomes), found
+                omits = self._left_out.get(outcome.kind)
+                self._notice.show(f"Saved {outcome.result}{f', without {omits}' if omits else ''}")
+        return bool(outcomes), opened
 
     def close(self, state: ViewState | None, faulty: bool) -> None:
         """End casts and dialogs, save the session, and wait for files that are being written."""
@@ -241,28 +241,28 @@ class FileCommands:
     def _save_picture(self, state: ViewState) -> None:
         shot = self._picture.shot
         width, height = shot.size.pixels(state.size)
-        what = f"Casting {width} × {height}"
-        self._make("picture", what, lambda progress: save_picture(state, shot, progress))
+        job = f"Casting {width} × {height}"
+        self._make("picture", job, lambda progress: save_picture(state, shot, progress))
 
     def _save_film(self, state: ViewState) -> None:
         file = self._film.file
-        what = f"Film of {file.film.frames} frames"
-        lost = compared(state) if file.film.lights == AS_SHOWN else ""
-        self._make("film", what, lambda progress: save_film(state, file, progress), lost)
+        job = f"Film of {file.film.frames} frames"
+        omits = compared(state) if file.film.lights == AS_SHOWN else ""
+        self._make("film", job, lambda progress: save_film(state, file, progress), omits)
 
     def _save_page(self, state: ViewState) -> None:
         file = self._page.file
-        what = f"Page of {file.views} views" if file.views > 1 else "Web page"
-        lost = left_out(state)
-        self._make("page", what, lambda progress: save_page(state, file, progress), lost)
+        job = f"Page of {file.views} views" if file.views > 1 else "Web page"
+        omits = left_out(state)
+        self._make("page", job, lambda progress: save_page(state, file, progress), omits)
 
-    def _make(self, kind: str, what: str, make: Callable[[Progress], Path], lost: str = "") -> None:
+    def _make(self, kind: str, job: str, make: Callable[[Progress], Path], omits: str = "") -> None:
         """Start making a file in the background, unless another one is being made."""
         if self._progress is not None:
             self._notice.show_warning(f"A {self._progress.kind} is being made; wait or cancel it")
             return
-        progress = self._progress = Progress(what, kind)
-        self._left_out[kind] = lost
+        progress = self._progress = Progress(job, kind)
+        self._left_out[kind] = omits
         # `close` waits for it, too: a thread in native code must not outlive the interpreter.
         self._tasks.start(kind, lambda: make(progress), writes=True)
 

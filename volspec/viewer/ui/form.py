@@ -59,8 +59,8 @@ def remaining(cls: Any, *placed: str) -> tuple[Field, ...]:
 
 def draw_fields(state: ViewState, ui: UiContext, form: Form, *fields: Field) -> ViewState:
     """Draw the widgets of fields below each other; return the edited state."""
-    for each in fields:
-        state = draw_field(state, ui, form, each)
+    for entry in fields:
+        state = draw_field(state, ui, form, entry)
     return state
 
 
@@ -68,7 +68,7 @@ def draw_field(
     state: ViewState,
     ui: UiContext,
     form: Form,
-    shown: Field,
+    entry: Field,
     *,
     now: Any = None,
     names: Collection[str] = (),
@@ -80,45 +80,45 @@ def draw_field(
     """
     spec = form.read(state)
     cls: Any = type(spec)
-    hint = hints(cls)[shown.name]
-    value = getattr(spec, shown.name) if now is None else now
-    words = names or (*([shown.none] if shown.none else ()), *choices(hint))
-    focus_if_wanted(shown.label, ui)
+    hint = hints(cls)[entry.name]
+    value = getattr(spec, entry.name) if now is None else now
+    words = names or (*([entry.none] if entry.none else ()), *choices(hint))
+    focus_if_wanted(entry.label, ui)
     imgui.begin_disabled(disabled)
     if isinstance(value, bool):
-        edited: tuple[bool, Any] = imgui.checkbox(shown.label, value)
+        edited: tuple[bool, Any] = imgui.checkbox(entry.label, value)
     elif names or choices(hint):
-        edited = _draw_choice(shown, value, words)
+        edited = _draw_choice(entry, value, words)
     else:
-        edited = _draw_number(shown, value, hint)
+        edited = _draw_number(entry, value, hint)
     imgui.end_disabled()
-    ui.note(shown.label.lower(), describe_field(cls, shown.name), greyed=disabled)
+    ui.note(entry.label.lower(), describe_field(cls, entry.name), greyed=disabled)
     changed, new = edited
-    return form.change(state, shown.name, new) if changed else state
+    return form.change(state, entry.name, new) if changed else state
 
 
-def _draw_choice(shown: Field, value: Any, words: Collection[str]) -> tuple[bool, str | None]:
+def _draw_choice(entry: Field, value: Any, words: Collection[str]) -> tuple[bool, str | None]:
     """Draw a list of choices; return True and the value that was picked, if any."""
-    titles = {shown.titles.get(word, word): word for word in words}
-    now = shown.none if value is None else shown.titles.get(value, value)
+    titles = {entry.titles.get(word, word): word for word in words}
+    now = entry.none if value is None else entry.titles.get(value, value)
     if not isinstance(now, str):
         now = " ".join(f"{number:.3g}" for number in (now if isinstance(now, tuple) else (now,)))
-    picked = pick(shown.label, now, titles)
+    picked = pick(entry.label, now, titles)
     new = titles.get(picked or "")
-    return picked is not None, None if new == shown.none else new
+    return picked is not None, None if new == entry.none else new
 
 
-def _draw_number(shown: Field, value: float | None, hint: Any) -> tuple[bool, float | None]:
+def _draw_number(entry: Field, value: float | None, hint: Any) -> tuple[bool, float | None]:
     """Draw a slider or a field for a number; return True and the number if it changed."""
-    if shown.limits is None:
-        return imgui.input_int(shown.label, int(value or 0))
-    low, high = shown.limits
-    flags = imgui.SliderFlags_.logarithmic if shown.is_logarithmic else 0
+    if entry.limits is None:
+        return imgui.input_int(entry.label, int(value or 0))
+    low, high = entry.limits
+    flags = imgui.SliderFlags_.logarithmic if entry.is_logarithmic else 0
     if isinstance(value, int):
-        return imgui.slider_int(shown.label, value, int(low), int(high), shown.text or "%d", flags)
+        return imgui.slider_int(entry.label, value, int(low), int(high), entry.text or "%d", flags)
     unit = unit_of(hint)
-    text = shown.text or (f"%.4g {unit}" if unit else "%.2f")
-    at, text = (low, shown.none) if value is None else (value, text)
-    moved, new = imgui.slider_float(shown.label, at, low, high, text, flags)
-    is_none = shown.none and (new <= low or new < number_limits(hint)[0])
-    return moved, None if is_none else new
+    text = entry.text or (f"%.4g {unit}" if unit else "%.2f")
+    position, text = (low, entry.none) if value is None else (value, text)
+    changed, new = imgui.slider_float(entry.label, position, low, high, text, flags)
+    is_none = entry.none and (new <= low or new < number_limits(hint)[0])
+    return changed, None if is_none else new

@@ -65,7 +65,7 @@ class Inputs:
         self._window, self._to_imgui = window, to_imgui
         # Inputs, each with the call that passes it to imgui.
         self._queue: list[tuple[Input, Callable[[], object]]] = []
-        self._at: tuple[float, float] | None = None
+        self._cursor: tuple[float, float] | None = None
         glfw.set_mouse_button_callback(window, self._on_button)
         glfw.set_cursor_pos_callback(window, self._on_move)
         glfw.set_scroll_callback(window, self._on_wheel)
@@ -87,35 +87,35 @@ class Inputs:
 
     def take(self) -> list[Input]:
         """Take the inputs since the last call, but no more than one gesture; pass them to imgui."""
-        end = _gesture_end([given for given, _ in self._queue])
+        end = _gesture_end([event for event, _ in self._queue])
         taken = self._queue[:end]
         for _, pass_on in taken:
             pass_on()
         del self._queue[:end]
-        return [given for given, _ in taken]
+        return [event for event, _ in taken]
 
-    def _add(self, given: Input, pass_on: Callable[[], object] = lambda: None) -> None:
-        self._queue.append((given, pass_on))
+    def _add(self, event: Input, pass_on: Callable[[], object] = lambda: None) -> None:
+        self._queue.append((event, pass_on))
 
     def _on_button(self, _: Any, button: int, action: int, modifiers: int) -> None:
         down = action == glfw.PRESS
         if button in BUTTONS:
             # The place at that time; glfw reports only the current one, which may be farther along.
-            x, y = self._at or glfw.get_cursor_pos(self._window)
-            name, held = "press" if down else "release", _modifier_text(modifiers)
+            x, y = self._cursor or glfw.get_cursor_pos(self._window)
+            name, modifier_text = "press" if down else "release", _modifier_text(modifiers)
             self._add(
-                Input(name, x, y, button=BUTTONS[button], modifiers=held),
+                Input(name, x, y, button=BUTTONS[button], modifiers=modifier_text),
                 lambda: imgui.get_io().add_mouse_button_event(button, down),
             )
 
     def _on_move(self, _: Any, x: float, y: float) -> None:
-        self._at = x, y
+        self._cursor = x, y
         self._add(Input("move", x, y), lambda: imgui.get_io().add_mouse_pos_event(x, y))
 
     def _on_enter(self, _: Any, entered: int) -> None:
         if not entered:
-            away = -3.4e38, -3.4e38
-            self._add(Input("move", -1.0, -1.0), lambda: imgui.get_io().add_mouse_pos_event(*away))
+            no_xy = -3.4e38, -3.4e38
+            self._add(Input("move", -1.0, -1.0), lambda: imgui.get_io().add_mouse_pos_event(*no_xy))
 
     def _on_drop(self, _: Any, count: int, paths: Sequence[bytes]) -> None:
         self._add(Input("drop", paths=tuple(os.fsdecode(paths[i]) for i in range(count))))
@@ -138,8 +138,8 @@ class Inputs:
 
         def pass_on() -> None:
             # Before the key, as imgui processes events in order; their own bits lag behind on X11.
-            for each in down:
-                imgui.get_io().add_key_event(*each)
+            for modifier_event in down:
+                imgui.get_io().add_key_event(*modifier_event)
             self._to_imgui(window, key, code, action, modifiers)
 
         name = _key_name(key, code)
@@ -149,8 +149,8 @@ class Inputs:
             # The name of a printable key includes Shift.
             shift = "shift+" if (ctrl or key in _ARROWS) and modifiers & glfw.MOD_SHIFT else ""
             alt = "alt+" if modifiers & glfw.MOD_ALT else ""
-            whole = f"{'ctrl+' if ctrl else ''}{alt}{shift}{name}"
-            self._add(Input("key", key=whole, repeated=repeated), pass_on)
+            shortcut = f"{'ctrl+' if ctrl else ''}{alt}{shift}{name}"
+            self._add(Input("key", key=shortcut, repeated=repeated), pass_on)
         else:  # for imgui alone: Tab, keys that are held or released
             self._add(Input("modifier" if key in _MODIFIER_KEYS else "typed"), pass_on)
 
@@ -158,22 +158,22 @@ class Inputs:
 def _gesture_end(inputs: Sequence[Input]) -> int:
     """Return the number of inputs before a second gesture begins."""
     before = next(iter(inputs), None)
-    for i, given in enumerate(inputs):
-        if before is not None and _begins_gesture(before, given):
+    for i, event in enumerate(inputs):
+        if before is not None and _begins_gesture(before, event):
             return i
         # A hand that turns the wheel moves the mouse, too.
-        if given.name != "move":
-            before = given
+        if event.name != "move":
+            before = event
     return len(inputs)
 
 
-def _begins_gesture(before: Input, given: Input) -> bool:
+def _begins_gesture(before: Input, event: Input) -> bool:
     """Return True unless an input belongs to the same gesture as the one before it."""
-    if given.name == "modifier":
+    if event.name == "modifier":
         # imgui sees a key with the modifiers at the frame's end.
         return before.name == "key"
-    runs = replace(given, x=before.x, y=before.y, repeated=before.repeated) == before
-    return given.name in ("press", "wheel", "key") and not runs
+    runs = replace(event, x=before.x, y=before.y, repeated=before.repeated) == before
+    return event.name in ("press", "wheel", "key") and not runs
 
 
 def _modifier_text(bits: int) -> str:

@@ -25,7 +25,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
     function = state.transfer
     assert isinstance(function, LabelFunction)
     new = _head(state, ui, function)
-    found = labels.matching_labels(function, ui.labels_search)
+    matches = labels.matching_labels(function, ui.labels_search)
     height = transfer_detail.height_above(1, ui, _MIN)
     if imgui.begin_table("labels", 4, _FLAGS, (0, height)):
         fixed, stretch = imgui.TableColumnFlags_.width_fixed, imgui.TableColumnFlags_.width_stretch
@@ -34,20 +34,20 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
         imgui.table_setup_column("name", stretch, 0.55)
         imgui.table_setup_column("opacity", stretch, 0.45)
         keys = list(function.labels)
-        for row in shown_rows(len(found)):
-            index = found[row]
+        for row in shown_rows(len(matches)):
+            index = matches[row]
             imgui.push_id(index)
             imgui.table_next_row()
             # After an edit, the numbers of the rows may have changed.
             new = _row(new, ui, function, index, keys[index]) if new is state else new
             imgui.pop_id()
         imgui.end_table()
-    if not found:
+    if not matches:
         imgui.text_disabled("No matches")
         return new
     if imgui.button("Add label"):
-        every = chain(sorted(state.document.volume.labels), count(1))
-        unlisted = next(label for label in every if label not in function.labels)
+        candidates = chain(sorted(state.document.volume.labels), count(1))
+        unlisted = next(label for label in candidates if label not in function.labels)
         new = transfer_edits.add_point(new, unlisted, 0.5)
     ui.note("add label", "Adds the lowest number of the volume's that is not listed, or a new one")
     return new
@@ -56,13 +56,13 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
 def _head(state: ViewState, ui: UiContext, function: LabelFunction) -> ViewState:
     """Draw the buttons that show or hide all, and the search."""
     new = state
-    shown = len(function.labels) - len(function.hidden)
-    if draw_eye(ui, shown > 0, "eye of all"):
-        new = ui.run(new, "labels-hide" if shown else "labels-show")
-    ui.note("all labels", "Hide all labels" if shown else "Show all labels")
+    visible_count = len(function.labels) - len(function.hidden)
+    if draw_eye(ui, visible_count > 0, "eye of all"):
+        new = ui.run(new, "labels-hide" if visible_count else "labels-show")
+    ui.note("all labels", "Hide all labels" if visible_count else "Show all labels")
     imgui.same_line()
     imgui.align_text_to_frame_padding()
-    imgui.text_disabled(f"{shown} of {len(function.labels)} shown")
+    imgui.text_disabled(f"{visible_count} of {len(function.labels)} shown")
     if len(function.labels) <= _FEW:
         ui.labels_search = ""
         return new
@@ -94,9 +94,9 @@ def _row(
     title = labels.label_title(function, label)
     colour = imgui.Col_.text if visible else imgui.Col_.text_disabled
     imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(colour))
-    chosen = transfer_detail.chosen_part(state) == index
+    is_chosen = transfer_detail.chosen_part(state) == index
     words = shorten(title, imgui.get_content_region_avail().x)
-    if imgui.selectable(f"{words}###name", chosen)[0]:
+    if imgui.selectable(f"{words}###name", is_chosen)[0]:
         new = transfer_edits.choose_part(new, index)
     imgui.pop_style_color()
     ui.note(f"name {label}", title)

@@ -114,8 +114,8 @@ def fit_area(area: tuple[int, int, int, int], size: tuple[int, int]) -> tuple[in
     """
     x, y, width, height = area
     scale = min(width / size[0], height / size[1])
-    wide, tall = max(round(scale * size[0]), 1), max(round(scale * size[1]), 1)
-    return x + (width - wide) // 2, y + (height - tall) // 2, wide, tall
+    fit_width, fit_height = max(round(scale * size[0]), 1), max(round(scale * size[1]), 1)
+    return x + (width - fit_width) // 2, y + (height - fit_height) // 2, fit_width, fit_height
 
 
 class Docks:
@@ -162,15 +162,15 @@ class Docks:
             if ui.front == title:
                 ui.front = ""
                 imgui.set_next_window_focus()
-            shown, stays = imgui.begin(title, True, imgui.WindowFlags_.no_collapse)
-            if shown and (text := _explanation(title, state)):
+            visible, stays = imgui.begin(title, True, imgui.WindowFlags_.no_collapse)
+            if visible and (text := _explanation(title, state)):
                 wrap_text(text, imgui.Col_.text_disabled)
-            elif shown:
+            elif visible:
                 state = draw(state, ui) or state
             imgui.end()
             if not stays:
-                rest = state.interface.panels - {title}
-                state = replace(state, interface=replace(state.interface, panels=rest))
+                remaining = state.interface.panels - {title}
+                state = replace(state, interface=replace(state.interface, panels=remaining))
         if self._frames == 1:
             imgui.set_window_focus(PANEL if state.room else "Viewing")  # in front of the others
         hidden: list[object] = [] if state.document.image is None else [*_OF_VOLUME]
@@ -195,25 +195,25 @@ class Docks:
         room = _MAX * imgui.get_main_viewport().work_size.x
         open_ = [dock for side, dock in self._sides.items() if side in self._open]
         nodes = [node for dock in open_ if (node := builder.dock_builder_get_node(dock))]
-        wide = sum(node.size.x for node in nodes)
-        wanted = ui.px(_RIGHT_WIDTH) if len(nodes) == 1 else wide
-        if wide > room + 1:
+        width = sum(node.size.x for node in nodes)
+        target = ui.px(_RIGHT_WIDTH) if len(nodes) == 1 else width
+        if width > room + 1:
             self._narrowed = True
-        elif self._narrowed and wide < min(wanted, room) - 1:
-            room = min(wanted, room)
+        elif self._narrowed and width < min(target, room) - 1:
+            room = min(target, room)
         else:
-            self._narrowed = self._narrowed and wide < wanted - 1
+            self._narrowed = self._narrowed and width < target - 1
             return
         for node in nodes:
-            builder.dock_builder_set_node_size(node.id_, (node.size.x * room / wide, node.size.y))
+            builder.dock_builder_set_node_size(node.id_, (node.size.x * room / width, node.size.y))
 
     def _dock(self, space: int, ui: UiContext) -> None:
         builder = imgui.internal
         viewport = imgui.get_main_viewport()
-        share = min(ui.px(_RIGHT_WIDTH) / max(viewport.work_size.x, 1.0), _MAX)
+        fraction = min(ui.px(_RIGHT_WIDTH) / max(viewport.work_size.x, 1.0), _MAX)
         builder.dock_builder_remove_node_child_nodes(space)
-        right = builder.dock_builder_split_node(space, imgui.Dir.right, share)
-        left_share = min(ui.px(_LEFT_WIDTH) / max(viewport.work_size.x * (1 - share), 1.0), 0.4)
+        right = builder.dock_builder_split_node(space, imgui.Dir.right, fraction)
+        left_share = min(ui.px(_LEFT_WIDTH) / max(viewport.work_size.x * (1 - fraction), 1.0), 0.4)
         left = builder.dock_builder_split_node(right.id_at_opposite_dir, imgui.Dir.left, left_share)
         self._sides = {"right": right.id_at_dir, "left": left.id_at_dir}
         lower = builder.dock_builder_split_node(right.id_at_dir, imgui.Dir.down, 1 - _UPPER)

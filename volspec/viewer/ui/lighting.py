@@ -46,7 +46,7 @@ _GLOSS = (
     Field("shininess", "Shininess", (1, 256), is_logarithmic=True),
     Field("flat_gradient", "Flat gradient", (0.0, 0.3), "%.3f"),
 )
-SETTINGS = tuple(each.label for each in (*_WEIGHTS, *_GLOSS))
+SETTINGS = tuple(widget.label for widget in (*_WEIGHTS, *_GLOSS))
 """Labels of the items that `UiContext.item` can focus."""
 _ENTER = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
 _INTENSITY = 4.0  # the greatest on a slider
@@ -70,9 +70,9 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
         return None if new is state else new
     new = _buttons(state, ui)
     index = 0
-    for at, group in enumerate(state.shading.groups):
-        imgui.push_id(at)
-        new = _group(new, state, ui, at)
+    for number, group in enumerate(state.shading.groups):
+        imgui.push_id(number)
+        new = _group(new, state, ui, number)
         for source in group.sources:
             imgui.push_id(index)
             new = _source(new, state, ui, index, source)
@@ -126,8 +126,8 @@ def _group(new: ViewState, state: ViewState, ui: UiContext, group: int) -> ViewS
     width, height = imgui.get_content_region_avail().x, imgui.get_frame_height()
     notation = lighting.group_text(state, group)
     side = ui.px(13)
-    shown = shorten(notation or "dark", width - side - ui.px(26))
-    if imgui.button(f"     {shown}###spectrum", (width, 0)):
+    label = shorten(notation or "dark", width - side - ui.px(26))
+    if imgui.button(f"     {label}###spectrum", (width, 0)):
         imgui.open_popup(lights_library.POPUP)
     ui.note(f"group spectrum {group}", f"Spectrum of this group: {as_one_line(notation)}")
     spectrum = lighting.group_spectrum(state, group)
@@ -146,17 +146,17 @@ def _source(
     imgui.same_line()
     imgui.align_text_to_frame_padding()
     label = _NAMES[kind]
-    chosen = lighting.chosen_source(state) == index
-    if imgui.selectable(f"{label}##kind", chosen, 0, (ui.px(88), 0))[0]:
+    is_chosen = lighting.chosen_source(state) == index
+    if imgui.selectable(f"{label}##kind", is_chosen, 0, (ui.px(88), 0))[0]:
         new = lighting.choose_source(new, index)
     ui.note(f"source {index}", str(type(source).__doc__).partition("\n")[0])
     imgui.same_line()
     side = imgui.get_frame_height()
     imgui.set_next_item_width(imgui.get_content_region_avail().x - 2 * side - ui.px(16))
     top = max(_INTENSITY, source.intensity)
-    moved, value = imgui.slider_float("##intensity", source.intensity, 0.0, top, "%.2f")
+    changed, value = imgui.slider_float("##intensity", source.intensity, 0.0, top, "%.2f")
     ui.note(f"intensity {index}", "Intensity")
-    if moved:
+    if changed:
         new = lighting.choose_source(new, index)
         new = lighting.set_source(new, "intensity", value, index)
     imgui.same_line()
@@ -189,21 +189,21 @@ def _details(new: ViewState, state: ViewState, ui: UiContext) -> ViewState:
     angles = lighting_aim.angles_deg(state, source)
     if angles is not None:
         azimuth, elevation = angles
-        moved, value = imgui.slider_float("Azimuth", azimuth, -180.0, 180.0, "%.0f°")
+        changed, value = imgui.slider_float("Azimuth", azimuth, -180.0, 180.0, "%.0f°")
         ui.note("light azimuth", "Around the up axis, as the camera's orbit counts it")
-        if moved:
+        if changed:
             new = lighting.aim(new, index, value, elevation)
-        moved, value = imgui.slider_float("Elevation", elevation, -90.0, 90.0, "%.0f°")
+        changed, value = imgui.slider_float("Elevation", elevation, -90.0, 90.0, "%.0f°")
         ui.note("light elevation")
-        if moved:
+        if changed:
             new = lighting.aim(new, index, azimuth, value)
     reach = radius_mm(state.document.volume)
     form = Form(lambda _: source, partial(lighting.set_source, index=index))
     if isinstance(source, Point):
         mm, limits = lighting_aim.distance_mm(state, source), (0.1 * reach, 10 * reach)
-        moved, value = imgui.slider_float("Distance", mm, *limits, "%.4g mm", _LOG)
+        changed, value = imgui.slider_float("Distance", mm, *limits, "%.4g mm", _LOG)
         ui.note("light distance", "From the volume's middle")
-        if moved:
+        if changed:
             new = lighting.set_distance(new, index, value)
         new = draw_field(
             new, ui, form, Field("falloff_mm", "Falloff", (0.0, 5 * reach), none="none")
@@ -221,14 +221,14 @@ def _details(new: ViewState, state: ViewState, ui: UiContext) -> ViewState:
 
 def _regroup(new: ViewState, state: ViewState, ui: UiContext, index: int, group: int) -> ViewState:
     """Draw the list that moves a source to another group, if there is another."""
-    names = [as_one_line(each.name) for each in state.shading.groups]
+    names = [as_one_line(entry.name) for entry in state.shading.groups]
     if len(state.shading.groups[group].sources) > 1:
         names.append("a group of its own")
     if len(names) < 2:
         return new
-    picked, at = imgui.combo("Light group", group, names)
+    picked, to = imgui.combo("Light group", group, names)
     ui.note("source group", "Sources of one group share a spectrum")
-    return ui.edited(new, partial(lighting.move_source, index=index, group=at)) if picked else new
+    return ui.edited(new, partial(lighting.move_source, index=index, group=to)) if picked else new
 
 
 def _surface_of_room(state: ViewState, ui: UiContext) -> ViewState:
@@ -249,24 +249,24 @@ def _rig(spectrum: Spectrum) -> LightRig:
 def draw_handles(state: ViewState, ui: UiContext) -> None:
     """Draw a sun for each lamp, hollow behind the volume, and the ring of directions."""
     projection = ui.projection(state)
-    found = lighting_aim.list_handles(state, projection)
-    if not found:
+    handles = lighting_aim.list_handles(state, projection)
+    if not handles:
         return
     hovered = None
     if not imgui.get_io().want_capture_mouse:
         mouse = imgui.get_mouse_pos()
-        hovered = nearest_handle(found, (mouse.x, mouse.y), ui.scale)
+        hovered = nearest_handle(handles, (mouse.x, mouse.y), ui.scale)
     sources = lighting_aim.list_sources(state.shading)
     middle, radius = lighting_aim.ring(projection)
     with over_picture(ui) as draw_list:
-        if any(not isinstance(sources[each.index].source, Point) for each in found):
+        if any(not isinstance(sources[lamp.index].source, Point) for lamp in handles):
             shade, line = pack_colour(BLACK, 0.35), pack_colour(WHITE, 0.35)
             draw_list.add_circle(middle, radius, shade, 96, ui.px(2.5))
             draw_list.add_circle(middle, radius, line, 96, ui.px(1))
-        for handle in found:
+        for handle in handles:
             source = sources[handle.index].source
-            chosen = handle == hovered or handle.index == lighting.chosen_source(state)
-            colour = pack_colour(ACCENT[True] if chosen else WHITE, 0.95)
+            is_accented = handle == hovered or handle.index == lighting.chosen_source(state)
+            colour = pack_colour(ACCENT[True] if is_accented else WHITE, 0.95)
             _sun(draw_list, ui, handle.place, colour, lighting_aim.is_behind(state, source))
             x, y = handle.place
             ui.areas[f"{handle.name} {handle.index}"] = int(x) - 2, int(y) - 2, 4, 4

@@ -44,8 +44,8 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
     imgui.same_line(0, ui.px(12))
     imgui.begin_group()
     groups = light_names(state)
-    plain = len(groups) < 2 and len(row.rig.lights) == 1
-    if plain:
+    is_single = len(groups) < 2 and len(row.rig.lights) == 1
+    if is_single:
         new = _text(new, ui, index, 0, -ui.px(_LABELS))
         imgui.same_line()
         imgui.text("Spectrum")
@@ -55,15 +55,15 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
         imgui.same_line()
         imgui.text_disabled("by light group, below" if state.room is None else "by lamp, below")
     if state.room is None:
-        new = _lux(new, ui, index, plain)
+        new = _lux(new, ui, index, is_single)
     if row.kelvin is not None:
         imgui.set_next_item_width(-ui.px(_LABELS))
-        moved, kelvin = kelvin_slider("Temperature", row.kelvin)
+        changed, kelvin = kelvin_slider("Temperature", row.kelvin)
         ui.note("temperature")
-        if moved:
+        if changed:
             new = lights.set_kelvin(new, index, kelvin)
     imgui.end_group()
-    if not plain:
+    if not is_single:
         new = _parts(new, ui, index, groups)
     note, words = _IN_ROOM, _ROOM_TIP
     if state.room is None:
@@ -79,7 +79,7 @@ def _knob(state: ViewState, ui: UiContext, index: int) -> ViewState:
     weight = state.lights[index].weight
     imgui.begin_group()
     _paint_knob(state.interface.dark)
-    moved, value = imgui_knobs.knob(
+    changed, value = imgui_knobs.knob(
         "##knob",
         weight,
         v_min=0.0,
@@ -96,7 +96,7 @@ def _knob(state: ViewState, ui: UiContext, index: int) -> ViewState:
     imgui.set_cursor_pos((x + (ui.px(_KNOB) - text_width(text)) / 2, y - ui.px(8)))
     imgui.text(text)
     imgui.end_group()
-    return lights.set_weight(state, index, value) if moved else state
+    return lights.set_weight(state, index, value) if changed else state
 
 
 def _paint_knob(dark: bool) -> None:
@@ -108,45 +108,45 @@ def _paint_knob(dark: bool) -> None:
     imgui_knobs.set_knob_colors(imgui_knobs.KnobColors(*sets))
 
 
-def _lux(state: ViewState, ui: UiContext, index: int, plain: bool) -> ViewState:
+def _lux(state: ViewState, ui: UiContext, index: int, is_single: bool) -> ViewState:
     """Draw the illuminance: a slider, or the sum of several spectra."""
     rig, viewing = state.lights[index].rig, state.relight.viewing
-    given = rig.illuminance_lux is not None
-    pressed, on = imgui.checkbox("##given", given)
+    has_lux = rig.illuminance_lux is not None
+    pressed, on = imgui.checkbox("##given", has_lux)
     ui.note("lux given", _LUX_TIP)
     if pressed:
         return light_parts.set_lux(state, index, viewing.illuminance_lux if on else 0.0)
     imgui.same_line(0, ui.px(4))
-    if not plain:
+    if not is_single:
         facing = light_rows.facing_lux(rig, state.shading.shares())
         words = f"{facing:.4g} lx facing all groups" if facing else "Illuminance not given"
         imgui.text_disabled(words)
         return state
     imgui.set_next_item_width(-ui.px(_LABELS))
-    imgui.begin_disabled(not given)
+    imgui.begin_disabled(not has_lux)
     now = rig.illuminance_lux[0] if rig.illuminance_lux else viewing.illuminance_lux
-    text = "%.4g lx" if given else "not given"
-    moved, lux = imgui.slider_float("Illuminance##lux", now, *light_rows.LUX, text, _LOG)
+    text = "%.4g lx" if has_lux else "not given"
+    changed, lux = imgui.slider_float("Illuminance##lux", now, *light_rows.LUX, text, _LOG)
     imgui.end_disabled()
     ui.note("lux")
-    return light_parts.set_lux(state, index, lux) if moved and given else state
+    return light_parts.set_lux(state, index, lux) if changed and has_lux else state
 
 
 def _text(state: ViewState, ui: UiContext, index: int, part: int, width: float) -> ViewState:
     """Draw the field with a spectrum's notation."""
     panel, row, name = ui.lights, state.lights[index], f"text {part}"
     typing = panel.text_of == (row.name, part)
-    shown = panel.text if typing else row.texts[part] or ""
+    notation = panel.text if typing else row.texts[part] or ""
     imgui.set_next_item_width(width)
-    entered, text = imgui.input_text_with_hint(f"##{name}", "drawn", shown, _ENTER)
+    entered, text = imgui.input_text_with_hint(f"##{name}", "drawn", notation, _ENTER)
     ui.note(name)
     if not imgui.is_item_active():
-        _shorten_field(shown)
+        _shorten_field(notation)
     if complaint := panel.complaint_at((index, part), state.lights):
         _complaint(complaint, ui, name)
     else:
         tip(
-            f"{as_one_line(shown or row.name)}\n\n"
+            f"{as_one_line(notation or row.name)}\n\n"
             "D65, planck:3200, daylight:6500, lamp:candle-1900,\n"
             "FILE.csv, D65*0.7+A*0.3; Enter applies it"
         )
@@ -186,11 +186,11 @@ def _complaint(text: str, ui: UiContext, name: str) -> None:
         ui.lights.complaint = ""
         return
     x, y, _, height = ui.areas[name]
-    wide, edge = ui.px(_COMPLAINT), imgui.get_main_viewport().size.x - ui.px(8)
+    width, edge = ui.px(_COMPLAINT), imgui.get_main_viewport().size.x - ui.px(8)
     padding = 2 * imgui.get_style().window_padding.x
-    imgui.set_next_window_pos((min(float(x), edge - wide - padding), y + height + ui.px(4)))
+    imgui.set_next_window_pos((min(float(x), edge - width - padding), y + height + ui.px(4)))
     if imgui.begin_tooltip():
-        imgui.push_text_wrap_pos(wide)
+        imgui.push_text_wrap_pos(width)
         imgui.text(text)
         imgui.pop_text_wrap_pos()
         imgui.end_tooltip()
@@ -226,32 +226,32 @@ def _part(
     imgui.set_next_item_width(-1)
     names = ["", *groups]
     now = names.index(rig.groups[j]) if rig.groups[j] in names else -1
-    picked, at = imgui.combo("##group", now, [as_one_line(name) or _ALL for name in names])
+    picked, number = imgui.combo("##group", now, [as_one_line(name) or _ALL for name in names])
     ui.note(f"group {j}")
     if picked:
-        new = light_parts.regroup(new, index, j, names[at])
+        new = light_parts.regroup(new, index, j, names[number])
     imgui.table_next_column()
     x, y = imgui.get_cursor_screen_pos()
-    wide, tall, inset = ui.px(14), imgui.get_frame_height(), ui.px(3)
-    imgui.dummy((wide, tall))
-    fill_box((x, y + inset, wide, tall - 2 * inset), raw_colour(_single_rig(rig.lights[j])), inset)
+    w, h, inset = ui.px(14), imgui.get_frame_height(), ui.px(3)
+    imgui.dummy((w, h))
+    fill_box((x, y + inset, w, h - 2 * inset), raw_colour(_single_rig(rig.lights[j])), inset)
     imgui.table_next_column()
     new = _text(new, ui, index, j, -1)
     imgui.table_next_column()
     imgui.set_next_item_width(-1)
     top = max(1.0, rig.weights[j])
-    moved, weight = imgui.slider_float("##weight", rig.weights[j], 0.0, top, "%.2f")
+    changed, weight = imgui.slider_float("##weight", rig.weights[j], 0.0, top, "%.2f")
     ui.note(f"part {j}")
-    if moved:
+    if changed:
         new = light_parts.set_part_weight(new, index, j, weight)
     tip("Weight relative to this light's other spectra")
     if rig.illuminance_lux:
         imgui.table_next_column()
         imgui.set_next_item_width(-1)
         lux = rig.illuminance_lux[j]
-        moved, lux = imgui.drag_float("##lux", lux, 0.01 * lux, *light_rows.LUX, "%.4g lx")
+        changed, lux = imgui.drag_float("##lux", lux, 0.01 * lux, *light_rows.LUX, "%.4g lx")
         ui.note(f"part lux {j}", "Lux on a surface facing it, if all groups shone like this one")
-        if moved:
+        if changed:
             new = light_parts.set_lux(new, index, lux, j)
     imgui.table_next_column()
     if len(rig.lights) > 1 and imgui.button("×", (-1, 0)):

@@ -64,17 +64,17 @@ def ring_for(
     ``radii`` are the least and the greatest; ``out`` is the distance from the rim to the names.
     """
     x, y, width, height = within
-    least, most = radii[0], max(radii)
-    least = min(max(least, _MIN_FRACTION * most), most)
-    steps = [most + (least - most) * i / _RADII for i in range(_RADII + 1)]
+    min_radius, max_radius = radii[0], max(radii)
+    min_radius = min(max(min_radius, _MIN_FRACTION * max_radius), max_radius)
+    steps = [max_radius + (min_radius - max_radius) * i / _RADII for i in range(_RADII + 1)]
     reaches = [extents(names, radius + out, measure) for radius in steps]
-    found = next((i for i, ends in enumerate(reaches) if sum(ends) <= width), _RADII)
-    left, right = reaches[found]
+    step = next((i for i, ends in enumerate(reaches) if sum(ends) <= width), _RADII)
+    left, right = reaches[step]
     first, last = left - width / 2, width / 2 - right
     # Names that are too wide are cut equally on both sides.
     shift = min(max(0.0, first), last) if first <= last else (first + last) / 2
     middle = x + width / 2 + shift, y + height / 2
-    return Ring(within, middle, steps[found], steps[found] + out, line_height, measure)
+    return Ring(within, middle, steps[step], steps[step] + out, line_height, measure)
 
 
 def extents(names: Sequence[str], reach: float, measure: Measure) -> tuple[float, float]:
@@ -83,9 +83,9 @@ def extents(names: Sequence[str], reach: float, measure: Measure) -> tuple[float
     for (cx, _), name in zip(rim_places(len(names)), names, strict=True):
         if abs(cx) < _UPRIGHT:
             continue
-        wide = max(map(measure, in_two(name, measure)))
-        left = max(left, _left_fraction(cx) * wide - cx * reach)
-        right = max(right, (1 - _left_fraction(cx)) * wide + cx * reach)
+        width = max(map(measure, in_two(name, measure)))
+        left = max(left, _left_fraction(cx) * width - cx * reach)
+        right = max(right, (1 - _left_fraction(cx)) * width + cx * reach)
     return left, right
 
 
@@ -112,16 +112,16 @@ def place_labels(names: Sequence[str], ranks: Sequence[float], ring: Ring) -> li
         lines = (shorten(names[i], _room(place[0], ring), ring.measure),)
         cut.append(Label(i, _box(lines, place, ring), ranks[i], lines))
     labels = non_overlapping(cut, ring.within, (disc,))
-    for at, label in enumerate(labels):
+    for number, label in enumerate(labels):
         name = names[label.index]
         if label.lines == (as_one_line(name),):
             continue
         two = in_two(name, ring.measure)
         taken = [disc, *(other.box for other in labels if other is not label)]
-        boxes = (_box(two, places[label.index], ring, away) for away in (1.0, 0.0))
+        boxes = (_box(two, places[label.index], ring, outward) for outward in (1.0, 0.0))
         box = next((box for box in boxes if _is_free(box, ring.within, taken)), None)
         if box is not None:
-            labels[at] = replace(label, box=box, lines=two)
+            labels[number] = replace(label, box=box, lines=two)
     return labels
 
 
@@ -131,7 +131,7 @@ def non_overlapping(
     """Return the labels that are inside and overlap none of lower rank, sorted by rank."""
     placed: list[Label] = []
     boxes = list(taken)
-    for label in sorted(labels, key=lambda each: each.rank):
+    for label in sorted(labels, key=lambda entry: entry.rank):
         if _is_free(label.box, within, boxes):
             placed.append(label)
             boxes.append(label.box)
@@ -160,30 +160,30 @@ def _room(cx: float, ring: Ring) -> float:
     x, _, width, _ = ring.within
     if abs(cx) < _UPRIGHT:
         return width
-    at, before = ring.middle[0] + cx * ring.reach, _left_fraction(cx)
-    left = (at - x) / before if before > 0 else width
-    right = (x + width - at) / (1 - before) if before < 1 else width
+    centre, before = ring.middle[0] + cx * ring.reach, _left_fraction(cx)
+    left = (centre - x) / before if before > 0 else width
+    right = (x + width - centre) / (1 - before) if before < 1 else width
     return min(left, right)
 
 
-def _box(lines: tuple[str, ...], place: Point, ring: Ring, away: float = 1.0) -> Rect:
+def _box(lines: tuple[str, ...], place: Point, ring: Ring, outward: float = 1.0) -> Rect:
     """Return the box of lines at their place; above and below the rim it is moved into the area.
 
-    At ``away`` 1, lines in the upper half are above their place and lines in the lower half
+    At ``outward`` 1, lines in the upper half are above their place and lines in the lower half
     below; at 0, all are level with it.
     """
     (cx, cy), (x, _, width, _) = place, ring.within
-    wide, tall = max(map(ring.measure, lines)), ring.line_height * len(lines)
-    left = ring.middle[0] + cx * ring.reach - _left_fraction(cx) * wide
-    top = ring.middle[1] + cy * ring.reach - tall * (0.5 - 0.5 * away * cy)
+    box_width, box_height = max(map(ring.measure, lines)), ring.line_height * len(lines)
+    left = ring.middle[0] + cx * ring.reach - _left_fraction(cx) * box_width
+    top = ring.middle[1] + cy * ring.reach - box_height * (0.5 - 0.5 * outward * cy)
     if abs(cx) < _UPRIGHT:
-        left = min(max(left, x), x + width - wide)
-    return left, top, wide, tall
+        left = min(max(left, x), x + width - box_width)
+    return left, top, box_width, box_height
 
 
 def _is_free(box: Rect, within: Rect, taken: Sequence[Rect]) -> bool:
-    (x, y, width, height), (left, top, wide, tall) = box, within
-    inside = x >= left and y >= top and x + width <= left + wide and y + height <= top + tall
+    (x, y, width, height), (left, top, w, h) = box, within
+    inside = x >= left and y >= top and x + width <= left + w and y + height <= top + h
     return inside and not any(_overlap(box, other) for other in taken)
 
 
@@ -233,9 +233,9 @@ def width_for(state: ViewState, ui: UiContext, height: float) -> float:
 
 def light_at(count: int, x: float, y: float, reach: float) -> int:
     """Return the light at a place of the dial; -1 if there is none within reach."""
-    away = [math.hypot(px - x, py - y) for px, py in rim_places(count)]
-    closest = min(range(count), key=lambda i: away[i])
-    return closest if away[closest] <= reach else -1
+    distances = [math.hypot(px - x, py - y) for px, py in rim_places(count)]
+    closest = min(range(count), key=lambda i: distances[i])
+    return closest if distances[closest] <= reach else -1
 
 
 def _dot(state: ViewState, ui: UiContext) -> float:
@@ -257,10 +257,10 @@ def _draw_rim(state: ViewState, ui: UiContext, ring: Ring, hovered: int) -> None
     line = imgui.get_color_u32(imgui.Col_.button_active)
     text = imgui.get_color_u32(imgui.Col_.text)
     (x, y), radius = ring.middle, ring.radius
-    at = [(x + px * radius, y + py * radius) for px, py in rim_places(len(state.lights))]
+    centres = [(x + px * radius, y + py * radius) for px, py in rim_places(len(state.lights))]
     draw_list.add_circle_filled((x, y), radius, imgui.get_color_u32(imgui.Col_.frame_bg), 64)
-    if 2 < len(at) <= _MANY:
-        ends: list[Any] = [imgui.ImVec2(*place) for place in at]
+    if 2 < len(centres) <= _MANY:
+        ends: list[Any] = [imgui.ImVec2(*place) for place in centres]
         draw_list.add_polyline(ends, line, ui.px(1), imgui.ImDrawFlags_.closed)
     weights = effective_weights(state.lights)
     px, py = dial_place(weights)
@@ -268,11 +268,11 @@ def _draw_rim(state: ViewState, ui: UiContext, ring: Ring, hovered: int) -> None
     # Many rays would fill the disc.
     strength = 0.6 * min(1.0, _MANY / 2 / max(sum(weight > 0 for weight in weights), 1))
     accent = pack_colour(ACCENT[state.interface.dark], strength)
-    for place, weight in zip(at, weights, strict=True):
+    for place, weight in zip(centres, weights, strict=True):
         if weight > 0:
             draw_list.add_line(marker, place, accent, ui.px(1 + 2 * weight))
     dot = _dot(state, ui)
-    for i, (row, place) in enumerate(zip(state.lights, at, strict=True)):
+    for i, (row, place) in enumerate(zip(state.lights, centres, strict=True)):
         draw_list.add_circle_filled(place, dot, pack_colour(raw_colour(row.rig)))
         marked = i in (hovered, state.interface.light)
         draw_list.add_circle(place, dot, text if marked else line, 0, ui.px(1.5 if marked else 1))
@@ -282,9 +282,9 @@ def _draw_rim(state: ViewState, ui: UiContext, ring: Ring, hovered: int) -> None
 
 def _labels(state: ViewState, ring: Ring, hovered: int) -> list[Label]:
     """Place the names, first those under the mouse, chosen or lit."""
-    weights, chosen = effective_weights(state.lights), state.interface.light
+    weights, chosen_light = effective_weights(state.lights), state.interface.light
     ranks = [
-        i - 1e3 * weight - 1e3 * (i == chosen) - 1e4 * (i == hovered)
+        i - 1e3 * weight - 1e3 * (i == chosen_light) - 1e4 * (i == hovered)
         for i, weight in enumerate(weights)
     ]
     return place_labels([row.name for row in state.lights], ranks, ring)

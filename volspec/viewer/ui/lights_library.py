@@ -32,15 +32,15 @@ def draw(state: ViewState, ui: UiContext, take: Callable[..., Edited] = lights.a
         return state
     panel, new = ui.library, state
     entered = search_field("##search", _HINT, panel)
-    found, typed = list(search_lights(panel.search)), panel.search.strip()
-    wanted = _found(found, typed, ui, state.document)
+    matches, typed = list(search_lights(panel.search)), panel.search.strip()
+    picked = _draw_matches(matches, typed, ui, state.document)
     if entered and typed:
         is_notation = split_address(typed) is not None or set("*+") & set(typed)
-        wanted = found[0] if found and not is_notation else typed
+        picked = matches[0] if matches and not is_notation else typed
     imgui.separator()
-    wanted = _temperatures(ui) or wanted
-    if wanted:
-        new, panel.complaint, _ = take(state, text=wanted)
+    picked = _temperatures(ui) or picked
+    if picked:
+        new, panel.complaint, _ = take(state, text=picked)
         if new is not state:
             imgui.close_current_popup()
     if panel.complaint:
@@ -60,21 +60,21 @@ def verdict(text: str, grid: SpectralGrid, folder: str) -> tuple[LightRig | None
         return None, one_line(error)
 
 
-def _found(found: list[str], typed: str, ui: UiContext, document: Document) -> str:
+def _draw_matches(matches: list[str], typed: str, ui: UiContext, document: Document) -> str:
     """Draw the list; return the name that was clicked, empty if none."""
-    wanted, grid, folder = "", document.grid, document.folder
+    picked, grid, folder = "", document.grid, document.folder
     if imgui.begin_child("found", (0, ui.px(208))):
         rig, wrong = verdict(typed, grid, folder)
-        if rig is not None and typed not in found and not canonical_light(typed):
-            found = [typed, *found]
-        for i in shown_rows(len(found)):
-            if _entry(found[i], ui, verdict(found[i], grid, folder)[0]):
-                wanted = found[i]
+        if rig is not None and typed not in matches and not canonical_light(typed):
+            matches = [typed, *matches]
+        for i in shown_rows(len(matches)):
+            if _entry(matches[i], ui, verdict(matches[i], grid, folder)[0]):
+                picked = matches[i]
             ui.note(f"found {i}")
-        if not found:
+        if not matches:
             wrap_text(wrong, imgui.Col_.text_disabled)
     imgui.end_child()
-    return wanted
+    return picked
 
 
 def _entry(name: str, ui: UiContext, rig: LightRig | None) -> bool:
@@ -85,11 +85,11 @@ def _entry(name: str, ui: UiContext, rig: LightRig | None) -> bool:
     draw_list, side = imgui.get_window_draw_list(), ui.px(13)
     if rig is not None:
         fill_box((x, y + (line - side) / 2, side, side), raw_colour(rig), ui.px(3))
-    most = width - side - ui.px(16)
+    max_width = width - side - ui.px(16)
     text = imgui.get_color_u32(imgui.Col_.text)
-    draw_list.add_text((x + side + ui.px(8), y), text, shorten(name, most))
+    draw_list.add_text((x + side + ui.px(8), y), text, shorten(name, max_width))
     kind = describe_light(name) if name in library_names() else "as typed"
-    room = width - side - ui.px(20) - min(text_width(name), most)
+    room = width - side - ui.px(20) - min(text_width(name), max_width)
     short = shorten(kind, room) if room > ui.px(40) else ""
     dim = imgui.get_color_u32(imgui.Col_.text_disabled)
     draw_list.add_text((x + width - text_width(short), y), dim, short)
@@ -99,18 +99,18 @@ def _entry(name: str, ui: UiContext, rig: LightRig | None) -> bool:
 
 def _temperatures(ui: UiContext) -> str:
     """Draw lights by temperature; return the notation of the one clicked, empty if none."""
-    wanted, panel = "", ui.library
+    picked, panel = "", ui.library
     imgui.set_next_item_width(-ui.px(150))
     _, panel.kelvin = kelvin_slider("##planck", panel.kelvin)
     imgui.same_line()
     if imgui.button("Planck", (ui.px(64), 0)):
-        wanted = f"planck:{panel.kelvin:.0f}"
+        picked = f"planck:{panel.kelvin:.0f}"
     ui.note("planck", "A Planck radiator of this temperature")
     imgui.same_line()
     low, high = _DAYLIGHT
     imgui.begin_disabled(not low <= panel.kelvin <= high)
     if imgui.button("Daylight", (-1, 0)):
-        wanted = f"daylight:{panel.kelvin:.0f}"
+        picked = f"daylight:{panel.kelvin:.0f}"
     imgui.end_disabled()
     tip(f"CIE daylight of this temperature, {low:.0f} to {high:.0f} K")
-    return wanted
+    return picked

@@ -59,30 +59,30 @@ def draw_rows(state: ViewState, ui: UiContext, height: float) -> ViewState:
 
 def _scroll(state: ViewState, ui: UiContext, height: float) -> None:
     """Scroll to a light that was chosen since the last frame."""
-    chosen = state.interface.light
-    if chosen == ui.lights.row:
+    index = state.interface.light
+    if index == ui.lights.row:
         return
-    ui.lights.row = chosen
+    ui.lights.row = index
     line = imgui.get_frame_height() + 2 * imgui.get_style().cell_padding.y
-    top = chosen * line
+    top = index * line
     imgui.set_scroll_y(min(max(imgui.get_scroll_y(), top + line - height), top))
 
 
-def _row(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) -> ViewState:
+def _row(new: ViewState, state: ViewState, ui: UiContext, i: int, is_on: bool) -> ViewState:
     row = state.lights[i]
     imgui.table_next_column()
     _row_swatch(state, ui, i)
     imgui.table_next_column()
-    if _row_spark(state, ui, i, lit):
+    if _row_spark(state, ui, i, is_on):
         new = lights.choose(new, i)
         ui.lights.to_tab = "Spectrum"
     imgui.table_next_column()
-    new = _row_name(new, state, ui, i, lit)
+    new = _row_name(new, state, ui, i, is_on)
     imgui.table_next_column()
     imgui.set_next_item_width(-1)
-    moved, weight = imgui.slider_float("##weight", row.weight, 0.0, 1.0, "%.2f")
+    changed, weight = imgui.slider_float("##weight", row.weight, 0.0, 1.0, "%.2f")
     ui.note(f"weight {i}")
-    if moved:
+    if changed:
         new = lights.choose(lights.set_weight(new, i, weight), i)
     imgui.table_next_column()
     dark, size = state.interface.dark, (imgui.get_frame_height(), imgui.get_frame_height())
@@ -96,24 +96,24 @@ def _row(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) -> 
     return new
 
 
-def _row_name(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) -> ViewState:
+def _row_name(new: ViewState, state: ViewState, ui: UiContext, i: int, is_on: bool) -> ViewState:
     row, panel = state.lights[i], ui.lights
     if panel.renaming == i:
         new = name_field(new, ui, "##rename", lights.rename, i)
         ui.note(f"rename {i}")
         return new
-    colour = imgui.Col_.text if lit else imgui.Col_.text_disabled
+    colour = imgui.Col_.text if is_on else imgui.Col_.text_disabled
     imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(colour))
     imgui.align_text_to_frame_padding()
     room = imgui.get_content_region_avail().x
-    (x, y), shown = imgui.get_cursor_screen_pos(), shorten(row.name, room)
-    if imgui.selectable(f"{shown}##name", state.interface.light == i)[0]:
+    (x, y), short_name = imgui.get_cursor_screen_pos(), shorten(row.name, room)
+    if imgui.selectable(f"{short_name}##name", state.interface.light == i)[0]:
         new = lights.choose(new, i)
         if panel.tab not in ("Spectrum", "Rendition"):
             panel.to_tab = "Light"
     imgui.pop_style_color()
     ui.note(f"name {i}")
-    left = text_width(shown) + ui.px(8)
+    left = text_width(short_name) + ui.px(8)
     if (words := plain_words(row)) and room - left > ui.px(_MIN_WORDS):
         place = x + left, y + imgui.get_style().frame_padding.y
         dim = imgui.get_color_u32(imgui.Col_.text_disabled)
@@ -183,16 +183,16 @@ def _row_swatch(state: ViewState, ui: UiContext, index: int) -> None:
     x, y = imgui.get_cursor_screen_pos()
     half, height = ui.px(_ROW_SWATCH) / 2, imgui.get_frame_height()
     imgui.dummy((2 * half, height))
-    top, tall = y + ui.px(2), height - ui.px(4)
-    fill_box((x, top, half, tall), raw_colour(rig), rounding, corners.round_left)
+    top, h = y + ui.px(2), height - ui.px(4)
+    fill_box((x, top, half, h), raw_colour(rig), rounding, corners.round_left)
     adapted = adapted_colour(rig, state.relight)
-    fill_box((x + half, top, half, tall), adapted, rounding, corners.round_right)
-    border, end = imgui.get_color_u32(imgui.Col_.text_disabled, 0.7), (x + 2 * half, top + tall)
+    fill_box((x + half, top, half, h), adapted, rounding, corners.round_right)
+    border, end = imgui.get_color_u32(imgui.Col_.text_disabled, 0.7), (x + 2 * half, top + h)
     imgui.get_window_draw_list().add_rect((x, top), end, border, rounding)
     tip("White paper under this light\nleft: unadapted, right: to an adapted eye")
 
 
-def _row_spark(state: ViewState, ui: UiContext, index: int, lit: bool) -> bool:
+def _row_spark(state: ViewState, ui: UiContext, index: int, is_on: bool) -> bool:
     """Draw the small spectrum; return True if it was clicked."""
     x, y = imgui.get_cursor_screen_pos()
     width, height = ui.px(_ROW_SPARK), imgui.get_frame_height()
@@ -202,7 +202,7 @@ def _row_spark(state: ViewState, ui: UiContext, index: int, lit: bool) -> bool:
     background = imgui.get_color_u32(imgui.Col_.frame_bg, 0.55)
     imgui.get_window_draw_list().add_rect_filled((x, top), end, background)
     rect = x, top, width, height - ui.px(4)
-    spark(rect, state.lights[index].rig, state.document.grid, 1.0 if lit else 0.4)
+    spark(rect, state.lights[index].rig, state.document.grid, 1.0 if is_on else 0.4)
     tip("Spectrum; click to draw it")
     return clicked
 
@@ -222,9 +222,9 @@ def draw_states(state: ViewState, ui: UiContext) -> ViewState:
     imgui.same_line()
     imgui.set_next_item_width(-ui.px(40))
     text = "at once" if state.interface.fade_s <= 0 else "%.1f s"
-    moved, seconds = imgui.slider_float("Fade", state.interface.fade_s, 0.0, MAX_SECONDS, text)
+    changed, seconds = imgui.slider_float("Fade", state.interface.fade_s, 0.0, MAX_SECONDS, text)
     ui.note("fade")
-    if moved:
+    if changed:
         new = light_states.set_fade(new, seconds)
     if not state.saved_lights:
         imgui.text_disabled("No saved states yet. Alt+1 … Alt+9 fade to them.")
@@ -242,7 +242,7 @@ def _line(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
         ui.note("state name")
         return new
     saved = state.saved_lights[i]
-    at = imgui.get_cursor_screen_pos()
+    corner = imgui.get_cursor_screen_pos()
     side, width = imgui.get_frame_height(), imgui.get_content_region_avail().x
     recalled = recalled_rows(state.lights, saved.lights)
     current = saved.relight == state.relight and recalled == state.lights
@@ -250,7 +250,7 @@ def _line(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
     ui.note(f"state {i}", f"Fade to {as_one_line(saved.name)}{f' (Alt+{i + 1})' if i < 9 else ''}")
     if pressed:
         new = light_states.recall(new, i)
-    _contents(state, ui, i, (at.x, at.y))
+    _contents(state, ui, i, (corner.x, corner.y))
     imgui.same_line(width - side)
     if imgui.button("…", (side, 0)):
         imgui.open_popup(_MENU)
@@ -258,9 +258,9 @@ def _line(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
     return _menu(new, state, ui, i)
 
 
-def _contents(state: ViewState, ui: UiContext, i: int, at: tuple[float, float]) -> None:
+def _contents(state: ViewState, ui: UiContext, i: int, corner: tuple[float, float]) -> None:
     """Draw a saved state's number, colour, spectrum and name."""
-    (x, y), saved, draw_list = at, state.saved_lights[i], imgui.get_window_draw_list()
+    (x, y), saved, draw_list = corner, state.saved_lights[i], imgui.get_window_draw_list()
     height, inset = imgui.get_frame_height(), ui.px(3)
     top = y + (height - imgui.get_font_size()) / 2
     dim = imgui.get_color_u32(imgui.Col_.text_disabled)
@@ -268,9 +268,9 @@ def _contents(state: ViewState, ui: UiContext, i: int, at: tuple[float, float]) 
     left = x + ui.px(22)
     rig = _rig_of_saved(saved.lights)
     if rig is not None:
-        tall = height - 2 * inset
-        fill_box((left, y + inset, ui.px(_SWATCH), tall), raw_colour(rig), ui.px(3))
-        rect = left + ui.px(_SWATCH + 6), y + inset, ui.px(_SPARK), tall
+        swatch_height = height - 2 * inset
+        fill_box((left, y + inset, ui.px(_SWATCH), swatch_height), raw_colour(rig), ui.px(3))
+        rect = left + ui.px(_SWATCH + 6), y + inset, ui.px(_SPARK), swatch_height
         spark(rect, rig, state.document.grid)
     left += ui.px(_SWATCH + _SPARK + 14)
     room = x + imgui.get_content_region_avail().x - height - ui.px(12) - left
@@ -304,22 +304,22 @@ TABS = ("Dial", "Light", "Spectrum", "Rendition", "States")
 def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw the panel."""
     line = imgui.get_frame_height() + 2 * imgui.get_style().cell_padding.y
-    whole = imgui.get_content_region_avail().y
+    height = imgui.get_content_region_avail().y
     buttons = ui.px(_BUTTONS) + effects.lines(ui)
-    room = whole - max(ui.px(_MIN_TABS), _TABS_FRACTION * whole) - buttons
+    room = height - max(ui.px(_MIN_TABS), _TABS_FRACTION * height) - buttons
     rows = min(len(state.lights), max(int(room / line), _MIN_ROWS))
     new = draw_rows(state, ui, rows * line + ui.px(2))
     new = _buttons(new, ui)
     new = effects.draw(new, ui)
     if imgui.begin_tab_bar("light tabs"):
         for name in TABS:
-            wanted = ui.lights.to_tab == name
-            flags = imgui.TabItemFlags_.set_selected if wanted else imgui.TabItemFlags_.none
+            requested = ui.lights.to_tab == name
+            flags = imgui.TabItemFlags_.set_selected if requested else imgui.TabItemFlags_.none
             opened, _ = imgui.begin_tab_item(name, None, flags)
             ui.note(f"tab {name}")
             if opened:
                 ui.lights.tab = name
-                if wanted:
+                if requested:
                     ui.lights.to_tab = ""
                 new = _tab(name, new, ui)
                 imgui.end_tab_item()
@@ -328,8 +328,8 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
 
 
 def _tab(name: str, state: ViewState, ui: UiContext) -> ViewState:
-    least = ui.px(_MIN_TABS) - 1.5 * imgui.get_frame_height_with_spacing()
-    height = max(imgui.get_content_region_avail().y, least)
+    min_height = ui.px(_MIN_TABS) - 1.5 * imgui.get_frame_height_with_spacing()
+    height = max(imgui.get_content_region_avail().y, min_height)
     if name == "Dial":
         return _dial(state, ui, height)
     if name == "Spectrum":

@@ -41,8 +41,8 @@ def draw(state: ViewState, ui: UiContext, height: float) -> None:
     width, gap = imgui.get_content_region_avail().x, imgui.get_style().item_spacing.x
     beside = width - height - gap > ui.px(_NUMBERS)
     side = height if beside else min(width, max(0.5 * height, height - ui.px(230)))
-    found = _figures(state, ui)
-    rendition = None if found is None else found.light.rendition
+    figures = _figures(state, ui)
+    rendition = None if figures is None else figures.light.rendition
     if rendition is not None:
         x, y = imgui.get_cursor_screen_pos()
         imgui.dummy((side, side))
@@ -53,16 +53,16 @@ def draw(state: ViewState, ui: UiContext, height: float) -> None:
             imgui.same_line()
     imgui.begin_group()
     imgui.push_style_var(imgui.StyleVar_.item_spacing, (gap, ui.px(1)))
-    for name, whole in (("Light", False), ("Mix", True)):
-        if imgui.radio_button(name, panel.whole == whole):
-            panel.whole = whole
+    for name, of_mix in (("Light", False), ("Mix", True)):
+        if imgui.radio_button(name, panel.of_mix == of_mix):
+            panel.of_mix = of_mix
         ui.note(f"rendition of {name}")
         imgui.same_line()
     imgui.new_line()
-    _draw_numbers(state, ui, found)
+    _draw_numbers(state, ui, figures)
     imgui.pop_style_var()
     imgui.end_group()
-    for line in [] if found is None else metamer_lines(found):
+    for line in [] if figures is None else metamer_lines(figures):
         wrap_text(line, imgui.Col_.text_disabled)
         tip(_METAMER_TIP)
 
@@ -70,31 +70,31 @@ def draw(state: ViewState, ui: UiContext, height: float) -> None:
 def _figures(state: ViewState, ui: UiContext) -> Figures | None:
     """Return the last figures, which may be of the lights as they were a moment ago."""
     done = ui.results.rendition
-    wanted = chosen_lights(state, ui.lights.whole)
-    if done is None or wanted is None or done[0].whole != wanted.whole:
+    requested = chosen_lights(state, ui.lights.of_mix)
+    if done is None or requested is None or done[0].of_mix != requested.of_mix:
         return None
     return done[1]
 
 
-def _draw_numbers(state: ViewState, ui: UiContext, found: Figures | None) -> None:
-    if found is None:
-        dark = chosen_lights(state, ui.lights.whole) is None
+def _draw_numbers(state: ViewState, ui: UiContext, figures: Figures | None) -> None:
+    if figures is None:
+        dark = chosen_lights(state, ui.lights.of_mix) is None
         waiting = ui.results.rendition is None or ui.results.rendition[1] is not None
         words = "No light is on" if dark else "…" if waiting else "Too few bands to measure"
         imgui.text_disabled(words)
         return
-    for line in number_lines(found):
+    for line in number_lines(figures):
         imgui.text(line)
-    near = found.light.temperature
+    near = figures.light.temperature
     if near is None:
         wrap_text("Too far from white for rendition", imgui.Col_.text_disabled)
     elif abs(near.Duv) > FARTHEST:
         wrap_text("Duv is beyond CIE 13.3’s ±0.0054", imgui.Col_.text_disabled)
 
 
-def number_lines(found: Figures) -> list[str]:
+def number_lines(figures: Figures) -> list[str]:
     """Return the figures as lines of the panel."""
-    lines, measured = [], found.light
+    lines, measured = [], figures.light
     near, rendition = measured.temperature, measured.rendition
     if rendition is not None:
         lines += [
@@ -108,16 +108,16 @@ def number_lines(found: Figures) -> list[str]:
     return [*lines, f"{measured.lm_per_W:.0f} lm/W"]
 
 
-def metamer_lines(found: Figures) -> list[str]:
+def metamer_lines(figures: Figures) -> list[str]:
     """Return lines on two materials that are alike in daylight; none if no two are."""
-    if found.pair is None or found.metamerism is None:
+    if figures.pair is None or figures.metamerism is None:
         return []
-    of = found.metamerism
-    others = ", ".join(f"{observer}° {d:.1f}" for observer, d in of.observers.items())
+    of = figures.metamerism
+    other_observers = ", ".join(f"{observer}° {d:.1f}" for observer, d in of.observers.items())
     return [
-        f"{' and '.join(as_one_line(name) for name in found.pair)}: ΔE {of.delta_E:.1f} in D65",
+        f"{' and '.join(as_one_line(name) for name in figures.pair)}: ΔE {of.delta_E:.1f} in D65",
         f"ΔE {of.illuminant:.1f} in this light",
-        f"To others in D65: {others}",
+        f"To others in D65: {other_observers}",
     ]
 
 

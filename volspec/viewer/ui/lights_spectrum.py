@@ -44,18 +44,18 @@ def draw_pen(state: ViewState, ui: UiContext, height: float) -> ViewState:
     width = imgui.get_content_region_avail().x
     rect = _frame(ui, grid, width, height - imgui.get_frame_height_with_spacing(), "pen")
     ui.areas["spectrum"] = int(rect[0]), int(rect[1]), int(rect[2]), int(rect[3])
-    held = imgui.is_item_active()
-    if not held:
+    drawing = imgui.is_item_active()
+    if not drawing:
         panel.pen, panel.top = None, float(values.max()) * _PEN_TOP
     draw_list = imgui.get_window_draw_list()
     fill(draw_list, rect, values, panel.top, grid)
     ink = imgui.get_color_u32(imgui.Col_.text)
     outline(draw_list, rect, values, panel.top, ink, ui.px(1.5))
-    if not (held or imgui.is_item_hovered()):
+    if not (drawing or imgui.is_item_hovered()):
         return new
     mouse = imgui.get_mouse_pos()
     place = pen_place((mouse.x, mouse.y), rect, len(values), panel.top)
-    if held:
+    if drawing:
         start, panel.pen = panel.pen or place, place
         new = light_parts.draw(new, index, panel.part, start, place)
     _crosshair(ui, rect, mouse.x, place, grid)
@@ -109,24 +109,24 @@ def _frame(ui: UiContext, grid: SpectralGrid, width: float, height: float, name:
     background = imgui.get_color_u32(imgui.Col_.frame_bg, 0.45)
     draw_list.add_rect_filled((x, rect[1]), (x + width, bottom), background)
     dim = imgui.get_color_u32(imgui.Col_.text_disabled)
-    every = 1 if width > ui.px(260) else 2 if width > ui.px(100) else 3
-    for nm in _TICKS[::every]:
-        at = x + wavelength_share(nm, grid) * width
-        if not x <= at <= x + width:
+    stride = 1 if width > ui.px(260) else 2 if width > ui.px(100) else 3
+    for nm in _TICKS[::stride]:
+        tick_x = x + wavelength_share(nm, grid) * width
+        if not x <= tick_x <= x + width:
             continue
-        text = f"{nm} nm" if nm == _TICKS[0] and every == 1 else f"{nm}"
-        wide = text_width(text) * _SMALL
-        draw_list.add_line((at, bottom), (at, bottom + ui.px(3)), dim)
-        left = min(max(at - wide / 2, x), x + width - wide)
+        text = f"{nm} nm" if nm == _TICKS[0] and stride == 1 else f"{nm}"
+        label_width = text_width(text) * _SMALL
+        draw_list.add_line((tick_x, bottom), (tick_x, bottom + ui.px(3)), dim)
+        left = min(max(tick_x - label_width / 2, x), x + width - label_width)
         draw_list.add_text(imgui.get_font(), small, (left, bottom + ui.px(4)), dim, text)
     return rect
 
 
 def wavelength_share(nm: float, grid: SpectralGrid) -> float:
     """Return a wavelength's place, 0 to 1, in a plot with bands of equal width."""
-    at = grid.wavelengths_nm
-    step = float(at[1] - at[0])
-    return float((nm - at[0]) / step + 0.5) / len(at)
+    bands_nm = grid.wavelengths_nm
+    step = float(bands_nm[1] - bands_nm[0])
+    return float((nm - bands_nm[0]) / step + 0.5) / len(bands_nm)
 
 
 def _crosshair(
@@ -134,12 +134,12 @@ def _crosshair(
 ) -> None:
     """Draw a line under the mouse, with its wavelength and power."""
     x, y, width, height = rect
-    at = min(max(mouse_x, x), x + width)
+    cx = min(max(mouse_x, x), x + width)
     draw_list = imgui.get_window_draw_list()
-    draw_list.add_line((at, y), (at, y + height), imgui.get_color_u32(imgui.Col_.text, 0.35))
+    draw_list.add_line((cx, y), (cx, y + height), imgui.get_color_u32(imgui.Col_.text, 0.35))
     first, last = grid.wavelengths_nm[[0, -1]]
     nm = first + min(max(place[0], 0.0), 1.0) * (last - first)
     text = f"{nm:.0f} nm  {place[1]:.2f}"
-    wide = text_width(text)
-    left = at + ui.px(6) if at + wide + ui.px(8) < x + width else at - wide - ui.px(6)
+    w = text_width(text)
+    left = cx + ui.px(6) if cx + w + ui.px(8) < x + width else cx - w - ui.px(6)
     draw_list.add_text((left, y + ui.px(3)), imgui.get_color_u32(imgui.Col_.text), text)

@@ -34,16 +34,16 @@ def draw_annotations(state: ViewState, ui: UiContext) -> ViewState | None:
     Esc ends a tool; without one, a double click on a caption edits its text in the panel.
     """
     projection = ui.projection(state)
-    wanted = None
-    for number, each in enumerate(state.annotations):
-        area = _draw(projection, ui, each.points_mm, each.caption)
+    edited = None
+    for number, annotation in enumerate(state.annotations):
+        area = _draw(projection, ui, annotation.points_mm, annotation.caption)
         if area is not None:
             ui.areas[f"annotation {number}"] = area
-            wanted = number if _double_clicked(area) else wanted
+            edited = number if _double_clicked(area) else edited
     if not state.interface.tool:
-        if wanted is None:
+        if edited is None:
             return None
-        ui.text_wanted = f"annotation text {wanted}", CLICK_FRAMES
+        ui.text_wanted = f"annotation text {edited}", CLICK_FRAMES
         return measure.show(state)
     points = state.interface.tool_points
     if points:
@@ -111,9 +111,9 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     if not state.annotations:
         imgui.text_wrapped("Pick a tool, then click points of the picture.")
     remove: int | None = None
-    for i, each in enumerate(state.annotations):
+    for i, annotation in enumerate(state.annotations):
         imgui.push_id(i)
-        new = _row(new, each, ui, i)
+        new = _row(new, annotation, ui, i)
         imgui.same_line(0, ui.px(6))
         if imgui.button("×", (imgui.get_frame_height(), 0)):
             remove = i
@@ -124,14 +124,14 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     return None if new is state else new
 
 
-def _row(state: ViewState, each: Annotation, ui: UiContext, i: int) -> ViewState:
+def _row(state: ViewState, note: Annotation, ui: UiContext, i: int) -> ViewState:
     """Draw an annotation's text to edit, and its number."""
-    number = "" if each.value is None else each.caption.removeprefix(each.text).strip()
+    number = "" if note.value is None else note.caption.removeprefix(note.text).strip()
     room = imgui.get_content_region_avail().x - imgui.get_frame_height() - ui.px(6)
     imgui.set_next_item_width(room - (ui.px(96) if number else 0))
     focus_if_wanted(f"annotation text {i}", ui)
     flags = imgui.InputTextFlags_.auto_select_all
-    changed, text = imgui.input_text_with_hint("##text", "name", each.text, flags)
+    changed, text = imgui.input_text_with_hint("##text", "name", note.text, flags)
     ui.note(f"annotation text {i}")
     if number:
         imgui.same_line(0, ui.px(6))

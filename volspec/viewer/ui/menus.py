@@ -34,7 +34,7 @@ def draw_menu(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the menu bar; return the state after the command that was picked."""
     if not imgui.begin_main_menu_bar():
         return state
-    shown, on_bar = "", False
+    open_menu, on_bar = "", False
     for title in MENUS:
         if title == ui.open_menu:
             ui.open_menu = ""
@@ -47,26 +47,26 @@ def draw_menu(state: ViewState, ui: UiContext) -> ViewState:
         if not opened:
             on_bar |= imgui.is_item_focused()
             continue
-        shown = title
+        open_menu = title
         for command in COMMANDS:
             if command.menu == title and command.name not in _ELSEWHERE:
                 state = _row(command, state, ui)
         imgui.end_menu()
     imgui.end_main_menu_bar()
-    _follow_arrows(shown, on_bar, ui)
+    _follow_arrows(open_menu, on_bar, ui)
     return state
 
 
-def _follow_arrows(shown: str, on_bar: bool, ui: UiContext) -> None:
+def _follow_arrows(open_menu: str, on_bar: bool, ui: UiContext) -> None:
     """Open the next menu if an arrow has left the one that was shown.
 
     imgui closes a menu when an arrow leaves it, and only focuses a title (``on_bar``).
     """
     pressed = imgui.is_key_pressed
     step = pressed(imgui.Key.right_arrow) - pressed(imgui.Key.left_arrow)
-    if shown:
+    if open_menu:
         # A step that leaves it open was one into a submenu, or back.
-        ui.menu, ui.menu_step = shown, step
+        ui.menu, ui.menu_step = open_menu, step
     elif on_bar and ui.menu and ui.menu_step:
         ui.open_menu = MENUS[(MENUS.index(ui.menu) + ui.menu_step) % len(MENUS)]
         ui.menu_step = 0
@@ -103,7 +103,7 @@ def _recent(ui: UiContext) -> None:
     if not imgui.begin_menu("Open recent", bool(ui.results.recent)):
         return
     for number, row in enumerate(ui.results.recent):
-        if imgui.menu_item(f"{whole_label(row.label)}##{number}", "", False, row.there)[0]:
+        if imgui.menu_item(f"{whole_label(row.label)}##{number}", "", False, row.exists)[0]:
             ui.request("open", row.path)
         ui.note(f"recent {number}")
     imgui.separator()
@@ -123,9 +123,9 @@ def draw_status(state: ViewState, ui: UiContext) -> ViewState:
     imgui.internal.begin_viewport_side_bar(
         "##status", viewport, imgui.Dir.down, ui.px(_HEIGHT), flags
     )
-    shown = (sizes(state, ui), vision_text(state.relight.viewing))
+    details = (sizes(state, ui), vision_text(state.relight.viewing))
     title, times = as_one_line(state.document.title), f"H: keys    {timings(ui)}"
-    texts = (title, "    ".join(filter(None, shown)), times)
+    texts = (title, "    ".join(filter(None, details)), times)
     errors = sum(message.kind == "error" for message in ui.results.messages)
     counted = f"{errors} error{'s' * (errors > 1)}" if errors else ""
     taken = text_width(counted) + ui.px(40) if errors else 0.0
@@ -161,8 +161,8 @@ def draw_status(state: ViewState, ui: UiContext) -> ViewState:
 
 def _choice_label(choice: Choice) -> str:
     assert choice.chosen is not None
-    shown = value_text(choice, choice.values.index(choice.chosen))
-    return as_one_line(f"{TITLES.get(choice.key, choice.key)}: {shown}")
+    value = value_text(choice, choice.values.index(choice.chosen))
+    return as_one_line(f"{TITLES.get(choice.key, choice.key)}: {value}")
 
 
 def _draw_choice(choice: Choice, label: str, ui: UiContext) -> None:
@@ -171,10 +171,10 @@ def _draw_choice(choice: Choice, label: str, ui: UiContext) -> None:
     imgui.push_style_var(imgui.StyleVar_.frame_padding, (ui.px(6), 0))
     flags = imgui.ComboFlags_.width_fit_preview | imgui.ComboFlags_.height_large
     if imgui.begin_combo(f"##{choice.key}", label, flags):
-        at = choice.values.index(choice.chosen or choice.values[0])
-        for number in shown_rows(len(choice.values), always=at):
+        current = choice.values.index(choice.chosen or choice.values[0])
+        for number in shown_rows(len(choice.values), always=current):
             name = f"{as_one_line(value_text(choice, number))}##{number}"
-            if imgui.selectable(name, number == at)[0]:
+            if imgui.selectable(name, number == current)[0]:
                 ui.request("choose", f"{choice.key}={choice.values[number]}")
             ui.note(f"choose {choice.key} {choice.values[number]}")
         imgui.end_combo()
@@ -183,7 +183,7 @@ def _draw_choice(choice: Choice, label: str, ui: UiContext) -> None:
 
 
 def fitting_texts(
-    texts: tuple[str, str, str], room: float, apart: float, measure: Callable[[str], float]
+    texts: tuple[str, str, str], room: float, gap: float, measure: Callable[[str], float]
 ) -> tuple[str, str, str]:
     """Return the texts that fit: the last is dropped first; the first is never dropped but cut.
 
@@ -192,12 +192,12 @@ def fitting_texts(
     >>> fitting_texts(("engine", "9 × 9", "60 fps"), 5, 1, len)
     ('engi…', '', '')
     """
-    title, shown, times = texts
-    wide = measure(title), measure(shown), measure(times)
-    if sum(wide) + 2 * apart <= room:
+    title, details, times = texts
+    widths = measure(title), measure(details), measure(times)
+    if sum(widths) + 2 * gap <= room:
         return texts
-    if wide[0] + wide[1] + apart <= room:
-        return title, shown, ""
+    if widths[0] + widths[1] + gap <= room:
+        return title, details, ""
     return shorten(title, room, measure), "", ""
 
 
@@ -209,10 +209,10 @@ def sizes(state: ViewState, ui: UiContext) -> str:
     pyramid = state.document.volume.pyramid
     if pyramid is not None and pyramid.counts.progress:
         return f"{width} × {height}, reading {pyramid.counts.progress}"
-    if ui.results.whole:
+    if ui.results.sharp:
         return f"{width} × {height}"
-    shown, _ = ui.results.image.size
-    return f"{width} × {height}, refining (1/{max(1, round(width / shown))})"
+    image_width, _ = ui.results.image.size
+    return f"{width} × {height}, refining (1/{max(1, round(width / image_width))})"
 
 
 def timings(ui: UiContext) -> str:
@@ -272,13 +272,13 @@ _SHEET_FLAGS = (
 def columns(parts: Sequence[Part], count: int) -> list[list[Part]]:
     """Distribute parts, in order, over columns so that the tallest is as short as possible."""
     heights = [len(rows) + 2 for _, rows in parts]
-    for most in range(max(heights), sum(heights) + 1):
+    for max_height in range(max(heights), sum(heights) + 1):
         filled: list[list[Part]] = [[]]
-        room = most
+        room = max_height
         for part, height in zip(parts, heights, strict=True):
             if height > room:
                 filled.append([])
-                room = most
+                room = max_height
             filled[-1].append(part)
             room -= height
         if len(filled) <= count:
@@ -311,11 +311,11 @@ def draw_keys(state: ViewState, ui: UiContext) -> ViewState | None:
 
 def _columns(ui: UiContext, width: float) -> None:
     """Draw the columns next to each other, each as wide as necessary."""
-    gap, apart = ui.px(14), ui.px(30)
+    gap, spacing = ui.px(14), ui.px(30)
     for count in range(4, 0, -1):
         fitting = columns(SHEET, count)
         keys_wide = [_widest(column, 0) + gap for column in fitting]
-        texts_wide = [_widest(column, 1) + apart for column in fitting]
+        texts_wide = [_widest(column, 1) + spacing for column in fitting]
         if sum(keys_wide) + sum(texts_wide) <= width - ui.px(60):
             break
     left, top = imgui.get_cursor_pos()
@@ -326,12 +326,12 @@ def _columns(ui: UiContext, width: float) -> None:
             if number:
                 imgui.dummy((0, ui.px(8)))
             imgui.text_disabled(title)
-            for keys, what in part:
+            for keys, text in part:
                 imgui.text(keys)
                 imgui.same_line(second)
-                imgui.text(what)
+                imgui.text(text)
         imgui.end_group()
-        left += imgui.get_item_rect_size().x + apart
+        left += imgui.get_item_rect_size().x + spacing
 
 
 def _widest(column: Sequence[Part], place: int) -> float:

@@ -52,15 +52,15 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
 
 def _place(state: ViewState, ui: UiContext) -> ViewState:
     """Draw unit, place and turn of the chosen mesh."""
-    index, new = meshes.chosen(state), state
+    index, new = meshes.chosen_mesh(state), state
     row = state.meshes[index]
     imgui.separator_text(f"Place of {as_one_line(row.name)}")
     size, unit = ("unit_mm", "1 unit = %.5g mm") if row.shape is None else ("size_mm", "%.5g mm")
     now = getattr(row, size)
     imgui.set_next_item_width(-1)
-    moved, mm = imgui.drag_float("##unit", now, 0.01 * now, *meshes.UNITS_MM, unit)
+    edited, mm = imgui.drag_float("##unit", now, 0.01 * now, *meshes.UNITS_MM, unit)
     ui.note("mesh unit", describe_field(MeshSpec, size))
-    if moved:
+    if edited:
         new = meshes.scale(new, index, mm)
     step = float(np.ptp(state.document.volume.corners_mm, axis=0).max()) / 500.0
     for key, change, speed, text in (
@@ -69,10 +69,10 @@ def _place(state: ViewState, ui: UiContext) -> ViewState:
     ):
         before = list(getattr(row, key))
         imgui.set_next_item_width(-1)
-        moved, after = imgui.drag_float3(f"##{key}", before, speed, 0.0, 0.0, text)
+        edited, after = imgui.drag_float3(f"##{key}", before, speed, 0.0, 0.0, text)
         ui.note(f"mesh {key}", f"x, y, z. {describe_field(MeshSpec, key)} Double-click to type")
         for axis in range(3):
-            if moved and after[axis] != before[axis]:
+            if edited and after[axis] != before[axis]:
                 new = change(new, index, axis, after[axis])
     changed, cut = imgui.checkbox("Cut with the volume", row.cut)
     ui.note("mesh cut", describe_field(MeshSpec, "cut"))
@@ -82,17 +82,17 @@ def _place(state: ViewState, ui: UiContext) -> ViewState:
 def _row(state: ViewState, ui: UiContext, index: int, row: MeshSpec) -> ViewState:
     new = state
     imgui.table_next_column()
-    changed, shown = imgui.checkbox("##shown", row.shown)
+    changed, visible = imgui.checkbox("##shown", row.shown)
     ui.note(f"mesh shown {index}", "Show; hidden meshes cast no shadow")
     if changed:
-        new = meshes.set_shown(new, index, shown)
+        new = meshes.set_shown(new, index, visible)
     imgui.table_next_column()
     imgui.align_text_to_frame_padding()
     colour = imgui.Col_.text if row.shown else imgui.Col_.text_disabled
     imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(colour))
-    chosen = index == meshes.chosen(state)
+    is_chosen = index == meshes.chosen_mesh(state)
     name = shorten(row.name, imgui.get_content_region_avail().x)
-    pressed, _ = imgui.selectable(f"{name}##name", chosen)
+    pressed, _ = imgui.selectable(f"{name}##name", is_chosen)
     imgui.pop_style_color()
     ui.note(f"mesh name {index}", f"{as_one_line(row.file or row.name)}\nClick for its place")
     if pressed:
@@ -107,10 +107,10 @@ def _row(state: ViewState, ui: UiContext, index: int, row: MeshSpec) -> ViewStat
     imgui.table_next_column()
     imgui.set_next_item_width(-1)
     clamped = imgui.SliderFlags_.always_clamp
-    least = meshes.MIN_OPACITY
-    moved, opacity = imgui.slider_float("##opacity", row.opacity, least, 1.0, "%.2f", clamped)
+    low = meshes.MIN_OPACITY
+    edited, opacity = imgui.slider_float("##opacity", row.opacity, low, 1.0, "%.2f", clamped)
     ui.note(f"mesh opacity {index}", describe_field(MeshSpec, "opacity"))
-    if moved:
+    if edited:
         new = meshes.set_opacity(new, index, opacity)
     imgui.table_next_column()
     if draw_cross(ui):

@@ -71,11 +71,11 @@ def draw_toast(message: Message, ui: UiContext) -> bool:
     x, y, width, _ = ui.areas["picture"]
     viewport = imgui.get_main_viewport()
     left, room = viewport.work_pos.x, viewport.work_size.x
-    most = min(max(width - ui.px(48), ui.px(_MIN)), room - ui.px(48), ui.px(_MAX))
-    half = most / 2 + ui.px(20)
+    max_width = min(max(width - ui.px(48), ui.px(_MIN)), room - ui.px(48), ui.px(_MAX))
+    half = max_width / 2 + ui.px(20)
     middle = min(max(x + width / 2, left + half), left + room - half)
-    _, top, _, tall = ui.areas.get("sides", (0, y, 0, 0))
-    imgui.set_next_window_pos((middle, top + tall + ui.px(20)), imgui.Cond_.always, (0.5, 0.0))
+    _, top, _, sides_h = ui.areas.get("sides", (0, y, 0, 0))
+    imgui.set_next_window_pos((middle, top + sides_h + ui.px(20)), imgui.Cond_.always, (0.5, 0.0))
     stays = message.kind == "error"
     _begin("##message", ui, 0 if stays else _W.no_inputs)
     closed = False
@@ -83,7 +83,7 @@ def draw_toast(message: Message, ui: UiContext) -> bool:
         draw_sign(message.kind, ui)
         imgui.same_line()
     cross = ui.px(26) if stays else 0.0
-    _write(message.text, message.kind, max(most - cross, ui.px(60)))
+    _write(message.text, message.kind, max(max_width - cross, ui.px(60)))
     if stays:
         imgui.same_line(0, ui.px(10))
         closed = _cross(ui)
@@ -110,7 +110,7 @@ def draw_centred(text: str, fault: bool, opens: bool, ui: UiContext) -> None:
         if imgui.button("Open …"):
             ui.request("open")
         ui.note("open another")
-        for number, row in enumerate(row for row in ui.results.recent if row.there):
+        for number, row in enumerate(row for row in ui.results.recent if row.exists):
             if imgui.selectable(f"{whole_label(row.label)}##{number}", False)[0]:
                 ui.request("open", row.path)
     imgui.end()
@@ -124,9 +124,9 @@ def _begin(name: str, ui: UiContext, flags: int) -> None:
     imgui.begin(name, None, _TOAST | flags)
 
 
-def _write(text: str, kind: Kind, most: float) -> None:
+def _write(text: str, kind: Kind, wrap_width: float) -> None:
     imgui.push_style_color(imgui.Col_.text, colour_of(kind, is_dark()))
-    imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + most)
+    imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + wrap_width)
     imgui.text(text)
     imgui.pop_text_wrap_pos()
     imgui.pop_style_color()
@@ -176,9 +176,9 @@ def _row(number: int, message: Message, ui: UiContext) -> None:
     indent = text_width(time) + ui.px(_SIGN) + 2 * imgui.get_style().item_spacing.x
     room = max(imgui.get_content_region_avail().x - indent, ui.px(60))
     text = message.text + (f"  ({message.count} times)" if message.count > 1 else "")
-    tall = imgui.calc_text_size(text, wrap_width=room).y
+    height = imgui.calc_text_size(text, wrap_width=room).y
     left, top = imgui.get_cursor_pos()
-    if imgui.selectable("##copy", False, 0, (0, tall))[0]:
+    if imgui.selectable("##copy", False, 0, (0, height))[0]:
         imgui.set_clipboard_text(str(message))
     ui.note(f"message {number}")
     tip("Click to copy")

@@ -59,26 +59,26 @@ class Gestures:
         self._run: tuple[str, str] | None = None
         self._last_s = 0.0
 
-    def take(self, given: Input, now: float, writes: bool = False) -> None:
+    def take(self, event: Input, now: float, writes: bool = False) -> None:
         """Count an input at a time in seconds.
 
         While the user ``writes`` a text, its letters are of the gesture that began it.
         """
-        if given.name not in ("press", "wheel", "key") or (writes and given.name == "key"):
+        if event.name not in ("press", "wheel", "key") or (writes and event.name == "key"):
             return
-        run = _run_of(given)
+        run = _run_of(event)
         goes_on = run is not None and run == self._run and now - self._last_s < RUN_S
-        if not (goes_on or given.repeated):
+        if not (goes_on or event.repeated):
             self.number += 1
         self._run, self._last_s = run, now
 
 
-def _run_of(given: Input) -> tuple[str, str] | None:
+def _run_of(event: Input) -> tuple[str, str] | None:
     """Return a key that the inputs of one run share; None if each is its own gesture."""
-    if given.name == "wheel":
-        return "wheel", given.modifiers
-    steps = given.key in STEPPING or given.key.rpartition("+")[2] in STEPPING
-    return ("key", given.key) if steps else None
+    if event.name == "wheel":
+        return "wheel", event.modifiers
+    steps = event.key in STEPPING or event.key.rpartition("+")[2] in STEPPING
+    return ("key", event.key) if steps else None
 
 
 class Mouse:
@@ -100,7 +100,7 @@ class Mouse:
         self._face: int | None = None
         self._pressed: Place = (-1.0, -1.0)
         self._still = False  # the press may still become a click
-        self._at: Place = (-1.0, -1.0)  # unknown, and not over the picture
+        self._cursor: Place = (-1.0, -1.0)  # unknown, and not over the picture
 
     @property
     def held(self) -> bool:
@@ -109,51 +109,51 @@ class Mouse:
 
     def take(self, inputs: list[Input]) -> None:
         """Follow inputs while there is no state to change."""
-        for given in inputs:
-            self._follow(given)
+        for event in inputs:
+            self._follow(event)
 
     def apply(self, state: ViewState, inputs: list[Input], area: Area) -> ViewState:
         """Return the state after inputs; ``area`` is the picture's in the window."""
         io = imgui.get_io()
         x, y, width, height = area
         self.clicked = None
-        for given in inputs:
-            before = self._at
-            self._follow(given)
-            free = not io.want_capture_mouse and _inside(self._at, area)
-            if given.name == "press" and free and not self._drag:
-                state = self._begin(state, given, area)
-            elif given.name == "release" and given.button == self._drag:
+        for event in inputs:
+            before = self._cursor
+            self._follow(event)
+            free = not io.want_capture_mouse and _inside(self._cursor, area)
+            if event.name == "press" and free and not self._drag:
+                state = self._begin(state, event, area)
+            elif event.name == "release" and event.button == self._drag:
                 self._drag = ""
                 if self._still and self._face is None and self._handle is None:
-                    place = (self._at[0] - x) / width, (self._at[1] - y) / height
-                    self.clicked = given.button, place
+                    place = (self._cursor[0] - x) / width, (self._cursor[1] - y) / height
+                    self.clicked = event.button, place
                 if self._face is not None:  # a click
                     state = camera.look_at_face(state, self._face)
-            elif given.name == "move" and self._drag:
+            elif event.name == "move" and self._drag:
                 state = self._drag_to(state, before, area)
-            elif given.name == "wheel" and free:
+            elif event.name == "wheel" and free:
                 # With Shift, some systems report the wheel as horizontal.
-                turn = WHEELS.get(given.modifiers, WHEELS[""])
-                state = turn(state, given.y or given.x)
+                turn = WHEELS.get(event.modifiers, WHEELS[""])
+                state = turn(state, event.y or event.x)
         self.over_picture = None
-        if _inside(self._at, area) and not io.want_capture_mouse:
-            self.over_picture = (self._at[0] - x) / width, (self._at[1] - y) / height
+        if _inside(self._cursor, area) and not io.want_capture_mouse:
+            self.over_picture = (self._cursor[0] - x) / width, (self._cursor[1] - y) / height
         return state
 
-    def _begin(self, state: ViewState, given: Input, area: Area) -> ViewState:
+    def _begin(self, state: ViewState, event: Input, area: Area) -> ViewState:
         """Begin a drag at a press."""
-        self._drag, self._pressed = given.button, self._at
-        self._edit = DRAGS.get((given.modifiers, given.button)) or DRAGS["", given.button]
+        self._drag, self._pressed = event.button, self._cursor
+        self._edit = DRAGS.get((event.modifiers, event.button)) or DRAGS["", event.button]
         self._handle = self._face = None
-        self._still = not given.modifiers
-        if given.button != "left" or given.modifiers:
+        self._still = not event.modifiers
+        if event.button != "left" or event.modifiers:
             return state
         if state.document.image is None:
             state = self._begin_in_volume(state, area)
         if state.other is not None and self._handle is None and self._face is None:
             x, _, width, _ = area
-            if abs(given.x - (x + state.divide * width)) < GRIP * self.scale:
+            if abs(event.x - (x + state.divide * width)) < GRIP * self.scale:
                 self._edit = "divide"
         return state
 
@@ -162,7 +162,7 @@ class Mouse:
         projected = Projection(state.view.camera(state.document.volume), area)
         lamps = lighting_aim.list_handles(state, projected)
         handles = (*lamps, *cuts.list_handles(state, projected, self.scale))
-        handle = cuts.nearest_handle(handles, self._at, self.scale)
+        handle = cuts.nearest_handle(handles, self._cursor, self.scale)
         if handle is not None:
             if handle.name == lighting_aim.HANDLE:
                 state = lighting.choose_source(state, handle.index)
@@ -170,19 +170,19 @@ class Mouse:
                 state = cuts.choose_plane(state, handle.index)
             self._handle = handle, state
         elif state.interface.overlays.cube:
-            self._face = face_at(projected, self._at, self.scale)
+            self._face = face_at(projected, self._cursor, self.scale)
         return state
 
     def _drag_to(self, state: ViewState, before: Place, area: Area) -> ViewState:
         """Return the state after a move during a drag."""
         x, y, width, height = area
         # A click that does something else is no drag.
-        if self._still and math.dist(self._at, self._pressed) >= STILL * self.scale:
+        if self._still and math.dist(self._cursor, self._pressed) >= STILL * self.scale:
             self._still = False
         if self._still and (self._drag == "right" or state.interface.tool):
             return state
         if self._face is not None:
-            if math.dist(self._at, self._pressed) < STILL * self.scale:
+            if math.dist(self._cursor, self._pressed) < STILL * self.scale:
                 return state
             self._face, before = None, self._pressed
         if self._handle is not None:
@@ -190,35 +190,35 @@ class Mouse:
             volume = start.document.volume
             projected = Projection(start.view.camera(volume), area)
             place = (
-                handle.held[0] + self._at[0] - self._pressed[0],
-                handle.held[1] + self._at[1] - self._pressed[1],
+                handle.anchor[0] + self._cursor[0] - self._pressed[0],
+                handle.anchor[1] + self._cursor[1] - self._pressed[1],
             )
             if handle.name == lighting_aim.HANDLE:
                 return lighting.drag_handle(state, start, handle, place, projected)
             to = cuts.drag_handle(start.shading, volume, handle, place, projected)
             return cuts.move_handle(state, handle, *to)
         if self._edit == "divide":
-            return lights.set_divide(state, (self._at[0] - x) / max(width, 1))
+            return lights.set_divide(state, (self._cursor[0] - x) / max(width, 1))
         if self._edit == "roll":
             middle = x + width / 2, y + height / 2
-            return camera.roll(state, _turn_deg(middle, before, self._at))
-        across, down = self._at[0] - before[0], self._at[1] - before[1]
+            return camera.roll(state, _turn_deg(middle, before, self._cursor))
+        across, down = self._cursor[0] - before[0], self._cursor[1] - before[1]
         return self._edit(state, across / max(height, 1), down / max(height, 1))
 
-    def _follow(self, given: Input) -> None:
-        if given.name == "press":
-            self._down.add(given.button)
-        elif given.name == "release":
-            self._down.discard(given.button)
+    def _follow(self, event: Input) -> None:
+        if event.name == "press":
+            self._down.add(event.button)
+        elif event.name == "release":
+            self._down.discard(event.button)
         writes = imgui.get_io().want_text_input
-        self.gestures.take(given, time.perf_counter(), writes)
-        if given.name in ("press", "release", "move"):
-            self._at = given.x, given.y
+        self.gestures.take(event, time.perf_counter(), writes)
+        if event.name in ("press", "release", "move"):
+            self._cursor = event.x, event.y
 
 
 def _turn_deg(middle: Place, before: Place, after: Place) -> float:
     """Return the clockwise angle of a move around a place."""
-    first, last = (math.atan2(at[1] - middle[1], at[0] - middle[0]) for at in (before, after))
+    first, last = (math.atan2(end[1] - middle[1], end[0] - middle[0]) for end in (before, after))
     return math.degrees(math.remainder(last - first, 2 * math.pi))
 
 
@@ -238,11 +238,11 @@ class Focus:
 
     def next(self, panels: list[str]) -> None:
         """Move on to the next panel; after the last, back to the picture."""
-        at = panels.index(self._panel) + 1 if self.on and self._panel in panels else 0
-        if at >= len(panels):
+        number = panels.index(self._panel) + 1 if self.on and self._panel in panels else 0
+        if number >= len(panels):
             self.leave()
             return
-        self._panel = panels[at]
+        self._panel = panels[number]
         self.enter()
 
     def enter(self, menu: bool = False) -> None:
@@ -286,8 +286,8 @@ class Focus:
         """Return True if imgui takes a key: all keys while a ``menu`` or a dialog is open."""
         if menu and not self.on:  # opened by the mouse
             self.enter(menu=True)
-        plain = not key.startswith("ctrl+") and not (key[0] == "f" and key[1:].isdigit())
-        return _popup() or (self.on and plain)
+        navigates = not key.startswith("ctrl+") and not (key[0] == "f" and key[1:].isdigit())
+        return _popup() or (self.on and navigates)
 
 
 def _navigate(on: bool) -> None:

@@ -26,8 +26,8 @@ _BY_CASTS = (
 
 def draw(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the panel; while it is visible, the picture is cast with layers."""
-    new, shown = state, opacities.names(state)
-    if not shown:
+    new, names = state, opacities.names(state)
+    if not names:
         wrap_text(opacities.NEEDED, imgui.Col_.text_disabled)
         return state
     ui.layers_wanted = can_layer(state)
@@ -38,7 +38,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
         imgui.table_setup_column("name", stretch, 0.4)
         imgui.table_setup_column("opacity", stretch, 0.6)
         colours = material_colours(state)
-        for name in shown:
+        for name in names:
             imgui.push_id(name)
             imgui.table_next_row()
             imgui.table_next_column()
@@ -68,22 +68,22 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
 def _depth(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the cuts by distance, the fog and the focus."""
     new, now = state, state.depth
-    least, most = depth.limits_mm(state)
-    if not least < most:
+    min_mm, max_mm = depth.limits_mm(state)
+    if not min_mm < max_mm:
         return state
     imgui.separator_text("Depth")
-    near, far = max(now.near_mm, least), most if now.far_mm is None else now.far_mm
+    near, far = max(now.near_mm, min_mm), max_mm if now.far_mm is None else now.far_mm
     for name, label, value in (("nearer", "Near", near), ("farther", "Far", far)):
-        moved, mm = imgui.slider_float(label, value, least, most, "%.4g mm", _CLAMPED)
+        edited, mm = imgui.slider_float(label, value, min_mm, max_mm, "%.4g mm", _CLAMPED)
         ui.note(f"depth {label.lower()}", f"Nothing {name} is shown; distance from the camera")
-        if moved:
+        if edited:
             new = depth.set_cut(new, *((mm, far) if label == "Near" else (near, mm)))
-    moved, times = imgui.slider_float("Fog", depth.fog(state), 0.0, depth.MAX_FOG, "%.2f", _SLIDER)
+    edited, times = imgui.slider_float("Fog", depth.fog(state), 0.0, depth.MAX_FOG, "%.2f", _SLIDER)
     ui.note("depth fog", "Depth of the volume over the visibility in fog; 0 for none")
-    if moved:
+    if edited:
         new = depth.set_fog(new, times)
     if depth.can_focus(state):
-        new = _focus(new, ui, (least, most))
+        new = _focus(new, ui, (min_mm, max_mm))
     imgui.begin_disabled(not now.changes)
     if imgui.button("Reset##depth"):
         new = depth.reset(new)
@@ -101,14 +101,14 @@ def _focus(state: ViewState, ui: UiContext, limits: tuple[float, float]) -> View
         new = depth.set_focus(new, sum(limits) / 2 if on else None)
     if focus is None:
         return new
-    moved, mm = imgui.slider_float("Focus", focus, *limits, "%.4g mm", _CLAMPED)
+    changed, mm = imgui.slider_float("Focus", focus, *limits, "%.4g mm", _CLAMPED)
     ui.note("depth focus", "Distance in focus from the camera; also: right-click into the picture")
-    if moved:
+    if changed:
         new = depth.set_focus(new, mm)
-    wide, (least, most) = depth.aperture_mm(state), (part * focus for part in depth.APERTURES)
-    moved, mm = imgui.slider_float("Opening", wide, least, most, f"f/{focus / wide:.3g}", _SLIDER)
-    ui.note("depth opening", f"Diameter of the lens, {wide:.3g} mm; less is sharper")
-    return depth.set_aperture(new, mm) if moved else new
+    lens, (low, high) = depth.aperture_mm(state), (part * focus for part in depth.APERTURES)
+    changed, mm = imgui.slider_float("Opening", lens, low, high, f"f/{focus / lens:.3g}", _SLIDER)
+    ui.note("depth opening", f"Diameter of the lens, {lens:.3g} mm; less is sharper")
+    return depth.set_aperture(new, mm) if changed else new
 
 
 def _buttons(state: ViewState, ui: UiContext, name: str) -> ViewState:
@@ -121,8 +121,8 @@ def _buttons(state: ViewState, ui: UiContext, name: str) -> ViewState:
     ui.note(f"opacity eye {name}", "Show" if hidden else "Hide")
     imgui.same_line(0, ui.px(2))
     side = imgui.get_frame_height()
-    others = {each: 0.0 for each in opacities.names(state) if each != name}
-    alone = bool(others) and opacity_scales(state) == others
+    all_others = {other: 0.0 for other in opacities.names(state) if other != name}
+    alone = bool(all_others) and opacity_scales(state) == all_others
     if lit_button("S", alone, state.interface.dark, (side, side)):
         new = opacities.show_only(new, name)
     ui.note(f"opacity only {name}", "Show all again" if alone else "Show only this material")
@@ -133,8 +133,8 @@ def _slider(state: ViewState, ui: UiContext, name: str) -> ViewState:
     now, fades = opacity_scales(state).get(name, 1.0), opacities.is_in_volume(state, name)
     imgui.set_next_item_width(-1)
     imgui.begin_disabled(not fades)
-    moved, scale = imgui.slider_float("##scale", now, 0.0, opacities.MAX_SCALE, "× %.3g", _SLIDER)
+    changed, scale = imgui.slider_float("##scale", now, 0.0, opacities.MAX_SCALE, "× %.3g", _SLIDER)
     imgui.end_disabled()
     words = "Opacity of {}" if fades else "{}: only meshes have it, and do not fade"
     ui.note(f"opacity {name}", words.format(as_one_line(name)))
-    return opacities.set_opacity(state, name, scale) if moved else state
+    return opacities.set_opacity(state, name, scale) if changed else state

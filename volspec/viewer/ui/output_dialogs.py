@@ -101,11 +101,11 @@ class PictureDialog(_OutputDialog):
         channels = state.transfer.basis.size * len(state.shading.groups)
         room = megabytes(size.pixels(state.size), channels)
         imgui.text_disabled(f"Up to {MAX_SIDE} a side; this takes about {room:,.0f} MB")
-        shown = shot.marks_for(state)
-        marks, title = _mark_fields(shown, shot.title, state.document, ui)
+        old_marks = shot.marks_for(state)
+        marks, title = _mark_fields(old_marks, shot.title, state.document, ui)
         to = _destination_fields(shot.to, state.document, ".png", ui)
         imgui.pop_item_width()
-        self.shot = Shot(size, to, shot.marks if marks == shown else marks, title)
+        self.shot = Shot(size, to, shot.marks if marks == old_marks else marks, title)
         return self._end("picture ok", state, to, ".png", ui)[0]
 
 
@@ -115,15 +115,15 @@ class FilmDialog(_OutputDialog):
     def __init__(self, size: PictureSize) -> None:
         super().__init__()
         self.file = FilmFile(size=size)
-        self._at = 0.0  # position of the preview, in seconds
+        self._time_s = 0.0  # position of the preview, in seconds
         self._plays = False
         self._kinds: tuple[str, ...] = ()
-        self._shown: tuple[tuple[ViewState, Film, int], ViewState] | None = None
+        self._cached: tuple[tuple[ViewState, Film, int], ViewState] | None = None
 
     def ask(self) -> None:
         """Open the dialog."""
         super().ask()
-        self._at, self._plays = 0.0, False
+        self._time_s, self._plays = 0.0, False
         self._kinds = possible_kinds()
         if self.file.kind not in self._kinds:
             self.file = replace(self.file, kind=self._kinds[0])
@@ -137,7 +137,7 @@ class FilmDialog(_OutputDialog):
             self.file = replace(self.file, film=Film(degrees=0.0, seconds=max(seconds, SECONDS[0])))
         ui.preview, ui.plays = None, False
         if not begin_dialog("Save a film", opens, ui, 340, aside=True):
-            self._shown = None
+            self._cached = None
             return False
         imgui.push_item_width(-ui.px(_LABELS))
         film = self._film_fields(self.file.film, state, ui)
@@ -161,10 +161,10 @@ class FilmDialog(_OutputDialog):
     def _preview(self, state: ViewState) -> ViewState:
         """Return the state of the frame to show, the same object while nothing changes."""
         film = self.file.film
-        key = state, film, min(int(self._at * film.fps), film.frames - 1)
-        if self._shown is None or self._shown[0] != key:
-            self._shown = key, frame_state(*key)
-        return self._shown[1]
+        key = state, film, min(int(self._time_s * film.fps), film.frames - 1)
+        if self._cached is None or self._cached[0] != key:
+            self._cached = key, frame_state(*key)
+        return self._cached[1]
 
     def _film_fields(self, film: Film, state: ViewState, ui: UiContext) -> Film:
         _, degrees = imgui.slider_float("Turn", film.degrees, -360.0, 360.0, "%.0f°")
@@ -181,10 +181,10 @@ class FilmDialog(_OutputDialog):
         if state.document.series is not None:
             _, steps = imgui.checkbox("Play the time steps", steps)
             ui.note("film steps", f"{state.document.step_rate:g} per second, again from the first")
-        logarithmic = imgui.SliderFlags_.logarithmic
-        moved, seconds = imgui.slider_float("Length", film.seconds, *SECONDS, "%.2f s", logarithmic)
+        log = imgui.SliderFlags_.logarithmic
+        changed, seconds = imgui.slider_float("Length", film.seconds, *SECONDS, "%.2f s", log)
         ui.note("film length")
-        seconds = round(seconds, 1) if moved else film.seconds
+        seconds = round(seconds, 1) if changed else film.seconds
         _, fps = imgui.slider_float("Rate", film.fps, *RATES, "%.0f fps")
         ui.note("film rate")
         film = Film(float(round(degrees)), lights, loops, seconds, float(round(fps)), steps)
@@ -198,12 +198,12 @@ class FilmDialog(_OutputDialog):
         imgui.same_line()
         end = (film.frames - 1) / film.fps
         if self._plays:
-            self._at = (self._at + imgui.get_io().delta_time) % (film.frames / film.fps)
+            self._time_s = (self._time_s + imgui.get_io().delta_time) % (film.frames / film.fps)
         imgui.set_next_item_width(-ui.px(_LABELS))
-        moved, at = imgui.slider_float("Preview", min(self._at, end), 0.0, end, "%.1f s")
+        changed, second = imgui.slider_float("Preview", min(self._time_s, end), 0.0, end, "%.1f s")
         ui.note("film preview")
-        if moved:
-            self._at, self._plays = at, False
+        if changed:
+            self._time_s, self._plays = second, False
         return film
 
 
@@ -280,20 +280,20 @@ def _mark_fields(
 ) -> tuple[tuple[Mark, ...], str]:
     """Draw a box for each mark, in as many lines as they need, and a field for a title."""
     right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
-    chosen = list(marks)
+    new_marks = list(marks)
     for name, label in _MARK_LABELS.items():
-        wide = imgui.get_frame_height() + imgui.get_style().item_inner_spacing.x + text_width(label)
+        w = imgui.get_frame_height() + imgui.get_style().item_inner_spacing.x + text_width(label)
         imgui.same_line()
-        if imgui.get_cursor_pos_x() + wide > right or name == "scale":
+        if imgui.get_cursor_pos_x() + w > right or name == "scale":
             imgui.new_line()
         changed, on = imgui.checkbox(label, name in marks)
         ui.note(f"mark {name}")
         if changed:
-            chosen = [each for each in _MARK_LABELS if (on if each == name else each in marks)]
-    if "title" in chosen:
+            new_marks = [mark for mark in _MARK_LABELS if (on if mark == name else mark in marks)]
+    if "title" in new_marks:
         _, title = imgui.input_text_with_hint("Title", short_title(document), title)
         ui.note("mark title text")
-    return tuple(chosen), title
+    return tuple(new_marks), title
 
 
 def _destination_fields(
@@ -328,14 +328,14 @@ def draw_progress(progress: Progress, ui: UiContext) -> bool:
     )
     imgui.begin("##progress", None, flags)
     imgui.align_text_to_frame_padding()
-    imgui.text(progress.what)
+    imgui.text(progress.title)
     imgui.same_line()
     imgui.push_style_color(imgui.Col_.plot_histogram, imgui.get_style_color_vec4(_DIM))
-    imgui.progress_bar(progress.share, (ui.px(140), 0), "")
+    imgui.progress_bar(progress.fraction, (ui.px(140), 0), "")
     imgui.pop_style_color()
     imgui.same_line()
-    step = progress.step or ("relighting" if progress.share >= 1 else "")
-    imgui.text(step or f"{100 * progress.share:3.0f} %")
+    step = progress.step or ("relighting" if progress.fraction >= 1 else "")
+    imgui.text(step or f"{100 * progress.fraction:3.0f} %")
     imgui.same_line()
     ended = bool(imgui.button("Cancel"))
     ui.note("cancel")

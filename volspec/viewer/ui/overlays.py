@@ -118,8 +118,8 @@ def draw_cube(state: ViewState, ui: UiContext) -> None:
         for face, corners, towards in cube_faces(projection.camera):
             a, b, c, d = ((x + half * px, y + half * py) for px, py in corners.tolist())
             grey = _SHADE[0] + _SHADE[1] * towards
-            lit = ACCENT[True] if face == hovered else (grey, grey, grey)
-            draw_list.add_quad_filled(a, b, c, d, pack_colour(lit, 0.88))
+            shade = ACCENT[True] if face == hovered else (grey, grey, grey)
+            draw_list.add_quad_filled(a, b, c, d, pack_colour(shade, 0.88))
             draw_list.add_quad(a, b, c, d, pack_colour(_EDGE, 0.8), ui.px(1.2))
             if towards < _ASKEW:
                 continue
@@ -141,37 +141,37 @@ def draw_divide(state: ViewState, ui: UiContext) -> None:
         ui.areas.pop("sides", None)
         return
     x, y, width, height = ui.areas["picture"]
-    at = round(x + state.divide * width)
+    line_x = round(x + state.divide * width)
     with over_picture(ui) as draw_list:
         # White on black is visible on any picture.
-        draw_list.add_line((at, y), (at, y + height), pack_colour(BLACK, 0.5), ui.px(3.5))
-        draw_list.add_line((at, y), (at, y + height), pack_colour(WHITE, 0.95), ui.px(1.5))
-        _draw_handle(draw_list, ui, at, y + height / 2)
-        _draw_labels(draw_list, ui, at, (state.lights, state.other))
+        draw_list.add_line((line_x, y), (line_x, y + height), pack_colour(BLACK, 0.5), ui.px(3.5))
+        draw_list.add_line((line_x, y), (line_x, y + height), pack_colour(WHITE, 0.95), ui.px(1.5))
+        _draw_handle(draw_list, ui, line_x, y + height / 2)
+        _draw_labels(draw_list, ui, line_x, (state.lights, state.other))
 
 
 def _draw_labels(
-    draw_list: imgui.ImDrawList, ui: UiContext, at: float, sides: tuple[Rows, Rows]
+    draw_list: imgui.ImDrawList, ui: UiContext, line_x: float, sides: tuple[Rows, Rows]
 ) -> None:
     """Draw the names of the lights; no letters for the sides, as lights have such names."""
     area = x, y, width, _ = ui.areas["picture"]
-    pad, most = ui.px(8), min(width * 0.45, ui.px(_WIDEST))
-    texts = [shorten(lit_names(rows), most) for rows in sides]
+    pad, max_width = ui.px(8), min(width * 0.45, ui.px(_WIDEST))
+    texts = [shorten(lit_names(rows), max_width) for rows in sides]
     sizes = [imgui.calc_text_size(text) for text in texts]
-    wide = sizes[0].x + 2 * pad, sizes[1].x + 2 * pad
-    tall = sizes[0].y + pad
-    boxes = label_boxes(area, at, wide, tall, ui.px(_TOP), ui.px(_GAP))
-    lowest = max(top for _, top, _, _ in boxes) + tall
+    widths = sizes[0].x + 2 * pad, sizes[1].x + 2 * pad
+    height = sizes[0].y + pad
+    boxes = label_boxes(area, line_x, widths, height, ui.px(_TOP), ui.px(_GAP))
+    lowest = max(top for _, top, _, _ in boxes) + height
     ui.areas["sides"] = x, y, width, int(lowest - y)
     for text, (left, top, breadth, _) in zip(texts, boxes, strict=True):
-        ends = (left, top), (left + breadth, top + tall)
+        ends = (left, top), (left + breadth, top + height)
         draw_list.add_rect_filled(*ends, pack_colour(BLACK, 0.72), ui.px(5))
         draw_list.add_text((left + pad, top + pad / 2), pack_colour(WHITE), text)
 
 
 def label_boxes(
     area: tuple[int, int, int, int],
-    at: float,
+    line_x: float,
     widths: tuple[float, float],
     height: float,
     top: float,
@@ -179,12 +179,12 @@ def label_boxes(
 ) -> tuple[Box, Box]:
     """Place two labels next to the line and inside the picture; one without room is moved down.
 
-    ``at`` is the line's x; a label is ``top`` below the picture's upper edge and ``gap`` away
+    ``line_x`` is the line's x; a label is ``top`` below the picture's upper edge and ``gap`` away
     from the line.
     """
     x, y, width, _ = area
     upper, lower = y + top, y + top + height + gap / 2
-    left, right = at - gap - widths[0], at + gap
+    left, right = line_x - gap - widths[0], line_x + gap
     a = min(max(left, x + gap), x + width - gap - widths[0])
     b = max(min(right, x + width - gap - widths[1]), x + gap)
     return (
@@ -209,48 +209,48 @@ _NOTICEABLE = 1.0
 
 def draw_error_map(state: ViewState, ui: UiContext) -> None:
     """Draw the error map and its legend."""
-    shown = ui.results.error_map
-    if shown is None or not state.interface.error_map:
+    error_map = ui.results.error_map
+    if error_map is None or not state.interface.error_map:
         return
-    if not shown.shows(ui.results.image, state):
+    if not error_map.shows(ui.results.image, state):
         _draw_legend(ui, None, error_map_lines(None, ""))
         return
-    if shown.texture:
+    if error_map.texture:
         left, top, right, bottom = ui.results.shown_at
         with over_picture(ui) as draw_list:
-            draw_list.add_image(imgui.ImTextureRef(shown.texture), (left, top), (right, bottom))
-    _draw_legend(ui, shown.map, error_map_lines(shown.map, shown.problem))
+            draw_list.add_image(imgui.ImTextureRef(error_map.texture), (left, top), (right, bottom))
+    _draw_legend(ui, error_map.map, error_map_lines(error_map.map, error_map.problem))
 
 
-def _draw_legend(ui: UiContext, found: ErrorMap | None, lines: list[str]) -> None:
+def _draw_legend(ui: UiContext, errors: ErrorMap | None, lines: list[str]) -> None:
     draw_list, white = imgui.get_background_draw_list(), pack_colour(WHITE)
     x, y = ui.areas["picture"][0] + ui.px(14), ui.areas["picture"][1] + ui.px(14)
     pad, bar = ui.px(8), ui.px(10)
-    wide, tall = max(map(text_width, lines)), imgui.get_text_line_height_with_spacing()
-    bottom = y + len(lines) * tall + 2 * pad + (tall + bar if found is not None else 0.0)
-    end = x + wide + 2 * pad, bottom
+    width, line_h = max(map(text_width, lines)), imgui.get_text_line_height_with_spacing()
+    bottom = y + len(lines) * line_h + 2 * pad + (line_h + bar if errors is not None else 0.0)
+    end = x + width + 2 * pad, bottom
     draw_list.add_rect_filled((x, y), end, pack_colour(BLACK, 0.55), ui.px(5))
     for i, line in enumerate(lines):
-        draw_list.add_text((x + pad, y + pad + i * tall), white, line)
-    if found is None:
+        draw_list.add_text((x + pad, y + pad + i * line_h), white, line)
+    if errors is None:
         return
-    top, step = y + pad + len(lines) * tall, wide / _STEPS
+    top, step = y + pad + len(lines) * line_h, width / _STEPS
     for i, colour in enumerate(_scale()):
         left = x + pad + i * step
         draw_list.add_rect_filled((left, top), (left + step + 1, top + bar), colour)
     for fraction in (0.0, 0.5, 1.0):
-        text = f"{fraction * found.top:.3g}"
-        at = x + pad + fraction * (wide - text_width(text))
-        draw_list.add_text((at, top + bar + ui.px(1)), white, text)
+        text = f"{fraction * errors.top:.3g}"
+        label_x = x + pad + fraction * (width - text_width(text))
+        draw_list.add_text((label_x, top + bar + ui.px(1)), white, text)
 
 
-def error_map_lines(found: ErrorMap | None, problem: str) -> list[str]:
+def error_map_lines(errors: ErrorMap | None, problem: str) -> list[str]:
     """Return the figures of a map, or the message in its place."""
-    if found is None:
+    if errors is None:
         return [problem or "Error map: computing …"]
-    figures = f"mean {found.mean:.2g}   95 % {found.p95:.2g}   max {found.max:.2g}"
-    lines = [f"ΔE00, {found.compared}", figures]
-    if found.max < _NOTICEABLE:
+    figures = f"mean {errors.mean:.2g}   95 % {errors.p95:.2g}   max {errors.max:.2g}"
+    lines = [f"ΔE00, {errors.compared}", figures]
+    if errors.max < _NOTICEABLE:
         lines.append("Below 1 no difference is visible")
     return lines
 

@@ -25,7 +25,7 @@ _SEVERAL = "A light with several spectra cannot be designed; edit it in the Ligh
 
 
 def draw_spectrum(
-    state: ViewState, table: Table, ui: UiContext, which: Member, index: int, wide: float
+    state: ViewState, table: Table, ui: UiContext, which: Member, index: int, width: float
 ) -> ViewState:
     """Draw a spectrum in the margin: its name, the checkbox that frees it, its curve."""
     kind, name = which
@@ -33,15 +33,15 @@ def draw_spectrum(
     imgui.begin_group()
     imgui.push_style_var(imgui.StyleVar_.frame_padding, (0, 0))
     imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(5), ui.px(2)))
-    lit = is_light and effective_weights(state.lights)[index] > 0
-    colour = ACCENT[state.interface.dark] if lit else imgui.get_style_color_vec4(imgui.Col_.text)
+    is_on = is_light and effective_weights(state.lights)[index] > 0
+    colour = ACCENT[state.interface.dark] if is_on else imgui.get_style_color_vec4(imgui.Col_.text)
     imgui.push_style_color(imgui.Col_.text, colour)
-    imgui.text(shorten(name, wide))
+    imgui.text(shorten(name, width))
     imgui.pop_style_color()
     clicked = imgui.is_item_clicked(0) or imgui.is_item_clicked(1)
-    shown = f"{as_one_line(name)}{', shown in the picture' if lit else ''}"
+    title = f"{as_one_line(name)}{', shown in the picture' if is_on else ''}"
     note = column_note(state.lights[index]) if is_light else ""
-    words = "\n".join(filter(None, (shown, note, "Click for more")))
+    words = "\n".join(filter(None, (title, note, "Click for more")))
     tip(words, greyed=True)
     single = not is_light or may_design(state, index)
     imgui.begin_disabled(not single)
@@ -52,7 +52,7 @@ def draw_spectrum(
         new = palette_edits.toggle_free(new, kind, index)
     imgui.same_line()
     x, y = imgui.get_cursor_screen_pos()
-    size = wide - imgui.get_frame_height() - ui.px(5), imgui.get_frame_height()
+    size = width - imgui.get_frame_height() - ui.px(5), imgui.get_frame_height()
     imgui.invisible_button("curve", size)
     clicked = clicked or imgui.is_item_clicked(0) or imgui.is_item_clicked(1)
     ui.note(f"{kind} {index}", words, greyed=True)
@@ -71,9 +71,9 @@ def _draw_curve(spectrum: Spectrum, rect: Rect, is_light: bool, ui: UiContext) -
     if is_light:
         fill(draw_list, rect, heights, 1.0, spectrum.grid)
         return
-    x, y, wide, tall = rect
+    x, y, width, height = rect
     base = imgui.get_color_u32(imgui.Col_.button_active)
-    draw_list.add_line((x, y + tall), (x + wide, y + tall), base)
+    draw_list.add_line((x, y + height), (x + width, y + height), base)
     line = imgui.get_color_u32(imgui.Col_.text_disabled)
     outline(draw_list, rect, heights, 1.0, line, ui.px(1.3))
 
@@ -82,8 +82,8 @@ def _draw_curve(spectrum: Spectrum, rect: Rect, is_light: bool, ui: UiContext) -
 def levels(spectrum: Spectrum, is_light: bool) -> NDArray[np.float64]:
     """Return heights 0 to 1: a light relative to its largest value, a reflectance as it is."""
     values = spectrum.values
-    most = max(float(values.max()), 1e-12) if is_light else 1.0
-    return np.asarray(np.clip(values / most, 0.0, 1.0))
+    peak = max(float(values.max()), 1e-12) if is_light else 1.0
+    return np.asarray(np.clip(values / peak, 0.0, 1.0))
 
 
 def column_note(row: LightRow) -> str:
@@ -118,24 +118,24 @@ def draw(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     low, high = (ui.px(width) for width in _WIDTHS)
     padding = 2 * style.cell_padding.x
     room = imgui.get_content_region_avail().x - ui.px(_ROW) - padding
-    wide = min(max(room / count - padding, low), high)
-    bar = style.scrollbar_size if (wide + padding) * count > room + 1 else 0.0
+    column_width = min(max(room / count - padding, low), high)
+    bar = style.scrollbar_size if (column_width + padding) * count > room + 1 else 0.0
     row = ui.px(_CELL) + 2 * style.cell_padding.y
-    tall = row * min(len(table.rows), _MAX_ROWS) + ui.px(_HEADER) + ui.px(4) + bar
-    if not imgui.begin_table("palette", count + 1, _FLAGS, (0, tall)):
+    height = row * min(len(table.rows), _MAX_ROWS) + ui.px(_HEADER) + ui.px(4) + bar
+    if not imgui.begin_table("palette", count + 1, _FLAGS, (0, height)):
         return state
     imgui.table_setup_scroll_freeze(1, 1)
     imgui.table_setup_column("material", imgui.TableColumnFlags_.width_fixed, ui.px(_ROW))
     for name in table.columns:
-        imgui.table_setup_column(name, imgui.TableColumnFlags_.width_fixed, wide)
-    new = _header(state, table, ui, wide)
+        imgui.table_setup_column(name, imgui.TableColumnFlags_.width_fixed, column_width)
+    new = _header(state, table, ui, column_width)
     for i in range(len(table.rows)):
-        new = _row(new, table, ui, i, wide)
+        new = _row(new, table, ui, i, column_width)
     imgui.end_table()
     return new
 
 
-def _header(state: ViewState, table: Table, ui: UiContext, wide: float) -> ViewState:
+def _header(state: ViewState, table: Table, ui: UiContext, width: float) -> ViewState:
     new = state
     imgui.table_next_row(imgui.TableRowFlags_.headers, ui.px(_HEADER))
     background = imgui.get_color_u32(imgui.Col_.window_bg)
@@ -147,12 +147,12 @@ def _header(state: ViewState, table: Table, ui: UiContext, wide: float) -> ViewS
         if not imgui.table_next_column():  # scrolled out of view
             continue
         imgui.push_id(f"column {j}")
-        new = draw_spectrum(new, table, ui, (LIGHT, name), j, wide)
+        new = draw_spectrum(new, table, ui, (LIGHT, name), j, width)
         imgui.pop_id()
     return new
 
 
-def _row(state: ViewState, table: Table, ui: UiContext, i: int, wide: float) -> ViewState:
+def _row(state: ViewState, table: Table, ui: UiContext, i: int, width: float) -> ViewState:
     imgui.table_next_row(imgui.TableRowFlags_.none, ui.px(_CELL))
     imgui.table_next_column()
     imgui.push_id(f"row {i}")
@@ -164,7 +164,7 @@ def _row(state: ViewState, table: Table, ui: UiContext, i: int, wide: float) -> 
             continue
         place, number = (name, column), i * len(table.columns) + j
         imgui.push_id(number)
-        pressed = imgui.invisible_button("cell", (wide, ui.px(_CELL)))
+        pressed = imgui.invisible_button("cell", (width, ui.px(_CELL)))
         ui.note(f"cell {number}")
         report, target = table.cells[place], state.palette.targets.cells.get(place)
         picked = state.interface.pick.place == place
@@ -249,7 +249,7 @@ def _write(
 ) -> None:
     """Write a text with its pivot, (0, 0) upper left to (1, 1) lower right, at a place."""
     font = imgui.get_font()
-    whole, full = imgui.calc_text_size(text), imgui.get_font_size()
-    left = place[0] - pivot[0] * whole.x * size / full
-    top = place[1] - pivot[1] * whole.y * size / full
+    extent, full = imgui.calc_text_size(text), imgui.get_font_size()
+    left = place[0] - pivot[0] * extent.x * size / full
+    top = place[1] - pivot[1] * extent.y * size / full
     imgui.get_window_draw_list().add_text(font, size, (left, top), colour, text)

@@ -45,8 +45,8 @@ def draw(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     new = state
     if imgui.is_popup_open(CELL_POPUP):
         # Next to the table, which shows the result.
-        at = imgui.get_window_pos()
-        corner = at.x - ui.px(8), at.y + imgui.get_window_height() - ui.px(8)
+        window_pos = imgui.get_window_pos()
+        corner = window_pos.x - ui.px(8), window_pos.y + imgui.get_window_height() - ui.px(8)
         imgui.set_next_window_pos(corner, imgui.Cond_.always, (1.0, 1.0))
     for name, contents in ((CELL_POPUP, _cell), (COLUMN_POPUP, _light), (ROW_POPUP, _material)):
         if imgui.begin_popup(name):
@@ -59,22 +59,22 @@ def _cell(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     place, new = state.interface.pick.place, state
     if place is None or place not in table.cells:
         return state
-    report, own = table.cells[place], state.palette.targets.cells.get(place)
+    report, cell = table.cells[place], state.palette.targets.cells.get(place)
     number = table.index(place)
     imgui.text(f"{place[0]} under {place[1]}")
     imgui.push_item_width(ui.px(_WIDTH))
-    kind = own.kind if own else ""
-    chosen = pick("##kind", _WORDS[kind], _KINDS, lambda each: tip(_KINDS[each][1], at_once=True))
+    kind = cell.kind if cell else ""
+    picked = pick("##kind", _WORDS[kind], _KINDS, lambda title: tip(_KINDS[title][1], at_once=True))
     ui.note("target kind")
-    if chosen is not None:
-        new = palette_edits.set_target_kind(new, number, _KINDS[chosen][0])
+    if picked is not None:
+        new = palette_edits.set_target_kind(new, number, _KINDS[picked][0])
     if kind in ("", "colour"):
         new = _picker(new, table, place, ui)
-    elif own is not None:
-        new = _other(new, table, number, own, ui)
+    elif cell is not None:
+        new = _other(new, table, number, cell, ui)
     # Always shown, so that the first target does not move items under the mouse.
-    imgui.begin_disabled(own is None)
-    new = _weight(new, number, own or Cell("black"), ui)
+    imgui.begin_disabled(cell is None)
+    new = _weight(new, number, cell or Cell("black"), ui)
     imgui.end_disabled()
     imgui.pop_item_width()
     far = "" if report.delta_E_2000 is None else f", ΔE {report.delta_E_2000:.1f}"
@@ -84,11 +84,11 @@ def _cell(state: ViewState, table: Table, ui: UiContext) -> ViewState:
 
 def _picker(state: ViewState, table: Table, place: Place, ui: UiContext) -> ViewState:
     """Draw the picker of a cell's target; with no target yet, picking a colour makes one."""
-    own = state.palette.targets.cells.get(place)
-    codes = own.colour if own and own.colour else clip_codes(table.cells[place].obtained)
-    moved, picked = imgui.color_picker3("##colour", list(codes), _PICKER)
+    cell = state.palette.targets.cells.get(place)
+    codes = cell.colour if cell and cell.colour else clip_codes(table.cells[place].obtained)
+    changed, picked = imgui.color_picker3("##colour", list(codes), _PICKER)
     ui.note("picker")
-    if not moved:
+    if not changed:
         return state
     key = " ".join(f"{code:.5f}" for code in clip_codes((picked[0], picked[1], picked[2])))
     return palette_edits.set_target(state, table.index(place), key)
@@ -109,38 +109,38 @@ def draw_material_colour(state: ViewState, ui: UiContext, name: str) -> ViewStat
     return new
 
 
-def _other(state: ViewState, table: Table, number: int, own: Cell, ui: UiContext) -> ViewState:
+def _other(state: ViewState, table: Table, number: int, cell: Cell, ui: UiContext) -> ViewState:
     """Draw the settings of a target other than a colour: a group, or another cell."""
-    if own.kind == "free":
-        entered, name = imgui.input_text("##group", own.group, _ENTER)
+    if cell.kind == "free":
+        entered, name = imgui.input_text("##group", cell.group, _ENTER)
         tip("Cells with this group name get one colour", at_once=True)
         return palette_edits.set_target_group(state, number, name) if entered else state
     new = state
-    if own.other is not None:
+    if cell.other is not None:
         places = {" under ".join(place): table.index(place) for place in table.cells}
-        others = [words for words, at in places.items() if at != number]
-        chosen = pick("##other", " under ".join(own.other), others)
+        other_places = [words for words, index in places.items() if index != number]
+        picked = pick("##other", " under ".join(cell.other), other_places)
         ui.note("target other")
-        if chosen is not None:
-            new = palette_edits.set_target_kind(new, number, own.kind, places[chosen])
-    if own.kind == "distinct":
-        moved, far = imgui.slider_float("##distance", own.distance, *DISTANCES, "ΔE %.0f or more")
-        if moved:
+        if picked is not None:
+            new = palette_edits.set_target_kind(new, number, cell.kind, places[picked])
+    if cell.kind == "distinct":
+        edited, far = imgui.slider_float("##distance", cell.distance, *DISTANCES, "ΔE %.0f or more")
+        if edited:
             new = palette_edits.set_target_distance(new, number, far)
     return new
 
 
-def _weight(state: ViewState, number: int, own: Cell, ui: UiContext) -> ViewState:
-    must, new = math.isinf(own.weight), state
+def _weight(state: ViewState, number: int, cell: Cell, ui: UiContext) -> ViewState:
+    must, new = math.isinf(cell.weight), state
     imgui.begin_disabled(must)
-    now = 1.0 if must else own.weight
-    moved, weight = imgui.slider_float("##weight", now, *WEIGHTS, "Weight %.2g", _LOG)
+    now = 1.0 if must else cell.weight
+    changed, weight = imgui.slider_float("##weight", now, *WEIGHTS, "Weight %.2g", _LOG)
     ui.note("target weight")
     imgui.end_disabled()
     tip("Weight relative to the other targets")
-    if moved and not must:
+    if changed and not must:
         new = palette_edits.set_target_weight(new, number, weight)
-    if own.kind != "distinct":
+    if cell.kind != "distinct":
         pressed, must = imgui.checkbox("Must be met", must)
         tip("Meet it exactly, or refuse the design")
         if pressed:
@@ -166,11 +166,11 @@ def _light(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     if imgui.menu_item("May change", "", opened, single)[0]:
         new = palette_edits.toggle_free(new, LIGHT, index)
     if imgui.begin_menu("A sum of real lamps", single):
-        chosen = state.palette.targets.lamps.get(name, ())
+        ticked = state.palette.targets.lamps.get(name, ())
         imgui.text_disabled("None ticked: any spectrum")
         if imgui.begin_child("lamps", (ui.px(230), ui.px(220))):
             for lamp in light_names():
-                if imgui.checkbox(lamp, lamp in chosen)[0]:
+                if imgui.checkbox(lamp, lamp in ticked)[0]:
                     new = palette_edits.toggle_lamp(new, index, lamp)
         imgui.end_child()
         imgui.end_menu()

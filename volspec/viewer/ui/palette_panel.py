@@ -28,28 +28,28 @@ _METRICS = dict(zip(("perceptual (CIELAB)", "display codes (RGB)"), METRICS, str
 def _wizards(state: ViewState, ui: UiContext) -> ViewState:
     material, light = palette_table.wizard_place(state)
     rows, lights = tuple(state.transfer.materials), palette_table.column_names(state.lights)
-    own, new = state.interface.pick, state
+    inputs, new = state.interface.pick, state
     half = (imgui.get_content_region_avail().x - ui.px(_UNDER)) / 2
-    chosen = _combo("##material", material, rows, ui, half)
-    new = _apply_pick(new, palette_edits.pick_material, chosen)
+    picked = _combo("##material", material, rows, ui, half)
+    new = _apply_pick(new, palette_edits.pick_material, picked)
     imgui.same_line(0, ui.px(7))
     imgui.text_disabled("under")
     imgui.same_line(0, ui.px(7))
     new = _apply_pick(new, palette_edits.pick_light, _combo("##light", light, lights, ui))
-    like = own.like if own.like in lights else ""
-    chosen = _combo("New light", f"like {like}" if like else _NO_LIGHT, (_NO_LIGHT, *lights), ui)
+    model = inputs.like if inputs.like in lights else ""
+    picked = _combo("New light", f"like {model}" if model else _NO_LIGHT, (_NO_LIGHT, *lights), ui)
     tip("Also designs a light under which the other materials look as they do under this one")
-    if chosen is not None:
-        new = palette_edits.with_pick(new, like="" if chosen == _NO_LIGHT else chosen)
+    if picked is not None:
+        new = palette_edits.with_pick(new, like="" if picked == _NO_LIGHT else picked)
     imgui.spacing()
     _wizard_button("hide", "Make it look like its surroundings under this light", ui)
-    others = tuple(name for name in rows if name != material)
+    other_rows = tuple(name for name in rows if name != material)
     # The picked material may have been removed since.
-    within = _BLACK if own.black else own.within if own.within in rows else _SURROUNDINGS
-    chosen = _combo("##within", within, (_SURROUNDINGS, *others, _BLACK), ui)
-    if chosen is not None:
-        within = "" if chosen in (_SURROUNDINGS, _BLACK) else chosen
-        new = palette_edits.with_pick(new, within=within, black=chosen == _BLACK)
+    within = _BLACK if inputs.black else inputs.within if inputs.within in rows else _SURROUNDINGS
+    picked = _combo("##within", within, (_SURROUNDINGS, *other_rows, _BLACK), ui)
+    if picked is not None:
+        within = "" if picked in (_SURROUNDINGS, _BLACK) else picked
+        new = palette_edits.with_pick(new, within=within, black=picked == _BLACK)
     _wizard_button(
         "reveal",
         "Make it differ from all others under this light; if a colour-vision deficiency is\n"
@@ -57,8 +57,8 @@ def _wizards(state: ViewState, ui: UiContext) -> ViewState:
         ui,
     )
     imgui.set_next_item_width(-1)
-    moved, distance = imgui.slider_float("##far", own.distance, *DISTANCES, "by ΔE %.0f")
-    if moved:
+    changed, distance = imgui.slider_float("##far", inputs.distance, *DISTANCES, "by ΔE %.0f")
+    if changed:
         new = palette_edits.pick_distance(new, distance)
     _wizard_button("keep", "Give it one colour under all lights", ui)
     imgui.align_text_to_frame_padding()
@@ -104,30 +104,30 @@ def _values(state: ViewState, ui: UiContext) -> ViewState:
         imgui.text_wrapped(f"{has} Edit it in the Transfer panel")
         return state
     names = tuple(curve.materials)
-    for number, own in enumerate(palette_table.material_ranges(curve)):
+    for number, span in enumerate(palette_table.material_ranges(curve)):
         imgui.push_id(number)
         imgui.align_text_to_frame_padding()
-        imgui.text(f"{own.low:.4g} – {own.high:.4g}")
+        imgui.text(f"{span.low:.4g} – {span.high:.4g}")
         imgui.same_line(ui.px(100))
-        chosen = _combo("##of", own.material, names, ui)
-        if chosen not in (None, own.material):
-            new = palette_edits.recast_range(new, number, chosen)
+        choice = _combo("##of", span.material, names, ui)
+        if choice not in (None, span.material):
+            new = palette_edits.recast_range(new, number, choice)
         imgui.pop_id()
     imgui.separator()
     picked, (low, high) = state.interface.pick, state.document.volume.range
     first, last = picked.values or (low, high)
     use = picked.use if picked.use in names else names[0]
     imgui.set_next_item_width(ui.px(118))
-    moved, first, last = imgui.drag_float_range2(
+    changed, first, last = imgui.drag_float_range2(
         "##range", first, last, (high - low) / 300, low, high, "%.4g", "%.4g"
     )
     ui.note("range")
-    if moved:
+    if changed:
         new = palette_edits.with_pick(new, values=(first, last))
     imgui.same_line()
-    chosen = _combo("##use", use, names, ui, -ui.px(52))
-    if chosen is not None:
-        new = palette_edits.with_pick(new, use=chosen)
+    choice = _combo("##use", use, names, ui, -ui.px(52))
+    if choice is not None:
+        new = palette_edits.with_pick(new, use=choice)
     imgui.same_line()
     if imgui.button("Use", (-1, 0)):
         new = palette_edits.assign(new, first, last, use)
@@ -139,19 +139,19 @@ def _criteria(state: ViewState, ui: UiContext) -> ViewState:
     criteria, new = state.palette.targets.criteria, state
     imgui.push_item_width(-ui.px(_LABEL))
     smoothness, log = criteria.smoothness, imgui.SliderFlags_.logarithmic
-    moved, smoothness = imgui.slider_float("Smooth", smoothness, *SMOOTHNESS, "%.4f", log)
+    changed, smoothness = imgui.slider_float("Smooth", smoothness, *SMOOTHNESS, "%.4f", log)
     ui.note("smooth", "Weight of smoothness; a high weight misses target colours")
-    if moved:
+    if changed:
         new = palette_edits.set_smoothness(new, smoothness)
-    moved, rounds = imgui.slider_int("Iterations", criteria.rounds, 1, MAX_ITERATIONS)
+    changed, rounds = imgui.slider_int("Iterations", criteria.rounds, 1, MAX_ITERATIONS)
     tip("Passes over lights and materials; each linearises the colours again")
-    if moved:
+    if changed:
         new = palette_edits.set_iterations(new, float(rounds))
     imgui.pop_item_width()
     now = next(words for words, metric in _METRICS.items() if metric == criteria.metric)
-    chosen = _combo("Compare", now, _METRICS, ui)
-    if chosen is not None:
-        new = palette_edits.set_metric(new, _METRICS[chosen])
+    picked = _combo("Compare", now, _METRICS, ui)
+    if picked is not None:
+        new = palette_edits.set_metric(new, _METRICS[picked])
     wrap_text("Spectra stay above 0, reflectances below 1.", imgui.Col_.text_disabled)
     return new
 
@@ -161,9 +161,9 @@ def _combo(
 ) -> str | None:
     """Draw a list to pick from, as wide as the panel allows."""
     imgui.set_next_item_width(width or (-1 if label.startswith("##") else -ui.px(_LABEL)))
-    chosen = pick(label, now, names)
+    picked = pick(label, now, names)
     ui.note(f"pick {label.strip('#')}")
-    return chosen
+    return picked
 
 
 _HELP = (
@@ -212,7 +212,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
         new = palette_cells.draw(new, table, ui)
         new = palette_editor.draw(new, table, ui)
         _legend(state, ui)
-        _apart(table)
+        _distances(table)
     _status(ui)
     for title, name, section in _SECTIONS:
         opened = imgui.collapsing_header(title)
@@ -288,14 +288,14 @@ def _legend(state: ViewState, ui: UiContext) -> None:
     tip(_MISSED, greyed=True)
 
 
-def _apart(table: Table) -> None:
+def _distances(table: Table) -> None:
     """Draw how far materials to be distinguished are, by colour vision."""
     for pair in table.apart[:_MAX_LINES]:
         imgui.text_wrapped(apart_text(pair))
         tip(_APART)
-    if rest := table.apart[_MAX_LINES:]:
-        imgui.text_disabled(f"and {len(rest)} more pairs")
-        tip("\n".join(map(apart_text, rest)), at_once=True)
+    if more := table.apart[_MAX_LINES:]:
+        imgui.text_disabled(f"and {len(more)} more pairs")
+        tip("\n".join(map(apart_text, more)), at_once=True)
 
 
 def _status(ui: UiContext) -> None:
@@ -307,6 +307,6 @@ def _status(ui: UiContext) -> None:
     lines = (*news.reached, *news.advice)
     for line in lines[:_MAX_LINES]:
         imgui.text_wrapped(line)
-    if rest := lines[_MAX_LINES:]:
-        imgui.text_disabled(f"and {len(rest)} more")
-        tip("\n".join(rest), at_once=True)
+    if more := lines[_MAX_LINES:]:
+        imgui.text_disabled(f"and {len(more)} more")
+        tip("\n".join(more), at_once=True)

@@ -65,9 +65,9 @@ def _level(state: ViewState, ui: UiContext) -> ViewState:
     for number, level in enumerate(pyramid.levels):
         names.append(f"{number}: {' × '.join(map(str, level.shape[::-1]))}")
     now = 0 if state.shading.level is None else 1 + min(state.shading.level, len(names) - 2)
-    picked, at = imgui.combo("Level", now, names)
+    picked, index = imgui.combo("Level", now, names)
     ui.note("level", _about("level"))
-    return quality.set_cast(state, "level", at - 1 if at else None) if picked else state
+    return quality.set_cast(state, "level", index - 1 if index else None) if picked else state
 
 
 def _about(field: str) -> str:
@@ -79,10 +79,10 @@ def _projection(state: ViewState, ui: UiContext) -> ViewState:
     names = [_TITLES.get(mode, mode) for mode in MODES]
     imgui.begin_disabled(not quality.can_project(state))
     now = MODES.index(quality.cast_spec(state).mode)
-    picked, at = imgui.combo("Projection", now, names)
+    picked, number = imgui.combo("Projection", now, names)
     imgui.end_disabled()
     ui.note("projection", _about("mode"), greyed=True)
-    new = ui.edited(state, partial(quality.project, mode=MODES[at])) if picked else state
+    new = ui.edited(state, partial(quality.project, mode=MODES[number])) if picked else state
     if quality.wants_greys(new):
         if imgui.button("Grey ramp"):
             new = ui.run(new, "preset-grey")
@@ -107,11 +107,11 @@ def _sampling(state: ViewState, ui: UiContext) -> ViewState:
     new = state
     focus_if_wanted("Step", ui)
     text = "%.2f voxels" if state.shading.step_mm else "by quality"
-    moved, voxels = imgui.slider_float(
+    changed, voxels = imgui.slider_float(
         "Step", quality.step_voxels(state), *quality.STEPS, text, _LOG
     )
     ui.note("step", _about("step_mm"))
-    if moved:
+    if changed:
         new = quality.set_step(new, voxels)
     new = draw_field(new, ui, CAST, _JITTER)
     imgui.begin_disabled(not quality.can_project(state))

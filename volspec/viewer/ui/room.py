@@ -79,11 +79,11 @@ def _row(new: ViewState, room: SceneRoom, ui: UiContext, surface: str, colour: C
     draw_list.add_rect((x, y + inset), (x + side, y + height - inset), border, ui.px(3))
     paint = edits.paint_text(room, surface) or "as in the file"
     top = y + (height - imgui.get_font_size()) / 2
-    shown = shorten(as_one_line(paint), width / 2)
-    text, dim = (imgui.get_color_u32(each) for each in (imgui.Col_.text, imgui.Col_.text_disabled))
-    room_left = width - side - text_width(shown) - ui.px(24)
+    label = shorten(as_one_line(paint), width / 2)
+    text, dim = (imgui.get_color_u32(col) for col in (imgui.Col_.text, imgui.Col_.text_disabled))
+    room_left = width - side - text_width(label) - ui.px(24)
     draw_list.add_text((x + side + ui.px(8), top), text, shorten(surface, room_left))
-    draw_list.add_text((x + width - text_width(shown) - ui.px(2), top), dim, shown)
+    draw_list.add_text((x + width - text_width(label) - ui.px(2), top), dim, label)
     if imgui.begin_popup(_POPUP):
         new = _picker(new, room, ui, surface)
         imgui.end_popup()
@@ -95,9 +95,9 @@ def _picker(state: ViewState, room: SceneRoom, ui: UiContext, surface: str) -> V
     new, codes = state, edits.paint_codes(room, surface)
     imgui.text(f"{as_one_line(surface)}, in daylight")
     imgui.push_item_width(ui.px(_PICKER_WIDTH))
-    moved, picked = imgui.color_picker3("##colour", list(codes), _PICKER)
+    changed, picked = imgui.color_picker3("##colour", list(codes), _PICKER)
     ui.note("paint picker")
-    if moved:
+    if changed:
         new = edits.pick(new, surface, (picked[0], picked[1], picked[2]))
     text = edits.paint_text(room, surface) or hexadecimal(codes)
     entered, text = imgui.input_text("##paint", text, _ENTER)
@@ -125,5 +125,5 @@ def _colours(room: SceneRoom, rows: Rows, spec: RelightSpec) -> tuple[Colour, ..
     if XYZ is None or rig is None:
         return ((0.0, 0.0, 0.0),) * len(edits.paintable(room))
     transform = adapting_transform(rig, spec, white_from_rig(rig))
-    shown = XYZ if transform is None else transform.apply(spec.viewing.exposure * XYZ)
-    return tuple(as_colour(each) for each in encode_sRGB(linear_sRGB_from_XYZ(shown)))
+    adapted = XYZ if transform is None else transform.apply(spec.viewing.exposure * XYZ)
+    return tuple(as_colour(codes) for codes in encode_sRGB(linear_sRGB_from_XYZ(adapted)))

@@ -36,42 +36,42 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
         return state
     new, volume = state, state.document.volume
     layouts = [slices.slice_layout(volume, plane) for plane in PLANES]
-    avail, wide = imgui.get_content_region_avail(), _steady_width()
+    avail, width = imgui.get_content_region_avail(), _steady_width()
     below = _LINES * imgui.get_frame_height_with_spacing() + 4 * imgui.get_style().item_spacing.y
     sizes = slice_sizes(
         [slices.size_mm(volume, layout) for layout in layouts],
-        (wide, max(avail.y - below, ui.px(_MIN))),
+        (width, max(avail.y - below, ui.px(_MIN))),
         ui.px(_FLATTEST),
     )
     lasts = [volume.shape_xyz[layout.normal] - 1 for layout in layouts]
     widest = max(text_width(slice_text(_title(state, i), n, n)) for i, n in enumerate(lasts))
     label_width = widest + imgui.get_style().item_inner_spacing.x
     for index, (layout, size) in enumerate(zip(layouts, sizes, strict=True)):
-        new = _slider(new, ui, index, layout, (wide - label_width, wide))
+        new = _slider(new, ui, index, layout, (width - label_width, width))
         new = _picture(new, ui, ui.results.slices, index, layout, size)
     new = _looks(new, ui)
-    imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + wide)
+    imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + width)
     imgui.text_disabled(crossing_text(state))
     imgui.pop_text_wrap_pos()
     return new
 
 
 def slice_sizes(
-    sizes_mm: list[tuple[float, float]], room: tuple[float, float], least: float
+    sizes_mm: list[tuple[float, float]], room: tuple[float, float], min_px: float
 ) -> list[tuple[float, float]]:
     """Return the sizes in pixels, to one scale, of slices stacked in the room available.
 
-    Sides shorter than ``least`` are stretched to it.
+    Sides shorter than ``min_px`` are stretched to it.
     """
-    wide, tall = max(width for width, _ in sizes_mm), sum(height for _, height in sizes_mm)
-    by = min(room[0] / wide, room[1] / tall)
-    return [(max(width * by, least), max(height * by, least)) for width, height in sizes_mm]
+    max_mm, total_mm = max(width for width, _ in sizes_mm), sum(height for _, height in sizes_mm)
+    by = min(room[0] / max_mm, room[1] / total_mm)
+    return [(max(width * by, min_px), max(height * by, min_px)) for width, height in sizes_mm]
 
 
 def crossing_text(state: ViewState) -> str:
     """Return the value and the place at which the slices cross, as text."""
-    volume, at = state.document.volume, state.interface.slices.at
-    i, j, k = (voxel_number(volume, axis, at[axis]) for axis in range(3))
+    volume, fractions = state.document.volume, state.interface.slices.at
+    i, j, k = (voxel_number(volume, axis, fractions[axis]) for axis in range(3))
     place = framing.world_mm(volume, np.array([i, j, k], dtype=np.float64))
     value = value_text(volume, float(volume.nan_if_missing(volume.values[k, j, i])))
     unit = place_unit(volume, state.interface.overlays.patient)
@@ -106,18 +106,18 @@ def _slider(
     volume, plane = state.document.volume, PLANES[index]
     last = volume.shape_xyz[layout.normal] - 1
     number = voxel_number(volume, layout.normal, state.interface.slices.at[layout.normal])
-    title, (room, wide) = _title(state, index), widths
+    title, (room, full_width) = _title(state, index), widths
     fits = room >= ui.px(_SHORTEST)
     if not fits:
-        short = wide < text_width(slice_text(title, last, last))
+        short = full_width < text_width(slice_text(title, last, last))
         imgui.text(slice_text("" if short else title, number, last))
-    imgui.set_next_item_width(room if fits else wide)
-    moved, new = imgui.slider_int(f"##{plane.name}", number, 0, last, "")
+    imgui.set_next_item_width(room if fits else full_width)
+    changed, new = imgui.slider_int(f"##{plane.name}", number, 0, last, "")
     ui.note(f"slider {plane.name}")
     if fits:
         imgui.same_line(0, imgui.get_style().item_inner_spacing.x)
         imgui.text(slice_text(title, number, last))
-    return slices.move_slice(state, index, new / last) if moved else state
+    return slices.move_slice(state, index, new / last) if changed else state
 
 
 def _picture(
@@ -156,8 +156,8 @@ def _crosshair(state: ViewState, ui: UiContext, layout: Layout, area: Area) -> N
     (x, y, width, height), volume = area, state.document.volume
     draw_list, dark = imgui.get_window_draw_list(), pack_colour(BLACK, 0.55)
     extent = slices.crop_extent(volume, layout, framing.crop_bounds(state.shading, volume))
-    left, right = (x + share * width for share in extent[::2])
-    top, bottom = (y + share * height for share in extent[1::2])
+    left, right = (x + fraction * width for fraction in extent[::2])
+    top, bottom = (y + fraction * height for fraction in extent[1::2])
     draw_list.add_rect_filled((x, y), (x + width, top), dark)
     draw_list.add_rect_filled((x, bottom), (x + width, y + height), dark)
     draw_list.add_rect_filled((x, top), (left, bottom), dark)
@@ -167,8 +167,8 @@ def _crosshair(state: ViewState, ui: UiContext, layout: Layout, area: Area) -> N
     colours = [pack_colour(SLICE_COLOURS[axis], 0.75) for axis in (layout.across, layout.down)]
     draw_list.add_line((column, y), (column, y + height), colours[0], ui.px(1))
     draw_list.add_line((x, row), (x + width, row), colours[1], ui.px(1))
-    own = pack_colour(SLICE_COLOURS[layout.normal], 0.9)
-    draw_list.add_rect((x, y), (x + width, y + height), own, 0.0, ui.px(1))
+    frame_colour = pack_colour(SLICE_COLOURS[layout.normal], 0.9)
+    draw_list.add_rect((x, y), (x + width, y + height), frame_colour, 0.0, ui.px(1))
 
 
 def _letters(state: ViewState, ui: UiContext, layout: Layout, area: Area) -> None:
@@ -196,9 +196,9 @@ def _looks(state: ViewState, ui: UiContext) -> ViewState:
     pressed, _ = imgui.checkbox("Lit", settings.lit)
     ui.note("lit", "Under the same lights as the volume; otherwise greys")
     new = ui.run(state, "slices-lit") if pressed else state
-    wanted = text_width("Auto greys") + 2 * imgui.get_style().frame_padding.x
+    button_width = text_width("Auto greys") + 2 * imgui.get_style().frame_padding.x
     imgui.same_line()
-    if imgui.get_content_region_avail().x < wanted:
+    if imgui.get_content_region_avail().x < button_width:
         imgui.new_line()
     imgui.begin_disabled(settings.greys is None)
     if imgui.button("Auto greys"):
@@ -207,13 +207,13 @@ def _looks(state: ViewState, ui: UiContext) -> ViewState:
     low, high = state.document.volume.typical_range
     span = (high - low) or 1.0
     window = slices.grey_window(settings, state.document.data[""].histogram)
-    black, white = (low + share * span for share in window)
+    black, white = (low + fraction * span for fraction in window)
     imgui.set_next_item_width(_steady_width())
     digits = "%.0f" if state.document.volume.values.dtype.kind in "iu" else "%.4g"
-    moved, black, white = imgui.drag_float_range2(
+    changed, black, white = imgui.drag_float_range2(
         "##greys", black, white, span / 300, low, high, digits, digits
     )
     ui.note("greys", "Values shown black and white, for voxels that the transfer function hides")
-    if moved:
+    if changed:
         new = slices.set_greys(new, (black - low) / span, (white - low) / span)
     return new

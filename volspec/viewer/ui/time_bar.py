@@ -42,12 +42,12 @@ def draw(state: ViewState, ui: UiContext) -> None:
         imgui.set_next_item_width(min(ui.px(_WIDEST), _SHARE * width))
         count = len(series)
         flags = imgui.SliderFlags_.always_clamp
-        shown, text = ui.results.step + 1, f"%d of {count}"  # also while it is read
-        moved, step = imgui.slider_int("##step", shown, 1, count, text, flags)
+        current, text = ui.results.step + 1, f"%d of {count}"  # also while it is read
+        changed, step = imgui.slider_int("##step", current, 1, count, text, flags)
         ui.note("time step")
         name = as_one_line(os.path.basename(series.names[ui.results.step]))
         tip(f"{name}\nTime step (comma, full stop)")
-        if moved:
+        if changed:
             ui.request("step", str(step - 1))
         imgui.same_line()
         if imgui.checkbox("Loop", loops)[0]:

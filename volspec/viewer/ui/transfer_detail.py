@@ -72,12 +72,12 @@ def draw_library(state: ViewState, ui: UiContext, index: int) -> ViewState:
     waits = _is_pending(state.transfer.basis, first)
     if entered and not waits:  # Enter has taken the keyboard from the field
         imgui.set_keyboard_focus_here(-1)
-    wanted = _results(state, rows, ui)
+    picked = _results(state, rows, ui)
     if entered or (panel.complaint == _COMPUTING and not waits):
-        wanted = first
+        picked = first
     if panel.complaint:
         wrap_text(panel.complaint, imgui.Col_.text)
-    return add_picked_material(state, ui, index, wanted) if wanted else state
+    return add_picked_material(state, ui, index, picked) if picked else state
 
 
 # Called in every frame during a search.
@@ -124,8 +124,8 @@ def _spectrum(state: ViewState, name: str) -> Spectrum | None:
     if _is_pending(basis, name):
         return None
     of = basis.grid, basis.observer_deg
-    made = css_colours.colours(*of).spectra if _is_colour(name) else None
-    return (made or {}).get(name.casefold()) or _look_up(name, *of)
+    spectra = css_colours.colours(*of).spectra if _is_colour(name) else None
+    return (spectra or {}).get(name.casefold()) or _look_up(name, *of)
 
 
 def _is_colour(name: str) -> bool:
@@ -149,19 +149,19 @@ def _look_up(name: str, grid: SpectralGrid, observer_deg: Observer) -> Spectrum 
 
 def _results(state: ViewState, rows: list[str], ui: UiContext) -> str:
     """Draw the list; return the name that was clicked, empty if none."""
-    wanted = ""
+    picked = ""
     line = imgui.get_frame_height_with_spacing()
     if imgui.begin_child("found", (0, _ROWS * line)):
         for i in shown_rows(len(rows), line):
             if _result(state, rows[i], ui):
-                wanted = rows[i]
+                picked = rows[i]
             ui.note(f"found {i}")
         if not rows:
             file = split_address(ui.library.search.strip()) is not None
             text = "Enter reads the file" if file else "No match"
             wrap_text(text, imgui.Col_.text_disabled)
     imgui.end_child()
-    return wanted
+    return picked
 
 
 def _result(state: ViewState, name: str, ui: UiContext) -> bool:
@@ -172,26 +172,26 @@ def _result(state: ViewState, name: str, ui: UiContext) -> bool:
         imgui.dummy((imgui.get_frame_height(), imgui.get_frame_height()))
     imgui.same_line(0, ui.px(6))
     imgui.align_text_to_frame_padding()
-    what = material_class(name) if name in library_names() else "as typed"
-    room = imgui.get_content_region_avail().x - text_width(what) - ui.px(8)
+    kind = material_class(name) if name in library_names() else "as typed"
+    room = imgui.get_content_region_avail().x - text_width(kind) - ui.px(8)
     left = imgui.get_cursor_pos_x()
     flags = imgui.SelectableFlags_.no_auto_close_popups
     clicked, _ = imgui.selectable(f"{shorten(name, room)}###{name}", False, flags)
-    tip(f"{name}, {what}")
+    tip(f"{name}, {kind}")
     imgui.same_line(left + room + ui.px(8))
-    imgui.text_disabled(what)
+    imgui.text_disabled(kind)
     return bool(clicked)
 
 
-def add_picked_material(state: ViewState, ui: UiContext, index: int, wanted: str) -> ViewState:
+def add_picked_material(state: ViewState, ui: UiContext, index: int, name: str) -> ViewState:
     """Make a part of the material that was picked, or show the error."""
     panel = ui.library
-    if _is_pending(state.transfer.basis, wanted):
+    if _is_pending(state.transfer.basis, name):
         # It is added as soon as it is ready; the window keeps drawing while a notice is shown.
-        panel.search, panel.complaint = wanted, _COMPUTING
+        panel.search, panel.complaint = name, _COMPUTING
         ui.notify(_COMPUTING)
         return state
-    new, panel.complaint, _ = materials.add_material(state, index, wanted)
+    new, panel.complaint, _ = materials.add_material(state, index, name)
     if not panel.complaint:
         panel.search = ""
     ui.notify(materials.material_message(state.transfer, new.transfer))
@@ -210,40 +210,40 @@ def chosen_part(state: ViewState) -> int:
     return min(max(state.interface.part, 0), len(list_parts(state.transfer)) - 1)
 
 
-def height_above(lines: int, ui: UiContext, least: float = 115, below: float = 0.0) -> float:
+def height_above(lines: int, ui: UiContext, min_px: float = 115, below: float = 0.0) -> float:
     """Return the panel's height above some lines of details and ``below`` pixels."""
     room = imgui.get_content_region_avail().y - lines * imgui.get_frame_height_with_spacing()
-    return max(room - below, ui.px(least))
+    return max(room - below, ui.px(min_px))
 
 
-def draw_value(state: ViewState, ui: UiContext, what: str) -> ViewState:
+def draw_value(state: ViewState, ui: UiContext, kind: str) -> ViewState:
     """Draw the chosen part's value and opacity and the button that removes it in one line."""
     index, parts, new = chosen_part(state), list_parts(state.transfer), state
     now, volume = parts[index].values[0], fields.data(state).volume
     low, high = presets.value_span(volume)
-    wide = (imgui.get_content_region_avail().x - ui.px(_REMOVE) - 2 * ui.px(6)) / 2
-    imgui.set_next_item_width(wide)
+    width = (imgui.get_content_region_avail().x - ui.px(_REMOVE) - 2 * ui.px(6)) / 2
+    imgui.set_next_item_width(width)
     step = (high - low) / 500
     words = f"value {value_form(volume)}"
-    moved, value = imgui.drag_float("##value", now, step, low, high, words, _CLAMP)
-    ui.note("part value", f"{what} {index + 1} of {len(parts)}. Double-click to type")
-    if moved:
+    changed, value = imgui.drag_float("##value", now, step, low, high, words, _CLAMP)
+    ui.note("part value", f"{kind} {index + 1} of {len(parts)}. Double-click to type")
+    if changed:
         new = transfer_edits.move_point(new, index, value, parts[index].opacity)
     imgui.same_line()
-    new = draw_opacity(new, ui, index, wide)
+    new = draw_opacity(new, ui, index, width)
     imgui.same_line()
-    return draw_remove(new, ui, index, f"Remove the {what.lower()}")
+    return draw_remove(new, ui, index, f"Remove the {kind.lower()}")
 
 
 def draw_opacity(
-    state: ViewState, ui: UiContext, index: int, wide: float, form: str = "opacity %.3f"
+    state: ViewState, ui: UiContext, index: int, width: float, form: str = "opacity %.3f"
 ) -> ViewState:
     """Draw the slider for a part's opacity, with the number in a format."""
     now = list_parts(state.transfer)[index].opacity
-    imgui.set_next_item_width(wide)
-    moved, given = imgui.slider_float("##opacity", now, 0.0, 1.0, form, _FINE)
+    imgui.set_next_item_width(width)
+    changed, opacity = imgui.slider_float("##opacity", now, 0.0, 1.0, form, _FINE)
     ui.note("part opacity", "Double-click or Ctrl+click to type")
-    return transfer_edits.set_opacity(state, index, given) if moved else state
+    return transfer_edits.set_opacity(state, index, opacity) if changed else state
 
 
 def draw_remove(state: ViewState, ui: UiContext, index: int, text: str) -> ViewState:
@@ -345,10 +345,10 @@ def _material_row(
     imgui.set_next_item_width(-ui.px(_REMOVE) - imgui.get_style().item_spacing.x)
     # The weight of a single material cannot change.
     imgui.begin_disabled(lone and weight > 0)
-    moved, weight = imgui.slider_float("##share", weight, 0.0, 1.0, "%.2f", _CLAMP)
+    changed, weight = imgui.slider_float("##share", weight, 0.0, 1.0, "%.2f", _CLAMP)
     imgui.end_disabled()
     ui.note(f"share {name}")
-    if moved:
+    if changed:
         new = transfer_edits.set_material_weight(new, index, name, weight)
     imgui.same_line()
     why = uses_of_material(new.transfer, name, new.meshes, other_functions(new))
@@ -367,7 +367,7 @@ def mix_text(mix: Mapping[str, float]) -> str:
     >>> mix_text({"steel": 0.7, "gold": 0.3, "iron": 0.0}), mix_text({"steel": 1.0})
     ('70 % steel, 30 % gold', 'steel')
     """
-    parts = sorted(((share, name) for name, share in mix.items() if share > 0), reverse=True)
+    parts = sorted(((weight, name) for name, weight in mix.items() if weight > 0), reverse=True)
     if len(parts) == 1 and parts[0][0] > 0.995:
         return parts[0][1]
-    return ", ".join(f"{100 * share:.0f} % {name}" for share, name in parts)
+    return ", ".join(f"{100 * weight:.0f} % {name}" for weight, name in parts)

@@ -48,21 +48,21 @@ _GRADIENT_EDITS = HandleEdits(
 
 def draw_points(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the plots, and the chosen point or surface below."""
-    new, what = state, "Surface" if isinstance(state.transfer, Isosurfaces) else "Point"
+    new, kind = state, "Surface" if isinstance(state.transfer, Isosurfaces) else "Point"
     curve = state.transfer if isinstance(state.transfer, TransferFunction) else None
-    below, least = 0.0, _MIN
+    below, min_px = 0.0, _MIN
     if curve:
         below = imgui.get_frame_height_with_spacing()
         if curve.gradient_opacity:
             below += ui.px(_GRADIENTS_HEIGHT) + imgui.get_style().item_spacing.y
-            least = _MIN_OF_TWO
-    height = transfer_detail.height_above(2, ui, least, below)
-    with transfer_plot.low_plot("##transfer", height, ui) as shown:
-        if shown:
+            min_px = _MIN_OF_TWO
+    height = transfer_detail.height_above(2, ui, min_px, below)
+    with transfer_plot.low_plot("##transfer", height, ui) as visible:
+        if visible:
             new = _opacities(new, curve, ui)
     if curve:
         new = _gradients(new, curve, ui)
-    new = transfer_detail.draw_value(new, ui, what)
+    new = transfer_detail.draw_value(new, ui, kind)
     return transfer_detail.draw_material(new, ui, transfer_detail.chosen_part(new))
 
 
@@ -88,8 +88,8 @@ def _opacities(state: ViewState, curve: TransferFunction | None, ui: UiContext) 
         Handle(_place(part), _words(part, form), colour)
         for part, colour in zip(parts, colours, strict=True)
     ]
-    chosen = transfer_detail.chosen_part(state)
-    return transfer_plot.draw_handles(state, ui, handles, _EDITS, chosen)
+    index = transfer_detail.chosen_part(state)
+    return transfer_plot.draw_handles(state, ui, handles, _EDITS, index)
 
 
 def _fill(state: ViewState, curve: TransferFunction, ui: UiContext) -> None:
@@ -99,20 +99,20 @@ def _fill(state: ViewState, curve: TransferFunction, ui: UiContext) -> None:
     places = np.array([implot.plot_to_pixels(value, 0.0).x for value, _, _ in curve.points])
     # Vertical stripes: the curve between points is straight in opacity, not on this axis.
     strip = ui.px(_STRIP_PX)
-    at = np.concatenate([np.arange(left, left + width + strip, strip), places])
+    xs = np.concatenate([np.arange(left, left + width + strip, strip), places])
     # At whole pixels, or stripes would blend where they meet.
-    at = np.unique(at.clip(left, left + width).round())
-    opacity = np.interp(at, places, [opacity for _, opacity, _ in curve.points])
+    xs = np.unique(xs.clip(left, left + width).round())
+    opacity = np.interp(xs, places, [opacity for _, opacity, _ in curve.points])
     codes = np.array(transfer_plot.part_colours(state))
-    mixed = np.stack([np.interp(at, places, column) for column in codes.T], axis=1)
+    mixed = np.stack([np.interp(xs, places, column) for column in codes.T], axis=1)
     zero, one = (implot.plot_to_pixels(0.0, height).y for height in (0.0, 1.0))
     tops = zero + (one - zero) * np.sqrt(opacity)
-    for i in range(len(at) - 1):
+    for i in range(len(xs) - 1):
         if max(opacity[i], opacity[i + 1]) <= 0:
             continue
-        ends = (at[i], (tops[i] + tops[i + 1]) / 2), (at[i + 1], zero)
+        ends = (xs[i], (tops[i] + tops[i + 1]) / 2), (xs[i + 1], zero)
         draw_list.add_rect_filled(*ends, pack_colour((mixed[i] + mixed[i + 1]) / 2, 0.7))
-    line: list[imgui.ImVec2Like] = [(float(x), float(y)) for x, y in zip(at, tops, strict=True)]
+    line: list[imgui.ImVec2Like] = [(float(x), float(y)) for x, y in zip(xs, tops, strict=True)]
     draw_list.add_polyline(line, ink(), ui.px(1.4), 0)
 
 
@@ -162,8 +162,8 @@ def _gradients(state: ViewState, curve: TransferFunction, ui: UiContext) -> View
         return new
     imgui.same_line()
     imgui.text_disabled("factor over value per mm")
-    with transfer_plot.low_plot("##gradients", ui.px(_GRADIENTS_HEIGHT), ui) as shown:
-        if shown:
+    with transfer_plot.low_plot("##gradients", ui.px(_GRADIENTS_HEIGHT), ui) as visible:
+        if visible:
             new = _factors(new, curve, ui)
     return new
 
@@ -239,7 +239,7 @@ def _heatmap(state: ViewState, ui: UiContext) -> None:
 def _rectangles(state: ViewState, ui: UiContext) -> ViewState:
     transfer, top = state.transfer, fields.data(state).joint.top
     assert isinstance(transfer, TransferFunction2D)
-    new, held, chosen = state, False, transfer_detail.chosen_part(state)
+    new, on_handle, index = state, False, transfer_detail.chosen_part(state)
     colours = transfer_plot.part_colours(state)
     draw_list = implot.get_plot_draw_list()
     implot.push_plot_clip_rect()
@@ -249,16 +249,16 @@ def _rectangles(state: ViewState, ui: UiContext) -> ViewState:
         (left, above), (right, below) = box
         ui.areas[f"region {i}"] = int(left), int(above), int(right - left), int(below - above)
         draw_list.add_rect_filled(*box, pack_colour(colours[i], 0.3))
-        if i == chosen:
+        if i == index:
             ring = pack_colour(ACCENT[state.interface.dark])
             draw_list.add_rect(*box, ring, 0.0, ui.px(3), 0)
-        moved, a, b, c, d, clicked, hovered, down = implot.drag_rect(
+        changed, a, b, c, d, clicked, hovered, down = implot.drag_rect(
             i, x1, y1, x2, y2, (*colours[i], 1.0), implot.DragToolFlags_.no_fit, False, False, False
         )
-        held = held or bool(hovered) or bool(down)
+        on_handle = on_handle or bool(hovered) or bool(down)
         if hovered and imgui.is_mouse_clicked(1):
             new = transfer_edits.remove_point(new, i)
-        elif moved:
+        elif changed:
             new = _place_region(new, i, region, (a, c), (b, d))
         elif down and _is_inside(box, ui):
             # implot moves a whole rectangle only by its middle.
@@ -267,7 +267,7 @@ def _rectangles(state: ViewState, ui: UiContext) -> ViewState:
         if clicked or down:
             new = transfer_edits.choose_part(new, i)
     implot.pop_plot_clip_rect()
-    return transfer_plot.add_on_double_click(new, transfer_edits.add_point, held)
+    return transfer_plot.add_on_double_click(new, transfer_edits.add_point, on_handle)
 
 
 def _is_inside(box: tuple[imgui.ImVec2, imgui.ImVec2], ui: UiContext) -> bool:
@@ -289,12 +289,12 @@ def _place_region(
 ) -> ViewState:
     """Move a region's sides; one without an upper end stays open if it is moved as a whole."""
     top = fields.data(state).joint.top
-    (bottom, end), shown = gradients, _shown_gradients(region, top)
+    (bottom, end), before = gradients, _shown_gradients(region, top)
     if values != tuple(region.values):
         state = transfer_edits.set_region_values(state, index, *values)
-    if bottom != shown[0] and end != shown[1] and not math.isfinite(region.gradients[1]):
+    if bottom != before[0] and end != before[1] and not math.isfinite(region.gradients[1]):
         end = top
-    if (bottom, end) != shown:
+    if (bottom, end) != before:
         state = transfer_edits.set_region_gradients(state, index, bottom, end)
     return state
 
@@ -313,32 +313,32 @@ def _numbers(state: ViewState, ui: UiContext) -> ViewState:
     region = transfer.regions[index]
     low, high = presets.value_span(fields.data(state).volume)
     new, form = state, value_form(fields.data(state).volume)
-    wide = imgui.get_content_region_avail().x / 2 - ui.px(5)
-    imgui.set_next_item_width(wide)
-    moved, *values = imgui.drag_float_range2(
+    width = imgui.get_content_region_avail().x / 2 - ui.px(5)
+    imgui.set_next_item_width(width)
+    changed, *values = imgui.drag_float_range2(
         "##values", *region.values, (high - low) / 500, 0.0, 0.0, f"≥ {form}", f"≤ {form}"
     )
     ui.note("region values", "Range of values")
-    if moved:
+    if changed:
         new = transfer_edits.set_region_values(new, index, values[0], values[1])
     imgui.same_line()
-    imgui.set_next_item_width(wide)
+    imgui.set_next_item_width(width)
     bottom, end = _shown_gradients(region, top)
-    most = "≤ %.4g" if math.isfinite(region.gradients[1]) else "any"
-    moved, *gradients = imgui.drag_float_range2(
-        "##gradients", bottom, end, top / 500, 0.0, top, "≥ %.4g", most
+    high_form = "≤ %.4g" if math.isfinite(region.gradients[1]) else "any"
+    changed, *gradients = imgui.drag_float_range2(
+        "##gradients", bottom, end, top / 500, 0.0, top, "≥ %.4g", high_form
     )
     ui.note("region gradients")
     tip("Range of gradients, value per mm; an upper end at the end of the axis means any")
-    if moved:
+    if changed:
         new = transfer_edits.set_region_gradients(new, index, gradients[0], gradients[1])
-    wide = (imgui.get_content_region_avail().x - ui.px(36)) / 2
-    new = transfer_detail.draw_opacity(new, ui, index, wide)
+    width = (imgui.get_content_region_avail().x - ui.px(36)) / 2
+    new = transfer_detail.draw_opacity(new, ui, index, width)
     imgui.same_line()
-    imgui.set_next_item_width(wide)
-    moved, softness = imgui.slider_float("##softness", region.softness, 0.0, 1.0, "softness %.2f")
+    imgui.set_next_item_width(width)
+    changed, softness = imgui.slider_float("##softness", region.softness, 0.0, 1.0, "softness %.2f")
     ui.note("softness")
-    if moved:
+    if changed:
         new = transfer_edits.set_softness(new, index, softness)
     imgui.same_line()
     new = transfer_detail.draw_remove(new, ui, index, "Remove the region")
@@ -349,8 +349,8 @@ def _numbers(state: ViewState, ui: UiContext) -> ViewState:
 @lru_cache(maxsize=2)
 def shades(joint: JointHistogram, logarithmic: bool) -> NDArray[np.float32]:
     """Return (64, 128) shades of the joint histogram, 0 to 1, steepest first."""
-    shown = transfer_plot.bars(joint.counts[::-1], logarithmic, 0.99)
-    return np.ascontiguousarray(shown, dtype=np.float32)
+    heights = transfer_plot.bars(joint.counts[::-1], logarithmic, 0.99)
+    return np.ascontiguousarray(heights, dtype=np.float32)
 
 
 @lru_cache(maxsize=2)

@@ -55,12 +55,12 @@ def _kinds(state: ViewState, ui: UiContext) -> ViewState:
     offered = presets.sorted_presets(fields.data(state).volume)
     preset = presets.preset_of(state.transfer)
     title = preset.title if preset else "Presets"
-    new = _pick(state, ui, "preset", title, {each.title: f"preset-{each.name}" for each in offered})
+    new = _pick(state, ui, "preset", title, {p.title: f"preset-{p.name}" for p in offered})
     ui.note("presets", "Start from a preset and its materials; Ctrl+Z restores yours")
     imgui.same_line()
     imgui.set_next_item_width(room * 0.5 - ui.px(6))
     kind = transfer_convert.transfer_kind(state.transfer)
-    kinds = {title: f"transfer-{each}" for each, title in KIND_TITLES.items()}
+    kinds = {title: f"transfer-{name}" for name, title in KIND_TITLES.items()}
     new = _pick(new, ui, "kind", KIND_TITLES[kind], kinds)
     ui.note("kind", _KIND_TIP)
     imgui.same_line()
@@ -79,33 +79,33 @@ def _kinds(state: ViewState, ui: UiContext) -> ViewState:
     return new
 
 
-def _pick(state: ViewState, ui: UiContext, what: str, now: str, names: dict[str, str]) -> ViewState:
+def _pick(state: ViewState, ui: UiContext, menu: str, now: str, names: dict[str, str]) -> ViewState:
     """Draw a list of commands, given as {title: name}, and run the one that is picked."""
 
     def note(title: str) -> None:
-        ui.note(f"{what} {names[title].partition('-')[2]}")
+        ui.note(f"{menu} {names[title].partition('-')[2]}")
 
-    chosen = pick(f"##{what}", now, names, note)
-    return state if chosen is None else ui.run(state, names[chosen])
+    picked = pick(f"##{menu}", now, names, note)
+    return state if picked is None else ui.run(state, names[picked])
 
 
 def _sliders(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the sliders of shift and thickness; labels have no values to shift."""
     new = state
-    wide = imgui.get_content_region_avail().x
+    width = imgui.get_content_region_avail().x
     if not isinstance(state.transfer, LabelFunction):
         low, high = presets.value_span(fields.data(state).volume)
         half = (high - low) / 2
-        wide = (wide - ui.px(6)) / 2
-        imgui.set_next_item_width(wide)
-        moved, shift = imgui.slider_float("##shift", state.shift, -half, half, "shift %.4g")
+        width = (width - ui.px(6)) / 2
+        imgui.set_next_item_width(width)
+        changed, shift = imgui.slider_float("##shift", state.shift, -half, half, "shift %.4g")
         ui.note("shift")
         tip("Moves all values. In the picture: Ctrl+drag sideways; up and down spreads them")
-        if moved:
+        if changed:
             new = transfer_edits.shift(new, shift)
         imgui.same_line()
-    imgui.set_next_item_width(wide)
+    imgui.set_next_item_width(width)
     now, words = state.thickness, "opacity × %.3g"
-    moved, factor = imgui.slider_float("##thickness", now, *THICKNESSES, words, _LOG)
+    changed, factor = imgui.slider_float("##thickness", now, *THICKNESSES, words, _LOG)
     ui.note("thickness", "Scales the density of all parts. In the picture: Ctrl+right drag")
-    return transfer_edits.thicken(new, factor) if moved else new
+    return transfer_edits.thicken(new, factor) if changed else new

@@ -106,15 +106,15 @@ def _colour_functions(
     )
 
 
-def bars(counts: Array, logarithmic: bool, share: float = 0.98) -> Array:
+def bars(counts: Array, logarithmic: bool, quantile: float = 0.98) -> Array:
     """Return the heights of a histogram, 0 to 1.
 
-    Linear heights are clipped at the quantile ``share``, as air would dwarf the rest.
+    Linear heights are clipped at the ``quantile``, as air would dwarf the rest.
     """
     if logarithmic:
         heights = np.log1p(counts)
         return np.asarray(heights / max(float(heights.max()), 1e-12))
-    top = float(np.quantile(counts, share))
+    top = float(np.quantile(counts, quantile))
     return np.asarray(np.minimum(counts / max(top, 1.0), 1.0))
 
 
@@ -131,9 +131,9 @@ def draw_histogram(counts: Array, low: float, high: float, logarithmic: bool) ->
 def low_plot(label: str, height: float, ui: UiContext) -> Iterator[bool]:
     """Begin a plot with little padding; yield False if it is out of view."""
     implot.push_style_var(implot.StyleVar_.plot_padding, (ui.px(_PADDING[0]), ui.px(_PADDING[1])))
-    shown = bool(implot.begin_plot(label, (-1, height), FLAGS))
-    yield shown
-    if shown:
+    visible = bool(implot.begin_plot(label, (-1, height), FLAGS))
+    yield visible
+    if visible:
         implot.end_plot()
     implot.pop_style_var()
 
@@ -185,34 +185,34 @@ class HandleEdits:
 
 
 def draw_handles(
-    state: ViewState, ui: UiContext, handles: Sequence[Handle], edits: HandleEdits, chosen: int = -1
+    state: ViewState, ui: UiContext, handles: Sequence[Handle], edits: HandleEdits, active: int = -1
 ) -> ViewState:
     """Draw handles in the current plot, the chosen one with a ring; return the edited state."""
-    new, held, accent = state, False, pack_colour(ACCENT[state.interface.dark])
+    new, on_handle, accent = state, False, pack_colour(ACCENT[state.interface.dark])
     for i, handle in enumerate(handles):
         # Transparent, only for the mouse: `_draw_handle` draws it.
-        moved, x, y, clicked, hovered, down = implot.drag_point(
+        changed, x, y, clicked, hovered, down = implot.drag_point(
             i, *handle.place, (0, 0, 0, 0), ui.px(5), 0, False, False, False
         )
-        held = held or bool(down) or bool(hovered)
+        on_handle = on_handle or bool(down) or bool(hovered)
         if hovered and imgui.is_mouse_clicked(1):
             new = edits.remove(new, i)
-        elif moved:
+        elif changed:
             new = edits.move(new, i, x, y)
         if edits.choose and (clicked or down):
             new = edits.choose(new, i)
         if hovered or down:
             imgui.set_tooltip(handle.words)
-        ring = (accent, 5.5) if i == chosen else (ink(), 4.5)
+        ring = (accent, 5.5) if i == active else (ink(), 4.5)
         _draw_handle(ui, handle, *ring)
-    return add_on_double_click(new, edits.add, held)
+    return add_on_double_click(new, edits.add, on_handle)
 
 
 def add_on_double_click(
-    state: ViewState, add: Callable[[ViewState, float, float], ViewState], held: bool
+    state: ViewState, add: Callable[[ViewState, float, float], ViewState], on_handle: bool
 ) -> ViewState:
     """Add a part at a double-click in the plot, unless the mouse is on a handle."""
-    if held or not (implot.is_plot_hovered() and imgui.is_mouse_double_clicked(0)):
+    if on_handle or not (implot.is_plot_hovered() and imgui.is_mouse_double_clicked(0)):
         return state
     mouse = implot.get_plot_mouse_pos()
     return add(state, mouse.x, mouse.y)

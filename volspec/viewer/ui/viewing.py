@@ -81,8 +81,8 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
 
 def matching_preset(display: Display) -> str:
     """Return the name of the preset that has a display's conditions."""
-    for name, each in PRESETS.items():
-        if each.display(display.space, display.gamut) == replace(display, mark=False):
+    for name, preset in PRESETS.items():
+        if preset.display(display.space, display.gamut) == replace(display, mark=False):
             return name
     return _OWN
 
@@ -111,13 +111,13 @@ def _level(state: ViewState, ui: UiContext) -> ViewState:
     """Draw L_A, either given or from the light, and the background and surround."""
     viewing, rig = shown_spec(state).viewing, facing_light(state.lights, state.room)
     lux = rig.total_lux if rig is not None else None
-    own = state.relight.viewing.L_A is not None
-    now, greyed = lux or viewing.illuminance_lux, lux is not None or own
+    is_set = state.relight.viewing.L_A is not None
+    now, greyed = lux or viewing.illuminance_lux, lux is not None or is_set
     new = draw_field(state, ui, _VIEWING, _LUX, now=now, disabled=greyed)
     now = edits.luminance(rig, shown_spec(new).viewing)
-    new = draw_field(new, ui, _VIEWING, _LUMINANCE, now=now, disabled=not own)
+    new = draw_field(new, ui, _VIEWING, _LUMINANCE, now=now, disabled=not is_set)
     imgui.same_line()
-    pressed, _ = imgui.checkbox("set", own)
+    pressed, _ = imgui.checkbox("set", is_set)
     tip("Set the adapting luminance L_A; otherwise it follows from light and background")
     if pressed:
         new = edits.toggle_own_luminance(new)

@@ -134,8 +134,8 @@ def set_theme(imgui: Any, implot: Any, dark: bool) -> None:
 
 def pack_colour(colour: Sequence[float], alpha: float = 1.0) -> int:
     """Pack sRGB codes 0 to 1 for draw lists; a fourth number multiplies the opacity."""
-    r, g, b, own = (*colour, 1.0)[:4]
-    return int(imgui.color_convert_float4_to_u32((r, g, b, own * alpha)))
+    r, g, b, opacity = (*colour, 1.0)[:4]
+    return int(imgui.color_convert_float4_to_u32((r, g, b, opacity * alpha)))
 
 
 @contextmanager
@@ -198,10 +198,10 @@ def shorten_middle(text: str, width: float, measure: Callable[[str], float] = te
     text = as_one_line(text)
     if measure(text) <= width:
         return text
-    each = len(text) // 2
-    while each > 1 and measure(f"{text[:each]}…{text[-each:]}") > width:
-        each -= 1
-    return f"{text[:each]}…{text[-each:]}"
+    count = len(text) // 2
+    while count > 1 and measure(f"{text[:count]}…{text[-count:]}") > width:
+        count -= 1
+    return f"{text[:count]}…{text[-count:]}"
 
 
 def wrap_text(text: str, colour: int) -> None:
@@ -212,19 +212,19 @@ def wrap_text(text: str, colour: int) -> None:
 
 
 def pick(
-    label: str, now: str, names: Iterable[str], each: Callable[[str], None] | None = None
+    label: str, now: str, names: Iterable[str], after_row: Callable[[str], None] | None = None
 ) -> str | None:
     """Draw a list to pick from; return the name that was clicked, possibly ``now``, or None.
 
-    While the list is open, ``each`` is called with every name after its row is drawn.
+    While the list is open, ``after_row`` is called with every name after its row is drawn.
     """
     clicked = None
     if imgui.begin_combo(label, as_one_line(now), imgui.ComboFlags_.height_large):
         for number, name in enumerate(names):
             if imgui.selectable(f"{as_one_line(name)}###{number}", name == now)[0]:
                 clicked = name
-            if each is not None:
-                each(name)
+            if after_row is not None:
+                after_row(name)
         imgui.end_combo()
     return clicked
 
@@ -265,11 +265,11 @@ def draw_eye(ui: UiContext, is_open: bool, name: str) -> bool:
     colour = imgui.Col_.text if is_open or imgui.is_item_hovered() else imgui.Col_.text_disabled
     ink, line = imgui.get_color_u32(colour), max(ui.px(1.3), 1.0)
     draw_list = imgui.get_window_draw_list()
-    middle, half, tall = (x + side / 2, y + side / 2), side * 0.36, side * 0.24
+    middle, half, height = (x + side / 2, y + side / 2), side * 0.36, side * 0.24
     angles = [math.pi * step / 12 for step in range(13)]
     for up in (-1, 1):
         arc: list[imgui.ImVec2Like] = [
-            (middle[0] - half * math.cos(angle), middle[1] + up * tall * math.sin(angle))
+            (middle[0] - half * math.cos(angle), middle[1] + up * height * math.sin(angle))
             for angle in angles
         ]
         draw_list.add_polyline(arc, ink, line, 0)

@@ -101,15 +101,15 @@ class Window:
         """Read the window's size, for which the X server is asked."""
         width, height = glfw.get_window_size(self._window)
         self.size = int(width), int(height)  # in window coordinates
-        wide, _ = glfw.get_framebuffer_size(self._window)
+        pixel_width, _ = glfw.get_framebuffer_size(self._window)
         # Framebuffer pixels per window coordinate.
-        self.pixel_ratio = float(wide / width) if wide and width else 1.0
+        self.pixel_ratio = float(pixel_width / width) if pixel_width and width else 1.0
 
     @property
     def usable(self) -> bool:
         """True if there is room to draw: the window is neither minimised nor too small."""
-        shown = not glfw.get_window_attrib(self._window, glfw.ICONIFIED)
-        return shown and min(glfw.get_framebuffer_size(self._window)) >= _MIN_SIDE
+        visible = not glfw.get_window_attrib(self._window, glfw.ICONIFIED)
+        return visible and min(glfw.get_framebuffer_size(self._window)) >= _MIN_SIDE
 
     @property
     def closing(self) -> bool:
@@ -142,7 +142,7 @@ class Window:
         return "" if error == "GL_NO_ERROR" else str(error)
 
     @property
-    def behind(self) -> bool:
+    def lags(self) -> bool:
         """True while imgui has inputs that it leaves to further frames."""
         return len(imgui.get_current_context().input_events_queue) > 0
 
@@ -159,10 +159,10 @@ class Window:
 
     def _copy(self, picture: Painted) -> None:
         """Copy a picture: imgui would blend it, which takes twice as long on a CPU."""
-        ratio, tall = self.pixel_ratio, self.size[1]
+        ratio, window_height = self.pixel_ratio, self.size[1]
         left, top, right, bottom = (round(edge * ratio) for edge in picture.to)
         x, y, width, height = (round(edge * ratio) for edge in picture.within)
-        low = round(tall * ratio)
+        low = round(window_height * ratio)
         exact = (right - left, bottom - top) == picture.size
         GL.glEnable(GL.GL_SCISSOR_TEST)
         GL.glScissor(x, low - y - height, width, height)
@@ -210,13 +210,13 @@ def _fit_screen(size: tuple[int, int]) -> tuple[tuple[int, int], str]:
         1.0 if sys.platform == "darwin" else max(1.0, glfw.get_monitor_content_scale(monitor)[0])
     )
     width, height = (
-        min(side, int(most / scale)) if most > 0 else side
-        for side, most in zip(size, room, strict=True)
+        min(side, int(max_side / scale)) if max_side > 0 else side
+        for side, max_side in zip(size, room, strict=True)
     )
     if (width, height) == size:
         return size, ""
-    wanted = f"{size[0]} × {size[1]}"
-    return (width, height), f"The screen has no room for {wanted}; the size is {width} × {height}"
+    target = f"{size[0]} × {size[1]}"
+    return (width, height), f"The screen has no room for {target}; the size is {width} × {height}"
 
 
 def _decode(text: bytes | str) -> str:

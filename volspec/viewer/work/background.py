@@ -155,7 +155,7 @@ class Tasks:
         runner = self._last[kind] = _Runner(self._wake, kind)
         runner.request(task)
         if writes:
-            self._writing = [*(each for each in self._writing if each.busy), runner]
+            self._writing = [*(running for running in self._writing if running.busy), runner]
 
     def take(self) -> list[Outcome]:
         """Return the outcomes since the last call."""

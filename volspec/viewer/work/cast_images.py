@@ -54,7 +54,7 @@ def open_image(path: str) -> Document:
 
 def _transfer(basis: Basis) -> TransferFunction:
     """Return a transfer function with an image's materials, which may be edited if known."""
-    known = basis.materials if isinstance(basis, MaterialBasis) else {}
-    materials = dict(known) or {"cast": reflectance("grey:0.5", basis.grid)}
+    reflectances = basis.materials if isinstance(basis, MaterialBasis) else {}
+    materials = dict(reflectances) or {"cast": reflectance("grey:0.5", basis.grid)}
     points = [(i / len(materials), 1.0, name) for i, name in enumerate(materials)]
     return TransferFunction([*points, (1.0, 1.0, points[-1][2])], materials, basis)

@@ -34,7 +34,7 @@ _MAX_PIXELS = 120_000
 class NearbyViews:
     """Views near that of a cast with layers, in every n-th row and column."""
 
-    every: int
+    stride: int
     camera: Camera
     _reprojector: Reprojector
 
@@ -45,13 +45,13 @@ class NearbyViews:
         """Prepare the layers on a caster's device; None without one, or without memory."""
         if image.camera is None or caster is None:
             return None
-        every = int(np.ceil((image.alpha.size / _MAX_PIXELS) ** 0.5))
-        some = slice(None, None, every)
-        part = replace(crop(image, some, some), camera=image.camera) if every > 1 else image
+        stride = int(np.ceil((image.alpha.size / _MAX_PIXELS) ** 0.5))
+        some = slice(None, None, stride)
+        part = replace(crop(image, some, some), camera=image.camera) if stride > 1 else image
         with suppress(VolspecError):
-            found = cls(every, image.camera, Reprojector(part, parts=1, compute=caster.compute))
-            found.view(image.camera, scales)  # arranges the layers, and builds the program
-            return found
+            views = cls(stride, image.camera, Reprojector(part, parts=1, compute=caster.compute))
+            views.view(image.camera, scales)  # arranges the layers, and builds the program
+            return views
         return None
 
     def shows(self, camera: Camera) -> bool:
@@ -94,7 +94,7 @@ class CastDone:
     """Result of a pass: an image, an error's message, or neither if it was cancelled."""
 
     job: CastJob
-    made: Pass
+    cast_pass: Pass
     ms: float
     image: CoefficientImage | None = None
     error: str = ""

@@ -60,7 +60,7 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
 
     _name = "volspec-cast"
     # The opened document and the basis of a room's picture, which caches what the last camera sees.
-    _behind: tuple[object, Basis, Backdrop] | None = None
+    _backdrop: tuple[object, Basis, Backdrop] | None = None
 
     def _results(self, job: CastJob) -> Iterator[CastDone]:
         if (image := job.document.image) is not None:
@@ -69,17 +69,17 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
             opacity = None if layers is None else PackedOpacity.of(layers)
             yield CastDone(cast, WHOLE, 0.0, image, packed=PackedLayers.of(image), opacity=opacity)
             return
-        for number, each in enumerate(job.passes):
-            done = self._cast(job, each, spared=number == 0 and each.divisor > 1)
+        for number, cast_pass in enumerate(job.passes):
+            done = self._cast(job, cast_pass, spared=number == 0 and cast_pass.divisor > 1)
             yield done
             if done.image is None:
                 break
 
-    def _cast(self, job: CastJob, made: Pass, spared: bool) -> CastDone:
+    def _cast(self, job: CastJob, cast_pass: Pass, spared: bool) -> CastDone:
         if job.document.fault:
-            return CastDone(job, made, 0.0, error=job.document.fault)
-        width, height = (-(-side // made.divisor) for side in job.size)
-        done = CastDone(job, made, 0.0)
+            return CastDone(job, cast_pass, 0.0, error=job.document.fault)
+        width, height = (-(-side // cast_pass.divisor) for side in job.size)
+        done = CastDone(job, cast_pass, 0.0)
         started = time.perf_counter()
         try:
             surfaces = job.document.surfaces(job.meshes, job.transfer)
@@ -89,20 +89,20 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
                 job.transfer,
                 job.camera,
                 (width, height),
-                made.spec(job.shading, job.document.volume),
+                cast_pass.spec(job.shading, job.document.volume),
                 cancel=(lambda: self._closed) if spared else self._is_superseded,
                 caster=job.document.caster,
                 behind=(*surfaces, *(() if white is None else (white,))),
             )
             if white is not None:
-                image, walls = white.replaced(image, made.divisor == 1)
+                image, walls = white.replaced(image, cast_pass.divisor == 1)
                 done = replace(done, walls=walls)
             # In this thread, as it would cost the window's thread 20 to 40 ms.
             done = replace(done, image=image, packed=PackedLayers.of(image))
             if image.opacity_layers is not None:
                 # Views are made of layers with the transfer function's own opacities.
                 nearby = None
-                if not (made.baked and job.scales):
+                if not (cast_pass.baked and job.scales):
                     nearby = NearbyViews.of(image, job.document.caster, job.scales)
                 opacity = PackedOpacity.of(image.opacity_layers)
                 done = replace(done, opacity=opacity, nearby=nearby)
@@ -123,14 +123,14 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
         Raises SceneError if the volume is not in it.
         """
         document, basis = job.document, job.transfer.basis
-        if self._behind is None or self._behind[:2] != (document.opening, basis):
+        if self._backdrop is None or self._backdrop[:2] != (document.opening, basis):
             backdrop = room.behind(document.volume, basis)
             assert backdrop is not None
         else:
-            backdrop = self._behind[2]
+            backdrop = self._backdrop[2]
             if backdrop.response is not room.response:
                 backdrop = backdrop.repainted(room.response)
-        self._behind = document.opening, basis, backdrop
+        self._backdrop = document.opening, basis, backdrop
         return WhiteWalls(room, backdrop, len(room.response.names) * basis.size)
 
 
@@ -141,7 +141,7 @@ class NearbyWorker(LatestWorker[CastJob, CastDone]):
 
     def _results(self, job: CastJob) -> Iterator[CastDone]:
         assert job.nearby is not None
-        done, started = CastDone(job, Pass(job.nearby.every, "none"), 0.0), time.perf_counter()
+        done, started = CastDone(job, Pass(job.nearby.stride, "none"), 0.0), time.perf_counter()
         try:
             image = job.nearby.view(job.camera, job.scales)
             done = replace(done, image=image, packed=PackedLayers.of(image))
@@ -162,13 +162,13 @@ class CastScheduler:
         self._builder = ProgramBuilder(wake)
         self._pace = Pace()
         self._first = True  # the first cast, which includes the kernel's build
-        self._wanted: ViewState | None = None
+        self._state: ViewState | None = None
         self._changed_at = 0.0
         self._whole_wanted = False
         self.layers_wanted = False  # cast with layers of opacity when nothing moves
         self._layers_asked = False  # for the present state
         self._job: CastJob | None = None  # the newest
-        self._shown: CastJob | None = None  # the last of which a pass has ended
+        self._last_job: CastJob | None = None  # the last of which a pass has ended
         self._nearby: NearbyViews | None = None  # of the last cast with layers
 
     @property
@@ -189,9 +189,9 @@ class CastScheduler:
         While a series ``plays``, steps are of a voxel at any size: others would first be estimated.
         If only the view was ``turned``, layers of an earlier cast show it first.
         """
-        if self._wanted is None or not state.document.is_of(self._wanted.document):
+        if self._state is None or not state.document.is_of(self._state.document):
             self._pace, self._first = Pace(), True
-        self._wanted, self._changed_at = state, now
+        self._state, self._changed_at = state, now
         self._layers_asked = False
         self._nearby = self._nearby if turned else None
         if self._nearby and self._nearby.shows(state.view.camera(state.document.volume)):
@@ -208,13 +208,13 @@ class CastScheduler:
     def tick(self, now: float, held: bool) -> None:
         """Request the whole picture if nothing moves any more."""
         rests = not held or now - self._changed_at >= REST_S
-        if self._whole_wanted and rests and self._wanted is not None:
+        if self._whole_wanted and rests and self._state is not None:
             self._whole_wanted = False
-            self._request(self._wanted, self._to_whole(self._wanted))
-        if self.layers_wanted and not (held or self._layers_asked or self.busy) and self._wanted:
+            self._request(self._state, self._to_whole(self._state))
+        if self.layers_wanted and not (held or self._layers_asked or self.busy) and self._state:
             self._layers_asked = True
-            layers = self._wanted.shading.layers or LAYERS
-            self._request(self._wanted, (Pass(1, layers=layers),))
+            layers = self._state.shading.layers or LAYERS
+            self._request(self._state, (Pass(1, layers=layers),))
 
     def cast_opacities(self, state: ViewState) -> None:
         """Cast the opacities of a state whose layers show them visibly wrong, or may."""
@@ -224,7 +224,7 @@ class CastScheduler:
 
     def follow(self, state: ViewState) -> None:
         """Take a state that differs from the last in what needs no cast, for later ones."""
-        self._wanted = state
+        self._state = state
 
     def is_newest(self, done: CastDone) -> bool:
         """Return True if a cast is of the newest request; an opened image is of every one."""
@@ -239,20 +239,20 @@ class CastScheduler:
         ``plays`` is True while a series does.
         """
         taken = self._worker.take()
-        self._shown = taken[-1].job if taken else self._shown
+        self._last_job = taken[-1].job if taken else self._last_job
         # What layers show comes first, or not at all.
-        nearby = [done for done in self._nearby_worker.take() if done.job is not self._shown]
+        nearby = [done for done in self._nearby_worker.take() if done.job is not self._last_job]
         taken = [*nearby, *taken]
         for done in taken:
-            wanted = self._wanted
-            if done.image is None or wanted is None or not done.job.document.is_of(wanted.document):
+            latest = self._state
+            if done.image is None or latest is None or not done.job.document.is_of(latest.document):
                 continue
             if done.nearby is not None and done.job is self._job:
                 self._nearby = done.nearby
-            if done.made == WHOLE:
-                self._builder.request((done.job, wanted.relight.viewing))
-            if not self._first and not done.made.layers and done.made.steps != "none":
-                self._pace = self._pace.after(done.made, done.ms, plays)
+            if done.cast_pass == WHOLE:
+                self._builder.request((done.job, latest.relight.viewing))
+            if not self._first and not done.cast_pass.layers and done.cast_pass.steps != "none":
+                self._pace = self._pace.after(done.cast_pass, done.ms, plays)
             self._first = False
         return taken
 

@@ -35,12 +35,12 @@ class Colours:
         threading.Thread(target=make, name="volspec-colours", daemon=True).start()
 
     def _make(self, grid: SpectralGrid, observer_deg: Observer) -> None:
-        made: Mapping[str, Spectrum] = {}
+        spectra: Mapping[str, Spectrum] = {}
         try:
             with suppress(VolspecError):
-                made = _reflectances(grid, observer_deg)
+                spectra = _reflectances(grid, observer_deg)
         finally:  # panels must not wait for ever
-            self.spectra = made
+            self.spectra = spectra
 
 
 @lru_cache(maxsize=1)

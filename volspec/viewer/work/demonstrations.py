@@ -62,7 +62,7 @@ DEMONSTRATIONS = (
 
 def demonstration_at(path: str | None) -> Demonstration | None:
     """Return the demonstration whose scene has a path; None if there is none."""
-    return next((each for each in DEMONSTRATIONS if str(each.path) == path), None)
+    return next((demo for demo in DEMONSTRATIONS if str(demo.path) == path), None)
 
 
 class Thumbnails:

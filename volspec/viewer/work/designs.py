@@ -54,8 +54,8 @@ class DesignDone:
 
     job: DesignJob
     ms: float
-    made: Design | None  # None if it failed
-    whole: bool  # this was the last design of the job
+    design: Design | None  # None if it failed
+    is_last: bool  # this was the last design of the job
     error: str  # message if it failed
 
 
@@ -68,18 +68,18 @@ class DesignWorker(LatestWorker[DesignJob, DesignDone]):
         criteria = job.palette.criteria
         rounds = QUICK_LIGHTS if any(light.free for light in job.palette.lights) else QUICK
         quick = replace(criteria, rounds=min(rounds, criteria.rounds))
-        done = _run(job, replace(job.palette, criteria=quick), whole=quick == criteria)
+        done = _run(job, replace(job.palette, criteria=quick), is_last=quick == criteria)
         yield done
         # A design cannot be interrupted once it has begun.
-        if done.made is not None and not done.whole and self._wait_idle(REST_S):
-            yield _run(job, replace(done.made.palette, criteria=criteria), whole=True)
+        if done.design is not None and not done.is_last and self._wait_idle(REST_S):
+            yield _run(job, replace(done.design.palette, criteria=criteria), is_last=True)
 
 
-def _run(job: DesignJob, palette: Palette, whole: bool) -> DesignDone:
+def _run(job: DesignJob, palette: Palette, is_last: bool) -> DesignDone:
     started = time.perf_counter()
-    made, error = None, ""
+    designed, error = None, ""
     try:
-        made = design(palette, again=True)
+        designed = design(palette, again=True)
     except MemoryError:
         error = "no memory for the design"
     except VolspecError as refused:
@@ -88,7 +88,7 @@ def _run(job: DesignJob, palette: Palette, whole: bool) -> DesignDone:
         message = f"the design failed: {one_line(failed)}"
         error = f"{message}; change a target, or design from scratch"
     ms = 1e3 * (time.perf_counter() - started)
-    return DesignDone(job, ms, made, whole or bool(error), error)
+    return DesignDone(job, ms, designed, is_last or bool(error), error)
 
 
 PALETTES = _LOAD, _SAVE = "palette-load", "palette-save"
@@ -205,26 +205,26 @@ class DesignService:
         # A job with this number is for the document that `follow` saw last.
         if done.job.number != self._number or present.document.opening is not self._opening:
             return history
-        finished = done.whole and targets is present.palette.targets
+        finished = done.is_last and targets is present.palette.targets
         if finished:
             self._report(busy=self._wizard, complaint=done.error)
-        if done.made is None:
+        if done.design is None:
             return replace(history)
-        state = palette_table.with_design(present, done.made, targets)
+        state = palette_table.with_design(present, done.design, targets)
         worst = max(palette_table.colour_table(state).errors, default=0.0)
         self._notice.trace.note(
-            "design", "design", done.ms, whole=done.whole, worst=round(worst, 3)
+            "design", "design", done.ms, whole=done.is_last, worst=round(worst, 3)
         )
         if finished and worst > VISIBLE:
-            self._advise(done.made, targets)
+            self._advise(done.design, targets)
         return history.amend(state)
 
-    def _advise(self, made: Design, targets: DesignTargets) -> None:
+    def _advise(self, designed: Design, targets: DesignTargets) -> None:
         """Search for advice, one search at a time, as each runs many designs."""
-        self._missed = made, targets
+        self._missed = designed, targets
         if self._advising is None:
             self._advising = targets
-            self._tasks.start("advice", lambda: relevant_advice(suggestions(made), targets))
+            self._tasks.start("advice", lambda: relevant_advice(suggestions(designed), targets))
 
     def _take_advice(self, outcome: Outcome, present: DesignTargets) -> None:
         advising, self._advising = self._advising, None
@@ -245,18 +245,18 @@ class DesignService:
         if outcome.error:
             self._notice.show_error(outcome.error)
             return replace(history)
-        begun, name, made = outcome.result
-        if isinstance(made, str):
-            self._notice.show(f"Saved {made}")
+        begun, name, result = outcome.result
+        if isinstance(result, str):
+            self._notice.show(f"Saved {result}")
         elif begun.document.is_of(present.document):
             try:
-                if isinstance(made, Palette):
-                    if missing := palette_results.unmatched_reflectances(present, made):
+                if isinstance(result, Palette):
+                    if missing := palette_results.unmatched_reflectances(present, result):
                         names = ", ".join(missing)
                         self._notice.show_warning(f"The scene has no material left for {names}")
-                    state = palette_results.with_palette(present, made)
+                    state = palette_results.with_palette(present, result)
                 else:
-                    state = self._with_wizard_result(present, begun, name, made)
+                    state = self._with_wizard_result(present, begun, name, result)
             except VolspecError as error:
                 self._report(complaint=one_line(error))
             else:
@@ -269,21 +269,21 @@ class DesignService:
         present: ViewState,
         begun: ViewState,
         name: str,
-        made: Redesigned | DiscriminatingLight,
+        result: Redesigned | DiscriminatingLight,
     ) -> ViewState:
         # Spectra are compared by identity.
         if dict(begun.transfer.materials) != dict(present.transfer.materials):
             dropped = f"The wizard “{name}” was discarded, as the materials changed meanwhile"
             self._notice.show_warning(dropped)
             raise PaletteError(dropped, code="state")
-        if isinstance(made, DiscriminatingLight):
-            state, reached = effects.with_light(present, made), tuple[str, ...]()
+        if isinstance(result, DiscriminatingLight):
+            state, reached = effects.with_light(present, result), tuple[str, ...]()
         else:
-            state = palette_results.with_wizard_result(present, made)
-            reached = palette_results.result_lines(made, begun)
-        if self._effect and (found := effects.outcome(begun, state, name)) is not None:
-            reached = effects.sentences(found, state.lights)
-            state = effects.with_comparison(state, found)
+            state = palette_results.with_wizard_result(present, result)
+            reached = palette_results.result_lines(result, begun)
+        if self._effect and (comparison := effects.outcome(begun, state, name)) is not None:
+            reached = effects.sentences(comparison, state.lights)
+            state = effects.with_comparison(state, comparison)
         self._reported = state.palette.targets
         self._report(reached=reached, advice=())
         self._notice.trace.note("wizard", name=name, reached=list(reached))
@@ -301,5 +301,5 @@ def _run_wizard(state: ViewState, name: str) -> Redesigned | DiscriminatingLight
 
 def relevant_advice(advice: tuple[str, ...], targets: DesignTargets) -> tuple[str, ...]:
     """Return the advice, without lines on cells that should only keep their colour."""
-    staying = [f"({', '.join(at)}):" for at, cell in targets.cells.items() if stays(cell)]
-    return tuple(line for line in advice if not any(line.startswith(at) for at in staying))
+    staying = [f"({', '.join(pair)}):" for pair, cell in targets.cells.items() if stays(cell)]
+    return tuple(line for line in advice if not any(line.startswith(pair) for pair in staying))

@@ -229,16 +229,16 @@ class DocumentService:
 
         Return meshes that were dropped without one, to be added to the open document.
         """
-        found, meshes = dropped_documents(paths), dropped_meshes(paths)
-        if left := [path for path in paths if path not in found and path.lower().endswith(SPECTRA)]:
+        files, meshes = dropped_documents(paths), dropped_meshes(paths)
+        if left := [path for path in paths if path not in files and path.lower().endswith(SPECTRA)]:
             names = ", ".join(Path(path).name for path in left)
             self._notice.show_warning(f"{names}: neither a volume nor a scene, left out")
-        if len(found) > 1:
-            self.dropped = Dropped(found, meshes)
-        elif found:
-            self.open(found[0])
+        if len(files) > 1:
+            self.dropped = Dropped(files, meshes)
+        elif files:
+            self.open(files[0])
             self._meshes = meshes
-        return () if found else meshes
+        return () if files else meshes
 
     def use(self, dropped: Dropped, use: str) -> None:
         """Open files that were dropped together: as fields, as steps, or one after the other."""
@@ -269,13 +269,13 @@ class DocumentService:
     def _open_next(self) -> None:
         """Open the next of the files to be opened one after the other, if any."""
         if self._next:
-            path, *rest = self._next
-            self._next = tuple(rest)
+            path, *later = self._next
+            self._next = tuple(later)
             self._open(path)
 
     def resume_last(self, path: str | None) -> None:
         """Restore the last session; without one, open the file, the most recent one or the demo."""
-        recent = [row.path for row in self._recent.rows() if row.there]
+        recent = [row.path for row in self._recent.rows() if row.exists]
         self._fallbacks = [path] if path is not None else [*recent[:1], None]
         session = self._store.last()
         if session is not None:
@@ -372,8 +372,8 @@ class DocumentService:
         self._show_opening("Reading the file again; only the view stays …")
 
         def again() -> OpenResult:
-            found = ViewState.first(open_document(path, self._device, fields=fields), (0, 0))
-            return OpenResult(replace(found, view=state.view), path)
+            reopened = ViewState.first(open_document(path, self._device, fields=fields), (0, 0))
+            return OpenResult(replace(reopened, view=state.view), path)
 
         self._tasks.start("open", again)
 
@@ -389,24 +389,24 @@ class DocumentService:
             for choice in state.document.choices
         )
 
-        def chosen() -> OpenResult:
+        def reopen() -> OpenResult:
             # The steps of a series may differ from another's.
-            known = None if key == "series" else choices
-            document = open_document(path, self._device, known)
+            known_choices = None if key == "series" else choices
+            document = open_document(path, self._device, known_choices)
             step = state.document.step
             if document.series is not None and step:
-                volume, like = document.series[step], document.caster
-                caster = None if like is None else Raycaster(volume, like=like)
+                volume, template = document.series[step], document.caster
+                caster = None if template is None else Raycaster(volume, like=template)
                 document = document.at_step(step, volume, caster)
             if key == "level":  # whose values mean the same, so that the transfer function stays
-                found = replace(state, document=document)
-                return OpenResult(found, instead_of=state.document)
-            found = ViewState.first(document, state.size)
-            view = found.view if key in ("series", "scale") else state.view
+                opened = replace(state, document=document)
+                return OpenResult(opened, instead_of=state.document)
+            opened = ViewState.first(document, state.size)
+            view = opened.view if key in ("series", "scale") else state.view
             lights = {name: getattr(state, name) for name in ("lights", "relight", "saved_lights")}
-            return OpenResult(replace(found, view=view, **lights))
+            return OpenResult(replace(opened, view=view, **lights))
 
-        self._tasks.start("open", chosen)
+        self._tasks.start("open", reopen)
 
     def clear_recent(self) -> None:
         """Clear the list of recent files."""
@@ -430,8 +430,8 @@ class DocumentService:
             source = document.source
             if source and not source.lower().endswith(".toml") and not document.field_files:
                 document = document.with_choices(list_choices(source, document.volume))
-            shown = None if self._store.holds(path) else str(path)
-            return OpenResult(replace(state, document=document), shown, path)
+            requested = None if self._store.holds(path) else str(path)
+            return OpenResult(replace(state, document=document), requested, path)
 
         self._show_opening("Restoring the session …")
         self._tasks.start("open", restored)

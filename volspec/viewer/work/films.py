@@ -81,9 +81,9 @@ def save_film(state: ViewState, file: FilmFile, progress: Progress) -> Path:
     table = ExportSpec(fps=file.film.fps, sheet=False, annotate=file.marks, stereo=stereo)
     scene = _scene(state, table, file.title)
 
-    def report(step: str, share: float) -> None:
+    def report(step: str, fraction: float) -> None:
         progress.step = "encoding" if step == "encode" else ""
-        progress.report(share)
+        progress.report(fraction)
         progress.check()
 
     def make(caster: Raycaster) -> None:
@@ -104,8 +104,8 @@ def film_plan(state: ViewState, film: Film) -> Plan:
         if rig is None:
             raise ViewingError("No light is on, so there is no film to save", code="missing")
         camera = now.view.camera(volume)
-        own = transfer, lit_names(now.lights), rig, picture_look(now), step
-        shots.append(Shot(f"{i:04d}", i, camera, *own))
+        settings = transfer, lit_names(now.lights), rig, picture_look(now), step
+        shots.append(Shot(f"{i:04d}", i, camera, *settings))
     return Plan(tuple(shots), ())
 
 
@@ -115,8 +115,8 @@ def save_page(state: ViewState, file: PageFile, progress: Progress) -> Path:
     marks, size = state.document.saved()[0].export.annotate, file.size.pixels(state.size)
     scene = _scene(state, ExportSpec(annotate=marks), file.title)
 
-    def report(share: float) -> None:
-        progress.report(share)
+    def report(fraction: float) -> None:
+        progress.report(fraction)
         progress.check()
 
     def make(caster: Raycaster) -> None:

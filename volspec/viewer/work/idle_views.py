@@ -50,16 +50,16 @@ class IdleWorker(LatestWorker[IdleJob, IdleDone]):
     _views: StereoViews | None = None
 
     def _results(self, job: IdleJob) -> Iterator[IdleDone]:
-        found: IdlePictures | str
+        outcome: IdlePictures | str
         started = time.perf_counter()
         try:
             images = self._images(job)
-            found = IdlePictures(job[1].stereo, images, tuple(map(PackedLayers.of, images)))
+            outcome = IdlePictures(job[1].stereo, images, tuple(map(PackedLayers.of, images)))
         except MemoryError:
-            found = "no memory for both eyes' pictures, or a focus"
+            outcome = "no memory for both eyes' pictures, or a focus"
         except VolspecError as refused:
-            found = one_line(refused)
-        yield job, found, 1e3 * (time.perf_counter() - started)
+            outcome = one_line(refused)
+        yield job, outcome, 1e3 * (time.perf_counter() - started)
 
     def _images(self, job: IdleJob) -> tuple[CoefficientImage, ...]:
         image, look = job
@@ -74,7 +74,7 @@ class IdleWorker(LatestWorker[IdleJob, IdleDone]):
 
 def _baked(layered: CastDone) -> Mapping[str, float]:
     """Return the scales of opacities that a picture's layers were cast with."""
-    return layered.job.shading.opacities if layered.made.baked else {}
+    return layered.job.shading.opacities if layered.cast_pass.baked else {}
 
 
 def can_show(layered: CastDone, state: ViewState) -> bool:
@@ -98,7 +98,7 @@ class IdleViews:
         self._recomposed: tuple[Recomposed, CoefficientImage] | None = None
         self._asked_for: tuple[Any, ...] | None = None
         self._off: Recomposed | None = None  # of which a cast would look different
-        self._wanted: IdleJob | None = None
+        self._requested: IdleJob | None = None
 
     @property
     def busy(self) -> bool:
@@ -117,7 +117,7 @@ class IdleViews:
         ImageError if a scale of an opacity is refused.
         """
         loading = self._upload(done)
-        if is_whole and not done.made.baked and self._look == look:
+        if is_whole and not done.cast_pass.baked and self._look == look:
             self._loading = loading
             return False
         for _ in loading:
@@ -181,22 +181,22 @@ class IdleViews:
 
         Both eyes' pictures, or a focus, disappear unless they are the state's.
         """
-        wanted = shown_look(state)
-        recomposes = self.cast is not None and wanted != self._look
+        look = shown_look(state)
+        recomposes = self.cast is not None and look != self._look
         if recomposes:
-            self._look = wanted
+            self._look = look
             try:
                 self._pictures.recompose(self.look)
             except VolspecError as error:  # as long as the state has it
                 self._notice.show(one_line(error), kind="error")
                 recomposes = False
-        if self._pictures.idle is not None and self._wanted != self._job(state):
+        if self._pictures.idle is not None and self._requested != self._job(state):
             self.hide()
         return recomposes
 
     def hide(self) -> None:
         """Show the picture that is drawn at once."""
-        self._wanted = None
+        self._requested = None
         if self._pictures.idle is not None:
             self._pictures.show_idle(None)
             self._changed()
@@ -218,8 +218,8 @@ class IdleViews:
         if held:
             return
         job = self._job(state)
-        if job is not None and job != self._wanted:
-            self._wanted = job
+        if job is not None and job != self._requested:
+            self._requested = job
             self._worker.request(job)
         self._read(state)
 
@@ -232,20 +232,20 @@ class IdleViews:
             return
         self._asked_for = asked
         _, look = key
-        every = max(1, round((image.alpha.size / _ESTIMATED) ** 0.5))
+        stride = max(1, round((image.alpha.size / _ESTIMATED) ** 0.5))
 
-        def made() -> tuple[Recomposed, CoefficientImage, float]:
+        def compute() -> tuple[Recomposed, CoefficientImage, float]:
             error = 0.0
             if look.opacities and (look.depth.changes or asked[-1]):  # which other layers show
                 error = math.inf
             elif look.opacities:
-                how = spec.mode, spec.backdrop, every
-                found = error_map(image, rig, *how, against="cast", opacities=look.opacities)
-                error = found.p999
-            (seen,) = look.views(image)
-            return key, seen, error
+                how = spec.mode, spec.backdrop, stride
+                errors = error_map(image, rig, *how, against="cast", opacities=look.opacities)
+                error = errors.p999
+            (picture,) = look.views(image)
+            return key, picture, error
 
-        self._tasks.start("picture", made)
+        self._tasks.start("picture", compute)
 
     @property
     def _key(self) -> Recomposed | None:
@@ -263,13 +263,13 @@ class IdleViews:
     def take(self) -> bool:
         """Take pictures and errors that are done; return True if there are any."""
         pictures, readings = self._worker.take(), self._tasks.take()
-        for job, found, ms in pictures:
-            if isinstance(found, str):
-                self._notice.show(found, kind="error")
-            elif job is self._wanted:
-                stage = "stereo" if found.stereo else "focus"
+        for job, news, ms in pictures:
+            if isinstance(news, str):
+                self._notice.show(news, kind="error")
+            elif job is self._requested:
+                stage = "stereo" if news.stereo else "focus"
                 self._notice.trace.note(stage, stage, ms)
-                self._pictures.show_idle(found)
+                self._pictures.show_idle(news)
                 self._changed()
         for outcome in readings:
             if outcome.result is None:
@@ -288,7 +288,7 @@ class IdleViews:
         self._off = None if wants else self._off
         return wants
 
-    def seen(self) -> CoefficientImage | None:
+    def readable(self) -> CoefficientImage | None:
         """Return the picture in its look, to be read; None until it is recomposed."""
         image, key = self._pictures.image, self._key
         focused = self._pictures.focused()
@@ -296,11 +296,11 @@ class IdleViews:
             return focused or image
         if self._recomposed is None or self._recomposed[0] != key:
             return None
-        found = self._recomposed[1]
-        if found.basis is not image.basis:
-            found = replace(found, basis=image.basis)
-            self._recomposed = key, found
-        return found
+        picture = self._recomposed[1]
+        if picture.basis is not image.basis:
+            picture = replace(picture, basis=image.basis)
+            self._recomposed = key, picture
+        return picture
 
     def close(self) -> None:
         """End, without waiting for pictures."""

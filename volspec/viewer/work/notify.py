@@ -63,13 +63,13 @@ class Message:
 
     text: str
     kind: Kind = "info"
-    at: float = 0.0  # seconds since the epoch
+    epoch_s: float = 0.0  # seconds since the epoch
     count: int = 1  # how often it came in a row
 
     @property
     def time(self) -> str:
         """The local time, as ``14:05:09``."""
-        return time.strftime("%H:%M:%S", time.localtime(self.at))
+        return time.strftime("%H:%M:%S", time.localtime(self.epoch_s))
 
     def __str__(self) -> str:
         kind = "" if self.kind == "info" else f"{self.kind}: "
@@ -82,13 +82,13 @@ class Notice:
 
     trace: Trace = field(default_factory=Trace)
     messages: tuple[Message, ...] = ()  # the last is the newest
-    shown: Message | None = None
+    current: Message | None = None
     until: float = 0.0
 
     @property
     def text(self) -> str:
         """The text that is shown; empty if there is none."""
-        return "" if self.shown is None else self.shown.text
+        return "" if self.current is None else self.current.text
 
     def show(self, text: str, seconds: float = SECONDS, kind: Kind = "info") -> None:
         """Show a message instead of the current one; an error stays until `hide`."""
@@ -98,7 +98,7 @@ class Notice:
             message = replace(message, count=last.count + 1)
             self.messages = self.messages[:-1]
         self.messages = (*self.messages, message)[-MAX_MESSAGES:]
-        self.shown = message
+        self.current = message
         self.until = math.inf if kind == "error" else time.perf_counter() + seconds
 
     def show_warning(self, text: str) -> None:
@@ -113,17 +113,17 @@ class Notice:
     def hide(self, text: str | None = None) -> None:
         """Remove the message that is shown; with a ``text``, only if it is this one."""
         if text is None or text == self.text:
-            self.shown = None
+            self.current = None
 
     def clear(self) -> None:
         """Forget all messages."""
-        self.messages, self.shown = (), None
+        self.messages, self.current = (), None
 
     def expire(self, now: float) -> bool:
         """Remove a message whose time is up; return True if there was one."""
-        if self.shown is None or now <= self.until:
+        if self.current is None or now <= self.until:
             return False
-        self.shown = None
+        self.current = None
         return True
 
 
@@ -132,12 +132,12 @@ class WarningQueue(SimpleQueue[str]):
 
     def __init__(self) -> None:
         super().__init__()
-        self._told: set[str] = set()
+        self._texts: set[str] = set()
 
     def add(self, text: str) -> bool:
         """Add a warning, from any thread; return False if it was there before."""
-        new = text not in self._told
-        self._told.add(text)
+        new = text not in self._texts
+        self._texts.add(text)
         if new:
             self.put(text)
         return new
@@ -148,7 +148,7 @@ class WarningQueue(SimpleQueue[str]):
 
     def forget(self) -> None:
         """Accept every text again: another file may have the same fault."""
-        self._told.clear()
+        self._texts.clear()
 
 
 @contextmanager
@@ -157,9 +157,9 @@ def collect_warnings() -> Iterator[WarningQueue]:
     queue = WarningQueue()
     show = warnings.showwarning
 
-    def collect(message: Warning | str, category: type[Warning], *rest: Any, **named: Any) -> None:
+    def collect(message: Warning | str, category: type[Warning], *args: Any, **named: Any) -> None:
         if not issubclass(category, VolspecWarning) or queue.add(str(message)):
-            show(message, category, *rest, **named)
+            show(message, category, *args, **named)
 
     with warnings.catch_warnings():
         # Python's own memory of a warning would last as long as the process.

@@ -39,14 +39,14 @@ class PictureSize:
     custom: tuple[int, int] = (1280, 720)  # width and height, for the last of `PRESETS`
     even: bool = False
 
-    def pixels(self, shown: tuple[int, int]) -> tuple[int, int]:
-        """Return width and height; ``shown`` is the size in the window."""
+    def pixels(self, window_size: tuple[int, int]) -> tuple[int, int]:
+        """Return width and height; ``window_size`` is the size in the window."""
         if self.preset == CUSTOM:
             width, height = (min(max(side, 1), MAX_SIDE) for side in self.custom)
             return width, height
         times = 2 if self.preset == TWICE else 1
-        own = shown[0] * times, shown[1] * times
-        width, height = _SIZES.get(self.preset, even_size(own) if self.even else own)
+        size_px = window_size[0] * times, window_size[1] * times
+        width, height = _SIZES.get(self.preset, even_size(size_px) if self.even else size_px)
         return min(width, MAX_SIDE), min(height, MAX_SIDE)
 
 
@@ -98,16 +98,16 @@ def output_folder(document: Document) -> Path:
 def pictures_folder() -> Path:
     """Return the user's folder of pictures, or the home folder."""
     home = Path.home()
-    given = os.environ.get("XDG_PICTURES_DIR", "")
-    if not given:
+    folder_name = os.environ.get("XDG_PICTURES_DIR", "")
+    if not folder_name:
         settings = Path(os.environ.get("XDG_CONFIG_HOME") or home / ".config") / "user-dirs.dirs"
         try:
             text = settings.read_text(encoding="utf-8")
         except (OSError, ValueError):
             text = ""
-        found = re.search(r'^XDG_PICTURES_DIR="(.*)"', text, re.MULTILINE)
-        given = found[1].replace("$HOME", str(home)) if found else ""
-    folder = Path(given) if given else home / "Pictures"
+        match = re.search(r'^XDG_PICTURES_DIR="(.*)"', text, re.MULTILINE)
+        folder_name = match[1].replace("$HOME", str(home)) if match else ""
+    folder = Path(folder_name) if folder_name else home / "Pictures"
     return folder if folder.is_dir() else home
 
 
@@ -118,15 +118,15 @@ class Progress:
     The ``kind`` is a word for the file, such as "picture".
     """
 
-    what: str
+    title: str
     kind: str = "picture"
     step: str = ""  # the present step, after the cast
-    share: float = 0.0  # 0 to 1
+    fraction: float = 0.0  # 0 to 1
     ended: bool = False
 
-    def report(self, share: float) -> None:
-        """Set the share; called by the cast."""
-        self.share = share
+    def report(self, fraction: float) -> None:
+        """Set the fraction; called by the cast."""
+        self.fraction = fraction
 
     def check(self) -> None:
         """Raise CastCancelled if the work is to end."""

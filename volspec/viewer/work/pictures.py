@@ -104,7 +104,7 @@ class Pictures:
     def __init__(self, context: Any) -> None:
         self._context = context
         self._relighters: dict[tuple[int, ...], Relighter] = {}
-        self._shown: Relighter | None = None
+        self._relighter: Relighter | None = None
         self._half: tuple[Relighter, CoefficientImage] | None = None
         self._walls: tuple[SeenRoom, PackedLayers] | None = None  # of the half picture
         # The last picture with layers of opacity.
@@ -134,13 +134,13 @@ class Pictures:
     def show(self, image: CoefficientImage, packed: PackedLayers | None = None) -> None:
         """Take a picture as it was cast, and its packed layers; the last stays until `relight`."""
         self.image = replace(image, opacity_layers=None)
-        self._shown = self._relighter_of(self.image, packed)
+        self._relighter = self._relighter_of(self.image, packed)
         self.idle = self._half = self._walls = None
         self.current = False
 
     def forget(self) -> None:
         """Show, copy and draw nothing until the next picture, which is of another document."""
-        self._shown = self.image = self.idle = self._frame = self._frame_of = None
+        self._relighter = self.image = self.idle = self._frame = self._frame_of = None
 
     def take_layers(
         self, image: CoefficientImage, packed: PackedLayers | None, opacity: PackedOpacity | None
@@ -160,8 +160,8 @@ class Pictures:
         assert self._layered is not None
         relighter, image = self._layered
         image.opacity_scales(look.opacities)
-        if self._shown is not relighter:
-            self._shown, self.image = relighter, image
+        if self._relighter is not relighter:
+            self._relighter, self.image = relighter, image
             self._half = self._walls = None
         self.current = False
 
@@ -205,30 +205,30 @@ class Pictures:
         if image is not None and image.basis is not basis and same_channels(image.basis, basis):
             self.image = replace(image, basis=basis)
 
-    def show_walls(self, walls: Walls, room: SceneRoom, every: int) -> None:
+    def show_walls(self, walls: Walls, room: SceneRoom, stride: int) -> None:
         """Show a room in other paints in every n-th row and column, until `show`."""
         if self.image is None:
             return
         if self._half is None or self._walls is None:
-            self._half = self._half_relighter(self.image, every)
+            self._half = self._half_relighter(self.image, stride)
             height, width = walls.transmission.shape
-            whole = walls.backdrop.seen(walls.camera, (width, height))
-            seen = whole.through(walls.transmission, every)
+            full_size = walls.backdrop.seen(walls.camera, (width, height))
+            visible = full_size.through(walls.transmission, stride)
             channels = len(room.response.names) * self.image.basis.size
-            self._walls = seen, PackedLayers.last(self._half[1], channels)
-        (half, image), (seen, packed) = self._half, self._walls
-        layers = seen.layers(walls.backdrop.colours(room.response))
-        first = image.coefficients.shape[2] - sum(each.shape[2] for each in layers)
+            self._walls = visible, PackedLayers.last(self._half[1], channels)
+        (half, image), (visible, packed) = self._half, self._walls
+        layers = visible.layers(walls.backdrop.colours(room.response))
+        first = image.coefficients.shape[2] - sum(part.shape[2] for part in layers)
         for number, layer in enumerate(layers):
             packed.put(first + number * layer.shape[2], layer)
         half.update(image, packed)
         self.current = False
 
     def _half_relighter(
-        self, image: CoefficientImage, every: int = 2
+        self, image: CoefficientImage, stride: int = 2
     ) -> tuple[Relighter, CoefficientImage]:
         """Return a relighter of every n-th row and column, and these."""
-        some = slice(None, None, every)
+        some = slice(None, None, stride)
         half = crop(image, some, some)
         return self._relighter_of(half), half
 
@@ -243,8 +243,8 @@ class Pictures:
             while len(self._relighters) >= MAX_SIZES:
                 # The relighter of the shown picture stays until another one is drawn.
                 kept = self._frame_of, self._layered and self._layered[0]
-                known = self._relighters.items()
-                oldest = next(key for key, each in known if each not in kept)
+                relighters = self._relighters.items()
+                oldest = next(key for key, entry in relighters if entry not in kept)
                 self._relighters.pop(oldest).close()
             relighter = Relighter(image, "gl", self._context, lut_cache=self.tables, packed=packed)
         else:
@@ -256,14 +256,14 @@ class Pictures:
         self, rig: LightRig | None, look: Look, other: LightRig | None = None
     ) -> tuple[LutKey, ...]:
         """Return the tables that `relight` would have to wait for under the same lights."""
-        shown, image, model = self._shown, self.image, look.relight.viewing.model
-        if shown is None or image is None or rig is None or not needs_host_lut(model):
+        relighter, image, model = self._relighter, self.image, look.relight.viewing.model
+        if relighter is None or image is None or rig is None or not needs_host_lut(model):
             return ()
         look = self._look_of(image, look)
-        keys = (shown.missing_lut(each, look) for each in (rig, other) if each)
-        found = tuple(key for key in keys if key is not None)
-        self.current &= not found
-        return found
+        keys = (relighter.missing_lut(lights, look) for lights in (rig, other) if lights)
+        lut_keys = tuple(key for key in keys if key is not None)
+        self.current &= not lut_keys
+        return lut_keys
 
     def _look_of(self, image: CoefficientImage, look: Look) -> Look:
         """Return a look as that of an image, in the reflectances of the picture."""
@@ -288,28 +288,28 @@ class Pictures:
         lights, with an eye adapted to them. ``coarse`` draws every second row and column, ``band``
         is the range of rows to draw, 0 to 1 of the height.
         """
-        if self._shown is None or self.image is None or rig is None:
+        if self._relighter is None or self.image is None or rig is None:
             self._frame = self._frame_of = None
             return None
         started = time.perf_counter()
-        shown = self._shown
+        relighter = self._relighter
         if coarse and self.idle is None:
             self._half = self._half or self._half_relighter(self.image)
-            shown = self._half[0]
+            relighter = self._half[0]
         self._queries.reverse()
-        drawn = [shown] if self.idle is None else self._idle
+        drawn = [relighter] if self.idle is None else self._idle
         images = self.idle.images if self.idle else (self.image,)
         look = self._look_of(images[0], look)
         width, height = drawn[0].size
-        top, bottom = (round(share * height) for share in band)
+        top, bottom = (round(fraction * height) for fraction in band)
         left = width if other is None else round(divide * width)
         with self._queries[0]:
             frames = []
-            for each in drawn:
+            for eye_relighter in drawn:
                 for lights, start, end in ((rig, 0, left), (other, left, width)):
                     if lights is not None and start < end:
                         within = start, top, end - start, bottom - top
-                        frame = each.draw(lights, look, within)
+                        frame = eye_relighter.draw(lights, look, within)
                 frames.append(frame)
             if self.idle is not None and self.idle.stereo and bottom == height:
                 space = colour_space(look.relight.viewing.display.space)
@@ -317,7 +317,7 @@ class Pictures:
         GL.glFlush()
         self.current = bottom == height
         if self.current:
-            self._frame, self._frame_of = frame, shown
+            self._frame, self._frame_of = frame, relighter
         return Relit(self._queries[0], 1e3 * (time.perf_counter() - started))
 
     def code(self, x: int, y: int) -> tuple[int, int, int]:

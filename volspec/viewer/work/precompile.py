@@ -62,18 +62,18 @@ class Programs:
     def build(self) -> Iterator[None]:
         """Build the programs of the neighbours; yield after each."""
         drawn: set[int] = set()
-        for found in self.casts(None):
-            channels = found.coefficients.shape[2]
+        for image in self.casts(None):
+            channels = image.coefficients.shape[2]
             if channels not in drawn:
                 drawn.add(channels)
                 with suppress(VolspecError):  # without OpenGL there is nothing to draw
-                    self._draw(found.coefficients, found.alpha)
+                    self._draw(image.coefficients, image.alpha)
             yield
 
-    def casts(self, like: Raycaster | None) -> Iterator[Result]:
+    def casts(self, template: Raycaster | None) -> Iterator[Result]:
         """Cast the neighbours with the programs of a caster, or of one of its own."""
-        device, packet = (None, None) if like else (self.device, self.packet)
-        caster = Raycaster(self.volume, device=device, packet=packet, like=like)
+        device, packet = (None, None) if template else (self.device, self.packet)
+        caster = Raycaster(self.volume, device=device, packet=packet, like=template)
         camera = Camera.orbit(self.volume)
         width, height = _SIZE
         ends = np.full((height, width, 2), np.inf, np.float32) if self.spans else None
@@ -108,15 +108,15 @@ def neighbours(spec: RaycastSpec) -> Iterator[RaycastSpec]:
     With one light group less, as many or one more, with shadows and without; and unshaded.
     """
     count = len(spec.groups)
-    plain = replace(spec, crop_voxels=None, clip_planes=(), step_mm=None)
+    base_spec = replace(spec, crop_voxels=None, clip_planes=(), step_mm=None)
 
     def grouped(number: int, *sources: Ambient | Directional | Point) -> RaycastSpec:
-        return replace(plain, groups=tuple(LightGroup(f"{n}", sources) for n in range(number)))
+        return replace(base_spec, groups=tuple(LightGroup(f"{n}", sources) for n in range(number)))
 
-    lit = Ambient(occlusion=True), Directional((0, 0, 1), shadows=True)
+    shadowed = Ambient(occlusion=True), Directional((0, 0, 1), shadows=True)
     for number in (count, count + 1, count - 1):
         if number:
-            yield grouped(number, *lit, Point((0, 0, 9), shadows=True))
+            yield grouped(number, *shadowed, Point((0, 0, 9), shadows=True))
             yield grouped(number, Directional((0, 0, 1)))
     yield grouped(count, Ambient())
 
@@ -133,10 +133,10 @@ class ProgramBuilder(LatestWorker[tuple["CastJob", Viewing], None]):
         document, spec = cast.document, cast.shading
         among = bool(cast.meshes) or cast.room is not None
         one = replace(spec, groups=spec.groups[:1])
-        wanted = document.opening, type(cast.transfer), one, among, len(spec.groups)
-        if document.caster is None or wanted == self._built or not self._wait_idle(_REST_S):
+        key = document.opening, type(cast.transfer), one, among, len(spec.groups)
+        if document.caster is None or key == self._built or not self._wait_idle(_REST_S):
             return
-        self._built = wanted
+        self._built = key
         caster = document.caster
         programs = Programs(
             few_voxels(document.volume),

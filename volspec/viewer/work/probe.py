@@ -57,25 +57,25 @@ def read(
     Raises ViewingError or SpectrumError if the light has no power.
     """
     x, y = pixel
-    lit = Illumination.of(image.basis, rig, spec, image.groups)
-    XYZ = lit.scene_XYZ(image.coefficients[y, x], image.alpha[y, x])
+    illumination = Illumination.of(image.basis, rig, spec, image.groups)
+    XYZ = illumination.scene_XYZ(image.coefficients[y, x], image.alpha[y, x])
     rows = [
         *((("Picture", "estimated from layers"),) if estimated else ()),
         *(() if volume is None else _hit_rows(image, camera, volume, pixel, patient)),
         ("RGB", "  ".join(map(str, code))),
         ("XYZ", _format(XYZ)),
-        *_appearance_rows(XYZ, lit),
+        *_appearance_rows(XYZ, illumination),
         *_error_row(image, rig, spec, pixel),
     ]
     light, reflected = spectra(image, rig, spec, pixel)
     return Reading(tuple(rows), image.basis.grid, light, reflected)
 
 
-def _appearance_rows(XYZ: Array, lit: Illumination) -> Iterator[tuple[str, str]]:
+def _appearance_rows(XYZ: Array, illumination: Illumination) -> Iterator[tuple[str, str]]:
     """Yield a colour's attributes in the viewing's model, or in CIECAM02 if that only adapts."""
-    given = lit.viewing.unmeasured()
-    name = given.model if given.model in APPEARANCE_MODELS else "CIECAM02"
-    look = forward_for(given)(XYZ, given.conditions(lit.white_XYZ))
+    viewing = illumination.viewing.unmeasured()
+    name = viewing.model if viewing.model in APPEARANCE_MODELS else "CIECAM02"
+    look = forward_for(viewing)(XYZ, viewing.conditions(illumination.white_XYZ))
     if not bool(look.defined):
         yield name, "not defined for this colour"
         return
@@ -97,12 +97,12 @@ def spectra(
     basis, grid = image.basis, image.basis.grid
     E = rig.facing(image.groups).mixed(grid).values
     back = spec.backdrop
-    behind = back.on(grid).values if isinstance(back, Spectrum) else np.full(len(E), float(back))
-    leaving = (1.0 - float(image.alpha[y, x])) * behind * E
+    backdrop = back.on(grid).values if isinstance(back, Spectrum) else np.full(len(E), float(back))
+    leaving = (1.0 - float(image.alpha[y, x])) * backdrop * E
     layers = image.coefficients[y, x].reshape(len(image.groups), basis.size)
     for group, channels in zip(image.groups, layers, strict=True):
-        if (own := rig.shining_from(group)) is not None:
-            leaving = leaving + basis.leaving(channels, own.mixed(grid).values)
+        if (light := rig.shining_from(group)) is not None:
+            leaving = leaving + basis.leaving(channels, light.mixed(grid).values)
     if (seen_through := spec.seen_through(grid)) is not None:
         leaving = leaving * seen_through.values
     top = max(float(E.max()), 1e-12)
@@ -179,10 +179,10 @@ def _hit_rows(
 def _label_at(volume: Volume, camera: Camera, place: Array) -> str:
     """Return number and name of the label behind a first hit, which lies on its boundary."""
     forward = camera.frame()[2]
-    away = place - camera.position_mm if camera.height_mm is None else forward
-    step = min(volume.spacing_mm) / 2 * away / np.linalg.norm(away)
-    behind = (value_at(volume, place + i * step) for i in range(4))
-    number = next((int(volume.stated(value)) for value in behind if value and value == value), 0)
+    direction = place - camera.position_mm if camera.height_mm is None else forward
+    step = min(volume.spacing_mm) / 2 * direction / np.linalg.norm(direction)
+    values = (value_at(volume, place + i * step) for i in range(4))
+    number = next((int(volume.stated(value)) for value in values if value and value == value), 0)
     label = volume.labels.get(number)
     return f"{number}  {label.name}".rstrip() if label else f"{number}"
 
@@ -193,10 +193,10 @@ def _error_row(
     x, y = pixel
     alone = crop(image, slice(y, y + 1), slice(x, x + 1))
     try:
-        found = error_map(alone, rig, spec.mode, spec.backdrop)
+        errors = error_map(alone, rig, spec.mode, spec.backdrop)
     except VolspecError:
         return
-    yield "Colour error", f"ΔE00 {float(found.delta_e[0, 0]):.2f}"
+    yield "Colour error", f"ΔE00 {float(errors.delta_e[0, 0]):.2f}"
 
 
 def _format(values: Array) -> str:

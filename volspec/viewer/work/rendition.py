@@ -32,7 +32,7 @@ class RenditionService:
     def __init__(self, wake: Callable[[], object]) -> None:
         self._worker = _Worker(wake)
         self._asked: Measured | None = None
-        self.shown: Done | None = None
+        self.latest: Done | None = None
 
     @property
     def busy(self) -> bool:
@@ -49,7 +49,7 @@ class RenditionService:
         """Take the newest figures; return True if there are any."""
         done = self._worker.take()
         if done:
-            self.shown = done[-1]
+            self.latest = done[-1]
         return bool(done)
 
     def close(self) -> None:

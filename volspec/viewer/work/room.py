@@ -45,11 +45,11 @@ class Walls:
         layers = self.backdrop.repainted(room.response).layers(self.camera, (width, height))
         return self.transmission[..., None] * layers
 
-    def behind(self, image: CoefficientImage, room: SceneRoom) -> CoefficientImage:
+    def repaint(self, image: CoefficientImage, room: SceneRoom) -> CoefficientImage:
         """Return the picture with the room in other paints."""
-        found, seen = image.coefficients.copy(), self.layers(room)
-        found[..., -seen.shape[2] :] = seen
-        return replace(image, coefficients=found, alpha=np.ones_like(image.alpha))
+        coefficients, layers = image.coefficients.copy(), self.layers(room)
+        coefficients[..., -layers.shape[2] :] = layers
+        return replace(image, coefficients=coefficients, alpha=np.ones_like(image.alpha))
 
 
 @dataclass(slots=True, eq=False)
@@ -84,13 +84,13 @@ class WhiteWalls(SurfaceCaster):
         """Return the cast with the room's walls; without new ``shadows``, with those before."""
         assert self._cast is not None
         camera, opacity = self._cast
-        through = np.array(image.coefficients[..., -1], np.float32)
+        transmission = np.array(image.coefficients[..., -1], np.float32)
         layers = self.backdrop.layers(camera, image.size, opacity if shadows else None)
-        found = image.coefficients.copy()
-        found[..., -self.channels :] = through[..., None] * layers
+        coefficients = image.coefficients.copy()
+        coefficients[..., -self.channels :] = transmission[..., None] * layers
         # The next cast looks from elsewhere.
-        walls = Walls(self.room, copy(self.backdrop), camera, through)
-        return replace(image, coefficients=found), walls
+        walls = Walls(self.room, copy(self.backdrop), camera, transmission)
+        return replace(image, coefficients=coefficients), walls
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,7 +131,7 @@ class RoomWorker(LatestWorker[RoomJob, RoomDone]):
             room = job.room.solved()
             done = RoomDone(job, room)
             if job.image is not None and job.walls is not None and not self._is_superseded():
-                image = job.walls.behind(job.image, room)
+                image = job.walls.repaint(job.image, room)
                 walls = replace(job.walls, room=room)
                 done = replace(done, image=image, walls=walls, packed=PackedLayers.of(image))
             yield done

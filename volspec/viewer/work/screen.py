@@ -71,16 +71,16 @@ class Meter:
         """Forget the times, and that of a relight in progress, which belong to another document."""
         self.ms, self.fps, self._relit, self._ended = {}, 0.0, None, None
 
-    def note_relight(self, relit: Relit | None, first: bool, ends: bool, whole: bool) -> None:
+    def note_relight(self, relit: Relit | None, first: bool, ends: bool, full: bool) -> None:
         """Note that a picture, or a band of it, is being relit; its time arrives a frame later.
 
-        The band may be the picture's ``first`` one, or its last (``ends``); a ``whole`` picture
+        The band may be the picture's ``first`` one, or its last (``ends``); a ``full`` picture
         has all pixels.
         """
         self._relit = relit
         if first:
             self._relit_ms = 0.0
-        self._ended = whole if ends else None
+        self._ended = full if ends else None
 
     def note_wait(self, late_s: float, busy_s: float) -> None:
         """Note if the wait for input ended too late, or the work that followed took too long."""
@@ -142,14 +142,14 @@ class ErrorMapTexture:
         if key == self._of:
             return
         self._of = key
-        every = max(1, round((image.alpha.size / _PIXELS) ** 0.5))
+        stride = max(1, round((image.alpha.size / _PIXELS) ** 0.5))
 
-        def made() -> ErrorMap:
+        def compute() -> ErrorMap:
             if rig is None:
                 raise RelightError("No light is on, so no colour has an error", code="missing")
-            return error_map(image, rig, spec.mode, spec.backdrop, every)
+            return error_map(image, rig, spec.mode, spec.backdrop, stride)
 
-        self._tasks.start("map", made)
+        self._tasks.start("map", compute)
 
     @staticmethod
     def _key(image: CoefficientImage | None, state: ViewState) -> tuple[Any, ...]:
@@ -256,7 +256,7 @@ class Screen:
         self.idle = IdleViews(self.pictures, wake, self.mark_stale, notice)
         self._tabling = TableWorker(wake, self.pictures.tables, notice)
         self.slices = SlicePictures(context)
-        self.whole = False  # True if it has the picture's full resolution
+        self.sharp = False  # True if it has the picture's full resolution
         self.fault = ""  # error message if there is no picture; empty while one is awaited
         self.under_mouse: Reading | None = None
         self.error_map: ErrorMapTexture | None = None  # once it was requested
@@ -272,7 +272,7 @@ class Screen:
         self._error_map = ErrorMapTexture(context, wake)
         self._painting = RoomWorker(wake)
         self._walls: Walls | None = None  # in the picture
-        self._wanted: tuple[SceneRoom, float] | None = None  # a new room, and since when
+        self._new_room: tuple[SceneRoom, float] | None = None  # a new room, and since when
         self._reading: tuple[tuple[Any, ...], Reading | None] | None = None  # with what it is of
 
     @property
@@ -289,9 +289,9 @@ class Screen:
     def take(self, done: CastDone, state: ViewState | None, newest: bool = True) -> None:
         """Take a pass of a cast that has ended, of the ``newest`` request or an earlier one."""
         how = "cancel" if done.image is None else "cast"
-        if done.made.steps == "none":
+        if done.cast_pass.steps == "none":
             how = "reproject"
-        divisor, steps = done.made.divisor, done.made.steps
+        divisor, steps = done.cast_pass.divisor, done.cast_pass.steps
         size = [-(-side // divisor) for side in done.job.size]
         if done.error:
             self._notice.show(done.error, kind="error")
@@ -312,23 +312,23 @@ class Screen:
             if not layered:
                 self.pictures.show(done.image, done.packed)
                 self.idle.begin(Look(opacities=done.job.shading.opacities))
-            elif not self.idle.take_cast(done, shown_look(state), self.whole):
+            elif not self.idle.take_cast(done, shown_look(state), self.sharp):
                 return  # the picture is a cast with these opacities
         except VolspecError as error:
             self._notice.show(str(error), kind="error")
             return
         # The packed layers are in a texture now.
         self._cast, self.fault = replace(done, packed=None, opacity=None), ""
-        self._walls, self._wanted = done.walls, None
+        self._walls, self._new_room = done.walls, None
         self.mark_stale()
-        self.whole = divisor == 1 and stage == "cast"
+        self.sharp = divisor == 1 and stage == "cast"
         self._blank = not done.image.alpha.any()
         self._meter.ms[stage] = done.ms
 
     @property
     def image(self) -> CoefficientImage | None:
         """The last cast, with its opacities as soon as it is recomposed; None without one."""
-        return None if self._cast is None else self.idle.seen() or self.pictures.image
+        return None if self._cast is None else self.idle.readable() or self.pictures.image
 
     @property
     def document(self) -> Document | None:
@@ -338,14 +338,14 @@ class Screen:
     def forget(self) -> None:
         """Stop showing the picture, which belongs to another document."""
         self._cast = self._walls = None
-        self.whole, self.fault = False, ""
+        self.sharp, self.fault = False, ""
         self.idle.forget_document()
         self.pictures.forget()
         self._meter.forget()
 
     def await_cast(self) -> None:
         """Expect a cast, without which a change is not shown."""
-        self.whole = False
+        self.sharp = False
         self.idle.forget()
 
     def mark_stale(self) -> None:
@@ -364,7 +364,7 @@ class Screen:
         self._drawing = False
         painted = self._repaint(state)
         if self.idle.recompose(state):
-            self._cast, self.whole = self.idle.cast, True
+            self._cast, self.sharp = self.idle.cast, True
         if self._coarse and not held and not painted:
             self.mark_stale()
         if self.ready or self._awaits_groups(state):
@@ -373,11 +373,11 @@ class Screen:
         self.pictures.repaint(state.transfer.basis)
         # Coarse pictures would need tables of their own.
         few = (
-            self.whole and self._meter.bands > 1 and not needs_host_lut(state.relight.viewing.model)
+            self.sharp and self._meter.bands > 1 and not needs_host_lut(state.relight.viewing.model)
         )
         self._coarse = (held and few) or painted
-        whole = self.whole and not self._coarse
-        bands = 1 if held or self._hurries or not whole else self._meter.bands
+        full = self.sharp and not self._coarse
+        bands = 1 if held or self._hurries or not full else self._meter.bands
         first = next_band % bands
         rig, look = light_rig(state.lights, state.room), self.idle.look
         look = replace(look, relight=shown_spec(state))
@@ -398,7 +398,7 @@ class Screen:
             self._hurries = False
             if self._cast is not None:
                 self._shape = self._cast.job.size
-        self._meter.note_relight(relit, first == 0, self.ready, whole)
+        self._meter.note_relight(relit, first == 0, self.ready, full)
         return True
 
     def _repaint(self, state: ViewState) -> bool:
@@ -406,9 +406,9 @@ class Screen:
         room, walls = state.room, self._walls
         if room is None or walls is None or walls.room is room or not has_walls(state):
             return False
-        if self._wanted is None or self._wanted[0] is not room:
+        if self._new_room is None or self._new_room[0] is not room:
             self.pictures.show_walls(walls, room, 3 if self._meter.bands > _SLOW_BANDS else 2)
-            self._wanted = room, time.perf_counter()
+            self._new_room = room, time.perf_counter()
             self.mark_stale()
         return True
 
@@ -418,30 +418,30 @@ class Screen:
         room, walls = state.room, self._walls
         if room is None or ((walls is None or walls.room is room) and room.is_solved):
             return
-        rests = not held or self._wanted is None or now - self._wanted[1] >= _PAINT_REST_S
+        rests = not held or self._new_room is None or now - self._new_room[1] >= _PAINT_REST_S
         if rests:
             self._painting.want(RoomJob(room, self.image, walls))
 
     def take_room(self, state: ViewState | None) -> SceneRoom | None:
         """Take the state's room once it is solved, with its picture."""
-        found = None
+        solved = None
         for done in self._painting.take():
             if done.error:
                 self._notice.show(done.error, kind="error")
             elif state is not None and state.room is done.job.room:
-                found = done.room
+                solved = done.room
                 if done.image is not None and done.job.walls is self._walls:
                     self.pictures.show(done.image, done.packed)
                     self._walls = done.walls
                     self.mark_stale()
-        return found
+        return solved
 
     def _awaits_groups(self, state: ViewState) -> bool:
         """Return True if the lights shine from groups that the next cast will bring."""
         rigs = (light_rig(rows, state.room) for rows in (state.lights, state.other or ()))
-        lit = {group for rig in rigs if rig is not None for group in rig.groups if group}
+        light_groups = {group for rig in rigs if rig is not None for group in rig.groups if group}
         image, cast = self.pictures.image, {group.name for group in state.shading.groups}
-        awaits = image is not None and not lit <= {*image.groups} and lit <= cast
+        awaits = image is not None and not light_groups <= {*image.groups} and light_groups <= cast
         if awaits:
             self.pictures.current = False
         return awaits
@@ -458,8 +458,8 @@ class Screen:
 
         Return True if the values have changed, so that the next frame has others to show.
         """
-        shown, self.under_mouse = self.under_mouse, self._reading_at(state, place, held)
-        return self.under_mouse is not shown
+        before, self.under_mouse = self.under_mouse, self._reading_at(state, place, held)
+        return self.under_mouse is not before
 
     def _reading_at(
         self, state: ViewState, place: tuple[float, float] | None, held: bool
@@ -468,7 +468,7 @@ class Screen:
 
         While a picture is being drawn, the last reading stays, as a new one would wait for it.
         """
-        image, cast = self.idle.seen(), self._cast
+        image, cast = self.idle.readable(), self._cast
         if self.pictures.idle is not None and self.pictures.idle.stereo:
             return None
         if self.pictures.image is not None and image is None:
@@ -502,41 +502,41 @@ class Screen:
         cast = self._cast
         if cast is None or cast.job.camera != state.view.camera(cast.job.document.volume):
             return False
-        return not self.whole or cast.made.steps != "own" or self.idle.seen() is None
+        return not self.sharp or cast.cast_pass.steps != "own" or self.idle.readable() is None
 
     def point_mm(self, place: tuple[float, float]) -> Vector | None:
         """Return the first hit at a place of the picture in the world; None if there is none."""
-        image, cast = self.idle.seen() or self.pictures.image, self._cast
+        image, cast = self.idle.readable() or self.pictures.image, self._cast
         if image is None or cast is None or self.side_by_side:
             return None
         width, height = image.size
         pixel = min(int(place[0] * width), width - 1), min(int(place[1] * height), height - 1)
-        found = place_mm(image, cast.job.camera, pixel)
-        return None if found is None else vector(found)
+        position = place_mm(image, cast.job.camera, pixel)
+        return None if position is None else vector(position)
 
     def update_error_map(self, state: ViewState, held: bool) -> bool:
         """Request the error map if it is on; return True if a new one has come."""
-        image = self.idle.seen()
-        if state.interface.error_map and not held and self.whole and image is not None:
+        image = self.idle.readable()
+        if state.interface.error_map and not held and self.sharp and image is not None:
             self.error_map = self._error_map
             self._error_map.want(image, state)
         return self._error_map.take()
 
-    def painted_picture(self, area: Area, shown: ViewState | None) -> Painted | None:
+    def painted_picture(self, area: Area, displayed: ViewState | None) -> Painted | None:
         """Return the picture and its place behind the panels; its aspect ratio stays."""
         x, y, width, height = area
-        if not self.pictures.framebuffer or self._cast is None or shown is None:
+        if not self.pictures.framebuffer or self._cast is None or displayed is None:
             return None
         columns, rows = self._shape
         if self.pictures.idle is not None:
             columns, rows = self.pictures.idle.size
-        wide = width if self._shape == shown.size else height * columns / rows
+        fit_width = width if self._shape == displayed.size else height * columns / rows
         high = float(height)
         if self.side_by_side:
-            wide = min(width, height * columns / rows)
-            high = wide * rows / columns
-        left, top = x + (width - wide) / 2, y + (height - high) / 2
-        to = self.shown_at = left, top, left + wide, top + high
+            fit_width = min(width, height * columns / rows)
+            high = fit_width * rows / columns
+        left, top = x + (width - fit_width) / 2, y + (height - high) / 2
+        to = self.shown_at = left, top, left + fit_width, top + high
         return Painted(self.pictures.framebuffer, self.pictures.size, to, area)
 
     @property
@@ -545,16 +545,16 @@ class Screen:
         idle = self.pictures.idle
         return idle is not None and idle.size != idle.images[0].size
 
-    def missing_message(self, shown: ViewState | None, painted: Painted | None) -> str:
+    def missing_message(self, displayed: ViewState | None, painted: Painted | None) -> str:
         """Return the message in place of a picture, or on an empty one; empty for no message."""
         if painted is not None:
             # Not while it is coarse: a small object may lie between its rays.
-            return _NOTHING if self.whole and self._blank else ""
+            return _NOTHING if self.sharp and self._blank else ""
         if self.fault:
             return self.fault
-        if self._cast is not None and shown is not None and light_rig(shown.lights) is None:
+        if self._cast is not None and displayed is not None and light_rig(displayed.lights) is None:
             return _DARK
-        return "Opening …" if shown is None else "Casting …"
+        return "Opening …" if displayed is None else "Casting …"
 
     def close(self) -> None:
         """Release everything, without waiting for tables."""

@@ -61,8 +61,8 @@ class Shot:
         """Return the marks of a state's picture."""
         if self.marks is not None:
             return self.marks
-        shown = state.interface.overlays.scale and shown_stereo(state) != "side-by-side"
-        return ("scale",) if shown else ()
+        has_scale = state.interface.overlays.scale and shown_stereo(state) != "side-by-side"
+        return ("scale",) if has_scale else ()
 
 
 def megabytes(size: tuple[int, int], channels: int) -> float:
@@ -82,28 +82,28 @@ def save_picture(state: ViewState, shot: Shot, progress: Progress) -> Path:
     return path
 
 
-def _marks(state: ViewState, shot: Shot, seen: CoefficientImage) -> list[Patch]:
+def _marks(state: ViewState, shot: Shot, cast: CoefficientImage) -> list[Patch]:
     """Return the marks of a picture; their colours are those on the left of a divide."""
     rig, spec = light_rig(state.lights, state.room), shown_spec(state)
     volume, image = state.document.volume, state.document.image
     # The rest would be that of a volume and a view, which a cast image does not have.
-    given = shot.marks_for(state)
-    marks = [each for each in given if image is None or each in ("title", "light")]
+    names = shot.marks_for(state)
+    marks = [mark for mark in names if image is None or mark in ("title", "light")]
     annotations = state.annotations if image is None else ()
     if rig is None or not (marks or annotations):
         return []
-    transfer, shares = state.transfer, state.shading.shares()
+    transfer, group_shares = state.transfer, state.shading.shares()
     materials = transfer.materials if "materials" in marks else {}
     picture = MarkedPicture(
-        seen.size,
-        seen.camera or state.view.camera(volume),
+        cast.size,
+        cast.camera or state.view.camera(volume),
         volume,
         shot.title.strip() or short_title(state.document),
         " | ".join(map(lit_names, filter(None, (state.lights, state.other)))),
-        material_colours(materials, transfer.basis, rig, spec, shares),
+        material_colours(materials, transfer.basis, rig, spec, group_shares),
         state.interface.overlays.patient,
         annotations,
-        value_bars(state.transfer, volume, transfer.basis, rig, spec, shares)
+        value_bars(state.transfer, volume, transfer.basis, rig, spec, group_shares)
         if "values" in marks
         else (),
     )
@@ -156,18 +156,18 @@ def _cast(
     spec = picture_spec(state)
     if not needs_layers(state):
         spec = WHOLE.spec(spec, volume)
-    what = volume, shown_transfer(state), camera, size, spec
+    cast_args = volume, shown_transfer(state), camera, size, spec
     room = state.room
-    seen = room is not None and has_walls(state)
-    behind = room.behind(volume, state.transfer.basis) if room and seen else None
+    walls_visible = room is not None and has_walls(state)
+    backdrop = room.behind(volume, state.transfer.basis) if room and walls_visible else None
     surfaces = state.document.surfaces(state.meshes, state.transfer)
     try:
         return raycast(
-            *what,
+            *cast_args,
             progress=progress.report,
             cancel=lambda: progress.ended,
             caster=caster,
-            behind=surfaces if behind is None else (*surfaces, behind),
+            behind=surfaces if backdrop is None else (*surfaces, backdrop),
         )
     except CastCancelled:
         progress.check()
@@ -203,10 +203,10 @@ def copy_values(reading: Reading | None) -> str:
     return "The values were copied"
 
 
-def _copy(what: str, copy: Callable[[Any], object]) -> None:
+def _copy(kind: str, copy: Callable[[Any], object]) -> None:
     import copykitten
 
     try:
         copy(copykitten)
     except copykitten.CopykittenError as error:
-        raise ClipboardError(f"The {what} cannot be copied: {error}", code="unsupported") from error
+        raise ClipboardError(f"The {kind} cannot be copied: {error}", code="unsupported") from error

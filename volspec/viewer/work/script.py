@@ -128,8 +128,8 @@ def _spectrum_names(state: ViewState, file: SceneFile) -> dict[str, str]:
     """Return "light" or "reflectance" by spectrum name."""
     names = {row.spectrum: "light" for row in file.light if isinstance(row.spectrum, str)}
     names |= {text: "light" for light_row in state.lights for text in light_row.texts if text}
-    given = (text for material in file.material for text in (material.reflectance, material.filter))
-    return names | {text: "reflectance" for text in given if isinstance(text, str)}
+    texts = (text for material in file.material for text in (material.reflectance, material.filter))
+    return names | {text: "reflectance" for text in texts if isinstance(text, str)}
 
 
 def _volume(file: SceneFile, scene: Path, is_series: bool, folder: Path | None) -> str:
@@ -153,8 +153,8 @@ def _volume(file: SceneFile, scene: Path, is_series: bool, folder: Path | None) 
 def _basis(transfer: Transfer, file: str) -> str:
     basis = transfer.basis
     if isinstance(basis, MaterialBasis):
-        made = MaterialBasis(transfer.materials, basis.name)
-        if made.fingerprint == basis.fingerprint:
+        rebuilt = MaterialBasis(transfer.materials, basis.name)
+        if rebuilt.fingerprint == basis.fingerprint:
             return f"vs.MaterialBasis(materials, {python_text(basis.name)})"
     if is_shipped(basis):
         return f"vs.SpectralBasis.load({python_text(basis.name)})"
@@ -170,10 +170,10 @@ class _Code:
         for text, kind in spectrum_names.items():
             look_up = light if kind == "light" else reflectance
             try:
-                found = look_up(text, DEFAULT_GRID, folder=NOWHERE)
+                spectrum = look_up(text, DEFAULT_GRID, folder=NOWHERE)
             except (SpectrumError, OSError):
                 continue
-            self._named.append((f"vs.{kind}({python_text(text)})", found))
+            self._named.append((f"vs.{kind}({python_text(text)})", spectrum))
 
     def of(self, value: Any, indent: int = 0) -> str:
         """Return any value as code; ``indent`` is its line's indentation."""
@@ -184,10 +184,10 @@ class _Code:
         if isinstance(value, str):
             return python_text(value)
         if isinstance(value, Mapping):
-            rows = [f"{self.of(key)}: {self.of(each, indent + 4)}" for key, each in value.items()]
+            rows = [f"{self.of(key)}: {self.of(entry, indent + 4)}" for key, entry in value.items()]
             return _wrap("{", rows, "}", indent)
         if isinstance(value, tuple | list):
-            rows = [self.of(each, indent + 4) for each in value]
+            rows = [self.of(entry, indent + 4) for entry in value]
             if isinstance(value, list):
                 return _wrap("[", rows, "]", indent)
             return _wrap("(", rows, ",)" if len(rows) == 1 else ")", indent)
@@ -215,12 +215,12 @@ class _Code:
         """Return the fields of a dataclass that differ from their defaults, as arguments."""
         cls: Any = type(value)
         now = {field.name: getattr(value, field.name) for field in fields(value)}
-        required = {name: own for name, own in now.items() if default_of(cls, name) is MISSING}
-        plain = cls(**required)
+        required = {name: v for name, v in now.items() if default_of(cls, name) is MISSING}
+        defaults = cls(**required)
         return [
-            f"{name}={self.of(own, indent + 4)}"
-            for name, own in now.items()
-            if name in required or (name not in _LEFT_OUT and own != getattr(plain, name))
+            f"{name}={self.of(v, indent + 4)}"
+            for name, v in now.items()
+            if name in required or (name not in _LEFT_OUT and v != getattr(defaults, name))
         ]
 
     def _object(self, value: Any, indent: int) -> str:
@@ -232,8 +232,8 @@ class _Code:
         return _call(name, self.changed_fields(value, indent), indent)
 
     def _spectrum(self, spectrum: Spectrum, indent: int) -> str:
-        for text, known in self._named:
-            if same_spectrum(known, spectrum):
+        for text, named in self._named:
+            if same_spectrum(named, spectrum):
                 return text
         grid = "vs.SpectralGrid().wavelengths_nm"
         same_grid = np.array_equal(spectrum.wavelengths_nm, DEFAULT_GRID.wavelengths_nm)
@@ -254,7 +254,7 @@ def _wrap(start: str, parts: Sequence[str], end: str, indent: int) -> str:
     inner = " " * (indent + 4)
     if parts and all(_is_number(part) for part in parts):
         lines = range(0, len(parts), _NUMBERS)
-        parts = [", ".join(parts[at : at + _NUMBERS]) for at in lines]
+        parts = [", ".join(parts[first : first + _NUMBERS]) for first in lines]
     rows = "".join(f"{inner}{part},\n" for part in parts)
     return f"{start}\n{rows}{' ' * indent}{end.lstrip(',')}"
 

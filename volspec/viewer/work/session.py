@@ -185,8 +185,8 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
     name, mark, query = file.volume.file.partition("?")
     # Of a bare volume, which may have been moved with its session.
     if name == data["path"] and os.path.isabs(name):
-        moved = replace(file.volume, file=f"{session.path}{mark}{query}")
-        file = replace(file, volume=moved)
+        volume_table = replace(file.volume, file=f"{session.path}{mark}{query}")
+        file = replace(file, volume=volume_table)
     names = Resolver(file, session.path)
     try:
         volume, series = names.opened()
@@ -249,20 +249,20 @@ class Writer:
         self.objects: list[Any] = []
         self._numbers: dict[int, int] = {}
 
-    def plain(self, value: Any) -> Any:
+    def as_json(self, value: Any) -> Any:
         """Return a value as JSON; raise TypeError for a type that no state contains."""
         if value is None or isinstance(value, bool | int | float | str):
             return value
         if is_dataclass(value) and not isinstance(value, type):
             return self._object(value)
         if isinstance(value, Mapping):
-            return [[self.plain(key), self.plain(each)] for key, each in value.items()]
+            return [[self.as_json(key), self.as_json(entry)] for key, entry in value.items()]
         if isinstance(value, set | frozenset):
-            return sorted((self.plain(each) for each in value), key=repr)
+            return sorted((self.as_json(entry) for entry in value), key=repr)
         if isinstance(value, np.ndarray | np.generic):
             return value.tolist()
         if isinstance(value, Sequence):
-            return [self.plain(each) for each in value]
+            return [self.as_json(entry) for entry in value]
         if isinstance(value, Path):
             return str(value)
         raise TypeError(f"{type(value).__name__} cannot be saved in a session")
@@ -270,7 +270,7 @@ class Writer:
     def field_values(self, value: Any, but: Sequence[str] = ()) -> dict[str, Any]:
         """Return a dataclass's fields as JSON, except those in ``but``."""
         names = [field.name for field in fields(value) if field.init and field.name not in but]
-        return {name: self.plain(getattr(value, name)) for name in names}
+        return {name: self.as_json(getattr(value, name)) for name in names}
 
     def _object(self, value: Any) -> dict[str, Any]:
         """Return a dataclass's fields, or its number if it is compared by identity."""
@@ -292,7 +292,7 @@ class Reader:
 
     def __init__(self, objects: Sequence[Any]) -> None:
         self._objects = objects
-        self._made: dict[int, Any] = {}
+        self._instances: dict[int, Any] = {}
 
     def value(self, hint: Any, data: Any, where: str) -> Any:
         """Return the value of a field with annotation ``hint``; messages name it ``where``.
@@ -309,8 +309,8 @@ class Reader:
         if origin in (Mapping, dict):
             _require(isinstance(data, list), data, "pairs", where)
             return {
-                self.value(inner[0], key, where): self.value(inner[1], each, f"{where}.{key}")
-                for key, each in (self._row(tuple, (Any, Any), pair, where) for pair in data)
+                self.value(inner[0], key, where): self.value(inner[1], entry, f"{where}.{key}")
+                for key, entry in (self._row(tuple, (Any, Any), pair, where) for pair in data)
             }
         return _scalar(hint, data, where)
 
@@ -354,8 +354,8 @@ class Reader:
         if origin is tuple and inner[-1] is not Ellipsis:
             _require(len(inner) == len(data), data, f"{len(inner)} values", where)
             pairs = zip(inner, data, strict=True)
-            return tuple(self.value(kind, each, where) for kind, each in pairs)
-        row = (self.value(inner[0], each, f"{where} {i}") for i, each in enumerate(data, start=1))
+            return tuple(self.value(kind, entry, where) for kind, entry in pairs)
+        row = (self.value(inner[0], entry, f"{where} {i}") for i, entry in enumerate(data, start=1))
         return frozenset(row) if origin in (set, frozenset) else tuple(row)
 
     def _resolved(self, data: Any) -> Any:
@@ -372,11 +372,11 @@ class Reader:
             _require(NUMBER not in data, data, "one of the objects", where)
             return self._new(kind, data, where)
         number = data[NUMBER]
-        if number not in self._made:
-            self._made[number] = self._new(kind, meant, where)
-        made = self._made[number]
-        _require(isinstance(made, kind), type(made).__name__, kind.__name__, where)
-        return made
+        if number not in self._instances:
+            self._instances[number] = self._new(kind, meant, where)
+        instance = self._instances[number]
+        _require(isinstance(instance, kind), type(instance).__name__, kind.__name__, where)
+        return instance
 
     def _new(self, kind: type, data: Any, where: str) -> Any:
         """Make an object, which validates itself."""
@@ -401,13 +401,13 @@ def _scalar(hint: Any, data: Any, where: str) -> Any:
         except (ValueError, TypeError) as error:
             raise ValueFault.refused(where, data, "expected numbers", "type") from error
     try:
-        plain = str if hint is Path else hint
-        made = TypeAdapter(plain, config=_STRICT).validate_python(data)
-        if isinstance(made, str):
-            made.encode()  # half of a surrogate pair is not text
+        json_type = str if hint is Path else hint
+        scalar = TypeAdapter(json_type, config=_STRICT).validate_python(data)
+        if isinstance(scalar, str):
+            scalar.encode()  # half of a surrogate pair is not text
     except ValueError as error:
-        raise ValueFault.refused(where, data, f"expected {expected(plain)}", "type") from error
-    return Path(made) if hint is Path else made
+        raise ValueFault.refused(where, data, f"expected {expected(json_type)}", "type") from error
+    return Path(scalar) if hint is Path else scalar
 
 
 def _kind_of(data: Any) -> str:
@@ -417,9 +417,9 @@ def _kind_of(data: Any) -> str:
     return str(data.get(KIND)) if isinstance(data, dict) else ""
 
 
-def _require(fits: bool, data: Any, wanted: str, where: str) -> None:
+def _require(fits: bool, data: Any, required: str, where: str) -> None:
     if not fits:
-        raise ValueFault.refused(where, data, f"expected {wanted}", "type")
+        raise ValueFault.refused(where, data, f"expected {required}", "type")
 
 
 @cache

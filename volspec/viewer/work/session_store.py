@@ -44,10 +44,10 @@ def state_folder() -> Path:
 
 @dataclass(frozen=True, slots=True)
 class RecentFile:
-    """A row of the list of recent files; ``there`` is False if the file was missing."""
+    """A row of the list of recent files; ``exists`` is False if the file was missing."""
 
     path: str
-    there: bool
+    exists: bool
 
     @property
     def label(self) -> str:
@@ -113,7 +113,7 @@ class SessionStore:
         self._folder = folder / "sessions"
         self._running = Running(folder / "running")
         self._opening: object = None  # of the document
-        self._own: Path | None = None
+        self._file: Path | None = None
         self._saved: ViewState | None = None
         self._latest: ViewState | None = None  # the last state given to `due`
         self._changed_s = self._due = 0.0
@@ -121,14 +121,14 @@ class SessionStore:
         # Numbers of the last requested and the last written state.
         self._requested = self._written = 0
 
-    def begin(self, state: ViewState, own: Path | None = None) -> None:
-        """Start the session of an opened state; an ``own`` file of this store is continued."""
+    def begin(self, state: ViewState, session_file: Path | None = None) -> None:
+        """Start the session of an opened state; a ``session_file`` of this store is continued."""
         clear_unfinished(self._folder)
         with self._lock:
             self._opening, self._saved = state.document.opening, _without_window(state)
             self._latest, self._due = None, 0.0
             self._running.end()
-            self._own = own if own is not None and self.holds(own) else None
+            self._file = session_file if session_file and self.holds(session_file) else None
 
     def holds(self, path: Path) -> bool:
         """Return True if a session's file belongs to this store."""
@@ -181,17 +181,17 @@ class SessionStore:
         with self._lock:
             if number < self._written or not self._changed(state):
                 return None
-            if self._own is None:
+            if self._file is None:
                 stamp = time.strftime("%Y%m%d-%H%M%S")
                 name = f"{stamp}-{os.getpid()}-{file_stem(state.document.title)[:40]}{SUFFIX}"
-                self._own = self._folder / name
-            self._running.begin(self._own.name)
+                self._file = self._folder / name
+            self._running.begin(self._file.name)
             with suppress(OSError):  # which saving reports
                 make_private(self._folder)
-            save_session(state, self._own)
+            save_session(state, self._file)
             self._saved, self._written = _without_window(state), number
-            keep_newest(self._own, f"*{SUFFIX}", MAX_SESSIONS)
-            return self._own
+            keep_newest(self._file, f"*{SUFFIX}", MAX_SESSIONS)
+            return self._file
 
     def last(self) -> Path | None:
         """Return the newest session that is not this program's own."""
@@ -199,7 +199,7 @@ class SessionStore:
             files = newest_first(self._folder.glob(f"*{SUFFIX}"))
         except OSError:
             return None
-        return next((path for path in files if path != self._own), None)
+        return next((path for path in files if path != self._file), None)
 
     def read(self, path: Path) -> Session:
         """Read a session's file; a broken one is renamed to ``.broken``, not deleted."""
@@ -220,8 +220,8 @@ class SessionStore:
         return BrokenSession(f"{error}; it was renamed to {aside.name}")
 
     def _changed(self, state: ViewState) -> bool:
-        own = state.document.opening is self._opening and state.document.file is not None
-        return own and _without_window(state) != self._saved
+        is_current = state.document.opening is self._opening and state.document.file is not None
+        return is_current and _without_window(state) != self._saved
 
 
 def _without_window(state: ViewState) -> ViewState:

@@ -40,7 +40,7 @@ _OPAQUE = np.uint32(0xFF000000)
 
 
 @dataclass(slots=True)
-class _Shown:
+class _PlaneTexture:
     """A slice's texture and codes, with cache keys of the inputs to its codes and colours."""
 
     of_codes: tuple[Any, ...] = ()
@@ -68,7 +68,7 @@ class SlicePictures:
 
     def __init__(self, context: Any) -> None:
         self._context = context
-        self._slices: dict[str, _Shown] = {}
+        self._slices: dict[str, _PlaneTexture] = {}
         self._of_colours: tuple[Any, ...] = ()
         self._colours = np.zeros(1, np.uint32)
         self._fields: tuple[tuple[Any, ...], FieldSlices] | None = None
@@ -76,27 +76,27 @@ class SlicePictures:
     def texture(self, state: ViewState, name: str, layout: Layout, width_px: float) -> int:
         """Return GL's name of a plane's picture, drawn at most ``width_px`` wide."""
         volume = state.document.volume
-        shown = self._slices.setdefault(name, _Shown())
+        plane = self._slices.setdefault(name, _PlaneTexture())
         if state.fields and state.interface.slices.lit:
             with suppress(VolspecError):  # reported with the volume's picture
-                return self._texture_of_fields(state, shown, layout, width_px)
+                return self._texture_of_fields(state, plane, layout, width_px)
         number = voxel_number(volume, layout.normal, state.interface.slices.at[layout.normal])
         entries = table_entries(volume, isinstance(state.transfer, LabelFunction))
         stride = _stride(volume, layout, width_px)
         of_codes = volume, layout, number, stride, entries
-        if of_codes != shown.of_codes:
+        if of_codes != plane.of_codes:
             values = slice_values(volume, layout, number, stride)
-            shown.codes, shown.of_codes = entries.codes(values), of_codes
-            shown.of_colours = ()
+            plane.codes, plane.of_codes = entries.codes(values), of_codes
+            plane.of_colours = ()
         self._relight(state, entries)
-        if shown.of_colours != self._of_colours:
-            assert shown.codes is not None
-            shown.write(self._context, self._colours[shown.codes])
-            shown.of_colours = self._of_colours
-        return int(shown.texture.glo)
+        if plane.of_colours != self._of_colours:
+            assert plane.codes is not None
+            plane.write(self._context, self._colours[plane.codes])
+            plane.of_colours = self._of_colours
+        return int(plane.texture.glo)
 
     def _texture_of_fields(
-        self, state: ViewState, shown: _Shown, layout: Layout, width_px: float
+        self, state: ViewState, plane: _PlaneTexture, layout: Layout, width_px: float
     ) -> int:
         """Return GL's name of a plane's picture of all fields, which is relit pixel by pixel."""
         volume, rig = state.document.volume, light_rig(state.lights, state.room)
@@ -110,19 +110,19 @@ class SlicePictures:
         stride = _stride(volume, layout, width_px)
         window = grey_window(state.interface.slices, state.document.data[""].histogram)
         of_image = (*of_fields, layout, number, stride, window, state.shading.groups)
-        if of_image != shown.of_codes:
+        if of_image != plane.of_codes:
             index = slice_index(volume, layout, number, stride)
-            shown.image = self._fields[1].image(index, window, state.shading)
-            shown.of_codes, shown.of_colours = of_image, ()
+            plane.image = self._fields[1].image(index, window, state.shading)
+            plane.of_codes, plane.of_colours = of_image, ()
         spec = shown_spec(state)
         of_colours = state.lights, spec
-        if shown.of_colours != of_colours:
-            assert shown.image is not None
-            given = replace(spec, viewing=spec.viewing.unmeasured())
-            with Relighter(shown.image, backend="numpy") as relighter:
-                shown.write(self._context, _packed(relighter.frame(rig, given)))
-            shown.of_colours = of_colours
-        return int(shown.texture.glo)
+        if plane.of_colours != of_colours:
+            assert plane.image is not None
+            unmeasured = replace(spec, viewing=spec.viewing.unmeasured())
+            with Relighter(plane.image, backend="numpy") as relighter:
+                plane.write(self._context, _packed(relighter.frame(rig, unmeasured)))
+            plane.of_colours = of_colours
+        return int(plane.texture.glo)
 
     def _relight(self, state: ViewState, entries: Entries) -> None:
         """Compute the colours of all values under the state's lights, if anything has changed."""
@@ -142,8 +142,8 @@ class SlicePictures:
 
     def close(self) -> None:
         """Release everything."""
-        for shown in self._slices.values():
-            shown.release()
+        for plane in self._slices.values():
+            plane.release()
         self._slices.clear()
 
 
@@ -164,11 +164,11 @@ def _relight_table(state: ViewState, window: tuple[float, float]) -> NDArray[np.
     if rig is None:
         return None
     # A table of values is not a picture in which to measure adaptation.
-    given = replace(spec, viewing=spec.viewing.unmeasured())
+    unmeasured = replace(spec, viewing=spec.viewing.unmeasured())
     try:
         image = table_image(state.document.volume, state.transfer, state.shading, window)
         # On the host, as it has few pixels and the GPU draws the picture meanwhile.
         with Relighter(image, backend="numpy") as relighter:
-            return relighter.frame(rig, given)[0]
+            return relighter.frame(rig, unmeasured)[0]
     except VolspecError:  # reported with the volume's picture
         return None

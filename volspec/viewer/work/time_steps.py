@@ -29,7 +29,7 @@ _FEW, _COARSE = (16, 12), Pass(2, "voxel")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Wanted:
+class _Request:
     state: ViewState
     step: int
     ahead: bool  # only to be ready when it is shown
@@ -41,7 +41,7 @@ class _Ready:
     error: str = ""
 
 
-class _StepWorker(LatestWorker[_Wanted, _Ready]):
+class _StepWorker(LatestWorker[_Request, _Ready]):
     """Prepares documents at their steps; the last ones stay ready."""
 
     _name = "volspec-steps"
@@ -51,14 +51,14 @@ class _StepWorker(LatestWorker[_Wanted, _Ready]):
         # Opening of the document, and its steps; replaced as one, as the window's thread forgets.
         self._kept: tuple[object, OrderedDict[int, Document]] = None, OrderedDict()
 
-    def _results(self, job: _Wanted) -> Iterator[_Ready]:
+    def _results(self, job: _Request) -> Iterator[_Ready]:
         document = job.state.document
         try:
-            made = self._at(document, job.step)
+            stepped = self._document_at(document, job.step)
             if job.ahead:
-                self._cast_ahead(job.state, made)
+                self._cast_ahead(job.state, stepped)
             else:
-                yield _Ready(made)
+                yield _Ready(stepped)
         except VolspecError as error:
             if not job.ahead:
                 yield _Ready(None, one_line(error))
@@ -71,7 +71,7 @@ class _StepWorker(LatestWorker[_Wanted, _Ready]):
             with suppress(VolspecError):  # shown when it is cast
                 raycast(volume, shown_transfer(state), camera, _FEW, spec, caster=caster)
 
-    def _at(self, document: Document, step: int) -> Document:
+    def _document_at(self, document: Document, step: int) -> Document:
         """Return the document at a step, with a caster of its own."""
         of, ready = self._kept
         if of is not document.opening:
@@ -96,9 +96,9 @@ def _make_caster(
     document: Document, volume: Volume, ready: OrderedDict[int, Document]
 ) -> Raycaster | None:
     """Return a caster of a step; if the device has no room, ``ready`` steps make some."""
-    while (like := document.caster) is not None:
+    while (template := document.caster) is not None:
         try:
-            return Raycaster(volume, like=like)
+            return Raycaster(volume, like=template)
         except OpenCLError:
             if not ready:
                 raise
@@ -113,7 +113,7 @@ class TimeSteps:
         self._worker, self._notice = _StepWorker(wake), notice
         self.playing = False
         self.loops = True  # play again from the first step after the last
-        self._wanted: tuple[object, int] | None = None
+        self._requested: tuple[object, int] | None = None
         self._followed: Document | None = None  # the one after which another is ready
         self._due = 0.0  # when the next step is to be shown
 
@@ -129,12 +129,12 @@ class TimeSteps:
             self._notice.show_warning("This volume has no time steps")
             return
         step %= len(document.series)
-        self._wanted = document.opening, step
-        self._worker.request(_Wanted(state, step, ahead=False))
+        self._requested = document.opening, step
+        self._worker.request(_Request(state, step, ahead=False))
 
     def go(self, state: ViewState, by: int) -> None:
-        """Start showing a later or an earlier step than the one that was wanted last."""
-        self.show(state, self.wanted(state.document) + by)
+        """Start showing a later or an earlier step than the one requested last."""
+        self.show(state, self.requested(state.document) + by)
 
     def toggle(self, state: ViewState) -> None:
         """Start or stop playing."""
@@ -150,9 +150,9 @@ class TimeSteps:
         """Play once, or again and again."""
         self.loops = not self.loops
 
-    def wanted(self, document: Document) -> int:
-        """Return the step of a document that was wanted last, else the one that it shows."""
-        opening, step = self._wanted or (None, 0)
+    def requested(self, document: Document) -> int:
+        """Return the step of a document that was requested last, else the one that it shows."""
+        opening, step = self._requested or (None, 0)
         return step if opening is document.opening else document.step
 
     def stop(self) -> None:
@@ -161,29 +161,29 @@ class TimeSteps:
 
     def forget(self) -> None:
         """Stop, and release the steps of a document that is no longer open."""
-        self.playing, self._wanted, self._followed = False, None, None
+        self.playing, self._requested, self._followed = False, None, None
         self._worker.forget()
 
     def patience(self, now: float) -> float:
         """Return the seconds until the next step is due; inf if none plays, or it waits."""
         return self._due - now if self.playing and self._due > now else float("inf")
 
-    def tick(self, state: ViewState, shown: Document | None, now: float) -> None:
-        """Go on to the next step when it is due and the present one is ``shown``.
+    def tick(self, state: ViewState, displayed: Document | None, now: float) -> None:
+        """Go on to the next step when it is due and the present one is ``displayed``.
 
         Until then the next one is made ready; not before, as casts take turns.
         """
         document = state.document
         if document.series is None:
             self.playing = False
-        if self._wanted is None and not self.playing:
+        if self._requested is None and not self.playing:
             return
-        if shown is not document or document.series is None or self._worker.busy:
+        if displayed is not document or document.series is None or self._worker.busy:
             return
         if self._followed is not document:
             self._followed = document
             following = (document.step + 1) % len(document.series)
-            self._worker.request(_Wanted(state, following, ahead=True))
+            self._worker.request(_Request(state, following, ahead=True))
             return
         if not self.playing or now < self._due:
             return
@@ -196,15 +196,15 @@ class TimeSteps:
 
     def take(self, document: Document | None) -> Document | None:
         """Return the open document at a step that is ready; None without one."""
-        found = None
+        stepped = None
         for ready in self._worker.take():
             if ready.error:
-                self.playing, self._wanted = False, None
+                self.playing, self._requested = False, None
                 self._notice.show_error(ready.error)
             elif ready.document and document and ready.document.is_of(document):
-                found = ready.document
-                self._notice.trace.note("step", step=found.step)
-        return found
+                stepped = ready.document
+                self._notice.trace.note("step", step=stepped.step)
+        return stepped
 
     def close(self) -> None:
         """End the thread."""
