@@ -25,7 +25,7 @@ from volspec.export.compositing import Recipe
 from volspec.export.recipes import blender_script, nuke_group, python_text
 from volspec.palette import load_palette, save_palette
 from volspec.spectra import light
-from volspec.viewer.work.script import script_from_state
+from volspec.viewer.model.scene_file import export_python
 
 # Each leaves a mark where it is run: Tcl calls `hurt`, Python sets `hurt`, TOML gets a key `hurt`.
 HOSTILE = (
@@ -130,10 +130,10 @@ def test_blender_s_script_ends_at_a_header_that_does(tmp_path, monkeypatch):
         exec(blender_script(tmp_path / "i.exr"), {})
 
 
-def test_the_viewer_s_script_holds_titles_and_names_as_text(tmp_path):
+def test_the_viewer_s_script_finds_its_scene_whatever_it_is_called(tmp_path):
     state = opened(tmp_path)
     for name in HOSTILE:
-        document = replace(state.document, title=name)
+        document = replace(state.document, file=replace(state.document.file, title=name))
         lights = tuple(replace(row, name=name, label=name) for row in state.lights)
         transfer = state.transfer
         renamed = {f"{key}{name}": spectrum for key, spectrum in transfer.materials.items()}
@@ -142,14 +142,13 @@ def test_the_viewer_s_script_holds_titles_and_names_as_text(tmp_path):
             for value, opacity, mix in transfer.points
         )
         changed = replace(transfer, materials=renamed, points=points)
-        tree = ast.parse(
-            script_from_state(replace(state, document=document, lights=lights, transfer=changed))
-        )
-        assert (ast.get_docstring(tree, clean=False) or "").startswith(name)
-        texts = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
-        assert set(renamed) <= texts
-        stored = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
-        assert "hurt" not in stored
+        named = replace(state, document=document, lights=lights, transfer=changed)
+        script = export_python(named, tmp_path / f"{name.translate({0: None, ord('/'): '|'})}.py")
+        text = script.read_text(encoding="utf-8")
+        found: dict[str, Any] = {"__file__": str(script)}
+        exec(compile(text[: text.index("image = ")], str(script), "exec"), found)
+        assert "hurt" not in text and found["scene"].file.title == name
+        assert set(renamed) <= set(found["scene"].materials)
 
 
 @pytest.mark.parametrize("name", HOSTILE)

@@ -13,7 +13,7 @@ import tempfile
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, chdir, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -53,12 +53,11 @@ from volspec.viewer.model.depth import focused_depth, shown_stereo
 from volspec.viewer.model.edit import Edited
 from volspec.viewer.model.film import Film
 from volspec.viewer.model.light_rows import LightRow
-from volspec.viewer.model.scene_file import export_scene, left_out
+from volspec.viewer.model.scene_file import export_python, export_scene, left_out
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.films import FRAMES, FilmFile, PageFile, save_film, save_page
 from volspec.viewer.work.outputs import Destination, Progress
 from volspec.viewer.work.screenshot import Shot, copy_shown, save_picture
-from volspec.viewer.work.script import export_python
 from volspec.viewer.work.session import SUFFIX, read_session, restore_state, save_session
 from volspec.volume import Volume
 from volspec.volume.out_of_memory import level_of
@@ -481,9 +480,8 @@ def _start(state: ViewState, folder: Path) -> Codes:
 
 def _script(state: ViewState, folder: Path) -> Codes:
     path = export_python(state, folder / "script.py")
-    with chdir(folder):
-        exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), {"__file__": str(path)})
-    return _read(next(folder.glob("*.png")))
+    exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), {"__file__": str(path)})
+    return _read(path.with_suffix(".png"))
 
 
 def _film(state: ViewState, folder: Path) -> Codes:

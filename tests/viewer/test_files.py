@@ -1,7 +1,6 @@
 """Files: scripts, paths, choices, what is remembered, pictures and their names."""
 
 import os
-import re
 import subprocess
 import sys
 import threading
@@ -17,7 +16,7 @@ from tests.support.errors import refuses
 from tests.support.fixtures import Patch, slow
 from tests.support.images import read_codes
 from tests.support.patience import PATIENCE_S
-from tests.support.viewer import SCENES, assert_same_tables, opened, picture, run_command
+from tests.support.viewer import opened, picture, run_command
 from tests.viewer._states import frame_of, save_ball, seen, under, worked_on
 from volspec._checks import MAX_SIDE
 from volspec.errors import ImageError, InputError, OpenGLError, VolspecWarning, VolumeError
@@ -41,13 +40,13 @@ from volspec.viewer.model.paths import (
     folder_places,
     list_paths,
 )
-from volspec.viewer.model.scene_file import export_scene
+from volspec.viewer.model.scene_file import export_python, export_scene
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui import dialogs
 from volspec.viewer.ui.dialogs import REQUESTS, initial_path
 from volspec.viewer.work import background, outputs, screenshot
 from volspec.viewer.work.documents import open_document, open_path
 from volspec.viewer.work.probe import Reading
-from volspec.viewer.work.script import export_python, script_from_state
 from volspec.viewer.work.session import SUFFIX, read_session, restore_state, save_session
 from volspec.viewer.work.session_store import MAX_FILES, STATE_VARIABLE, RecentFiles, state_folder
 from volspec.volume import Choice, load_volume, phantom
@@ -66,34 +65,26 @@ def run_python(
 
 
 @pytest.mark.not_quick
-@pytest.mark.parametrize("basis", ['method = "materials"', slow('train = "scene"\nsize = 4')])
-def test_a_script_makes_the_frame_that_the_viewer_shows(tmp_path, basis):
-    """Equal to the byte: the same numbers go the same way, on the same device."""
+@pytest.mark.parametrize(
+    ("basis", "name"),
+    [
+        ('method = "materials"', "größer 'a' \"b\" {c} %d.py"),
+        slow('train = "scene"\nsize = 4', "ball.py"),  # next to the scene that is open
+    ],
+)
+def test_a_script_makes_the_frame_that_the_viewer_shows(tmp_path, basis, name):
     state = worked_on(opened(tmp_path, basis=basis))
     shading = replace(state.shading, preintegrated=True)
     seen = replace(state.relight, mode="exact")
     state = replace(state, shading=shading, relight=seen, other=None, size=(48, 36))
     (tmp_path / "elsewhere").mkdir()
-    done = run_python(str(export_python(state, tmp_path / "ball.py")), cwd=tmp_path / "elsewhere")
+    script = export_python(state, tmp_path / name)
+    assert "# A remark" in script.with_suffix(".toml").read_text(encoding="utf-8")
+    done = run_python(str(script), cwd=tmp_path / "elsewhere")
     assert done.returncode == 0, done.stderr
     shown = frame_of(state)
     assert shown.std() > 5
-    np.testing.assert_array_equal(read_codes(tmp_path / "elsewhere" / "ball.png"), shown)
-
-
-@pytest.mark.parametrize("kind", SCENES)
-def test_scripts_of_every_transfer_function_make_the_same_table(tmp_path, kind):
-    import volspec
-
-    state = opened(tmp_path, kind)
-    # A docstring where it is written as it is: a wrong escape, and its end.
-    title = 'C:\\users "here" \\'
-    text = script_from_state(replace(state, document=replace(state.document, title=title)))
-    lines = text[: text.index("camera = ")]
-    names: dict[str, Any] = {"vs": volspec}
-    exec(compile(lines, "script", "exec"), names)
-    assert str(names["__doc__"]).startswith(title)
-    assert_same_tables(replace(state, transfer=names["transfer"]), state)
+    assert np.abs(read_codes(script.with_suffix(".png")) - shown).max() <= 1
 
 
 def test_a_document_knows_what_opens_it_again(tmp_path):
@@ -110,7 +101,8 @@ def test_scripts_and_sessions_next_to_their_data_name_no_folder(tmp_path):
         state = opened(tmp_path / name)
         script = export_python(state, tmp_path / name / "it.py")
         session = save_session(state, tmp_path / name / f"it{SUFFIX}")
-        written.append(script.read_bytes() + session.read_bytes())
+        files = script, script.with_suffix(".toml"), session
+        written.append(b"".join(file.read_bytes() for file in files))
     assert written[0] == written[1] and os.fspath(tmp_path).encode() not in written[0]
     moved = (tmp_path / "b").rename(tmp_path / "c")
     assert restore_state(read_session(moved / session.name), cast=False).document.path == (
@@ -118,17 +110,8 @@ def test_scripts_and_sessions_next_to_their_data_name_no_folder(tmp_path):
     )
     text = (moved / script.name).read_text(encoding="utf-8")
     names: dict[str, Any] = {"__file__": str(moved / script.name)}
-    exec(compile(text[: text.index("materials = ")], "script", "exec"), names)
-    assert names["volume"].shape_xyz == (12, 12, 12)
-
-
-def test_scripts_call_spectra_by_name_where_those_give_the_same_numbers(tmp_path):
-    text = script_from_state(opened(tmp_path))
-    assert re.findall(r'vs\.light\("(.*?)"', text) == ["D65"]
-    assert set(re.findall(r'vs\.reflectance\("(.*?)"', text)) == {"copper", "grey:0.5"}
-    assert "Spectrum(" not in text
-    lines = [line for line in text.splitlines() if "load_volume" not in line]
-    assert max(map(len, lines)) <= 88
+    exec(compile(text[: text.index("image = ")], "script", "exec"), names)
+    assert names["scene"].volume().shape_xyz == (12, 12, 12)
 
 
 @pytest.mark.parametrize(
@@ -278,6 +261,8 @@ def test_a_dialog_starts_at_the_last_file_or_at_home(tmp_path, monkeypatch):
     assert initial_path(save, state.document) == f"{tmp_path}/work/ball-view.toml"
     volume = open_document(str(tmp_path / "work" / "ball.npy"))
     assert initial_path(save, volume) == f"{tmp_path}/work/ball-view.toml"  # ball.toml exists
+    script = REQUESTS["export-python"]  # which is written with a scene
+    assert initial_path(script, volume) == f"{tmp_path}/work/ball-view.py"
     (tmp_path / "work" / "ball.toml").unlink()
     assert initial_path(save, volume) == f"{tmp_path}/work/ball.toml"
 
@@ -288,6 +273,29 @@ def test_a_name_to_be_written_gets_its_ending():
     assert save.complete("a.json") == "a.json" and save.complete("") == ""
     read = PathRequest("x", "Open", suffixes=(".toml",))
     assert read.complete("~/a") == os.path.expanduser("~/a")
+
+
+def test_a_scene_that_a_script_would_replace_is_asked_about(tmp_path, monkeypatch):
+    """The system's dialog asks about the script alone."""
+    document, path = opened(tmp_path).document, str(tmp_path / "ball.py")
+
+    class Dialog:
+        def __init__(self, request: PathRequest) -> None:
+            self.request = request
+
+        def answer(self) -> str:
+            return path
+
+    monkeypatch.setattr(dialogs, "NativeDialog", Dialog)
+    monkeypatch.setattr(dialogs, "has_native_dialogs", lambda: True)
+    asked = dialogs.FileDialogs()
+    asked.ask(REQUESTS["export-python"], document, ())
+    assert asked.take() is None and isinstance(asked._dialog, dialogs.PathDialog)
+    assert asked._dialog.request.replaced(path) == [f"{tmp_path}/ball.toml"]
+    (tmp_path / "ball.toml").unlink()
+    (tmp_path / "ball.py").touch()
+    asked.ask(REQUESTS["export-python"], document, ())
+    assert (asked.take() or ())[1:] == (path,)
 
 
 def test_recent_files_are_ten_newest_first_and_missing_ones_are_known(tmp_path):

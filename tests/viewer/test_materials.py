@@ -1,7 +1,6 @@
 """Materials of a transfer function: adding, removing and saving them."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -27,7 +26,6 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import list_parts
 from volspec.viewer.ui import transfer_detail, transfer_plot
 from volspec.viewer.work.css_colours import Colours
-from volspec.viewer.work.script import export_python
 
 BANANA = "PMC/Banana"
 
@@ -151,7 +149,7 @@ def test_every_name_of_the_list_is_a_reflectance_or_a_colour():
 @pytest.mark.not_quick
 @pytest.mark.slow
 @pytest.mark.parametrize("basis", ['name = "general-5"', 'method = "materials"'])
-def test_all_files_keep_such_a_material(tmp_path, basis, monkeypatch):
+def test_all_files_keep_such_a_material(tmp_path, basis):
     state = replace(given(opened(tmp_path, basis=basis), BANANA, 1), size=(24, 18))
     again = assert_same_picture(state, tmp_path)
     assert list(again.transfer.materials) == ["copper", "grey", BANANA]
@@ -160,13 +158,6 @@ def test_all_files_keep_such_a_material(tmp_path, basis, monkeypatch):
     kept, banana = restored(state, tmp_path, cast=False), state.transfer.materials[BANANA].values
     np.testing.assert_array_equal(kept.transfer.materials[BANANA].values, banana)
     np.testing.assert_array_equal(picture(kept), picture(state))
-
-    script = export_python(state, tmp_path / "a.py")
-    monkeypatch.chdir(tmp_path)
-    names: dict[str, Any] = {"__file__": str(script)}
-    exec(compile(script.read_text(encoding="utf-8"), str(script), "exec"), names)
-    np.testing.assert_array_equal(names["materials"][BANANA].values, banana)
-    assert names["basis"].fingerprint == state.transfer.basis.fingerprint
 
 
 def test_materials_are_shown_as_an_adapted_eye_sees_them(state):

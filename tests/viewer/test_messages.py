@@ -49,7 +49,6 @@ from volspec.viewer.ui.palette_cells import cell_lines, column_note
 from volspec.viewer.ui.palette_panel import summary
 from volspec.viewer.work.outputs import Progress
 from volspec.viewer.work.screenshot import copy_values, render_frame
-from volspec.viewer.work.script import script_from_state
 from volspec.volume.series import series_address
 
 pytestmark = pytest.mark.not_quick
@@ -183,7 +182,6 @@ def _errors(state: ViewState) -> Iterator[str]:
         lambda: series_address(["/a/x.nrrd", "/b/y.nrrd"]),
         lambda: check_name("/a/caf\udce9.npy"),
         lambda: scene_from_state(state),
-        lambda: script_from_state(state),
         lambda: render_frame(dark, (8, 8), Progress("")),
         lambda: copy_values(None),
     ):

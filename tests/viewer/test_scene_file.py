@@ -18,17 +18,20 @@ from tests.support.viewer import (
 )
 from tests.viewer._states import frame_of, restored, under
 from volspec.basis import SpectralBasis
-from volspec.errors import InputError, SceneError, ViewingError
+from volspec.errors import InputError, SceneError
 from volspec.raycast import ClipPlane, Directional, LightGroup, Point
 from volspec.relight import LightRig, RelightSpec
 from volspec.scene import Scene
-from volspec.scene.tables.specs import MeshSpec
 from volspec.spectra import Spectrum, light
 from volspec.viewer.model import camera, depth, fields, light_rows, lights, transfer_edits
-from volspec.viewer.model.scene_file import export_scene, left_out, scene_from_state
+from volspec.viewer.model.scene_file import (
+    export_python,
+    export_scene,
+    left_out,
+    scene_from_state,
+)
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import list_parts
-from volspec.viewer.work.script import export_python, script_from_state
 from volspec.viewer.work.session import (
     SUFFIX,
     SessionError,
@@ -169,9 +172,6 @@ def nameless(state: ViewState) -> ViewState:
     return replace(state, document=replace(state.document, path=None, file=None))
 
 
-_MESHES = (MeshSpec(shape="triad"),)
-
-
 @pytest.mark.parametrize(
     ("kind", "expected", "write"),
     [
@@ -181,18 +181,20 @@ _MESHES = (MeshSpec(shape="triad"),)
         (SceneError, "missing", lambda s: scene_from_state(dark(s))),  # it would open lit
         (InputError, "unsupported", lambda s: export_scene(s, "x.json")),
         (InputError, "unwritable", lambda s: export_scene(s, "/proc/nothing/x.toml")),
-        (SceneError, "missing", lambda s: script_from_state(nameless(s))),
-        (SceneError, "unsupported", lambda s: script_from_state(of_image(s))),
-        (SceneError, "unsupported", lambda s: script_from_state(replace(s, room=object()))),
-        (SceneError, "unsupported", lambda s: script_from_state(replace(s, meshes=_MESHES))),
-        (ViewingError, "missing", lambda s: script_from_state(dark(s))),
+        (
+            SceneError,
+            "missing",
+            lambda s: export_python(dark(s), s.document.path.with_suffix(".py")),
+        ),
         (InputError, "unsupported", lambda s: export_python(s, "x.txt")),
         (SceneError, "missing", lambda s: save_session(nameless(s), f"x{SUFFIX}")),
         (SessionError, "unsupported", lambda s: save_session(s, "x.toml")),
     ],
 )
-def test_what_no_file_can_say_is_refused(state, kind, expected, write):
+def test_what_no_file_can_say_is_refused(state, tmp_path, kind, expected, write):
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     refuses(lambda: write(state), expected, kind)
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 @pytest.mark.not_quick
@@ -267,8 +269,6 @@ def test_effects_that_a_picture_cannot_have_wait(state, tmp_path, command, lost)
     assert depth.left_out(again) == ""
     both = replace(again, other=under(again, 1).lights)
     assert left_out(both) == f"{both.lights[1].name} right of the divide"
-    script = script_from_state(changed)
-    assert ("focus_mm" in script, "near_mm" in script) == (False, lost == "focus")
     kept = restored(changed, tmp_path)
     assert kept.depth == own.depth
     if command != "transfer-surfaces":

@@ -254,9 +254,15 @@ class PathRequest:
     start: str = ""  # the proposed path; one that ends with "/" is a folder
     files: str = ""  # what the endings are, for the choice of a filter
     folders: bool = False  # a folder may be chosen, too
+    also: str = ""  # ending of a second file that is written with the first
 
     def complete(self, text: str) -> str:
         """Return a typed path with ``~`` and the ending filled in; an empty one stays empty."""
         path = os.path.expanduser(text.strip())
         ends = not self.save or path.lower().endswith(self.suffixes)
         return path if not path or ends else path + self.suffixes[0]
+
+    def replaced(self, path: str) -> list[str]:
+        """Return the files that would be replaced if a path was written."""
+        files = (path, os.path.splitext(path)[0] + self.also) if self.also else (path,)
+        return [file for file in files if self.save and os.path.isfile(file)]

@@ -1,6 +1,6 @@
-"""Export of a state as a scene file.
+"""Export of a state as a scene file, and as a script that renders it.
 
-    state -> [scene_file] -> SCENE.toml
+    state -> [scene_file] -> SCENE.toml, SCENE.py
 
 The current mix becomes the first light, under which the viewer opens a scene.
 """
@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from volspec._files import require_suffix
+from volspec._files import require_suffix, write_whole
 from volspec.basis import Basis, MaterialBasis, SpectralBasis, shipped_names
 from volspec.errors import SceneError, SpectrumError
 from volspec.raycast import HEADLIT
@@ -40,12 +40,31 @@ from volspec.viewer.model.materials import same_spectrum
 from volspec.viewer.model.state import ViewState
 
 # A folder without files: relative names must not be found in the working directory by chance.
-NOWHERE = "/"
+_NOWHERE = "/"
 T = TypeVar("T")
 # Settings of values and places, which may differ little and be far from 0.
 _FAR = "value", "values", "position_mm", "target_mm", "point_mm", "points_mm"
 # Name of a light that combines several others.
 _MIX = "mix"
+# It names no file, as it finds the scene by its own name.
+_SCRIPT = '''"""Render the scene that was saved with this script, in the .toml of the same name."""
+
+from pathlib import Path
+
+import volspec as vs
+
+scene = vs.Scene.load(Path(__file__).with_suffix(".toml"))
+image = scene.render()  # slow, once for all lights; size=(1920, 1080) makes it larger
+if scene.file.depth.changes:  # cuts by distance, fog, focus
+    image = image.recompose({}, scene.file.depth)
+light = scene.lights[0]  # as it was shown; or vs.light("A"), vs.light("planck:3200")
+spec = scene.relight  # or vs.RelightSpec(vs.Viewing("none"), backdrop=0.05)
+with vs.Relighter(image) as relighter:
+    frame = relighter.frame(light, spec)  # quick, for one light after another
+space = spec.viewing.display.space
+vs.write_frame(Path(__file__).with_suffix(".png"), frame, space=space)
+# Under each light of the scene, with its annotations: vs.export(scene, "frames")
+'''
 
 
 def _light_tables(state: ViewState, file: SceneFile) -> list[LightSpec]:
@@ -116,7 +135,7 @@ def _library_name(
     if not text:
         return None
     try:
-        named = find(text, spectrum.grid, folder=NOWHERE)
+        named = find(text, spectrum.grid, folder=_NOWHERE)
     except (SpectrumError, OSError):
         return None
     return text if same_spectrum(named, spectrum) else None
@@ -182,13 +201,30 @@ def export_scene(state: ViewState, path: str | os.PathLike[str]) -> Path:
     return write_scene(file, target, reopened)
 
 
+def export_python(state: ViewState, path: str | os.PathLike[str]) -> Path:
+    """Write a state as a ``.toml``, and next to it a ``.py`` that renders it; both or neither.
+
+    Raises InputError if the name is not ``.py``, and as `export_scene`.
+    """
+    target = require_suffix(path, "scripts", ".py")
+    with write_whole(target) as temporary:
+        temporary.write_text(_SCRIPT, encoding="utf-8")
+        export_scene(state, target.with_suffix(".toml"))
+    return target
+
+
+def script_lacks(state: ViewState) -> str:
+    """Return what the window has, but a script's picture has not; empty if none."""
+    return ", ".join(filter(None, (left_out(state), "annotations" if state.annotations else "")))
+
+
 def compared(state: ViewState) -> str:
     """Return the lights that are compared with, which only pictures and sessions have, in words."""
     return f"{light_rows.lit_names(state.other)} right of the divide" if state.other else ""
 
 
 def left_out(state: ViewState) -> str:
-    """Return what the window has, but a scene, a script or a page of it has not; empty if none."""
+    """Return what the window has, but a scene or a page of it has not; empty if none."""
     omitted = depth.left_out(state), depth.shown_stereo(state) and "stereo", compared(state)
     return ", ".join(filter(None, omitted))
 
@@ -309,8 +345,7 @@ def _filters(transfer: Transfer) -> Mapping[str, Spectrum]:
     return transfer.filters or {} if isinstance(transfer, TransferFunction) else {}
 
 
-def is_shipped(basis: Basis) -> bool:
-    """Return True if a basis is a shipped one, which can be loaded by its name."""
+def _is_shipped(basis: Basis) -> bool:
     name = basis.name
     return name in shipped_names() and SpectralBasis.load(name).fingerprint == basis.fingerprint
 
@@ -320,7 +355,7 @@ def _basis(state: ViewState, table: BasisSpec) -> BasisSpec:
     basis = state.transfer.basis
     if basis is state.document.transfer.basis and table.name is not None:
         return table
-    if is_shipped(basis):
+    if _is_shipped(basis):
         return BasisSpec(name=basis.name)
     grid = basis.grid
     nm = (grid.start_nm, grid.stop_nm, grid.step_nm)

@@ -132,21 +132,22 @@ class PathDialog:
             return self._folder
         done = self._field(listing, ui)
         path = self._path()
-        exists = bool(path) and request.save and os.path.isfile(path)
-        sure = exists and path == self._replaces
+        replaced = request.replaced(path)
+        sure = path == self._replaces
         if self._problem[1] and self._problem[0] == path:
             wrap_text(self._problem[1], imgui.Col_.check_mark)
             ui.note("path problem")
-        if exists:
-            warning = f"{os.path.basename(path)} exists{'; Enter again replaces it' * sure}"
-            wrap_text(warning, imgui.Col_.check_mark)
+        if replaced:
+            names, one = " and ".join(map(os.path.basename, replaced)), len(replaced) == 1
+            again = f"; Enter again replaces {'it' if one else 'them'}" if sure else ""
+            wrap_text(f"{names} exist{'s' * one}{again}", imgui.Col_.check_mark)
         if request.suffixes:
             self._filter(listing, ui)
         left = buttons_left(ui)
         imgui.align_text_to_frame_padding()
         imgui.text_disabled("Tab completes")
         imgui.same_line(left)
-        label = "Replace" if exists else "Save" if request.save else "Open"
+        label = "Replace" if replaced else "Save" if request.save else "Open"
         accepted, cancelled = dialog_buttons(label, "path ok", ui)
         if cancelled:
             return ""
@@ -155,7 +156,7 @@ class PathDialog:
         if os.path.isdir(path) and not (request.folders and path.rstrip("/").endswith(".zarr")):
             self._enter(path)
             return None
-        if exists and not sure:
+        if replaced and not sure:
             self._replaces, self._focus = path, True
             return None
         if request.save:
@@ -367,8 +368,8 @@ def _open(title: str, *suffixes: str, files: str, kind: str = "open") -> PathReq
     return PathRequest(kind, title, False, suffixes, files=files, folders=kind == "open")
 
 
-def _save(kind: str, title: str, *suffixes: str, files: str) -> PathRequest:
-    return PathRequest(kind, title, True, suffixes, files=files)
+def _save(kind: str, title: str, *suffixes: str, files: str, also: str = "") -> PathRequest:
+    return PathRequest(kind, title, True, suffixes, files=files, also=also)
 
 
 REQUESTS = {
@@ -377,7 +378,9 @@ REQUESTS = {
     "add-mesh": _open("Add a mesh", *MESHES, files="Meshes", kind="add-mesh"),
     "open-session": _open("Open a session", SUFFIX, files="Sessions", kind="resume"),
     "export-scene": _save("export-scene", "Save as a scene", ".toml", files="Scenes"),
-    "export-python": _save("export-python", "Export as Python", ".py", files="Python"),
+    "export-python": _save(
+        "export-python", "Export as Python", ".py", files="Python", also=".toml"
+    ),
     "palette-load": _open("Load a palette", ".toml", files="Palettes", kind="palette-load"),
     "palette-save": _save("palette-save", "Save the palette as", ".toml", files="Palettes"),
     "save-session": _save("save-session", "Save the session", SUFFIX, ".json", files="Sessions"),
@@ -419,8 +422,12 @@ class FileDialogs:
     def _answer(self, path: str | None) -> tuple[PathRequest, str] | None:
         if path is None or self._dialog is None:
             return None
-        request, self._dialog = self._dialog.request, None
-        return (request, request.complete(path)) if path else None
+        request, is_native = self._dialog.request, isinstance(self._dialog, NativeDialog)
+        whole = request.complete(path)
+        # The system has asked about the very file that was chosen only.
+        unasked = is_native and {*request.replaced(whole)} - {path}
+        self._dialog = PathDialog(replace(request, start=whole)) if unasked else None
+        return (request, whole) if whole and not unasked else None
 
     def close(self) -> None:
         """End the system's dialog, which would keep the program from ending."""
@@ -447,7 +454,7 @@ def initial_path(
         folder = usual
     name = opened.name if opened is not None else "engine.toml"
     stem = plain_stem(name.partition(JOINER)[0].replace(PATTERN, "")) or "series"
-    if name.lower().endswith(".toml") or (folder / f"{stem}{request.suffixes[0]}").exists():
+    if name.lower().endswith(".toml") or request.replaced(f"{folder / stem}{request.suffixes[0]}"):
         stem += "-view"
     return os.fspath(folder / f"{stem}{request.suffixes[0]}")
 

@@ -14,7 +14,13 @@ from volspec.viewer.model import meshes
 from volspec.viewer.model.film import AS_SHOWN
 from volspec.viewer.model.history import History
 from volspec.viewer.model.paths import PathRequest
-from volspec.viewer.model.scene_file import compared, export_scene, left_out
+from volspec.viewer.model.scene_file import (
+    compared,
+    export_python,
+    export_scene,
+    left_out,
+    script_lacks,
+)
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.choice_dialog import ChoiceDialog, DropDialog
 from volspec.viewer.ui.context import Request, Search, UiContext
@@ -33,7 +39,6 @@ from volspec.viewer.work.notify import SHORT_SECONDS, Notice
 from volspec.viewer.work.outputs import CUSTOM, PictureSize, Progress
 from volspec.viewer.work.pictures import Pictures
 from volspec.viewer.work.screenshot import Shot, copy_shown, copy_values, save_picture
-from volspec.viewer.work.script import export_python, script_lacks
 from volspec.viewer.work.session import save_session
 from volspec.viewer.work.time_steps import TimeSteps
 
