@@ -33,4 +33,4 @@ from .specs import (
     ROOM_LIGHT as ROOM_LIGHT,
     SpectrumNumbers as SpectrumNumbers,
 )
-from .transfer import TransferSpec as TransferSpec, mix_as_written as mix_as_written
+from .transfer import TransferSpec as TransferSpec

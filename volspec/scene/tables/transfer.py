@@ -229,7 +229,7 @@ class TransferSpec:
             for name in ("gradient_opacity", "reference_step_mm")
             if (value := getattr(transfer, name, None)) is not None
         }
-        table = [row | {"material": mix_as_written(row["material"])} for row in rows]
+        table = [row | {"material": _mix_as_written(row["material"])} for row in rows]
         return read_table(cls, {kind: table, **extras}, SceneError)
 
     def visible_mixes(self) -> Iterator[tuple[float, Mapping[str, float]]]:
@@ -287,7 +287,7 @@ def _looks(rows: Sequence[PointSpec]) -> list[tuple[float, float, Mix]]:
     return [(row.value, row.opacity, row.material) for row in rows]
 
 
-def mix_as_written(mix: Mix) -> str | dict[str, float]:
+def _mix_as_written(mix: Mix) -> str | dict[str, float]:
     """Return a mix as written in a file: a single material by its name alone."""
     if isinstance(mix, str):
         return mix
