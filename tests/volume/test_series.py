@@ -461,7 +461,7 @@ def test_segments_are_labels(tmp_path, kind, frames, remarks):
     reading = read_series(Query(write_frames(tmp_path / "a", stored, places, numbers, **more)))
     assert reading.values[:, 0].tolist() == [[1, 2, 0], [0, 0, 0], [1, 0, 0], [0, 0, 0]]
     assert reading.world_from_index[:3, 2].tolist() == [0, 0, 2]
-    assert all(word in text for word, text in zip(remarks, reading.remarks, strict=True))
+    assert all(word in text for word, text in zip(remarks, reading.notes, strict=True))
     assert (reading.labels[1].name, reading.labels[2]) == ("liver", Label("spleen"))
     assert reading.labels[1].colour == pytest.approx((1, 0, 0), abs=0.01)
 

@@ -80,7 +80,7 @@ def test_a_level_is_chosen(tmp_path):
     assert coarse.spacing_mm == pytest.approx((0.001, 0.001, 0.004))
     reading = read_here(Query.of(f"{path}?memory={VALUES.nbytes - 1}"))
     assert reading.values.shape == coarse.values.shape
-    assert re.search(r"level 1 is read; .*v\.zarr\?level=0", reading.remarks[0])
+    assert re.search(r"level 1 is read; .*v\.zarr\?level=0", reading.notes[0])
     assert load_silently(f"{path}?level=0").shape_xyz == (8, 6, 4)
 
 

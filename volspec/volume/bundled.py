@@ -30,8 +30,8 @@ def bundled_volume(name: str) -> Path | None:
     # Not imported: that takes a second.
     package = find_spec("pyvista")
     folders = package.submodule_search_locations if package else None
-    found = Path(next(iter(folders or [""]))) / _OF_PYVISTA[name]
-    return found if found.is_file() else None
+    path = Path(next(iter(folders or [""]))) / _OF_PYVISTA[name]
+    return path if path.is_file() else None
 
 
 def is_bundled(path: Path) -> bool:

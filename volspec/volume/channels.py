@@ -83,7 +83,7 @@ class Channel:
 def channels_of_imagej(metadata: Mapping[str, Any], count: int) -> list[Channel]:
     """Return the channels of ImageJ's metadata: ``LUTs``, ``Ranges`` and the first ``Labels``."""
     luts, ranges = metadata.get("LUTs") or [], metadata.get("Ranges") or []
-    found = []
+    channels = []
     for k in range(count):
         colour, limits = None, None
         if k < len(luts) and len(luts[k]) == 3:
@@ -91,8 +91,8 @@ def channels_of_imagej(metadata: Mapping[str, Any], count: int) -> list[Channel]
             colour = r, g, b
         if 2 * k + 1 < len(ranges):
             limits = _limits(ranges[2 * k], ranges[2 * k + 1])
-        found.append(Channel("", colour, limits=limits))
-    return found
+        channels.append(Channel("", colour, limits=limits))
+    return channels
 
 
 def unique_titles(names: Sequence[str]) -> list[str]:
@@ -101,14 +101,14 @@ def unique_titles(names: Sequence[str]) -> list[str]:
     >>> unique_titles(["DAPI", "GFP", "GFP"])
     ['DAPI', 'GFP', 'GFP 2']
     """
-    made: list[str] = []
+    titles: list[str] = []
     for name in names:
         number, other = 1, name
-        while other in made:
+        while other in titles:
             number += 1
             other = f"{name} {number}"
-        made.append(other)
-    return made
+        titles.append(other)
+    return titles
 
 
 def _nanometres(text: str | None, unit: str) -> float | None:

@@ -29,7 +29,7 @@ _UNEVEN = 1e-3
 
 
 def checked_values(
-    given: ArrayLike, name: str, missing: float | None
+    array: ArrayLike, name: str, missing: float | None
 ) -> tuple[NDArray[Any], tuple[float, float], float | None]:
     """Return values that the kernels can read, (Z, Y, X), their range, and the missing value.
 
@@ -38,11 +38,11 @@ def checked_values(
     VolumeError if it is not a 3-D array of real numbers, has fewer than two voxels along an axis,
     no finite value, or values beyond float32.
     """
-    if isinstance(given, str | os.PathLike):
+    if isinstance(array, str | os.PathLike):
         raise VolumeError(
-            f"{given!r:.60} is not an array; read a file with volspec.load_volume", code="type"
+            f"{array!r:.60} is not an array; read a file with volspec.load_volume", code="type"
         )
-    original = _real_array(given, name)
+    original = _real_array(array, name)
     values = original
     if original.dtype.newbyteorder("=") not in NATIVE_DTYPES:
         values = _convert(original, name)
@@ -61,17 +61,17 @@ def checked_values(
     return values, (low, high), missing
 
 
-def _real_array(given: ArrayLike, name: str) -> NDArray[Any]:
+def _real_array(array: ArrayLike, name: str) -> NDArray[Any]:
     try:
-        if isinstance(given, list | tuple) and any(map(np.ma.isMaskedArray, given)):
-            given = np.ma.stack(given)
-        if np.ma.isMaskedArray(getattr(given, "_meta", None)):  # Dask's
-            given = given.compute()  # type: ignore[union-attr]
-        values = np.asanyarray(given)
+        if isinstance(array, list | tuple) and any(map(np.ma.isMaskedArray, array)):
+            array = np.ma.stack(array)
+        if np.ma.isMaskedArray(getattr(array, "_meta", None)):  # Dask's
+            array = array.compute()  # type: ignore[union-attr]
+        values = np.asanyarray(array)
         masked, values = np.ma.getmask(values), np.asarray(values)
     except (TypeError, ValueError) as error:
         raise VolumeError(
-            f"{name}: {type(given).__name__} is not an array ({one_line(error)}); "
+            f"{name}: {type(array).__name__} is not an array ({one_line(error)}); "
             "give one scalar per voxel, (Z, Y, X)",
             code="type",
         ) from error
@@ -159,22 +159,22 @@ def _replace_non_finite(
 
 
 def logarithms(values: NDArray[Any], name: str) -> tuple[NDArray[Any], float | None, str]:
-    """Return decimal logarithms of values, the value of those without one, and a remark on these.
+    """Return decimal logarithms of values, the value of those without one, and a note on these.
 
     Raises VolumeError if none is above 0.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = np.log10(_real_array(values, name)).astype(np.float32)
-    there = np.isfinite(logs)
-    if there.all():
+    finite = np.isfinite(logs)
+    if finite.all():
         return logs, None, ""
-    if not there.any():
+    if not finite.any():
         raise VolumeError(f"{name}: no value is above 0", "leave out scale=log", code="range")
-    low, high = (float(end(logs[there])) for end in (np.min, np.max))
-    logs[~there] = missing = missing_value(low, high)
-    count = there.size - np.count_nonzero(there)
+    low, high = (float(end(logs[finite])) for end in (np.min, np.max))
+    logs[~finite] = missing = missing_value(low, high)
+    count = finite.size - np.count_nonzero(finite)
     why = "have no logarithm, as they are not above 0, or not finite; they are transparent"
-    return logs, missing, f"{name}: {count} of {there.size} voxels {why}"
+    return logs, missing, f"{name}: {count} of {finite.size} voxels {why}"
 
 
 def missing_value(low: float, high: float) -> float:
@@ -191,8 +191,8 @@ def _warn_of_lost_digits(
     exact: NDArray[Any], rounded: NDArray[Any], span: tuple[float, float], name: str
 ) -> None:
     """Warn if float32 rounds a fine structure away, such as 1e6 … 1e6 + 1."""
-    most = float(np.spacing(np.float32(max(map(abs, span))))) / 2
-    if most <= _NEGLIGIBLE * (span[1] - span[0]):
+    max_error = float(np.spacing(np.float32(max(map(abs, span))))) / 2
+    if max_error <= _NEGLIGIBLE * (span[1] - span[0]):
         return
     low, high, error = np.inf, -np.inf, 0.0
     for a, b in zip(exact, rounded, strict=True):  # by slice, without a second volume
@@ -273,33 +273,33 @@ def checked_geometry(
     return (x, y, z), matrix
 
 
-def _numbers(given: ArrayLike) -> NDArray[np.float64]:
+def _numbers(values: ArrayLike) -> NDArray[np.float64]:
     """Return a float64 copy; an empty array if the input is not an array of numbers."""
     try:
-        return np.array(given, dtype=np.float64)
+        return np.array(values, dtype=np.float64)
     except (TypeError, ValueError):
         return np.empty(0)
 
 
-def array_and_lattice(given: Any, name: str) -> tuple[Any, NDArray[np.float64] | None]:
+def array_and_lattice(array: Any, name: str) -> tuple[Any, NDArray[np.float64] | None]:
     """Return the array to convert, and world_from_index from its coordinates, or None without any.
 
     An xarray ``DataArray`` with dimensions x, y and z, in any order and case, is transposed to (Z,
     Y, X); with other names its order is kept. Its coordinates are millimetres. Anything else is
     returned unchanged. Raises VolumeError for several arrays, or uneven coordinates.
     """
-    kind = type(given).__name__
-    if hasattr(given, "point_data") or hasattr(given, "n_blocks"):
+    kind = type(array).__name__
+    if hasattr(array, "point_data") or hasattr(array, "n_blocks"):
         which = "Volume.from_pyvista takes an ImageData"
-        if hasattr(given, "n_blocks"):
-            which += f", such as one of its {given.n_blocks} blocks"
+        if hasattr(array, "n_blocks"):
+            which += f", such as one of its {array.n_blocks} blocks"
         raise VolumeError(f"{name}: is a pyvista {kind}; {which}", code="type")
-    if hasattr(given, "keys") and not hasattr(given, "dtype"):
-        names = ", ".join(map(repr, given)) or "nothing"
+    if hasattr(array, "keys") and not hasattr(array, "dtype"):
+        names = ", ".join(map(repr, array)) or "nothing"
         raise VolumeError(f"{name}: is a {kind} of {names:.60}; choose one of them", code="type")
-    if not (hasattr(given, "dims") and hasattr(given, "coords")):
-        return given, None
-    return _xarray_lattice(given, name)
+    if not (hasattr(array, "dims") and hasattr(array, "coords")):
+        return array, None
+    return _xarray_lattice(array, name)
 
 
 def _xarray_lattice(array: Any, name: str) -> tuple[Any, NDArray[np.float64] | None]:
@@ -318,17 +318,17 @@ def _xarray_lattice(array: Any, name: str) -> tuple[Any, NDArray[np.float64] | N
 def _start_and_step(coordinates: Any, dim: Any, name: str) -> tuple[float, float]:
     """Return the first coordinate and the step, which is negative if coordinates decrease."""
     try:
-        at = np.asarray(coordinates).astype(np.float64, casting="same_kind")
+        points = np.asarray(coordinates).astype(np.float64, casting="same_kind")
     except (TypeError, ValueError):
-        at = np.full(2, np.nan)
-    if at.size < 2:  # one slice: refused with the shape
+        points = np.full(2, np.nan)
+    if points.size < 2:  # one slice: refused with the shape
         return 0.0, 1.0
-    step = (at[-1] - at[0]) / (at.size - 1) if np.isfinite(at).all() else 0.0
-    even = at[0] + step * np.arange(at.size)
-    if not (step and (np.abs(at - even) <= _UNEVEN * abs(step)).all()):
+    step = (points[-1] - points[0]) / (points.size - 1) if np.isfinite(points).all() else 0.0
+    even = points[0] + step * np.arange(points.size)
+    if not (step and (np.abs(points - even) <= _UNEVEN * abs(step)).all()):
         raise VolumeError(
             f"{name}: the coordinates along {str(dim)!r} are not evenly spaced numbers; "
             f"interpolate to a regular lattice, or leave them out: drop_vars({str(dim)!r})",
             code="range",
         )
-    return float(at[0]), float(step)
+    return float(points[0]), float(step)

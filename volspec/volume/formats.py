@@ -68,7 +68,7 @@ class Format:
 
     def begins(self, head: bytes) -> bool:
         """Return True if a file's first bytes are of this format."""
-        return any(head.startswith(text, at) for at, text in self.magic)
+        return any(head.startswith(text, offset) for offset, text in self.magic)
 
 
 # No library, but in a child process all the same, with limits of time and memory.
@@ -190,24 +190,24 @@ FORMATS = (
     Format(".npz", (".npz",), read_npz, note="one of its arrays"),
     RAW,
 )
-WHOLE_SUFFIXES = tuple(s for each in FORMATS if each.whole for s in each.suffixes)
+WHOLE_SUFFIXES = tuple(s for kind in FORMATS if kind.whole for s in kind.suffixes)
 """Endings of files that each are a whole volume, unlike the slices of a series."""
 SLICE_SUFFIXES = (*DICOM_SUFFIXES, *(s for endings in PICTURES.values() for s in endings))
 """Endings of files of which each may be a slice."""
-VOLUME_SUFFIXES = tuple(s for each in FORMATS for s in each.suffixes)
-KNOWN = ", ".join(each.name for each in FORMATS if each is not RAW)
+VOLUME_SUFFIXES = tuple(s for kind in FORMATS for s in kind.suffixes)
+KNOWN = ", ".join(kind.name for kind in FORMATS if kind is not RAW)
 
 
 def format_of(path: Path, head: bytes) -> Format | None:
     """Return the format of a file with some first bytes ; None if it is unknown."""
-    plain = _unpacked(path) if head.startswith(GZIP) else head
-    by_name = [each for each in FORMATS if path.name.lower().endswith(each.suffixes)]
-    by_content = [each for each in FORMATS if each.begins(plain if each.unpacks else head)]
+    unpacked = _unpacked(path) if head.startswith(GZIP) else head
+    by_name = [kind for kind in FORMATS if path.name.lower().endswith(kind.suffixes)]
+    by_content = [kind for kind in FORMATS if kind.begins(unpacked if kind.unpacks else head)]
     if RAW in by_name:  # whatever its bytes happen to look like
         return RAW
     if not (by_content or by_name) and is_dicom(path):  # without its preamble
         return DICOM
-    both = [each for each in by_name if each in by_content]
+    both = [kind for kind in by_name if kind in by_content]
     return next(iter((*both, *by_content, *by_name)), None)
 
 

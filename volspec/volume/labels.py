@@ -95,13 +95,13 @@ def renumbered(values: NDArray[Any], certain: bool) -> tuple[NDArray[Any], tuple
     numbers: NDArray[Any] = np.zeros(1, values.dtype)
     for layer in values:
         numbers = np.union1d(numbers, layer)
-        whole = values.dtype.kind in "ui" or bool((layer == np.rint(layer)).all())
-        if not whole or len(numbers) > _MAX + 1:
+        integral = values.dtype.kind in "ui" or bool((layer == np.rint(layer)).all())
+        if not integral or len(numbers) > _MAX + 1:
             return values, ()
-    found = np.stack([np.searchsorted(numbers, layer) for layer in values]).astype(np.uint16)
-    if not certain and not looks_like_labels(found, (0.0, float(found.max()))):
+    codes = np.stack([np.searchsorted(numbers, layer) for layer in values]).astype(np.uint16)
+    if not certain and not looks_like_labels(codes, (0.0, float(codes.max()))):
         return values, ()
-    return found, tuple(int(number) for number in numbers)
+    return codes, tuple(int(number) for number in numbers)
 
 
 def why_no_labels(
@@ -162,17 +162,17 @@ def looks_like_labels(
     """
     if span[0] not in (0, 1):  # 1 without a background
         return False
-    every = max(1, -(-values.size // _SAMPLES))
-    layers = values[:: min(every, max(1, len(values) // 8))]
+    step = max(1, -(-values.size // _SAMPLES))
+    layers = values[:: min(step, max(1, len(values) // 8))]
     left, right = layers[..., :-1].ravel(), layers[..., 1:].ravel()
     matter = (left != 0) | (right != 0)
-    apart = np.abs(right[matter].astype(np.float32) - left[matter])
-    if not len(apart) or np.count_nonzero(apart == 0) < _SAME * len(apart):
+    differences = np.abs(right[matter].astype(np.float32) - left[matter])
+    if not len(differences) or np.count_nonzero(differences == 0) < _SAME * len(differences):
         return False
     kinds = len(np.unique(np.concatenate([layers[..., 0].ravel(), right]))) - 1
     if kinds < 2 or (kinds < _DENSE * span[1] and kinds < _MANY):
         return False
-    borders = apart[apart > 0]
+    borders = differences[differences > 0]
     if kinds > _CELLS:
         outer = np.count_nonzero(matter & ((left == 0) | (right == 0)))
         if _mean_extent(layers) > _EXTENT or (background and outer < _BACKGROUND * len(borders)):
@@ -186,11 +186,11 @@ def _mean_extent(values: NDArray[Any]) -> float:
 
     It is the mean over the voxels that are not 0.
     """
-    along = np.moveaxis(values, int(np.argmax(values.shape)), 0)
-    flat, places = along.ravel(), np.repeat(np.arange(len(along)), along[0].size)
+    layers = np.moveaxis(values, int(np.argmax(values.shape)), 0)
+    flat, places = layers.ravel(), np.repeat(np.arange(len(layers)), layers[0].size)
     order = np.flatnonzero(flat)[np.argsort(flat[flat != 0], kind="stable")]
     starts = np.flatnonzero(np.diff(flat[order], prepend=0))
     places = places[order]
     extents = np.maximum.reduceat(places, starts) - np.minimum.reduceat(places, starts)
     counts = np.diff(np.append(starts, len(order)))
-    return float((extents * counts).sum() / counts.sum() / len(along))
+    return float((extents * counts).sum() / counts.sum() / len(layers))

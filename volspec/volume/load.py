@@ -132,7 +132,7 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     DeviceError
         If the library of its format is not installed, such as zarr or h5py.
     """
-    volume, remarks = _read_volume(path)
+    volume, notes = _read_volume(path)
     low, high = volume.range
     if low == high and not volume.fields:
         raise VolumeError(
@@ -140,8 +140,8 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
             "file or channel given?",
             code="range",
         )
-    for remark in remarks:
-        warnings.warn(remark, VolspecWarning, stacklevel=2)
+    for note in notes:
+        warnings.warn(note, VolspecWarning, stacklevel=2)
     return volume
 
 
@@ -150,23 +150,23 @@ def load_step(path: str | os.PathLike[str], number: int) -> Volume:
 
     Remarks on the file are made on its first step, number 0.
     """
-    volume, remarks = _read_volume(path, uniform=True)
-    for remark in remarks if number == 0 else ():
-        warnings.warn(remark, VolspecWarning, stacklevel=2)
+    volume, notes = _read_volume(path, uniform=True)
+    for note in notes if number == 0 else ():
+        warnings.warn(note, VolspecWarning, stacklevel=2)
     return volume
 
 
 def _read_volume(path: str | os.PathLike[str], uniform: bool = False) -> tuple[Volume, list[str]]:
-    """Return a volume, or all channels of one, and remarks on it; ``uniform`` ones if asked."""
+    """Return a volume, or all channels of one, and notes on it; ``uniform`` ones if asked."""
     query, library = _query(path)
-    remarks: list[str] = []
+    notes: list[str] = []
     try:
-        volume = _read_field(query, library, str(query.path), remarks)
+        volume = _read_field(query, library, str(query.path), notes)
     except VolumeError as error:
         if error.code != "missing" or not (names := _open_channels(query, library)):
             raise
-        volume = _read_channels(query, library, names, remarks, uniform)
-    return volume, list(dict.fromkeys(remarks))
+        volume = _read_channels(query, library, names, notes, uniform)
+    return volume, list(dict.fromkeys(notes))
 
 
 def _open_channels(query: Query, library: str) -> list[str]:
@@ -183,7 +183,7 @@ def _open_channels(query: Query, library: str) -> list[str]:
 
 
 def _read_channels(
-    query: Query, library: str, names: list[str], remarks: list[str], uniform: bool
+    query: Query, library: str, names: list[str], notes: list[str], uniform: bool
 ) -> Volume:
     """Read all channels of a file as the fields of one volume; ``uniform`` ones only if asked."""
     fields: list[Volume] = []
@@ -196,14 +196,14 @@ def _read_channels(
             if error.code != "range":
                 raise
             reason = str(error).partition(": ")[2]
-            remarks.append(f"{query.path}: channel {number} ({name}) is left out: {reason}")
+            notes.append(f"{query.path}: channel {number} ({name}) is left out: {reason}")
             continue
-        remarks += [] if number else of_field  # those on a file are the same for all channels
+        notes += [] if number else of_field  # those on a file are the same for all channels
         low, high = field.range
         if low < high or uniform:
             fields.append(field)
         else:
-            remarks.append(
+            notes.append(
                 f"{query.path}: channel {number} ({name}) is left out, as every voxel is {low:g}"
             )
     if not fields:
@@ -212,22 +212,22 @@ def _read_channels(
             "give another file",
             code="range",
         )
-    own, *others = fields
-    return own.with_fields(others)
+    first, *further = fields
+    return first.with_fields(further)
 
 
-def _read_field(query: Query, library: str, name: str, remarks: list[str]) -> Volume:
-    """Read the field that an address selects, and add remarks on it."""
+def _read_field(query: Query, library: str, name: str, notes: list[str]) -> Volume:
+    """Read the field that an address selects, and add notes on it."""
     reading = None
     if (stack := _larger(query)) is None:
         reading = read_in_child(query) if library else read_here(query)
         stack = stored_stack(query, reading)
     if stack is not None:
         _require_linear(query)
-        volume = read_coarsest(query, name, stack, remarks)
-        return _with_labels(volume, query, stack.labels, remarks)
+        volume = read_coarsest(query, name, stack, notes)
+        return _with_labels(volume, query, stack.labels, notes)
     assert reading is not None
-    remarks += reading.remarks
+    notes += reading.notes
     values = reading.values
     if isinstance(values, Stored):
         query.reserve(values.shape, np.dtype(values.dtype).itemsize)
@@ -237,8 +237,8 @@ def _read_field(query: Query, library: str, name: str, remarks: list[str]) -> Vo
     channel, missing = reading.channel or Channel(), None
     numbers: tuple[int, ...] = ()
     if query.is_log:
-        values, missing, remark = logarithms(values, name)
-        remarks += filter(None, [remark])
+        values, missing, note = logarithms(values, name)
+        notes += filter(None, [note])
         channel = channel.on_log_scale()
     else:
         values, numbers = renumbered(values, certain)
@@ -254,7 +254,7 @@ def _read_field(query: Query, library: str, name: str, remarks: list[str]) -> Vo
     )
     if query.spacing_mm is not None:
         volume = volume.with_spacing(query.spacing_mm)
-    return _with_labels(volume, query, reading.labels, remarks)
+    return _with_labels(volume, query, reading.labels, notes)
 
 
 def _require_linear(query: Query) -> None:
@@ -300,19 +300,19 @@ def open_level(path: str | os.PathLike[str]) -> tuple[Level, str, Labels, Metada
         )
     labels = dict(volume.labels)
     if volume.numbers:  # of which a volume that is larger than memory has only the names
-        numbered = {n: replace(each, name=f"{n} {each.name}".strip()) for n, each in labels.items()}
-        labels = {volume.value_of(n): each for n, each in numbered.items()}
+        numbered = {n: replace(row, name=f"{n} {row.name}".strip()) for n, row in labels.items()}
+        labels = {volume.value_of(n): label for n, label in numbered.items()}
     return level_of(volume), query.path.name, labels, volume.metadata
 
 
 def _with_labels(
-    volume: Volume, query: Query, in_header: Labels | None, remarks: list[str]
+    volume: Volume, query: Query, in_header: Labels | None, notes: list[str]
 ) -> Volume:
     """Add the labels of a segmentation, from a given table, the header, or tables next to it."""
     path, named = query.path, query.labels
-    given = {} if named is None else read_label_table(path.parent / named)
+    named_labels = {} if named is None else read_label_table(path.parent / named)
     beside: Mapping[Path, Labels] = {} if query.is_remote else labels_beside(path)
-    tables = {path.parent / named: given} if named is not None else beside
+    tables = {path.parent / named: named_labels} if named is not None else beside
     names: Labels = in_header or {} if named is None else {}
     for table in tables.values():
         names = merge_labels(names, table)
@@ -327,9 +327,9 @@ def _with_labels(
             code="conflict",
         )
     if why:
-        remarks.append(f"{path}: is shown as values, not as labels, as its {why}")
-    if named is not None and not labels.keys() & given.keys():
-        numbers = [str(number) for number in sorted(given) if number]
+        notes.append(f"{path}: is shown as values, not as labels, as its {why}")
+    if named is not None and not labels.keys() & named_labels.keys():
+        numbers = [str(number) for number in sorted(named_labels) if number]
         listed = ", ".join(numbers[:_MAX_NUMBERS]) + ", …" * (len(numbers) > _MAX_NUMBERS)
         low, high = volume.stated(volume.range)
         raise VolumeError(
@@ -338,12 +338,12 @@ def _with_labels(
             code="conflict",
             given=named,
         )
-    remarks += _partial_table(path, labels, tables)
+    notes += _partial_table(path, labels, tables)
     return replace(volume, labels=labels) if labels else volume
 
 
 def _partial_table(path: Path, labels: Labels, tables: Mapping[Path, Labels]) -> list[str]:
-    """Return a remark if tables leave many labels without a name: they may be another volume's."""
+    """Return a note if tables leave many labels without a name: they may be another volume's."""
     named = {number for number, label in labels.items() if label.name}
     if len(named) >= NAMED * len(labels):
         return []
@@ -386,15 +386,15 @@ def _query(path: str | os.PathLike[str]) -> tuple[Query, str]:
     query = Query.of(locate_volume(os.fspath(path)))
     if not is_bundled(query.path):
         require_links_inside(query.path, VolumeError)
-    found = _format(query)
-    if query.path.is_dir() and found in (formats.DICOM, formats.SLICES):
+    kind = _format(query)
+    if query.path.is_dir() and kind in (formats.DICOM, formats.SLICES):
         for folder in series_folders(query.path) or (query.path,):
             require_slices(folder, formats.SLICE_SUFFIXES)
-    if formats.HDF5 in found.magic:
+    if formats.HDF5 in kind.magic:
         require_parts_inside(query.path)
-    if found.library in _UTF_8:
+    if kind.library in _UTF_8:
         _require_utf_8(query.path)
-    return query, found.library
+    return query, kind.library
 
 
 def read_here(query: Query) -> Reading:
@@ -435,27 +435,27 @@ def _format(query: Query) -> formats.Format:
     head = require_contents(path)
     if not head:
         raise VolumeError(f"{path}: the file is empty; copy or download it again", code="damaged")
-    found, lower = formats.format_of(path, head), path.name.lower()
-    others = () if lower.endswith(formats.VOLUME_SUFFIXES) or query.options else _ADVICE.items()
-    advice = next((text for ends, text in others if lower.endswith(ends)), "")
+    kind, lower = formats.format_of(path, head), path.name.lower()
+    hints = () if lower.endswith(formats.VOLUME_SUFFIXES) or query.options else _ADVICE.items()
+    advice = next((text for ends, text in hints if lower.endswith(ends)), "")
     # Some of the others are HDF5 or TIFF, whose readers do not know what they state.
-    if advice and found is not formats.DICOM:
+    if advice and kind is not formats.DICOM:
         vti = os.path.splitext(path)[0] + ".vti"
         names = {"path": str(path), "vti": vti, "shell": shlex.quote(str(path))}
         raise VolumeError(f"{path}: {advice.format(**names)}", code="unsupported")
-    if found is None and query.options:
+    if kind is None and query.options:
         return formats.RAW
-    any_bytes = found is None or found.unpacks or found is formats.RAW
+    any_bytes = kind is None or kind.unpacks or kind is formats.RAW
     if head.startswith(GZIP) and not any_bytes:
-        plain = path.with_name(f"unpacked-{path.name}")
+        target = path.with_name(f"unpacked-{path.name}")
         raise VolumeError(
             f"{path}: is packed by gzip, though its name does not say so",
-            f"unpack it: gunzip -c {shlex.quote(str(path))} > {shlex.quote(str(plain))}",
+            f"unpack it: gunzip -c {shlex.quote(str(path))} > {shlex.quote(str(target))}",
             code="unsupported",
         )
-    if found is None:
+    if kind is None:
         raise VolumeError(f"{path}: unknown format; supported are {_KNOWN}", code="unknown")
-    return found
+    return kind
 
 
 def _require_readable(query: Query) -> None:
@@ -470,8 +470,8 @@ def _require_readable(query: Query) -> None:
         require_contents(path)
     if not exists:
         remedy = f"{nearest_file(path, _NEVER_VOLUMES)}check the path"
-        if plain := [key for key, value in query.options.items() if not value]:
-            path = Path(f"{path}?{plain[0]}")
+        if empty := [key for key, value in query.options.items() if not value]:
+            path = Path(f"{path}?{empty[0]}")
             remedy = "give one file, as ? begins options, KEY=VALUE"
         raise VolumeError(f"{path}: no such file", remedy, code="not-found")
     if not readable:
@@ -492,9 +492,9 @@ def _folder_format(folder: Path) -> formats.Format:
             return formats.DICOM
         require_slices(folder, formats.SLICE_SUFFIXES)
         volumes = sorted(
-            each.name
-            for each in folder.iterdir()
-            if each.name.lower().endswith(formats.WHOLE_SUFFIXES) and not each.name.startswith(".")
+            path.name
+            for path in folder.iterdir()
+            if path.name.lower().endswith(formats.WHOLE_SUFFIXES) and not path.name.startswith(".")
         )
     except OSError as error:
         raise VolumeError(
@@ -502,11 +502,11 @@ def _folder_format(folder: Path) -> formats.Format:
             code="unreadable",
         ) from error
     if volumes:
-        held = f"{len(volumes)} volumes" if len(volumes) > 1 else "a volume"
+        contents = f"{len(volumes)} volumes" if len(volumes) > 1 else "a volume"
         raise VolumeError(
-            f"{folder}: holds {held}; name one, such as {folder / volumes[0]}", code="missing"
+            f"{folder}: holds {contents}; name one, such as {folder / volumes[0]}", code="missing"
         )
-    endings = dict.fromkeys(each.suffix.lower() or each.name for each in sorted(folder.iterdir()))
+    endings = dict.fromkeys(path.suffix.lower() or path.name for path in sorted(folder.iterdir()))
     if not endings:
         raise VolumeError(f"{folder}: is an empty folder; check the path", code="not-found")
     holds = ", ".join([*endings][:_MAX_NUMBERS]) + ", …" * (len(endings) > _MAX_NUMBERS)

@@ -53,7 +53,7 @@ class Metadata:
     @property
     def assumed_lengths(self) -> tuple[str, ...]:
         """Assumptions on lengths."""
-        return tuple(each for each in self.assumed if " mm" in each or " µm" in each)
+        return tuple(text for text in self.assumed if " mm" in text or " µm" in text)
 
     def given(self, unit: str | None, has_spacing: bool) -> Metadata:
         """Return this with what an address states: a unit of the values, and a spacing in mm.
@@ -62,7 +62,7 @@ class Metadata:
         Metadata(modality='', unit='HU', is_patient=False, assumed=(), is_log=False)
         """
         lengths = (*self.assumed_lengths, NO_DEPTH) if has_spacing else ()
-        assumed = tuple(each for each in self.assumed if each not in lengths)
+        assumed = tuple(text for text in self.assumed if text not in lengths)
         return replace(self, unit=self.unit if unit is None else unit, assumed=assumed)
 
     def __str__(self) -> str:
@@ -71,7 +71,7 @@ class Metadata:
         >>> print(Metadata("CT", "HU", assumed=(NO_UNIT,)))
         CT, values in HU; assumed: lengths in mm
         """
-        stated = [self.modality, f"values in {self.unit}" if self.unit else ""]
-        stated += ["logarithms are shown"] if self.is_log else []
+        parts = [self.modality, f"values in {self.unit}" if self.unit else ""]
+        parts += ["logarithms are shown"] if self.is_log else []
         assumed = f"assumed: {', '.join(self.assumed)}" if self.assumed else ""
-        return "; ".join(filter(None, (", ".join(filter(None, stated)), assumed)))
+        return "; ".join(filter(None, (", ".join(filter(None, parts)), assumed)))

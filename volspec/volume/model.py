@@ -122,11 +122,11 @@ class Volume:
     typical_range: tuple[float, float] = field(init=False)
 
     def __post_init__(self) -> None:
-        given, lattice = array_and_lattice(self.values, self.name)
+        array, lattice = array_and_lattice(self.values, self.name)
         if self.labels and not self.numbers:
-            given, numbers = renumbered(np.asarray(given), certain=True)
+            array, numbers = renumbered(np.asarray(array), certain=True)
             object.__setattr__(self, "numbers", numbers)
-        values, span, missing = checked_values(given, self.name, self.missing)
+        values, span, missing = checked_values(array, self.name, self.missing)
         if self.pyramid is not None:
             span, missing = self.pyramid.range, self.pyramid.missing
         if self.spacing_mm is None and self.world_from_index is None:
@@ -142,8 +142,8 @@ class Volume:
         object.__setattr__(self, "fields", checked_fields(self))
 
     def __setstate__(self, state: list[Any]) -> None:
-        for each, value in zip(dataclasses.fields(self), state, strict=True):
-            object.__setattr__(self, each.name, value)
+        for attribute, value in zip(dataclasses.fields(self), state, strict=True):
+            object.__setattr__(self, attribute.name, value)
         for array in (self.values, self.world_from_index):  # a pickled array can be written to
             array.flags.writeable = False
 
@@ -156,16 +156,16 @@ class Volume:
         if self.values.dtype == np.uint8:  # has no values to spare for what was not measured
             return self.range
         voxels: Any = self.values
-        least, most = self.range
+        minimum, maximum = self.range
         if self.pyramid is not None and self.pyramid.sample is not None:
             voxels = self.pyramid.sample.voxels
-        every = tuple(slice(None, None, -(-n // _LOOKED_AT)) for n in voxels.shape)
-        low, high = typical_range(voxels[every], self.range)
+        sampled = tuple(slice(None, None, -(-n // _LOOKED_AT)) for n in voxels.shape)
+        low, high = typical_range(voxels[sampled], self.range)
         # Of all voxels, not of those that were looked at.
-        if low > least:
-            low = float(voxels.min(where=voxels > least, initial=voxels.dtype.type(low)))
-        if high < most:
-            high = float(voxels.max(where=voxels < most, initial=voxels.dtype.type(high)))
+        if low > minimum:
+            low = float(voxels.min(where=voxels > minimum, initial=voxels.dtype.type(low)))
+        if high < maximum:
+            high = float(voxels.max(where=voxels < maximum, initial=voxels.dtype.type(high)))
         return low, high
 
     @property
@@ -188,17 +188,17 @@ class Volume:
     @property
     def by_name(self) -> dict[str, Volume]:
         """All fields by name, its own first."""
-        return {each.name: each for each in (self, *self.fields)}
+        return {volume.name: volume for volume in (self, *self.fields)}
 
     @property
     def by_role(self) -> dict[str, Volume]:
         """All fields by name, its own, whatever it is called, as ``""`` first."""
-        return {"": self} | {each.name: each for each in self.fields}
+        return {"": self} | {volume.name: volume for volume in self.fields}
 
     @property
     def finest_mm(self) -> float:
         """Smallest spacing of all fields, in mm."""
-        return min(min(each.spacing_mm) for each in (self, *self.fields))
+        return min(min(volume.spacing_mm) for volume in (self, *self.fields))
 
     @property
     def smallest_mm(self) -> float:
@@ -238,8 +238,8 @@ class Volume:
         if not self.numbers:
             return number
         value = bisect_left(self.numbers, number)
-        known = value < len(self.numbers) and self.numbers[value] == number
-        return value if known else len(self.numbers) + number
+        exists = value < len(self.numbers) and self.numbers[value] == number
+        return value if exists else len(self.numbers) + number
 
     @property
     def least_present(self) -> float:
@@ -265,12 +265,12 @@ class Volume:
 
     def scaled(self, factor: float) -> Volume:
         """Return the field with float values multiplied by a power of two; further fields stay."""
-        low, high, least, most = (each * factor for each in (*self.range, *self.typical_range))
+        low, high, begin, end = (bound * factor for bound in (*self.range, *self.typical_range))
         values, missing = self.values * np.float32(factor), None
         if self.missing is not None:  # float32 may have had no room for it
             missing = missing_value(low, high)
             values[self.values == self.missing] = missing
-        changes = {"missing": missing, "range": (low, high), "typical_range": (least, most)}
+        changes = {"missing": missing, "range": (low, high), "typical_range": (begin, end)}
         return self._changed(values=values, **changes)
 
     def at_level(self, number: int) -> Volume:
@@ -357,7 +357,7 @@ class Volume:
             If a number is not positive.
         """
         spacing, _ = checked_geometry(spacing_mm, None, self.name)
-        pyramid, stated = self.pyramid, self.metadata.given(None, True)
+        pyramid, details = self.pyramid, self.metadata.given(None, True)
         if pyramid is not None:
             finest = self.at_level(0).spacing_mm
             pyramid = pyramid.with_spacing(np.divide(spacing, finest).tolist())
@@ -367,16 +367,16 @@ class Volume:
                 spacing_mm=None,  # type: ignore[arg-type]
                 world_from_index=world,
                 pyramid=pyramid,
-                metadata=stated,
+                metadata=details,
             )
         world = self.world_from_index.copy()
         world[:3, :3] *= np.asarray(spacing) / np.asarray(self.spacing_mm)
         fields = [
-            each.with_spacing(spacing) if each.has_lattice_of(self) else each
-            for each in self.fields
+            volume.with_spacing(spacing) if volume.has_lattice_of(self) else volume
+            for volume in self.fields
         ]
         return replace(
-            self, spacing_mm=spacing, world_from_index=world, fields=tuple(fields), metadata=stated
+            self, spacing_mm=spacing, world_from_index=world, fields=tuple(fields), metadata=details
         )
 
     def downsampled(self, factor: int, *, labels: bool = False) -> Volume:
@@ -423,11 +423,11 @@ class Volume:
                 code="conflict",
                 given=factor,
             )
-        least = min(self.shape_xyz)
-        if -(-least // step) < 2:
+        shortest = min(self.shape_xyz)
+        if -(-shortest // step) < 2:
             raise VolumeError(
-                f"{self.name}: downsampled by {step}, {least} voxels leave one",
-                f"a volume has at least two along each axis, give a factor below {least}",
+                f"{self.name}: downsampled by {step}, {shortest} voxels leave one",
+                f"a volume has at least two along each axis, give a factor below {shortest}",
                 code="range",
                 given=factor,
             )
@@ -442,23 +442,23 @@ class Volume:
             spacing_mm=None,  # type: ignore[arg-type]
             world_from_index=self.world_from_index @ index_from_new,
             fields=tuple(
-                each.downsampled(factor, labels=bool(each.labels)) for each in self.fields
+                volume.downsampled(factor, labels=bool(volume.labels)) for volume in self.fields
             ),
         )
 
     @classmethod
-    def of(cls, given: Volume | pyvista.ImageData | ArrayLike) -> Volume:
+    def of(cls, source: Volume | pyvista.ImageData | ArrayLike) -> Volume:
         """Return a given volume, or make one of a pyvista grid, napari layer or array (Z, Y, X).
 
         An array's spacing is 1 mm, unless it is an xarray ``DataArray`` with coordinates.
         """
-        if isinstance(given, cls):
-            return given
-        if hasattr(given, "point_data"):
-            return cls.from_pyvista(given)
-        if hasattr(given, "data_to_world"):
-            return cls.from_layer(given)
-        return cls(given)  # type: ignore[arg-type]
+        if isinstance(source, cls):
+            return source
+        if hasattr(source, "point_data"):
+            return cls.from_pyvista(source)
+        if hasattr(source, "data_to_world"):
+            return cls.from_layer(source)
+        return cls(source)  # type: ignore[arg-type]
 
     @classmethod
     def empty(cls, low_mm: ArrayLike, high_mm: ArrayLike) -> Volume:
@@ -516,7 +516,7 @@ class Volume:
                 code="type",
             )
         mm = np.array([mm_per_unit(str(unit)) or 1.0 for unit in layer.units])
-        start, *ends = (np.array(layer.data_to_world(each)) for each in np.eye(4, 3, -1))
+        start, *ends = (np.array(layer.data_to_world(corner)) for corner in np.eye(4, 3, -1))
         world = np.eye(4)
         # From (z, y, x) to (x, y, z).
         world[:3, :3] = (mm * (ends - start)).T[::-1, ::-1]
@@ -539,10 +539,10 @@ class Volume:
 def checked_fields(volume: Volume) -> tuple[Volume, ...]:
     """Return a volume's further fields. Raises VolumeError if they cannot be distinguished."""
     fields = tuple(volume.fields)
-    if not all(isinstance(each, Volume) for each in fields):
+    if not all(isinstance(extra, Volume) for extra in fields):
         remedy = "give a list of volspec.Volume"
         raise VolumeError.refused(f"{volume.name}: fields", fields, remedy, "type")
-    names = [volume.name, *(each.name for each in fields)]
+    names = [volume.name, *(extra.name for extra in fields)]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise VolumeError(
             f"{volume.name}: two fields are named {twice!r}",
@@ -550,7 +550,7 @@ def checked_fields(volume: Volume) -> tuple[Volume, ...]:
             code="duplicate",
             given=twice,
         )
-    if nested := next((each for each in fields if each.fields), None):
+    if nested := next((extra for extra in fields if extra.fields), None):
         raise VolumeError(
             f"{volume.name}: the field {nested.name!r} has fields of its own",
             "give all fields in one list",
@@ -577,11 +577,11 @@ def present_means(missing: float) -> Summary:
     """
 
     def means(blocks: NDArray[Any]) -> NDArray[Any]:
-        there = blocks != missing
-        count = there.sum(axis=1)
-        sums = blocks.sum(axis=1, where=there, dtype=np.float64)
-        found = sums / np.maximum(count, 1)
-        return np.where(2 * count > blocks.shape[1], found, missing)
+        valid = blocks != missing
+        count = valid.sum(axis=1)
+        sums = blocks.sum(axis=1, where=valid, dtype=np.float64)
+        averages = sums / np.maximum(count, 1)
+        return np.where(2 * count > blocks.shape[1], averages, missing)
 
     return means
 
@@ -627,8 +627,8 @@ def downsample(values: NDArray[Any], factor: int, summary: Summary) -> NDArray[A
 
 def _block_runs(count: int, factor: int) -> list[tuple[slice, int, slice]]:
     """Return (source, block length, target) of the whole blocks and of the last, smaller one."""
-    whole = count // factor
-    parts = [(slice(0, whole * factor), factor, slice(0, whole))]
-    if rest := count - whole * factor:
-        parts.append((slice(whole * factor, None), rest, slice(whole, None)))
+    complete = count // factor
+    parts = [(slice(0, complete * factor), factor, slice(0, complete))]
+    if remainder := count - complete * factor:
+        parts.append((slice(complete * factor, None), remainder, slice(complete, None)))
     return [part for part in parts if part[0].stop != 0]

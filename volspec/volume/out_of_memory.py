@@ -42,13 +42,13 @@ def stored_stack(query: Query, reading: Reading) -> Stack | None:
     is_stored = isinstance(values, Stored) and len(values.shape) == 3
     if not is_stored or values.nbytes <= query.most_bytes:
         return None
-    given = reading.spacing_mm, reading.world_from_index
-    spacing, world = checked_geometry(*given, str(query.path))
+    geometry = reading.spacing_mm, reading.world_from_index
+    spacing, world = checked_geometry(*geometry, str(query.path))
     if query.spacing_mm is not None:
         world = world @ np.diag([*np.divide(query.spacing_mm, spacing), 1.0])
     level = Level(values, (0, 1, 2), (0, 0, 0), world, _raw_chunk(values.shape))
-    stated = reading.channel, reading.labels, reading.remarks
-    return Stack([level], *stated, metadata=reading.metadata)
+    details = reading.channel, reading.labels, reading.notes
+    return Stack([level], *details, metadata=reading.metadata)
 
 
 def _raw_chunk(shape: tuple[int, ...]) -> tuple[int, int, int]:
@@ -57,13 +57,13 @@ def _raw_chunk(shape: tuple[int, ...]) -> tuple[int, int, int]:
     return min(_RAW_CHUNK[0], z), min(_RAW_CHUNK[1], y), x
 
 
-def read_coarsest(query: Query, name: str, stack: Stack, remarks: list[str]) -> Volume:
-    """Return a volume that is larger than memory, and add remarks on it.
+def read_coarsest(query: Query, name: str, stack: Stack, notes: list[str]) -> Volume:
+    """Return a volume that is larger than memory, and add notes on it.
 
     Its coarsest level is read now, or made if there is none that memory holds.
     """
     try:
-        return _read_coarsest(query, name, stack, remarks)
+        return _read_coarsest(query, name, stack, notes)
     except VolumeError:
         raise
     except Exception as error:  # whatever the array's library raises
@@ -74,14 +74,14 @@ def read_coarsest(query: Query, name: str, stack: Stack, remarks: list[str]) -> 
         ) from error
 
 
-def _read_coarsest(query: Query, name: str, stack: Stack, remarks: list[str]) -> Volume:
+def _read_coarsest(query: Query, name: str, stack: Stack, notes: list[str]) -> Volume:
     memory_bytes = query.memory_bytes or min(DEFAULT_BYTES, host_free_bytes() // 2)
     levels = [*stack.levels]
     number = coarse_level(levels, memory_bytes)
     dtype = cast_dtype(levels[0].dtype)
     damaged: dict[Chunk, str] = {}
     sample = stack.sample
-    remarks += stack.remarks
+    notes += stack.notes
     if number is None:
         means, factor, finest, sample = summarise(levels[0])
         levels = [finest]
@@ -94,7 +94,7 @@ def _read_coarsest(query: Query, name: str, stack: Stack, remarks: list[str]) ->
         remedy = "`volspec convert` makes a copy that opens at once"
         if stack.sample is not None:  # it is one
             remedy = "give more memory"
-        remarks.append(
+        notes.append(
             f"{query.path}: {size_text(levels[0].nbytes)} are more than memory may take, and it "
             f"has no coarser levels; {remedy}"
         )
@@ -104,8 +104,8 @@ def _read_coarsest(query: Query, name: str, stack: Stack, remarks: list[str]) ->
         world = levels[number].world_from_index
         levels = levels[:number]
     channel = stack.channel or Channel()
-    stated = query.completed(stack.metadata)
-    coarse = Volume(values, world_from_index=world, name=name, channel=channel, metadata=stated)
+    metadata = query.completed(stack.metadata)
+    coarse = Volume(values, world_from_index=world, name=name, channel=channel, metadata=metadata)
     span, missing = coarse.range, coarse.missing
     if (ranges := levels[0].ranges) is not None:
         low = ranges[0][np.isfinite(ranges[0])].min(initial=ranges[1].max())
@@ -121,12 +121,12 @@ def _read_coarsest(query: Query, name: str, stack: Stack, remarks: list[str]) ->
         missing = missing_value(*span)
         values = np.where(coarse.values == coarse.missing, np.float32(missing), coarse.values)
         coarse = replace(coarse, values=values, missing=missing)
-    own = Level(coarse.values, (0, 1, 2), (0, 0, 0), coarse.world_from_index, values.shape)
-    levels.append(own)
-    given = tuple(levels), dtype, span, missing, memory_bytes, damaged, sample
-    pyramid = Pyramid(name, *given)
+    coarsest = Level(coarse.values, (0, 1, 2), (0, 0, 0), coarse.world_from_index, values.shape)
+    levels.append(coarsest)
+    arguments = tuple(levels), dtype, span, missing, memory_bytes, damaged, sample
+    pyramid = Pyramid(name, *arguments)
     if damaged:
-        remarks.append(pyramid.describe_gaps())
+        notes.append(pyramid.describe_gaps())
     volume = replace(coarse, pyramid=pyramid)
     if query.spacing_mm is not None:
         volume = volume.with_spacing(query.spacing_mm)
@@ -154,12 +154,12 @@ def _read_rest(level: Level, number: int) -> tuple[NDArray[Any], dict[Chunk, str
             damaged[Chunk(number, *place)] = fault
         else:
             values[tuple(slice(*ends) for ends in box)] = read
-    there = np.ones(level.shape, np.bool_)
+    intact = np.ones(level.shape, np.bool_)
     for chunk in damaged:
-        there[tuple(slice(*ends) for ends in level.box_of(chunk[1:]))] = False
-    if not there.any():
+        intact[tuple(slice(*ends) for ends in level.box_of(chunk[1:]))] = False
+    if not intact.any():
         raise first or VolumeError("none of its chunks is what was written", code="damaged")
-    values[~there] = np.nanmin(values[there])
+    values[~intact] = np.nanmin(values[intact])
     return values, damaged
 
 

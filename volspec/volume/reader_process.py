@@ -84,7 +84,7 @@ def read_in_child(query: Query) -> Reading:
         values,
         answer["spacing_mm"],
         None if world is None else np.array(world),
-        answer["remarks"],
+        answer["notes"],
         None if answer["labels"] is None else _labels(answer["labels"]),
         None if answer["channel"] is None else _channel(answer["channel"]),
         Metadata(**answer["metadata"] | {"assumed": tuple(answer["metadata"]["assumed"])}),
@@ -95,10 +95,10 @@ def _labels(rows: list[tuple[int, str, list[float] | None]]) -> dict[int, Label]
     return {n: Label(name, None if c is None else (c[0], c[1], c[2])) for n, name, c in rows}
 
 
-def _channel(given: dict[str, Any]) -> Channel:
+def _channel(values: dict[str, Any]) -> Channel:
     for key in ("colour", "limits"):
-        given[key] = given[key] and tuple(given[key])
-    return Channel(**given)
+        values[key] = values[key] and tuple(values[key])
+    return Channel(**values)
 
 
 def choices_in_child(query: Query) -> tuple[Choice, ...]:
@@ -106,8 +106,8 @@ def choices_in_child(query: Query) -> tuple[Choice, ...]:
     process, answer = _ask(replace(query, choices=[]))
     _idle_processes(os.getpid()).append(process)
     return tuple(
-        Choice(each["key"], tuple(each["values"]), tuple(each["names"]), each["chosen"])
-        for each in answer["choices"]
+        Choice(entry["key"], tuple(entry["values"]), tuple(entry["names"]), entry["chosen"])
+        for entry in answer["choices"]
     )
 
 
@@ -175,7 +175,7 @@ class _ReaderProcess:
         folder = None
         with suppress(OSError):  # it may have been deleted
             folder = os.getcwd()
-        given: dict[str, Any] = {
+        request: dict[str, Any] = {
             "path": str(query.path),
             "options": query.options,
             "memory_bytes": query.memory_bytes,
@@ -184,7 +184,7 @@ class _ReaderProcess:
             "choices": None if query.choices is None else [],
         }
         try:
-            self._send(json.dumps(given).encode())
+            self._send(json.dumps(request).encode())
             begun = self._expected(self._receive(_START_S))
         except BaseException:
             self.close()
@@ -281,11 +281,11 @@ def serve(read: Callable[[Query], Reading], reader_library: Callable[[Query], st
     threading.Thread(target=_listen, args=(requests,), daemon=True).start()
     with suppress(Empty):
         while line := requests.get(timeout=_IDLE_S):
-            given = json.loads(line)
+            request = json.loads(line)
             with suppress(OSError, TypeError):
-                os.chdir(given["folder"])
-            confine(given["confined"])
-            path = path_of(given["path"])
+                os.chdir(request["folder"])
+            confine(request["confined"])
+            path = path_of(request["path"])
             size = path.stat().st_size if path.is_file() else 0
             folder = _folder_bytes(path)
 
@@ -293,8 +293,8 @@ def serve(read: Callable[[Query], Reading], reader_library: Callable[[Query], st
                 _limit_memory(_SPARE_BYTES + size + _TIMES_DECLARED * nbytes)
                 send(expects=folder + min(nbytes, _MAX_PACKED * folder), declares=nbytes)
 
-            limit = given["memory_bytes"]
-            query = Query(path, given["options"], expect, given["choices"], memory_bytes=limit)
+            limit = request["memory_bytes"]
+            query = Query(path, request["options"], expect, request["choices"], memory_bytes=limit)
             _limit_memory(None)
             with suppress(ImportError, VolspecError):  # reported when it is read
                 importlib.import_module(reader_library(query))
@@ -311,10 +311,10 @@ _FOLDERS = filter(None, (*sys.path, sys.prefix, sys.base_prefix, "/proc", "/sys"
 _OWN = (os.devnull, *(f"{folder}/" for folder in _FOLDERS))
 
 
-def _refuse_outside(event: str, given: tuple[Any, ...]) -> None:
+def _refuse_outside(event: str, arguments: tuple[Any, ...]) -> None:
     """Refuse files outside of the process's folder, of a library that opens more than one."""
-    if event == "open" and isinstance(given[0], str) and not given[0].startswith(_OWN):
-        require_inside(given[0], VolumeError)
+    if event == "open" and isinstance(arguments[0], str) and not arguments[0].startswith(_OWN):
+        require_inside(arguments[0], VolumeError)
 
 
 def _answer(query: Query, read: Callable[[Query], Reading]) -> tuple[dict[str, Any], int | None]:
@@ -354,7 +354,7 @@ def _answer(query: Query, read: Callable[[Query], Reading]) -> tuple[dict[str, A
             "is_stored": memory is None,
             "spacing_mm": reading.spacing_mm,
             "world_from_index": None if world is None else world.tolist(),
-            "remarks": list(reading.remarks),
+            "notes": list(reading.notes),
             "channel": None if reading.channel is None else asdict(reading.channel),
             "metadata": asdict(reading.metadata),
             "labels": reading.labels
@@ -406,6 +406,6 @@ def _limit_memory(nbytes: int | None) -> None:
 
     with suppress(OSError, ValueError):
         taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        _, most = resource.getrlimit(resource.RLIMIT_AS)
-        resource.setrlimit(resource.RLIMIT_AS, (most if nbytes is None else taken + nbytes, most))
+        _, hard = resource.getrlimit(resource.RLIMIT_AS)
+        resource.setrlimit(resource.RLIMIT_AS, (hard if nbytes is None else taken + nbytes, hard))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

@@ -118,7 +118,7 @@ class Series(Sequence[Volume]):
         self.name = first.name
         self.shape = first.shape_xyz
         self.nbytes = sum(
-            each.values.size * self._alike[name][0].itemsize for name, each in first.by_role.items()
+            part.values.size * self._alike[name][0].itemsize for name, part in first.by_role.items()
         )
 
     def __getstate__(self) -> dict[str, Any]:
@@ -144,7 +144,7 @@ class Series(Sequence[Volume]):
         Raises VolumeError if its file cannot be read any more, IndexError if there is none.
         """
         if isinstance(number, slice):
-            return [self[each] for each in range(len(self))[number]]
+            return [self[step] for step in range(len(self))[number]]
         if not -len(self) <= number < len(self):
             raise IndexError(f"series: has {len(self)} time steps, {number} is none of them")
         number = range(len(self))[number]
@@ -163,20 +163,20 @@ class Series(Sequence[Volume]):
         for name, field in volume.by_role.items():
             (low, high), missing = field.range, field.missing is not None
             dtype, typical, labels = field.values.dtype, field.typical_range, field.labels
-            if (known := self._alike.get(name)) is not None:
-                low, high = min(low, known[1]), max(high, known[2])
-                dtype = np.result_type(dtype, known[0])
+            if (previous := self._alike.get(name)) is not None:
+                low, high = min(low, previous[1]), max(high, previous[2])
+                dtype = np.result_type(dtype, previous[0])
                 dtype = dtype if dtype.itemsize <= 2 else np.dtype(np.float32)
-                missing |= known[3]
-                typical = min(typical[0], known[4][0]), max(typical[1], known[4][1])
-                labels = MappingProxyType(dict(sorted({**labels, **known[5]}.items())))
+                missing |= previous[3]
+                typical = min(typical[0], previous[4][0]), max(typical[1], previous[4][1])
+                labels = MappingProxyType(dict(sorted({**labels, **previous[5]}.items())))
             self._alike[name] = dtype, low, high, missing, typical, labels
 
     def _as_others(self, volume: Volume) -> Volume:
         """Return a step with the type and range of all."""
-        own = volume.of_series(self.name, *self._alike[""])
+        alike = volume.of_series(self.name, *self._alike[""])
         fields = [field.of_series(field.name, *self._alike[field.name]) for field in volume.fields]
-        return own.with_fields(fields) if fields else own
+        return alike.with_fields(fields) if fields else alike
 
     def _keep(self, number: int, volume: Volume) -> None:
         """Keep a step in memory, instead of those used longest ago if there is no room."""
@@ -191,13 +191,13 @@ def _itself(volume: Volume) -> Volume:
 
 def _nbytes(volume: Volume) -> int:
     """Return the bytes of all fields' voxels."""
-    return sum(each.values.nbytes for each in (volume, *volume.fields))
+    return sum(field.values.nbytes for field in (volume, *volume.fields))
 
 
 def _require_alike(volume: Volume, first: Volume, name: str) -> None:
     """Refuse a step with another lattice or other fields than the first."""
-    fields, others = volume.by_role, first.by_role
-    if fields.keys() != others.keys():
+    fields, expected = volume.by_role, first.by_role
+    if fields.keys() != expected.keys():
         raise VolumeError(
             f"{name}: has the fields {', '.join(volume.by_name)}, but the first step has "
             f"{', '.join(first.by_name)}",
@@ -205,10 +205,10 @@ def _require_alike(volume: Volume, first: Volume, name: str) -> None:
             code="conflict",
         )
     for key, field in fields.items():
-        if not field.has_lattice_of(others[key]):
+        if not field.has_lattice_of(expected[key]):
             raise VolumeError(
                 f"{name}: has another lattice, {_lattice(field)}, than the first step, "
-                f"{_lattice(others[key])}",
+                f"{_lattice(expected[key])}",
                 "give steps of one lattice, or resample this one",
                 code="shape",
             )
@@ -259,30 +259,30 @@ def open_volume(address: str) -> tuple[Volume, Series | None]:
 
     Errors and warnings are those of `load_volume` and `load_series`.
     """
-    found = volume_or_steps(address)
-    if isinstance(found, Volume):
-        return found, None
-    series = _opened(found, KEPT_BYTES)
+    source = volume_or_steps(address)
+    if isinstance(source, Volume):
+        return source, None
+    series = _opened(source, KEPT_BYTES)
     return series[0], series
 
 
-def load_at(address: str, step: int, count: int, known: Known) -> Volume:
+def load_at(address: str, step: int, count: int, cache: Known) -> Volume:
     """Read a volume, or a step, from 0, of a series of so many.
 
-    What the address leads to is looked up in ``known``, and added there: a volume that is no series
+    What the address leads to is looked up in ``cache``, and added there: a volume that is no series
     is read once. Raises VolumeError as `load_volume`, or if the series has another length.
     """
-    first = address not in known
-    found = known.setdefault(address, volume_or_steps(address)) if first else known[address]
-    if isinstance(found, Volume):
-        return found
-    if len(found) != count:
+    first = address not in cache
+    source = cache.setdefault(address, volume_or_steps(address)) if first else cache[address]
+    if isinstance(source, Volume):
+        return source
+    if len(source) != count:
         raise VolumeError(
-            f"{address}: has {len(found)} time steps, but the volume has {count}",
+            f"{address}: has {len(source)} time steps, but the volume has {count}",
             "give as many, or one alone with ?time=0",
             code="shape",
         )
-    return load_step(found[step], 0 if first else 1)
+    return load_step(source[step], 0 if first else 1)
 
 
 def require_step(address: str, step: int, count: int) -> None:
@@ -303,13 +303,13 @@ def volume_or_steps(address: str) -> Volume | tuple[str, ...]:
     try:
         return load_volume(address)
     except VolumeError as error:
-        if error.code != "missing" or len(found := step_addresses(address)) == 1:
+        if error.code != "missing" or len(addresses := step_addresses(address)) == 1:
             raise
-        return found
+        return addresses
 
 
 def _opened(addresses: Sequence[str], kept_bytes: int) -> Series:
-    loads = [partial(load_step, each, number) for number, each in enumerate(addresses)]
+    loads = [partial(load_step, path, number) for number, path in enumerate(addresses)]
     return Series(loads, addresses, kept_bytes)
 
 
@@ -331,13 +331,13 @@ def step_addresses(address: str) -> tuple[str, ...]:
             return tuple(
                 f"{os.path.join(folder, name)}{mark}{options}" for name in names.split(JOINER)
             )
-        found = sorted(glob.glob(path), key=_in_order)
-        if not found:
+        paths = sorted(glob.glob(path), key=_in_order)
+        if not paths:
             raise VolumeError(
                 f"{path}: no file fits this pattern", "check the folder", code="not-found"
             )
-        _warn_of_gaps(path, found)
-        return tuple(f"{name}{mark}{options}" for name in found)
+        _warn_of_gaps(path, paths)
+        return tuple(f"{name}{mark}{options}" for name in paths)
     choices: tuple[Choice, ...] = ()
     with suppress(VolspecError):  # raised again when it is read
         choices = volume_choices(address)
@@ -393,7 +393,7 @@ def series_address(paths: Sequence[str]) -> str:
                 "move the steps into one folder",
                 code="conflict",
             )
-        if any(each in name for each in (PATTERN, JOINER, "?")):
+        if any(mark in name for mark in (PATTERN, JOINER, "?")):
             raise VolumeError(f"{name} has {PATTERN}, {JOINER} or ?", "rename it", code="conflict")
     return os.path.join(folder, JOINER.join(names))
 

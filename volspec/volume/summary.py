@@ -82,9 +82,9 @@ class VolumeSummary:
             table.add_row("missing", f"{self.missing:,} voxels {why}: transparent")
         if self.labels:
             table.add_row("labels", self._label_text())
-        most = max(count for _, _, count in self.histogram)
+        max_count = max(count for _, _, count in self.histogram)
         for low, high, count in self.histogram:
-            length = round(_BAR * np.log1p(count) / np.log1p(most))
+            length = round(_BAR * np.log1p(count) / np.log1p(max_count))
             table.add_row(f"{value % low} … {value % high}", "█" * length + f" {count:,}")
         table.caption = "histogram bars: logarithmic"
         if self.level is not None:
@@ -154,9 +154,9 @@ def _directions(volume: Volume) -> str:
 def _channels(volume: Volume) -> dict[str, tuple[float, float]]:
     if not volume.fields:
         return {}
-    every = volume, *volume.fields
-    names = unique_titles([each.title for each in every])
-    return {name: each.range for name, each in zip(names, every, strict=True)}
+    volumes = volume, *volume.fields
+    names = unique_titles([channel.title for channel in volumes])
+    return {name: channel.range for name, channel in zip(names, volumes, strict=True)}
 
 
 def summarise(volume: Volume, steps: int = 1) -> VolumeSummary:

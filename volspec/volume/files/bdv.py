@@ -52,7 +52,7 @@ def _read(path: Path) -> Project | None:
             number = int(setup.findtext("id", ""))
             project.names[number] = setup.findtext("name", "").strip()
             x, y, z = (float(text) for text in setup.findtext("voxelSize/size", "").split())
-            if all(0 < each < math.inf for each in (x, y, z)):
+            if all(0 < length < math.inf for length in (x, y, z)):
                 unit = setup.findtext("voxelSize/unit", "").strip()
                 project.sizes[number] = (x, y, z), unit
     return project
@@ -64,8 +64,8 @@ def choose_view(query: Query, views: Mapping[tuple[str, str], str]) -> tuple[str
     ``views`` are the arrays by setup and time; sizes are those of the project that names the data.
     """
     data, project = query.path, Project(query.path)
-    others = sorted(islice(data.parent.glob("*.xml"), _MAX_PROJECTS))
-    for path in (data.with_suffix(".xml"), *others):
+    projects = sorted(islice(data.parent.glob("*.xml"), _MAX_PROJECTS))
+    for path in (data.with_suffix(".xml"), *projects):
         candidate = _read(path) if path.is_file() and is_inside(path) else None
         if candidate is not None and candidate.data.resolve() == data.resolve():
             project = candidate

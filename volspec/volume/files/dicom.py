@@ -49,61 +49,61 @@ def series_folders(folder: Path) -> list[Path]:
     """Return the folder itself if it holds DICOM files, else the nearest folders below that do."""
     level = [folder]
     for _ in range(_LEVELS + 1):
-        if found := [each for each in level if dicom_files(each)]:
-            return found
-        below = [path for each in level for path in sorted(each.iterdir()) if path.is_dir()]
+        if folders := [entry for entry in level if dicom_files(entry)]:
+            return folders
+        below = [path for entry in level for path in sorted(entry.iterdir()) if path.is_dir()]
         level = [path for path in below if not path.name.startswith(".")]
     return []
 
 
 def read_series(query: Query) -> Reading:
     """Read a folder's series, or the series that a file belongs to."""
-    remarks: list[str] = []
-    requested = _requested_series(query, remarks)
+    notes: list[str] = []
+    requested = _requested_series(query, notes)
     try:
-        return _read_stack(requested, query, remarks)
+        return _read_stack(requested, query, notes)
     except VolumeError as error:
-        if not remarks:
+        if not notes:
             raise
         # Files that were left out may be the slices that are missing.
-        left_out = remarks[0].removeprefix(f"{query.path}: ")
+        left_out = notes[0].removeprefix(f"{query.path}: ")
         problem = f"{error.problem} ({left_out})"
         raise VolumeError(problem, error.remedy, code=error.code, given=error.given) from error
 
 
-def _requested_series(query: Query, remarks: list[str]) -> list[Slice]:
+def _requested_series(query: Query, notes: list[str]) -> list[Slice]:
     """Return the slices of the series that the query selects, each once."""
     path, is_folder = query.path, query.path.is_dir()
     query.allow(*(("series", "time") if is_folder else ("time",)))
-    own = [] if is_folder else headers([path])
-    if own and own[0].file.frames > 1 and not own[0].file.texts["ConcatenationUID"]:
-        return own
+    named = [] if is_folder else headers([path])
+    if named and named[0].file.frames > 1 and not named[0].file.texts["ConcatenationUID"]:
+        return named
     folders = series_folders(path) if is_folder else [path.parent]
     files = [file for folder in folders for file in dicom_files(folder) if file != path]
     strangers: list[Path] = []
-    found = own + headers(files, strangers)
-    if not found:
+    slices = named + headers(files, strangers)
+    if not slices:
         headers(strangers)  # raises the first one's error
         raise VolumeError(
             f"{path}: holds no DICOM pictures; give the folder of a series", code="not-found"
         )
     if strangers:
-        count = len(strangers) + len({each.file.path for each in found})
-        remarks.append(
+        count = len(strangers) + len({s.file.path for s in slices})
+        notes.append(
             f"{path}: {len(strangers)} of {count} files left out, which cannot be read as DICOM "
             f"pictures, such as {strangers[0].name}"
         )
-    every: dict[str, list[Slice]] = {}
-    for each in sorted(found, key=_series_order):
-        every.setdefault(each.file.texts["SeriesInstanceUID"], []).append(each)
-    chosen = own[0].file.texts["SeriesInstanceUID"] if own else _choose_uid(every, query, remarks)
+    by_uid: dict[str, list[Slice]] = {}
+    for slice_ in sorted(slices, key=_series_order):
+        by_uid.setdefault(slice_.file.texts["SeriesInstanceUID"], []).append(slice_)
+    uid = named[0].file.texts["SeriesInstanceUID"] if named else _choose_uid(by_uid, query, notes)
     # Copies of a file share its UID; a file without one is unique.
-    series = every[chosen]
-    originals = {each.file.texts["SOPInstanceUID"] or each.file.path: each.file for each in series}
+    series = by_uid[uid]
+    originals = {s.file.texts["SOPInstanceUID"] or s.file.path: s.file for s in series}
     kept = set(originals.values())
-    series = [each for each in series if each.file in kept]
-    patients = {each.file.texts["PatientID"] or _patient_name(each): each.name for each in series}
-    studies = {each.file.texts["StudyInstanceUID"]: each.name for each in series}
+    series = [s for s in series if s.file in kept]
+    patients = {s.file.texts["PatientID"] or _patient_name(s): s.name for s in series}
+    studies = {s.file.texts["StudyInstanceUID"]: s.name for s in series}
     # Some programs give every file a study of its own.
     if len(patients) > 1 or 1 < len(studies) < len(series):
         one, other, *_ = (patients if len(patients) > 1 else studies).values()
@@ -112,10 +112,10 @@ def _requested_series(query: Query, remarks: list[str]) -> list[Slice]:
             "series; put each patient's files into a folder of their own",
             code="conflict",
         )
-    names = {_patient_name(each): each.name for each in series}
+    names = {_patient_name(s): s.name for s in series}
     if len(names) > 1:
         one, other, *_ = names.values()
-        remarks.append(
+        notes.append(
             f"{path}: {one} and {other} state the same Patient ID but different Patient's Names; "
             "are they of one patient?"
         )
@@ -133,43 +133,43 @@ def _series_order(one: Slice) -> tuple[int, str]:
     return int(number) if number.isdecimal() else 0, uid
 
 
-def _choose_uid(every: Mapping[str, list[Slice]], query: Query, remarks: list[str]) -> str:
+def _choose_uid(by_uid: Mapping[str, list[Slice]], query: Query, notes: list[str]) -> str:
     """Return the UID of the only series that is a volume, or of the one that ``series=`` names."""
-    stacked = {uid: each for uid, each in every.items() if len(every) == 1 or _is_volume(each)}
-    given = query.options.get("series")
-    listed = _series_choice(stacked, given)
+    stacked = {uid: stack for uid, stack in by_uid.items() if len(by_uid) == 1 or _is_volume(stack)}
+    option = query.options.get("series")
+    listed = _series_choice(stacked, option)
     if query.choices is not None and len(stacked) > 1:
         query.choices.append(listed)
-    meant = _named_series(stacked, given) or _named_series(every, given)
+    meant = _named_series(stacked, option) or _named_series(by_uid, option)
     if len(meant) == 1:
-        if given is None and len(every) > 1:
-            remarks.append(
-                f"{query.path}: holds {len(every)} series; the only one whose slices stack is "
+        if option is None and len(by_uid) > 1:
+            notes.append(
+                f"{query.path}: holds {len(by_uid)} series; the only one whose slices stack is "
                 f"read: {listed.names[0]}"
             )
         return meant[0]
     if not stacked:
         raise VolumeError(
-            f"{query.path}: holds {len(every)} series, none of which has slices that stack, as "
+            f"{query.path}: holds {len(by_uid)} series, none of which has slices that stack, as "
             "single pictures and localizers have not; give the folder of a CT or MR series",
             code="shape",
         )
     query.end_choices()
     rows = [f"{value} {name}" for value, name in zip(listed.values, listed.names, strict=True)]
     more = f" and {len(rows) - _MAX_LISTED} more" if len(rows) > _MAX_LISTED else ""
-    wrong = "" if given is None else f"series={given} names {len(meant) or 'none'} of them; "
+    wrong = "" if option is None else f"series={option} names {len(meant) or 'none'} of them; "
     raise VolumeError(
         f"{query.path}: holds {len(stacked)} series; {wrong}name one as "
         f"{query.example(series=listed.values[0])}: {', '.join(rows[:_MAX_LISTED])}{more}",
-        code="missing" if given is None else "unknown",
-        given=given,
+        code="missing" if option is None else "unknown",
+        given=option,
     )
 
 
-def _named_series(every: Mapping[str, Sequence[Slice]], given: str | None) -> list[str]:
+def _named_series(by_uid: Mapping[str, Sequence[Slice]], option: str | None) -> list[str]:
     """Return the UIDs of the series with a UID or number; all if none is given."""
-    numbers = {uid: each[0].file.texts["SeriesNumber"] for uid, each in every.items()}
-    return [uid for uid, number in numbers.items() if given in (None, uid, number)]
+    numbers = {uid: slices[0].file.texts["SeriesNumber"] for uid, slices in by_uid.items()}
+    return [uid for uid, number in numbers.items() if option in (None, uid, number)]
 
 
 def _is_volume(series: Sequence[Slice]) -> bool:
@@ -178,34 +178,34 @@ def _is_volume(series: Sequence[Slice]) -> bool:
     if stack[0].components != 1 or len(stack) < 2:
         return False
     normal = stack[0].directions[:, 2]
-    along = [float(each.origin_mm @ normal) for each in stack if each.origin_mm is not None]
-    return len(along) < len(stack) or float(np.ptp(along)) > 0
+    offsets = [float(slice_.origin_mm @ normal) for slice_ in stack if slice_.origin_mm is not None]
+    return len(offsets) < len(stack) or float(np.ptp(offsets)) > 0
 
 
-def _series_choice(every: Mapping[str, Sequence[Slice]], given: str | None) -> Choice:
+def _series_choice(by_uid: Mapping[str, Sequence[Slice]], option: str | None) -> Choice:
     """Return the choice of a series by its number, or by its UID if the number is not unique."""
-    numbers = [each[0].file.texts["SeriesNumber"] for each in every.values()]
-    values, names, chosen = [], [], None
-    for (uid, slices), number in zip(every.items(), numbers, strict=True):
+    numbers = [slices[0].file.texts["SeriesNumber"] for slices in by_uid.values()]
+    values, names, selected = [], [], None
+    for (uid, slices), number in zip(by_uid.items(), numbers, strict=True):
         file, (columns, rows) = slices[0].file, slices[0].size
         values.append(number if number and numbers.count(number) == 1 else uid)
-        what = f"{file.texts['Modality']} {file.texts['SeriesDescription']!r}".strip()
+        title = f"{file.texts['Modality']} {file.texts['SeriesDescription']!r}".strip()
         word = "slices" if file.frames == 1 else "frames"
-        names.append(f"{what} ({len(slices)} {word} of {columns}x{rows})")
-        if given in (uid, values[-1]):
-            chosen = values[-1]
-    return Choice("series", tuple(values), tuple(names), chosen)
+        names.append(f"{title} ({len(slices)} {word} of {columns}x{rows})")
+        if option in (uid, values[-1]):
+            selected = values[-1]
+    return Choice("series", tuple(values), tuple(names), selected)
 
 
-def _read_stack(requested: list[Slice], query: Query, remarks: list[str]) -> Reading:
+def _read_stack(requested: list[Slice], query: Query, notes: list[str]) -> Reading:
     """Read the largest stack of a series."""
-    if any("MOSAIC" in each.file.texts["ImageType"] for each in requested):
+    if any("MOSAIC" in slice_.file.texts["ImageType"] for slice_ in requested):
         raise VolumeError(
             f"{query.path}: are Siemens mosaics (Image Type … MOSAIC), each a volume of tiles",
             f"dcm2niix unpacks them: dcm2niix -z y -o . {shlex.quote(str(query.path))}",
             code="unsupported",
         )
-    stack = _largest_stack(requested, query, remarks)
+    stack = _largest_stack(requested, query, notes)
     first, file = stack[0], stack[0].file
     if first.components != 1:
         raise VolumeError(
@@ -217,21 +217,21 @@ def _read_stack(requested: list[Slice], query: Query, remarks: list[str]) -> Rea
     places = _places(stack, query)
     first = places[0][0]
     if file.segments is not None:
-        values, step = _read_segments(places, query, remarks)
+        values, step = _read_segments(places, query, notes)
     else:
         stack = _at_one_time(places, query)
         first = stack[0]
         step = _step_mm(stack, query, guesses)
         itemsize = -(-file.layout["bits_allocated"] // 8)
-        is_scaled = any(each.rescale != (1, 0) or each.file.modality_lut for each in stack)
+        is_scaled = any(slice_.rescale != (1, 0) or slice_.file.modality_lut for slice_ in stack)
         query.reserve((*first.size, len(stack)), max(itemsize, 4 if is_scaled else 1))
         with captured_output([]):
             values = stack_slices(stack, read_values)
-        at = np.array([each.origin_mm for each in stack if each.origin_mm is not None])
-        if query.spacing_mm is None and len(at) > 1 and (uneven := unevenness(at)):
-            remarks.append(f"{query.path}: {uneven}")
+        origins = np.array([slice_.origin_mm for slice_ in stack if slice_.origin_mm is not None])
+        if query.spacing_mm is None and len(origins) > 1 and (uneven := unevenness(origins)):
+            notes.append(f"{query.path}: {uneven}")
     if first.origin_mm is not None and not first.in_patient:
-        remarks.append(
+        notes.append(
             f"{query.path}: states no usable Image Orientation (Patient), which is two vectors at "
             "right angles; its slices are taken as axial"
         )
@@ -243,14 +243,14 @@ def _read_stack(requested: list[Slice], query: Query, remarks: list[str]) -> Rea
         guesses = {}
     example = query.example(spacing=spacing_text(x, y, abs(first.apart_mm or 1)))
     for guess in guesses.values():
-        remarks.append(f"{query.path}: {guess}; if that is wrong, give it in mm as in {example}")
+        notes.append(f"{query.path}: {guess}; if that is wrong, give it in mm as in {example}")
     y, x = first.pixel_mm or (1.0, 1.0)
     columns = np.column_stack([first.directions[:, :2] * (x, y), step])
     origin = file.start_mm if first.origin_mm is None else first.origin_mm
     return Reading(
         values,
         world_from_index=affine(columns, np.zeros(3) if origin is None else origin),
-        remarks=remarks,
+        notes=notes,
         labels=file.segments,
         metadata=Metadata(file.texts["Modality"], file.unit, first.in_patient, tuple(guesses)),
     )
@@ -259,13 +259,13 @@ def _read_stack(requested: list[Slice], query: Query, remarks: list[str]) -> Rea
 def _stacks_of(series: Sequence[Slice]) -> list[list[Slice]]:
     """Group slices by size and orientation, the largest group last."""
     stacks: list[list[Slice]] = []
-    for each in series:
+    for slice_ in series:
         for stack in stacks:
-            if each.fits_stack(stack[0]):
-                stack.append(each)
+            if slice_.fits_stack(stack[0]):
+                stack.append(slice_)
                 break
         else:
-            stacks.append([each])
+            stacks.append([slice_])
     return sorted(stacks, key=len)
 
 
@@ -275,9 +275,9 @@ def _advice(one: Slice, for_files: str) -> str:
     return for_files if one.file.frames == 1 else f"split it into volumes: dcm2niix -s y {path}"
 
 
-def _largest_stack(series: list[Slice], query: Query, remarks: list[str]) -> list[Slice]:
+def _largest_stack(series: list[Slice], query: Query, notes: list[str]) -> list[Slice]:
     """Return the slices of one size and orientation, leaving out single others such as a scout."""
-    many = {each.file.path: each.file for each in series if each.file.frames > 1}
+    many = {slice_.file.path: slice_.file for slice_ in series if slice_.file.frames > 1}
     if len(many) > 1 and len({f.texts["ConcatenationUID"] or f.path for f in many.values()}) > 1:
         raise VolumeError(
             f"{query.path}: holds {len(many)} files of many frames, each a volume; give one of "
@@ -285,44 +285,44 @@ def _largest_stack(series: list[Slice], query: Query, remarks: list[str]) -> lis
             code="conflict",
         )
     stacks = _stacks_of(series)
-    *others, most = stacks
-    if any(len(stack) > 1 for stack in others):
+    *smaller, largest = stacks
+    if any(len(stack) > 1 for stack in smaller):
         counts = ", ".join(f"{len(s)} of {s[0].size[0]}x{s[0].size[1]}" for s in reversed(stacks))
         raise VolumeError(
             f"{query.path}: holds slices of {len(stacks)} sizes or orientations in one series "
             f"({counts})",
-            _advice(most[0], "put each stack into a folder of its own"),
+            _advice(largest[0], "put each stack into a folder of its own"),
             code="conflict",
         )
-    if others and len(most) < 2:
+    if smaller and len(largest) < 2:
         raise VolumeError(
             f"{query.path}: the {len(series)} slices of its series differ in size or orientation, "
             "as a localizer's do, and do not stack; give another series",
             code="shape",
         )
-    if others:
-        what = "files" if most[0].file.frames == 1 else "frames"
-        remarks.append(
-            f"{query.path}: {len(others)} of {len(series)} {what} left out, of another size or "
-            f"orientation, such as {others[0][0].name}"
+    if smaller:
+        noun = "files" if largest[0].file.frames == 1 else "frames"
+        notes.append(
+            f"{query.path}: {len(smaller)} of {len(series)} {noun} left out, of another size or "
+            f"orientation, such as {smaller[0][0].name}"
         )
-    return most
+    return largest
 
 
 def _places(stack: list[Slice], query: Query) -> list[list[Slice]]:
     """Return the slices at each place, in order; those without positions by their numbers."""
-    stack = sorted(stack, key=lambda each: (each.order, each.file.path.name))
-    lost = [each for each in stack if each.origin_mm is None]
-    if len(lost) == len(stack):
-        return [[each] for each in stack]
-    if lost:
+    stack = sorted(stack, key=lambda slice_: (slice_.order, slice_.file.path.name))
+    stray = [s for s in stack if s.origin_mm is None]
+    if len(stray) == len(stack):
+        return [[s] for s in stack]
+    if stray:
         raise VolumeError(
-            f"{query.path}: {lost[0].name} states no position in the patient, but others of its "
+            f"{query.path}: {stray[0].name} states no position in the patient, but others of its "
             "series do",
-            _advice(lost[0], "take it out of the folder"),
+            _advice(stray[0], "take it out of the folder"),
             code="conflict",
         )
-    groups = group_slices(np.array([each.origin_mm for each in stack]), stack[0].directions[:, 2])
+    groups = group_slices(np.array([s.origin_mm for s in stack]), stack[0].directions[:, 2])
     if len(groups) == 1 < len(stack):
         raise VolumeError(
             f"{query.path}: all {len(stack)} slices lie at the same place; a volume needs slices "
@@ -343,9 +343,9 @@ def _at_one_time(places: list[list[Slice]], query: Query) -> list[Slice]:
             _advice(one, "leave one of each in the folder"),
             code="duplicate",
         )
-    chosen = query.index("time", times, "time steps, echoes or the like at every place")
+    index = query.index("time", times, "time steps, echoes or the like at every place")
     query.end_choices()
-    return [place[chosen] for place in places]
+    return [place[index] for place in places]
 
 
 def _step_mm(stack: list[Slice], query: Query, guesses: dict[str, str]) -> NDArray[np.float64]:
@@ -354,21 +354,21 @@ def _step_mm(stack: list[Slice], query: Query, guesses: dict[str, str]) -> NDArr
     if len(stack) == 1:
         return first.directions[:, 2] * (first.apart_mm or 0.0)
     if first.origin_mm is None:
-        apart = first.apart_mm or 1.0
-        what = (
+        gap_mm = first.apart_mm or 1.0
+        assumption = (
             "the slices state no positions; they are ordered by number,"
             if first.file.frames == 1
             else f"its {len(stack)} frames are read as slices"
         )
-        guesses[f"slices {abs(apart):g} mm apart"] = f"{what} {abs(apart):g} mm apart"
-        return first.directions[:, 2] * apart
-    at = np.array([each.origin_mm for each in stack])
+        guesses[f"slices {abs(gap_mm):g} mm apart"] = f"{assumption} {abs(gap_mm):g} mm apart"
+        return first.directions[:, 2] * gap_mm
+    origins = np.array([slice_.origin_mm for slice_ in stack])
     y, x = first.pixel_mm or (1.0, 1.0)
-    return slice_step_mm(at, [each.name for each in stack], query, (x, y))
+    return slice_step_mm(origins, [slice_.name for slice_ in stack], query, (x, y))
 
 
 def _read_segments(
-    places: list[list[Slice]], query: Query, remarks: list[str]
+    places: list[list[Slice]], query: Query, notes: list[str]
 ) -> tuple[NDArray[Any], NDArray[np.float64]]:
     """Read a segmentation as a label map, in which frames without a segment may be left out.
 
@@ -384,15 +384,15 @@ def _read_segments(
             code="shape",
         )
     query.end_choices()
-    at = np.array([place[0].origin_mm for place in places])
-    if len(at) == 1:
+    origins = np.array([place[0].origin_mm for place in places])
+    if len(origins) == 1:
         number, step = np.zeros(1), first.directions[:, 2] * (first.apart_mm or 0.0)
     else:
-        apart = np.linalg.norm(at - at[0], axis=1)
-        usual = np.diff(apart)
-        number = np.rint(apart / np.median(usual[usual < 1.5 * usual.min()]))
-        step = (at[-1] - at[0]) / number[-1]
-    if np.abs(at[0] + number[:, None] * step - at).max() > _JITTER * np.linalg.norm(step):
+        distances = np.linalg.norm(origins - origins[0], axis=1)
+        usual = np.diff(distances)
+        number = np.rint(distances / np.median(usual[usual < 1.5 * usual.min()]))
+        step = (origins[-1] - origins[0]) / number[-1]
+    if np.abs(origins[0] + number[:, None] * step - origins).max() > _JITTER * np.linalg.norm(step):
         raise VolumeError(
             f"{query.path}: its segments lie on slices at uneven distances; resample it to a "
             "regular grid, such as with 3D Slicer",
@@ -404,13 +404,13 @@ def _read_segments(
     query.reserve(shape, dtype.itemsize)
     values, overlap = np.zeros(shape, dtype), 0
     for place, z in zip(places, number.astype(int), strict=True):
-        for each in sorted(place, key=lambda one: one.segment):
-            frame = read_values(each)
-            mask = frame >= each.file.half
+        for slice_ in sorted(place, key=lambda one: one.segment):
+            frame = read_values(slice_)
+            mask = frame >= slice_.file.half
             overlap += int(np.count_nonzero(values[z][mask]))
-            values[z][mask] = each.segment or frame[mask]
+            values[z][mask] = slice_.segment or frame[mask]
     if overlap:
-        remarks.append(f"{query.path}: its segments overlap in {overlap} voxels; the last is read")
+        notes.append(f"{query.path}: its segments overlap in {overlap} voxels; the last is read")
     if first.file.half > 1:
-        remarks.append(f"{query.path}: holds fractions; read as segments from one half on")
+        notes.append(f"{query.path}: holds fractions; read as segments from one half on")
     return values, step

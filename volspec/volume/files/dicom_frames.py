@@ -129,21 +129,21 @@ def frames_of(file: BinaryIO, parsed: Any, layout: dict[str, Any]) -> list[Slice
     """Return the frames of a parsed file, whose pixels have a layout."""
     count = layout["number_of_frames"] = int(layout["number_of_frames"])
     shared = _groups(*parsed.get("SharedFunctionalGroupsSequence") or ())
-    own = [_groups(item) for item in parsed.get("PerFrameFunctionalGroupsSequence") or ()]
-    groups = [[*each, *shared] for each in own[:count]] + [shared] * (count - len(own))
-    whole = [parsed, *_groups(parsed)]
-    header = _file(file, parsed, layout, groups[0], whole)
+    frames = [_groups(item) for item in parsed.get("PerFrameFunctionalGroupsSequence") or ()]
+    groups = [[*frame, *shared] for frame in frames[:count]] + [shared] * (count - len(frames))
+    dataset = [parsed, *_groups(parsed)]
+    header = _file(file, parsed, layout, groups[0], dataset)
     start = header.start_mm
     dimensions = parsed.get("DimensionIndexSequence") or ()
     pointers = [dimension.get("DimensionIndexPointer") for dimension in dimensions]
-    offsets = _offsets_mm(parsed, whole, count)
+    offsets = _offsets_mm(parsed, dataset, count)
     slices = []
     for k, frame in enumerate(groups):
-        every = [*frame, *whole]
-        stated = _directions(every)
-        directions = np.eye(3) if stated is None else stated
-        origin = _vector("ImagePositionPatient", frame if count > 1 else every)
-        in_patient = stated is not None and (origin is not None or start is not None)
+        scope = [*frame, *dataset]
+        orientation = _directions(scope)
+        directions = np.eye(3) if orientation is None else orientation
+        origin = _vector("ImagePositionPatient", frame if count > 1 else scope)
+        in_patient = orientation is not None and (origin is not None or start is not None)
         if origin is None and count > 1 and offsets:
             origin = (0 if start is None else start) + directions[:, 2] * offsets[k]
         indices = zip(pointers, _numbers("DimensionIndexValues", frame), strict=False)
@@ -153,13 +153,13 @@ def frames_of(file: BinaryIO, parsed: Any, layout: dict[str, Any]) -> list[Slice
             Slice(
                 file=header,
                 frame=k,
-                order=(*order, _number("InstanceNumber", whole) or 0, k),
-                pixel_mm=_pixel_mm("PixelSpacing", every),
+                order=(*order, _number("InstanceNumber", dataset) or 0, k),
+                pixel_mm=_pixel_mm("PixelSpacing", scope),
                 directions=directions,
                 origin_mm=origin,
                 in_patient=in_patient,
-                apart_mm=_number("SpacingBetweenSlices", every) or _number("SliceThickness", every),
-                rescale=_rescale(frame, every),
+                apart_mm=_number("SpacingBetweenSlices", scope) or _number("SliceThickness", scope),
+                rescale=_rescale(frame, scope),
                 segment=int(_number("ReferencedSegmentNumber", frame) or 0),
             )
         )
@@ -167,10 +167,10 @@ def frames_of(file: BinaryIO, parsed: Any, layout: dict[str, Any]) -> list[Slice
 
 
 def _file(
-    file: BinaryIO, parsed: Any, layout: dict[str, Any], groups: list[Any], whole: list[Any]
+    file: BinaryIO, parsed: Any, layout: dict[str, Any], groups: list[Any], dataset: list[Any]
 ) -> File:
     """Return a file's header; ``groups`` are the first frame's."""
-    bits, high = layout.get("bits_stored", 0), _number("HighBit", whole) or 0
+    bits, high = layout.get("bits_stored", 0), _number("HighBit", dataset) or 0
     shift = max(int(high) + 1 - bits, 0) if bits else 0
     layout["bits_stored"] = bits + shift
     is_fraction = text_of("SegmentationType", parsed) == "FRACTIONAL"
@@ -178,12 +178,12 @@ def _file(
     return File(
         path=Path(file.name),
         texts={keyword: text_of(keyword, parsed) for keyword in _TEXTS},
-        unit=_unit(parsed, groups, [*groups, *whole]),
-        start_mm=_vector("ImagePositionPatient", whole),
-        detector_mm=_pixel_mm("ImagerPixelSpacing", whole)
-        or _pixel_mm("NominalScannedPixelSpacing", whole),
+        unit=_unit(parsed, groups, [*groups, *dataset]),
+        start_mm=_vector("ImagePositionPatient", dataset),
+        detector_mm=_pixel_mm("ImagerPixelSpacing", dataset)
+        or _pixel_mm("NominalScannedPixelSpacing", dataset),
         segments=None if segments is None else {int(s.SegmentNumber): _label(s) for s in segments},
-        half=(_number("MaximumFractionalValue", whole) or 255) / 2 if is_fraction else 1,
+        half=(_number("MaximumFractionalValue", dataset) or 255) / 2 if is_fraction else 1,
         layout=layout,
         shift=shift,
         modality_lut=_modality_lut(parsed, layout["transfer_syntax_uid"]),
@@ -215,14 +215,14 @@ def text_of(keyword: str, *places: Any) -> str:
 
 def _values(keyword: str, place: Any) -> Sequence[Any]:
     """Return the values of an element; none if it is missing or empty."""
-    given = place.get(keyword)
-    many = isinstance(given, Sequence) and not isinstance(given, str)
-    return given if many else [] if given in (None, "") else [given]
+    value = place.get(keyword)
+    many = isinstance(value, Sequence) and not isinstance(value, str)
+    return value if many else [] if value in (None, "") else [value]
 
 
 def _groups(*items: Any) -> list[Any]:
-    found = (item.get(f"{name}Sequence") for item in items for name in _GROUPS)
-    return [group[0] for group in found if group]
+    sequences = (item.get(f"{name}Sequence") for item in items for name in _GROUPS)
+    return [group[0] for group in sequences if group]
 
 
 def _numbers(keyword: str, places: Sequence[Any], count: int | None = None) -> list[float]:
@@ -258,22 +258,22 @@ def _directions(places: Sequence[Any]) -> NDArray[np.float64] | None:
     return (vectors / lengths[:, None]).T if lengths[2] > 0.5 else None  # else parallel
 
 
-def _offsets_mm(parsed: Any, whole: Sequence[Any], count: int) -> list[float]:
+def _offsets_mm(parsed: Any, dataset: Sequence[Any], count: int) -> list[float]:
     """Return the distances of frames from the first position; none if they are not stated.
 
     Doses have them (GridFrameOffsetVector), and nuclear medicine (SliceVector).
     """
     if offsets := _numbers("GridFrameOffsetVector", [parsed], count):
         return [offset - offsets[0] for offset in offsets]
-    apart = _number("SpacingBetweenSlices", whole) or 0
-    return [(number - 1) * apart for number in _numbers("SliceVector", [parsed], count) if apart]
+    gap_mm = _number("SpacingBetweenSlices", dataset) or 0
+    return [(number - 1) * gap_mm for number in _numbers("SliceVector", [parsed], count) if gap_mm]
 
 
-def _rescale(groups: Sequence[Any], every: Sequence[Any]) -> tuple[float, float]:
+def _rescale(groups: Sequence[Any], scope: Sequence[Any]) -> tuple[float, float]:
     """Return slope and intercept of a frame; of real-world values only if no others are stated."""
-    slope, intercept = _number("RescaleSlope", every), _number("RescaleIntercept", every)
+    slope, intercept = _number("RescaleSlope", scope), _number("RescaleIntercept", scope)
     if slope is None and intercept is None:
-        slope = _number("DoseGridScaling", every) or _number("RealWorldValueSlope", groups)
+        slope = _number("DoseGridScaling", scope) or _number("RealWorldValueSlope", groups)
         intercept = _number("RealWorldValueIntercept", groups)
     return 1.0 if slope is None else slope, intercept or 0.0
 
@@ -282,8 +282,8 @@ def _modality_lut(parsed: Any, syntax: Any) -> tuple[int, NDArray[Any]] | None:
     """Return the first stored value that a Modality LUT maps, and its output; None without one."""
     if not (sequence := parsed.get("ModalityLUTSequence")):
         return None
-    stated, first, _ = map(int, sequence[0].LUTDescriptor)
-    data, count = sequence[0].LUTData, stated or 1 << 16
+    entries, first, _ = map(int, sequence[0].LUTDescriptor)
+    data, count = sequence[0].LUTData, entries or 1 << 16
     if isinstance(data, bytes):  # words, or bytes that are padded to a word
         order = "<" if syntax.is_little_endian else ">"
         data = np.frombuffer(data, f"{order}u2" if len(data) >= 2 * count else np.uint8)
@@ -293,17 +293,17 @@ def _modality_lut(parsed: Any, syntax: Any) -> tuple[int, NDArray[Any]] | None:
     return first, table
 
 
-def _unit(parsed: Any, groups: Sequence[Any], every: Sequence[Any]) -> str:
+def _unit(parsed: Any, groups: Sequence[Any], scope: Sequence[Any]) -> str:
     """Return the unit of rescaled values; without a Rescale Type a CT's is HU (C.8.2.1)."""
     luts = parsed.get("ModalityLUTSequence") or ()
-    kind = text_of("RescaleType", *every) or text_of("ModalityLUTType", *luts)
+    kind = text_of("RescaleType", *scope) or text_of("ModalityLUTType", *luts)
     modality = text_of("Modality", parsed)
-    is_rescaled = bool(luts) or _number("RescaleIntercept", every) is not None
+    is_rescaled = bool(luts) or _number("RescaleIntercept", scope) is not None
     if modality == "CT" and is_rescaled and kind in ("", HU):
         return "" if "LOCALIZER" in text_of("ImageType", parsed) else HU
     if modality in _UNIT_TAGS or is_rescaled:
         tag = _UNIT_TAGS.get(modality)
-        return _UNITS.get(text_of(tag, *every) if tag else kind, "")
+        return _UNITS.get(text_of(tag, *scope) if tag else kind, "")
     codes = [code for group in groups for code in group.get("MeasurementUnitsCodeSequence") or ()]
     code = text_of("CodeValue", *codes)
     return "" if code == "1" else code  # UCUM's

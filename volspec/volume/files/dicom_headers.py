@@ -117,14 +117,14 @@ def _slices(path: Path, file: BinaryIO) -> list[Slice]:
     if parsed.file_meta.get("TransferSyntaxUID") == DEFLATED:
         file.seek(0)
         parsed = dcmread(file)
-    layout, held = _pixels(parsed, file)
+    layout, actual = _pixels(parsed, file)
     uid = str(parsed.file_meta.get("MediaStorageSOPClassUID") or parsed.get("SOPClassUID") or "")
     modality = text_of("Modality", parsed)
     if _NO_PICTURES.fullmatch(uid) or (not layout and _PICTURELESS.fullmatch(modality)):
         name = "DICOMDIR, a table of contents" if uid.endswith("8.1.3.10") else UID(uid).name
-        what = f"{modality} ({name})" if modality and name else modality or name
+        content = f"{modality} ({name})" if modality and name else modality or name
         raise VolumeError(
-            f"{path}: is {what}, not a picture; give a slice of an image series, or its folder",
+            f"{path}: is {content}, not a picture; give a slice of an image series, or its folder",
             code="not-found",
         )
     if not layout:
@@ -135,9 +135,9 @@ def _slices(path: Path, file: BinaryIO) -> list[Slice]:
         )
     sizes = ("number_of_frames", "rows", "columns", "bits_allocated")
     needed = -(-math.prod(int(layout[name]) for name in sizes) // 8)
-    if layout["samples_per_pixel"] == 1 and not 0 < needed <= held:
+    if layout["samples_per_pixel"] == 1 and not 0 < needed <= actual:
         raise VolumeError(
-            f"{path}: holds {held} bytes of pixels, its header declares {needed}; truncated, "
+            f"{path}: holds {actual} bytes of pixels, its header declares {needed}; truncated, "
             "copy it again, or take it out of the folder",
             code="damaged",
         )

@@ -35,7 +35,7 @@ def read_gipl(query: Query) -> Reading:
         raise damaged(path, f"is no GIPL image of numbers ({one_line(error)[:120]})") from error
     shape = (*size, max(steps, 1))
     layout = Layout(path, (path,), dtype, shape, encoding, skip=_HEADER)
-    remarks: list[str] = []
-    values = layout.read(choose_axes(query, shape, {3: "time"}), query, remarks)
+    notes: list[str] = []
+    values = layout.read(choose_axes(query, shape, {3: "time"}), query, notes)
     world = affine(np.diag(np.abs(spacing)), origin)
-    return Reading(values, None, world, remarks, metadata=Metadata(assumed=(NO_UNIT,)))
+    return Reading(values, None, world, notes, metadata=Metadata(assumed=(NO_UNIT,)))

@@ -63,11 +63,11 @@ class Dataset:
         self.shape, self.dtype, self.chunks = dataset.shape, dataset.dtype, dataset.chunks
         if (cells := _CELLS.fullmatch(name)) and self.dtype == np.int16:
             setup = file.get(f"s{cells[2]}")
-            stated: Any = "uint16"
+            data_type: Any = "uint16"
             if setup is not None:
-                in_attributes = setup.attrs.get("dataType", stated)
-                stated = setup["dataType"][()] if "dataType" in setup else in_attributes
-            if texts(stated) == ["uint16"]:
+                in_attributes = setup.attrs.get("dataType", data_type)
+                data_type = setup["dataType"][()] if "dataType" in setup else in_attributes
+            if texts(data_type) == ["uint16"]:
                 self.dtype = np.dtype(np.uint16)
 
     def __getitem__(self, index: tuple[int | slice, ...]) -> NDArray[Any]:
@@ -90,13 +90,13 @@ def opened(query: Query) -> Iterator[Any]:
     except VolumeError:
         raise
     except DAMAGE as error:
-        what = f"cannot be read as HDF5 ({one_line(error)[:120]})"
-        raise damaged(query.path, what) from error
+        problem = f"cannot be read as HDF5 ({one_line(error)[:120]})"
+        raise damaged(query.path, problem) from error
 
 
 def texts(attribute: Any) -> list[str]:
     """Return the words of an attribute, which writers of HDF5 store as text or as bytes."""
-    return [each.decode() if isinstance(each, bytes) else str(each) for each in np.ravel(attribute)]
+    return [text.decode() if isinstance(text, bytes) else str(text) for text in np.ravel(attribute)]
 
 
 def read_finest(query: Query, stack: Stack) -> Reading:
@@ -137,7 +137,7 @@ def _parts(file: Any) -> Iterator[str]:
     """Yield the files in which a file has links, virtual or raw data."""
     import h5py
 
-    groups, seen = [file], set()
+    groups, visited = [file], set()
     while groups:
         group = groups.pop()
         for name in group:
@@ -146,16 +146,16 @@ def _parts(file: Any) -> Iterator[str]:
                 yield link.filename
             if not isinstance(link, h5py.HardLink):  # what a soft link leads to has another
                 continue
-            each = group[name]
-            address = h5py.h5o.get_info(each.id).addr
-            if address in seen:
+            node = group[name]
+            address = h5py.h5o.get_info(node.id).addr
+            if address in visited:
                 continue
-            seen.add(address)
-            if isinstance(each, h5py.Group):
-                groups.append(each)
-            elif isinstance(each, h5py.Dataset):
-                yield from (part[0] for part in each.external or ())
-                sources = each.virtual_sources() if each.is_virtual else ()
+            visited.add(address)
+            if isinstance(node, h5py.Group):
+                groups.append(node)
+            elif isinstance(node, h5py.Dataset):
+                yield from (part[0] for part in node.external or ())
+                sources = node.virtual_sources() if node.is_virtual else ()
                 yield from {source.file_name for source in sources}
 
 
@@ -193,42 +193,42 @@ def _selected(query: Query) -> Stack:
     """Return the dataset, time step and channel that the query selects, as a level."""
     with opened(query) as file:
         broken: dict[str, str] = {}
-        found = _datasets(file, broken)
-        if not found and broken:
+        arrays = _datasets(file, broken)
+        if not arrays and broken:
             name, target = next(iter(broken.items()))
             raise VolumeError(
                 f"{query.path}: its link {name!r} leads to {target}, which is missing",
                 "copy the file with the voxels to its place, or give that file",
                 code="not-found",
             )
-        if not found:
+        if not arrays:
             raise VolumeError(
                 f"{query.path}: holds no dataset of numbers with three axes (Z, Y, X), or four; "
                 "save one with h5py",
                 code="shape",
             )
-        cells = [match for name in found if (match := _CELLS.fullmatch(name)) and match[3] == "0"]
+        cells = [match for name in arrays if (match := _CELLS.fullmatch(name)) and match[3] == "0"]
         size: Size | None = None
         if cells and "dataset" not in query.options:
             name, size = choose_view(query, {(match[2], match[1]): match[0] for match in cells})
         else:
-            name = query.array_named({name: each.shape for name, each in found.items()})
-        _require_sources(query, found[name])
+            name = query.array_named({name: array.shape for name, array in arrays.items()})
+        _require_sources(query, arrays[name])
         dataset: Any = Dataset(query.path, file, name)
-        axes = _axes(found[name])
+        axes = _axes(arrays[name])
         dataset = OneSlice(dataset) if len(dataset.shape) == 2 else dataset
-        size = size or _voxel_size(query, found[name], axes)
+        size = size or _voxel_size(query, arrays[name], axes)
     unit_mm = mm_per_unit(size[1]) if size else None
     assumed = () if unit_mm else (NO_UNIT,) if size else (NO_SPACING,)
     x, y, z = np.multiply(size[0], unit_mm or 1.0).tolist() if size else (1.0, 1.0, 1.0)
     _, world = checked_geometry(query.spacing_mm or (x, y, z), None, str(query.path))
-    at = selected_index(query, axes, dataset.shape)
+    index = selected_index(query, axes, dataset.shape)
     k, j, i = (axes.index(letter) for letter in "zyx")
     chunk = dataset.chunks
     z, y, x = ((chunk or dataset.shape)[axis] for axis in (k, j, i))
     if chunk is None:
         z, y = min(_ROWS[0], z), min(_ROWS[1], y)
-    level = Level(dataset, (k, j, i), at, world, (z, y, x))
+    level = Level(dataset, (k, j, i), index, world, (z, y, x))
     return Stack([level], metadata=Metadata(assumed=assumed))
 
 
@@ -243,7 +243,7 @@ def _require_sources(query: Query, dataset: Any) -> None:
         # HDF5 looks for an absolute path that is missing next to the file, too.
         names = (name, Path(name).name) if Path(name).is_absolute() else (name,)
         folders = file.parent, file.resolve().parent, prefix, Path()
-        if not any((folder / each).exists() for folder in folders for each in names):
+        if not any((folder / name).exists() for folder in folders for name in names):
             raise VolumeError(
                 f"{query.path}: its dataset {dataset.name!r} is made of other files, of which "
                 f"{name} is missing; copy it to {file.parent / name}",
@@ -256,24 +256,24 @@ def _datasets(file: Any, broken: dict[str, str]) -> dict[str, Any]:
 
     Links to what is missing are added to ``broken``.
     """
-    found: dict[str, Any] = {}
-    seen: list[Any] = []  # groups, as links may lead back
+    arrays: dict[str, Any] = {}
+    visited: list[Any] = []  # groups, as links may lead back
 
     def search(group: Any, place: str) -> None:
-        seen.append(group)
+        visited.append(group)
         for name in group:
-            each = group.get(name)
-            if each is None:
+            node = group.get(name)
+            if node is None:
                 link = group.get(name, getlink=True)
                 broken[place + name] = f"{getattr(link, 'filename', '')}:{link.path}".lstrip(":")
-            elif hasattr(each, "keys") and each not in seen:
-                search(each, f"{place}{name}/")
-            elif hasattr(each, "shape") and each.dtype.kind in "buif" and _axes(each):
-                found[place + name] = each
+            elif hasattr(node, "keys") and node not in visited:
+                search(node, f"{place}{name}/")
+            elif hasattr(node, "shape") and node.dtype.kind in "buif" and _axes(node):
+                arrays[place + name] = node
 
     search(file, "")
-    deep = {name: each for name, each in found.items() if each.ndim > 2}
-    return deep or found
+    deep = {name: array for name, array in arrays.items() if array.ndim > 2}
+    return deep or arrays
 
 
 def _axes(dataset: Any) -> str:
@@ -283,7 +283,7 @@ def _axes(dataset: Any) -> str:
         tags = json.loads(dataset.attrs.get("axistags", "{}")).get("axes", ())
         named.append("".join(str(tag.get("key", ""))[:1] for tag in tags))
         signal = texts(dataset.parent.attrs.get("axes", ()))
-        named.append("".join(each[-1:].lower() for each in signal))
+        named.append("".join(label[-1:].lower() for label in signal))
         named.append("".join(dim.label[:1].lower() for dim in dataset.dims))
     usual = _AXES.get(dataset.ndim, "")
     return next((letters for letters in named if are_axes(letters, dataset.ndim)), usual)
@@ -291,15 +291,15 @@ def _axes(dataset: Any) -> str:
 
 def _voxel_size(query: Query, dataset: Any, axes: str) -> Size | None:
     """Return the size of a voxel that a file states; None if it states none."""
-    stated = dataset.attrs.get("element_size_um")
-    if stated is not None and query.spacing_mm is None:
+    size_um = dataset.attrs.get("element_size_um")
+    if size_um is not None and query.spacing_mm is None:
         try:
-            z, y, x = map(float, np.ravel(stated))
+            z, y, x = map(float, np.ravel(size_um))
         except (TypeError, ValueError):
             x = y = z = 0.0
         if not all(0 < size < math.inf for size in (x, y, z)):
             raise VolumeError(
-                f"{query.path}: its element_size_um is {str(stated)!r:.40}, not three positive "
+                f"{query.path}: its element_size_um is {str(size_um)!r:.40}, not three positive "
                 "numbers of micrometres along z, y, x",
                 f"give the spacing as in {query.example(spacing='1,1,1')}",
                 code="range",

@@ -37,30 +37,30 @@ def _selected(query: Query) -> Stack:
     """Return the levels of a channel and time step, finest first."""
     with opened(query) as file:
         info, first = file["DataSetInfo"], file["DataSet/ResolutionLevel 0"]
-        channels = [_stated(info[f"Channel {c}"]) for c in range(len(first["TimePoint 0"]))]
-        names = [each.get("Name", "") for each in channels]
+        channels = [_texts_of(info[f"Channel {c}"]) for c in range(len(first["TimePoint 0"]))]
+        names = [channel.get("Name", "") for channel in channels]
         time = query.index("time", len(first), "time steps")
         number = query.index("channel", len(channels), "channels", names)
-        image = _stated(info["Image"])
+        image = _texts_of(info["Image"])
         low, high = ([float(image[f"Ext{end}{k}"]) for k in range(3)] for end in ("Min", "Max"))
         unit_mm = mm_per_unit(image.get("Unit")) or 1e-3
         levels = []
         for k in range(len(file["DataSet"])):
             place = f"DataSet/ResolutionLevel {k}/TimePoint {time}/Channel {number}"
-            sizes = _stated(file[place])
+            sizes = _texts_of(file[place])
             x, y, z = (int(sizes[f"ImageSize{axis}"]) for axis in "XYZ")
             array = Dataset(query.path, file, f"{place}/Data")
             array.shape = z, y, x  # chunks at the ends are filled up
             step = np.subtract(high, low) / (x, y, z) * unit_mm
             world = affine(np.diag(step), np.multiply(low, unit_mm) + step / 2)
             levels.append(Level(array, (0, 1, 2), (0, 0, 0), world, array.chunks or (z, y, x)))
-        shade = [float(each) for each in channels[number].get("Color", "").split()]
+        shade = [float(component) for component in channels[number].get("Color", "").split()]
         colour = (shade[0], shade[1], shade[2]) if len(shade) == 3 else None
         assumed = () if mm_per_unit(image.get("Unit")) else ("lengths in µm",)
         channel = Channel(names[number], colour)
         return Stack(levels, channel, metadata=Metadata(assumed=assumed))
 
 
-def _stated(group: Any) -> dict[str, str]:
+def _texts_of(group: Any) -> dict[str, str]:
     """Return the attributes of a group, which are arrays of characters."""
     return {key: "".join(texts(text)) for key, text in group.attrs.items()}

@@ -72,7 +72,7 @@ def _table(data: bytes) -> dict[int, Label]:
     lines = [line for line in text.splitlines() if line.strip() and line.lstrip()[0] not in "#%"]
     if lines and "\t" in lines[0] and "name" in lines[0].split("\t"):
         return _tsv_table([line.split("\t") for line in lines])
-    found: dict[int, Label] = {}
+    labels: dict[int, Label] = {}
     for line in lines:
         r = g = b = None
         if match := _SNAP.fullmatch(line):
@@ -83,8 +83,8 @@ def _table(data: bytes) -> dict[int, Label]:
             number, name = match.groups()
         else:
             return {}
-        found[int(number)] = Label(name.strip('"'), _colour(r, g, b))
-    return found
+        labels[int(number)] = Label(name.strip('"'), _colour(r, g, b))
+    return labels
 
 
 def _json_table(text: str) -> dict[int, Label]:
@@ -101,22 +101,22 @@ def _json_table(text: str) -> dict[int, Label]:
 
 def _tsv_table(rows: Sequence[Sequence[str]]) -> dict[int, Label]:
     """Return the labels of a table with the columns ``index``, ``name`` and perhaps ``color``."""
-    found = {}
+    labels = {}
     for row in rows[1:]:
         fields = dict(zip(rows[0], row, strict=False))
         try:
             code = fields.get("color", "")
             colour = _colour(*bytes.fromhex(code[1:])) if _HEX.fullmatch(code) else None
-            found[int(fields["index"])] = Label(fields["name"].strip(), colour)
+            labels[int(fields["index"])] = Label(fields["name"].strip(), colour)
         except (KeyError, ValueError):
             return {}
-    return found
+    return labels
 
 
-def _colour(*codes: Any, most: float = 255) -> Colour | None:
-    """Return display codes from 0 to ``most`` as fractions; None unless they are three of these."""
+def _colour(*codes: Any, maximum: float = 255) -> Colour | None:
+    """Return display codes from 0 to ``maximum`` as fractions; None unless they are three."""
     try:
-        r, g, b = (float(code) / most for code in codes)
+        r, g, b = (float(code) / maximum for code in codes)
     except (TypeError, ValueError):
         return None
     return (r, g, b) if 0 <= min(r, g, b) <= max(r, g, b) <= 1 else None
@@ -128,15 +128,15 @@ def labels_beside(path: Path) -> dict[Path, dict[int, Label]]:
     Theirs is the volume's name with another suffix, with or without its own: ``aal.nii.txt`` and
     ``aal.txt`` belong to ``aal.nii.gz``.
     """
-    whole = path.name.removesuffix(".gz")
-    stems = dict.fromkeys((whole, Path(whole).stem, Path(Path(whole).stem).stem))
+    name = path.name.removesuffix(".gz")
+    stems = dict.fromkeys((name, Path(name).stem, Path(Path(name).stem).stem))
     tables = [path.with_name(stem + suffix) for suffix in SUFFIXES for stem in stems if stem]
-    found: dict[Path, dict[int, Label]] = {}
+    labels: dict[Path, dict[int, Label]] = {}
     for table in tables:
         with suppress(VolumeError, OSError):
             if table != path and table.is_file():
-                found[table] = read_label_table(table)
-    return found
+                labels[table] = read_label_table(table)
+    return labels
 
 
 def merge_labels(first: Labels, then: Labels) -> dict[int, Label]:
@@ -154,16 +154,16 @@ def merge_labels(first: Labels, then: Labels) -> dict[int, Label]:
 
 def labels_in_nrrd(pairs: Mapping[str, str], layer: int) -> dict[int, Label] | None:
     """Return a layer's segments in Slicer's NRRD from its keys and values; None without any."""
-    found: dict[int, Label] = {}
+    labels: dict[int, Label] = {}
     for key, number in pairs.items():
         if not (match := re.fullmatch(r"Segment(\d+)_LabelValue", key)):
             continue
         start = f"Segment{match[1]}_"
-        colour = _colour(*pairs.get(start + "Color", "").split(), most=1)
+        colour = _colour(*pairs.get(start + "Color", "").split(), maximum=1)
         in_layer = pairs.get(start + "Layer", "0").strip() == str(layer)
         if in_layer and number.strip().isdecimal():
-            found[int(number)] = Label(pairs.get(start + "Name", "").strip(), colour)
-    return found or None
+            labels[int(number)] = Label(pairs.get(start + "Name", "").strip(), colour)
+    return labels or None
 
 
 def labels_in_xml(text: str) -> dict[int, Label] | None:
@@ -176,27 +176,27 @@ def labels_in_xml(text: str) -> dict[int, Label] | None:
         root = parse_xml(text.strip("\0 \n"))
     except ValueError:
         return None
-    found = {}
+    labels = {}
     for element in root.iter("Label"):
         codes = (element.get(name) for name in ("Red", "Green", "Blue"))
         with suppress(ValueError):
-            label = Label((element.text or "").strip(), _colour(*codes, most=1))
-            found[int(element.get("Key", ""))] = label
-    return found or None
+            label = Label((element.text or "").strip(), _colour(*codes, maximum=1))
+            labels[int(element.get("Key", ""))] = label
+    return labels or None
 
 
-def labels_in_zarr(stated: Any) -> dict[int, Label]:
+def labels_in_zarr(attributes: Any) -> dict[int, Label]:
     """Return the labels of OME-Zarr's ``image-label``, with the first text among properties."""
-    found: dict[int, Label] = {}
+    labels: dict[int, Label] = {}
     try:
-        for row in stated.get("colors") or ():
+        for row in attributes.get("colors") or ():
             colour = _colour(*(row.get("rgba") or ())[:3])
-            found[int(row["label-value"])] = Label("", colour)
-        for row in stated.get("properties") or ():
+            labels[int(row["label-value"])] = Label("", colour)
+        for row in attributes.get("properties") or ():
             number = int(row["label-value"])
             texts = [row[key] for key in ("name", "label", "class") if key in row]
             texts += [value for value in row.values() if isinstance(value, str)]
-            found[number] = Label(str((*texts, "")[0]), found.get(number, Label()).colour)
+            labels[number] = Label(str((*texts, "")[0]), labels.get(number, Label()).colour)
     except (KeyError, TypeError, ValueError, AttributeError):
         return {}
-    return found
+    return labels

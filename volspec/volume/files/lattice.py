@@ -78,10 +78,10 @@ def with_depth(
         assumed = (*assumed, NO_DEPTH)
     axis = values.shape.index(1)
     step = world[:3, 2 - axis]
-    given = 1.0
+    scale = 1.0
     if query.spacing_mm is not None:
-        given = query.spacing_mm[2 - axis] / float(np.linalg.norm(step))
-    world[:3, 3] -= given * step / 2
+        scale = query.spacing_mm[2 - axis] / float(np.linalg.norm(step))
+    world[:3, 3] -= scale * step / 2
     metadata = replace(reading.metadata, assumed=assumed)
     reading = replace(reading, spacing_mm=None, world_from_index=world, metadata=metadata)
     return np.repeat(values, 2, axis), reading
@@ -97,13 +97,13 @@ def group_slices(at_mm: NDArray[np.float64], normal: NDArray[np.float64]) -> lis
     >>> group_slices(at, np.array([0, 0, 1.0]))
     [[1, 3], [0, 2]]
     """
-    along = at_mm @ normal
-    order = np.argsort(along, kind="stable")
-    apart = np.diff(along[order], prepend=along[order[0]])
-    least = _SAME_PLACE * float(np.ptp(along)) / max(len(order) - 1, 1)
+    positions = at_mm @ normal
+    order = np.argsort(positions, kind="stable")
+    gaps = np.diff(positions[order], prepend=positions[order[0]])
+    min_gap = _SAME_PLACE * float(np.ptp(positions)) / max(len(order) - 1, 1)
     groups: list[list[int]] = []
-    for index, gap in zip(order.tolist(), apart, strict=True):
-        if groups and gap <= least:
+    for index, gap in zip(order.tolist(), gaps, strict=True):
+        if groups and gap <= min_gap:
             groups[-1].append(index)
         else:
             groups.append([index])
@@ -123,15 +123,15 @@ def slice_step_mm(
     step: NDArray[np.float64] = (at_mm[-1] - at_mm[0]) / (len(at_mm) - 1)
     if query.spacing_mm is not None:
         return step
-    apart = np.linalg.norm(np.diff(at_mm, axis=0), axis=1)
-    usual = float(np.sort(apart)[(len(apart) - 1) // 2])  # of two gaps the smaller
-    odd = int(np.argmax(np.maximum(apart / usual, usual / apart)))
+    gaps = np.linalg.norm(np.diff(at_mm, axis=0), axis=1)
+    usual = float(np.sort(gaps)[(len(gaps) - 1) // 2])  # of two gaps the smaller
+    odd = int(np.argmax(np.maximum(gaps / usual, usual / gaps)))
     off, mean = _offset_mm(at_mm), float(np.linalg.norm(step))
-    if not _NARROW * usual <= apart[odd] <= _WIDE * usual:
-        is_gap = bool(apart[odd] > usual)
-        what = "slices are missing" if is_gap else "they are unevenly spaced"
-        pair = f"{names[odd]} and {names[odd + 1]} lie {apart[odd]:.4g} mm apart"
-        fault = f"{pair}, others {usual:.4g} mm: {what}; complete the series"
+    if not _NARROW * usual <= gaps[odd] <= _WIDE * usual:
+        is_gap = bool(gaps[odd] > usual)
+        cause = "slices are missing" if is_gap else "they are unevenly spaced"
+        pair = f"{names[odd]} and {names[odd + 1]} lie {gaps[odd]:.4g} mm apart"
+        fault = f"{pair}, others {usual:.4g} mm: {cause}; complete the series"
     elif off > _FAR * mean:
         is_gap, usual = False, mean
         where = f"slices lie up to {off:.3g} mm off a line with steps of {mean:.4g} mm"
@@ -149,7 +149,7 @@ def spacing_text(*mm: float) -> str:
     >>> spacing_text(0.5, 0.5, 2.0)
     '0.5,0.5,2'
     """
-    return ",".join(f"{each:.6g}" for each in mm)
+    return ",".join(f"{length:.6g}" for length in mm)
 
 
 def _offset_mm(at_mm: NDArray[np.float64]) -> float:
@@ -159,7 +159,7 @@ def _offset_mm(at_mm: NDArray[np.float64]) -> float:
 
 
 def unevenness(at_mm: NDArray[np.float64]) -> str:
-    """Return a remark on slices off their even positions; empty if the offset is invisible."""
+    """Return a note on slices off their even positions; empty if the offset is invisible."""
     off = _offset_mm(at_mm)
     step = float(np.linalg.norm(at_mm[-1] - at_mm[0])) / (len(at_mm) - 1)
     if off <= _JITTER * step:

@@ -58,40 +58,40 @@ class Layout:
         return math.prod(self.shape) * self.dtype.itemsize
 
     def read(
-        self, at: Mapping[int, int], query: Query, remarks: list[str]
+        self, picked: Mapping[int, int], query: Query, notes: list[str]
     ) -> Stored | NDArray[Any]:
-        """Return the voxels (Z, Y, X) at one index ``at`` each of the other axes."""
+        """Return the voxels (Z, Y, X) at one index ``picked`` along each other axis."""
         # The block that holds them, of the axes before those that are fixed at the end.
         axes, block = len(self.shape), 0
-        while axes - 1 in at:
+        while axes - 1 in picked:
             axes -= 1
-            block = block * self.shape[axes] + at[axes]
+            block = block * self.shape[axes] + picked[axes]
         shape = self.shape[:axes]
         nbytes = math.prod(shape) * self.dtype.itemsize
         blocks = math.prod(self.shape[axes:])
         with _one_line_for(self.path):
             if is_stored := self.encoding == "raw" and len(self.files) == 1:
                 first = self._first_byte()
-                held = max(self.files[0].stat().st_size - first, 0)
+                actual = max(self.files[0].stat().st_size - first, 0)
                 place = first + block * nbytes
                 stored = Stored(str(self.files[0]), shape[::-1], self.dtype.str, place)
             else:
                 query.reserve(shape, self.dtype.itemsize)
-                unpacked, held = self._unpack_block(nbytes, block, blocks)
+                unpacked, actual = self._unpack_block(nbytes, block, blocks)
         # Bytes after a packed block are not counted, unless it is the last.
         needed = nbytes * (blocks if self.encoding == "raw" else block + 1)
-        query.require_held(held, self.shape, needed)
-        remarks += query.surplus(held, self.nbytes)
-        inner = tuple(at.get(axis, slice(None)) for axis in reversed(range(axes)))
-        whole = all(isinstance(each, slice) for each in inner)
+        query.require_held(actual, self.shape, needed)
+        notes += query.surplus(actual, self.nbytes)
+        inner = tuple(picked.get(axis, slice(None)) for axis in reversed(range(axes)))
+        is_complete = all(isinstance(part, slice) for part in inner)
         if is_stored:
-            if whole and self.scaling == (1.0, 0.0):
+            if is_complete and self.scaling == (1.0, 0.0):
                 return stored
             query.reserve(shape, self.dtype.itemsize)
             values = stored.read()
         else:
             values = unpacked.view(self.dtype).reshape(shape[::-1])
-        return self._scaled(values if whole else values[inner])
+        return self._scaled(values if is_complete else values[inner])
 
     def _first_byte(self) -> int:
         """Return the first byte of uncompressed voxels."""
@@ -110,15 +110,15 @@ class Layout:
 
     def _chunks(self, nbytes: int) -> Iterator[bytes]:
         """Yield the voxels' bytes, not many more than ``nbytes``; fewer if a file ends early."""
-        share = self.nbytes // len(self.files)
+        size = self.nbytes // len(self.files)
         left = nbytes + _SURPLUS
         for path in self.files if left > 0 else ():
-            room = left if len(self.files) == 1 else min(share, left)
+            room = left if len(self.files) == 1 else min(size, left)
             skip, left = self.skip, left - room
             with path.open("rb") as file:
                 self._go_to_voxels(file)
                 if self.seek < 0 and self.encoding == "raw":
-                    file.seek(max(path.stat().st_size - share, 0))
+                    file.seek(max(path.stat().st_size - size, 0))
                 for chunk in _unpacked(file, self.encoding, self.dtype):
                     part = chunk[skip:][:room]
                     skip, room = max(skip - len(chunk), 0), room - len(part)
@@ -127,20 +127,20 @@ class Layout:
                         break
             if room > 0 and left > 0:
                 raise VolumeError(
-                    f"{self.path}: {path.name} holds {share - room} of {share} bytes; {TRUNCATED}",
+                    f"{self.path}: {path.name} holds {size - room} of {size} bytes; {TRUNCATED}",
                     code="damaged",
                 )
 
     def _unpack_block(self, nbytes: int, block: int, blocks: int) -> tuple[NDArray[Any], int]:
         """Return a block of voxels' bytes, and the number of bytes up to its end, or a few more."""
-        unpacked, held = np.empty(nbytes, np.uint8), 0
+        unpacked, length = np.empty(nbytes, np.uint8), 0
         first, end = block * nbytes, (block + 1) * nbytes
         for chunk in self._chunks(end if block == blocks - 1 else end - _SURPLUS):
-            part = chunk[max(first - held, 0) :]
-            room = unpacked[max(held - first, 0) :][: len(part)]
+            part = chunk[max(first - length, 0) :]
+            room = unpacked[max(length - first, 0) :][: len(part)]
             room[:] = np.frombuffer(part, np.uint8, room.size)
-            held += len(chunk)
-        return unpacked, held
+            length += len(chunk)
+        return unpacked, length
 
     def _scaled(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return values with slope and intercept applied, in float32; in double to be exact."""
@@ -172,17 +172,17 @@ def choose_axes(
             f"{', '.join('0' * (len(shape) - 4))}]",
             code="shape",
         )
-    found: dict[int, int] = {}
-    for option, what in (("time", "time steps"), ("channel", "channels (components per voxel)")):
+    indices: dict[int, int] = {}
+    for option, noun in (("time", "time steps"), ("channel", "channels (components per voxel)")):
         axes = [axis for axis, role in roles.items() if role == option]
         count = math.prod(shape[axis] for axis in axes)
         timed = step_s if option == "time" else None
         names = [f"{k * timed:g} s" for k in range(count)] if timed else ()
-        number = query.index(option, count, what, names)
+        number = query.index(option, count, noun, names)
         for axis in axes:
-            number, found[axis] = divmod(number, shape[axis])
+            number, indices[axis] = divmod(number, shape[axis])
     query.end_choices()
-    return found
+    return indices
 
 
 def data_files(path: Path, names: Sequence[str]) -> tuple[Path, ...]:
@@ -236,8 +236,8 @@ def _numbered(path: Path, pattern: str, numbers: Sequence[str]) -> list[str]:
         first, last, step = (int(word) for word in numbers[:3])
         if not _PATTERN.fullmatch(pattern) or not step:
             raise ValueError
-        every = range(first, last + (1 if step > 0 else -1), step)
-        return [pattern % number for number in every[: _MAX_FILES + 1]]
+        sequence = range(first, last + (1 if step > 0 else -1), step)
+        return [pattern % number for number in sequence[: _MAX_FILES + 1]]
     except (ValueError, TypeError) as error:
         raise VolumeError(
             f"{path}: its voxels are said to be in {quoted(' '.join((pattern, *numbers)))}; a "
@@ -257,19 +257,19 @@ def counts(path: Path, words: Sequence[str]) -> tuple[int, ...]:
     return tuple(int(word) for word in words)
 
 
-def dimensions(path: Path, word: str, most: int = 16) -> int:
+def dimensions(path: Path, word: str, maximum: int = 16) -> int:
     """Return the number of axes of a header. Raises VolumeError if it is none."""
-    if not (word.isdecimal() and len(word) < 20 and 1 <= int(word) <= most):
+    if not (word.isdecimal() and len(word) < 20 and 1 <= int(word) <= maximum):
         raise VolumeError(
             f"{path}: {quoted(word)} dimensions; expected 3, correct the header", code="shape"
         )
     return int(word)
 
 
-def damaged(path: Path, what: str) -> VolumeError:
+def damaged(path: Path, problem: str) -> VolumeError:
     """Return the error of a header that cannot be read."""
     return VolumeError(
-        f"{path}: {what}; is the file complete and of the type its name says?", code="damaged"
+        f"{path}: {problem}; is the file complete and of the type its name says?", code="damaged"
     )
 
 
@@ -295,26 +295,26 @@ def _inflated(file: BinaryIO, many: bool) -> Iterator[bytes]:
             if not (packed or inflate.eof):
                 raise EOFError
             packed = inflate.unconsumed_tail or (b"" if inflate.eof else file.read(_PACKED))
-        rest = inflate.unused_data.lstrip(b"\0") or file.read(_PACKED).lstrip(b"\0")
-        packed = rest if many else b""
+        remainder = inflate.unused_data.lstrip(b"\0") or file.read(_PACKED).lstrip(b"\0")
+        packed = remainder if many else b""
 
 
 def _decoded_text(file: BinaryIO, dtype: np.dtype[Any] | None) -> Iterator[bytes]:
     """Yield bytes written as numbers of a type; or as hexadecimal digits, without a type."""
-    rest = b""
+    remainder = b""
     while chunk := file.read(_CHUNK // 4):
-        text = rest + chunk.replace(b",", b" ")
+        text = remainder + chunk.replace(b",", b" ")
         if dtype is None:
             digits = b"".join(text.split())
             even = len(digits) & ~1
-            rest = digits[even:]
+            remainder = digits[even:]
             yield bytes.fromhex(digits[:even].decode("ascii"))
         else:
             end = max(text.rfind(mark) for mark in b" \n\t") + 1
-            rest = text[end:]
+            remainder = text[end:]
             yield _numbers(text[:end], dtype)
     if dtype is not None:
-        yield _numbers(rest, dtype)
+        yield _numbers(remainder, dtype)
 
 
 def _numbers(text: bytes, dtype: np.dtype[Any]) -> bytes:

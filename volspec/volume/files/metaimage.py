@@ -53,10 +53,10 @@ def read_metaimage(query: Query) -> Reading:
     roles = {0: "channel"} if first else {}
     roles |= dict.fromkeys(range(first + 3, len(shape)), "time")
     layout = _layout(path, fields, listed, shape, end)
-    at = choose_axes(query, shape, roles)
-    remarks: list[str] = []
-    values = layout.read(at, query, remarks)
-    return Reading(values, world_from_index=world, remarks=remarks, metadata=metadata)
+    picked = choose_axes(query, shape, roles)
+    notes: list[str] = []
+    values = layout.read(picked, query, notes)
+    return Reading(values, world_from_index=world, notes=notes, metadata=metadata)
 
 
 def _header(path: Path) -> tuple[dict[str, str], tuple[str, ...], int]:
@@ -129,7 +129,7 @@ def _world_from_index(
     """Return the map to millimetres in LPS, and what is known of it."""
     path = query.path
     spacing = _numbers(path, fields, ("ElementSpacing", "ElementSize"), axes)
-    if spacing is not None and not all(0 < each < np.inf for each in spacing):
+    if spacing is not None and not all(0 < length < np.inf for length in spacing):
         words = fields.get("ElementSpacing", fields.get("ElementSize"))
         if query.spacing_mm is None:
             raise VolumeError(
@@ -164,7 +164,7 @@ def _numbers(
     path: Path, fields: dict[str, str], names: tuple[str, ...], count: int
 ) -> NDArray[np.float64] | None:
     """Return the numbers of the first of several fields that is there; None if none is."""
-    name = next((each for each in names if each in fields), None)
+    name = next((key for key in names if key in fields), None)
     if name is None:
         return None
     try:

@@ -52,10 +52,10 @@ def read_micro(query: Query) -> Reading:
             time = query.index("time", image.sizes.get("T", 1), "time steps")
             count = image.sizes.get("C", 1)
             channel = query.index("channel", count, "channels", image.channels)
-            others = {k: n for k, n in image.sizes.items() if k not in "TCZYX" and n > 1}
-            if others:
+            other_axes = {k: n for k, n in image.sizes.items() if k not in "TCZYX" and n > 1}
+            if other_axes:
                 raise VolumeError(
-                    f"{query.path}: has axes other than x, y, z, channels and time: {others}",
+                    f"{query.path}: has axes other than x, y, z, channels and time: {other_axes}",
                     _OTHERWISE,
                     code="unsupported",
                 )
@@ -79,10 +79,10 @@ def read_micro(query: Query) -> Reading:
                 code="damaged",
             ) from error
     x, y, z = (um / 1e3 if (um := image.um.get(axis)) and um > 0 else None for axis in "XYZ")
-    remarks: list[str] = []
-    spacing, metadata = resolve_spacing((x, y or x, z), query, remarks, len(values))
+    notes: list[str] = []
+    spacing, metadata = resolve_spacing((x, y or x, z), query, notes, len(values))
     named = Channel(next(iter(image.channels[channel:]), ""))
-    return Reading(values, spacing, None, remarks, None, named, metadata)
+    return Reading(values, spacing, None, notes, None, named, metadata)
 
 
 def _series(query: Query, names: Sequence[str]) -> int:
@@ -94,46 +94,46 @@ def _czi(query: Query, stack: ExitStack) -> Image:
 
     file = stack.enter_context(czi.open_czi(str(query.path)))
     scenes = sorted(file.scenes_bounding_rectangle) or [None]
-    scene = scenes[_series(query, [f"scene {each}" for each in scenes])]
+    scene = scenes[_series(query, [f"scene {number}" for number in scenes])]
     box = file.scenes_bounding_rectangle.get(scene, file.total_bounding_rectangle)
     sizes = {axis: high - low for axis, (low, high) in file.total_bounding_box.items()}
-    stated = file.metadata["ImageDocument"]["Metadata"]
+    metadata = file.metadata["ImageDocument"]["Metadata"]
     um, names = {}, []
     with suppress(*_UNSTATED):
-        for each in _listed(stated["Scaling"]["Items"]["Distance"]):
-            um[each["@Id"]] = float(each["Value"]) * 1e6
+        for distance in _listed(metadata["Scaling"]["Items"]["Distance"]):
+            um[distance["@Id"]] = float(distance["Value"]) * 1e6
     with suppress(*_UNSTATED):
-        channels = stated["Information"]["Image"]["Dimensions"]["Channels"]["Channel"]
-        names = [each.get("@Name", "") for each in _listed(channels)]
+        channels = metadata["Information"]["Image"]["Dimensions"]["Channels"]["Channel"]
+        names = [channel.get("@Name", "") for channel in _listed(channels)]
     one = file.read(roi=(box.x, box.y, 1, 1), scene=scene)
     is_colour = one.shape[-1] == 3 and sizes.get("C", 1) == 1
 
-    def read(at: dict[str, int]) -> NDArray[Any]:
-        part = 2 - at["C"] if is_colour else 0  # blue, green, red
-        plane = at | {"C": 0} if is_colour else at
+    def read(index: dict[str, int]) -> NDArray[Any]:
+        part = 2 - index["C"] if is_colour else 0  # blue, green, red
+        plane = index | {"C": 0} if is_colour else index
         return np.asarray(file.read(plane=plane, scene=scene)[..., part])
 
     sizes |= {"X": box.w, "Y": box.h} | ({"C": 3} if is_colour else {})
     return Image(sizes, one.dtype, read, um, names)
 
 
-def _listed(each: Any) -> list[Any]:
-    return each if isinstance(each, list) else [each]
+def _listed(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else [value]
 
 
 def _lif(query: Query, stack: ExitStack) -> Image:
     import liffile
 
     images = stack.enter_context(liffile.LifFile(query.path)).images
-    image = images[_series(query, [each.name for each in images])]
+    image = images[_series(query, [image.name for image in images])]
     um = {
         axis: abs(float(places[1] - places[0])) * 1e6
         for axis, places in image.coords.items()
         if len(places) > 1
     }
-    own = [axis for axis in "TCZ" if axis in image.sizes]
+    axes = [axis for axis in "TCZ" if axis in image.sizes]
     sizes = dict(image.sizes)
-    return Image(sizes, image.dtype, lambda at: image.frame(**{k: at[k] for k in own}), um)
+    return Image(sizes, image.dtype, lambda index: image.frame(**{k: index[k] for k in axes}), um)
 
 
 def _nd2(query: Query, stack: ExitStack) -> Image:
@@ -144,15 +144,15 @@ def _nd2(query: Query, stack: ExitStack) -> Image:
     position = _series(query, [f"position {k}" for k in range(sizes.pop("P", 1))])
     sizes["C"] = sizes.get("C", 1) * sizes.pop("S", 1)
     numbers = {
-        tuple(at.get(axis, 0) for axis in "TPZ"): number
-        for number, at in enumerate(file.loop_indices or ({},))
+        tuple(index.get(axis, 0) for axis in "TPZ"): number
+        for number, index in enumerate(file.loop_indices or ({},))
     }
 
-    def read(at: dict[str, int]) -> NDArray[Any]:
-        frame = file.read_frame(numbers[at["T"], position, at["Z"]])
+    def read(index: dict[str, int]) -> NDArray[Any]:
+        frame = file.read_frame(numbers[index["T"], position, index["Z"]])
         if file.is_rgb:
-            return frame[..., at["C"]]
-        return frame[at["C"]] if frame.ndim > 2 else frame
+            return frame[..., index["C"]]
+        return frame[index["C"]] if frame.ndim > 2 else frame
 
     um, names = {}, []
     with suppress(Exception):  # of the library, if metadata are not complete
@@ -168,21 +168,21 @@ def _oif(query: Query, stack: ExitStack) -> Image:
     import oiffile
 
     file = stack.enter_context(oiffile.OifFile(query.path))
-    whole, stated = file.series[0], file.mainfile
+    series, header = file.series[0], file.mainfile
     inner = dict(zip(file.axes, file.shape, strict=True))
-    sizes = dict(zip(whole.axes, whole.shape, strict=True)) | {axis: inner[axis] for axis in "YX"}
+    sizes = dict(zip(series.axes, series.shape, strict=True)) | {axis: inner[axis] for axis in "YX"}
     um: dict[str, float | None] = {}
     with suppress(*_UNSTATED):
-        reference, depth = stated["Reference Image Parameter"], stated["Axis 3 Parameters Common"]
+        reference, depth = header["Reference Image Parameter"], header["Axis 3 Parameters Common"]
         um = {"X": float(reference["WidthConvertValue"])}
         um["Y"] = float(reference["HeightConvertValue"])
         um["Z"] = float(depth["Interval"]) * (mm_per_unit(depth["UnitName"]) or 0) * 1e3
     count = sizes.get("C", 1)
-    names = [stated.get(f"Channel {k + 1} Parameters", {}).get("DyeName", "") for k in range(count)]
+    names = [header.get(f"Channel {k + 1} Parameters", {}).get("DyeName", "") for k in range(count)]
     voxels = cache(file.asarray)
 
-    def read(at: dict[str, int]) -> Any:
-        return voxels()[tuple(at.get(axis, 0) for axis in whole.axes)]
+    def read(index: dict[str, int]) -> Any:
+        return voxels()[tuple(index.get(axis, 0) for axis in series.axes)]
 
     return Image(sizes, file.dtype, read, um, names)
 

@@ -56,9 +56,9 @@ def read_mif(query: Query) -> Reading:
             code="unsupported",
         )
     shape = tuple(size[places.index(place)] for place in range(len(size)))
-    at = choose_axes(query, shape, dict(zip(places[3:], ("time", "channel"), strict=False)))
+    index = choose_axes(query, shape, dict(zip(places[3:], ("time", "channel"), strict=False)))
     backward = {place for place, stride in zip(places, strides, strict=True) if stride[0] == "-"}
-    at = {place: shape[place] - 1 - k if place in backward else k for place, k in at.items()}
+    index = {place: shape[place] - 1 - k if place in backward else k for place, k in index.items()}
     files = (path,) if name in ("", ".") else data_files(path, [name])
     encoding = "gzip" if is_packed(files[0]) else "raw"
     is_bits, is_big = kind[1].lower() == "bit", (kind[2] or "").lower() == "be"
@@ -66,15 +66,15 @@ def read_mif(query: Query) -> Reading:
     stored = (-(-math.prod(shape) // 8),) if is_bits else shape
     scaling = (1.0, 0.0) if is_bits else (slope, shift)
     layout = Layout(path, files, dtype, stored, encoding, skip=first, scaling=scaling)
-    remarks: list[str] = []
-    values = layout.read({} if is_bits else at, query, remarks)
+    notes: list[str] = []
+    values = layout.read({} if is_bits else index, query, notes)
     slowest = sorted(places[:3], reverse=True)
     if is_bits or slowest != places[2::-1] or backward & {*slowest}:
         values = values.read() if isinstance(values, Stored) else values
         if is_bits:
             query.reserve(shape, 1)
             bits = np.unpackbits(values, count=math.prod(shape)).reshape(shape[::-1])
-            values = bits[tuple(at.get(k, slice(None)) for k in reversed(range(len(shape))))]
+            values = bits[tuple(index.get(k, slice(None)) for k in reversed(range(len(shape))))]
         values = values[tuple(slice(None, None, -1 if k in backward else 1) for k in slowest)]
         values = values.transpose([slowest.index(place) for place in places[2::-1]])
     is_stated = np.isfinite(spacing) & (spacing > 0)
@@ -82,16 +82,16 @@ def read_mif(query: Query) -> Reading:
     assumed = () if is_stated.all() else (NO_SPACING,)
     metadata = Metadata(is_patient=bool(rows), assumed=assumed)
     world = LPS_FROM_RAS @ world if rows else world
-    return Reading(values, None, world, remarks, metadata=metadata)
+    return Reading(values, None, world, notes, metadata=metadata)
 
 
 def _header(path: Path) -> dict[str, list[str]]:
     """Return the lines of a header by their keys, of which some occur several times."""
-    found: dict[str, list[str]] = {}
+    fields: dict[str, list[str]] = {}
     with open_unpacked(path) as file:
         while (line := file.readline(4096).decode("utf-8", "replace").strip()) != "END":
             key, colon, value = line.partition(":")
             if file.tell() > _MAX_HEADER or not (colon or line == "mrtrix image"):
                 raise ValueError("no END")
-            found.setdefault(key.strip().lower(), []).append(value.strip())
-    return found
+            fields.setdefault(key.strip().lower(), []).append(value.strip())
+    return fields

@@ -52,21 +52,21 @@ def read_mrc(query: Query) -> Reading:
     query.end_choices()
     nbytes = int(np.prod(size)) * dtype.itemsize
     first = _HEADER + int(header.nsymbt)
-    held = path.stat().st_size - first
-    query.require_held(held, shape[::-1], steps * nbytes)
+    actual = path.stat().st_size - first
+    query.require_held(actual, shape[::-1], steps * nbytes)
     values = Stored(str(path), tuple(size), dtype.str, first + step * nbytes)
-    remarks: list[str] = []
-    world, assumed = _world_from_index(query, header, remarks)
+    notes: list[str] = []
+    world, assumed = _world_from_index(query, header, notes)
     return Reading(
         values,
         world_from_index=world,
-        remarks=[*remarks, *query.surplus(held, steps * nbytes)],
+        notes=[*notes, *query.surplus(actual, steps * nbytes)],
         metadata=Metadata(assumed=assumed),
     )
 
 
 def _world_from_index(
-    query: Query, header: np.recarray, remarks: list[str]
+    query: Query, header: np.recarray, notes: list[str]
 ) -> tuple[np.ndarray, tuple[str, ...]]:
     """Return the map to millimetres, and what is assumed if no size of a voxel is stated."""
     cell = np.array([header.cella.x, header.cella.y, header.cella.z], np.float64)
@@ -83,7 +83,7 @@ def _world_from_index(
         spacing, assumed = np.ones(3), (NO_SPACING,)
         if query.spacing_mm is None:
             example = query.example(spacing="1e-7,1e-7,1e-7")
-            remarks.append(
+            notes.append(
                 f"{query.path}: states no size of a voxel, 1 mm is assumed; {example} is 1 Å"
             )
     columns = np.zeros((3, 3))

@@ -43,8 +43,8 @@ def is_n5(folder: Path) -> bool:
 def _attributes(folder: Path) -> dict[str, Any]:
     """Return what a group or dataset states; nothing if it is damaged or states nothing."""
     with suppress(OSError, ValueError, RecursionError):
-        stated = json.loads((folder / _ATTRIBUTES).read_text("utf-8"))
-        return stated if isinstance(stated, dict) else {}
+        attrs = json.loads((folder / _ATTRIBUTES).read_text("utf-8"))
+        return attrs if isinstance(attrs, dict) else {}
     return {}
 
 
@@ -62,16 +62,16 @@ def open_n5(query: Query) -> tuple[Tensor, Axes, NDArray[np.float64], bool]:
         raise VolumeError(
             f"{path}: holds no dataset of three axes or more; give the folder of one", code="shape"
         )
-    stated: dict[str, Any] = {}
+    attrs: dict[str, Any] = {}
     views = {(match[1], match[2]): name for name in sizes if (match := _SETUP.fullmatch(name))}
     if views and "dataset" not in query.options:
         name, voxel = choose_view(query, views)
         if voxel is not None:
-            stated = {"resolution": voxel[0], "unit": voxel[1]}
+            attrs = {"resolution": voxel[0], "unit": voxel[1]}
     else:
         name = query.array_named(sizes)
     for part in (Path(name), *Path(name).parents):
-        stated = _attributes(path / part) | stated
+        attrs = _attributes(path / part) | attrs
     import_zarr(path)
     try:
         store = {"driver": "file", "path": f"{(path / name).absolute()}/"}
@@ -82,25 +82,25 @@ def open_n5(query: Query) -> tuple[Tensor, Axes, NDArray[np.float64], bool]:
             "copy it again, or write it with gzip, blosc, zstd or without compression",
             code="damaged",
         ) from error
-    letters = [str(axis).lower()[:1] for axis in stated.get("axes", ())]
-    return array, *_lattice(stated, named_axes(query, array.shape, letters, "xyzct"))
+    letters = [str(axis).lower()[:1] for axis in attrs.get("axes", ())]
+    return array, *_lattice(attrs, named_axes(query, array.shape, letters, "xyzct"))
 
 
-def _lattice(own: dict[str, Any], letters: list[str]) -> tuple[Axes, NDArray[np.float64], bool]:
+def _lattice(attrs: dict[str, Any], letters: list[str]) -> tuple[Axes, NDArray[np.float64], bool]:
     """Return the axes with units, the map from index to place, and False if none is stated."""
     axes: Axes = [{"name": name} for name in letters]
     matrix = np.eye(len(letters) + 1)
-    pixel = own.get("pixelResolution")
+    pixel = attrs.get("pixelResolution")
     pixel = pixel if isinstance(pixel, dict) else {"dimensions": pixel}
     with suppress(TypeError, ValueError, KeyError, IndexError):
-        step = np.array(own.get("resolution") or pixel["dimensions"], float)
-        factors = np.array(own.get("downsamplingFactors") or [1] * len(step), float)
+        step = np.array(attrs.get("resolution") or pixel["dimensions"], float)
+        factors = np.array(attrs.get("downsamplingFactors") or [1] * len(step), float)
         factors = factors if factors.ndim == 1 else factors[0]
-        units = own.get("units") or [own.get("unit") or pixel.get("unit")] * len(step)
-        at = [letters.index(name) for name in "xyz"] if len(step) == 3 else range(len(letters))
+        units = attrs.get("units") or [attrs.get("unit") or pixel.get("unit")] * len(step)
+        columns = [letters.index(name) for name in "xyz"] if len(step) == 3 else range(len(letters))
         spaced = matrix.copy()
-        spaced[at, at], spaced[at, -1] = step * factors, step * (factors - 1) / 2
-        for place, unit in zip(at, units, strict=True):
+        spaced[columns, columns], spaced[columns, -1] = step * factors, step * (factors - 1) / 2
+        for place, unit in zip(columns, units, strict=True):
             axes[place]["unit"] = unit
         return axes, spaced, bool((step > 0).all())
     return axes, matrix, False

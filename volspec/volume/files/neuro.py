@@ -118,8 +118,8 @@ class _Opened:
         first = int(start) if size + 4 <= start < 2**40 else size + 4
         extensions = (head + file.read(min(first, _MAX_EXTENSION)))[size:first]
         slope, shift = header.get_slope_inter() if np.isfinite(header["scl_slope"]) else (1, 0)
-        given = header.get_data_shape(), dtype, first, slope or 1, shift or 0
-        return cls(header, ArrayProxy(os.fspath(path), given), path, packed, None, extensions)
+        arguments = header.get_data_shape(), dtype, first, slope or 1, shift or 0
+        return cls(header, ArrayProxy(os.fspath(path), arguments), path, packed, None, extensions)
 
 
 def _require_header(path: Path) -> None:
@@ -128,7 +128,7 @@ def _require_header(path: Path) -> None:
     if name.endswith(".img"):
         stem = path.name[: len(name) - 4]
         names = [f"{stem}{end}" for end in (".hdr", ".HDR", ".hdr.gz")]
-        if not any((path.parent / each).is_file() for each in names):
+        if not any((path.parent / name).is_file() for name in names):
             raise VolumeError(
                 f"{path}: its header is in {names[0]}, which is not there",
                 f"copy it into {path.parent}, next to the voxels",
@@ -166,25 +166,23 @@ def read_neuro(query: Query) -> Reading:
     roles = {0: "channel"} if first else {}
     roles |= dict.fromkeys(range(first + 3, first + 4), "time") if len(shape) > first + 3 else {}
     roles |= dict.fromkeys(range(first + 4, len(shape)), "channel")
-    at = choose_axes(query, shape, roles, _step_s(opened.header))
-    remarks: list[str] = []
-    world, metadata = _world_from_index(opened, query, remarks)
+    picked = choose_axes(query, shape, roles, _step_s(opened.header))
+    notes: list[str] = []
+    world, metadata = _world_from_index(opened, query, notes)
     labels = _labels(opened)
     layout = _layout(path, opened, dtype, shape)
     if layout is not None:
         # FreeSurfer writes how the image was made after its voxels.
         ends = path.name.lower().endswith((".mgh", ".mgz"))
-        values = layout.read(at, query, [] if ends else remarks)
+        values = layout.read(picked, query, [] if ends else notes)
     else:
         query.reserve(shape[:3], dtype.itemsize)
-        index: tuple[Any, ...] = (..., *(at[axis] for axis in range(3, len(shape))))
+        index: tuple[Any, ...] = (..., *(picked[axis] for axis in range(3, len(shape))))
         with _refusing(path):
             part = opened.proxy[index[::-1] if time_first else index]
         values = np.asarray(part, np.float32).T
         values = values.reshape(values.shape[-3:])
-    return Reading(
-        values, world_from_index=world, remarks=remarks, labels=labels, metadata=metadata
-    )
+    return Reading(values, world_from_index=world, notes=notes, labels=labels, metadata=metadata)
 
 
 @contextmanager
@@ -231,7 +229,7 @@ def _step_s(header: Any) -> float | None:
 
 
 def _world_from_index(
-    opened: _Opened, query: Query, remarks: list[str]
+    opened: _Opened, query: Query, notes: list[str]
 ) -> tuple[NDArray[np.float64], Metadata]:
     """Return the map to millimetres in LPS; without an orientation, that of the spacing alone."""
     header = opened.header
@@ -243,24 +241,24 @@ def _world_from_index(
     assumed = (NO_UNIT,) if unit_mm is None else ()
     unit_mm = unit_mm or 1.0
     maps = {name: _map(header, name) for name in ("sform", "qform") if header[f"{name}_code"] > 0}
-    usable = [each for each in maps.values() if each is not None]
-    lost = next((name for name, each in maps.items() if each is None), "")
-    if lost and not usable and query.spacing_mm is None:
+    usable = [matrix for matrix in maps.values() if matrix is not None]
+    broken = next((name for name, matrix in maps.items() if matrix is None), "")
+    if broken and not usable and query.spacing_mm is None:
         raise VolumeError(
-            f"{query.path}: its {lost}, the map to millimetres, holds NaN, infinity or an axis "
+            f"{query.path}: its {broken}, the map to millimetres, holds NaN, infinity or an axis "
             "without a direction",
             f"give the spacing, as {query.example(spacing='1,1,1')}",
             code="damaged",
         )
-    if lost == "sform" and usable:
-        remarks.append(
+    if broken == "sform" and usable:
+        notes.append(
             f"{query.path}: its sform holds NaN, infinity or an axis without a direction; its "
             "qform is taken"
         )
     if not usable:
         return _spaced(header, unit_mm), Metadata(assumed=assumed)
     if len(usable) == 2 and _turned(*usable):
-        remarks.append(
+        notes.append(
             f"{query.path}: its sform (code {int(header['sform_code'])}) and its qform (code "
             f"{int(header['qform_code'])}) lead to different directions; the sform is taken, as by "
             "nibabel"
@@ -324,14 +322,14 @@ def _spaced(header: Any, unit_mm: float = 1.0) -> NDArray[np.float64]:
 def _labels(opened: _Opened) -> Labels | None:
     """Return the labels that a NIfTI header states; None if it does not say that it holds any."""
     head, order = opened.extensions, getattr(opened.header, "endianness", "<")
-    at = 4
-    while head[:1] > b"\0" and at + 8 <= len(head):
-        nbytes, _ = struct.unpack_from(order + "2i", head, at)
+    offset = 4
+    while head[:1] > b"\0" and offset + 8 <= len(head):
+        nbytes, _ = struct.unpack_from(order + "2i", head, offset)
         if nbytes < 8:
             break
-        if labels := labels_in_xml(head[at + 8 : at + nbytes].decode("utf-8", "replace")):
+        if labels := labels_in_xml(head[offset + 8 : offset + nbytes].decode("utf-8", "replace")):
             return labels
-        at += nbytes
+        offset += nbytes
     with suppress(KeyError, ValueError, IndexError, TypeError):  # of headers other than NIfTI
         return {} if int(opened.header["intent_code"]) == _LABELS else None
     return None

@@ -76,12 +76,12 @@ class _Header:
                 line = _text(file.readline(_MAX_LENGTH)).strip()
                 if not line:
                     break
-                key, found, value = line.partition(":")
+                key, separator, value = line.partition(":")
                 if named.get("datafile", "")[:4].upper() == "LIST":
                     listed.append(line)
-                elif found and value.startswith("="):
+                elif separator and value.startswith("="):
                     pairs[key] = value[1:]
-                elif found and not line.startswith("#"):
+                elif separator and not line.startswith("#"):
                     named[key.strip().lower().replace(" ", "")] = value.strip()
             named["datafile"] = named.get("datafile", "")
             return cls(path, named, pairs, tuple(listed), file.tell())
@@ -108,13 +108,13 @@ class _Header:
 
     def directions(self, count: int) -> list[NDArray[np.float64] | None]:
         """Return the vector (3,) to the next sample along each axis; None if it has none."""
-        found: list[NDArray[np.float64] | None] = []
+        vectors: list[NDArray[np.float64] | None] = []
         for text in _VECTOR.findall(self.named.get("spacedirections", "").lower()):
             vector = self.vector(text) if text != "none" else None
-            found.append(vector if vector is not None and vector.any() else None)
-        if found and len(found) != count:
-            raise damaged(self.path, f"its space directions are {len(found)}, its axes {count}")
-        return found
+            vectors.append(vector if vector is not None and vector.any() else None)
+        if vectors and len(vectors) != count:
+            raise damaged(self.path, f"its space directions are {len(vectors)}, its axes {count}")
+        return vectors
 
     def vector(self, text: str) -> NDArray[np.float64] | None:
         """Return the first three numbers of a vector (x,y,z), without those of time."""
@@ -148,17 +148,17 @@ def read_nrrd(query: Query) -> Reading:
     world, metadata = None, Metadata()
     if len(space) in (2, 3):
         world, metadata = _world_from_index(header, shape, space, query)
-    remarks: list[str] = []
+    notes: list[str] = []
     values: Stored | NDArray[Any]
     labels: Labels | None
     if list(roles.values()) == ["channel"] and labels_in_nrrd(header.pairs, 0) and _all(query):
-        values, labels = _merged(layout, next(iter(roles)), header, query, remarks)
+        values, labels = _merged(layout, next(iter(roles)), header, query, notes)
     else:
-        at = choose_axes(query, shape, roles)
-        values = layout.read(at, query, remarks)
-        layer = next((at[axis] for axis, role in roles.items() if role == "channel"), 0)
+        picked = choose_axes(query, shape, roles)
+        values = layout.read(picked, query, notes)
+        layer = next((picked[axis] for axis, role in roles.items() if role == "channel"), 0)
         labels = labels_in_nrrd(header.pairs, layer)
-    return Reading(values, None, world, remarks, labels, metadata=metadata)
+    return Reading(values, None, world, notes, labels, metadata=metadata)
 
 
 def _all(query: Query) -> bool:
@@ -167,7 +167,7 @@ def _all(query: Query) -> bool:
 
 
 def _merged(
-    layout: Layout, axis: int, header: _Header, query: Query, remarks: list[str]
+    layout: Layout, axis: int, header: _Header, query: Query, notes: list[str]
 ) -> tuple[NDArray[Any], Labels]:
     """Return the segments of several layers, which may overlap, as one volume of labels.
 
@@ -180,15 +180,15 @@ def _merged(
     numbers = {key: key[1] if fits else place for place, key in enumerate(keys, start=1)}
     values, overlap = np.zeros((1, 1, 1), np.uint16), 0
     for layer, labels in enumerate(layers):
-        read = layout.read({axis: layer}, query, remarks if not layer else [])
-        own = read.read() if isinstance(read, Stored) else read
-        found = np.zeros(own.shape, np.uint16)
+        read = layout.read({axis: layer}, query, notes if not layer else [])
+        voxels = read.read() if isinstance(read, Stored) else read
+        codes = np.zeros(voxels.shape, np.uint16)
         for number in labels:
-            found[own == number] = numbers[layer, number]
-        overlap += int(np.count_nonzero((values > 0) & (found > 0)))
-        values = np.where(found > 0, found, values)
+            codes[voxels == number] = numbers[layer, number]
+        overlap += int(np.count_nonzero((values > 0) & (codes > 0)))
+        values = np.where(codes > 0, codes, values)
     if overlap:
-        remarks.append(
+        notes.append(
             f"{query.path}: segments overlap in {overlap} voxels, which show the one in the later "
             f"layer; {query.example(channel='0')} is the first layer"
         )
@@ -227,11 +227,11 @@ def _layout(header: _Header, shape: tuple[int, ...]) -> Layout:
     code = _TYPES.get(re.sub(r"unsigned ", "u", words).removesuffix(" int").replace(" ", ""))
     encoding = _ENCODINGS.get(named.get("encoding", "raw").lower())
     if code is None or encoding is None:
-        what = f"type {quoted(named.get('type', ''))}"
+        problem = f"type {quoted(named.get('type', ''))}"
         if code is not None:
-            what = f"encoding {quoted(named['encoding'])}"
+            problem = f"encoding {quoted(named['encoding'])}"
         raise VolumeError(
-            f"{path}: its {what} is none of NRRD's for numbers; correct the header",
+            f"{path}: its {problem} is none of NRRD's for numbers; correct the header",
             code="unsupported",
         )
     try:
@@ -277,7 +277,7 @@ def _world_from_index(
         if "spacings" in header.named:  # those of mins and maxs may lead backwards
             bad = [not 0 < spacing[axis] < np.inf for axis in space]
         if any(bad) and query.spacing_mm is None:
-            words = " ".join(f"{each:g}" for each in spacing)
+            words = " ".join(f"{length:g}" for length in spacing)
             raise VolumeError(
                 f"{path}: spacing {words}; each of x, y, z must be positive",
                 f"correct the header, or give it as {query.example(spacing='1,1,1')}",
@@ -286,10 +286,10 @@ def _world_from_index(
         spacing[[axis for axis, wrong in zip(space, bad, strict=True) if wrong]] = 1.0
         units = header.units("units", axes)[space]
         mm = np.nan_to_num(units, nan=1.0)
-        columns, own = np.zeros((3, 3)), np.zeros(3)
+        columns, offset = np.zeros((3, 3)), np.zeros(3)
         np.fill_diagonal(columns[: len(space)], spacing[space] * mm)
-        own[: len(space)] = first[space] * mm
-        start = own if start is None else start * np.resize(mm, 3)
+        offset[: len(space)] = first[space] * mm
+        start = offset if start is None else start * np.resize(mm, 3)
     if not assumed and np.isnan(units).any():
         assumed = (NO_UNIT,)
     world = affine(columns, np.where(np.isnan(start), 0.0, start))

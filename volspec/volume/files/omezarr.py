@@ -63,8 +63,8 @@ class _Picture:
     names: list[str]
     levels: list[Level]
     units: list[str]  # along x, y, z; empty if no scale is stated
-    stated: dict[str, Any]
-    own: dict[str, Any]  # what `volspec convert` adds; empty if another program wrote it
+    ome: dict[str, Any]
+    attrs: dict[str, Any]  # what `volspec convert` adds; empty if another program wrote it
 
     @property
     def is_in_parts(self) -> bool:
@@ -72,8 +72,8 @@ class _Picture:
         if self.levels[0].nbytes <= (self.query.memory_bytes or DEFAULT_BYTES):
             return False
         sides = zip(self.names, self.levels[0].array.shape, strict=True)
-        others = [name for name, count in sides if name not in _SPACE and count > 1]
-        return all(_OPTIONS.get(name, ("", ""))[0] in self.query.options for name in others)
+        axes = [name for name, count in sides if name not in _SPACE and count > 1]
+        return all(_OPTIONS.get(name, ("", ""))[0] in self.query.options for name in axes)
 
     @property
     def sizes(self) -> tuple[str, ...]:
@@ -83,17 +83,17 @@ class _Picture:
     @property
     def labels(self) -> Labels | None:
         """Labels in the metadata; None if it is no picture of labels."""
-        image_label = self.stated.get("image-label")
+        image_label = self.ome.get("image-label")
         return None if image_label is None else labels_in_zarr(image_label)
 
     @property
     def metadata(self) -> Metadata:
         """Statements on the source by `volspec convert`; else what is assumed of the lengths."""
-        stated = self.own.get("metadata")
-        if isinstance(stated, dict):
-            modality, unit = (str(stated.get(key, "")) for key in ("modality", "unit"))
-            assumed = tuple(map(str, stated.get("assumed", ())))
-            return Metadata(modality, unit, bool(stated.get("is_patient")), assumed)
+        attrs = self.attrs.get("metadata")
+        if isinstance(attrs, dict):
+            modality, unit = (str(attrs.get(key, "")) for key in ("modality", "unit"))
+            assumed = tuple(map(str, attrs.get("assumed", ())))
+            return Metadata(modality, unit, bool(attrs.get("is_patient")), assumed)
         if not self.units:
             return Metadata(assumed=(NO_SPACING,))
         return Metadata(assumed=() if all(map(mm_per_unit, self.units)) else (NO_UNIT,))
@@ -101,33 +101,33 @@ class _Picture:
     def select(self) -> tuple[tuple[int, ...], Channel | None]:
         """Return the selected index along each axis, 0 along those of space, and the channel."""
         try:
-            channels = [Channel.of_omero(channel) for channel in self.stated["omero"]["channels"]]
+            channels = [Channel.of_omero(channel) for channel in self.ome["omero"]["channels"]]
         except DAMAGE:
             channels = []
         titles = [channel.name for channel in channels]
-        at = selected_index(self.query, self.names, self.levels[0].array.shape, titles)
-        number = at[self.names.index("c")] if "c" in self.names else 0
-        return at, next(iter(channels[number:]), None)
+        index = selected_index(self.query, self.names, self.levels[0].array.shape, titles)
+        number = index[self.names.index("c")] if "c" in self.names else 0
+        return index, next(iter(channels[number:]), None)
 
-    def choose_level(self, remarks: list[str]) -> Level:
+    def choose_level(self, notes: list[str]) -> Level:
         """Return the level that the query selects, else the finest that memory holds."""
         query, count = self.query, len(self.levels)
         if "level" in query.options:
             return self.levels[query.index("level", count, "levels", self.sizes)]
-        most = query.memory_bytes or DEFAULT_BYTES
-        chosen = next((k for k in range(count) if self.levels[k].nbytes <= most), count - 1)
+        max_bytes = query.memory_bytes or DEFAULT_BYTES
+        number = next((k for k in range(count) if self.levels[k].nbytes <= max_bytes), count - 1)
         if query.choices is not None and count > 1 and not self.is_in_parts:
             values = tuple(map(str, range(count)))
-            query.choices.append(Choice("level", values, self.sizes, str(chosen)))
-        if chosen:
-            remarks.append(
-                f"{query.path}: level 0 takes {self.levels[0].nbytes / 1e9:.3g} GB, level {chosen} "
+            query.choices.append(Choice("level", values, self.sizes, str(number)))
+        if number:
+            notes.append(
+                f"{query.path}: level 0 takes {self.levels[0].nbytes / 1e9:.3g} GB, level {number} "
                 f"is read; choose another as {query.example(level='0')}"
             )
-        return self.levels[chosen]
+        return self.levels[number]
 
-    def unit_remarks(self, level: Level) -> list[str]:
-        """Return a remark if the unit of the scale is unknown, and no spacing is given."""
+    def unit_notes(self, level: Level) -> list[str]:
+        """Return a note if the unit of the scale is unknown, and no spacing is given."""
         unknown = [unit for unit in self.units if mm_per_unit(unit) is None]
         if not unknown or self.query.spacing_mm is not None:
             return []
@@ -147,35 +147,35 @@ def read_ome_zarr(query: Query) -> Reading:
     """Read a level of a picture, with the channel and time that the query selects."""
     query.allow("level", "channel", "time", "dataset", "axes")
     picture = _opened(query)
-    remarks: list[str] = []
-    level = picture.choose_level(remarks)
-    remarks += picture.unit_remarks(level)
-    at, channel = picture.select()
+    notes: list[str] = []
+    level = picture.choose_level(notes)
+    notes += picture.unit_notes(level)
+    index, channel = picture.select()
     remedy, half = "copy the store again", level.nbytes // 2
     # A chunk is left out only of a picture whose coarser levels are whole.
     if "level" not in query.options and level is not picture.levels[-1]:
         memory = f"{half >> 20}MiB" if half >> 20 else f"{half}B"
         remedy += f", or leave the chunk out of pictures: {query.example(memory=memory)}"
-    values = read_level(query, replace(level, at=at), remedy)
-    stated = picture.labels, channel, picture.metadata
-    return Reading(values, None, level.world_from_index, remarks, *stated)
+    values = read_level(query, replace(level, at=index), remedy)
+    details = picture.labels, channel, picture.metadata
+    return Reading(values, None, level.world_from_index, notes, *details)
 
 
 def selected_index(
     query: Query, names: Sequence[str], shape: Sequence[int], titles: Sequence[str] = ()
 ) -> tuple[int, ...]:
     """Return the index that the query selects along each axis, 0 along those of space."""
-    at = []
+    index = []
     for name, count in zip(names, shape, strict=True):
-        key, what = _OPTIONS.get(name, ("", ""))
+        key, noun = _OPTIONS.get(name, ("", ""))
         if not key and name not in _SPACE and count > 1:
             raise VolumeError(
                 f"{query.path}: has {count} values along an axis {name!r}; a volume has x, y, z, "
                 "save one of them",
                 code="shape",
             )
-        at.append(query.index(key, count, what, titles if name == "c" else ()) if key else 0)
-    return tuple(at)
+        index.append(query.index(key, count, noun, titles if name == "c" else ()) if key else 0)
+    return tuple(index)
 
 
 def read_level(query: Query, level: Level, remedy: str) -> NDArray[Any]:
@@ -213,28 +213,28 @@ def ome_zarr_stack(query: Query) -> Stack | None:
             f"{query.path}: its metadata declare {picture.sizes[0]} voxels; is it damaged?",
             code="damaged",
         )
-    at, channel = picture.select()
-    remarks = picture.unit_remarks(picture.levels[0])
+    index, channel = picture.select()
+    notes = picture.unit_notes(picture.levels[0])
     levels: list[Level] = []
     for number, level in enumerate(picture.levels):
         _check_extent(picture, number)
         ranges, shards = _ranges(picture, number), level.array.shards
         # Files of a conversion are small: of a server, they are asked for as a whole.
         by_block = ranges is not None and shards is not None and not query.is_remote
-        if shards is not None and (by_block or picture.own.get("complete")):
+        if shards is not None and (by_block or picture.attrs.get("complete")):
             z, y, x = (shards[axis] for axis in level.axes)
             level = replace(level, chunk=(z, y, x))
-        levels.append(replace(level, at=at, ranges=ranges, by_block=by_block))
+        levels.append(replace(level, at=index, ranges=ranges, by_block=by_block))
     sample = _sample(picture, levels[0])
     without = "the {} (volspec/{}) cannot be used, so that {}; convert it again"
-    if "ranges" in picture.own and any(level.ranges is None for level in levels):
-        lost = without.format("ranges of its blocks", "ranges", "casts read more")
-        remarks.append(f"{query.path}: {lost}")
-    if "sample" in picture.own and sample is None:
+    if "ranges" in picture.attrs and any(level.ranges is None for level in levels):
+        problem = without.format("ranges of its blocks", "ranges", "casts read more")
+        notes.append(f"{query.path}: {problem}")
+    if "sample" in picture.attrs and sample is None:
         worse = "camera and colours follow from a coarse level"
-        lost = without.format("sample of its voxels", "sample", worse)
-        remarks.append(f"{query.path}: {lost}")
-    return Stack(levels, channel, picture.labels, remarks, sample, picture.metadata)
+        problem = without.format("sample of its voxels", "sample", worse)
+        notes.append(f"{query.path}: {problem}")
+    return Stack(levels, channel, picture.labels, notes, sample, picture.metadata)
 
 
 def _ranges(picture: _Picture, number: int) -> NDArray[Any] | None:
@@ -244,24 +244,24 @@ def _ranges(picture: _Picture, number: int) -> NDArray[Any] | None:
     """
     voxels = picture.levels[number].array
     try:
-        paths = picture.own["ranges"]
-        if picture.own["block"] != BLOCK:
+        paths = picture.attrs["ranges"]
+        if picture.attrs["block"] != BLOCK:
             return None
-        found = np.asarray(fast_array(picture.group[paths[number]], complete=True)[...])
+        ranges = np.asarray(fast_array(picture.group[paths[number]], complete=True)[...])
     except DAMAGE:
         return None
     blocks = tuple(-(-n // BLOCK) for n in voxels.shape)
-    low_high = found.shape == (2, *blocks) and found.dtype == cast_dtype(voxels.dtype)
-    return found if low_high and (found[0] <= found[1]).all() else None
+    low_high = ranges.shape == (2, *blocks) and ranges.dtype == cast_dtype(voxels.dtype)
+    return ranges if low_high and (ranges[0] <= ranges[1]).all() else None
 
 
 def _sample(picture: _Picture, finest: Level) -> Sample | None:
     """Return what `volspec convert` wrote of all voxels; None if it did not, or it is damaged."""
-    own = picture.own
+    attrs = picture.attrs
     try:
-        low, high = map(float, own["range"])
-        counts = np.array(own["histogram"], float)
-        voxels = np.asarray(fast_array(picture.group[own["sample"]], complete=True)[...])
+        low, high = map(float, attrs["range"])
+        counts = np.array(attrs["histogram"], float)
+        voxels = np.asarray(fast_array(picture.group[attrs["sample"]], complete=True)[...])
     except DAMAGE:
         return None
     sides = tuple(-(-n // step_along(n)) for n in finest.shape)
@@ -278,8 +278,8 @@ def _check_extent(picture: _Picture, number: int) -> None:
         corners = np.subtract([(0, 0, 0), level.shape[::-1]], 0.5)
         ends.append((corners @ columns.T + origin).T)
         widths.append(np.abs(columns).sum(axis=1))
-    apart = np.abs(ends[0] - ends[1]).max(axis=1)
-    for axis in np.flatnonzero(apart > 1.01 * np.maximum(*widths)):
+    distances = np.abs(ends[0] - ends[1]).max(axis=1)
+    for axis in np.flatnonzero(distances > 1.01 * np.maximum(*widths)):
         (a, b), (c, d) = ends[0][axis], ends[1][axis]
         raise VolumeError(
             f"{picture.query.path}: level {number} lies from {a:g} to {b:g} mm along "
@@ -304,29 +304,29 @@ def _opened(query: Query) -> _Picture:
             group = group[_array_in(group, query)]
         if not isinstance(group, zarr.Array):
             return _multiscale(group, query)
-        stated = getattr(group.metadata, "dimension_names", None)
-        names = [str(n).lower()[:1] for n in stated or group.attrs.get("_ARRAY_DIMENSIONS", ())]
+        dimensions = getattr(group.metadata, "dimension_names", None)
+        names = [str(n).lower()[:1] for n in dimensions or group.attrs.get("_ARRAY_DIMENSIONS", ())]
         axes = [{"name": name} for name in named_axes(query, group.shape, names, "tczyx")]
         return _picture(query, group, axes, [(fast_array(group), np.eye(group.ndim + 1))], False)
     except (VolumeError, ChoicesListed):
         raise
     except Exception as error:  # whatever the library raises
-        what = f"cannot be read ({one_line(error)[:120]})"
+        problem = f"cannot be read ({one_line(error)[:120]})"
         if isinstance(error, KeyError):
-            what = f"have no {error.args[0]!r}"
+            problem = f"have no {error.args[0]!r}"
         if isinstance(error, json.JSONDecodeError):
-            what = f"are not valid JSON (line {error.lineno}, column {error.colno})"
+            problem = f"are not valid JSON (line {error.lineno}, column {error.colno})"
         remedy = "is the address right?" if query.is_remote else "is it complete?"
         raise VolumeError(
-            f"{path}: its OME-Zarr metadata {what}; {remedy}", code="damaged"
+            f"{path}: its OME-Zarr metadata {problem}; {remedy}", code="damaged"
         ) from error
 
 
 def _metadata(group: Any) -> dict[str, Any]:
     """Return the attributes of a group, which version 0.5 has under ``ome``."""
     attributes = dict(group.attrs)
-    stated: dict[str, Any] = attributes.get("ome", attributes)
-    return stated
+    metadata: dict[str, Any] = attributes.get("ome", attributes)
+    return metadata
 
 
 def _pictures(group: Any) -> Any:
@@ -348,35 +348,35 @@ def _picture(
             "has x, y and z",
             code="shape",
         )
-    own = {} if group is None else group.attrs.get("volspec")
-    own = own if isinstance(own, dict) else {}
+    attrs = {} if group is None else group.attrs.get("volspec")
+    attrs = attrs if isinstance(attrs, dict) else {}
     # OME-Zarr has no directions: `volspec convert` writes its own.
     try:
-        directions = np.array(own["world_from_picture"], float).reshape(4, 4)
+        directions = np.array(attrs["world_from_picture"], float).reshape(4, 4)
     except (KeyError, TypeError, ValueError):
         directions = np.eye(4)
     k, j, i = places = tuple(names.index(name) for name in _SPACE)
-    at = [i, j, k]
-    units = [str(axes[place].get("unit") or "") for place in at] if is_spaced else []
+    order = [i, j, k]
+    units = [str(axes[place].get("unit") or "") for place in order] if is_spaced else []
     unit_mm = np.array([mm_per_unit(unit) or 1.0 for unit in units] or [1.0] * 3)
     levels = []
     for array, matrix in arrays:
-        world = affine(matrix[np.ix_(at, at)] * unit_mm[:, None], matrix[at, -1] * unit_mm)
+        world = affine(matrix[np.ix_(order, order)] * unit_mm[:, None], matrix[order, -1] * unit_mm)
         z, y, x = (array.chunks[place] for place in places)
         levels.append(Level(array, (k, j, i), (0,) * len(names), directions @ world, (z, y, x)))
-    stated = {} if group is None else _metadata(group)
-    return _Picture(query, group, names, levels, units, stated, own)
+    ome = {} if group is None else _metadata(group)
+    return _Picture(query, group, names, levels, units, ome, attrs)
 
 
 def _array_in(group: Any, query: Query) -> str:
     """Return the array that ``dataset=`` selects in a group without a picture of its own."""
-    found: dict[str, tuple[int, ...]] = {}
+    shapes: dict[str, tuple[int, ...]] = {}
 
     def search(inner: Any, place: str, depth: int) -> None:
         for name, node in inner.members():
             if hasattr(node, "shape"):
                 if node.ndim >= 2 and node.dtype.kind in "buif":
-                    found[place + name] = node.shape
+                    shapes[place + name] = node.shape
             elif _pictures(node):
                 raise VolumeError(
                     f"{query.path}: is a Zarr folder of pictures (multiscales); give one of them, "
@@ -388,31 +388,31 @@ def _array_in(group: Any, query: Query) -> str:
 
     if not query.is_remote:  # of a URL, folders are not listed
         search(group, "", _DEEPEST)
-    if not found:
+    if not shapes:
         raise VolumeError(
             f"{query.path}: is a Zarr folder without an OME-Zarr picture (multiscales) or an array "
             "of three axes; give the folder of one",
             code="unsupported",
         )
-    deep = {name: shape for name, shape in found.items() if len(shape) > 2}
-    return query.array_named(deep or found)
+    deep = {name: shape for name, shape in shapes.items() if len(shape) > 2}
+    return query.array_named(deep or shapes)
 
 
 def _multiscale(group: Any, query: Query) -> _Picture:
     """Return the first picture of a group."""
-    stated = _pictures(group)[0]
+    multiscale = _pictures(group)[0]
     # Version 0.3 states only the axes' names.
-    axes = [axis if isinstance(axis, dict) else {"name": axis} for axis in stated["axes"]]
-    whole = stated.get("coordinateTransformations", [])
-    own = group.attrs.get("volspec")
-    complete = isinstance(own, dict) and bool(own.get("complete"))
+    axes = [axis if isinstance(axis, dict) else {"name": axis} for axis in multiscale["axes"]]
+    common = multiscale.get("coordinateTransformations", [])
+    attrs = group.attrs.get("volspec")
+    complete = isinstance(attrs, dict) and bool(attrs.get("complete"))
     arrays, steps = [], []
-    for each in stated["datasets"]:
-        steps = [*each.get("coordinateTransformations", []), *whole]
+    for entry in multiscale["datasets"]:
+        steps = [*entry.get("coordinateTransformations", []), *common]
         try:
-            array = fast_array(group[each["path"]], complete=complete)
+            array = fast_array(group[entry["path"]], complete=complete)
         except KeyError as error:
-            raise ValueError(f"they name an array {each['path']!r}, which is not there") from error
+            raise ValueError(f"they name an array {entry['path']!r}, which is not there") from error
         if len(array.shape) != len(axes):
             raise ValueError(f"{len(axes)} axes of an array of {len(array.shape)}")
         arrays.append((array, _matrix(steps, len(axes), query)))
@@ -435,7 +435,7 @@ def _matrix(steps: Sequence[dict[str, Any]], count: int, query: Query) -> NDArra
     ... {"type": "scale", "scale": [10]}], 1, Query(Path())).tolist()
     [[20.0, 30.0], [0.0, 1.0]]
     """
-    whole = np.eye(count + 1)
+    matrix = np.eye(count + 1)
     for step in steps:
         kind, one, by_path = step["type"], np.eye(count + 1), "path" in step
         if kind == "sequence":
@@ -444,10 +444,10 @@ def _matrix(steps: Sequence[dict[str, Any]], count: int, query: Query) -> NDArra
             place = _SHAPES[kind](count)
             numbers = _numbers(step[kind], one[place].shape, kind)
             if numbers is None and query.spacing_mm is None:
-                what = f"{count} positive numbers" if kind == "scale" else "numbers for its axes"
+                needed = f"{count} positive numbers" if kind == "scale" else "numbers for its axes"
                 raise VolumeError(
                     f"{query.path}: its {kind} in the OME-Zarr metadata is {step[kind]!r:.60}, not "
-                    f"{what}",
+                    f"{needed}",
                     f"correct it, or give the spacing as in {query.example(spacing='1,1,1')}",
                     code="damaged",
                 )
@@ -459,14 +459,14 @@ def _matrix(steps: Sequence[dict[str, Any]], count: int, query: Query) -> NDArra
                 f"give the spacing in mm instead, as in {query.example(spacing='1,1,1')}",
                 code="unsupported",
             )
-        whole = one @ whole
-    return whole
+        matrix = one @ matrix
+    return matrix
 
 
-def _numbers(given: Any, shape: tuple[int, ...], kind: str) -> NDArray[np.float64] | None:
+def _numbers(value: Any, shape: tuple[int, ...], kind: str) -> NDArray[np.float64] | None:
     """Return the numbers of a transformation; None if they are none, too few, or no scale."""
     try:
-        numbers = np.array(given, float)
+        numbers = np.array(value, float)
     except (TypeError, ValueError):
         return None
     is_valid = np.isfinite(numbers).all() and (kind != "scale" or (numbers > 0).all())

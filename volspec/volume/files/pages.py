@@ -132,9 +132,9 @@ def _pillow_can(page: Any) -> bool:
     """Return True if Pillow returns the stored values unchanged."""
     if page.dtype is None or page.planarconfig != _CONTIGUOUS or page.imagedepth > 1:
         return False
-    known = _PILLOWS if page.samplesperpixel == 1 else _PILLOWS_COLOURS
+    dtypes = _PILLOWS if page.samplesperpixel == 1 else _PILLOWS_COLOURS
     stored = 1 if page.dtype.kind == "b" else 8 * page.dtype.itemsize
-    return page.parent.byteorder + page.dtype.str[1:] in known and page.bitspersample == stored
+    return page.parent.byteorder + page.dtype.str[1:] in dtypes and page.bitspersample == stored
 
 
 def picture_values(path: Path) -> NDArray[Any]:
@@ -164,13 +164,13 @@ def picture_values(path: Path) -> NDArray[Any]:
 
 
 def resolve_spacing(
-    stated: tuple[float | None, ...], query: Query, remarks: list[str], slices: int
+    lengths: tuple[float | None, ...], query: Query, notes: list[str], slices: int
 ) -> tuple[tuple[float, float, float], Metadata]:
-    """Return the query's spacing, else the stated one; remark on what is assumed in its gaps.
+    """Return the query's spacing, else the stated one; note what is assumed in its gaps.
 
     That of a single slice is 0 along z if it is not stated.
     """
-    x, y, z = stated
+    x, y, z = lengths
     if query.spacing_mm is not None:
         return query.spacing_mm, Metadata()
     if x is None or y is None:
@@ -186,7 +186,7 @@ def resolve_spacing(
         assumed = f"slices {x:.4g} mm apart"
     else:
         return (x, y, z), Metadata()
-    remarks.append(
+    notes.append(
         f"{query.path}: {why}; if that is wrong, give it in mm as in "
         f"{query.example(spacing=spacing_text(*spacing))}"
     )
@@ -249,10 +249,10 @@ def _pixel_mm(page: Any, axis: str, unit: str | None) -> float | None:
     return _mm(units / pixels if pixels else None, unit)
 
 
-def _mm(given: Any, unit: str | None) -> float | None:
+def _mm(value: Any, unit: str | None) -> float | None:
     """Return a length in mm without its sign, which ImageJ writes for stacks from below."""
     try:
-        length = abs(float(given)) * (mm_per_unit(unit) or 0)
+        length = abs(float(value)) * (mm_per_unit(unit) or 0)
     except (TypeError, ValueError):
         return None
     return length if 0 < length < math.inf else None

@@ -60,7 +60,7 @@ def require_contents(path: Path, who: str = "") -> bytes:
                 code="damaged",
             )
     is_page = begins.startswith(_PAGES) and b"\0" not in head
-    if is_page or (begins.startswith(b"<") and any(each in begins for each in _IN_PAGES)):
+    if is_page or (begins.startswith(b"<") and any(mark in begins for mark in _IN_PAGES)):
         raise VolumeError(
             f"{who} is a web page or a server's answer, not a volume",
             "download the file itself",

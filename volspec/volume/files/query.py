@@ -108,8 +108,8 @@ class Query:
         if scale not in SCALES:
             remedy = f"give scale={SCALES[1]}, or leave it out"
             raise VolumeError.refused(f"{path}: scale", scale, remedy, "unknown")
-        found = cls(path_of(path), options, labels=labels, memory_bytes=nbytes, unit=unit)
-        return replace(found, is_log=scale == SCALES[1])
+        parsed = cls(path_of(path), options, labels=labels, memory_bytes=nbytes, unit=unit)
+        return replace(parsed, is_log=scale == SCALES[1])
 
     @property
     def is_remote(self) -> bool:
@@ -127,19 +127,19 @@ class Query:
         >>> Query.of("a b/v.nii?time=2").example(channel="0")
         "'a b/v.nii?time=2&channel=0'"
         """
-        every = {"labels": self.labels, "unit": self.unit}
-        every["scale"] = SCALES[1] if self.is_log else None
-        given = self.options | {k: v for k, v in every.items() if v is not None} | options
-        coded = {k: v.replace("%", "%25").replace("&", "%26") for k, v in given.items()}
+        settings = {"labels": self.labels, "unit": self.unit}
+        settings["scale"] = SCALES[1] if self.is_log else None
+        merged = self.options | {k: v for k, v in settings.items() if v is not None} | options
+        coded = {k: v.replace("%", "%25").replace("&", "%26") for k, v in merged.items()}
         return shlex.quote(f"{self.path}?" + "&".join(f"{k}={v}" for k, v in coded.items()))
 
-    def allow(self, *known: str) -> None:
-        """Refuse options other than ``known``, and those that every volume takes."""
-        known = tuple(dict.fromkeys((*known, "spacing", "labels", "unit", "scale")))
-        if unknown := sorted(set(self.options) - set(known)):
+    def allow(self, *names: str) -> None:
+        """Refuse options other than ``names``, and those that every volume takes."""
+        names = tuple(dict.fromkeys((*names, "spacing", "labels", "unit", "scale")))
+        if unknown := sorted(set(self.options) - set(names)):
             raise VolumeError(
                 f"{self.path}: unknown option {unknown[0]!r}",
-                f"{nearest(unknown[0], known, count=1)}known are {', '.join(known)}",
+                f"{nearest(unknown[0], names, count=1)}known are {', '.join(names)}",
                 code="unknown",
                 given=unknown[0],
             )
@@ -147,109 +147,109 @@ class Query:
     @property
     def spacing_mm(self) -> tuple[float, float, float] | None:
         """``spacing=x,y,z`` in mm, positive; None if left out."""
-        given = self.options.get("spacing")
-        if given is None:
+        text = self.options.get("spacing")
+        if text is None:
             return None
         try:
-            x, y, z = (float(number) for number in given.split(","))
+            x, y, z = (float(number) for number in text.split(","))
         except ValueError as error:
             raise VolumeError(
-                f"{self.path}: spacing={given} cannot be read; write millimetres along x, y, z "
+                f"{self.path}: spacing={text} cannot be read; write millimetres along x, y, z "
                 f"as in {self.example(spacing='0.65,0.65,2')}",
                 code="syntax",
-                given=given,
+                given=text,
             ) from error
         if not (min(x, y, z) > 0 and max(x, y, z) < math.inf):
             raise VolumeError(
-                f"{self.path}: spacing={given}; give three positive numbers of millimetres, as in "
+                f"{self.path}: spacing={text}; give three positive numbers of millimetres, as in "
                 f"{self.example(spacing='0.65,0.65,2')}",
                 code="range",
-                given=given,
+                given=text,
             )
         return x, y, z
 
-    def completed(self, stated: Metadata) -> Metadata:
+    def completed(self, metadata: Metadata) -> Metadata:
         """Return a file's statements with the address': ``unit=``, ``spacing=`` and ``scale=``."""
-        given = stated.given(self.unit, self.spacing_mm is not None)
-        return replace(given, is_log=self.is_log)
+        completed = metadata.given(self.unit, self.spacing_mm is not None)
+        return replace(completed, is_log=self.is_log)
 
-    def index(self, key: str, count: int, what: str, names: Sequence[str] = ()) -> int:
+    def index(self, key: str, count: int, noun: str, names: Sequence[str] = ()) -> int:
         """Return the index chosen by an option such as ``channel=N`` or ``time=N``, counted from 0.
 
-        If there is only one, the option may be left out. ``what`` is the plural noun for messages;
+        If there is only one, the option may be left out. ``noun`` is the plural for messages;
         ``names`` are the values' names, if the file states them.
         """
-        given = self.options.get(key)
-        if given == ALL and key == "channel":
-            given = None
-        if given is None and count == 1:
+        value = self.options.get(key)
+        if value == ALL and key == "channel":
+            value = None
+        if value is None and count == 1:
             return 0
         if self.choices is not None and count > 1:
             return self._offer(key, count, names)
-        if count == 1 and given != "0":
+        if count == 1 and value != "0":
             raise VolumeError(
-                f"{self.path}: {key}={given}, but there is only one; leave it out",
+                f"{self.path}: {key}={value}, but there is only one; leave it out",
                 code="conflict",
-                given=given,
+                given=value,
             )
-        if given is None:
+        if value is None:
             many = key == "channel" and count > MAX_FIELDS
-            most = (
+            listing = (
                 f"more than the {MAX_FIELDS} that open together" if many else "but a volume has one"
             )
             raise VolumeError(
-                f"{self.path}: holds {count} {what}, {most}; choose one with "
+                f"{self.path}: holds {count} {noun}, {listing}; choose one with "
                 f"{self.example(**{key: '0'})} (0 … {count - 1})",
                 code="missing",
             )
-        if not given.isdecimal() or int(given) >= count:
+        if not value.isdecimal() or int(value) >= count:
             valid = "0 or 1" if count == 2 else f"a number from 0 to {count - 1}"
             raise VolumeError(
-                f"{self.path}: holds {count} {what}, {key}={given} is none of them; give {valid}",
+                f"{self.path}: holds {count} {noun}, {key}={value} is none of them; give {valid}",
                 code="range",
-                given=given,
+                given=value,
             )
-        return int(given)
+        return int(value)
 
-    def array_named(self, found: Mapping[str, Sequence[int]]) -> str:
-        """Return the array chosen by ``dataset=``, or the only one; ``found`` has their shapes."""
-        given = self.options.get("dataset", "").strip("/")
-        names = tuple(sorted(found, key=lambda name: (-math.prod(found[name]), name)))
+    def array_named(self, shapes: Mapping[str, Sequence[int]]) -> str:
+        """Return the array chosen by ``dataset=``, or the only one; ``shapes`` are theirs."""
+        value = self.options.get("dataset", "").strip("/")
+        names = tuple(sorted(shapes, key=lambda name: (-math.prod(shapes[name]), name)))
         listed = ", ".join(names[:_MAX_LISTED]) + ", …" * (len(names) > _MAX_LISTED)
         if self.choices is not None and len(names) > 1:
-            sizes = tuple(f"{name} ({' × '.join(map(str, found[name][::-1]))})" for name in names)
-            self.choices.append(Choice("dataset", names, sizes, given if given in found else None))
-            if given not in found:
+            sizes = tuple(f"{name} ({' × '.join(map(str, shapes[name][::-1]))})" for name in names)
+            self.choices.append(Choice("dataset", names, sizes, value if value in shapes else None))
+            if value not in shapes:
                 self.end_choices()  # the others depend on it
-        if not given and len(names) == 1:
+        if not value and len(names) == 1:
             return names[0]
-        if not given:
+        if not value:
             raise VolumeError(
                 f"{self.path}: holds {len(names)} datasets",
                 f"choose one with {self.example(dataset=names[0])}; there are {listed}",
                 code="missing",
             )
-        if given not in found:
+        if value not in shapes:
             raise VolumeError(
-                f"{self.path}: has no dataset {given!r} of three or four axes",
-                f"{nearest(given, names, count=1)}there are {listed}",
+                f"{self.path}: has no dataset {value!r} of three or four axes",
+                f"{nearest(value, names, count=1)}there are {listed}",
                 code="unknown",
-                given=given,
+                given=value,
             )
-        return given
+        return value
 
     def _offer(self, key: str, count: int, names: Sequence[str]) -> int:
         """Add a choice of indices; return the given index if it is one, else 0."""
         assert self.choices is not None
         values = tuple(map(str, range(count)))
         named = tuple(names if len(names) == count and all(names) else values)
-        given = self.options.get(key)
+        value = self.options.get(key)
         if key == "channel" and count <= MAX_FIELDS:
             values, named = (ALL, *values), ("all", *named)
-            given = given or ALL
-        chosen = given if given in values else None
-        self.choices.append(Choice(key, values, named, chosen))
-        return 0 if chosen in (None, ALL) else int(chosen)
+            value = value or ALL
+        selected = value if value in values else None
+        self.choices.append(Choice(key, values, named, selected))
+        return 0 if selected in (None, ALL) else int(selected)
 
     def end_choices(self) -> None:
         """End a reader that was asked only for its choices; call it before voxels are read."""
@@ -279,21 +279,21 @@ class Query:
             )
         self.declare(nbytes)
 
-    def require_held(self, held: int, shape: Sequence[int], nbytes: int) -> None:
+    def require_held(self, actual: int, shape: Sequence[int], nbytes: int) -> None:
         """Refuse a file with fewer bytes of voxels than its header declares."""
-        if held < nbytes:
+        if actual < nbytes:
             raise VolumeError(
-                f"{self.path}: holds {held} bytes of voxels, its header declares {nbytes} "
+                f"{self.path}: holds {actual} bytes of voxels, its header declares {nbytes} "
                 f"({'x'.join(map(str, shape))}); truncated, copy or download it again",
                 code="damaged",
             )
 
-    def surplus(self, held: int | None, nbytes: int) -> list[str]:
-        """Return a remark on bytes of voxels that the header does not declare, if there are any."""
-        if held is None or held <= nbytes:
+    def surplus(self, actual: int | None, nbytes: int) -> list[str]:
+        """Return a note on bytes of voxels that the header does not declare, if there are any."""
+        if actual is None or actual <= nbytes:
             return []
         return [
-            f"{self.path}: {held} bytes of voxels, its header declares {nbytes} and the rest is "
+            f"{self.path}: {actual} bytes of voxels, its header declares {nbytes} and the rest is "
             "not read; are its size and type right?"
         ]
 
@@ -319,25 +319,25 @@ def path_of(name: str) -> Path:
         ) from error
 
 
-def bytes_of(given: str | None, path: str) -> int | None:
+def bytes_of(value: str | None, path: str) -> int | None:
     """Return a number of bytes, given with a unit; None if nothing is given.
 
     >>> bytes_of("1.5GiB", "v.zarr"), bytes_of("200 MB", "v.zarr"), bytes_of("4096", "v.zarr")
     (1610612736, 200000000, 4096)
     """
-    if given is None:
+    if value is None:
         return None
-    found = _BYTES.fullmatch(given.strip())
-    if found is None or float(found[1]) <= 0:
+    match = _BYTES.fullmatch(value.strip())
+    if match is None or float(match[1]) <= 0:
         raise VolumeError(
-            f"{path}: memory={given} is not a number of bytes",
+            f"{path}: memory={value} is not a number of bytes",
             "write it as memory=2GiB or memory=500MB",
             code="syntax",
-            given=given,
+            given=value,
         )
-    unit, binary = found[2].upper(), bool(found[3])
+    unit, binary = match[2].upper(), bool(match[3])
     power = "KMGT".index(unit) + 1 if unit else 0
-    return int(float(found[1]) * (1024 if binary else 1000) ** power)
+    return int(float(match[1]) * (1024 if binary else 1000) ** power)
 
 
 @dataclass(frozen=True, slots=True)
@@ -361,8 +361,8 @@ class Stored:
 
     def __getitem__(self, index: tuple[int | slice, ...]) -> NDArray[Any]:
         """Read some of the voxels; pages of the file do not stay in this process's memory."""
-        whole = np.memmap(self.path, self.dtype, "r", self.offset, self.shape)
-        return np.array(whole[index])
+        mapped = np.memmap(self.path, self.dtype, "r", self.offset, self.shape)
+        return np.array(mapped[index])
 
     def read(self) -> NDArray[Any]:
         """Read the voxels. They are not mapped, since the file may change while they are in use.
@@ -409,7 +409,7 @@ class Reading:
     values: NDArray[Any] | Stored  # (Z, Y, X), of any type and number of axes; (Y, X): one slice
     spacing_mm: tuple[float, float, float] | None = None
     world_from_index: NDArray[np.float64] | None = None
-    remarks: Sequence[str] = ()  # warnings for the caller of `load_volume`
+    notes: Sequence[str] = ()  # warnings for the caller of `load_volume`
     labels: Labels | None = None  # stated by the header, perhaps without names; None: not stated
     channel: Channel | None = None  # what the file says of the one that is read
     metadata: Metadata = field(default_factory=Metadata)

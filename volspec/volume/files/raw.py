@@ -74,8 +74,8 @@ def read_npy(query: Query) -> Reading:
             )
         query.allow()
         query.end_choices()
-        held = path.stat().st_size - file.tell()
-        query.require_held(held, shape, math.prod(shape) * dtype.itemsize)
+        actual = path.stat().st_size - file.tell()
+        query.require_held(actual, shape, math.prod(shape) * dtype.itemsize)
         if columns_first:
             query.reserve(shape, dtype.itemsize)
             flat = np.fromfile(file, dtype, math.prod(shape))
@@ -94,22 +94,22 @@ def read_npz(query: Query) -> Reading:
             for name in packed.namelist():
                 with packed.open(name) as file:
                     headers[name.removesuffix(".npy")] = _npy_header(file, path)
-        found = {
+        by_name = {
             name: (shape, dtype)
             for name, (shape, _, dtype) in headers.items()
             if len(shape) in (2, 3) and dtype.kind in "buif"
         }
-        deep = {name: each for name, each in found.items() if len(each[0]) == 3}
-        if not (found := deep or found):
+        deep = {name: header for name, header in by_name.items() if len(header[0]) == 3}
+        if not (by_name := deep or by_name):
             raise VolumeError(
                 f"{path}: holds no array of numbers with three axes (Z, Y, X), only "
                 f"{', '.join(headers) or 'none'}",
                 "save one: numpy.savez('v.npz', volume=numpy.stack(slices))",
                 code="shape",
             )
-        name = query.array_named({name: shape for name, (shape, _) in found.items()})
+        name = query.array_named({name: shape for name, (shape, _) in by_name.items()})
         query.end_choices()
-        shape, dtype = found[name]
+        shape, dtype = by_name[name]
         query.reserve(shape, dtype.itemsize)
         with np.load(path) as arrays:
             return Reading(arrays[name], metadata=_NO_SPACING)
@@ -126,16 +126,16 @@ def _example(query: Query) -> str:
     """Return an address with a layout for messages, the file's own if its name has one."""
     name = query.path.name.lower()
     size, dtype = _SIZE_IN_NAME.search(name), _DTYPE_IN_NAME.search(name)
-    held = query.path.stat().st_size
+    nbytes = query.path.stat().st_size
     if size:
         shape = "x".join(size.groups())
-        each = held // max(math.prod(map(int, size.groups())), 1)
-        kind = dtype[0] if dtype else _DTYPE_BY_BYTES.get(each, "uint8")
+        voxel_bytes = nbytes // max(math.prod(map(int, size.groups())), 1)
+        kind = dtype[0] if dtype else _DTYPE_BY_BYTES.get(voxel_bytes, "uint8")
     else:
         kind = dtype[0] if dtype else query.options.get("dtype", "uint8")
-        shape = _likely_shape(held // np.dtype(kind).itemsize if kind in _DTYPES else held)
-    given = {"shape": shape, "dtype": kind, "spacing": "1,1,1"}
-    return query.example(**(given | query.options))
+        shape = _likely_shape(nbytes // np.dtype(kind).itemsize if kind in _DTYPES else nbytes)
+    options = {"shape": shape, "dtype": kind, "spacing": "1,1,1"}
+    return query.example(**(options | query.options))
 
 
 def _likely_shape(voxels: int) -> str:
@@ -146,8 +146,8 @@ def _likely_shape(voxels: int) -> str:
     """
     cube = round(voxels ** (1 / 3))
     for side in (512, 256, cube, 128, 64):
-        slices, rest = divmod(voxels, max(side, 1) ** 2)
-        if not rest and side / 8 <= slices <= 4 * side:
+        slices, remainder = divmod(voxels, max(side, 1) ** 2)
+        if not remainder and side / 8 <= slices <= 4 * side:
             return f"{side}x{side}x{slices}"
     return f"{voxels}x1x1"
 
@@ -206,26 +206,26 @@ def read_raw(query: Query) -> Reading:
             given=options["shape"],
         )
     expected = math.prod(shape) * dtype.itemsize
-    held = path.stat().st_size - offset
-    if held < expected:
+    actual = path.stat().st_size - offset
+    if actual < expected:
         width, height = shape[:2]
-        slices, rest = divmod(max(held, 0), width * height * dtype.itemsize)
+        slices, remainder = divmod(max(actual, 0), width * height * dtype.itemsize)
         remedy = "compare shape, dtype and offset with the file's source, or copy the file again"
-        if slices and not rest:
+        if slices and not remainder:
             address = query.example(shape=f"{width}x{height}x{slices}")
             remedy = f"it has {slices} whole slices: write {address}, or copy the file again"
         raise VolumeError(
-            f"{path}: holds {max(held, 0)} bytes after the offset, but shape {options['shape']} "
+            f"{path}: holds {max(actual, 0)} bytes after the offset, but shape {options['shape']} "
             f"of {dtype} needs {expected}",
             remedy,
             code="damaged",
         )
     query.end_choices()
-    remarks = []
-    if held > expected:
-        remarks.append(
-            f"{path}: holds {held} bytes, shape {options['shape']} of {dtype} takes {expected} "
+    notes = []
+    if actual > expected:
+        notes.append(
+            f"{path}: holds {actual} bytes, shape {options['shape']} of {dtype} takes {expected} "
             "of them; are shape, dtype and offset right?"
         )
     stored = Stored(str(path), shape[::-1], dtype.str, offset)
-    return Reading(stored, remarks=remarks, metadata=_NO_SPACING)
+    return Reading(stored, notes=notes, metadata=_NO_SPACING)

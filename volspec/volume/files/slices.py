@@ -37,7 +37,7 @@ from volspec.volume.metadata import Metadata
 
 # Bytes of the slices of a chunk.
 _CHUNK_BYTES = 2**24
-# Most missing numbers that a remark lists.
+# Most missing numbers that a note lists.
 _MAX_LISTED = 3
 # tifffile's letter for the samples of a pixel.
 _SAMPLES = "S"
@@ -62,18 +62,18 @@ class Slices:
     spacing_mm: tuple[float, float, float]
     metadata: Metadata
     channel: Channel | None
-    remarks: list[str]
-    whole: tuple[int, ...] = ()  # shape of what is read for any slice
+    notes: list[str]
+    stored_shape: tuple[int, ...] = ()  # shape of what is read for any slice
 
     def __getitem__(self, index: tuple[slice, slice, slice]) -> NDArray[Any]:
         return self.read(range(self.shape[0])[index[0]])[:, index[1], index[2]]
 
     def reading(self, query: Query) -> Reading:
         """Read all of them."""
-        query.reserve(self.whole or self.shape, self.dtype.itemsize)
+        query.reserve(self.stored_shape or self.shape, self.dtype.itemsize)
         values = self.read(range(self.shape[0]))
-        stated = self.channel, self.metadata
-        return Reading(values, self.spacing_mm, None, self.remarks, None, *stated)
+        details = self.channel, self.metadata
+        return Reading(values, self.spacing_mm, None, self.notes, None, *details)
 
 
 def larger_stack(query: Query, find: Callable[[Query], Slices]) -> Stack | None:
@@ -86,12 +86,12 @@ def larger_stack(query: Query, find: Callable[[Query], Slices]) -> Stack | None:
         return None
     count, rows, columns = slices.shape
     slice_bytes = rows * columns * slices.dtype.itemsize
-    if slices.whole or count * slice_bytes <= query.most_bytes:
+    if slices.stored_shape or count * slice_bytes <= query.most_bytes:
         return None
     _, world = checked_geometry(slices.spacing_mm, None, str(slices.root))
     chunk = max(min(_CHUNK_BYTES // slice_bytes, 16, count), 1), rows, columns
     level = Level(slices, (0, 1, 2), (0, 0, 0), world, chunk)
-    return Stack([level], slices.channel, None, slices.remarks, metadata=slices.metadata)
+    return Stack([level], slices.channel, None, slices.notes, metadata=slices.metadata)
 
 
 def read_stack(query: Query) -> Reading:
@@ -111,14 +111,14 @@ def pictures_in(folder: Path) -> list[Path]:
 
 def _by_format(path: Path) -> dict[str, list[Path]]:
     """Return a picture by its format, or those of a folder, of which one alone may be TIFF."""
-    every, least = (path.iterdir(), 1) if path.is_dir() else ([path], 0)
-    files = [p for p in every if not p.name.startswith(".") and p.is_file()]
+    paths, limit = (path.iterdir(), 1) if path.is_dir() else ([path], 0)
+    files = [p for p in paths if not p.name.startswith(".") and p.is_file()]
     files.sort(key=lambda path: _natural_key(path.name))
-    found = {
+    kinds = {
         kind: [path for path in files if path.name.lower().endswith(endings)]
         for kind, endings in PICTURES.items()
     }
-    return {kind: files for kind, files in found.items() if len(files) > (kind != "TIFF" and least)}
+    return {kind: files for kind, files in kinds.items() if len(files) > (kind != "TIFF" and limit)}
 
 
 def missing_numbers(names: Sequence[str]) -> str:
@@ -159,18 +159,18 @@ def _slices(query: Query) -> Slices:
     path, kinds = query.path, _by_format(query.path)
     kind, files = max(kinds.items(), key=lambda item: len(item[1]))
     parts, of_names = _parts_of_names(files)
-    remarks = [f"{path}: {remark}" for remark in of_names]
+    notes = [f"{path}: {note}" for note in of_names]
     if len(kinds) > 1:
-        counts = ", ".join(f"{len(found)} {kind}" for kind, found in kinds.items())
-        remarks.append(
+        counts = ", ".join(f"{len(files)} {kind}" for kind, files in kinds.items())
+        notes.append(
             f"{path}: holds pictures of several formats ({counts}), of which {kind} is read; move "
             "the others to a folder of their own"
         )
     expected = {part["slice"] for part in parts}
-    rows, _, _ = _chosen(list(zip(files, parts, strict=True)), "time", "time steps", query)
-    first, stated = _read_picture(rows[0][0])
+    rows, _, _ = _choose_rows(list(zip(files, parts, strict=True)), "time", "time steps", query)
+    first, spacing = _read_picture(rows[0][0])
     samples = 1 if first.ndim == 2 else first.shape[2]
-    rows, name, sample = _chosen(rows, "channel", "channels", query, samples)
+    rows, name, sample = _choose_rows(rows, "channel", "channels", query, samples)
     query.end_choices()
     if missing := sorted(expected - {part["slice"] for _, part in rows}, key=_natural_key):
         raise VolumeError(
@@ -179,32 +179,32 @@ def _slices(query: Query) -> Slices:
             code="missing",
         )
     if gaps := missing_numbers([file.name for file, _ in rows]):
-        remarks.append(
+        notes.append(
             f"{path}: no slice has the number {gaps}; those before and after follow each other"
         )
     return Slices(
         *(path, (len(rows), *first.shape[:2]), first.dtype),
         partial(_read_files, [file for file, _ in rows], first.shape, sample),
-        *resolve_spacing(stated, query, remarks, len(rows)),
+        *resolve_spacing(spacing, query, notes, len(rows)),
         Channel(name) if name and samples == 1 else None,
-        remarks,
+        notes,
     )
 
 
 _Row = tuple[Path, dict[str, str]]
 
 
-def _chosen(
-    rows: list[_Row], key: str, what: str, query: Query, samples: int = 1
+def _choose_rows(
+    rows: list[_Row], key: str, noun: str, query: Query, samples: int = 1
 ) -> tuple[list[_Row], str, int]:
     """Return the files that an option selects, its value in their names, and a pixel's sample."""
     names = sorted({part.get(key, "") for _, part in rows}, key=_natural_key)
-    name, sample = divmod(query.index(key, len(names) * samples, what, names), samples)
+    name, sample = divmod(query.index(key, len(names) * samples, noun, names), samples)
     return [row for row in rows if row[1].get(key, "") == names[name]], names[name], sample
 
 
 def _parts_of_names(files: Sequence[Path]) -> tuple[list[dict[str, str]], list[str]]:
-    """Return the slice that each name states, its channel and time if these vary, and remarks.
+    """Return the slice that each name states, its channel and time if these vary, and notes.
 
     >>> names = [Path(f"z{z}_ch{c}.tif") for z in (0, 1) for c in (0, 1)]
     >>> _parts_of_names(names)[0][1]
@@ -219,7 +219,7 @@ def _parts_of_names(files: Sequence[Path]) -> tuple[list[dict[str, str]], list[s
         varying = repeated  # without a running number of all files
     parts: list[dict[str, str]] = [{} for _ in files]
     numbers: list[set[str]] = []
-    remarks = []
+    notes = []
     for n in varying:
         is_word = not all(part.isdecimal() for part in columns[n])
         word = "" if is_word or not n else re.sub(".*[a-z](?=[A-Z])", "", tokens[0][n - 1])
@@ -230,18 +230,18 @@ def _parts_of_names(files: Sequence[Path]) -> tuple[list[dict[str, str]], list[s
         for part, row in zip(parts, tokens, strict=True):
             part[option] = part.get(option, "") + word + row[n]
     if len(numbers) > 1 and math.prod(map(len, numbers)) == len({p["slice"] for p in parts}):
-        remarks.append(
+        notes.append(
             "several numbers vary in its names, but all files are read as one stack; if they are "
             "several, move each to a folder of its own"
         )
     if not numbers and "time" in parts[0] and "channel" in parts[0]:
         parts = [{"slice": part["time"], "channel": part["channel"]} for part in parts]
-        remarks.append("the points in time in its names are read as slices")
+        notes.append("the points in time in its names are read as slices")
     total = math.prod(len({part[option] for part in parts}) for option in parts[0])
     is_grid = len({tuple(part.values()) for part in parts}) == len(files) > total / 2
     if "slice" in parts[0] and is_grid:
-        return parts, remarks
-    return [{"slice": path.name} for path in files], remarks
+        return parts, notes
+    return [{"slice": path.name} for path in files], notes
 
 
 def _read_files(

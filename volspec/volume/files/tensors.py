@@ -75,10 +75,10 @@ class Tensor:
         return type(self), (self._spec, self.root)
 
     def __getitem__(self, index: Index) -> NDArray[Any]:
-        [found] = self.read_each([index])
-        if isinstance(found, Exception):
-            raise found
-        return found
+        [values] = self.read_each([index])
+        if isinstance(values, Exception):
+            raise values
+        return values
 
     def __setitem__(self, index: Index, values: NDArray[Any]) -> None:
         error = self._array[index].write(values).exception()
@@ -96,9 +96,9 @@ class Tensor:
         # In one batch, the index of a file is read once, and what is near in it at once.
         with tensorstore.Batch() as batch:
             reading = [self._array[index].read(batch=batch) for index in indices]
-        for each in reading:
-            error = each.exception()
-            yield each.result() if error is None else _plain_error(error)
+        for future in reading:
+            error = future.exception()
+            yield future.result() if error is None else _plain_error(error)
 
 
 def _plain_error(error: BaseException) -> OSError:
@@ -117,7 +117,7 @@ def _plain_error(error: BaseException) -> OSError:
     cause = one_line(_PLACE.sub("", _FACTS.sub("", _CODE.sub("", text))))
     if text.startswith(_NO_ANSWER):
         return ConnectionError(cause)
-    return OSError(next((said for part, said in _SAID.items() if part in cause), cause))
+    return OSError(next((text for part, text in _SAID.items() if part in cause), cause))
 
 
 def fast_array(array: Any, *, complete: bool = False) -> Any:

@@ -60,31 +60,31 @@ def tiff_stack(query: Query) -> Stack | None:
 
 
 def _slices(query: Query) -> Slices:
-    path, remarks = query.path, list[str]()
+    path, notes = query.path, list[str]()
     with picture_errors(path), _opened(path) as tiff:
         stack = _selected(tiff, query)
         query.end_choices()
         series, sizes = stack.series, stack.sizes
-        if stack.through == _TIME:
-            remarks.append(f"{path}: its pages are points in time, but are read as slices")
+        if stack.slice_axis == _TIME:
+            notes.append(f"{path}: its pages are points in time, but are read as slices")
         if (companion := _companion(tiff)) is not None:
-            remarks.append(
+            notes.append(
                 f"{path}: {companion.name}, which states its axes and spacing, is missing; copy it "
                 "to the same folder"
             )
-        if "C" in stack.axes and not (stack.through or tiff.is_ome):
+        if "C" in stack.axes and not (stack.slice_axis or tiff.is_ome):
             slices = query.example(axes=stack.axes.replace("C", "Z"))
-            remarks.append(f"{path}: is a picture of channels; if these are slices, read {slices}")
-        shape = _complete_slices(stack, path, remarks), sizes["Y"], sizes["X"]
-        stated = stated_spacing_mm(tiff, series.keyframe, series)
+            notes.append(f"{path}: is a picture of channels; if these are slices, read {slices}")
+        shape = _complete_slices(stack, path, notes), sizes["Y"], sizes["X"]
+        spacing = stated_spacing_mm(tiff, series.keyframe, series)
         channels = stated_channels(tiff, series, sizes.get("C", 1))
-    own = Query(path, query.options)
+    file_query = Query(path, query.options)
     return Slices(
-        *(path, shape, series.dtype, partial(_read_pages, own)),
-        *resolve_spacing(stated, query, remarks, shape[0]),
-        channels[stack.at.get("C", 0)] if channels else None,
-        remarks,
-        whole=() if stack.has_pages else series.shape,
+        *(path, shape, series.dtype, partial(_read_pages, file_query)),
+        *resolve_spacing(spacing, query, notes, shape[0]),
+        channels[stack.indices.get("C", 0)] if channels else None,
+        notes,
+        stored_shape=() if stack.has_pages else series.shape,
     )
 
 
@@ -94,20 +94,22 @@ def _read_pages(query: Query, numbers: Sequence[int]) -> NDArray[Any]:
         series, axes = stack.series, stack.axes
         if stack.is_run or not stack.has_pages:
             dtype = np.dtype(tiff.byteorder + series.dtype.char)
-            whole = (
+            voxels = (
                 np.memmap(tiff.filehandle.path, dtype, "r", series.dataoffset, series.shape)
                 if stack.is_run
                 else series.asarray()
             )
-            picked = _picked(whole, axes, stack.at, (*stack.through, *"YX"))
-            return np.asarray((picked if stack.through else picked[None])[numbers])
+            picked = _picked(voxels, axes, stack.indices, (*stack.slice_axis, *"YX"))
+            return np.asarray((picked if stack.slice_axis else picked[None])[numbers])
         count = len(stack.leading)
 
         def read(k: int) -> NDArray[Any]:
-            place = [k if axis == stack.through else stack.at[axis] for axis in stack.leading]
+            place = [
+                k if axis == stack.slice_axis else stack.indices[axis] for axis in stack.leading
+            ]
             number = np.ravel_multi_index(place, series.shape[:count])
             page = page_values(series.pages[int(number)]).reshape(series.shape[count:])
-            return _picked(page, axes[count:], stack.at, "YX")
+            return _picked(page, axes[count:], stack.indices, "YX")
 
         return stack_slices(numbers, read)
 
@@ -137,8 +139,8 @@ def _opened(path: Path) -> Any:
 
 def _require_parts_inside(path: Path, root: Element) -> None:
     """Raise VolumeError if an OME-XML names a file of planes that must not be opened."""
-    for each in root.iterfind(".//{*}UUID"):
-        require_inside(path.parent / each.get("FileName", ""), VolumeError)
+    for element in root.iterfind(".//{*}UUID"):
+        require_inside(path.parent / element.get("FileName", ""), VolumeError)
 
 
 def _companion(tiff: Any) -> Path | None:
@@ -154,8 +156,8 @@ class _Selection(NamedTuple):
     series: Any
     axes: str
     sizes: dict[str, int]  # length of each axis
-    through: str  # axis of the slices; empty of one picture
-    at: Mapping[str, int]  # index along the other axes but Y and X
+    slice_axis: str  # axis of the slices; empty of one picture
+    indices: Mapping[str, int]  # index along the other axes but Y and X
     leading: str  # axes along which pages follow
     is_run: bool  # it is one block of bytes, even if ImageJ lists only its first page
     has_pages: bool  # each page is of one slice; else the series is read as a whole
@@ -165,39 +167,39 @@ def _selected(tiff: Any, query: Query) -> _Selection:
     """Return the stack that a query selects by its series, axes, channel and time."""
     query.allow("series", "axes", "channel", "time")
     series, axes = _series(tiff, query)
-    through, sizes = _slice_axis(series, axes, query), dict(zip(axes, series.shape, strict=True))
+    slice_axis, sizes = _slice_axis(series, axes, query), dict(zip(axes, series.shape, strict=True))
     names = [channel.name for channel in stated_channels(tiff, series, sizes.get("C", 1))]
-    at = {
+    index = {
         axis: query.index("time", count, "time steps")
         if axis == _TIME
         else query.index("channel", count, "channels", names)
         for axis, count in sizes.items()
-        if axis not in (through, "Y", "X")
+        if axis not in (slice_axis, "Y", "X")
     }
     leading, is_run = axes.rstrip("YXS"), series.dataoffset is not None
     is_paged = is_run or len(series.pages) == math.prod(sizes[axis] for axis in leading)
     has_pages = is_paged and not {*"YX"} & {*leading}
-    return _Selection(series, axes, sizes, through, at, leading, is_run, has_pages)
+    return _Selection(series, axes, sizes, slice_axis, index, leading, is_run, has_pages)
 
 
 def _series(tiff: Any, query: Query) -> tuple[Any, str]:
     """Return the stack that the query selects, with its axes; labels and previews are none."""
-    given = query.options.get("axes", "").upper()
-    found = [(s, given if len(given) == len(s.axes) else s.axes) for s in tiff.series]
-    stacks = [(series, axes) for series, axes in found if {*axes} - {*_OF_PICTURES}]
-    found = stacks or found
-    titles = unique_titles([series.name or "stack" for series, _ in found])
-    names = [f"{title} ({_size(series)})" for title, (series, _) in zip(titles, found, strict=True)]
-    series, axes = found[query.index("series", len(found), "stacks", names)]
-    if len(found) > 1 and "series" not in query.options:
+    letters = query.options.get("axes", "").upper()
+    pairs = [(s, letters if len(letters) == len(s.axes) else s.axes) for s in tiff.series]
+    stacks = [(series, axes) for series, axes in pairs if {*axes} - {*_OF_PICTURES}]
+    pairs = stacks or pairs
+    titles = unique_titles([series.name or "stack" for series, _ in pairs])
+    names = [f"{title} ({_size(series)})" for title, (series, _) in zip(titles, pairs, strict=True)]
+    series, axes = pairs[query.index("series", len(pairs), "stacks", names)]
+    if len(pairs) > 1 and "series" not in query.options:
         query.end_choices()  # the others depend on it
-    is_valid = len({*given}) == len(given) and {*"YX"} <= {*given} <= {*_AXES}
-    if given and (axes != given or not is_valid):
+    is_valid = len({*letters}) == len(letters) and {*"YX"} <= {*letters} <= {*_AXES}
+    if letters and (axes != letters or not is_valid):
         raise VolumeError(
-            f"{query.path}: axes={given} do not fit its {len(axes)} axes ({_size(series)})",
+            f"{query.path}: axes={letters} do not fit its {len(axes)} axes ({_size(series)})",
             f"give {len(axes)} different letters of {_AXES}, Y and X among them",
             code="syntax",
-            given=given,
+            given=letters,
         )
     return series, axes
 
@@ -208,12 +210,12 @@ def _size(series: Any) -> str:
 
 def _slice_axis(series: Any, axes: str, query: Query) -> str:
     """Return the axis along which slices are stacked; none of a single picture."""
-    others = [axis for axis in axes if axis not in _OF_PICTURES]
-    if len({*axes}) == len(axes) and _SLICES in others and {*others} <= {_SLICES, _TIME}:
+    extra = [axis for axis in axes if axis not in _OF_PICTURES]
+    if len({*axes}) == len(axes) and _SLICES in extra and {*extra} <= {_SLICES, _TIME}:
         return _SLICES
-    if len(others) == 1:
-        return others[0]
-    if others:
+    if len(extra) == 1:
+        return extra[0]
+    if extra:
         free = iter([axis for axis in "ZTC" if axis not in axes])
         likely = [axis if axis in _AXES else next(free, axis) for axis in axes[::-1]]
         why = f"holds {_size(series)} values, and does not state which axis has the slices"
@@ -226,40 +228,45 @@ def _slice_axis(series: Any, axes: str, query: Query) -> str:
     raise VolumeError(f"{query.path}: {why}", remedy, code="shape")
 
 
-def _complete_slices(stack: _Selection, path: Path, remarks: list[str]) -> int:
-    """Return the number of slices before the first that lacks pages, and remark on the others.
+def _complete_slices(stack: _Selection, path: Path, notes: list[str]) -> int:
+    """Return the number of slices before the first that lacks pages, and note the others.
 
     A slice is complete with all channels of which the file has any page at that time.
     """
-    series, through, at, leading = stack.series, stack.through, stack.at, stack.leading
-    count = stack.sizes.get(through, 1)
-    there = np.array([page is not None for page in series.pages])
-    if there.all():
+    series, slice_axis, index, leading = (
+        stack.series,
+        stack.slice_axis,
+        stack.indices,
+        stack.leading,
+    )
+    count = stack.sizes.get(slice_axis, 1)
+    present = np.array([page is not None for page in series.pages])
+    if present.all():
         return count
-    there = there.reshape(series.shape[: len(leading)])
-    time = {axis: k for axis, k in at.items() if axis == _TIME}
-    others = [axis for axis in leading if axis != through and axis not in time]
-    every = _picked(there, leading, time, (*through, *others)).reshape(count, -1)
-    complete = every[:, every.any(axis=0)].all(axis=1)
+    present = present.reshape(series.shape[: len(leading)])
+    time = {axis: k for axis, k in index.items() if axis == _TIME}
+    other_axes = [axis for axis in leading if axis != slice_axis and axis not in time]
+    by_slice = _picked(present, leading, time, (*slice_axis, *other_axes)).reshape(count, -1)
+    complete = by_slice[:, by_slice.any(axis=0)].all(axis=1)
     first = count if complete.all() else int(complete.argmin())
     remedy = "if they are in other files, copy these to the same folder"
-    if not _picked(there, leading, at, through).any():
-        code: Code = "range" if every.any() else "damaged"  # "range": other channels are read
+    if not _picked(present, leading, index, slice_axis).any():
+        code: Code = "range" if by_slice.any() else "damaged"  # "range": other channels are read
         raise VolumeError(f"{path}: no pages of this channel and time are there", remedy, code=code)
     if first < count:
         why = f"{path}: pages are missing from slice {first} on (of slices 0 to {count - 1})"
         if first < 2:
             raise VolumeError(why, remedy, code="damaged")
-        remarks.append(
+        notes.append(
             f"{why}, as after an aborted acquisition; the {first} before are read; {remedy}"
         )
     return first
 
 
 def _picked(
-    values: NDArray[Any], axes: str, at: Mapping[str, int], order: Iterable[str]
+    values: NDArray[Any], axes: str, picked: Mapping[str, int], order: Iterable[str]
 ) -> NDArray[Any]:
     """View an array at an index along some of its axes, with its other axes in an order."""
-    rest = [axis for axis in axes if axis not in at]
-    index = tuple(at.get(axis, slice(None)) for axis in axes)
-    return values[index].transpose([rest.index(axis) for axis in order])
+    remaining = [axis for axis in axes if axis not in picked]
+    index = tuple(picked.get(axis, slice(None)) for axis in axes)
+    return values[index].transpose([remaining.index(axis) for axis in order])

@@ -62,14 +62,14 @@ def read_vtk(query: Query) -> Reading:
     grid = _grid(query)
     fields = scalar_names(grid, str(query.path), query)
     names = [name if part is None else f"{name} {part}" for name, part in fields]
-    what = "channels (arrays and components)"
-    number = query.index("channel", len(names), what, names)
+    noun = "channels (arrays and components)"
+    number = query.index("channel", len(names), noun, names)
     query.end_choices()
     name = str(query.path)
-    values, world, remarks = values_and_lattice(grid, *fields[number], name, query)
+    values, world, notes = values_and_lattice(grid, *fields[number], name, query)
     channel = Channel(names[number]) if len(names) > 1 else None
     metadata = Metadata(assumed=(NO_UNIT,))
-    return Reading(values, None, world, remarks, None, channel, metadata)
+    return Reading(values, None, world, notes, None, channel, metadata)
 
 
 def _grid(query: Query) -> Any:
@@ -101,16 +101,16 @@ def _grid(query: Query) -> Any:
 
 def _read_block(query: Query) -> Reading:
     """Read the only block of image data, or the one that ``dataset=`` names."""
-    found = _XmlHeader(query.path).files
-    names = [key for key, file in found.items() if file.lower().endswith(_IMAGES)]
+    members = _XmlHeader(query.path).files
+    names = [key for key, file in members.items() if file.lower().endswith(_IMAGES)]
     if not names:
-        listed = ", ".join(sorted({Path(file).suffix for file in found.values()})) or "no file"
+        listed = ", ".join(sorted({Path(file).suffix for file in members.values()})) or "no file"
         raise VolumeError(
             f"{query.path}: none of its blocks is image data; they are {listed}",
             "resample one to image data in ParaView (Resample To Image)",
             code="unsupported",
         )
-    files = data_files(query.path, [found[name] for name in names])
+    files = data_files(query.path, [members[name] for name in names])
     blocks = dict(zip(names, files, strict=True))
     name = query.array_named({name: _XmlHeader(path).counts for name, path in blocks.items()})
     options = {key: value for key, value in query.options.items() if key != "dataset"}
@@ -176,10 +176,10 @@ def _check_legacy(query: Query) -> None:
             stored = -(-values * _LEGACY_BITS[kind] // 8)
             nbytes += stored
             # VTK itself detects missing ASCII values; a value and a space take two bytes.
-            least = file.tell() + (stored if binary else 2 * values - 1)
-            if least > size:
+            total = file.tell() + (stored if binary else 2 * values - 1)
+            if total > size:
                 raise VolumeError(
-                    f"{path}: holds {size} bytes, its header declares {least} or more; {TRUNCATED}",
+                    f"{path}: holds {size} bytes, its header declares {total} or more; {TRUNCATED}",
                     code="damaged",
                 )
             if not binary:
@@ -221,7 +221,7 @@ class _XmlHeader:
         self._open: list[str] = []
         self._array: _Array | None = None
         # Points and cells of the current piece; cells of all pieces so far, and of the whole.
-        self._points = self._cells = self._covered = self._whole = 0
+        self._points = self._cells = self._covered = self._total = 0
         self._parse()
 
     def _parse(self) -> None:
@@ -229,11 +229,11 @@ class _XmlHeader:
         with self.path.open("rb") as file:
             file.seek(max(size - 1024, 0))
             if b"</VTKFile>" not in file.read():
-                what = f"{_UNREADABLE}, </VTKFile> is missing; {TRUNCATED}"
-                raise VolumeError(f"{self.path}: {what}", code="damaged")
+                problem = f"{_UNREADABLE}, </VTKFile> is missing; {TRUNCATED}"
+                raise VolumeError(f"{self.path}: {problem}", code="damaged")
             file.seek(0)
             parser = expat.ParserCreate()
-            parser.StartElementHandler = lambda name, given: self._begin(parser, name, given)
+            parser.StartElementHandler = lambda name, attrs: self._begin(parser, name, attrs)
             parser.EndElementHandler = self._end
             parser.CharacterDataHandler = self._text
             try:
@@ -247,34 +247,34 @@ class _XmlHeader:
             except (expat.ExpatError, ValueError, LookupError) as error:
                 raise damaged(self.path, _UNREADABLE) from error
 
-    def _begin(self, parser: Any, name: str, given: dict[str, str]) -> None:
+    def _begin(self, parser: Any, name: str, attrs: dict[str, str]) -> None:
         self._open.append(name)
         if len(self._open) > _DEEPEST:
             raise ValueError("nested too deeply")
         if name == "VTKFile":
-            self._order = ">" if given.get("byte_order") == "BigEndian" else "<"
-            self._word = _HEADER_TYPES[given.get("header_type", "UInt32")]
-            self._compressed = bool(given.get("compressor"))
+            self._order = ">" if attrs.get("byte_order") == "BigEndian" else "<"
+            self._word = _HEADER_TYPES[attrs.get("header_type", "UInt32")]
+            self._compressed = bool(attrs.get("compressor"))
         elif name.removeprefix("P") in ("ImageData", "RectilinearGrid"):
-            self.counts = _counts(given["WholeExtent"])
-            self._whole = _cells(self.counts)
+            self.counts = _counts(attrs["WholeExtent"])
+            self._total = _cells(self.counts)
         elif name == "Piece":
-            counts = _counts(given["Extent"])
+            counts = _counts(attrs["Extent"])
             self._points, self._cells = math.prod(counts), _cells(counts)
             self._covered += self._cells
-            if source := given.get("Source"):
+            if source := attrs.get("Source"):
                 self.files[source] = source
-        elif name == "DataSet" and (file := given.get("file")):
-            called = given.get("name", "").strip("/")
+        elif name == "DataSet" and (file := attrs.get("file")):
+            called = attrs.get("name", "").strip("/")
             self.files[called if called not in ("", *self.files) else Path(file).stem] = file
         elif name == "DataArray" and self._open[-2] in ("PointData", "CellData"):
             tuples = self._points if self._open[-2] == "PointData" else self._cells
-            values = tuples * max(int(given.get("NumberOfComponents", "1")), 1)
-            place = given.get("format", "ascii"), int(given.get("offset", "0"))
-            self._array = _Array(values, _XML_BYTES[given["type"]], *place)
+            values = tuples * max(int(attrs.get("NumberOfComponents", "1")), 1)
+            place = attrs.get("format", "ascii"), int(attrs.get("offset", "0"))
+            self._array = _Array(values, _XML_BYTES[attrs["type"]], *place)
             self.arrays.append(self._array)
         elif name == "AppendedData":
-            self._encoding = given.get("encoding", "base64")
+            self._encoding = attrs.get("encoding", "base64")
             self._start = parser.CurrentByteIndex
             raise _AppendedData
 
@@ -294,9 +294,9 @@ class _XmlHeader:
     def check(self, query: Query) -> int:
         """Return the bytes of the arrays; refuse those that exceed the file, or memory."""
         # Pieces in files of their own may overlap.
-        if self._covered < self._whole or (self.arrays and self._covered > self._whole):
+        if self._covered < self._total or (self.arrays and self._covered > self._total):
             raise VolumeError(
-                f"{self.path}: its pieces cover {self._covered} of {self._whole} cells; are all "
+                f"{self.path}: its pieces cover {self._covered} of {self._total} cells; are all "
                 "there? Save it as one piece",
                 code="damaged",
             )
@@ -306,13 +306,13 @@ class _XmlHeader:
         with self.path.open("rb") as file:
             for array in self.arrays:
                 try:
-                    held = self._held(array, file)
+                    actual = self._stored_bytes(array, file)
                 except (ValueError, struct.error, binascii.Error, OverflowError, OSError) as error:
                     raise damaged(self.path, _UNREADABLE) from error
-                query.require_held(held, (array.values,), array.values * array.itemsize)
+                query.require_held(actual, (array.values,), array.values * array.itemsize)
         return nbytes
 
-    def _held(self, array: _Array, file: Any) -> int:
+    def _stored_bytes(self, array: _Array, file: Any) -> int:
         """Return the size of an array in the file, from the lengths stored before its bytes."""
         if array.form == "ascii":
             return array.words * array.itemsize
@@ -327,10 +327,10 @@ class _XmlHeader:
         nbytes = words * struct.calcsize(self._word)
         if not is_raw:
             head, left = base64.b64decode(head[: -(-nbytes // 3) * 4]), left // 4 * 3
-        first, *others = struct.unpack_from(f"{self._order}{words}{self._word}", head)
+        first, *sizes = struct.unpack_from(f"{self._order}{words}{self._word}", head)
         if not self._compressed:
             return int(min(first, left - nbytes))
-        block, last = others
+        block, last = sizes
         return int(block * (first - 1) + last if last else block * first)
 
 

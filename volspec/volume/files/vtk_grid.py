@@ -35,9 +35,9 @@ def volume_fields(
 
     Raises VolumeError if ``grid`` is not one, or its array is missing or has several components.
     """
-    values, world, remarks = values_and_lattice(grid, scalars, None, name, None)
-    for remark in remarks:
-        warnings.warn(remark, VolspecWarning, stacklevel=3)
+    values, world, notes = values_and_lattice(grid, scalars, None, name, None)
+    for note in notes:
+        warnings.warn(note, VolspecWarning, stacklevel=3)
     return {"values": values, "world_from_index": world, "name": name}
 
 
@@ -54,21 +54,21 @@ def values_and_lattice(
     steps that are zero, and makes uneven ones even.
     """
     data, is_cells = _arrays(grid, name, query)
-    available, own, active = list(data.keys()), _own(data), data.active_scalars_name
-    chosen = scalars or (active if active in own else own[0])
-    if chosen not in available:
+    available, names, active = list(data.keys()), _own_names(data), data.active_scalars_name
+    selected = scalars or (active if active in names else names[0])
+    if selected not in available:
         raise VolumeError(
-            f"{name}: no scalars {chosen!r}; the grid has {available}", code="unknown"
+            f"{name}: no scalars {selected!r}; the grid has {available}", code="unknown"
         )
-    array = np.asarray(data[chosen])
+    array = np.asarray(data[selected])
     if array.ndim > 1 and component is None:
         raise VolumeError(
-            f"{name}: {array.shape[-1]} components per voxel in {chosen!r}",
-            f"a volume has one: grid['one'] = grid[{chosen!r}][:, 0] makes scalars 'one'",
+            f"{name}: {array.shape[-1]} components per voxel in {selected!r}",
+            f"a volume has one: grid['one'] = grid[{selected!r}][:, 0] makes scalars 'one'",
             code="shape",
         )
     shape = tuple(max(n - is_cells, 1) for n in grid.dimensions)
-    given = None if query is None else query.spacing_mm
+    spacing = None if query is None else query.spacing_mm
     if type(grid).__name__ == "RectilinearGrid":
         directions, first = np.eye(3), np.zeros(3)
         start = np.array([places[0] for places in (grid.x, grid.y, grid.z)])
@@ -78,21 +78,21 @@ def values_and_lattice(
         directions, first = np.asarray(grid.direction_matrix), np.asarray(grid.extent[::2])
         start, steps = np.asarray(grid.origin), np.asarray(grid.spacing)
     is_bad = ~np.isfinite(steps) | (steps == 0)
-    if is_bad.any() and given is None:
+    if is_bad.any() and spacing is None:
         remedy = f"give it as in {query.example(spacing='1,1,1')}" if query else "set grid.spacing"
         sizes = ", ".join(f"{step:g}" for step in steps)
         raise VolumeError(
             f"{name}: spacing {sizes} mm, of which none may be zero", remedy, code="range"
         )
     world = np.eye(4)
-    world[:3, :3] = directions * np.where(is_bad, 1.0 if given is None else given, steps)
+    world[:3, :3] = directions * np.where(is_bad, 1.0 if spacing is None else spacing, steps)
     world[:3, 3] = start + world[:3, :3] @ first
     if is_cells:
         world[:3, 3] += world[:3, :3].sum(axis=1) / 2
     if array.ndim > 1:
         array = array.reshape(len(array), -1)[:, component]
-    hidden, remarks = _hidden(grid, is_cells, name)
-    return with_nan(array.reshape(shape[::-1]), hidden), world, remarks
+    hidden, notes = _hidden(grid, is_cells, name)
+    return with_nan(array.reshape(shape[::-1]), hidden), world, notes
 
 
 def _hidden(grid: Any, is_cells: bool, name: str) -> tuple[NDArray[np.bool_] | np.bool_, list[str]]:
@@ -103,8 +103,8 @@ def _hidden(grid: Any, is_cells: bool, name: str) -> tuple[NDArray[np.bool_] | n
     counts = np.array(grid.dimensions[::-1])
     flags = [grid.point_data.get(_GHOSTS), grid.cell_data.get(_GHOSTS)]
     points, cells = (
-        np.zeros(shape, bool) if each is None else (np.asarray(each) & bit).reshape(shape) > 0
-        for each, bit, shape in zip(flags, _HIDDEN, (counts, counts - 1), strict=True)
+        np.zeros(shape, bool) if flag is None else (np.asarray(flag) & bit).reshape(shape) > 0
+        for flag, bit, shape in zip(flags, _HIDDEN, (counts, counts - 1), strict=True)
     )
     if not (points.any() or cells.any()):
         return np.False_, []
@@ -119,9 +119,9 @@ def _hidden(grid: Any, is_cells: bool, name: str) -> tuple[NDArray[np.bool_] | n
         return cells | _corners(points).any(axis=(3, 4, 5)), []
     points = points | _corners(np.pad(cells, 1, constant_values=True)).all(axis=(3, 4, 5))
     count = np.count_nonzero(cells & ~_corners(points).any(axis=(3, 4, 5)))
-    shown = f"{name}: {count} hidden cells are shown, as none of their points is hidden"
-    remark = f"{shown}; grid.point_data_to_cell_data() gives values to cells"
-    return points, [remark] if count else []
+    problem = f"{name}: {count} hidden cells are shown, as none of their points is hidden"
+    note = f"{problem}; grid.point_data_to_cell_data() gives values to cells"
+    return points, [note] if count else []
 
 
 def _corners(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -152,16 +152,16 @@ def _arrays(grid: Any, name: str, query: Query | None) -> tuple[Any, bool]:
         )
     if kind not in ("ImageData", "RectilinearGrid"):
         raise VolumeError(f"{name}: is a {kind}", _resample(query), code="type")
-    is_cells = not _own(grid.point_data)
+    is_cells = not _own_names(grid.point_data)
     data = grid.cell_data if is_cells else grid.point_data
-    if not _own(data):
+    if not _own_names(data):
         raise VolumeError(
             f"{name}: holds no array", "save one with its grid, as point data", code="shape"
         )
     return data, is_cells
 
 
-def _own(data: Any) -> list[str]:
+def _own_names(data: Any) -> list[str]:
     """Return the names of arrays other than VTK's own."""
     return [key for key in data.keys() if not key.startswith("vtk")]  # noqa: SIM118
 
@@ -172,17 +172,17 @@ def scalar_names(grid: Any, name: str, query: Query) -> list[tuple[str, int | No
     Raises VolumeError if the grid is no lattice, or has none.
     """
     data, _ = _arrays(grid, name, query)
-    found = [
+    fields = [
         (key, part)
         for key, array in data.items()
         if array.dtype.kind in "buif" and not key.startswith("vtk")
         for part in ([None] if array.ndim == 1 else range(array[0].size))
     ]
-    if not found:
+    if not fields:
         raise VolumeError(
             f"{name}: none of its arrays holds numbers; it has {', '.join(data)}", code="type"
         )
-    return found
+    return fields
 
 
 def _mean_steps(grid: Any, name: str, query: Query | None) -> NDArray[np.float64]:

@@ -159,8 +159,8 @@ class Level:
         """
         indices = [self._index(box) for box in boxes]
         reading = getattr(self.array, "read_each", self._one_by_one)(indices)
-        for found in reading:
-            yield found if isinstance(found, Exception) else self._ordered(found)
+        for values in reading:
+            yield values if isinstance(values, Exception) else self._ordered(values)
 
     def fault(self, box: Box, values: NDArray[Any]) -> str:
         """Return what is wrong with voxels that were read of a box; empty if nothing is."""
@@ -206,7 +206,7 @@ class Stack:
     channel : Channel, optional
     labels : {number: Label}, optional
         None if not stated.
-    remarks : sequence of str
+    notes : sequence of str
         Warnings for the caller of `load_volume`.
     sample : Sample, optional
         Of the finest level; its voxels as stored.
@@ -216,7 +216,7 @@ class Stack:
     levels: Sequence[Level]
     channel: Channel | None = None
     labels: Labels | None = None
-    remarks: Sequence[str] = ()
+    notes: Sequence[str] = ()
     sample: Sample | None = None
     metadata: Metadata = field(default_factory=Metadata)
 
@@ -246,7 +246,7 @@ class Held:
     """
 
     values: NDArray[Any]
-    there: NDArray[np.bool_]
+    present: NDArray[np.bool_]
 
 
 class ChunkCache:
@@ -259,7 +259,7 @@ class ChunkCache:
     def __init__(self, most_bytes: int) -> None:
         self.most_bytes = most_bytes
         self.nbytes = 0
-        self._held: dict[Chunk, Held] = {}
+        self._entries: dict[Chunk, Held] = {}
         # Turns at which a chunk is needed, the next one last; turns count up.
         self._turns: dict[Chunk, list[int]] = {}
         self._lock = threading.RLock()
@@ -276,18 +276,18 @@ class ChunkCache:
     def get(self, chunk: Chunk) -> Held | None:
         """Return a chunk that is in memory, else None."""
         with self._lock:
-            found = self._held.pop(chunk, None)
-            if found is not None:
-                self._held[chunk] = found  # used last
-            return found
+            entry = self._entries.pop(chunk, None)
+            if entry is not None:
+                self._entries[chunk] = entry  # used last
+            return entry
 
-    def put(self, chunk: Chunk, held: Held) -> None:
+    def put(self, chunk: Chunk, entry: Held) -> None:
         """Add a chunk, and drop others for it."""
         with self._lock:
-            if chunk in self._held:
+            if chunk in self._entries:
                 return
-            self._held[chunk] = held
-            self.nbytes += held.values.nbytes
+            self._entries[chunk] = entry
+            self.nbytes += entry.values.nbytes
             self._shrink(chunk)
 
     def done(self, chunk: Chunk, turn: int) -> None:
@@ -304,10 +304,10 @@ class ChunkCache:
             self._shrink(None)
 
     def _shrink(self, last: Chunk | None) -> None:
-        while self.nbytes > self.most_bytes and len(self._held) > (last is not None):
+        while self.nbytes > self.most_bytes and len(self._entries) > (last is not None):
             # The first of those that no turn needs is the one that was used longest ago.
             worst, latest = None, -1.0
-            for chunk in self._held:
+            for chunk in self._entries:
                 left = self._turns.get(chunk)
                 turn = left[-1] if left else math.inf
                 if turn > latest:
@@ -315,7 +315,7 @@ class ChunkCache:
                     if turn == math.inf:
                         break
             assert worst is not None
-            self.nbytes -= self._held.pop(worst).values.nbytes
+            self.nbytes -= self._entries.pop(worst).values.nbytes
 
 
 class _Wanted(NamedTuple):
@@ -326,7 +326,7 @@ class _Wanted(NamedTuple):
     more: NDArray[np.bool_] | None = None
 
     def of(self, level: Level, chunk: Box) -> NDArray[np.bool_]:
-        """Return a chunk's blocks, as `Held.there`; none if none is in the box.
+        """Return a chunk's blocks, as `Held.present`; none if none is in the box.
 
         Blocks beyond the box are read with those in it: the next box needs them.
         """
@@ -378,7 +378,7 @@ class Pyramid:
     counts: ReadCounts = field(init=False, default_factory=ReadCounts)
     cache: ChunkCache = field(init=False)
     gaps: dict[Chunk, str] = field(init=False, default_factory=dict)
-    _seen: dict[Chunk, NDArray[np.bool_]] = field(init=False, default_factory=dict)
+    _read_blocks: dict[Chunk, NDArray[np.bool_]] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cache", ChunkCache(self.memory_bytes))
@@ -386,7 +386,7 @@ class Pyramid:
 
     def __reduce__(self) -> tuple[type[Pyramid], tuple[Any, ...]]:
         """Pickle the levels without what was read of them."""
-        return type(self), tuple(getattr(self, each.name) for each in fields(self) if each.init)
+        return type(self), tuple(getattr(self, attr.name) for attr in fields(self) if attr.init)
 
     def with_spacing(self, factors: Sequence[float]) -> Pyramid:
         """Return the pyramid with voxels that are longer by a factor along x, y, z."""
@@ -407,16 +407,16 @@ class Pyramid:
             self.counts.lost = ""
 
     def read(
-        self, number: int, box: Box, wanted: NDArray[np.bool_] | None = None, gap: float = 0.0
+        self, number: int, box: Box, needed: NDArray[np.bool_] | None = None, gap: float = 0.0
     ) -> NDArray[Any]:
         """Return the voxels of a box of a level, from memory or the file.
 
-        Those of blocks that are not ``wanted`` (of all of the level; by default all are) are
+        Those of blocks that are not ``needed`` (of all of the level; by default all are) are
         `Level.within_ranges`. Those of damaged chunks, which are then in `gaps`, are ``gap``.
         """
         values = np.empty([high - low for low, high in box], self.dtype)
         places = self.levels[number].chunks_in(box)
-        self._fill(values, number, box, places, _Wanted(box, wanted), gap)
+        self._fill(values, number, box, places, _Wanted(box, needed), gap)
         return values
 
     def add(
@@ -424,15 +424,15 @@ class Pyramid:
         values: NDArray[Any],
         number: int,
         box: Box,
-        wanted: NDArray[np.bool_],
+        needed: NDArray[np.bool_],
         more: NDArray[np.bool_],
         gap: float,
     ) -> None:
-        """Add ``more`` of the blocks of a box to what was read as ``wanted``; see `read`."""
+        """Add ``more`` of the blocks of a box to what was read as ``needed``; see `read`."""
         chunk = self.levels[number].chunk
-        found = (np.argwhere(more) + [first for first, _ in blocks_in(box)]) * BLOCK // chunk
-        places = [(z, y, x) for z, y, x in np.unique(found, axis=0).tolist()]
-        self._fill(values, number, box, places, _Wanted(box, wanted, more), gap)
+        indices = (np.argwhere(more) + [first for first, _ in blocks_in(box)]) * BLOCK // chunk
+        places = [(z, y, x) for z, y, x in np.unique(indices, axis=0).tolist()]
+        self._fill(values, number, box, places, _Wanted(box, needed, more), gap)
 
     def _fill(
         self,
@@ -440,56 +440,56 @@ class Pyramid:
         number: int,
         box: Box,
         places: Sequence[Index],
-        wanted: _Wanted,
+        needed: _Wanted,
         gap: float,
     ) -> None:
         level = self.levels[number]
         several = max(self.memory_bytes // (_CHUNKS_SHARE * level.chunk_bytes), 1)
         for first in range(0, len(places), several):
             some = places[first : first + several]
-            for place, held in zip(some, self._held(number, some, wanted), strict=True):
+            for place, entry in zip(some, self._chunks(number, some, needed), strict=True):
                 of_chunk = level.box_of(place)
                 shared = common(box, of_chunk)
                 to = within(shared, box)
                 if Chunk(number, *place) in self.gaps:
                     values[to] = gap
-                elif held is None:
+                elif entry is None:
                     values[to] = level.within_ranges(shared)
                 else:
-                    values[to] = held.values[within(shared, of_chunk)]
+                    values[to] = entry.values[within(shared, of_chunk)]
 
-    def _held(self, number: int, places: Sequence[Index], wanted: _Wanted) -> list[Held | None]:
+    def _chunks(self, number: int, places: Sequence[Index], needed: _Wanted) -> list[Held | None]:
         """Return chunks with their wanted blocks; what is missing is read at once."""
         level = self.levels[number]
-        found: list[Held | None] = []
+        entries: list[Held | None] = []
         missing: list[tuple[Chunk, Held, list[Box]]] = []
         for place in places:
             chunk, of_chunk = Chunk(number, *place), level.box_of(place)
-            need = wanted.of(level, of_chunk)
-            held = self.cache.get(chunk) if need.any() else None
-            if held is not None:
-                need &= ~held.there
+            need = needed.of(level, of_chunk)
+            entry = self.cache.get(chunk) if need.any() else None
+            if entry is not None:
+                need &= ~entry.present
             if need.any() and self.counts.lost:
                 self.gaps.setdefault(chunk, self.counts.lost)
             if need.any() and chunk not in self.gaps:
-                held = held or Held(np.empty(0, self.dtype), np.zeros_like(need))
-                missing.append((chunk, held, _boxes_of(of_chunk, need)))
-            found.append(held)
+                entry = entry or Held(np.empty(0, self.dtype), np.zeros_like(need))
+                missing.append((chunk, entry, _boxes_of(of_chunk, need)))
+            entries.append(entry)
         reading = level.read_each([box for _, _, boxes in missing for box in boxes])
-        for chunk, held, boxes in missing:
-            self._take(chunk, held, boxes, list(itertools.islice(reading, len(boxes))))
-        return found
+        for chunk, entry, boxes in missing:
+            self._take(chunk, entry, boxes, list(itertools.islice(reading, len(boxes))))
+        return entries
 
     def _take(
         self,
         chunk: Chunk,
-        held: Held,
+        entry: Held,
         boxes: Sequence[Box],
         read: Sequence[NDArray[Any] | Exception],
     ) -> None:
         """Add what was read of a chunk, or note that it is damaged."""
         level, of_chunk = self.levels[chunk.level], self.levels[chunk.level].box_of(chunk[1:])
-        fault, pieces = "" if held.there.any() else self._absent(level), []
+        fault, pieces = "" if entry.present.any() else self._absent(level), []
         for box, values in zip(boxes, read, strict=True):
             if isinstance(values, Exception):
                 fault = fault or one_line(values)[:200]
@@ -501,21 +501,21 @@ class Pyramid:
         if fault:
             self.gaps[chunk] = fault
             return
-        if not held.there.any():
-            whole = len(boxes) == 1 and boxes[0] == of_chunk
-            held.values = pieces[0] if whole else level.within_ranges(of_chunk)
+        if not entry.present.any():
+            complete = len(boxes) == 1 and boxes[0] == of_chunk
+            entry.values = pieces[0] if complete else level.within_ranges(of_chunk)
             self.counts.chunks += 1
-            self.cache.put(chunk, held)
-        seen = self._seen.setdefault(chunk, np.zeros_like(held.there))
+            self.cache.put(chunk, entry)
+        was_read = self._read_blocks.setdefault(chunk, np.zeros_like(entry.present))
         for box, values in zip(boxes, pieces, strict=True):
-            if values is not held.values:
-                held.values[within(box, of_chunk)] = values
+            if values is not entry.values:
+                entry.values[within(box, of_chunk)] = values
             blocks = within(blocks_in(box), blocks_in(of_chunk)) if level.by_block else ()
-            held.there[blocks] = True
+            entry.present[blocks] = True
             self.counts.voxel_bytes += values.nbytes
-            if seen[blocks].any():
-                self.counts.again_bytes += round(values.nbytes * float(seen[blocks].mean()))
-            seen[blocks] = True
+            if was_read[blocks].any():
+                self.counts.again_bytes += round(values.nbytes * float(was_read[blocks].mean()))
+            was_read[blocks] = True
 
     def _as_cast(self, values: NDArray[Any]) -> NDArray[Any]:
         if values.dtype.kind == "f":
@@ -593,12 +593,12 @@ def _boxes_of(of_chunk: Box, need: NDArray[np.bool_]) -> list[Box]:
     ends = np.argwhere(np.diff(need, axis=2, prepend=False, append=False)).tolist()
     runs = zip(ends[::2], ends[1::2], strict=True)
     boxes: list[Box] = [((z, z + 1), (y, y + 1), (a, b)) for (z, y, a), (_, _, b) in runs]
-    found = []
+    pieces = []
     for box in _joined(_joined(boxes, 1), 0):
         pairs = zip(box, of_chunk, strict=True)
-        z, y, x = ((at + BLOCK * a, min(at + BLOCK * b, end)) for (a, b), (at, end) in pairs)
-        found.append((z, y, x))
-    return found
+        z, y, x = ((low + BLOCK * a, min(low + BLOCK * b, end)) for (a, b), (low, end) in pairs)
+        pieces.append((z, y, x))
+    return pieces
 
 
 def _joined(boxes: Sequence[Box], axis: int) -> list[Box]:
@@ -609,11 +609,11 @@ def _joined(boxes: Sequence[Box], axis: int) -> list[Box]:
     """
     joined: dict[Any, Box] = {}
     for box in boxes:
-        others, (low, high) = box[:axis] + box[axis + 1 :], box[axis]
-        before = joined.pop((others, low), box)
+        other_axes, (low, high) = box[:axis] + box[axis + 1 :], box[axis]
+        before = joined.pop((other_axes, low), box)
         ends = [*box]
         ends[axis] = before[axis][0], high
-        joined[others, high] = ends[0], ends[1], ends[2]
+        joined[other_axes, high] = ends[0], ends[1], ends[2]
     return list(joined.values())
 
 
@@ -645,8 +645,8 @@ def coarse_level(levels: Sequence[Level], memory_bytes: int) -> int | None:
 
     It has at most `COARSE_BYTES` and an eighth of the budget.
     """
-    most = min(COARSE_BYTES, memory_bytes // 8)
-    small = [k for k, level in enumerate(levels) if k and level.nbytes <= most]
+    max_bytes = min(COARSE_BYTES, memory_bytes // 8)
+    small = [k for k, level in enumerate(levels) if k and level.nbytes <= max_bytes]
     return min(small, default=len(levels) - 1 or None)
 
 
@@ -656,7 +656,7 @@ def block_ranges(values: NDArray[Any]) -> NDArray[Any]:
     >>> block_ranges(np.arange(17, dtype=np.uint8).repeat(4).reshape(17, 2, 2)).ravel().tolist()
     [0, 16, 16, 16]
     """
-    found = []
+    ranges = []
     for extreme in (np.minimum, np.maximum):
         reduced = values
         for axis in range(3):
@@ -667,8 +667,8 @@ def block_ranges(values: NDArray[Any]) -> NDArray[Any]:
             for k, end in enumerate(ends):
                 extreme.reduce(planes[k * BLOCK : (k + 1) * BLOCK + 1], axis=0, out=end)
             reduced = np.moveaxis(ends, 0, axis)
-        found.append(reduced)
-    return np.stack(found)
+        ranges.append(reduced)
+    return np.stack(ranges)
 
 
 def boxes_in(shape: Index, deep: int, least_rows: int = 1) -> Iterator[Box]:

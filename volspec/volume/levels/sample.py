@@ -78,22 +78,22 @@ def typical_range(voxels: NDArray[Any], span: tuple[float, float]) -> tuple[floa
     """
     low, high = span
     inside = np.sort(voxels[(voxels >= low) & (voxels <= high)], axis=None)
-    most = max(_MIN, int(_REPEATED * inside.size))
+    min_count = max(_MIN, int(_REPEATED * inside.size))
     for _ in range(2):  # both ends
         above = inside[np.searchsorted(inside, low, "right") :]
-        if low != 0 and inside.size - above.size >= most and _fills(low, above):
+        if low != 0 and inside.size - above.size >= min_count and _fills(low, above):
             low, inside = float(above[0]), above
         below = inside[: np.searchsorted(inside, high, "left")]
-        if inside.size - below.size >= most and _fills(high, below):
+        if inside.size - below.size >= min_count and _fills(high, below):
             high, inside = float(below[-1]), below
     return low, high
 
 
-def _fills(value: float, others: NDArray[Any]) -> bool:
+def _fills(value: float, values: NDArray[Any]) -> bool:
     """Return True if a repeated value, beyond all others, fills what was not measured."""
-    if not others.size or others[0] == others[-1]:
+    if not values.size or values[0] == values[-1]:
         return False
-    first, last = float(others[0]), float(others[-1])
+    first, last = float(values[0]), float(values[-1])
     gap = max(first - value, value - last)
     return gap > _FAR * (last - first) or (value in _FILLS and gap > _APART * (last - first))
 
@@ -114,10 +114,10 @@ def _by_value(values: NDArray[Any]) -> NDArray[np.intp]:
     """Count whole numbers of up to 16 bits by value, from the least of their type."""
     codes = np.iinfo(values.dtype)
     count = codes.max - codes.min + 1
-    found = np.zeros(count, np.intp)
+    counts = np.zeros(count, np.intp)
     for plane in values:
-        found += np.bincount(plane.ravel().astype(np.intp) - codes.min, minlength=count)
-    return found
+        counts += np.bincount(plane.ravel().astype(np.intp) - codes.min, minlength=count)
+    return counts
 
 
 def _binned(
@@ -134,7 +134,7 @@ class Sampler:
     """Makes the `Sample` of voxels (Z, Y, X) that are read box by box."""
 
     def __init__(self, shape: tuple[int, int, int], dtype: np.dtype[Any]) -> None:
-        self._every = counted_step(math.prod(shape))
+        self._step = counted_step(math.prod(shape))
         self._steps = [step_along(n) for n in shape]
         sides = [-(-n // step) for n, step in zip(shape, self._steps, strict=True)]
         self._voxels = np.zeros(sides, dtype)
@@ -149,7 +149,7 @@ class Sampler:
         if finite.size:
             low, high = self._span
             self._span = min(low, float(finite.min())), max(high, float(finite.max()))
-        counted = values[tuple(slice(-low % self._every, None, self._every) for low, _ in box)]
+        counted = values[tuple(slice(-low % self._step, None, self._step) for low, _ in box)]
         if _is_counted_by_value(values.dtype):
             more = _by_value(counted)
             self._counts = more if self._counts is None else self._counts + more
