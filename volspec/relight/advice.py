@@ -57,14 +57,14 @@ def warn_of_lights(
 def _advice(basis: SpectralBasis, power: bytes, name: str, mode: Mode) -> str | None:
     light = Spectrum(basis.grid.wavelengths_nm, np.frombuffer(power))
 
-    def mean(way: Mode) -> float:
-        return float(sample_errors(basis, light, way).mean())
+    def mean(candidate: Mode) -> float:
+        return float(sample_errors(basis, light, candidate).mean())
 
     off = mean(mode)
     if not off > _BEYOND:
         return None
-    found = f"{name}: {mode} colours are off by ΔE00 {off:.1f}, the mean of the basis' samples"
-    left, cure = min((mean(way), way) for way in _CURES if way != mode)
+    problem = f"{name}: {mode} colours are off by ΔE00 {off:.1f}, the mean of the basis' samples"
+    left, cure = min((mean(candidate), candidate) for candidate in _CURES if candidate != mode)
     if left < _CURED * off:
-        return f"{found}; use the mode {cure} ({left:.1f})"
-    return f"{found}, more than {basis.size} channels can hold; cast with more, or the materials"
+        return f"{problem}; use the mode {cure} ({left:.1f})"
+    return f"{problem}, more than {basis.size} channels can hold; cast with more, or the materials"

@@ -97,8 +97,8 @@ class ErrorMap:
     @property
     def top(self) -> float:
         """Upper end of the scale: a round number above 99.5 % of the covered pixels."""
-        wanted = float(np.percentile(self._counted, 99.5))
-        return float(next((top for top in _TOPS if top >= wanted), _TOPS[-1]))
+        peak = float(np.percentile(self._counted, 99.5))
+        return float(next((top for top in _TOPS if top >= peak), _TOPS[-1]))
 
     def heat(self, top: float | None = None) -> NDArray[np.uint8]:
         """Return only the map, (H, W, 3): black for 0 to pale yellow for ``top`` and above."""
@@ -120,24 +120,24 @@ class ErrorMap:
 
         top = self._checked_top(top)
         height, width = self.delta_e.shape
-        tall = max(height, _MIN[1])
-        size = (max(width + 2 * _MARGIN + _BAR + _TEXT, _MIN[0]), tall + _CAPTION)
+        map_height = max(height, _MIN[1])
+        size = (max(width + 2 * _MARGIN + _BAR + _TEXT, _MIN[0]), map_height + _CAPTION)
         sheet = Image.new("RGB", size, _PAPER)
         sheet.paste(Image.fromarray(self.heat(top)), (0, 0))
         draw = ImageDraw.Draw(sheet)
-        x, low, high = width + _MARGIN, tall - 12, 36
+        x, low, high = width + _MARGIN, map_height - 12, 36
         for y in range(high, low + 1):
-            share = np.sqrt((low - y) / (low - high))
-            colour = tuple(round(255 * c) for c in colormaps["inferno"](share)[:3])
+            fraction = np.sqrt((low - y) / (low - high))
+            colour = tuple(round(255 * c) for c in colormaps["inferno"](fraction)[:3])
             draw.line([(x, y), (x + _BAR, y)], colour)
         TextLine.of(SYMBOLS[self.difference], _TYPE).draw(draw, x, 8, _INK)
-        for share in (0, 0.25, 0.5, 0.75, 1):
-            y = low - share * (low - high)
-            number = TextLine.of(f"{share * top:.3g}", _TYPE)
+        for fraction in (0, 0.25, 0.5, 0.75, 1):
+            y = low - fraction * (low - high)
+            number = TextLine.of(f"{fraction * top:.3g}", _TYPE)
             number.draw(draw, x + _BAR + 6, y - number.height / 2, _INK)
         title, figures = self._caption()
-        fit_text(printable(title, 240), _TYPE, size[0] - 20).draw(draw, 10, tall + 10, _INK)
-        TextLine.of(figures, _TYPE).draw(draw, 10, tall + 31, _INK)
+        fit_text(printable(title, 240), _TYPE, size[0] - 20).draw(draw, 10, map_height + 10, _INK)
+        TextLine.of(figures, _TYPE).draw(draw, 10, map_height + 31, _INK)
         return np.asarray(sheet)
 
     def _caption(self) -> tuple[str, str]:
@@ -250,18 +250,18 @@ def full_band_basis(image: CoefficientImage) -> Basis | None:
     full, S = through_samples(basis), basis.samples
     if full is None or S is None:
         return None
-    every = max(1, round((image.alpha.size / _LOOKED_AT) ** 0.5))
-    pixels = np.asarray(image.coefficients[::every, ::every], np.float64).reshape(-1, basis.size)
-    known = np.vstack([basis.analyse(S), basis.white])
-    rest = pixels - pixels @ np.linalg.pinv(known) @ known
-    return full if np.abs(rest).max(initial=0.0) < _UNEXPLAINED else None
+    step = max(1, round((image.alpha.size / _LOOKED_AT) ** 0.5))
+    pixels = np.asarray(image.coefficients[::step, ::step], np.float64).reshape(-1, basis.size)
+    explained = np.vstack([basis.analyse(S), basis.white])
+    residual = pixels - pixels @ np.linalg.pinv(explained) @ explained
+    return full if np.abs(residual).max(initial=0.0) < _UNEXPLAINED else None
 
 
 def _estimated(
     image: CoefficientImage,
     spec: RelightSpec,
     light: Spectrum | LightRig,
-    every: int,
+    step: int,
     opacities: Mapping[str, float],
     difference: Difference,
 ) -> ErrorMap:
@@ -271,35 +271,35 @@ def _estimated(
     assert layers is not None
     assert isinstance(basis, MaterialBasis)
     compared = "layers against a cast, estimated"
-    lit = Illumination.of(basis, light, spec, image.groups)
-    white = visible_white(lit.white_XYZ)
-    seen: NDArray[np.bool_] = np.any(layers.tau[::every, ::every], axis=(2, 3))
-    alpha, delta_e = (np.zeros(seen.shape, np.float32) for _ in range(2))
-    full = tuple(every * each for each in np.nonzero(seen))
-    own = layers.at(*full)
+    illumination = Illumination.of(basis, light, spec, image.groups)
+    white = visible_white(illumination.white_XYZ)
+    visible: NDArray[np.bool_] = np.any(layers.tau[::step, ::step], axis=(2, 3))
+    alpha, delta_e = (np.zeros(visible.shape, np.float32) for _ in range(2))
+    full = tuple(step * index for index in np.nonzero(visible))
+    sampled = layers.at(*full)
     # A material of few pixels may be in none of these.
-    there = dict(zip(basis.materials, np.any(own.fading.tau, axis=(0, 1, 2)).flat, strict=True))
-    opacities = {name: scale for name, scale in opacities.items() if there[name]}
+    fades = dict(zip(basis.materials, np.any(sampled.fading.tau, axis=(0, 1, 2)).flat, strict=True))
+    opacities = {name: scale for name, scale in opacities.items() if fades[name]}
     picture = replace(
         image,
         coefficients=image.coefficients[full][None],
         alpha=image.alpha[full][None],
         depth_mm=image.depth_mm[full][None],
         first_mm=None,
-        opacity_layers=own,
+        opacity_layers=sampled,
     ).recompose(opacities)
-    alpha[seen] = picture.alpha[0]
+    alpha[visible] = picture.alpha[0]
     scales = image.opacity_scales(opacities)
     if any(scale != 1 for scale in scales):
-        found = np.empty(full[0].size, np.float32)
-        for start in range(0, found.size, _PIXELS):
+        differences = np.empty(full[0].size, np.float32)
+        for start in range(0, differences.size, _PIXELS):
             part = slice(start, start + _PIXELS)
-            XYZ = lit.scene_XYZ(picture.coefficients[0, part], picture.alpha[0, part])
-            pixels = own.at(np.zeros(len(XYZ), int), np.arange(start, start + len(XYZ)))
-            off = opacity_deviation(pixels, scales, lit.XYZ_from_channels)
-            shown, other = (uniform(difference, each, white) for each in (XYZ, XYZ + off))
-            found[part] = distance(difference, shown, other)
-        delta_e[seen] = found
+            XYZ = illumination.scene_XYZ(picture.coefficients[0, part], picture.alpha[0, part])
+            pixels = sampled.at(np.zeros(len(XYZ), int), np.arange(start, start + len(XYZ)))
+            off = opacity_deviation(pixels, scales, illumination.XYZ_from_channels)
+            recomposed, other = (uniform(difference, colour, white) for colour in (XYZ, XYZ + off))
+            differences[part] = distance(difference, recomposed, other)
+        delta_e[visible] = differences
         delta_e = with_neighbours(delta_e, alpha > 0)
     return ErrorMap(delta_e, alpha, _light_name(light), compared, difference)
 
@@ -333,17 +333,17 @@ def _compared(
     truth: CoefficientImage,
     true_spec: RelightSpec,
     light: Spectrum | LightRig,
-    every: int,
+    step: int,
     compared: str,
     difference: Difference = "CIEDE2000",
 ) -> ErrorMap:
     pictures = [
         (
-            Illumination.of(each.basis, light, how, each.groups),
-            each.coefficients[::every, ::every],
-            each.alpha[::every, ::every],
+            Illumination.of(picture.basis, light, how, picture.groups),
+            picture.coefficients[::step, ::step],
+            picture.alpha[::step, ::step],
         )
-        for each, how in ((image, spec), (truth, true_spec))
+        for picture, how in ((image, spec), (truth, true_spec))
     ]
     white = visible_white(pictures[1][0].white_XYZ)
     alpha = pictures[0][2]
@@ -351,8 +351,8 @@ def _compared(
     for row in range(0, len(delta_e), _ROWS):
         rows = slice(row, row + _ROWS)
         tested, true = (
-            uniform(difference, lit.scene_XYZ(coefficients[rows], opacity[rows]), white)
-            for lit, coefficients, opacity in pictures
+            uniform(difference, illumination.scene_XYZ(coefficients[rows], opacity[rows]), white)
+            for illumination, coefficients, opacity in pictures
         )
         delta_e[rows] = distance(difference, true, tested)
     return ErrorMap(delta_e, np.asarray(alpha), _light_name(light), compared, difference)

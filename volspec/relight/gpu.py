@@ -103,9 +103,9 @@ class GLEngine:
             self._context = context
             with context:
                 self._handle = egl_handle()
-        self._made = Allocation(self._context, self._handle, lent)
+        self._allocation = Allocation(self._context, self._handle, lent)
         # If it is not closed. At the end of the process the driver ends, too.
-        self._unclosed = weakref.finalize(self, abandoned().append, self._made)
+        self._unclosed = weakref.finalize(self, abandoned().append, self._allocation)
         self._unclosed.atexit = False
         # The latest viewing and white, their transform, and its LUT once baked.
         self._latest: tuple[LutKey, ViewTransform, LutTransform | None] | None = None
@@ -157,7 +157,7 @@ class GLEngine:
                 field="OpenGL",
             )
         try:
-            self._texture = self._own(self._context.texture_array(size, 4, dtype="f4"))
+            self._texture = self._track(self._context.texture_array(size, 4, dtype="f4"))
             self._target("f1")
         except moderngl.Error as error:
             raise OpenGLError(
@@ -182,13 +182,13 @@ class GLEngine:
             "EVERY": 1,
             "EXACT_SAMPLER": int(self._software),
         }
-        self._programs = Programs(self._context, constants, self._own)
-        self._lookups = LookupTextures(self._context, self._own)
+        self._programs = Programs(self._context, constants, self._track)
+        self._lookups = LookupTextures(self._context, self._track)
         self._sample_query = self._context.query(samples=True)
         self._programs.program("relight", form, screen_for_viewing(Viewing()))
 
-    def _own(self, resource: Any) -> Any:
-        self._made.resources.append(resource)
+    def _track(self, resource: Any) -> Any:
+        self._allocation.resources.append(resource)
         return resource
 
     def _current(self) -> AbstractContextManager[None]:
@@ -215,7 +215,7 @@ class GLEngine:
                 )
             if self._shared is None:
                 size = 16 * layer_count(self._channels) * self._height * self._width
-                self._shared = self._own(self._context.buffer(reserve=size, dynamic=True))
+                self._shared = self._track(self._context.buffer(reserve=size, dynamic=True))
         return SharedLayers(sharing, self._shared, (self._height, self._width, self._channels))
 
     def take(self, layers: SharedLayers | PackedLayers) -> None:
@@ -239,14 +239,14 @@ class GLEngine:
         with self._current():
             if self._recomposer is None or not self._recomposer.fits(packed):
                 if self._recomposer is not None:
-                    self._made.resources.remove(self._recomposer)
+                    self._allocation.resources.remove(self._recomposer)
                     self._recomposer.release()
                     self._recomposer = None
-                made = Recomposer(self._context, packed, (self._width, self._height))
+                recomposer = Recomposer(self._context, packed, (self._width, self._height))
                 try:
-                    made.allocate()
+                    recomposer.allocate()
                 except moderngl.Error as error:
-                    made.release()
+                    recomposer.release()
                     raise OpenGLError(
                         f"{self.name} has no memory for {packed.count} layers of opacity of "
                         f"{self._width} x {self._height} pixels ({error})",
@@ -254,7 +254,7 @@ class GLEngine:
                         code="size",
                         field="OpenGL",
                     ) from error
-                self._recomposer = self._own(made)
+                self._recomposer = self._track(recomposer)
         yield
         steps = self._recomposer.load(packed, self._texture)
         going_on = True
@@ -293,8 +293,8 @@ class GLEngine:
     def _target(self, dtype: str) -> moderngl.Framebuffer:
         if dtype not in self._targets:
             size = (self._width, self._height)
-            colour = self._own(self._context.texture(size, 4, dtype=dtype))
-            self._targets[dtype] = self._own(self._context.framebuffer([colour]))
+            colour = self._track(self._context.texture(size, 4, dtype=dtype))
+            self._targets[dtype] = self._track(self._context.framebuffer([colour]))
         return self._targets[dtype]
 
     def render(
@@ -424,4 +424,4 @@ class GLEngine:
     def close(self) -> None:
         """Release all resources; a second call does nothing."""
         if self._unclosed.detach():
-            self._made.release()
+            self._allocation.release()

@@ -37,17 +37,17 @@ def hdr_frame(
     warns as `Relighter.frame`.
     """
     spec = check_hdr(light, spec, hdr)
-    lit = Illumination.of(image.basis, light, spec, image.groups)
+    illumination = Illumination.of(image.basis, light, spec, image.groups)
     warn_of_lights(image.basis, LightRig.of(light), spec.mode, set(), stacklevel=3)
-    viewing, grid = ViewingMeter().measure_viewing(image, lit)
+    viewing, grid = ViewingMeter().measure_viewing(image, illumination)
     if grid is None:
-        transform: ViewTransform = view_transform(viewing, lit.white_XYZ)
+        transform: ViewTransform = view_transform(viewing, illumination.white_XYZ)
     codes = np.empty((*image.alpha.shape, 3), np.float32)
     for row in range(0, len(codes), _ROWS):
         rows = slice(row, row + _ROWS)
         if grid is not None:
             transform = grid.interpolate(image.alpha.shape, rows)
-        XYZ = lit.scene_XYZ(image.coefficients[rows], image.alpha[rows])
+        XYZ = illumination.scene_XYZ(image.coefficients[rows], image.alpha[rows])
         codes[rows] = hdr.codes(transform.apply(XYZ))
     return codes
 
@@ -75,14 +75,14 @@ def check_hdr(light: Spectrum | LightRig, spec: RelightSpec, hdr: Hdr) -> Religh
             field="deficiency",
             given=spec.viewing.deficiency,
         )
-    for name, plain in (("gamut", "clip"), ("mark", False)):
-        if (given := getattr(display, name)) != plain:
+    for name, required in (("gamut", "clip"), ("mark", False)):
+        if (value := getattr(display, name)) != required:
             raise ViewingError(
-                f"{given!r} is for a gamut that ends at the white, which HDR's does not",
+                f"{value!r} is for a gamut that ends at the white, which HDR's does not",
                 "leave it out",
                 code="conflict",
                 field=name,
-                given=given,
+                given=value,
             )
     return replace(spec, viewing=replace(spec.viewing, display=hdr.display(display)))
 
@@ -97,9 +97,9 @@ def with_lux(light: Spectrum | LightRig, lux: float, grid: SpectralGrid) -> Ligh
     500.0
     """
     rig = LightRig.of(light)
-    own = [
-        illuminance_lux(Spectrum(grid.wavelengths_nm, light_power(each, grid)))
-        for each in rig.lights
+    unscaled = [
+        illuminance_lux(Spectrum(grid.wavelengths_nm, light_power(lamp, grid)))
+        for lamp in rig.lights
     ]
-    total = sum(weight * each for weight, each in zip(rig.weights, own, strict=True))
-    return replace(rig, illuminance_lux=tuple(lux * each / total for each in own))
+    total = sum(weight * value for weight, value in zip(rig.weights, unscaled, strict=True))
+    return replace(rig, illuminance_lux=tuple(lux * value / total for value in unscaled))

@@ -74,8 +74,8 @@ class GroupWhites:
         V = colour_matching_functions(grid, basis.observer_deg)[1]
         whites = np.zeros((len(groups), 3))
         for number, group in enumerate(groups):
-            if (own := rig.shining_from(group)) is not None:
-                light = own.mixed(grid)
+            if (part := rig.shining_from(group)) is not None:
+                light = part.mixed(grid)
                 brightness = float(V @ light.values) / float(V @ mixed.values)
                 whites[number] = brightness * white_XYZ(light, basis.observer_deg)
         if isinstance(backdrop, Spectrum):
@@ -187,8 +187,8 @@ class Illumination:
         if isinstance(spec.backdrop, Spectrum) or seen_through:
             passed = seen_through.values if seen_through else 1.0
             grey = spec.backdrop
-            behind = grey.on(basis.grid).values if isinstance(grey, Spectrum) else grey
-            backdrop = XYZ_from_spectra(mixed, behind * passed, basis.observer_deg)
+            grey_reflectance = grey.on(basis.grid).values if isinstance(grey, Spectrum) else grey
+            backdrop = XYZ_from_spectra(mixed, grey_reflectance * passed, basis.observer_deg)
         else:
             backdrop = spec.backdrop * white
         lux = facing.total_lux
@@ -244,12 +244,12 @@ def _groups_matrix(
     V = colour_matching_functions(basis.grid, basis.observer_deg)[1]
     columns = []
     for group in groups:
-        own = rig.shining_from(group)
-        if own is None:
+        part = rig.shining_from(group)
+        if part is None:
             columns.append(np.zeros((3, basis.size)))
             continue
         # A light's fitted matrix stays the same in every mixture, and adds up.
-        lights = own.weighted(basis.grid) if mode == "fitted" else [(own.mixed(basis.grid), 1.0)]
+        lights = part.weighted(basis.grid) if mode == "fitted" else [(part.mixed(basis.grid), 1.0)]
         total = np.zeros((3, basis.size))
         for E, weight in lights:
             # The basis scales Y to 100 for the light alone; the white is that of all together.

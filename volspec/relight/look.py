@@ -46,12 +46,12 @@ class Look:
     """Display of high dynamic range; the viewing's display if left out."""
 
     def __post_init__(self) -> None:
-        others = {"hdr": self.hdr, "focus_mm": self.depth.focus_mm}
-        self._without_stereo({name: each for name, each in others.items() if each is not None})
+        settings = {"hdr": self.hdr, "focus_mm": self.depth.focus_mm}
+        self._without_stereo({name: value for name, value in settings.items() if value is not None})
 
-    def _without_stereo(self, others: Mapping[str, object]) -> None:
-        if self.stereo is not None and others:
-            name, problem = next(iter(others)), "does not work with stereo"
+    def _without_stereo(self, settings: Mapping[str, object]) -> None:
+        if self.stereo is not None and settings:
+            name, problem = next(iter(settings)), "does not work with stereo"
             raise ImageError(problem, "leave one out", code="conflict", field=name)
 
     @classmethod
@@ -61,12 +61,12 @@ class Look:
 
     def fitting(self, image: CoefficientImage) -> Look:
         """Return the look without what an image cannot have: other materials, and depth."""
-        known = image.basis.materials if isinstance(image.basis, MaterialBasis) else {}
+        materials = image.basis.materials if isinstance(image.basis, MaterialBasis) else {}
         layered = image.opacity_layers is not None
         return replace(
             self,
-            reflectances={k: v for k, v in self.reflectances.items() if k in known},
-            opacities={k: v for k, v in self.opacities.items() if k in known and layered},
+            reflectances={k: v for k, v in self.reflectances.items() if k in materials},
+            opacities={k: v for k, v in self.opacities.items() if k in materials and layered},
             depth=self.depth if layered else DepthEffects(),
             stereo=self.stereo if layered else None,
         )
@@ -88,8 +88,8 @@ class Look:
         if self.stereo is not None:
             self._without_stereo({} if surface is None else {"surface": surface})
             return StereoViews(image, compute).views(self.stereo, self.opacities, self.depth)
-        given = image.opacity_layers, surface, self.opacities or None
-        if self.depth.changes or any(each is not None for each in given):
+        settings = image.opacity_layers, surface, self.opacities or None
+        if self.depth.changes or any(setting is not None for setting in settings):
             image = image.recompose(self.opacities, self.depth, surface)
         return (image,)
 

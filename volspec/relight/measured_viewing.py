@@ -128,15 +128,15 @@ class ViewingMeter:
             viewing = replace(viewing, adopted_white=samples.white(light))
         if viewing.adapting == "given" and viewing.surround != "measured":
             return viewing, None
-        found = samples.conditions(light)
+        maps = samples.conditions(light)
         if viewing.adapting == "pixel":
-            nodes = (subdivide(each, _SUBDIVISIONS) for each in (found.Y_b, found.L_A, found.S_R))
+            nodes = (subdivide(array, _SUBDIVISIONS) for array in (maps.Y_b, maps.L_A, maps.S_R))
             return viewing, ViewTransformGrid.of(viewing, light.white_XYZ, *nodes)
         if viewing.surround == "measured":
-            viewing = replace(viewing, surround=found.S_R.item())
+            viewing = replace(viewing, surround=maps.S_R.item())
         if viewing.adapting == "given":
             return viewing, None
-        Y_b, L_A = found.Y_b.item(), found.L_A.item()
+        Y_b, L_A = maps.Y_b.item(), maps.L_A.item()
         return replace(viewing, adapting="given", Y_b=Y_b, L_A=L_A), None
 
     def maps(self, image: CoefficientImage, light: Illumination) -> tuple[Array, Array]:
@@ -145,21 +145,21 @@ class ViewingMeter:
         Parameters and errors are as in `measure_viewing`.
         """
         height, width = image.alpha.shape
-        found = self._samples(image, light.viewing).conditions(light)
+        maps = self._samples(image, light.viewing).conditions(light)
         Y_b, L_A = (
             pixels_from_nodes(field.shape[0], height)
             @ field
             @ pixels_from_nodes(field.shape[1], width).T
-            for field in (found.Y_b, found.L_A)
+            for field in (maps.Y_b, maps.L_A)
         )
         return Y_b, L_A
 
     def _samples(self, image: CoefficientImage, viewing: Viewing) -> _Samples:
         """Return the image at the samples of the viewing's grid."""
         grid = self._grid(image, viewing)
-        there = np.ix_(*grid.samples(_SAMPLES[_lines_of_sight(viewing)]))
-        coefficients = clamp_finite(np.asarray(image.coefficients[there], np.float32))
-        return _Samples(grid, coefficients, clamp_finite(image.alpha[there]))
+        sampled = np.ix_(*grid.samples(_SAMPLES[_lines_of_sight(viewing)]))
+        coefficients = clamp_finite(np.asarray(image.coefficients[sampled], np.float32))
+        return _Samples(grid, coefficients, clamp_finite(image.alpha[sampled]))
 
     def _grid(self, image: CoefficientImage, viewing: Viewing) -> AdaptationGrid:
         fov_deg = image.fov_deg if viewing.fov_deg is None else viewing.fov_deg

@@ -54,8 +54,8 @@ class _Lit(NamedTuple):
     def of(cls, layers: OpacityLayers, XYZ_from_channels: NDArray[Any]) -> _Lit:
         """Return the layers of a row of pixels under a light."""
         tau, shade, gloss = (
-            np.ascontiguousarray(np.moveaxis(each[0], 0, -1), np.float32)
-            for each in (layers.tau, layers.shade, layers.gloss)
+            np.ascontiguousarray(np.moveaxis(array[0], 0, -1), np.float32)
+            for array in (layers.tau, layers.shade, layers.gloss)
         )
         matrix = XYZ_from_channels.astype(np.float32).reshape(3, layers.groups, -1)
         return cls(
@@ -69,7 +69,7 @@ class _Lit(NamedTuple):
         factors = np.asarray(scales, np.float32)[:, None, None]
         return _Lit(self.tau * factors, self.colours, self.gloss)
 
-    def seen(self) -> tuple[Pixels, Pixels]:
+    def separate(self) -> tuple[Pixels, Pixels]:
         """Return XYZ (3, L, P) of each layer by itself, and its transmittance (L, P)."""
         total = self.tau.sum(axis=0)
         opacity = -np.expm1(-total)
@@ -81,7 +81,7 @@ class _Lit(NamedTuple):
 
     def in_pairs(self) -> _Lit:
         """Return each layer merged with the next, as `LayerStream` merges."""
-        colours = [_merged(*each) for each in zip(self.colours, self.tau, strict=True)]
+        colours = [_merged(*pair) for pair in zip(self.colours, self.tau, strict=True)]
         gloss = _merged(self.gloss, self.tau.sum(axis=0))
         return _Lit(self.tau[:, :-1] + self.tau[:, 1:], np.stack(colours), gloss)
 
@@ -89,9 +89,9 @@ class _Lit(NamedTuple):
 def _merged(values: Pixels, tau: Pixels) -> Pixels:
     """Return the mean of (3, L, P) values of neighbours, weighted by what they show."""
     front = -np.expm1(-tau[:-1])
-    behind = (1 - front) * -np.expm1(-tau[1:])
-    share = behind / np.maximum(front + behind, 1e-12)
-    return values[:, :-1] + share * (values[:, 1:] - values[:, :-1])
+    back = (1 - front) * -np.expm1(-tau[1:])
+    fraction = back / np.maximum(front + back, 1e-12)
+    return values[:, :-1] + fraction * (values[:, 1:] - values[:, :-1])
 
 
 def opacity_deviation(
@@ -103,9 +103,9 @@ def opacity_deviation(
     """
     layers = layers.fading  # transmittances in front of surfaces are exact
     shaded = layers.shadow is not None or layers.occlusion is not None
-    lit = _Lit.of(layers.lit(scales), XYZ_from_channels)
-    merging = _merging(lit.tau, _SHADED if shaded else 0)
-    guesses = _guesses(lit, scales, *merging)
+    stack = _Lit.of(layers.lit(scales), XYZ_from_channels)
+    merging = _merging(stack.tau, _SHADED if shaded else 0)
+    guesses = _guesses(stack, scales, *merging)
     fade = residual_share(scales, [True] * len(scales))
     if fade > 0:  # the error at scale 1 is known, and removed
         ones = [1.0] * len(scales)
@@ -123,8 +123,8 @@ def _merging(tau: Pixels, mean_masses: float) -> tuple[Pixels, Pixels]:
 
     That is the mass of the lightest neighbours, or some mean masses of a layer.
     """
-    seen = np.cumsum(tau, axis=1)
-    quarter = np.exp(-0.25 * seen)  # the scales of `visibility`: 1/4, 1 and 4
+    cumulative = np.cumsum(tau, axis=1)
+    quarter = np.exp(-0.25 * cumulative)  # the scales of `visibility`: 1/4, 1 and 4
     one = np.square(np.square(quarter))
     four = np.square(np.square(one))
     total = 3 * len(tau) - (quarter + one + four).sum(axis=0)
@@ -133,17 +133,17 @@ def _merging(tau: Pixels, mean_masses: float) -> tuple[Pixels, Pixels]:
     lightest = np.where(mass[1:] > 0, pairs, np.inf).min(axis=0, initial=np.inf)
     mean = total[-1] / np.maximum(1, (mass > 0).sum(axis=0))
     part = np.maximum(lightest, mean_masses * mean)
-    layers, both = (np.minimum(1, part / np.maximum(each, 1e-9)) for each in (mass, pairs))
+    layers, both = (np.minimum(1, part / np.maximum(total, 1e-9)) for total in (mass, pairs))
     return layers, both
 
 
-def _guesses(lit: _Lit, scales: Sequence[float], layers: Pixels, pairs: Pixels) -> Pixels:
+def _guesses(stack: _Lit, scales: Sequence[float], layers: Pixels, pairs: Pixels) -> Pixels:
     """Return (3, guesses, P): XYZ by which a pixel is off, of layers and pairs with such parts."""
-    scaled, merged = lit.scaled(scales), lit.in_pairs().scaled(scales)
-    XYZ, through = scaled.seen()
-    front = _in_front(through)
-    alone = XYZ[:, :-1] + through[:-1] * XYZ[:, 1:]
-    found = [_MERGED * pairs**3 * front[:-1] * (merged.seen()[0] - alone)]
+    scaled, merged = stack.scaled(scales), stack.in_pairs().scaled(scales)
+    XYZ, clear = scaled.separate()
+    front = _in_front(clear)
+    alone = XYZ[:, :-1] + clear[:-1] * XYZ[:, 1:]
+    terms = [_MERGED * pairs**3 * front[:-1] * (merged.separate()[0] - alone)]
     parts = np.square(layers) * front
     total = scaled.tau.sum(axis=0)
     for one, other in combinations(range(len(scaled.tau)), 2):
@@ -154,50 +154,50 @@ def _guesses(lit: _Lit, scales: Sequence[float], layers: Pixels, pairs: Pixels) 
         more = np.maximum(in_front - mixed, mixed - np.exp(-b) * in_front)
         # The layer's other materials are in front of these half of the time.
         more *= _MERGED * parts * np.exp(-0.5 * (total - both))
-        found.append(more * (lit.colours[one] - lit.colours[other]))
-    shares, before = (tau / np.maximum(tau.sum(axis=0), 1e-12) for tau in (scaled.tau, lit.tau))
-    moved = 0.5 * np.abs(shares - before).sum(axis=0)
-    found.append(_GLOSS * parts * (1 - through) * moved * lit.gloss.max(axis=1, keepdims=True))
-    return np.concatenate(found, axis=1)
+        terms.append(more * (stack.colours[one] - stack.colours[other]))
+    after, before = (tau / np.maximum(tau.sum(axis=0), 1e-12) for tau in (scaled.tau, stack.tau))
+    shift = 0.5 * np.abs(after - before).sum(axis=0)
+    terms.append(_GLOSS * parts * (1 - clear) * shift * stack.gloss.max(axis=1, keepdims=True))
+    return np.concatenate(terms, axis=1)
 
 
 def _shadow_changes(
     layers: OpacityLayers, scales: Sequence[float], XYZ_from_channels: NDArray[Any]
 ) -> list[Pixels]:
     """Return (3, …, P) parts of the changes by shadows, layer by layer, and by occlusion, added."""
-    found = []
-    for part, own in (
+    changes = []
+    for part, selected in (
         (_SHADOW, replace(layers, occlusion=None)),
         (_OCCLUSION, replace(layers, shadow=None)),
     ):
-        if own.shadow is None and own.occlusion is None:
+        if selected.shadow is None and selected.occlusion is None:
             continue
         now, as_cast = (
-            _Lit.of(own.lit(each), XYZ_from_channels).scaled(scales).seen()
-            for each in (scales, [1.0] * len(scales))
+            _Lit.of(selected.lit(factors), XYZ_from_channels).scaled(scales).separate()
+            for factors in (scales, [1.0] * len(scales))
         )
         change = part * _in_front(now[1]) * (now[0] - as_cast[0])
-        added = own.occlusion is not None
-        found.append(change.sum(axis=1, keepdims=True) if added else change)
-    return found
+        added = selected.occlusion is not None
+        changes.append(change.sum(axis=1, keepdims=True) if added else change)
+    return changes
 
 
-def _in_front(through: Pixels) -> Pixels:
+def _in_front(transmittance: Pixels) -> Pixels:
     """Return the transmittance in front of each layer, of transmittances (L, P)."""
-    front = np.ones_like(through)
-    np.cumprod(through[:-1], axis=0, out=front[1:])
+    front = np.ones_like(transmittance)
+    np.cumprod(transmittance[:-1], axis=0, out=front[1:])
     return front
 
 
-def with_neighbours(delta_e: Pixels, seen: NDArray[np.bool_]) -> Pixels:
+def with_neighbours(delta_e: Pixels, visible: NDArray[np.bool_]) -> Pixels:
     """Return the root mean square of each pixel's estimate and its neighbours', 3 by 3.
 
-    Only pixels in which something is ``seen`` count. What a pixel lost is as good as random, so
+    Only pixels in which something is ``visible`` count. What a pixel lost is as good as random, so
     neighbours say as much of it.
     """
-    squares = np.where(seen, np.square(delta_e) + _MIN**2, 0)
-    total, count = (_box_sum(each) for each in (squares, seen.astype(np.float32)))
-    return np.where(seen, np.sqrt(total / np.maximum(count, 1)), 0).astype(np.float32)
+    squares = np.where(visible, np.square(delta_e) + _MIN**2, 0)
+    total, count = (_box_sum(array) for array in (squares, visible.astype(np.float32)))
+    return np.where(visible, np.sqrt(total / np.maximum(count, 1)), 0).astype(np.float32)
 
 
 def _box_sum(values: Pixels) -> Pixels:

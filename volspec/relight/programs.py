@@ -185,14 +185,14 @@ def picture_constants(space: ColourSpace) -> dict[str, ArrayLike]:
 class Programs:
     """Programs by the constants compiled into them, each with the triangle that it draws.
 
-    ``constants`` are common to all: LAYERS, IMAGE_HEIGHT, EVERY and EXACT_SAMPLER. ``own``
+    ``constants`` are common to all: LAYERS, IMAGE_HEIGHT, EVERY and EXACT_SAMPLER. ``track``
     registers a resource for the engine to release, and returns the resource.
     """
 
     def __init__(
-        self, context: Any, constants: Mapping[str, int], own: Callable[[Any], Any]
+        self, context: Any, constants: Mapping[str, int], track: Callable[[Any], Any]
     ) -> None:
-        self._context, self._constants, self._own = context, constants, own
+        self._context, self._constants, self._track = context, constants, track
         self._compiled: dict[tuple[Any, ...], tuple[Any, Any]] = {}
 
     def program(self, name: str, form: Mapping[str, int], target: Screen) -> tuple[Any, Any]:
@@ -214,19 +214,19 @@ class Programs:
             lines = prelude(constants, "glsl")
             vertex = assemble("shaders/fullscreen.vert", lines, glsl_version=_GLSL)
             fragment = assemble(f"shaders/{name}.frag", lines, glsl_version=_GLSL)
-            program = self._own(compile_program(self._context, vertex, fragment))
+            program = self._track(compile_program(self._context, vertex, fragment))
             for sampler, unit in UNITS.items():
                 if sampler in program:
                     program[sampler].value = unit
-            self._compiled[key] = program, self._own(self._context.vertex_array(program, []))
+            self._compiled[key] = program, self._track(self._context.vertex_array(program, []))
         return self._compiled[key]
 
 
 class LookupTextures:
     """One engine's textures for a LUT and a transform grid, made at first use; see `Programs`."""
 
-    def __init__(self, context: Any, own: Callable[[Any], Any]) -> None:
-        self._context, self._own = context, own
+    def __init__(self, context: Any, track: Callable[[Any], Any]) -> None:
+        self._context, self._track = context, track
         self._lut: Any = None
         self._grid: Any = None
         self._framebuffers: list[Any] = []
@@ -237,7 +237,7 @@ class LookupTextures:
         texels = grid.texels()
         size = texels.shape[2], texels.shape[1], texels.shape[0]
         if self._grid is None or self._grid.size != size:
-            self._grid = self._own(self._context.texture_array(size, 4, dtype="f4"))
+            self._grid = self._track(self._context.texture_array(size, 4, dtype="f4"))
             self._grid.filter = self._context.LINEAR, self._context.LINEAR
             self._grid.repeat_x = self._grid.repeat_y = False
         self._grid.write(texels)
@@ -271,7 +271,7 @@ class LookupTextures:
 
     def _lut_texture(self) -> Any:
         if self._lut is None:
-            self._lut = self._own(self._context.texture3d((NODES,) * 3, 4, dtype="f4"))
+            self._lut = self._track(self._context.texture3d((NODES,) * 3, 4, dtype="f4"))
             self._lut.filter = self._context.LINEAR, self._context.LINEAR
             self._lut.repeat_x = self._lut.repeat_y = self._lut.repeat_z = False
         return self._lut
@@ -280,7 +280,7 @@ class LookupTextures:
         """Return framebuffers for the nodes, for the cells' centres, and for their comparison."""
         if not self._framebuffers:
             size = (NODES, NODES * NODES)
-            textures = [self._own(self._context.texture(size, 4, dtype="f4")) for _ in range(3)]
-            self._framebuffers = [self._own(self._context.framebuffer([t])) for t in textures]
-            self._buffer = self._own(self._context.buffer(reserve=16 * NODES**3))
+            textures = [self._track(self._context.texture(size, 4, dtype="f4")) for _ in range(3)]
+            self._framebuffers = [self._track(self._context.framebuffer([t])) for t in textures]
+            self._buffer = self._track(self._context.buffer(reserve=16 * NODES**3))
         return self._framebuffers

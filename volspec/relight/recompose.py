@@ -72,15 +72,15 @@ def layer_planes(layers: OpacityLayers) -> list[NDArray[Any]]:
     ]
     planes += [layers.gloss[..., g] for g in range(layers.groups)]
     for slot in layers.slots:
-        own = layers.slot(slot)
-        planes += [own[..., n] for n in (*range(3, own.shape[-1]), 0, 1, 2)]
+        shadow = layers.slot(slot)
+        planes += [shadow[..., n] for n in (*range(3, shadow.shape[-1]), 0, 1, 2)]
     return planes
 
 
 def are_filled(used: NDArray[np.bool_], solid: bool) -> bool:
     """Return True if layers (H, W, L) are used from the first on; the last may be of surfaces."""
-    own = used[..., : used.shape[2] - solid]
-    return not (own.any(axis=2) & ~own[..., 0]).any() if own.shape[2] else False
+    fading = used[..., : used.shape[2] - solid]
+    return not (fading.any(axis=2) & ~fading[..., 0]).any() if fading.shape[2] else False
 
 
 def layer_extents(layers: OpacityLayers) -> tuple[NDArray[Any], float]:
@@ -138,16 +138,16 @@ class PackedOpacity:
         """Pack an image's layers, with their extents for effects of depth."""
         height, width, count, materials = layers.tau.shape
         planes, shadows = layer_planes(layers), tuple(layers.slots)
-        slots, each = layer_slots(materials, layers.groups, len(shadows), extents=depth)
+        slots, per_layer = layer_slots(materials, layers.groups, len(shadows), extents=depth)
         nearest = None
         if depth:
             extent, nearest = layer_extents(layers)
             planes += [extent[..., 0], extent[..., 1]]
-        texels = np.zeros((count, each, height, width, 4), np.float16)
+        texels = np.zeros((count, per_layer, height, width, 4), np.float16)
         for i, plane in zip(slots, planes, strict=True):
             # (H, W, L) planes, layer by layer.
             texels[:, i // 4, :, :, i % 4] = np.moveaxis(plane, 2, 0)
-        flat = texels.reshape(count * each, height, width, 4)
+        flat = texels.reshape(count * per_layer, height, width, 4)
         # Half floats have no depths below 3e-8.
         used = np.moveaxis(np.any(texels[:, 0, :, :, :materials], axis=3), 0, 2)
         filled = are_filled(used, layers.solid)
@@ -170,12 +170,12 @@ class PackedOpacity:
 
 def depth_uniforms(effects: DepthEffects, image: CoefficientImage) -> dict[str, tuple[float, ...]]:
     """Return the shader's uniforms of an image's cut and fog."""
-    shares = tuple(effects.fog_white * share for share in image.groups.values())
+    fog_light = tuple(effects.fog_white * fraction for fraction in image.groups.values())
     angle = 0.0 if image.fov_deg is None else math.radians(image.fov_deg)
     return {
         "cut_mm": (effects.near_mm, _FAR_MM if effects.far_mm is None else effects.far_mm),
         "fog": (effects.fog_per_mm, effects.fog_from_mm),
-        "fog_light": shares,
+        "fog_light": fog_light,
         "slope": (2 * math.tan(angle / 2) / image.size[1],),
     }
 
@@ -209,15 +209,15 @@ class Recomposer:
         """Make the textures; raises moderngl.Error if there is no memory."""
         context, size, array = self._context, self._size, (*self._size, self._slices)
         slices = int(self._constants["COUNT"] * self._constants["TEXELS"])
-        self._layers = self._own(context.texture_array((*size, slices), 4, dtype="f2"))
-        self._difference = self._own(context.texture_array(array, 4, dtype="f4"))
-        self.texture = self._own(context.texture_array(array, 4, dtype="f4"))
-        self._buffer = self._own(context.buffer(reserve=16 * math.prod(array)))
+        self._layers = self._track(context.texture_array((*size, slices), 4, dtype="f2"))
+        self._difference = self._track(context.texture_array(array, 4, dtype="f4"))
+        self.texture = self._track(context.texture_array(array, 4, dtype="f4"))
+        self._buffer = self._track(context.buffer(reserve=16 * math.prod(array)))
         count = min(self._slices, _MAX_TARGETS)
-        targets = [self._own(context.texture(size, 4, dtype="f4")) for _ in range(count)]
-        self._target = self._own(context.framebuffer(targets))
+        targets = [self._track(context.texture(size, 4, dtype="f4")) for _ in range(count)]
+        self._target = self._track(context.framebuffer(targets))
 
-    def _own(self, resource: Any) -> Any:
+    def _track(self, resource: Any) -> Any:
         self._resources.append(resource)
         return resource
 
@@ -248,8 +248,8 @@ class Recomposer:
 
         ``depth`` are `depth_uniforms`.
         """
-        share = residual_share(scales, self._fades) if depth is None else 0.0
-        self._draw(self._difference, self.texture, scales, share, depth, difference=False)
+        residual = residual_share(scales, self._fades) if depth is None else 0.0
+        self._draw(self._difference, self.texture, scales, residual, depth, difference=False)
 
     def release(self) -> None:
         """Release everything."""
@@ -279,9 +279,9 @@ class Recomposer:
                 for name, value in {**depth, "nearest_mm": (self._nearest_mm,)}.items():
                     if name in program:
                         # Drivers drop what a draw does not use, as an array's last entries.
-                        own = program[name]
-                        used = own.array_length * own.dimension
-                        own.write(np.array(value[:used], np.float32).tobytes())
+                        uniform = program[name]
+                        used = uniform.array_length * uniform.dimension
+                        uniform.write(np.array(value[:used], np.float32).tobytes())
             program["scales"].value = tuple(scales) + (1.0,) * (4 - len(scales))
             if not difference:
                 program["fade"].value = fade
@@ -310,7 +310,7 @@ class Recomposer:
             lines = prelude(constants, "glsl")
             vertex = assemble("shaders/fullscreen.vert", lines, glsl_version=_GLSL)
             fragment = assemble("shaders/recompose.frag", lines, glsl_version=_GLSL)
-            program = self._own(compile_program(self._context, vertex, fragment))
+            program = self._track(compile_program(self._context, vertex, fragment))
             program["layers"].value, program["base"].value = _LAYERS_UNIT, _BASE_UNIT
-            self._programs[key] = program, self._own(self._context.vertex_array(program, []))
+            self._programs[key] = program, self._track(self._context.vertex_array(program, []))
         return self._programs[key]

@@ -225,8 +225,8 @@ class Relighter:
         if isinstance(place, PackedLayers):
             place.require(*shape)
         look = self._look.fitting(image)
-        shown = image.with_reflectances(look.reflectances) if look.reflectances else image
-        self._cast, self._image, self._look = image, shown, look
+        recoloured = image.with_reflectances(look.reflectances) if look.reflectances else image
+        self._cast, self._image, self._look = image, recoloured, look
 
         def put(engine: GLEngine | CpuEngine) -> None:
             if place is not None and isinstance(engine, GLEngine):
@@ -284,10 +284,10 @@ class Relighter:
         """
         kind, look = pixel_type(dtype), self._take(spec)
         if look.hdr is not None:
-            codes = hdr_frame(self._shown(), light, look.relight, look.hdr)
+            codes = hdr_frame(self._present(), light, look.relight, look.hdr)
             return codes if kind is np.float32 else to_uint16(codes)
-        lit, viewing, grid = self._lit(light, look.relight)
-        return self._on_engine(lambda engine: engine.render(lit, viewing, kind, grid))
+        illumination, viewing, grid = self._illumination(light, look.relight)
+        return self._on_engine(lambda engine: engine.render(illumination, viewing, kind, grid))
 
     @_in_turn
     def draw(
@@ -322,8 +322,8 @@ class Relighter:
                 code="unsupported",
                 field="relight",
             )
-        lit, viewing, grid = self._lit(light, self._take(spec).relight)
-        return self._engine.draw(lit, viewing, np.uint8, grid, within)
+        illumination, viewing, grid = self._illumination(light, self._take(spec).relight)
+        return self._engine.draw(illumination, viewing, np.uint8, grid, within)
 
     @_in_turn
     def missing_lut(
@@ -338,8 +338,8 @@ class Relighter:
         settings = self._take(spec).relight
         if isinstance(self._engine, CpuEngine) or not needs_host_lut(settings.viewing.model):
             return None
-        lit, viewing, _ = self._lit(light, settings)
-        return self._engine.missing_lut(lit, viewing)
+        illumination, viewing, _ = self._illumination(light, settings)
+        return self._engine.missing_lut(illumination, viewing)
 
     def error_map(
         self,
@@ -351,7 +351,7 @@ class Relighter:
     ) -> ErrorMap:
         """Return CIEDE2000 from the picture with full bands, as `error_map` does."""
         with self._turn():
-            image = self._shown()
+            image = self._present()
         return error_map(image, light, mode, backdrop, every, against)
 
     @_in_turn
@@ -411,7 +411,7 @@ class Relighter:
         depth, deep = self._look.depth, self._look.depth.changes
         factors = self._image.opacity_scales(self._look.opacities)
         if isinstance(engine, CpuEngine) or depth.focus_mm is not None:
-            engine.upload(*float32_arrays(self._shown()))
+            engine.upload(*float32_arrays(self._present()))
             self._is_uploaded, self._is_stale = True, False
             return
         if self._is_uploaded:
@@ -426,7 +426,7 @@ class Relighter:
             engine.recompose(factors, depth_uniforms(depth, self._image) if deep else None)
         self._is_stale = False
 
-    def _shown(self) -> CoefficientImage:
+    def _present(self) -> CoefficientImage:
         """Return the image with its present opacities and depth."""
         opacities, depth = self._look.opacities, self._look.depth
         if all(scale == 1 for scale in opacities.values()) and not depth.changes:
@@ -436,17 +436,17 @@ class Relighter:
             self._recomposed = key, self._image.recompose(opacities, depth)
         return self._recomposed[1]
 
-    def _lit(
+    def _illumination(
         self, light: Spectrum | LightRig, spec: RelightSpec
     ) -> tuple[Illumination, Viewing, ViewTransformGrid | None]:
         """Return the illumination, the measured viewing, and the grid of view transforms."""
         if self._is_stale:
             self._on_engine(self._put_opacities)
-        lit = Illumination.of(self._image.basis, light, spec, self._image.groups)
+        illumination = Illumination.of(self._image.basis, light, spec, self._image.groups)
         rig = LightRig.of(light)
         warn_of_lights(self._image.basis, rig, spec.mode, self._advised, stacklevel=5)
-        image = self._shown() if lit.viewing.is_measured else self._image
-        return lit, *self._meter.measure_viewing(image, lit)
+        image = self._present() if illumination.viewing.is_measured else self._image
+        return illumination, *self._meter.measure_viewing(image, illumination)
 
     def _on_engine(self, call: Callable[[GLEngine | CpuEngine], Any]) -> Any:
         """Call the engine; recreate it once if another library ended its context."""

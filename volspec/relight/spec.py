@@ -79,10 +79,10 @@ class LightRig:
         object.__setattr__(self, "weights", self.weights or (1.0,) * count)
         object.__setattr__(self, "groups", self.groups or ("",) * count)
         for name in ("weights", "illuminance_lux", "groups"):
-            given = getattr(self, name)
-            if given is not None and len(given) != count:
+            values = getattr(self, name)
+            if values is not None and len(values) != count:
                 remedy = f"give one value for each of the {count} lights"
-                raise ViewingError.refused(name, given, remedy, "shape")
+                raise ViewingError.refused(name, values, remedy, "shape")
         if not any(self.weights):
             raise _no_light("weights", self.weights)
         lux = self.illuminance_lux
@@ -104,7 +104,7 @@ class LightRig:
             "type",
         )
 
-    def facing(self, shares: Mapping[str, float]) -> LightRig:
+    def facing(self, fractions: Mapping[str, float]) -> LightRig:
         """Weight each light by its group's share, for a surface that faces every source.
 
         Parameters
@@ -123,14 +123,14 @@ class LightRig:
             If the image does not have a light's group, or none of the lights' groups lit the cast.
         """
         for j, group in enumerate(self.groups):
-            if group and group not in shares:
+            if group and group not in fractions:
                 raise ViewingError(
                     f"LightRig: light {j + 1} shines from group {group!r}; "
-                    f"{nearest(group, shares)}the image has {', '.join(shares)}",
+                    f"{nearest(group, fractions)}the image has {', '.join(fractions)}",
                     code="unknown",
                 )
         weights = tuple(
-            weight * (shares[group] if group else 1.0)
+            weight * (fractions[group] if group else 1.0)
             for weight, group in zip(self.weights, self.groups, strict=True)
         )
         if not any(weights):
@@ -143,12 +143,12 @@ class LightRig:
 
     def shining_from(self, group: str) -> LightRig | None:
         """Return the lights of a group as a rig without groups; None if the group is dark."""
-        own = [j for j, name in enumerate(self.groups) if name in ("", group)]
-        lux = None if self.illuminance_lux is None else tuple(self.illuminance_lux[j] for j in own)
-        weights = tuple(self.weights[j] for j in own)
-        if not any(w * v for w, v in zip(weights, lux or (1.0,) * len(own), strict=True)):
+        kept = [j for j, name in enumerate(self.groups) if name in ("", group)]
+        lux = None if self.illuminance_lux is None else tuple(self.illuminance_lux[j] for j in kept)
+        weights = tuple(self.weights[j] for j in kept)
+        if not any(w * v for w, v in zip(weights, lux or (1.0,) * len(kept), strict=True)):
             return None
-        return LightRig(tuple(self.lights[j] for j in own), weights, lux)
+        return LightRig(tuple(self.lights[j] for j in kept), weights, lux)
 
     def mixed(self, grid: SpectralGrid) -> Spectrum:
         """Return the sum of the lights as one Spectrum on a grid, regardless of groups.
@@ -167,13 +167,13 @@ class LightRig:
     def weighted(self, grid: SpectralGrid) -> list[tuple[Spectrum, float]]:
         """Return each light on a grid and its weight in `mixed`; errors are those of `mixed`."""
         lumens = LUMINOUS_EFFICACY * grid.step_nm * colour_matching_functions(grid)[1]
-        found = []
+        pairs = []
         for j, (light, weight) in enumerate(zip(self.lights, self.weights, strict=True)):
             power = light_power(light, grid)
             if self.illuminance_lux is not None:
                 weight = weight * self.illuminance_lux[j] / float(lumens @ power)
-            found.append((Spectrum(grid.wavelengths_nm, power, light.name), weight))
-        return found
+            pairs.append((Spectrum(grid.wavelengths_nm, power, light.name), weight))
+        return pairs
 
     @property
     def total_lux(self) -> float | None:
@@ -183,9 +183,9 @@ class LightRig:
         return sum(w * v for w, v in zip(self.weights, self.illuminance_lux, strict=True))
 
 
-def _no_light(field: str, given: object) -> ViewingError:
+def _no_light(field: str, value: object) -> ViewingError:
     problem = "all lights are off"
-    return ViewingError(problem, "raise one", code="impossible", field=field, given=given)
+    return ViewingError(problem, "raise one", code="impossible", field=field, given=value)
 
 
 def mixed_rig(rigs: Sequence[LightRig], weights: Sequence[float]) -> LightRig:
@@ -196,13 +196,13 @@ def mixed_rig(rigs: Sequence[LightRig], weights: Sequence[float]) -> LightRig:
     >>> mixed_rig([day, lamp, day], [0.25, 1.0, 0.0]).weights
     (0.25, 0.5)
     """
-    lit = [(rig, float(w)) for rig, w in zip(rigs, weights, strict=True) if w > 0.0]
-    lux = [rig.illuminance_lux for rig, _ in lit if rig.illuminance_lux is not None]
+    active = [(rig, float(w)) for rig, w in zip(rigs, weights, strict=True) if w > 0.0]
+    lux = [rig.illuminance_lux for rig, _ in active if rig.illuminance_lux is not None]
     return LightRig(
-        tuple(spectrum for rig, _ in lit for spectrum in rig.lights),
-        tuple(weight * own for rig, weight in lit for own in rig.weights),
-        tuple(v for each in lux for v in each) if len(lux) == len(lit) else None,
-        tuple(group for rig, _ in lit for group in rig.groups),
+        tuple(spectrum for rig, _ in active for spectrum in rig.lights),
+        tuple(weight * factor for rig, weight in active for factor in rig.weights),
+        tuple(v for rig_lux in lux for v in rig_lux) if len(lux) == len(active) else None,
+        tuple(group for rig, _ in active for group in rig.groups),
     )
 
 
@@ -267,18 +267,18 @@ class RelightSpec:
 def _transmittance(text: str, grid: SpectralGrid) -> Spectrum:
     forms = "longpass:500, shortpass:500, bandpass:525/50 or FILE.csv"
     try:
-        found = reflectance(text, grid)
+        spectrum = reflectance(text, grid)
     except SpectrumError as error:
         code: str = error.code
         if code == "unknown":
             problem = f"filter {text!r} is unknown; give {forms}"
             raise SpectrumError(problem, code="unknown", field="viewing.filter") from None
         raise error.within("viewing.filter") from None
-    if not found.values.max() > 0:
+    if not spectrum.values.max() > 0:
         raise SpectrumError(
             f"filter {text!r} passes nothing from {grid.start_nm:g} to {grid.stop_nm:g} nm; "
             f"give another, as {forms}",
             code="impossible",
             field="viewing.filter",
         )
-    return found
+    return spectrum

@@ -111,14 +111,14 @@ class Stereo:
         """Return both eyes' frames as one: display codes, 0 to 1 or 8 or 16 bits, (H, W, 3)."""
         if self.layout in _PAIRS:
             return np.hstack([left, right] if self.layout == "side-by-side" else [right, left])
-        whole = float(np.iinfo(left.dtype).max) if left.dtype.kind == "u" else 1.0
+        maximum = float(np.iinfo(left.dtype).max) if left.dtype.kind == "u" else 1.0
         display = colour_space(space)
         mixed = sum(
-            display.decode(np.asarray(frame, np.float64) / whole) @ mix.T
+            display.decode(np.asarray(frame, np.float64) / maximum) @ mix.T
             for frame, mix in zip((left, right), self.mixes(display), strict=True)
         )
         codes = display.encode(np.clip(mixed, 0.0, 1.0))
-        return (np.rint(whole * codes) if whole > 1 else codes).astype(left.dtype)
+        return (np.rint(maximum * codes) if maximum > 1 else codes).astype(left.dtype)
 
     def mixes(self, display: ColourSpace) -> tuple[Matrix, Matrix]:
         """Return the parts of an anaglyph that are the left and right eye's linear RGB, (3, 3)."""
@@ -138,15 +138,15 @@ def expected_depth_mm(image: CoefficientImage) -> float:
     assert camera is not None
     alpha, depth_mm = image.alpha, image.depth_mm
     if layers is not None and layers.solid:
-        own = layers.fading.recompose([1.0] * layers.materials)
-        if own.alpha.any():
-            alpha = own.alpha
-            depth_mm = np.divide(own.depth_mm, np.where(alpha > 0, alpha, 1), dtype=np.float32)
-    seen = np.isfinite(depth_mm) & (alpha > 0)
-    if not seen.any():
+        picture = layers.fading.recompose([1.0] * layers.materials)
+        if picture.alpha.any():
+            alpha = picture.alpha
+            depth_mm = np.divide(picture.depth_mm, np.where(alpha > 0, alpha, 1), dtype=np.float32)
+    visible = np.isfinite(depth_mm) & (alpha > 0)
+    if not visible.any():
         return camera.distance_mm
     along_mm = depth_mm * camera.ray_field(*image.size).cosines(*image.size)
-    return float(np.average(along_mm[seen], weights=alpha[seen]))
+    return float(np.average(along_mm[visible], weights=alpha[visible]))
 
 
 class StereoViews:
@@ -159,7 +159,7 @@ class StereoViews:
         self.image, self.compute = image, compute
         self._cameras: tuple[Stereo, tuple[Camera, Camera]] | None = None
         # The layers with effects of depth, which depend on the scales; none without.
-        self._made: tuple[tuple[DepthEffects, list[float]] | None, Reprojector] | None = None
+        self._latest: tuple[tuple[DepthEffects, list[float]] | None, Reprojector] | None = None
 
     def views(
         self,
@@ -179,11 +179,11 @@ class StereoViews:
 
     def _reprojector(self, scales: Mapping[str, float], effects: DepthEffects) -> Reprojector:
         key = (effects, self.image.opacity_scales(scales)) if effects.changes else None
-        if self._made is None or self._made[0] != key:
+        if self._latest is None or self._latest[0] != key:
             image = layers_in_depth(self.image, key[1], effects) if key else self.image
-            self._made = key, Reprojector(image, parts=_PARTS, compute=self.compute)
-            self.compute = self._made[1].compute
-        return self._made[1]
+            self._latest = key, Reprojector(image, parts=_PARTS, compute=self.compute)
+            self.compute = self._latest[1].compute
+        return self._latest[1]
 
 
 class StereoPass:
@@ -280,12 +280,12 @@ def _eye(camera: Camera, angle: float, convergence_mm: float) -> Camera:
             up=tuple(axis),
         )
     aside = math.tan(angle) * convergence_mm
-    tall = 2 * math.tan(math.radians(camera.fov_deg) / 2)
-    moved = aside * right
+    window_height = 2 * math.tan(math.radians(camera.fov_deg) / 2)
+    displacement = aside * right
     return ShiftedCamera(
-        tuple(np.asarray(camera.position_mm) + moved),
-        tuple(np.asarray(camera.target_mm) + moved),
+        tuple(np.asarray(camera.position_mm) + displacement),
+        tuple(np.asarray(camera.target_mm) + displacement),
         camera.up,
         camera.fov_deg,
-        shift=math.tan(angle) / tall,
+        shift=math.tan(angle) / window_height,
     )

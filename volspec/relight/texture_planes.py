@@ -96,13 +96,13 @@ def pack_layers(coefficients: Pixels32, alpha: Pixels32) -> Pixels32:
     last, place = divmod(channels, 4)
     lines = max(1, _PIXELS_AT_ONCE // max(width, 1))
     for first in range(0, height, lines):
-        at = slice(first, first + lines)
+        rows = slice(first, first + lines)
         for i in range(channels):
             # Channel by channel: NumPy copies strided single numbers faster than short rows.
-            layers[i // 4, at, :, i % 4] = coefficients[at, :, i]
-        layers[last, at, :, place] = alpha[at]
-        layers[last, at, :, place + 1 :] = 0.0
-        _clamp(layers[:, at])
+            layers[i // 4, rows, :, i % 4] = coefficients[rows, :, i]
+        layers[last, rows, :, place] = alpha[rows]
+        layers[last, rows, :, place + 1 :] = 0.0
+        _clamp(layers[:, rows])
     return layers
 
 
@@ -140,8 +140,8 @@ class PackedLayers:
     def put(self, channel: int, values: Pixels32) -> None:
         """Write channels (H, W, K), the first of which has this number in the image."""
         for i in range(values.shape[2]):
-            at = channel + i - 4 * self.first
-            self.layers[at // 4, ..., at % 4] = values[..., i]
+            plane = channel + i - 4 * self.first
+            self.layers[plane // 4, ..., plane % 4] = values[..., i]
 
     def require(self, height: int, width: int, channels: int) -> None:
         """Raise ShapeError unless the layers are for an image (H, W, L·M)."""
