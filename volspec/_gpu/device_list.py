@@ -138,50 +138,50 @@ def choose_device(name: str | None = None) -> int:
         raise OpenCLError.refused(
             "device", name, "give part of a device's name, or its number as text, '0'"
         )
-    found = devices()
-    if not found:
+    infos = devices()
+    if not infos:
         raise no_device_error()
-    wanted, source = name, ""
+    pattern, source = name, ""
     if name is None:
-        wanted, source = os.environ.get(DEVICE_VARIABLE, "").strip(), f" ({DEVICE_VARIABLE})"
-    meant = [i for i, device in enumerate(found) if not wanted or _is_meant(wanted, i, device)]
+        pattern, source = os.environ.get(DEVICE_VARIABLE, "").strip(), f" ({DEVICE_VARIABLE})"
+    meant = [i for i, device in enumerate(infos) if not pattern or _is_meant(pattern, i, device)]
     # The whole name of one device may be part of another's.
-    meant = [i for i in meant if found[i].name == wanted] or meant
-    if wanted and not meant:
-        known = [n for device in found for n in (device.name, device.platform)]
-        there = ", ".join(f"{i}: {d.name} ({d.platform})" for i, d in enumerate(found))
+    meant = [i for i in meant if infos[i].name == pattern] or meant
+    if pattern and not meant:
+        names = [n for device in infos for n in (device.name, device.platform)]
+        listing = ", ".join(f"{i}: {d.name} ({d.platform})" for i, d in enumerate(infos))
         raise OpenCLError(
-            f"no OpenCL device is named {quoted(wanted)}{source}; known: {there}",
-            f"{nearest(wanted[:99], known)}give part of a name or a number, such as 0"
+            f"no OpenCL device is named {quoted(pattern)}{source}; known: {listing}",
+            f"{nearest(pattern[:99], names)}give part of a name or a number, such as 0"
             + ("" if name else f", or unset {DEVICE_VARIABLE}"),
             code="unknown",
         )
     # If none works, the cache may be out of date.
     for again in (False, True):
         for i in meant:
-            if not fault(i, found, again=again):
+            if not fault(i, infos, again=again):
                 return i
-    raise unusable_error(meant, found)
+    raise unusable_error(meant, infos)
 
 
-def _is_meant(wanted: str, index: int, device: DeviceInfo) -> bool:
-    if wanted.isdecimal():
-        return str(index) == wanted
-    return wanted.lower() in f"{device.platform}\n{device.name}\n{device.driver}".lower()
+def _is_meant(pattern: str, index: int, device: DeviceInfo) -> bool:
+    if pattern.isdecimal():
+        return str(index) == pattern
+    return pattern.lower() in f"{device.platform}\n{device.name}\n{device.driver}".lower()
 
 
-def unusable_error(meant: list[int], found: list[DeviceInfo]) -> OpenCLError:
+def unusable_error(meant: list[int], infos: list[DeviceInfo]) -> OpenCLError:
     """Return the error for devices that cannot run kernels: the fault of each, and the remedy."""
     faults = "; ".join(
-        f"{found[i].name} ({found[i].platform}, {found[i].driver}): {fault(i, found)}"
+        f"{infos[i].name} ({infos[i].platform}, {infos[i].driver}): {fault(i, infos)}"
         for i in meant
     )
-    if len(meant) < len(found):
-        way = f"choose another device with {DEVICE_VARIABLE}; see volspec doctor"
-        return OpenCLError(f"OpenCL: {faults}", way, code="unsupported")
-    way = f"unset {BUILD_VARIABLE}" if os.environ.get(BUILD_VARIABLE) else ""
-    way = way or _cache_remedy() or remedy(found)
-    return OpenCLError(f"OpenCL: no device can run a kernel. {faults}", way, code="unsupported")
+    if len(meant) < len(infos):
+        advice = f"choose another device with {DEVICE_VARIABLE}; see volspec doctor"
+        return OpenCLError(f"OpenCL: {faults}", advice, code="unsupported")
+    advice = f"unset {BUILD_VARIABLE}" if os.environ.get(BUILD_VARIABLE) else ""
+    advice = advice or _cache_remedy() or remedy(infos)
+    return OpenCLError(f"OpenCL: no device can run a kernel. {faults}", advice, code="unsupported")
 
 
 def all_devices() -> list[cl.Device]:
@@ -257,8 +257,8 @@ def _intel_library() -> Path | None:
         inside = files(_INTEL_WHEEL) or []
     except PackageNotFoundError:
         return None
-    found = (Path(str(file.locate())) for file in inside if file.name in _INTEL_LIBRARIES)
-    return next((path.resolve() for path in found), None)
+    libraries = (Path(str(file.locate())) for file in inside if file.name in _INTEL_LIBRARIES)
+    return next((path.resolve() for path in libraries), None)
 
 
 def describe(device: cl.Device) -> DeviceInfo:
@@ -285,20 +285,20 @@ def fault(index: int, devices: Sequence[DeviceInfo], *, again: bool = False) -> 
     """
     key = device_key(index, devices)
     if not again:
-        found, at_s = _cached_faults().get(key, ("never tried", 0.0))
-        if not found or abs(time.time() - at_s) < _FAILURE_CACHED_S:
-            return found
-    found = _try(index, devices[index])
-    _cache_faults({key: found})
-    return found
+        message, at_s = _cached_faults().get(key, ("never tried", 0.0))
+        if not message or abs(time.time() - at_s) < _FAILURE_CACHED_S:
+            return message
+    message = _try(index, devices[index])
+    _cache_faults({key: message})
+    return message
 
 
 def try_all(devices: Sequence[DeviceInfo]) -> tuple[str, ...]:
     """Try every device now, all at once, and return each one's `fault`."""
     with ThreadPoolExecutor() as threads:
-        found = tuple(threads.map(_try, range(len(devices)), devices))
-    _cache_faults({device_key(index, devices): each for index, each in enumerate(found)})
-    return found
+        faults = tuple(threads.map(_try, range(len(devices)), devices))
+    _cache_faults({device_key(index, devices): message for index, message in enumerate(faults)})
+    return faults
 
 
 def device_key(index: int, devices: Sequence[DeviceInfo]) -> str:
@@ -331,9 +331,9 @@ def _try(index: int, info: DeviceInfo) -> str:
     if info.platform == POCL and _missing_linker():
         return "it cannot link kernels: it needs ld, libgcc and libc.so"
     output = (done.stdout + b"\n" + done.stderr).decode(errors="replace")
-    found = re.search(r"error: (?:.*error: )?(.*)", output)
+    match = re.search(r"error: (?:.*error: )?(.*)", output)
     lines = [line for line in output.splitlines() if line.strip()]
-    text = found[1] if found else lines[-1] if lines else ""
+    text = match[1] if match else lines[-1] if lines else ""
     if done.returncode < 0 or not text:
         text = f"it crashes the process ({exit_cause(done.returncode)}) {text}".rstrip()
     return one_line(text)[:200]
@@ -369,13 +369,13 @@ def remedy(devices: Sequence[DeviceInfo]) -> str:
 
 def _cached_faults() -> dict[str, tuple[str, float]]:
     """Return fault and time of each trial, by key; damaged rows are left out."""
-    found = {}
+    faults = {}
     for key, row in cached_rows(_FILE).items():
         with suppress(ValueError, TypeError, OverflowError):
             text, at_s = row
-            found[key] = str(text), float(at_s)
-    return found
+            faults[key] = str(text), float(at_s)
+    return faults
 
 
 def _cache_faults(faults: dict[str, str]) -> None:
-    cache_rows(_FILE, {key: (found, time.time()) for key, found in faults.items()})
+    cache_rows(_FILE, {key: (message, time.time()) for key, message in faults.items()})

@@ -15,8 +15,8 @@ def host_free_bytes(root: Path = Path("/")) -> int:
     """
     free = sys.maxsize
     with suppress(OSError):  # another system, or a hidden /proc
-        found = re.search(r"^MemAvailable: +(\d+) kB", (root / "proc/meminfo").read_text(), re.M)
-        free = 1024 * int(found[1]) if found else free
+        match = re.search(r"^MemAvailable: +(\d+) kB", (root / "proc/meminfo").read_text(), re.M)
+        free = 1024 * int(match[1]) if match else free
     group = root / "sys/fs/cgroup"
     try:
         limit = int((group / "memory.max").read_text())  # ValueError if it is "max"

@@ -97,19 +97,19 @@ class Compute:
         """
         self.require_own_process()
         key = (source.text, name, tuple(options))
-        found = self._kernels.pop(key, None)
-        if found is None:
+        entry = self._kernels.pop(key, None)
+        if entry is None:
             program = self._cached_program(source.text, key[2]) or self._build(source, options)
-            found = self._kernel_of(program, source, name), program
-        self._kernels[key] = found
+            entry = self._kernel_of(program, source, name), program
+        self._kernels[key] = entry
         if len(self._kernels) > MAX_KERNELS:
             del self._kernels[next(iter(self._kernels))]
-        return found[0]
+        return entry[0]
 
     def _cached_program(self, text: str, options: tuple[str, ...]) -> cl.Program | None:
         """Return the program of another kernel that is cached; None if there is none."""
-        for (known, _, built), (_, program) in self._kernels.items():
-            if (known, built) == (text, options):
+        for (cached_text, _, built), (_, program) in self._kernels.items():
+            if (cached_text, built) == (text, options):
                 return program
         return None
 
@@ -153,9 +153,9 @@ class Compute:
 
     def _check_device(self) -> None:
         """Repeat the device's trial, whose cached result may be old, and raise its error."""
-        found = devices()
-        if self.info in found and fault(index := found.index(self.info), found, again=True):
-            raise unusable_error([index], found)
+        infos = devices()
+        if self.info in infos and fault(index := infos.index(self.info), infos, again=True):
+            raise unusable_error([index], infos)
 
     def upload(self, array: NDArray[Any], *, share: bool = False) -> cl.Buffer:
         """Make a buffer for kernels to read, with a C-contiguous array's values.

@@ -173,11 +173,11 @@ def window_context() -> moderngl.Context:
 def pointer_function(library: str, name: str) -> Any:
     """Return a library's pointer-valued function; if either is missing, one that returns 0."""
     try:
-        found = getattr(ctypes.CDLL(library), name)
+        function = getattr(ctypes.CDLL(library), name)
     except (OSError, AttributeError):
         return int
-    found.restype = ctypes.c_void_p
-    return found
+    function.restype = ctypes.c_void_p
+    return function
 
 
 def egl_handle() -> int:

@@ -113,20 +113,20 @@ _MARK = re.compile(r'#line (\d+) "([^"]+)"')
 
 def first_error(log: str, source: Source) -> str:
     """Return the OpenCL compiler's first error in one line, with the source line's text."""
-    found = next((m for m in _ERROR.finditer(log) if "error: " in m[0]), None)
-    if found is None:
+    match = next((m for m in _ERROR.finditer(log) if "error: " in m[0]), None)
+    if match is None:
         return one_line(log)
     # The compiler uses its own file name for the lines before the first mark; NVIDIA's names no
     # file and counts the lines of the whole text.
-    file = found[1] if found[1] in source.files else source.files[0]
+    file = match[1] if match[1] in source.files else source.files[0]
     name, number = source.files[0], 0
     for place, line in enumerate(source.text.splitlines(), start=1):
         if mark := _MARK.match(line):
             number, name = int(mark[1]) - 1, mark[2]
             continue
         number += 1
-        if (found[1], found[2]) == (_NVIDIA, str(place)) or (
-            found[1] != _NVIDIA and (name, number) == (file, int(found[2]))
+        if (match[1], match[2]) == (_NVIDIA, str(place)) or (
+            match[1] != _NVIDIA and (name, number) == (file, int(match[2]))
         ):
-            return f'{name}:{number}:{found[3]}: error: {found[4]}: "{line.strip()}"'
-    return one_line(found[0])
+            return f'{name}:{number}:{match[3]}: error: {match[4]}: "{line.strip()}"'
+    return one_line(match[0])

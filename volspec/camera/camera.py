@@ -207,12 +207,12 @@ class Camera:
     def ray_field(self, width: float, height: float) -> RayField:
         """Return the rays of a picture of ``width`` by ``height`` pixels."""
         right, up, forward = self.frame()
-        tall = self.height_mm or 2 * self.distance_mm * math.tan(math.radians(self.fov_deg) / 2)
+        size_mm = self.height_mm or 2 * self.distance_mm * math.tan(math.radians(self.fov_deg) / 2)
         return RayField(
             target=np.asarray(self.target_mm),
             forward=forward,
-            across=right * (tall / height),
-            down=-up * (tall / height),
+            across=right * (size_mm / height),
+            down=-up * (size_mm / height),
             middle=((width - 1) / 2, (height - 1) / 2),
             distance=self.distance_mm,
             perspective=self.height_mm is None,

@@ -48,7 +48,7 @@ class Projection:
         camera, (x, y, width, height) = self.camera, self.area
         # The picture may be shifted, or a part of a larger one.
         rays = camera.ray_field(width, max(height, 1))
-        across, down = (way / rays.pitch_mm**2 for way in (rays.across, rays.down))
+        across, down = (vector / rays.pitch_mm**2 for vector in (rays.across, rays.down))
         columns = np.stack([across, down, rays.forward * rays.nearness], axis=1)
         object.__setattr__(self, "mm_per_px", rays.pitch_mm)
         object.__setattr__(self, "_window_from_world", columns)
@@ -57,16 +57,16 @@ class Projection:
     def _homogeneous(self, offsets: NDArray[np.float64], place: float) -> NDArray[np.float64]:
         """(…, 3) right, down, divisor of offsets from the target (directions: ``place`` 0)."""
         # Quicker than BLAS, whose threads wait for each other over so small a matrix.
-        at = np.einsum("...c,cd->...d", offsets, self._window_from_world)
-        at[..., 2] += place
-        return at
+        xyw = np.einsum("...c,cd->...d", offsets, self._window_from_world)
+        xyw[..., 2] += place
+        return xyw
 
     def to_window(self, points_mm: NDArray[np.float64]) -> NDArray[np.float64]:
         """(…, 3) x and y in the window, and depth relative to the target's; 1 if orthographic."""
         points = np.asarray(points_mm, dtype=np.float64)
-        at = self._homogeneous(points - self.camera.target_mm, 1.0)
-        divisor = np.where(np.abs(at[..., 2:]) < NEAR, NEAR, at[..., 2:])
-        return np.concatenate([at[..., :2] / divisor + self._middle, at[..., 2:]], axis=-1)
+        xyw = self._homogeneous(points - self.camera.target_mm, 1.0)
+        divisor = np.where(np.abs(xyw[..., 2:]) < NEAR, NEAR, xyw[..., 2:])
+        return np.concatenate([xyw[..., :2] / divisor + self._middle, xyw[..., 2:]], axis=-1)
 
     def shows(self, points_mm: NDArray[np.float64]) -> bool:
         """Return False if a body with these corners (N, 3) is certainly out of the picture."""
@@ -85,14 +85,14 @@ class Projection:
         depth = self._homogeneous(ends - self.camera.target_mm, 1.0)[..., 2]
         for i in np.nonzero((depth.min(axis=1) < NEAR) & (depth.max(axis=1) > NEAR))[0]:
             back = int(depth[i].argmin())
-            share = (NEAR - depth[i, back]) / (depth[i, 1 - back] - depth[i, back])
+            fraction = (NEAR - depth[i, back]) / (depth[i, 1 - back] - depth[i, back])
             # Slightly further, so that rounding leaves it in front.
-            ends[i, back] += min(share * 1.001, 1.0) * (ends[i, 1 - back] - ends[i, back])
+            ends[i, back] += min(fraction * 1.001, 1.0) * (ends[i, 1 - back] - ends[i, back])
         in_front = depth.max(axis=1) > NEAR
         drawn = self.to_window(ends)[..., :2].tolist()
         return [
-            ((x0, y0), (x1, y1)) if shown else None
-            for ((x0, y0), (x1, y1)), shown in zip(drawn, in_front, strict=True)
+            ((x0, y0), (x1, y1)) if visible else None
+            for ((x0, y0), (x1, y1)), visible in zip(drawn, in_front, strict=True)
         ]
 
     def nearest_on_line(
@@ -105,13 +105,13 @@ class Projection:
         start = self._homogeneous(anchor_mm - np.asarray(self.camera.target_mm), 1.0)
         change = self._homogeneous(np.asarray(direction), 0.0)
         depth = max(float(start[2]), NEAR)
-        wanted = np.asarray(place) - self._middle - start[:2] / depth
+        offset = np.asarray(place) - self._middle - start[:2] / depth
         slope = (change[:2] - start[:2] / depth * change[2]) / depth
         length = float(np.linalg.norm(slope))
         if length * self.mm_per_px < _END_ON:
             # The line points at the camera: up in the window is away from it.
-            return float(-wanted[1] * self.mm_per_px * depth)
-        shift = float(wanted @ slope) / length
+            return float(-offset[1] * self.mm_per_px * depth)
+        shift = float(offset @ slope) / length
         # The projected line ends at its vanishing point, which it never reaches.
         divisor = length - shift * float(change[2]) / depth
         return shift / max(divisor, 0.05 * length)
@@ -131,7 +131,7 @@ def cube_faces(camera: Camera) -> list[tuple[int, NDArray[np.float64], float]]:
     The (4, 2) corners are right and down of the cube's centre.
     """
     right, up, forward = camera.frame()
-    found = []
+    faces = []
     for face in range(6):
         normal = face_normal(face)
         towards = float(-normal @ forward)
@@ -140,8 +140,8 @@ def cube_faces(camera: Camera) -> list[tuple[int, NDArray[np.float64], float]]:
         first, second = (np.eye(3)[other] for other in range(3) if other != face // 2)
         ring = [normal + a * first + b * second for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
         corners = np.array(ring)
-        found.append((face, np.stack([corners @ right, -(corners @ up)], axis=1), towards))
-    return found
+        faces.append((face, np.stack([corners @ right, -(corners @ up)], axis=1), towards))
+    return faces
 
 
 # Directions of the negative and positive world axes in ITK's LPS frame (docs/conventions.md).
@@ -149,14 +149,14 @@ PATIENT = (("R", "L"), ("A", "P"), ("I", "S"))
 AXES = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
 
 
-def is_patient(volume: Volume, chosen: bool | None) -> bool:
+def is_patient(volume: Volume, override: bool | None) -> bool:
     """Return True if directions are a patient's: as chosen, or as the volume's file states."""
-    return volume.metadata.is_patient if chosen is None else chosen
+    return volume.metadata.is_patient if override is None else override
 
 
-def place_unit(volume: Volume, chosen: bool | None) -> str:
+def place_unit(volume: Volume, override: bool | None) -> str:
     """Return the unit of coordinates; a patient's are in the frame LPS."""
-    return "mm LPS" if is_patient(volume, chosen) else "mm"
+    return "mm LPS" if is_patient(volume, override) else "mm"
 
 
 def place_text(volume: Volume, place_mm: NDArray[np.float64]) -> str:
@@ -165,10 +165,10 @@ def place_text(volume: Volume, place_mm: NDArray[np.float64]) -> str:
     return "  ".join(f"{mm:.{decimals}f}" for mm in place_mm)
 
 
-def side_deg(side: str, volume: Volume, chosen: bool | None = None) -> tuple[float, float]:
+def side_deg(side: str, volume: Volume, override: bool | None = None) -> tuple[float, float]:
     """Return azimuth and elevation of the camera at a side; a patient's left is their own.
 
-    ``chosen`` is as for `is_patient`.
+    ``override`` is as for `is_patient`.
 
     >>> volume = Volume(np.zeros((3, 3, 3)))
     >>> side_deg("left", volume), side_deg("left", volume, True)
@@ -176,7 +176,7 @@ def side_deg(side: str, volume: Volume, chosen: bool | None = None) -> tuple[flo
     """
     azimuth, elevation = SIDES[side]
     # In LPS, +x is the patient's left.
-    mirrored = side in ("left", "right") and is_patient(volume, chosen)
+    mirrored = side in ("left", "right") and is_patient(volume, override)
     return -azimuth if mirrored else azimuth, elevation
 
 
@@ -191,10 +191,10 @@ def length_mm(mm_per_px: float, longest_px: float) -> float:
     >>> length_mm(0.5, 130), length_mm(0.001, 130)
     (50.0, 0.1)
     """
-    most = mm_per_px * longest_px
-    decade = math.floor(math.log10(most))
+    longest_mm = mm_per_px * longest_px
+    decade = math.floor(math.log10(longest_mm))
     lengths = [float(f"{step}e{power}") for power in (decade - 1, decade) for step in (1, 2, 5)]
-    return max(length for length in lengths if length <= most * (1 + 1e-9))
+    return max(length for length in lengths if length <= longest_mm * (1 + 1e-9))
 
 
 def length_text(mm: float, digits: int = 6) -> str:

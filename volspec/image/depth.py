@@ -153,23 +153,23 @@ def recompose_in_depth(
     _check_surface(image, surface)
     blur_px = effects.blur_px(height, image.fov_deg)
     cosine = axis_cosine((width, height), image.fov_deg)
-    there = layers.tau.any(axis=(2, 3))
+    occupied = layers.tau.any(axis=(2, 3))
     if surface is not None:
-        there |= surface.alpha > 0
-    pixels = np.flatnonzero(there)
+        occupied |= surface.alpha > 0
+    pixels = np.flatnonzero(occupied)
     near, far = _cuts(effects, cosine)
     slabs = _slabs(layers, scales, pixels, (near.ravel()[pixels], far.ravel()[pixels]), surface)
     fog = _Fog(effects, far)
     numbers = layers.groups * (layers.materials + 1)
     if blur_px > 0 and pixels.size:
-        seen = _composite_focused([*slabs], numbers, pixels, cosine, fog, effects, blur_px)
+        composite = _composite_focused([*slabs], numbers, pixels, cosine, fog, effects, blur_px)
     else:
-        seen = _composite(slabs, numbers, pixels, fog)
-    channels = seen.channels.reshape(height, width, layers.groups, layers.materials + 1)
+        composite = _composite(slabs, numbers, pixels, fog)
+    channels = composite.channels.reshape(height, width, layers.groups, layers.materials + 1)
     if effects.fog_mm is not None:
-        shares = np.array([*image.groups.values()], np.float32)
-        channels[..., -1] += effects.fog_white * shares * seen.fog[..., None]
-    return Recomposed(channels, seen.alpha, seen.depth_mm)
+        fractions = np.array([*image.groups.values()], np.float32)
+        channels[..., -1] += effects.fog_white * fractions * composite.fog[..., None]
+    return Recomposed(channels, composite.alpha, composite.depth_mm)
 
 
 def layers_in_depth(image: Image, scales: Sequence[float], effects: DepthEffects) -> Image:
@@ -188,19 +188,19 @@ def layers_in_depth(image: Image, scales: Sequence[float], effects: DepthEffects
     # What is cut away is at the cut: unused layers alone have no depth.
     depth = np.where(np.isfinite(depth), depth.clip(near[..., None], far[..., None]), depth)
     fog = _Fog(effects, far)
-    shade, gloss = (each.astype(np.float32) for each in (layers.shade, layers.gloss))
-    shares = np.array([*image.groups.values()], np.float32)
+    shade, gloss = (array.astype(np.float32) for array in (layers.shade, layers.gloss))
+    fractions = np.array([*image.groups.values()], np.float32)
     slabs = _slabs(layers, scales, pixels, (near.ravel(), far.ravel()), None)
     scaled = layers.scaled(scales).sum(axis=-1)
     for k, slab in zip(range(count), slabs, strict=True):
-        left, own = slab.tau.reshape(height, width), scaled[:, :, k]
-        tau[:, :, k] *= (left / np.where(own > 0, own, 1))[..., None]
+        left, total = slab.tau.reshape(height, width), scaled[:, :, k]
+        tau[:, :, k] *= (left / np.where(total > 0, total, 1))[..., None]
         depth[:, :, k][left > 0] = slab.depth.reshape(height, width)[left > 0]
         clear = fog.left(slab.depth.reshape(height, width))[..., None]
         shade[:, :, k] *= clear[..., None]
-        gloss[:, :, k] = clear * gloss[:, :, k] + effects.fog_white * (1 - clear) * shares
-    own = replace(layers, tau=tau, shade=shade, gloss=gloss, depth_mm=depth)
-    return replace(image, opacity_layers=own)
+        gloss[:, :, k] = clear * gloss[:, :, k] + effects.fog_white * (1 - clear) * fractions
+    changed = replace(layers, tau=tau, shade=shade, gloss=gloss, depth_mm=depth)
+    return replace(image, opacity_layers=changed)
 
 
 def fog_behind(view: Image, effects: DepthEffects) -> Image:
@@ -257,14 +257,14 @@ def extents(tau: Array, depth: Array, solid: bool = False) -> tuple[Array, Array
     with np.errstate(invalid="ignore"):
         gap = np.maximum(np.where(both, depth[:, 1:] - depth[:, :-1], np.inf), 0)
     per_tau = np.where(both, gap / np.where(both, before + after, 1), np.inf)
-    least = np.full(tau.shape, np.inf, np.float32)
-    least[:, :-1] = per_tau
-    least[:, 1:] = np.minimum(least[:, 1:], per_tau)
-    alone = ~np.isfinite(least)
+    min_ratio = np.full(tau.shape, np.inf, np.float32)
+    min_ratio[:, :-1] = per_tau
+    min_ratio[:, 1:] = np.minimum(min_ratio[:, 1:], per_tau)
+    alone = ~np.isfinite(min_ratio)
     nearest = np.full(tau.shape, np.inf, np.float32)
     nearest[:, :-1] = gap
     nearest[:, 1:] = np.minimum(nearest[:, 1:], gap)
-    width = np.minimum(tau * np.where(alone, 0, least), MAX_GAPS * np.where(alone, 0, nearest))
+    width = np.minimum(tau * np.where(alone, 0, min_ratio), MAX_GAPS * np.where(alone, 0, nearest))
     return np.where(used, depth, 0) - width * m, width
 
 
@@ -282,8 +282,8 @@ def _slabs(
     near, far = cut
     count = layers.count
     flat = [
-        each.reshape(-1, *each.shape[2:])[pixels]
-        for each in (layers.tau, layers.shade, layers.gloss, layers.depth_mm)
+        array.reshape(-1, *array.shape[2:])[pixels]
+        for array in (layers.tau, layers.shade, layers.gloss, layers.depth_mm)
     ]
     total = flat[0].astype(np.float32).sum(axis=2)
     begin, width = extents(total, flat[3].astype(np.float32), layers.solid)
@@ -291,37 +291,37 @@ def _slabs(
 
     def parts(low: Array, high: Array) -> Iterator[_Slab]:
         for k in range(count):
-            tau, shade, gloss = (each[:, k].astype(np.float32) for each in flat[:3])
+            tau, shade, gloss = (array[:, k].astype(np.float32) for array in flat[:3])
             tau *= factors[k]
-            own = tau.sum(axis=1)
-            first, wide = begin[:, k], width[:, k]
-            last = first + wide
+            total_tau = tau.sum(axis=1)
+            first, thickness = begin[:, k], width[:, k]
+            last = first + thickness
             start, stop = np.maximum(first, low), np.minimum(last, high)
-            width_mm = np.where(wide > 0, wide, 1)
-            inside = np.where(wide > 0, (stop - start) / width_mm, start <= stop)
-            left = own * np.clip(inside, 0, 1)
-            start, stop = (np.where(left > 0, each, 0) for each in (start, stop))
-            shares = tau / np.where(own > 0, own, 1)[:, None]
-            colours = np.concatenate([shares[:, None] * shade, gloss[..., None]], axis=2)
+            width_mm = np.where(thickness > 0, thickness, 1)
+            inside = np.where(thickness > 0, (stop - start) / width_mm, start <= stop)
+            left = total_tau * np.clip(inside, 0, 1)
+            start, stop = (np.where(left > 0, edge, 0) for edge in (start, stop))
+            fractions = tau / np.where(total_tau > 0, total_tau, 1)[:, None]
+            colours = np.concatenate([fractions[:, None] * shade, gloss[..., None]], axis=2)
             depth = start + (stop - start) * mean_position(left)
-            flat_colours = colours.reshape(len(own), colours.shape[1] * colours.shape[2])
+            flat_colours = colours.reshape(len(total_tau), colours.shape[1] * colours.shape[2])
             yield _Slab(start, stop, depth, left, flat_colours)
 
     if surface is None:
         yield from parts(near, far)
         return
     alpha = surface.alpha.ravel()[pixels]
-    at = np.where(alpha > 0, surface.depth_mm.ravel()[pixels], np.inf).astype(np.float32)
-    yield from parts(near, np.minimum(far, at))
-    shown = np.where((near <= at) & (at <= far), alpha, 0)
+    surface_mm = np.where(alpha > 0, surface.depth_mm.ravel()[pixels], np.inf).astype(np.float32)
+    yield from parts(near, np.minimum(far, surface_mm))
+    opacity = np.where((near <= surface_mm) & (surface_mm <= far), alpha, 0)
     with np.errstate(divide="ignore"):
-        tau = np.minimum(-np.log1p(-np.minimum(shown, np.float32(1))), np.float32(MAX_TAU))
-    own = surface.coefficients.reshape(-1, surface.coefficients.shape[2])[pixels]
+        tau = np.minimum(-np.log1p(-np.minimum(opacity, np.float32(1))), np.float32(MAX_TAU))
+    coefficients = surface.coefficients.reshape(-1, surface.coefficients.shape[2])[pixels]
     per_alpha = 1 / np.where(alpha > 0, alpha, np.float32(1))
-    colours = (own * per_alpha[:, None]).astype(np.float32)
-    place = np.where(np.isfinite(at), at, 0)
+    colours = (coefficients * per_alpha[:, None]).astype(np.float32)
+    place = np.where(np.isfinite(surface_mm), surface_mm, 0)
     yield _Slab(place, place, place, tau, colours)
-    yield from parts(np.maximum(near, at), far)
+    yield from parts(np.maximum(near, surface_mm), far)
 
 
 class _Fog:
@@ -349,10 +349,10 @@ class _Seen(NamedTuple):
     @classmethod
     def of(cls, sums: Array, fog: Array) -> _Seen:
         """Return the picture of sums (N + 2, H, W), the last alpha and alpha · depth, and fog."""
-        own, weighted = sums[-2:]
-        alpha = own + fog
-        seen = own > 0
-        depth = np.where(seen, weighted / np.where(seen, own, 1), np.inf)
+        opacity, weighted = sums[-2:]
+        alpha = opacity + fog
+        covered = opacity > 0
+        depth = np.where(covered, weighted / np.where(covered, opacity, 1), np.inf)
         with np.errstate(invalid="ignore"):
             depth = np.where(alpha > 0, depth * alpha, 0)
         return cls(np.moveaxis(sums[:-2], 0, -1), alpha, depth, fog)
@@ -361,22 +361,22 @@ class _Seen(NamedTuple):
 def _composite(slabs: Iterator[_Slab], numbers: int, pixels: Index, fog: _Fog) -> _Seen:
     """Composite slabs front to back, everything in focus."""
     sums = np.zeros((len(pixels), numbers + 2), np.float32)
-    through, lit = (np.ones(len(pixels), np.float32) for _ in range(2))
+    transmittance, previous = (np.ones(len(pixels), np.float32) for _ in range(2))
     white = np.zeros(len(pixels), np.float32)
     for slab in slabs:
-        reached = np.where(slab.tau > 0, np.minimum(fog.left(slab.depth), lit), lit)
-        seen = through * -np.expm1(-slab.tau)
-        part = reached * seen
+        reached = np.where(slab.tau > 0, np.minimum(fog.left(slab.depth), previous), previous)
+        weight = transmittance * -np.expm1(-slab.tau)
+        part = reached * weight
         sums[:, :-2] += part[:, None] * slab.colours
         sums[:, -2] += part
         sums[:, -1] += part * slab.depth
-        white += through * (lit - reached)
-        through -= seen
-        lit = reached
+        white += transmittance * (previous - reached)
+        transmittance -= weight
+        previous = reached
     picture = np.zeros((numbers + 2, *fog.end.shape), np.float32)
     picture.reshape(numbers + 2, -1)[:, pixels] = sums.T
     between = 1 - fog.end
-    between.reshape(-1)[pixels] = white + through * (lit - fog.end.ravel()[pixels])
+    between.reshape(-1)[pixels] = white + transmittance * (previous - fog.end.ravel()[pixels])
     return _Seen.of(picture, np.maximum(between, 0))
 
 
@@ -394,49 +394,49 @@ def _composite_focused(
     focus = effects.focus_mm
     assert focus is not None
     axis = cosine.ravel()[pixels]
-    most = _MAX_BLUR * shape[0]
+    max_px = _MAX_BLUR * shape[0]
 
     def blur(distance: Array) -> Array:
         """Return the signed circle of confusion at distances along the rays, in pixels."""
         nearness = focus / np.maximum(distance * axis, 1e-9 * focus)
-        return np.clip(blur_px * (1 - nearness), -most, most)
+        return np.clip(blur_px * (1 - nearness), -max_px, max_px)
 
     ends = [(blur(slab.begin), blur(slab.end)) for slab in slabs]
-    shown = [slab.tau > 0 for slab in slabs]
-    if not any(each.any() for each in shown):
+    masks = [slab.tau > 0 for slab in slabs]
+    if not any(m.any() for m in masks):
         return _composite(iter(slabs), numbers, pixels, fog)
-    low_px = min(float(low[at].min()) for (low, _), at in zip(ends, shown, strict=True) if at.any())
-    high_px = max(float(up[at].max()) for (_, up), at in zip(ends, shown, strict=True) if at.any())
+    low_px = min(float(low[m].min()) for (low, _), m in zip(ends, masks, strict=True) if m.any())
+    high_px = max(float(up[m].max()) for (_, up), m in zip(ends, masks, strict=True) if m.any())
     step = max(SLICE_PX, (high_px - low_px) / (MAX_SLICES - 2))
     lens = _Lens(shape, max(abs(low_px), abs(high_px)), numbers + 3)
-    white, lit = np.zeros(shape, np.float32), np.ones(shape, np.float32)
+    white, previous = np.zeros(shape, np.float32), np.ones(shape, np.float32)
     lit_by = [fog.left(slab.depth) for slab in slabs]
     spans = [_widened(low / step, high / step) for low, high in ends]
     for number in range(math.floor(low_px / step), math.ceil(high_px / step) + 1):
         picture = np.zeros((len(pixels), numbers + 4), np.float32)
         clear = np.ones(len(pixels), np.float32)
         for slab, (low, high), left in zip(slabs, spans, lit_by, strict=True):
-            at = np.flatnonzero((low < number + 0.5) & (high > number - 0.5) & (slab.tau > 0))
-            part = np.minimum(high[at], number + 0.5) - np.maximum(low[at], number - 0.5)
-            tau = slab.tau[at] * part / (high[at] - low[at])
-            seen = clear[at] * -np.expm1(-tau)
-            clear[at] -= seen
-            own = seen * left[at]
-            picture[at, :-4] += own[:, None] * slab.colours[at]
-            picture[at, -4] += own
-            picture[at, -3] += own * slab.depth[at]
+            index = np.flatnonzero((low < number + 0.5) & (high > number - 0.5) & (slab.tau > 0))
+            part = np.minimum(high[index], number + 0.5) - np.maximum(low[index], number - 0.5)
+            tau = slab.tau[index] * part / (high[index] - low[index])
+            weight = clear[index] * -np.expm1(-tau)
+            clear[index] -= weight
+            unfogged = weight * left[index]
+            picture[index, :-4] += unfogged[:, None] * slab.colours[index]
+            picture[index, -4] += unfogged
+            picture[index, -3] += unfogged * slab.depth[index]
         picture[:, -2] = picture[:, -1] = 1 - clear
         if fog.per_mm > 0:
             place = _depth_of(number * step, focus, blur_px) / cosine
-            reached = np.minimum(fog.left(place), lit)
-            white += lens.clear * (lit - reached)
-            lit = reached
+            reached = np.minimum(fog.left(place), previous)
+            white += lens.clear * (previous - reached)
+            previous = reached
         lens.put(picture, pixels, number * step)
-    *sums, seen = lens.sums
+    *sums, weight = lens.sums
     clear = lens.clear
-    white += clear * (lit - fog.end)
-    whole = 1 / np.maximum(seen + clear, 1e-6)  # 1 but for the blur of what points see
-    return _Seen.of(np.stack(sums) * whole, np.maximum(white * whole, 0))
+    white += clear * (previous - fog.end)
+    scale = 1 / np.maximum(weight + clear, 1e-6)  # 1 but for the blur of what points see
+    return _Seen.of(np.stack(sums) * scale, np.maximum(white * scale, 0))
 
 
 def _depth_of(blur: float, focus: float, blur_px: float) -> float:
@@ -465,17 +465,17 @@ class _Lens:
         # Less than to the edge: the parts around the points are as wide as the rest.
         radius = 0.5 * math.sqrt(1 - 1 / count) * np.sqrt((np.arange(count) + 0.5) / count)
         self.points = np.stack([radius * np.sin(turn), radius * np.cos(turn)], axis=1)
-        self.through = np.ones((count, *shape), np.float32)
+        self.transmittances = np.ones((count, *shape), np.float32)
         self.sums = np.zeros((numbers, *shape), np.float32)
 
     @property
     def clear(self) -> Array:
         """Mean of what the points see of what is behind (H, W)."""
-        return np.asarray(self.through.mean(axis=0), np.float32)
+        return np.asarray(self.transmittances.mean(axis=0), np.float32)
 
     def put(self, picture: Array, pixels: Index, blur_px: float) -> None:
         """Composite a slice (P, N + 1), the last its opacity, behind what is there."""
-        height, width = self.through.shape[1:]
+        height, width = self.transmittances.shape[1:]
         solid = picture[:, -1] > 0
         if not solid.any():
             return
@@ -492,18 +492,18 @@ class _Lens:
         for n, (down, across) in enumerate(np.rint(self.points * blur_px).astype(int).tolist()):
             shifts.setdefault((down, across), []).append(n)
         here = np.s_[top:bottom, left:right]
-        seen = np.zeros((picture.shape[1] - 1, bottom - top, right - left), np.float32)
+        accumulated = np.zeros((picture.shape[1] - 1, bottom - top, right - left), np.float32)
         for (down, across), points in shifts.items():
             y, x = room - down, room - across
-            moved = slice_[:, y : y + bottom - top, x : x + right - left]
-            clear = 1 - moved[-1]
-            through = np.zeros_like(clear)
+            shifted = slice_[:, y : y + bottom - top, x : x + right - left]
+            clear = 1 - shifted[-1]
+            transmittance = np.zeros_like(clear)
             for n in points:
-                own = self.through[n][here]
-                through += own
-                own *= clear
-            seen += through * moved[:-1]
-        self.sums[(slice(None), *here)] += _box_blur(seen, part) / len(self.points)
+                point_transmittance = self.transmittances[n][here]
+                transmittance += point_transmittance
+                point_transmittance *= clear
+            accumulated += transmittance * shifted[:-1]
+        self.sums[(slice(None), *here)] += _box_blur(accumulated, part) / len(self.points)
 
 
 def _box_blur(slice_: Array, size: float) -> Array:
@@ -543,10 +543,10 @@ def _check_surface(image: ImageFields, surface: ImageFields | None) -> None:
             field=field,
         )
     for name in ("groups", "fov_deg", "camera"):
-        own, other = getattr(image, name), getattr(surface, name)
-        if own != other and not (name == "camera" and None in (own, other)):
+        expected, other = getattr(image, name), getattr(surface, name)
+        if expected != other and not (name == "camera" and None in (expected, other)):
             raise ImageError(
-                f"{name} is {other}, the image's {own}",
+                f"{name} is {other}, the image's {expected}",
                 "cast both with the same camera and lights",
                 code="conflict",
                 field=field,

@@ -121,11 +121,11 @@ class ImageFields:
                 code="conflict",
             )
         materials, groups = len(self.basis.materials), len(self.groups)
-        wanted = (*np.shape(self.coefficients)[:2], layers.count, materials)
-        if layers.tau.shape != wanted or layers.groups != groups:
+        expected = (*np.shape(self.coefficients)[:2], layers.count, materials)
+        if layers.tau.shape != expected or layers.groups != groups:
             raise ShapeError(
                 f"tau has shape {layers.tau.shape} and gloss {layers.gloss.shape}",
-                f"expected {wanted} and {(*wanted[:3], groups)}",
+                f"expected {expected} and {(*expected[:3], groups)}",
                 field="coefficient image: opacity_layers",
             )
 

@@ -95,23 +95,23 @@ def layer_names(
 
 def plain_names(names: Iterable[str]) -> list[str]:
     """Return a name for files of each name, no two alike."""
-    found: list[str] = []
+    unique_names: list[str] = []
     taken: set[str] = set()
     for name in names:
-        plain, number = _plain_name(name), 2
-        unique = plain
+        stem, number = _plain_name(name), 2
+        unique = stem
         while unique.casefold() in taken:
-            unique, number = f"{plain}_{number}", number + 1
+            unique, number = f"{stem}_{number}", number + 1
         taken.add(unique.casefold())
-        found.append(unique)
-    return found
+        unique_names.append(unique)
+    return unique_names
 
 
 def _plain_name(group: str) -> str:
     """Return a name that no compositor changes: letters, digits and _, no digit first."""
     letters = unicodedata.normalize("NFKD", group).encode("ascii", "ignore").decode()
-    plain = re.sub(r"[^A-Za-z0-9]+", "_", letters).strip("_")[:_MAX_NAME]
-    return plain if plain[:1].isalpha() else f"g{plain}"
+    stem = re.sub(r"[^A-Za-z0-9]+", "_", letters).strip("_")[:_MAX_NAME]
+    return stem if stem[:1].isalpha() else f"g{stem}"
 
 
 FORMAT = 3
@@ -143,9 +143,9 @@ def write_image(
         header["volspec:fov_deg"] = json.dumps(float(image.fov_deg))
     if type(image.camera) is Camera:  # not of a window or an eye
         header["volspec:camera"] = json.dumps(asdict(image.camera))
-    if own := [key for key in texts if key in _OWN]:
+    if reserved := [key for key in texts if key in _OWN]:
         raise ImageError(
-            f"{name}: a text is named {own[0]!r}, which is reserved for the image",
+            f"{name}: a text is named {reserved[0]!r}, which is reserved for the image",
             "use another name",
             code="duplicate",
         )
@@ -269,10 +269,10 @@ def _read_layers(
             code="unsupported",
         )
     with _refusing(f"{name}: its layers of opacity are refused"):
-        count, least = int(about["count"]), 2 if version == SOLID_VERSION else 1
-        if not (isinstance(basis, MaterialBasis) and least <= count <= MAX_LAYERS):
+        count, minimum = int(about["count"]), 2 if version == SOLID_VERSION else 1
+        if not (isinstance(basis, MaterialBasis) and minimum <= count <= MAX_LAYERS):
             problem = f"{count} layers in basis {basis.name!r}"
-            raise ImageError(problem, f"{least} to {MAX_LAYERS} in one of materials are read")
+            raise ImageError(problem, f"{minimum} to {MAX_LAYERS} in one of materials are read")
         stored = sum(re.fullmatch(r"l\d+\.depth\.Z", name) is not None for name in pixels)
         if count != stored:
             raise ImageError(f"{count} layers are named and {stored} are there")
@@ -304,9 +304,9 @@ def stored_slots(about: Mapping[str, Any], groups: Iterable[str]) -> list[Slot]:
     )
 
 
-def _stacked(name: str, pixels: Channels, wanted: Iterable[str]) -> NDArray[Any]:
+def _stacked(name: str, pixels: Channels, keys: Iterable[str]) -> NDArray[Any]:
     """Return the channels of some names, or raise ImageError if one is missing."""
-    for key in (names := list(wanted)):
+    for key in (names := list(keys)):
         if key not in pixels:
             raise ImageError(
                 f"{name}: channel {key!r} is missing", "render the scene again", code="damaged"
@@ -325,10 +325,10 @@ def _refusing(problem: str) -> Iterator[None]:
         raise ImageError(f"{problem}{why}", "render again", code="damaged") from error
 
 
-def _checked_pixels(name: str, pixels: Channels, wanted: list[str]) -> tuple[Any, Any]:
+def _checked_pixels(name: str, pixels: Channels, keys: list[str]) -> tuple[Any, Any]:
     """Return a file's (H, W, L·M) coefficients and (H, W) alpha, checked."""
     _stacked(name, pixels, ("A", "Z"))
-    coefficients = _stacked(name, pixels, wanted)
+    coefficients = _stacked(name, pixels, keys)
     if not (np.isfinite(coefficients).all() and np.isfinite(pixels["A"]).all()):
         raise ImageError(
             f"{name}: contains NaN or infinite values", "render the scene again", code="damaged"

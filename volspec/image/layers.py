@@ -139,7 +139,7 @@ class OpacityLayers:
                 field="opacity layers: tau",
             )
         by_group = (*shape[:3], *(np.shape(self.gloss)[3:4] or (1,)))
-        for name, wanted in (
+        for name, expected in (
             ("tau", shape),
             ("shade", (*by_group, shape[3])),
             ("gloss", by_group),
@@ -150,10 +150,10 @@ class OpacityLayers:
             array = getattr(self, name)
             if array is None and name in ("shadow", "occlusion"):
                 continue
-            if np.shape(array) != wanted:
+            if np.shape(array) != expected:
                 raise ShapeError(
                     f"shape {np.shape(array)}",
-                    f"expected {wanted}",
+                    f"expected {expected}",
                     field=f"opacity layers: {name}",
                 )
             kind = getattr(array, "dtype", type(array).__name__)
@@ -199,8 +199,8 @@ class OpacityLayers:
     @property
     def fades(self) -> list[bool]:
         """True of the materials that scales change: those with opacity in front of surfaces."""
-        found: list[bool] = np.any(self.fading.tau, axis=(0, 1, 2)).tolist()
-        return found
+        flags: list[bool] = np.any(self.fading.tau, axis=(0, 1, 2)).tolist()
+        return flags
 
     def scaled(self, scales: Sequence[float]) -> NDArray[np.float32]:
         """Return (H, W, L, K) optical depths, with those of the K materials scaled."""
@@ -210,9 +210,9 @@ class OpacityLayers:
 
     def factors(self, scales: Sequence[float]) -> NDArray[np.float32]:
         """Return (L, K) factors of the optical depths; 1 of surfaces."""
-        found = np.tile(np.asarray(scales, np.float32), (self.count, 1))
-        found[self.count - self.solid :] = 1
-        return found
+        factors = np.tile(np.asarray(scales, np.float32), (self.count, 1))
+        factors[self.count - self.solid :] = 1
+        return factors
 
     @property
     def slots(self) -> list[Slot]:
@@ -247,40 +247,40 @@ class OpacityLayers:
         ``columns`` are the numbers in the basis, of K ``materials``, of the rows' materials;
         ``slots`` as `shadow_slots`.
         """
-        K, whole = len(columns), rows.shape[:3]
+        K, shape = len(columns), rows.shape[:3]
         ends = np.cumsum([K, groups * K, groups, *[4 + K] * len(slots)])
         tau, shade, gloss, *means, depth = np.split(rows, ends, axis=3)
         used = tau.any(axis=3)
-        count = whole[2] + (surfaces is not None)
+        count = shape[2] + (surfaces is not None)
 
-        def spread(given: NDArray[Any], first: int = 0) -> NDArray[Any]:
+        def spread(values: NDArray[Any], first: int = 0) -> NDArray[Any]:
             """Move the materials, which are last, from the rows' columns to the basis'."""
-            made = np.zeros((*whole[:2], count, *given.shape[3:-1], first + materials), rows.dtype)
-            made[:, :, : whole[2], ..., :first] = given[..., :first]
-            for column, own in zip(columns, range(first, first + K), strict=True):
-                made[:, :, : whole[2], ..., first + column] = given[..., own]
-            return made
+            full = np.zeros((*shape[:2], count, *values.shape[3:-1], first + materials), rows.dtype)
+            full[:, :, : shape[2], ..., :first] = values[..., :first]
+            for column, source in zip(columns, range(first, first + K), strict=True):
+                full[:, :, : shape[2], ..., first + column] = values[..., source]
+            return full
 
         shadows = []
         for mean in means:
-            numbers = np.zeros((*whole, 3 + K), rows.dtype)
+            numbers = np.zeros((*shape, 3 + K), rows.dtype)
             numbers[used] = shadow_of_means(mean[used])
             shadows.append(spread(numbers, 3))
-        highlights, place = (np.zeros((*whole[:2], count, n), rows.dtype) for n in (groups, 1))
-        highlights[:, :, : whole[2]], place[:, :, : whole[2]] = gloss, depth
-        shades = spread(shade.reshape(*whole, groups, K))
-        made = cls._of_arrays(spread(tau), shades, highlights, shadows, place, slots)
-        return made if surfaces is None else made._ended_by(surfaces, columns)
+        highlights, place = (np.zeros((*shape[:2], count, n), rows.dtype) for n in (groups, 1))
+        highlights[:, :, : shape[2]], place[:, :, : shape[2]] = gloss, depth
+        shades = spread(shade.reshape(*shape, groups, K))
+        layers = cls._of_arrays(spread(tau), shades, highlights, shadows, place, slots)
+        return layers if surfaces is None else layers._ended_by(surfaces, columns)
 
     @classmethod
     def of_numbers(
         cls, numbers: NDArray[Any], materials: int, groups: int, slots: Sequence[Slot] = ()
     ) -> Self:
         """Return the layers of all their numbers (H, W, L, N), array after array."""
-        K, whole = materials, numbers.shape[:3]
+        K, shape = materials, numbers.shape[:3]
         ends = np.cumsum([K, groups * K, groups, *[3 + K] * len(slots)])
         tau, shade, gloss, *shadows, depth = np.split(numbers, ends, axis=3)
-        shades = shade.reshape(*whole, groups, K)
+        shades = shade.reshape(*shape, groups, K)
         return cls._of_arrays(tau, shades, gloss, shadows, depth, slots)
 
     @classmethod
@@ -322,15 +322,15 @@ class OpacityLayers:
     def _ended_by(self, surfaces: Solid, columns: Sequence[int]) -> Self:
         """Fill the last layer by surfaces; arguments as of `of_rows`."""
         K, alpha = self.materials, surfaces.alpha.astype(np.float64)
-        own = surfaces.channels.reshape(*alpha.shape, self.groups, K + 1)
-        own = own / np.where(alpha > 0, alpha, 1)[..., None, None]
+        channels = surfaces.channels.reshape(*alpha.shape, self.groups, K + 1)
+        channels = channels / np.where(alpha > 0, alpha, 1)[..., None, None]
         # Each material has a share of the depth, so that its shade is that of a surface of it.
-        reflected = own[..., :K].sum(axis=2)
+        reflected = channels[..., :K].sum(axis=2)
         reflected[..., 0] += reflected.sum(axis=-1) == 0
-        share = reflected / reflected.sum(axis=-1, keepdims=True)
-        self.tau[:, :, -1] = sample_tau(alpha)[..., None] * share
-        self.shade[:, :, -1] = ratio(own[..., :K], share[:, :, None])
-        self.gloss[:, :, -1] = own[..., K]
+        fraction = reflected / reflected.sum(axis=-1, keepdims=True)
+        self.tau[:, :, -1] = sample_tau(alpha)[..., None] * fraction
+        self.shade[:, :, -1] = ratio(channels[..., :K], fraction[:, :, None])
+        self.gloss[:, :, -1] = channels[..., K]
         place = nearest_known(surfaces.depth_mm)
         # At edges, which only points of a pixel see, surfaces are behind all that is there.
         edge = (alpha > 0) & ~np.isfinite(surfaces.depth_mm)
@@ -351,12 +351,12 @@ class OpacityLayers:
 
     def changed(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Self:
         """Return the layers with a change of each array, such as to some of the pixels."""
-        own: dict[str, Any] = {name: change(array) for name, array in self._arrays().items()}
-        return replace(self, **own)
+        arrays: dict[str, Any] = {name: change(array) for name, array in self._arrays().items()}
+        return replace(self, **arrays)
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
         arrays = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {name: each for name, each in arrays.items() if isinstance(each, np.ndarray)}
+        return {name: array for name, array in arrays.items() if isinstance(array, np.ndarray)}
 
     def recompose(self, scales: Sequence[float]) -> Recomposed:
         """Composite the layers with the K materials' optical depths scaled."""
@@ -365,22 +365,22 @@ class OpacityLayers:
         channels = np.zeros((height, width, self.groups, K + 1), np.float32)
         alpha = np.zeros((height, width), np.float32)
         depth_mm = np.zeros((height, width), np.float32)
-        through = np.ones((height, width), np.float32)
+        clear = np.ones((height, width), np.float32)
         factors = self.factors(scales)
         for layer in range(count):
             tau = self.tau[:, :, layer].astype(np.float32) * factors[layer]
             total = tau.sum(axis=-1)
             if not total.any():
                 continue
-            seen = through * -np.expm1(-total)
-            part = seen / np.where(total > 0, total, 1)
-            shade, gloss = self._lit(layer, scale)
+            weight = clear * -np.expm1(-total)
+            part = weight / np.where(total > 0, total, 1)
+            shade, gloss = self._shaded(layer, scale)
             channels[..., :K] += (part[..., None] * tau)[:, :, None] * shade
-            channels[..., K] += seen[..., None] * gloss
-            alpha += seen
+            channels[..., K] += weight[..., None] * gloss
+            alpha += weight
             where = np.where(total > 0, self.depth_mm[:, :, layer], 0)
-            depth_mm += seen * where
-            through -= seen
+            depth_mm += weight * where
+            clear -= weight
         return Recomposed(channels, alpha, depth_mm)
 
     def lit(self, scales: Sequence[float]) -> Self:
@@ -388,7 +388,7 @@ class OpacityLayers:
         if self.shadow is None and self.occlusion is None:
             return self
         scale = np.asarray(scales, np.float32)
-        shades, highlights = zip(*(self._lit(n, scale) for n in range(self.count)), strict=True)
+        shades, highlights = zip(*(self._shaded(n, scale) for n in range(self.count)), strict=True)
         kind = self.shade.dtype
         return replace(
             self,
@@ -398,7 +398,7 @@ class OpacityLayers:
             occlusion=None,
         )
 
-    def _lit(
+    def _shaded(
         self, layer: int, scale: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return (H, W, G, K) shades and (H, W, G) highlights of a layer, with shadows."""
@@ -408,8 +408,8 @@ class OpacityLayers:
         for casts, gain in ((self.shadow, 1.0), (self.occlusion, OCCLUSION_GAIN)):
             if casts is not None:
                 cast = casts[:, :, layer].astype(np.float32)
-                lost = 1 - np.minimum(gain * transmittance(cast[..., 2:], scale), 1)
-                kept = [kept[n] - cast[..., n] * lost for n in (0, 1)]
+                loss = 1 - np.minimum(gain * transmittance(cast[..., 2:], scale), 1)
+                kept = [kept[n] - cast[..., n] * loss for n in (0, 1)]
         return shade * np.asarray(kept[0])[..., None], gloss * kept[1]
 
 
@@ -417,11 +417,11 @@ def _rounded_depths(tau: NDArray[Any]) -> NDArray[np.float16]:
     """Return optical depths in half precision, rounded to what shows."""
     low = np.exp2(np.floor(np.log2(np.maximum(tau, _STEP).astype(np.float32))))
     scale = np.clip(1 / low, 1 / _MAX_SCALED, _MAX_SCALED)  # at which a change shows most
-    shown = np.maximum(scale * np.exp(-scale * low), np.float32(1e-30))
-    step = np.minimum(np.exp2(np.floor(np.log2(_STEP / shown))), low / 4)
-    found = np.rint(tau / step) * step
+    sensitivity = np.maximum(scale * np.exp(-scale * low), np.float32(1e-30))
+    step = np.minimum(np.exp2(np.floor(np.log2(_STEP / sensitivity))), low / 4)
+    rounded = np.rint(tau / step) * step
     # A used layer stays one: cuts take its neighbours for its surroundings.
-    return np.where(found > 0, found, tau).astype(np.float16)
+    return np.where(rounded > 0, rounded, tau).astype(np.float16)
 
 
 def _rounded(values: NDArray[Any], tau: NDArray[np.float32]) -> NDArray[np.float16]:
@@ -442,8 +442,8 @@ def nearest_known(depth_mm: NDArray[np.float32]) -> NDArray[np.float32]:
     unknown = ~np.isfinite(depth_mm)
     if unknown.all():
         return depth_mm.copy()
-    at = distance_transform_edt(unknown, return_distances=False, return_indices=True)
-    return depth_mm[tuple(at)]
+    indices = distance_transform_edt(unknown, return_distances=False, return_indices=True)
+    return depth_mm[tuple(indices)]
 
 
 def warn_of_absent(
@@ -485,14 +485,14 @@ def checked_scales(scales: Any, basis: MaterialBasis) -> list[float]:
                 code="unknown",
                 field="opacities",
             )
-    found = []
+    checked = []
     for name in basis.materials:
         field = f"opacity of {name!r}"
         scale = number(field, scales.get(name, 1.0), ImageError)
         if scale < 0:
             raise ImageError.refused(field, scale, "give 0 or more", "range")
-        found.append(scale)
-    return found
+        checked.append(scale)
+    return checked
 
 
 def residual_share(scales: Sequence[float], fades: Sequence[bool]) -> float:
@@ -502,8 +502,8 @@ def residual_share(scales: Sequence[float], fades: Sequence[bool]) -> float:
     greater scales, and less as a material fades: what is hidden lacks nothing, and a material alone
     is exact.
     """
-    own = [scale for scale, counts in zip(scales, fades, strict=True) if counts]
-    return math.sqrt(min(1.0, *own)) if own else 1.0
+    fading_scales = [scale for scale, counts in zip(scales, fades, strict=True) if counts]
+    return math.sqrt(min(1.0, *fading_scales)) if fading_scales else 1.0
 
 
 Slot = tuple[int, bool]
@@ -519,14 +519,14 @@ def shadow_of_means(means: NDArray[Any]) -> NDArray[np.float32]:
     """
     means = means.astype(np.float32)
     half = -np.log(np.clip(means[:, 2], math.sqrt(DARKEST), 1 - 1e-6))
-    whole = -np.log(np.clip(means[:, 3], DARKEST, 1 - 1e-6))
+    tau = -np.log(np.clip(means[:, 3], DARKEST, 1 - 1e-6))
     # b · half as a function of log T_1 / log T_½ − 1, solved to 2 %.
-    more = np.clip(whole / half - 1, 1e-3, 1.0)
+    more = np.clip(tau / half - 1, 1e-3, 1.0)
     bent = math.log(2) * (1 - more) / more * (1 + more * (1.1 - 0.66 * more))
     bend = np.clip(bent / half, *BEND)
     alone = -np.log(np.clip(means[:, 4:], math.sqrt(DARKEST), 1))
     x = 2 * np.expm1(np.minimum(bend[:, None] * alone, MAX_EXPONENT))
-    fit = ratio(np.expm1(np.minimum(bend * whole, MAX_EXPONENT)), x.sum(axis=1))
+    fit = ratio(np.expm1(np.minimum(bend * tau, MAX_EXPONENT)), x.sum(axis=1))
     depths = np.log1p(np.where(fit > 0, fit, 1)[:, None] * x) / bend[:, None]
     return np.concatenate([means[:, :2], bend[:, None], depths], axis=1, dtype=np.float32)
 
@@ -538,9 +538,9 @@ def transmittance(cast: NDArray[np.float32], scale: NDArray[np.float32]) -> NDAr
     return np.asarray(np.exp(-np.log1p(x @ scale) / bend), np.float32)
 
 
-def ratio(part: Array, whole: Array) -> Array:
+def ratio(part: Array, total: Array) -> Array:
     """Return a ratio, 0 of nothing."""
-    return np.divide(part, whole, out=np.zeros(np.broadcast(part, whole).shape), where=whole > 0)
+    return np.divide(part, total, out=np.zeros(np.broadcast(part, total).shape), where=total > 0)
 
 
 def sample_tau(alpha: Array) -> Array:

@@ -82,10 +82,10 @@ class CoefficientImage(ImageFields):
 
     def __repr__(self) -> str:
         width, height = self.size
-        each = f" in each of {', '.join(self.groups)}" if len(self.groups) > 1 else ""
+        per_group = f" in each of {', '.join(self.groups)}" if len(self.groups) > 1 else ""
         layers = self.opacity_layers
         deep = "" if layers is None else f", {layers.count} layers of opacity"
-        return f"CoefficientImage({width}x{height}, {self.basis.size} channels{each}{deep})"
+        return f"CoefficientImage({width}x{height}, {self.basis.size} channels{per_group}{deep})"
 
     def layer(self, group: str) -> NDArray[Any]:
         """Return (H, W, M) the channels of one light group: a view.
@@ -187,19 +187,19 @@ class CoefficientImage(ImageFields):
             fade = residual_share(factors, fades)
         if fade > 0:
             as_cast = layers.recompose([1.0] * len(factors))
-            own = self.coefficients.reshape(channels.shape).astype(np.float32)
+            coefficients = self.coefficients.reshape(channels.shape).astype(np.float32)
             own_mm = np.where(self.alpha > 0, self.depth_mm, 0) * self.alpha
-            channels += np.float32(fade) * (own - as_cast.channels)
+            channels += np.float32(fade) * (coefficients - as_cast.channels)
             alpha += np.float32(fade) * (self.alpha - as_cast.alpha)
             weighted_mm += np.float32(fade) * (own_mm - as_cast.depth_mm)
         channels = np.maximum(channels, 0).reshape(self.coefficients.shape)
         alpha = alpha.clip(0, 1)
-        seen = alpha > 0
+        visible = alpha > 0
         return replace(
             self,
             coefficients=channels.astype(self.coefficients.dtype),
             alpha=alpha,
-            depth_mm=np.where(seen, weighted_mm / np.where(seen, alpha, 1), np.inf),
+            depth_mm=np.where(visible, weighted_mm / np.where(visible, alpha, 1), np.inf),
             first_mm=None,
             opacity_layers=None,
         )
@@ -320,12 +320,12 @@ class CoefficientImage(ImageFields):
 
 def _check_range(spectra: NDArray[np.float64], grid: SpectralGrid) -> None:
     """Refuse values that cannot be reflectances: a wrong unit, or another quantity."""
-    for at, wrong in (
+    for index, wrong in (
         (spectra.argmin(), spectra.min() < -_NOISE),
         (spectra.argmax(), spectra.max() > _MAX_REFLECTANCE),
     ):
         if wrong:
-            y, x, k = np.unravel_index(int(at), spectra.shape)
+            y, x, k = np.unravel_index(int(index), spectra.shape)
             raise ImageError(
                 f"spectral picture: pixel ({x}, {y}) reflects {spectra[y, x, k]:g} at "
                 f"{grid.wavelengths_nm[k]:g} nm, expected 0…1",

@@ -103,8 +103,8 @@ class Warp:
             other.down / (other.down @ other.down),
             other.forward,
         ]
-        own = self.source
-        vectors = [own.target - other.target, own.forward, own.across, own.down]
+        source = self.source
+        vectors = [source.target - other.target, source.forward, source.across, source.down]
         return np.array(vectors) @ np.array(rows).T
 
     def places(self, columns: Array, lines: Array, ahead: Array) -> tuple[Array, ...]:
@@ -138,12 +138,12 @@ class Warp:
             for j in (0, 1)
             for k in (0, 1)
         ]
-        x, y, _, scale = (np.stack(each) for each in zip(*corners, strict=True))
-        found = np.stack([x.min(axis=0), y.min(axis=0), x.max(axis=0), y.max(axis=0)], axis=1)
+        x, y, _, scale = (np.stack(component) for component in zip(*corners, strict=True))
+        bounds = np.stack([x.min(axis=0), y.min(axis=0), x.max(axis=0), y.max(axis=0)], axis=1)
         # Blocks that reach behind the camera may be anywhere.
-        found[(scale == 0).any(axis=0)] = -np.inf, -np.inf, np.inf, np.inf
-        found[extents[:, 0] > extents[:, 1]] = np.inf, np.inf, -np.inf, -np.inf
-        return found
+        bounds[(scale == 0).any(axis=0)] = -np.inf, -np.inf, np.inf, np.inf
+        bounds[extents[:, 0] > extents[:, 1]] = np.inf, np.inf, -np.inf, -np.inf
+        return bounds
 
     def blocks_of_tiles(
         self, extents: NDArray[Any], tile: tuple[int, int]
@@ -209,28 +209,28 @@ def layer_points(
     steps = np.diff(deep, axis=2)
     edge = np.full_like(depth[..., :1], np.nan)
     before = np.concatenate([edge, steps], axis=2)
-    behind = np.concatenate([steps, edge], axis=2)
-    nearer = np.fmin(before, behind)
-    before, behind = (
-        np.nan_to_num(np.where(np.isnan(way), nearer, np.minimum(way, _FARTHER * nearer)))
-        for way in (before, behind)
+    after = np.concatenate([steps, edge], axis=2)
+    nearer = np.fmin(before, after)
+    before, after = (
+        np.nan_to_num(np.where(np.isnan(spacing), nearer, np.minimum(spacing, _FARTHER * nearer)))
+        for spacing in (before, after)
     )
-    deep = (before + behind) / 2 / (_DEEP / parts * warp.source.pitch_mm)
+    deep = (before + after) / 2 / (_DEEP / parts * warp.source.pitch_mm)
     count = np.ceil(deep).clip(1, parts)[..., None]
     part = np.arange(parts)
     off = 0.5 * ((2 * part + 1) / count - 1)
-    away = depth[..., None] + off * np.where(off < 0, before[..., None], behind[..., None])
-    shown = (used & (total > 0))[..., None] & (part < count)
-    line, column, layer, number = np.nonzero(shown)
-    at = line, column, layer
-    share = tau[at] / total[at][:, None]
-    shade = share[:, None, :] * layers.shade[at]
-    colours = np.concatenate([shade, layers.gloss[at][..., None]], axis=-1)
+    t_mm = depth[..., None] + off * np.where(off < 0, before[..., None], after[..., None])
+    visible = (used & (total > 0))[..., None] & (part < count)
+    line, column, layer, number = np.nonzero(visible)
+    key = line, column, layer
+    fraction = tau[key] / total[key][:, None]
+    shade = fraction[:, None, :] * layers.shade[key]
+    colours = np.concatenate([shade, layers.gloss[key][..., None]], axis=-1)
     return Points(
         column,
         line,
-        total[at] / count[..., 0][at],
-        away[(*at, number)] * warp.source.cosines(*warp.size)[line, column] - warp.source.distance,
+        total[key] / count[..., 0][key],
+        t_mm[(*key, number)] * warp.source.cosines(*warp.size)[line, column] - warp.source.distance,
         colours.reshape(len(line), -1),
     )
 
@@ -284,7 +284,7 @@ def reproject_reference(
                 (h > 0) & (tau > 0) & (a >= 0) & (a < width) & (b >= 0) & (b < height)
             )
             pieces.append((use, b[use] * width + a[use], (tau * h)[use]))
-    number, pixel, added = (np.concatenate(each) for each in zip(*pieces, strict=True))
+    number, pixel, added = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
     order = np.lexsort((number, pixel))
     number, pixel, added = number[order], pixel[order], added[order]
     flat, clear = np.zeros((width * height, row.shape[1])), np.ones(width * height)
@@ -292,13 +292,13 @@ def reproject_reference(
         starts = np.flatnonzero(np.diff(pixel, prepend=-1))
         before = np.cumsum(added) - added
         before -= np.repeat(before[starts], np.diff(starts, append=len(pixel)))
-        seen = np.exp(-before) * -np.expm1(-added)
-        flat[pixel[starts]] = np.add.reduceat(seen[:, None] * row[number], starts)
+        weight = np.exp(-before) * -np.expm1(-added)
+        flat[pixel[starts]] = np.add.reduceat(weight[:, None] * row[number], starts)
         clear[pixel[starts]] = np.exp(-np.add.reduceat(added, starts))
     alpha, sums = 1 - clear.reshape(height, width), flat.reshape(height, width, -1)
-    there = alpha > 0
-    mean = warp.target.distance + sums[..., 0] / np.where(there, alpha, 1)
-    depth = np.where(there, mean / warp.target.cosines(width, height), np.inf)
+    covered = alpha > 0
+    mean = warp.target.distance + sums[..., 0] / np.where(covered, alpha, 1)
+    depth = np.where(covered, mean / warp.target.cosines(width, height), np.inf)
     return Sums(sums[..., 1:], alpha, depth)
 
 
@@ -367,11 +367,11 @@ class Reprojector:
         pixels = width * height
         if self._sums[0] < pixels:
             self._sums = pixels, self.compute.output(pixels * self._rows * 32)
-        made = Sums(
+        sums = Sums(
             np.empty((height, width, channels), np.float32),
             *(np.empty((height, width), np.float32) for _ in range(2)),
         )
-        outputs = [self.compute.output(array.nbytes, array) for array in made]
+        outputs = [self.compute.output(array.nbytes, array) for array in sums]
         kernel = self._kernel("splat", warp.radius > 1)
         done = kernel(
             self.compute.queue,
@@ -385,13 +385,13 @@ class Reprojector:
             self._sums[1],
             *outputs,
         )
-        for buffer, array in zip(outputs, made, strict=True):
+        for buffer, array in zip(outputs, sums, strict=True):
             self.compute.download(buffer, array, done)
         return replace(
             self.image,
-            coefficients=made.coefficients.astype(self.image.coefficients.dtype, copy=False),
-            alpha=made.alpha,
-            depth_mm=made.depth_mm,
+            coefficients=sums.coefficients.astype(self.image.coefficients.dtype, copy=False),
+            alpha=sums.alpha,
+            depth_mm=sums.depth_mm,
             first_mm=None,
             opacity_layers=None,
             camera=camera,
@@ -415,21 +415,21 @@ class Reprojector:
         if scales == self._scales:
             return
         if self._layers.slots:
-            lit = _arrays(self._layers.lit(scales))[1:3]  # shadows fade with their materials
+            arrays = _arrays(self._layers.lit(scales))[1:3]  # shadows fade with their materials
             self._inputs[1:3] = [
-                self.compute.upload(np.ascontiguousarray(each, np.float32), share=True)
-                for each in lit
+                self.compute.upload(np.ascontiguousarray(array, np.float32), share=True)
+                for array in arrays
             ]
         kernel, compute = self._kernel("arrange"), self.compute
         blocks = len(self._extents)
         extents = compute.output(self._extents.nbytes, self._extents)
         cells = np.zeros((BUCKETS, blocks), np.int32)
-        given = *self._inputs, compute.upload(np.array(scales, np.float32)), view
+        args = *self._inputs, compute.upload(np.array(scales, np.float32)), view
         points = compute.output(32 * self._rows)
         for store in (0, 1):
             counters = compute.output(cells.nbytes, cells, filled=True)
             done = kernel(
-                compute.queue, (blocks,), None, *given, counters, extents, np.int32(store), points
+                compute.queue, (blocks,), None, *args, counters, extents, np.int32(store), points
             )
             if store:
                 break
@@ -471,9 +471,9 @@ def _arrays(layers: OpacityLayers) -> list[NDArray[Any]]:
 
 def _depths(depth_mm: NDArray[Any], warp: Warp) -> tuple[float, float]:
     """Return bounds of the layers' depths along the view, from the target's plane."""
-    there = np.isfinite(depth_mm)
-    low = float(depth_mm.min(where=there, initial=np.inf))
-    high = float(depth_mm.max(where=there, initial=-np.inf))
+    finite = np.isfinite(depth_mm)
+    low = float(depth_mm.min(where=finite, initial=np.inf))
+    high = float(depth_mm.max(where=finite, initial=-np.inf))
     if low > high:
         return 0.0, 1.0
     distance = warp.source.distance
@@ -511,9 +511,9 @@ def reproject(
     return Reprojector(image).view(camera, scales, size)
 
 
-def _check_camera(camera: Camera, own: Camera) -> None:
+def _check_camera(camera: Camera, source: Camera) -> None:
     """Refuse a camera whose view is not nearby."""
-    cosine = float(camera.frame()[2] @ own.frame()[2])
+    cosine = float(camera.frame()[2] @ source.frame()[2])
     if cosine < 0.1:
         raise ImageError(
             f"the view is turned by {math.degrees(math.acos(max(cosine, -1.0))):.0f}°, points "
