@@ -84,7 +84,7 @@ class Truth:
 
     def add(self, rays: NDArray[np.int64], samples: Samples) -> None:
         """Composite a sample of each of some rays."""
-        effects, along = self.effects, samples.along
+        effects, along = self.effects, samples.distance
         far = math.inf if effects.far_mm is None else effects.far_mm
         deep = along * self.cosine[rays]
         inside = (deep >= effects.near_mm) & (deep < far)

@@ -164,9 +164,9 @@ def test_over_is_associative():
     a, b, c = picture(0, 0), picture(2, 1), picture(1, 3)
     left, right = (a.over(b)).over(c), a.over(b.over(c))
     assert left.rect == right.rect == (0, 0, 7, 7)
-    for name in ("coefficients", "alpha", "depth", "through"):
+    for name in ("coefficients", "alpha", "depth", "transmittance"):
         assert np.allclose(getattr(left, name), getattr(right, name), atol=1e-6)
-    assert np.allclose(left.through, 1 - left.alpha, atol=1e-6)
+    assert np.allclose(left.transmittance, 1 - left.alpha, atol=1e-6)
 
 
 def test_runs_are_neighbours_of_like_size(engine, caster):

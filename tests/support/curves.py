@@ -42,7 +42,7 @@ def cast_curve(
         end = np.minimum((k + 1) * step + rays.shift, rays.far)
         live = np.flatnonzero(end > begin)
         middle = 0.5 * (begin + end)[live]
-        values = values_at(rays.start[live] + middle[:, None] * rays.along[live])
+        values = values_at(rays.start[live] + middle[:, None] * rays.index_direction[live])
         opacity, *weights = at_values(places, rows, values).T
         left = (1 - opacity) ** ((end - begin)[live] / reference)
         colour[live] += (passed[live] * (1 - left))[:, None] * (np.transpose(weights) @ channels)

@@ -61,8 +61,8 @@ _ONE_THREAD = dict.fromkeys(
 class PartialPicture:
     """The picture of a run of parts with nothing in front, within a rectangle.
 
-    ``coefficients`` (H, W, L·M) and ``depth`` (H, W) are premultiplied by opacity; ``through``
-    (H, W) is the transmittance; ``first`` (H, W) as of a `Result`, in smallest spacings.
+    ``coefficients`` (H, W, L·M) and ``depth`` (H, W) are premultiplied by opacity;
+    ``transmittance`` is (H, W); ``first`` (H, W) as of a `Result`, in smallest spacings.
     """
 
     rect: Rect
@@ -70,7 +70,7 @@ class PartialPicture:
     alpha: NDArray[np.float32]
     depth: NDArray[np.float32]
     first: NDArray[np.float32]
-    through: NDArray[np.float32]
+    transmittance: NDArray[np.float32]
     gaps: dict[Chunk, str]
 
     @classmethod
@@ -86,7 +86,7 @@ class PartialPicture:
             np.ascontiguousarray(picture.alpha[view]),
             np.ascontiguousarray(picture.depth[view]),
             np.ascontiguousarray(picture.first[view]),
-            np.ascontiguousarray(picture.through[view]),
+            np.ascontiguousarray(picture.transmittance[view]),
             gaps,
         )
 
@@ -99,9 +99,9 @@ class PartialPicture:
         )
 
         def placed(values: NDArray[np.float32], empty: float) -> NDArray[np.float32]:
-            whole = np.full((y1 - y0, x1 - x0, *values.shape[2:]), empty, np.float32)
-            whole[view] = values
-            return whole
+            canvas = np.full((y1 - y0, x1 - x0, *values.shape[2:]), empty, np.float32)
+            canvas[view] = values
+            return canvas
 
         return PartialPicture(
             rect,
@@ -109,7 +109,7 @@ class PartialPicture:
             placed(self.alpha, 0.0),
             placed(self.depth, 0.0),
             placed(self.first, np.inf),
-            placed(self.through, 1.0),
+            placed(self.transmittance, 1.0),
             self.gaps,
         )
 
@@ -118,14 +118,14 @@ class PartialPicture:
         pairs = zip(self.rect, back.rect, (min, min, max, max), strict=True)
         x0, y0, x1, y1 = (pick(a, b) for a, b, pick in pairs)
         front, back = self.on((x0, y0, x1, y1)), back.on((x0, y0, x1, y1))
-        through = front.through
+        transmittance = front.transmittance
         return PartialPicture(
             front.rect,
-            front.coefficients + through[..., None] * back.coefficients,
-            front.alpha + through * back.alpha,
-            front.depth + through * back.depth,
+            front.coefficients + transmittance[..., None] * back.coefficients,
+            front.alpha + transmittance * back.alpha,
+            front.depth + transmittance * back.depth,
             np.minimum(front.first, back.first),
-            through * back.through,
+            transmittance * back.transmittance,
             front.gaps | back.gaps,
         )
 
@@ -158,7 +158,7 @@ class Source:
         import volspec
 
         *finer, coarsest = pyramid.levels
-        levels = [replace(each, ranges=None) for each in finer]
+        levels = [replace(level, ranges=None) for level in finer]
         levels[number] = finer[number]
         # The coarsest level is not cast by tasks.
         nothing = np.zeros((2, 2, 2), pyramid.dtype)
@@ -216,11 +216,11 @@ def cast_parts(
     with caster.base.locked():
         if sigma is not None:
             caster.lights.set_extinction(sigma, job.table, job.spec)
-        given = job.table, job.camera, job.size, job.spec
-        picture = PartPicture.of(caster, *given, None, None)
+        arguments = job.table, job.camera, job.size, job.spec
+        picture = PartPicture.of(caster, *arguments, None, None)
         if before is not None:
-            picture.through[...] = 0.0
-            picture.through[view_of(_rect_of(parts))] = before
+            picture.transmittance[...] = 0.0
+            picture.transmittance[view_of(_rect_of(parts))] = before
         for loaded in caster.stream(job.table, job.spec, parts, picture.sees):
             if loaded is not None:
                 picture.add(loaded, None)
@@ -234,7 +234,7 @@ def first_hits(job: Job, parts: Sequence[Part], before: NDArray[np.float32]) -> 
 
 def through_of(picture: PartialPicture) -> NDArray[np.float32]:
     """Return the transmittance of a partial picture."""
-    return picture.through
+    return picture.transmittance
 
 
 def extinction_of(job: Job, parts: Sequence[Part]) -> NDArray[np.float32]:
@@ -302,35 +302,35 @@ class ClusterCaster(LevelCaster):
         if light_layers(spec, self.volume, camera):
             boxes = runs(self.light_parts(table), tasks)
             sigma = self._tree(added, [self._submit(extinction_of, job, run) for run in boxes])
-        each = runs(parts, tasks)
-        leaves = [self._submit(cast_parts, job, run, sigma) for run in each]
+        batches = runs(parts, tasks)
+        leaves = [self._submit(cast_parts, job, run, sigma) for run in batches]
         root = self._tree(over, leaves)
         assert root is not None
         self._wait(leaves, root, progress, cancel)
         picture: PartialPicture = root.result()
         self._pyramid.gaps.update(picture.gaps)
         width, height = size
-        whole = picture.on((0, 0, width, height))
+        frame = picture.on((0, 0, width, height))
         unit = min(self.volume.spacing_mm)
         groups = tuple(group.without_shadows() for group in spec.groups)
         dark = Job(self._source, table, camera, size, replace(spec, groups=groups))
-        self._gather_first(whole.first, dark, each, leaves, cancel)
-        return finished(whole.coefficients, whole.alpha, whole.depth, whole.first, unit, spec.half)
+        self._gather_first(frame.first, dark, batches, leaves, cancel)
+        return finished(frame.coefficients, frame.alpha, frame.depth, frame.first, unit, spec.half)
 
     def _gather_first(
         self,
         first: NDArray[np.float32],
         job: Job,
-        each: Sequence[Sequence[Part]],
+        batches: Sequence[Sequence[Part]],
         leaves: Sequence[Future],
         cancel: Cancel | None,
     ) -> None:
         """Find the first hits that need opacity of several tasks, which are later in their own."""
         passed = np.ones(first.shape, np.float32)
         enough, job_there = job.spec.first_opacity, None
-        through = [self._submit(through_of, leaf) for leaf in leaves]
+        futures = [self._submit(through_of, leaf) for leaf in leaves]
         again = []
-        for parts, future in zip(each, through, strict=True):
+        for parts, future in zip(batches, futures, strict=True):
             self._wait([future], future, None, cancel)
             view = view_of(_rect_of(parts))
             before = passed[view].copy()
@@ -339,8 +339,8 @@ class ClusterCaster(LevelCaster):
             reached &= 1.0 - passed[view] > enough - _ROUNDING
             if reached.any():
                 job_there = job_there or self._submit(_itself, job)
-                rest = np.where(reached, before, np.float32(0.0))
-                again.append((view, self._submit(first_hits, job_there, parts, rest)))
+                remaining = np.where(reached, before, np.float32(0.0))
+                again.append((view, self._submit(first_hits, job_there, parts, remaining)))
         for view, future in again:
             self._wait([future], future, None, cancel)
             np.minimum(first[view], future.result(), out=first[view])

@@ -111,8 +111,8 @@ def convert(
     rows = source.chunk[1], *[1] * (len(shapes) - 1)  # of the source, whole chunks are read
     blocks = [
         Block(level, box)
-        for level, (shape, least) in enumerate(zip(shapes, rows, strict=True))
-        for box in boxes_in(shape, CHUNK, least)
+        for level, (shape, row) in enumerate(zip(shapes, rows, strict=True))
+        for box in boxes_in(shape, CHUNK, row)
     ]
     partial = output.with_name(f"{output.name}.unfinished")
     key = {"version": _VERSION, "shape": source.shape, "dtype": dtype.name, "name": name}
@@ -144,8 +144,8 @@ def convert(
             sample = sampler.sample()
             if sample is not None:
                 root.create_array("volspec/sample", data=sample.voxels, overwrite=True)
-            stated = _attributes(source, shapes, sample, name, labels, metadata or Metadata())
-            root.attrs.update(stated)
+            attributes = _attributes(source, shapes, sample, name, labels, metadata or Metadata())
+            root.attrs.update(attributes)
             if output.exists():
                 output.replace(partial / _REPLACED)
             partial.replace(output)
@@ -188,19 +188,19 @@ def _begin(partial: Path, output: Path, key: dict[str, Any]) -> None:
     if (partial / _REPLACED).exists() and not output.exists():
         (partial / _REPLACED).replace(output)
     _save_state(partial, key, 0)
-    for each in partial.iterdir():
-        if each.is_dir() and not each.is_symlink():
+    for entry in partial.iterdir():
+        if entry.is_dir() and not entry.is_symlink():
             # After one write failed, others may still end in threads, and leave files behind.
             end = time.monotonic() + _PATIENCE_S
-            while each.exists():
+            while entry.exists():
                 try:
-                    shutil.rmtree(each)
+                    shutil.rmtree(entry)
                 except OSError as error:
                     if error.errno not in _LATE or time.monotonic() > end:
                         raise
                     time.sleep(0.01)
-        elif each.name != _STATE:
-            each.unlink()
+        elif entry.name != _STATE:
+            entry.unlink()
 
 
 def _clean(output: Path) -> None:
@@ -240,11 +240,11 @@ def _fingerprint(source: Level) -> list[Any]:
 def _done(folder: Path, key: dict[str, Any]) -> int:
     """Return the number of blocks that a conversion of the same source has written."""
     try:
-        found = json.loads((folder / _STATE).read_text())
-        done = found.pop("done")
+        state = json.loads((folder / _STATE).read_text())
+        done = state.pop("done")
     except (OSError, ValueError, KeyError, AttributeError):
         return 0
-    return int(done) if found == json.loads(json.dumps(key, default=list)) else 0
+    return int(done) if state == json.loads(json.dumps(key, default=list)) else 0
 
 
 def _save_state(folder: Path, key: dict[str, Any], done: int) -> None:
@@ -264,12 +264,12 @@ def _arrays(
     # With a checksum for each chunk: most damage to compressed bytes decompresses to others.
     codecs = BloscCodec(cname="zstd", clevel=1, shuffle=shuffle), Crc32cCodec()
     options = {"dtype": dtype, "compressors": codecs, "config": {"write_empty_chunks": True}}
-    whole: dict[str, Any] = {"chunks": (BLOCK,) * 3, "shards": (CHUNK,) * 3}
+    layout: dict[str, Any] = {"chunks": (BLOCK,) * 3, "shards": (CHUNK,) * 3}
     arrays = []
     for number, shape in enumerate(shapes):
         names = str(number), f"volspec/ranges/{number}"
         if create:
-            root.create_array(names[0], shape=shape, dimension_names=[*"zyx"], **whole, **options)
+            root.create_array(names[0], shape=shape, dimension_names=[*"zyx"], **layout, **options)
             z, y, x = (-(-n // BLOCK) for n in shape)
             rows = CHUNK // BLOCK
             root.create_array(names[1], shape=(2, z, y, x), chunks=(2, rows, rows, x), **options)
@@ -290,7 +290,7 @@ def _write(
     box = with_next(block.box, values.shape)
     if block.level == 0:
         try:
-            own = source.read(box).astype(values.dtype, copy=False)
+            voxels = source.read(box).astype(values.dtype, copy=False)
         except Exception as error:  # whatever the array's library raises
             z, y, x = (f"{low} to {high}" for low, high in box)
             where = f"{source.place}: its" if source.place else "its"
@@ -304,15 +304,15 @@ def _write(
         ends = zip(box, finer.shape, strict=True)
         read = np.asarray(finer[tuple(slice(2 * a, min(2 * b, n)) for (a, b), n in ends)])
         if labels is not None:
-            own = downsample(read, 2, block_modes)
+            voxels = downsample(read, 2, block_modes)
         else:
             means = halve(read)
-            own = (np.rint(means) if read.dtype.kind in "ui" else means).astype(read.dtype)
-    inner = own[tuple(slice(high - low) for low, high in block.box)]
+            voxels = (np.rint(means) if read.dtype.kind in "ui" else means).astype(read.dtype)
+    inner = voxels[tuple(slice(high - low) for low, high in block.box)]
     if block.level == 0:
         sampler.add(inner, block.box)
     values[_index(block.box)] = inner
-    ranges[(slice(None), *Level.blocks_of(block.box))] = ranges_of(own, block.box)
+    ranges[(slice(None), *Level.blocks_of(block.box))] = ranges_of(voxels, block.box)
 
 
 def _index(box: Box) -> tuple[slice, ...]:
@@ -345,12 +345,12 @@ def _attributes(
     ome: dict[str, Any] = {"version": "0.5", "multiscales": [picture]}
     if labels is not None:
         picture["type"] = "mode"
-        codes = {n: [round(255 * c) for c in each.colour or ()] for n, each in labels.items()}
+        codes = {n: [round(255 * c) for c in label.colour or ()] for n, label in labels.items()}
         ome["image-label"] = {
-            "properties": [{"label-value": n, "name": each.name} for n, each in labels.items()],
+            "properties": [{"label-value": n, "name": label.name} for n, label in labels.items()],
             "colors": [{"label-value": n, "rgba": [*rgb, 255]} for n, rgb in codes.items() if rgb],
         }
-    own: dict[str, Any] = {
+    volspec_attrs: dict[str, Any] = {
         "version": _VERSION,
         "block": BLOCK,
         "ranges": [f"volspec/ranges/{number}" for number in range(len(shapes))],
@@ -359,7 +359,7 @@ def _attributes(
     }
     if sample is not None:
         counts = [int(count) for count in sample.histogram]
-        own |= {"range": [*sample.range], "histogram": counts, "sample": "volspec/sample"}
+        volspec_attrs |= {"range": [*sample.range], "histogram": counts, "sample": "volspec/sample"}
     if not is_straight:
-        own["world_from_picture"] = (world @ np.diag([*1 / spacing, 1])).tolist()
-    return {"ome": ome, "volspec": own}
+        volspec_attrs["world_from_picture"] = (world @ np.diag([*1 / spacing, 1])).tolist()
+    return {"ome": ome, "volspec": volspec_attrs}

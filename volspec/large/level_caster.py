@@ -131,9 +131,9 @@ class LevelCaster:
         It is chosen by casts of the coarsest level, in voxels, and taken in those of this one.
         """
         if spec.step_mm is None:
-            chosen = self.base.with_step(table, camera, size, spec, cancel).step_mm
-            assert chosen is not None
-            of_voxel = chosen / self.base.volume.finest_mm
+            step_mm = self.base.with_step(table, camera, size, spec, cancel).step_mm
+            assert step_mm is not None
+            of_voxel = step_mm / self.base.volume.finest_mm
             spec = replace(spec, step_mm=of_voxel * self.volume.finest_mm)
         spec.step_of(self.volume)
         return spec
@@ -154,16 +154,16 @@ class LevelCaster:
 
         Chunks that cannot be read are left out, marked in the picture, and warned of.
         """
-        own = check_supported(table, spec, self.volume)
+        checked_table = check_supported(table, spec, self.volume)
         size = checked_size(size)
         spec = spec.for_lattice(self.volume)
         check_reach(self.volume, camera, spec)
         if self._has_lit_gaps:
             self.lights.forget()
             self._has_lit_gaps = False
-        parts = self.plan(own, camera, size, spec)
-        given = own, camera, size, spec, parts, progress, cancel, span_mm, clear
-        result = self._cast_parts(*given)
+        parts = self.plan(checked_table, camera, size, spec)
+        arguments = checked_table, camera, size, spec, parts, progress, cancel, span_mm, clear
+        result = self._cast_parts(*arguments)
         if gaps := self._pyramid.describe_gaps():
             warnings.warn(gaps, VolspecWarning, stacklevel=4)
         return result
@@ -226,10 +226,10 @@ class LevelCaster:
         if spec.mode != "composite":
             return None
         if self._blocks is None or self._blocks[0] is not table:
-            found, level = None, self._level
+            blocks, level = None, self._level
             if level.ranges is not None:
-                found = visible_by_table(level.ranges[0], level.ranges[1], table)
-            self._blocks = table, found
+                blocks = visible_by_table(level.ranges[0], level.ranges[1], table)
+            self._blocks = table, blocks
         return self._blocks[1]
 
     def stream(
@@ -237,7 +237,7 @@ class LevelCaster:
         table: Table,
         spec: RaycastSpec,
         parts: Sequence[Part],
-        wanted: Callable[[Part], bool] = lambda part: True,
+        predicate: Callable[[Part], bool] = lambda part: True,
         cancel: Cancel | None = None,
     ) -> Iterator[LoadedPart | None]:
         """Yield the parts' voxels for a table and settings, None for unwanted ones.
@@ -255,7 +255,7 @@ class LevelCaster:
 
         def read(turn: int) -> NDArray[Any] | None:
             part = parts[turn]
-            if not wanted(part):
+            if not predicate(part):
                 return None
             return self._pyramid.read(self._number, part.stored, blocks, gap)
 
@@ -295,8 +295,8 @@ class LevelCaster:
         low, high = brick_ranges(values, alone=not self.reads_ahead)
         if blocks is not None:
             # What is added lies in the ranges of its blocks: the bricks' visibility stays.
-            known = blocks[self._level.blocks_of(part.stored)]
-            more = read_by(part, visible_by_table(low, high, table)) > known
+            stored = blocks[self._level.blocks_of(part.stored)]
+            more = read_by(part, visible_by_table(low, high, table)) > stored
             pyramid.add(values, self._number, part.stored, blocks, more, gap)
         z, y, x = zip(part.low, part.high, strict=True)
         gaps = tuple(
@@ -314,11 +314,11 @@ class LevelCaster:
         largest = max(part.voxels for part in parts) * pyramid.dtype.itemsize
         left = pyramid.memory_bytes - self._needed(largest, pyramid.memory_bytes)
         if left < 0:
-            least = math.ceil(self._least_bytes(parts[0].margin) / 2**20 * 10) / 10
+            needed = math.ceil(self._least_bytes(parts[0].margin) / 2**20 * 10) / 10
             raise VolumeError(
                 f"{size_text(pyramid.memory_bytes)} are too few for parts of {size_text(largest)} "
                 f"and chunks of {size_text(level.chunk_bytes)}",
-                f"give at least {least:g}MiB (--memory, or ?memory= after the name), or a coarser "
+                f"give at least {needed:g}MiB (--memory, or ?memory= after the name), or a coarser "
                 "level",
                 code="size",
                 field="memory",
@@ -405,9 +405,9 @@ def check_supported(table: Tables, spec: RaycastSpec, volume: Volume) -> Table:
     elif spec.adaptive > 0:
         wrong = "adaptive steps", "give adaptive=0"
     if wrong is not None:
-        what, remedy = wrong
+        case, remedy = wrong
         raise RaycastError(
-            f"raycast: {volume.name} is larger than memory, and {what} cannot be cast part by part",
+            f"raycast: {volume.name} is larger than memory, and {case} cannot be cast part by part",
             f"{remedy}, or read a coarser level into memory: ?level=N after its name",
             code="unsupported",
         )
@@ -443,7 +443,7 @@ class PartPicture:
     alpha: NDArray[np.float32]
     depth: NDArray[np.float32]  # times alpha
     first: NDArray[np.float32]
-    through: NDArray[np.float32]
+    transmittance: NDArray[np.float32]
     # Of a projection (kernels/projection.cl); and its gaps, which are marked at last.
     so_far: NDArray[np.float32] | None
     gaps: list[tuple[Box, Rect]]
@@ -473,16 +473,16 @@ class PartPicture:
             spec,
             frame.values.dtype,
             missing=frame.missing is not None,
-            lit=max(numbers) >= 0,
+            is_lit=max(numbers) >= 0,
             spans=span_mm is not None,
             parts=True,
         )
         width, height = size
-        spans, through = None, np.ones((height, width), np.float32)
+        spans, transmittance = None, np.ones((height, width), np.float32)
         if span_mm is not None:
             spans = np.divide(span_mm, min(frame.spacing_mm), dtype=np.float32)
             # No part is read for pixels that see none.
-            through[spans[..., 0] >= spans[..., 1]] = 0.0
+            transmittance[spans[..., 0] >= spans[..., 1]] = 0.0
         layers = len(spec.groups) * table.size
         so_far = None
         if spec.mode != "composite":
@@ -502,7 +502,7 @@ class PartPicture:
             np.zeros((height, width), np.float32),
             np.zeros((height, width), np.float32),
             np.full((height, width), np.inf, np.float32),
-            through,
+            transmittance,
             so_far,
             [],
         )
@@ -515,7 +515,7 @@ class PartPicture:
             greatest = self.caster.greatest(part) - float(self.struct["domain_low"])
             best = self.so_far[y0:y1, x0:x1, 0]
             return self.spec.mode != "maximum" or bool((best < greatest).any())
-        return bool((self.through[y0:y1, x0:x1] > self.spec.least_transmittance).any())
+        return bool((self.transmittance[y0:y1, x0:x1] > self.spec.least_transmittance).any())
 
     def add(self, loaded: LoadedPart, cancel: Cancel | None) -> None:
         """Cast a part behind those before it."""
@@ -533,13 +533,13 @@ class PartPicture:
 
     def _composite(self, loaded: LoadedPart, codes: NDArray[Any], cancel: Cancel | None) -> None:
         view = view_of(loaded.part.rect)
-        through = self.caster.base.compute.upload(np.ascontiguousarray(self.through[view]))
-        adds = self._cast(loaded, codes, through, cancel)
+        clear = np.ascontiguousarray(self.transmittance[view])
+        adds = self._cast(loaded, codes, self.caster.base.compute.upload(clear), cancel)
         self.coefficients[view] += adds.coefficients
         self.alpha[view] += adds.alpha
-        self.through[view] -= adds.alpha
-        there = adds.alpha > 0.0
-        self.depth[view][there] += adds.alpha[there] * adds.depth_mm[there]
+        self.transmittance[view] -= adds.alpha
+        hit = adds.alpha > 0.0
+        self.depth[view][hit] += adds.alpha[hit] * adds.depth_mm[hit]
         np.minimum(self.first[view], adds.first_mm, out=self.first[view])
 
     def _project(self, loaded: LoadedPart, codes: NDArray[Any], cancel: Cancel | None) -> None:
@@ -547,13 +547,13 @@ class PartPicture:
         assert self.so_far is not None
         so_far = np.ascontiguousarray(self.so_far[view])
         buffer = compute.output(so_far.nbytes, so_far, filled=True)
-        found = self._cast(loaded, codes, buffer, cancel)
+        image = self._cast(loaded, codes, buffer, cancel)
         compute.download(buffer, so_far)
         self.so_far[view] = so_far
-        self.coefficients[view], self.alpha[view] = found.coefficients, found.alpha
-        np.multiply(found.alpha, found.depth_mm, out=self.depth[view], where=found.alpha > 0.0)
-        self.first[view] = found.first_mm
-        self.through[view] = 1.0 - found.alpha
+        self.coefficients[view], self.alpha[view] = image.coefficients, image.alpha
+        np.multiply(image.alpha, image.depth_mm, out=self.depth[view], where=image.alpha > 0.0)
+        self.first[view] = image.first_mm
+        self.transmittance[view] = 1.0 - image.alpha
 
     def _cast(
         self, loaded: LoadedPart, codes: NDArray[Any], before: Any, cancel: Cancel | None
@@ -590,27 +590,27 @@ class PartPicture:
         """Hatch what is visible of a box whose voxels cannot be read."""
         frame = self.caster.volume
         first, last = zip(*gap, strict=True)
-        own = covered(frame, self.camera, self.size, first, last)
-        if own is None:
+        bounds = covered(frame, self.camera, self.size, first, last)
+        if bounds is None:
             return
-        (x0, y0), (x1, y1) = np.maximum(rect[:2], own[:2]), np.minimum(rect[2:], own[2:])
-        if not (self.through[y0:y1, x0:x1] > self.spec.least_transmittance).any():
+        (x0, y0), (x1, y1) = np.maximum(rect[:2], bounds[:2]), np.minimum(rect[2:], bounds[2:])
+        if not (self.transmittance[y0:y1, x0:x1] > self.spec.least_transmittance).any():
             return
         y, x = np.mgrid[y0:y1, x0:x1]
-        at = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float64)
-        origin, direction = world_rays(self.camera, *self.size, at)
+        points = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float64)
+        origin, direction = world_rays(self.camera, *self.size, points)
         matrix = frame.index_from_world
         low, high = np.array(gap, np.float64)[::-1].T
         near, far, _ = clip_rays(
             origin @ matrix[:3, :3].T + matrix[:3, 3], direction @ matrix[:3, :3].T, low, high
         )
         met = (near < far).reshape(y.shape)
-        adds = self.through[y0:y1, x0:x1] * np.where((x + y) // _HATCH % 2, 0.1, 0.6) * met
+        adds = self.transmittance[y0:y1, x0:x1] * np.where((x + y) // _HATCH % 2, 0.1, 0.6) * met
         view = slice(y0, y1), slice(x0, x1)
         white = np.concatenate([part * self.table.white for part in self.spec.strengths().values()])
         self.coefficients[view] += 0.5 * adds[..., None] * white
         self.alpha[view] += adds
-        self.through[view] -= adds
+        self.transmittance[view] -= adds
         depth = (near / min(frame.spacing_mm)).reshape(y.shape)
         self.depth[view] += np.where(met, adds * depth, 0.0)
         nearest = np.where(met & (adds > 0.0), depth, np.inf).astype(np.float32)
@@ -656,6 +656,6 @@ def finished(
     np.divide(depth * np.float32(unit_mm), alpha, out=depth_mm, where=alpha > 0.0)
     channels: NDArray[np.floating] = coefficients
     if half:
-        most = float(np.finfo(np.float16).max)
-        channels = np.clip(coefficients, -most, most).astype(np.float16)
+        limit = float(np.finfo(np.float16).max)
+        channels = np.clip(coefficients, -limit, limit).astype(np.float16)
     return Result(channels, alpha, depth_mm, first * np.float32(unit_mm))

@@ -102,20 +102,20 @@ class Division:
         """
         counts = [len(planes) - 1 for planes in self.planes]
         matrix = frame.index_from_world
-        away = []
+        distances = []
         for axis, (planes, count) in enumerate(zip(self.planes, counts, strict=True)):
             row = matrix[2 - axis]
             if camera.height_mm is None:
-                at = float(row[:3] @ np.asarray(camera.position_mm) + row[3])
-                eye = int(np.clip(np.searchsorted(planes, at, "right") - 1, 0, count - 1))
-                away.append(np.abs(np.arange(count) - eye))
+                position = float(row[:3] @ np.asarray(camera.position_mm) + row[3])
+                eye = int(np.clip(np.searchsorted(planes, position, "right") - 1, 0, count - 1))
+                distances.append(np.abs(np.arange(count) - eye))
             else:
-                along = float(row[:3] @ camera.frame()[2])
-                away.append(np.arange(count) if along >= 0 else np.arange(count)[::-1])
+                direction = float(row[:3] @ camera.frame()[2])
+                distances.append(np.arange(count) if direction >= 0 else np.arange(count)[::-1])
         axes = [outer, *(axis for axis in range(3) if axis != outer)]
         z, y, x = map(range, counts)
         numbers = itertools.product(z, y, x)
-        return sorted(numbers, key=lambda number: [away[axis][number[axis]] for axis in axes])
+        return sorted(numbers, key=lambda number: [distances[axis][number[axis]] for axis in axes])
 
     def box(self, number: Index) -> tuple[Index, Index]:
         """Return the first and the last planes of a part, (z, y, x) each."""
@@ -187,15 +187,15 @@ def plan(
     division = Division.of(level.shape, sides)
     low, high = (ends[::-1] for ends in spec.kept(frame))  # z, y, x
     around = None if blocks is None else _spread(blocks)
-    found = []
+    parts = []
     for number in division.front_to_back(frame, camera, outer_axis(level)):
         first, last = division.box(number)
         if any(b <= c or a >= d for a, b, c, d in zip(first, last, low, high, strict=True)):
             continue
         z, y, x = zip(first, last, strict=True)
-        own = level.blocks_of((z, y, x))
-        visible = math.prod(each.stop - each.start for each in own)
-        if blocks is not None and not (visible := np.count_nonzero(blocks[own])):
+        part_blocks = level.blocks_of((z, y, x))
+        visible = math.prod(span.stop - span.start for span in part_blocks)
+        if blocks is not None and not (visible := np.count_nonzero(blocks[part_blocks])):
             continue
         rect = covered(frame, camera, size, first, last)
         if rect is None:
@@ -205,8 +205,8 @@ def plan(
         chunks = level.chunks_in((z, y, x))
         if around is not None:
             chunks = [c for c in chunks if around[level.blocks_of(level.box_of(c))].any()]
-        found.append(Part(first, last, (z, y, x), margin, tuple(chunks), rect, visible))
-    return found
+        parts.append(Part(first, last, (z, y, x), margin, tuple(chunks), rect, visible))
+    return parts
 
 
 def read_by(part: Part, visible: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -220,8 +220,8 @@ def read_by(part: Part, visible: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """
     near = np.zeros_like(visible)
     cells = zip(part.low, part.high, part.stored, strict=True)
-    own = tuple(slice((a - first) // BRICK, -(-(b - first) // BRICK)) for a, b, (first, _) in cells)
-    near[own] = visible[own]
+    box = tuple(slice((a - first) // BRICK, -(-(b - first) // BRICK)) for a, b, (first, _) in cells)
+    near[box] = visible[box]
     near = _spread(near, part.margin // BRICK)
     for axis, (first, _) in enumerate(part.stored):
         begins = np.arange(near.shape[axis]) * BRICK + first
@@ -235,7 +235,7 @@ def _spread(mask: NDArray[np.bool_], by: int = 1) -> NDArray[np.bool_]:
     spread = mask.copy()
     for axis in range(3):
         before = spread.copy()
-        one, other = (np.moveaxis(each, axis, 0) for each in (spread, before))
+        one, other = (np.moveaxis(array, axis, 0) for array in (spread, before))
         for step in range(1, by + 1):
             one[step:] |= other[:-step]
             one[:-step] |= other[step:]
@@ -256,8 +256,8 @@ def covered(
     if depth.min() <= NEAR:
         return 0, 0, width, height
     # A pixel's ray passes through its middle; one more for rounding.
-    x0, y0 = (max(math.floor(at.min() - 1.5), 0) for at in (x, y))
-    x1, y1 = (min(math.ceil(at.max() + 1.5), n) for at, n in ((x, width), (y, height)))
+    x0, y0 = (max(math.floor(pixels.min() - 1.5), 0) for pixels in (x, y))
+    x1, y1 = (min(math.ceil(pixels.max() + 1.5), n) for pixels, n in ((x, width), (y, height)))
     return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else None
 
 
@@ -280,7 +280,7 @@ def natural_level(
         eye = world[:3, :3] @ np.asarray(camera.position_mm) + world[:3, 3]
         low, high = spec.kept(finest)
         nearest = np.clip(eye, low, high)
-        away = (finest.world_from_index[:3, :3] @ (nearest - eye)) @ camera.frame()[2]
-        pixel_mm *= max(float(away), 0.0) / camera.distance_mm
-    fine = [k for k, each in enumerate(lattices) if min(each.spacing_mm) <= _FINE * pixel_mm]
+        depth_mm = (finest.world_from_index[:3, :3] @ (nearest - eye)) @ camera.frame()[2]
+        pixel_mm *= max(float(depth_mm), 0.0) / camera.distance_mm
+    fine = [k for k, lattice in enumerate(lattices) if min(lattice.spacing_mm) <= _FINE * pixel_mm]
     return max(fine, default=0)

@@ -51,15 +51,15 @@ def fit_points(view: OrbitT, volume: Volume, points_mm: Array, aspect: float) ->
     points = points_mm @ axes.T
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     x, y, z = (points - middle).T
-    tall = _FILLS * math.tan(math.radians(view.fov_deg) / 2)
-    wide = tall * aspect
+    tan_y = _FILLS * math.tan(math.radians(view.fov_deg) / 2)
+    tan_x = tan_y * aspect
     radius = radius_mm(volume)
-    least = _MIN_FRAMED * radius
+    minimum = _MIN_FRAMED * radius
     if view.orthographic:
         height = max(2 * float(y.max()), 2 * float(x.max()) / aspect) / _FILLS
-        return _framed(view, 2 * radius / max(height, least), middle @ axes)
-    distance = max(_span_within(x, z, wide)[0], _span_within(y, z, tall)[0], least)
-    shift = [_centre_from(along, z, distance, slope) for along, slope in ((x, wide), (y, tall))]
+        return _framed(view, 2 * radius / max(height, minimum), middle @ axes)
+    distance = max(_span_within(x, z, tan_x)[0], _span_within(y, z, tan_y)[0], minimum)
+    shift = [_centre_from(values, z, distance, slope) for values, slope in ((x, tan_x), (y, tan_y))]
     sine = math.sin(math.radians(view.fov_deg) / 2)
     return _framed(view, radius / (distance * sine), (middle + [*shift, 0.0]) @ axes)
 
@@ -70,17 +70,17 @@ def _framed(view: OrbitT, zoom: float, target_mm: Array) -> OrbitT:
     return replace(view, zoom=min(max(zoom, ZOOMS[0]), ZOOMS[1]), target_mm=(x, y, z))
 
 
-def _span_within(along: Array, depth: Array, slope: float) -> tuple[float, float]:
+def _span_within(offsets: Array, depth: Array, slope: float) -> tuple[float, float]:
     """Return the distance at which points fit within ± a slope, and the offset to centre them."""
-    high, low = float((along - slope * depth).max()), float((-along - slope * depth).max())
+    high, low = float((offsets - slope * depth).max()), float((-offsets - slope * depth).max())
     return (high + low) / (2 * slope), (high - low) / 2
 
 
-def _centre_from(along: Array, depth: Array, distance: float, slope: float) -> float:
+def _centre_from(offsets: Array, depth: Array, distance: float, slope: float) -> float:
     """Return the offset that centres the points in perspective from a distance."""
     place = 0.0
     for _ in range(_ITERATIONS):
-        nearest, place = _span_within(along, depth, slope)
+        nearest, place = _span_within(offsets, depth, slope)
         # From further away than necessary, the points span a smaller slope.
         slope *= max(nearest / distance, 1e-3)
     return place
@@ -91,11 +91,11 @@ def shown_mm(steps: Iterable[Volume], transfer: Transfers, shading: RaycastSpec)
 
     The corners if none is visible.
     """
-    found, corners = [], np.zeros((0, 3))
+    pieces, corners = [], np.zeros((0, 3))
     for volume in steps:
-        found += _visible_mm(volume, transfer, shading)
+        pieces += _visible_mm(volume, transfer, shading)
         corners = volume.corners_mm
-    points = np.concatenate(found)
+    points = np.concatenate(pieces)
     return points if len(points) else corners
 
 
@@ -104,14 +104,14 @@ def _visible_mm(volume: Volume, transfer: Transfers, shading: RaycastSpec) -> li
     tables, shading = bake_for_volume(transfer, volume), shading.naming_fields(volume)
     if not isinstance(tables, FieldTables):
         return [_around(volume, [tables], shading.for_field(volume.name))]
-    found = []
+    pieces = []
     for name in tables.tables:
         field, mask = volume.by_name[name], tables.masks.get(name)
         same = field.has_lattice_of(volume)
-        own = (shading if same else replace(shading, crop_voxels=None)).for_field(name)
+        field_spec = (shading if same else replace(shading, crop_voxels=None)).for_field(name)
         lattice = MaskLattice.of(volume, name, mask) if mask else None
-        found.append(_around(field, tables.rows(name), own, lattice))
-    return found
+        pieces.append(_around(field, tables.rows(name), field_spec, lattice))
+    return pieces
 
 
 def _around(
@@ -132,13 +132,13 @@ def _around(
         visible, depth_per_mm = np.zeros(values.shape, bool), np.zeros(values.shape)
         nearest = lattice.nearest_to_voxels((k, j, i))
         for row, table in enumerate(tables):
-            shown, depths = _visible_voxels(values, table)
-            visible |= (nearest == row) & shown
+            mask, depths = _visible_voxels(values, table)
+            visible |= (nearest == row) & mask
             depth_per_mm += (nearest == row) * depths
     crop = crop_bounds(shading.for_lattice(volume), volume)
     for axis, (low, high) in enumerate(reversed(crop)):
-        at = np.arange(values.shape[axis]) * steps[axis]
-        outside = (slice(None),) * axis + ((at < low - 1) | (at > high + 1),)
+        positions = np.arange(values.shape[axis]) * steps[axis]
+        outside = (slice(None),) * axis + ((positions < low - 1) | (positions > high + 1),)
         visible[outside], depth_per_mm[outside] = False, 0.0
     cell_mm = np.multiply(steps, volume.spacing_mm[::-1])
     for axis, mm in enumerate(cell_mm):
@@ -148,7 +148,7 @@ def _around(
     first = visible.argmax(axis=2)[rows]
     last = values.shape[2] - 1 - visible[..., ::-1].argmax(axis=2)[rows]
     k_rows, j_rows = np.nonzero(rows)
-    places = np.concatenate([np.stack([at, j_rows, k_rows], axis=1) for at in (first, last)])
+    places = np.concatenate([np.stack([ends, j_rows, k_rows], axis=1) for ends in (first, last)])
     # A visible voxel may reach half way to the next sampled one.
     halves = np.array(list(np.ndindex(2, 2, 2))) - 0.5
     index = ((places[:, None] + halves) * [i, j, k]).reshape(-1, 3)
@@ -180,14 +180,14 @@ def _visible_voxels(values: NDArray[np.generic], table: Table) -> tuple[NDArray[
     sides = (np.atleast_2d(side.opacity) for side in (table, table.left_limits))
     opacity = np.concatenate(list(sides)).max(axis=0)
     low, high = table.domain
-    at = np.rint((values.astype(np.float64) - low) / (high - low) * (len(opacity) - 1))
-    shown = opacity > _HAZE * opacity.max()
+    index = np.rint((values.astype(np.float64) - low) / (high - low) * (len(opacity) - 1))
+    opaque = opacity > _HAZE * opacity.max()
     if table.labels:
-        shown = np.append(shown, False)
-        at = np.where((at < 0) | (at >= len(opacity)), len(opacity), at)
+        opaque = np.append(opaque, False)
+        index = np.where((index < 0) | (index >= len(opacity)), len(opacity), index)
         opacity = np.append(opacity, 0.0)
-    entries = np.clip(at, 0, len(shown) - 1).astype(np.int32)
-    return shown[entries], extinction_per_mm(opacity, table.reference_step_mm)[entries]
+    entries = np.clip(index, 0, len(opaque) - 1).astype(np.int32)
+    return opaque[entries], extinction_per_mm(opacity, table.reference_step_mm)[entries]
 
 
 def crop_bounds(shading: RaycastSpec, volume: Volume) -> Crop:

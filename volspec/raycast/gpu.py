@@ -170,12 +170,12 @@ class _Masks:
     def of(cls, compute: Compute, volume: Volume, table: FieldTables) -> _Masks:
         """Upload the masks of tables. Raises OpenCLError if there is no room."""
         lattices = {name: MaskLattice.of(volume, name, m) for name, m in table.masks.items()}
-        codes, first, at = [], {}, 0
+        codes, first, offset = [], {}, 0
         for name, lattice in lattices.items():
-            first[name] = at
-            at += lattice.rows.size
+            first[name] = offset
+            offset += lattice.rows.size
             codes.append(lattice.codes().ravel())
-        compute.require(2 * at, "the masks", "take coarser ones")
+        compute.require(2 * offset, "the masks", "take coarser ones")
         buffer = compute.upload(np.concatenate(codes), share=True) if codes else None
         bricks = {name: lattice.brick_ranges() for name, lattice in lattices.items()}
         return cls(cls.key_of(table), lattices, first, buffer, bricks)
@@ -227,26 +227,26 @@ class _FieldSet:
         casts = {}
         for name, field in self.fields.items():
             casts[name] = kernel_arguments.cast_struct(
-                *(field.volume, table.tables[name], camera, size, cast.own[name]), self.frame
+                *(field.volume, table.tables[name], camera, size, cast.specs[name]), self.frame
             )
             field.set_buffers(casts[name])
         step_mm = cast.spec.step_of(self.frame)
         curves, first = kernel_arguments.curve_structs(table, casts, step_mm)
-        own = curves[list(first.values())]
+        field_curves = curves[list(first.values())]
         sizes = [field.low.size for field in self.fields.values()]
         places = np.zeros((len(sizes), 4), np.int32)
         places[:, 0] = np.cumsum([0, *sizes[:-1]])
-        places[:, 1], places[:, 2] = own["opacity"], own["material_weights"]
+        places[:, 1], places[:, 2] = field_curves["opacity"], field_curves["material_weights"]
         places[:, 3] = cast.spec.crop_voxels is not None
-        found: list[NDArray[Any]] = [np.stack([*casts.values(), frame]), places]
+        arrays: list[NDArray[Any]] = [np.stack([*casts.values(), frame]), places]
         if table.masks:
             masks = [self.masks.struct(name, number) for name, number in first.items()]
-            found += curves, np.stack(masks)
-        return found
+            arrays += curves, np.stack(masks)
+        return arrays
 
 
 @dataclass(slots=True, eq=False)
-class _Known:
+class _Shared:
     """Results that casters of one series share: the last table."""
 
     baked: tuple[Transfers, dict[str, float], Tables] | None
@@ -307,20 +307,20 @@ class VolumeCaster:
             packet = like.packet
         self._compute: Compute = like._compute if like else Compute.open(device, context)
         self.packet: Packet = packet or choose_packet(self._compute.index)
-        self._own = _Field.of(self._compute, volume)
+        self._field = _Field.of(self._compute, volume)
         # Of fields that were cast together: by name, and as cast.
-        self._uploaded = {volume.name: self._own}
+        self._uploaded = {volume.name: self._field}
         self._together: _FieldSet | None = None
         self._shared_lock: threading.RLock = like._shared_lock if like else threading.RLock()
         self._casting = False
         self._integral: bool | None = None  # True if float values are labels
         self._brick_codes: tuple[tuple[Any, ...], Any] | None = None
-        self._chosen: dict[ErrorTarget, tuple[tuple[Any, ...], Tables, float]] = {}
-        self._known: _Known = (
-            like._known if like and volume.is_step_of(like.volume) else _Known(None)
+        self._steps: dict[ErrorTarget, tuple[tuple[Any, ...], Tables, float]] = {}
+        self._shared: _Shared = (
+            like._shared if like and volume.is_step_of(like.volume) else _Shared(None)
         )
         self._scaled: tuple[Tables, Tables] | None = None  # the last table, and for the device
-        self._lights = LightVolume(self._compute, self._own.volume, self._own.unpadded)
+        self._lights = LightVolume(self._compute, self._field.volume, self._field.unpadded)
 
     @property
     def device(self) -> str:
@@ -354,11 +354,11 @@ class VolumeCaster:
         ``opacities`` are scales of the materials' optical depths, `RaycastSpec.opacities`. The
         light volume compares tables by identity to detect changes.
         """
-        scales, baked = dict(opacities or {}), self._known.baked
+        scales, baked = dict(opacities or {}), self._shared.baked
         if baked is None or baked[0] is not transfer or baked[1] != scales:
             table = bake_for_volume(transfer, self.volume)
             table = scale_opacities(table, transfer.basis, scales)
-            baked = self._known.baked = transfer, scales, table
+            baked = self._shared.baked = transfer, scales, table
         return baked[2]
 
     def with_step(
@@ -385,9 +385,9 @@ class VolumeCaster:
         if isinstance(table, SurfaceTable):  # no step misses a surface
             return replace(spec, step_mm=min(SURFACE_STEP * unit, across))
         groups = tuple(group.without_shadows() for group in spec.groups)
-        plain = replace(spec, groups=groups, half=False, seed=0, layers=0)
-        key = plain, camera, size
-        known_key, known_table, step_mm = self._chosen.get(spec.target, (None, None, 0.0))
+        base_spec = replace(spec, groups=groups, half=False, seed=0, layers=0)
+        key = base_spec, camera, size
+        known_key, known_table, step_mm = self._steps.get(spec.target, (None, None, 0.0))
         if known_key != key or known_table is not table:
             strengths = np.array(list(spec.strengths().values()))
             white = np.sqrt(np.mean(strengths**2) * np.mean(table.white**2)) or 1.0
@@ -395,29 +395,29 @@ class VolumeCaster:
             # Edges along rows or columns, rolled, meet pixels at all places.
             right, up, _ = camera.frame()
             rolled = replace(camera, up=tuple(up + 0.1 * right))
-            reference = replace(plain, jitter=1.0, seed=1)
+            reference = replace(base_spec, jitter=1.0, seed=1)
             if spec.alpha_stop is None:  # what rays lose as they end counts, too
                 reference = replace(reference, alpha_stop=1.0 - spec.target.error / 8)
 
             def trial(step: float, size: tuple[int, int], is_reference: bool) -> Trial:
-                kind = reference if is_reference else plain
+                kind = reference if is_reference else base_spec
                 stepped = replace(kind, step_mm=max(step, shortest) * unit)
-                found = self.cast(table, rolled, size, stepped, cancel=cancel)
-                return Trial(found.coefficients / white, found.alpha)
+                picture = self.cast(table, rolled, size, stepped, cancel=cancel)
+                return Trial(picture.coefficients / white, picture.alpha)
 
             error, longest = spec.target
             target = ErrorTarget(error, min(longest, across / unit))
-            chosen = choose_step(trial, size, target, max(SHORTEST, shortest))
-            if chosen.error > error:
+            choice = choose_step(trial, size, target, max(SHORTEST, shortest))
+            if choice.error > error:
                 warnings.warn(
                     f"{self.volume.name}: quality {spec.quality} asks for an error of {error:g}; "
-                    f"the shortest step, {chosen.step:.3g} of a voxel, leaves {chosen.error:.1g}; "
+                    f"the shortest step, {choice.step:.3g} of a voxel, leaves {choice.error:.1g}; "
                     "gentler slopes or a shorter step_mm leave less",
                     VolspecWarning,
                     stacklevel=3,
                 )
-            step_mm = chosen.step * unit
-            self._chosen[spec.target] = key, table, step_mm
+            step_mm = choice.step * unit
+            self._steps[spec.target] = key, table, step_mm
         return replace(spec, step_mm=step_mm)
 
     def cast(
@@ -469,11 +469,11 @@ class VolumeCaster:
         spec = spec.for_lattice(self.volume)
         with self.locked():
             if spec.add_fields and isinstance(table, FieldTables):
-                every = table.apart()
-                rest = cancel, None, span_mm, clear, layers
+                tables = table.apart()
+                args = cancel, None, span_mm, clear, layers
                 pictures = [
-                    self._cast(each, camera, size, spec, part_of(progress, n, len(every)), *rest)
-                    for n, each in enumerate(every)
+                    self._cast(single, camera, size, spec, part_of(progress, n, len(tables)), *args)
+                    for n, single in enumerate(tables)
                 ]
                 return add_pictures(pictures)
             return self._cast(
@@ -524,10 +524,10 @@ class VolumeCaster:
         picture = f"a picture of {width}x{height} with {layers} channels"
         remedy = "cast it smaller, with fewer light groups, or with half=True"
         # The picture, and two bands in progress.
-        own = 0 if rows is None else rows.shape[2] * rows.shape[3]
-        bands_bytes = min(height, 1024) * (layers + own) * 4
+        floats = 0 if rows is None else rows.shape[2] * rows.shape[3]
+        bands_bytes = min(height, 1024) * (layers + floats) * 4
         self._compute.require(
-            width * (height * (layers * np.dtype(dtype).itemsize + 12 + 4 * own) + bands_bytes),
+            width * (height * (layers * np.dtype(dtype).itemsize + 12 + 4 * floats) + bands_bytes),
             picture,
             remedy,
         )
@@ -535,15 +535,15 @@ class VolumeCaster:
         view = camera, size
         if isinstance(table, FieldTables):
             together = self._upload_fields(table)
-            several = FieldCast.of(self._own.volume, table, spec, together.frame)
+            several = FieldCast.of(self._field.volume, table, spec, together.frame)
             frame, spec = several.frame, several.spec
             first = next(iter(table.tables.values()))
             struct = kernel_arguments.cast_struct(frame, first, *view, spec.for_field(None))
         else:
             spec = spec.naming_fields(self.volume).for_field(self.volume.name)
-            together, several, frame = None, None, self._own.volume
+            together, several, frame = None, None, self._field.volume
             struct = kernel_arguments.cast_struct(frame, table, *view, spec)
-            self._own.set_buffers(struct)
+            self._field.set_buffers(struct)
         slots = [] if rows is None else shadow_slots(spec)
         light, numbers = self._lights_of(table).attach(
             struct, table, spec, camera, clear, bool(slots)
@@ -565,14 +565,14 @@ class VolumeCaster:
         except MemoryError:
             raise OpenCLError(f"raycast: no memory for {picture}", remedy, code="size") from None
         unit = np.float32(min(frame.spacing_mm))
-        given = np.zeros(2, np.float32) if span_mm is None else span_mm
-        spans = upload(np.divide(given, unit, dtype=np.float32, order="C"))
-        lit = max(numbers) >= 0
+        limits = np.zeros(2, np.float32) if span_mm is None else span_mm
+        spans = upload(np.divide(limits, unit, dtype=np.float32, order="C"))
+        is_lit = max(numbers) >= 0
         arguments: tuple[Any, ...]
         aligned = True
         if together is None or several is None:
             stored, cast_volumes = self.volume.values.dtype, [self.volume]
-            arguments = self._own.voxels, self._codes(table, spec), *inputs, light, spans, struct
+            arguments = self._field.voxels, self._codes(table, spec), *inputs, light, spans, struct
         else:
             stored, aligned = together.dtype, together.aligned and not several.cut_apart
             assert isinstance(table, FieldTables)
@@ -589,7 +589,7 @@ class VolumeCaster:
             spec,
             stored,
             missing=any(volume.missing is not None for volume in cast_volumes),
-            lit=lit,
+            is_lit=is_lit,
             spans=span_mm is not None,
             aligned=aligned,
             layers=0 if rows is None else rows.shape[2],
@@ -623,7 +623,7 @@ class VolumeCaster:
             table = self._on_device(table)
             lights = self._lights_of(table)
             if isinstance(table, FieldTables):
-                spec = FieldCast.of(self._own.volume, table, spec, lights.volume).spec
+                spec = FieldCast.of(self._field.volume, table, spec, lights.volume).spec
             else:
                 spec = spec.naming_fields(self.volume).for_field(self.volume.name)
             return lights.transmittances(table, spec, camera, clear)
@@ -647,20 +647,20 @@ class VolumeCaster:
         """Return the fields of tables on the device; the last are cached."""
         names, present = list(table.tables), self._together
         key = _Masks.key_of(table)
-        known = present.masks if present is not None and present.masks.key == key else None
-        if present is None or list(present.fields) != names or known is None:
+        cached = present.masks if present is not None and present.masks.key == key else None
+        if present is None or list(present.fields) != names or cached is None:
             volumes = [self.volume.by_name[name] for name in names]
             for volume in volumes:
                 if volume.name not in self._uploaded:
                     self._uploaded[volume.name] = _Field.of(self._compute, volume)
             dtype = common_dtype(volumes)
             fields = {name: self._uploaded[name].stored(self._compute, dtype) for name in names}
-            frame = frame_around(self._own.volume, names)
+            frame = frame_around(self._field.volume, names)
             voxels = {name: (field.volume, field.unpadded) for name, field in fields.items()}
-            masks = known or _Masks.of(self._compute, self.volume, table)
+            masks = cached or _Masks.of(self._compute, self.volume, table)
             by_field = {name: (masks.codes, masks.struct(name)) for name in masks.lattices}
             lights = LightVolume(
-                self._compute, frame, self._own.unpadded, fields=voxels, masks=by_field
+                self._compute, frame, self._field.unpadded, fields=voxels, masks=by_field
             )
             present = self._together = _FieldSet(fields, frame, lights, masks)
         return present
@@ -696,21 +696,21 @@ class VolumeCaster:
         return self._brick_codes[1]
 
     def _field_codes(
-        self, name: str, own: Table, tables: Tables, spec: RaycastSpec
+        self, name: str, field_table: Table, tables: Tables, spec: RaycastSpec
     ) -> NDArray[Any]:
         """Return a field's codes of bricks."""
         field = self._uploaded[name]
         if isinstance(tables, FieldTables) and name in tables.masks:
             rows = self._upload_fields(tables).masks.bricks[name]
             return masked_brick_codes(field.low, field.high, rows, tables.rows(name))
-        return brick_codes(field.low, field.high, own, spec, spec.step_of(self.volume))
+        return brick_codes(field.low, field.high, field_table, spec, spec.step_of(self.volume))
 
 
 def opacity_key(table: Tables) -> tuple[Any, ...]:
     """Return what is equal for tables of equal opacities, filters apart."""
     if isinstance(table, FieldTables):
-        each = tuple(opacity_key(one) for one in table.every)
-        return *table.tables, *each, *_Masks.key_of(table)
+        keys = tuple(opacity_key(one) for one in table.every)
+        return *table.tables, *keys, *_Masks.key_of(table)
     if isinstance(table, SurfaceTable):
         return table.values.tobytes(), table.opacity.tobytes()
     scale = table.domain, table.labels, table.reference_step_mm, table.gradient_top

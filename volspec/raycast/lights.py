@@ -95,9 +95,9 @@ Source = Annotated[
 ]
 
 
-def as_tuple(given: object) -> object:
+def as_tuple(value: object) -> object:
     """Return a single value as a tuple of one."""
-    return tuple(given) if isinstance(given, list | tuple) else (given,)
+    return tuple(value) if isinstance(value, list | tuple) else (value,)
 
 
 def _group_name(name: str) -> str:

@@ -37,9 +37,9 @@ def measure(index: str, *names: str) -> Iterator[tuple[str, float]]:
         packet = Packet(**json.loads(name))
         caster = VolumeCaster(ball, device=index, packet=packet)
         table = caster.bake(transfer)
-        found = caster.cast(table, camera, (256, 256), spec).coefficients
-        first = found if first is None else first
-        if np.abs(found - first).max() > _SAME:
+        channels = caster.cast(table, camera, (256, 256), spec).coefficients
+        first = channels if first is None else first
+        if np.abs(channels - first).max() > _SAME:
             continue
         times = []
         for _ in range(_RUNS):

@@ -34,21 +34,21 @@ class Pass(NamedTuple):
     layers: int = 0
     baked: bool = False
 
-    def spec(self, own: RaycastSpec, volume: Volume) -> RaycastSpec:
+    def spec(self, base: RaycastSpec, volume: Volume) -> RaycastSpec:
         """Return the pass's settings; of a volume larger than memory, on the way, what is in it."""
-        if own.layers != self.layers or (self.layers and own.opacities):
-            opacities = {} if self.layers and not self.baked else own.opacities
-            own = replace(own, layers=self.layers, opacities=opacities)
+        if base.layers != self.layers or (self.layers and base.opacities):
+            opacities = {} if self.layers and not self.baked else base.opacities
+            base = replace(base, layers=self.layers, opacities=opacities)
         if self.layers:
-            own = replace(own, tile_ms=min(own.tile_ms, _LAYERS_TILE_MS))
+            base = replace(base, tile_ms=min(base.tile_ms, _LAYERS_TILE_MS))
         if volume.pyramid is not None and self != WHOLE:
-            own = replace(own, level=len(volume.pyramid.levels) - 1)
+            base = replace(base, level=len(volume.pyramid.levels) - 1)
         if self.steps == "own":
-            return own
-        coarse = replace(own, quality="fast", step_mm=None)
+            return base
+        coarse = replace(base, quality="fast", step_mm=None)
         if self.steps == "fast":
             return coarse
-        return replace(coarse, step_mm=max(min(volume.spacing_mm), own.step_mm or 0.0))
+        return replace(coarse, step_mm=max(min(volume.spacing_mm), base.step_mm or 0.0))
 
 
 WHOLE = Pass(1)
@@ -82,19 +82,19 @@ class Pace:
     divisor: int = 4
     whole_ms: float = 0.0
 
-    def after(self, made: Pass, ms: float, plays: bool = False) -> Pace:
+    def after(self, finished: Pass, ms: float, plays: bool = False) -> Pace:
         """Return the pace after a cast that took this long; ``plays``: of a series that plays."""
-        divisor = made.divisor
+        divisor = finished.divisor
         slow, quick = (PLAY_SLOW_MS, PLAY_QUICK_MS) if plays else (SLOW_MS, QUICK_MS)
-        if made == WHOLE:
+        if finished == WHOLE:
             paced = replace(self, whole_ms=ms)
             return paced if self.divisor > 1 or ms <= slow else replace(paced, divisor=2)
         if divisor != self.divisor:
             return self
-        at = DIVISORS.index(divisor)
+        index = DIVISORS.index(divisor)
         if ms > slow:
-            return replace(self, divisor=DIVISORS[min(at + 1, len(DIVISORS) - 1)])
-        finer = [each for each in DIVISORS[:at] if ms * (divisor / each) ** 2 < quick]
+            return replace(self, divisor=DIVISORS[min(index + 1, len(DIVISORS) - 1)])
+        finer = [n for n in DIVISORS[:index] if ms * (divisor / n) ** 2 < quick]
         return replace(self, divisor=finer[0]) if finer else self
 
     @property

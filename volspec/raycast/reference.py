@@ -115,9 +115,9 @@ def cast(
     """
     check_reach(volume, camera, spec)
     if spec.add_fields and isinstance(table, FieldTables):
-        alone, rest = replace(spec, add_fields=False), (span_mm, clear)
-        each: Any = [cast(volume, one, camera, size, alone, *rest) for one in table.apart()]
-        return tuple(add_pictures(each))  # type: ignore[return-value]
+        alone, args = replace(spec, add_fields=False), (span_mm, clear)
+        pictures: Any = [cast(volume, one, camera, size, alone, *args) for one in table.apart()]
+        return tuple(add_pictures(pictures))  # type: ignore[return-value]
 
     def clipped_rays(volume: Volume, spec: RaycastSpec) -> Rays:
         return _within(make_rays(volume, camera, size, spec), span_mm)
@@ -130,7 +130,7 @@ def cast(
         arrives = transmittances(frame, table, spec, camera, clear)
         march = _Fields(frame, table, camera, spec, rays, arrives)
         march.rays_of = {
-            name: march.cropped(clipped_rays(frame.by_name[name], several.own[name]))
+            name: march.cropped(clipped_rays(frame.by_name[name], several.specs[name]))
             for name in table.tables
         }
     else:
@@ -242,9 +242,9 @@ class _March:
         parts = self.alpha, expected, self.first
         return (colour, *(part.reshape(shape) for part in parts))  # type: ignore[return-value]
 
-    def point(self, rays: Index, along: Array) -> Array:
-        """Return (R, 3) index positions at ``along`` mm."""
-        return self.rays.start[rays] + along[:, None] * self.rays.along[rays]
+    def point(self, rays: Index, distance: Array) -> Array:
+        """Return (R, 3) index positions at ``distance`` mm."""
+        return self.rays.start[rays] + distance[:, None] * self.rays.index_direction[rays]
 
     def step_rays(self, live: Index, begin: Array, end: Array) -> None:
         """Take one step of each live ray."""
@@ -261,39 +261,39 @@ class _March:
     def composite(
         self,
         live: Index,
-        along: Array,
+        distance: Array,
         point: Array,
         gradient: Array | None,
         alpha: Array,
         reflectance: Array,
     ) -> None:
         """Composite samples of opacity alpha."""
-        light = self.light(live, along, point, gradient, reflectance)
+        light = self.light(live, distance, point, gradient, reflectance)
         weight = self.transmittance[live] * alpha
         self.colour[live] += weight[:, None, None] * light
-        self.add_alpha(live, along, weight)
+        self.add_alpha(live, distance, weight)
         self.transmittance[live] -= weight
 
     def light(
         self,
         live: Index,
-        along: Array,
+        distance: Array,
         point: Array,
         gradient: Array | None,
         reflectance: Array,
     ) -> Array:
         """Return (R, L, M) the light that samples reflect, by group."""
-        factor, highlight = self.shade(live, along, point, gradient)
+        factor, highlight = self.shade(live, distance, point, gradient)
         material = factor[:, :, None] * reflectance[:, None, :]
         return material + highlight[:, :, None] * self.table.white
 
     def shade(
-        self, live: Index, along: Array, point: Array, gradient: Array | None
+        self, live: Index, distance: Array, point: Array, gradient: Array | None
     ) -> tuple[Array, Array]:
         """Return the factors of the samples' reflectances and the highlights, (R, L) each."""
-        return shade(self.arrives, *self.shading(live, along, point, gradient))
+        return shade(self.arrives, *self.shading(live, distance, point, gradient))
 
-    def shading(self, live: Index, along: Array, point: Array, gradient: Array | None) -> Any:
+    def shading(self, live: Index, distance: Array, point: Array, gradient: Array | None) -> Any:
         """Return the arguments of `shade_by_source` for samples."""
         lift, direction = np.full(len(live), self.lift_mm), self.rays.direction[live]
         gradient = gradient if self.normals else None
@@ -301,27 +301,27 @@ class _March:
         if by_matter:
             per_step = min(self.volume.spacing_mm) / self.step
             lift *= (1 - (1 - self.matter[live]) ** per_step) ** 16
-        away = self.cut_rays.above_cut(live, along, lift)
+        offset = self.cut_rays.above_cut(live, distance, lift)
         if by_matter:
             # Opaque matter that is cut is seen in the first step.
             stride = (2.001 if self.spec.adaptive else 0.501) * self.step
             first = max(min(self.volume.spacing_mm), stride)
-            away[self.cut_rays.below_cut(live, along) >= first] = 0.0
+            offset[self.cut_rays.below_cut(live, distance) >= first] = 0.0
         if by_matter and gradient is not None:
             square = (gradient**2).sum(axis=1)
             lift *= np.sqrt(square) / (square + self.spec.gradient_floor_squared)
             eye = np.where((gradient * direction).sum(axis=1) > 0, -1.0, 1.0)
-            away += (eye * lift)[:, None] * gradient
+            offset += (eye * lift)[:, None] * gradient
         lift_mm = 0.0 if by_matter else self.lift_mm
-        given = self.volume, self.camera, self.spec, lift_mm
-        return *given, point, direction, gradient, away
+        context = self.volume, self.camera, self.spec, lift_mm
+        return *context, point, direction, gradient, offset
 
-    def add_alpha(self, live: Index, along: Array, alpha: Array) -> None:
+    def add_alpha(self, live: Index, distance: Array, alpha: Array) -> None:
         """Sum alpha and depth, and find the first hit."""
         self.alpha[live] += alpha
         hit = np.isinf(self.first[live]) & (self.alpha[live] >= self.spec.first_opacity)
-        self.first[live[hit]] = along[hit]
-        self.depth[live] += alpha * along
+        self.first[live[hit]] = distance[hit]
+        self.depth[live] += alpha * distance
 
 
 class _Layered(_March):
@@ -354,42 +354,42 @@ class _Layered(_March):
     def composite(
         self,
         live: Index,
-        along: Array,
+        distance: Array,
         point: Array,
         gradient: Array | None,
         alpha: Array,
         reflectance: Array,
     ) -> None:
-        factor, highlight, shadows = self.unshadowed(live, along, point, gradient)
+        factor, highlight, shadows = self.unshadowed(live, distance, point, gradient)
         _, weights = classify(self.weights, self.sampler, point, gradient, self.step)
-        seen = np.flatnonzero(alpha > 0)
-        samples = Samples(along, alpha, weights, factor, highlight, shadows).of(seen)
+        visible = np.flatnonzero(alpha > 0)
+        samples = Samples(distance, alpha, weights, factor, highlight, shadows).of(visible)
         for stream in self.streams:
-            stream.add(live[seen], samples)
+            stream.add(live[visible], samples)
         reached = self.transmittance[live] > self.spec.least_transmittance
-        shown = np.where(reached, alpha, 0.0)
-        super().composite(live, along, point, gradient, shown, reflectance)
+        reached_alpha = np.where(reached, alpha, 0.0)
+        super().composite(live, distance, point, gradient, reached_alpha, reflectance)
 
     def unshadowed(
-        self, live: Index, along: Array, point: Array, gradient: Array | None
+        self, live: Index, distance: Array, point: Array, gradient: Array | None
     ) -> tuple[Array, Array, list[Shadow]]:
         """Return factors and highlights without shadows, as `shade`, and the shadows."""
         factor = np.zeros((len(live), len(self.spec.groups)))
         highlight, shadows = np.zeros_like(factor), []
-        for each in shade_by_source(*self.shading(live, along, point, gradient)):
-            at = each.in_front
-            if each.number in self.unblocked:
-                assert at is not None
-                part = self.unblocked[each.number](at)
-                each = each._replace(factor=part * each.factor, highlight=part * each.highlight)
-            factor[:, each.group] += each.factor
-            highlight[:, each.group] += each.highlight
-            if each.number in self.arrives:
-                assert at is not None
-                *alone, half, whole = (lights[each.number](at) for lights in self.split)
-                light = each.factor, each.highlight, at, self.arrives[each.number](at)
-                slot = each.group, each.occluded
-                shadows.append(Shadow(each.number, slot, *light, half, whole, np.stack(alone, 1)))
+        for term in shade_by_source(*self.shading(live, distance, point, gradient)):
+            in_front = term.in_front
+            if term.number in self.unblocked:
+                assert in_front is not None
+                part = self.unblocked[term.number](in_front)
+                term = term._replace(factor=part * term.factor, highlight=part * term.highlight)
+            factor[:, term.group] += term.factor
+            highlight[:, term.group] += term.highlight
+            if term.number in self.arrives:
+                assert in_front is not None
+                *alone, half, full = (lights[term.number](in_front) for lights in self.split)
+                light = term.factor, term.highlight, in_front, self.arrives[term.number](in_front)
+                slot = term.group, term.occluded
+                shadows.append(Shadow(term.number, slot, *light, half, full, np.stack(alone, 1)))
         return factor, highlight, shadows
 
 
@@ -403,8 +403,8 @@ class _Fields(_March):
 
     rays_of: Mapping[str, Rays]  # of every field in its own index space
 
-    def __init__(self, *given: Any) -> None:
-        super().__init__(*given)
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
         self.samplers = {
             name: Sampler(self.volume.by_name[name], one, self.spec)
             for name, one in self.table.tables.items()
@@ -421,21 +421,21 @@ class _Fields(_March):
         return replace(rays, near=near, far=far)
 
     def march(self) -> None:
-        self.later_cuts = {name: self._later_cuts(own) for name, own in self.rays_of.items()}
-        each = list(self.rays_of.values())
-        meets = [r.near < r.far for r in each]
-        near = np.min([np.where(m, r.near, np.inf) for r, m in zip(each, meets, strict=True)], 0)
-        far = np.max([np.where(m, r.far, -np.inf) for r, m in zip(each, meets, strict=True)], 0)
+        self.later_cuts = {name: self._later_cuts(rays) for name, rays in self.rays_of.items()}
+        bundles = list(self.rays_of.values())
+        meets = [r.near < r.far for r in bundles]
+        near = np.min([np.where(m, r.near, np.inf) for r, m in zip(bundles, meets, strict=True)], 0)
+        far = np.max([np.where(m, r.far, -np.inf) for r, m in zip(bundles, meets, strict=True)], 0)
         near = np.where(near < far, near, 0.0)
         begin = near - self.rays.shift
         k = np.floor(begin / self.step)
         while True:
-            at = k * self.step + self.rays.shift
+            distance = k * self.step + self.rays.shift
             stop = self.spec.least_transmittance
-            live = np.flatnonzero((at < far) & (self.transmittance > stop))
+            live = np.flatnonzero((distance < far) & (self.transmittance > stop))
             if not live.size:
                 break
-            self.step_rays(live, at[live], at[live] + self.step)
+            self.step_rays(live, distance[live], distance[live] + self.step)
             k[live] += 1
 
     def step_rays(self, live: Index, begin: Array, end: Array) -> None:
@@ -444,7 +444,7 @@ class _Fields(_March):
             rays = self.rays_of[name]
             first, last = np.maximum(begin, rays.near[live]), np.minimum(end, rays.far[live])
             middle = 0.5 * (first + last)
-            point = rays.start[live] + middle[:, None] * rays.along[live]
+            point = rays.start[live] + middle[:, None] * rays.index_direction[live]
             gradient = sampler.gradient(point) if self.normals else None
             opacity, reflectance = self._classify(name, point, gradient)
             alpha = 1 - (1 - opacity) ** (np.maximum(last - first, 0.0) / self.step)
@@ -455,7 +455,7 @@ class _Fields(_March):
         self.matter[live] = 1 - passes
         weight = self.transmittance[live] * (1 - passed)
         total = np.maximum(sum(part[0] for part in parts), TINY)
-        along = np.zeros(len(live))
+        distance = np.zeros(len(live))
         for name, (extinction, middle, gradient, reflectance) in zip(
             self.samplers, parts, strict=True
         ):
@@ -463,24 +463,24 @@ class _Fields(_March):
             part = weight * extinction / total
             light = self.light(live, middle, self.point(live, middle), gradient, reflectance)
             self.colour[live] += part[:, None, None] * light
-            along += part * middle
-        self.add_alpha(live, along / np.maximum(weight, TINY), weight)
+            distance += part * middle
+        self.add_alpha(live, distance / np.maximum(weight, TINY), weight)
         self.transmittance[live] -= weight
 
-    def _later_cuts(self, own: Rays) -> Rays:
+    def _later_cuts(self, rays: Rays) -> Rays:
         """Return the rays with the cuts of a field's own, where these are behind the frame's."""
-        later = own.cut_mm > self.rays.cut_mm
-        normal = np.where(later[:, None], own.cut_normal, self.rays.cut_normal)
-        cut_mm = np.maximum(own.cut_mm, self.rays.cut_mm)
+        later = rays.cut_mm > self.rays.cut_mm
+        normal = np.where(later[:, None], rays.cut_normal, self.rays.cut_normal)
+        cut_mm = np.maximum(rays.cut_mm, self.rays.cut_mm)
         return replace(self.rays, cut_mm=cut_mm, cut_normal=normal)
 
     def _classify(self, name: str, point: Array, gradient: Array | None) -> tuple[Array, Array]:
         """Return a field's (R,) opacity of a step and (R, M) reflectance."""
         tables, sampler = self.table.rows(name), self.samplers[name]
-        each = [classify(one, sampler, point, gradient, self.step) for one in tables]
+        classified = [classify(one, sampler, point, gradient, self.step) for one in tables]
         if name not in self.masks:
-            return each[0]
-        opacity, reflectance = (np.stack(part, axis=1) for part in zip(*each, strict=True))
+            return classified[0]
+        opacity, reflectance = (np.stack(part, axis=1) for part in zip(*classified, strict=True))
         weights = self.masks[name].weights(point, len(tables))
         extinction = -weights * np.log1p(-np.minimum(opacity, 1 - MIX_OPAQUE))
         total = extinction.sum(axis=1)
@@ -499,8 +499,8 @@ class _Filtered(_March):
     so that a channel reflects as much as it loses, and alpha is the mean loss of all channels.
     """
 
-    def __init__(self, *given: Any) -> None:
-        super().__init__(*given)
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
         self.channel_transmittance = np.ones((len(self.transmittance), self.table.size))
 
     def step_rays(self, live: Index, begin: Array, end: Array) -> None:
@@ -514,9 +514,9 @@ class _Filtered(_March):
         ]
         j, f = find_entry(self.table, self.sampler.value(point))
         passed = interpolate(entries, j, f) ** ((end - begin) / self.step)[:, None]
-        lost = self.channel_transmittance[live] * (1 - passed)
+        absorbed = self.channel_transmittance[live] * (1 - passed)
         light = self.light(live, middle, point, gradient, reflectance)
-        self.colour[live] += lost[:, None, :] * light
+        self.colour[live] += absorbed[:, None, :] * light
         self.channel_transmittance[live] *= passed
         left = self.channel_transmittance[live].mean(axis=1)
         self.add_alpha(live, middle, self.transmittance[live] - left)
@@ -527,15 +527,15 @@ class _Preintegrated(_March):
     """The transfer function integrated between a step's ends; twin: preintegrated.cl."""
 
     def step_rays(self, live: Index, begin: Array, end: Array) -> None:
-        points = [self.point(live, at) for at in (begin, end)]
-        ends = [self.sampler.value(each) for each in points]
+        points = [self.point(live, distance) for distance in (begin, end)]
+        ends = [self.sampler.value(point) for point in points]
         means = segment_means(self.table, self.step, *ends)
         # A step into opaque matter is a surface, of whichever mean.
         depths = [segment_means(self.table, self.step, end, end)[:, 0] for end in ends]
         self.matter[live] = -np.expm1(-np.max([means[:, 0], *depths], axis=0))
         alpha = -np.expm1(-means[:, 0] * (end - begin) / self.step)
         # No values lie between one and a missing one.
-        alpha *= np.all([self.sampler.is_present(each) for each in points], axis=0)
+        alpha *= np.all([self.sampler.is_present(point) for point in points], axis=0)
         reflectance = means[:, 1:] / np.maximum(means[:, :1], TINY) @ self.table.channels
         middle = 0.5 * (begin + end)
         point = self.point(live, middle)
@@ -549,31 +549,31 @@ class _Surfaces(_March):
     def step_rays(self, live: Index, begin: Array, end: Array) -> None:
         while live.size:
             leave = np.minimum(self._next_face(live, begin), end)
-            at = begin[:, None] + (leave - begin)[:, None] * (np.arange(4) / 3)
-            values = [self.sampler.value(self.point(live, each)) for each in at.T]
+            distances = begin[:, None] + (leave - begin)[:, None] * (np.arange(4) / 3)
+            values = [self.sampler.value(self.point(live, distance)) for distance in distances.T]
             cubic = np.linalg.inv(np.vander(np.arange(4) / 3)) @ values  # highest power first
             knots = [np.zeros(len(live)), *_extrema(cubic), np.ones(len(live))]
             inner = (np.polyval(cubic, knot) for knot in knots[1:3])
             knots_values = [values[0], *inner, values[3]]
             # Missing voxels end a surface and make none.
-            whole = self.sampler.is_present(self.point(live, 0.5 * (begin + leave)))
+            present = self.sampler.is_present(self.point(live, 0.5 * (begin + leave)))
             for u, w, front, back in zip(
                 knots, knots[1:], knots_values, knots_values[1:], strict=False
             ):
-                pieces = u, w, front, np.where(whole, back, front)
+                pieces = u, w, front, np.where(present, back, front)
                 self._cross(live, begin, leave - begin, cubic, *pieces)
             more = leave < end
             live, begin, end = live[more], leave[more], end[more]
 
-    def _next_face(self, live: Index, at: Array) -> Array:
-        """Return the distance at which rays leave the cells in which they go on at ``at`` mm."""
-        along, start = self.rays.along[live], self.rays.start[live]
-        place = start + at[:, None] * along
-        face = np.where(along > 0, np.floor(place) + 1, np.ceil(place) - 1)
+    def _next_face(self, live: Index, distance: Array) -> Array:
+        """Return the distance at which rays leave the cells that they enter at ``distance`` mm."""
+        direction, start = self.rays.index_direction[live], self.rays.start[live]
+        place = start + distance[:, None] * direction
+        face = np.where(direction > 0, np.floor(place) + 1, np.ceil(place) - 1)
         with np.errstate(divide="ignore", invalid="ignore"):
-            leave = (face - start) / along
-            leave = np.where(leave > at[:, None], leave, leave + 1 / np.abs(along))
-        return np.where(along == 0, np.inf, leave).min(axis=1)
+            leave = (face - start) / direction
+            leave = np.where(leave > distance[:, None], leave, leave + 1 / np.abs(direction))
+        return np.where(direction == 0, np.inf, leave).min(axis=1)
 
     def _cross(
         self,
@@ -601,11 +601,11 @@ class _Surfaces(_March):
                 value = np.polyval(cubic[:, met], middle)
                 before = (value < level[met]) == (front[met] < level[met])
                 low, high = np.where(before, middle, low), np.where(before, high, middle)
-            along = begin[met] + low * length[met]
-            point = self.point(rays, along)
+            distance = begin[met] + low * length[met]
+            point = self.point(rays, distance)
             gradient = self.sampler.gradient(point) if self.normals else None
             reflectance = (table.material_weights @ table.channels)[which]
-            self.composite(rays, along, point, gradient, table.opacity[which], reflectance)
+            self.composite(rays, distance, point, gradient, table.opacity[which], reflectance)
 
 
 def _extrema(cubic: Array) -> list[Array]:
@@ -614,8 +614,8 @@ def _extrema(cubic: Array) -> list[Array]:
     with np.errstate(divide="ignore", invalid="ignore"):
         root = np.sqrt(b * b - 3 * a * c)
         q = -b - np.where(b < 0, -root, root)
-        found = [np.where((u > 0) & (u < 1), u, 0.0) for u in (q / (3 * c), a / q)]
-    return [np.minimum(*found), np.maximum(*found)]
+        roots = [np.where((u > 0) & (u < 1), u, 0.0) for u in (q / (3 * c), a / q)]
+    return [np.minimum(*roots), np.maximum(*roots)]
 
 
 class _Projection(_March):
@@ -672,19 +672,19 @@ def layers(
     grid = LightGrid.for_spec(volume, spec)
     sigma = (part or 1.0) * extinction(volume, table, spec, grid)
     gain = OCCLUSION_GAIN if part is None else 1.0
-    found = []
+    arrays = []
     for layer in light_layers(spec, volume, camera):
         if layer.kind == "directional":
-            found.append(_along(sigma, grid, np.array(layer.vector), *layer.steps(grid)))
+            arrays.append(_along_direction(sigma, grid, np.array(layer.vector), *layer.steps(grid)))
         elif layer.kind == "point":
-            found.append(_towards(sigma, grid, np.array(layer.vector)))
+            arrays.append(_towards(sigma, grid, np.array(layer.vector)))
         else:
             steps = layer.steps(grid)
-            rays = [_along(sigma, grid, d, *steps) for d in sphere_directions()]
-            found.append(np.minimum(gain * np.mean(rays, axis=0), 1))
+            rays = [_along_direction(sigma, grid, d, *steps) for d in sphere_directions()]
+            arrays.append(np.minimum(gain * np.mean(rays, axis=0), 1))
         if clear is not None:
-            found[-1] = found[-1] * unblocked_part(layer, grid, clear).reshape(sigma.shape)
-    return np.reshape(found, (-1, *sigma.shape))
+            arrays[-1] = arrays[-1] * unblocked_part(layer, grid, clear).reshape(sigma.shape)
+    return np.reshape(arrays, (-1, *sigma.shape))
 
 
 def transmittances(
@@ -696,14 +696,14 @@ def transmittances(
     part: float | None = None,
 ) -> dict[int, Transmittance]:
     """Return functions for shadows and occlusion, by index in `numbered_sources`; see `layers`."""
-    wanted = light_layers(spec, volume, camera)
-    if not wanted:
+    requested = light_layers(spec, volume, camera)
+    if not requested:
         return {}
     grid = LightGrid.for_spec(volume, spec)
     return {
         layer.source: partial(light_at, values, grid)
         for layer, values in zip(
-            wanted, layers(volume, table, spec, camera, clear, part), strict=True
+            requested, layers(volume, table, spec, camera, clear, part), strict=True
         )
     }
 
@@ -720,7 +720,7 @@ def split_transmittances(
     if not arrives:
         return arrives, [], {}
     of = partial(transmittances, volume, spec=spec, camera=camera)
-    split = [of(each, part=HALF) for each in (*material_tables(table), table)]
+    split = [of(single, part=HALF) for single in (*material_tables(table), table)]
     passed: dict[int, Transmittance] = {}
     if clear is not None:
         grid = LightGrid.for_spec(volume, spec)
@@ -740,15 +740,15 @@ def extinction(volume: Volume, table: Tables, spec: RaycastSpec, grid: LightGrid
     if isinstance(table, FieldTables):
         total = np.zeros(grid.shape_xyz[::-1])
         for name in table.tables:
-            field, own = volume.by_name[name], spec.for_field(name)
+            field, field_spec = volume.by_name[name], spec.for_field(name)
             of = partial(_masked_extinction, volume=volume, table=table, name=name)
             if field.has_lattice_of(volume):
-                total += _on_nodes(of, field, own, grid)
+                total += _on_nodes(of, field, field_spec, grid)
                 continue
             other = grid.alike(field)
-            uncropped = replace(own, crop_voxels=None)
-            found = grid.resampled(_on_nodes(of, field, uncropped, other), other)
-            total += grid.inside_crop(spec) * found
+            uncropped = replace(field_spec, crop_voxels=None)
+            resampled = grid.resampled(_on_nodes(of, field, uncropped, other), other)
+            total += grid.inside_crop(spec) * resampled
         return total
     if isinstance(table, SurfaceTable):
         return _on_nodes(partial(_surface_extinction, table=table), volume, spec, grid)
@@ -782,16 +782,16 @@ def _on_nodes(
 
 def _masked_extinction(field: Volume, volume: Volume, table: FieldTables, name: str) -> Array:
     """Return (Z, Y, X) σ of a field's voxels, each by the row of its mask that is nearest."""
-    own, mask = table.tables[name], table.masks.get(name)
+    field_table, mask = table.tables[name], table.masks.get(name)
     if mask is None:
-        return _table_extinction(field, own)
+        return _table_extinction(field, field_table)
     z, y, x = np.indices(field.values.shape)
     world = np.stack([x, y, z], axis=-1) @ field.world_from_index[:3, :3].T
     index = volume.by_name[name].index_from_world
-    at = (world + field.world_from_index[:3, 3]) @ index[:3, :3].T + index[:3, 3]
-    rows = MaskLattice.of(volume, name, mask).nearest(at)
-    each = [_table_extinction(field, one) for one in table.rows(name)]
-    return np.asarray(np.take_along_axis(np.stack(each), rows[None].astype(int), axis=0)[0])
+    position = (world + field.world_from_index[:3, 3]) @ index[:3, :3].T + index[:3, 3]
+    rows = MaskLattice.of(volume, name, mask).nearest(position)
+    sigmas = [_table_extinction(field, one) for one in table.rows(name)]
+    return np.asarray(np.take_along_axis(np.stack(sigmas), rows[None].astype(int), axis=0)[0])
 
 
 def _table_extinction(volume: Volume, table: TransferTable) -> Array:
@@ -803,12 +803,12 @@ def _table_extinction(volume: Volume, table: TransferTable) -> Array:
     values = volume.values.astype(np.float64)
     last = entries.shape[-1] - 1
     if table.labels:
-        known = (values >= 0) & (values < last + 1)
-        return np.where(known, entries[np.where(known, values, 0).astype(int)], 0.0)
+        valid = (values >= 0) & (values < last + 1)
+        return np.where(valid, entries[np.where(valid, values, 0).astype(int)], 0.0)
     low, high = table.domain
-    at = np.clip((values - low) / (high - low) * last, 0, last)
-    j = np.minimum(at.astype(int), last - 1)
-    f = at - j
+    position = np.clip((values - low) / (high - low) * last, 0, last)
+    j = np.minimum(position.astype(int), last - 1)
+    f = position - j
     if table.gradient_top is None:
         return entries[j] + f * (limits[j + 1] - entries[j])
     rows = np.clip(_gradient(volume) / table.gradient_top, 0, 1) * (len(entries) - 1)
@@ -843,8 +843,8 @@ def _surface_extinction(volume: Volume, table: SurfaceTable) -> Array:
     for axis, spacing, slope in zip((2, 1, 0), volume.spacing_mm, slopes, strict=True):
         across = np.maximum(square - slope**2, 0.0)  # of the other axes
         ends = [
-            tuple(each if a == axis else slice(None) for a in range(3))
-            for each in (slice(None, -1), slice(1, None))
+            tuple(span if a == axis else slice(None) for a in range(3))
+            for span in (slice(None, -1), slice(1, None))
         ]
         for one, other in (ends, ends[::-1]):
             here, following = values[one], values[other]
@@ -852,8 +852,8 @@ def _surface_extinction(volume: Volume, table: SurfaceTable) -> Array:
             steepness = np.sqrt(np.maximum(across[one] + rise**2, TINY))
             for level, opacity in zip(table.values.astype(np.float32), table.opacity, strict=True):
                 crossed = present[one] & present[other] & ((here < level) != (following < level))
-                apart = np.where(crossed, following - here, 1.0)
-                part = np.where(crossed, 1.0 - (level - here) / apart, 0.0)
+                change = np.where(crossed, following - here, 1.0)
+                part = np.where(crossed, 1.0 - (level - here) / change, 0.0)
                 sigma[one] += part * rise / steepness * extinction_per_mm(opacity, spacing)
     return sigma
 
@@ -883,16 +883,16 @@ def _weights(voxels: int, nodes: int) -> Array:
     """
     nodes -= 2 * LIGHT_MARGIN
     if nodes >= voxels:
-        apart = np.arange(nodes)[:, None] * (voxels - 1) / (nodes - 1) - np.arange(voxels)
-        weights = np.maximum(1 - np.abs(apart), 0)
+        offset = np.arange(nodes)[:, None] * (voxels - 1) / (nodes - 1) - np.arange(voxels)
+        weights = np.maximum(1 - np.abs(offset), 0)
     else:
-        apart = np.abs(np.arange(nodes)[:, None] - np.arange(voxels) * (nodes - 1) / (voxels - 1))
-        weights = np.where(np.isclose(apart, 0.5), 0.5, apart < 0.5)
+        offset = np.abs(np.arange(nodes)[:, None] - np.arange(voxels) * (nodes - 1) / (voxels - 1))
+        weights = np.where(np.isclose(offset, 0.5), 0.5, offset < 0.5)
         weights /= weights.sum(axis=1, keepdims=True)
     return np.pad(weights, ((LIGHT_MARGIN, LIGHT_MARGIN), (0, 0)))
 
 
-def _along(
+def _along_direction(
     sigma: Array, grid: LightGrid, direction: Array, middles: Array, lengths: Array
 ) -> Array:
     """Return (nz, ny, nx) transmittance from every node along one direction."""
@@ -915,8 +915,8 @@ def _towards(sigma: Array, grid: LightGrid, light_mm: Array) -> Array:
     for k in range(grid.diagonal_steps):
         begin = grid.shadow_bias + k
         length = np.clip(cells - begin, 0, 1)
-        at = nodes + 1 + (begin + length / 2) * step
-        depth += length[:, 0] * grid.cell_mm * trilinear(padded, at)
+        points = nodes + 1 + (begin + length / 2) * step
+        depth += length[:, 0] * grid.cell_mm * trilinear(padded, points)
     return np.exp(-depth).reshape(sigma.shape)
 
 

@@ -245,12 +245,12 @@ class RaycastSpec:
 
     def check_fields(self) -> None:
         """Raise RaycastError if a setting is for one field alone."""
-        for name, given in (
+        for name, is_set in (
             ("mode", self.mode != "composite"),
             ("preintegrated", self.preintegrated),
             ("adaptive", self.adaptive > 0),
         ):
-            if given:
+            if is_set:
                 raise RaycastError(
                     f"{name} does not work with several fields or a mask",
                     "leave it out, or show one field",
@@ -292,7 +292,7 @@ class RaycastSpec:
 
         A point p stays if n · p ≥ d. Of a volume's crop it is the sides within it.
         """
-        found = [
+        planes = [
             [*plane.normal, np.dot(plane.normal, plane.point_mm)]
             for plane in self.clip_planes
             if not plane.fields
@@ -301,10 +301,10 @@ class RaycastSpec:
             rows = volume.index_from_world[:3]
             for row, (low, high), n in zip(rows, self.crop_voxels, volume.shape_xyz, strict=True):
                 if low > 0.0:
-                    found.append([*row[:3], low - row[3]])
+                    planes.append([*row[:3], low - row[3]])
                 if high < n - 1:
-                    found.append([*-row[:3], row[3] - high])
-        return np.reshape(found, (-1, 4)).astype(np.float64)
+                    planes.append([*-row[:3], row[3] - high])
+        return np.reshape(planes, (-1, 4)).astype(np.float64)
 
     def kept(self, volume: Volume) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the least and greatest index (x, y, z) that the crop leaves of a volume.
@@ -336,8 +336,8 @@ class RaycastSpec:
             return self
         scale = np.diag(volume.finest_from_index)[:3]
         shift = volume.finest_from_index[:3, 3]
-        own = (np.array(self.crop_voxels) - shift[:, None]) / scale[:, None]
-        x, y, z = ((float(low), float(high)) for low, high in own)
+        crop = (np.array(self.crop_voxels) - shift[:, None]) / scale[:, None]
+        x, y, z = ((float(low), float(high)) for low, high in crop)
         return replace(self, crop_voxels=(x, y, z))
 
     def for_field(self, name: str | None) -> RaycastSpec:
@@ -364,21 +364,21 @@ class RaycastSpec:
         RaycastError
             If a plane cuts a field that the volume does not have.
         """
-        own = "", volume.name, volume.channel.name
-        known = [each.name for each in volume.fields]
+        own_names = "", volume.name, volume.channel.name
+        names = [channel.name for channel in volume.fields]
         if not any(plane.fields for plane in self.clip_planes):
             return self
         planes = []
         for number, plane in enumerate(self.clip_planes):
             for name in plane.fields:
-                if name not in (*own, *known):
+                if name not in (*own_names, *names):
                     raise _at_cast(
                         f"clip_planes[{number}].fields",
                         f"{volume.name} has no field {name!r}",
-                        f"{nearest(name, known)}it has {', '.join(map(repr, ['', *known]))}, of "
+                        f"{nearest(name, names)}it has {', '.join(map(repr, ['', *names]))}, of "
                         'which "" is its own',
                     )
-            named = (name if name in known else volume.name for name in plane.fields)
+            named = (name if name in names else volume.name for name in plane.fields)
             planes.append(replace(plane, fields=tuple(named)))
         return replace(self, clip_planes=tuple(planes))
 

@@ -32,7 +32,7 @@ class Trial(NamedTuple):
     alpha: NDArray[np.float32]  # (H, W)
 
     @property
-    def seen(self) -> int:
+    def visible(self) -> int:
         """Number of pixels that see something."""
         return int(np.count_nonzero(self.alpha > _SEEN))
 
@@ -108,12 +108,12 @@ def choose_step(
         In smallest spacings.
     """
     picture, few = cache(cast), _few_of(size, _PIXELS)
-    if (seen := picture(0.5 * target.longest, few, True).seen) < _MANY_SEEN:
-        few = _few_of(size, _PIXELS * _MANY_SEEN // max(seen, _MANY_SEEN // 64))
-    chosen = _choose(picture, few, target, shortest)
-    if chosen.pixels < _MANY_WRONG and few != size:
-        chosen = _choose(picture, _few_of(size, 4 * math.prod(few)), target, shortest)
-    return chosen
+    if (visible := picture(0.5 * target.longest, few, True).visible) < _MANY_SEEN:
+        few = _few_of(size, _PIXELS * _MANY_SEEN // max(visible, _MANY_SEEN // 64))
+    choice = _choose(picture, few, target, shortest)
+    if choice.pixels < _MANY_WRONG and few != size:
+        choice = _choose(picture, _few_of(size, 4 * math.prod(few)), target, shortest)
+    return choice
 
 
 def _few_of(size: Size, count: int) -> Size:
@@ -155,8 +155,8 @@ def _choose(
 
 def _part_alike(longest: Trial, middle: Trial, shortest: Trial) -> float:
     """Return the part of an error that stays when the step is halved, of a step and references."""
-    whole, more = (_squares(longest, other).mean() for other in (middle, shortest))
-    return float(np.clip(math.sqrt(more / max(whole, 1e-24)) - 1.0, 0.0, _MAX_ALIKE))
+    to_middle, more = (_squares(longest, other).mean() for other in (middle, shortest))
+    return float(np.clip(math.sqrt(more / max(to_middle, 1e-24)) - 1.0, 0.0, _MAX_ALIKE))
 
 
 def _difference(one: Trial, other: Trial) -> tuple[float, float]:
@@ -174,8 +174,8 @@ def _difference(one: Trial, other: Trial) -> tuple[float, float]:
 
 def _squares(one: Trial, other: Trial) -> NDArray[np.float64]:
     """Return the mean squares of the differences where the second sees something; else 0."""
-    seen = other.alpha > _SEEN
-    if not seen.any():
+    visible = other.alpha > _SEEN
+    if not visible.any():
         return np.zeros(1)
-    apart = one.coefficients[seen] - other.coefficients[seen]
-    return np.asarray(np.mean(apart**2, axis=-1, dtype=np.float64))
+    difference = one.coefficients[visible] - other.coefficients[visible]
+    return np.asarray(np.mean(difference**2, axis=-1, dtype=np.float64))

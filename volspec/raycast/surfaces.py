@@ -106,7 +106,7 @@ class SurfaceImage(NamedTuple):
     depth_mm: NDArray[np.float32] | None = None  # (H, W); None if it is not that of the picture
     first_mm: NDArray[np.float32] | None = None  # (H, W); None if it is depth_mm
     part: tuple[slice, slice] = (slice(None), slice(None))
-    lost: NDArray[np.float32] | None = None  # (H, W, M) kept of each channel; None if alpha
+    loss: NDArray[np.float32] | None = None  # (H, W, M) kept of each channel; None if alpha
 
 
 class SurfaceCaster(Protocol):
@@ -173,20 +173,20 @@ class Surfaces:
     @classmethod
     def of(
         cls,
-        behind: Sequence[SurfaceCaster],
+        casters: Sequence[SurfaceCaster],
         camera: Camera,
         size: tuple[int, int],
         opacity: OpacityCaster,
     ) -> Surfaces:
         """Return the surfaces; see `volspec.raycast`."""
-        depths_mm = [each.depths_mm(camera, size) for each in behind]
-        stop_mm = np.minimum.reduce([opaque for opaque, *_ in depths_mm]) if behind else None
-        return cls(behind, camera, size, opacity, depths_mm, stop_mm)
+        depths_mm = [caster.depths_mm(camera, size) for caster in casters]
+        stop_mm = np.minimum.reduce([opaque for opaque, *_ in depths_mm]) if casters else None
+        return cls(casters, camera, size, opacity, depths_mm, stop_mm)
 
     @property
     def clear(self) -> Visibility | None:
         """Light that the surfaces let pass, as for `VolumeCaster.cast`."""
-        return next((each.clear for each in self.behind if each.clear is not None), None)
+        return next((caster.clear for caster in self.behind if caster.clear is not None), None)
 
     @property
     def _projected(self) -> bool:
@@ -194,7 +194,7 @@ class Surfaces:
         return self.opacity.spec.mode != "composite"
 
     @property
-    def _least(self) -> float:
+    def _threshold(self) -> float:
         """Transmittance below which nothing behind a pixel's volume is seen; -1 for layers."""
         spec = self.opacity.spec
         return -1.0 if spec.layers else spec.least_transmittance
@@ -222,24 +222,24 @@ class Surfaces:
         if not self.behind:
             return front
         opaque, sheets = self._pictures(casts)
-        lost = [
-            self._lost(each, span_mm)
-            for each, (_, span_mm) in zip(casts, self.spans(None), strict=True)
+        losses = [
+            self._loss(layer, span_mm)
+            for layer, (_, span_mm) in zip(casts, self.spans(None), strict=True)
         ]
-        self._put_edges(casts, lost, opaque, cast)
-        rest = [SurfaceImage(*each, lost=own) for each, own in zip(casts, lost, strict=True)]
+        self._put_edges(casts, losses, opaque, cast)
+        back = [SurfaceImage(*layer, loss=loss) for layer, loss in zip(casts, losses, strict=True)]
         if not self._projected:
-            rest = [layer for pair in zip(sheets, rest[1:], strict=True) for layer in pair]
+            back = [layer for pair in zip(sheets, back[1:], strict=True) for layer in pair]
         elif sheets:
-            front, rest = nothing(front.coefficients.shape, front.coefficients.dtype), sheets + rest
-            lost = [front.alpha[..., None]]
+            front, back = nothing(front.coefficients.shape, front.coefficients.dtype), sheets + back
+            losses = [front.alpha[..., None]]
         else:
-            rest = []
-        for layer in (*rest, *opaque):
-            composite_under(front, layer, lost[0])
+            back = []
+        for layer in (*back, *opaque):
+            composite_under(front, layer, losses[0])
         return front
 
-    def _lost(self, cast: Result, span_mm: NDArray[np.float32] | None) -> NDArray[np.float32]:
+    def _loss(self, cast: Result, span_mm: NDArray[np.float32] | None) -> NDArray[np.float32]:
         """Return (H, W, M) the part of each channel that a cast keeps from what is behind it.
 
         Without spectral absorption it is (H, W, 1), alpha itself. With it, matter reflects as much
@@ -258,7 +258,7 @@ class Surfaces:
     def _put_edges(
         self,
         casts: Sequence[Result],
-        lost: Sequence[NDArray[np.float32]],
+        losses: Sequence[NDArray[np.float32]],
         opaque: Sequence[SurfaceImage],
         cast: SpanCast,
     ) -> None:
@@ -270,35 +270,35 @@ class Surfaces:
         """
         assert self.stop_mm is not None
         spans = [span_mm for _, span_mm in self.spans(None) if span_mm is not None]
-        seen = np.prod([1.0 - each.alpha for each in casts], axis=0) > self._least
+        visible = np.prod([1.0 - layer.alpha for layer in casts], axis=0) > self._threshold
         for number, picture in enumerate(opaque):
             if picture.depth_mm is None:
                 continue
-            part, own = picture.part, self.depths_mm[number][0][picture.part]
+            part, mesh_mm = picture.part, self.depths_mm[number][0][picture.part]
             # Thin tips may be seen by a pixel's middle alone.
-            ends = np.isfinite(own) & (own <= self.stop_mm[part]) & seen[part]
+            ends = np.isfinite(mesh_mm) & (mesh_mm <= self.stop_mm[part]) & visible[part]
             here = (picture.alpha > 0.0) | ends
             here &= (picture.alpha < 1.0) & np.isfinite(picture.depth_mm)
             if not here.any():
                 continue
-            depth_mm, passes = picture.depth_mm[here], np.isinf(own[here])
-            every = np.stack([span[part][here] for span in spans])
-            reaches = (every[..., 1] >= depth_mm).argmax(axis=0)
-            begin_mm = np.take_along_axis(every[..., 0], reaches[None], axis=0)[0]
-            others = [mm[part][here] for k, (mm, *_) in enumerate(self.depths_mm) if k != number]
-            end_mm = np.minimum.reduce([np.full_like(depth_mm, np.inf), *others])
+            depth_mm, passes = picture.depth_mm[here], np.isinf(mesh_mm[here])
+            limits = np.stack([span[part][here] for span in spans])
+            reaches = (limits[..., 1] >= depth_mm).argmax(axis=0)
+            begin_mm = np.take_along_axis(limits[..., 0], reaches[None], axis=0)[0]
+            other_mm = [mm[part][here] for k, (mm, *_) in enumerate(self.depths_mm) if k != number]
+            end_mm = np.minimum.reduce([np.full_like(depth_mm, np.inf), *other_mm])
             span_mm = np.zeros((*self.size[::-1], 2), np.float32)
             span_mm[part][here, 0] = begin_mm
             span_mm[part][here, 1] = np.where(passes, depth_mm, end_mm)
-            found = cast(span_mm)
-            further = [each[part][here] for each in (*found, self._lost(found, span_mm))]
+            recast = cast(span_mm)
+            further = [array[part][here] for array in (*recast, self._loss(recast, span_mm))]
 
             for k, result in enumerate(casts):
                 some = reaches == k
                 rows = tuple(index[some] for index in np.nonzero(here))
                 surface = picture.channels[rows], picture.alpha[rows], depth_mm[some]
-                views = [each[part] for each in (*result, lost[k])]
-                _put_edge(views, rows, [each[some] for each in further], surface, passes[some])
+                views = [array[part] for array in (*result, losses[k])]
+                _put_edge(views, rows, [array[some] for array in further], surface, passes[some])
             picture.channels[here], picture.alpha[here] = 0.0, 0.0
 
     def solid(self, slots: Sequence[Slot], cancel: Cancel | None = None) -> Solid:
@@ -307,55 +307,55 @@ class Surfaces:
         Light is linear in its sources: each is rendered once, and past the volume's depths at half,
         the whole, and each material alone at half it is what these let pass.
         """
-        lit = self._alone({})
+        picture = self._alone({})
         assert self.stop_mm is not None
         # Layers pass what they only touch, which is behind them all.
-        lit.depth_mm[np.isinf(self.stop_mm)] = np.inf
-        there = lit.alpha > 0.0
-        if not slots or not there.any():
-            return Solid(*lit[:3], {})
+        picture.depth_mm[np.isinf(self.stop_mm)] = np.inf
+        covered = picture.alpha > 0.0
+        if not slots or not covered.any():
+            return Solid(*picture[:3], {})
         assert isinstance(self.opacity.caster, VolumeCaster)
-        given = self.opacity.table, self.opacity.spec, self.camera, self.clear or _all_passes
-        split = self.opacity.caster.split_transmittances(*given)
-        shape = (*there.shape, len(self.opacity.spec.groups), -1)
+        arguments = self.opacity.table, self.opacity.spec, self.camera, self.clear or _all_passes
+        split = self.opacity.caster.split_transmittances(*arguments)
+        shape = (*covered.shape, len(self.opacity.spec.groups), -1)
         origins, directions = world_rays(self.camera, *self.size)
-        points_mm = nearest_known(lit.depth_mm).reshape(-1, 1) * directions + origins
-        points_mm = points_mm[there.ravel()]
-        every = lit.coefficients.reshape(shape)[there]
-        may = {slot: np.zeros_like(every[:, 0]) for slot in slots}
-        passed = {slot: np.zeros((len(every), len(split))) for slot in slots}
+        points_mm = nearest_known(picture.depth_mm).reshape(-1, 1) * directions + origins
+        points_mm = points_mm[covered.ravel()]
+        channels = picture.coefficients.reshape(shape)[covered]
+        may = {slot: np.zeros_like(channels[:, 0]) for slot in slots}
+        passed = {slot: np.zeros((len(channels), len(split))) for slot in slots}
         sources = numbered_sources(self.opacity.spec)
         for number in split[0]:
             if cancel is not None and cancel():
                 raise CastCancelled("raycast: cancelled", code="state")
             group, source = sources[number]
             slot = group, isinstance(source, Ambient)
-            dark = self._alone({number: _none_arrives}).coefficients.reshape(shape)[there]
-            own = np.maximum(every[:, group] - dark[:, group], 0)
-            may[slot] += own
+            dark = self._alone({number: _none_arrives}).coefficients.reshape(shape)[covered]
+            part = np.maximum(channels[:, group] - dark[:, group], 0)
+            may[slot] += part
             arriving = np.stack([part[number](points_mm) for part in split], axis=1)
-            passed[slot] += own.sum(axis=1)[:, None] * arriving
+            passed[slot] += part.sum(axis=1)[:, None] * arriving
         means = {}
         for slot in slots:
-            whole, own = every[:, slot[0]], may[slot]
-            light = own.sum(axis=1, keepdims=True)
-            coloured = ratio(own[:, :-1].sum(axis=1), whole[:, :-1].sum(axis=1))
-            white = ratio(own[:, -1], whole[:, -1])
+            total, part = channels[:, slot[0]], may[slot]
+            light = part.sum(axis=1, keepdims=True)
+            coloured = ratio(part[:, :-1].sum(axis=1), total[:, :-1].sum(axis=1))
+            white = ratio(part[:, -1], total[:, -1])
             passes = np.where(light > 0, ratio(passed[slot], light), 1.0)
-            means[slot] = np.zeros((*there.shape, 2 + len(split)), np.float32)
-            means[slot][there] = np.column_stack([coloured, white, passes])
-        return Solid(*lit[:3], means)
+            means[slot] = np.zeros((*covered.shape, 2 + len(split)), np.float32)
+            means[slot][covered] = np.column_stack([coloured, white, passes])
+        return Solid(*picture[:3], means)
 
     def _alone(self, arrives: Mapping[int, Transmittance]) -> Result:
         """Return what is opaque without the volume, which lets parts of the light pass."""
         clear = np.zeros(self.size[::-1], np.float32)
-        made = replace(self, opacity=replace(self.opacity, arrives=arrives))
-        opaque, _ = made._pictures([Result(clear[..., None], clear, clear, clear)])
+        surfaces = replace(self, opacity=replace(self.opacity, arrives=arrives))
+        opaque, _ = surfaces._pictures([Result(clear[..., None], clear, clear, clear)])
         channels = len(self.opacity.spec.groups) * self.opacity.table.size
-        found = nothing((*clear.shape, channels), np.float32)
-        for each in opaque:
-            composite_under(found, each)
-        return found
+        result = nothing((*clear.shape, channels), np.float32)
+        for layer in opaque:
+            composite_under(result, layer)
+        return result
 
     def _pictures(self, casts: Sequence[Result]) -> tuple[list[SurfaceImage], list[SurfaceImage]]:
         """Return pictures of what is opaque and of sheets, as far as casts let them be seen."""
@@ -363,26 +363,26 @@ class Surfaces:
         from scipy.ndimage import binary_dilation  # loaded with surfaces alone
 
         # Where a ray would have ended, nothing is seen; in front of layers all may be.
-        least = self._least
-        through: NDArray[np.float32] | float = 1.0
-        seen = []
+        threshold = self._threshold
+        transmittance: NDArray[np.float32] | float = 1.0
+        masks = []
         for cast in casts:
-            through = through * (1.0 - cast.alpha)
-            seen.append(through > least)
-        sheets_seen = repeat(np.ones_like(seen[0])) if self._projected else iter(seen)
+            transmittance = transmittance * (1.0 - cast.alpha)
+            masks.append(transmittance > threshold)
+        sheets_seen = repeat(np.ones_like(masks[0])) if self._projected else iter(masks)
         opaque, sheets = [], []
-        for number, each in enumerate(self.behind):
+        for number, caster in enumerate(self.behind):
             # Points of a pixel may see more of the same surface behind its middle.
-            rest = [depth_mm for k, (depth_mm, *_) in enumerate(self.depths_mm) if k != number]
-            stop_mm = np.minimum.reduce(rest) if rest else np.float32(np.inf)
-            own_seen = seen[-1] & np.isfinite(self.depths_mm[number][0])
+            other_mm = [depth_mm for k, (depth_mm, *_) in enumerate(self.depths_mm) if k != number]
+            stop_mm = np.minimum.reduce(other_mm) if other_mm else np.float32(np.inf)
+            own_seen = masks[-1] & np.isfinite(self.depths_mm[number][0])
             # Next to them it may cover pixels in part, before the volume that these end in.
-            ends = [np.where(seen[-1] | binary_dilation(own_seen, np.ones((3, 3))), stop_mm, 0.0)]
+            ends = [np.where(masks[-1] | binary_dilation(own_seen, np.ones((3, 3))), stop_mm, 0.0)]
             for here in islice(sheets_seen, len(self.depths_mm[number]) - 1):
                 ends.append(np.where(here, self.stop_mm, 0.0))
-            first, *others = each.pictures(self.camera, self.size, self.opacity, ends)
+            first, *further = caster.pictures(self.camera, self.size, self.opacity, ends)
             opaque.append(first)
-            sheets += others
+            sheets += further
         return opaque, sheets
 
 
@@ -407,27 +407,27 @@ def _put_edge(
     """
     mesh_channels, mesh_alpha, mesh_mm = surface
     cast, other = _weighted(*(view[rows] for view in views)), _weighted(*further)
-    channels, alpha, depth_mm, first_mm, lost = views
-    width = lost.shape[-1]
+    channels, alpha, depth_mm, first_mm, loss = views
+    width = loss.shape[-1]
     mesh = np.zeros_like(other)
     mesh[:, -2 - width :] = mesh_alpha[:, None]
     mesh[:, -1] *= mesh_mm
     mesh[:, -2 - width - mesh_channels.shape[1] : -2 - width] = mesh_channels
     before = np.where(passes[:, None], other, cast)
-    whole = np.where(passes[:, None], cast, other)
-    through = 1.0 - before[:, -2 - width : -2]
-    seen = np.empty_like(before)
-    seen[:, :-2] = np.tile(through, (before.shape[1] - 2) // width)
-    seen[:, -2:] = 1.0 - before[:, -2:-1]
-    total = before + seen * mesh + (1.0 - mesh_alpha[:, None]) * (whole - before)
+    background = np.where(passes[:, None], cast, other)
+    transmittance = 1.0 - before[:, -2 - width : -2]
+    weight = np.empty_like(before)
+    weight[:, :-2] = np.tile(transmittance, (before.shape[1] - 2) // width)
+    weight[:, -2:] = 1.0 - before[:, -2:-1]
+    total = before + weight * mesh + (1.0 - mesh_alpha[:, None]) * (background - before)
 
-    most = np.finfo(channels.dtype).max
-    channels[rows] = np.clip(total[:, : -2 - width], -most, most)
+    limit = np.finfo(channels.dtype).max
+    channels[rows] = np.clip(total[:, : -2 - width], -limit, limit)
     alpha[rows] = total[:, -2].clip(0.0, 1.0)
-    lost[rows] = total[:, -2 - width : -2].clip(0.0, 1.0)
-    far, there = np.full(len(total), np.inf, np.float32), total[:, -2] > 0.0
-    depth_mm[rows] = np.divide(total[:, -1], total[:, -2], out=far, where=there)
-    seen_mm = np.where(seen[:, -1] * mesh_alpha > 0.0, mesh_mm, np.inf)
+    loss[rows] = total[:, -2 - width : -2].clip(0.0, 1.0)
+    far, covered = np.full(len(total), np.inf, np.float32), total[:, -2] > 0.0
+    depth_mm[rows] = np.divide(total[:, -1], total[:, -2], out=far, where=covered)
+    seen_mm = np.where(weight[:, -1] * mesh_alpha > 0.0, mesh_mm, np.inf)
     first_mm[rows] = np.minimum.reduce([first_mm[rows], further[3], seen_mm])
 
 
@@ -436,14 +436,14 @@ def _weighted(
     alpha: NDArray[np.float32],
     depth_mm: NDArray[np.float32],
     _: NDArray[np.float32],
-    lost: NDArray[np.float32],
+    loss: NDArray[np.float32],
 ) -> NDArray[np.float32]:
     """Return what adds up when composited, (K, L·M + M + 2).
 
     These are the channels, what of each is lost, alpha, and depth times alpha.
     """
     weighted = np.multiply(alpha, depth_mm, out=np.zeros_like(alpha), where=alpha > 0.0)
-    return np.column_stack([channels, lost, alpha, weighted]).astype(np.float32)
+    return np.column_stack([channels, loss, alpha, weighted]).astype(np.float32)
 
 
 def all_white(table: TransferTable) -> TransferTable:
@@ -476,33 +476,33 @@ def _all_passes(starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArr
 
 
 def composite_under(
-    front: Result, other: SurfaceImage, lost: NDArray[np.float32] | None = None
+    front: Result, other: SurfaceImage, loss: NDArray[np.float32] | None = None
 ) -> None:
     """Composite another picture behind one, which is changed in place.
 
-    ``lost`` (H, W, M) is what the front keeps of each channel, which is changed, too: with spectral
+    ``loss`` (H, W, M) is what the front keeps of each channel, which is changed, too: with spectral
     absorption alpha is its mean. Without, it is alpha.
     """
-    coefficients, alpha, depth_mm, first_mm = (each[other.part] for each in front)
-    own = coefficients[..., coefficients.shape[2] - other.channels.shape[2] :]
-    kept = alpha[..., None] if lost is None else lost[other.part]
+    coefficients, alpha, depth_mm, first_mm = (array[other.part] for array in front)
+    channels = coefficients[..., coefficients.shape[2] - other.channels.shape[2] :]
+    kept = alpha[..., None] if loss is None else loss[other.part]
     width = kept.shape[2]
-    through, before = 1.0 - kept, alpha.copy()
-    seen = through if width == 1 else np.tile(through, own.shape[2] // width)
+    transmittance, before = 1.0 - kept, alpha.copy()
+    weight = transmittance if width == 1 else np.tile(transmittance, channels.shape[2] // width)
     # A lamp that is seen may be brighter than half-float can store.
-    most = np.finfo(own.dtype).max
-    np.clip(own + seen * other.channels, -most, most, out=own, casting="same_kind")
-    kept += through * (other.alpha[..., None] if other.lost is None else other.lost)
+    limit = np.finfo(channels.dtype).max
+    np.clip(channels + weight * other.channels, -limit, limit, out=channels, casting="same_kind")
+    kept += transmittance * (other.alpha[..., None] if other.loss is None else other.loss)
     alpha[...] = kept[..., 0] if width == 1 else kept.mean(axis=2)
     if other.depth_mm is None:
         return
     added = alpha - before
-    there = (added > 0.0) & np.isfinite(other.depth_mm)
-    part, found = added[there], alpha[there]
-    own_mm = np.where(before[there] > 0.0, depth_mm[there], 0.0)
-    depth_mm[there] = (before[there] * own_mm + part * other.depth_mm[there]) / found
+    covered = (added > 0.0) & np.isfinite(other.depth_mm)
+    part, total = added[covered], alpha[covered]
+    own_mm = np.where(before[covered] > 0.0, depth_mm[covered], 0.0)
+    depth_mm[covered] = (before[covered] * own_mm + part * other.depth_mm[covered]) / total
     other_first_mm = other.depth_mm if other.first_mm is None else other.first_mm
-    first_mm[there] = np.minimum(first_mm[there], other_first_mm[there])
+    first_mm[covered] = np.minimum(first_mm[covered], other_first_mm[covered])
 
 
 def neighbour_pixels(across: NDArray[np.bool_], down: NDArray[np.bool_]) -> NDArray[np.intp]:
@@ -510,12 +510,12 @@ def neighbour_pixels(across: NDArray[np.bool_], down: NDArray[np.bool_]) -> NDAr
 
     ``across`` (H, W - 1) and ``down`` (H - 1, W) are True between those that do.
     """
-    found = np.zeros((across.shape[0], down.shape[1]), np.bool_)
-    found[:, 1:] |= across
-    found[:, :-1] |= across
-    found[1:] |= down
-    found[:-1] |= down
-    return np.flatnonzero(found)
+    neighbours = np.zeros((across.shape[0], down.shape[1]), np.bool_)
+    neighbours[:, 1:] |= across
+    neighbours[:, :-1] |= across
+    neighbours[1:] |= down
+    neighbours[:-1] |= down
+    return np.flatnonzero(neighbours)
 
 
 def edge_sample_points(pixels: NDArray[np.intp], width: int) -> NDArray[np.float64]:

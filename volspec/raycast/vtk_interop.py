@@ -185,27 +185,27 @@ def _find_volume(plotter: Any, name: str | None) -> tuple[Any, str]:
                 code="unknown",
             )
         return volumes[name], name
-    shown = {key: actor for key, actor in volumes.items() if actor.GetVisibility()}
-    if not shown:
+    visible = {key: actor for key, actor in volumes.items() if actor.GetVisibility()}
+    if not visible:
         raise RaycastError(
             "plotter: shows no volume in the active subplot",
             "call add_volume first, or subplot()",
             code="missing",
         )
-    if len(shown) > 1:
-        names = [repr(key) for key in shown]
+    if len(visible) > 1:
+        names = [repr(key) for key in visible]
         raise RaycastError(
-            f"plotter: shows {len(shown)} volumes, {', '.join(names)}",
+            f"plotter: shows {len(visible)} volumes, {', '.join(names)}",
             f"name one: from_plotter(plotter, {names[0]})",
             code="missing",
         )
-    return next(iter(shown.values())), next(iter(shown))
+    return next(iter(visible.values())), next(iter(visible))
 
 
 def _spec(settings: Any, mapper: Any, mode: Mode) -> RaycastSpec:
     """Return blending, cuts and weights of the shading."""
-    found = mapper.GetClippingPlanes()
-    planes = [found.GetItem(i) for i in range(found.GetNumberOfItems())] if found else []
+    clipping = mapper.GetClippingPlanes()
+    planes = [clipping.GetItem(i) for i in range(clipping.GetNumberOfItems())] if clipping else []
     spec = RaycastSpec(
         ambient=1.0,
         diffuse=0.0,
@@ -236,7 +236,7 @@ def _warn_of_losses(
         f"its opacities under a stretch of {stretches[0] / stretches[-1]:.3g} along "
         "one axis": stretches[0] > (1 + _EVEN) * stretches[-1],
     }
-    if left := [fault for fault, there in faults.items() if there]:
+    if left := [fault for fault, applies in faults.items() if applies]:
         warnings.warn(
             f"{label}: {' and '.join(left)} cannot be converted; the cast ignores this",
             VolspecWarning,
@@ -244,5 +244,5 @@ def _warn_of_losses(
         )
 
 
-def _matrix(given: Any) -> NDArray[np.float64]:
-    return np.array([[given.GetElement(i, j) for j in range(4)] for i in range(4)])
+def _matrix(matrix: Any) -> NDArray[np.float64]:
+    return np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])

@@ -81,24 +81,24 @@ def visible_bricks(
     count = np.concatenate([[0], np.cumsum(visible)]).astype(np.int32)
     first, last = _entries(domain, len(visible))
     is_visible = _visibility(low.dtype, lambda v: count[first(v)], lambda v: count[last(v) + 1])
-    found = np.empty(low.shape, np.bool_)
-    for plane, *ends in zip(found, low, high, strict=True):  # in a core's cache
+    mask = np.empty(low.shape, np.bool_)
+    for plane, *ends in zip(mask, low, high, strict=True):  # in a core's cache
         plane[:] = is_visible(*ends)
-    return found
+    return mask
 
 
 def _visibility(
-    dtype: np.dtype[Any], before: Of, through: Of
+    dtype: np.dtype[Any], before: Of, up_to: Of
 ) -> Callable[[NDArray[Any], NDArray[Any]], NDArray[np.bool_]]:
     """Return a function of bricks' ends: whether more is visible through the high end than before.
 
     Both rise with the value. Of small integers, the least sufficient high end is tabulated.
     """
     if dtype.kind not in "ui" or dtype.itemsize > 2:
-        return lambda low, high: through(high) > before(low)
+        return lambda low, high: up_to(high) > before(low)
     span = np.iinfo(dtype)
     values = np.arange(span.min, span.max + 1)
-    sufficient = span.min + np.searchsorted(through(values), before(values), side="right")
+    sufficient = span.min + np.searchsorted(up_to(values), before(values), side="right")
     # Negative values are indices from the table's end.
     table = np.roll(sufficient, span.min).astype(np.int32)
     return lambda low, high: high >= table.take(low)
@@ -180,18 +180,18 @@ def chessboard_distance(visible: NDArray[np.bool_]) -> NDArray[np.uint8]:
     z, y, x = visible.shape
     # Whole planes are shifted as one line: its rows are so far apart that no shortest way leads
     # from one to the next. A gap is restored before lines are made of other rows.
-    apart = np.full((z, y, x + FURTHEST), FURTHEST, np.uint8)
-    distances, gaps = apart[..., :x], apart[..., x:]
+    padded = np.full((z, y, x + FURTHEST), FURTHEST, np.uint8)
+    distances, gaps = padded[..., :x], padded[..., x:]
     np.multiply(~visible, np.uint8(FURTHEST), out=distances)
-    for line in apart.reshape(z, -1):
+    for line in padded.reshape(z, -1):
         for step in (1, 2, 4, 8, 16, 32):  # whose sums are all distances
-            ahead, behind = line[step:], line[:-step]
-            np.minimum(ahead, behind + np.uint8(step), out=ahead)
-            np.minimum(behind, ahead + np.uint8(step), out=behind)
+            ahead, trailing = line[step:], line[:-step]
+            np.minimum(ahead, trailing + np.uint8(step), out=ahead)
+            np.minimum(trailing, ahead + np.uint8(step), out=trailing)
     gaps[:] = FURTHEST
-    _pass_on(apart)
+    _pass_on(padded)
     gaps[:] = FURTHEST
-    _pass_on(apart.swapaxes(0, 1), among_rows=True)
+    _pass_on(padded.swapaxes(0, 1), among_rows=True)
     return np.ascontiguousarray(distances)
 
 
@@ -209,10 +209,10 @@ def _pass_on(layers: NDArray[np.uint8], among_rows: bool = False) -> None:
 
 def _least_near(distances: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return the least of each item and its two neighbours along the first axis."""
-    least = distances.copy()
-    np.minimum(least[1:], distances[:-1], out=least[1:])
-    np.minimum(least[:-1], distances[1:], out=least[:-1])
-    return least
+    minimum = distances.copy()
+    np.minimum(minimum[1:], distances[:-1], out=minimum[1:])
+    np.minimum(minimum[:-1], distances[1:], out=minimum[:-1])
+    return minimum
 
 
 def visible_by_table(low: NDArray[Any], high: NDArray[Any], table: Table) -> NDArray[np.bool_]:

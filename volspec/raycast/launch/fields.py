@@ -27,14 +27,14 @@ class FieldCast:
     """Cast of several fields, and the lattice around all of them.
 
     ``frame`` has the axes of the volume, and its fields; it is the volume itself if that covers
-    all. ``spec`` are the settings there. ``own`` are those of each field by name, whose rays the
+    all. ``spec`` are the settings there. ``specs`` are those of each field by name, whose rays the
     frame's crop cuts, if there is one.
     """
 
     tables: Mapping[str, TransferTable]
     frame: Volume
     spec: RaycastSpec
-    own: Mapping[str, RaycastSpec]
+    specs: Mapping[str, RaycastSpec]
 
     @property
     def cut_apart(self) -> bool:
@@ -54,16 +54,16 @@ class FieldCast:
         # Every field takes the volume's steps.
         spec = replace(spec.naming_fields(volume), step_mm=spec.step_of(volume))
         uncropped = replace(spec, crop_voxels=None)
-        own = {name: uncropped.for_field(name) for name in tables.tables}
+        specs = {name: uncropped.for_field(name) for name in tables.tables}
         if spec.crop_voxels is not None and frame is not volume:
             spec.kept(volume)  # refuses what is beyond
             first = volume.index_from_world @ frame.world_from_index[:, 3]
             x, y, z = (
-                (low - round(at), high - round(at))
-                for (low, high), at in zip(spec.crop_voxels, first, strict=False)
+                (low - round(origin), high - round(origin))
+                for (low, high), origin in zip(spec.crop_voxels, first, strict=False)
             )
             spec = replace(spec, crop_voxels=(x, y, z))
-        return cls(tables.tables, frame, spec, own)
+        return cls(tables.tables, frame, spec, specs)
 
 
 def add_pictures(pictures: Sequence[Result]) -> Result:
@@ -71,18 +71,18 @@ def add_pictures(pictures: Sequence[Result]) -> Result:
 
     C = Σ C_f, α = 1 − Π (1 − α_f); depths are means by α_f, and the nearest hit.
     """
-    first, *others = pictures
+    first, *remaining = pictures
     coefficients, alpha, depth_mm, first_mm = first
-    most = np.finfo(coefficients.dtype).max
+    limit = np.finfo(coefficients.dtype).max
     weight = alpha.copy()
-    for channels, own, away_mm, hit_mm in others:
-        coefficients[...] = np.clip(np.float32(coefficients) + channels, -most, most)
-        alpha += own * (1.0 - alpha)
-        seen, whole = own > 0.0, weight + own
-        near = np.where(weight > 0.0, depth_mm, 0.0)[seen] * weight[seen]
-        depth_mm[seen] = (near + own[seen] * away_mm[seen]) / whole[seen]
+    for channels, added, away_mm, hit_mm in remaining:
+        coefficients[...] = np.clip(np.float32(coefficients) + channels, -limit, limit)
+        alpha += added * (1.0 - alpha)
+        visible, total = added > 0.0, weight + added
+        near = np.where(weight > 0.0, depth_mm, 0.0)[visible] * weight[visible]
+        depth_mm[visible] = (near + added[visible] * away_mm[visible]) / total[visible]
         np.minimum(first_mm, hit_mm, out=first_mm)
-        weight = whole
+        weight = total
     return first
 
 
@@ -120,8 +120,8 @@ def frame_around(volume: Volume, names: Iterable[str]) -> Volume:
     values = np.broadcast_to(np.zeros(1, np.uint8), shape[::-1])
     fields = (replace(volume, fields=()), *volume.fields)
     frame = copy(replace(volume, fields=()))
-    given = {"values": values, "world_from_index": world, "name": "frame", "fields": fields}
-    for key, value in given.items():
+    attributes = {"values": values, "world_from_index": world, "name": "frame", "fields": fields}
+    for key, value in attributes.items():
         object.__setattr__(frame, key, value)
     return frame
 

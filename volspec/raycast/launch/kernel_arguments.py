@@ -196,8 +196,8 @@ def _set_table(
 def gradient_scale(table: Table, volume: Volume, spec: RaycastSpec) -> float:
     """Return the factor from values (labels: opacities of a step) to fractions of the range."""
     if isinstance(table, TransferTable) and table.labels:
-        most = table.step_opacity(spec.step_of(volume)).max()
-        return 1 / float(most) if most > 0 else 0.0
+        max_opacity = table.step_opacity(spec.step_of(volume)).max()
+        return 1 / float(max_opacity) if max_opacity > 0 else 0.0
     return spec.gradient_scale(volume)
 
 
@@ -280,11 +280,11 @@ class Program:
     def _of_fields(cls, table: FieldTables, spec: RaycastSpec, step_mm: float) -> Program:
         """Return the program for several fields, whose tables follow one another."""
         spec.check_fields()
-        each = table.every
-        powers = any(needs_powers(one) for one in each)
-        programs = [cls.of(one, spec, step_mm, powers=powers) for one in each]
+        field_tables = table.every
+        powers = any(needs_powers(one) for one in field_tables)
+        programs = [cls.of(one, spec, step_mm, powers=powers) for one in field_tables]
         opacity, weights, channels = zip(*(one.tables[:3] for one in programs), strict=True)
-        own = {
+        constants = {
             **programs[0].constants,
             "FIELDS": len(table.tables),
             "MASKED": int(bool(table.masks)),
@@ -296,7 +296,7 @@ class Program:
             np.concatenate(weights),
             channels[0],
         )
-        return cls("fields", own, tables)
+        return cls("fields", constants, tables)
 
 
 def curve_structs(
@@ -307,11 +307,11 @@ def curve_structs(
     ``casts`` are the fields' structs `CAST`.
     """
     starts: dict[int, tuple[int, int]] = {}
-    at = np.zeros(2, np.int64)
+    offsets = np.zeros(2, np.int64)
     for one in table.every:
-        starts[id(one)] = int(at[0]), int(at[1])
+        starts[id(one)] = int(offsets[0]), int(offsets[1])
         entries, width = len(one.opacity) + 1, one.material_weights.shape[1]
-        at += 2 * entries, 2 * entries * -(-width // vector_width(width))
+        offsets += 2 * entries, 2 * entries * -(-width // vector_width(width))
     curves: list[NDArray[np.void]] = []
     first: dict[str, int] = {}
     for name in table.tables:
@@ -385,8 +385,8 @@ def with_rises(entries: NDArray[np.float64], limits: NDArray[np.float64]) -> NDA
 
     The result is (…, N + 1, 2, K).
     """
-    *others, count, width = entries.shape
-    rows = np.zeros((*others, count + 1, 2, width))
+    *leading, count, width = entries.shape
+    rows = np.zeros((*leading, count + 1, 2, width))
     rows[..., :-1, 0, :] = entries
     rows[..., :-2, 1, :] = limits[..., 1:, :] - entries[..., :-1, :]
     return rows
@@ -456,8 +456,8 @@ def source_rows(
         if isinstance(source, Directional):
             row[0, :3] = camera.to_world(source.towards, source.frame)
         elif isinstance(source, Point):
-            at = camera.place_mm(source.position_mm, source.frame)
-            row[0, :3] = (at - camera.target_mm) / unit
+            place_mm = camera.place_mm(source.position_mm, source.frame)
+            row[0, :3] = (place_mm - camera.target_mm) / unit
         rows.append(row)
         groups[group:, 1] = len(rows)
     return np.concatenate([world / unit, groups, *rows]).astype(np.float32)
@@ -468,17 +468,17 @@ def is_shaded(spec: RaycastSpec) -> bool:
     return spec.shaded and spec.mode == "composite"
 
 
-def light_constants(spec: RaycastSpec, lit: bool) -> dict[str, Any]:
-    """Return the constants for lights and cuts; ``lit`` if the light volume has layers."""
+def light_constants(spec: RaycastSpec, is_lit: bool) -> dict[str, Any]:
+    """Return the constants for lights and cuts; ``is_lit`` if the light volume has layers."""
     shaded = is_shaded(spec)
     return {
         "GROUPS": len(spec.groups),
         "SHADED": int(shaded),
         "SHARP": int(shaded and spec.specular > 0 and spec.shininess > 63),
-        "LIT": int(lit),
+        "LIT": int(is_lit),
         "LIGHT_MARGIN": float(LIGHT_MARGIN),
         "CUT_TOLERANCE": CUT_TOLERANCE,
-        "NORMALS": int(shaded or lit),
+        "NORMALS": int(shaded or is_lit),
         "MAX_PLANES": MAX_PLANES,
         "NEAR_LAMP": NEAR_LAMP,
         **{kind.__name__.upper(): number for kind, number in KINDS.items()},

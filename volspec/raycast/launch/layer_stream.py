@@ -39,12 +39,12 @@ class Shadow(NamedTuple):
     slot: Slot
     factor: Array  # (R,) as of `shade`, without the shadow
     highlight: Array  # (R,)
-    at: Array  # (R, 3) index positions at which the light volume is read
+    point: Array  # (R, 3) index positions at which the light volume is read
     passes: Array  # (R,) fraction that arrives
-    # Transmittances at half of the depths, of the whole, and (R, K) of materials alone at half;
+    # Transmittances at half of the depths, of the full ones, and (R, K) of materials alone at half;
     # of ambient light, means of directions.
     half: Array
-    whole: Array
+    full: Array
     alone: Array
 
     def of(self, samples: NDArray[np.int64]) -> Shadow:
@@ -55,7 +55,7 @@ class Shadow(NamedTuple):
 class Samples(NamedTuple):
     """A sample of each of R rays."""
 
-    along: Array  # (R,) distance
+    distance: Array  # (R,)
     alpha: Array  # (R,)
     weights: Array  # (R, K) of the materials
     factor: Array  # (R, G) as of `shade`, without shadows and occlusion
@@ -64,8 +64,8 @@ class Samples(NamedTuple):
 
     def of(self, samples: NDArray[np.int64]) -> Samples:
         """Return some of the samples."""
-        own = {name: getattr(self, name)[samples] for name in self._fields[:5]}
-        return self._replace(**own, shadows=[shadow.of(samples) for shadow in self.shadows])
+        arrays = {name: getattr(self, name)[samples] for name in self._fields[:5]}
+        return self._replace(**arrays, shadows=[shadow.of(samples) for shadow in self.shadows])
 
 
 class SampleStream(Protocol):
@@ -99,7 +99,7 @@ class LayerStream:
         self.layers, slots = layers, 2 * layers
         self._count = np.zeros(rays, int)  # of complete layers; the next one is open
         self._limit = np.full(rays, least_mass(materials, layers))
-        self._through = np.zeros((rays, materials))  # T_k
+        self._total_tau = np.zeros((rays, materials))  # T_k
         self._begun = np.zeros(rays)  # mass in front of the open layer
         self._mass = np.zeros((rays, slots))
         self._tau = np.zeros((rays, slots, materials))
@@ -117,26 +117,26 @@ class LayerStream:
 
     def add(self, rays: NDArray[np.int64], samples: Samples) -> None:
         """Add a sample to each of some rays."""
-        at = rays, self._count[rays]
-        along, alpha, weights, factor, highlight, shadows = samples
+        index = rays, self._count[rays]
+        distance, alpha, weights, factor, highlight, shadows = samples
         tau = sample_tau(alpha)[:, None] * weights
-        lost = np.exp(-self._tau[at]) * -np.expm1(-tau)
-        seen = np.exp(-self._tau[at].sum(axis=1)) * alpha
-        self._shade[at] += lost[:, None, :] * factor[:, :, None]
-        self._gloss[at] += seen[:, None] * highlight
-        self._depth[at] += seen * along
+        absorbed = np.exp(-self._tau[index]) * -np.expm1(-tau)
+        contribution = np.exp(-self._tau[index].sum(axis=1)) * alpha
+        self._shade[index] += absorbed[:, None, :] * factor[:, :, None]
+        self._gloss[index] += contribution[:, None] * highlight
+        self._depth[index] += contribution * distance
         if self._slots:
-            self._shadow[at] += seen[:, None, None] * self._shadow_sums(factor, shadows)
+            self._shadow[index] += contribution[:, None, None] * self._shadow_sums(factor, shadows)
             arrived = sum((shadow.factor + shadow.highlight) * shadow.half for shadow in shadows)
             change = np.nan_to_num(np.abs(arrived - self._arrived[rays]))
-            visible = np.exp(-0.25 * self._through[rays].sum(axis=1))
+            visible = np.exp(-0.25 * self._total_tau[rays].sum(axis=1))
             self._change[rays] += LIGHT_MASS * change * visible
             self._arrived[rays] = arrived
-        self._tau[at] += tau
-        self._through[rays] += tau
-        mass = visibility(self._through[rays]) + self._change[rays]
-        self._mass[at] = mass - self._begun[rays]
-        ended = self._mass[at] > self._limit[rays]
+        self._tau[index] += tau
+        self._total_tau[rays] += tau
+        mass = visibility(self._total_tau[rays]) + self._change[rays]
+        self._mass[index] = mass - self._begun[rays]
+        ended = self._mass[index] > self._limit[rays]
         rays = rays[ended]
         self._begun[rays] = mass[ended]
         self._count[rays] += 1
@@ -152,50 +152,50 @@ class LayerStream:
         added = np.zeros((len(factor), *self._shadow.shape[2:]))
         added[:, :, 0] = factor[:, [group for group, _ in self._slots]]
         for shadow in shadows:
-            own = added[:, self._slots.index(shadow.slot)]
+            slot_sums = added[:, self._slots.index(shadow.slot)]
             light = shadow.factor + shadow.highlight
-            passes = np.stack([shadow.half, shadow.whole, *shadow.alone.T], axis=1)
-            own[:, 1] += shadow.factor
-            own[:, 2] += shadow.highlight
-            own[:, 3:] += light[:, None] * passes
+            passes = np.stack([shadow.half, shadow.full, *shadow.alone.T], axis=1)
+            slot_sums[:, 1] += shadow.factor
+            slot_sums[:, 2] += shadow.highlight
+            slot_sums[:, 3:] += light[:, None] * passes
         return added
 
     def rows(self) -> Array:
         """Return (R, L, `row_size`): the layers of all rays; distances as given."""
-        rest = self._tau[np.arange(len(self._count)), self._count].any(axis=1)
-        self._count[rest] += 1
+        pending = self._tau[np.arange(len(self._count)), self._count].any(axis=1)
+        self._count[pending] += 1
         self._merge(np.flatnonzero(self._count > self.layers))
         L = self.layers
         tau, total = self._tau[:, :L], self._tau[:, :L].sum(axis=2)
         with np.errstate(divide="ignore", invalid="ignore"):
-            own = -np.expm1(-tau)[:, :, None, :]
-            shade = np.where(tau[:, :, None, :] > MIN_TAU, self._shade[:, :L] / own, 0.0)
-            seen = -np.expm1(-total)
-            gloss = np.where(total[..., None] > MIN_TAU, self._gloss[:, :L] / seen[..., None], 0)
-            depth = np.where(total > 0, self._depth[:, :L] / seen, np.inf)
+            absorbed = -np.expm1(-tau)[:, :, None, :]
+            shade = np.where(tau[:, :, None, :] > MIN_TAU, self._shade[:, :L] / absorbed, 0.0)
+            opacity = -np.expm1(-total)
+            gloss = np.where(total[..., None] > MIN_TAU, self._gloss[:, :L] / opacity[..., None], 0)
+            depth = np.where(total > 0, self._depth[:, :L] / opacity, np.inf)
         tau = np.minimum(tau, MAX_LAYER_TAU)
         sums = self._shadow[:, :L]
-        every, may, bright = sums[..., 0], sums[..., 1], sums[..., 2]
+        all_light, may, bright = sums[..., 0], sums[..., 1], sums[..., 2]
         all_bright = self._gloss[:, :L, [group for group, _ in self._slots]]
-        parts = np.stack([ratio(may, every), ratio(bright, all_bright)], axis=-1)
+        parts = np.stack([ratio(may, all_light), ratio(bright, all_bright)], axis=-1)
         light = (may + bright)[..., None]
         means = np.where(light > 0, ratio(sums[..., 3:], light), 1.0)
         shadow = np.concatenate([parts, means], axis=-1)
-        flat = [each.reshape(*tau.shape[:2], -1) for each in (tau, shade, gloss, shadow, depth)]
+        flat = [array.reshape(*tau.shape[:2], -1) for array in (tau, shade, gloss, shadow, depth)]
         return np.concatenate(flat, axis=2)
 
     def _costs(self, rays: NDArray[np.int64]) -> Array:
         """Return (R, 2 L − 1) costs of merging neighbours; inf beyond the last layer."""
         mass, tau = self._mass[rays], self._tau[rays]
-        share = ratio(tau, tau.sum(axis=2, keepdims=True))
-        made = 0.5 * np.abs(np.diff(share, axis=1)).sum(axis=2)
-        seen = -np.expm1(-tau)
-        shade = ratio(self._shade[rays], seen[:, :, None])
-        both = np.minimum(seen[:, 1:], seen[:, :-1])
-        lit = (np.abs(np.diff(shade, axis=1)) * both[:, :, None]).sum(axis=(2, 3))
-        lit = ratio(lit, both.sum(axis=2))
-        front, behind = mass[:, :-1], mass[:, 1:]
-        cost = ratio(2 * front * behind, front + behind) * (1 + MADE_COST * made + LIT_COST * lit)
+        fraction = ratio(tau, tau.sum(axis=2, keepdims=True))
+        mix = 0.5 * np.abs(np.diff(fraction, axis=1)).sum(axis=2)
+        opacity = -np.expm1(-tau)
+        shade = ratio(self._shade[rays], opacity[:, :, None])
+        both = np.minimum(opacity[:, 1:], opacity[:, :-1])
+        shading = (np.abs(np.diff(shade, axis=1)) * both[:, :, None]).sum(axis=(2, 3))
+        shading = ratio(shading, both.sum(axis=2))
+        front, back = mass[:, :-1], mass[:, 1:]
+        cost = ratio(2 * front * back, front + back) * (1 + MADE_COST * mix + LIT_COST * shading)
         last = np.arange(cost.shape[1]) >= self._count[rays, None] - 1
         return np.where(last, np.inf, cost)
 
@@ -204,24 +204,24 @@ class LayerStream:
         slots = np.arange(2 * self.layers)
         while rays.size:
             first = self._costs(rays).argmin(axis=1)
-            front, behind = (rays, first), (rays, first + 1)
-            own = np.exp(-self._tau[front])
+            front, back = (rays, first), (rays, first + 1)
+            passed = np.exp(-self._tau[front])
             clear = np.exp(-self._tau[front].sum(axis=1))
-            self._shade[front] += own[:, None, :] * self._shade[behind]
-            self._gloss[front] += clear[:, None] * self._gloss[behind]
-            self._depth[front] += clear * self._depth[behind]
-            self._shadow[front] += clear[:, None, None] * self._shadow[behind]
-            self._tau[front] += self._tau[behind]
-            self._mass[front] += self._mass[behind]
+            self._shade[front] += passed[:, None, :] * self._shade[back]
+            self._gloss[front] += clear[:, None] * self._gloss[back]
+            self._depth[front] += clear * self._depth[back]
+            self._shadow[front] += clear[:, None, None] * self._shadow[back]
+            self._tau[front] += self._tau[back]
+            self._mass[front] += self._mass[back]
             after = slots > first[:, None]
             source = np.minimum(slots + after, slots[-1])
             sums = self._shade, self._gloss, self._depth, self._shadow
             for array in (self._mass, self._tau, *sums):
                 own_rows = array[rays]
                 spread = source.reshape(*source.shape, *(1,) * (array.ndim - 2))
-                moved = np.take_along_axis(own_rows, spread, axis=1)
-                moved[:, -1] = 0.0
-                array[rays] = moved
+                shifted = np.take_along_axis(own_rows, spread, axis=1)
+                shifted[:, -1] = 0.0
+                array[rays] = shifted
             self._count[rays] -= 1
             rays = rays[self._count[rays] > self.layers]
 
@@ -270,14 +270,14 @@ def empty_rows(
 
 def shadow_slots(spec: RaycastSpec) -> list[Slot]:
     """Return the groups with shadows or ambient occlusion, in the order of a layer's numbers."""
-    found = set()
+    slots = set()
     for g, group in enumerate(spec.groups):
         for source in group.sources:
             if isinstance(source, Ambient):
-                found |= {(g, True)} if source.occlusion else set()
+                slots |= {(g, True)} if source.occlusion else set()
             elif not isinstance(source, Headlight) and source.shadows:
-                found.add((g, False))
-    return sorted(found)
+                slots.add((g, False))
+    return sorted(slots)
 
 
 def check_layers(
@@ -336,6 +336,6 @@ def materials_without_opacity(table: Tables, basis: Basis) -> list[str]:
     assert not isinstance(table, FieldTables | SurfaceTable)
     opacity = np.maximum(table.opacity, table.left_limits.opacity)
     weights = np.maximum(table.material_weights, table.left_limits.material_weights)
-    shown = (opacity[..., None] * weights).reshape(-1, weights.shape[-1]).max(axis=0) > 0
-    present = table.channels[shown].any(axis=0) if shown.any() else np.zeros(basis.size, bool)
-    return [name for name, there in zip(basis.materials, present, strict=False) if not there]
+    visible = (opacity[..., None] * weights).reshape(-1, weights.shape[-1]).max(axis=0) > 0
+    present = table.channels[visible].any(axis=0) if visible.any() else np.zeros(basis.size, bool)
+    return [name for name, used in zip(basis.materials, present, strict=False) if not used]

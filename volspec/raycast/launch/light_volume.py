@@ -137,8 +137,8 @@ class LightGrid:
         inside = [np.ones(n, bool) for n in self.shape_xyz]
         if spec.crop_voxels is not None:
             for axis, (low, high) in enumerate(spec.crop_voxels):
-                at = (np.arange(self.shape_xyz[axis]) - LIGHT_MARGIN) / self.per_index[axis]
-                inside[axis] = (at >= low - CUT_TOLERANCE) & (at <= high + CUT_TOLERANCE)
+                index = (np.arange(self.shape_xyz[axis]) - LIGHT_MARGIN) / self.per_index[axis]
+                inside[axis] = (index >= low - CUT_TOLERANCE) & (index <= high + CUT_TOLERANCE)
         x, y, z = inside
         return z[:, None, None] & y[:, None] & x
 
@@ -186,9 +186,9 @@ class LightGrid:
     def positions(self) -> NDArray[np.float64]:
         """(nodes, 3) places of the nodes in the world, mm, x fastest."""
         x, y, z = self.shape_xyz
-        at = np.mgrid[0:z, 0:y, 0:x].reshape(3, -1)[::-1].T
+        indices = np.mgrid[0:z, 0:y, 0:x].reshape(3, -1)[::-1].T
         matrix = np.linalg.inv(self.grid_from_world)
-        return np.asarray(at @ matrix[:3, :3].T + matrix[:3, 3])
+        return np.asarray(indices @ matrix[:3, :3].T + matrix[:3, 3])
 
     def per_step(self, direction: Vector | NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the (3,) offset in the grid of one cell along a unit direction of the world."""
@@ -228,19 +228,19 @@ def light_layers(spec: RaycastSpec, volume: Volume, camera: Camera) -> tuple[Lig
     """
     if spec.mode != "composite":
         return ()
-    found = []
+    layers = []
     for number, (_, source) in enumerate(numbered_sources(spec)):
         if isinstance(source, Directional) and source.shadows:
             x, y, z = camera.to_world(source.towards, source.frame).tolist()
-            found.append(LightLayer(number, "directional", (x, y, z)))
+            layers.append(LightLayer(number, "directional", (x, y, z)))
         elif isinstance(source, Point) and source.shadows:
             x, y, z = camera.place_mm(source.position_mm, source.frame).tolist()
-            found.append(LightLayer(number, "point", (x, y, z)))
+            layers.append(LightLayer(number, "point", (x, y, z)))
         elif isinstance(source, Ambient) and source.occlusion:
             sides = np.multiply(np.array(volume.shape_xyz) - 1, volume.spacing_mm)
             radius = source.radius_mm or float(np.linalg.norm(sides)) / 10
-            found.append(LightLayer(number, "occlusion", radius_mm=radius))
-    return tuple(found)
+            layers.append(LightLayer(number, "occlusion", radius_mm=radius))
+    return tuple(layers)
 
 
 def interpolated(
@@ -263,13 +263,13 @@ def interpolated(
         last = values.shape[axis] - 1
         begin[a] = math.ceil(first[a] / step - CUT_TOLERANCE)
         end = math.floor((first[a] + last) / step + CUT_TOLERANCE)
-        at = np.clip(np.arange(begin[a], end + 1) * step - first[a], 0, last)
+        position = np.clip(np.arange(begin[a], end + 1) * step - first[a], 0, last)
         if labels:
-            values = values.take(np.floor(at + 0.5).astype(int), axis)
+            values = values.take(np.floor(position + 0.5).astype(int), axis)
             continue
-        j = np.minimum(at.astype(int), last - 1)
-        low, high = (values.take(each, axis).astype(np.float32) for each in (j, j + 1))
-        f = (at - j).astype(np.float32).reshape([-1 if b == axis else 1 for b in range(3)])
+        j = np.minimum(position.astype(int), last - 1)
+        low, high = (values.take(index, axis).astype(np.float32) for index in (j, j + 1))
+        f = (position - j).astype(np.float32).reshape([-1 if b == axis else 1 for b in range(3)])
         values = low + f * (high - low)
     return values, begin
 
@@ -287,21 +287,21 @@ def arriving(
     """
     last = np.array(grid.shape_xyz) - 1.0
     matrix = grid.grid_from_world
-    at = points @ matrix[:3, :3].T + matrix[:3, 3]
-    met = np.asarray(((at >= 0.0) & (at <= last)).all(axis=1))
+    position = points @ matrix[:3, :3].T + matrix[:3, 3]
+    met = np.asarray(((position >= 0.0) & (position <= last)).all(axis=1))
     if layer.kind != "occlusion" and not met.all():
         out = np.flatnonzero(~met)
         to = np.array(layer.vector) if layer.kind == "point" else _far(layer, grid)
         to = to + (points[out] if layer.kind == "directional" else 0.0)
-        way = to @ matrix[:3, :3].T + matrix[:3, 3] - at[out]
-        way = np.where(way == 0.0, 1e-30, way)
-        one, other = -at[out] / way, (last - at[out]) / way
+        ray = to @ matrix[:3, :3].T + matrix[:3, 3] - position[out]
+        ray = np.where(ray == 0.0, 1e-30, ray)
+        one, other = -position[out] / ray, (last - position[out]) / ray
         enter = np.maximum(np.minimum(one, other).max(axis=1), 0.0)
         met[out] = enter <= np.minimum(np.maximum(one, other).min(axis=1), 1.0)
-        at[out] += np.where(met[out], enter, 0.0)[:, None] * way
+        position[out] += np.where(met[out], enter, 0.0)[:, None] * ray
     x, y, z = grid.shape_xyz
-    found = trilinear(nodes.reshape(z, y, x), np.clip(at, 0.0, last))
-    return np.where(met, found, 1.0)
+    sampled = trilinear(nodes.reshape(z, y, x), np.clip(position, 0.0, last))
+    return np.where(met, sampled, 1.0)
 
 
 def _far(layer: LightLayer, grid: LightGrid) -> NDArray[np.float64]:
@@ -316,7 +316,7 @@ def unblocked_part(layer: LightLayer, grid: LightGrid, clear: Visibility) -> NDA
         return clear(nodes, np.broadcast_to(layer.vector, nodes.shape)).astype(np.float64)
     if layer.kind == "directional":
         return clear(nodes, nodes + _far(layer, grid)).astype(np.float64)
-    free = [clear(nodes, nodes + layer.radius_mm * way) for way in sphere_directions()]
+    free = [clear(nodes, nodes + layer.radius_mm * vector) for vector in sphere_directions()]
     return np.asarray(np.minimum(OCCLUSION_GAIN * np.mean(free, axis=0), 1.0))
 
 
@@ -359,13 +359,13 @@ def material_tables(table: TransferTable) -> list[TransferTable]:
     def alone(side: TransferTable, k: int) -> NDArray[np.float64]:
         return -np.expm1(-extinction_per_mm(side.opacity, 1.0) * side.material_weights[..., k])
 
-    found = []
+    tables = []
     for k in range(len(table.channels)):
         left = None
         if table.left is not None:
             left = table.left._replace(opacity=alone(table.left_limits, k))
-        found.append(replace(table, opacity=alone(table, k), left=left))
-    return found
+        tables.append(replace(table, opacity=alone(table, k), left=left))
+    return tables
 
 
 _BY_VALUE, _BY_GRADIENT, _BY_LABEL, _BY_SURFACE, _BY_MASK = range(5)
@@ -469,16 +469,16 @@ class LightVolume:
         that these let pass is last. Raises OpenCLError if the device has no room for the grid.
         """
         grid = LightGrid.for_spec(self.volume, spec)
-        wanted = light_layers(spec, self.volume, camera)
-        if not wanted:
-            return self._layers, grid, wanted
+        layers = light_layers(spec, self.volume, camera)
+        if not layers:
+            return self._layers, grid, layers
         settings = grid.shape_xyz, grid.physical, spec.crop_voxels, spec.clip_planes
         if self._extinction[0] is not table or self._extinction[1:] != settings:
             self.forget()
             self._sigma, self._by_material = None, []
             self._fill_extinction(table, spec, grid)
             self._extinction = table, *settings
-        count = len(wanted) * (1 + (split_width(table, clear is not None) if split else 0))
+        count = len(layers) * (1 + (split_width(table, clear is not None) if split else 0))
         if self._capacity < count * grid.nodes * 2:
             self._keys, self._split_keys = [], []
             self._layers, self._capacity = self._compute.output(4), 0
@@ -486,10 +486,10 @@ class LightVolume:
             self._layers = self._compute.output(count * grid.nodes * 2)
             self._capacity = count * grid.nodes * 2
         previous = self._keys
-        if len(previous) != len(wanted):  # the rest of the buffer is elsewhere
+        if len(previous) != len(layers):  # the rest of the buffer is elsewhere
             self._split_keys = []
         self._keys = []
-        for number, layer in enumerate(wanted):
+        for number, layer in enumerate(layers):
             key = *layer.key, clear
             if previous[number : number + 1] != [key]:
                 self._fill_layer(layer, (number, 1, 0), grid)
@@ -497,37 +497,37 @@ class LightVolume:
                     self._block(layer, number, grid, clear)
             self._keys.append(key)
         if split:
-            self._fill_split(table, spec, wanted, grid, clear)
-        return self._layers, grid, wanted
+            self._fill_split(table, spec, layers, grid, clear)
+        return self._layers, grid, layers
 
     def _fill_split(
         self,
         table: Tables,
         spec: RaycastSpec,
-        wanted: Sequence[LightLayer],
+        layers: Sequence[LightLayer],
         grid: LightGrid,
         clear: Visibility | None,
     ) -> None:
         """Fill the layers of materials by themselves."""
         assert isinstance(table, TransferTable)
-        keys = [(*layer.key, clear) for layer in wanted]
+        keys = [(*layer.key, clear) for layer in layers]
         if self._split_keys == keys:
             return
         self._split_keys = []
         if not self._by_material:
             self._by_material = [
-                self._extinction_of(self.volume, self._voxels, [each], spec, grid)
-                for each in material_tables(table)
+                self._extinction_of(self.volume, self._voxels, [single], spec, grid)
+                for single in material_tables(table)
             ]
         parts = [(self._sigma, HALF), (self._sigma, 1.0)]
         parts += [(sigma, HALF) for sigma in self._by_material]
         width = split_width(table, clear is not None)
-        for n, layer in enumerate(wanted):
+        for n, layer in enumerate(layers):
             for number, (sigma, part) in enumerate(parts):
-                place = len(wanted) + n * width, width, number
+                place = len(layers) + n * width, width, number
                 self._fill_layer(layer, place, grid, sigma, part, gain=1.0)
             if clear is not None:
-                place = len(wanted) + n * width, width, len(parts)
+                place = len(layers) + n * width, width, len(parts)
                 self._fill_layer(layer, place, grid, self._sigma, 0.0, gain=1.0)
                 self._multiply(self._parts[n], place, grid)
         self._split_keys = keys
@@ -568,29 +568,29 @@ class LightVolume:
             else:
                 self.set_extinction(self.extinction(table, spec, self._boxes(table)), table, spec)
             return
-        self._sigma, apart = None, []
+        self._sigma, separate = None, []
         for name in table.tables:
             volume, voxels = self._fields[name]
-            given = volume, voxels, table.rows(name), spec.for_field(name)
+            arguments = volume, voxels, table.rows(name), spec.for_field(name)
             if volume.has_lattice_of(self.volume):
-                self._sigma = self._extinction_of(*given, grid, self._sigma)
+                self._sigma = self._extinction_of(*arguments, grid, self._sigma)
             else:
-                apart.append(given)
-        if apart:
-            self._add_apart(apart, spec, grid)
+                separate.append(arguments)
+        if separate:
+            self._add_separately(separate, spec, grid)
 
-    def _add_apart(
+    def _add_separately(
         self,
-        apart: Sequence[tuple[Volume, Any, Sequence[TransferTable], RaycastSpec]],
+        separate: Sequence[tuple[Volume, Any, Sequence[TransferTable], RaycastSpec]],
         spec: RaycastSpec,
         grid: LightGrid,
     ) -> None:
         """Add the extinction of fields that have lattices, and so grids, of their own."""
         x, y, z = grid.shape_xyz
         total = np.zeros((z, y, x), np.float32)
-        for volume, voxels, tables, own in apart:
+        for volume, voxels, tables, field_spec in separate:
             other = grid.alike(volume)
-            uncropped = replace(own, crop_voxels=None)
+            uncropped = replace(field_spec, crop_voxels=None)
             sigma = self._extinction_of(volume, voxels, tables, uncropped, other)
             per_cell = self._nodes(sigma, other) * (grid.cell_mm / other.cell_mm)
             total += grid.resampled(per_cell, other)
@@ -630,16 +630,16 @@ class LightVolume:
         dtype = volume.values.dtype
         is_temporary = box is not None or lattice != volume.shape_xyz
         if is_temporary:
-            given = box or VoxelBox(volume.values, (0, 0, 0), (0, 0, 0), volume.values.shape)
+            stored = box or VoxelBox(volume.values, (0, 0, 0), (0, 0, 0), volume.values.shape)
             values, begin = interpolated(
-                given.values, volume.shape_xyz, lattice, given.first[::-1], kind == _BY_LABEL
+                stored.values, volume.shape_xyz, lattice, stored.first[::-1], kind == _BY_LABEL
             )
             voxels, dtype = self._compute.upload(values, share=True), values.dtype
             first = np.array(begin)
             for axis, nodes in enumerate(np.split(spans, np.cumsum(grid.shape_xyz)[:2])):
                 nodes["first"] -= first[axis]
             constants["voxels"][:3] = values.shape[::-1]
-            low, high = (_on_lattice(each, volume, lattice) for each in (given.low, given.high))
+            low, high = (_on_lattice(edge, volume, lattice) for edge in (stored.low, stored.high))
             constants["low"][:3] = np.maximum(constants["low"][:3], low) - first
             constants["high"][:3] = np.minimum(constants["high"][:3], high) - first
             constants["planes"][:, 3] += constants["planes"][:, :3] @ first
@@ -674,8 +674,8 @@ class LightVolume:
         """
         x, y, z = grid.shape_xyz
         packets = -(-x // self._lanes) * y * z
-        nodes, at = (np.array([*each, 0], np.int32) for each in ((x, y, z), place))
-        end = np.float32(part), nodes, at, self._layers
+        nodes, target = (np.array([*triple, 0], np.int32) for triple in ((x, y, z), place))
+        end = np.float32(part), nodes, target, self._layers
         sigma = sigma or self._sigma
         if layer.kind == "point":
             world = np.linalg.inv(grid.grid_from_world[:3, :3]) / grid.cell_mm
@@ -697,8 +697,8 @@ class LightVolume:
 
     def _multiply(self, parts: Any, place: tuple[int, int, int], grid: LightGrid) -> None:
         """Multiply the numbers of a place, as of `_fill_layer`, by parts of 65535."""
-        at = np.array([*place, 0], np.int32)
-        self._launch("blocked", grid.nodes, (parts, np.int32(grid.nodes), at, self._layers))
+        target = np.array([*place, 0], np.int32)
+        self._launch("blocked", grid.nodes, (parts, np.int32(grid.nodes), target, self._layers))
 
     def attach(
         self,
@@ -731,26 +731,26 @@ class LightVolume:
         clear: Visibility,
     ) -> dict[int, Transmittance]:
         """Return what the volume lets pass to points (K, 3), mm, by `numbered_sources`."""
-        _, grid, wanted = self.layers(table, spec, camera, clear)
+        _, grid, layers = self.layers(table, spec, camera, clear)
         return {
             layer.source: partial(arriving, layer, grid, self._alone[number] / 65535.0)
-            for number, layer in enumerate(wanted)
+            for number, layer in enumerate(layers)
         }
 
     def split_transmittances(
         self, table: Tables, spec: RaycastSpec, camera: Camera, clear: Visibility
     ) -> list[dict[int, Transmittance]]:
         """Return `transmittances` past half of all depths, the whole, and each material's half."""
-        buffer, grid, wanted = self.layers(table, spec, camera, clear, split=True)
+        buffer, grid, layers = self.layers(table, spec, camera, clear, split=True)
         assert isinstance(table, TransferTable)
         width = split_width(table, blocked=True)
-        numbers = np.empty((len(wanted) * (1 + width), grid.nodes), np.uint16)
+        numbers = np.empty((len(layers) * (1 + width), grid.nodes), np.uint16)
         self._compute.download(buffer, numbers)
-        split = numbers[len(wanted) :].reshape(len(wanted), grid.nodes, width)
+        split = numbers[len(layers) :].reshape(len(layers), grid.nodes, width)
         return [
             {
                 layer.source: partial(arriving, layer, grid, split[number, :, n] / 65535.0)
-                for number, layer in enumerate(wanted)
+                for number, layer in enumerate(layers)
             }
             for n in range(2 + len(table.channels))
         ]
@@ -780,7 +780,7 @@ class LightVolume:
             "VOXEL": C_TYPES[(dtype or self.volume.values.dtype).name],
             "MIXED": MIXED,
         }
-        text = prelude(constants, "opencl") + "".join(each.declaration for each in STRUCTS)
+        text = prelude(constants, "opencl") + "".join(struct.declaration for struct in STRUCTS)
         source = assemble("kernels/light_volume.cl", text)
         kernel = self._compute.kernel(source, name)
         kernel(self._compute.queue, (-(-items // _LOCAL) * _LOCAL,), (_LOCAL,), *arguments)
@@ -800,16 +800,16 @@ def _spans(voxels: int, nodes: int) -> NDArray[np.void]:
     spans["of_first"] = spans["of_last"] = 1.0
     number = np.arange(nodes)
     if nodes >= voxels:
-        at = number * (voxels - 1) / (nodes - 1)
-        first = np.minimum(at.astype(int), voxels - 2)
+        position = number * (voxels - 1) / (nodes - 1)
+        first = np.minimum(position.astype(int), voxels - 2)
         spans["first"], spans["count"] = first, 2
-        spans["weight"], spans["slope"] = 1 - (at - first), 2 * (at - first) - 1
+        spans["weight"], spans["slope"] = 1 - (position - first), 2 * (position - first) - 1
         return np.pad(spans, LIGHT_MARGIN)
     # In integers, so that halves are found everywhere.
     places = 2 * np.arange(voxels) * (nodes - 1) + voxels - 1
-    nearest, rest = np.divmod(places, 2 * (voxels - 1))
+    nearest, remainder = np.divmod(places, 2 * (voxels - 1))
     first, end = (np.searchsorted(nearest, number, side) for side in ("left", "right"))
-    halves = np.append(rest == 0, False)
+    halves = np.append(remainder == 0, False)
     spans["first"], spans["count"] = first, end - first + halves[end]
     spans["of_first"][halves[first]] = spans["of_last"][halves[end]] = 0.5
     spans["weight"] = 1 / (end - first - 0.5 * halves[first] + 0.5 * halves[end])
@@ -825,11 +825,11 @@ def _steps(
 ) -> NDArray[np.void]:
     """Return every direction's steps, one direction after the other."""
     offsets = np.stack([grid.per_step(direction) for direction in directions])
-    at = (offsets[:, None] * middles[:, None]).reshape(-1, 3)
-    cell = np.floor(at)
-    f = at - cell
-    rows = np.zeros(max(len(at), 1), _STEP.dtype)
-    if not len(at):
+    points = (offsets[:, None] * middles[:, None]).reshape(-1, 3)
+    cell = np.floor(points)
+    f = points - cell
+    rows = np.zeros(max(len(points), 1), _STEP.dtype)
+    if not len(points):
         return rows
     rows["x"], rows["y"], rows["z"] = cell.T
     x, y, _ = grid.shape_xyz
@@ -850,9 +850,9 @@ def _on_lattice(
     voxel: Sequence[int], volume: Volume, lattice: Sequence[int]
 ) -> NDArray[np.float64]:
     """Return the first points (x, y, z) of a lattice that are at voxels (z, y, x) or beyond."""
-    at = np.array(voxel[::-1])
-    found = np.ceil(at * _per_voxel(volume, lattice) - CUT_TOLERANCE)
-    return np.asarray(np.where(at == volume.shape_xyz, lattice, found))
+    corner = np.array(voxel[::-1])
+    nodes = np.ceil(corner * _per_voxel(volume, lattice) - CUT_TOLERANCE)
+    return np.asarray(np.where(corner == volume.shape_xyz, lattice, nodes))
 
 
 def _constants(

@@ -64,34 +64,34 @@ class MaskLattice:
 
     def codes(self) -> NDArray[np.uint16]:
         """Return the rows as the kernel reads them, with `MIXED`."""
-        least, most = self.rows, self.rows
+        minimum, maximum = self.rows, self.rows
         for axis in range(3):
-            least, most = (
-                extreme(each, np.roll(each, -1, axis))
-                for extreme, each in ((np.minimum, least), (np.maximum, most))
+            minimum, maximum = (
+                extreme(bound, np.roll(bound, -1, axis))
+                for extreme, bound in ((np.minimum, minimum), (np.maximum, maximum))
             )
         codes = self.rows.astype(np.uint16)
-        codes[least != most] |= MIXED
+        codes[minimum != maximum] |= MIXED
         return codes
 
     def weights(self, point: Array, count: int) -> Array:
         """Return the (R, count) weights of rows at (R, 3) indices of the field."""
-        at = np.clip(point @ self.from_index[:, :3].T + self.from_index[:, 3], 0, self.last)
-        base = np.minimum(at.astype(int), self.last - 1)
-        sides = np.stack([1 - (at - base), at - base])
+        position = np.clip(point @ self.from_index[:, :3].T + self.from_index[:, 3], 0, self.last)
+        base = np.minimum(position.astype(int), self.last - 1)
+        sides = np.stack([1 - (position - base), position - base])
         weights = np.zeros((len(point), count))
         for corner in np.ndindex(2, 2, 2):
             x, y, z = (base + corner).T
-            each = (sides[side, :, axis] for axis, side in enumerate(corner))
+            factors = (sides[side, :, axis] for axis, side in enumerate(corner))
             np.add.at(
-                weights, (np.arange(len(point)), self.rows[z, y, x]), reduce(np.multiply, each)
+                weights, (np.arange(len(point)), self.rows[z, y, x]), reduce(np.multiply, factors)
             )
         return weights
 
     def nearest(self, point: Array) -> Rows:
         """Return the rows (…,) of the voxels nearest to (…, 3) indices of the field."""
-        at = np.floor(point @ self.from_index[:, :3].T + self.from_index[:, 3] + 0.5)
-        x, y, z = np.moveaxis(np.clip(at, 0, self.last).astype(int), -1, 0)
+        position = np.floor(point @ self.from_index[:, :3].T + self.from_index[:, 3] + 0.5)
+        x, y, z = np.moveaxis(np.clip(position, 0, self.last).astype(int), -1, 0)
         return np.asarray(self.rows[z, y, x])
 
     def nearest_to_voxels(self, steps: tuple[int, int, int] = (1, 1, 1)) -> Rows:
@@ -110,12 +110,12 @@ class MaskLattice:
 
         bricks = [-(-n // BRICK) for n in self.field.values.shape]
         middles = np.moveaxis(np.indices(bricks)[::-1], 0, -1) * BRICK + BRICK / 2
-        at = middles @ self.from_index[:, :3].T + self.from_index[:, 3]
+        position = middles @ self.from_index[:, :3].T + self.from_index[:, 3]
         half = np.abs(self.from_index[:, :3]).sum(axis=1) * BRICK / 2
         size = [2 * math.ceil(h + 0.5 - _ON_VOXEL) + 1 for h in half[::-1]]
-        x, y, z = np.moveaxis(np.clip(np.rint(at), 0, self.last).astype(int), -1, 0)
-        least, most = (
-            each(self.rows, size, mode="nearest")[z, y, x]
-            for each in (minimum_filter, maximum_filter)
+        x, y, z = np.moveaxis(np.clip(np.rint(position), 0, self.last).astype(int), -1, 0)
+        minimum, maximum = (
+            extremum(self.rows, size, mode="nearest")[z, y, x]
+            for extremum in (minimum_filter, maximum_filter)
         )
-        return least, most
+        return minimum, maximum

@@ -55,32 +55,32 @@ def candidates(info: DeviceInfo) -> list[Packet]:
     """Return the packets to try, the safest first."""
     if not info.is_cpu:
         return [Packet(1)]
-    wide = [Packet(16), Packet(16, single_loads=True)] if info.vector_width >= 16 else []
-    return [SAFE, *wide] if wide else [SAFE, Packet(8, single_loads=True)]
+    wide_packets = [Packet(16), Packet(16, single_loads=True)] if info.vector_width >= 16 else []
+    return [SAFE, *wide_packets] if wide_packets else [SAFE, Packet(8, single_loads=True)]
 
 
 def choose_packet(index: int) -> Packet:
     """Return the packet for a device of `volspec._gpu.devices`, tried once per driver."""
-    found = devices()
-    known = candidates(found[index])
-    if len(known) == 1:
-        return known[0]
+    available = devices()
+    packets = candidates(available[index])
+    if len(packets) == 1:
+        return packets[0]
     # Another version has other kernels.
-    key = f"{__version__} | {device_key(index, found)}"
+    key = f"{__version__} | {device_key(index, available)}"
     with suppress(KeyError, TypeError):  # never tried, or damaged
         return Packet(**_cache.cached_rows(_FILE)[key])
-    times = _try(index, known)
+    times = _try(index, packets)
     best = SAFE
-    for packet in known:
+    for packet in packets:
         if times.get(packet, np.inf) < _GAIN * times.get(best, np.inf):
             best = packet
     _cache.cache_rows(_FILE, {key: asdict(best)})
     return best
 
 
-def _try(index: int, known: list[Packet]) -> dict[Packet, float]:
+def _try(index: int, packets: list[Packet]) -> dict[Packet, float]:
     """Return the CPU time of each packet that the device carries, ms."""
-    names = [json.dumps(asdict(packet)) for packet in known]
+    names = [json.dumps(asdict(packet)) for packet in packets]
     command = [*child_command(_TRIAL), str(index), *names]
     try:
         done = subprocess.run(

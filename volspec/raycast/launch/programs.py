@@ -31,7 +31,7 @@ def cast_kernel(
     dtype: np.dtype[Any],
     *,
     missing: bool,
-    lit: bool,
+    is_lit: bool,
     spans: bool,
     aligned: bool = True,
     parts: bool = False,
@@ -52,7 +52,7 @@ def cast_kernel(
         Of the voxels.
     missing : bool
         Some voxels are.
-    lit : bool
+    is_lit : bool
         Some source has shadows or occlusion.
     spans : bool
         Rays begin and end at distances of their own.
@@ -89,8 +89,8 @@ def cast_kernel(
         "VOXEL_BYTES": dtype.itemsize,
         "VOXEL_SIGNED": int(dtype.kind == "i"),
         **program.constants,
-        **kernel_arguments.light_constants(spec, lit),
-        "PHYSICAL": int(lit and spec.physical_light and program.name != "surfaces"),
+        **kernel_arguments.light_constants(spec, is_lit),
+        "PHYSICAL": int(is_lit and spec.physical_light and program.name != "surfaces"),
     }
     if layers:
         constants |= {

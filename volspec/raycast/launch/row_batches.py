@@ -129,8 +129,8 @@ class RowBatches:
     def _next_rows(self, rows: int, band: Band, took_ms: float) -> int:
         """Return the rows that the costliest recent batch allows, at most twice ``rows``."""
         self._costs.append(took_ms / (band.last - band.first))
-        wanted = self._tile_ms / max(*self._costs, 1e-3)
-        return int(np.clip(wanted, 1, 2 * rows))
+        target_rows = self._tile_ms / max(*self._costs, 1e-3)
+        return int(np.clip(target_rows, 1, 2 * rows))
 
     def _launch(self, kernel: Any, arguments: tuple[Any, ...], first: int, last: int) -> Band:
         height = self._group[1] * self._tile[1]

@@ -38,14 +38,14 @@ TINY = float(np.finfo(np.float64).tiny)
 class Rays:
     """R rays of a picture, row by row: world and index space, clipped to the visible part.
 
-    ``start`` (R, 3) index at the camera, ``along`` (R, 3) index per mm, ``direction`` (R, 3) unit
-    vectors of the world, ``near`` and ``far`` (R,) mm from the camera, ``shift`` (R,) mm by
-    which the steps are jittered; ``cut_mm`` (R,) where it enters through a cut, whose unit normal
-    in the world, out of the volume, is ``cut_normal`` (R, 3), 0 without one.
+    ``start`` (R, 3) index at the camera, ``index_direction`` (R, 3) index per mm, ``direction``
+    (R, 3) unit vectors of the world, ``near`` and ``far`` (R,) mm from the camera, ``shift`` (R,)
+    mm by which the steps are jittered; ``cut_mm`` (R,) where it enters through a cut, whose unit
+    normal in the world, out of the volume, is ``cut_normal`` (R, 3), 0 without one.
     """
 
     start: Array
-    along: Array
+    index_direction: Array
     direction: Array
     near: Array
     far: Array
@@ -53,15 +53,15 @@ class Rays:
     cut_mm: Array
     cut_normal: Array
 
-    def above_cut(self, rays: Index, along: Array, height_mm: Array) -> Array:
-        """Return the way (R, 3), mm, from points at ``along`` mm up to a height above their cut."""
-        height = np.maximum(height_mm - self.below_cut(rays, along), 0.0)
+    def above_cut(self, rays: Index, distance: Array, height_mm: Array) -> Array:
+        """Return the offset (R, 3), mm, of points at ``distance`` mm to a height above the cut."""
+        height = np.maximum(height_mm - self.below_cut(rays, distance), 0.0)
         return height[:, None] * self.cut_normal[rays]
 
-    def below_cut(self, rays: Index, along: Array) -> Array:
-        """Return the depth (R,), mm, of points at ``along`` mm below their cut."""
+    def below_cut(self, rays: Index, distance: Array) -> Array:
+        """Return the depth (R,), mm, of points at ``distance`` mm below their cut."""
         slope = -(self.cut_normal[rays] * self.direction[rays]).sum(axis=1)
-        return (along - self.cut_mm[rays]) * slope
+        return (distance - self.cut_mm[rays]) * slope
 
 
 def make_rays(volume: Volume, camera: Camera, size: tuple[int, int], spec: RaycastSpec) -> Rays:
@@ -70,12 +70,12 @@ def make_rays(volume: Volume, camera: Camera, size: tuple[int, int], spec: Rayca
     origin, direction = world_rays(camera, width, height)
     matrix = volume.index_from_world
     start = origin @ matrix[:3, :3].T + matrix[:3, 3]
-    along = direction @ matrix[:3, :3].T
-    near, far, face = clip_rays(start, along, *spec.kept(volume))
-    outwards = -np.sign(along) * np.eye(3)[:, None]  # of the three faces, in index space
+    index_direction = direction @ matrix[:3, :3].T
+    near, far, face = clip_rays(start, index_direction, *spec.kept(volume))
+    outwards = -np.sign(index_direction) * np.eye(3)[:, None]  # of the three faces, in index space
     cut = np.where(face[:, None] >= 0, outwards[face, np.arange(len(face))], 0.0)
     for plane in spec.index_planes(volume):
-        toward, inside = along @ plane[:3], start @ plane[:3] - plane[3]
+        toward, inside = index_direction @ plane[:3], start @ plane[:3] - plane[3]
         with np.errstate(divide="ignore", invalid="ignore"):
             meet = -inside / toward
         enters = (toward > 0) & (meet > near)
@@ -91,17 +91,17 @@ def make_rays(volume: Volume, camera: Camera, size: tuple[int, int], spec: Rayca
     near, far = np.where(gone, 0.0, near), np.where(gone, 0.0, far)
     y, x = (grid.ravel() for grid in np.mgrid[0:height, 0:width])
     shift = spec.jitter * spec.step_of(volume) * _hash(x, y, spec.seed)
-    return Rays(start, along, direction, near, far, shift, cut_mm, normal)
+    return Rays(start, index_direction, direction, near, far, shift, cut_mm, normal)
 
 
 def world_rays(
-    camera: Camera, width: int, height: int, at: Array | None = None
+    camera: Camera, width: int, height: int, pixels: Array | None = None
 ) -> tuple[Array, Array]:
     """Return (R, 3) origins in mm and unit directions, row by row; or through (R, 2) pixels."""
     field = camera.ray_field(width, height)
-    if at is None:
-        at = np.mgrid[0:height, 0:width].reshape(2, -1)[::-1].T.astype(np.float64)
-    x, y = np.split(at, 2, axis=1)
+    if pixels is None:
+        pixels = np.mgrid[0:height, 0:width].reshape(2, -1)[::-1].T.astype(np.float64)
+    x, y = np.split(pixels, 2, axis=1)
     offset = (x - field.middle[0]) * field.across + (y - field.middle[1]) * field.down
     straight = field.forward * field.distance
     if field.perspective:
@@ -113,15 +113,15 @@ def world_rays(
     return origin, direction / np.linalg.norm(direction, axis=1, keepdims=True)
 
 
-def clip_rays(start: Array, along: Array, low: Array, high: Array) -> tuple[Array, Array, Index]:
+def clip_rays(start: Array, vector: Array, low: Array, high: Array) -> tuple[Array, Array, Index]:
     """Clip rays to the box low…high (index space); a ray misses it if near ≥ far.
 
     Also returns the axis of the face that a ray enters through; -1 if it begins inside.
     """
-    parallel = along == 0
+    parallel = vector == 0
     between = (start >= low) & (start <= high)
     with np.errstate(divide="ignore", invalid="ignore"):
-        a, b = (low - start) / along, (high - start) / along
+        a, b = (low - start) / vector, (high - start) / vector
     # A ray parallel to two faces lies between them entirely or not at all.
     enter = np.where(parallel, np.where(between, -np.inf, np.inf), np.minimum(a, b))
     leave = np.where(parallel, np.where(between, np.inf, -np.inf), np.maximum(a, b)).min(axis=1)
@@ -154,11 +154,11 @@ class Sampler:
             # One more entry, transparent, for labels that the table lacks.
             opacity = np.append(table.step_opacity(spec.step_of(volume)), 0.0)
             unknown = len(opacity) - 1
-            known = (values >= 0) & (values < unknown)
-            self.labels = np.where(known, values, unknown).astype(np.int64)
+            valid = (values >= 0) & (values < unknown)
+            self.labels = np.where(valid, values, unknown).astype(np.int64)
             values = opacity[self.labels]
         self._values = values
-        self._least = volume.least_present if self.labels is None else -np.inf
+        self._least_present = volume.least_present if self.labels is None else -np.inf
         self._scale = gradient_scale(table, volume, spec)
         self._world = volume.index_from_world[:3, :3] * min(volume.spacing_mm)
         # Value per mm -> fraction of the range per smallest spacing, the unit of gradients.
@@ -170,13 +170,13 @@ class Sampler:
 
     def is_present(self, point: Array) -> NDArray[np.bool_]:
         """Return (R,) True for samples of which no missing voxel is a part."""
-        if self._least == -np.inf:
+        if self._least_present == -np.inf:
             return np.ones(len(point), np.bool_)
         return trilinear(self._present.astype(np.float64), point) > PRESENT
 
     @cached_property
     def _present(self) -> NDArray[np.bool_]:
-        return self._values >= self._least
+        return self._values >= self._least_present
 
     @cached_property
     def _slopes(self) -> Array:
@@ -205,14 +205,14 @@ class Sampler:
                 x = base[:, 0] + side
                 labels.append(self.labels[z, y, x])
                 covers.append(self._values[z, y, x] * wx * wy * wz)
-        best, most = labels[0], np.full(len(point), -1.0)
+        best, best_total = labels[0], np.full(len(point), -1.0)
         for one in labels:
             total = sum(
                 np.where(other == one, cover, 0.0)
                 for other, cover in zip(labels, covers, strict=True)
             )
-            more = total > most * 1.000001
-            best, most = np.where(more, one, best), np.where(more, total, most)
+            more = total > best_total * 1.000001
+            best, best_total = np.where(more, one, best), np.where(more, total, best_total)
         return best
 
 
@@ -225,12 +225,12 @@ def differences(values: Array, present: NDArray[np.bool_]) -> Array:
     for axis, slope in zip((2, 1, 0), slopes, strict=True):
         by_axis = np.moveaxis(slope, axis, 0)
         rises = np.moveaxis(np.diff(values, axis=axis), axis, 0)
-        there = np.moveaxis(present, axis, 0)
-        both = there[1:] & there[:-1]
+        flags = np.moveaxis(present, axis, 0)
+        both = flags[1:] & flags[:-1]
         count = np.zeros(by_axis.shape)
-        for at in (slice(1, None), slice(None, -1)):
-            by_axis[at] += np.where(both, rises, 0.0)
-            count[at] += both
+        for side in (slice(1, None), slice(None, -1)):
+            by_axis[side] += np.where(both, rises, 0.0)
+            count[side] += both
         by_axis /= np.maximum(count, 1.0)
     return slopes
 
@@ -268,7 +268,7 @@ def shade(
     point: Array,
     direction: Array,
     gradient: Array | None,
-    away: Array,
+    offset: Array,
 ) -> tuple[Array, Array]:
     """Shade samples by group: factors of the reflectance, and white highlights to add, (R, L).
 
@@ -277,14 +277,14 @@ def shade(
     """
     factor = np.zeros((len(point), len(spec.groups)))
     highlight = np.zeros_like(factor)
-    for each in shade_by_source(volume, camera, spec, lift_mm, point, direction, gradient, away):
-        lights = each.factor, each.highlight
-        if each.number in arrives:
-            assert each.in_front is not None
-            passes = arrives[each.number](each.in_front)
-            lights = passes * each.factor, passes * each.highlight
-        factor[:, each.group] += lights[0]
-        highlight[:, each.group] += lights[1]
+    for term in shade_by_source(volume, camera, spec, lift_mm, point, direction, gradient, offset):
+        lights = term.factor, term.highlight
+        if term.number in arrives:
+            assert term.in_front is not None
+            passes = arrives[term.number](term.in_front)
+            lights = passes * term.factor, passes * term.highlight
+        factor[:, term.group] += lights[0]
+        highlight[:, term.group] += lights[1]
     return factor, highlight
 
 
@@ -307,11 +307,11 @@ def shade_by_source(
     point: Array,
     direction: Array,
     gradient: Array | None,
-    away: Array,
+    offset: Array,
 ) -> Iterator[SourceShade]:
     """Yield the unshadowed shade of samples by every source.
 
-    Shadows are read ``lift_mm`` in front of surfaces and ``away`` (R, 3), mm, from there.
+    Shadows are read ``lift_mm`` in front of surfaces and ``offset`` (R, 3), mm, from there.
     ``point`` (R, 3) is in index space, ``direction`` the ray's unit vector in the world;
     ``gradient`` is None if nothing is shaded or shadowed.
     """
@@ -326,7 +326,7 @@ def shade_by_source(
         if gradient is not None:
             n_dot_l = (normal * towards).sum(axis=1)
             side = np.where(n_dot_l < 0, -1.0, 1.0) * confidence * lift_mm
-            lift = side[:, None] * normal + away
+            lift = side[:, None] * normal + offset
             in_front = point + lift @ volume.index_from_world[:3, :3].T
         highlight = np.zeros(len(point))
         if isinstance(source, Ambient):
@@ -356,11 +356,11 @@ def source_at(
     if not isinstance(source, Point):
         return -direction, light
     towards = camera.place_mm(source.position_mm, source.frame) - world
-    away = np.linalg.norm(towards, axis=1)
+    distance = np.linalg.norm(towards, axis=1)
     if source.falloff_mm is not None:
         squared = source.falloff_mm**2
-        light = light * squared / np.maximum(away**2, NEAR_LAMP**2 * squared)
-    return towards / np.maximum(away, TINY)[:, None], light
+        light = light * squared / np.maximum(distance**2, NEAR_LAMP**2 * squared)
+    return towards / np.maximum(distance, TINY)[:, None], light
 
 
 def classify(
@@ -395,11 +395,11 @@ def _classify(
     row = np.minimum(height.astype(int), rows - 1)
     g = height - row
     flat = [
-        [each.reshape(-1, *each.shape[2:]) for each in both] for both in (opacity, coefficients)
+        [array.reshape(-1, *array.shape[2:]) for array in both] for both in (opacity, coefficients)
     ]
     low, high = row * entries + j, (row + 1) * entries + j
     step_opacity, reflectance = (
-        lerp(interpolate(each, low, f), interpolate(each, high, f), g) for each in flat
+        lerp(interpolate(array, low, f), interpolate(array, high, f), g) for array in flat
     )
     return step_opacity, reflectance
 
@@ -417,9 +417,9 @@ def find_entry(table: TransferTable, value: Array) -> tuple[Index, Array]:
     """Return the entry before each value, and the position between it and the next, 0…1."""
     low, high = table.domain
     last = table.opacity.shape[-1] - 1
-    at = np.clip((value - low) / (high - low) * last, 0, last)
-    j = np.minimum(at.astype(int), last - 1)
-    return j, at - j
+    position = np.clip((value - low) / (high - low) * last, 0, last)
+    j = np.minimum(position.astype(int), last - 1)
+    return j, position - j
 
 
 def interpolate(sides: Sequence[Array], j: Index, f: Array) -> Array:
