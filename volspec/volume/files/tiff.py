@@ -233,12 +233,8 @@ def _complete_slices(stack: _Selection, path: Path, notes: list[str]) -> int:
 
     A slice is complete with all channels of which the file has any page at that time.
     """
-    series, slice_axis, index, leading = (
-        stack.series,
-        stack.slice_axis,
-        stack.indices,
-        stack.leading,
-    )
+    series, leading = stack.series, stack.leading
+    slice_axis, index = stack.slice_axis, stack.indices
     count = stack.sizes.get(slice_axis, 1)
     present = np.array([page is not None for page in series.pages])
     if present.all():
