@@ -131,35 +131,29 @@ def raycast(
     spec = RaycastSpec() if spec is None else spec
     _check_arguments(volume, transfer, camera, caster, behind)
     caster = caster or Raycaster(volume, device=device)
-    if volume.pyramid is not None:
-        volume.pyramid.retry()
     behind = [part for surface in behind if (part := surface.within(volume, spec)) is not None]
     table = caster.bake(transfer, spec.opacities)
     _check_added(spec, table, behind)
+    size = checked_size(size)
     level = caster.at(camera, size, spec)
-    if spec.layers:
-        _check_layers(spec, table, transfer, level, behind)
-    spec = level.with_step(table, camera, checked_size(size), spec, cancel)
-    slot = None
-    if into is not None:
-        shape = *checked_size(size)[::-1], len(spec.groups) * table.size
-        # What is behind, and the light of further fields, is added on the host.
-        on_host = behind or spec.add_fields
-        slot = into.place(shape, spec.groups, None if on_host else level.sharing)
+    _check_layers(spec, table, transfer, level, behind)
+    spec = level.with_step(table, camera, size, spec, cancel)
+    # What is behind, and the light of further fields, is added on the host.
+    sharing = None if behind or spec.add_fields else level.sharing
+    shape = *size[::-1], len(spec.groups) * table.size
+    slot = None if into is None else into.place(shape, spec.groups, sharing)
     opacity = OpacityCaster(level, table, spec)
-    surfaces = Surfaces.of(behind, camera, checked_size(size), opacity)
-    layers, cast_part = None, level.cast
-    if isinstance(level, Raycaster) and spec.layers:
-        # The last layer is of surfaces.
-        layers = empty_rows(table, checked_size(size), spec, spec.layers - bool(behind))
+    surfaces = Surfaces.of(behind, camera, size, opacity)
+    cast_part, layers = level.cast, None
+    if spec.layers:
+        assert isinstance(level, Raycaster)  # the last layer is of surfaces
+        layers = empty_rows(table, size, spec, spec.layers - bool(behind))
         cast_part = partial(level.cast, layers=layers)
     casts = [
         cast_part(table, camera, size, spec, part, cancel, slot, span_mm, surfaces.clear)
         for part, span_mm in surfaces.spans(progress)
     ]
-    _warn_if_empty(
-        casts, volume, table, Projection(camera, (0, 0, *checked_size(size))), spec, behind
-    )
+    _warn_if_empty(casts, volume, table, Projection(camera, (0, 0, *size)), spec, behind)
     cast = surfaces.composite(
         casts,
         lambda span_mm: level.cast(
@@ -171,14 +165,12 @@ def raycast(
         cast.alpha,
         cast.depth_mm,
         transfer.basis,
-        _cast_notes(volume, camera, spec, caster) | dict(notes or {}),
+        _cast_notes(volume, camera, spec, caster, notes),
         groups=spec.shares(),
         first_mm=cast.first_mm,
         fov_deg=None if camera.height_mm is not None else camera.fov_deg,
         camera=camera,
-        opacity_layers=None
-        if layers is None
-        else _opacity_layers(layers, table, spec, surfaces, cancel),
+        opacity_layers=_opacity_layers(layers, table, spec, surfaces, cancel),
     )
     if into is not None:
         into.update(image, slot)
@@ -348,9 +340,13 @@ def _check_added(spec: RaycastSpec, table: Tables, surfaces: Sequence[SurfaceCas
 
 
 def _cast_notes(
-    volume: Volume, camera: Camera, spec: RaycastSpec, caster: Raycaster
+    volume: Volume,
+    camera: Camera,
+    spec: RaycastSpec,
+    caster: Raycaster,
+    more: Mapping[str, str] | None,
 ) -> dict[str, str]:
-    """Return the notes of a cast."""
+    """Return the notes of a cast, and ``more``."""
     notes = {
         "volume": volume.file_name,
         "camera": repr(camera),
@@ -359,7 +355,7 @@ def _cast_notes(
     }
     if volume.pyramid is not None and (gaps := volume.pyramid.describe_gaps()):
         notes[GAPS] = gaps
-    return notes
+    return {**notes, **(more or {})}
 
 
 def _warn_if_empty(
@@ -397,6 +393,8 @@ def _check_layers(
     surfaces: Sequence[SurfaceCaster],
 ) -> None:
     """Refuse what cannot be cast in layers of opacity, and warn of materials that lack it."""
+    if not spec.layers:
+        return
     check_layers(spec, table, transfer.basis, [surface.translucent for surface in surfaces])
     if not isinstance(level, Raycaster):
         refuse_layers(
@@ -420,13 +418,15 @@ def _check_layers(
 
 
 def _opacity_layers(
-    rows: NDArray[np.float32],
+    rows: NDArray[np.float32] | None,
     table: Tables,
     spec: RaycastSpec,
     surfaces: Surfaces,
     cancel: Cancel | None,
-) -> OpacityLayers:
-    """Return the layers of rows whose materials are a table's, and of surfaces."""
+) -> OpacityLayers | None:
+    """Return the layers of rows whose materials are a table's, and of surfaces; None without."""
+    if rows is None:
+        return None
     assert not isinstance(table, FieldTables)
     columns, slots = table.channels.argmax(axis=1).tolist(), shadow_slots(spec)
     solid = surfaces.solid(slots, cancel) if surfaces.behind else None

@@ -74,6 +74,7 @@ class Raycaster(VolumeCaster):
         """
         if self.volume.pyramid is None:
             return self
+        self.volume.pyramid.retry()
         number = level_for(self.volume, camera, size, spec)
         if number == len(self.volume.pyramid.levels) - 1:
             return self
